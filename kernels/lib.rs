@@ -59,7 +59,7 @@ pub use simd::{simd, simd_name};
 /// reads, writes or updates, in the order of the shader's bindings; `args`, its arguments where a step has one set of them;
 /// `fits`, whether they are for these buffers; `work`, about nanoseconds of one core: of a pupil pass (`u.pass`) for kernels
 /// that look at pupil passes, of a sub-frame for all others; `twin`, how the CPU engine calls the twin; `shader`, how the
-/// Vulkan engine runs the module of the kernel's name, `Once` or for `Each` pupil pass.
+/// Vulkan engine runs the module of the kernel's name, `Once`, for `Each` pupil pass, or for each of its source's `Modes`.
 #[macro_export]
 macro_rules! kernels {
     ($then:ident) => {
@@ -174,15 +174,18 @@ macro_rules! kernels {
                 over: Whole, group: Window,
                 binds: [Read Spans, Update Hits],
                 work: |u| u.passing(),
-                twin: |c| c.passes.iter().for_each(|p| $crate::overlap::overlap(&p.pass, &p.spans, c.hits)),
-                shader: Each |c, p| c.rows(p.pass.rows, p.pass.columns, &p.pass),
+                twin: |c| {
+                    let modes = c.passes.iter().flat_map(|p| p.each_mode());
+                    modes.for_each(|p| $crate::overlap::overlap(&p.overlap_args(), &p.spans, c.hits));
+                },
+                shader: Modes |c, p| c.rows(p.pass.rows, p.pass.columns, &p.overlap_args()),
             }
             /// The propagation kernel of each pupil's window.
             Transfer = "transfer" {
                 over: PupilPasses, group: Window,
                 binds: [Read Spans, Write Transfer],
                 work: |u| 4.0 * u.passing(),
-                twin: |c| $crate::transfer::transfer(&c.pass.transfer, &c.pass.spans, &mut c.slot.transfer),
+                twin: |c| c.each_mode(|_, p, transfer| $crate::transfer::transfer(&p.transfer, &p.spans, transfer)),
                 shader: Once |c| c.transfer(),
             }
             /// What the pixels' aperture and the relay do to each bin.
@@ -190,18 +193,23 @@ macro_rules! kernels {
                 over: PupilPasses, group: Window,
                 binds: [Read Relay, Read Spans, Update Transfer],
                 work: |u| 2.0 * u.passing(),
-                twin: |c| $crate::relay::relay(&c.pass.pass, c.relay, &c.pass.spans, &mut c.slot.transfer),
-                shader: Each |c, p| c.rows(p.pass.rows, p.pass.columns, &p.pass),
+                twin: |c| {
+                    let (points, relay) = (c.shape.points(), c.relay);
+                    c.each_mode(|i, p, transfer| {
+                        $crate::relay::relay(&p.pass, &relay[i * points..][..points], &p.spans, transfer);
+                    });
+                },
+                shader: Modes |c, p| c.rows(p.pass.rows, p.pass.columns, &p.pass),
             }
             /// What the eye that looks does to each bin, where it is not perfect.
             Eye = "eye" {
                 over: PupilPasses, group: Window,
                 binds: [Read EyeTerms, Read Spans, Update Transfer],
                 work: |u| 4.0 * u.passing(),
-                twin: |c| if let (Some(terms), Some(args)) = (&c.pass.eye, c.pass.eye_args()) {
-                    $crate::eye::eye(&args, terms, &c.pass.spans, &mut c.slot.transfer);
-                },
-                shader: Each |c, p| match p.eye_args() {
+                twin: |c| c.each_mode(|_, p, transfer| if let (Some(terms), Some(args)) = (&p.eye, p.eye_args()) {
+                    $crate::eye::eye(&args, terms, &p.spans, transfer);
+                }),
+                shader: Modes |c, p| match p.eye_args() {
                     Some(args) => c.rows(args.rows, args.columns, &args),
                     None => Ok(()),
                 },
@@ -243,7 +251,7 @@ macro_rules! kernels {
                     $crate::pass_pupil::pass_pupil(&c.pass.pass, c.field, c.transfer, &c.pass.spans, c.window);
                     (c.store)(c.window);
                 },
-                shader: Each |c, p| c.rows(p.pass.rows, p.pass.columns, &p.pass),
+                shader: Modes |c, p| c.rows(p.pass.rows, p.pass.columns, &p.pass),
             }
             /// Shifts each sub-frame as the eye moves while it is shown, where it moves.
             Motion = "motion" {
@@ -251,7 +259,7 @@ macro_rules! kernels {
                 binds: [Read Moments, Update Window],
                 work: |u| u.moving(),
                 twin: |c| c.motion(false),
-                shader: Each |c, p| c.motion(p, false),
+                shader: Modes |c, p| c.motion(p, false),
             }
             /// The windows' spectra to retinal fields, in the pupil pass's columns.
             WindowInverse = "window_inverse" {
@@ -259,15 +267,15 @@ macro_rules! kernels {
                 binds: [Update Window],
                 work: |u| u.frames() * u.window_transform(),
                 twin: |c| c.fft($crate::fft::Direction::Inverse),
-                shader: Each |c, p| c.window_transform(p, $crate::fft::Direction::Inverse),
+                shader: Modes |c, p| c.window_transform(p, $crate::fft::Direction::Inverse),
             }
             /// The intensity that an eye averages over the sub-frames.
             Intensity = "intensity" {
                 over: PupilPasses, group: Window,
                 binds: [Read Window, Write Image],
-                work: |u| (u.frames() * u.window()) * 0.5,
+                work: |u| u.fields() * 0.5,
                 twin: |c| c.intensity(),
-                shader: Each |c, p| c.intensity(p),
+                shader: Modes |c, p| c.intensity(p),
             }
             /// Image and target to the factor on each field sample, in place of the image, and the loss.
             Compare = "compare" {
@@ -283,12 +291,12 @@ macro_rules! kernels {
             ApplyFactor = "apply_factor" {
                 over: Windows, group: Window,
                 binds: [Read Image, Update Window],
-                work: |u| (u.frames() * u.window()) * 0.5,
+                work: |u| u.fields() * 0.5,
                 twin: |c| {
                     $crate::apply_factor::apply_factor(c.image, c.window);
                     (c.store)(c.window);
                 },
-                shader: Each |c, p| c.values(p.count(), &(p.count() as u32)),
+                shader: Modes |c, p| c.values(p.count(), &(p.count() as u32)),
             }
             /// The retinal fields' spectra, in the pupil pass's columns.
             WindowForward = "window_forward" {
@@ -296,7 +304,7 @@ macro_rules! kernels {
                 binds: [Update Window],
                 work: |u| u.frames() * u.window_transform(),
                 twin: |c| c.fft($crate::fft::Direction::Forward),
-                shader: Each |c, p| c.window_transform(p, $crate::fft::Direction::Forward),
+                shader: Modes |c, p| c.window_transform(p, $crate::fft::Direction::Forward),
             }
             /// The adjoint of `motion`.
             MotionBack = "motion_back" {
@@ -304,7 +312,7 @@ macro_rules! kernels {
                 binds: [Read Moments, Update Window],
                 work: |u| u.moving(),
                 twin: |c| c.motion(true),
-                shader: Each |c, p| c.motion(p, true),
+                shader: Modes |c, p| c.motion(p, true),
             }
             /// Adds what the pupils of the dispatch ask for to the change, in their order.
             ReturnPupil = "return_pupil" {
@@ -312,7 +320,7 @@ macro_rules! kernels {
                 binds: [Read Window, Read Transfer, Read Spans, Update Change],
                 work: |u| u.frames() * u.passing(),
                 twin: |c| c.return_pupils(),
-                shader: Each |c, p| c.rows(p.back.rows, p.back.columns, &p.back),
+                shader: Modes |c, p| c.rows(p.back.rows, p.back.columns, &p.back),
             }
             /// Divides the change by a power of the overlap.
             DivideByOverlap = "divide_by_overlap" {

@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "constants.glsl"
 
-// hits += 1 inside the spans. x: column, y: row (strided).
+// hits += scale inside the spans: what share of a pupil's light its mode has. x: column, y: row (strided).
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Spans { uvec2 spans[]; };
@@ -18,6 +18,6 @@ void main() {
     uint x = (x0 + k) % grid_width;
     for (uint j = gl_WorkGroupID.y; j < rows; j += gl_NumWorkGroups.y) {
         uvec2 span = spans[j];
-        if (k >= span.x && k < span.y) hits[(y0 + j) % grid_height * grid_width + x] += 1.0;
+        if (k >= span.x && k < span.y) hits[(y0 + j) % grid_height * grid_width + x] += scale;
     }
 }

@@ -1,4 +1,5 @@
-//! Counts, per bin of the spectrum, the pupils that pass it: `hits += 1` inside the spans. One pupil.
+//! Counts, per bin of the spectrum, the pupils that pass it: `hits += scale` inside the spans, 1 where all of a pupil's light is of
+//! one mode, else the mode's share of it. One pupil, one mode.
 
 pub use crate::pass_pupil::Args;
 
@@ -6,7 +7,7 @@ pub use crate::pass_pupil::Args;
 pub fn overlap(args: &Args, spans: &[[u32; 2]], hits: &mut [f32]) {
     args.pieces(spans, |grid, _, length| {
         for hit in &mut hits[grid..grid + length] {
-            *hit += 1.0;
+            *hit += args.scale;
         }
     });
 }

@@ -17,7 +17,7 @@ struct Pupil {
     uint mode;
     float exposure, weight, low, limit;
     // Of `transfer`: each float64 as (high, low).
-    float slope_y, slope_y_low, slope_x, slope_x_low, turns, turns_low;
+    float slope_y, slope_y_low, slope_x, slope_x_low, turns, turns_low, shift_y, shift_y_low, shift_x, shift_x_low;
     int bin_y, bin_x;
 };
 

@@ -19,10 +19,12 @@ layout(push_constant) uniform Args {
     uint members[BATCH];
 };
 
-// The square of a bin's number, below 2^16.
-vec2 square(int k) {
+// The square of a bin's number, below 2^16, moved by a shift.
+vec2 square(int k, vec2 shift) {
     uint n = uint(abs(k));
-    return pair_of(n * n);
+    if (shift.x == 0.0) return pair_of(n * n);
+    vec2 at = pair_add(vec2(float(k), 0.0), shift);
+    return pair_multiply(at, at);
 }
 
 void main() {
@@ -30,12 +32,13 @@ void main() {
     uint k = gl_GlobalInvocationID.x;
     if (k >= p.columns) return;
     vec2 slope_y = vec2(p.slope_y, p.slope_y_low), turns = vec2(p.turns, p.turns_low);
-    vec2 along = pair_multiply(vec2(p.slope_x, p.slope_x_low), square(p.bin_x + int(k)));
+    vec2 shift_y = vec2(p.shift_y, p.shift_y_low), shift_x = vec2(p.shift_x, p.shift_x_low);
+    vec2 along = pair_multiply(vec2(p.slope_x, p.slope_x_low), square(p.bin_x + int(k), shift_x));
     for (uint j = gl_WorkGroupID.y; j < p.rows; j += gl_NumWorkGroups.y) {
         vec2 value = vec2(0.0);
         uvec2 span = spans[p.spans + j];
         if (k >= span.x && k < span.y) {
-            vec2 a = pair_add(pair_multiply(slope_y, square(p.bin_y + int(j))), along);
+            vec2 a = pair_add(pair_multiply(slope_y, square(p.bin_y + int(j), shift_y)), along);
             if (a.x >= 1.0) a = vec2(1.0, 0.0);
             // sqrt(1 - a) - 1, without the loss of digits.
             vec2 root = pair_root(pair_add(vec2(1.0, 0.0), -a));

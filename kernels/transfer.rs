@@ -7,12 +7,16 @@ use bytemuck::{Pod, Zeroable};
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Args {
-    /// `(wavelength / (grid_height * pitch))^2`: `a = slope_y ky^2 + slope_x kx^2`.
+    /// `(wavelength / (grid_height * pitch))^2`: `a = slope_y ky^2 + slope_x kx^2`, shifts included.
     pub slope_y: f64,
     /// `(wavelength / (grid_width * pitch))^2`.
     pub slope_x: f64,
     /// `depth / wavelength`, turns.
     pub turns: f64,
+    /// By how many bins light arrives elsewhere, rows: that of a source beside the axis (OPTICS 12).
+    pub shift_y: f64,
+    /// And columns.
+    pub shift_x: f64,
     /// First bin, rows (signed).
     pub y0: i32,
     /// First bin, columns (signed).
@@ -24,10 +28,10 @@ pub struct Args {
 }
 
 impl Args {
-    /// The float64 as the shader takes them, slopes and turns: each a pair of float32 (high, low).
-    pub fn pairs(&self) -> [[f32; 2]; 3] {
+    /// The float64 as the shader takes them, slopes, turns and shifts: each a pair of float32 (high, low).
+    pub fn pairs(&self) -> [[f32; 2]; 5] {
         let pair = |x: f64| [x as f32, (x - f64::from(x as f32)) as f32];
-        [self.slope_y, self.slope_x, self.turns].map(pair)
+        [self.slope_y, self.slope_x, self.turns, self.shift_y, self.shift_x].map(pair)
     }
 }
 
@@ -44,13 +48,13 @@ pub fn transfer(args: &Args, spans: &[[u32; 2]], out: &mut [Complex32]) {
                 let (first, end) = (first as usize, end as usize);
                 row[..first].fill(ZERO);
                 row[end..].fill(ZERO);
-                let ky = f64::from(args.y0) + j as f64;
+                let ky = f64::from(args.y0) + j as f64 + args.shift_y;
                 let across = args.slope_y * (ky * ky);
                 let mut k = first;
                 for block in row[first..end].chunks_mut(BLOCK) {
                     let mut phases = [0.0f32; BLOCK];
                     for (i, phase) in phases.iter_mut().enumerate() {
-                        let kx = f64::from(args.x0) + (k + i) as f64;
+                        let kx = f64::from(args.x0) + (k + i) as f64 + args.shift_x;
                         // Lanes beyond the block's end may be evanescent: keep their root real, they are not stored.
                         let a = (across + args.slope_x * (kx * kx)).min(1.0);
                         let turns = -args.turns * (a / (1.0 + (1.0 - a).sqrt()));

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Tests the Python package. tools/python.sh lays the package out with the module that the workspace's build has made, and runs its
-# tests and notebooks; tools/python.sh wheel builds the wheel for every Linux with glibc 2.28 or newer into dist/, checks that it is one,
-# and runs the tests with it, the long ones too. What Python needs for that comes into $target/python.
+# tests and notebooks; tools/python.sh wheel [PROFILE] builds the wheel for every Linux with glibc 2.28 or newer into dist/, by the profile
+# `release` or another, checks that it is one, and runs the tests with it, the long ones too. What Python needs comes into $target/python.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$root"
@@ -44,7 +44,7 @@ wheel)
     environment wheel maturin ziglang auditwheel numpy pytest tqdm matplotlib "dask[distributed]"
     python=$place/wheel/bin/python
     rm -f dist/eyebox-*.whl
-    PATH=$place/wheel/bin:$PATH maturin build --profile release --zig --compatibility manylinux_2_28 --out dist
+    PATH=$place/wheel/bin:$PATH maturin build --profile "${2:-release}" --zig --compatibility manylinux_2_28 --out dist
     "$python" -m auditwheel show dist/eyebox-*.whl
     "$python" -m pip install --quiet --force-reinstall --no-deps dist/eyebox-*.whl
     export EYEBOX_PYTHON_LONG=1

@@ -30,7 +30,7 @@ if command -v apt-get >/dev/null && command -v dpkg-query >/dev/null; then
         python3 -c 'import ensurepip' 2>/dev/null || missing+=(python3-venv)
     else
         # What windows load at run time comes last.
-        for package in libvulkan1 mesa-vulkan-drivers vulkan-validationlayers xvfb \
+        for package in libvulkan1 libvulkan-dev mesa-vulkan-drivers vulkan-validationlayers xvfb \
             libx11-6 libx11-xcb1 libxcursor1 libxi6 libxkbcommon0 libxkbcommon-x11-0; do
             status=$(dpkg-query -W -f='${Status}' "$package" 2>/dev/null || true)
             [[ $status == "install ok installed" ]] || missing+=("$package")

@@ -147,6 +147,11 @@ impl CpuEngine {
         }
         let (frames, points, field) = (shape.frames, shape.points(), &*field);
         let store = storing(shape.storage);
+        let relays = |d: &Dispatch| d.kernel == Kernel::Relay;
+        let odd = pupil_passes.iter().find(|pass| pass.mode_count() > shape.model.relay);
+        if let Some(pass) = odd.filter(|_| group.iter().any(relays)) {
+            return Err(super::other_source(pass.mode_count(), shape.model.relay));
+        }
         slots.par_iter_mut().zip(pupil_passes).for_each(|(slot, pass)| {
             let mut rest = group;
             while let [first, ..] = rest {
@@ -161,16 +166,19 @@ impl CpuEngine {
                 }
                 let count = pass.count();
                 let Slot { transfer, window, image, .. } = &mut *slot;
-                let work = |f: usize, window: &mut [Complex32]| {
-                    let field = &field[f * points..][..points];
-                    let mut frame = WindowFrame { index: f, pass, field, transfer, image, window, plans, store };
+                // Sub-frame by sub-frame of each mode of the source.
+                let work = |i: usize, window: &mut [Complex32]| {
+                    let (mode, index) = (i / frames, i % frames);
+                    let (field, pass) = (&field[index * points..][..points], pass.mode(mode));
+                    let transfer = &transfer[mode * count..][..count];
+                    let mut frame = WindowFrame { index, pass, field, transfer, image, window, plans, store };
                     for dispatch in now {
                         if let Twin::Windows(twin) = twin(dispatch.kernel) {
                             clock.time(dispatch.kernel, || twin(&mut frame));
                         }
                     }
                 };
-                if frames * count >= SPLIT {
+                if window.len() >= SPLIT {
                     window.par_chunks_exact_mut(count).enumerate().for_each(|(f, w)| work(f, w));
                 } else {
                     window.chunks_exact_mut(count).enumerate().for_each(|(f, w)| work(f, w));

@@ -62,6 +62,15 @@ fn not_kept(buffer: Buffer) -> EngineError {
     EngineError::Mismatch { reason: format!("{buffer:?} is not kept, phases and what is shown are") }
 }
 
+/// Pupil passes of more modes than the display's model has tables for.
+fn other_source(modes: usize, tables: usize) -> EngineError {
+    let reason = format!(
+        "a pupil pass has {modes} modes of a source, the display's model tables for {tables}: `Planner::with_source` \
+         makes both"
+    );
+    EngineError::Mismatch { reason }
+}
+
 fn not_under_way() -> EngineError {
     EngineError::Mismatch { reason: "the step that is to be ended is not under way".into() }
 }

@@ -1,7 +1,7 @@
 //! How a hologram was made: what its file keeps beside the optics, typed.
 
 use super::HologramError;
-use crate::optics::{Color, ModelSections, Padding, Picture, Prescription, PupilDistribution, Viewing};
+use crate::optics::{Color, ModelSections, Padding, Picture, Prescription, PupilDistribution, SourceSections, Viewing};
 use crate::scene::{Near, Order, Photographs};
 use crate::solve::{Settings, Steering};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
@@ -56,6 +56,9 @@ pub struct Metadata {
     /// What its display does to the light beside showing phases, as it was solved for and is looked at.
     #[serde(skip_serializing_if = "ModelSections::is_empty")]
     pub model: ModelSections,
+    /// Its display's light, where that is no laser on the axis, as it was solved for and is looked at in.
+    #[serde(skip_serializing_if = "SourceSections::is_empty")]
+    pub source: SourceSections,
     /// Where its display's picture is seen, which it was solved for.
     #[serde(skip_serializing_if = "Picture::is_empty")]
     pub picture: Picture,

@@ -282,6 +282,7 @@ impl Hologram {
             scene: String::new(),
             metadata: Metadata {
                 model: display.model.clone(),
+                source: display.source.clone(),
                 picture: display.picture,
                 prescription: display.prescription.clone(),
                 viewing: display.viewing,
@@ -313,6 +314,7 @@ impl Hologram {
             portrait: self.height > self.width,
             encoding: Default::default(),
             model: self.metadata.model.clone(),
+            source: self.metadata.source.clone(),
             picture: self.metadata.picture,
             prescription: self.metadata.prescription.clone(),
             viewing: self.metadata.viewing,

@@ -35,6 +35,7 @@ impl Hologram {
                 view_pitch_mm: Some(cell * 1e3),
                 eyebox_mm: Some(display.eyebox_min() * 1e3),
                 model: display.model.clone(),
+                source: display.source.clone(),
                 picture: display.picture,
                 prescription: display.prescription.clone(),
                 viewing: display.viewing,

@@ -4,7 +4,7 @@ use super::tiles::Tiles;
 use super::{Hologram, HologramError, Sequence};
 use crate::engine::{Buffer, Engine, Purpose};
 use crate::evaluate::{self, Plane, centered};
-use crate::optics::{Optics, OpticsError, Prescription, Pupil, WindowFactor};
+use crate::optics::{Optics, OpticsError, Prescription, Pupil, SourceMode, WindowFactor};
 use crate::plan::{Comparison, EyeTables, Kernel, ModelTables, Planner};
 use crate::scene::crop_share;
 use std::borrow::Cow;
@@ -22,12 +22,13 @@ pub enum PhaseSource<'a> {
 }
 
 impl PhaseSource<'_> {
-    /// The same on an ideal display, whatever the one that it was solved for does to the light.
+    /// The same on an ideal display lit by a laser on the axis, whatever the one that it was solved for does to the light.
     pub fn on_ideal_display(self) -> Self {
         match self {
             Self::Whole(hologram) => {
                 let mut hologram = hologram.into_owned();
                 hologram.metadata.model.clear();
+                hologram.metadata.source.clear();
                 hologram.metadata.picture = Default::default();
                 hologram.into()
             }
@@ -187,7 +188,20 @@ impl Hologram {
         let plain = plain.with_padding(self.metadata.padding());
         let model = self.model(color, plain.slm, plain.grid)?;
         let eye = EyeTables::new(self.metadata.prescription.as_ref());
-        Ok(Planner { share: self.picture_share(color), model, eye, ..plain })
+        let modes = self.modes(color)?.into();
+        Ok(Planner { share: self.picture_share(color), model, eye, modes, ..plain })
+    }
+
+    /// The modes of the source that one of its colours was solved for, and is looked at in; none for a laser on the axis.
+    ///
+    /// # Errors
+    /// [`HologramError::NoDisplay`].
+    pub fn modes(&self, color: usize) -> Result<Vec<SourceMode>, HologramError> {
+        // Only colours that have a name have a source.
+        match self.colors[color].color {
+            Some(name) if !self.metadata.source.is_empty() => Ok(self.made_for()?.modes(name)),
+            _ => Ok(Vec::new()),
+        }
     }
 
     /// What the display that it was solved for does to one of its colours, on its SLM inside a grid; none for the ideal one.

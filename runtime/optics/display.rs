@@ -4,7 +4,7 @@ use super::color::Color;
 use super::encoding::Encoding;
 use super::model::{self, DisplayModel, ModelSections, ModelTerms};
 use super::wavefront_map;
-use super::{Geometry, Optics, OpticsError, Picture, PictureMap, Prescription, Viewing};
+use super::{Geometry, Optics, OpticsError, Picture, PictureMap, Prescription, SourceSections, Viewing};
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::Path};
 
@@ -38,6 +38,9 @@ pub struct Wavelength {
 /// fill = 0.96
 /// lag = 0.05
 ///
+/// [source.all]                   # light that is no laser on the axis: docs/displays.md
+/// kind = "led"
+///
 /// [viewing]                      # how bright and how fine it is seen: docs/displays.md
 /// luminance_cd_m2 = 200
 /// ```
@@ -67,6 +70,8 @@ pub struct Display {
     pub encoding: Encoding,
     /// What is known of it beyond the ideal display.
     pub model: ModelSections,
+    /// Its light, where that is no laser on the axis.
+    pub source: SourceSections,
     /// Where its picture is seen.
     pub picture: Picture,
     /// The eye that looks at it; none for a perfect one.
@@ -107,6 +112,9 @@ struct File {
     /// What is known of it beyond the ideal display: `[model.red]`, `[model.green]`, `[model.blue]`, `[model.all]`, below.
     #[serde(default, skip_serializing_if = "ModelSections::is_empty")]
     model: ModelSections,
+    /// Its light, where that is no laser on the axis: `[source.red]`, `[source.green]`, `[source.blue]`, `[source.all]`, below.
+    #[serde(default, skip_serializing_if = "SourceSections::is_empty")]
+    source: SourceSections,
     /// Where its picture is seen, as `eyebox calibrate --register` found: below.
     #[serde(default, skip_serializing_if = "Picture::is_empty")]
     picture: Picture,
@@ -175,6 +183,7 @@ impl Display {
             portrait: read.portrait,
             encoding,
             model,
+            source: read.source,
             picture: read.picture,
             prescription: read.prescription,
             viewing: read.viewing,
@@ -198,6 +207,7 @@ impl Display {
         for w in &display.wavelengths {
             display.optics(w.color).map_err(|e| wrong(e.to_string()))?;
         }
+        display.check_source().map_err(&wrong)?;
         Ok(display)
     }
 
@@ -215,6 +225,7 @@ impl Display {
             portrait: self.portrait,
             encoding: self.encoding.clone(),
             model: self.model.clone(),
+            source: self.source.clone(),
             picture: self.picture,
             prescription: self.prescription.clone(),
             viewing: self.viewing,

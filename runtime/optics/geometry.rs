@@ -140,7 +140,7 @@ impl Optics {
     }
 
     /// Direction cosine per bin, as (y, x): `wavelength q`, of light at pupil-plane position `wavelength f q`.
-    pub(super) fn cosine_per_bin(&self) -> (f64, f64) {
+    pub(crate) fn cosine_per_bin(&self) -> (f64, f64) {
         match self.geometry {
             Geometry::Relay => (
                 self.wavelength / (self.height as f64 * self.pitch),

@@ -148,6 +148,7 @@ impl Display {
             portrait: false,
             encoding,
             model: Default::default(),
+            source: Default::default(),
             picture: Default::default(),
             prescription: None,
             viewing: Default::default(),

@@ -34,10 +34,15 @@ impl Window {
     /// The window of `pupil` on the grid of `optics`: at least `factor` times the disc on each axis, grown to a size
     /// that transforms well, and, of a relay's spectrum, never larger than the grid.
     pub fn new(optics: &Optics, pupil: &Pupil, factor: WindowFactor) -> Self {
+        Self::around(optics, pupil, factor, [0; 2])
+    }
+
+    /// The same with at least so many rows and columns, as far as the grid has them: windows that are to be of one size.
+    pub(crate) fn around(optics: &Optics, pupil: &Pupil, factor: WindowFactor, [rows, columns]: [usize; 2]) -> Self {
         let (bin_y, bin_x) = optics.bin_size();
         let (most_y, most_x) = optics.image_size();
         let (first_y, first_x) = optics.first_bin();
-        let axis = |n: usize, bin: f64, s: f64, own: i64| {
+        let axis = |n: usize, bin: f64, s: f64, own: i64, least: usize| {
             // In the far field a window may hang over on all sides: zeros around what passes are finer samples.
             let relay = optics.geometry == Geometry::Relay;
             let most = if relay { 1.0 } else { 2.0 } * n as f64;
@@ -51,6 +56,7 @@ impl Window {
             };
             let count =
                 if relay || factor == WindowFactor::Full { fast_size(wanted).min(n) } else { fast_size(wanted) };
+            let count = count.max(least);
             // The grid's own bins when it holds all of them, else centred on the pupil.
             // Far outside, nothing passes wherever it stands: near enough for its numbers to stay small.
             let reach = 2.0 * n as f64 + own.unsigned_abs() as f64;
@@ -59,8 +65,8 @@ impl Window {
             let first = if count == n && whole { own } else { middle - count as i64 / 2 };
             (first, count)
         };
-        let (y0, rows) = axis(most_y, bin_y, pupil.y, first_y);
-        let (x0, columns) = axis(most_x, bin_x, pupil.x, first_x);
+        let (y0, rows) = axis(most_y, bin_y, pupil.y, first_y, rows);
+        let (x0, columns) = axis(most_x, bin_x, pupil.x, first_x, columns);
         Self { y0, x0, rows, columns }
     }
 

@@ -38,7 +38,8 @@ pub(crate) fn pupil_pass_bytes(pupil_pass: &PupilPass, frames: usize, complex: u
     let count = pupil_pass.count() as u64;
     let shot = pupil_pass.shot.as_ref().map_or(0, |s| 4 * u64::from(s.args.height) * u64::from(s.args.width));
     // The window, the transfer function, image and target, the photograph before it is resampled.
-    complex * count * frames as u64 + 8 * count + 8 * count + shot
+    let modes = pupil_pass.mode_count() as u64;
+    modes * (complex * count * frames as u64 + 8 * count) + 8 * count + shot
 }
 
 /// Bytes that the pupil passes of each slot come to over these steps: a slot keeps what its largest pupil pass took.

@@ -91,6 +91,9 @@ pub(crate) struct Fusable {
 /// One for each of these entries of the step's list.
 pub(crate) fn ways(step: &Step, list: &[&Dispatch], fusable: Fusable) -> Vec<Way> {
     let mut ways = vec![Way::Alone; list.len()];
+    // The image of several modes is known when all of them have passed.
+    let one_mode = step.pupil_passes.iter().all(|pass| pass.modes.is_empty());
+    let fusable = Fusable { windows: fusable.windows && one_mode, gather: fusable.gather && one_mode, ..fusable };
     let (driven, back) = of_tiles(step);
     // Who stops at the intensity leaves no retinal field.
     let ends_there = step.list.iter().all(|d| d.kernel != Kernel::ApplyFactor);

@@ -229,7 +229,12 @@ impl Unit<'_> {
         self.pass.map_or(0.0, |pass| pass.count() as f64)
     }
 
-    /// Bins that the pupil passes.
+    /// Values of all retinal fields: of each mode of the source, of each sub-frame.
+    fn fields(&self) -> f64 {
+        self.pass.map_or(0.0, |pass| pass.mode_count() as f64) * self.frames() * self.window()
+    }
+
+    /// Bins that the pupil passes, in all modes.
     fn passing(&self) -> f64 {
         self.pass.map_or(0.0, |pass| pass.passing() as f64)
     }
@@ -276,7 +281,8 @@ impl Unit<'_> {
     }
 
     fn window_transform(&self) -> f64 {
-        self.pass.map_or(0.0, |pass| transform(pass.window.rows, pass.window.columns, pass.columns.count))
+        let one = |pass: &PupilPass| transform(pass.window.rows, pass.window.columns, pass.columns.count);
+        self.pass.map_or(0.0, |pass| pass.each_mode().map(one).sum())
     }
 }
 

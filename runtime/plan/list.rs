@@ -40,11 +40,11 @@ pub enum Buffer {
     /// By what each sub-pixel's place moves the spectrum: (sub-pixels, grid height) along y, (sub-pixels, grid width) along x,
     /// each (re, im).
     Offsets,
-    /// What the pixels' aperture and the relay do to each bin: (grid height, grid width), each (re, im).
+    /// What the pixels' aperture and the relay do to each bin: (modes, grid height, grid width), each (re, im).
     Relay,
-    /// K on the window: complex (rows, columns).
+    /// K on the window: complex (modes, rows, columns).
     Transfer(usize),
-    /// The retinal fields: complex (frames, rows, columns).
+    /// The retinal fields: complex (modes, frames, rows, columns).
     Window(usize),
     /// The intensity, then the factor: (rows, columns).
     Image(usize),
@@ -287,8 +287,9 @@ pub struct ModelParts {
     pub crosstalk: Option<[usize; 2]>,
     /// Sub-pixels of a pixel along an axis beyond the first.
     pub more_subpixels: usize,
-    /// Factors on the bins: the pixels' aperture, the relay's wavefront.
-    pub relay: bool,
+    /// Tables of factors on the bins, the pixels' aperture and the relay's wavefront: one for each mode of the source, 0 for
+    /// none.
+    pub relay: usize,
 }
 
 /// What the buffers are for: those that a purpose does not need are not made.
@@ -394,7 +395,7 @@ impl Shape {
                 (1, self.model.crosstalk.map_or(0, |reach| reach.map(weights).iter().sum()))
             }
             Resource::Offsets => (1, 2 * self.subpixels() * (self.place.grid_height + self.place.grid_width) as usize),
-            Resource::Relay => (1, 2 * self.points()),
+            Resource::Relay => (self.model.relay, 2 * self.points()),
             _ => (self.frames, self.pixels()),
         };
         let complex = matches!(resource, Resource::Field | Resource::Change | Resource::Subpixels);
@@ -411,7 +412,7 @@ impl Shape {
             Resource::Wave | Resource::Pixels => self.model.drives,
             Resource::Blurred | Resource::Crosstalk => self.model.crosstalk.is_some(),
             Resource::Subpixels | Resource::Offsets => self.model.more_subpixels > 0,
-            Resource::Relay => self.model.relay,
+            Resource::Relay => self.model.relay > 0,
             _ => false,
         }
     }

@@ -195,7 +195,10 @@ impl Planner {
     }
 
     fn empty(&self, pupil_passes: Vec<PupilPass>) -> Step {
-        let columns = Columns::union(self.grid.width, pupil_passes.iter().map(PupilPass::grid_columns));
+        let columns = Columns::union(
+            self.grid.width,
+            pupil_passes.iter().flat_map(PupilPass::each_mode).map(PupilPass::grid_columns),
+        );
         let place = self.place();
         Step {
             list: Vec::new(),
@@ -282,7 +285,7 @@ impl Step {
     /// Adds these kernels over these pupil passes; `Taper`, `Relay`, `Eye` and `Motion` only where they do something.
     fn over_pupil_passes(&mut self, pupil_passes: Range<usize>, kernels: &[Kernel]) {
         let tapered = self.is_tapered();
-        let relays = self.model.as_ref().is_some_and(|model| model.parts().relay);
+        let relays = self.model.as_ref().is_some_and(|model| model.parts().relay > 0);
         let sees = self.pupil_passes.iter().any(|pupil_pass| pupil_pass.eye.is_some());
         let moves = self.pupil_passes.iter().any(|pupil_pass| pupil_pass.moments.is_some());
         let left_out = |kernel: Kernel| match kernel {
@@ -334,11 +337,12 @@ fn groups(pupil_passes: &[PupilPass], most: usize) -> Vec<Range<usize>> {
     let mut groups = Vec::new();
     let (mut start, mut held) = (0, 0);
     for (i, pupil_pass) in pupil_passes.iter().enumerate() {
-        if i > start && held + pupil_pass.count() > most {
+        let count = pupil_pass.mode_count() * pupil_pass.count();
+        if i > start && held + count > most {
             groups.push(start..i);
             (start, held) = (i, 0);
         }
-        held += pupil_pass.count();
+        held += count;
     }
     if start < pupil_passes.len() {
         groups.push(start..pupil_passes.len());

@@ -1,7 +1,7 @@
 //! The display as it is, as the tables that kernels read (OPTICS 10).
 
 use super::{Buffer, ModelParts};
-use crate::optics::{Color, Display, DisplayModel, Geometry, Optics, Pupil};
+use crate::optics::{Color, Display, DisplayModel, Geometry, Optics, Pupil, SourceMode};
 use eyebox_kernels::Complex32;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -17,6 +17,8 @@ pub struct ModelTables {
     highest_drive: f64,
     slm: Optics,
     grid: Optics,
+    /// The source's modes, whose light meets the relay at places of its own; none for a laser on the axis.
+    modes: Vec<SourceMode>,
     /// Rows and columns of the whole SLM, and where in it this one's first pixel lies: not the same for a piece of a far field.
     whole: [usize; 2],
     at: [i64; 2],
@@ -42,7 +44,7 @@ impl PartialEq for ModelTables {
     /// By what they are made of.
     fn eq(&self, other: &Self) -> bool {
         let of = |t: &Self| (t.radius, t.error, t.slm, t.grid, t.whole, t.at);
-        self.model == other.model && of(self) == of(other)
+        self.model == other.model && self.modes == other.modes && of(self) == of(other)
     }
 }
 
@@ -64,6 +66,18 @@ impl ModelTables {
         self.cut_at(PIECES)
     }
 
+    /// The same in the light of these modes of a source; [`Planner::with_source`](super::Planner::with_source) calls it.
+    pub(crate) fn lit_by(&self, modes: &[SourceMode]) -> Arc<Self> {
+        let Self { model, radius, highest_drive, error, slm, grid, .. } = self;
+        let plain = Self::cut(model.clone(), *radius, *highest_drive, *error, *slm, *grid);
+        Arc::new(Self { modes: modes.to_vec(), ..plain })
+    }
+
+    /// How many modes that is.
+    pub(crate) fn mode_count(&self) -> usize {
+        self.modes.len().max(1)
+    }
+
     /// The iris alone.
     pub(crate) fn iris(&self) -> Arc<Self> {
         let Self { model, radius, highest_drive, error, slm, grid, .. } = self;
@@ -71,8 +85,9 @@ impl ModelTables {
     }
 
     fn cut_at(&self, error: f64) -> Arc<Self> {
-        let Self { model, radius, highest_drive, slm, grid, .. } = self;
-        Arc::new(Self::cut(model.clone(), *radius, *highest_drive, error, *slm, *grid))
+        let Self { model, radius, highest_drive, slm, grid, modes, .. } = self;
+        let cut = Self::cut(model.clone(), *radius, *highest_drive, error, *slm, *grid);
+        Arc::new(Self { modes: modes.clone(), ..cut })
     }
 
     /// Of a piece of a far field's SLM, of all of which this is: `size` pixels whose first is `at`. It may hang over the edges by
@@ -85,6 +100,7 @@ impl ModelTables {
             root: Arc::clone(&self.root),
             slm: piece,
             grid: piece,
+            modes: self.modes.clone(),
             at,
             pixels: OnceLock::new(),
             offsets: OnceLock::new(),
@@ -131,6 +147,7 @@ impl ModelTables {
             highest_drive,
             slm,
             grid,
+            modes: Vec::new(),
             whole,
             at,
             root,
@@ -143,9 +160,11 @@ impl ModelTables {
         }
     }
 
-    /// Of a display in one of its colours, on its SLM inside a grid.
+    /// Of a display in one of its colours, on its SLM inside a grid, in the light of its source.
     pub fn of(display: &Display, color: Color, slm: Optics, grid: Optics) -> Option<Arc<Self>> {
-        Self::new(display.model(color), display.eyebox_min() / 2.0, display.levels, slm, grid)
+        let plain = Self::new(display.model(color), display.eyebox_min() / 2.0, display.levels, slm, grid)?;
+        let modes = display.modes(color);
+        Some(if modes.is_empty() { plain } else { plain.lit_by(&modes) })
     }
 
     /// The highest drive that is not rounded up to the lowest, radians.
@@ -175,7 +194,11 @@ impl ModelTables {
             drives: crosstalk || driven || lit,
             crosstalk: self.reach,
             more_subpixels: if crosstalk { model.subpixels - 1 } else { 0 },
-            relay: model.fill > 0.0 || model.wavefront.values().any(|waves| *waves != 0.0),
+            relay: if model.fill > 0.0 || model.wavefront.values().any(|waves| *waves != 0.0) {
+                self.mode_count()
+            } else {
+                0
+            },
         }
     }
 
@@ -185,7 +208,7 @@ impl ModelTables {
         let pixels = parts.drives.then(|| (Buffer::Pixels, self.pixels()));
         let crosstalk = parts.crosstalk.map(|_| (Buffer::Crosstalk, &self.crosstalk[..]));
         let offsets = (parts.more_subpixels > 0).then(|| (Buffer::Offsets, self.offsets()));
-        let relay = parts.relay.then(|| (Buffer::Relay, self.relay()));
+        let relay = (parts.relay > 0).then(|| (Buffer::Relay, self.relay()));
         [pixels, crosstalk, offsets, relay].into_iter().flatten()
     }
 
@@ -218,31 +241,44 @@ impl ModelTables {
 
     fn relay(&self) -> &[f32] {
         self.relay.get_or_init(|| {
-            let (grid, model) = (&self.grid, &self.model);
-            let ((bin_y, bin_x), (first_y, first_x)) = (grid.bin_size(), grid.first_bin());
-            let sinc = |k: i64, n: usize| match grid.geometry {
-                Geometry::Relay if model.fill > 0.0 => model.pixel_sinc(k as f64 / n as f64),
-                _ => 1.0,
-            };
-            let along_x: Vec<f64> = (0..grid.width as i64).map(|x| sinc(first_x + x, grid.width)).collect();
-            let mut relay = vec![Complex32::default(); grid.height * grid.width];
-            let row_of = |row: usize| {
-                let ky = (0..grid.height as i64).map(|y| first_y + y).find(|ky| grid.index_of(*ky, 0).0 == row);
-                ky.expect("every row is a bin's")
-            };
-            relay.par_chunks_exact_mut(grid.width).enumerate().for_each(|(row, out)| {
-                let ky = row_of(row);
-                let across = sinc(ky, grid.height);
-                for (x, along) in along_x.iter().enumerate() {
-                    let kx = first_x + x as i64;
-                    let turns = model.wavefront_turns(kx as f64 * bin_x, ky as f64 * bin_y, self.radius);
-                    let (sin, cos) = (TAU * (turns - turns.round())).sin_cos();
-                    let size = across * along;
-                    out[grid.index_of(ky, kx).1] = Complex32::new((size * cos) as f32, (size * sin) as f32);
-                }
-            });
-            bytemuck::cast_slice(&relay).to_vec()
+            let centred = [SourceMode::centred(self.grid.wavelength)];
+            let modes = if self.modes.is_empty() { &centred[..] } else { &self.modes };
+            let tables: Vec<Complex32> = modes.iter().flat_map(|mode| self.relay_of(mode)).collect();
+            bytemuck::cast_slice(&tables).to_vec()
         })
+    }
+
+    /// Of one mode of the source: the aperture stays with the SLM's frequencies, the wavefront, a path, is met where light
+    /// arrives (OPTICS 12).
+    fn relay_of(&self, mode: &SourceMode) -> Vec<Complex32> {
+        let (grid, model) = (&self.grid, &self.model);
+        let lit = Optics { wavelength: mode.wavelength, ..*grid };
+        let ((bin_y, bin_x), (first_y, first_x)) = (lit.bin_size(), grid.first_bin());
+        let [moved_x, moved_y] = mode.angle.map(|t| grid.focal_length * t);
+        let waves = grid.wavelength / mode.wavelength;
+        let sinc = |k: i64, n: usize| match grid.geometry {
+            Geometry::Relay if model.fill > 0.0 => model.pixel_sinc(k as f64 / n as f64),
+            _ => 1.0,
+        };
+        let along_x: Vec<f64> = (0..grid.width as i64).map(|x| sinc(first_x + x, grid.width)).collect();
+        let mut relay = vec![Complex32::default(); grid.height * grid.width];
+        let row_of = |row: usize| {
+            let ky = (0..grid.height as i64).map(|y| first_y + y).find(|ky| grid.index_of(*ky, 0).0 == row);
+            ky.expect("every row is a bin's")
+        };
+        relay.par_chunks_exact_mut(grid.width).enumerate().for_each(|(row, out)| {
+            let ky = row_of(row);
+            let across = sinc(ky, grid.height);
+            for (x, along) in along_x.iter().enumerate() {
+                let kx = first_x + x as i64;
+                let (at_x, at_y) = (kx as f64 * bin_x + moved_x, ky as f64 * bin_y + moved_y);
+                let turns = waves * model.wavefront_turns(at_x, at_y, self.radius);
+                let (sin, cos) = (TAU * (turns - turns.round())).sin_cos();
+                let size = across * along;
+                out[grid.index_of(ky, kx).1] = Complex32::new((size * cos) as f32, (size * sin) as f32);
+            }
+        });
+        relay
     }
 }
 

@@ -1,7 +1,7 @@
 //! An eye that moves while the sub-frames are shown (OPTICS 15): which pupil looks at each, and what it is shifted by.
 
 use super::{Comparison, Planner, PupilPass};
-use crate::optics::Pupil;
+use crate::optics::{Optics, Pupil, SourceMode, Window};
 use eyebox_kernels::motion::{Shift, Table};
 
 /// One sub-frame at its moment.
@@ -88,18 +88,24 @@ impl Planner {
         let share = self.grid.share(iris(&middle.pupil).diameter);
         let mut pass = self.pupil_pass_of(&around, share, seen.len(), comparison);
         let window = pass.window;
-        if let Some(eye) = &self.eye {
-            pass.eye = Some(eye.terms(&self.grid, &iris(&middle.pupil), &window));
-        }
+        self.see_with_eye(&mut pass, &iris(&middle.pupil));
         let size = [self.grid.width as f64, self.grid.height as f64];
-        let sub_frame = |(moment, iris): (&Moment, &Pupil)| {
-            let [along, down] = [0, 1].map(|i| moment.eye[i] / size[i]);
-            let first = along * window.x0 as f64 + down * window.y0 as f64;
-            // Each moment's light over its own pupil's share.
-            let weight = if moment.seen { (share / self.grid.share(iris.diameter)).sqrt() } else { 0.0 };
-            (Shift { turns: [down, along, first], weight }, window.spans(&self.grid, iris))
+        let table = |(mode, optics): &(SourceMode, Optics), window: &Window| {
+            let sub_frame = |(moment, iris): (&Moment, &Pupil)| {
+                let [along, down] = [0, 1].map(|i| moment.eye[i] / size[i]);
+                let first = along * window.x0 as f64 + down * window.y0 as f64;
+                // Each moment's light over its own pupil's share.
+                let weight = if moment.seen { (share / self.grid.share(iris.diameter)).sqrt() } else { 0.0 };
+                let spans = window.spans(optics, &mode.pupil(iris, optics.focal_length));
+                (Shift { turns: [down, along, first], weight }, spans)
+            };
+            Some(Table::new(&moments.iter().zip(&irises).map(sub_frame).collect::<Vec<_>>()))
         };
-        pass.moments = Some(Table::new(&moments.iter().zip(&irises).map(sub_frame).collect::<Vec<_>>()));
+        let lit = self.lit();
+        pass.moments = table(&lit[0], &window);
+        for (mode, further) in lit[1..].iter().zip(&mut pass.modes) {
+            further.moments = table(mode, &further.window);
+        }
         let (high, wide) = self.grid.field_of_view();
         let pixel = [wide / size[0], high / size[1]];
         let resting = self.displacement(&iris(&middle.pupil));

@@ -51,12 +51,37 @@ pub struct PupilPass {
     pub compare: compare::Args,
     /// The photograph; none where only the wave is looked at.
     pub shot: Option<Shot>,
+    /// Share of the source's light that its own mode has; 1 where there is one mode.
+    pub weight: f32,
+    /// The source's further modes (OPTICS 12): windows of the same size, whose intensities add to this one's. They have no
+    /// photograph and no modes of their own.
+    pub modes: Vec<PupilPass>,
 }
 
 impl PupilPass {
     /// Pixels of its window.
     pub fn count(&self) -> usize {
         self.window.rows * self.window.columns
+    }
+
+    /// All modes of the source, the first of which is this.
+    pub fn each_mode(&self) -> impl Iterator<Item = &Self> + Clone {
+        std::iter::once(self).chain(&self.modes)
+    }
+
+    /// How many those are.
+    pub fn mode_count(&self) -> usize {
+        1 + self.modes.len()
+    }
+
+    /// One of them.
+    pub(crate) fn mode(&self, at: usize) -> &Self {
+        at.checked_sub(1).map_or(self, |at| &self.modes[at])
+    }
+
+    /// Arguments of `overlap`: the weight in the place of a scale.
+    pub(crate) fn overlap_args(&self) -> pass_pupil::Args {
+        pass_pupil::Args { scale: self.weight, ..self.pass }
     }
 
     /// Arguments of `eye`.
@@ -72,8 +97,13 @@ impl PupilPass {
         Some(motion::Args { rows, columns, frames, first: first as u32, back: u32::from(back) })
     }
 
-    /// Bins that it passes.
+    /// Bins that it passes, in all modes.
     pub(crate) fn passing(&self) -> u64 {
+        self.each_mode().map(Self::passing_itself).sum()
+    }
+
+    /// Bins that its own mode passes.
+    pub(crate) fn passing_itself(&self) -> u64 {
         self.spans.iter().map(|[first, end]| u64::from(end - first)).sum()
     }
 
@@ -86,8 +116,9 @@ impl PupilPass {
     /// How large one of its buffers is; no frames for what is no buffer of a pupil pass.
     pub fn extent(&self, resource: Resource, shape: &Shape) -> Extent {
         let (frames, values) = match resource {
-            Resource::Transfer | Resource::Image | Resource::Target => (1, self.count()),
-            Resource::Window => (shape.frames, self.count()),
+            Resource::Image | Resource::Target => (1, self.count()),
+            Resource::Transfer => (self.mode_count(), self.count()),
+            Resource::Window => (self.mode_count() * shape.frames, self.count()),
             Resource::Accumulator => {
                 (1, self.shot.as_ref().map_or(0, |s| s.args.height as usize * s.args.width as usize))
             }
@@ -110,7 +141,7 @@ impl PupilPass {
         exposure::Args { height, width, pitch: self.window.columns as u32, top, left }
     }
 
-    /// Its columns as columns of the grid.
+    /// The columns of its own mode as columns of the grid.
     pub(crate) fn grid_columns(&self) -> Columns {
         let width = self.pass.grid_width as usize;
         Columns { first: (self.pass.x0 as usize + self.columns.first) % width, count: self.columns.count.min(width) }

@@ -2,7 +2,7 @@
 
 use super::resample_tables::ResampleTables;
 use super::{EyeTables, ModelTables, PupilPass, Purpose, Shape, Shot, Storage};
-use crate::optics::{Geometry, Optics, Padding, Pupil, Window, WindowFactor};
+use crate::optics::{Geometry, Optics, Padding, Pupil, SourceMode, Window, WindowFactor};
 use crate::scene::{Pyramid, ViewGrid};
 use eyebox_kernels::{compare, fft::Columns, intensity, modulate, pass_pupil, photograph, resample, transfer};
 use std::sync::Arc;
@@ -83,6 +83,9 @@ pub struct Planner {
     pub model: Option<Arc<ModelTables>>,
     /// The eye that looks; none for a perfect one.
     pub eye: Option<Arc<EyeTables>>,
+    /// The modes of the source (OPTICS 12), which add up as intensities; none for a laser on the axis. A model is told of
+    /// them by [`with_source`](Self::with_source).
+    pub modes: Arc<[SourceMode]>,
 }
 
 impl Planner {
@@ -100,6 +103,26 @@ impl Planner {
             share: 1.0,
             model: None,
             eye: None,
+            modes: Arc::new([]),
+        }
+    }
+
+    /// In the light of these modes of a source; none for a laser on the axis.
+    #[must_use]
+    pub fn with_source(self, modes: &[SourceMode]) -> Self {
+        let model = match &self.model {
+            Some(model) if !modes.is_empty() => Some(model.lit_by(modes)),
+            model => model.clone(),
+        };
+        Self { modes: modes.into(), model, ..self }
+    }
+
+    /// The modes, at least one, each with the optics of its wavelength over the grid.
+    pub(super) fn lit(&self) -> Vec<(SourceMode, Optics)> {
+        let of = |mode: &SourceMode| (*mode, Optics { wavelength: mode.wavelength, ..self.grid });
+        match &*self.modes {
+            [] => vec![of(&SourceMode::centred(self.grid.wavelength))],
+            modes => modes.iter().map(of).collect(),
         }
     }
 
@@ -138,19 +161,56 @@ impl Planner {
         // Light passes the iris as it really is; what it should show is the picture of the one that was asked for.
         let iris = self.model.as_ref().map_or(*pupil, |model| model.model().true_pupil(pupil));
         let mut pupil_pass = self.pupil_pass_of(&iris, self.grid.share(iris.diameter), self.frames, comparison);
-        if let Some(eye) = &self.eye {
-            pupil_pass.eye = Some(eye.terms(&self.grid, &iris, &pupil_pass.window));
-        }
+        self.see_with_eye(&mut pupil_pass, &iris);
         pupil_pass.shot = self.shot(pupil, self.displacement(&iris), pupil_pass.window);
         pupil_pass
+    }
+
+    /// The eye's error, centred on this iris, in all modes of a pupil pass.
+    pub(super) fn see_with_eye(&self, pass: &mut PupilPass, iris: &Pupil) {
+        let Some(eye) = &self.eye else { return };
+        let terms = |(mode, optics): &(SourceMode, Optics), window: &Window| {
+            Some(eye.terms(optics, &mode.pupil(iris, optics.focal_length), window))
+        };
+        let lit = self.lit();
+        pass.eye = terms(&lit[0], &pass.window);
+        for (mode, further) in lit[1..].iter().zip(&mut pass.modes) {
+            further.eye = terms(mode, &further.window);
+        }
     }
 
     /// The same without a photograph, where `share` of an even field's light passes, of a perfect eye that averages so many
     /// sub-frames.
     pub(super) fn pupil_pass_of(&self, pupil: &Pupil, share: f64, seen: usize, comparison: &Comparison) -> PupilPass {
-        let grid = &self.grid;
-        let window = Window::new(grid, pupil, self.factor);
+        let lit = self.lit();
+        let pupil_of = |mode: &SourceMode| mode.pupil(pupil, self.grid.focal_length);
+        let size = lit.iter().fold([0; 2], |[rows, columns], (mode, optics)| {
+            let window = Window::new(optics, &pupil_of(mode), self.factor);
+            [rows.max(window.rows), columns.max(window.columns)]
+        });
+        let mut modes = lit.iter().map(|(mode, optics)| {
+            let window = Window::around(optics, &pupil_of(mode), self.factor, size);
+            self.mode_pass(mode, optics, &pupil_of(mode), window, share, seen, comparison)
+        });
+        let first = modes.next().expect("there is one mode at least");
+        PupilPass { modes: modes.collect(), ..first }
+    }
+
+    /// One mode of it: a pupil that stands elsewhere in the SLM's light, with the optics of the mode's wavelength. Its weight
+    /// is in the scales of the way there and the way back, the root of it in each.
+    #[allow(clippy::too_many_arguments, reason = "what all modes share, and what is a mode's own")]
+    fn mode_pass(
+        &self,
+        mode: &SourceMode,
+        grid: &Optics,
+        pupil: &Pupil,
+        window: Window,
+        share: f64,
+        seen: usize,
+        comparison: &Comparison,
+    ) -> PupilPass {
         let spans = window.spans(grid, pupil);
+        let amplitude = mode.weight.sqrt();
         let (points, count) = ((grid.height * grid.width) as f64, (window.rows * window.columns) as f64);
         let gain = 1.0 / (seen as f64 * share);
         // What the buffers hold is their value times these.
@@ -170,7 +230,7 @@ impl Planner {
             x0: x0 as u32,
             rows: window.rows as u32,
             columns: window.columns as u32,
-            scale: (in_window / in_field * normal) as f32,
+            scale: (in_window / in_field * normal * amplitude) as f32,
         };
         let projects = comparison.mode == compare::PROJECTION;
         let weight = 2.0 * comparison.exposure * gain / (count * comparison.batch as f64);
@@ -183,13 +243,16 @@ impl Planner {
                 (Geometry::FarField, true) => 1.0 / (count * normal),
                 (_, false) => normal,
             };
-        let back = pass_pupil::Args { scale: back as f32, ..pass };
-        let (slope_y, slope_x) = grid.slopes();
+        let back = pass_pupil::Args { scale: (back * amplitude) as f32, ..pass };
+        let ((slope_y, slope_x), (cosine_y, cosine_x)) = (grid.slopes(), grid.cosine_per_bin());
+        let [angle_x, angle_y] = mode.angle;
         PupilPass {
             transfer: transfer::Args {
                 slope_y,
                 slope_x,
                 turns: pupil.depth / grid.wavelength,
+                shift_y: angle_y / cosine_y,
+                shift_x: angle_x / cosine_x,
                 y0: window.y0 as i32,
                 x0: window.x0 as i32,
                 rows: window.rows as u32,
@@ -214,6 +277,8 @@ impl Planner {
                 limit: comparison.limit as f32,
             },
             shot: None,
+            weight: mode.weight as f32,
+            modes: Vec::new(),
             window,
             spans,
             pass,

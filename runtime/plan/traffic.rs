@@ -151,11 +151,10 @@ pub(crate) fn moved(
     (access, resource): (Access, Resource),
     step: &Step,
     shape: &Shape,
-    pass: Option<usize>,
+    pass: Option<&PupilPass>,
     frames: usize,
 ) -> Option<[u64; 2]> {
-    let pass = pass.map(|i| &step.pupil_passes[i]);
-    let passing = || pass.map_or(0, PupilPass::passing);
+    let passing = || pass.map_or(0, PupilPass::passing_itself);
     let by_bin = matches!(kernel, Kernel::PassPupil | Kernel::ReturnPupil | Kernel::Overlap | Kernel::Relay);
     let extent = match (resource.is_shared(), pass) {
         (true, _) => {
@@ -198,7 +197,7 @@ pub(crate) fn moved(
 /// Bins that two pupils or more pass.
 fn overlapped(step: &Step, shape: &Shape) -> u64 {
     let mut counts = vec![0u16; shape.points()];
-    for pass in &step.pupil_passes {
+    for pass in step.pupil_passes.iter().flat_map(PupilPass::each_mode) {
         pass.pass.pieces(&pass.spans, |at, _, length| {
             counts[at..at + length].iter_mut().for_each(|count| *count = count.saturating_add(1));
         });

@@ -39,7 +39,8 @@ impl Planner {
         // A filter that is wider than the square's diagonal passes all of it.
         let diameter = filter.min(4.0 * self.grid.eyebox());
         let pupil = Pupil { x: 0.0, y: 0.0, diameter, depth: 0.0 };
-        let full = Self { factor: WindowFactor::Full, ..self.clone() };
+        // A source is for pupils.
+        let full = Self { factor: WindowFactor::Full, modes: [].into(), ..self.clone() };
         let window = hann(samples);
         // The window's spectrum is 1 at its middle; its power, by Parseval, is what an even field sends through.
         let axis = window.iter().map(|w| w * w).sum::<f64>() / window.iter().sum::<f64>().powi(2);

@@ -204,7 +204,17 @@ mod tests {
     fn controls(scene: bool, sequence: bool) -> Controls {
         let optics = Optics::new(36, 64, 8e-6, 440e-9, 0.4).unwrap();
         let phases = Arc::new(vec![0.0; 8 * 36 * 64]);
-        let color = Shown { color: None, optics, exposure: 1.0, share: 1.0, model: None, eye: None, map: None, phases };
+        let color = Shown {
+            color: None,
+            optics,
+            exposure: 1.0,
+            share: 1.0,
+            model: None,
+            eye: None,
+            modes: [].into(),
+            map: None,
+            phases,
+        };
         let (eyebox, padding) = (optics.eyebox(), Padding::default());
         let showing =
             Showing { frames: 8, padding, colors: vec![color], eyebox, tiles: None, scene: None, motion: Vec::new() };

@@ -93,7 +93,8 @@ impl Hold {
     ) -> Result<Plane, EngineError> {
         let frames = if frame.is_some() { 1 } else { showing.frames };
         let plain = Planner::new(shown.optics, frames, WindowFactor::Full).with_padding(showing.padding);
-        let planner = Planner { share: shown.share, model: shown.model.clone(), eye: shown.eye.clone(), ..plain };
+        let (model, eye, modes) = (shown.model.clone(), shown.eye.clone(), shown.modes.clone());
+        let planner = Planner { share: shown.share, model, eye, modes, ..plain };
         // Cropping a padded image is for whole pixels, and so is putting a far field's axis in the middle.
         let relay = shown.optics.geometry == Geometry::Relay;
         let fine = detail == Detail::Whole || showing.padding != Padding::default() || !relay;

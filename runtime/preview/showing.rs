@@ -3,7 +3,7 @@
 use super::PreviewError;
 use crate::evaluate::Plane;
 use crate::hologram::{ColorHologram, Hologram, HologramError, Tiles};
-use crate::optics::{Color, Optics, Padding, PictureMap};
+use crate::optics::{Color, Optics, Padding, PictureMap, SourceMode};
 use crate::plan::{EyeTables, ModelTables, Planner};
 use crate::solve::{Motion, Problem};
 use std::sync::Arc;
@@ -23,6 +23,8 @@ pub struct Shown {
     pub model: Option<Arc<ModelTables>>,
     /// The eye that looks; none for a perfect one.
     pub eye: Option<Arc<EyeTables>>,
+    /// The modes of its source; none for a laser on the axis.
+    pub modes: Arc<[SourceMode]>,
     /// Where its picture is seen; none where nothing bends it.
     pub map: Option<PictureMap>,
     /// (sub-frame, row, column), radians; none where they are in tiles. A colour whose phases are the same as before costs
@@ -73,6 +75,7 @@ impl Showing {
             share,
             model: planner.model,
             eye: planner.eye,
+            modes: planner.modes,
             map: color.color.and_then(|color| picture.map(color, size)),
             phases: Arc::new(color.phases),
         };

@@ -151,8 +151,8 @@ fn solve_field(
     engine: &mut dyn Engine,
     observe: &mut dyn FnMut(&SceneEvent) -> Flow,
 ) -> Result<SolvedHologram, ProduceError> {
-    let display = job.display;
     let plan = job.plan(&field)?;
+    let display = &plan.lit(job.display);
     warn_of_aliasing(&field, display, &plan.settings);
     // What the hologram's file remembers of its scene is the scene as it is, not what the plan leaves of it.
     let (views, cell) = field.own_views(display);

@@ -4,7 +4,7 @@ use super::job::warn_of_aliasing;
 use super::{ProduceError, SceneEvent, SceneJob};
 use crate::engine::Engine;
 use crate::hologram::{ColorHologram, Hologram, HologramError, Sequence, SequenceWriter, Start};
-use crate::optics::{Color, Padding};
+use crate::optics::{Color, Display, Padding};
 use crate::scene::LightField;
 use crate::solve::{Flow, Levels, Problem, Progress, Settings, Solution, Warm, solve_from};
 use std::path::Path;
@@ -25,6 +25,8 @@ struct Common<'a> {
     job: &'a SceneJob<'a>,
     settings: Settings,
     padding: Padding,
+    /// With as many modes of its source as were decided.
+    display: Display,
 }
 
 /// Solves one scene after the other into a sequence; resumes one of the same job.
@@ -34,8 +36,8 @@ pub(super) fn solve(
     engine: &mut dyn Engine,
     observe: &mut dyn FnMut(&SceneEvent) -> Flow,
 ) -> Result<SolvedSequence, ProduceError> {
-    write(job, out, observe, &mut |common, index, field, before, observe| {
-        common.hologram(index, field, before, engine, observe)
+    write(job, out, observe, &mut |common, index, load, before, observe| {
+        common.hologram(index, load()?, before, engine, observe)
     })
 }
 
@@ -88,11 +90,14 @@ fn check_pieces(job: &SceneJob) -> Result<(), ProduceError> {
 /// What comes of a hologram: it, and its solutions.
 type Made = Option<(Hologram, Vec<(Color, Solution)>)>;
 
+/// Loads its scene, where that is needed: what is only joined needs none.
+type Load<'a> = dyn FnMut() -> Result<LightField, ProduceError> + 'a;
+
 /// Makes one hologram, of its index, its scene, the hologram before it, and who is told.
 type Make<'a> = dyn FnMut(
         &Common,
         usize,
-        LightField,
+        &mut Load<'_>,
         Option<&Hologram>,
         &mut dyn FnMut(&SceneEvent) -> Flow,
     ) -> Result<Made, ProduceError>
@@ -124,8 +129,8 @@ fn write(
     };
     let mut first = Some(first).filter(|_| done == 0);
     for index in done..count {
-        let field = first.take().map_or_else(|| job.load(index), Ok)?;
-        let Some((hologram, solutions)) = make(&common, index, field, before.as_ref(), observe)? else {
+        let mut load = || first.take().map_or_else(|| job.load(index), Ok);
+        let Some((hologram, solutions)) = make(&common, index, &mut load, before.as_ref(), observe)? else {
             return Ok(SolvedSequence { done: index, count, solved: index - done });
         };
         let to = match &mut writer {
@@ -155,12 +160,13 @@ impl<'a> Common<'a> {
         let whole =
             SceneJob { settings: Settings { repeats: 1, views: 1, pixel: 1, ..job.settings.clone() }, ..job.clone() };
         let plan = whole.plan(first)?;
+        let display = plan.lit(job.display);
         let mut settings = plan.settings;
         settings.seconds = job.settings.seconds.map(|s| s / job.colors.len() as f64);
         if settings.levels == Levels::Display {
             settings.levels = Levels::of(job.display);
         }
-        Ok(Self { job, settings, padding: plan.padding })
+        Ok(Self { job, settings, padding: plan.padding, display })
     }
 
     /// What is true of every hologram; its exposures are found in the first.
@@ -170,7 +176,7 @@ impl<'a> Common<'a> {
             let wavelength = job.display.optics(color)?.wavelength;
             Ok(ColorHologram { color: Some(color), wavelength, exposure: 1.0, efficiency: 1.0, phases: Vec::new() })
         };
-        let mut like = Hologram::from_solutions(first, job.display, &self.settings, self.padding, &[])?;
+        let mut like = Hologram::from_solutions(first, &self.display, &self.settings, self.padding, &[])?;
         like.colors = job.colors.iter().map(color).collect::<Result<_, ProduceError>>()?;
         like.scene = job.scenes.join(", ");
         like.metadata.near = job.near;
@@ -188,8 +194,7 @@ impl<'a> Common<'a> {
         observe: &mut dyn FnMut(&SceneEvent) -> Flow,
     ) -> Result<Made, ProduceError> {
         let Some(solutions) = self.frame(index, &field, before, engine, observe)? else { return Ok(None) };
-        let mut hologram =
-            Hologram::from_solutions(&field, self.job.display, &self.settings, self.padding, &solutions)?;
+        let mut hologram = Hologram::from_solutions(&field, &self.display, &self.settings, self.padding, &solutions)?;
         for (c, b) in hologram.colors.iter_mut().zip(before.iter().flat_map(|b| &b.colors)) {
             (c.exposure, c.efficiency) = (b.exposure, b.efficiency);
         }
@@ -212,7 +217,7 @@ impl<'a> Common<'a> {
             warn_of_aliasing(field, job.display, &Settings { depth, ..self.settings.clone() });
         }
         for (i, &color) in job.colors.iter().enumerate() {
-            let problem = Problem::new(field, color, job.display, self.padding)?;
+            let problem = Problem::new(field, color, &self.display, self.padding)?;
             let of_before = before.map(|b| &b.colors[i]);
             // One exposure for all frames, that of the first: lasers do not change from frame to frame.
             let efficiency = of_before.map(|b| (problem.mean / b.exposure).min(1.0)).filter(|e| *e > 0.0);
@@ -243,9 +248,9 @@ impl<'a> Common<'a> {
 mod tests {
     use crate::engine::{self, Choice};
     use crate::files::FileError;
-    use crate::hologram::{HologramError, Sequence, Start};
-    use crate::optics::Display;
-    use crate::produce::{ProduceError, SceneEvent, SceneJob, join_pieces, solve_piece, solve_scene};
+    use crate::hologram::{Hologram, HologramError, Sequence, Start};
+    use crate::optics::{Color, Display};
+    use crate::produce::{ProduceError, SceneEvent, SceneJob, SolvedSequence, join_pieces, solve_piece, solve_scene};
     use crate::solve::{Flow, Settings};
     use std::path::Path;
 
@@ -314,5 +319,27 @@ mod tests {
             matches!(taken, Err(ProduceError::Hologram(HologramError::File(FileError::Taken { .. })))),
             "{taken:?}"
         );
+    }
+
+    #[test]
+    fn pieces_are_joined_without_their_scenes() {
+        let display = Display { height: 24, width: 32, ..Display::load("small").unwrap() };
+        let settings = Settings { steps: 1, frames: 1, pupils: 1, ..Settings::default() };
+        let mut job = SceneJob { colors: vec![Color::Green], settings, ..SceneJob::new("builtin:plane", &display) };
+        job.scenes.push("builtin:plane?depth=0.5".into());
+        job.sequence.start = Start::Cold;
+        let mut engine = engine::open(Choice::Cpu).unwrap();
+        let mut piece = |index: usize, first: Option<&Hologram>| {
+            solve_piece(&job, index, first, engine.as_mut(), &mut |_| Flow::Continue).unwrap().unwrap()
+        };
+        let first = piece(0, None);
+        let pieces = [first.clone(), piece(1, Some(&first))];
+        // Only the first is looked at: it decides what is computed of all.
+        let job = SceneJob { scenes: vec![job.scenes[0].clone(), "nowhere".into()], ..job.clone() };
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("joined.zarr");
+        let joined = join_pieces(&job, &out, &mut |index| Ok(pieces[index].clone())).unwrap();
+        assert_eq!(joined, SolvedSequence { done: 2, count: 2, solved: 2 });
+        assert_eq!(Sequence::open(&out).unwrap().load(1).unwrap().colors[0].phases, pieces[1].colors[0].phases);
     }
 }

@@ -7,7 +7,7 @@ use std::f64::consts::{PI, TAU};
 /// The correlation's peak is that of a low pass of this standard deviation, pixels: wide enough to be found between them.
 const PEAK: f64 = 1.2;
 /// What moved is believed to have moved as a whole where, moved back, no more than this share of the difference is left.
-const LEFT: f64 = 0.4;
+const LEFT: f64 = 0.25;
 /// Frequencies weaker than this share of the strongest tell nothing but rounding.
 const WEAK: f64 = 1e-6;
 

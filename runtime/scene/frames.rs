@@ -1,9 +1,56 @@
 //! A folder of light fields: the frames of a sequence.
 
-use super::names::square;
-use super::{SceneError, folder};
+use super::names::{is_auxiliary, is_picture, square};
+use super::{SceneError, folder, video};
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+/// The frames of what is a sequence by itself: of a video, those of a folder of pictures to which depth maps are given, or the light
+/// fields in a folder; none where it is one scene.
+///
+/// # Errors
+/// Those of reading folders and videos; as [`frames`]; [`SceneError::Empty`] for a folder without pictures.
+pub fn sequence(source: &str, maps: &[PathBuf]) -> Result<Option<Vec<String>>, SceneError> {
+    let path = Path::new(source);
+    if path.is_dir() {
+        return if maps.is_empty() { frames(path) } else { pictures(path).map(Some) };
+    }
+    match video::named(path) {
+        Some((file, None)) if file.is_file() => {
+            let count = video::count(&file)?;
+            Ok(Some((0..count).map(|i| video::frame(&file, i)).collect()))
+        }
+        _ => Ok(None),
+    }
+}
+
+/// The pictures in a folder that are no maps, in the order of the numbers in their names.
+fn pictures(folder: &Path) -> Result<Vec<String>, SceneError> {
+    let mut found: Vec<String> = files(folder)?.into_iter().filter(|name| is_picture(name)).collect();
+    // A folder of maps alone, or one of pairs.
+    if found.iter().any(|name| !is_auxiliary(name)) {
+        found.retain(|name| !is_auxiliary(name));
+    }
+    if found.is_empty() {
+        return Err(SceneError::Empty { folder: folder.display().to_string() });
+    }
+    Ok(found.into_iter().filter_map(|name| folder.join(name).to_str().map(str::to_owned)).collect())
+}
+
+/// The names of a folder's files, in the order of their numbers.
+pub(super) fn files(folder: &Path) -> Result<Vec<String>, SceneError> {
+    let unreadable = |e: std::io::Error| SceneError::unreadable(folder, &e);
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).map_err(unreadable)? {
+        let entry = entry.map_err(unreadable)?;
+        let Ok(name) = entry.file_name().into_string() else { continue };
+        if !name.starts_with('.') && entry.path().is_file() {
+            found.push(name);
+        }
+    }
+    found.sort_by_cached_key(|name| natural(name));
+    Ok(found)
+}
 
 /// The folders in a folder that has no views of its own, in the order of the numbers in their names; none where there are none, or
 /// it is a light field itself.

@@ -1,7 +1,7 @@
 //! Depth and disparity maps of a single picture.
 
 use super::near::{self, Kind, Meaning, Near};
-use super::{SceneError, pfm, picture};
+use super::{SceneError, pfm, still};
 use crate::files::{self, FileError};
 use std::path::Path;
 
@@ -12,6 +12,8 @@ pub(super) struct Map {
     pub width: usize,
     pub values: Vec<f32>,
     pub meaning: Meaning,
+    /// The values that mean the ends of the depths, where they are not the smallest and the largest: so that a video's frames agree.
+    pub range: Option<[f32; 2]>,
 }
 
 /// Reads a map: `.pfm`, `.npy` (two axes), or any picture (its first channel), of which the values `near` are near, or
@@ -26,6 +28,7 @@ pub(super) fn read(path: &Path, near: Option<Near>) -> Result<Map, SceneError> {
         return Err(corrupt("a folder, not a depth map".into()));
     }
     let bytes = || files::read::bytes(path, files::read::PICTURE).map_err(|e| SceneError::unreadable(path, &e));
+    let mut range = None;
     let (height, width, kind, mut values) = if name.ends_with(".pfm") {
         let map = pfm::parse(&bytes()?).map_err(corrupt)?;
         (map.height, map.width, Kind::Floats, map.values)
@@ -42,11 +45,13 @@ pub(super) fn read(path: &Path, near: Option<Near>) -> Result<Map, SceneError> {
         };
         (height, width, Kind::Floats, array.values)
     } else {
-        picture::stored(path)?
+        let still::Stored { height, width, kind, values, range: fixed } = still::stored(path)?;
+        range = fixed;
+        (height, width, kind, values)
     };
     let meaning = near::meaning(path, kind, &values, near)?;
     near::fill(path, kind, meaning, &mut values, width).map_err(corrupt)?;
-    Ok(Map { height, width, values, meaning })
+    Ok(Map { height, width, values, meaning, range })
 }
 
 impl Map {

@@ -1,10 +1,10 @@
 //! Which depth map belongs to which picture.
 
-use super::SceneError;
-use std::fs;
+use super::{SceneError, frames, video};
 use std::path::{Path, PathBuf};
 
-/// The map of each picture: `given` once per picture, or one folder with a map of each picture's name or running number.
+/// The map of each picture: `given` once per picture, or one folder with a map of each picture's name or running number, or one video
+/// with a frame of each.
 /// None for no maps.
 ///
 /// # Errors
@@ -14,8 +14,14 @@ pub fn depth_maps(pictures: &[String], given: &[PathBuf]) -> Result<Vec<PathBuf>
     match given {
         [] => Ok(Vec::new()),
         [folder] if folder.is_dir() => {
-            let maps = files(folder)?;
+            let maps = maps_in(folder, pictures)?;
+            if pictures.iter().any(|picture| video::named(Path::new(picture)).is_some()) {
+                return of_frames(pictures, maps.len(), &folder.display().to_string(), |i| maps[i].clone());
+            }
             pictures.iter().map(|picture| of(Path::new(picture), folder, &maps)).collect()
+        }
+        [one] if one.is_file() && matches!(video::named(one), Some((_, None))) => {
+            of_frames(pictures, video::count(one)?, &one.display().to_string(), |i| video::frame(one, i).into())
         }
         [one] if pictures.iter().all(|p| *p == pictures[0]) => Ok(vec![one.clone(); pictures.len()]),
         [one] => wrong(format!("{} is one map of {} different pictures", one.display(), pictures.len())),
@@ -24,19 +30,33 @@ pub fn depth_maps(pictures: &[String], given: &[PathBuf]) -> Result<Vec<PathBuf>
     }
 }
 
-/// The files of a folder.
-fn files(folder: &Path) -> Result<Vec<PathBuf>, SceneError> {
-    let unreadable = |e: std::io::Error| SceneError::unreadable(folder, &e);
-    let mut found = Vec::new();
-    for entry in fs::read_dir(folder).map_err(unreadable)? {
-        let path = entry.map_err(unreadable)?.path();
-        let hidden = path.file_name().is_none_or(|n| n.to_string_lossy().starts_with('.'));
-        if path.is_file() && !hidden {
-            found.push(path);
+/// The maps in a folder, in the order of their numbers: of one that holds the pictures, too, those that are called so.
+fn maps_in(folder: &Path, pictures: &[String]) -> Result<Vec<PathBuf>, SceneError> {
+    let names = frames::files(folder)?;
+    let holds_pictures = pictures.iter().any(|picture| Path::new(picture).parent() == Some(folder));
+    let is_map =
+        |name: &&String| !holds_pictures || ["depth", "disp"].iter().any(|word| name.to_lowercase().contains(word));
+    Ok(names.iter().filter(is_map).map(|name| folder.join(name)).collect())
+}
+
+/// The map of each picture, of which the maps are the frames: that of the same frame, or the next in order.
+fn of_frames(
+    pictures: &[String],
+    count: usize,
+    what: &str,
+    map: impl Fn(usize) -> PathBuf,
+) -> Result<Vec<PathBuf>, SceneError> {
+    let frame = |(i, picture): (usize, &String)| match video::named(Path::new(picture)) {
+        Some((_, frame)) => frame.unwrap_or(0),
+        None => i,
+    };
+    let wanted: Vec<usize> = pictures.iter().enumerate().map(frame).collect();
+    match wanted.iter().find(|frame| **frame >= count) {
+        Some(frame) => {
+            Err(SceneError::Maps { what: format!("{what}: {count} maps, and none for picture {frame}, from 0 on") })
         }
+        None => Ok(wanted.into_iter().map(map).collect()),
     }
-    found.sort();
-    Ok(found)
 }
 
 /// The only map of the picture's name, or else the only one of its running number.

@@ -10,7 +10,7 @@
 //! | a folder | views in PNG, JPEG or EXR files, named by a running number or by row and column |
 //! | an array | `.npy` or `.npz`, (rows of views, columns, rows of pixels, columns, colours) |
 //! | a picture of many views | `FILE?grid=9x9`, `FILE?mosaic`, `FILE?lenslets` |
-//! | a picture | with a depth or disparity map ([`Request::depth_map`]): views by reprojection |
+//! | a picture, or a frame of a `.y4m` video | with a depth or disparity map ([`Request::depth_map`]): views by reprojection |
 //! | `builtin:NAME` | a scene rendered at any resolution and number of views: see [`BUILTINS`] |
 //!
 //! **Folders.** Names that differ in their numbers alone are the views, read as row and column, as coordinates, or as a running
@@ -99,9 +99,11 @@ mod settings;
 mod shape;
 mod single;
 mod source;
+mod still;
 mod subpixel;
 mod survey;
 mod sweep;
+mod video;
 mod views;
 
 #[cfg(test)]
@@ -110,6 +112,8 @@ mod generated_tests;
 mod kept_tests;
 #[cfg(test)]
 mod reading_tests;
+#[cfg(all(test, feature = "image-formats"))]
+mod sequence_tests;
 #[cfg(test)]
 mod tests;
 
@@ -119,7 +123,7 @@ pub use depth::central_depth;
 pub(crate) use depth::central_view;
 pub use displacement::displacement;
 pub use error::SceneError;
-pub use frames::frames;
+pub use frames::{frames, sequence};
 #[cfg(all(feature = "window", target_os = "linux"))]
 pub(crate) use given::{Layer, Places, views_of_depths, views_of_layers};
 pub use inspect::{Exposure, Inspection, contact_sheet, inspect};
@@ -156,7 +160,7 @@ pub fn native_size(source: &str) -> Result<Option<[usize; 2]>, SceneError> {
     match Source::of(source)? {
         Source::BuiltIn(name) => builtin::check(name).map(|()| None),
         Source::Views(kept) => kept.size().map(Some),
-        Source::Picture(path) => picture::size(path).map(Some),
+        Source::Picture(path) => still::size(path).map(Some),
     }
 }
 

@@ -32,7 +32,7 @@ pub(super) fn is_picture(name: &str) -> bool {
     matches!(end.as_str(), "png" | "jpg" | "jpeg" | "exr")
 }
 
-fn is_auxiliary(name: &str) -> bool {
+pub(super) fn is_auxiliary(name: &str) -> bool {
     let name = name.to_ascii_lowercase();
     name.starts_with("gt_") || ["thumb", "depth", "disp", "mask", "normal", "preview"].iter().any(|w| name.contains(w))
 }

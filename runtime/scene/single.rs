@@ -4,9 +4,9 @@ use super::{
     Fit, LightField, Request, SceneError, builtin,
     map::{self, Map},
     near::{Meaning, Near},
-    picture,
     reproject::{Relief, relief},
     resize::Resize,
+    still,
 };
 use crate::memory;
 use crate::optics::{Color, Display};
@@ -52,7 +52,7 @@ impl Reprojection {
             });
         }
         let map = map::read(map_path, request.near.or(reversed.then_some(Near::Small)))?;
-        let picture = picture::read(path, &[Color::Red, Color::Green, Color::Blue], None)?;
+        let picture = still::read(path, &[Color::Red, Color::Green, Color::Blue], None)?;
         if (map.height, map.width) != (picture.height, picture.width) {
             return Err(SceneError::Size {
                 file: map_path.display().to_string(),
@@ -199,7 +199,7 @@ fn disparities(
     display: &Display,
 ) -> (Vec<f32>, [f64; 2]) {
     let ends = |v: &[f32]| v.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |e, &v| [e[0].min(v), e[1].max(v)]);
-    let [low, high] = ends(&map.values).map(f64::from);
+    let [low, high] = map.range.unwrap_or_else(|| ends(&map.values)).map(f64::from);
     // value -> disparity: first + (value - low) * gain
     let (first, gain) = if let Meaning::Relative(near) = map.meaning {
         let [far, nearest] = range;

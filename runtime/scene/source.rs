@@ -2,7 +2,7 @@
 
 use super::options::{Options, PICTURES, Tiling};
 use super::views::Read;
-use super::{Request, SceneError, array, folder, frames, mosaic};
+use super::{Request, SceneError, array, folder, frames, mosaic, video};
 use std::path::Path;
 
 /// What a source names. What is a file or folder is there.
@@ -11,7 +11,7 @@ pub(super) enum Source<'a> {
     BuiltIn(&'a str),
     /// Views that are kept.
     Views(Kept<'a>),
-    /// A picture of one view.
+    /// A picture of one view, or a frame of a video.
     Picture(&'a Path),
 }
 
@@ -59,6 +59,9 @@ impl<'a> Source<'a> {
     pub fn of(source: &'a str) -> Result<Self, SceneError> {
         if let Some(name) = source.strip_prefix("builtin:") {
             return Ok(Self::BuiltIn(name));
+        }
+        if video::named(Path::new(source)).is_some_and(|(file, _)| file.is_file()) {
+            return Ok(Self::Picture(Path::new(source)));
         }
         let (path, query) = parts(source);
         if !path.exists() {

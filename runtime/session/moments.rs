@@ -14,13 +14,13 @@ const STILL: f64 = 0.5;
 const STEADY: f64 = 0.5;
 const STEADY_PIXELS: f64 = 1.0;
 /// Frames farther apart say nothing of each other, seconds.
-const APART: f64 = 0.5;
+const APART: f64 = 0.15;
 /// So many intervals after its last frame content has stopped.
 const STOPPED: f64 = 2.5;
 /// Views from places farther apart than this show another parallax, metres.
 const SAME_PLACE: f64 = 0.25e-3;
 /// A velocity is known to differ from another beyond so many standard deviations.
-const SURE: f64 = 2.0;
+const SURE: f64 = 3.0;
 /// A pupil that moves by less in a set rests, metres.
 const RESTS: f64 = 2e-5;
 

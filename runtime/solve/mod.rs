@@ -32,6 +32,7 @@ mod scene_plan;
 mod seen_tests;
 mod settings;
 mod solver;
+mod source;
 #[cfg(all(test, feature = "vulkan"))]
 mod statistics_tests;
 mod steer;

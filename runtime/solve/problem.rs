@@ -1,7 +1,7 @@
 //! What is to be solved: a scene on a display, in one colour.
 
 use super::settings::Settings;
-use crate::optics::{Color, Display, Optics, OpticsError, Padding, WindowFactor};
+use crate::optics::{Color, Display, Optics, OpticsError, Padding, SourceMode, WindowFactor};
 use crate::plan::{EyeTables, ModelTables, Planner, Storage, ViewLayout};
 use crate::scene::{Bend, LightField, Pyramid, ViewGrid, shrink_to_share};
 use rayon::prelude::*;
@@ -30,6 +30,8 @@ pub struct Problem {
     pub model: Option<Arc<ModelTables>>,
     /// The eye that looks (OPTICS 11); none for a perfect one.
     pub eye: Option<Arc<EyeTables>>,
+    /// The modes of the display's source (OPTICS 12); none for a laser on the axis.
+    pub modes: Arc<[SourceMode]>,
 }
 
 impl Problem {
@@ -87,7 +89,8 @@ impl Problem {
         let (pyramid, model) = (Arc::new(pyramid), ModelTables::of(display, color, optics, grid));
         let model = model.map(|model| model.for_steps());
         let eye = EyeTables::new(display.prescription.as_ref());
-        Ok(Self { optics, padding, eyebox, views, center, pyramid, mean: f64::NAN, share, model, eye })
+        let modes = display.modes(color).into();
+        Ok(Self { optics, padding, eyebox, views, center, pyramid, mean: f64::NAN, share, model, eye, modes })
     }
 
     /// Side of a pixel of the picture, as its views have it, radians.
@@ -114,6 +117,7 @@ impl Problem {
     pub fn planner(&self, frames: usize, window: WindowFactor) -> Planner {
         let plain = Planner::new(self.optics, frames, window).with_padding(self.padding);
         let views = ViewLayout { center: self.center, ..ViewLayout::new(self.views, &self.pyramid) };
-        Planner { views: Some(views), share: self.share, model: self.model.clone(), eye: self.eye.clone(), ..plain }
+        let (model, eye, modes) = (self.model.clone(), self.eye.clone(), Arc::clone(&self.modes));
+        Planner { views: Some(views), share: self.share, model, eye, modes, ..plain }
     }
 }

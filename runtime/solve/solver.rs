@@ -43,6 +43,7 @@ pub fn solve_from(
 ) -> Result<Solution, SolveError> {
     settings.check()?;
     problem.check_eye(settings)?;
+    super::source::check(!problem.modes.is_empty(), settings.method)?;
     if let Some(from) = from {
         let wanted = settings.frames * problem.optics.height * problem.optics.width;
         if from.phases.len() != wanted || !from.phases.iter().all(|p| p.is_finite()) {

@@ -116,6 +116,7 @@ impl Piece {
             share: views.share(),
             model,
             eye: None,
+            modes: [].into(),
         };
         Ok(Self { at: [top, left], size: [rows, columns], problem })
     }

@@ -88,7 +88,7 @@ fn bytes(pixels: usize, frames: usize, picture: usize, model: Option<&ModelTable
     let mut region = 4 * frames + frames + (4 + 4 + 8 + 8 + 4) * at_once + 4 + windows;
     if let Some(model) = model {
         // Of a sub-frame what lies between drive and field; then the model's tables, in the plan and in the engine.
-        let [driven, relay] = [model.parts().drives, model.parts().relay].map(u64::from);
+        let [driven, relay] = [model.parts().drives, model.parts().relay > 0].map(u64::from);
         region += (4 + 4) * at_once * driven + 2 * 16 * driven + 3 * 8 * relay + 4 * frames;
     }
     // Views: as they are kept, and the textures that they are made of. While they are made, as float32, there are no fields.

@@ -8,8 +8,20 @@ fn the_header_is_what_the_crate_says() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace").join("tools/c");
     let config = cbindgen::Config::from_file(folder.join("cbindgen.toml")).expect("the configuration");
     // In the order in which they are read.
-    let modules =
-        ["interface", "failure", "display", "engine", "scene", "solve", "hologram", "pupil", "refiner", "encoder"];
+    let modules = [
+        "interface",
+        "failure",
+        "display",
+        "engine",
+        "vulkan",
+        "scene",
+        "solve",
+        "hologram",
+        "pupil",
+        "refiner",
+        "encoder",
+        "session",
+    ];
     let builder = cbindgen::Builder::new().with_config(config);
     let builder = modules.iter().fold(builder, |b, module| b.with_src(folder.join(module).with_extension("rs")));
     let mut made = Vec::new();

@@ -13,5 +13,6 @@ mod motion;
 mod photographs;
 mod picture;
 mod reference;
+mod source;
 mod steering;
 mod tiled_model;

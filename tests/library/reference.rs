@@ -257,7 +257,8 @@ fn the_photograph_of_a_plane_is_sharp_at_its_depth_and_nowhere_else() {
 
 fn problem(optics: Optics, views: ViewGrid, pyramid: Arc<Pyramid>) -> Problem {
     let (padding, eyebox) = (Padding::default(), optics.eyebox());
-    Problem { optics, padding, eyebox, views, center: [0.0; 2], pyramid, mean: 0.5, share: 1.0, model: None, eye: None }
+    let (model, eye, modes) = (None, None, [].into());
+    Problem { optics, padding, eyebox, views, center: [0.0; 2], pyramid, mean: 0.5, share: 1.0, model, eye, modes }
 }
 
 /// A hologram solved for one textured plane shows that plane, displaced by (z - z0) s / f.

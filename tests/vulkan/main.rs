@@ -7,4 +7,5 @@ mod fused;
 mod kernels;
 mod one_device;
 mod rehearsal;
+mod source;
 mod steps;

@@ -10,7 +10,12 @@ use eyebox_tests::both::{Case, Noise, assert_silent, distance, vulkan};
 use eyebox_tests::half_roundings;
 
 /// Runs `steps` from the same random phases; returns the losses and the phases.
-fn solve(engine: &mut dyn Engine, case: &Case, purpose: Purpose, steps: &[Step]) -> (Vec<Vec<f64>>, Vec<f32>) {
+pub(crate) fn solve(
+    engine: &mut dyn Engine,
+    case: &Case,
+    purpose: Purpose,
+    steps: &[Step],
+) -> (Vec<Vec<f64>>, Vec<f32>) {
     case.load(engine, purpose);
     let shape = case.planner.shape(purpose);
     let phases = Noise::new(5).between(shape.frames * shape.pixels(), -3.1, 3.1);
@@ -20,11 +25,11 @@ fn solve(engine: &mut dyn Engine, case: &Case, purpose: Purpose, steps: &[Step])
 }
 
 /// A few steps, the pupil passes in one group and in several.
-fn steps(case: &Case, purpose: Purpose, mode: u32) -> Vec<Step> {
+pub(crate) fn steps(case: &Case, purpose: Purpose, mode: u32) -> Vec<Step> {
     [usize::MAX, 1, 3000].map(|in_flight| case.step(purpose, mode, 0.5, in_flight)).to_vec()
 }
 
-fn assert_close(got: &(Vec<Vec<f64>>, Vec<f32>), want: &(Vec<Vec<f64>>, Vec<f32>), what: &str) {
+pub(crate) fn assert_close(got: &(Vec<Vec<f64>>, Vec<f32>), want: &(Vec<Vec<f64>>, Vec<f32>), what: &str) {
     for (got, want) in got.0.iter().flatten().zip(want.0.iter().flatten()) {
         assert!(*want > 0.0 && (got / want - 1.0).abs() < 1e-4, "{what}: loss {got}, not {want}");
     }

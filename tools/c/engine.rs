@@ -16,6 +16,14 @@ pub struct EyeboxEngine {
     reason: CString,
 }
 
+impl EyeboxEngine {
+    pub(crate) fn on(backend: Backend) -> Result<Self, Failure> {
+        let engine = Mutex::new(backend.engine()?);
+        let reason = CString::new(backend.reason().replace('\0', " ")).unwrap_or_default();
+        Ok(Self { backend, engine, reason })
+    }
+}
+
 /// Opens an engine: "cpu"; "vulkan", a device in software included; or "auto": a real GPU where there is one that computes as it
 /// should, else the CPU.
 #[unsafe(no_mangle)]
@@ -32,10 +40,7 @@ pub unsafe extern "C" fn eyebox_engine_open(
                 "vulkan" => Choice::Vulkan,
                 other => return Err(Failure::argument("choice", other, "auto, cpu or vulkan")),
             };
-            let backend = Backend::open(choice, &Options::default())?;
-            let engine = Mutex::new(backend.engine()?);
-            let reason = CString::new(backend.reason().replace('\0', " ")).unwrap_or_default();
-            Ok(EyeboxEngine { backend, engine, reason })
+            EyeboxEngine::on(Backend::open(choice, &Options::default())?)
         })
     })
 }

@@ -8,8 +8,9 @@
 // Errors. Every function answers EYEBOX_STATUS_OK or what was wrong; `eyebox_last_error` says it in a sentence, per thread.
 //
 // Threads. Any thread may call anything. Displays, scenes, holograms and encoders never change: any number of threads may use one at
-// once. Calls with one engine, or one refiner, wait for each other; engines are cheap beside what they compute, open one a thread.
-// eyebox computes on threads of its own, as many as RAYON_NUM_THREADS says or there are cores. After fork, the child must not call it.
+// once. Calls with one engine, one refiner or one session wait for each other, but for eyebox_session_look, which waits for nobody;
+// engines are cheap beside what they compute, open one a thread. eyebox computes on threads of its own, as many as RAYON_NUM_THREADS
+// says or there are cores; a session has three more until it is freed. After fork, the child must not call it.
 //
 // Units. Lengths are metres, phases radians, light linear, axis order (row = y, column = x), +x to the right, +y down.
 
@@ -54,6 +55,8 @@ typedef enum {
   EYEBOX_STATUS_ENGINE = 8,
   // A fault of eyebox itself, please report it. Handles that the call was given may be freed, and no more.
   EYEBOX_STATUS_INTERNAL = 9,
+  // The session, or what it shows on.
+  EYEBOX_STATUS_SESSION = 10,
 } EyeboxStatus;
 
 // A display: the SLM, its optics and how it takes its phases. It never changes.
@@ -73,6 +76,14 @@ typedef struct EyeboxRefiner EyeboxRefiner;
 
 // A scene as a light field: views from a grid of places in the pupil plane, of a display's size. It never changes.
 typedef struct EyeboxScene EyeboxScene;
+
+// A hologram on a display that the caller drives: each tick gives the video frame that is next. What is refined is refined
+// meanwhile, on threads of its own.
+typedef struct EyeboxSession EyeboxSession;
+
+// What a caller does with its queue, with the pointer that was given to `eyebox_engine_with_queue`. It must not throw, nor call eyebox
+// with that engine or anything that computes on it.
+typedef void (*EyeboxUse)(void *user);
 
 // A light field of the caller's own. Each colour is an array (view row, view column, row, column) without gaps, of linear light
 // in float32, finite and not negative, with 1 as full scale. View (r, c) looks from x = (c - (view_columns - 1) / 2)
@@ -179,6 +190,56 @@ typedef struct {
   size_t bytes;
 } EyeboxVideo;
 
+// A sample of the caller's eye tracker.
+typedef struct {
+  // Where the pupil's centre was, metres to the right; NaN where the eye is closed.
+  double x_m;
+  // Down.
+  double y_m;
+  // Its diameter, metres; 0 where the tracker does not measure it.
+  double diameter_m;
+  // Seconds since it was there: what the tracker and its way here take, 0 to 10.
+  double age_s;
+} EyeboxSample;
+
+// What a tick gave.
+typedef struct {
+  // Whether there is one: 0 once what is shown has ended, and then nothing was written.
+  int32_t shown;
+  // Whether a set begins with it; `set` says whether it is another one.
+  int32_t begins;
+  // Which video frame of its set, from 0.
+  uint64_t part;
+  // Which video frame of the display, from 0; those that no tick came for are counted.
+  uint64_t number;
+  // The number of the refined set, or of the hologram; -1 for the picture that is shown before there is any.
+  int64_t set;
+} EyeboxFrame;
+
+// What a session did so far. Of what is not refined, the counts from `steps` on are 0 and the times NaN.
+typedef struct {
+  // Video frames of the display, taken or missed.
+  uint64_t video_frames;
+  // Of them, those that no tick came for in time.
+  uint64_t missed;
+  // Sets begun.
+  uint64_t sets;
+  // Of them, those of the picture that is shown before there is any.
+  uint64_t idle_sets;
+  // Steps of refinement, of all colours.
+  uint64_t steps;
+  // Sets that were new,
+  uint64_t sets_new;
+  // and that were shown again.
+  uint64_t sets_repeated;
+  // How often refinement began again, after a jump of the eye.
+  uint64_t restarts;
+  // From a sample to its first light, the median, milliseconds.
+  double sample_to_light_ms;
+  // How old the newest sample was at the newest light, milliseconds.
+  double sample_age_ms;
+} EyeboxAccount;
+
 #ifdef __cplusplus
 extern "C" {
 #endif // __cplusplus
@@ -212,6 +273,26 @@ EyeboxStatus eyebox_engine_reason(const EyeboxEngine *engine, const char **reaso
 
 // Frees an engine; refiners that were made with it go on.
 void eyebox_engine_free(EyeboxEngine *engine);
+
+// An engine on the caller's own Vulkan device. `instance`, `physical_device`, `device` and `queue` are VkInstance, VkPhysicalDevice,
+// VkDevice and VkQueue; the queue is one of `queue_family`, which computes (VK_QUEUE_COMPUTE_BIT). The instance and the device are
+// of Vulkan 1.2 or newer (VkApplicationInfo::apiVersion), and the device was made with the feature timelineSemaphore
+// (VkPhysicalDeviceVulkan12Features); no extension is needed. What Vulkan tells is looked at: limits, the version, whether the
+// family computes, and whether small transforms come out right. Which features are on it tells nobody: without that one the
+// calls are undefined. The device and its instance stay the caller's, and must stand until the engine, and all that was made
+// with it (refiners, sessions), are freed. Until then the caller makes use of the queue within `eyebox_engine_with_queue`
+// alone. A device that is lost is not opened anew: calls fail with EYEBOX_STATUS_ENGINE.
+EyeboxStatus eyebox_engine_vulkan_device(void *instance,
+                                         void *physical_device,
+                                         void *device,
+                                         uint32_t queue_family,
+                                         void *queue,
+                                         EyeboxEngine **engine);
+
+// Calls `with` (`user`) while nothing of eyebox makes use of the queue of an engine's device: for what the caller submits there itself.
+EyeboxStatus eyebox_engine_with_queue(const EyeboxEngine *engine,
+                                      EyeboxUse with,
+                                      void *user);
 
 // Loads a scene for a display: "builtin:NAME", a folder of views, or a picture (docs/scenes.md), in the `colors` that are asked for
 // (a sum of EYEBOX_RED, EYEBOX_GREEN, EYEBOX_BLUE; 0 for all of the display's). `views` are the views per axis of scenes that are
@@ -322,6 +403,47 @@ EyeboxStatus eyebox_encode(const EyeboxEncoder *encoder, const EyeboxHologram *h
 
 // Frees an encoder.
 void eyebox_encoder_free(EyeboxEncoder *encoder);
+
+// Shows a hologram as it was solved, on a display of so many video frames a second.
+EyeboxStatus eyebox_session_play(const EyeboxHologram *hologram,
+                                 const EyeboxDisplay *display,
+                                 double rate_hz,
+                                 EyeboxSession **session);
+
+// Shows a hologram that is refined for where the eye is, as `eyebox_session_look` says. The scene was loaded for the hologram's
+// display, has its colours, and may be freed afterwards; `display` is what is encoded for. `settings` is TOML, or null for the
+// defaults: the fields of eyebox::solve::Steering, as of `eyebox_refiner_new`. It computes where `engine` does, beside it.
+EyeboxStatus eyebox_session_follow(const EyeboxHologram *hologram,
+                                   const EyeboxScene *scene,
+                                   const EyeboxDisplay *display,
+                                   const char *settings,
+                                   const EyeboxEngine *engine,
+                                   double rate_hz,
+                                   EyeboxSession **session);
+
+// The sizes of what ticks give: `frames` video frames a set, and `bytes` of one of them.
+EyeboxStatus eyebox_session_video(const EyeboxSession *session, EyeboxVideo *video);
+
+// Gives a sample of the caller's eye tracker. It waits for nothing, a tick least of all.
+EyeboxStatus eyebox_session_look(const EyeboxSession *session, const EyeboxSample *sample);
+
+// Whether a session that follows an eye does: 0 shows the hologram for the whole eyebox, anything else follows.
+EyeboxStatus eyebox_session_steer(const EyeboxSession *session, int32_t steered);
+
+// The video frame that is next, into memory of the caller's: (row, column, channel), 8 bits each, of as many bytes as
+// `eyebox_session_video` says. It lights up in `lit_in_s` seconds, 0 to 1: what refinement aims at. Call it once for every video frame of
+// the display, in any thread; it waits for no step, and for no encoding.
+EyeboxStatus eyebox_session_tick(const EyeboxSession *session,
+                                 double lit_in_s,
+                                 void *picture,
+                                 size_t bytes,
+                                 EyeboxFrame *frame);
+
+// What a session did so far, as of its last tick.
+EyeboxStatus eyebox_session_account(const EyeboxSession *session, EyeboxAccount *account);
+
+// Ends a session, and its threads with it.
+void eyebox_session_free(EyeboxSession *session);
 
 #ifdef __cplusplus
 }  // extern "C"

@@ -6,6 +6,7 @@ use eyebox::hologram::HologramError;
 use eyebox::optics::OpticsError;
 use eyebox::produce::ProduceError;
 use eyebox::scene::SceneError;
+use eyebox::session::SessionError;
 use eyebox::solve::SolveError;
 use std::any::Any;
 use std::cell::RefCell;
@@ -37,6 +38,8 @@ pub enum EyeboxStatus {
     Engine = 8,
     /// A fault of eyebox itself, please report it. Handles that the call was given may be freed, and no more.
     Internal = 9,
+    /// The session, or what it shows on.
+    Session = 10,
 }
 
 #[derive(Debug, thiserror::Error)]
@@ -61,6 +64,8 @@ pub(crate) enum Failure {
     Encode(#[from] EncodeError),
     #[error(transparent)]
     Engine(#[from] EngineError),
+    #[error(transparent)]
+    Session(#[from] SessionError),
     #[error("{color}: a loss was no finite number at step {step}: take smaller gains or rates, or storage = \"fp32\"")]
     NotFinite { color: String, step: usize },
     #[error("a fault of eyebox itself: {0}")]
@@ -78,6 +83,11 @@ impl Failure {
         match self {
             Self::Null(_) | Self::Misaligned(_) => EyeboxStatus::Pointer,
             Self::Argument { .. } => EyeboxStatus::Argument,
+            Self::Session(SessionError::Hologram(_)) => EyeboxStatus::Hologram,
+            Self::Session(SessionError::Encode(_)) => EyeboxStatus::Encode,
+            Self::Session(SessionError::Engine(_)) => EyeboxStatus::Engine,
+            Self::Session(SessionError::Solve(_)) => EyeboxStatus::Solve,
+            Self::Session(_) => EyeboxStatus::Session,
             Self::Optics(_) | Self::Produce(ProduceError::Optics(_)) | Self::Hologram(HologramError::Optics(_)) => {
                 EyeboxStatus::Display
             }

@@ -19,7 +19,9 @@ mod interface;
 mod pupil;
 mod refiner;
 mod scene;
+mod session;
 mod solve;
+mod vulkan;
 
 pub use display::{
     EyeboxDisplay, eyebox_display_free, eyebox_display_from_toml, eyebox_display_load, eyebox_display_resized,
@@ -40,4 +42,10 @@ pub use refiner::{
     eyebox_refiner_step,
 };
 pub use scene::{EyeboxScene, EyeboxViews, eyebox_scene_free, eyebox_scene_from_views, eyebox_scene_load};
+pub use session::{
+    EyeboxAccount, EyeboxFrame, EyeboxSample, EyeboxSession, eyebox_session_account, eyebox_session_follow,
+    eyebox_session_free, eyebox_session_look, eyebox_session_play, eyebox_session_steer, eyebox_session_tick,
+    eyebox_session_video,
+};
 pub use solve::{EyeboxProgress, EyeboxStep, eyebox_solve};
+pub use vulkan::{EyeboxUse, eyebox_engine_vulkan_device, eyebox_engine_with_queue};

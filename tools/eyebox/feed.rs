@@ -9,7 +9,6 @@ use clap::Args;
 use eyebox::scene::{self, Request, Stage, ViewGrid};
 use eyebox_live_input::{Application, Content, FrameInfo, Kind, LiveError, Offer, Sample, Transfer, Wanted};
 use serde::Serialize;
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// `eyebox feed`
@@ -108,8 +107,8 @@ fn sources(args: &Feed) -> Result<Vec<String>, Failure> {
         let there_and_back = (0..args.steps).chain((1..args.steps - 1).rev());
         return Ok(there_and_back.map(|step| format!("{scene}{mark}{key}={}", at(step))).collect());
     }
-    match one().filter(|s| Path::new(s).is_dir()) {
-        Some(folder) => Ok(scene::frames(Path::new(folder))?.unwrap_or_else(|| args.scenes.clone())),
+    match one() {
+        Some(one) => Ok(scene::sequence(one, &[])?.unwrap_or_else(|| args.scenes.clone())),
         None => Ok(args.scenes.clone()),
     }
 }

@@ -130,7 +130,7 @@ fn what(args: &Show) -> Result<What, Failure> {
     if is_phases(one) {
         return Ok(What::Phases(path.into()));
     }
-    let frames = if path.is_dir() { scene::frames(path)? } else { None };
+    let frames = scene::sequence(one, &args.subject.options.depth_map)?;
     Ok(frames.map_or_else(|| What::Scene(one.clone()), What::Scenes))
 }
 

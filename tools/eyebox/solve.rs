@@ -20,7 +20,6 @@ use eyebox::scene;
 use eyebox::solve::{Method, Optimizer, Settings, Solution, Stop};
 use eyebox::tiled::MemoryLimit;
 use serde_json::{Value, json};
-use std::path::Path;
 use std::time::Instant;
 pub use watch::Watch;
 
@@ -28,8 +27,7 @@ pub use watch::Watch;
 pub fn run(args: &Solve) -> Result<(), Failure> {
     let start = Instant::now();
     let first = &args.scene.scene;
-    let folder = Path::new(first);
-    let frames = if args.more.is_empty() && folder.is_dir() { scene::frames(folder)? } else { None };
+    let frames = if args.more.is_empty() { scene::sequence(first, &args.scene.options.depth_map)? } else { None };
     let scenes = frames.unwrap_or_else(|| [std::slice::from_ref(first), &args.more].concat());
     let mut display = common::display(&args.display)?;
     args.eye.replace(&mut display.prescription)?;

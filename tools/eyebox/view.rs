@@ -53,6 +53,10 @@ fn through(hologram: &Hologram) -> String {
     if !hologram.metadata.picture.is_empty() {
         said += ", where the display's picture is seen (--ideal looks past it)";
     }
+    let modes = (0..hologram.colors.len()).filter_map(|color| hologram.modes(color).ok());
+    if let Some(most) = modes.map(|modes| modes.len()).max().filter(|most| *most > 0) {
+        said += &format!(", in the light of a source of {most} modes (--ideal looks with a laser)");
+    }
     if let Some(eye) = &hologram.metadata.prescription {
         said += &format!(", by an eye of {eye} (--prescription none looks with a perfect one)");
     }

@@ -3,12 +3,12 @@
 use crate::display::{Display, colors};
 use crate::failure::{Answer, Failure};
 use eyebox::calibrate::{Bench, Event, FEWEST};
-use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
 /// Fits the model of one colour to what a camera's command gives, or to a folder of pictures; the calibrated display, and its report
-/// as JSON. `told` hears (what is being done, share of all) and lines of the bench (line, none).
+/// as JSON. `told` hears (what is being done, share of all) and lines of the bench (line, none); `end` is called when Python raises, by
+/// ctrl-C or in `told`, and has the bench give no more pictures.
 #[pyfunction]
 pub(crate) fn calibrate(
     py: Python<'_>,
@@ -17,6 +17,7 @@ pub(crate) fn calibrate(
     bench: (Option<String>, Option<PathBuf>),
     how: (usize, bool, Option<[f64; 3]>),
     told: Option<Py<PyAny>>,
+    end: Option<Py<PyAny>>,
 ) -> PyResult<(Display, String)> {
     let ((command, folder), (most, quick, iris_mm)) = (bench, how);
     let mut raised = None;
@@ -42,8 +43,11 @@ pub(crate) fn calibrate(
                 };
                 Ok(())
             });
-            if let Err(error) = heard {
-                raised.get_or_insert(error);
+            if let Err(error) = heard
+                && raised.is_none()
+            {
+                raised = Some(error);
+                let _ = Python::attach(|py| end.as_ref().map(|end| end.call0(py)).transpose());
             }
         };
         let calibrated = eyebox::calibrate::calibrate(&display.0, color, &bench, None, &mut observe)?;
@@ -51,9 +55,9 @@ pub(crate) fn calibrate(
         Ok((Display(calibrated.display), report))
     };
     let done = py.detach(&mut run);
-    // A calibration cannot be ended from here: what was raised meanwhile comes after it.
+    // A fit cannot be ended from here: what was raised meanwhile comes after it.
     match raised {
-        Some(error) if error.is_instance_of::<PyKeyboardInterrupt>(py) || done.is_ok() => Err(error),
-        _ => Ok(done?),
+        Some(error) => Err(error),
+        None => Ok(done?),
     }
 }

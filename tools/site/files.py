@@ -17,6 +17,8 @@ FILES = [
             ("[[encoding.correction]]", "optics/encoding.rs", "Correction"),
             ("[[encoding.grating]]", "optics/encoding.rs", "Grating"),
             ("[model.COLOR]", "optics/model.rs", "ModelTerms"),
+            ("[source.COLOR]", "optics/source.rs", "SourceTerms"),
+            ("modes of a source", "optics/source.rs", "GivenMode"),
             ("[picture]", "optics/picture.rs", "Picture"),
             ("[picture.COLOR]", "optics/picture.rs", "Seen"),
             ("[prescription]", "optics/prescription.rs", "Prescription"),

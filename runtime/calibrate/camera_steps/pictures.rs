@@ -72,6 +72,10 @@ impl<'a> CameraBench<'a> {
             let reason = "a camera has no eye's prescription: solve with --prescription none".into();
             return Err(CalibrateError::Bench { display: display.name.clone(), reason });
         }
+        if colors.iter().any(|color| !display.modes(*color).is_empty()) {
+            let reason = "steps with a camera know one mode of a source: leave out [source]".into();
+            return Err(CalibrateError::Bench { display: display.name.clone(), reason });
+        }
         let (link, hello) = Link::start(steps.command, steps.limit, say)?;
         let named = colors.iter().map(|c| check(display, *c, &hello, shows.is_none()));
         let named = named.collect::<Result<Vec<_>, CalibrateError>>()?;

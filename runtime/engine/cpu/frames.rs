@@ -46,9 +46,13 @@ impl Frame<'_> {
     /// Pupil by pupil, each adding to what is stored.
     pub(super) fn return_pupils(&mut self) {
         for (pass, slot) in self.passes.iter().zip(self.slots) {
-            let window = &slot.window[self.index * pass.count()..][..pass.count()];
-            return_pupil(&pass.back, window, &slot.transfer, &pass.spans, self.change);
-            pass.back.pieces(&pass.spans, |at, _, length| (self.store)(&mut self.change[at..at + length]));
+            let (count, frames) = (pass.count(), self.shape.frames);
+            for (i, mode) in pass.each_mode().enumerate() {
+                let window = &slot.window[(i * frames + self.index) * count..][..count];
+                let transfer = &slot.transfer[i * count..][..count];
+                return_pupil(&mode.back, window, transfer, &mode.spans, self.change);
+                mode.back.pieces(&mode.spans, |at, _, length| (self.store)(&mut self.change[at..at + length]));
+            }
         }
     }
 }

@@ -24,6 +24,12 @@ pub(super) struct Pass<'a> {
 }
 
 impl Pass<'_> {
+    /// Mode by mode of the source: which, its pass, and its K.
+    pub(super) fn each_mode(&mut self, mut work: impl FnMut(usize, &PupilPass, &mut [Complex32])) {
+        let transfers = self.slot.transfer.chunks_exact_mut(self.pass.count().max(1));
+        self.pass.each_mode().zip(transfers).enumerate().for_each(|(i, (pass, transfer))| work(i, pass, transfer));
+    }
+
     pub(super) fn photograph(&mut self) {
         let (Some(shot), Some(views)) = (&self.pass.shot, self.views) else { return };
         let (height, width) = (shot.args.height as usize, shot.args.width as usize);
@@ -41,10 +47,13 @@ impl Pass<'_> {
     }
 
     pub(super) fn intensity(&mut self) {
-        let (count, frames) = (self.pass.count(), self.shape.frames);
+        let (count, modes) = (self.pass.count(), self.pass.mode_count());
+        let frames = modes * self.shape.frames;
         let Slot { window, image, .. } = &mut *self.slot;
         if frames * count < SPLIT {
-            return intensity(&self.pass.intensity, window, image);
+            let mut args = self.pass.intensity;
+            args.frames *= modes as u32;
+            return intensity(&args, window, image);
         }
         // Bands of pixels, each over all sub-frames: the sum's order does not depend on the threads.
         let band = count.div_ceil(16);

@@ -1,6 +1,6 @@
 //! Whether a step fits what was loaded: a shader that is given wrong sizes would read and write anywhere.
 
-use super::super::{EngineError, PupilPass, Resource, Shape, Step};
+use super::super::{EngineError, Kernel, PupilPass, Resource, Shape, Step, other_source};
 use super::views::Views;
 use std::ops::Range;
 
@@ -30,9 +30,12 @@ pub(super) fn check(step: &Step, part: &Range<usize>, shape: &Shape, views: Opti
         }
         for pupil_pass in pupil_passes {
             if checked != dispatch.pupil_passes
-                && let Err(reason) = check_pupil_pass(pupil_pass, shape)
+                && let Err(reason) = check_modes(pupil_pass, shape)
             {
                 return mismatch(format!("a pupil_pass of {name}: {reason}"));
+            }
+            if dispatch.kernel == Kernel::Relay && pupil_pass.mode_count() > shape.model.relay {
+                return Err(other_source(pupil_pass.mode_count(), shape.model.relay));
             }
             if dispatch.kernel.binds().iter().any(|(_, resource)| *resource == Resource::Views)
                 && let Err(reason) = check_views(pupil_pass, views)
@@ -45,6 +48,18 @@ pub(super) fn check(step: &Step, part: &Range<usize>, shape: &Shape, views: Opti
         }
     }
     Ok(())
+}
+
+/// A pupil pass and its further modes, whose windows are of one size.
+fn check_modes(pupil_pass: &PupilPass, shape: &Shape) -> Result<(), String> {
+    let size = |pass: &PupilPass| (pass.window.rows, pass.window.columns);
+    for (i, mode) in pupil_pass.modes.iter().enumerate() {
+        check_pupil_pass(mode, shape).map_err(|reason| format!("in mode {}: {reason}", i + 2))?;
+        if size(mode) != size(pupil_pass) || !mode.modes.is_empty() || mode.shot.is_some() {
+            return Err(format!("its mode {} has another window, modes or a photograph of its own", i + 2));
+        }
+    }
+    check_pupil_pass(pupil_pass, shape)
 }
 
 fn check_pupil_pass(pupil_pass: &PupilPass, shape: &Shape) -> Result<(), String> {

@@ -266,17 +266,4 @@ impl Arenas {
     pub(super) fn block(&self, resource: Resource) -> Option<&Block> {
         slot_layout(resource).and_then(|at| self.blocks[at].as_ref())
     }
-
-    /// Frames `first .. first + count` of one buffer of a slot.
-    pub(super) fn frames(
-        &self,
-        resource: Resource,
-        slot: &Slot,
-        first: usize,
-        count: usize,
-    ) -> Result<Range<'_>, EngineError> {
-        let missing = || EngineError::Mismatch { reason: format!("no pupil pass has a {}", resource.name()) };
-        let at = slot_layout(resource).ok_or_else(missing)?;
-        Ok(slot[at].range(self.blocks[at].as_ref().ok_or_else(missing)?, first, count))
-    }
 }

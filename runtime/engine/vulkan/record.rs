@@ -48,7 +48,7 @@ impl<'a> Work<'a> {
     pub(super) fn record(&mut self, dispatch: &Dispatch, way: Way, slots: &[Slot]) -> Result<(), EngineError> {
         let (step, shape, kernel) = (self.step, self.shape, dispatch.kernel);
         let (shader, module) = shader(kernel);
-        let mut call = Call { work: self, step, shape, kernel, module, dispatch, slots, at: 0 };
+        let mut call = Call { work: self, step, shape, kernel, module, dispatch, slots, at: 0, mode: 0 };
         if way != Way::Alone {
             return call.fused(way);
         }
@@ -57,16 +57,22 @@ impl<'a> Work<'a> {
             binds.push((Access::Read, Resource::Losses));
         }
         call.work.before(&binds);
-        let shader = match shader {
+        let (shader, all_modes) = match shader {
             Shader::Once(shader) => return shader(&mut call),
-            Shader::Each(shader) => shader,
+            Shader::Each(shader) => (shader, false),
+            Shader::Modes(shader) => (shader, true),
         };
         for (at, pass) in step.pupil_passes[dispatch.pupil_passes.clone()].iter().enumerate() {
-            if at > 0 && kernel.accumulates_over_pupils() {
-                call.work.gpu.recorder.barrier();
+            let modes = if all_modes { pass.mode_count() } else { 1 };
+            for mode in 0..modes {
+                // What modes add to is the pupil's: its image.
+                let adds = kernel.accumulates_over_pupils() || (mode > 0 && kernel == Kernel::Intensity);
+                if at + mode > 0 && adds {
+                    call.work.gpu.recorder.barrier();
+                }
+                (call.at, call.mode) = (at, mode);
+                shader(&mut call, pass.mode(mode))?;
             }
-            call.at = at;
-            shader(&mut call, pass)?;
         }
         Ok(())
     }

@@ -39,7 +39,7 @@ struct Pupil {
     gain: f32,
     mode: u32,
     compare: [f32; 4],
-    propagation: [[f32; 2]; 3],
+    propagation: [[f32; 2]; 5],
     bins: [i32; 2],
 }
 
@@ -82,7 +82,10 @@ struct PupilPassTables {
 #[derive(Default)]
 pub(super) struct Tables {
     packed: Vec<u8>,
+    /// Of all pupil passes, then of their further modes.
     pupil_passes: Vec<PupilPassTables>,
+    /// Where the further modes of each begin.
+    modes: Vec<usize>,
     taps: Vec<Tap>,
     shots: Vec<Shot>,
     shots_of: Vec<ShotOf>,
@@ -116,17 +119,19 @@ impl Tables {
         self.pupil_passes.clear();
         self.pupils.clear();
         for (at, pass) in pupil_passes.iter().enumerate() {
-            let mut tables = PupilPassTables { spans: self.add(&pass.spans), ..Default::default() };
-            tables.eye = pass.eye.as_ref().map(|terms| self.add(&terms.pairs()));
-            tables.taper = pass.taper.as_ref().map(|weights| self.add(weights));
-            tables.moments = pass.moments.as_ref().map(|table| self.add(table.words()));
-            if let Some(shot) = &pass.shot {
-                tables.rows = self.add_table(&shot.rows);
-                tables.columns = self.add_table(&shot.columns);
-            }
-            self.pupil_passes.push(tables);
-            if let (Some(slot), Some(losses)) = (slots.get(at), losses.get(at)) {
-                self.pupils.push(pupil(pass, &tables, slot, *losses));
+            self.pack_one(pass, slots.get(at).copied(), losses.get(at));
+        }
+        self.modes.clear();
+        for (at, pass) in pupil_passes.iter().enumerate() {
+            self.modes.push(self.pupil_passes.len());
+            for (i, mode) in pass.modes.iter().enumerate() {
+                let mut slot = slots.get(at).copied();
+                for kind in [Resource::Window, Resource::Transfer].into_iter().filter_map(slot_layout) {
+                    if let Some(layout) = slot.as_mut().map(|slot| &mut slot[kind]) {
+                        layout.offset += (i + 1) as u64 * layout.bytes() / pass.mode_count() as u64;
+                    }
+                }
+                self.pack_one(mode, slot, losses.get(at));
             }
         }
         self.gather_shots(pupil_passes, &slots, views);
@@ -135,6 +140,30 @@ impl Tables {
             add(&mut self.packed, bytemuck::cast_slice(&self.shots)),
             add(&mut self.packed, bytemuck::cast_slice(&self.pupils)),
         );
+    }
+
+    /// One, or one of its further modes, in this slot.
+    fn pack_one(&mut self, pass: &PupilPass, slot: Option<Slot>, losses: Option<&u64>) {
+        let mut tables = PupilPassTables { spans: self.add(&pass.spans), ..Default::default() };
+        tables.eye = pass.eye.as_ref().map(|terms| self.add(&terms.pairs()));
+        tables.taper = pass.taper.as_ref().map(|weights| self.add(weights));
+        tables.moments = pass.moments.as_ref().map(|table| self.add(table.words()));
+        if let Some(shot) = &pass.shot {
+            tables.rows = self.add_table(&shot.rows);
+            tables.columns = self.add_table(&shot.columns);
+        }
+        self.pupil_passes.push(tables);
+        if let (Some(slot), Some(losses)) = (slot, losses) {
+            self.pupils.push(pupil(pass, &tables, &slot, *losses));
+        }
+    }
+
+    /// Where a pupil pass, or one of its further modes, stands among the tables.
+    pub(super) fn place(&self, pupil_pass: usize, mode: usize) -> usize {
+        match mode {
+            0 => pupil_pass,
+            _ => self.modes.get(pupil_pass).map_or(usize::MAX, |first| first + mode - 1),
+        }
     }
 
     /// Block by block of views what each pupil pass has of it; those that have nothing of any have nothing of the first.

@@ -33,6 +33,7 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
     let depth = common::depths(&solve.scene, &field, &display)?;
     let (settings, chosen) = settings_of(solve, engine.as_ref(), &display, depth, colors.len())?;
     let plan = plan_of(solve, &settings, &field, &display)?;
+    let display = plan.lit(&display);
     let slow =
         encode::flicker(&display, &plan.colors, plan.settings.frames, display.rate_hz.unwrap_or(encode::USUAL_RATE_HZ));
     let timing = |name: &str| {

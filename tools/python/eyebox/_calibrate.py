@@ -103,7 +103,9 @@ def calibrate(
     iris : (float, float, float), optional
         Where an iris stands that does not move: x, y, diameter, metres.
     callback : callable, optional
-        Told what is being done and the share of all that is done, and lines of the bench with None.
+        Told what is being done and the share of all that is done, and lines of the bench with None. What it raises ends the
+        calibration, as ctrl-C does: before the next picture, or, while the model is fitted, when that is done. Pictures are
+        kept where ``captures`` says.
 
     Raises
     ------
@@ -117,12 +119,12 @@ def calibrate(
     still = None if iris is None else [1e3 * _arguments.number(one, "iris") for one in iris]
     how = (_arguments.count(most, "most", 1000), bool(quick), still)
     if camera is None:
-        native, report = _eyebox.calibrate(display._native, color, (None, folder), how, callback)
+        native, report = _eyebox.calibrate(display._native, color, (None, folder), how, callback, None)
         return Calibration(Display._of(native), json.loads(report))
     if not callable(camera):
         raise TypeError(f"camera is {camera!r}: it must be callable with a Shot")
     with _Bench(display, camera, hello, full_scale) as bench:
-        native, report = _eyebox.calibrate(display._native, color, (bench.command, folder), how, callback)
+        native, report = _eyebox.calibrate(display._native, color, (bench.command, folder), how, callback, bench.end)
     return Calibration(Display._of(native), json.loads(report))
 
 
@@ -142,6 +144,11 @@ class _Bench:
         self.hello = {"protocol": 1, "colors": colors, **said, "slm": slm}
         self.camera = camera
         self.open: list[Connection] = []
+        self.ended = False
+
+    def end(self) -> None:
+        """Has the bench give no more pictures."""
+        self.ended = True
 
     def __enter__(self) -> _Bench:
         key = secrets.token_bytes(32)
@@ -189,6 +196,8 @@ class _Bench:
             return
 
     def do(self, asked: dict[str, Any]) -> dict[str, Any]:
+        if self.ended:
+            raise RuntimeError("it was ended")
         if asked.get("do") == "hello":
             return self.hello
         if asked.get("do") != "capture":

@@ -127,6 +127,7 @@ def calibrate(
     bench: tuple[str | None, str | None],
     how: tuple[int, bool, list[float] | None],
     told: Callable[[str, float | None], Any] | None,
+    end: Callable[[], Any] | None,
 ) -> tuple[Display, str]: ...
 
 class Sequence:

@@ -1,4 +1,4 @@
-"""More than one machine: sequences as graphs of independent pieces, on Dask (``pip install dask[distributed]``).
+"""More than one machine: sequences, scores and trade-offs as graphs of independent pieces, on Dask (``pip install dask[distributed]``).
 
 A sequence's first hologram decides the exposure; the others need nothing of each other. Each is solved by whichever worker is free, and
 saved beside the sequence: what is done is not done twice, a worker that dies loses the piece it was at, and the sequence that
@@ -13,15 +13,18 @@ from __future__ import annotations
 
 import contextlib
 import fractions
+import json
 import os
 import shutil
-from typing import Any, Iterator
+import time
+from typing import Any, Callable, Iterator
 
 from . import _arguments, _eyebox
 from ._display import Display, display_of, engine_of
 from ._hologram import Hologram
+from ._solve import solve
 
-__all__ = ["solve_sequence"]
+__all__ = ["evaluate", "solve_sequence", "tradeoff"]
 
 
 def solve_sequence(
@@ -72,11 +75,7 @@ def solve_sequence(
         What a piece could not do.
     """
     display = display_of(display)
-    if isinstance(scenes, (str, bytes)) or not hasattr(scenes, "__iter__"):
-        raise TypeError(f"scenes is {scenes!r}: it must be a sequence of names or paths")
-    names = [_arguments.path(scene, "scenes") for scene in scenes]
-    if not names:
-        raise ValueError("scenes is empty: it must have one or more")
+    names = _paths(scenes, "scenes")
     out = os.path.abspath(_arguments.path(out, "out"))
     if not out.endswith(".zarr"):
         raise ValueError(f"out is {out!r}: it must end in .zarr")
@@ -102,6 +101,158 @@ def solve_sequence(
     if not keep_pieces:
         shutil.rmtree(folder)
     return solved
+
+
+def evaluate(
+    holograms: Any,
+    out: Any,
+    pupils: Any = None,
+    *,
+    scene: Any = None,
+    client: Any = None,
+    workers: int = 2,
+    engine: str = "auto",
+    keep_pieces: bool = False,
+) -> list[dict[str, Any]]:
+    """Scores holograms on the workers of a Dask cluster, each on one.
+
+    Parameters
+    ----------
+    holograms : sequence of path
+        Files of holograms, which all workers see.
+    out : path
+        Where the scores go: NAME.json. Of the same holograms, what is there is not done again.
+    pupils : sequence of (x, y, diameter, depth), optional
+        As of :meth:`eyebox.Hologram.score`, which each is scored by.
+    scene : str or path, optional
+        What all of them show; where none is given, what each was solved from.
+    client, workers, engine, keep_pieces
+        As of :func:`solve_sequence`.
+
+    Returns
+    -------
+    list of dict
+        For each, ``hologram`` (its path) and ``scores``: for each pupil ``psnr`` and ``ceiling`` (dB) and ``ssim``.
+    """
+    files = _paths(holograms, "holograms")
+    scene = None if scene is None else _arguments.path(scene, "scene")
+    at = None if pupils is None else _arguments.pupils(pupils)
+    return _pieces(_scored, [(file, scene, at, engine) for file in files], out, client, workers, keep_pieces)
+
+
+def tradeoff(
+    scene: Any,
+    out: Any,
+    grid: Any,
+    display: Any = "paper",
+    color: Any = None,
+    *,
+    pupils: Any = None,
+    client: Any = None,
+    workers: int = 2,
+    engine: str = "auto",
+    keep_pieces: bool = False,
+) -> list[dict[str, Any]]:
+    """Solves a scene by each of several settings on the workers of a Dask cluster, and scores what comes of it.
+
+    Parameters
+    ----------
+    scene : str or path
+        The scene, which all workers see.
+    out : path
+        Where the results go: NAME.json. Of the same settings, what is there is not done again.
+    grid : sequence of dict
+        Settings of :func:`eyebox.solve`, by their names.
+    display, color
+        As of :func:`eyebox.solve`.
+    pupils
+        As of :meth:`eyebox.Hologram.score`.
+    client, workers, engine, keep_pieces
+        As of :func:`solve_sequence`.
+
+    Returns
+    -------
+    list of dict
+        For each, ``settings``, ``seconds`` that its solve took on its worker, and ``scores`` as of :func:`evaluate`.
+    """
+    display = display_of(display)
+    name = _arguments.path(scene, "scene")
+    colors = _arguments.colors(color, list(display.wavelengths))
+    try:
+        settings = [dict(one) for one in grid]
+    except (TypeError, ValueError):
+        raise TypeError(f"grid is {grid!r}: it must be a sequence of dicts of settings") from None
+    for one in settings:
+        _arguments.toml(one)
+    at = None if pupils is None else _arguments.pupils(pupils)
+    given = (name, display.to_toml(), colors)
+    return _pieces(_traded, [(*given, one, at, engine) for one in settings], out, client, workers, keep_pieces)
+
+
+def _paths(values: Any, what: str) -> list[str]:
+    """Several names or paths."""
+    if isinstance(values, (str, bytes)) or not hasattr(values, "__iter__"):
+        raise TypeError(f"{what} is {values!r}: it must be a sequence of names or paths")
+    paths = [_arguments.path(value, what) for value in values]
+    if not paths:
+        raise ValueError(f"{what} is empty: it must have one or more")
+    return paths
+
+
+def _pieces(
+    make: Callable[..., Any], jobs: list[Any], out: Any, client: Any, workers: int, keep: bool
+) -> list[dict[str, Any]]:
+    """Results of independent pieces, each in a file of its own until all are in one."""
+    out = os.path.abspath(_arguments.path(out, "out"))
+    if not out.endswith(".json"):
+        raise ValueError(f"out is {out!r}: it must end in .json")
+    if not jobs:
+        raise ValueError("grid is empty: it must have one or more")
+    folder = out + ".pieces"
+    os.makedirs(folder, exist_ok=True)
+    _same_job(os.path.join(folder, "job.txt"), repr(jobs))
+    paths = [os.path.join(folder, f"{index:06}.json") for index in range(len(jobs))]
+    with _cluster(client, workers) as there:
+        there.gather([there.submit(_result, make, job, path, pure=False) for job, path in zip(jobs, paths)])
+    results = []
+    for path in paths:
+        with open(path, encoding="utf-8") as file:
+            results.append(json.load(file))
+    _write(out, results)
+    if not keep:
+        shutil.rmtree(folder)
+    return results
+
+
+def _result(make: Callable[..., Any], job: Any, path: str) -> None:
+    """On a worker: one result, unless it is there."""
+    if not os.path.exists(path):
+        _write(path, make(*job))
+
+
+def _write(path: str, value: Any) -> None:
+    with open(path + ".part", "w", encoding="utf-8") as draft:
+        json.dump(value, draft, indent=1)
+    os.replace(path + ".part", path)
+
+
+def _scored(file: str, scene: str | None, pupils: Any, engine: str) -> dict[str, Any]:
+    return {"hologram": file, "scores": _scores(Hologram.load(file), scene, pupils, engine)}
+
+
+def _traded(
+    scene: str, display: str, colors: list[str], settings: dict[str, Any], pupils: Any, engine: str
+) -> dict[str, Any]:
+    begun = time.perf_counter()
+    made = solve(scene, Display._of(_eyebox.Display.of_toml(display)), colors, engine=engine, **settings)
+    if made.stopped == "interrupt":
+        raise KeyboardInterrupt
+    seconds = time.perf_counter() - begun
+    return {"settings": settings, "seconds": seconds, "scores": _scores(made, None, pupils, engine)}
+
+
+def _scores(hologram: Hologram, scene: Any, pupils: Any, engine: str) -> list[dict[str, Any]]:
+    return [dict(score._asdict()) for score in hologram.score(scene, pupils, engine=engine)]
 
 
 def _same_job(file: str, job: str) -> None:

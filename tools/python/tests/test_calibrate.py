@@ -1,5 +1,7 @@
 """A Python function as the camera of a bench: the display as it is, simulated, is found."""
 
+import signal
+
 import eyebox
 import numpy as np
 import pytest
@@ -51,6 +53,30 @@ def test_a_function_is_a_camera(tmp_path):
     shots.clear()
     again = eyebox.calibrate(before, camera, hello=HELLO, captures=tmp_path / "kept", quick=True)
     assert again.display == found.display and not shots
+
+
+@pytest.mark.parametrize("by", ["ctrl-C", "the callback"])
+def test_it_is_ended_between_two_pictures(by, tmp_path):
+    before = eyebox.Display(**FIELDS, model={"green": {"fill": 0.95}})
+    camera, shots = bench(before)
+
+    def presses(shot):
+        if len(shots) == 1 and by == "ctrl-C":
+            signal.raise_signal(signal.SIGINT)
+        return camera(shot)
+
+    def hears(what, share):
+        if len(shots) > 1 and by != "ctrl-C":
+            raise LookupError(what)
+
+    pressed = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt if by == "ctrl-C" else LookupError):
+            eyebox.calibrate(before, presses, hello=HELLO, captures=tmp_path / "kept", callback=hears)
+    finally:
+        signal.signal(signal.SIGINT, pressed)
+    assert 2 <= len(shots) <= 4, "of twelve and more"
+    assert list((tmp_path / "kept").iterdir()), "the pictures that were taken are kept"
 
 
 def test_a_bench_that_fails_is_named():

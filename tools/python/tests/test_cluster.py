@@ -1,5 +1,6 @@
 """A sequence over two processes, one of which is killed in the middle: the bytes of one process."""
 
+import json
 import os
 import pathlib
 import signal
@@ -56,6 +57,34 @@ def test_one_of_two_workers_is_killed(tmp_path):
             assert files(out) == before and not pieces.exists()
     one_process(scenes, tmp_path / "one.zarr")
     assert files(out) == files(tmp_path / "one.zarr")
+
+
+def test_scores_and_trade_offs_are_those_of_one_process(tmp_path, hologram, display):
+    files = [tmp_path / "a.zarr", tmp_path / "b.zarr"]
+    other = eyebox.solve("builtin:still-life", display, "green", frames=8, steps=1, pupils=2, seed=3, engine="cpu")
+    for file, one in zip(files, (hologram, other)):
+        one.save(file)
+    pupils = [(0, 0, 4e-3, 0), (2e-3, 0, 4e-3, 1e-3)]
+    grid = [dict(frames=8, steps=1, pupils=2, seed=3), dict(frames=8, steps=2, pupils=2, seed=3)]
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as local:
+        with distributed.Client(local) as client:
+            how = dict(client=client, engine="cpu")
+            found = eyebox.cluster.evaluate(files, tmp_path / "scores.json", pupils, keep_pieces=True, **how)
+            solved = eyebox.cluster.tradeoff("builtin:still-life", tmp_path / "grid.json", grid, display, "green", pupils=pupils, **how)
+            # What is done is not done twice.
+            piece = tmp_path / "scores.json.pieces" / "000001.json"
+            piece.write_text('{"kept": 1}')
+            assert eyebox.cluster.evaluate(files, tmp_path / "scores.json", pupils, **how) == [found[0], {"kept": 1}]
+            with pytest.raises(eyebox.HologramError):
+                eyebox.cluster.evaluate([tmp_path / "nothing.zarr"], tmp_path / "none.json", **how)
+    own = [[score._asdict() for score in one.score(pupils=pupils, engine="cpu")] for one in (hologram, other)]
+    assert [one["scores"] for one in found] == own and [one["hologram"] for one in found] == [str(file) for file in files]
+    assert solved[0]["scores"] == own[1] and solved[1]["settings"] == grid[1] and solved[1]["seconds"] > 0
+    assert json.loads((tmp_path / "grid.json").read_text()) == solved and not (tmp_path / "grid.json.pieces").exists()
+    with pytest.raises(ValueError, match="must end in .json"):
+        eyebox.cluster.evaluate(files, tmp_path / "scores.zarr")
+    with pytest.raises(TypeError, match="sequence of dicts"):
+        eyebox.cluster.tradeoff("builtin:plane", tmp_path / "x.json", [3], display)
 
 
 def test_what_makes_no_sense(tmp_path):

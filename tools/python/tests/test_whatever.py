@@ -65,7 +65,20 @@ def test_whatever_is_called_with_ends_with_an_exception_or_a_result(tmp_path, mo
         few = lambda v: not isinstance(v, (int, float, np.ndarray)) or isinstance(v, bool) or not 8 < v < 1e18
         return {**short, **{key: v for key, v in given.items() if key not in short or isinstance(v, int) and few(v)}}
 
+    names = ["scene", "output", "monitor", "rate", "step_time", "queue", "loop", "speed", "focus", "latency", "restart", "color", "seed"]
+    followed = eyebox.show(hologram, display, eye="own", queue=1, engine="cpu")
+
+    def show():
+        how = {name: number() for name in rng.sample(names, 2)}
+        with eyebox.show(often(hologram), shown(), clock="simulated", seconds=0.02, **how) as session:
+            session.frame(often(0.0))
+
     calls = [
+        # Each has threads of its own.
+        lambda: show() if rng.random() < 0.2 else eyebox.show(whatever(), display),
+        lambda: followed.look(number(), number(), often(None), age=number()),
+        lambda: followed.frame(0.0 if rng.random() < 0.6 else "soon"),
+        lambda: followed.seek(often(1)) or followed.steer(whatever()) or followed.status["steps"],
         lambda: eyebox.Display(often("planes8"), size=often((SIDE, SIDE)), **({rng.choice(["levels", "x"]): whatever()})),
         lambda: eyebox.Engine(whatever()),
         lambda: eyebox.Scene(whatever(), shown(), often("green"), views=rng.choice([None, 2, whatever()])),
@@ -90,6 +103,7 @@ def test_whatever_is_called_with_ends_with_an_exception_or_a_result(tmp_path, mo
         except Exception as error:  # A panic is none, and ends the test.
             assert str(error), repr(error)
             outcomes[type(error).__name__] = outcomes.get(type(error).__name__, 0) + 1
+    assert followed.running and followed.stop()["ended_by"] == "a stop"
     assert outcomes["results"] > CALLS // 10 and outcomes["TypeError"] > CALLS // 20
     ours = {"DisplayError", "SceneError", "SolveError", "HologramError", "ValueError"}
     assert ours <= outcomes.keys(), outcomes

@@ -43,6 +43,46 @@ fn a_study_says_what_steering_gains_and_shows_it() {
     common::figures_of(&at.join("out"), "study.html");
 }
 
+/// Content that stands still and moves, with and without steering and moments: on the page, in JSON and in a table.
+#[test]
+fn a_study_of_content_says_what_moments_gain() {
+    let temp = folder();
+    let at = temp.path();
+    solved(at);
+    let study = [
+        "study",
+        "h.zarr",
+        "--display",
+        "planes8",
+        "--engine",
+        "cpu",
+        "--fixation",
+        "100000",
+        "--tracker-noise",
+        "0.02",
+    ];
+    let content = ["--content", "still,moving", "--sets", "16", "--steps-per-set", "2", "--moves", "8"];
+    let said: Value = serde_json::from_str(&done(at, &[&study[..], &content, &["--json", "-o", "out"]].concat()))
+        .expect("one object");
+    let all = json(&at.join("out/study.json"));
+    assert_eq!(said["summary"], all["summary"]);
+    let runs = all["summary"].as_array().unwrap();
+    assert_eq!((runs.len(), all["runs"][0]["samples"].as_array().unwrap().len()), (12, 16));
+    let mean = |content: &str, eye: &str, moments: bool| {
+        let is = |run: &&Value| {
+            run["content"] == content && run["eye"] == eye && run["steered"] == true && run["moments"] == moments
+        };
+        runs.iter().find(is).unwrap()["mean_db"].as_f64().unwrap()
+    };
+    let [with, without] = [true, false].map(|moments| mean("moving", "follows", moments));
+    assert!(with > without + 0.5, "{with} dB with moments, {without} dB without");
+    let page = std::fs::read_to_string(at.join("out/study.html")).unwrap();
+    assert!(page.matches("<svg").count() == 3 && page.contains("for an eye that follows it"));
+    common::figures_of(&at.join("out"), "study.html");
+    refused(at, &[&study[..], &["--sets", "3", "-o", "x"]].concat(), "x", "--content");
+    refused(at, &[&study[..], &["--content", "flying", "-o", "x"]].concat(), "x", "flying");
+}
+
 #[test]
 fn a_scene_is_solved_and_followed_and_every_set_accounted_for() {
     let temp = folder();

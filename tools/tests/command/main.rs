@@ -35,6 +35,7 @@ mod seen;
 mod show;
 #[cfg(target_os = "linux")]
 mod simulated;
+mod source;
 mod tiled;
 mod trackers;
 mod tradeoff;

@@ -212,6 +212,29 @@ fn an_application_is_shown_killed_and_shown_again() {
     assert!(live.len() > 6 && live == again, "{} video frames, {} again", live.len(), again.len());
 }
 
+/// Content that moves as a whole: its sub-frames are refined for their moments and phases go with it, unless that is switched off; on a
+/// simulated clock twice the same.
+#[test]
+fn content_that_moves_is_refined_for_its_moments() {
+    let temp = common::folder();
+    let at = temp.path();
+    let scenes: Vec<String> = (0..6).map(|i| format!("builtin:plane?shift={}", 0.05 * f64::from(i))).collect();
+    let scenes: Vec<&str> = scenes.iter().map(String::as_str).collect();
+    let solve =
+        ["--steps", "3", "--frames", "8", "--views", "3", "--rate", "30", "--size", "64x64", "--color", "green"];
+    done(at, &[&["solve"], &scenes[..], &solve, &["--engine", "cpu", "-o", "s.zarr"]].concat());
+    let show = ["show", "s.zarr", "--display", "planes8", "--engine", "cpu", "--duration", "0.3", "--loop"];
+    let count = |name: &str| json(&at.join("s.json"))[name].as_u64().unwrap();
+    for raw in ["one.raw", "two.raw"] {
+        run(at, &[&show, &SIMULATED, &["--stats", "s.json", "--raw", raw]]);
+        assert!(count("sets_moving") >= 5 && count("phases_moved") >= 5, "{}", json(&at.join("s.json")));
+    }
+    run(at, &[&show, &SIMULATED, &["--stats", "s.json", "--raw", "off.raw", "--moments", "off"]]);
+    assert_eq!((count("sets_moving"), count("phases_moved")), (0, 0));
+    let read = |file: &str| std::fs::read(at.join(file)).unwrap();
+    assert!(read("one.raw") == read("two.raw") && read("one.raw") != read("off.raw"));
+}
+
 #[test]
 fn what_does_not_go_together_is_one_line() {
     let temp = common::folder();
@@ -229,5 +252,7 @@ fn what_does_not_go_together_is_one_line() {
     refused(at, &show("s.zarr", &["--journal", "x"]), "x", "live:NAME");
     let none = common::eyebox(at, &[&show("live:x", &["--replay", "s.zarr"])[..], &SIZE].concat());
     assert!(none.status.code() == Some(2) && text(&none.stderr).contains("decisions"), "{}", text(&none.stderr));
+    // Before anything is computed: there is no such scene.
+    refused(at, &show("builtin:nothing", &["--raw", "s.zarr/zarr.json"]), "x", "is there already");
     refused(at, &["study", "s.zarr", "--display", "planes8", "-o", "x"], "x", "sequence");
 }

@@ -107,6 +107,23 @@ impl<'a> Call<'_, 'a> {
             self.run(&buffers, &base, &self.members(&batch), groups)?;
             self.say_batch_moved(&batch);
         }
+        (0..self.slots.len()).try_for_each(|at| self.transfer_of_modes(at))
+    }
+
+    /// Those of a pupil's further modes.
+    fn transfer_of_modes(&mut self, at: usize) -> Result<(), EngineError> {
+        let (tables, pass) = (self.work.tables, self.pass(at));
+        let index = self.dispatch.pupil_passes.start + at;
+        let modes: Vec<u32> = (1..pass.mode_count()).map(|mode| tables.place(index, mode) as u32).collect();
+        for some in modes.chunks(BATCH) {
+            let (transfer, base) = self.spread(Resource::Transfer, &[at])?;
+            let mut members = [0; BATCH];
+            members[..some.len()].copy_from_slice(some);
+            let sizes = std::iter::once([pass.transfer.rows, pass.transfer.columns]);
+            let groups = self.batch_groups(some.len(), sizes);
+            self.run(&[tables.all()?, transfer, tables.pupils()?], &base, &members, groups)?;
+            self.say_batch_moved(&vec![at; some.len()]);
+        }
         Ok(())
     }
 
@@ -184,7 +201,7 @@ impl<'a> Call<'_, 'a> {
             let mut moves = Vec::new();
             for (at, bound) in batch.iter().flat_map(|at| self.kernel.binds().iter().map(move |bound| (*at, bound))) {
                 let Ok((range, _)) = self.spread(bound.1, &[at]) else { continue };
-                let pass = Some(self.dispatch.pupil_passes.start + at);
+                let pass = Some(self.pass(at));
                 let [read, written] = moved(self.kernel, *bound, self.step, self.shape, pass, 1).unwrap_or_default();
                 moves.extend((read > 0).then(|| range.reads(read)));
                 moves.extend((written > 0).then(|| range.writes(written)));

@@ -46,6 +46,8 @@ pub(super) struct Call<'w, 'a> {
     pub(super) slots: &'w [Slot],
     /// Which of the dispatch's pupil passes.
     pub(super) at: usize,
+    /// Which of the source's modes in it.
+    pub(super) mode: usize,
 }
 
 impl Work<'_> {
@@ -152,12 +154,22 @@ impl<'a> Call<'_, 'a> {
     /// How a buffer lies; where nothing is quantised, the phases are what is shown.
     pub(super) fn layout(&self, resource: Resource) -> Result<Layout, EngineError> {
         match resource.is_shared() {
-            false => self.layout_of(resource, self.at),
+            false => self.layout_of(resource, self.at).map(|layout| self.of_mode(resource, layout)),
             true => Ok(self.work.stacks.find(self.alias(resource)).ok_or_else(|| self.missing(resource))?.layout),
         }
     }
 
-    /// How a buffer of one of the dispatch's pupil passes lies.
+    /// The mode's own part of what holds all of them.
+    fn of_mode(&self, resource: Resource, layout: Layout) -> Layout {
+        let frames = match resource {
+            Resource::Window => self.shape.frames,
+            Resource::Transfer => 1,
+            _ => return layout,
+        };
+        Layout { offset: layout.offset + (self.mode * frames) as u64 * layout.step(), frames, ..layout }
+    }
+
+    /// How a buffer of one of the dispatch's pupil passes lies, of all modes.
     pub(super) fn layout_of(&self, resource: Resource, at: usize) -> Result<Layout, EngineError> {
         let slot = slot_layout(resource).zip(self.slots.get(at));
         slot.map(|(kind, slot)| slot[kind]).ok_or_else(|| self.missing(resource))
@@ -183,7 +195,7 @@ impl<'a> Call<'_, 'a> {
         let index = self.dispatch.pupil_passes.start + self.at;
         match resource {
             Resource::Spans | Resource::EyeTerms | Resource::TaperWeights | Resource::Moments => {
-                tables.bound(index, resource).transpose()
+                tables.bound(tables.place(index, self.mode), resource).transpose()
             }
             // What kernels over several pupils find in their own tables.
             Resource::Views | Resource::Taps | Resource::RowWeights | Resource::ColumnWeights => Ok(None),
@@ -195,9 +207,11 @@ impl<'a> Call<'_, 'a> {
             _ => {
                 let (first, count) = if resource.per_frame().is_some() { (first, count) } else { (0, 1) };
                 if slot_layout(resource).is_some() {
-                    let slot = self.slots.get(self.at).ok_or_else(|| self.missing(resource))?;
-                    return arenas.frames(resource, slot, first, count).map(Some);
+                    let block = arenas.block(resource).ok_or_else(|| self.missing(resource))?;
+                    return Ok(Some(self.layout(resource)?.range(block, first, count)));
                 }
+                // Each mode of the source meets the relay with a table of its own.
+                let first = if resource == Resource::Relay { self.mode } else { first };
                 let stack = stacks.find(self.alias(resource)).ok_or_else(|| self.missing(resource))?;
                 Ok(Some(stack.layout.range(&stack.block, first, count)))
             }
@@ -243,7 +257,7 @@ impl<'a> Call<'_, 'a> {
     /// Says what the last dispatch moves: of frames, as many as its ranges hold.
     fn say_moved(&self, buffers: &[Range<'_>]) {
         self.work.gpu.recorder.moved(|| {
-            let pass = self.kernel.takes_pupil_passes().then_some(self.dispatch.pupil_passes.start + self.at);
+            let pass = self.kernel.takes_pupil_passes().then(|| self.pass(self.at).mode(self.mode));
             let mut moves = Vec::new();
             for (range, bound) in buffers.iter().zip(self.kernel.binds()) {
                 let frames = self.layout(bound.1).map_or(1, |layout| layout.frames_in(range.size));

@@ -11,6 +11,8 @@ pub(super) enum Shader {
     Once(fn(&mut Call<'_, '_>) -> Result<(), EngineError>),
     /// For each of its pupil passes.
     Each(fn(&mut Call<'_, '_>, &PupilPass) -> Result<(), EngineError>),
+    /// For each mode of the source in each of them.
+    Modes(fn(&mut Call<'_, '_>, &PupilPass) -> Result<(), EngineError>),
 }
 
 macro_rules! shaders {

@@ -54,8 +54,9 @@ impl Call<'_, '_> {
     }
 
     pub(super) fn intensity(&mut self, pass: &PupilPass) -> Result<(), EngineError> {
+        let later = self.mode > 0;
         let args = |first: usize, count: usize| {
-            let accumulate = pass.intensity.accumulate | u32::from(first > 0);
+            let accumulate = pass.intensity.accumulate | u32::from(first > 0 || later);
             intensity::Args { frames: count as u32, accumulate, ..pass.intensity }
         };
         self.over(Grid::Summed(pass.count()), args, &[])

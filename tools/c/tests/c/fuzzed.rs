@@ -51,6 +51,7 @@ struct Given {
     hologram: Box<EyeboxHologram>,
     refiner: Box<EyeboxRefiner>,
     encoder: Box<EyeboxEncoder>,
+    session: Box<EyeboxSession>,
 }
 
 fn given() -> Given {
@@ -74,7 +75,12 @@ fn given() -> Given {
             handle(|out| eyebox_refiner_new(Some(&hologram), Some(&scenes[0]), null(), Some(&engine), Some(out)))
                 .unwrap();
         let encoder = handle(|out| eyebox_encoder_new(Some(&displays[0]), EYEBOX_GREEN, 8, Some(out))).unwrap();
-        Given { displays, engine, scenes, hologram, refiner, encoder }
+        let session = handle(|out| {
+            let (display, engine) = (Some(&*displays[0]), Some(&*engine));
+            eyebox_session_follow(Some(&hologram), Some(&scenes[0]), display, null(), engine, 60.0, Some(out))
+        })
+        .unwrap();
+        Given { displays, engine, scenes, hologram, refiner, encoder, session }
     }
 }
 
@@ -135,17 +141,18 @@ fn freed<T>(chance: &mut Chance, call: impl FnOnce(Option<&mut MaybeUninit<*mut 
 /// # Safety
 /// Texts and arrays are as they say, or null, or of a length that no function takes.
 unsafe fn call(given: &Given, chance: &mut Chance, memory: &mut [f32]) -> EyeboxStatus {
-    let Given { displays, engine, scenes, hologram, refiner, encoder } = given;
+    let Given { displays, engine, scenes, hologram, refiner, encoder, session } = given;
     let (text, count, bits) = (chance.text(), chance.one(&COUNTS), chance.0.u32(..10));
     let (display, scene) = (chance.of(displays), chance.of(scenes));
     let (engine, hologram) = (chance.maybe(&**engine), chance.maybe(&**hologram));
     let (refiner, encoder) = (chance.maybe(&**refiner), chance.maybe(&**encoder));
+    let session = chance.maybe(&**session);
     let pupil = chance.pupil();
     let pupil = chance.maybe(&pupil).copied();
     let (at, length) = chance.array(memory);
     // SAFETY: as this function asks.
     unsafe {
-        match chance.0.u8(..16) {
+        match chance.0.u8(..19) {
             0 => freed(chance, |out| eyebox_display_load(text, out)),
             1 => freed(chance, |out| eyebox_display_from_toml(text, out)),
             2 => {
@@ -198,6 +205,21 @@ unsafe fn call(given: &Given, chance: &mut Chance, memory: &mut [f32]) -> Eyebox
                 let steps = if count > 2 { usize::MAX } else { count };
                 eyebox_refiner_step(refiner, steps, None)
             }
+            15 => {
+                let rate = chance.one(&NUMBERS);
+                // Threads of its own are not made ten thousand times.
+                let hologram = hologram.filter(|_| rate.is_nan() || chance.0.u8(..10) == 0);
+                freed(chance, |out| eyebox_session_play(hologram, display, rate, out))
+            }
+            16 => {
+                let [x_m, y_m, diameter_m, age_s] = [(); 4].map(|()| chance.one(&NUMBERS));
+                let sample = EyeboxSample { x_m, y_m, diameter_m, age_s };
+                eyebox_session_look(session, chance.maybe(&sample))
+            }
+            17 => {
+                let (lit_in_s, mut frame) = (chance.one(&NUMBERS), MaybeUninit::uninit());
+                eyebox_session_tick(session, lit_in_s, at.cast::<c_void>(), length, Some(&mut frame))
+            }
             _ if chance.0.bool() => freed(chance, |out| eyebox_encoder_new(display, bits, count, out)),
             _ => eyebox_encode(encoder, hologram, at.cast::<c_void>(), length),
         }
@@ -209,7 +231,7 @@ fn whatever_is_called_with_ends_with_a_code() {
     let given = given();
     let mut chance = Chance(Rng::with_seed(21));
     let mut memory = vec![0.5f32; VALUES + 1];
-    let mut codes = [0usize; 10];
+    let mut codes = [0usize; 11];
     for i in 0..CALLS {
         // Some of the light is none.
         memory[(i * 7) % 64] = if i % 3 == 0 { f32::NAN } else { 0.5 };

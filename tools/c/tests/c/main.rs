@@ -7,3 +7,4 @@ mod fuzzed;
 #[cfg(target_os = "linux")]
 mod programs;
 mod same;
+mod sessions;

@@ -1,0 +1,93 @@
+//! Videos of colours and depths, and folders of pairs: frame by frame what single pictures with maps are.
+
+use super::*;
+use crate::optics::{Color, Display};
+use image::{ImageBuffer, Luma, Rgb};
+use std::{fs, path::PathBuf};
+
+const SIZE: usize = 24;
+const FRAMES: usize = 3;
+
+/// A grey picture that moves, and its depths: a square before a wall.
+fn frame(i: usize) -> [Vec<u8>; 2] {
+    let inside = |p: usize| (6 + 2 * i..14 + 2 * i).contains(&(p % SIZE)) && (8..16).contains(&(p / SIZE));
+    let light = |p: usize| if inside(p) { 220 } else { 40 + (p * 37 % 60) as u8 };
+    // The wall comes nearer from frame to frame: a range of its own in each would hide it.
+    let depth = |p: usize| if inside(p) { 200 } else { 20 + 30 * i as u8 };
+    [(0..SIZE * SIZE).map(light).collect(), (0..SIZE * SIZE).map(depth).collect()]
+}
+
+fn video(file: &Path, which: usize) {
+    let mut bytes = format!("YUV4MPEG2 W{SIZE} H{SIZE} F30:1 Cmono XCOLORRANGE=FULL\n").into_bytes();
+    (0..FRAMES).for_each(|i| bytes.extend([b"FRAME\n", &frame(i)[which][..]].concat()));
+    fs::write(file, bytes).unwrap();
+}
+
+fn loaded(source: &str, map: &Path) -> LightField {
+    let display = Display { height: SIZE, width: SIZE, ..Display::preset("small").unwrap() };
+    let request = Request {
+        depth_map: Some(map),
+        views: 3,
+        depth: Some([-1e-3, 1e-3]),
+        near: Some(Near::Large),
+        ..Request::new(&display, &[Color::Green])
+    };
+    load(source, &request).unwrap()
+}
+
+/// The frames of a source and their maps.
+fn pairs(source: &Path, maps: &Path) -> Vec<(String, PathBuf)> {
+    let maps = [maps.to_path_buf()];
+    let frames = sequence(source.to_str().unwrap(), &maps).unwrap().expect("a sequence");
+    let maps = depth_maps(&frames, &maps).unwrap();
+    frames.into_iter().zip(maps).collect()
+}
+
+fn likeness(a: &LightField, b: &LightField) -> f32 {
+    let pixels = a.planes[0].iter().flatten().zip(b.planes[0].iter().flatten());
+    pixels.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
+#[test]
+fn frames_of_videos_and_of_folders_are_pictures_with_maps() {
+    let here = tempfile::tempdir().unwrap();
+    let [clip, depths, pairs_in, apart] =
+        ["clip.y4m", "depths.y4m", "pairs", "maps"].map(|name| here.path().join(name));
+    [&clip, &depths].into_iter().enumerate().for_each(|(which, file)| video(file, which));
+    [&pairs_in, &apart].iter().for_each(|folder| fs::create_dir(folder).unwrap());
+    let size = SIZE as u32;
+    for i in 0..FRAMES {
+        let [light, depth] = frame(i);
+        let grey = |values: &[u8]| ImageBuffer::<Luma<u8>, _>::from_raw(size, size, values.to_vec()).unwrap();
+        let color = ImageBuffer::from_fn(size, size, |x, y| Rgb([light[(y * size + x) as usize]; 3]));
+        color.save(pairs_in.join(format!("shot-{}.png", 8 + i))).unwrap();
+        grey(&depth).save(pairs_in.join(format!("shot_depth-{}.png", 8 + i))).unwrap();
+        grey(&depth).save(apart.join(format!("{i:03}.png"))).unwrap();
+    }
+    let of_video = pairs(&clip, &depths);
+    assert_eq!(of_video.len(), FRAMES);
+    assert!(of_video[2].0.ends_with("clip.y4m?frame=2") && of_video[2].1.ends_with("depths.y4m?frame=2"));
+    let of_folder = pairs(&pairs_in, &pairs_in);
+    assert!(of_folder[0].0.ends_with("shot-8.png") && of_folder[2].1.ends_with("shot_depth-10.png"), "{of_folder:?}");
+    assert!(pairs(&clip, &apart)[1].1.ends_with("001.png"));
+    for ((video, video_map), (picture, map)) in of_video.iter().zip(&of_folder) {
+        // The same light; of depths a video's range is the same in every frame, and a picture's is its own.
+        let [a, b] = [loaded(video, map), loaded(picture, map)];
+        assert!(likeness(&a, &b) < 1e-5, "{video}: {}", likeness(&a, &b));
+        assert!(loaded(video, video_map).depth.unwrap()[1] < 0.6e-3 && b.depth.unwrap()[1] > 0.99e-3);
+    }
+    // The wall of the last frame is nearer than that of the first.
+    let far = |i: usize| loaded(&of_video[i].0, &of_video[i].1).depth.unwrap()[0];
+    assert!(far(2) > far(0) + 0.3e-3, "{} {}", far(0), far(2));
+    // Alone it is its first frame; what there is not is said.
+    assert_eq!(native_size(clip.to_str().unwrap()).unwrap(), Some([SIZE, SIZE]));
+    let says = |found: Result<Vec<PathBuf>, SceneError>, what: &str| {
+        let line = found.unwrap_err().to_string();
+        assert!(line.contains(what), "{line}");
+    };
+    says(depth_maps(&[format!("{}?frame=7", clip.display())], &[depths]), "3 maps, and none for picture 7");
+    fs::remove_file(apart.join("002.png")).unwrap();
+    let frames = sequence(clip.to_str().unwrap(), &[]).unwrap().unwrap();
+    says(depth_maps(&frames, std::slice::from_ref(&apart)), "2 maps, and none for picture 2");
+    assert!(sequence(here.path().join("none.y4m").to_str().unwrap(), &[]).unwrap().is_none());
+}

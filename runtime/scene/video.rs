@@ -1,0 +1,371 @@
+//! Frames of YUV4MPEG2 videos (`.y4m`), of colours or of depths: `clip.y4m?frame=12` is the thirteenth, `clip.y4m` alone the first.
+//!
+//! Y'CbCr of ITU-R BT.601, as films are written: limited range unless the file says `XCOLORRANGE=FULL`; 4:2:0, 4:2:2, 4:4:4 or grey,
+//! of 8 to 16 bits. What is decoded is sRGB.
+
+use super::light::Picture;
+use super::near::Kind;
+use super::{SceneError, srgb_to_linear};
+use crate::files::read;
+use crate::optics::Color;
+use rayon::prelude::*;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+/// The longest line before the frames, or before one.
+const LINE: u64 = 1024;
+/// Pixels of a frame, at most.
+const MOST_PIXELS: usize = 1 << 25;
+
+/// The file and the number of the frame that a path names; none where it names no video.
+pub(super) fn named(path: &Path) -> Option<(PathBuf, Option<usize>)> {
+    let is_video = |path: &Path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("y4m"));
+    if is_video(path) {
+        return Some((path.into(), None));
+    }
+    let (file, query) = path.to_str()?.rsplit_once('?')?;
+    let frame = query.strip_prefix("frame=")?.parse().ok()?;
+    is_video(Path::new(file)).then(|| (file.into(), Some(frame)))
+}
+
+/// A frame's name.
+pub(super) fn frame(video: &Path, frame: usize) -> String {
+    format!("{}?frame={frame}", video.display())
+}
+
+/// How many frames a video has.
+///
+/// # Errors
+/// Those of reading; [`SceneError::Corrupt`].
+pub(super) fn count(video: &Path) -> Result<usize, SceneError> {
+    let mut video = Video::open(video)?;
+    let mut count = 0;
+    while video.skip()? {
+        count += 1;
+    }
+    Ok(count)
+}
+
+/// Rows and columns of a frame.
+///
+/// # Errors
+/// As [`count`].
+pub(super) fn size(video: &Path) -> Result<[usize; 2], SceneError> {
+    Ok(Video::open(video)?.size)
+}
+
+/// The planes of `colors` of a frame, linear light.
+///
+/// # Errors
+/// As [`count`]; where there is no such frame.
+pub(super) fn read(video: &Path, frame: usize, colors: &[Color]) -> Result<Picture, SceneError> {
+    let mut video = Video::open(video)?;
+    let bytes = video.frame(frame)?;
+    let [height, width] = video.size;
+    let row = |y: usize| -> Vec<[f32; 3]> { (0..width).map(|x| video.light(&bytes, y, x)).collect() };
+    let light: Vec<[f32; 3]> = (0..height).into_par_iter().flat_map_iter(row).collect();
+    let planes = colors.iter().map(|color| light.iter().map(|pixel| pixel[color.channel()]).collect()).collect();
+    Ok(Picture { height, width, planes })
+}
+
+/// The luma of a frame, as values of 8 or of 16 bits, whose range is the same in every frame: rows, columns and values.
+///
+/// # Errors
+/// As [`read`].
+pub(super) fn stored(video: &Path, frame: usize) -> Result<(usize, usize, Kind, Vec<f32>), SceneError> {
+    let mut video = Video::open(video)?;
+    let bytes = video.frame(frame)?;
+    let [height, width] = video.size;
+    let (kind, full) = if video.bits > 8 { (Kind::Words, 65535.0) } else { (Kind::Bytes, 255.0) };
+    let values = (0..height * width).map(|i| (video.luma(&bytes, i).clamp(0.0, 1.0) * full).round()).collect();
+    Ok((height, width, kind, values))
+}
+
+/// The range of [`stored`] values of this kind.
+pub(super) fn range(kind: Kind) -> [f32; 2] {
+    [0.0, if kind == Kind::Words { 65535.0 } else { 255.0 }]
+}
+
+/// A video, at the header of a frame.
+struct Video {
+    name: String,
+    from: BufReader<File>,
+    length: u64,
+    /// Rows and columns.
+    size: [usize; 2],
+    /// Pixels of luma, along y and x, for one of the colour differences; none where it is grey.
+    chroma: Option<[usize; 2]>,
+    /// Whether colour differences stand where the left pixel of two does, and not between them.
+    left: bool,
+    bits: u32,
+    full: bool,
+}
+
+impl Video {
+    fn open(path: &Path) -> Result<Self, SceneError> {
+        let unreadable = |e: std::io::Error| SceneError::unreadable(path, &e);
+        let file = read::open(path).map_err(unreadable)?;
+        let length = file.metadata().map_err(unreadable)?.len();
+        let name = path.display().to_string();
+        let mut video = Self {
+            name,
+            from: BufReader::new(file),
+            length,
+            size: [0; 2],
+            chroma: Some([2, 2]),
+            left: false,
+            bits: 8,
+            full: false,
+        };
+        let head = video.line()?;
+        let words = head.strip_prefix("YUV4MPEG2 ").ok_or_else(|| video.corrupt("it does not start with YUV4MPEG2"))?;
+        for word in words.split_ascii_whitespace() {
+            let (key, value) = word.split_at(word.chars().next().map_or(0, char::len_utf8));
+            let number = || value.parse().ok().filter(|n| (1..=65536).contains(n));
+            match key {
+                "W" => video.size[1] = number().unwrap_or(0),
+                "H" => video.size[0] = number().unwrap_or(0),
+                "C" => video.space(value)?,
+                "X" if value == "COLORRANGE=FULL" => video.full = true,
+                _ => {}
+            }
+        }
+        let [height, width] = video.size;
+        if height == 0 || width == 0 || height * width > MOST_PIXELS {
+            return Err(video.corrupt(&format!(
+                "its first line says {head:?}: W and H must be columns and rows of at most {} Mpx",
+                MOST_PIXELS >> 20
+            )));
+        }
+        Ok(video)
+    }
+
+    /// What is said of samples: `420jpeg`, `444p10`, `mono16`.
+    fn space(&mut self, text: &str) -> Result<(), SceneError> {
+        let (kind, bits) = match text.strip_prefix("mono") {
+            Some(bits) => ("mono", bits),
+            None => text.split_at(text.len().min(3)),
+        };
+        self.chroma = match kind {
+            "mono" => None,
+            "420" => Some([2, 2]),
+            "422" => Some([1, 2]),
+            "444" => Some([1, 1]),
+            _ => return Err(self.corrupt(&format!("samples are C{text}: C420, C422, C444 and Cmono are read"))),
+        };
+        self.left = matches!(bits, "mpeg2" | "paldv") || kind == "422";
+        self.bits = match bits.strip_prefix('p').unwrap_or(bits) {
+            "" | "jpeg" | "mpeg2" | "paldv" | "aldv" => 8,
+            bits => match bits.parse() {
+                Ok(bits @ 8..=16) => bits,
+                _ => return Err(self.corrupt(&format!("samples are C{text}: they must have 8 to 16 bits"))),
+            },
+        };
+        Ok(())
+    }
+
+    fn corrupt(&self, reason: &str) -> SceneError {
+        SceneError::Corrupt { file: self.name.clone(), reason: reason.into() }
+    }
+
+    fn failed(&self, error: &std::io::Error) -> SceneError {
+        SceneError::unreadable(Path::new(&self.name), error)
+    }
+
+    /// The next line, without its end; empty at the end of the file.
+    fn line(&mut self) -> Result<String, SceneError> {
+        let mut line = Vec::new();
+        let read = self.from.by_ref().take(LINE).read_until(b'\n', &mut line);
+        read.map_err(|e| self.failed(&e))?;
+        if line.pop().is_some_and(|last| last != b'\n') {
+            return Err(self.corrupt("it is no video: a line has no end"));
+        }
+        Ok(String::from_utf8_lossy(&line).into_owned())
+    }
+
+    /// Rows and columns of a plane.
+    fn plane(&self, chroma: bool) -> [usize; 2] {
+        match self.chroma.filter(|_| chroma) {
+            Some(times) => [0, 1].map(|i| self.size[i].div_ceil(times[i])),
+            None => self.size,
+        }
+    }
+
+    /// Bytes of a frame.
+    fn bytes(&self) -> usize {
+        let pixels = |chroma| self.plane(chroma).iter().product::<usize>();
+        let samples = pixels(false) + if self.chroma.is_some() { 2 * pixels(true) } else { 0 };
+        samples * if self.bits > 8 { 2 } else { 1 }
+    }
+
+    /// Goes to a frame's samples; whether there is one.
+    fn begin(&mut self) -> Result<bool, SceneError> {
+        let line = self.line()?;
+        if line.is_empty() {
+            return Ok(false);
+        }
+        if line.split(' ').next() != Some("FRAME") {
+            return Err(self.corrupt("a frame does not start with FRAME: the one before has another size"));
+        }
+        let at = self.from.stream_position().map_err(|e| self.failed(&e))?;
+        if at + self.bytes() as u64 > self.length {
+            return Err(self.corrupt("its last frame is cut short"));
+        }
+        Ok(true)
+    }
+
+    fn skip(&mut self) -> Result<bool, SceneError> {
+        let there = self.begin()?;
+        if there {
+            let bytes = self.bytes() as i64;
+            self.from.seek(SeekFrom::Current(bytes)).map_err(|e| self.failed(&e))?;
+        }
+        Ok(there)
+    }
+
+    /// The samples of a frame.
+    fn frame(&mut self, frame: usize) -> Result<Vec<u8>, SceneError> {
+        for before in 0..frame {
+            if !self.skip()? {
+                return Err(self.corrupt(&format!("it has {before} frames, and frame {frame} is asked for, from 0 on")));
+            }
+        }
+        if !self.begin()? {
+            return Err(self.corrupt(&format!("it has {frame} frames, and frame {frame} is asked for, from 0 on")));
+        }
+        let mut bytes = vec![0; self.bytes()];
+        self.from.read_exact(&mut bytes).map_err(|e| self.failed(&e))?;
+        Ok(bytes)
+    }
+
+    /// A sample, of 8 bits and a fraction.
+    fn sample(&self, bytes: &[u8], i: usize) -> f32 {
+        if self.bits == 8 {
+            f32::from(bytes[i])
+        } else {
+            f32::from(u16::from_le_bytes([bytes[2 * i], bytes[2 * i + 1]])) / (1u32 << (self.bits - 8)) as f32
+        }
+    }
+
+    /// Luma of a pixel, 0 to 1.
+    fn luma(&self, bytes: &[u8], i: usize) -> f32 {
+        let value = self.sample(bytes, i);
+        let most = 256.0 - (0.5f32).powi(self.bits as i32 - 8);
+        if self.full { value / most } else { (value - 16.0) / 219.0 }
+    }
+
+    /// A colour difference at a pixel, -0.5 to 0.5, between the samples around it.
+    fn difference(&self, bytes: &[u8], which: usize, y: usize, x: usize) -> f32 {
+        let Some(times) = self.chroma else { return 0.0 };
+        let [rows, columns] = self.plane(true);
+        let start = self.size[0] * self.size[1] + which * rows * columns;
+        // A sample stands in the middle of its pixels, or with the left one.
+        let place = |at: usize, times: usize, n: usize, left: bool| {
+            let shift = if left || times == 1 { 0.0 } else { 0.25 };
+            let at = (at as f32 / times as f32 - shift).clamp(0.0, n as f32 - 1.0);
+            (at as usize, (at as usize + 1).min(n - 1), at.fract())
+        };
+        let (top, bottom, fy) = place(y, times[0], rows, false);
+        let (left, right, fx) = place(x, times[1], columns, self.left);
+        let at = |y: usize, x: usize| self.sample(bytes, start + y * columns + x);
+        let row = |y: usize| (1.0 - fx) * at(y, left) + fx * at(y, right);
+        let value = (1.0 - fy) * row(top) + fy * row(bottom) - 128.0;
+        value / if self.full { 255.0 } else { 224.0 }
+    }
+
+    /// Red, green and blue of a pixel, linear.
+    fn light(&self, bytes: &[u8], y: usize, x: usize) -> [f32; 3] {
+        let luma = self.luma(bytes, y * self.size[1] + x);
+        let [cb, cr] = [0, 1].map(|which| self.difference(bytes, which, y, x));
+        let (red, blue) = (luma + 1.402 * cr, luma + 1.772 * cb);
+        let green = (luma - 0.299 * red - 0.114 * blue) / 0.587;
+        [red, green, blue].map(|v| srgb_to_linear(f64::from(v.clamp(0.0, 1.0))) as f32)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Four frames of one colour each: white, black, red, blue of ITU-R BT.601, after the words of each kind.
+    fn video(words: &str, bits: u32, samples: [usize; 2]) -> Vec<u8> {
+        let mut bytes = format!("YUV4MPEG2 W5 H3 F30:1 Ip {words}\n").into_bytes();
+        let full = words.contains("FULL");
+        let colors: [[u32; 3]; 4] = if full {
+            [[255, 128, 128], [0, 128, 128], [76, 85, 255], [29, 255, 107]]
+        } else {
+            [[235, 128, 128], [16, 128, 128], [81, 90, 240], [41, 240, 110]]
+        };
+        for color in colors {
+            bytes.extend(b"FRAME Xany\n");
+            for (value, count) in color.iter().zip([15, samples[0] * samples[1], samples[0] * samples[1]]) {
+                let value = value << (bits - 8);
+                let one = if bits > 8 { (value as u16).to_le_bytes().to_vec() } else { vec![value as u8] };
+                bytes.extend(one.repeat(count));
+            }
+        }
+        bytes
+    }
+
+    #[test]
+    fn frames_of_every_kind_have_their_colours() {
+        let here = tempfile::tempdir().unwrap();
+        let file = here.path().join("a.y4m");
+        for (words, bits, samples) in [
+            ("", 8, [2, 3]),
+            ("C420jpeg XCOLORRANGE=FULL", 8, [2, 3]),
+            ("C420mpeg2", 8, [2, 3]),
+            ("C420p10", 10, [2, 3]),
+            ("C422", 8, [3, 3]),
+            ("C444p12", 12, [3, 5]),
+            ("C444", 8, [3, 5]),
+        ] {
+            std::fs::write(&file, video(words, bits, samples)).unwrap();
+            assert_eq!((count(&file).unwrap(), size(&file).unwrap()), (4, [3, 5]), "{words}");
+            for (i, wanted) in [[1.0, 1.0, 1.0], [0.0; 3], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]].iter().enumerate() {
+                let read = read(&file, i, &[Color::Red, Color::Green, Color::Blue]).unwrap();
+                for (plane, wanted) in read.planes.iter().zip(wanted) {
+                    assert!(plane.iter().all(|v| (v - wanted).abs() < 0.02), "{words}, frame {i}: {plane:?}");
+                }
+            }
+        }
+        std::fs::write(&file, video("Cmono16 XCOLORRANGE=FULL", 16, [0, 0])).unwrap();
+        let (height, width, kind, values) = stored(&file, 2).unwrap();
+        assert_eq!((height, width, kind, values[0]), (3, 5, Kind::Words, 76.0 * 256.0));
+    }
+
+    #[test]
+    fn what_is_wrong_is_said() {
+        let here = tempfile::tempdir().unwrap();
+        let file = here.path().join("a.y4m");
+        let whole = video("", 8, [2, 3]);
+        let says = |bytes: &[u8], frame: usize, what: &str| {
+            std::fs::write(&file, bytes).unwrap();
+            let line = read(&file, frame, &[Color::Red]).map(|_| ()).unwrap_err().to_string();
+            assert!(line.contains(what) && !line.contains('\n'), "{line}");
+        };
+        says(&whole, 4, "it has 4 frames, and frame 4 is asked for");
+        says(&whole[..whole.len() - 1], 3, "cut short");
+        says(b"RIFF....", 0, "no end");
+        says(b"RIFF\n", 0, "YUV4MPEG2");
+        says(b"YUV4MPEG2 W5 C444\nFRAME\n", 0, "W and H");
+        says(b"YUV4MPEG2 W5 H3 C411\nFRAME\n", 0, "C420, C422, C444 and Cmono");
+        says(b"YUV4MPEG2 W5 H3 C420p99\nFRAME\n", 0, "8 to 16 bits");
+        says(&String::from_utf8_lossy(&whole).replace("W5", "W4").into_bytes(), 1, "does not start with FRAME");
+        for at in 0..60 {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 0x15;
+            std::fs::write(&file, &bytes).unwrap();
+            let _ = read(&file, 1, &[Color::Red]);
+        }
+    }
+
+    #[test]
+    fn names_of_frames_are_read() {
+        let of = |name: &str| named(Path::new(name)).map(|(file, frame)| (file.display().to_string(), frame));
+        assert_eq!(of("a/b.y4m"), Some(("a/b.y4m".into(), None)));
+        assert_eq!(of(&frame(Path::new("a?b.Y4M"), 7)), Some(("a?b.Y4M".into(), Some(7))));
+        assert!(of("a.png?frame=1").is_none() && of("a.y4m?frame=x").is_none() && of("a.y4m.png").is_none());
+    }
+}

@@ -1,0 +1,110 @@
+//! Light with a source on the device: kernels over modes against their twins, and whole steps.
+
+use super::steps::{assert_close, solve, steps};
+use eyebox::engine::cpu::CpuEngine;
+use eyebox::engine::{Buffer, Engine, Kernel, Purpose, Storage};
+use eyebox::optics::{Prescription, SourceMode};
+use eyebox::plan::{Comparison, EyeTables, ModelTables};
+use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
+use eyebox_tests::both::{Case, Noise, assert_silent, compare, distance, every_fault, vulkan};
+
+/// A case in the light of so many modes, beside the axis and beside the wavelength, none by a whole number of bins.
+fn lit(mut case: Case, modes: usize, bench: bool) -> Case {
+    let share = (modes * (modes + 1)) as f64 / 2.0;
+    let mode = |i: usize| SourceMode {
+        angle: [1.7e-3 * i as f64 - 2e-3, 1.1e-3 - 0.9e-3 * i as f64],
+        wavelength: 520e-9 + 1.3e-9 * i as f64,
+        weight: (i + 1) as f64 / share,
+    };
+    let modes: Vec<SourceMode> = (0..modes).map(mode).collect();
+    if bench {
+        case.planner.model = ModelTables::new(every_fault(), 11e-3, 256, case.planner.slm, case.planner.grid);
+        case.planner.eye = EyeTables::new(Some(&Prescription::new(-0.4, 0.3, 35.0)));
+    }
+    case.planner = case.planner.with_source(&modes);
+    case
+}
+
+#[test]
+fn kernels_over_modes() {
+    let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
+    for (height, width, padding, modes) in [(7, 13, 0, 2), (45, 64, 0, 3), (31, 50, 3, 19)] {
+        for storage in Storage::ALL {
+            let mut case = lit(Case::new(height, width, padding, 15e-3, 2), modes, true);
+            case.planner.storage = storage;
+            for kernel in [
+                Kernel::Overlap,
+                Kernel::Transfer,
+                Kernel::Relay,
+                Kernel::Eye,
+                Kernel::PassPupil,
+                Kernel::Intensity,
+                Kernel::ApplyFactor,
+                Kernel::ReturnPupil,
+            ] {
+                let step = case.single(Purpose::Project, PROJECTION, 1.0, kernel);
+                let worst = compare(&mut engine, &mut twin, &case, Purpose::Project, &step);
+                // Halves are rounded alike but for a tie now and then.
+                let bound = if storage == Storage::F16 { 1e-9 } else { 1e-10 };
+                assert!(worst < bound, "{} at {height} x {width}, {modes} modes: {worst:e}", kernel.name());
+            }
+        }
+    }
+    assert_silent(engine);
+}
+
+/// Also in several groups of pupils, and of an eye that moves.
+#[test]
+fn both_engines_take_the_same_steps() {
+    let mut engine = vulkan();
+    for (height, width, padding, frames, modes, bench) in [(45, 64, 0, 3, 3, false), (40, 36, 5, 2, 2, true)] {
+        let case = lit(Case::new(height, width, padding, 4e-3, frames), modes, bench);
+        for (purpose, mode) in [(Purpose::Project, PROJECTION), (Purpose::Adam, INTENSITY), (Purpose::Adam, AMPLITUDE)]
+        {
+            let mut all = steps(&case, purpose, mode);
+            all.push(case.moving_step(purpose, mode, 3000));
+            // A model's crosstalk makes one step's rounding the next one's: a step at a time.
+            for step in &all {
+                let one = std::slice::from_ref(step);
+                let got = solve(&mut engine, &case, purpose, one);
+                let want = solve(&mut CpuEngine::new(), &case, purpose, one);
+                assert_close(&got, &want, &format!("{height} x {width}, {modes} modes, {purpose:?}, mode {mode}"));
+                assert_eq!(got, solve(&mut engine, &case, purpose, one));
+            }
+        }
+    }
+    assert_silent(engine);
+}
+
+#[test]
+fn both_engines_show_the_same_views() {
+    let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
+    let case = lit(Case::new(54, 70, 0, 4e-3, 4), 4, true);
+    let passes: Vec<_> = case.pupils.iter().map(|p| case.planner.pupil_pass(p, &Comparison::default())).collect();
+    let step = case.planner.view_step(passes);
+    let phases = Noise::new(3).between(4 * 54 * 70, -3.1, 3.1);
+    for engine in [&mut engine as &mut dyn Engine, &mut twin] {
+        case.load(engine, Purpose::View);
+        engine.write(Buffer::Phases, &phases).unwrap();
+        engine.run(&step).unwrap();
+    }
+    for slot in 0..case.pupils.len() {
+        let (got, want) = (engine.read(Buffer::Image(slot)).unwrap(), twin.read(Buffer::Image(slot)).unwrap());
+        let far = distance(Buffer::Image(slot), &got, &want);
+        assert!(far < 1e-10 && want.iter().sum::<f32>() > 0.0, "pupil {slot}: {far:e}");
+    }
+    assert_silent(engine);
+}
+
+/// A model's tables for another number of modes are refused on both engines, not read beyond.
+#[test]
+fn another_number_of_modes_is_refused() {
+    let mut case = lit(Case::new(16, 16, 0, 0.0, 1), 3, true);
+    case.planner.model = ModelTables::new(every_fault(), 11e-3, 256, case.planner.slm, case.planner.grid);
+    let step = case.step(Purpose::Project, PROJECTION, 0.5, usize::MAX);
+    for engine in [&mut vulkan() as &mut dyn Engine, &mut CpuEngine::new()] {
+        case.load(engine, Purpose::Project);
+        let said = engine.run(&step).unwrap_err().to_string();
+        assert!(said.contains("3 modes") && said.contains("with_source"), "{said}");
+    }
+}

@@ -1,0 +1,89 @@
+"""What a sequence costs on a cluster: `EYEBOX=.../eyebox python3 tools/python/measure/cluster_cost.py [COUNT] [SIDE] [STEPS]` solves the same sequence by one
+process of the command with all of this machine's threads, and over two local workers with half of them each; compares the files, the times and the
+processors' time, which a busy machine changes little; measures what a piece takes and carries; and says what that makes of 1 to 1,000
+workers, by the model below."""
+
+import math
+import os
+import pathlib
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+
+import eyebox
+import eyebox.cluster
+from distributed import Client, LocalCluster
+
+#: Seconds that Dask's scheduler takes for a task, as its documentation has it.
+SCHEDULER = 1e-3
+
+
+def contents(folder):
+    return {p.relative_to(folder): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file() and "lock" not in p.name}
+
+
+def processor(who=resource.RUSAGE_SELF):
+    """Seconds that processors have worked for it."""
+    used = resource.getrusage(who)
+    return used.ru_utime + used.ru_stime
+
+
+def seconds(workers, pieces, first, piece, join):
+    """The first piece decides the exposure; the others follow at once, as many as there are workers, and no faster than the scheduler gives
+    them out; the caller then joins all, one after the other."""
+    return first + max(math.ceil((pieces - 1) / workers) * piece, (pieces - 1) * SCHEDULER) + pieces * join
+
+
+def main():
+    count, side, steps = (int(given) for given in (sys.argv[1:] + ["64", "256", "20"][len(sys.argv) - 1 :]))
+    threads = os.cpu_count() or 1
+    scenes = [f"builtin:plane?depth={depth / count}" for depth in range(count)]
+    display = eyebox.Display("small", size=(side, side))
+    settings = dict(frames=2, steps=steps, pupils=4, seed=7)
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = pathlib.Path(temporary)
+        options = f"--display small --size {side}x{side} --color green --frames 2 --steps {steps} --pupils 4 --seed 7".split()
+        run = [os.environ["EYEBOX"], "solve", *scenes, *options, "--engine", "cpu", "--warm-start", "cold", "-o", folder / "one.zarr"]
+        begun, worked = time.perf_counter(), processor(resource.RUSAGE_CHILDREN)
+        subprocess.run(run, check=True, capture_output=True, env={**os.environ, "RAYON_NUM_THREADS": str(threads)})
+        one, one_worked = time.perf_counter() - begun, processor(resource.RUSAGE_CHILDREN) - worked
+        os.environ["RAYON_NUM_THREADS"] = str(max(threads // 2, 1))
+        with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as local, Client(local) as client:
+            # Workers that are there and have loaded the package, as those of a cluster are.
+            client.run(lambda: __import__("eyebox"))
+            begun, worked = time.perf_counter(), sum(client.run(processor).values()) + processor()
+            eyebox.cluster.solve_sequence(
+                scenes, folder / "two.zarr", display, "green", client=client, engine="cpu", keep_pieces=True, **settings
+            )
+            two, two_worked = time.perf_counter() - begun, sum(client.run(processor).values()) + processor() - worked
+        assert contents(folder / "one.zarr") == contents(folder / "two.zarr"), "other bytes"
+        pieces = sorted((folder / "two.zarr.pieces").glob("*.zarr"))
+        carried = sum(len(data) for data in contents(pieces[0]).values())
+        sequence = eyebox.cluster._sequence(
+            ([str(s) for s in scenes], display.to_toml(), ["green"], eyebox._arguments.toml(settings), (30, 1), "cpu")
+        )
+        engine = eyebox.cluster.engine_of("cpu")
+        begun = processor()
+        made = sequence.piece(0, None, engine)
+        first = processor() - begun
+        begun = processor()
+        sequence.piece(1, made, engine)
+        piece = processor() - begun
+        begun = processor()
+        sequence.join([str(path) for path in pieces], str(folder / "again.zarr"), engine)
+        join = (processor() - begun) / count
+    print(f"{count} holograms of {side} x {side}, {steps} steps: the same files")
+    print(f"one process with {threads} threads {one:.1f} s; two workers with {max(threads // 2, 1)} each {two:.1f} s, {two / one:.2f} times")
+    print(f"processors: {one_worked:.1f} s for the one, {two_worked:.1f} s for both and the caller, {two_worked / one_worked:.2f} times")
+    print(f"of one processor: first piece {first:.2f} s, another {piece:.2f} s, joining one {join * 1e3:.1f} ms; {carried / 1e6:.2f} MB written and read a piece")
+    for workers in (1, 10, 100, 1000):
+        took = seconds(workers, 10_000, first, piece, join)
+        share = 10_000 * piece / workers / took
+        rate = 10_000 * carried / 1e6 / took
+        print(f"{workers:5} workers, 10,000 pieces: {took:9.0f} s, {100 * share:3.0f} % of it solving; {rate:.1f} MB/s written, as much read")
+
+
+if __name__ == "__main__":
+    main()

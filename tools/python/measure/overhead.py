@@ -1,0 +1,60 @@
+"""What Python adds to a solve: `EYEBOX=.../eyebox python3 tools/python/measure/overhead.py [PAIRS] [SIDE] [STEPS]` has the command and the package, in turn, load
+a scene, solve it and save it, and compares phases and processor time, which a busy machine changes little. The package's solve has a callback,
+which is called at each step. Both want to be built with the same profile."""
+
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+
+import eyebox
+
+
+def processor(who):
+    """Seconds that processors have worked for it."""
+    used = resource.getrusage(who)
+    return used.ru_utime + used.ru_stime
+
+
+def command(folder, side, steps):
+    """Seconds of processors for the command, and its hologram."""
+    out = os.path.join(folder, "command.zarr")
+    settings = f"--display planes8 --size {side}x{side} --color green --steps {steps} --seed 7 --engine cpu".split()
+    before = processor(resource.RUSAGE_CHILDREN)
+    subprocess.run([os.environ["EYEBOX"], "solve", "builtin:still-life", *settings, "-o", out], check=True, capture_output=True)
+    return processor(resource.RUSAGE_CHILDREN) - before, eyebox.Hologram.load(out)
+
+
+def package(folder, side, steps):
+    """Seconds of processors for the package, and its hologram."""
+    told = []
+    before = processor(resource.RUSAGE_SELF)
+    display = eyebox.Display("planes8", size=(side, side))
+    scene = eyebox.Scene("builtin:still-life", display, "green")
+    hologram = eyebox.solve(scene, display, steps=steps, seed=7, engine="cpu", callback=told.append)
+    hologram.save(os.path.join(folder, "package.zarr"))
+    assert len(told) >= steps
+    return processor(resource.RUSAGE_SELF) - before, hologram
+
+
+def main():
+    pairs, side, steps = (int(given) for given in (sys.argv[1:] + ["5", "512", "20"][len(sys.argv) - 1 :]))
+    ratios = []
+    with tempfile.TemporaryDirectory() as folder:
+        for pair in range(pairs):
+            # Whoever is first in one pair is second in the next.
+            if pair % 2 == 0:
+                theirs, reference = command(folder, side, steps)
+            own, hologram = package(folder, side, steps)
+            if pair % 2 == 1:
+                theirs, reference = command(folder, side, steps)
+            assert hologram.phases["green"].tobytes() == reference.phases["green"].tobytes(), "other bytes"
+            ratios.append(own / theirs)
+            print(f"command {theirs:.2f} s of processors, package {own:.2f} s", flush=True)
+    print(f"package over command: median {statistics.median(ratios):.3f} ({min(ratios):.3f} to {max(ratios):.3f}); the same bytes")
+
+
+if __name__ == "__main__":
+    main()

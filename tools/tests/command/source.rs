@@ -1,0 +1,85 @@
+//! Light with a source, from the display file to the picture.
+
+use crate::common::{done, eyebox, folder, refused, text};
+use eyebox::files::read_npy;
+
+const BENCH: &str =
+    "resolution = [64, 64]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
+const SQUARE: &str = "[source.green]\nimage_mm = 2\nshape = \"square\"\n";
+
+/// A hologram keeps the light that it was solved for, with as few modes as the scene required, and is looked at in it.
+#[test]
+fn a_hologram_keeps_its_light() {
+    let dir = folder();
+    let at = dir.path();
+    std::fs::write(at.join("laser.toml"), format!("{BENCH}[source.all]\nkind = \"laser\"\n")).unwrap();
+    std::fs::write(at.join("plain.toml"), BENCH).unwrap();
+    std::fs::write(at.join("wide.toml"), format!("{BENCH}{SQUARE}")).unwrap();
+    let settings = ["--steps", "8", "--frames", "1", "--pupil-diameter", "3.5..4.5", "--engine", "cpu"];
+    let solve = |display: &str, out: &str| {
+        let first = ["solve", "builtin:still-life", "--display", display, "-o", out];
+        done(at, &[&first[..], &settings].concat());
+    };
+    let view = |hologram: &str, out: &str, more: &[&str]| {
+        let pupil = ["--pupil", "1,-1,4,0", "--engine", "cpu", "-o", out];
+        let answer = eyebox(at, &[&["view", hologram][..], &pupil, more].concat());
+        assert!(answer.status.success(), "{}", text(&answer.stderr));
+        (read_npy(&at.join(out)).unwrap().values, text(&answer.stderr))
+    };
+    let score = |hologram: &str| {
+        let line = [
+            "score",
+            hologram,
+            "builtin:still-life",
+            "--json",
+            "--no-jod",
+            "--engine",
+            "cpu",
+            "--pupil-diameter",
+            "4..4",
+        ];
+        let said = done(at, &line);
+        serde_json::from_str::<serde_json::Value>(&said).unwrap()["psnr_db"]["mean"].as_f64().unwrap()
+    };
+    solve("plain.toml", "plain.zarr");
+    solve("laser.toml", "laser.zarr");
+    solve("wide.toml", "wide.zarr");
+    // A laser is no source: the same bytes.
+    assert!(view("laser.zarr", "laser.npy", &[]).0 == view("plain.zarr", "plain.npy", &[]).0);
+    let (lit, said) = view("wide.zarr", "wide.npy", &[]);
+    assert!(said.contains("source of 9 modes") && said.contains("--ideal"), "{said}");
+    let (point, said) = view("wide.zarr", "point.npy", &["--ideal"]);
+    assert!(lit != point && !said.contains("modes"), "{said}");
+    assert!(score("wide.zarr") > score("plain.zarr") + 0.5);
+    let refine = ["refine", "wide.zarr", "builtin:still-life", "--pupil=1,-1,4,0", "--steps", "2", "--engine", "cpu"];
+    done(at, &[&refine[..], &["-o", "refined.zarr"]].concat());
+    assert!(view("refined.zarr", "refined.npy", &[]).1.contains("source of 9 modes"));
+    // The plan says how many modes, and what one more would change.
+    let plan = ["plan", "builtin:still-life", "--display", "wide.toml"];
+    let said = done(at, &[&plan[..], &settings].concat());
+    assert!(said.contains("green: 9 modes") && said.contains("one more of each makes it"), "{said}");
+}
+
+#[test]
+fn a_bad_source_is_refused_in_a_line() {
+    let dir = folder();
+    let at = dir.path();
+    let solve = ["solve", "builtin:still-life", "--display", "bad.toml", "--engine", "cpu", "-o", "out.zarr"];
+    for (source, says) in [
+        ("[source.green]\nmodes = [{ weight = 0 }]\n", "no mode has any light"),
+        ("[source.green]\nmodes = [{ weight = -1 }]\n", "the weight of mode 1 is -1"),
+        (
+            "[source.green]\nmodes = [{ weight = 1, wavelength_nm = 600 }]\n",
+            "a wavelength of 600.0 nm is more than 2 %",
+        ),
+        (
+            "[source.green]\nmodes = [{ weight = 1, angle_mrad = [40, 0] }]\n",
+            "an angle of 40.00 mrad is beyond what the SLM diffracts to",
+        ),
+    ] {
+        std::fs::write(at.join("bad.toml"), format!("{BENCH}{source}")).unwrap();
+        refused(at, &solve, "out.zarr", &format!("bad.toml: [source.green]: {says}"));
+    }
+    std::fs::write(at.join("bad.toml"), format!("{BENCH}{SQUARE}")).unwrap();
+    refused(at, &[&solve[..], &["--method", "dpac"]].concat(), "out.zarr", "source of several modes");
+}
