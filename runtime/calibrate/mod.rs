@@ -33,6 +33,7 @@ mod picture;
 mod report;
 mod rim;
 mod seen;
+mod smooth;
 mod sorted;
 mod stages;
 mod terms;

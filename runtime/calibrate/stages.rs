@@ -7,7 +7,8 @@ use super::fit::{Effort, Fit, Pictures};
 use super::left::{Shown, shown};
 use super::parameters::{Parameter, Parameters};
 use super::report::Report;
-use super::sorted::{CAMERA_PIXEL, Sorted, sort};
+use super::smooth::{PLAIN, smooth};
+use super::sorted::{CAMERA_PIXEL, sort};
 use super::terms;
 use crate::optics::{Color, Display, Spread};
 
@@ -16,8 +17,6 @@ const FINE: usize = 5;
 /// What fits that search cost, and the last ones.
 const SEARCH: Effort = Effort { subpixels: 2, slopes: 1, rounds: 10, enough: 0.02 };
 const END: Effort = Effort { subpixels: FINE, slopes: 2, rounds: 6, enough: 1e-4 };
-/// What is fitted without crosstalk.
-const PLAIN: Effort = Effort { subpixels: 1, slopes: 1, rounds: 12, enough: 0.01 };
 /// A display whose own model leaves so many times the noise's squares is as its file says.
 const AT_THE_NOISE: f64 = 1.3;
 /// Pictures that vary by less than so many times the noise are dark.
@@ -220,69 +219,6 @@ impl Parameter {
     fn drifts(self) -> bool {
         matches!(self, Self::Map(_) | Self::Iris(_) | Self::Source(0 | 1) | Self::Level(_) | Self::Wavefront(3..=5))
     }
-}
-
-/// What smooth patterns tell: the map, source, table, undiffracted light.
-fn smooth(
-    sorted: &Sorted,
-    start: &Parameters,
-    map: &[Parameter],
-    observe: &mut dyn FnMut(f64),
-) -> Result<Parameters, CalibrateError> {
-    let pictures = &sorted.pictures;
-    // A model from a file knows the crosstalk; an unknown one is not to be seen in smooth patterns.
-    let near =
-        |p: &Parameter| !matches!(p, Parameter::Crosstalk(_) | Parameter::Fill | Parameter::Lag | Parameter::Map(_));
-    let rest = |p: &Parameter| matches!(p, Parameter::Undiffracted(_));
-    let mut free: Vec<Parameter> = Parameter::all().into_iter().filter(|p| near(p) && !rest(p)).collect();
-    free.extend(map);
-    let fit = pictures.fit(start, &free, &sorted.smooth, PLAIN, &mut |part| observe(0.5 * part))?;
-    let mut at = fit.at.clone();
-    if at.model.undiffracted == [0.0; 5] {
-        at.model.undiffracted = undiffracted(sorted, &fit);
-    }
-    free.extend((0..5).map(Parameter::Undiffracted));
-    Ok(pictures
-        .fit(&at, &free, &sorted.smooth, Effort { rounds: 40, enough: 3e-3, ..PLAIN }, &mut |part| {
-            observe(0.5 + 0.5 * part)
-        })?
-        .at)
-}
-
-/// The phase of undiffracted light that explains most of what a fit left: nothing of it shows while its amplitude is 0.
-fn undiffracted(sorted: &Sorted, fit: &Fit) -> [f64; 5] {
-    let pictures = &sorted.pictures;
-    let which: Vec<usize> = sorted.smooth.iter().copied().take(4).collect();
-    let free = [Parameter::Undiffracted(0), Parameter::Undiffracted(1)];
-    let now = pictures.see(&fit.at, 1, &which, &[]);
-    let residuals: Vec<Vec<f64>> =
-        which.iter().zip(&now).map(|(v, seen)| pictures.residuals(*v, seen, fit.exposure)).collect();
-    let mut best = (0.0, [0.0; 5]);
-    for i in 0..9 * 9 * 3 {
-        let phase = [f64::from(i % 9 - 4), f64::from(i / 9 % 9 - 4), f64::from(i / 81 - 1)];
-        let mut at = fit.at.clone();
-        at.model.undiffracted[2..].copy_from_slice(&phase);
-        let seen = pictures.see(&at, 1, &which, &free);
-        let mut sums = [0.0; 5];
-        for ((v, seen), residuals) in which.iter().zip(&seen).zip(&residuals) {
-            let gain = fit.exposure.gain * pictures.views[*v].exposure_ms;
-            for (i, r) in residuals.iter().enumerate() {
-                let (re, im, w) =
-                    (seen.slopes[0][i] * gain, seen.slopes[1][i] * gain, 1.0 / pictures.views[*v].variance[i]);
-                for (sum, term) in sums.iter_mut().zip([re * re, re * im, im * im, -re * r, -im * r]) {
-                    *sum += term * w;
-                }
-            }
-        }
-        let [rr, ri, ii, r, m] = sums;
-        let det = rr * ii - ri * ri;
-        let (re, im) = ((ii * r - ri * m) / det, (rr * m - ri * r) / det);
-        let gained = re * r + im * m;
-        if gained.is_finite() && gained > best.0 && re.hypot(im) < 0.5 {
-            best = (gained, [re, im, phase[0], phase[1], phase[2]]);
-        }
-    }
-    best.1
 }
 
 #[cfg(test)]

@@ -44,11 +44,20 @@ fn read(at: &Path, name: &str) -> String {
 fn a_sweep_is_a_page_and_the_same_numbers_and_goes_on() {
     let temp = folder();
     let at = temp.path();
-    let (said, _) = done(at, &tradeoff(&["--budget", "6", "--json", "--no-store"]));
-    let found: Value = serde_json::from_str(&said).expect("one JSON object");
+    // How much a second is enough for depends on the machine and on who else works on it: longer until it was enough.
+    let longer_until = |start: u32, enough: usize| -> (u32, Value) {
+        for budget in [start, 2 * start, 4 * start, 8 * start] {
+            let (said, _) = done(at, &tradeoff(&["--budget", &budget.to_string(), "--json", "--no-store"]));
+            let found: Value = serde_json::from_str(&said).expect("one JSON object");
+            if found["trials"].as_array().unwrap().len() >= enough {
+                return (budget, found);
+            }
+        }
+        panic!("fewer than {enough} trials in {} s", 8 * start);
+    };
+    let (budget, found) = longer_until(6, 3);
     assert_eq!(found, serde_json::from_str::<Value>(&read(at, "tradeoff.json")).unwrap());
     let trials = found["trials"].as_array().unwrap();
-    assert!(trials.len() >= 3, "{} trials", trials.len());
     assert_eq!(read(at, "trials.csv").lines().count(), 1 + trials.len());
     assert!(!at.join("cache").exists(), "nothing is to be kept");
 
@@ -80,15 +89,14 @@ fn a_sweep_is_a_page_and_the_same_numbers_and_goes_on() {
     assert!(page.matches("<title>").count() > 3 * trials.len());
 
     // The same command goes on: its time is spent, so nothing is added, and with more time it is.
-    let (said, _) = done(at, &tradeoff(&["--budget", "6", "--json", "--no-store"]));
+    let (said, _) = done(at, &tradeoff(&["--budget", &budget.to_string(), "--json", "--no-store"]));
     let again: Value = serde_json::from_str(&said).unwrap();
     let kept = |found: &Value| -> Vec<Value> {
         found["trials"].as_array().unwrap().iter().map(|t| t["recipe"].clone()).collect()
     };
     assert_eq!(kept(&again), kept(&found));
-    let (said, _) = done(at, &tradeoff(&["--budget", "8", "--json", "--no-store"]));
-    let more: Value = serde_json::from_str(&said).unwrap();
-    assert!(kept(&more).len() > kept(&found).len() && kept(&more).starts_with(&kept(&found)));
+    let (_, more) = longer_until(budget + 2, trials.len() + 1);
+    assert!(kept(&more).starts_with(&kept(&found)));
     // Another seed is another sweep.
     let (said, _) = done(at, &tradeoff(&["--budget", "1", "--json", "--no-store", "--seed", "4"]));
     let other: Value = serde_json::from_str(&said).unwrap();
