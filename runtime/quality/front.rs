@@ -20,6 +20,9 @@ pub struct Trial {
     pub psnr: Vec<f64>,
     /// Expected bytes at the peak ([`Subject::cost`](super::Subject::cost)).
     pub bytes: u64,
+    /// Mean and worst JOD over those of the reference's pupils that were judged; none where none was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub jod: Option<[f64; 2]>,
 }
 
 impl Trial {
@@ -27,7 +30,7 @@ impl Trial {
     pub fn new(recipe: Settings, milliseconds: f64, psnr: Vec<f64>, bytes: u64) -> Self {
         let mean = psnr.iter().sum::<f64>() / psnr.len().max(1) as f64;
         let worst = psnr.iter().copied().fold(f64::INFINITY, f64::min);
-        Self { recipe, milliseconds, times: vec![milliseconds], mean, worst, psnr, bytes }
+        Self { recipe, milliseconds, times: vec![milliseconds], mean, worst, psnr, bytes, jod: None }
     }
 
     /// One more time of the same recipe.

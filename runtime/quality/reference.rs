@@ -3,7 +3,7 @@
 
 use super::{QualityError, Subject};
 use crate::engine::{Buffer, Engine};
-use crate::evaluate::{self, Ceiling, Plane};
+use crate::evaluate::{self, Ceiling, JodMetric, Plane, Summary};
 use crate::optics::{Pupil, WindowFactor};
 use crate::plan::{Planner, Purpose, Viewpoint};
 use crate::solve::{Diameters, Levels, Problem, PupilRange, Sampler, Sequence, Settings, ValidationScore, Validator};
@@ -59,12 +59,48 @@ impl Reference {
     pub fn score(&self, phases: &[f32], engine: &mut dyn Engine) -> Result<ValidationScore, QualityError> {
         let mut planner = Planner { frames: phases.len() / self.pixels.max(1), ..self.planner.clone() };
         planner.levels = self.levels.count();
+        self.show(phases, &planner, engine)?;
+        Ok(self.validator.score(engine, &planner)?.in_units_of(self.unit))
+    }
+
+    /// Mean and worst JOD of phases (frames, height, width) through `most` of the pupils, spread evenly, at the exposure of their score: of
+    /// whole pictures, the mean of their sub-frames in one colour beside its photograph. None for pictures that have no JOD.
+    ///
+    /// # Errors
+    /// Those of the engine; [`EvaluateError`](evaluate::EvaluateError) for pictures that hold no numbers.
+    pub(crate) fn judge(
+        &self,
+        phases: &[f32],
+        exposure: f64,
+        metric: &JodMetric,
+        most: usize,
+        engine: &mut dyn Engine,
+    ) -> Result<Option<[f64; 2]>, QualityError> {
+        let count = most.min(self.pupils.len());
+        let pupils: Vec<Pupil> = (0..count).map(|i| self.pupils[i * self.pupils.len() / count]).collect();
+        let frames = phases.len() / self.pixels.max(1);
+        let levels = self.levels.count();
+        let planner = Planner { frames, levels, ..self.problem.planner(1, WindowFactor::Full) };
+        self.show(phases, &planner, engine)?;
+        let seen = evaluate::views(engine, &planner, &pupils)?;
+        let wanted = evaluate::photographs(engine, &planner, &pupils)?;
+        let (rows, columns) = planner.slm.image_size();
+        let mut jod = Vec::new();
+        for (mut seen, wanted) in seen.into_iter().zip(wanted) {
+            seen.iter_mut().for_each(|v| *v *= exposure as f32);
+            let judged = metric.picture(&[&seen; 3].map(|p| &p[..]), &[&wanted; 3].map(|p| &p[..]), rows, columns)?;
+            jod.extend(judged.map(|judged| judged.jod));
+        }
+        Ok(Summary::of(&jod).map(|jod| [jod.mean, jod.worst]))
+    }
+
+    /// Phases on the engine, as the SLM shows them.
+    fn show(&self, phases: &[f32], planner: &Planner, engine: &mut dyn Engine) -> Result<(), QualityError> {
         engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&self.problem.pyramid)))?;
         if let Some(levels) = self.levels.table() {
             engine.write(Buffer::Levels, &levels)?;
         }
-        engine.write(Buffer::Phases, phases)?;
-        Ok(self.validator.score(engine, &planner)?.in_units_of(self.unit))
+        Ok(engine.write(Buffer::Phases, phases)?)
     }
 
     /// Mean and worst dB that any hologram could have ([`Ceiling`]); none where it is not known, where the picture is a part

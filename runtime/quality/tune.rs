@@ -5,6 +5,7 @@ use super::kept::{Keep, checksum};
 use super::tuned::{Checked, LevelRow, Tuned};
 use super::{Quality, QualityError, Recommended, Reference, Solved, Subject, Trial, recommend};
 use crate::engine::{Engine, Memory};
+use crate::evaluate::JodMetric;
 use crate::optics::{Padding, WindowFactor};
 use crate::solve::{Cost, Flow, Levels, Settings, ValidationScore, even_levels};
 use serde::{Deserialize, Serialize};
@@ -32,6 +33,9 @@ pub struct Tuning<'a> {
     pub seed: u64,
     /// Settings of another run, which are measured too.
     pub check: Vec<Recommended>,
+    /// Through how many pupils a trial is judged in JOD, beside its PSNR, as the subject's display is seen (its
+    /// [`Viewing`](crate::optics::Viewing)); 0 for none.
+    pub judged: usize,
     /// When this run began.
     pub begun: Instant,
 }
@@ -81,6 +85,7 @@ impl<'a> Tuning<'a> {
         let device = engine.describe();
         let made_by = json!({
             "version": env!("CARGO_PKG_VERSION"), "format": 1, "device": device, "base": base, "levels": levels,
+            "judged": [json!(self.judged), json!(display.viewing), json!(display.pixels_per_degree())],
             "scene": [json!(checksum(field)), json!(field.grid), json!(field.cell(display))], "color": color,
             "display": [json!([display.height, display.width]), json!([display.pitch, display.focal_length]),
                 json!(display.wavelengths.iter().map(|w| w.wavelength).collect::<Vec<_>>())],
@@ -243,7 +248,9 @@ impl Work<'_, '_> {
         self.what = format!("trial {}: {recipe}", self.state.trials.len() + 1);
         let Some(solved) = self.solve(recipe, longest)? else { return Ok(None) };
         let score = self.score(&solved, reference)?;
+        let jod = self.judge(&solved, score.exposure, reference)?;
         let mut trial = Trial::new(recipe.clone(), solved.milliseconds, score.psnr, self.cost(recipe)?.bytes());
+        trial.jod = jod;
         let more = match solved.milliseconds {
             ms if ms < 400.0 => 2,
             ms if ms < 1000.0 => 1,
@@ -266,6 +273,22 @@ impl Work<'_, '_> {
     fn score(&mut self, solved: &Solved, reference: &Reference) -> Result<ValidationScore, QualityError> {
         let pixels = self.tuning.subject.display.height * self.tuning.subject.display.width;
         reference.score(&solved.solution.phases[..solved.frames * pixels], self.engine)
+    }
+
+    /// The same by what people see, where that is asked for.
+    fn judge(
+        &mut self,
+        solved: &Solved,
+        exposure: f64,
+        reference: &Reference,
+    ) -> Result<Option<[f64; 2]>, QualityError> {
+        let (display, judged) = (self.tuning.subject.display, self.tuning.judged);
+        if judged == 0 {
+            return Ok(None);
+        }
+        let metric = JodMetric::new(&display.viewing, display.pixels_per_degree(), false)?;
+        let phases = &solved.solution.phases[..solved.frames * display.height * display.width];
+        reference.judge(phases, exposure, &metric, judged, self.engine)
     }
 
     /// Levels after the fact, and optimised for.

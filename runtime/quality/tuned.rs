@@ -104,6 +104,11 @@ impl Tuned {
         front(&self.trials, |t| t.bytes as f64, |t| t.mean)
     }
 
+    /// Mean JOD against time.
+    pub(crate) fn by_jod(&self) -> Vec<&Trial> {
+        front(&self.trials, |t| t.milliseconds, |t| t.jod.map_or(f64::NAN, |[mean, _]| mean))
+    }
+
     /// Chooses the three, and says how the settings of another run stand here.
     pub fn settle(&mut self) {
         self.recommended = recommend(&self.trials).map(Vec::from).unwrap_or_default();

@@ -51,6 +51,11 @@ fn time(milliseconds: f64) -> String {
     }
 }
 
+/// Mean and worst JOD, where it was judged.
+fn jod(trial: &Trial) -> [String; 2] {
+    trial.jod.map_or_else(|| ["–".into(), "–".into()], |jod| jod.map(|jod| format!("{jod:.2}")))
+}
+
 fn mebibytes(trial: &Trial) -> f64 {
     trial.bytes as f64 / f64::from(1 << 20)
 }
@@ -63,7 +68,8 @@ fn recommended(tuned: &Tuned) -> Markup {
         let faster = accurate.map_or(1.0, |a| a / t.milliseconds);
         let [faster, memory] = [format!("{faster:.1} ×"), format!("{:.0}", mebibytes(t))];
         let [mean, worst] = [t.mean, t.worst].map(|v| format!("{v:.2}"));
-        row(&name, [time(t.milliseconds), faster, mean, worst, memory, t.recipe.to_string()])
+        let [jod, _] = jod(t);
+        row(&name, [time(t.milliseconds), faster, mean, worst, jod, memory, t.recipe.to_string()])
     });
     let checked = tuned.check.iter().map(|c| {
         let (class, tag) = if c.holds() { ("holds", "holds") } else { ("fails", "does not hold") };
@@ -83,7 +89,7 @@ fn recommended(tuned: &Tuned) -> Markup {
         }
         (table(
             "The three settings",
-            &["Name", "time", "faster", "mean, dB", "worst, dB", "memory, MiB", "settings"],
+            &["Name", "time", "faster", "mean, dB", "worst, dB", "JOD", "memory, MiB", "settings"],
             rows,
         ))
         @if tuned.recommended.iter().any(|r| !r.met) {
@@ -123,7 +129,8 @@ fn front(
     let at = |t: &Trial| [cost(t), good(t)];
     let hover = |t: &Trial| {
         let (took, mib) = (time(t.milliseconds), mebibytes(t));
-        format!("{}: {took}, {:.2} dB mean, {:.2} dB worst, {mib:.0} MiB", t.recipe, t.mean, t.worst)
+        let seen = t.jod.map_or(String::new(), |[mean, _]| format!("{mean:.2} JOD, "));
+        format!("{}: {took}, {:.2} dB mean, {:.2} dB worst, {seen}{mib:.0} MiB", t.recipe, t.mean, t.worst)
     };
     for trial in &tuned.trials {
         plot.dot("root speck", at(trial), 2.6, &hover(trial));
@@ -157,7 +164,7 @@ fn front(
 }
 
 /// The plots of the page, and the names of their files.
-pub fn figures(tuned: &Tuned) -> [(&'static str, Plot); 3] {
+pub fn figures(tuned: &Tuned) -> Vec<(&'static str, Plot)> {
     let milliseconds = || {
         Axis::log("time of a solve").text(|ms| if ms < 1000.0 { format!("{ms} ms") } else { format!("{} s", ms / 1e3) })
     };
@@ -167,15 +174,28 @@ pub fn figures(tuned: &Tuned) -> [(&'static str, Plot); 3] {
     let [most_mean, most_worst] = [0, 1].map(|i| tuned.ceiling.map(|c| c[i]));
     let [a, b, c] = ["Mean quality against time", "Worst quality against time", "Mean quality against memory"];
     let (x, y) = (milliseconds, [mebibytes, mean]);
-    [
+    let mut all = vec![
         ("time and mean", front(tuned, a, "m0", [x(), mean_db()], [ms, mean], &tuned.by_mean(), most_mean)),
         ("time and worst", front(tuned, b, "m1", [x(), worst_db()], [ms, worst], &tuned.by_worst(), most_worst)),
         ("memory and mean", front(tuned, c, "m2", [memory, mean_db()], y, &tuned.by_memory(), most_mean)),
-    ]
+    ];
+    if tuned.trials.iter().all(|t| t.jod.is_some()) {
+        let jod: Number = |t| t.jod.map_or(0.0, |[mean, _]| mean);
+        let d = "What people see against time";
+        let plot = front(tuned, d, "m3", [x(), Axis::linear("mean JOD")], [ms, jod], &tuned.by_jod(), None);
+        all.push(("time and JOD", plot));
+    }
+    all
 }
 
 fn fronts(tuned: &Tuned) -> Markup {
-    let [(_, by_mean), (_, by_worst), (_, by_memory)] = figures(tuned);
+    let figures = figures(tuned);
+    let notes = [
+        ("Time and mean", "the mean over all pupils"),
+        ("Time and worst pupil", "the worst of all pupils"),
+        ("Memory and mean", "buffers at the peak of the solve, as planned"),
+        ("Time and JOD", "just-objectionable differences by ColorVideoVDP: 10 where nothing is seen"),
+    ];
     let body = html! {
         p {
             "One dot a trial; what it did is under the mouse, and in the table below. Time and memory are logarithmic. The \
@@ -183,9 +203,7 @@ fn fronts(tuned: &Tuned) -> Markup {
              whatever is tried."
         }
         div.plots {
-            (figure(&by_mean, "Time and mean", "the mean over all pupils"))
-            (figure(&by_worst, "Time and worst pupil", "the worst of all pupils"))
-            (figure(&by_memory, "Memory and mean", "buffers at the peak of the solve, as planned"))
+            @for ((_, plot), (name, note)) in figures.iter().zip(notes) { (figure(plot, name, note)) }
         }
     };
     section("fronts", "Fronts", body)
@@ -257,9 +275,11 @@ fn trials(tuned: &Tuned) -> Markup {
     let list = |name: &str, all: &[&Trial]| {
         let rows = all.iter().map(|t| {
             let [mean, worst] = [t.mean, t.worst].map(|v| format!("{v:.2}"));
-            row(&t.recipe.to_string(), [time(t.milliseconds), mean, worst, format!("{:.0}", mebibytes(t))])
+            let [jod, worst_jod] = jod(t);
+            let cells = [time(t.milliseconds), mean, worst, jod, worst_jod, format!("{:.0}", mebibytes(t))];
+            row(&t.recipe.to_string(), cells)
         });
-        table(name, &["Settings", "time", "mean, dB", "worst, dB", "MiB"], rows)
+        table(name, &["Settings", "time", "mean, dB", "worst, dB", "JOD", "worst JOD", "MiB"], rows)
     };
     let mut all: Vec<&Trial> = tuned.trials.iter().collect();
     all.sort_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds));
@@ -279,6 +299,10 @@ fn how() -> Markup {
              the SLM's levels show them, against photographs of the whole light field, with the full window and all the padding \
              that the scene requires, after averaging over 2 × 2 pixels, with one exposure for all. It is the same for every \
              trial: fewer views, coarser pixels or no padding gain nothing by being judged by themselves."
+        }
+        p {
+            "JOD: just-objectionable differences by ColorVideoVDP, 10 where nothing is seen, of whole pictures in this colour, as grey ones, through \
+             some of the same pupils, at the display's luminance and pixels a degree. No solve works towards it."
         }
         p {
             "Time: from the light field in memory to the phases of one colour, the choice of the exposure included, alone in the \
@@ -307,7 +331,7 @@ pub fn json(tuned: &Tuned) -> Value {
 /// One line per trial.
 pub fn csv(tuned: &Tuned) -> Vec<u8> {
     let head = "trial,steps,pupils,optimizer,momentum,diameters,window,repeats,views,storage,levels,padding,pixel,ms,times,\
-                mean_db,worst_db,bytes,on_mean_front,on_worst_front,on_memory_front,recommended";
+                mean_db,worst_db,jod_mean,jod_worst,bytes,on_mean_front,on_worst_front,on_memory_front,recommended";
     let (mean, worst, memory) = (tuned.by_mean(), tuned.by_worst(), tuned.by_memory());
     let on = |front: &[&Trial], t: &Trial| usize::from(front.iter().any(|f| f.recipe == t.recipe)).to_string();
     let line = |(i, t): (usize, &Trial)| {
@@ -334,6 +358,7 @@ pub fn csv(tuned: &Tuned) -> Vec<u8> {
         line.extend([usize::from(levels), usize::from(padding), r.pixel].map(|n| n.to_string()));
         line.extend([format!("{:.3}", t.milliseconds), t.times.len().to_string()]);
         line.extend([t.mean, t.worst].map(|db| format!("{db:.4}")));
+        line.extend(t.jod.map_or_else(|| [String::new(), String::new()], |jod| jod.map(|jod| format!("{jod:.4}"))));
         line.extend([t.bytes.to_string(), on(&mean, t), on(&worst, t), on(&memory, t)]);
         line.push(named.collect::<Vec<_>>().join(" "));
         line

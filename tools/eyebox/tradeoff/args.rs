@@ -1,6 +1,7 @@
 //! The arguments of `eyebox tradeoff`.
 
 use crate::args::{DisplayArgs, EngineArgs, OverwriteArgs, SceneArgs};
+use crate::jod::JodArgs;
 use crate::values::{diameters, positive};
 use clap::Args;
 use std::path::PathBuf;
@@ -41,6 +42,9 @@ pub struct Tradeoff {
     /// Do not keep what is found for --quality and --deadline
     #[arg(long)]
     pub no_store: bool,
+    /// How it is judged by what people see
+    #[command(flatten)]
+    pub seen: JodArgs,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,

@@ -17,12 +17,16 @@ use eyebox::solve::Settings;
 use std::path::Path;
 use std::time::Instant;
 
+/// Pupils through which a trial is judged in JOD, unless all or none are asked for: one takes as long as many looks.
+const JUDGED: usize = 2;
+
 /// Measures, reports, and keeps what is recommended.
 pub fn run(args: &Tradeoff) -> Result<(), Failure> {
     let begun = Instant::now();
     let mut own = OwnFolder::open(&args.out, &report::TUNED, args.overwrite.overwrite)?;
     let check = args.check.as_deref().map(read_check).transpose()?.unwrap_or_default();
-    let display = common::display(&args.display)?;
+    let mut display = common::display(&args.display)?;
+    display.viewing = args.seen.viewing.over(display.viewing)?;
     let color = leading(&common::colors(&args.display, &display)?);
     let mut base = Settings { frames: args.frames, seed: args.seed, ..Settings::default() };
     base.diameter = common::diameters(args.pupil_diameter, &display, args.display.force)?;
@@ -42,7 +46,8 @@ pub fn run(args: &Tradeoff) -> Result<(), Failure> {
     progress::catch_interrupt();
     let subject = Subject { field: &field, color, display: &display, base, levels };
     let bar = JobBar::new(args.json);
-    let tuning = Tuning { subject, budget: args.budget, seed: args.seed, check, begun };
+    let judged = args.seen.pupils(JUDGED);
+    let tuning = Tuning { subject, budget: args.budget, seed: args.seed, check, judged, begun };
     let tuned = tuning.run(&args.out, engine.as_mut(), &mut |what, share| bar.show(what, share))?;
     bar.finish();
     if tuned.trials.is_empty() {
@@ -106,15 +111,16 @@ fn store(tuned: &Tuned) -> Option<std::path::PathBuf> {
 }
 
 fn print(tuned: &Tuned, out: &Path) {
-    println!("             ms   mean dB  worst dB     MiB   setting");
+    println!("             ms   mean dB  worst dB     JOD     MiB   setting");
     for r in &tuned.recommended {
         let t = &r.trial;
         println!(
-            "{:9}{:7.0}  {:8.2}  {:8.2}  {:6.0}   {}{}",
+            "{:9}{:7.0}  {:8.2}  {:8.2}  {:>6}  {:6.0}   {}{}",
             r.quality.name(),
             t.milliseconds,
             t.mean,
             t.worst,
+            t.jod.map_or("-".into(), |[mean, _]| format!("{mean:.2}")),
             t.bytes as f64 / f64::from(1 << 20),
             t.recipe,
             if r.met { "" } else { " (the nearest there is)" }
