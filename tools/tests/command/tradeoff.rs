@@ -92,9 +92,9 @@ fn a_sweep_is_a_page_and_the_same_numbers_and_goes_on() {
     for outside in ["<script", "<link", "src=\"http", "url(", "href=\"http", "@import", "NaN", "inf"] {
         assert!(!page.contains(outside), "{outside}");
     }
-    assert_eq!(page.matches("<svg").count(), 3);
+    assert_eq!(page.matches("<svg").count(), 4);
     // Every trial says under the mouse what it did, in each plot.
-    assert!(page.matches("<title>").count() > 3 * trials.len());
+    assert!(page.matches("<title>").count() > 4 * trials.len());
 
     // The same command goes on: its time is spent, so nothing is added, and with more time it is.
     let (said, _) = done(at, &tradeoff(&["--budget", &budget.to_string(), "--json", "--no-store"]));
