@@ -105,7 +105,7 @@ impl Tuned {
     }
 
     /// Mean JOD against time.
-    pub(crate) fn by_jod(&self) -> Vec<&Trial> {
+    pub fn by_jod(&self) -> Vec<&Trial> {
         front(&self.trials, |t| t.milliseconds, |t| t.jod.map_or(f64::NAN, |[mean, _]| mean))
     }
 
