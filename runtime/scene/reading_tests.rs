@@ -360,6 +360,13 @@ fn the_page_says_what_is_read_and_what_is_refused() {
     let picture = folder("one", &["v.png"]).join("v.png");
     let said = |path: &Path, request: &Request| load(path.to_str().unwrap(), request).unwrap_err().to_string();
     let other = OrderFound::Other { orders: vec![Order::default()], reason: "?".into() };
+    let list = at.join("list.npy");
+    crate::files::write_npy(&list, &[4, 8, 8], &[0.5; 4 * 8 * 8]).unwrap();
+    let plain = at.join("plain.png");
+    ImageBuffer::from_pixel(64, 64, Luma([90u8])).save(&plain).unwrap();
+    // Found in whole light fields (`kept_tests`); here it is the words.
+    let (scene, views, cause) = ("folder".into(), "the view of row 2, column 3 is".into(), "?".into());
+    let odd = SceneError::OddViews { scene, views, found: 20.0, others: 40.0, cause };
     let lines = [
         said(&picture, &request),
         said(&picture, &Request { depth_map: Some(&map), ..request }),
@@ -371,6 +378,9 @@ fn the_page_says_what_is_read_and_what_is_refused() {
         depth_maps(&["a.png".into(), "b.png".into()], std::slice::from_ref(&map)).unwrap_err().to_string(),
         SceneError::doubtful_depth([0.0, 1.0], 30, &display).to_string(),
         order::check("folder", &other).unwrap_err().to_string(),
+        said(&list, &request),
+        said(&PathBuf::from(format!("{}?mosaic", plain.display())), &request),
+        odd.to_string(),
     ];
     let table = page.split_once("| the line says | what to do |").unwrap().1;
     let rows: Vec<&str> = table.lines().filter_map(|row| row.strip_prefix("| `")?.split('`').next()).collect();
