@@ -185,9 +185,7 @@ impl Placer {
             return Err(Refusal::Confidence);
         }
         let fit = match &self.calibration {
-            Some(calibration) => {
-                Some(fit(calibration).filter(|f| f.unit == reading.unit).ok_or(Refusal::NoMap)?)
-            }
+            Some(calibration) => Some(fit(calibration).filter(|f| f.unit == reading.unit).ok_or(Refusal::NoMap)?),
             None => None,
         };
         let at = |reading: &Reading, gaze: Option<&Reading>| match fit {

@@ -222,20 +222,14 @@ impl Steerer {
     ///
     /// # Errors
     /// Those of the engines.
-    pub fn carry(
-        &mut self,
-        pixels: &[[i64; 2]],
-        lighting: &Lighting,
-        look: bool,
-    ) -> Result<(bool, u32), EngineError> {
+    pub fn carry(&mut self, pixels: &[[i64; 2]], lighting: &Lighting, look: bool) -> Result<(bool, u32), EngineError> {
         self.settle()?;
         let pixel = self.colors.first().map_or(1.0, |c| c.refiner.pixel());
         let mut moved = true;
         for (i, color) in self.colors.iter_mut().enumerate() {
             let ratio = pixel / color.refiner.pixel();
-            let of = |turn: &usize| {
-                pixels.get(*turn).map_or([0.0; 2], |pixels| pixels.map(|p| (p as f64 * ratio).round()))
-            };
+            let of =
+                |turn: &usize| pixels.get(*turn).map_or([0.0; 2], |pixels| pixels.map(|p| (p as f64 * ratio).round()));
             self.shifts.clear();
             self.shifts.extend(lighting.turn_of(i).iter().map(of));
             if self.shifts.iter().all(|shift| *shift == [0.0; 2]) {

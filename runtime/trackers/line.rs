@@ -354,7 +354,8 @@ mod tests {
         sample.time_ns = 4_990_000_000;
         let reading = Reading::new(Quantity::Gaze, Unit::Radians, [0.25, -0.5]);
         sample.left = Some(Reading { diameter: Some(3e-3), confidence: 0.5, distance: Some(1.0), ..reading });
-        sample.combined = Some(Reading { velocity: Some([2e-3, -0.5]), ..Reading::new(Quantity::Pupil, Unit::Metres, [0.0; 2]) });
+        sample.combined =
+            Some(Reading { velocity: Some([2e-3, -0.5]), ..Reading::new(Quantity::Pupil, Unit::Metres, [0.0; 2]) });
         sample.focus_dioptres = Some(0.75);
         let line = parse(write(&sample).as_bytes()).unwrap();
         assert_eq!(line.readings[2].unwrap().velocity, Some([2e-3, -0.5]));

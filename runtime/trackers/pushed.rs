@@ -27,13 +27,7 @@ impl SampleSender {
 
     /// The same of a tracker that tells how fast the pupil moves, metres a second (right, down); a velocity that is not finite is
     /// none.
-    pub fn moving_pupil(
-        &self,
-        position: [f64; 2],
-        velocity: Option<[f64; 2]>,
-        diameter: Option<f64>,
-        age: Duration,
-    ) {
+    pub fn moving_pupil(&self, position: [f64; 2], velocity: Option<[f64; 2]>, diameter: Option<f64>, age: Duration) {
         let now = now_ns();
         let age_ns = u64::try_from(age.min(OLDEST).as_nanos()).unwrap_or(0);
         let reading = Reading { velocity, diameter, ..Reading::new(Quantity::Pupil, Unit::Metres, position) };

@@ -274,14 +274,7 @@ impl Session {
     }
 
     /// The pupil was there so many seconds ago, and moves so fast; a place that is no number is a closed eye.
-    fn look(
-        &self,
-        x: f64,
-        y: f64,
-        diameter: Option<f64>,
-        velocity: Option<(f64, f64)>,
-        age: f64,
-    ) -> PyResult<()> {
+    fn look(&self, x: f64, y: f64, diameter: Option<f64>, velocity: Option<(f64, f64)>, age: f64) -> PyResult<()> {
         let eye = self
             .eye
             .as_ref()

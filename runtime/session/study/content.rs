@@ -110,7 +110,8 @@ impl ContentRun {
     pub fn windows(&self, from: u32) -> Option<[f64; 2]> {
         let turns = self.settled(from).map(|s| s.turn).max()? + 1;
         let mean = |turn: u32| {
-            let (sum, count) = self.settled(from).filter(|s| s.turn == turn).fold((0.0, 0), |(sum, n), s| (sum + s.db, n + 1));
+            let (sum, count) =
+                self.settled(from).filter(|s| s.turn == turn).fold((0.0, 0), |(sum, n), s| (sum + s.db, n + 1));
             (count > 0).then(|| sum / f64::from(count))
         };
         let all = || (0..turns).filter_map(mean);
