@@ -122,7 +122,12 @@ mod tests {
             (U8, 0, all(&|i| vec![eight(i) as u8]), Box::new(move |i| eight(i) / 255.0)),
             (U8, 1, all(&|i| vec![eight(i) as u8]), Box::new(move |i| coded(eight(i) / 255.0))),
             (U16, 0, all(&|i| (sixteen(i) as u16).to_le_bytes().to_vec()), Box::new(move |i| sixteen(i) / 65_535.0)),
-            (U16, 1, all(&|i| (sixteen(i) as u16).to_le_bytes().to_vec()), Box::new(move |i| coded(sixteen(i) / 65_535.0))),
+            (
+                U16,
+                1,
+                all(&|i| (sixteen(i) as u16).to_le_bytes().to_vec()),
+                Box::new(move |i| coded(sixteen(i) / 65_535.0)),
+            ),
             (F32, 0, all(&|i| (light(i) as f32).to_le_bytes().to_vec()), Box::new(light)),
         ];
         for (sample, coded, samples, wanted) in cases {

@@ -81,7 +81,8 @@ mod tests {
                 for (s, t) in (0..rows.taps).flat_map(|s| (0..columns.taps).map(move |t| (s, t))) {
                     let from_y = (rows.first[y] as usize + s) % in_height;
                     let from_x = (columns.first[x] as usize + t) % in_width;
-                    exact += weight(&rows, y, s) * weight(&columns, x, t) * f64::from(finer[from_y * in_width + from_x]);
+                    exact +=
+                        weight(&rows, y, s) * weight(&columns, x, t) * f64::from(finer[from_y * in_width + from_x]);
                 }
                 assert!((f64::from(*value) - exact).abs() <= 0.51, "{value} {exact}");
             }

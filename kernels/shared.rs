@@ -2,8 +2,8 @@
 //! `cargo run -p eyebox-spirv-tool -- build` writes.
 
 use crate::{
-    BATCH, SUM_WIDTH, TILE, TILE_THREADS, WIDTH, binary_angle, compare, decode_views, encode, energy, equalise_eyebox, exposure,
-    fft_plan, photograph, trig,
+    BATCH, SUM_WIDTH, TILE, TILE_THREADS, WIDTH, binary_angle, compare, decode_views, encode, energy, equalise_eyebox,
+    exposure, fft_plan, photograph, trig,
 };
 use std::fmt::Write;
 

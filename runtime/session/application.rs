@@ -100,8 +100,7 @@ impl LiveInput {
     /// In words, why views have to pass through the host all the same: the display's model or its far field changes them first, or the
     /// device is too small.
     pub fn decode_on(&mut self, gpu: &Gpu) -> Result<(), String> {
-        self.device =
-            Some(DeviceViews::new(gpu, self.ring.offer(), &self.display, &self.colors, &self.channels)?);
+        self.device = Some(DeviceViews::new(gpu, self.ring.offer(), &self.display, &self.colors, &self.channels)?);
         Ok(())
     }
 
@@ -275,9 +274,8 @@ impl LiveInput {
     /// One exposure for each colour, by the first frame; it only ever rises, where there would not be enough light.
     /// `ends`: of the middle view of each a guess by its bright end, and its mean.
     fn exposures_of(&mut self, ends: &[[f64; 2]]) -> Vec<f64> {
-        let exposures = self
-            .exposures
-            .get_or_insert_with(|| ends.iter().map(|[guess, _]| guess.max(LEAST_EXPOSURE)).collect());
+        let exposures =
+            self.exposures.get_or_insert_with(|| ends.iter().map(|[guess, _]| guess.max(LEAST_EXPOSURE)).collect());
         exposures.iter_mut().zip(ends).for_each(|(exposure, [_, mean])| *exposure = exposure.max(*mean));
         exposures.clone()
     }

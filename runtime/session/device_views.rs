@@ -6,8 +6,8 @@ use crate::gpu::Gpu;
 use crate::optics::{Color, Display, Padding};
 use crate::scene::{Pyramid, ViewGrid};
 use crate::solve::Problem;
-use eyebox_live_input::{Content, FrameFault, FrameInfo, Offer, Sample, Transfer, ViewTaker};
 use eyebox_kernels::decode_views;
+use eyebox_live_input::{Content, FrameFault, FrameInfo, Offer, Sample, Transfer, ViewTaker};
 use std::sync::Arc;
 
 /// What decodes views on a device, until that fails.
@@ -26,7 +26,13 @@ pub(super) struct ColorViews {
 impl DeviceViews {
     /// For what a display offers; `channels` are those of its colours that are looked at. In words, why views of this display have to
     /// pass through the host.
-    pub fn new(gpu: &Gpu, offer: &Offer, display: &Display, colors: &[Color], channels: &[usize]) -> Result<Self, String> {
+    pub fn new(
+        gpu: &Gpu,
+        offer: &Offer,
+        display: &Display,
+        colors: &[Color],
+        channels: &[usize],
+    ) -> Result<Self, String> {
         let size = offer.size.map(|n| n as usize);
         for color in colors {
             let wavelength = display.optics(*color).map_err(|e| e.to_string())?.wavelength;

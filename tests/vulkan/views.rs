@@ -117,7 +117,8 @@ fn views_are_decoded_as_the_twins_and_the_host_do() {
                         };
                         let sizes = [0, 1].map(|i| pair[i].height * pair[i].width);
                         let mut twin = vec![0; sizes[1]];
-                        for (from, to) in pair[0].views.chunks_exact(sizes[0]).zip(pair[1].views.chunks_exact(sizes[1])) {
+                        for (from, to) in pair[0].views.chunks_exact(sizes[0]).zip(pair[1].views.chunks_exact(sizes[1]))
+                        {
                             halve_views(&args, from, &rows, &columns, &mut twin);
                             let (most, share) = apart(to, &twin);
                             assert!(most <= 1 && share < 1e-3, "{what}, halved: {most}, {share}");
@@ -134,7 +135,8 @@ fn views_are_decoded_as_the_twins_and_the_host_do() {
 fn what_is_no_light_is_found() {
     let gpu = gpu();
     let (pixels, count, stored) = (7 * 13, 6, 3);
-    let mut decoder = ViewDecoder::new(&gpu, [7, 13], stored, &[0, 1, 2], (4 * pixels * count * stored) as u64).unwrap();
+    let mut decoder =
+        ViewDecoder::new(&gpu, [7, 13], stored, &[0, 1, 2], (4 * pixels * count * stored) as u64).unwrap();
     let mut found = |sample: u32, at: usize, bits: u32| {
         let mut bytes = samples(pixels * count * stored, sample, 3);
         let size = if sample == F32 { 4 } else { 2 };

@@ -393,7 +393,8 @@ impl Display {
         let channels = colors + usize::from(matches!(info.content, Content::Layers(_)));
         let [bytes, depth] = self.offer.bytes(&info.content, info.sample);
         let is_views = matches!(info.content, Content::Views { .. });
-        let taken = is_views.then(|| taker.take(&self.raw[..bytes.next_multiple_of(4)], &info)).flatten().transpose()?;
+        let taken =
+            is_views.then(|| taker.take(&self.raw[..bytes.next_multiple_of(4)], &info)).flatten().transpose()?;
         frame.is_taken = taken.is_some();
         (frame.number, frame.info, frame.channels) = (number, info, channels);
         if frame.is_taken {
