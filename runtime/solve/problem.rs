@@ -73,7 +73,8 @@ impl Problem {
             Pyramid::new(&views.iter().map(framed).collect::<Vec<_>>(), grid.height, grid.width)
         };
         let pixels = (views.len() * height * width) as f64;
-        let mean = views.iter().map(|v| v.iter().map(|x| f64::from(*x)).sum::<f64>()).sum::<f64>() / pixels;
+        let sums: Vec<f64> = views.par_iter().map(|v| v.iter().map(|x| f64::from(*x)).sum()).collect();
+        let mean = sums.iter().sum::<f64>() / pixels;
         Ok(Self { pyramid: Arc::new(pyramid), mean: mean * share * share, ..outline })
     }
 
