@@ -79,7 +79,7 @@ pub fn light(args: &Args, samples: &[u8], curve: &[f32], view: usize, pixel: usi
 /// What is no light is dark.
 pub fn decode_views(args: &Args, samples: &[u8], curve: &[f32], view: usize, values: &mut [u16], sums: &mut [u32]) {
     let (mut parts, mut brightest, mut bad) = ([0.0f64; 3], 0.0f32, ALL_LIGHT);
-    for pixel in 0..args.pixels as usize {
+    for (pixel, to) in values.iter_mut().enumerate().take(args.pixels as usize) {
         let found = light(args, samples, curve, view, pixel);
         if found.is_none() {
             bad = bad.min(pixel as u32);
@@ -89,7 +89,7 @@ pub fn decode_views(args: &Args, samples: &[u8], curve: &[f32], view: usize, val
         let wide = f64::from(value);
         parts = [parts[0] + wide, parts[1] + wide * wide, parts[2] + wide * wide * wide];
         if args.scale > 0.0 {
-            values[pixel] = (value / args.scale * 65_535.0 + 0.5) as u16;
+            *to = (value / args.scale * 65_535.0 + 0.5) as u16;
         }
     }
     let [one, two, three] = parts.map(|sum| (sum as f32).to_bits());
@@ -115,29 +115,29 @@ mod tests {
     fn every_kind_of_sample_is_its_light() {
         let light = |i: usize| (i as f64 * 0.083 + 0.01) % 1.0;
         let coded = |v: f64| if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) };
-        let all = |f: &dyn Fn(usize) -> Vec<u8>| (0..12).flat_map(f).collect::<Vec<u8>>();
         let eight = |i: usize| (light(i) * 255.0).round();
         let sixteen = |i: usize| (light(i) * 65_535.0).round();
-        let cases: [(u32, u32, Vec<u8>, Box<dyn Fn(usize) -> f64>); 5] = [
-            (U8, 0, all(&|i| vec![eight(i) as u8]), Box::new(move |i| eight(i) / 255.0)),
-            (U8, 1, all(&|i| vec![eight(i) as u8]), Box::new(move |i| coded(eight(i) / 255.0))),
-            (U16, 0, all(&|i| (sixteen(i) as u16).to_le_bytes().to_vec()), Box::new(move |i| sixteen(i) / 65_535.0)),
-            (
-                U16,
-                1,
-                all(&|i| (sixteen(i) as u16).to_le_bytes().to_vec()),
-                Box::new(move |i| coded(sixteen(i) / 65_535.0)),
-            ),
-            (F32, 0, all(&|i| (light(i) as f32).to_le_bytes().to_vec()), Box::new(light)),
-        ];
-        for (sample, coded, samples, wanted) in cases {
+        for (sample, is_coded) in [(U8, 0), (U8, 1), (U16, 0), (U16, 1), (F32, 0)] {
+            let stored = |i: usize| match sample {
+                U8 => vec![eight(i) as u8],
+                U16 => (sixteen(i) as u16).to_le_bytes().to_vec(),
+                _ => (light(i) as f32).to_le_bytes().to_vec(),
+            };
+            let wanted = |i: usize| match (sample, is_coded) {
+                (U8, 0) => eight(i) / 255.0,
+                (U8, _) => coded(eight(i) / 255.0),
+                (U16, 0) => sixteen(i) / 65_535.0,
+                (U16, _) => coded(sixteen(i) / 65_535.0),
+                _ => light(i),
+            };
+            let samples: Vec<u8> = (0..12).flat_map(stored).collect();
             for channel in 0..2 {
                 for view in 0..2 {
-                    let args = Args { sample, coded, channel, ..ARGS };
+                    let args = Args { sample, coded: is_coded, channel, ..ARGS };
                     let (values, sums, bad) = decoded(&args, &samples, view);
                     let wanted: Vec<f64> = (0..3).map(|p| wanted((view * 3 + p) * 2 + channel as usize)).collect();
                     let near = values.iter().zip(&wanted).all(|(v, w)| (f64::from(*v) / 65_535.0 - w).abs() < 8e-6);
-                    assert!(near, "{sample} {coded}: {values:?} {wanted:?}");
+                    assert!(near, "{sample} {is_coded}: {values:?} {wanted:?}");
                     for (i, sum) in sums[..3].iter().enumerate() {
                         let exact: f64 = wanted.iter().map(|w| w.powi(i as i32 + 1)).sum();
                         assert!((sum - exact).abs() < 1e-6, "{sum} {exact}");
