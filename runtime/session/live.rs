@@ -337,7 +337,7 @@ impl Live {
         let light_after = Duration::from_nanos(period_ns.unsigned_abs() / 2) + self.display_latency;
         let frame_light_after =
             Duration::from_nanos(display.rate.period_ns().unsigned_abs() / 2) + self.display_latency;
-        let packed = Arc::new(encoder.packed().clone());
+        let (packed, lighting) = (Arc::new(encoder.packed().clone()), encoder.lighting(rolls));
         let with_phases = self.companion.is_some();
         let companion = match self.companion {
             Some(open) => Some(open(display.desktop()?).map_err(SessionError::Companion)?),
@@ -353,7 +353,6 @@ impl Live {
         let idle = encoder.frames();
         let (refinement, source) = if let Some(folder) = &self.replay {
             let (steerer, _) = again()?;
-            let lighting = encoder.lighting(rolls);
             (Refinement::none(), Replay::start(Kept::open(folder)?, colors, steerer, encoder, lighting)?)
         } else {
             let options = RefinementOptions {
@@ -364,7 +363,7 @@ impl Live {
                 journal: keeping.as_ref().map(Keeping::journal),
                 timing: Arc::clone(&timing),
                 light_after,
-                moments: Moments::when(self.moments, encoder.lighting(rolls), set_ns, &colors),
+                moments: Moments::when(self.moments, lighting, set_ns, &colors),
                 steered: Arc::clone(&steered),
                 whole: whole_of_none,
                 direct,
