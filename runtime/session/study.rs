@@ -5,13 +5,14 @@
 //! whole, and those that come too late are shown a set later.
 
 mod content;
+mod judged;
 mod results;
 mod stage;
 
 #[cfg(test)]
 pub(super) use content::moved_color;
 pub use content::{ContentRun, ContentSample, ContentSettings, StudiedContent, StudiedEye, study_content};
-pub use results::{Study, StudySample, StudySettings};
+pub use results::{Judging, Study, StudySample, StudySettings};
 
 use super::error::SessionError;
 use super::steerer::{Policy, SteeredColor, Steerer};
@@ -22,6 +23,7 @@ use crate::evaluate::Sums;
 use crate::optics::Pupil;
 use crate::solve::{PupilRange, Refiner, Sampler, Sequence};
 use crate::trackers::simulated::Doing;
+use judged::Judge;
 use stage::Stage;
 
 /// Pupils that the exposure is fitted over.
@@ -81,6 +83,7 @@ struct Studying<'a> {
     /// What the eye sees of the set on the display, and of the hologram for the whole eyebox.
     lit: Vec<SeenColor>,
     whole: Vec<SeenColor>,
+    judge: Option<Judge>,
     shown: MadeSet,
     samples: Vec<StudySample>,
     next_start_ns: i64,
@@ -112,6 +115,7 @@ pub fn study(
         colors.iter().map(|color| SeenColor::new(color, policy, depth, engine()?)).collect()
     };
     let (lit, whole) = (seen()?, seen()?);
+    let judge = settings.judging.as_ref().map(Judge::new).transpose()?;
     // Before time begins: no first step is like the others.
     for _ in 0..4 {
         steerer.round_while(|_| true)?;
@@ -127,6 +131,7 @@ pub fn study(
         depth,
         lit,
         whole,
+        judge,
         shown: MadeSet { phases, pupil: None, steps: 0, new: false },
         samples: Vec::new(),
         next_start_ns: settings.period_ns,
@@ -211,6 +216,11 @@ impl Studying<'_> {
             }
             let [x, y] = truth.position;
             let pupil = Pupil { x, y, diameter: truth.diameter, depth: self.depth };
+            let last = landed.is_some() && self.stage.jumps_by(light_ns + self.settings.period_ns);
+            let jod = match self.judge.as_mut().filter(|_| last) {
+                Some(judge) => judge.both([&mut self.lit, &mut self.whole], pupil)?,
+                None => None,
+            };
             let sample = StudySample {
                 time_s: light_ns as f64 * 1e-9,
                 since_landing_ms: landed.map(|l| (light_ns as f64 - l as f64) * 1e-6),
@@ -220,6 +230,7 @@ impl Studying<'_> {
                 error: self.shown.pupil.map(|p| (p[0] - x).hypot(p[1] - y)),
                 steered_db: psnr(&mut self.lit, pupil)?,
                 whole_db: psnr(&mut self.whole, pupil)?,
+                jod,
                 steps: self.shown.steps,
                 new: std::mem::take(&mut self.shown.new),
             };
