@@ -3,6 +3,9 @@
 use eyebox_kernels::resample::{self, Table};
 use eyebox_kernels::simd;
 use rayon::prelude::*;
+use std::any::Any;
+use std::fmt;
+use std::sync::Arc;
 
 /// One resolution of all views.
 #[derive(Debug, Clone, PartialEq)]
@@ -11,8 +14,41 @@ pub struct Level {
     pub height: usize,
     /// Columns.
     pub width: usize,
-    /// (views, height, width), linear light, 65535 = [`Pyramid::scale`].
+    /// (views, height, width), linear light, 65535 = [`Pyramid::scale`]. Of views [on a device](Pyramid::on_device) empty, or of the
+    /// middle view alone and zero for the others.
     pub views: Vec<u16>,
+}
+
+/// Views in the memory of a device.
+pub trait ViewsOnDevice: Any + Send + Sync {
+    /// Reads all levels, from the whole grid down: (views, height, width) each.
+    ///
+    /// # Errors
+    /// In a sentence, where the device does not answer.
+    fn read(&self) -> Result<Vec<Vec<u16>>, String>;
+
+    /// Whether the device stopped answering: the light is gone.
+    fn is_lost(&self) -> bool;
+}
+
+/// Where the light of a pyramid is, if that is not the host's memory.
+#[derive(Clone, Default)]
+struct Elsewhere(Option<Arc<dyn ViewsOnDevice>>);
+
+impl fmt::Debug for Elsewhere {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(if self.0.is_some() { "on a device" } else { "on the host" })
+    }
+}
+
+impl PartialEq for Elsewhere {
+    fn eq(&self, other: &Self) -> bool {
+        match (&self.0, &other.0) {
+            (Some(one), Some(other)) => Arc::ptr_eq(one, other),
+            (None, None) => true,
+            _ => false,
+        }
+    }
 }
 
 /// All views on the display's grid, and smaller copies for pupils whose window is smaller.
@@ -24,10 +60,13 @@ pub struct Pyramid {
     pub count: usize,
     /// From the whole grid down, each half the one before.
     pub levels: Vec<Level>,
+    elsewhere: Elsewhere,
 }
 
 /// Levels smaller than this on their shorter side save nothing.
 const SMALLEST: usize = 24;
+/// Pictures of this many pixels along their longer side, or fewer, are compared.
+const COMPARED: usize = 256;
 
 /// Light of 0 to `scale` in steps of `scale` / 65535, the nearest.
 fn quantise(light: &[f32], scale: f32, out: &mut [u16]) {
@@ -66,7 +105,31 @@ impl Pyramid {
     /// Of so many views of this size, without their light: what plans need.
     pub fn outline(count: usize, height: usize, width: usize) -> Self {
         let level = |(height, width)| Level { height, width, views: Vec::new() };
-        Self { scale: 1.0, count, levels: Self::sizes(height, width).into_iter().map(level).collect() }
+        let levels = Self::sizes(height, width).into_iter().map(level).collect();
+        Self { scale: 1.0, count, levels, elsewhere: Elsewhere::default() }
+    }
+
+    /// The same with its light on a device, which reads as `scale` for the value 65535.
+    #[must_use]
+    pub fn with_light(self, scale: f32, views: Arc<dyn ViewsOnDevice>) -> Self {
+        Self { scale, elsewhere: Elsewhere(Some(views)), ..self }
+    }
+
+    /// The views on the device where they are, if they are on one.
+    pub fn on_device(&self) -> Option<&dyn ViewsOnDevice> {
+        self.elsewhere.0.as_deref()
+    }
+
+    /// The same with all of its light on the host: read from the device where it is there, else itself.
+    ///
+    /// # Errors
+    /// In a sentence, where the device does not answer.
+    pub fn on_host(self: &Arc<Self>) -> Result<Arc<Self>, String> {
+        let Some(views) = self.on_device() else { return Ok(Arc::clone(self)) };
+        let levels = self.levels.iter().zip(views.read()?);
+        let levels = levels.map(|(Level { height, width, .. }, views)| Level { height: *height, width: *width, views });
+        let (scale, count, levels) = (self.scale, self.count, levels.collect());
+        Ok(Arc::new(Self { scale, count, levels, elsewhere: Elsewhere::default() }))
     }
 
     /// From views (each height * width, linear light, finite, not negative). Quantised to 1/65535 of the brightest.
@@ -99,7 +162,13 @@ impl Pyramid {
             });
             levels.push(Level { height: h, width: w, views: smaller });
         }
-        Self { scale, count: views.len(), levels }
+        Self { scale, count: views.len(), levels, elsewhere: Elsewhere::default() }
+    }
+
+    /// The level whose pictures are compared with others: small, and soon looked at.
+    pub fn compared(&self) -> Option<usize> {
+        let small = self.levels.iter().position(|level| level.height.max(level.width) <= COMPARED);
+        small.or(self.levels.len().checked_sub(1))
     }
 
     /// Bytes of all levels.
