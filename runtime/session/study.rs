@@ -7,6 +7,7 @@
 mod content;
 mod judged;
 mod results;
+mod seen;
 mod stage;
 
 #[cfg(test)]
@@ -19,40 +20,14 @@ use super::steerer::{Policy, SteeredColor, Steerer};
 use super::work_time::WorkTime;
 use crate::encode::{Encoder, PhaseSet, VideoFrames};
 use crate::engine::{Engine, EngineError};
-use crate::evaluate::Sums;
 use crate::optics::Pupil;
-use crate::solve::{PupilRange, Refiner, Sampler, Sequence};
 use crate::trackers::simulated::Doing;
 use judged::Judge;
+use seen::SeenColor;
 use stage::Stage;
 
-/// Pupils that the exposure is fitted over.
-const EXPOSED: usize = 12;
 /// What handing over is allowed beside encoding, nanoseconds.
 const SLACK_NS: i64 = 500_000;
-
-/// What an eye sees of one colour's phases, at an exposure that stays.
-struct SeenColor {
-    seen: Refiner,
-    exposure: f64,
-}
-
-impl SeenColor {
-    fn new(color: &SteeredColor, policy: &Policy, depth: f64, engine: Box<dyn Engine>) -> Result<Self, SessionError> {
-        let problem = color.problem.clone();
-        let range = PupilRange::over(problem.eyebox, [depth, depth]);
-        let mut seen = Refiner::new(problem, &color.phases, color.exposure, policy.steering, engine)?;
-        let mut sampler = Sampler::new(range, Sequence::Sobol, 0x006a_7564_6765);
-        let pupils: Vec<Pupil> = (0..EXPOSED).map(|_| sampler.draw()).collect();
-        // Lasers stay as they are: one exposure, that of the hologram for the whole eyebox.
-        let exposure = Sums::fit_exposure(&seen.look(&pupils)?).map_err(|e| SessionError::Setting(e.to_string()))?;
-        Ok(Self { seen, exposure })
-    }
-
-    fn psnr(&mut self, pupil: Pupil) -> Result<f64, EngineError> {
-        Ok(self.seen.look(&[pupil])?.iter().map(|s| s.psnr(self.exposure)).sum())
-    }
-}
 
 /// Of all colours, dB: the mean.
 fn psnr(colors: &mut [SeenColor], pupil: Pupil) -> Result<f64, EngineError> {

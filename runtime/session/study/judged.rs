@@ -1,7 +1,7 @@
 //! What people see of the difference at the end of a fixation: just-objectionable differences.
 
-use super::SeenColor;
 use super::results::Judging;
+use super::seen::SeenColor;
 use crate::evaluate::{JodMetric, rgb};
 use crate::optics::{Color, Pupil};
 use crate::session::error::SessionError;
