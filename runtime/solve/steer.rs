@@ -467,7 +467,7 @@ impl Refiner {
     }
 
     /// What an eye sees through this pupil, at no exposure, and the photograph that it should see: pictures of
-    /// [`Optics::image_size`], linear light.
+    /// [`Optics::image_size`](crate::optics::Optics::image_size), linear light.
     ///
     /// # Errors
     /// Those of the engine.
