@@ -14,9 +14,7 @@ use eyebox::hologram::{ColorHologram, Hologram, SequenceWriter};
 use eyebox::optics::Display;
 use eyebox::present::Rate;
 use eyebox::scene::{self, Request};
-use eyebox::session::{
-    Cause, Cost, EngineOpener, Live, Output, Play, Session, SessionEvent, SessionOptions, Tracking,
-};
+use eyebox::session::{Cause, Cost, EngineOpener, Live, Output, Play, Session, SessionEvent, SessionOptions, Tracking};
 use eyebox::trackers;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -80,7 +78,7 @@ fn playing_allocates_nothing_and_accounts_for_every_set() {
 
 /// What a step of one colour allocates at most, with its share of a set's gaze, encoding and accounts: the lists of its pupils, which
 /// are as long as these are wide, and what the threads of its kernels pass each other.
-const A_STEP: f64 = 64.0;
+const A_STEP: f64 = 200.0;
 
 /// A hologram of three colours whose sets roll, refined for an eye that moves: a minute of simulated time, or ten.
 fn refine() {
