@@ -1,6 +1,7 @@
 //! What can be chosen about a solve: one type for the library, the command, measured settings and a hologram's file.
 
 use super::error::SolveError;
+use super::joint::Joint;
 use super::levels::Levels;
 use super::method::Method;
 use super::motion::Motion;
@@ -93,6 +94,10 @@ pub struct Settings {
     /// What moves while the sub-frames are lit: pupils are drawn so ([`Method::Slfh`] and the methods of focal stacks).
     #[serde(skip_serializing_if = "Motion::is_still")]
     pub motion: Motion,
+    /// All colours at once, in sub-frames that they share; none for one colour after another. What takes all colours of a
+    /// scene follows it ([`solve_joint`](super::solve_joint)).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joint: Option<Joint>,
     /// Bytes that the windows of pupils in flight may take: as float32, so that halves take half of it; in a device's own
     /// memory twice as many, as they are stored there.
     pub window_bytes: usize,
@@ -127,6 +132,7 @@ impl Default for Settings {
             views: 1,
             pixel: 1,
             motion: Motion::default(),
+            joint: None,
             window_bytes: 256 << 20,
             storage: Storage::F32,
         }
@@ -237,6 +243,7 @@ impl Settings {
             }
         }
         self.motion.check(self.solved_frames())?;
+        self.joint.map_or(Ok(()), |joint| joint.check(self))?;
         match self.efficiency {
             Some(e) if !(e > 0.0 && e <= 1.0) => wrong("the efficiency", e.to_string(), "above 0, at most 1"),
             _ => Ok(()),
