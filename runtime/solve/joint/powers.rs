@@ -47,7 +47,8 @@ impl PowerFit {
         self.pupils += 1.0;
     }
 
-    /// Mean squared difference over pupils and pixels.
+    /// Mean squared difference over pupils and pixels, which [`gradient`](Self::gradient) is the derivative of.
+    #[cfg(test)]
     pub(crate) fn loss(&self, powers: &[f64]) -> f64 {
         let of = |row: &[f64]| row.iter().zip(powers).map(|(a, p)| a * p).sum::<f64>();
         let rows = self.gram.chunks_exact(self.frames).zip(&self.with_target).zip(powers);
