@@ -6,6 +6,7 @@
 //! This room imports nothing from the rest of the runtime.
 
 mod color;
+mod dispersion;
 mod display;
 mod encoding;
 mod focus;

@@ -5,7 +5,7 @@ use super::{ProduceError, SceneEvent};
 use crate::engine::Engine;
 use crate::optics::{Color, JointColor, Laser};
 use crate::quality::Subject;
-use crate::solve::{Flow, Joint, JointProblem, JointSolution, Progress, Settings, Solution, solve_joint};
+use crate::solve::{Flow, JointProblem, JointSolution, Progress, Settings, Solution, solve_joint};
 
 /// Colours that were solved together, each with the phases that it has of the shared drives, and how they are shown.
 pub type JointColors = (Vec<(Color, Solution)>, JointColor);
@@ -23,7 +23,7 @@ pub fn solve_joint_colors(
     engine: &mut dyn Engine,
     observe: &mut dyn FnMut(&SceneEvent) -> Flow,
 ) -> Result<JointColors, ProduceError> {
-    let settings = &Joint::of(settings);
+    let settings = &settings.for_joint_colors();
     let mut problems = Vec::with_capacity(colors.len());
     for &color in colors {
         let subject = Subject { color, ..subject.clone() };

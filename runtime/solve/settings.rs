@@ -1,7 +1,7 @@
 //! What can be chosen about a solve: one type for the library, the command, measured settings and a hologram's file.
 
 use super::error::SolveError;
-use super::joint::Joint;
+use super::joint::choice::Joint;
 use super::levels::Levels;
 use super::method::Method;
 use super::motion::Motion;
@@ -190,6 +190,31 @@ impl Settings {
         }
     }
 
+    /// These as all colours at once are solved by: of all pixels, views and sub-frames, in float32.
+    pub fn for_joint_colors(&self) -> Self {
+        Self { repeats: 1, pixel: 1, views: 1, storage: Storage::F32, ..self.clone() }
+    }
+
+    /// Refuses what all colours at once do not have.
+    fn check_joint(&self) -> Result<(), SolveError> {
+        let wrong = |what, value: String, right| Err(SolveError::Setting { what, value, right });
+        let Some(Joint { brightness }) = self.joint else { return Ok(()) };
+        if !(brightness >= 1.0 && brightness.is_finite()) {
+            return wrong("the brightness of joint colours", brightness.to_string(), "1 to the number of colours");
+        }
+        if !matches!(self.method, Method::Slfh | Method::Lf2fs | Method::StftExact) {
+            let right = "slfh, lf2fs or stft-exact for all colours at once";
+            return wrong("the method", self.method.name().into(), right);
+        }
+        if self.levels != Levels::Any {
+            return wrong("the choice of phase levels", "given".into(), "any phase for all colours at once");
+        }
+        if !self.motion.is_still() {
+            return wrong("the motion", "given".into(), "none for all colours at once");
+        }
+        Ok(())
+    }
+
     /// Refuses settings that cannot be.
     ///
     /// # Errors
@@ -243,7 +268,7 @@ impl Settings {
             }
         }
         self.motion.check(self.solved_frames())?;
-        self.joint.map_or(Ok(()), |joint| joint.check(self))?;
+        self.check_joint()?;
         match self.efficiency {
             Some(e) if !(e > 0.0 && e <= 1.0) => wrong("the efficiency", e.to_string(), "above 0, at most 1"),
             _ => Ok(()),

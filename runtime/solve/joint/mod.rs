@@ -5,16 +5,16 @@
 //! the colours ask of the drives is added up on the host, so any engine takes part. Powers are weights of sub-frames in the same
 //! lists, and are fitted to photographs now and then.
 
+pub(super) mod choice;
 mod drives;
 mod powers;
 mod run;
+mod solution;
 #[cfg(test)]
 mod tests;
 
 use super::error::SolveError;
-use super::levels::Levels;
-use super::method::Method;
-use super::outcome::{Flow, Progress, Solution, Warm};
+use super::outcome::{Flow, Progress, Warm};
 use super::problem::Problem;
 use super::run::Run;
 use super::settings::Settings;
@@ -22,61 +22,12 @@ use super::solver;
 use super::validation::Validator;
 use super::viewpoints::Viewpoints;
 use crate::engine::Engine;
-use crate::plan::{Planner, Storage};
+use crate::plan::Planner;
+pub use choice::Joint;
 use run::{JointRun, Lit};
-use serde::{Deserialize, Serialize};
+pub use solution::JointSolution;
 use std::sync::Arc;
 use std::time::Instant;
-
-/// How all colours share their sub-frames.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct Joint {
-    /// Times that white is to be brighter than of one colour after another, by lasers of the same peak power: 1 to the number of
-    /// colours. Powers are then at most the number of colours over it, times their mean: the brightest leaves them all alike.
-    pub brightness: f64,
-}
-
-impl Default for Joint {
-    fn default() -> Self {
-        Self { brightness: 1.0 }
-    }
-}
-
-impl Joint {
-    /// Refuses settings that joint colours do not have.
-    pub(super) fn check(&self, settings: &Settings) -> Result<(), SolveError> {
-        let wrong = |what, value: String, right| Err(SolveError::Setting { what, value, right });
-        if !(self.brightness >= 1.0 && self.brightness.is_finite()) {
-            return wrong("the brightness of joint colours", self.brightness.to_string(), "1 to the number of colours");
-        }
-        if !matches!(settings.method, Method::Slfh | Method::Lf2fs | Method::StftExact) {
-            let right = "slfh, lf2fs or stft-exact for all colours at once";
-            return wrong("the method", settings.method.name().into(), right);
-        }
-        if settings.levels.given().is_some() || settings.levels == Levels::Display {
-            return wrong("the choice of phase levels", "given".into(), "any phase for all colours at once");
-        }
-        if !settings.motion.is_still() {
-            return wrong("the motion", "given".into(), "none for all colours at once");
-        }
-        Ok(())
-    }
-
-    /// Settings as joint colours are solved by: of all pixels and sub-frames, in float32.
-    pub fn of(settings: &Settings) -> Settings {
-        Settings { repeats: 1, pixel: 1, storage: Storage::F32, ..settings.clone() }
-    }
-}
-
-/// Colours that were solved together.
-#[derive(Debug, Clone)]
-pub struct JointSolution {
-    /// One a colour, in the order of the problems; its phases are those that the colour has of the shared drives.
-    pub colors: Vec<Solution>,
-    /// Power of each colour's laser in each sub-frame, over its mean: (colour, sub-frame).
-    pub powers: Vec<Vec<f64>>,
-}
 
 /// What goes into [`solve_joint`] beside its settings.
 #[derive(Debug, Clone, Copy)]
@@ -157,9 +108,9 @@ pub fn solve_joint(
     observe: &mut dyn FnMut(&Progress) -> Flow,
 ) -> Result<JointSolution, SolveError> {
     let joint = settings.joint.unwrap_or_default();
-    let settings = &Joint::of(&Settings { joint: None, ..settings.clone() });
+    let settings = &Settings { joint: Some(joint), ..settings.clone() }.for_joint_colors();
     settings.check()?;
-    joint.check(settings)?;
+    let settings = &Settings { joint: None, ..settings.clone() };
     problem.check(&joint, settings)?;
     for color in problem.colors {
         color.check_eye(settings)?;

@@ -1,8 +1,8 @@
 //! A joint solve under way: steps of every colour, powers, verdicts.
 
-use super::JointSolution;
 use super::drives::Drives;
 use super::powers::PowerFit;
+use super::solution::JointSolution;
 use crate::engine::{Buffer, Engine, EngineError, Step};
 use crate::optics::WindowFactor;
 use crate::plan::{Comparison, Planner};

@@ -8,7 +8,7 @@ use crate::engine::cpu::CpuEngine;
 use crate::optics::{Color, Display, Optics, Padding, Pupil, WindowFactor, phase_of, powers_in_sequence};
 use crate::plan::{Comparison, Purpose, Step, Viewpoint};
 use crate::scene::{self, LightField, Request};
-use crate::solve::random_phases;
+use crate::solve::{Method, random_phases};
 use eyebox_kernels::{Complex64, compare};
 use std::f64::consts::TAU;
 
