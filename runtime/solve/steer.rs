@@ -14,7 +14,6 @@ use crate::evaluate::{self, Sums};
 use crate::optics::{Geometry, Pupil, PupilDistribution, Window};
 use crate::plan::{Kernel, Planner, PupilPass, Purpose, Step, Viewpoint};
 use std::collections::HashSet;
-use std::mem;
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -350,7 +349,7 @@ impl Refiner {
         let first = self.used == 0;
         self.used += 1;
         // The last step that they are of use for takes them.
-        let passes = if self.is_fresh() { mem::take(&mut self.pupil_passes) } else { self.pupil_passes.clone() };
+        let passes = if self.is_fresh() { std::mem::take(&mut self.pupil_passes) } else { self.pupil_passes.clone() };
         let mut step = update.step(&self.planner, passes, usize::MAX);
         step.project.step = self.since as u32;
         let known = |kernel| {
@@ -456,10 +455,7 @@ impl Refiner {
         self.engine.read(Buffer::Phases)
     }
 
-    /// The same, into memory that is there already, which becomes as long as they are.
-    ///
-    /// # Errors
-    /// Those of the engine.
+    /// The same, into memory that is there already, which becomes as long as they are. Errors are the engine's.
     pub fn phases_into(&mut self, to: &mut Vec<f32>) -> Result<(), EngineError> {
         to.resize(self.planner.frames * self.planner.slm.height * self.planner.slm.width, 0.0);
         self.engine.read_into(Buffer::Phases, to)
