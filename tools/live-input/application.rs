@@ -55,6 +55,11 @@ impl Application {
         Ok(Self { stream, region, offer, newest: None, frames: 0, seen: 0, shares: false })
     }
 
+    #[cfg(test)]
+    pub(crate) fn region(&self) -> &Region {
+        &self.region
+    }
+
     /// What the display takes.
     pub fn offer(&self) -> &Offer {
         &self.offer

@@ -40,6 +40,8 @@ mod elsewhere;
 mod hostile_tests;
 #[cfg(target_os = "linux")]
 mod region;
+#[cfg(all(test, target_os = "linux"))]
+mod shared_tests;
 #[cfg(target_os = "linux")]
 mod socket;
 
