@@ -47,6 +47,8 @@ mod pictures;
 mod pipelines;
 #[cfg(feature = "vulkan")]
 mod recorder;
+#[cfg(all(target_os = "linux", feature = "vulkan"))]
+mod sharing;
 #[cfg(feature = "vulkan")]
 mod slot;
 #[cfg(all(test, feature = "vulkan"))]
@@ -74,7 +76,7 @@ pub(crate) use device::Device;
 #[cfg(feature = "vulkan")]
 pub use devices::devices;
 #[cfg(all(target_os = "linux", feature = "vulkan"))]
-pub use external::{DeviceIds, SharedLayout, SharedMemory, SlotWriter};
+pub use external::{SharedLayout, SharedMemory, SlotWriter};
 #[cfg(feature = "vulkan")]
 pub use instance::Messages;
 #[cfg(feature = "vulkan")]
@@ -89,5 +91,7 @@ pub use pictures::{PhasesOnDevice, Pictures, PixelOrder};
 pub(crate) use pipelines::{PUSH_BYTES, Pipeline};
 #[cfg(feature = "vulkan")]
 pub(crate) use recorder::{Groups, Piece};
+#[cfg(all(target_os = "linux", feature = "vulkan"))]
+pub use sharing::DeviceIds;
 #[cfg(feature = "vulkan")]
 pub(crate) use slot::IN_FLIGHT;
