@@ -87,8 +87,7 @@ fn refine() {
     let colors: Vec<_> = display.wavelengths.iter().map(|w| w.color).collect();
     let field = scene::load("builtin:still-life", &Request::new(&display, &colors)).expect("a scene");
     let estimator = Estimator::new(gaze::Settings::default(), None).expect("the defaults");
-    let mut options = trackers::Options::default();
-    options.real_time = false;
+    let options = trackers::Options { real_time: false, ..trackers::Options::default() };
     let tracking = Tracking::open(&"simulated:3".parse().expect("a tracker"), &options, estimator).expect("opened");
     let engines: EngineOpener = Box::new(|| Ok(Box::new(CpuEngine::new())));
     let mut live = Live::of_hologram(&hologram(0, &display), &field, &display, engines, tracking).expect("a session");
