@@ -70,6 +70,8 @@ mod work_time;
 #[cfg(test)]
 mod moments_tests;
 #[cfg(test)]
+mod retrieval_tests;
+#[cfg(test)]
 mod rolling_tests;
 #[cfg(test)]
 mod scenes_tests;
@@ -111,8 +113,8 @@ pub use set_timing::{SetTiming, Target};
 pub use sets::FinishedSet;
 pub use showing::Showing;
 pub use statistics::{Ending, LiveStatistics, Statistics};
-pub use steerer::{EngineOpener, Followed, Policy, SteeredColor, Steerer};
-pub use study::{ContentRun, ContentSample, ContentSettings, StudiedContent, StudiedEye, study_content};
+pub use steerer::{EngineOpener, Followed, Policy, SteeredColor, Steerer, fixed_phases};
+pub use study::{ContentRun, ContentSample, ContentSettings, JumpStart, StudiedContent, StudiedEye, study_content};
 pub use study::{Observer, Study, StudySample, StudySettings, study};
 pub use ticked::TickedSession;
 pub use ticks::{TickedFrame, TickedOutput};

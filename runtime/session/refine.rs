@@ -1,6 +1,7 @@
 //! Refining for every set that can still be reached: what is to be seen then, where the pupil will be, steps until it has to be
 //! handed over, and the set. On a thread, or, where time is simulated, when a set is asked for.
 
+mod beginning;
 mod handing_over;
 mod options;
 
@@ -21,9 +22,7 @@ use super::work_time::{Cost, Times, WorkTime};
 use crate::encode::Encoder;
 use crate::engine::vulkan::VulkanEncoder;
 use crate::gpu::Gpu;
-use crate::optics::PupilDistribution;
 use crate::present::Clock;
-use crate::solve::Motion;
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -370,6 +369,7 @@ impl Refining {
         taken.scenes += 1;
         taken.own_starts += u64::from(followed.own);
         taken.kept_starts += u64::from(followed.kept);
+        taken.retrieved_starts += u64::from(followed.retrieved);
         self.shared.taken.store(taken);
         self.looked_ns = self.options.cost.round_ns(followed.looks as usize, || Duration::ZERO);
         self.options.track.span("scene", scene.number, begun);
@@ -395,20 +395,6 @@ impl Refining {
         Ok(())
     }
 
-    /// Moves the phases with the content, to where it is at `light_ns`: how many losses were looked at.
-    fn carry(&mut self, light_ns: i64, pupil: &PupilDistribution, motion: &Motion) -> Result<u32, SessionError> {
-        let Some((pixels, look)) = self.options.moments.carry(light_ns) else { return Ok(0) };
-        if let Some(journal) = &self.options.journal {
-            // What losses are looked at through.
-            journal.steps(pupil, motion, 0);
-            journal.keep(Decision::Carry { pixels, look });
-        }
-        let (moved, looks) = self.steerer.carry(pixels, look)?;
-        self.options.moments.carried(pixels, moved);
-        self.shared.carried.fetch_add(u64::from(moved), Ordering::Relaxed);
-        Ok(looks)
-    }
-
     /// Steps until the set has to be handed over, and the set.
     fn refine_for(&mut self, target: Target, now_ns: i64) -> Result<(), SessionError> {
         let (light_ns, times) = (self.light_ns(&target), Times(self.options.clock));
@@ -428,6 +414,7 @@ impl Refining {
             let motion = self.options.moments.motion(light_ns, &expected);
             self.steerer.moves(&motion, self.options.moments.lit())?;
             time.looked(self.carry(light_ns, &expected.pupil, &motion)?);
+            time.looked(self.fit(&expected.pupil, &motion)?);
             let taken = self.steerer.round_while(|expected| time.step_before(deadline_ns, expected))?;
             steps += taken;
             self.options.journal.iter().for_each(|journal| journal.steps(&expected.pupil, &motion, taken));

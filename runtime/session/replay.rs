@@ -75,6 +75,7 @@ impl Replay {
                     self.steps += steps;
                 }
                 Decision::Carry { pixels, look } => drop(self.steerer.carry(pixels, look)?),
+                Decision::Fit {} => drop(self.steerer.fit()?),
                 Decision::Whole {} => self.steerer.restart()?,
                 Decision::Set { number } => {
                     self.newest = Some(number);

@@ -10,7 +10,7 @@ mod stage;
 
 #[cfg(test)]
 pub(super) use content::moved_color;
-pub use content::{ContentRun, ContentSample, ContentSettings, StudiedContent, StudiedEye, study_content};
+pub use content::{ContentRun, ContentSample, ContentSettings, JumpStart, StudiedContent, StudiedEye, study_content};
 pub use results::{Study, StudySample, StudySettings};
 
 use super::error::SessionError;

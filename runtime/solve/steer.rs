@@ -1,6 +1,8 @@
 //! Refining a hologram for where the eye is (OPTICS 6d): steps over pupils around it, and a few over the whole eyebox, so
 //! that a sudden look elsewhere never meets the dark.
 
+mod retrieve;
+
 use super::error::SolveError;
 use super::motion::Motion;
 use super::pace::Pace;
@@ -242,7 +244,7 @@ impl Refiner {
     }
 
     /// Other phases for the same eye: the steps since it came there still count, the velocities were those of other pixels.
-    fn put(&mut self, phases: &[f32]) -> Result<(), EngineError> {
+    pub(crate) fn put(&mut self, phases: &[f32]) -> Result<(), EngineError> {
         self.engine.write(Buffer::Phases, phases)?;
         self.engine.clear_moments()
     }

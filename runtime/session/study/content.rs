@@ -16,7 +16,7 @@ use crate::session::moments::Moments;
 use crate::session::pupil_tracker::PupilEstimate;
 use crate::session::steerer::{Policy, SteeredColor, Steerer};
 use crate::session::watch::{Samples, Watch};
-use crate::solve::{Flow, Problem};
+use crate::solve::{Flow, Problem, random_phases};
 use crate::trackers::simulated::{Doing, Eye, SimulatedSource};
 use crate::trackers::{About, Event, Source, TrackerError};
 use serde::Serialize;
@@ -45,6 +45,23 @@ pub enum StudiedEye {
     Follows,
 }
 
+/// What refinement begins with after content has jumped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+#[non_exhaustive]
+pub enum JumpStart {
+    /// As a session does: the phases as they are, or those of the retrieval, whichever lose less. Two steps are spent on that.
+    Best,
+    /// The phases as they are.
+    Last,
+    /// Random phases.
+    Random,
+    /// A retrieval in one step from the phases that every picture can begin with; it counts as a step.
+    Retrieval,
+    /// The same from random phases: a retrieval of which nothing was fitted.
+    Unfitted,
+}
+
 /// What is studied, beside the eye.
 #[derive(Debug, Clone)]
 pub struct ContentSettings {
@@ -58,6 +75,10 @@ pub struct ContentSettings {
     pub speed: u32,
     /// Content that jumps does so every so many sets.
     pub jumps_every: u32,
+    /// What is begun with after a jump.
+    pub start: JumpStart,
+    /// The phases of each colour that every picture can begin with.
+    pub fixed_phases: Vec<Vec<f32>>,
     /// When the sub-frames of each colour are lit, as [`Encoder::lit_times`](crate::encode::Encoder::lit_times) has it.
     pub lit: Vec<[f64; 2]>,
 }
@@ -86,6 +107,8 @@ pub struct ContentSample {
     pub db: f64,
     /// Sets since the content changed as a whole.
     pub since_jump: u32,
+    /// Whether the content has jumped with this set.
+    pub jumped: bool,
     /// Whether the eye is in a saccade.
     pub saccade: bool,
 }
@@ -99,6 +122,14 @@ impl ContentRun {
         let worst = all.iter().copied().reduce(f64::min)?;
         let best = all.iter().copied().reduce(f64::max)?;
         Some([all.iter().sum::<f64>() / all.len() as f64, worst, best])
+    }
+
+    /// Mean of the sets outside saccades that are the `nth` after a jump, from 1, dB; none where there is none.
+    pub fn after_jumps(&self, nth: u32) -> Option<f64> {
+        let first = self.samples.iter().position(|s| s.jumped).unwrap_or(self.samples.len());
+        let of = |s: &&ContentSample| !s.saccade && s.since_jump + 1 == nth;
+        let all: Vec<f64> = self.samples[first..].iter().filter(of).map(|s| s.db).collect();
+        (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
     }
 }
 
@@ -141,6 +172,7 @@ pub fn study_content(
     let mut all: Vec<ContentRun> = Vec::with_capacity(runs.len());
     for (i, (content, eye, (steered, moments))) in runs.iter().copied().enumerate() {
         let steerer = Steerer::new(colors.to_vec(), policy, &mut *engine)?;
+        let steerer = steerer.with_fixed_phases(frames.starts());
         let mut run = ContentRun { content, eye, steered, moments, samples: Vec::new() };
         let mut showing = Showing::new(&frames, &run, steerer, study, depth)?;
         for set in 0..sets {
@@ -173,6 +205,18 @@ impl Frames<'_> {
                 let jumps = set / jumps_every;
                 (self.colors.first().map_or(0, |c| c.problem.optics.width) / 5 * jumps as usize, jumps % 2 == 1)
             }
+        }
+    }
+
+    /// What may be begun with after a jump, colour by colour.
+    fn starts(&self) -> Vec<Vec<f32>> {
+        match self.settings.start {
+            JumpStart::Last => Vec::new(),
+            JumpStart::Random | JumpStart::Unfitted => {
+                let one = |(i, color): (usize, &SteeredColor)| random_phases(color.phases.len(), i as u64);
+                self.colors.iter().enumerate().map(one).collect()
+            }
+            JumpStart::Best | JumpStart::Retrieval => self.settings.fixed_phases.clone(),
         }
     }
 
@@ -293,7 +337,8 @@ impl<'a> Showing<'a> {
             let (moved, _) = self.steerer.carry(pixels, look)?;
             self.moments.carried(pixels, moved);
         }
-        for _ in 0..self.frames.settings.steps {
+        let spent = self.begin(set > 0 && self.jumped == set)?;
+        for _ in spent..self.frames.settings.steps {
             self.steerer.round_while(|_| true)?;
         }
         self.steerer.settle()?;
@@ -303,7 +348,30 @@ impl<'a> Showing<'a> {
         let pupil = Pupil { x, y, diameter: truth.diameter, depth: self.depth };
         let db = self.seen(pupil, seen)?;
         let saccade = matches!(truth.doing, Doing::Saccade { .. });
-        Ok(ContentSample { time_s: light_ns as f64 * 1e-9, db, since_jump: set - self.jumped, saccade })
+        let jumped = set > 0 && self.jumped == set;
+        Ok(ContentSample { time_s: light_ns as f64 * 1e-9, db, since_jump: set - self.jumped, jumped, saccade })
+    }
+
+    /// Begins with what is studied, where the content has jumped: how many of the set's steps that takes.
+    fn begin(&mut self, jumped: bool) -> Result<u32, SessionError> {
+        match self.frames.settings.start {
+            JumpStart::Best if self.steerer.wants_fit() => {
+                if self.steerer.fit()?.retrieved > 0 {
+                    self.moments.begun_again();
+                }
+                // Two losses that are looked at take a step's time.
+                Ok(2)
+            }
+            JumpStart::Retrieval | JumpStart::Unfitted if jumped => {
+                self.steerer.retrieve()?;
+                Ok(1)
+            }
+            JumpStart::Random if jumped => {
+                self.steerer.begin_fixed()?;
+                Ok(0)
+            }
+            _ => Ok(0),
+        }
     }
 
     fn seen(&mut self, pupil: Pupil, seen: &mut [SeenColor]) -> Result<f64, SessionError> {
