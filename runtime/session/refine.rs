@@ -9,7 +9,7 @@ pub(super) use options::{Begin, RefinementOptions};
 
 use super::account::Repeat;
 use super::error::SessionError;
-use super::journal::{Decision, Journal};
+use super::journal::{Decision, Journal, Moves};
 use super::latency::Timestamps;
 use super::player::Begins;
 use super::scenes::{Due, Newest, SceneFrame, Supply};
@@ -179,6 +179,8 @@ impl Refining {
         for _ in 0..ATTEMPTS {
             let Err(error) = self.run() else { return self.options.track };
             self.sender.does(Repeat::EngineLost);
+            // What was in a lost device's memory is gone: the next frame brings other views.
+            self.scene.take_if(|scene| scene.is_lost());
             let again = (self.options.again)().and_then(|(mut steerer, gpu)| {
                 match &self.scene {
                     Some(SceneFrame { piece: Some(piece), colors, .. }) => drop(steerer.move_to(*piece, colors)?),
@@ -238,7 +240,8 @@ impl Refining {
     /// In simulated time: makes the set that begins there, if it can be made by then.
     fn make_for(&mut self, begins: Begins) -> Result<(), SessionError> {
         let period_ns = self.options.timing.load().period_ns;
-        let target = Target { start_ns: begins.display_time_ns, hand_over_ns: begins.decided_ns };
+        let Begins { display_time_ns: start_ns, decided_ns: hand_over_ns, turn } = begins;
+        let target = Target { start_ns, hand_over_ns, turn };
         let (round_ns, ends_ns) = (self.round_ns(), self.ends_ns());
         let need_ns = round_ns.saturating_add(ends_ns);
         // It begins when the set before was decided on, or one before that where that is too short a time; or when that was done
@@ -411,15 +414,16 @@ impl Refining {
             if self.steerer.aim(expected.pupil)? {
                 self.options.moments.begun_again();
             }
-            let motion = self.options.moments.motion(light_ns, &expected);
-            self.steerer.moves(&motion, self.options.moments.lit())?;
-            time.looked(self.carry(light_ns, &expected.pupil, &motion)?);
-            time.looked(self.fit(&expected.pupil, &motion)?);
+            let turn = usize::try_from(target.turn).unwrap_or(0);
+            let moves = Moves { motion: self.options.moments.motion(light_ns, &expected), turn };
+            self.steerer.moves(&moves.motion, self.options.moments.times(turn))?;
+            time.looked(self.carry(light_ns, &expected.pupil, &moves)?);
+            time.looked(self.fit(&expected.pupil, &moves)?);
             let taken = self.steerer.round_while(|expected| time.step_before(deadline_ns, expected))?;
             steps += taken;
-            self.options.journal.iter().for_each(|journal| journal.steps(&expected.pupil, &motion, taken));
+            self.options.journal.iter().for_each(|journal| journal.steps(&expected.pupil, &moves, taken));
             let left_ns = deadline_ns.saturating_sub(time.now_ns()).saturating_sub(self.round_ns());
-            let moves = !motion.is_still();
+            let moves = !moves.motion.is_still();
             if taken == 0 || left_ns < 0 {
                 break (expected, at_ns, moves);
             }

@@ -3,39 +3,40 @@
 use super::Refining;
 use crate::optics::PupilDistribution;
 use crate::session::error::SessionError;
-use crate::session::journal::Decision;
-use crate::solve::Motion;
+use crate::session::journal::{Decision, Moves, Shifts};
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 impl Refining {
-    /// Moves the phases with the content, to where it is at `light_ns`: how many losses were looked at.
+    /// Moves the phases with the content, to where it is when they are lit, from `light_ns` on: how many losses were looked at.
     pub(super) fn carry(
         &mut self,
         light_ns: i64,
         pupil: &PupilDistribution,
-        motion: &Motion,
+        moves: &Moves,
     ) -> Result<u32, SessionError> {
-        let Some((pixels, look)) = self.options.moments.carry(light_ns) else { return Ok(0) };
+        let moments = &mut self.options.moments;
+        let Some(look) = moments.carry(light_ns, moves.turn) else { return Ok(0) };
+        let Some((pixels, lighting)) = moments.shifts() else { return Ok(0) };
         if let Some(journal) = &self.options.journal {
             // What losses are looked at through.
-            journal.steps(pupil, motion, 0);
-            journal.keep(Decision::Carry { pixels, look });
+            journal.steps(pupil, moves, 0);
+            journal.keep(Decision::Carry { pixels: Shifts::of(pixels), look });
         }
-        let (moved, looks) = self.steerer.carry(pixels, look)?;
-        self.options.moments.carried(pixels, moved);
+        let (moved, looks) = self.steerer.carry(pixels, lighting, look)?;
+        moments.carried(moved);
         self.shared.carried.fetch_add(u64::from(moved), Ordering::Relaxed);
         Ok(looks)
     }
 
     /// Begins anew where the content is another picture altogether and that loses less: how many losses were looked at.
-    pub(super) fn fit(&mut self, pupil: &PupilDistribution, motion: &Motion) -> Result<u32, SessionError> {
+    pub(super) fn fit(&mut self, pupil: &PupilDistribution, moves: &Moves) -> Result<u32, SessionError> {
         if !self.steerer.wants_fit() {
             return Ok(0);
         }
         let begun = Instant::now();
         if let Some(journal) = &self.options.journal {
-            journal.steps(pupil, motion, 0);
+            journal.steps(pupil, moves, 0);
             journal.keep(Decision::Fit {});
         }
         let fitted = self.steerer.fit()?;

@@ -1,7 +1,7 @@
 //! Beginning with phases that fit any picture a little: one step of phase retrieval from them.
 
 use super::Refiner;
-use crate::engine::EngineError;
+use crate::engine::{Buffer, EngineError};
 use crate::solve::steering::Strategy;
 
 /// The step of the retrieval. Of a small change of the field a phase can follow one half, and the other half goes elsewhere: a gain of
@@ -27,5 +27,15 @@ impl Refiner {
         let loss = self.step();
         self.steering.strategy = usual;
         loss
+    }
+
+    /// Goes on with phases that it had before, for the same eye: the steps since it came there still count, velocities do not.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    pub(crate) fn put(&mut self, phases: &[f32]) -> Result<(), EngineError> {
+        self.settle()?;
+        self.engine.write(Buffer::Phases, phases)?;
+        self.engine.clear_moments()
     }
 }
