@@ -117,7 +117,7 @@ pub use showing::Showing;
 pub use statistics::{Ending, LiveStatistics, Statistics};
 pub use steerer::{EngineOpener, Followed, Policy, SteeredColor, Steerer, fixed_phases};
 pub use study::{ContentRun, ContentSample, ContentSettings, JumpStart, StudiedContent, StudiedEye, study_content};
-pub use study::{Observer, Study, StudySample, StudySettings, study};
+pub use study::{Judging, Observer, Study, StudySample, StudySettings, study};
 pub use ticked::TickedSession;
 pub use ticks::{TickedFrame, TickedOutput};
 pub use timeline::Speed;
