@@ -61,7 +61,7 @@ impl Steerer {
             if color.refiner.loss()? < retrieved {
                 followed.kept += 1;
             } else {
-                color.refiner.put(&phases)?;
+                color.refiner.go_on_with(&phases)?;
                 followed.retrieved += 1;
             }
         }

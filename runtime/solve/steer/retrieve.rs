@@ -33,7 +33,7 @@ impl Refiner {
     ///
     /// # Errors
     /// Those of the engine.
-    pub(crate) fn put(&mut self, phases: &[f32]) -> Result<(), EngineError> {
+    pub fn go_on_with(&mut self, phases: &[f32]) -> Result<(), EngineError> {
         self.settle()?;
         self.engine.write(Buffer::Phases, phases)?;
         self.engine.clear_moments()
