@@ -1,11 +1,10 @@
 //! All colours of a hologram under refinement, without threads: where to aim, when to begin again, what to do next.
 
-mod retrieval;
-
-pub use retrieval::fixed_phases;
+pub(super) mod retrieval;
 
 use super::error::SessionError;
 use super::field::Field;
+use super::likeness;
 use crate::encode::{Lighting, LitTimes};
 use crate::engine::{Engine, EngineError, PhasesOnDevice};
 use crate::optics::PupilDistribution;
@@ -279,7 +278,7 @@ impl Steerer {
         let mut followed = Followed::default();
         for (color, new) in self.colors.iter_mut().zip(scene) {
             let refiner = &mut color.refiner;
-            let other = !color.fixed.is_empty() && retrieval::differ(refiner.problem(), &new.problem);
+            let other = !color.fixed.is_empty() && likeness::differ(refiner.problem(), &new.problem);
             refiner.follow(new.problem.clone(), new.exposure)?;
             color.loss = None;
             color.unfit = new.phases.is_empty() && (color.unfit || other);

@@ -7,9 +7,8 @@
 
 mod jumps;
 
-pub use jumps::JumpStart;
-
 use super::SeenColor;
+use super::jump_start::JumpStart;
 use super::results::StudySettings;
 use crate::encode::{Lighting, LitTimes};
 use crate::engine::{Engine, EngineError};
