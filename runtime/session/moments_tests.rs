@@ -79,6 +79,8 @@ fn windows_of_sets_that_roll_are_as_good_as_each_other() {
         steps: 8,
         speed: 10,
         jumps_every: 16,
+        start: JumpStart::Last,
+        fixed_phases: Vec::new(),
         lighting: stage.encoder().lighting(true),
     };
     let eye =
