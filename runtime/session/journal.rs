@@ -45,6 +45,8 @@ pub(super) enum Decision {
     },
     /// Phases were moved by so many pixels, or looked at whether to.
     Carry { pixels: Shifts, look: bool },
+    /// It was looked what to begin another picture with.
+    Fit {},
     /// It began again with the hologram for the whole eyebox.
     Whole {},
     /// A set was handed over.

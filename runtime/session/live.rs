@@ -18,6 +18,7 @@ use super::scenes::Scenes;
 use super::scheduler::{Schedule, Start};
 use super::set_timing::{SetTiming, as_ns};
 use super::showing::Showing;
+use super::steerer::retrieval::fixed_phases;
 use super::steerer::{EngineOpener, Policy, SteeredColor, Steerer};
 use super::timeline::Speed;
 use super::trace::Trace;
@@ -195,6 +196,9 @@ pub struct Live {
     pub scenes: Option<Box<dyn Scenes>>,
     /// Of a far field in tiles, all of it: what is refined is a piece, and `scenes` its [`FarField`](super::FarField).
     pub field: Option<Field>,
+    /// For content that jumps: the phases of each colour that every picture can begin with
+    /// ([`fixed_phases`](crate::solve::fixed_phases)); empty where they are not to be taken.
+    pub fixed_phases: Vec<Vec<f32>>,
     /// Whose eye; none where nobody is tracked: pupils are then drawn over the whole eyebox.
     pub tracking: Option<Tracking>,
     /// Where nobody is tracked: where the pupil may be.
@@ -236,6 +240,7 @@ impl Live {
             engines,
             scenes: None,
             field: None,
+            fixed_phases: Vec::new(),
             tracking: tracking.into(),
             whole,
             whole_sets: false,
@@ -267,6 +272,20 @@ impl Live {
         let mut live = Self::new(colors, encoder, engines, tracking);
         live.whole.focus = hologram.metadata.solve.as_ref().map_or(live.whole.focus, |solve| solve.depth);
         Ok(live)
+    }
+
+    /// Content that jumps, and the first frame of an application, begin with the phases that any picture can begin with: those of
+    /// the user's cache, or fitted now, in seconds; `fitting` is told. Eyes are taken to focus as [`whole`](Self::whole) does.
+    ///
+    /// # Errors
+    /// Those of the fit.
+    pub fn with_fixed_phases(mut self, fitting: impl Fn()) -> Result<Self, SessionError> {
+        self.fixed_phases = fixed_phases(&self.colors, self.whole.focus, fitting)?;
+        let nothing_yet = self.scenes.as_ref().is_none_or(|scenes| !scenes.begins_with_one());
+        let begun =
+            self.colors.iter_mut().zip(&self.fixed_phases).filter(|(_, fixed)| nothing_yet && !fixed.is_empty());
+        begun.for_each(|(color, fixed)| color.phases.clone_from(fixed));
+        Ok(self)
     }
 
     /// Refuses what does not go together, before anything is opened for it.
@@ -349,7 +368,7 @@ impl Live {
             _ => None,
         };
         let keeping = self.journal.as_deref().map(Journal::start).transpose()?;
-        let mut again = begin(colors.clone(), policy, engines, field);
+        let mut again = begin(colors.clone(), policy, engines, field, self.fixed_phases);
         let idle = encoder.frames();
         let (refinement, source) = if let Some(folder) = &self.replay {
             let (steerer, _) = again()?;
@@ -412,13 +431,19 @@ impl Live {
 }
 
 /// What makes engines with all that is on them, as often as it is called.
-fn begin(colors: Vec<SteeredColor>, policy: Policy, engines: EngineSource, field: Option<Field>) -> Begin {
+fn begin(
+    colors: Vec<SteeredColor>,
+    policy: Policy,
+    engines: EngineSource,
+    field: Option<Field>,
+    fixed: Vec<Vec<f32>>,
+) -> Begin {
     fn lock(engines: &Mutex<EngineSource>) -> MutexGuard<'_, EngineSource> {
         engines.lock().unwrap_or_else(PoisonError::into_inner)
     }
     let engines = Arc::new(Mutex::new(engines));
     Box::new(move || {
-        let steerer = Steerer::new(colors.clone(), policy, || lock(&engines).open())?;
+        let steerer = Steerer::new(colors.clone(), policy, || lock(&engines).open())?.with_fixed_phases(fixed.clone());
         let gpu = lock(&engines).gpu()?;
         let Some(field) = field.clone() else { return Ok((steerer, gpu)) };
         let more = Arc::clone(&engines);

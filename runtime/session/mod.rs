@@ -36,6 +36,7 @@ mod following;
 mod handle;
 mod journal;
 mod latency;
+mod likeness;
 mod live;
 mod marks;
 mod moments;
@@ -73,6 +74,8 @@ mod work_time;
 mod device_views_tests;
 #[cfg(test)]
 mod moments_tests;
+#[cfg(test)]
+mod retrieval_tests;
 #[cfg(test)]
 mod rolling_tests;
 #[cfg(test)]
@@ -115,8 +118,9 @@ pub use set_timing::{SetTiming, Target};
 pub use sets::FinishedSet;
 pub use showing::Showing;
 pub use statistics::{Ending, LiveStatistics, Statistics};
+pub use steerer::retrieval::fixed_phases;
 pub use steerer::{EngineOpener, Followed, Policy, SteeredColor, Steerer};
-pub use study::{ContentRun, ContentSample, ContentSettings, StudiedContent, StudiedEye, study_content};
+pub use study::{ContentRun, ContentSample, ContentSettings, JumpStart, StudiedContent, StudiedEye, study_content};
 pub use study::{Judging, Observer, Study, StudySample, StudySettings, study};
 pub use ticked::TickedSession;
 pub use ticks::{TickedFrame, TickedOutput};

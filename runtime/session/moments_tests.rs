@@ -2,7 +2,7 @@
 //! is lit.
 
 use super::scripted::{Application, Scripted, ShownFrame, shown};
-use super::study::{ContentRun, ContentSettings, StudiedContent, StudiedEye, StudySettings, study_content};
+use super::study::{ContentRun, ContentSettings, JumpStart, StudiedContent, StudiedEye, StudySettings, study_content};
 use super::tests::cpu;
 use super::*;
 use crate::solve::{Flow, Settings, solve};
@@ -30,6 +30,8 @@ fn what_moves_is_seen_as_well_as_what_stands_still() {
         steps: 3,
         speed: 10,
         jumps_every: 16,
+        start: JumpStart::Last,
+        fixed_phases: Vec::new(),
         lighting: stage.encoder().lighting(false),
     };
     let eye =
@@ -77,6 +79,8 @@ fn windows_of_sets_that_roll_are_as_good_as_each_other() {
         steps: 8,
         speed: 10,
         jumps_every: 16,
+        start: JumpStart::Last,
+        fixed_phases: Vec::new(),
         lighting: stage.encoder().lighting(true),
     };
     let eye =

@@ -1,6 +1,7 @@
 //! Refining for every set that can still be reached: what is to be seen then, where the pupil will be, steps until it has to be
 //! handed over, and the set. On a thread, or, where time is simulated, when a set is asked for.
 
+mod beginning;
 mod handing_over;
 mod options;
 
@@ -8,7 +9,7 @@ pub(super) use options::{Begin, RefinementOptions};
 
 use super::account::Repeat;
 use super::error::SessionError;
-use super::journal::{Decision, Journal, Moves, Shifts};
+use super::journal::{Decision, Journal, Moves};
 use super::latency::Timestamps;
 use super::player::Begins;
 use super::scenes::{Due, Newest, SceneFrame, Supply};
@@ -21,7 +22,6 @@ use super::work_time::{Cost, Times, WorkTime};
 use crate::encode::Encoder;
 use crate::engine::vulkan::VulkanEncoder;
 use crate::gpu::Gpu;
-use crate::optics::PupilDistribution;
 use crate::present::Clock;
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
@@ -372,6 +372,7 @@ impl Refining {
         taken.scenes += 1;
         taken.own_starts += u64::from(followed.own);
         taken.kept_starts += u64::from(followed.kept);
+        taken.retrieved_starts += u64::from(followed.retrieved);
         self.shared.taken.store(taken);
         self.looked_ns = self.options.cost.round_ns(followed.looks as usize, || Duration::ZERO);
         self.options.track.span("scene", scene.number, begun);
@@ -397,22 +398,6 @@ impl Refining {
         Ok(())
     }
 
-    /// Moves the phases with the content, to where it is when they are lit, from `light_ns` on: how many losses were looked at.
-    fn carry(&mut self, light_ns: i64, pupil: &PupilDistribution, moves: &Moves) -> Result<u32, SessionError> {
-        let moments = &mut self.options.moments;
-        let Some(look) = moments.carry(light_ns, moves.turn) else { return Ok(0) };
-        let Some((pixels, lighting)) = moments.shifts() else { return Ok(0) };
-        if let Some(journal) = &self.options.journal {
-            // What losses are looked at through.
-            journal.steps(pupil, moves, 0);
-            journal.keep(Decision::Carry { pixels: Shifts::of(pixels), look });
-        }
-        let (moved, looks) = self.steerer.carry(pixels, lighting, look)?;
-        moments.carried(moved);
-        self.shared.carried.fetch_add(u64::from(moved), Ordering::Relaxed);
-        Ok(looks)
-    }
-
     /// Steps until the set has to be handed over, and the set.
     fn refine_for(&mut self, target: Target, now_ns: i64) -> Result<(), SessionError> {
         let (light_ns, times) = (self.light_ns(&target), Times(self.options.clock));
@@ -433,6 +418,7 @@ impl Refining {
             let moves = Moves { motion: self.options.moments.motion(light_ns, &expected), turn };
             self.steerer.moves(&moves.motion, self.options.moments.times(turn))?;
             time.looked(self.carry(light_ns, &expected.pupil, &moves)?);
+            time.looked(self.fit(&expected.pupil, &moves)?);
             let taken = self.steerer.round_while(|expected| time.step_before(deadline_ns, expected))?;
             steps += taken;
             self.options.journal.iter().for_each(|journal| journal.steps(&expected.pupil, &moves, taken));

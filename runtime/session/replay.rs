@@ -77,6 +77,7 @@ impl Replay {
                 Decision::Carry { pixels, look } => {
                     self.steerer.carry(pixels.turns(), &self.lighting, look)?;
                 }
+                Decision::Fit {} => drop(self.steerer.fit()?),
                 Decision::Whole {} => self.steerer.restart()?,
                 Decision::Set { number } => {
                     self.newest = Some(number);

@@ -12,9 +12,12 @@ pub(super) struct Taken {
     pub scenes: u64,
     /// Scenes that were left out because something was wrong with them.
     pub refused: u64,
-    /// Of those that brought phases: colours that began with these, and colours that went on with those before.
+    /// Colours that began with the phases that their scene brought, and colours that went on with those before, though there were
+    /// others.
     pub own_starts: u64,
     pub kept_starts: u64,
+    /// Of those that brought none and were other pictures altogether: colours that began with the phases for every picture.
+    pub retrieved_starts: u64,
 }
 
 /// The account of content that changes.
@@ -29,8 +32,9 @@ pub struct Showing {
     pub shown: u64,
     /// Scenes that were left out because something was wrong with them.
     pub refused: u64,
-    /// Colours of scenes that brought phases: begun with these, and gone on with those that were refined before.
-    pub starts: [u64; 2],
+    /// Colours of scenes that had phases to begin with: begun with the scene's own, gone on with those that were refined before,
+    /// begun with those that every picture can begin with.
+    pub starts: [u64; 3],
     /// Sets by how their content came, in the order of [`Supply::ALL`]; a set that is shown again counts again.
     pub sets: [u64; 5],
     /// From a scene's arrival to the beginning of its first light, ms.
@@ -52,7 +56,7 @@ impl Showing {
             scenes: 0,
             shown: 0,
             refused: 0,
-            starts: [0; 2],
+            starts: [0; 3],
             sets: [0; 5],
             arrival_to_light: Histogram::new(0.1, 20_000),
             estimated: Histogram::new(0.05, 2_000),
@@ -90,8 +94,8 @@ impl Showing {
 
     /// With what the side that makes sets has counted.
     pub(super) fn with(mut self, taken: Taken) -> Self {
-        let Taken { scenes, refused, own_starts, kept_starts } = taken;
-        (self.scenes, self.refused, self.starts) = (scenes, refused, [own_starts, kept_starts]);
+        let Taken { scenes, refused, own_starts, kept_starts, retrieved_starts } = taken;
+        (self.scenes, self.refused, self.starts) = (scenes, refused, [own_starts, kept_starts, retrieved_starts]);
         self
     }
 
@@ -103,7 +107,7 @@ impl Showing {
         json!({
             "source": self.source, "scenes": self.scenes, "shown": self.shown, "replaced_or_pending": replaced,
             "refused": self.refused, "began_with_own_phases": self.starts[0], "went_on_with_phases_before": self.starts[1],
-            "sets": sets, "arrival_to_light_ms": self.arrival_to_light.to_json(),
+            "began_with_retrieval": self.starts[2], "sets": sets, "arrival_to_light_ms": self.arrival_to_light.to_json(),
             "estimated_psnr_db": self.estimated.to_json(), "steps_per_set": self.steps.to_json(),
         })
     }

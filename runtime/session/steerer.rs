@@ -1,7 +1,10 @@
 //! All colours of a hologram under refinement, without threads: where to aim, when to begin again, what to do next.
 
+pub(super) mod retrieval;
+
 use super::error::SessionError;
 use super::field::Field;
+use super::likeness;
 use crate::encode::{Lighting, LitTimes};
 use crate::engine::{Engine, EngineError, PhasesOnDevice};
 use crate::optics::PupilDistribution;
@@ -58,6 +61,10 @@ struct OneColor {
     loss: Option<f64>,
     /// Of a piece of a far field: its middle, and how far it goes from there, metres.
     piece: Option<([f64; 2], [f64; 2])>,
+    /// Phases that every picture can begin with; empty where there are none.
+    fixed: Vec<f32>,
+    /// The scene is another picture altogether, and nothing was begun with for it yet.
+    unfit: bool,
 }
 
 /// What another scene was begun with.
@@ -65,8 +72,10 @@ struct OneColor {
 pub struct Followed {
     /// Colours that began with the scene's own phases.
     pub own: u32,
-    /// Colours that went on with the phases before, though the scene brought some.
+    /// Colours that went on with the phases before, though there were others to begin with.
     pub kept: u32,
+    /// Colours that began with the phases that every picture can begin with.
+    pub retrieved: u32,
     /// Losses that were looked at to decide.
     pub looks: u32,
 }
@@ -120,7 +129,7 @@ impl Steerer {
         }
         let one = |color: SteeredColor| -> Result<OneColor, SessionError> {
             let refiner = Refiner::new(color.problem, &color.phases, color.exposure, policy.steering, engine()?)?;
-            Ok(OneColor { refiner, phases: Vec::new(), loss: None, piece: None })
+            Ok(OneColor { refiner, phases: Vec::new(), loss: None, piece: None, fixed: Vec::new(), unfit: false })
         };
         let colors = colors.into_iter().map(one).collect::<Result<_, _>>()?;
         Ok(Self { colors, policy, next: 0, aimed: None, restarts: 0, steps: 0, field: None, shifts: Vec::new() })
@@ -168,7 +177,8 @@ impl Steerer {
                     followed.own += 1;
                 }
             }
-            *color = OneColor { refiner, phases: Vec::new(), loss: None, piece: Some(reach_of(problem)) };
+            (color.refiner, color.phases, color.loss) = (refiner, Vec::new(), None);
+            color.piece = Some(reach_of(problem));
         }
         Ok(followed)
     }
@@ -256,7 +266,7 @@ impl Steerer {
 
     /// Another scene, before the same display. Where it brings phases, its own hologram for the whole eyebox, that is what
     /// [`restart`](Self::restart) comes back to from now on; and each colour goes on with these, or with those that were
-    /// refined before, whichever loses less through the pupils of the next step.
+    /// refined before, whichever loses less through the pupils of the next step. Where it brings none, [`fit`](Self::fit) decides.
     ///
     /// # Errors
     /// [`SessionError::Setting`] for a scene of other colours; those of the engines.
@@ -268,8 +278,10 @@ impl Steerer {
         let mut followed = Followed::default();
         for (color, new) in self.colors.iter_mut().zip(scene) {
             let refiner = &mut color.refiner;
+            let other = !color.fixed.is_empty() && likeness::differ(refiner.problem(), &new.problem);
             refiner.follow(new.problem.clone(), new.exposure)?;
             color.loss = None;
+            color.unfit = new.phases.is_empty() && (color.unfit || other);
             if new.phases.is_empty() {
                 continue;
             }

@@ -6,6 +6,7 @@
 
 mod content;
 mod judged;
+mod jump_start;
 mod results;
 mod seen;
 mod stage;
@@ -13,6 +14,7 @@ mod stage;
 #[cfg(test)]
 pub(super) use content::moved_color;
 pub use content::{ContentRun, ContentSample, ContentSettings, StudiedContent, StudiedEye, study_content};
+pub use jump_start::JumpStart;
 pub use results::{Judging, Study, StudySample, StudySettings};
 
 use super::error::SessionError;

@@ -1,6 +1,8 @@
 //! Refining a hologram for where the eye is (OPTICS 6d): steps over pupils around it, and a few over the whole eyebox, so
 //! that a sudden look elsewhere never meets the dark.
 
+mod retrieve;
+
 use super::carry::Carry;
 use super::error::SolveError;
 use super::motion::Motion;

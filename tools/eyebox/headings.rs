@@ -127,6 +127,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "steps_per_set",
             "moves",
             "jumps_every",
+            "jumps_from",
             "prescription",
             "vertex_distance",
             "eye_file",

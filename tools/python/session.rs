@@ -249,6 +249,7 @@ impl Session {
             following.set(&mut live, shown.simulated)?;
             live.whole.focus = [following.focus; 2];
             live.scenes = Some(Box::new(LiveInput::open(&name, display, &colors, views, kind)?));
+            let live = live.with_fixed_phases(|| {})?;
             shown.start(live.into(), eye, shape, true)
         };
         Ok(py.detach(begin)?)

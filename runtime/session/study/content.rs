@@ -5,7 +5,10 @@
 //! roll, every video frame is decided on, and what is seen is the sub-frames that were lit in a set's time until then, each from
 //! the set that was the newest when its turn came.
 
+mod jumps;
+
 use super::SeenColor;
+use super::jump_start::JumpStart;
 use super::results::StudySettings;
 use crate::encode::{Lighting, LitTimes};
 use crate::engine::{Engine, EngineError};
@@ -61,6 +64,10 @@ pub struct ContentSettings {
     pub speed: u32,
     /// Content that jumps does so every so many sets.
     pub jumps_every: u32,
+    /// What is begun with after a jump.
+    pub start: JumpStart,
+    /// The phases of each colour that every picture can begin with.
+    pub fixed_phases: Vec<Vec<f32>>,
     /// When the sub-frames of each colour are lit: of sets that are shown whole, or that roll.
     pub lighting: Lighting,
 }
@@ -91,6 +98,8 @@ pub struct ContentSample {
     pub turn: u32,
     /// Sets since the content changed as a whole.
     pub since_jump: u32,
+    /// Whether the content has jumped with this set.
+    pub jumped: bool,
     /// Whether the eye is in a saccade.
     pub saccade: bool,
 }
@@ -162,6 +171,7 @@ pub fn study_content(
     let mut all: Vec<ContentRun> = Vec::with_capacity(runs.len());
     for (i, (content, eye, (steered, moments))) in runs.iter().copied().enumerate() {
         let steerer = Steerer::new(colors.to_vec(), policy, &mut *engine)?;
+        let steerer = steerer.with_fixed_phases(frames.starts());
         let mut run = ContentRun { content, eye, steered, moments, samples: Vec::new() };
         let mut showing = Showing::new(&frames, &run, steerer, study, depth)?;
         let decisions = u64::from(sets) * settings.lighting.turns() as u64;
@@ -248,6 +258,8 @@ struct Showing<'a> {
     shown: (usize, bool),
     shows_ns: i64,
     jumped: u32,
+    /// It has jumped, and nothing was begun with yet.
+    begins: bool,
     /// The newest set, colour by colour, and what was lit in a set's time until now.
     newest: Vec<Vec<f32>>,
     lit: Vec<Vec<f32>>,
@@ -295,6 +307,7 @@ impl<'a> Showing<'a> {
             shown: (0, false),
             shows_ns: 0,
             jumped: 0,
+            begins: false,
             newest: phases.clone(),
             lit: phases,
             pursuit,
@@ -329,7 +342,8 @@ impl<'a> Showing<'a> {
                 let (moved, _) = self.steerer.carry(pixels, lighting, look)?;
                 self.moments.carried(moved);
             }
-            for _ in 0..rounds {
+            let spent = u64::from(self.begin()?);
+            for _ in spent..rounds {
                 self.steerer.round_while(|_| true)?;
             }
             self.steerer.settle()?;
@@ -351,8 +365,8 @@ impl<'a> Showing<'a> {
         let pupil = Pupil { x, y, diameter: truth.diameter, depth: self.depth };
         let db = self.seen(pupil, (turn, middle_ns), seen)?;
         let saccade = matches!(truth.doing, Doing::Saccade { .. });
-        let (time_s, since_jump) = (middle_ns as f64 * 1e-9, set - self.jumped);
-        Ok(ContentSample { time_s, db, turn: turn as u32, since_jump, saccade })
+        let (time_s, since_jump, jumped) = (middle_ns as f64 * 1e-9, set - self.jumped, set > 0 && self.jumped == set);
+        Ok(ContentSample { time_s, db, turn: turn as u32, since_jump, jumped, saccade })
     }
 
     /// The content frame of a set, which shows the middle of its light.
@@ -363,6 +377,7 @@ impl<'a> Showing<'a> {
         }
         let jumps = set > 0 && self.run.0 == StudiedContent::Jumping;
         self.jumped = if jumps { set } else { self.jumped };
+        self.begins = jumps;
         (self.scene, self.shown, self.shows_ns) = (self.frames.scene(wanted), wanted, shows_ns);
         self.moments.follow(&self.scene, shows_ns);
         self.steerer.follow(&self.scene)?;

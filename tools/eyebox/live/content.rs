@@ -8,7 +8,9 @@ use crate::progress::{self, JobBar};
 use clap::{Args, ValueEnum};
 use eyebox::files::OwnFolder;
 use eyebox::report;
-use eyebox::session::{self, ContentRun, ContentSettings, StudiedContent, StudiedEye, StudySettings};
+use eyebox::session::{
+    self, ContentRun, ContentSettings, JumpStart, StudiedContent, StudiedEye, StudySettings, fixed_phases,
+};
 use serde_json::{Value, json};
 
 /// What content does, in the command that studies it.
@@ -29,9 +31,33 @@ pub struct ContentArgs {
     /// With --content: sets between jumps
     #[arg(long, default_value_t = 15, value_name = "N", requires = "content", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     jumps_every: u32,
+    /// With --content: what is begun with after a jump
+    #[arg(
+        long,
+        value_enum,
+        default_value = "best",
+        value_name = "best|last|random|retrieval|unfitted",
+        requires = "content"
+    )]
+    jumps_from: StartName,
     /// With --content: show sets whole, though the display takes several video frames for one, as they else roll there
     #[arg(long, requires = "content")]
     whole_sets: bool,
+}
+
+/// What is begun with after a jump.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum StartName {
+    /// The last phases or those of the retrieval, whichever lose less
+    Best,
+    /// The last phases
+    Last,
+    /// Random phases
+    Random,
+    /// A retrieval in one step from phases that are fitted once for this display
+    Retrieval,
+    /// The same from random phases
+    Unfitted,
 }
 
 /// What content does.
@@ -45,6 +71,8 @@ enum ContentName {
     Jumping,
 }
 
+/// Sets after a jump that are told apart, from 1.
+const AFTER: [u32; 5] = [1, 2, 3, 5, 8];
 /// Sets after a jump, and after the beginning, that summaries leave out: while it settles.
 const SETTLES: u32 = 8;
 
@@ -54,20 +82,32 @@ impl ContentArgs {
         !self.content.is_empty()
     }
 
-    fn settings(&self, subject: &Steered) -> ContentSettings {
+    fn settings(&self, subject: &Steered, focus: [f64; 2]) -> Result<ContentSettings, Failure> {
         let of = |name: &ContentName| match name {
             ContentName::Still => StudiedContent::Still,
             ContentName::Moving => StudiedContent::Moving,
             ContentName::Jumping => StudiedContent::Jumping,
         };
-        ContentSettings {
+        let start = match self.jumps_from {
+            StartName::Best => JumpStart::Best,
+            StartName::Last => JumpStart::Last,
+            StartName::Random => JumpStart::Random,
+            StartName::Retrieval => JumpStart::Retrieval,
+            StartName::Unfitted => JumpStart::Unfitted,
+        };
+        let jumps = self.content.contains(&ContentName::Jumping);
+        let wanted = jumps && matches!(start, JumpStart::Best | JumpStart::Retrieval);
+        let fixed_phases = if wanted { fixed_phases(&subject.parts, focus, super::live::fitting)? } else { Vec::new() };
+        Ok(ContentSettings {
+            start,
+            fixed_phases,
             contents: self.content.iter().map(of).collect(),
             sets: self.sets,
             steps: self.steps_per_set,
             speed: self.moves,
             jumps_every: self.jumps_every,
             lighting: subject.encoder.lighting(!self.whole_sets),
-        }
+        })
     }
 }
 
@@ -81,7 +121,7 @@ pub fn run(
     (title, mut about, own): (&str, Value, &mut OwnFolder),
 ) -> Result<(), Failure> {
     progress::catch_interrupt();
-    let settings = args.settings(subject);
+    let settings = args.settings(subject, study.gaze.focus)?;
     let bar = JobBar::new(quiet);
     let mut open = || engines.open();
     let mut observe = |share| bar.show("content", share);
@@ -90,10 +130,12 @@ pub fn run(
     let row = |run: &ContentRun| {
         let [mean, worst, best] = run.summary(SETTLES).map_or([None; 3], |all| all.map(Some));
         json!({ "content": run.content, "eye": run.eye, "steered": run.steered, "moments": run.moments,
-                "mean_db": mean, "worst_db": worst, "best_db": best, "windows_db": run.windows(SETTLES) })
+                "mean_db": mean, "worst_db": worst, "best_db": best, "windows_db": run.windows(SETTLES),
+                "after_jumps_db": AFTER.map(|nth| run.after_jumps(nth)) })
     };
     let summary: Vec<Value> = runs.iter().map(row).collect();
     about["summary"] = json!(summary);
+    about["after_jumps_in_sets"] = json!(AFTER);
     about["settles_in_sets"] = json!(SETTLES);
     let rolls = settings.lighting.turns() > 1;
     about["sets_roll"] = json!(rolls);
@@ -101,6 +143,7 @@ pub fn run(
     about["steps_per_set"] = json!(settings.steps);
     about["pixels_a_set"] = json!(settings.speed);
     about["sets_between_jumps"] = json!(settings.jumps_every);
+    about["jumps_from"] = json!(settings.start);
     about["runs"] = json!(runs);
     report::write_content_study(title, &subject.engine, (&runs, SETTLES), &about, own)?;
     if quiet {
@@ -113,6 +156,11 @@ pub fn run(
     if rolls {
         println!("means of the windows that end with each video frame of a set, dB: worst to best");
         table(&runs, |run| run.windows(SETTLES).map_or("-".into(), |[worst, best]| format!("{worst:.2}-{best:.2}")));
+    }
+    for run in runs.iter().filter(|run| run.content == StudiedContent::Jumping && !run.moments) {
+        let cell = |nth: u32| run.after_jumps(nth).map_or("-".into(), |db| format!("{db:.1} in set {nth}"));
+        let whose = if run.steered { "for the pupil" } else { "for the whole eyebox" };
+        println!("  after a jump, {whose}: {}", AFTER.map(cell).join(", "));
     }
     Ok(())
 }

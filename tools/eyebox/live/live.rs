@@ -184,6 +184,10 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: Showing<'_>, stage: S
     (live.scenes, live.field, live.cost) = (scenes, field, simulated.unwrap_or(Cost::Measured));
     let depths = depths.or(hologram.metadata.solve.as_ref().map(|solve| solve.depth));
     live.whole.focus = depths.unwrap_or(live.whole.focus);
+    // An application's frames bring no phases.
+    if live.replay.is_some() || live.scenes.as_ref().is_some_and(|scenes| !scenes.begins_with_one()) {
+        live = live.with_fixed_phases(fitting)?;
+    }
     let mut options = args.shown.options();
     options.gpu = gpu;
     options.duration = args.duration.map(|s| Duration::from_secs_f64(s.min(1e9)));
@@ -207,6 +211,11 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: Showing<'_>, stage: S
         args.stats.as_deref(),
         &json!({ "engine": engine, "memory_mib": memory, "focus_dioptres": focus, "unfinished": unfinished }),
     )
+}
+
+/// Says that phases are fitted.
+pub fn fitting() {
+    eprintln!("fitting the phases that any picture can begin with, once for this display");
 }
 
 /// What a tracker's dioptres are before the hologram that is shown.
