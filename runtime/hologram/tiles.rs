@@ -9,6 +9,9 @@
 //! at a time makes a hologram, and holds a lock; others may look at it meanwhile ([`open`](Tiles::open)) and change nothing.
 
 mod around;
+mod versions;
+
+pub use versions::TileVersion;
 
 use super::chunks::{
     ARRAY, GROUP, LOCK, check_is_one, check_length, chunk_file, damaged, draft, is_staged, lock, open_folder, promise,
@@ -21,6 +24,7 @@ use crate::plan::ModelTables;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use std::collections::HashMap;
 use std::fs::File;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -60,6 +64,8 @@ pub struct Tiles {
     written: AtomicU64,
     /// Of each colour, what its display does to the light: made when it is first asked for.
     models: OnceLock<Vec<Option<Arc<ModelTables>>>>,
+    /// Of one part of its job: where its tiles are. None for each in its place.
+    versions: Option<HashMap<[usize; 3], TileVersion>>,
 }
 
 /// A rectangle of whole tiles with other phases.
@@ -179,8 +185,13 @@ impl Tiles {
         } else {
             None
         };
+        Ok(Self::looking(folder.clone(), about, side, made))
+    }
+
+    /// To be looked at.
+    fn looking(folder: Folder, about: Hologram, side: usize, made: Option<Made>) -> Self {
         let (read, written) = (AtomicU64::new(0), AtomicU64::new(0));
-        Ok(Self { folder: folder.clone(), about, side, made, lock: None, read, written, models: OnceLock::new() })
+        Self { folder, about, side, made, lock: None, read, written, models: OnceLock::new(), versions: None }
     }
 
     fn unlock(&self) {
@@ -418,6 +429,9 @@ impl Tiles {
     /// One tile: (frames, side, side); beyond the hologram's edge, zeros.
     fn tile(&self, color: usize, row: usize, column: usize) -> Result<Vec<f32>, HologramError> {
         let place = [color, row, column];
+        if let Some(versions) = &self.versions {
+            return self.version(place, versions.get(&place).copied());
+        }
         let (name, values) = (self.name(place), self.about.frames * self.side * self.side);
         let has = |name: &str| self.folder.has(name);
         // What counts already and was not moved yet: whoever looks does not move it, and it may be moved meanwhile.
