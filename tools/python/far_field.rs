@@ -59,9 +59,10 @@ impl FarField {
         display: Py<Display>,
         color_names: Vec<String>,
         settings: String,
-        (passes, memory, picture): (usize, u64, usize),
+        request: (usize, u64, usize),
         out: PathBuf,
     ) -> Self {
+        let (passes, memory, picture) = request;
         let request = TilesRequest { memory: MemoryLimit(memory), passes, picture };
         Self { scene, display, color_names, settings, request, out, pieces: OnceLock::new() }
     }

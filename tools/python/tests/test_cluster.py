@@ -55,7 +55,7 @@ def test_one_of_two_workers_is_killed(tmp_path):
                 os.kill(victim, signal.SIGKILL)
                 killed.append(victim)
 
-            thread = threading.Thread(target=kill)
+            thread = threading.Thread(target=kill, daemon=True)
             thread.start()
             how = dict(client=client, engine="cpu", **settings)
             assert eyebox.cluster.solve_sequence(scenes, out, display, "green", **how) == COUNT
@@ -132,7 +132,7 @@ def test_a_far_fields_regions_are_solved_side_by_side(tmp_path):
                     time.sleep(0.005)
                 os.kill(next(iter(local.workers.values())).pid, signal.SIGKILL)
 
-            thread = threading.Thread(target=kill)
+            thread = threading.Thread(target=kill, daemon=True)
             thread.start()
             visits = eyebox.cluster.solve_far_field("builtin:plane", out, display, client=client, engine="cpu", **settings)
             thread.join()
