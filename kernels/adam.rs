@@ -53,11 +53,18 @@ pub fn adam(
             {
                 let change = &change[place.left as usize..place.left as usize + w];
                 let values = phases.iter_mut().zip(first).zip(second).zip(change);
+                // Loops, for a closure given to `for_each` is compiled by itself, without these instructions.
                 match shown {
-                    None => values.for_each(|(((phase, first), second), g)| one(*phase, phase, first, second, g)),
-                    Some(shown) => values
-                        .zip(&shown[y * w..][..w])
-                        .for_each(|((((phase, first), second), g), shown)| one(*shown, phase, first, second, g)),
+                    None => {
+                        for (((phase, first), second), g) in values {
+                            one(*phase, phase, first, second, g);
+                        }
+                    }
+                    Some(shown) => {
+                        for ((((phase, first), second), g), shown) in values.zip(&shown[y * w..][..w]) {
+                            one(*shown, phase, first, second, g);
+                        }
+                    }
                 }
             }
         },

@@ -44,7 +44,9 @@ pub fn drive(args: &Args, level: &[f32], shown: &[f32], wave: &mut [f32]) {
                     *out = level * w + (args.bend_sin * s + args.bend_cos * (1.0 - c));
                 }
             } else {
-                values.for_each(|(out, (level, phase))| *out = level * wrapped(*phase));
+                for (out, (level, phase)) in values {
+                    *out = level * wrapped(*phase);
+                }
             }
         },
     );

@@ -6,7 +6,8 @@
 //! order of the DFT. Twins are what the shaders are compared with, and are themselves compared with float64.
 //!
 //! This room imports nothing from the runtime.
-//! [`kernels!`] lists them. [`encode`] and [`pixels`], which belong to a display and not to a step, stand beside the list.
+//! [`kernels!`] lists them. [`encode`] and [`pixels`], which belong to a display and not to a step, stand beside the list, and so do
+//! [`decode_views`] and [`halve_views`], which belong to what an application gives.
 
 pub mod adam;
 pub mod apply_factor;
@@ -14,6 +15,7 @@ pub mod binary_angle;
 pub mod check_finite;
 pub mod compare;
 pub mod crosstalk;
+pub mod decode_views;
 pub mod divide_by_overlap;
 pub mod drive;
 pub mod drive_back;
@@ -25,6 +27,7 @@ pub mod eye;
 pub mod fft;
 pub mod fft_plan;
 pub mod half;
+pub mod halve_views;
 pub mod intensity;
 pub mod lag;
 pub mod layers;

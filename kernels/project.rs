@@ -48,11 +48,18 @@ pub fn project(args: &Args, change: &[Complex32], shown: Option<&[f32]>, phases:
             {
                 let change = &change[place.left as usize..place.left as usize + w];
                 let values = phases.iter_mut().zip(velocity).zip(change);
+                // Loops, for a closure given to `for_each` is compiled by itself, without these instructions.
                 match shown {
-                    None => values.for_each(|((phase, velocity), du)| one(*phase, phase, velocity, du)),
-                    Some(shown) => values
-                        .zip(&shown[y * w..][..w])
-                        .for_each(|(((phase, velocity), du), shown)| one(*shown, phase, velocity, du)),
+                    None => {
+                        for ((phase, velocity), du) in values {
+                            one(*phase, phase, velocity, du);
+                        }
+                    }
+                    Some(shown) => {
+                        for (((phase, velocity), du), shown) in values.zip(&shown[y * w..][..w]) {
+                            one(*shown, phase, velocity, du);
+                        }
+                    }
                 }
             }
         },

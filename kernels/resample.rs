@@ -60,6 +60,25 @@ impl Table {
     }
 }
 
+/// Sum of the samples, each by its weight, in order.
+#[inline(always)]
+fn weighted(samples: &[f32], weights: &[f32]) -> f32 {
+    let mut sum = 0.0;
+    for (v, weight) in samples.iter().zip(weights) {
+        sum += weight * v;
+    }
+    sum
+}
+
+/// A line by a table of `N` weights for each sample.
+#[inline(always)]
+fn along<const N: usize>(line: &[f32], table: &Table, out: &mut [f32]) {
+    let weights = table.weights.as_chunks::<N>().0;
+    for ((out, &first), weights) in out.iter_mut().zip(&table.first).zip(weights) {
+        *out = weighted(&line[first as usize..][..N], weights);
+    }
+}
+
 /// `input` (in_height, in_width), `output` (height, width), `scratch` (in_width or more) is overwritten.
 pub fn resample(args: &Args, input: &[f32], rows: &Table, columns: &Table, output: &mut [f32], scratch: &mut Vec<f32>) {
     let (ih, iw, w) = (args.in_height as usize, args.in_width as usize, args.width as usize);
@@ -85,14 +104,17 @@ pub fn resample(args: &Args, input: &[f32], rows: &Table, columns: &Table, outpu
                 for t in 0..columns.taps {
                     scratch[iw + t] = scratch[t % iw];
                 }
-                for ((out, &first), weights) in
-                    out.iter_mut().zip(&columns.first).zip(columns.weights.chunks_exact(columns.taps))
-                {
-                    let mut sum = 0.0;
-                    for (v, weight) in scratch[first as usize..].iter().zip(weights) {
-                        sum += weight * v;
+                // What halves a level has three weights: an unrolled loop.
+                match columns.taps {
+                    2 => along::<2>(scratch, columns, out),
+                    3 => along::<3>(scratch, columns, out),
+                    _ => {
+                        for ((out, &first), weights) in
+                            out.iter_mut().zip(&columns.first).zip(columns.weights.chunks_exact(columns.taps))
+                        {
+                            *out = weighted(&scratch[first as usize..], weights);
+                        }
                     }
-                    *out = sum;
                 }
             }
         },

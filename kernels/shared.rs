@@ -2,8 +2,8 @@
 //! `cargo run -p eyebox-spirv-tool -- build` writes.
 
 use crate::{
-    BATCH, SUM_WIDTH, TILE, TILE_THREADS, WIDTH, binary_angle, compare, encode, energy, equalise_eyebox, exposure,
-    fft_plan, photograph, trig,
+    BATCH, SUM_WIDTH, TILE, TILE_THREADS, WIDTH, binary_angle, compare, decode_views, encode, energy, equalise_eyebox,
+    exposure, fft_plan, photograph, trig,
 };
 use std::fmt::Write;
 
@@ -15,6 +15,10 @@ pub fn glsl() -> String {
         ("BATCH", BATCH as u32),
         ("TILE", TILE),
         ("TILE_THREADS", TILE_THREADS),
+        ("DECODE_U8", decode_views::U8),
+        ("DECODE_F16", decode_views::F16),
+        ("DECODE_F32", decode_views::F32),
+        ("DECODE_SUMS", decode_views::SUMS as u32),
         ("COMPARE_PROJECTION", compare::PROJECTION),
         ("COMPARE_INTENSITY", compare::INTENSITY),
         ("COMPARE_SHARE", compare::SHARE as u32),
@@ -41,6 +45,7 @@ pub fn glsl() -> String {
         ("ENCODE_PART_128TH", encode::PART[1] as u32),
     ];
     let floats = [
+        ("DECODE_BRIGHTEST", decode_views::BRIGHTEST),
         ("ENCODE_PARTS", encode::PARTS),
         ("ANGLE_UNIT", binary_angle::UNIT),
         ("ANGLE_PART", binary_angle::PART),

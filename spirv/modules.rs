@@ -7,6 +7,7 @@ modules! {
     COMPARE = "compare";
     COMPARE_ROWS = "compare_rows", COMPARE_ROWS_HALF = "compare_rows_half";
     CROSSTALK = "crosstalk", CROSSTALK_HALF = "crosstalk_half";
+    DECODE_VIEWS = "decode_views";
     DIVIDE_BY_OVERLAP = "divide_by_overlap", DIVIDE_BY_OVERLAP_HALF = "divide_by_overlap_half";
     DRIVE = "drive", DRIVE_HALF = "drive_half";
     DRIVE_BACK = "drive_back", DRIVE_BACK_HALF = "drive_back_half";
@@ -20,6 +21,7 @@ modules! {
     FFT_PASS = "fft_pass", FFT_PASS_HALF = "fft_pass_half";
     FFT_SHARED = "fft_shared", FFT_SHARED_HALF = "fft_shared_half";
     GATHER_COLUMNS = "gather_columns", GATHER_COLUMNS_HALF = "gather_columns_half";
+    HALVE_VIEWS = "halve_views";
     INTENSITY = "intensity", INTENSITY_HALF = "intensity_half";
     JUDGE = "judge";
     LAG = "lag", LAG_HALF = "lag_half";

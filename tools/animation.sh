@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Makes the README's animations. docs/steered.gif: what an eye sees of a hologram while it is refined for it, through two pupils.
-# docs/live.gif: the window of `eyebox live --view`, on Xvfb, while a recorded eye looks about. All that is seen comes from the command;
+# docs/live.gif: the window of `eyebox show --view`, on Xvfb, while fruit moves and a recorded eye looks about. All that is seen comes from the command;
 # python3 with Pillow puts the pictures together. EYEBOX is the command: EYEBOX=target/release/eyebox tools/animation.sh [steered|live]
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -10,9 +10,8 @@ desktop=
 trap '[[ -z $desktop ]] || kill "$desktop"; rm -rf "$work"' EXIT
 cd "$work"
 
-"$eyebox" solve builtin:still-life --size 512x512 --seconds 60 -o still-life.zarr
-
 steered() {
+"$eyebox" solve builtin:still-life --size 512x512 --seconds 60 -o still-life.zarr
 for pupil in -6,3,4,2 6,-3,4,-2.5; do
     from=still-life.zarr
     "$eyebox" view $from --pupil=$pupil -o "$pupil.0.png"
@@ -50,19 +49,23 @@ PYTHON
 }
 
 live() {
-# Three fixations of 3 s, near and far in turn.
+# Fruit that goes from the left to the right and back, sixteen holograms; and three fixations of two seconds, near and far in turn.
+there=()
+for i in {0..8}; do there+=("builtin:still-life?shift=$(python3 -c "print(round(-0.3 + 0.075 * $i, 3))")"); done
+back=("${there[7]}" "${there[6]}" "${there[5]}" "${there[4]}" "${there[3]}" "${there[2]}" "${there[1]}")
+"$eyebox" solve "${there[@]}" "${back[@]}" --size 256x256 --steps 40 --rate 8 -o moving.zarr
 python3 - >eye.jsonl <<'PYTHON'
 import json
-for i in range(3 * 360):
-    x, y, focus_d = [(-6, 3, 0.012), (6, -4, -0.012), (-1, -6, 0.012)][i // 360]
+for i in range(12 * 120):
+    x, y, focus_d = [(-4, 2, 0.012), (4, -3, -0.012), (0, 0, 0)][i // 240 % 3]
     print(json.dumps({"t": i / 120, "x": x, "y": y, "diameter": 4, "focus_d": focus_d}))
 PYTHON
 mkdir screen
 Xvfb -displayfd 3 -screen 0 512x512x24 -nocursor -fbdir screen 3>number 2>/dev/null &
 desktop=$!
 while [[ ! -s number ]]; do sleep 0.1; done
-WAYLAND_DISPLAY='' DISPLAY=:$(cat number) "$eyebox" live still-life.zarr --size 512x512 --display planes24 --tracker eye.jsonl \
-    --view --duration 10 &
+WAYLAND_DISPLAY='' DISPLAY=:$(cat number) "$eyebox" show moving.zarr --loop --display planes24 --tracker eye.jsonl \
+    --view --duration 14 &
 python3 - "$root/docs/live.gif" <<'PYTHON'
 import struct, sys, time
 from PIL import Image
@@ -78,15 +81,15 @@ until = time.monotonic() + 120
 while screen().getbbox() is None:  # The window comes when the scene is there.
     assert time.monotonic() < until, "no window"
     time.sleep(0.05)
-every, seen = 0.36, []
+every, seen = 0.125, []
 begun = time.monotonic()
-while len(seen) < 25:
-    seen.append(screen().resize((352, 352), Image.LANCZOS))
+while len(seen) < 48:
+    seen.append(screen().resize((320, 320), Image.LANCZOS))
     time.sleep(max(0, begun + len(seen) * every - time.monotonic()))
 # One palette for all, so that no colour changes from frame to frame.
-sheet = Image.new("RGB", (3 * 352, 352))
+sheet = Image.new("RGB", (3 * 320, 320))
 for i in range(3):
-    sheet.paste(seen[8 * i + 7], (352 * i, 0))
+    sheet.paste(seen[16 * i + 12], (320 * i, 0))
 palette = sheet.quantize(112, kmeans=2)
 frames = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in seen]
 frames[0].save(sys.argv[1], save_all=True, append_images=frames[1:], duration=int(1000 * every), loop=0, optimize=True)

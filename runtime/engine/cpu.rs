@@ -218,13 +218,13 @@ impl Engine for CpuEngine {
 
     fn load(&mut self, shape: &Shape, views: Option<Arc<Pyramid>>) -> Result<(), EngineError> {
         super::promise(shape, 8)?;
-        (self.views, self.model) = (views, None);
+        (self.views, self.model) = (views.map(|views| super::on_host(&views)).transpose()?, None);
         self.shape = *shape;
         self.buffers.load(shape)
     }
 
     fn take_views(&mut self, views: Arc<Pyramid>) -> Result<(), EngineError> {
-        self.views = Some(views);
+        self.views = Some(super::on_host(&views)?);
         Ok(())
     }
 

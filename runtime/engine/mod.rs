@@ -57,6 +57,11 @@ fn misfit(buffer: Buffer, has: usize, given: usize) -> EngineError {
     EngineError::Mismatch { reason: format!("{buffer:?} holds {has} values, {given} were given") }
 }
 
+/// Views for an engine that has none of a device's memory.
+fn on_host(views: &Arc<Pyramid>) -> Result<Arc<Pyramid>, EngineError> {
+    views.on_host().map_err(|reason| EngineError::Mismatch { reason: format!("the views are on a device: {reason}") })
+}
+
 /// What [`Engine::keep`] does not keep.
 fn not_kept(buffer: Buffer) -> EngineError {
     EngineError::Mismatch { reason: format!("{buffer:?} is not kept, phases and what is shown are") }

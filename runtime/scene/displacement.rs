@@ -55,12 +55,15 @@ fn peak([before, after]: [&[f32]; 2], size: [usize; 2], [x, y]: [i64; 2], reach:
     // Columns first from here on: (width, height).
     let (one, mut cross) = (spectrum(before, one), spectrum(after, other));
     let strongest = one.iter().map(|z| z.norm_sqr()).fold(0.0, f64::max);
-    for (i, (b, a)) in cross.iter_mut().zip(&one).enumerate() {
-        let product = *b * a.conj();
-        let magnitude = product.norm();
-        let square = frequency(i / height, width).powi(2) + frequency(i % height, height).powi(2);
-        let weight = (-2.0 * (PI * PEAK).powi(2) * square).exp();
-        *b = if magnitude > WEAK * strongest { product * (weight / magnitude) } else { Complex64::ZERO };
+    let [down, across] = size.map(low_pass);
+    let columns = cross.chunks_exact_mut(height).zip(one.chunks_exact(height)).zip(&across);
+    for ((cross, one), across) in columns {
+        for ((b, a), down) in cross.iter_mut().zip(one).zip(&down) {
+            let product = *b * a.conj();
+            let magnitude = product.norm_sqr().sqrt();
+            let strong = magnitude > WEAK * strongest;
+            *b = if strong { product * (across * down / magnitude) } else { Complex64::ZERO };
+        }
     }
     transform(&mut cross, [width, height], Direction::Inverse);
     // Rows first again.
@@ -79,24 +82,30 @@ fn peak([before, after]: [&[f32]; 2], size: [usize; 2], [x, y]: [i64; 2], reach:
     ])
 }
 
-/// A frequency's bin, cycles a pixel.
-fn frequency(bin: usize, count: usize) -> f64 {
-    let signed = if bin < count.div_ceil(2) { bin as f64 } else { bin as f64 - count as f64 };
-    signed / count as f64
+/// The Gaussian that the peak gets, along one axis of so many frequencies.
+fn low_pass(count: usize) -> Vec<f64> {
+    let frequency = |bin: usize| {
+        let signed = if bin < count.div_ceil(2) { bin as f64 } else { bin as f64 - count as f64 };
+        signed / count as f64
+    };
+    (0..count).map(|bin| (-2.0 * (PI * PEAK * frequency(bin)).powi(2)).exp()).collect()
 }
 
 /// The part of a picture that begins at `from` and has the size `shared`, less its mean under a Hann window, so that its edges are
 /// none of it: at the beginning of zeros of the picture's size.
 fn windowed(picture: &[f32], [height, width]: [usize; 2], from: [i64; 2], shared: [usize; 2]) -> Vec<Complex64> {
-    let hann = |i: usize, n: usize| 0.5 - 0.5 * (TAU * (i as f64 + 0.5) / n as f64).cos();
-    let light =
-        |row: usize, column: usize| f64::from(picture[(row + from[0] as usize) * width + column + from[1] as usize]);
-    let places = || (0..shared[0]).flat_map(|row| (0..shared[1]).map(move |column| (row, column)));
-    let mean = places().map(|(row, column)| light(row, column)).sum::<f64>() / (shared[0] * shared[1]) as f64;
+    let hann =
+        |n: usize| (0..n).map(move |i| 0.5 - 0.5 * (TAU * (i as f64 + 0.5) / n as f64).cos()).collect::<Vec<_>>();
+    let [down, across] = shared.map(hann);
+    let from = from.map(|v| v as usize);
+    let rows = || picture.chunks_exact(width).skip(from[0]).take(shared[0]).map(|row| &row[from[1]..][..shared[1]]);
+    let sum = rows().map(|row| row.iter().map(|v| f64::from(*v)).sum::<f64>()).sum::<f64>();
+    let mean = sum / (shared[0] * shared[1]) as f64;
     let mut lines = vec![Complex64::ZERO; height * width];
-    for (row, column) in places() {
-        let value = (light(row, column) - mean) * hann(row, shared[0]) * hann(column, shared[1]);
-        lines[row * width + column] = Complex64::new(value, 0.0);
+    for ((line, row), down) in lines.chunks_exact_mut(width).zip(rows()).zip(&down) {
+        for ((to, value), across) in line.iter_mut().zip(row).zip(&across) {
+            *to = Complex64::new((f64::from(*value) - mean) * down * across, 0.0);
+        }
     }
     lines
 }

@@ -141,7 +141,7 @@ pub use order::{Order, OrderFound};
 pub use parallax::Parallax;
 pub use photograph::ViewGrid;
 pub use photographs::{MadeViews, Photographs};
-pub use pyramid::{Level, Pyramid};
+pub use pyramid::{Level, Pyramid, ViewsOnDevice};
 pub(crate) use registered::Bend;
 pub use request::Request;
 pub use resize::Fit;

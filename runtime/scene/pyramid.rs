@@ -1,7 +1,11 @@
 //! The views of one colour as the photograph reads them: compact, and at several resolutions.
 
 use eyebox_kernels::resample::{self, Table};
+use eyebox_kernels::simd;
 use rayon::prelude::*;
+use std::any::Any;
+use std::fmt;
+use std::sync::Arc;
 
 /// One resolution of all views.
 #[derive(Debug, Clone, PartialEq)]
@@ -10,8 +14,41 @@ pub struct Level {
     pub height: usize,
     /// Columns.
     pub width: usize,
-    /// (views, height, width), linear light, 65535 = [`Pyramid::scale`].
+    /// (views, height, width), linear light, 65535 = [`Pyramid::scale`]. Of views [on a device](Pyramid::on_device) empty, or of the
+    /// middle view alone and zero for the others.
     pub views: Vec<u16>,
+}
+
+/// Views in the memory of a device.
+pub trait ViewsOnDevice: Any + Send + Sync {
+    /// Reads all levels, from the whole grid down: (views, height, width) each.
+    ///
+    /// # Errors
+    /// In a sentence, where the device does not answer.
+    fn read(&self) -> Result<Vec<Vec<u16>>, String>;
+
+    /// Whether the device stopped answering: the light is gone.
+    fn is_lost(&self) -> bool;
+}
+
+/// Where the light of a pyramid is, if that is not the host's memory.
+#[derive(Clone, Default)]
+struct Elsewhere(Option<Arc<dyn ViewsOnDevice>>);
+
+impl fmt::Debug for Elsewhere {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(if self.0.is_some() { "on a device" } else { "on the host" })
+    }
+}
+
+impl PartialEq for Elsewhere {
+    fn eq(&self, other: &Self) -> bool {
+        match (&self.0, &other.0) {
+            (Some(one), Some(other)) => Arc::ptr_eq(one, other),
+            (None, None) => true,
+            _ => false,
+        }
+    }
 }
 
 /// All views on the display's grid, and smaller copies for pupils whose window is smaller.
@@ -23,10 +60,40 @@ pub struct Pyramid {
     pub count: usize,
     /// From the whole grid down, each half the one before.
     pub levels: Vec<Level>,
+    elsewhere: Elsewhere,
 }
 
 /// Levels smaller than this on their shorter side save nothing.
 const SMALLEST: usize = 24;
+/// Pictures of this many pixels along their longer side, or fewer, are compared.
+const COMPARED: usize = 256;
+
+/// Light of 0 to `scale` in steps of `scale` / 65535, the nearest.
+fn quantise(light: &[f32], scale: f32, out: &mut [u16]) {
+    // Whole numbers added to 2^23 are the lowest bits of its mantissa.
+    const WHOLE: f32 = 8_388_608.0;
+    simd(
+        #[inline(always)]
+        || {
+            for (out, v) in out.iter_mut().zip(light) {
+                let steps = (v / scale * 65535.0 + 0.5).trunc().clamp(0.0, 65535.0);
+                *out = (steps + WHOLE).to_bits() as u16;
+            }
+        },
+    );
+}
+
+/// The light of such steps.
+fn linear(steps: &[u16], scale: f32, out: &mut [f32]) {
+    simd(
+        #[inline(always)]
+        || {
+            for (out, v) in out.iter_mut().zip(steps) {
+                *out = f32::from(*v) / 65535.0 * scale;
+            }
+        },
+    );
+}
 
 impl Pyramid {
     /// (height, width) of the levels over a grid of this size, from the grid's own down.
@@ -38,7 +105,31 @@ impl Pyramid {
     /// Of so many views of this size, without their light: what plans need.
     pub fn outline(count: usize, height: usize, width: usize) -> Self {
         let level = |(height, width)| Level { height, width, views: Vec::new() };
-        Self { scale: 1.0, count, levels: Self::sizes(height, width).into_iter().map(level).collect() }
+        let levels = Self::sizes(height, width).into_iter().map(level).collect();
+        Self { scale: 1.0, count, levels, elsewhere: Elsewhere::default() }
+    }
+
+    /// The same with its light on a device, which reads as `scale` for the value 65535.
+    #[must_use]
+    pub fn with_light(self, scale: f32, views: Arc<dyn ViewsOnDevice>) -> Self {
+        Self { scale, elsewhere: Elsewhere(Some(views)), ..self }
+    }
+
+    /// The views on the device where they are, if they are on one.
+    pub fn on_device(&self) -> Option<&dyn ViewsOnDevice> {
+        self.elsewhere.0.as_deref()
+    }
+
+    /// The same with all of its light on the host: read from the device where it is there, else itself.
+    ///
+    /// # Errors
+    /// In a sentence, where the device does not answer.
+    pub fn on_host(self: &Arc<Self>) -> Result<Arc<Self>, String> {
+        let Some(views) = self.on_device() else { return Ok(Arc::clone(self)) };
+        let levels = self.levels.iter().zip(views.read()?);
+        let levels = levels.map(|(Level { height, width, .. }, views)| Level { height: *height, width: *width, views });
+        let (scale, count, levels) = (self.scale, self.count, levels.collect());
+        Ok(Arc::new(Self { scale, count, levels, elsewhere: Elsewhere::default() }))
     }
 
     /// From views (each height * width, linear light, finite, not negative). Quantised to 1/65535 of the brightest.
@@ -47,9 +138,9 @@ impl Pyramid {
             views.par_iter().map(|v| v.as_ref().iter().copied().fold(0.0, f32::max)).reduce(|| 0.0, f32::max);
         let scale = if brightest > 0.0 { brightest } else { 1.0 };
         let mut levels = vec![Level { height, width, views: vec![0; views.len() * height * width] }];
-        let quantise = |v: &f32| (v / scale * 65535.0 + 0.5) as u16;
-        let store = |image: &[f32], out: &mut [u16]| out.iter_mut().zip(image).for_each(|(o, v)| *o = quantise(v));
-        levels[0].views.par_chunks_mut(height * width).zip(views).for_each(|(out, view)| store(view.as_ref(), out));
+        levels[0].views.par_chunks_mut(height * width).zip(views).for_each(|(out, view)| {
+            quantise(view.as_ref(), scale, out);
+        });
         for pair in Self::sizes(height, width).windows(2) {
             let ((finer_h, finer_w), (h, w)) = (pair[0], pair[1]);
             let (rows, columns) = (Table::area(finer_h, h), Table::area(finer_w, w));
@@ -64,18 +155,46 @@ impl Pyramid {
             let finer = &levels.last().expect("the grid's own level").views;
             let mut smaller = vec![0; views.len() * h * w];
             smaller.par_chunks_mut(h * w).zip(finer.par_chunks(finer_h * finer_w)).for_each(|(out, view)| {
-                let view: Vec<f32> = view.iter().map(|v| f32::from(*v) / 65535.0 * scale).collect();
-                let mut image = vec![0.0; h * w];
-                resample::resample(&args, &view, &rows, &columns, &mut image, &mut Vec::new());
-                store(&image, out);
+                let (mut light, mut image) = (vec![0.0; view.len()], vec![0.0; h * w]);
+                linear(view, scale, &mut light);
+                resample::resample(&args, &light, &rows, &columns, &mut image, &mut Vec::new());
+                quantise(&image, scale, out);
             });
             levels.push(Level { height: h, width: w, views: smaller });
         }
-        Self { scale, count: views.len(), levels }
+        Self { scale, count: views.len(), levels, elsewhere: Elsewhere::default() }
+    }
+
+    /// The level whose pictures are compared with others: small, and soon looked at.
+    pub fn compared(&self) -> Option<usize> {
+        let small = self.levels.iter().position(|level| level.height.max(level.width) <= COMPARED);
+        small.or(self.levels.len().checked_sub(1))
     }
 
     /// Bytes of all levels.
     pub fn bytes(&self) -> usize {
         self.levels.iter().map(|l| 2 * self.count * l.height * l.width).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every step, what lies between two, and what rounds to the next: as a conversion of each value by itself has it.
+    #[test]
+    fn light_is_stored_in_the_nearest_step_and_comes_back() {
+        let scale = 0.8f32;
+        let light: Vec<f32> = (0..=262_140u32).map(|i| i as f32 / 262_140.0 * scale).collect();
+        let mut steps = vec![0; light.len()];
+        quantise(&light, scale, &mut steps);
+        assert!(light.iter().zip(&steps).all(|(v, step)| *step == (v / scale * 65535.0 + 0.5) as u16));
+        let mut back = vec![0.0; light.len()];
+        linear(&steps, scale, &mut back);
+        let off = light.iter().zip(&back).map(|(v, b)| (v - b).abs()).fold(0.0, f32::max);
+        assert!(off <= 0.5 / 65535.0 * scale * 1.01, "{off}");
+        let mut ends = [9; 3];
+        quantise(&[0.0, scale, 0.49 / 65535.0 * scale], scale, &mut ends);
+        assert_eq!(ends, [0, 65535, 0]);
     }
 }

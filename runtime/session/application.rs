@@ -1,11 +1,13 @@
 //! Content from an application in another process, through shared memory (docs/live-input.md): what is asked of it, and views of
 //! what it answers.
 
+use super::device_views::{ColorViews, DeviceViews};
 use super::error::SessionError;
 use super::scenes::{Due, Newest, SceneFrame, Scenes, Supply};
 use super::steerer::SteeredColor;
+use crate::gpu::Gpu;
 use crate::optics::{Color, Display, Padding, PupilDistribution};
-use crate::scene::{Layer, LightField, Places, views_of_depths, views_of_layers};
+use crate::scene::{Layer, LightField, Places, ViewGrid, views_of_depths, views_of_layers};
 use crate::solve::{BrightEnd, Problem, random_phases};
 use eyebox_live_input::{Content, Display as Ring, Frame, Kind, Latest, Offer, Pupil as AskedPupil, Request, Wanted};
 
@@ -34,6 +36,8 @@ pub struct LiveInput {
     channels: Vec<usize>,
     ring: Ring,
     frame: Frame,
+    /// What decodes views where the engines have them.
+    device: Option<DeviceViews>,
     kind: Kind,
     interval: Interval,
     /// What is shown is brought to this, colour by colour, since the first frame.
@@ -79,12 +83,25 @@ impl LiveInput {
             channels: colors.iter().map(place).collect(),
             frame: ring.frame(),
             ring,
+            device: None,
             kind: kind.into(),
             interval: Interval::default(),
             exposures: None,
             asked_ns: None,
             frames: 0,
         })
+    }
+
+    /// Has views decoded on this device, for engines there: of a frame the host then sees sums of its light, and one view of one colour
+    /// at most 256 pixels wide, by which the content's motion is told. Should the device fail, the host decodes again. What a
+    /// session keeps in a journal and plays again to the bit has to be decoded on the host.
+    ///
+    /// # Errors
+    /// In words, why views have to pass through the host all the same: the display's model or its far field changes them first, or the
+    /// device is too small.
+    pub fn decode_on(&mut self, gpu: &Gpu) -> Result<(), String> {
+        self.device = Some(DeviceViews::new(gpu, self.ring.offer(), &self.display, &self.colors, &self.channels)?);
+        Ok(())
     }
 
     fn problem(&self, field: &LightField, color: Color, center: [f64; 2]) -> Result<Problem, SessionError> {
@@ -156,6 +173,11 @@ impl LiveInput {
         let pixels = height * width;
         let metres = |mm: f64| mm * 1e-3;
         let camera = info.center_mm.map(metres);
+        if let (Content::Views { grid, pitch_mm }, true) = (info.content, self.frame.is_taken()) {
+            let [rows, columns] = grid.map(|n| n as usize);
+            let views = ViewGrid { rows, columns, cell: metres(pitch_mm) };
+            return self.device_scene(views, camera, shown_at(info.content_time_ns, due), due.now_ns);
+        }
         let (grid, pitch, center, planes) = match info.content {
             Content::Views { grid, pitch_mm } => {
                 let views = |channel: &usize| self.frame.channel(*channel).chunks_exact(pixels).map(<[f32]>::to_vec);
@@ -204,26 +226,57 @@ impl LiveInput {
             }
         };
         let field = self.field(planes, grid.map(|n| n as usize), pitch);
-        let exposures = self.exposures_of(&field);
+        let middle = |views: &Vec<Vec<f32>>| {
+            let end = BrightEnd::of(views.get(views.len() / 2).map(Vec::as_slice));
+            [end.contrast.max(end.mean), end.mean]
+        };
+        let ends: Vec<[f64; 2]> = field.planes.iter().map(middle).collect();
+        let exposures = self.exposures_of(&ends);
         let mut colors = Vec::with_capacity(self.colors.len());
         for (color, exposure) in self.colors.iter().zip(exposures) {
             let problem = self.problem(&field, *color, center)?;
             colors.push(SteeredColor { problem, phases: Vec::new(), exposure });
         }
+        Ok(Ok(self.next_scene(colors, shown_at(info.content_time_ns, due), due.now_ns)))
+    }
+
+    /// The newest frame, whose views are on the device.
+    fn device_scene(
+        &mut self,
+        views: ViewGrid,
+        center: [f64; 2],
+        shows_ns: i64,
+        now_ns: i64,
+    ) -> Result<Result<SceneFrame, String>, SessionError> {
+        let newest = match self.device.as_mut().map_or(Ok(Vec::new()), DeviceViews::newest) {
+            Ok(newest) => newest,
+            Err(reason) => return Ok(Err(format!("the application's frame is left out: {reason}"))),
+        };
+        // As `BrightEnd` has them of a picture on the host.
+        let ends = newest.iter().map(|ColorViews { light, .. }| match light.middle {
+            [mean, square, cube] if square > 0.0 => [(cube / square).max(mean), mean],
+            _ => [USUAL_EXPOSURE, 0.0],
+        });
+        let exposures = self.exposures_of(&ends.collect::<Vec<_>>());
+        let mut colors = Vec::with_capacity(newest.len());
+        for ((views_of_color, color), exposure) in newest.into_iter().zip(&self.colors).zip(exposures) {
+            let problem = views_of_color.problem(&self.display, *color, views, center)?;
+            colors.push(SteeredColor { problem, phases: Vec::new(), exposure });
+        }
+        Ok(Ok(self.next_scene(colors, shows_ns, now_ns)))
+    }
+
+    fn next_scene(&mut self, colors: Vec<SteeredColor>, shows_ns: i64, now_ns: i64) -> SceneFrame {
         self.frames += 1;
-        let arrived_ns = Some(due.now_ns);
-        let shows_ns = Some(shown_at(info.content_time_ns, due));
-        Ok(Ok(SceneFrame { number: self.frames, colors, arrived_ns, shows_ns, piece: None }))
+        SceneFrame { number: self.frames, colors, arrived_ns: Some(now_ns), shows_ns: Some(shows_ns), piece: None }
     }
 
     /// One exposure for each colour, by the first frame; it only ever rises, where there would not be enough light.
-    fn exposures_of(&mut self, field: &LightField) -> Vec<f64> {
-        let middle = |views: &Vec<Vec<f32>>| BrightEnd::of(views.get(views.len() / 2).map(Vec::as_slice));
-        let ends: Vec<BrightEnd> = field.planes.iter().map(middle).collect();
-        let exposures = self
-            .exposures
-            .get_or_insert_with(|| ends.iter().map(|end| end.contrast.max(end.mean).max(LEAST_EXPOSURE)).collect());
-        exposures.iter_mut().zip(&ends).for_each(|(exposure, end)| *exposure = exposure.max(end.mean));
+    /// `ends`: of the middle view of each a guess by its bright end, and its mean.
+    fn exposures_of(&mut self, ends: &[[f64; 2]]) -> Vec<f64> {
+        let exposures =
+            self.exposures.get_or_insert_with(|| ends.iter().map(|[guess, _]| guess.max(LEAST_EXPOSURE)).collect());
+        exposures.iter_mut().zip(ends).for_each(|(exposure, [_, mean])| *exposure = exposure.max(*mean));
         exposures.clone()
     }
 }
@@ -300,7 +353,10 @@ impl Scenes for LiveInput {
 
     fn next(&mut self, due: &Due) -> Result<Newest, SessionError> {
         self.ask(due);
-        let found = self.ring.latest(&mut self.frame);
+        let found = match &mut self.device {
+            Some(device) => self.ring.latest_to(&mut self.frame, device),
+            None => self.ring.latest(&mut self.frame),
+        };
         Ok(match found {
             Latest::New => {
                 self.interval.came(due.now_ns);

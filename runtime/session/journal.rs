@@ -243,7 +243,7 @@ fn write(mut out: GrowingFile, folder: &Path, from: &Mailbox<Entry>) -> Result<(
 
 /// The views as they are compared, which are whole numbers of the brightest: they become the same again.
 fn write_color([views, phases]: [PathBuf; 2], color: &SteeredColor) -> Result<(), FileError> {
-    let pyramid = &color.problem.pyramid;
+    let pyramid = color.problem.pyramid.on_host().map_err(|e| FileError::write(&views, std::io::Error::other(e)))?;
     let Some(level) = pyramid.levels.first() else { return Ok(()) };
     let light: Vec<f32> = level.views.iter().map(|v| f32::from(*v) / 65535.0 * pyramid.scale).collect();
     write_npy(&views, &[pyramid.count, level.height, level.width], &light)?;

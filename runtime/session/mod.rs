@@ -27,6 +27,8 @@ mod account;
 mod application;
 mod companion;
 mod content;
+#[cfg(target_os = "linux")]
+mod device_views;
 mod error;
 mod far_field;
 mod field;

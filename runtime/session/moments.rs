@@ -6,8 +6,6 @@ use crate::encode::Packed;
 use crate::scene::displacement;
 use crate::solve::{Motion, Problem};
 
-/// Pictures are compared at this size at most, pixels along the longer side.
-const COMPARED: usize = 256;
 /// Content that moves by less in a set stands still, pixels.
 const STILL: f64 = 0.5;
 /// Two displacements in a row are one motion where they differ by no more than this share of it, and so many pixels a frame.
@@ -185,8 +183,7 @@ fn turns(content: [f64; 2], turning: Option<([f64; 2], f64)>) -> (Option<[f64; 2
 /// The middle view, at a size that is soon compared.
 fn view_of(problem: &Problem, shows_ns: i64) -> Option<Seen> {
     let pyramid = &problem.pyramid;
-    let level =
-        pyramid.levels.iter().find(|level| level.height.max(level.width) <= COMPARED).or(pyramid.levels.last())?;
+    let level = pyramid.levels.get(pyramid.compared()?)?;
     let (pixels, pixel) = (level.height * level.width, problem.pixel());
     let pixel = pixel * pyramid.levels.first()?.width as f64 / level.width as f64;
     let middle = (problem.views.rows / 2 * problem.views.columns + problem.views.columns / 2) * pixels;

@@ -180,6 +180,8 @@ impl Refining {
         for _ in 0..ATTEMPTS {
             let Err(error) = self.run() else { return self.options.track };
             self.sender.does(Repeat::EngineLost);
+            // What was in a lost device's memory is gone: the next frame brings other views.
+            self.scene.take_if(|scene| scene.is_lost());
             let again = (self.options.again)().and_then(|(mut steerer, gpu)| {
                 match &self.scene {
                     Some(SceneFrame { piece: Some(piece), colors, .. }) => drop(steerer.move_to(*piece, colors)?),

@@ -3,6 +3,7 @@
 use super::error::SessionError;
 use super::steerer::SteeredColor;
 use crate::optics::PupilDistribution;
+use crate::scene::ViewsOnDevice;
 use crate::tiled::Extent;
 
 /// A scene that is to be seen from some time on.
@@ -19,6 +20,13 @@ pub struct SceneFrame {
     pub shows_ns: Option<i64>,
     /// Of a far field, the piece of it that this is; its phases are those of the piece as they were solved.
     pub piece: Option<Extent>,
+}
+
+impl SceneFrame {
+    /// Whether its views were in the memory of a device that is lost.
+    pub(super) fn is_lost(&self) -> bool {
+        self.colors.iter().any(|c| c.problem.pyramid.on_device().is_some_and(ViewsOnDevice::is_lost))
+    }
 }
 
 /// The set that a scene is wanted for.

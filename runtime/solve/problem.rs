@@ -7,6 +7,22 @@ use crate::scene::{Bend, LightField, Pyramid, ViewGrid, shrink_to_share};
 use rayon::prelude::*;
 use std::sync::Arc;
 
+/// Sum of each view. Four side by side, for each addition waits for the one before it.
+fn sums(views: &[Vec<f32>]) -> Vec<f64> {
+    let some = |views: &[Vec<f32>]| match views {
+        [a, b, c, d] => {
+            let mut sums = [0.0; 4];
+            for (((a, b), c), d) in a.iter().zip(b).zip(c).zip(d) {
+                let values = [a, b, c, d];
+                sums.iter_mut().zip(values).for_each(|(sum, v)| *sum += f64::from(*v));
+            }
+            sums.to_vec()
+        }
+        _ => views.iter().map(|v| v.iter().map(|x| f64::from(*x)).sum()).collect(),
+    };
+    views.par_chunks(4).flat_map_iter(some).collect()
+}
+
 /// One colour of a display, and the scene in that colour.
 #[derive(Debug, Clone)]
 pub struct Problem {
@@ -73,7 +89,7 @@ impl Problem {
             Pyramid::new(&views.iter().map(framed).collect::<Vec<_>>(), grid.height, grid.width)
         };
         let pixels = (views.len() * height * width) as f64;
-        let mean = views.iter().map(|v| v.iter().map(|x| f64::from(*x)).sum::<f64>()).sum::<f64>() / pixels;
+        let mean = sums(views).iter().sum::<f64>() / pixels;
         Ok(Self { pyramid: Arc::new(pyramid), mean: mean * share * share, ..outline })
     }
 

@@ -9,3 +9,4 @@ mod one_device;
 mod rehearsal;
 mod source;
 mod steps;
+mod views;

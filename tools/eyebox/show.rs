@@ -312,7 +312,13 @@ fn application(args: &Show, name: &str) -> Result<(), Failure> {
     let engine = stage.engines.open()?.describe();
     let mut steered = Steered { hologram, colors, parts, scenes: None, field: None, encoder, engine, unfinished: None };
     if args.replay.is_none() {
-        let input = LiveInput::open(name, &display, &steered.colors, views, kind)?;
+        let mut input = LiveInput::open(name, &display, &steered.colors, views, kind)?;
+        // A journal is played again to the bit, on any engine: the host decodes what is in it.
+        if let Some(gpu) = stage.engines.gpu()?.filter(|_| args.journal.is_none())
+            && let Err(reason) = input.decode_on(&gpu)
+        {
+            tracing::info!("views pass through the host: {reason}");
+        }
         steered.scenes = Some(Box::new(input));
         if args.live.tracker.tracker.is_none() && args.subject.options.depth.is_none() {
             eprintln!("note: without a tracker eyes are taken to focus at 0 mm: --depth says where else content lies");

@@ -24,6 +24,7 @@ pub struct Frame {
     light: Vec<f32>,
     dioptres: Vec<f32>,
     channels: usize,
+    is_taken: bool,
 }
 
 impl Frame {
@@ -37,6 +38,7 @@ impl Frame {
             light: Vec::with_capacity(light),
             dioptres: Vec::with_capacity(if depth { offer.pixels() } else { 0 }),
             channels: 1,
+            is_taken: false,
         }
     }
 
@@ -57,9 +59,30 @@ impl Frame {
         self.light.get(channel * length..(channel + 1) * length).unwrap_or(&[])
     }
 
+    /// Whether a [`ViewTaker`] has its light: there is none here.
+    pub fn is_taken(&self) -> bool {
+        self.is_taken
+    }
+
     /// (row, column): how far each pixel is, dioptres. Empty unless the content is colour and depth.
     pub fn dioptres(&self) -> &[f32] {
         &self.dioptres
+    }
+}
+
+/// Decodes views elsewhere than in the host's memory, as on a device.
+pub trait ViewTaker {
+    /// Takes the samples of views, which were copied and are filled to a multiple of 4 bytes; their values are judged here, and
+    /// `info` was. None where it does not take them after all: the host decodes them.
+    fn take(&mut self, samples: &[u8], info: &FrameInfo) -> Option<Result<(), FrameFault>>;
+}
+
+/// Takes nothing.
+pub(crate) struct Nobody;
+
+impl ViewTaker for Nobody {
+    fn take(&mut self, _samples: &[u8], _info: &FrameInfo) -> Option<Result<(), FrameFault>> {
+        None
     }
 }
 
@@ -223,18 +246,28 @@ impl Display {
     /// applications. Waits for nobody, and allocates nothing, given a frame of [`frame`](Self::frame), unless an application comes
     /// or goes.
     pub fn latest(&mut self, frame: &mut Frame) -> Latest {
-        self.latest_with(frame, &mut || {})
+        self.latest_with(frame, &mut Nobody, &mut || {})
+    }
+
+    /// The same; the samples of views go to `taker`.
+    pub fn latest_to(&mut self, frame: &mut Frame, taker: &mut dyn ViewTaker) -> Latest {
+        self.latest_with(frame, taker, &mut || {})
     }
 
     /// The same; a test has something happen in the middle of each copy.
-    pub(crate) fn latest_with(&mut self, frame: &mut Frame, middle: &mut dyn FnMut()) -> Latest {
+    pub(crate) fn latest_with(
+        &mut self,
+        frame: &mut Frame,
+        taker: &mut dyn ViewTaker,
+        middle: &mut dyn FnMut(),
+    ) -> Latest {
         let Some(mut connection) = self.connection.take() else {
             self.answer_callers();
             return Latest::Gone;
         };
         // Before it is looked for frames: what it gave before it went is taken.
         let closed = !socket::listen(&connection.stream);
-        let found = match self.take(&mut connection, middle) {
+        let found = match self.take(&mut connection, taker, middle) {
             Ok(true) => {
                 std::mem::swap(frame, &mut self.spare);
                 self.counts.frames += 1;
@@ -292,7 +325,12 @@ impl Display {
     }
 
     /// Copies and decodes the newest whole frame into the spare one, if it is newer than the last.
-    fn take(&mut self, connection: &mut Connection, middle: &mut dyn FnMut()) -> Result<bool, FrameFault> {
+    fn take(
+        &mut self,
+        connection: &mut Connection,
+        taker: &mut dyn ViewTaker,
+        middle: &mut dyn FnMut(),
+    ) -> Result<bool, FrameFault> {
         for _ in 0..TRIES {
             let Some((slot, before)) = self.newest(connection) else {
                 return Ok(false);
@@ -311,7 +349,7 @@ impl Display {
                 self.counts.torn += 1;
                 continue;
             }
-            let taken = copied.and_then(|(number, info)| self.decode(number, info));
+            let taken = copied.and_then(|(number, info)| self.decode(number, info, taker));
             match taken {
                 Ok(()) => connection.last = self.spare.number,
                 Err(_) => connection.refused[slot] = before,
@@ -348,20 +386,28 @@ impl Display {
         Ok((found, info))
     }
 
-    /// The copied samples to the spare frame's light.
-    fn decode(&mut self, number: u64, info: FrameInfo) -> Result<(), FrameFault> {
+    /// The copied samples to the spare frame's light, or to whom takes them.
+    fn decode(&mut self, number: u64, info: FrameInfo, taker: &mut dyn ViewTaker) -> Result<(), FrameFault> {
         let frame = &mut self.spare;
         let colors = self.offer.channels();
         let channels = colors + usize::from(matches!(info.content, Content::Layers(_)));
         let [bytes, depth] = self.offer.bytes(&info.content, info.sample);
+        let is_views = matches!(info.content, Content::Views { .. });
+        let taken =
+            is_views.then(|| taker.take(&self.raw[..bytes.next_multiple_of(4)], &info)).flatten().transpose()?;
+        frame.is_taken = taken.is_some();
+        (frame.number, frame.info, frame.channels) = (number, info, channels);
+        if frame.is_taken {
+            frame.light.clear();
+            frame.dioptres.clear();
+            return Ok(());
+        }
         // Both have room for the largest.
         frame.light.resize(self.offer.samples(&info.content), 0.0);
         frame.dioptres.resize(if bytes > depth { self.offer.pixels() } else { 0 }, 0.0);
         let stored = Stored { sample: info.sample, transfer: info.transfer, channels, colors };
         decode(&self.raw[..depth], &stored, &self.curve, &mut frame.light)?;
-        decode_depth(&self.raw[depth..bytes], channels, &mut frame.dioptres)?;
-        (frame.number, frame.info, frame.channels) = (number, info, channels);
-        Ok(())
+        decode_depth(&self.raw[depth..bytes], channels, &mut frame.dioptres)
     }
 }
 

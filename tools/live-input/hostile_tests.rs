@@ -1,5 +1,6 @@
 //! Applications that lie, scribble, stop and die: one line each, and the last good frame stays.
 
+use crate::display::Nobody;
 use crate::layout::{self, HEADER_WORDS, Header, SLOT_HEADER};
 use crate::region::Region;
 use crate::{
@@ -214,7 +215,7 @@ fn a_slot_that_changes_in_the_middle_of_its_copy_is_thrown_away() {
                 region.word(start).store(2 + 2 * changes, Ordering::Release);
             }
         };
-        display.latest_with(frame, &mut change)
+        display.latest_with(frame, &mut Nobody, &mut change)
     };
     assert_eq!(again(u64::MAX), Latest::Refused(FrameFault::Torn));
     // Once more changed, then taken.

@@ -45,7 +45,7 @@ mod socket;
 pub use application::{Application, Slot};
 pub use content::{Content, Dioptres, FrameInfo, Kind, Offer, Pupil, Request, Sample, Transfer, Wanted};
 #[cfg(target_os = "linux")]
-pub use display::{Counts, Display, Frame, Latest};
+pub use display::{Counts, Display, Frame, Latest, ViewTaker};
 #[cfg(not(target_os = "linux"))]
 pub use elsewhere::{Application, Display};
 pub use error::{FrameFault, LiveError};

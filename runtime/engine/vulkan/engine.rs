@@ -33,7 +33,7 @@ pub struct VulkanEngine {
     pub(super) at: usize,
     /// Steps that were begun.
     begun: u64,
-    pub(super) views: Option<Views>,
+    pub(super) views: Option<Arc<Views>>,
     /// Sums of the loss on the device.
     losses: Option<Block>,
     verdict: Option<Verdict>,
@@ -142,7 +142,7 @@ impl VulkanEngine {
     /// What comes of it is in the flight that is last then.
     fn launch(&mut self, step: &Step, parts: &[Range<usize>], judged: bool) -> Result<(), EngineError> {
         for part in parts {
-            check(step, part, &self.shape, self.views.as_ref())?;
+            check(step, part, &self.shape, self.views.as_deref())?;
         }
         let next = (self.at + 1) % IN_FLIGHT;
         let Flight { submission, during, .. } = &mut self.flights[next];
@@ -161,7 +161,7 @@ impl VulkanEngine {
         }
         self.stacks.hold(&mut self.gpu, step.model.as_ref())?;
         let flight = &mut self.flights[next];
-        flight.lay_out(step, &self.shape, self.views.as_ref());
+        flight.lay_out(step, &self.shape, self.views.as_deref());
         self.fit_flights()?;
         self.flights[next].tables.stage();
         self.arenas.fit(&mut self.gpu, step, &self.shape)?;
@@ -203,7 +203,7 @@ impl VulkanEngine {
             stacks,
             arenas,
             tables: &flight.tables,
-            views: views.as_ref(),
+            views: views.as_deref(),
             guarded,
             losses: sums,
             hazards: Hazards::default(),
@@ -349,7 +349,7 @@ impl Engine for VulkanEngine {
         self.written.clear();
         self.shape = *shape;
         if let Some(views) = views {
-            self.views = Some(Views::new(&mut self.gpu, &views)?);
+            self.views = Some(Views::of(&mut self.gpu, &views)?);
         }
         for (at, resource) in Resource::OF_SHAPE.into_iter().enumerate() {
             let Extent { frames, values, complex } = shape.extent(resource);
@@ -375,7 +375,7 @@ impl Engine for VulkanEngine {
     fn take_views(&mut self, views: Arc<Pyramid>) -> Result<(), EngineError> {
         self.gpu.recorder.idle()?;
         self.views = None; // Both may not fit.
-        self.views = Some(Views::new(&mut self.gpu, &views)?);
+        self.views = Some(Views::of(&mut self.gpu, &views)?);
         Ok(())
     }
 

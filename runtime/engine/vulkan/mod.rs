@@ -7,11 +7,13 @@
 //! views come in chunks. Pipelines, descriptor pools, staging and queries are kept: nothing is made once all sizes have
 //! been seen. Nothing is assumed of the size of subgroups; shaders synchronise through shared memory only.
 //!
-//! `engine` runs lists of kernels, `self_test` tries a device that was never met, `encode` makes video frames of phases, `fft` plans and records transforms.
+//! `engine` runs lists of kernels, `self_test` tries a device that was never met, `encode` makes video frames of phases, `decode` views
+//! of an application's samples, `fft` plans and records transforms.
 
 #![allow(unsafe_code)]
 
 mod check;
+mod decode;
 mod encode;
 mod engine;
 mod fft;
@@ -29,6 +31,7 @@ mod tables;
 mod tests;
 mod views;
 
+pub use decode::{NoLight, StoredViews, ViewDecoder, ViewsLight};
 pub use encode::VulkanEncoder;
 pub use engine::VulkanEngine;
 pub use fft::{Timed, Transforms};

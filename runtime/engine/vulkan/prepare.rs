@@ -30,8 +30,8 @@ impl VulkanEngine {
         at_once: Option<usize>,
         seen: &mut HashSet<[usize; 2]>,
     ) -> Result<(), EngineError> {
-        check(step, &(0..step.list.len()), &self.shape, self.views.as_ref())?;
-        self.flights[self.at].lay_out(step, &self.shape, self.views.as_ref());
+        check(step, &(0..step.list.len()), &self.shape, self.views.as_deref())?;
+        self.flights[self.at].lay_out(step, &self.shape, self.views.as_deref());
         self.fit_flights()?;
         match at_once {
             Some(count) => self.arenas.fit_any(&mut self.gpu, &step.pupil_passes, count, &self.shape)?,

@@ -1,0 +1,81 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+#include "constants.glsl"
+
+// views = samples of one colour / scale, two u16 in a word; and for each view (y) and workgroup (x) the sums of its light:
+// light, light^2, light^3, the brightest, the first pixel that is none.
+
+layout(local_size_x = WIDTH) in;
+layout(std430, binding = 0) readonly buffer Samples { uint samples[]; };
+layout(std430, binding = 1) readonly buffer Curve { float curve[]; };
+layout(std430, binding = 2) writeonly buffer Views { uint views[]; };
+layout(std430, binding = 3) writeonly buffer Sums { uint sums[]; };
+
+layout(push_constant) uniform Args {
+    uint pixels, channels, channel, sample_kind, coded, first, stride;
+    float scale;
+};
+
+shared vec4 parts[WIDTH];
+shared uint wrong[WIDTH];
+
+// Without `unpackHalf2x16`, which may lose what is subnormal. `bits` has 16.
+float half_value(uint bits) {
+    uint exponent = (bits >> 10) & 31u, fraction = bits & 1023u;
+    uint sign = (bits >> 15) << 31;
+    if (exponent == 0) return uintBitsToFloat(floatBitsToUint(float(fraction) / 16777216.0) | sign);
+    return uintBitsToFloat((exponent == 31 ? 0x7f800000u : (exponent + 112u) << 23) | fraction << 13 | sign);
+}
+
+// The bits of a pixel's light.
+uint light(uint view, uint pixel) {
+    uint at = ((first + view) * pixels + pixel) * channels + channel;
+    if (sample_kind == DECODE_F32) return samples[at];
+    if (sample_kind == DECODE_U8) {
+        uint value = (samples[at >> 2] >> (8 * (at & 3u))) & 255u;
+        return floatBitsToUint(coded != 0 ? curve[value * 257u] : float(value) / 255.0);
+    }
+    uint value = (samples[at >> 1] >> (16 * (at & 1u))) & 0xffffu;
+    if (sample_kind == DECODE_F16) return floatBitsToUint(half_value(value));
+    return floatBitsToUint(coded != 0 ? curve[value] : float(value) / 65535.0);
+}
+
+void main() {
+    uint view = gl_WorkGroupID.y;
+    vec4 sum = vec4(0.0);
+    uint bad = 0xffffffffu;
+    uint step_size = gl_NumWorkGroups.x * WIDTH;
+    for (uint word = gl_GlobalInvocationID.x; word < (pixels + 1) / 2; word += step_size) {
+        uint stored = 0;
+        for (uint i = 0; i < 2; ++i) {
+            uint pixel = 2 * word + i;
+            if (pixel >= pixels) break;
+            // By their bits: what is NaN need not compare as such. Zero below is zero.
+            uint bits = light(view, pixel);
+            bool is_light = bits <= floatBitsToUint(DECODE_BRIGHTEST) || bits == 0x80000000u;
+            if (!is_light) bad = min(bad, pixel);
+            float value = is_light ? abs(uintBitsToFloat(bits)) : 0.0;
+            float square = value * value;
+            sum += vec4(value, square, square * value, 0.0);
+            sum.w = max(sum.w, value);
+            if (scale > 0.0) stored |= min(uint(value / scale * 65535.0 + 0.5), 0xffffu) << (16 * i);
+        }
+        if (scale > 0.0) views[view * (stride / 2) + word] = stored;
+    }
+    uint lane = gl_LocalInvocationID.x;
+    parts[lane] = sum;
+    wrong[lane] = bad;
+    for (uint half_size = WIDTH / 2; half_size > 0; half_size /= 2) {
+        barrier();
+        if (lane < half_size) {
+            vec4 other = parts[lane + half_size];
+            parts[lane] = vec4(parts[lane].xyz + other.xyz, max(parts[lane].w, other.w));
+            wrong[lane] = min(wrong[lane], wrong[lane + half_size]);
+        }
+    }
+    if (lane == 0) {
+        uint at = (view * gl_NumWorkGroups.x + gl_WorkGroupID.x) * DECODE_SUMS;
+        for (uint i = 0; i < 4; ++i) sums[at + i] = floatBitsToUint(parts[0][i]);
+        sums[at + 4] = wrong[0];
+    }
+}

@@ -1,0 +1,92 @@
+//! A level of the views' pyramid from the finer one: values of 16 bits, by the separable weights of [`Table::area`].
+
+use crate::resample::{self, Table};
+use bytemuck::{Pod, Zeroable};
+
+/// Both sizes, and where weights and views lie.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+pub struct Args {
+    /// Rows of the finer level.
+    pub in_height: u32,
+    /// Columns of the finer level.
+    pub in_width: u32,
+    /// Rows of this one.
+    pub height: u32,
+    /// Columns of this one.
+    pub width: u32,
+    /// Weights per row.
+    pub row_taps: u32,
+    /// Weights per column.
+    pub column_taps: u32,
+    /// Values from one view to the next in the finer level, an even number.
+    pub in_stride: u32,
+    /// Values from one view to the next in this one, an even number.
+    pub stride: u32,
+    /// Where in the tables those of the rows begin, words.
+    pub rows_at: u32,
+    /// Where those of the columns begin, words.
+    pub columns_at: u32,
+}
+
+/// Tables of both axes as the shader has them: for each axis `first`, then the bits of `weights`.
+pub fn packed(rows: &Table, columns: &Table) -> Vec<u32> {
+    let words = |table: &Table| {
+        let weights: Vec<u32> = table.weights.iter().map(|w| w.to_bits()).collect();
+        [table.first.clone(), weights].concat()
+    };
+    [words(rows), words(columns)].concat()
+}
+
+/// `finer` (in_height, in_width) to `values` (height, width): of one view.
+pub fn halve_views(args: &Args, finer: &[u16], rows: &Table, columns: &Table, values: &mut [u16]) {
+    let Args { in_height, in_width, height, width, row_taps, column_taps, .. } = *args;
+    let pixels = (height * width) as usize;
+    let from: Vec<f32> = finer.iter().take((in_height * in_width) as usize).map(|v| f32::from(*v)).collect();
+    let mut image = vec![0.0; pixels];
+    let plain = resample::Args { in_height, in_width, height, width, row_taps, column_taps };
+    resample::resample(&plain, &from, rows, columns, &mut image, &mut Vec::new());
+    values.iter_mut().zip(&image).for_each(|(to, v)| *to = (v + 0.5) as u16);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Against the weights in float64, for sizes that halve and sizes that do not.
+    #[test]
+    fn is_the_mean_around_each_sample() {
+        for [in_height, in_width] in [[8, 6], [7, 9], [5, 8]] {
+            let [height, width] = [in_height, in_width].map(|n: usize| n.div_ceil(2));
+            let (rows, columns) = (Table::area(in_height, height), Table::area(in_width, width));
+            let finer: Vec<u16> = (0..in_height * in_width).map(|i| (i * 7919 % 65_536) as u16).collect();
+            let args = Args {
+                in_height: in_height as u32,
+                in_width: in_width as u32,
+                height: height as u32,
+                width: width as u32,
+                row_taps: rows.taps as u32,
+                column_taps: columns.taps as u32,
+                in_stride: 128,
+                stride: 128,
+                rows_at: 0,
+                columns_at: 0,
+            };
+            let mut values = vec![0; height * width];
+            halve_views(&args, &finer, &rows, &columns, &mut values);
+            let weight = |table: &Table, j: usize, t: usize| f64::from(table.weights[j * table.taps + t]);
+            for (i, value) in values.iter().enumerate() {
+                let (y, x) = (i / width, i % width);
+                let mut exact = 0.0;
+                for (s, t) in (0..rows.taps).flat_map(|s| (0..columns.taps).map(move |t| (s, t))) {
+                    let from_y = (rows.first[y] as usize + s) % in_height;
+                    let from_x = (columns.first[x] as usize + t) % in_width;
+                    exact +=
+                        weight(&rows, y, s) * weight(&columns, x, t) * f64::from(finer[from_y * in_width + from_x]);
+                }
+                assert!((f64::from(*value) - exact).abs() <= 0.51, "{value} {exact}");
+            }
+            assert_eq!(packed(&rows, &columns).len(), height * (1 + rows.taps) + width * (1 + columns.taps));
+        }
+    }
+}

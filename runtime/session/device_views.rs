@@ -1,0 +1,116 @@
+//! Views of an application that are decoded on the device whose engines look at them: the host sees sums of their light.
+
+use super::error::SessionError;
+use crate::engine::vulkan::{NoLight, StoredViews, ViewDecoder, ViewsLight};
+use crate::gpu::Gpu;
+use crate::optics::{Color, Display, Padding};
+use crate::scene::{Pyramid, ViewGrid};
+use crate::solve::Problem;
+use eyebox_kernels::decode_views;
+use eyebox_live_input::{Content, FrameFault, FrameInfo, Offer, Sample, Transfer, ViewTaker};
+use std::sync::Arc;
+
+/// What decodes views on a device, until that fails.
+pub(super) struct DeviceViews {
+    decoder: ViewDecoder,
+    newest: Option<(StoredViews, Vec<ViewsLight>)>,
+    has_failed: bool,
+}
+
+/// A frame's views of one colour.
+pub(super) struct ColorViews {
+    pub pyramid: Arc<Pyramid>,
+    pub light: ViewsLight,
+}
+
+impl DeviceViews {
+    /// For what a display offers; `channels` are those of its colours that are looked at. In words, why views of this display have to
+    /// pass through the host.
+    pub fn new(
+        gpu: &Gpu,
+        offer: &Offer,
+        display: &Display,
+        colors: &[Color],
+        channels: &[usize],
+    ) -> Result<Self, String> {
+        let size = offer.size.map(|n| n as usize);
+        for color in colors {
+            let wavelength = display.optics(*color).map_err(|e| e.to_string())?.wavelength;
+            if display.picture_share(wavelength) < 1.0 {
+                return Err(format!("views in {color} are made smaller first, as the far field shows them"));
+            }
+            if display.picture.map(*color, size).is_some() {
+                return Err("views are bent first, as the display's model asks for".into());
+            }
+        }
+        let samples = offer.pixels() * offer.channels() * (offer.views[0] * offer.views[1]) as usize;
+        let bytes = (samples * Sample::F32.bytes()) as u64;
+        let decoder = ViewDecoder::new(gpu, size, offer.channels(), channels, bytes).map_err(|e| e.to_string())?;
+        Ok(Self { decoder, newest: None, has_failed: false })
+    }
+
+    /// The views that were taken last, colour by colour.
+    pub fn newest(&mut self) -> Result<Vec<ColorViews>, String> {
+        let Some((stored, lights)) = self.newest.take() else { return Err("no views were taken".into()) };
+        let decoded = match self.decoder.decode(&stored, &lights) {
+            Ok(decoded) => decoded,
+            Err(error) => {
+                let line = error.to_string();
+                self.fails(&line);
+                return Err(line);
+            }
+        };
+        Ok(decoded.into_iter().zip(lights).map(|(pyramid, light)| ColorViews { pyramid, light }).collect())
+    }
+
+    /// What failed, after which the host decodes; told once.
+    fn fails(&mut self, reason: &str) {
+        tracing::warn!("views are decoded on the host from now on: {reason}");
+        self.has_failed = true;
+    }
+}
+
+impl ColorViews {
+    /// The views before a colour of the display, where they stand on this grid around `center`, metres.
+    pub fn problem(
+        self,
+        display: &Display,
+        color: Color,
+        views: ViewGrid,
+        center: [f64; 2],
+    ) -> Result<Problem, SessionError> {
+        let outline = Problem::outline(display, color, Padding::default(), views);
+        let outline = outline.map_err(|e| SessionError::Setting(e.to_string()))?;
+        Ok(Problem { pyramid: self.pyramid, mean: self.light.mean, center, ..outline })
+    }
+}
+
+impl ViewTaker for DeviceViews {
+    fn take(&mut self, samples: &[u8], info: &FrameInfo) -> Option<Result<(), FrameFault>> {
+        let Content::Views { grid, .. } = info.content else { return None };
+        if self.has_failed {
+            return None;
+        }
+        let sample = match info.sample {
+            Sample::U8 => decode_views::U8,
+            Sample::U16 => decode_views::U16,
+            Sample::F16 => decode_views::F16,
+            Sample::F32 => decode_views::F32,
+        };
+        let coded = info.transfer == Transfer::Srgb;
+        let stored = StoredViews { grid: grid.map(|n| n as usize), sample, coded };
+        match self.decoder.upload(samples).and_then(|()| self.decoder.measure(&stored)) {
+            Ok(Ok(lights)) => {
+                self.newest = Some((stored, lights));
+                Some(Ok(()))
+            }
+            Ok(Err(NoLight { channel, index, found })) => {
+                Some(Err(FrameFault::Value { channel, index, found, must: "0 to 65504" }))
+            }
+            Err(error) => {
+                self.fails(&error.to_string());
+                None
+            }
+        }
+    }
+}
