@@ -2,7 +2,7 @@
 
 use super::levels::{Scale, levels};
 use super::turning::Turning;
-use super::{EncodeError, Packed, PackedSlot, PhaseSet, VideoFrames, calibration, correction};
+use super::{EncodeError, Lighting, Packed, PackedSlot, PhaseSet, VideoFrames, calibration, correction};
 use crate::optics::{Color, Display, TwoPi};
 use eyebox_kernels::encode::{self, Args, Part, Plan, Slot};
 use rayon::prelude::*;
@@ -106,10 +106,9 @@ impl Encoder {
         &self.colors
     }
 
-    /// When the sub-frames of each colour are lit, as the packing has them follow each other: the middle of that time from the
-    /// middle of the set, and its length, sets.
-    pub fn lit_times(&self) -> Vec<[f64; 2]> {
-        self.packed.lit_times()
+    /// When the sub-frames of a set are lit, as the packing has them follow each other; whether sets are shown whole or roll.
+    pub fn lighting(&self, rolls: bool) -> Lighting {
+        Lighting::of(&self.packed, rolls)
     }
 
     /// Where every sub-frame goes.

@@ -22,6 +22,7 @@ mod folder;
 mod frames;
 mod hologram;
 mod levels;
+mod lighting;
 mod packing;
 mod turning;
 
@@ -34,6 +35,7 @@ pub use eyebox_kernels::encode::Plan;
 pub use flicker::{USUAL_RATE_HZ, flicker};
 pub use folder::{Encoded, FrameContents, is_encoded};
 pub use frames::{PhaseSet, VideoFrames};
+pub use lighting::{Lighting, LitTimes};
 pub use packing::{Packed, PackedSlot};
 
 use crate::files::FileError;

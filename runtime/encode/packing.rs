@@ -97,25 +97,6 @@ impl Packed {
         Self::new(encoding, colors, video_frames / one.video_frames * one.sub_frames)
     }
 
-    /// When the sub-frames of each colour are lit: the middle of that time from the middle of the set, and its length, sets, in the
-    /// order of a packing whose slots follow each other evenly; colours of one slot that are lit at once are all there from its
-    /// beginning to its end.
-    pub(crate) fn lit_times(&self) -> Vec<[f64; 2]> {
-        let colors = self.slots.iter().map(|slot| slot.color + 1).max().unwrap_or(0);
-        let count = self.slots.len().max(1) as f64;
-        let of = |color: usize| {
-            let times = self.slots.iter().enumerate().filter(|(_, slot)| slot.color == color);
-            let times: Vec<f64> = times.map(|(i, _)| (i as f64 + 0.5) / count - 0.5).collect();
-            let n = times.len().max(1) as f64;
-            let middle = times.iter().sum::<f64>() / n;
-            // As evenly as they come: n of them from the first to the last, and half a step before and behind.
-            let span = times.last().unwrap_or(&0.0) - times.first().unwrap_or(&0.0);
-            let length = if n > 1.0 { span * n / (n - 1.0) } else { 1.0 };
-            [middle, length.clamp(1.0 / count, 1.0)]
-        };
-        (0..colors).map(of).collect()
-    }
-
     /// The shortest run of sub-frames that fills whole video frames.
     fn set(encoding: &Encoding, colors: &[Color]) -> Result<Self, String> {
         let count = colors.len();

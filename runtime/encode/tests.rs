@@ -364,21 +364,3 @@ fn what_a_packing_holds_is_said() {
     assert!(map(&gap.replace("[3]", "[8]")).contains("below 8"));
     assert!(map(&gap.replace("sub_frame = 2", "sub_frame = 4000000000")).contains("beyond 4096"));
 }
-
-#[test]
-fn colours_are_lit_one_after_the_other_where_the_packing_says_so() {
-    let packed = |preset: &str, colors: &[Color], frames| {
-        let display = Display::preset(preset).unwrap();
-        Encoder::new(&display, colors, frames).unwrap().lit_times()
-    };
-    let [red, green, blue]: [[f64; 2]; 3] = packed("planes24", &ALL, 8).try_into().unwrap();
-    for (lit, middle) in [(red, -1.0 / 3.0), (green, 0.0), (blue, 1.0 / 3.0)] {
-        assert!((lit[0] - middle).abs() < 1e-12 && (lit[1] - 1.0 / 3.0).abs() < 1e-12, "{lit:?}");
-    }
-    let [one]: [[f64; 2]; 1] = packed("planes8", &[Color::Green], 8).try_into().unwrap();
-    assert!(one[0].abs() < 1e-12 && (one[1] - 1.0).abs() < 1e-12, "{one:?}");
-    // Fields of colours in turn: all the set, a third of a sub-frame apart.
-    let fields = packed("fields", &ALL, 8);
-    assert!((fields[1][0]).abs() < 1e-12 && (fields[0][0] + 1.0 / 24.0).abs() < 1e-12, "{fields:?}");
-    assert!(fields.iter().all(|lit| (lit[1] - 1.0).abs() < 1e-12), "{fields:?}");
-}

@@ -52,7 +52,8 @@ enum State {
 /// How fast an eye moves, as far as a tracker tells.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct EyeVelocity {
-    /// Its pupil, in the pupil plane, metres a second (x, y): by which [`Estimator::predict`] moves it.
+    /// Its pupil, in the pupil plane, metres a second (x, y): what the tracker says, or that by which [`Estimator::predict`] moves
+    /// it.
     pub pupil: [f64; 2],
     /// The eye about its centre, radians a second (x, y), and the standard deviation of each; none where it jumps, or has been
     /// seen for too short a time.
@@ -79,6 +80,10 @@ pub struct Estimator {
     diameter: Option<(f64, f64)>,
     /// Of what the eyes focus at, dioptres: mean and variance.
     focus: Option<(f64, f64)>,
+    /// How fast the tracker says that the pupil moves, metres a second; and the variance of that along each axis, by how much what it
+    /// says of a steady eye changes from sample to sample.
+    told: Option<[f64; 2]>,
+    told_noise: f64,
     /// Of the last believed measurement.
     last_ns: u64,
 }
@@ -129,6 +134,8 @@ impl Estimator {
             bias: 0.0,
             diameter: None,
             focus: None,
+            told: None,
+            told_noise: 0.0,
             last_ns: 0,
         })
     }
@@ -182,6 +189,13 @@ impl Estimator {
         }
         self.last_ns = time;
         self.bias = placed.bias;
+        if let (State::Steady(_), Some(velocity), Some(before)) = (&self.state, placed.velocity, self.told) {
+            let change = (0..2).map(|i| (velocity[i] - before[i]).powi(2)).sum::<f64>() / 4.0;
+            // What stands out is the eye: it began to move, or to jump.
+            let usual = self.told_noise.max((DRIFT * self.settings.radius).powi(2));
+            self.told_noise += 0.05 * (change.min(8.0 * usual) - self.told_noise);
+        }
+        self.told = placed.velocity;
         if let Some(d) = placed.diameter.filter(|d| (0.5e-3..12e-3).contains(d)) {
             self.diameter = Some(averaged(self.diameter, d));
         }
@@ -345,13 +359,19 @@ impl Estimator {
             self.filters.clear();
             self.recent.clear();
             self.course.clear();
+            self.told = None;
         }
     }
 
-    /// How fast the eye turns, as far as that can be told: while it rests or follows something.
+    /// How fast the eye turns, as far as that can be told: while it rests or follows something. A tracker that tells is believed;
+    /// else it is the slope of half a second of samples.
     pub fn velocity(&self) -> EyeVelocity {
         let State::Steady(filter) = &self.state else { return EyeVelocity::default() };
         let radius = self.settings.radius;
+        if let Some(velocity) = self.told {
+            let spread = (self.told_noise.sqrt() / radius).hypot(DRIFT);
+            return EyeVelocity { pupil: velocity, turning: Some((velocity.map(|v| v / radius), spread)) };
+        }
         let turning = match slope(self.course.iter()) {
             Some((speed, variance)) if self.course.len() >= FEWEST => {
                 let spread = (self.noise * variance).sqrt() / radius;

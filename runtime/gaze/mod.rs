@@ -21,6 +21,8 @@ mod estimator;
 mod settings;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod velocity_tests;
 
 pub use calibration::{Affine, Calibration, Fit, Pair};
 pub use estimator::{Estimator, EyeVelocity, Phase, Stages};

@@ -11,6 +11,9 @@ pub struct Placed {
     pub time_ns: u64,
     /// Where, metres in the pupil plane.
     pub position: [f64; 2],
+    /// How fast it moves there, metres a second, where the tracker tells.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub velocity: Option<[f64; 2]>,
     /// How wide, metres.
     pub diameter: Option<f64>,
     /// Standard deviation of what no filter takes away, metres: the calibration's, the other eye's.
@@ -71,6 +74,8 @@ pub struct Placer {
     usual: [f64; 3],
 }
 
+/// A tracker's velocity is placed by where it takes the reading in so long, seconds.
+const SOON: f64 = 1e-4;
 /// Less than this share of the usual confidence: a lid is on its way, and the visible part's centre is not the pupil's.
 const UNUSUAL: f64 = 0.85;
 
@@ -130,48 +135,38 @@ impl Placer {
         let left = self.map(0, &sample.left, |c| c.left.as_ref(), sample);
         let right = self.map(1, &sample.right, |c| c.right.as_ref(), sample);
         if let (Ok(l), Ok(r)) = (&left, &right) {
-            self.compare(l.0, r.0);
+            self.compare(l.position, r.position);
         }
-        let wanted = self.settings.eye;
-        let shifted = |found: (([f64; 2], f64), Option<f64>), by: f64| {
-            let ((position, bias), diameter) = found;
+        let shifted = |found: Placed, by: f64| {
             let known = self.offset_count > 0;
-            let position = [0, 1].map(|i| position[i] + by * self.offset[i]);
+            let position = [0, 1].map(|i| found.position[i] + by * self.offset[i]);
             // Vergence changes: the other eye is a witness, not the eye itself.
-            let bias = bias.hypot(if known { self.offset_square.sqrt().min(1e-3) } else { 0.5e-3 });
-            (position, bias, diameter)
+            let bias = found.bias.hypot(if known { self.offset_square.sqrt().min(1e-3) } else { 0.5e-3 });
+            Placed { position, bias, ..found }
         };
-        let plain = |((position, bias), diameter): (([f64; 2], f64), Option<f64>)| (position, bias, diameter);
-        let with = |found: ([f64; 2], f64, Option<f64>)| {
-            let (position, bias, diameter) = found;
-            Ok(Placed { time_ns: sample.time_ns, position, bias, diameter })
-        };
-        let (l, r) = (
-            left.map(|(p, b)| ((p, b), diameter(&sample.left))),
-            right.map(|(p, b)| ((p, b), diameter(&sample.right))),
-        );
-        match (wanted, l, r) {
-            (Eye::Left, Ok(l), _) => with(plain(l)),
-            (Eye::Right, _, Ok(r)) => with(plain(r)),
-            (Eye::Left, Err(_), Ok(r)) => with(shifted(r, -1.0)),
-            (Eye::Right, Ok(l), Err(_)) => with(shifted(l, 1.0)),
-            (Eye::Mean, Ok(((a, x), da)), Ok(((b, y), db))) => {
-                let diameter = match (da, db) {
-                    (Some(a), Some(b)) => Some((a + b) / 2.0),
-                    (a, b) => a.or(b),
-                };
-                with(([0, 1].map(|i| (a[i] + b[i]) / 2.0), x.max(y), diameter))
+        match (self.settings.eye, left, right) {
+            (Eye::Left, Ok(l), _) => Ok(l),
+            (Eye::Right, _, Ok(r)) => Ok(r),
+            (Eye::Left, Err(_), Ok(r)) => Ok(shifted(r, -1.0)),
+            (Eye::Right, Ok(l), Err(_)) => Ok(shifted(l, 1.0)),
+            (Eye::Mean, Ok(l), Ok(r)) => {
+                let mean = |a: [f64; 2], b: [f64; 2]| [0, 1].map(|i| (a[i] + b[i]) / 2.0);
+                Ok(Placed {
+                    time_ns: sample.time_ns,
+                    position: mean(l.position, r.position),
+                    velocity: l.velocity.zip(r.velocity).map(|(a, b)| mean(a, b)).or(l.velocity).or(r.velocity),
+                    diameter: l.diameter.zip(r.diameter).map(|(a, b)| (a + b) / 2.0).or(l.diameter).or(r.diameter),
+                    bias: l.bias.max(r.bias),
+                })
             }
-            (Eye::Mean, Ok(l), Err(_)) => with(shifted(l, 0.5)),
-            (Eye::Mean, Err(_), Ok(r)) => with(shifted(r, -0.5)),
+            (Eye::Mean, Ok(l), Err(_)) => Ok(shifted(l, 0.5)),
+            (Eye::Mean, Err(_), Ok(r)) => Ok(shifted(r, -0.5)),
             (_, Err(why_left), Err(why_right)) => {
-                let combined = self.map(2, &sample.combined, |c| c.combined.as_ref(), sample);
                 // The most telling reason: something was there, but not good enough.
-                let (position, bias) = combined.map_err(|why| {
+                self.map(2, &sample.combined, |c| c.combined.as_ref(), sample).map_err(|why| {
                     let told = [why, why_left, why_right].into_iter().find(|w| *w != Refusal::NotSeen);
                     told.unwrap_or(Refusal::NotSeen)
-                })?;
-                with((position, bias, diameter(&sample.combined)))
+                })
             }
         }
     }
@@ -183,19 +178,41 @@ impl Placer {
         reading: &Option<Reading>,
         fit: impl Fn(&Calibration) -> Option<&super::Fit>,
         sample: &Sample,
-    ) -> Result<([f64; 2], f64), Refusal> {
+    ) -> Result<Placed, Refusal> {
         let Some(reading) = reading.as_ref().filter(|r| r.valid) else { return Err(Refusal::NotSeen) };
         let least = self.settings.confidence.max(UNUSUAL * self.usual[index]);
         if reading.confidence.is_nan() || reading.confidence < least {
             return Err(Refusal::Confidence);
         }
-        match &self.calibration {
-            Some(calibration) => {
-                let fit = fit(calibration).filter(|f| f.unit == reading.unit).ok_or(Refusal::NoMap)?;
-                Ok((fit.map.apply(reading.position), fit.residual))
-            }
-            None => Ok((rotation(reading, sample.combined.as_ref(), &self.settings).ok_or(Refusal::NoMap)?, 0.0)),
-        }
+        let fit = match &self.calibration {
+            Some(calibration) => Some(fit(calibration).filter(|f| f.unit == reading.unit).ok_or(Refusal::NoMap)?),
+            None => None,
+        };
+        let at = |reading: &Reading, gaze: Option<&Reading>| match fit {
+            Some(fit) => Some(fit.map.apply(reading.position)),
+            None => rotation(reading, gaze, &self.settings),
+        };
+        let position = at(reading, sample.combined.as_ref()).ok_or(Refusal::NoMap)?;
+        // Where it goes in a little while, by its own velocity and that of the point it may be placed by.
+        let soon = |reading: &Reading| {
+            let velocity = reading.velocity?;
+            Some(Reading { position: [0, 1].map(|i| reading.position[i] + SOON * velocity[i]), ..*reading })
+        };
+        let needs_gaze = fit.is_none() && in_space(reading);
+        let gaze = sample.combined.as_ref().filter(|_| needs_gaze);
+        let velocity = match gaze {
+            Some(gaze) => soon(reading).zip(soon(gaze)).and_then(|(reading, gaze)| at(&reading, Some(&gaze))),
+            None => soon(reading).and_then(|reading| at(&reading, None)),
+        };
+        let velocity = velocity.map(|then| [0, 1].map(|i| (then[i] - position[i]) / SOON));
+        let fastest = self.settings.fastest * self.settings.radius;
+        Ok(Placed {
+            time_ns: sample.time_ns,
+            position,
+            velocity: velocity.filter(|[x, y]| x.hypot(*y) <= fastest),
+            diameter: reading.diameter,
+            bias: fit.map_or(0.0, |fit| fit.residual),
+        })
     }
 
     fn compare(&mut self, left: [f64; 2], right: [f64; 2]) {
@@ -235,10 +252,6 @@ impl Placer {
 
 fn in_space(reading: &Reading) -> bool {
     reading.quantity == Quantity::Pupil && reading.unit == Unit::Metres && reading.distance.is_some()
-}
-
-fn diameter(reading: &Option<Reading>) -> Option<f64> {
-    reading.as_ref().filter(|r| r.valid)?.diameter
 }
 
 /// The pupil's place without a calibration: an eye that turns about its centre, `radius` behind the pupil.

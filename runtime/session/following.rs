@@ -114,7 +114,7 @@ impl Following {
     pub(super) fn after(&mut self, frame: Option<HandedOver>, display: &mut OpenDisplay) -> bool {
         if let Some(frame) = frame {
             if frame.decided {
-                self.set_began(frame.start_ns, display.clock.now_ns());
+                self.set_began(frame, display.clock.now_ns());
             }
             self.lights(frame);
         }
@@ -153,11 +153,11 @@ impl Following {
         }
     }
 
-    /// A set begins to be lit at `start_ns`.
-    fn set_began(&mut self, start_ns: i64, now_ns: i64) {
+    /// A set begins to be lit, or, where sets roll, a video frame of the newest.
+    fn set_began(&mut self, HandedOver { start_ns, video_frame, .. }: HandedOver, now_ns: i64) {
         if let Some(clock) = self.times.0 {
             let decided_ns = self.source.asked().map_or(start_ns, |at| clock.at_ns(at));
-            self.timing.store(self.timing.load().after(start_ns, decided_ns));
+            self.timing.store(self.timing.load().after(start_ns, decided_ns).at_turn(video_frame));
         }
         let light_ns = start_ns.saturating_add(self.light_after_ns);
         if let (Some(keeping), Some((_, number))) = (&self.keeping, self.source.on_screen()) {

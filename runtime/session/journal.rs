@@ -34,21 +34,59 @@ pub(super) enum Decision {
         anew: bool,
         colors: Vec<Views>,
     },
-    /// So many steps for a pupil expected there, while this moves.
+    /// So many steps for a pupil expected there, while this moves, of sets that roll from this turn on.
     Steps {
         pupil: [u64; 8],
         #[serde(default, skip_serializing_if = "Option::is_none")]
         motion: Option<[u64; 9]>,
+        #[serde(default, skip_serializing_if = "is_first")]
+        turn: usize,
         steps: u32,
     },
     /// Phases were moved by so many pixels, or looked at whether to.
-    Carry { pixels: [i64; 2], look: bool },
+    Carry { pixels: Shifts, look: bool },
     /// It began again with the hologram for the whole eyebox.
     Whole {},
     /// A set was handed over.
     Set { number: u64 },
     /// A set began to be lit.
     Lit { number: u64 },
+}
+
+/// By how many pixels (x, y) phases were moved.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub(super) enum Shifts {
+    /// All alike.
+    Whole([i64; 2]),
+    /// Those that are lit with each turn, of sets that roll.
+    Turns(Vec<[i64; 2]>),
+}
+
+impl Shifts {
+    /// By turn.
+    pub(super) fn of(turns: &[[i64; 2]]) -> Self {
+        if let [whole] = turns { Self::Whole(*whole) } else { Self::Turns(turns.to_vec()) }
+    }
+
+    /// By turn.
+    pub(super) fn turns(&self) -> &[[i64; 2]] {
+        match self {
+            Self::Whole(shift) => std::slice::from_ref(shift),
+            Self::Turns(turns) => turns,
+        }
+    }
+}
+
+/// What moves while a set is refined, and, of sets that roll, from which turn on it is lit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Moves {
+    pub motion: Motion,
+    pub turn: usize,
+}
+
+fn is_first(turn: &usize) -> bool {
+    *turn == 0
 }
 
 /// Where the views of a scene stand before one colour.
@@ -173,9 +211,9 @@ impl Journal {
     }
 
     /// Steps were taken for a pupil, while this moves.
-    pub(super) fn steps(&self, pupil: &PupilDistribution, motion: &Motion, steps: u32) {
+    pub(super) fn steps(&self, pupil: &PupilDistribution, Moves { motion, turn }: &Moves, steps: u32) {
         let motion = Some(bits_of_motion(motion)).filter(|_| *motion != Motion::default());
-        self.keep(Decision::Steps { pupil: bits_of(pupil), motion, steps });
+        self.keep(Decision::Steps { pupil: bits_of(pupil), motion, turn: *turn, steps });
     }
 
     /// A scene is followed; `anew`: what was refined before is of no use for it.

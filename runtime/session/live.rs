@@ -202,8 +202,7 @@ pub struct Live {
     /// Sets are handed over and shown whole, though the display takes several video frames for one; else they roll there: every
     /// video frame is the newest set's whose turn it is.
     pub whole_sets: bool,
-    /// Whether each sub-frame is refined for its own moment, where the eye or the content moves (OPTICS 15). Sets that roll are
-    /// not: there the eye begins to see a set with any of its sub-frames.
+    /// Whether each sub-frame is refined for its own moment, where the eye or the content moves (OPTICS 15).
     pub moments: bool,
     /// What work takes on a simulated clock.
     pub cost: Cost,
@@ -329,15 +328,16 @@ impl Live {
             start: Start::WhenReady { idle_sets: 4_u64.div_ceil(every) },
             keep_phase: false,
         };
+        let set_ns = display.rate.time_of_ns(i64::try_from(set_frames).unwrap_or(i64::MAX));
         let sub_frames = colors.iter().map(SteeredColor::frames).sum::<usize>() as u64;
         let FollowedEye { watch, tracker, truth, name, may_be_silent } =
             FollowedEye::start(tracking, whole, notes, &trace)?;
         let showing = scenes.as_ref().map(|scenes| Showing::new(scenes.describe()));
-        let timing = Arc::new(AtomicCell::new(SetTiming::new(period_ns)));
+        let timing = Arc::new(AtomicCell::new(SetTiming::new(period_ns).rolling(if rolls { set_frames } else { 1 })));
         let light_after = Duration::from_nanos(period_ns.unsigned_abs() / 2) + self.display_latency;
         let frame_light_after =
             Duration::from_nanos(display.rate.period_ns().unsigned_abs() / 2) + self.display_latency;
-        let packed = Arc::new(encoder.packed().clone());
+        let (packed, lighting) = (Arc::new(encoder.packed().clone()), encoder.lighting(rolls));
         let with_phases = self.companion.is_some();
         let companion = match self.companion {
             Some(open) => Some(open(display.desktop()?).map_err(SessionError::Companion)?),
@@ -353,7 +353,7 @@ impl Live {
         let idle = encoder.frames();
         let (refinement, source) = if let Some(folder) = &self.replay {
             let (steerer, _) = again()?;
-            (Refinement::none(), Replay::start(Kept::open(folder)?, colors, steerer, encoder)?)
+            (Refinement::none(), Replay::start(Kept::open(folder)?, colors, steerer, encoder, lighting)?)
         } else {
             let options = RefinementOptions {
                 clock,
@@ -363,7 +363,7 @@ impl Live {
                 journal: keeping.as_ref().map(Keeping::journal),
                 timing: Arc::clone(&timing),
                 light_after,
-                moments: Moments::when(self.moments && !rolls, &packed, period_ns, &colors),
+                moments: Moments::when(self.moments, lighting, set_ns, &colors),
                 steered: Arc::clone(&steered),
                 whole: whole_of_none,
                 direct,

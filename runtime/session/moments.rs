@@ -2,7 +2,7 @@
 
 use super::pupil_tracker::PupilEstimate;
 use super::steerer::SteeredColor;
-use crate::encode::Packed;
+use crate::encode::{Lighting, LitTimes};
 use crate::scene::displacement;
 use crate::solve::{Motion, Problem};
 
@@ -36,15 +36,18 @@ struct Seen {
 #[derive(Default)]
 pub(super) struct Moments {
     /// When the sub-frames of each colour are lit, and how long a set is, nanoseconds; none where that does not count.
-    lit: Option<(Vec<[f64; 2]>, i64)>,
+    lit: Option<(Lighting, i64)>,
     seen: Option<Seen>,
     /// The last displacement, and the time between its frames, seconds; then, if the one before agrees, the velocity, radians a
     /// second.
     displaced: Option<([f64; 2], f64)>,
     velocity: [f64; 2],
-    /// Where the content of the last frame stands, since it is one content, radians; and where the phases show it.
+    /// Where the content of the last frame stands, since it is one content, radians; and where the phases show it that are lit with
+    /// each turn.
     position: [f64; 2],
-    carried: [f64; 2],
+    carried: Vec<[f64; 2]>,
+    /// By how many whole pixels of the first colour these have to be moved.
+    shifts: Vec<[i64; 2]>,
     /// Side of a pixel of the first colour, radians.
     pixel: f64,
     /// Phases that were moved with this motion lost less.
@@ -53,19 +56,26 @@ pub(super) struct Moments {
 
 impl Moments {
     /// With sub-frames at times of their own, in sets that follow each other after `set_ns`; `pixel` is the first colour's, radians.
-    pub(super) fn of(lit: Vec<[f64; 2]>, set_ns: i64, pixel: f64) -> Self {
-        Self { lit: Some((lit, set_ns)), pixel, ..Self::default() }
+    pub(super) fn of(lighting: Lighting, set_ns: i64, pixel: f64) -> Self {
+        let (carried, shifts) = (vec![[0.0; 2]; lighting.turns()], vec![[0; 2]; lighting.turns()]);
+        Self { lit: Some((lighting, set_ns)), pixel, carried, shifts, ..Self::default() }
     }
 
-    /// Of these colours before a display of this packing, where it `counts`.
-    pub(super) fn when(counts: bool, packed: &Packed, set_ns: i64, colors: &[SteeredColor]) -> Self {
+    /// Of these colours on a display that lights sub-frames so, where it `counts`.
+    pub(super) fn when(counts: bool, lighting: Lighting, set_ns: i64, colors: &[SteeredColor]) -> Self {
         let first = colors.first().filter(|_| counts);
-        first.map_or_else(Self::default, |first| Self::of(packed.lit_times(), set_ns, first.problem.pixel()))
+        first.map_or_else(Self::default, |first| Self::of(lighting, set_ns, first.problem.pixel()))
     }
 
-    /// When the sub-frames of each colour are lit.
-    pub(super) fn lit(&self) -> &[[f64; 2]] {
-        self.lit.as_ref().map_or(&[], |(lit, _)| lit)
+    /// When the sub-frames of each colour are lit from this turn on.
+    pub(super) fn times(&self, turn: usize) -> &[LitTimes] {
+        self.lit.as_ref().map_or(&[], |(lighting, _)| lighting.times(turn))
+    }
+
+    /// What the display lights when, and by how many pixels of the first colour [`carry`](Self::carry) has found that what is lit
+    /// with each turn has to be moved.
+    pub(super) fn shifts(&self) -> Option<(&[[i64; 2]], &Lighting)> {
+        self.lit.as_ref().map(|(lighting, _)| (self.shifts.as_slice(), lighting))
     }
 
     /// Another content frame, which shows the moment `shows_ns`.
@@ -110,12 +120,12 @@ impl Moments {
     /// Other content, which begins where it is.
     fn cut(&mut self) {
         (self.displaced, self.velocity, self.trusted) = (None, [0.0; 2], false);
-        self.carried = self.position;
+        self.carried.fill(self.position);
     }
 
     /// The phases are those that were solved for the last frame.
     pub(super) fn begun_again(&mut self) {
-        self.carried = self.position;
+        self.carried.fill(self.position);
     }
 
     /// Whether the content moves by the light at `light_ns`: radians a second, and since when it is where the last frame has it.
@@ -128,26 +138,32 @@ impl Moments {
         moves.then_some((self.velocity, since))
     }
 
-    /// By how many whole pixels of the first colour the phases have to be moved to show the content where it is at `light_ns`, and
-    /// whether it has to be looked whether that is better; none where they need not be moved.
-    pub(super) fn carry(&mut self, light_ns: i64) -> Option<([i64; 2], bool)> {
-        self.lit.as_ref()?;
+    /// Finds by how many whole pixels of the first colour the phases have to be moved to show the content where it is when they
+    /// are lit: those whose turn it is at `light_ns`, the others one after the other until it is their turn again. Whether it has to
+    /// be looked whether that is better; none where nothing need be moved.
+    pub(super) fn carry(&mut self, light_ns: i64, turn: usize) -> Option<bool> {
+        let (lighting, set_ns) = self.lit.as_ref()?;
+        let turns = lighting.turns();
         let ([vx, vy], since) = self.content(light_ns).unwrap_or_default();
-        let there = [self.position[0] + vx * since, self.position[1] + vy * since];
-        let pixels = [0, 1].map(|i| ((there[i] - self.carried[i]) / self.pixel.max(1e-12)).round());
-        if pixels == [0.0; 2] || !pixels.iter().all(|p| p.abs() < 1e6) {
-            return None;
+        let from_turn_to_turn = *set_ns as f64 * 1e-9 / turns as f64;
+        for i in 0..turns {
+            let since = since + ((i + turns - turn % turns) % turns) as f64 * from_turn_to_turn;
+            let there = [self.position[0] + vx * since, self.position[1] + vy * since];
+            let pixels = [0, 1].map(|axis| ((there[axis] - self.carried[i][axis]) / self.pixel.max(1e-12)).round());
+            self.shifts[i] = if pixels.iter().all(|p| p.abs() < 1e6) { pixels.map(|p| p as i64) } else { [0; 2] };
         }
-        Some((pixels.map(|p| p as i64), !self.trusted))
+        self.shifts.iter().any(|shift| *shift != [0; 2]).then_some(!self.trusted)
     }
 
-    /// The phases were moved by so many pixels, or stay as they are for that is better.
-    pub(super) fn carried(&mut self, pixels: [i64; 2], moved: bool) {
-        self.carried = [0, 1].map(|i| self.carried[i] + pixels[i] as f64 * self.pixel);
+    /// The phases were moved so, or stay as they are for that is better.
+    pub(super) fn carried(&mut self, moved: bool) {
+        for (carried, shift) in self.carried.iter_mut().zip(&self.shifts) {
+            *carried = [0, 1].map(|i| carried[i] + shift[i] as f64 * self.pixel);
+        }
         self.trusted = moved && self.velocity != [0.0; 2];
     }
 
-    /// What moves while a set is lit whose middle is at `light_ns`, for an eye of which this is known: in pixels of the first
+    /// What moves while a set is lit that is reckoned from `light_ns`, for an eye of which this is known: in pixels of the first
     /// colour.
     pub(super) fn motion(&self, light_ns: i64, eye: &PupilEstimate) -> Motion {
         let Some((_, set_ns)) = &self.lit else { return Motion::default() };
@@ -194,6 +210,7 @@ fn view_of(problem: &Problem, shows_ns: i64) -> Option<Seen> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::encode::Encoder;
     use crate::gaze::EyeVelocity;
     use crate::optics::{Color, Display, Padding, PupilDistribution};
     use crate::scene::LightField;
@@ -242,7 +259,8 @@ mod tests {
     #[test]
     fn content_that_moves_is_foreseen_and_phases_go_with_it() {
         let display = display();
-        let mut moments = Moments::of(vec![[0.0, 1.0]], SET_NS, frame(&display, 0, 1)[0].problem.pixel());
+        let encoder = Encoder::new(&display, &[Color::Green], 8).unwrap();
+        let mut moments = Moments::of(encoder.lighting(false), SET_NS, frame(&display, 0, 1)[0].problem.pixel());
         let frame_ns = 2 * SET_NS;
         let mut shown = 0;
         for k in 0..5i64 {
@@ -256,10 +274,10 @@ mod tests {
                     let at = -((light_ns - k * frame_ns) as f64) / SET_NS as f64;
                     assert!((motion.at - at).abs() < 1e-6 && motion.eye.is_none(), "{motion:?}");
                 }
-                if let Some((pixels, look)) = moments.carry(light_ns) {
+                if let Some(look) = moments.carry(light_ns, 0) {
                     assert_eq!(look, k < 2 || (k == 2 && light_ns == k * frame_ns), "frame {k}");
-                    moments.carried(pixels, true);
-                    shown += pixels[0];
+                    moments.carried(true);
+                    shown += moments.shifts[0][0];
                 }
             }
         }
@@ -267,10 +285,39 @@ mod tests {
         assert_eq!(shown, 4 * 4 + 2);
         // Half a second later it has stopped where the last frame has it.
         assert!(moments.motion(4 * frame_ns + 500_000_000, &eye(None)).is_still());
-        assert_eq!(moments.carry(4 * frame_ns + 500_000_000), Some(([-2, 0], false)));
+        assert_eq!(moments.carry(4 * frame_ns + 500_000_000, 0), Some(false));
+        assert_eq!(moments.shifts, [[-2, 0]]);
         // Another picture is another content.
         moments.follow(&frame(&display, 0, 2), 5 * frame_ns);
-        assert!(moments.motion(5 * frame_ns, &eye(None)).is_still() && moments.carry(5 * frame_ns).is_none());
+        assert!(moments.motion(5 * frame_ns, &eye(None)).is_still() && moments.carry(5 * frame_ns, 0).is_none());
+    }
+
+    /// Of sets that roll, what was lit moves on by a set's motion for its next turn, and what is still to be lit stays.
+    #[test]
+    fn of_sets_that_roll_what_was_lit_moves_on_by_a_set() {
+        let display = Display { height: SIDE, width: SIDE, ..Display::preset("grey8").unwrap() };
+        let encoder = Encoder::new(&display, &[Color::Green], 8).unwrap();
+        let mut moments = Moments::of(encoder.lighting(true), SET_NS, frame(&display, 0, 1)[0].problem.pixel());
+        let turn_ns = SET_NS / 8;
+        let mut stands = [0; 8];
+        for n in 0..64i64 {
+            let light_ns = n * turn_ns;
+            if n % 8 == 0 {
+                moments.follow(&frame(&display, 4 * (n / 8) as usize, 1), light_ns);
+            }
+            let turn = (n % 8) as usize;
+            if moments.carry(light_ns, turn).is_some() {
+                let moved = moments.shifts.iter().filter(|shift| **shift != [0; 2]).count();
+                assert!(n < 24 || moved <= 2, "{n}: {:?}", moments.shifts);
+                stands.iter_mut().zip(&moments.shifts).for_each(|(stands, shift)| *stands += shift[0]);
+                moments.carried(true);
+            }
+            for (i, stands) in stands.iter().enumerate().filter(|_| n >= 16) {
+                // Four pixels a set, each with its own turn.
+                let there = 4.0 * (n as f64 + ((i + 8 - turn) % 8) as f64) / 8.0;
+                assert!((f64::from(*stands as i32) - there).abs() <= 0.7, "{n}, {i}: {stands}, not {there}");
+            }
+        }
     }
 
     #[test]

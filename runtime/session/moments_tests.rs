@@ -30,7 +30,7 @@ fn what_moves_is_seen_as_well_as_what_stands_still() {
         steps: 3,
         speed: 10,
         jumps_every: 16,
-        lit: vec![[0.0, 1.0]],
+        lighting: stage.encoder().lighting(false),
     };
     let eye =
         simulated::Settings { fixation: [60.0; 2], pursuit: 0.0, blinks: 0.0, noise: 0.02e-3, ..Default::default() };

@@ -20,6 +20,8 @@ pub(super) struct Begins {
     pub display_time_ns: i64,
     /// When it is decided what it shows: now.
     pub decided_ns: i64,
+    /// Of sets that roll: the video frame whose turn it is.
+    pub turn: u64,
 }
 
 /// Content that can be shown: what the present thread sees of a [`Stream`](super::Stream). None of it blocks but
@@ -182,7 +184,8 @@ impl Player {
         source.poll(useful)?;
         let wanted = self.scheduler.wanted(next.predicted_display_time_ns);
         if let Some(wanted) = wanted.filter(|_| self.clock.is_simulated()) {
-            source.settle(wanted, Begins { display_time_ns: next.predicted_display_time_ns, decided_ns: woken_ns })?;
+            let (display_time_ns, turn) = (next.predicted_display_time_ns, self.scheduler.turn());
+            source.settle(wanted, Begins { display_time_ns, decided_ns: woken_ns, turn })?;
         }
         let Slot { what, video_frame, late } = self.scheduler.next(next.vblank, next.predicted_display_time_ns, source);
         match what {

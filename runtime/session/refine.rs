@@ -8,7 +8,7 @@ pub(super) use options::{Begin, RefinementOptions};
 
 use super::account::Repeat;
 use super::error::SessionError;
-use super::journal::{Decision, Journal};
+use super::journal::{Decision, Journal, Moves, Shifts};
 use super::latency::Timestamps;
 use super::player::Begins;
 use super::scenes::{Due, Newest, SceneFrame, Supply};
@@ -23,7 +23,6 @@ use crate::engine::vulkan::VulkanEncoder;
 use crate::gpu::Gpu;
 use crate::optics::PupilDistribution;
 use crate::present::Clock;
-use crate::solve::Motion;
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -241,7 +240,8 @@ impl Refining {
     /// In simulated time: makes the set that begins there, if it can be made by then.
     fn make_for(&mut self, begins: Begins) -> Result<(), SessionError> {
         let period_ns = self.options.timing.load().period_ns;
-        let target = Target { start_ns: begins.display_time_ns, hand_over_ns: begins.decided_ns };
+        let Begins { display_time_ns: start_ns, decided_ns: hand_over_ns, turn } = begins;
+        let target = Target { start_ns, hand_over_ns, turn };
         let (round_ns, ends_ns) = (self.round_ns(), self.ends_ns());
         let need_ns = round_ns.saturating_add(ends_ns);
         // It begins when the set before was decided on, or one before that where that is too short a time; or when that was done
@@ -397,16 +397,18 @@ impl Refining {
         Ok(())
     }
 
-    /// Moves the phases with the content, to where it is at `light_ns`: how many losses were looked at.
-    fn carry(&mut self, light_ns: i64, pupil: &PupilDistribution, motion: &Motion) -> Result<u32, SessionError> {
-        let Some((pixels, look)) = self.options.moments.carry(light_ns) else { return Ok(0) };
+    /// Moves the phases with the content, to where it is when they are lit, from `light_ns` on: how many losses were looked at.
+    fn carry(&mut self, light_ns: i64, pupil: &PupilDistribution, moves: &Moves) -> Result<u32, SessionError> {
+        let moments = &mut self.options.moments;
+        let Some(look) = moments.carry(light_ns, moves.turn) else { return Ok(0) };
+        let Some((pixels, lighting)) = moments.shifts() else { return Ok(0) };
         if let Some(journal) = &self.options.journal {
             // What losses are looked at through.
-            journal.steps(pupil, motion, 0);
-            journal.keep(Decision::Carry { pixels, look });
+            journal.steps(pupil, moves, 0);
+            journal.keep(Decision::Carry { pixels: Shifts::of(pixels), look });
         }
-        let (moved, looks) = self.steerer.carry(pixels, look)?;
-        self.options.moments.carried(pixels, moved);
+        let (moved, looks) = self.steerer.carry(pixels, lighting, look)?;
+        moments.carried(moved);
         self.shared.carried.fetch_add(u64::from(moved), Ordering::Relaxed);
         Ok(looks)
     }
@@ -427,14 +429,15 @@ impl Refining {
             if self.steerer.aim(expected.pupil)? {
                 self.options.moments.begun_again();
             }
-            let motion = self.options.moments.motion(light_ns, &expected);
-            self.steerer.moves(&motion, self.options.moments.lit())?;
-            time.looked(self.carry(light_ns, &expected.pupil, &motion)?);
+            let turn = usize::try_from(target.turn).unwrap_or(0);
+            let moves = Moves { motion: self.options.moments.motion(light_ns, &expected), turn };
+            self.steerer.moves(&moves.motion, self.options.moments.times(turn))?;
+            time.looked(self.carry(light_ns, &expected.pupil, &moves)?);
             let taken = self.steerer.round_while(|expected| time.step_before(deadline_ns, expected))?;
             steps += taken;
-            self.options.journal.iter().for_each(|journal| journal.steps(&expected.pupil, &motion, taken));
+            self.options.journal.iter().for_each(|journal| journal.steps(&expected.pupil, &moves, taken));
             let left_ns = deadline_ns.saturating_sub(time.now_ns()).saturating_sub(self.round_ns());
-            let moves = !motion.is_still();
+            let moves = !moves.motion.is_still();
             if taken == 0 || left_ns < 0 {
                 break (expected, at_ns, moves);
             }

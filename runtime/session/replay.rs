@@ -6,7 +6,7 @@ use super::latency::Timestamps;
 use super::scenes::Supply;
 use super::sets::{FinishedSet, LiveSource, SetSender, set_channel};
 use super::steerer::{SteeredColor, Steerer};
-use crate::encode::{Encoder, PhaseSet};
+use crate::encode::{Encoder, Lighting, PhaseSet};
 
 /// A session that is done again.
 pub(super) struct Replay {
@@ -15,7 +15,7 @@ pub(super) struct Replay {
     steerer: Steerer,
     encoder: Encoder,
     /// When the sub-frames of each colour are lit.
-    lit: Vec<[f64; 2]>,
+    lighting: Lighting,
     sender: SetSender,
     /// The set that was handed over last, and the scene of those to come.
     newest: Option<u64>,
@@ -33,11 +33,11 @@ impl Replay {
         colors: Vec<SteeredColor>,
         steerer: Steerer,
         encoder: Encoder,
+        lighting: Lighting,
     ) -> Result<LiveSource, SessionError> {
         let (sender, mut source) = set_channel(&encoder.frames(), || Ok::<_, SessionError>(None))?;
-        let lit = encoder.lit_times();
         let (newest, content, steps) = (None, None, 0);
-        let mut replay = Self { kept, colors, steerer, encoder, lit, sender, newest, content, steps };
+        let mut replay = Self { kept, colors, steerer, encoder, lighting, sender, newest, content, steps };
         source.made_by(Box::new(move |_| replay.light_next()));
         Ok(source)
     }
@@ -63,9 +63,9 @@ impl Replay {
                     self.steerer.follow(&scene)?;
                     self.content = Some(number);
                 }
-                Decision::Steps { pupil, motion, steps } => {
+                Decision::Steps { pupil, motion, turn, steps } => {
                     self.steerer.aim(Kept::pupil(pupil))?;
-                    self.steerer.moves(&Kept::motion(motion), &self.lit)?;
+                    self.steerer.moves(&Kept::motion(motion), self.lighting.times(turn))?;
                     let mut left = steps;
                     self.steerer.round_while(|_| {
                         let more = left > 0;
@@ -74,7 +74,9 @@ impl Replay {
                     })?;
                     self.steps += steps;
                 }
-                Decision::Carry { pixels, look } => drop(self.steerer.carry(pixels, look)?),
+                Decision::Carry { pixels, look } => {
+                    self.steerer.carry(pixels.turns(), &self.lighting, look)?;
+                }
                 Decision::Whole {} => self.steerer.restart()?,
                 Decision::Set { number } => {
                     self.newest = Some(number);

@@ -121,7 +121,12 @@ fn windows(stage: &Scripted, rolls: bool) -> Vec<f64> {
     for frame in 0..2 * SUB_FRAMES {
         let start_ns = (frame + 8) * frame_ns;
         if rolls || frame % 8 == 0 {
-            source.settle(0, Begins { display_time_ns: start_ns, decided_ns: start_ns - frame_ns / 8 }).unwrap();
+            source
+                .settle(
+                    0,
+                    Begins { display_time_ns: start_ns, decided_ns: start_ns - frame_ns / 8, turn: frame as u64 % 8 },
+                )
+                .unwrap();
             source.show(0);
             if let Some(set) = source.newly_shown() {
                 newest = Some((Arc::clone(&set.phases.as_ref().unwrap()[0]), set.content.unwrap()));

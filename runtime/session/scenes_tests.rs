@@ -36,7 +36,7 @@ fn seen_of(stage: &Scripted, tracked: bool) -> Vec<(f64, u64, Pupil)> {
     for set in 1..=60i64 {
         let start_ns = set * PERIOD_NS;
         // Decided on a millisecond before.
-        source.settle(0, Begins { display_time_ns: start_ns, decided_ns: start_ns - 1_000_000 }).unwrap();
+        source.settle(0, Begins { display_time_ns: start_ns, decided_ns: start_ns - 1_000_000, turn: 0 }).unwrap();
         source.show(0);
         let Some(made) = source.newly_shown() else { continue };
         let content = made.content.expect("a scene");

@@ -176,6 +176,11 @@ impl Scheduler {
         due.max(self.shown.map_or(0, |s| s + 1))
     }
 
+    /// Of sets that roll, the video frame whose turn it is with the next content that is shown; else 0.
+    pub(super) fn turn(&self) -> u64 {
+        if self.account.shown == 0 { 0 } else { self.turn }
+    }
+
     /// The position that a video frame lighting up then would show new, were it ready; none where nothing new is due.
     pub fn wanted(&self, predicted_display_time_ns: i64) -> Option<u64> {
         if self.next_video_frame > 0 && self.next_video_frame < self.schedule.decided_every() {

@@ -16,6 +16,8 @@ pub struct SetTiming {
     pub period_ns: i64,
     /// So long before it is lit, a set is decided on.
     pub lead_ns: i64,
+    /// Of sets that roll: the video frame of a set whose turn it was then, and how many there are; else 0 of 1.
+    pub turn: [u64; 2],
 }
 
 /// A set to come.
@@ -25,6 +27,8 @@ pub struct Target {
     pub start_ns: i64,
     /// When it has to be handed over.
     pub hand_over_ns: i64,
+    /// Of sets that roll: the video frame whose turn it is then.
+    pub turn: u64,
 }
 
 impl SetTiming {
@@ -35,7 +39,20 @@ impl SetTiming {
 
     /// Nothing is known but the period.
     pub fn new(period_ns: i64) -> Self {
-        Self { start_ns: 0, period_ns, lead_ns: Self::usual_lead_ns(period_ns) }
+        Self { start_ns: 0, period_ns, lead_ns: Self::usual_lead_ns(period_ns), turn: [0, 1] }
+    }
+
+    /// Of sets that roll, of so many video frames each; `period_ns` is from one of these to the next.
+    #[must_use]
+    pub fn rolling(self, turns: u64) -> Self {
+        Self { turn: [0, turns.max(1)], ..self }
+    }
+
+    /// With the video frame whose turn it was.
+    #[must_use]
+    pub fn at_turn(self, turn: u64) -> Self {
+        let [_, turns] = self.turn;
+        Self { turn: [turn % turns.max(1), turns], ..self }
     }
 
     /// After a set that begins at `start_ns` was decided on at `decided_ns`.
@@ -54,7 +71,9 @@ impl SetTiming {
         let late = ready.saturating_sub(first).max(0);
         let periods = late.saturating_add(period - 1) / period;
         let start_ns = first.saturating_add(periods.saturating_mul(period));
-        Target { start_ns, hand_over_ns: start_ns.saturating_sub(self.lead_ns) }
+        let [turn, turns] = self.turn;
+        let turn = turn.saturating_add(1).saturating_add(periods.unsigned_abs()) % turns.max(1);
+        Target { start_ns, hand_over_ns: start_ns.saturating_sub(self.lead_ns), turn }
     }
 }
 
@@ -66,18 +85,22 @@ mod tests {
 
     #[test]
     fn the_next_set_or_the_first_that_is_reached() {
-        let timing = SetTiming { start_ns: 1000, period_ns: 100, lead_ns: 30 };
+        let timing = SetTiming { start_ns: 1000, lead_ns: 30, ..SetTiming::new(100) };
         let at = |now, need| timing.reachable(now, need).start_ns;
         assert_eq!(at(0, 0), 1100, "never one that was decided on");
         assert_eq!((at(1060, 10), at(1061, 10)), (1100, 1200), "handed over at 1070 or never");
         assert_eq!(at(1061, 1000), 2100);
         assert_eq!(timing.reachable(1061, 1000).hand_over_ns, 2070);
+        assert_eq!(timing.reachable(1061, 1000).turn, 0);
+        // The eleventh from the sixth of eight on.
+        assert_eq!(timing.rolling(8).at_turn(5).reachable(1061, 1000).turn, 0);
+        assert_eq!(timing.rolling(8).at_turn(5).reachable(0, 0).turn, 6);
     }
 
     #[test]
     fn an_early_decision_counts_at_once_and_is_forgotten_slowly() {
         let timing = SetTiming::new(16_000_000).after(50_000_000, 45_000_000);
-        assert_eq!(timing, SetTiming { start_ns: 50_000_000, period_ns: 16_000_000, lead_ns: 5_000_000 });
+        assert_eq!(timing, SetTiming { start_ns: 50_000_000, lead_ns: 5_000_000, ..SetTiming::new(16_000_000) });
         let timing = timing.after(66_000_000, 65_000_000);
         assert_eq!(timing.lead_ns, 5_000_000 - 312_500);
         let timing = (0..100).fold(timing, |timing, i| timing.after(82_000_000 + i, 81_000_000 + i));
@@ -131,7 +154,7 @@ mod tests {
         fn a_target_is_ahead_reachable_and_the_first(
             start in any::<i64>(), period in any::<i64>(), lead in 0i64..1 << 40, now in any::<i64>(), need in any::<i64>()
         ) {
-            let timing = SetTiming { start_ns: start, period_ns: period, lead_ns: lead };
+            let timing = SetTiming { start_ns: start, lead_ns: lead, ..SetTiming::new(period) };
             let target = timing.reachable(now, need);
             if (0..1 << 50).contains(&start) && (1..1 << 40).contains(&period) && (0..1 << 50).contains(&now) {
                 let need = need.clamp(0, 1 << 50);

@@ -1,11 +1,15 @@
 //! Content at many rates on displays of many, with stalls, saccades, blinks, and applications that die and come again: nothing is
-//! torn, and all accounts add up. `EYEBOX_SOAK=full` makes it ten minutes of simulated time for each.
+//! torn, and all accounts add up. `EYEBOX_SOAK=full` makes it ten minutes of simulated time for each, and a minute on the real clock of
+//! a machine whose cores are all busy.
 
 use super::scripted::{Application, Scripted, ShownFrame, shown};
 use super::*;
 use crate::present::SECOND_NS;
 use crate::solve::SplitMix;
 use std::collections::HashMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 /// A packing, the display's rate, and the video frames of a set.
@@ -99,9 +103,70 @@ fn soak(seconds: f64, displays: &[(&str, u32, u64)], content: &[i64], seed: u64)
     }
 }
 
+fn is_full() -> bool {
+    std::env::var("EYEBOX_SOAK").is_ok_and(|soak| soak == "full")
+}
+
+/// Keeps every core busy until it is dropped.
+struct Busy {
+    over: Arc<AtomicBool>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+impl Busy {
+    fn cores() -> Self {
+        let over = Arc::new(AtomicBool::new(false));
+        let work = |_| {
+            let over = Arc::clone(&over);
+            std::thread::spawn(move || {
+                while !over.load(Ordering::Relaxed) {
+                    std::hint::black_box((0..10_000u64).fold(0, |sum, i| sum ^ i));
+                }
+            })
+        };
+        let cores = std::thread::available_parallelism().map_or(2, usize::from);
+        Self { threads: (0..cores).map(work).collect(), over }
+    }
+}
+
+impl Drop for Busy {
+    fn drop(&mut self) {
+        self.over.store(true, Ordering::Relaxed);
+        self.threads.drain(..).for_each(|thread| drop(thread.join()));
+    }
+}
+
+/// The same on the real clock, where as many threads as there are cores do nothing but take time: sets come late, presents are
+/// missed, and all of it is said.
+#[test]
+fn on_a_busy_machine_the_accounts_add_up() {
+    let (mut noise, seconds) = (SplitMix(11), if is_full() { 20.0 } else { 0.8 });
+    let _busy = Busy::cores();
+    for (preset, rate, set_frames) in DISPLAYS {
+        let stage = Scripted::new(preset, 16, 3);
+        let per_second = CONTENT[(noise.unit() * CONTENT.len() as f64) as usize];
+        let live = stage.live(application(&stage, per_second, seconds, &mut noise), Cost::Measured, noise.0 % 1000);
+        let what = format!("{per_second} a second on {preset} at {rate}");
+        let (statistics, frames) = shown(live, rate, seconds);
+        adds_up(&statistics, &frames, set_frames, &what);
+        nothing_is_torn(&frames, &what);
+        in_turn(&frames, set_frames, &what);
+        let (a, live) = (&statistics.report.account, statistics.live.as_ref().unwrap());
+        println!(
+            "{what}: {} video frames, {} presents missed, {} new sets, {} repeated, {} scenes shown",
+            a.video_frames,
+            a.missed_presents,
+            live.sets_new,
+            live.sets_repeated,
+            live.showing.as_ref().unwrap().shown
+        );
+        assert!(live.sets_new > 0, "{what}: {a:?}");
+    }
+}
+
 #[test]
 fn whatever_an_application_does_the_accounts_add_up() {
-    let full = std::env::var("EYEBOX_SOAK").is_ok_and(|soak| soak == "full");
+    let full = is_full();
     let rounds = if full { 10 } else { 1 };
     for round in 0..rounds {
         soak(if full { 60.0 } else { 1.2 }, &DISPLAYS, &CONTENT, 7 + round);

@@ -2,6 +2,7 @@
 
 use super::error::SessionError;
 use super::field::Field;
+use crate::encode::{Lighting, LitTimes};
 use crate::engine::{Engine, EngineError, PhasesOnDevice};
 use crate::optics::PupilDistribution;
 use crate::solve::{Motion, Problem, Refiner, Steering};
@@ -96,6 +97,8 @@ pub struct Steerer {
     steps: u64,
     /// Of a far field, all of it, and what makes an engine for another piece.
     field: Option<(Field, EngineOpener)>,
+    /// By how many pixels each sub-frame of a colour is moved.
+    shifts: Vec<[f64; 2]>,
 }
 
 impl Steerer {
@@ -120,7 +123,7 @@ impl Steerer {
             Ok(OneColor { refiner, phases: Vec::new(), loss: None, piece: None })
         };
         let colors = colors.into_iter().map(one).collect::<Result<_, _>>()?;
-        Ok(Self { colors, policy, next: 0, aimed: None, restarts: 0, steps: 0, field: None })
+        Ok(Self { colors, policy, next: 0, aimed: None, restarts: 0, steps: 0, field: None, shifts: Vec::new() })
     }
 
     /// What it refines, `colors`, is a piece of this far field; `engine` makes an engine for every further piece of each colour.
@@ -190,19 +193,20 @@ impl Steerer {
         Ok(jumped)
     }
 
-    /// What moves while the sub-frames of a set are lit, in pixels of the first colour; `lit`: when those of each colour are.
+    /// What moves while the sub-frames of a set are lit, in pixels of the first colour; `times`: when those of each colour are.
     ///
     /// # Errors
     /// [`SessionError::Solve`](SessionError) for what cannot be.
-    pub fn moves(&mut self, motion: &Motion, lit: &[[f64; 2]]) -> Result<(), SessionError> {
+    pub fn moves(&mut self, motion: &Motion, times: &[LitTimes]) -> Result<(), SessionError> {
         let pixel = self.colors.first().map_or(1.0, |c| c.refiner.pixel());
         for (i, color) in self.colors.iter_mut().enumerate() {
             let ratio = pixel / color.refiner.pixel();
             let scaled = |v: [f64; 2]| v.map(|v| v * ratio);
             let Motion { content, eye, spread, .. } = *motion;
             let (content, eye, spread) = (scaled(content), eye.map(scaled), spread * ratio);
-            let lit = lit.get(i).copied().unwrap_or(motion.lit);
-            color.refiner.moves(Motion { content, eye, spread, lit, ..*motion })?;
+            let LitTimes { first, lit } =
+                times.get(i).copied().unwrap_or(LitTimes { first: motion.first, lit: motion.lit });
+            color.refiner.moves(Motion { content, eye, spread, lit, first, ..*motion })?;
         }
         Ok(())
     }
@@ -212,23 +216,29 @@ impl Steerer {
         self.colors.iter().map(|color| color.refiner.motion()).collect()
     }
 
-    /// Goes on with the phases moved by whole pixels (x, y) of the first colour, as the picture is; where it has to `look`, only
-    /// where that loses less through the pupils of the next step. Returns whether they are moved, and how many losses were
-    /// looked at.
+    /// Goes on with the phases moved by whole pixels (x, y) of the first colour, as the picture is, those that are lit with each
+    /// turn of `lighting` by as many as `pixels` says of it; where it has to `look`, only where that loses less through the pupils
+    /// of the next step. Returns whether they are moved, and how many losses were looked at.
     ///
     /// # Errors
     /// Those of the engines.
-    pub fn carry(&mut self, pixels: [i64; 2], look: bool) -> Result<(bool, u32), EngineError> {
+    pub fn carry(&mut self, pixels: &[[i64; 2]], lighting: &Lighting, look: bool) -> Result<(bool, u32), EngineError> {
         self.settle()?;
         let pixel = self.colors.first().map_or(1.0, |c| c.refiner.pixel());
         let mut moved = true;
-        for color in &mut self.colors {
+        for (i, color) in self.colors.iter_mut().enumerate() {
             let ratio = pixel / color.refiner.pixel();
-            let shift = pixels.map(|p| (p as f64 * ratio).round());
+            let of =
+                |turn: &usize| pixels.get(*turn).map_or([0.0; 2], |pixels| pixels.map(|p| (p as f64 * ratio).round()));
+            self.shifts.clear();
+            self.shifts.extend(lighting.turn_of(i).iter().map(of));
+            if self.shifts.iter().all(|shift| *shift == [0.0; 2]) {
+                continue;
+            }
             if look {
-                moved &= color.refiner.move_phases(shift)?;
+                moved &= color.refiner.move_phases(&self.shifts)?;
             } else {
-                color.refiner.carry_phases(shift)?;
+                color.refiner.carry_phases(&self.shifts)?;
             }
         }
         Ok((moved, if look { 2 * self.colors.len() as u32 } else { 0 }))

@@ -7,6 +7,7 @@
 //!
 //! May import everything above it: `optics`, `scene`, `plan`, `engine`, `evaluate`.
 
+mod carry;
 mod cost;
 mod dpac;
 mod error;

@@ -30,12 +30,15 @@ pub struct Motion {
     /// How many sub-frames that follow each other an eye averages, the first following the last again; none for all. Each
     /// pupil is drawn with a window of its own, so that any window is a good set.
     pub window: Option<usize>,
+    /// The sub-frame that is lit first, of sets that roll; those before it follow behind the last.
+    #[serde(skip)]
+    pub first: usize,
 }
 
 impl Default for Motion {
     fn default() -> Self {
         let still = [0.0; 2];
-        Self { content: still, at: 0.0, eye: None, spread: 0.0, drift: still, lit: [0.0, 1.0], window: None }
+        Self { content: still, at: 0.0, eye: None, spread: 0.0, drift: still, lit: [0.0, 1.0], window: None, first: 0 }
     }
 }
 
@@ -51,7 +54,7 @@ impl Motion {
     pub(super) fn check(&self, frames: usize) -> Result<(), SolveError> {
         let wrong = |what, value: String, right| Err(SolveError::Setting { what, value, right });
         let fits = |v: [f64; 2]| v.iter().all(|v| v.abs() <= FASTEST);
-        let Self { content, eye, spread, drift, at, lit: [middle, length], window } = *self;
+        let Self { content, eye, spread, drift, at, lit: [middle, length], window, first } = *self;
         if !fits(content) || !eye.is_none_or(fits) || !(0.0..=FASTEST).contains(&spread) {
             return wrong("a velocity (pixels a set)", format!("{content:?}, {eye:?}, {spread}"), "numbers within 1e4");
         }
@@ -64,6 +67,9 @@ impl Motion {
         }
         if !(middle.abs() <= 1.0 && length > 0.0 && length <= 1.0) {
             return wrong("when sub-frames are lit (sets)", format!("{middle}, {length}"), "within the set");
+        }
+        if first >= frames.max(1) || (first > 0 && window.is_some_and(|n| n < frames)) {
+            return wrong("the sub-frame that is lit first", first.to_string(), "one of the set, 0 of a stream");
         }
         match window {
             Some(n) if !(1..=frames).contains(&n) => {
@@ -83,7 +89,7 @@ impl Motion {
             && close(self.eye.unwrap_or_default(), other.eye.unwrap_or_default(), 0.25)
             && close(self.drift, other.drift, 2e-5)
             && (self.spread - other.spread).abs() <= 0.25
-            && (self.lit, self.window) == (other.lit, other.window)
+            && (self.lit, self.window, self.first) == (other.lit, other.window, other.first)
     }
 
     /// What a pupil sees of so many sub-frames that were refined for this: one whose eye turns as it was expected to, and rests where
@@ -107,8 +113,10 @@ impl Motion {
             None => around(self.content),
         };
         let count = self.window.unwrap_or(frames);
-        let first = if count < frames { ((first * frames as f64) as usize).min(frames - 1) } else { 0 };
-        let Self { drift, content, at, lit, .. } = *self;
+        let first = if count < frames { ((first * frames as f64) as usize).min(frames - 1) } else { self.first };
+        let Self { drift, content, at, lit: [middle, length], .. } = *self;
+        // Whoever looks from another sub-frame on reckons from when the set would have begun with that of number 0.
+        let lit = [middle - length * self.first as f64 / frames.max(1) as f64, length];
         Viewpoint::Moving(Moving { pupil, drift, eye, content, at, lit, first, count })
     }
 }
@@ -137,6 +145,19 @@ mod tests {
         assert_eq!(Motion::default().viewpoint(pupil, 8, [0.7; 4]), Viewpoint::Pupil(pupil));
     }
 
+    /// From whichever sub-frame on, those to come are lit one after the other, a sixteenth of a set apart.
+    #[test]
+    fn a_set_that_rolls_begins_with_any_of_its_sub_frames() {
+        for first in 0..16 {
+            let motion = Motion { content: [16.0, 0.0], first, lit: [15.0 / 32.0, 1.0], ..Motion::default() };
+            let moments = drawn(motion, [0.0; 4]).moments(16);
+            for (i, moment) in moments.iter().enumerate() {
+                let after = (i + 16 - first) % 16;
+                assert!(moment.seen && (moment.content[0] - after as f64).abs() < 1e-12, "{first}, {i}: {moment:?}");
+            }
+        }
+    }
+
     #[test]
     fn what_cannot_be_is_refused() {
         let still = Motion::default();
@@ -150,6 +171,8 @@ mod tests {
             Motion { lit: [0.0, 0.0], ..still },
             Motion { window: Some(0), ..still },
             Motion { window: Some(9), ..still },
+            Motion { first: 8, ..still },
+            Motion { window: Some(4), first: 1, ..still },
         ] {
             assert!(wrong.check(8).is_err(), "{wrong:?}");
         }

@@ -1,6 +1,7 @@
 //! Refining a hologram for where the eye is (OPTICS 6d): steps over pupils around it, and a few over the whole eyebox, so
 //! that a sudden look elsewhere never meets the dark.
 
+use super::carry::Carry;
 use super::error::SolveError;
 use super::motion::Motion;
 use super::pace::Pace;
@@ -10,19 +11,17 @@ use super::steering::{Steering, Strategy};
 use super::step::Update;
 use crate::engine::{Begun, Buffer, Engine, EngineError, Memory, PhasesOnDevice};
 use crate::evaluate::{self, Sums};
-use crate::optics::{Geometry, Optics, Pupil, PupilDistribution, Window};
+use crate::optics::{Geometry, Pupil, PupilDistribution, Window};
 use crate::plan::{Kernel, Planner, PupilPass, Purpose, Step, Viewpoint};
-use eyebox_kernels::trig;
 use std::collections::HashSet;
-use std::f64::consts::TAU;
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Diameters of an eye's pupil, 2 to 8 mm, and half a millimetre around them, as they are drawn, metres; and how many between
-/// are looked at for the windows that they have.
 /// A pupil that is neither wide nor narrow, metres.
 const USUAL_EYE: f64 = 4e-3;
+/// Diameters of an eye's pupil, 2 to 8 mm, and half a millimetre around them, as they are drawn, metres; and how many between
+/// are looked at for the windows that they have.
 const EYES: [f64; 2] = [1.5e-3, 8.5e-3];
 const DIAMETERS: u32 = 6000;
 
@@ -52,6 +51,7 @@ pub struct Refiner {
     paces: [Pace; 2],
     /// The step that was begun last, if it has not ended.
     under_way: Option<UnderWay>,
+    carry: Carry,
 }
 
 /// A step that was begun.
@@ -115,6 +115,7 @@ impl Refiner {
             since: 0,
             paces,
             under_way: None,
+            carry: Carry::default(),
         };
         refiner.restart(phases)?;
         refiner.engine.keep(Buffer::Phases)?;
@@ -215,36 +216,46 @@ impl Refiner {
         self.problem.pixel()
     }
 
-    /// Goes on with the phases moved by whole pixels (x, y), as the picture has, where these lose less than the phases as they are;
-    /// whether they do. In the far field the picture is moved by a phase, which is laid over them.
+    /// Goes on with each sub-frame's phases moved by whole pixels (x, y), as its picture has, where these lose less than the phases
+    /// as they are; whether they do. In the far field the picture is moved by a phase, which is laid over them.
     ///
     /// # Errors
     /// Those of the engine.
-    pub fn move_phases(&mut self, shift: [f64; 2]) -> Result<bool, EngineError> {
+    pub fn move_phases(&mut self, shifts: &[[f64; 2]]) -> Result<bool, EngineError> {
         let before = self.loss()?;
-        let phases = self.phases()?;
-        self.put(&moved(&phases, &self.planner.slm, &self.planner.grid, shift))?;
+        self.carry_phases(shifts)?;
         if self.loss()? < before {
             return Ok(true);
         }
-        self.put(&phases)?;
+        self.engine.write(Buffer::Phases, self.carry.before())?;
+        self.engine.clear_moments()?;
         Ok(false)
     }
 
-    /// Goes on with the phases moved by whole pixels (x, y), whatever they lose.
+    /// Goes on with each sub-frame's phases moved by whole pixels (x, y), whatever they lose. The steps since the eye came there
+    /// still count. Velocities were those of other pixels: they go where all sub-frames move, and else move with theirs.
     ///
     /// # Errors
     /// Those of the engine.
-    pub fn carry_phases(&mut self, shift: [f64; 2]) -> Result<(), EngineError> {
+    pub fn carry_phases(&mut self, shifts: &[[f64; 2]]) -> Result<(), EngineError> {
         self.settle()?;
-        let phases = self.phases()?;
-        self.put(&moved(&phases, &self.planner.slm, &self.planner.grid, shift))
-    }
-
-    /// Other phases for the same eye: the steps since it came there still count, the velocities were those of other pixels.
-    fn put(&mut self, phases: &[f32]) -> Result<(), EngineError> {
-        self.engine.write(Buffer::Phases, phases)?;
-        self.engine.clear_moments()
+        let Self { carry, engine, planner, .. } = self;
+        let mut carried = |buffer| carry.carry(engine.as_mut(), planner, buffer, shifts);
+        if shifts.iter().all(|shift| *shift != [0.0; 2]) {
+            carried(Buffer::Phases)?;
+            return self.engine.clear_moments();
+        }
+        match (planner.slm.geometry, self.steering.strategy) {
+            // Each pixel's phase stays its own there, with one more laid over it.
+            (Geometry::FarField, _) => {}
+            (Geometry::Relay, Strategy::Projection { .. }) => carried(Buffer::Momentum)?,
+            (Geometry::Relay, Strategy::Adam { .. }) => {
+                carried(Buffer::Momentum)?;
+                carried(Buffer::Second)?;
+            }
+        }
+        // The last, for who may want them back.
+        carried(Buffer::Phases)
     }
 
     /// The eye has moved. Velocities go where it is elsewhere altogether: they would carry on for where it was.
@@ -463,26 +474,5 @@ impl Refiner {
         // The first slot will hold other pupil passes than a step's.
         self.pupil_passes.clear();
         evaluate::sums(self.engine.as_mut(), &self.planner, viewpoints)
-    }
-}
-
-/// Phases whose picture stands `shift` pixels (x, y) farther: before a relay the pattern itself is moved, round its edges; in the far
-/// field it is turned by a ramp.
-fn moved(phases: &[f32], slm: &Optics, grid: &Optics, [x, y]: [f64; 2]) -> Vec<f32> {
-    let (h, w) = (slm.height, slm.width);
-    let whole = |v: f64, n: usize| (v.round() as i64).rem_euclid(n as i64) as usize;
-    let (dy, dx) = (whole(y, h), whole(x, w));
-    let frames = phases.chunks_exact(h * w);
-    match slm.geometry {
-        Geometry::Relay => frames
-            .flat_map(|frame| (0..h * w).map(move |i| frame[(i / w + h - dy) % h * w + (i % w + w - dx) % w]))
-            .collect(),
-        Geometry::FarField => {
-            let (per_row, per_column) = (-y / grid.height as f64, -x / grid.width as f64);
-            let ramp = move |i: usize| TAU * ((i / w) as f64 * per_row + (i % w) as f64 * per_column).fract();
-            frames
-                .flat_map(|frame| frame.iter().enumerate().map(move |(i, p)| trig::wrap(p + ramp(i) as f32)))
-                .collect()
-        }
     }
 }

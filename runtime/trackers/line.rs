@@ -2,12 +2,14 @@
 //!
 //! ```json
 //! {"t": 12.345, "x": 1.5, "y": -0.2, "diameter": 4.1}
+//! {"t": 12.345, "x": 1.5, "y": -0.2, "vx": 12.0, "vy": 0.5}
 //! {"t": 12.345, "left": {"x": 1.5, "y": -0.2, "confidence": 0.9}, "right": {"x": 1.4, "y": -0.2, "valid": false}}
 //! ```
 //!
 //! `t` is the sender's time in seconds, of any clock that is steady; without it the arrival counts. A position has `x`
 //! and `y`, and may have `z`, `unit` (`mm`, `deg`, `normalized`, `counts`; default `mm`), `what` (`pupil` or `gaze`;
-//! default `pupil`), `diameter` (mm), `confidence` (0 to 1) and `valid`. It stands at the top, or under `left`, `right`
+//! default `pupil`), `vx` and `vy` (how fast it moves, `unit` a second: both or none), `diameter` (mm), `confidence` (0 to 1)
+//! and `valid`. It stands at the top, or under `left`, `right`
 //! and `combined`. Beside it, at the top, `focus_d` is what the eyes focus at, dioptres; without it, `ipd_mm`, the distance
 //! between the eyes, makes a focus of where both look (`what` `gaze`, `unit` `deg`). What else an object has is ignored.
 
@@ -45,6 +47,10 @@ struct ReadingText {
     y: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     z: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    vx: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    vy: Option<f64>,
     #[serde(default)]
     unit: UnitText,
     #[serde(default)]
@@ -102,6 +108,7 @@ impl ReadingText {
             unit,
             position,
             distance: self.z.map(|z| z * scale),
+            velocity: self.vx.zip(self.vy).map(|(x, y)| [x * scale, y * scale]),
             diameter: self.diameter.map(|d| d * 1e-3),
             valid: self.valid,
             confidence: self.confidence,
@@ -119,10 +126,13 @@ impl ReadingText {
         // To a billionth, so that 1.5 mm are not written as 1.5000000000000002.
         let scaled = |v: f64| (v * scale * 1e9).round() / 1e9;
         let [x, y] = reading.position.map(|v| reading.valid.then(|| scaled(v)));
+        let velocity = reading.velocity.filter(|_| reading.valid).map(|v| v.map(scaled));
         Self {
             x,
             y,
             z: reading.distance.filter(|_| reading.valid).map(scaled),
+            vx: velocity.map(|v| v[0]),
+            vy: velocity.map(|v| v[1]),
             unit,
             what: if reading.quantity == Quantity::Gaze { WhatText::Gaze } else { WhatText::Pupil },
             diameter: reading.diameter.map(|d| (d * 1e12).round() / 1e9),
@@ -303,6 +313,13 @@ mod tests {
         assert_eq!(left.unwrap().quantity, Quantity::Gaze);
         assert!(!right.unwrap().valid && combined.is_none());
 
+        let moves = |text: &str| parse(text.as_bytes()).unwrap().readings[2].unwrap().velocity;
+        assert_eq!(moves(r#"{"x": 1, "y": 0, "vx": 12, "vy": -4}"#), Some([12e-3, -4e-3]));
+        let turns = moves(r#"{"x": 1, "y": 0, "vx": 180, "vy": 0, "unit": "deg", "what": "gaze"}"#).unwrap();
+        assert!((turns[0] - std::f64::consts::PI).abs() < 1e-12 && turns[1] == 0.0, "{turns:?}");
+        let none = ["\"vx\": 1", "\"vy\": 1", "\"vx\": null, \"vy\": 1", "\"vx\": 1, \"vy\": 0, \"valid\": false"];
+        assert!(none.iter().all(|v| moves(&format!("{{\"x\": 1, \"y\": 0, {v}}}")).is_none()));
+
         for bad in ["", "{}", "[]", "null", "{\"x\": \"1\"}", "{\"x\": 1", "{\"t\": 1}", "{\"left\": 3}", "\u{1}"] {
             assert!(parse(bad.as_bytes()).is_err(), "{bad}");
         }
@@ -337,8 +354,12 @@ mod tests {
         sample.time_ns = 4_990_000_000;
         let reading = Reading::new(Quantity::Gaze, Unit::Radians, [0.25, -0.5]);
         sample.left = Some(Reading { diameter: Some(3e-3), confidence: 0.5, distance: Some(1.0), ..reading });
+        sample.combined =
+            Some(Reading { velocity: Some([2e-3, -0.5]), ..Reading::new(Quantity::Pupil, Unit::Metres, [0.0; 2]) });
         sample.focus_dioptres = Some(0.75);
         let line = parse(write(&sample).as_bytes()).unwrap();
+        assert_eq!(line.readings[2].unwrap().velocity, Some([2e-3, -0.5]));
+        assert!(line.readings[0].unwrap().velocity.is_none() && !write(&Sample::empty(1)).contains("vx"));
         assert_eq!(line.focus_dioptres, Some(0.75));
         let again = line.readings[0].unwrap();
         assert!((again.position[0] - 0.25).abs() < 1e-10 && (again.diameter.unwrap() - 3e-3).abs() < 1e-12);

@@ -22,9 +22,15 @@ impl SampleSender {
     /// The pupil was at a position in the pupil plane, metres (right, down), so long ago: 10 s at most. Where it is known, its
     /// diameter, metres; a position that is not finite is a closed eye.
     pub fn pupil(&self, position: [f64; 2], diameter: Option<f64>, age: Duration) {
+        self.moving_pupil(position, None, diameter, age);
+    }
+
+    /// The same of a tracker that tells how fast the pupil moves, metres a second (right, down); a velocity that is not finite is
+    /// none.
+    pub fn moving_pupil(&self, position: [f64; 2], velocity: Option<[f64; 2]>, diameter: Option<f64>, age: Duration) {
         let now = now_ns();
         let age_ns = u64::try_from(age.min(OLDEST).as_nanos()).unwrap_or(0);
-        let reading = Reading { diameter, ..Reading::new(Quantity::Pupil, Unit::Metres, position) };
+        let reading = Reading { velocity, diameter, ..Reading::new(Quantity::Pupil, Unit::Metres, position) };
         let sample = Sample { time_ns: now.saturating_sub(age_ns), ..Sample::empty(now) };
         self.push(Sample { combined: Some(reading.checked()), ..sample });
     }
@@ -75,12 +81,16 @@ mod tests {
         sender.pupil([1e-3, -2e-3], Some(3e-3), Duration::from_millis(20));
         sender.pupil([f64::NAN, 0.0], None, Duration::ZERO);
         sender.pupil([0.0; 2], Some(-1.0), Duration::MAX);
+        sender.moving_pupil([0.0; 2], Some([0.01, -0.02]), None, Duration::ZERO);
+        sender.moving_pupil([0.0; 2], Some([f64::INFINITY, 0.0]), None, Duration::ZERO);
         let mut samples = Vec::new();
         while let Event::Sample(sample, _) = source.next(Duration::ZERO).unwrap() {
             samples.push(sample);
         }
         let reading = samples[0].combined.unwrap();
         assert_eq!((reading.position, reading.diameter, reading.valid), ([1e-3, -2e-3], Some(3e-3), true));
+        let velocities: Vec<_> = samples.drain(3..).map(|s| s.combined.unwrap().velocity).collect();
+        assert_eq!(velocities, [Some([0.01, -0.02]), None]);
         let ages: Vec<u64> = samples.iter().map(|s| s.received_ns - s.time_ns).collect();
         assert_eq!(ages, [20_000_000, 0, 10_000_000_000.min(samples[2].received_ns)]);
         assert!(!samples[1].valid() && samples[2].valid() && samples[2].combined.unwrap().diameter.is_none());

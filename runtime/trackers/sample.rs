@@ -39,6 +39,9 @@ pub struct Reading {
     pub position: [f64; 2],
     /// Along z, from sources that have it.
     pub distance: Option<f64>,
+    /// How fast the position moves, along x and y, in its unit a second, from sources that tell. Finite where it is there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub velocity: Option<[f64; 2]>,
     /// Diameter of the pupil, metres.
     pub diameter: Option<f64>,
     /// Whether the source stands by it: in range, finite, flagged as seen.
@@ -50,10 +53,11 @@ pub struct Reading {
 impl Reading {
     /// A valid reading with full confidence.
     pub fn new(quantity: Quantity, unit: Unit, position: [f64; 2]) -> Self {
-        Self { quantity, unit, position, distance: None, diameter: None, valid: true, confidence: 1.0 }.checked()
+        let (distance, velocity, diameter) = (None, None, None);
+        Self { quantity, unit, position, distance, velocity, diameter, valid: true, confidence: 1.0 }.checked()
     }
 
-    /// The same, invalid where a number is not finite or the confidence is none; an impossible diameter is dropped.
+    /// The same, invalid where a number is not finite or the confidence is none; an impossible diameter or velocity is dropped.
     #[must_use]
     pub fn checked(mut self) -> Self {
         self.valid &= self.position.iter().all(|p| p.is_finite()) && self.distance.is_none_or(f64::is_finite);
@@ -62,6 +66,7 @@ impl Reading {
             self.valid = false;
         }
         self.diameter = self.diameter.filter(|d| d.is_finite() && *d > 0.0);
+        self.velocity = self.velocity.filter(|v| self.valid && v.iter().all(|v| v.is_finite()));
         if !self.valid {
             // Nothing downstream may compute with what is not a number.
             self.position = self.position.map(|p| if p.is_finite() { p } else { 0.0 });
@@ -128,6 +133,9 @@ impl std::fmt::Display for Reading {
             write!(f, ", {:.3}", z * scale)?;
         }
         write!(f, "){unit}")?;
+        if let Some([x, y]) = self.velocity.map(|v| v.map(|v| v * scale)) {
+            write!(f, " moving ({x:.3}, {y:.3}){unit}/s")?;
+        }
         if let Some(d) = self.diameter {
             write!(f, " pupil {:.2} mm", d * 1e3)?;
         }

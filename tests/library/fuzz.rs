@@ -4,10 +4,12 @@
 //! run is part of the tests; `EYEBOX_FUZZ_SECONDS=3600 cargo test --release -p eyebox-tests --test library fuzz::` goes on for that
 //! long in every subject, each on a thread of its own, with new seeds every time.
 
+use eyebox::gaze::{Estimator, EyeVelocity, Settings};
 use eyebox::hologram::{self, ColorHologram, Hologram};
 use eyebox::optics::{Color, Display, Optics, Pupil, WindowFactor};
 use eyebox::plan::{Comparison, Planner, ViewLayout};
 use eyebox::scene::{self, Pyramid, Request, ViewGrid};
+use eyebox::trackers::{Sample, line};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestCaseError, TestRunner};
 use std::fs;
@@ -396,6 +398,39 @@ fn photographs_of_any_pupil() {
         let pupil_pass = planner.pupil_pass(&pupil, &Comparison::default());
         prop_assert!(pupil_pass.window.rows <= height && pupil_pass.window.columns <= width);
         prop_assert!(pupil_pass.spans.iter().all(|s| s[0] <= s[1] && s[1] as usize <= pupil_pass.window.columns));
+        Ok(())
+    });
+}
+
+/// Lines of trackers, which anybody on the machine may send: what is understood is numbers, down to the eye's velocity.
+#[test]
+fn lines_of_trackers() {
+    let whole = [
+        r#"{"t": 12.345, "x": 1.5, "y": -0.2, "vx": 12.0, "vy": -3.5, "diameter": 4.1, "confidence": 0.9}"#,
+        r#"{"t": 1, "left": {"x": 1, "y": 2, "what": "gaze", "unit": "deg", "vx": 30, "vy": 2}, "right": {"x": 1, "y": 2}, "ipd_mm": 63}"#,
+        r#"{"combined": {"x": 0.5, "y": 0.5, "z": 0.6, "unit": "normalized", "vx": 0.1, "vy": 0, "valid": true}, "focus_d": 1.5}"#,
+    ];
+    fuzz("lines of trackers", (0..whole.len(), prop::collection::vec(edit(), 1..6)), |(which, edits)| {
+        let line = match line::parse(&damage(whole[which].as_bytes().to_vec(), &edits)) {
+            Ok(line) => line,
+            Err(reason) => {
+                prop_assert!(!reason.is_empty());
+                return Ok(());
+            }
+        };
+        for reading in line.readings.iter().flatten() {
+            prop_assert!(reading.position.iter().chain(reading.velocity.iter().flatten()).all(|v| v.is_finite()));
+            prop_assert!(reading.valid || reading.velocity.is_none(), "{:?}", reading);
+        }
+        let [left, right, combined] = line.readings;
+        let mut estimator = Estimator::new(Settings::default(), None).expect("the defaults");
+        for i in 1..8 {
+            let sample = Sample { left, right, combined, ..Sample::empty(i * 8_000_000) };
+            estimator.update(&sample);
+            let EyeVelocity { pupil, turning } = estimator.velocity();
+            let turning = turning.map_or([0.0; 3], |([x, y], spread)| [x, y, spread]);
+            prop_assert!(pupil.iter().chain(&turning).all(|v| v.is_finite()), "{:?} of {:?}", pupil, sample);
+        }
         Ok(())
     });
 }

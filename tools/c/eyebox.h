@@ -427,6 +427,12 @@ EyeboxStatus eyebox_session_video(const EyeboxSession *session, EyeboxVideo *vid
 // Gives a sample of the caller's eye tracker. It waits for nothing, a tick least of all.
 EyeboxStatus eyebox_session_look(const EyeboxSession *session, const EyeboxSample *sample);
 
+// The same of a tracker that tells how fast the pupil moves, metres a second: to the right, and down. NaN where it does not know.
+EyeboxStatus eyebox_session_look_moving(const EyeboxSession *session,
+                                        const EyeboxSample *sample,
+                                        double x_m_s,
+                                        double y_m_s);
+
 // Whether a session that follows an eye does: 0 shows the hologram for the whole eyebox, anything else follows.
 EyeboxStatus eyebox_session_steer(const EyeboxSession *session, int32_t steered);
 

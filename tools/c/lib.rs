@@ -44,8 +44,8 @@ pub use refiner::{
 pub use scene::{EyeboxScene, EyeboxViews, eyebox_scene_free, eyebox_scene_from_views, eyebox_scene_load};
 pub use session::{
     EyeboxAccount, EyeboxFrame, EyeboxSample, EyeboxSession, eyebox_session_account, eyebox_session_follow,
-    eyebox_session_free, eyebox_session_look, eyebox_session_play, eyebox_session_steer, eyebox_session_tick,
-    eyebox_session_video,
+    eyebox_session_free, eyebox_session_look, eyebox_session_look_moving, eyebox_session_play, eyebox_session_steer,
+    eyebox_session_tick, eyebox_session_video,
 };
 pub use solve::{EyeboxProgress, EyeboxStep, eyebox_solve};
 pub use vulkan::{EyeboxUse, eyebox_engine_vulkan_device, eyebox_engine_with_queue};

@@ -159,17 +159,35 @@ pub extern "C" fn eyebox_session_video(
 /// Gives a sample of the caller's eye tracker. It waits for nothing, a tick least of all.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_session_look(session: Option<&EyeboxSession>, sample: Option<&EyeboxSample>) -> EyeboxStatus {
-    answer(|| {
-        let (session, sample) = (given(session, "session")?, given(sample, "sample")?);
-        let eye = session.eye.as_ref();
-        let eye = eye.ok_or_else(|| Failure::argument("session", "one that plays", "one that follows an eye"))?;
-        let EyeboxSample { x_m, y_m, diameter_m, age_s } = *sample;
-        if !(0.0..=10.0).contains(&age_s) {
-            return Err(Failure::argument("sample.age_s", age_s, "0 to 10 s"));
-        }
-        eye.pupil([x_m, y_m], Some(diameter_m).filter(|d| *d > 0.0), Duration::from_secs_f64(age_s));
-        Ok(())
-    })
+    answer(|| look(session, sample, None))
+}
+
+/// The same of a tracker that tells how fast the pupil moves, metres a second: to the right, and down. NaN where it does not know.
+#[unsafe(no_mangle)]
+pub extern "C" fn eyebox_session_look_moving(
+    session: Option<&EyeboxSession>,
+    sample: Option<&EyeboxSample>,
+    x_m_s: f64,
+    y_m_s: f64,
+) -> EyeboxStatus {
+    answer(|| look(session, sample, Some([x_m_s, y_m_s])))
+}
+
+fn look(
+    session: Option<&EyeboxSession>,
+    sample: Option<&EyeboxSample>,
+    velocity: Option<[f64; 2]>,
+) -> Result<(), Failure> {
+    let (session, sample) = (given(session, "session")?, given(sample, "sample")?);
+    let eye = session.eye.as_ref();
+    let eye = eye.ok_or_else(|| Failure::argument("session", "one that plays", "one that follows an eye"))?;
+    let EyeboxSample { x_m, y_m, diameter_m, age_s } = *sample;
+    if !(0.0..=10.0).contains(&age_s) {
+        return Err(Failure::argument("sample.age_s", age_s, "0 to 10 s"));
+    }
+    let diameter = Some(diameter_m).filter(|d| *d > 0.0);
+    eye.moving_pupil([x_m, y_m], velocity, diameter, Duration::from_secs_f64(age_s));
+    Ok(())
 }
 
 /// Whether a session that follows an eye does: 0 shows the hologram for the whole eyebox, anything else follows.

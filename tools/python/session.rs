@@ -275,13 +275,13 @@ impl Session {
         Ok(Some((pixels, number, lit_ns as f64 * 1e-9, hologram, part, new, late)))
     }
 
-    /// The pupil was there so many seconds ago; a place that is no number is a closed eye.
-    fn look(&self, x: f64, y: f64, diameter: Option<f64>, age: f64) -> PyResult<()> {
+    /// The pupil was there so many seconds ago, and moves so fast; a place that is no number is a closed eye.
+    fn look(&self, x: f64, y: f64, diameter: Option<f64>, velocity: Option<(f64, f64)>, age: f64) -> PyResult<()> {
         let eye = self
             .eye
             .as_ref()
             .ok_or_else(|| Failure::Argument("nobody's samples are waited for: give eye=\"own\" to show".into()))?;
-        eye.pupil([x, y], diameter, time(age, "age")?);
+        eye.moving_pupil([x, y], velocity.map(|(x, y)| [x, y]), diameter, time(age, "age")?);
         Ok(())
     }
 

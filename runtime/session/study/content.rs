@@ -1,22 +1,25 @@
 //! What moments gain: content that stands still, moves or jumps, set by set, for an eye that rests or follows it.
 //!
 //! Every set has its own content frame and as many steps; the eye is the study's, before its tracker. What is seen is judged by
-//! what an eye sees that turns as it should (OPTICS 15), against the scene's photograph integrated over the motion.
+//! what an eye sees that turns as it should (OPTICS 15), against the scene's photograph integrated over the motion. Where sets
+//! roll, every video frame is decided on, and what is seen is the sub-frames that were lit in a set's time until then, each from
+//! the set that was the newest when its turn came.
 
 use super::SeenColor;
 use super::results::StudySettings;
+use crate::encode::{Lighting, LitTimes};
 use crate::engine::{Engine, EngineError};
 use crate::gaze::Estimator;
 use crate::optics::Pupil;
-use crate::plan::{Moving, Viewpoint};
 use crate::scene::Pyramid;
 use crate::session::error::SessionError;
 use crate::session::live::whole_eyebox;
 use crate::session::moments::Moments;
 use crate::session::pupil_tracker::PupilEstimate;
+use crate::session::set_timing::SetTiming;
 use crate::session::steerer::{Policy, SteeredColor, Steerer};
 use crate::session::watch::{Samples, Watch};
-use crate::solve::{Flow, Problem};
+use crate::solve::{Flow, Motion, Problem};
 use crate::trackers::simulated::{Doing, Eye, SimulatedSource};
 use crate::trackers::{About, Event, Source, TrackerError};
 use serde::Serialize;
@@ -58,8 +61,8 @@ pub struct ContentSettings {
     pub speed: u32,
     /// Content that jumps does so every so many sets.
     pub jumps_every: u32,
-    /// When the sub-frames of each colour are lit, as [`Encoder::lit_times`](crate::encode::Encoder::lit_times) has it.
-    pub lit: Vec<[f64; 2]>,
+    /// When the sub-frames of each colour are lit: of sets that are shown whole, or that roll.
+    pub lighting: Lighting,
 }
 
 /// One way to show one content to one eye, and what it sees.
@@ -73,17 +76,19 @@ pub struct ContentRun {
     pub steered: bool,
     /// Whether its sub-frames are refined for their moments.
     pub moments: bool,
-    /// Set by set.
+    /// Set by set; where sets roll, video frame by video frame.
     pub samples: Vec<ContentSample>,
 }
 
-/// One set, at its light.
+/// What was lit in a set's time: one set, or, where sets roll, the sub-frames that came last.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct ContentSample {
     /// The middle of its light, seconds from the beginning.
     pub time_s: f64,
     /// PSNR of what the eye sees, mean over the colours, dB.
     pub db: f64,
+    /// Of sets that roll, the video frame that came last; else 0.
+    pub turn: u32,
     /// Sets since the content changed as a whole.
     pub since_jump: u32,
     /// Whether the eye is in a saccade.
@@ -94,11 +99,27 @@ impl ContentRun {
     /// Mean, worst and best of the sets outside saccades, from `from` sets after the beginning and after every jump, dB; none where
     /// there is no such set.
     pub fn summary(&self, from: u32) -> Option<[f64; 3]> {
-        let of = |s: &&ContentSample| !s.saccade && s.since_jump >= from;
-        let all: Vec<f64> = self.samples.iter().filter(of).map(|s| s.db).collect();
+        let all: Vec<f64> = self.settled(from).map(|s| s.db).collect();
         let worst = all.iter().copied().reduce(f64::min)?;
         let best = all.iter().copied().reduce(f64::max)?;
         Some([all.iter().sum::<f64>() / all.len() as f64, worst, best])
+    }
+
+    /// The same sets, and of sets that roll the windows that end with each of their video frames: the means of these, worst and
+    /// best, dB. None where there is no such set.
+    pub fn windows(&self, from: u32) -> Option<[f64; 2]> {
+        let turns = self.settled(from).map(|s| s.turn).max()? + 1;
+        let mean = |turn: u32| {
+            let (sum, count) =
+                self.settled(from).filter(|s| s.turn == turn).fold((0.0, 0), |(sum, n), s| (sum + s.db, n + 1));
+            (count > 0).then(|| sum / f64::from(count))
+        };
+        let all = || (0..turns).filter_map(mean);
+        Some([all().reduce(f64::min)?, all().reduce(f64::max)?])
+    }
+
+    fn settled(&self, from: u32) -> impl Iterator<Item = &ContentSample> {
+        self.samples.iter().filter(move |s| !s.saccade && s.since_jump >= from)
     }
 }
 
@@ -143,9 +164,10 @@ pub fn study_content(
         let steerer = Steerer::new(colors.to_vec(), policy, &mut *engine)?;
         let mut run = ContentRun { content, eye, steered, moments, samples: Vec::new() };
         let mut showing = Showing::new(&frames, &run, steerer, study, depth)?;
-        for set in 0..sets {
-            run.samples.push(showing.set(set, &mut seen)?);
-            let share = (i as f64 + f64::from(set + 1) / f64::from(sets)) / runs.len() as f64;
+        let decisions = u64::from(sets) * settings.lighting.turns() as u64;
+        for decision in 0..decisions {
+            run.samples.push(showing.decide(decision, &mut seen)?);
+            let share = (i as f64 + (decision + 1) as f64 / decisions as f64) / runs.len() as f64;
             if observe(share) == Flow::Stop {
                 all.push(run);
                 return Ok(all);
@@ -222,8 +244,13 @@ struct Showing<'a> {
     watch: Watch,
     moments: Moments,
     scene: Vec<SteeredColor>,
+    /// Which frame that is, and the moment that it shows.
     shown: (usize, bool),
+    shows_ns: i64,
     jumped: u32,
+    /// The newest set, colour by colour, and what was lit in a set's time until now.
+    newest: Vec<Vec<f32>>,
+    lit: Vec<Vec<f32>>,
     /// How the eye turns that follows the content, radians a second.
     pursuit: f64,
 }
@@ -236,7 +263,7 @@ impl<'a> Showing<'a> {
         study: &'a StudySettings,
         depth: f64,
     ) -> Result<Self, SessionError> {
-        let ContentSettings { speed, lit, .. } = frames.settings;
+        let ContentSettings { speed, lighting, .. } = frames.settings;
         let first = frames.colors.first().ok_or_else(|| SessionError::Setting("there is no colour".into()))?;
         let pixel = first.problem.pixel();
         let pursuit = match run.eye {
@@ -251,9 +278,10 @@ impl<'a> Showing<'a> {
             false => Watch::Nobody(whole_eyebox(first.problem.eyebox, [depth; 2])),
         };
         let moments = match run.moments {
-            true => Moments::of(lit.clone(), study.period_ns, pixel),
+            true => Moments::of(lighting.clone(), study.period_ns, pixel),
             false => Moments::default(),
         };
+        let phases: Vec<Vec<f32>> = frames.colors.iter().map(|color| color.phases.clone()).collect();
         Ok(Self {
             frames,
             run: (run.content, run.eye),
@@ -265,65 +293,105 @@ impl<'a> Showing<'a> {
             moments,
             scene: frames.scene((0, false)),
             shown: (0, false),
+            shows_ns: 0,
             jumped: 0,
+            newest: phases.clone(),
+            lit: phases,
             pursuit,
         })
     }
 
-    /// Refines for a set, and sees it.
-    fn set(&mut self, set: u32, seen: &mut [SeenColor]) -> Result<ContentSample, SessionError> {
+    /// Refines for a set, or for a video frame of sets that roll, and sees what was lit in a set's time until then.
+    fn decide(&mut self, decision: u64, seen: &mut [SeenColor]) -> Result<ContentSample, SessionError> {
         let StudySettings { period_ns, lead_ns, light_after_ns, .. } = *self.study;
-        let start_ns = i64::from(set + 1) * period_ns;
-        let light_ns = start_ns + light_after_ns;
+        let ContentSettings { lighting, steps, .. } = self.frames.settings;
+        let turns = lighting.turns() as u64;
+        let (set, turn) = ((decision / turns) as u32, (decision % turns) as usize);
+        let frame_ns = period_ns / turns as i64;
+        let set_ns = i64::from(set + 1) * period_ns;
+        let start_ns = set_ns + turn as i64 * frame_ns;
+        let light_ns = start_ns + light_after_ns / turns as i64;
         // Steps begin a period before it is handed over.
-        let now_ns = start_ns - lead_ns - period_ns;
-        let wanted = self.frames.of(self.run.0, set);
-        if set == 0 || wanted != self.shown {
-            let jumps = set > 0 && self.run.0 == StudiedContent::Jumping;
-            self.jumped = if jumps { set } else { self.jumped };
-            (self.scene, self.shown) = (self.frames.scene(wanted), wanted);
-            self.moments.follow(&self.scene, light_ns);
-            self.steerer.follow(&self.scene)?;
+        let now_ns = start_ns - lead_ns.min(SetTiming::usual_lead_ns(frame_ns)) - frame_ns;
+        if turn == 0 {
+            self.next_frame(set, set_ns + light_after_ns)?;
         }
         let at = |time_ns: i64| u64::try_from(time_ns).unwrap_or(0);
-        let expected: PupilEstimate = self.watch.expect(at(now_ns), at(light_ns))?;
-        self.steerer.aim(expected.pupil)?;
-        self.steerer.moves(&self.moments.motion(light_ns, &expected), self.moments.lit())?;
-        if let Some((pixels, look)) = self.moments.carry(light_ns) {
-            let (moved, _) = self.steerer.carry(pixels, look)?;
-            self.moments.carried(pixels, moved);
+        let share = |decisions: u64| decisions * u64::from(*steps) / turns;
+        let rounds = share(decision + 1) - share(decision);
+        if rounds > 0 {
+            let expected: PupilEstimate = self.watch.expect(at(now_ns), at(light_ns))?;
+            self.steerer.aim(expected.pupil)?;
+            self.steerer.moves(&self.moments.motion(light_ns, &expected), self.moments.times(turn))?;
+            if let Some(look) = self.moments.carry(light_ns, turn)
+                && let Some((pixels, lighting)) = self.moments.shifts()
+            {
+                let (moved, _) = self.steerer.carry(pixels, lighting, look)?;
+                self.moments.carried(moved);
+            }
+            for _ in 0..rounds {
+                self.steerer.round_while(|_| true)?;
+            }
+            self.steerer.settle()?;
+            for (newest, phases) in self.newest.iter_mut().zip(self.steerer.phases()?) {
+                newest.copy_from_slice(phases);
+            }
         }
-        for _ in 0..self.frames.settings.steps {
-            self.steerer.round_while(|_| true)?;
+        for (i, (lit, newest)) in self.lit.iter_mut().zip(&self.newest).enumerate() {
+            let sub_frames = lighting.turn_of(i);
+            let pixels = newest.len() / sub_frames.len().max(1);
+            for (frame, _) in sub_frames.iter().enumerate().filter(|(_, is)| **is == turn) {
+                lit[frame * pixels..][..pixels].copy_from_slice(&newest[frame * pixels..][..pixels]);
+            }
         }
-        self.steerer.settle()?;
-        let truth = self.eye.at(at(light_ns));
+        let middle_ns = light_ns - (period_ns - frame_ns) / 2;
+        let truth = self.eye.at(at(middle_ns));
         let [x, y] = truth.position;
-        let x = x + self.pursuit * self.study.eye.radius * light_ns as f64 * 1e-9;
+        let x = x + self.pursuit * self.study.eye.radius * middle_ns as f64 * 1e-9;
         let pupil = Pupil { x, y, diameter: truth.diameter, depth: self.depth };
-        let db = self.seen(pupil, seen)?;
+        let db = self.seen(pupil, (turn, middle_ns), seen)?;
         let saccade = matches!(truth.doing, Doing::Saccade { .. });
-        Ok(ContentSample { time_s: light_ns as f64 * 1e-9, db, since_jump: set - self.jumped, saccade })
+        let (time_s, since_jump) = (middle_ns as f64 * 1e-9, set - self.jumped);
+        Ok(ContentSample { time_s, db, turn: turn as u32, since_jump, saccade })
     }
 
-    fn seen(&mut self, pupil: Pupil, seen: &mut [SeenColor]) -> Result<f64, SessionError> {
-        let phases = self.steerer.phases()?;
-        let speed = f64::from(self.frames.settings.speed);
+    /// The content frame of a set, which shows the middle of its light.
+    fn next_frame(&mut self, set: u32, shows_ns: i64) -> Result<(), SessionError> {
+        let wanted = self.frames.of(self.run.0, set);
+        if set > 0 && wanted == self.shown {
+            return Ok(());
+        }
+        let jumps = set > 0 && self.run.0 == StudiedContent::Jumping;
+        self.jumped = if jumps { set } else { self.jumped };
+        (self.scene, self.shown, self.shows_ns) = (self.frames.scene(wanted), wanted, shows_ns);
+        self.moments.follow(&self.scene, shows_ns);
+        self.steerer.follow(&self.scene)?;
+        Ok(())
+    }
+
+    /// What was lit in a set's time that had its middle then, and ended with this turn.
+    fn seen(&mut self, pupil: Pupil, lit: (usize, i64), seen: &mut [SeenColor]) -> Result<f64, SessionError> {
+        let (turn, middle_ns) = lit;
+        let ContentSettings { lighting, speed, .. } = self.frames.settings;
         let first = self.frames.colors.first().map_or(1.0, |c| c.problem.pixel());
+        let before = 0.5 - 0.5 / lighting.turns() as f64;
         let mut sum = 0.0;
-        for (i, (color, phases)) in seen.iter_mut().zip(phases).enumerate() {
+        for (i, (color, phases)) in seen.iter_mut().zip(&self.lit).enumerate() {
             let SteeredColor { problem, exposure, .. } = &self.scene[i];
-            let velocity = [speed * first / problem.pixel(), 0.0];
+            let velocity = [f64::from(*speed) * first / problem.pixel(), 0.0];
             let is = |does| if does { velocity } else { [0.0; 2] };
-            let moving = Moving {
+            let LitTimes { first, lit: [middle, length] } = lighting.times(turn + 1)[i];
+            let motion = Motion {
                 content: is(self.run.0 == StudiedContent::Moving),
-                eye: is(self.run.1 == StudiedEye::Follows),
-                lit: self.frames.settings.lit.get(i).copied().unwrap_or([0.0, 1.0]),
-                ..Moving::resting(pupil, self.frames.colors[i].frames())
+                at: (self.shows_ns - middle_ns) as f64 / self.study.period_ns as f64,
+                eye: Some(is(self.run.1 == StudiedEye::Follows)),
+                lit: [middle - before, length],
+                first,
+                ..Motion::default()
             };
             color.seen.restart(phases)?;
             color.seen.follow(problem.clone(), *exposure)?;
-            let sums = color.seen.look_through(&[Viewpoint::Moving(moving)])?;
+            let sums = color.seen.look_through(&[motion.seen_through(pupil, self.frames.colors[i].frames())])?;
             sum += sums.iter().map(|s| s.psnr(color.exposure)).sum::<f64>();
         }
         Ok(sum / seen.len().max(1) as f64)

@@ -66,6 +66,6 @@ impl Stage {
     pub(super) fn timing(&self) -> SetTiming {
         let StudySettings { period_ns, lead_ns, .. } = self.settings;
         let start_ns = (self.now_ns + lead_ns).div_euclid(period_ns) * period_ns;
-        SetTiming { start_ns, period_ns, lead_ns }
+        SetTiming { start_ns, lead_ns, ..SetTiming::new(period_ns) }
     }
 }

@@ -29,6 +29,9 @@ pub struct ContentArgs {
     /// With --content: sets between jumps
     #[arg(long, default_value_t = 15, value_name = "N", requires = "content", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     jumps_every: u32,
+    /// With --content: show sets whole, though the display takes several video frames for one, as they else roll there
+    #[arg(long, requires = "content")]
+    whole_sets: bool,
 }
 
 /// What content does.
@@ -63,7 +66,7 @@ impl ContentArgs {
             steps: self.steps_per_set,
             speed: self.moves,
             jumps_every: self.jumps_every,
-            lit: subject.encoder.lit_times(),
+            lighting: subject.encoder.lighting(!self.whole_sets),
         }
     }
 }
@@ -87,11 +90,13 @@ pub fn run(
     let row = |run: &ContentRun| {
         let [mean, worst, best] = run.summary(SETTLES).map_or([None; 3], |all| all.map(Some));
         json!({ "content": run.content, "eye": run.eye, "steered": run.steered, "moments": run.moments,
-                "mean_db": mean, "worst_db": worst, "best_db": best })
+                "mean_db": mean, "worst_db": worst, "best_db": best, "windows_db": run.windows(SETTLES) })
     };
     let summary: Vec<Value> = runs.iter().map(row).collect();
     about["summary"] = json!(summary);
     about["settles_in_sets"] = json!(SETTLES);
+    let rolls = settings.lighting.turns() > 1;
+    about["sets_roll"] = json!(rolls);
     about["sets"] = json!(settings.sets);
     about["steps_per_set"] = json!(settings.steps);
     about["pixels_a_set"] = json!(settings.speed);
@@ -102,17 +107,23 @@ pub fn run(
         println!("{}", json!({ "summary": summary, "out": about["out"] }));
         return Ok(());
     }
-    println!("what the eye sees, dB: mean (worst) of the sets outside saccades, {SETTLES} sets after every change");
+    let what = if rolls { "windows of a set's time" } else { "sets" };
+    println!("what the eye sees, dB: mean (worst) of the {what} outside saccades, {SETTLES} sets after every change");
+    table(&runs, |run| run.summary(SETTLES).map_or("-".into(), |[mean, worst, _]| format!("{mean:.1} ({worst:.1})")));
+    if rolls {
+        println!("means of the windows that end with each video frame of a set, dB: worst to best");
+        table(&runs, |run| run.windows(SETTLES).map_or("-".into(), |[worst, best]| format!("{worst:.2}-{best:.2}")));
+    }
+    Ok(())
+}
+
+fn table(runs: &[ContentRun], cell: impl Fn(&ContentRun) -> String) {
     println!("  {:24} {:>26} {:>26}", "", "for the whole eyebox", "for the pupil");
     println!("  {:24} {:>12}  {:>12} {:>12}  {:>12}", "content, eye", "moments off", "on", "off", "on");
     for four in runs.chunks(4) {
-        let cell = |run: &ContentRun| {
-            run.summary(SETTLES).map_or("-".into(), |[mean, worst, _]| format!("{mean:.1} ({worst:.1})"))
-        };
         let cells: Vec<String> = four.iter().map(|run| format!("{:>12}", cell(run))).collect();
         println!("  {:24} {}", name(&four[0]), cells.join("  "));
     }
-    Ok(())
 }
 
 fn name(run: &ContentRun) -> String {

@@ -64,7 +64,7 @@ pub struct LiveOptions {
     #[arg(long)]
     pub whole_sets: bool,
     /// on: each sub-frame is refined for its own moment where the eye turns or the content moves, and phases move with the content;
-    /// where both rest it is as off: for sets that are seen at once. Sets that roll are always off
+    /// where both rest it is as off: for sets that are seen at once
     #[arg(long, value_enum, default_value = "on", value_name = "on|off")]
     pub moments: Moments,
     /// Show in a window what the tracked eye sees; there the key s switches steering off and on

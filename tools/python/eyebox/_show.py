@@ -111,7 +111,15 @@ class Session:
         given = self._native.frame(seconds)
         return None if given is None else Frame(*given)
 
-    def look(self, x: float, y: float = 0.0, diameter: float | None = None, *, age: float = 0.0) -> None:
+    def look(
+        self,
+        x: float,
+        y: float = 0.0,
+        diameter: float | None = None,
+        *,
+        velocity: tuple[float, float] | None = None,
+        age: float = 0.0,
+    ) -> None:
         """The pupil is there: a sample of a tracker of your own (``eye="own"``).
 
         Parameters
@@ -120,11 +128,22 @@ class Session:
             Its centre, metres: to the right, and down; NaN where the eye is closed.
         diameter : float, optional
             Its diameter, metres.
+        velocity : (x, y), optional
+            How fast it moves, metres a second: to the right, and down; of trackers that tell.
         age : float
             Seconds since it was there.
         """
         wide = None if diameter is None else _arguments.number(diameter, "diameter")
-        self._native.look(_arguments.number(x, "x"), _arguments.number(y, "y"), wide, _arguments.number(age, "age"))
+        moves = None
+        if velocity is not None:
+            try:
+                moves = tuple(_arguments.number(v, "velocity") for v in velocity)
+            except TypeError:
+                raise TypeError("velocity must be two numbers, metres a second: (x, y)") from None
+            if len(moves) != 2:
+                raise ValueError(f"velocity has {len(moves)} numbers: it must be (x, y), metres a second")
+        at = (_arguments.number(x, "x"), _arguments.number(y, "y"))
+        self._native.look(*at, wide, moves, _arguments.number(age, "age"))
 
     def steer(self, steered: bool = True) -> None:
         """Whether it follows the eye; if not, the hologram for the whole eyebox is shown."""

@@ -55,9 +55,13 @@ def test_samples_of_ones_own_are_followed(hologram, display):
         until, seen = time.monotonic() + 20, []
         while time.monotonic() < until and session.status.get("steps", 0) < 4:
             session.look(2e-3, -1e-3, 4e-3)
+            session.look(2e-3, -1e-3, 4e-3, velocity=(1e-2, 0.0))
             if (frame := session.frame(timeout=0.05)) is not None:
                 seen.append(frame)
         session.look(float("nan"))
+        for wrong in ((1.0,), 1.0, "fast", (1.0, 2.0, 3.0)):
+            with pytest.raises((TypeError, ValueError), match="velocity"):
+                session.look(0.0, velocity=wrong)
         session.steer(False)
         assert session.running
     assert session.statistics["steps"] >= 4 and session.statistics["tracker"] == "the program's own tracker"

@@ -76,7 +76,7 @@ def test_whatever_is_called_with_ends_with_an_exception_or_a_result(tmp_path, mo
     calls = [
         # Each has threads of its own.
         lambda: show() if rng.random() < 0.2 else eyebox.show(whatever(), display),
-        lambda: followed.look(number(), number(), often(None), age=number()),
+        lambda: followed.look(number(), number(), often(None), velocity=often(None), age=number()),
         lambda: followed.frame(0.0 if rng.random() < 0.6 else "soon"),
         lambda: followed.seek(often(1)) or followed.steer(whatever()) or followed.status["steps"],
         lambda: eyebox.Display(often("planes8"), size=often((SIDE, SIDE)), **({rng.choice(["levels", "x"]): whatever()})),

@@ -220,6 +220,7 @@ fn nonsense(rng: &mut fastrand::Rng, count: u64) -> String {
     let (x, y, diameter, confidence) = (number(rng), number(rng), number(rng), number(rng));
     match rng.u8(..8) {
         0 => std::iter::repeat_with(|| rng.char(..)).take(40).collect(),
+        3 => format!("{{\"t\": {time}, \"x\": {x}, \"y\": {y}, \"vx\": {diameter}, \"vy\": {confidence}}}"),
         1 => format!("{{\"t\": {time}, \"left\": {{\"x\": {x}, \"y\": {y}}}, \"ipd_mm\": {diameter}}}"),
         2 => format!(
             "{{\"t\": {time}, \"x\": {x}, \"y\": {y}, \"unit\": \"deg\", \"what\": \"gaze\", \"focus_d\": {diameter}}}"

@@ -214,7 +214,11 @@ unsafe fn call(given: &Given, chance: &mut Chance, memory: &mut [f32]) -> Eyebox
             16 => {
                 let [x_m, y_m, diameter_m, age_s] = [(); 4].map(|()| chance.one(&NUMBERS));
                 let sample = EyeboxSample { x_m, y_m, diameter_m, age_s };
-                eyebox_session_look(session, chance.maybe(&sample))
+                let sample = chance.maybe(&sample);
+                match chance.0.bool() {
+                    true => eyebox_session_look(session, sample),
+                    false => eyebox_session_look_moving(session, sample, chance.one(&NUMBERS), chance.one(&NUMBERS)),
+                }
             }
             17 => {
                 let (lit_in_s, mut frame) = (chance.one(&NUMBERS), MaybeUninit::uninit());

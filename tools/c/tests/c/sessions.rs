@@ -101,6 +101,8 @@ fn an_eye_is_followed_while_another_thread_tells_of_it() {
             while !over.load(Ordering::Relaxed) {
                 let sample = EyeboxSample { x_m: 2e-3, y_m: -1e-3, diameter_m: 4e-3, age_s: 0.005 };
                 assert_eq!(eyebox_session_look(Some(&session), Some(&sample)), EyeboxStatus::Ok);
+                let moving = eyebox_session_look_moving(Some(&session), Some(&sample), 0.01, f64::NAN);
+                assert_eq!(moving, EyeboxStatus::Ok);
                 std::thread::sleep(Duration::from_millis(5));
             }
         });

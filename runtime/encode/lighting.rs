@@ -1,0 +1,136 @@
+//! When the sub-frames of a set are lit: of sets that are shown whole, and of sets that roll.
+
+use super::packing::Packed;
+
+/// When the sub-frames of one colour are lit, as evenly as they come.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LitTimes {
+    /// The sub-frame that is lit first. The others follow in their order, those before it behind the last.
+    pub first: usize,
+    /// The middle of the time in which all of them are lit, and its length, sets.
+    pub lit: [f64; 2],
+}
+
+/// When the sub-frames of a set are lit, whichever of its video frames comes first (OPTICS 15).
+///
+/// Of sets that are shown whole there is one turn, and times are reckoned from the middle of the set. Of sets that roll each
+/// video frame is decided on by itself and has a turn of its own; times are reckoned from the middle of that video frame, which
+/// is the first of the set's length of time from then on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lighting {
+    /// By turn, of each colour.
+    turns: Vec<Vec<LitTimes>>,
+    /// With which turn each sub-frame of each colour is lit.
+    turn_of: Vec<Vec<usize>>,
+}
+
+impl Lighting {
+    /// Of sets of this packing, which are shown whole or roll.
+    pub(crate) fn of(packed: &Packed, rolls: bool) -> Self {
+        let turns = if rolls { packed.video_frames.max(1) } else { 1 };
+        let colors = packed.slots.iter().map(|slot| slot.color + 1).max().unwrap_or(0);
+        let since = if rolls { 0.5 - 0.5 / turns as f64 } else { 0.0 };
+        let turn_of = |color| {
+            let mut of = vec![0; packed.sub_frames];
+            for slot in packed.slots.iter().filter(|slot| rolls && slot.color == color) {
+                of[slot.sub_frame] = slot.video_frame;
+            }
+            of
+        };
+        Self {
+            turns: (0..turns)
+                .map(|turn| (0..colors).map(|color| times(packed, turn, color, since)).collect())
+                .collect(),
+            turn_of: (0..colors).map(turn_of).collect(),
+        }
+    }
+
+    /// How many turns there are: the video frames of a set that rolls, else 1.
+    pub fn turns(&self) -> usize {
+        self.turns.len()
+    }
+
+    /// When the sub-frames of each colour are lit from this turn on.
+    pub fn times(&self, turn: usize) -> &[LitTimes] {
+        &self.turns[turn % self.turns.len()]
+    }
+
+    /// With which turn each sub-frame of a colour is lit.
+    pub fn turn_of(&self, color: usize) -> &[usize] {
+        self.turn_of.get(color).map_or(&[], Vec::as_slice)
+    }
+}
+
+/// Of a colour's slots, beginning with a video frame, the times of slots that follow each other evenly; `since`: from what they are
+/// reckoned from to the middle of the set, sets. Colours of one slot that are lit at once are all there from its beginning to its end.
+fn times(packed: &Packed, turn: usize, color: usize, since: f64) -> LitTimes {
+    let begins = packed.slots.iter().position(|slot| slot.video_frame >= turn).unwrap_or(0);
+    let (before, from) = packed.slots.split_at(begins);
+    let count = packed.slots.len().max(1) as f64;
+    let of = || from.iter().chain(before).enumerate().filter(|(_, slot)| slot.color == color);
+    let time = |(i, _): (usize, &_)| (i as f64 + 0.5) / count - 0.5;
+    let (first, last) = (of().map(time).next().unwrap_or(0.0), of().map(time).last().unwrap_or(0.0));
+    let n = of().count().max(1) as f64;
+    let middle = of().map(time).sum::<f64>() / n;
+    // n of them from the first to the last, and half a step before and behind.
+    let length = if n > 1.0 { (last - first) * n / (n - 1.0) } else { 1.0 };
+    LitTimes {
+        first: of().next().map_or(0, |(_, slot)| slot.sub_frame),
+        lit: [middle + since, length.clamp(1.0 / count, 1.0)],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::encode::Encoder;
+    use crate::optics::{Color, Display};
+
+    const ALL: [Color; 3] = [Color::Red, Color::Green, Color::Blue];
+
+    fn lighting(preset: &str, colors: &[Color], frames: usize, rolls: bool) -> Lighting {
+        Encoder::new(&Display::preset(preset).unwrap(), colors, frames).unwrap().lighting(rolls)
+    }
+
+    fn close(times: LitTimes, first: usize, lit: [f64; 2]) {
+        let near = (0..2).all(|i| (times.lit[i] - lit[i]).abs() < 1e-12);
+        assert!(times.first == first && near, "{times:?}, not {first}, {lit:?}");
+    }
+
+    #[test]
+    fn colours_are_lit_one_after_the_other_where_the_packing_says_so() {
+        let planes = lighting("planes24", &ALL, 8, false);
+        for (times, middle) in planes.times(0).iter().zip([-1.0 / 3.0, 0.0, 1.0 / 3.0]) {
+            close(*times, 0, [middle, 1.0 / 3.0]);
+        }
+        close(lighting("planes8", &ALL[1..2], 8, false).times(0)[0], 0, [0.0, 1.0]);
+        // Fields of colours in turn: all the set, a third of a sub-frame apart.
+        let fields = lighting("fields", &ALL, 8, false);
+        for (times, middle) in fields.times(0).iter().zip([-1.0 / 24.0, 0.0, 1.0 / 24.0]) {
+            close(*times, 0, [middle, 1.0]);
+        }
+        assert_eq!((fields.turns(), fields.turn_of(1)), (1, &[0; 8][..]));
+    }
+
+    #[test]
+    fn of_sets_that_roll_every_video_frame_is_the_first_of_those_to_come() {
+        // Eight sub-frames one after the other: whichever is first is lit now, and the last seven eighths of a set later.
+        let one = lighting("grey8", &ALL[1..2], 8, true);
+        assert_eq!((one.turns(), one.turn_of(0)), (8, &[0, 1, 2, 3, 4, 5, 6, 7][..]));
+        (0..8).for_each(|turn| close(one.times(turn)[0], turn, [7.0 / 16.0, 1.0]));
+        // Two sub-frames of three colours in turn: red, green, blue, red, green, blue.
+        let three = lighting("grey8", &ALL, 2, true);
+        assert_eq!((three.turns(), three.turn_of(2)), (6, &[2, 5][..]));
+        let middle = |after: f64| [after / 6.0 + 0.25, 1.0];
+        // From the first green one on red's second is before its first.
+        for (times, (first, after)) in three.times(1).iter().zip([(1, 2.0), (0, 0.0), (0, 1.0)]) {
+            close(*times, first, middle(after));
+        }
+        // A colour's eight planes in one video frame, of three in turn.
+        let planes = lighting("planes8", &ALL, 8, true);
+        assert_eq!((planes.turns(), planes.turn_of(1)), (3, &[1; 8][..]));
+        for (times, after) in planes.times(2).iter().zip([1.0, 2.0, 0.0]) {
+            close(*times, 0, [after / 3.0, 1.0 / 3.0]);
+        }
+    }
+}
