@@ -41,7 +41,7 @@ def one_process(scenes, out):
 
 def test_one_of_two_workers_is_killed(tmp_path):
     display = eyebox.Display("small", size=(40, 48))
-    scenes = [f"builtin:plane?depth={depth / 8}" for depth in range(COUNT)]
+    scenes = [f"builtin:plane?depth={depth / COUNT}" for depth in range(COUNT)]
     settings = dict(frames=2, steps=40, pupils=4, seed=7)
     out = tmp_path / "cluster.zarr"
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as local:
