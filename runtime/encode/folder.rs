@@ -16,6 +16,8 @@ const DOCUMENT: &str = "frames.json";
 const DISPLAY: &str = "display.toml";
 /// Beginnings of the names of calibration files that are kept beside it.
 const CALIBRATION: [&str; 2] = ["look-up-", "correction-"];
+/// The lasers' powers, sub-frame by sub-frame, of all colours at once.
+const POWERS: &str = "powers.csv";
 const FORMAT: u32 = 1;
 
 /// Whether there is a folder of video frames that says its display and what they hold.
@@ -62,7 +64,7 @@ impl Encoder {
     }
 
     /// Writes video frames as PNGs into `folder`, which appears whole, with the display, its calibration, and what the
-    /// frames hold: all that [`Encoded`] needs. `of` is the hologram that they show, where it is known. A folder of such
+    /// frames hold: all that [`Encoded`] needs; of all colours at once, with the powers of their lasers (`powers.csv`). `of` is the hologram that they show, where it is known. A folder of such
     /// frames is replaced; any other that is not empty is left alone.
     ///
     /// # Errors
@@ -78,6 +80,9 @@ impl Encoder {
             correction.file = keep(&draft, &correction.file, &format!("{}{i}", CALIBRATION[1]))?;
         }
         draft.write(DISPLAY, |out| out.write_all(display.to_toml().as_bytes()))?;
+        if let Some(joint) = of.and_then(|hologram| hologram.metadata.joint_color.as_ref()) {
+            draft.write(POWERS, |out| out.write_all(joint.table().as_bytes()))?;
+        }
         let document = Document {
             format: FORMAT,
             colors: self.colors().to_vec(),
@@ -106,7 +111,9 @@ fn holds_only_frames(folder: &Path) -> bool {
         None => name.starts_with("frame-") && name.ends_with(".png"),
     };
     let ours = |name: &str| {
-        frame(name) || [DOCUMENT, DISPLAY].contains(&name) || CALIBRATION.iter().any(|begins| name.starts_with(begins))
+        frame(name)
+            || [DOCUMENT, DISPLAY, POWERS].contains(&name)
+            || CALIBRATION.iter().any(|begins| name.starts_with(begins))
     };
     fs::read_dir(folder).is_ok_and(|mut all| all.all(|e| e.is_ok_and(|e| e.file_name().to_str().is_some_and(ours))))
 }
@@ -237,15 +244,14 @@ impl Encoded {
             self.hologram.as_ref().and_then(|o| of(o).get(&color)).copied().unwrap_or(1.0)
         };
         let wavelength = |color| display.wavelengths.iter().find(|w| w.color == color).map_or(0.0, |w| w.wavelength);
-        let colors = (self.colors.iter().zip(phases))
-            .map(|(&color, phases)| ColorHologram {
-                color: Some(color),
-                wavelength: wavelength(color),
-                exposure: known(|o| &o.exposures, color),
-                efficiency: known(|o| &o.efficiencies, color),
-                phases,
-            })
-            .collect();
+        let color = |(color, phases): (Color, Vec<f32>)| ColorHologram {
+            color: Some(color),
+            wavelength: wavelength(color),
+            exposure: known(|o| &o.exposures, color),
+            efficiency: known(|o| &o.efficiencies, color),
+            phases,
+        };
+        let colors = self.all_colors(phases).into_iter().map(color).collect();
         let mut hologram = Hologram::on(&display, self.sub_frames, colors);
         hologram.metadata.exposure_assumed = self.hologram.is_none();
         if let Some(origin) = &self.hologram {
@@ -258,6 +264,18 @@ impl Encoded {
         let damaged = |e| EncodeError::Mismatch { display: display.name.clone(), reason: format!("{e}") };
         hologram.check().map_err(damaged)?;
         Ok(hologram)
+    }
+
+    /// Its colours with their phases: of all colours at once the frames hold the drive, from which every colour's follow.
+    fn all_colors(&self, mut phases: Vec<Vec<f32>>) -> Vec<(Color, Vec<f32>)> {
+        let joint = self.hologram.as_ref().and_then(|origin| origin.settings.joint_color.as_ref());
+        match joint.filter(|joint| joint.reference().is_some_and(|color| self.colors == [color])) {
+            Some(joint) => {
+                let drives = phases.pop().unwrap_or_default();
+                joint.lasers.iter().map(|(color, laser)| (*color, laser.phases(&drives))).collect()
+            }
+            None => self.colors.iter().copied().zip(phases).collect(),
+        }
     }
 
     /// One frame. A grey picture is what a display of three channels shows as equal ones, and the other way round.

@@ -5,8 +5,8 @@ use crate::hologram::Hologram;
 use crate::optics::Display;
 
 impl Hologram {
-    /// Its video frames on a display. For frame after frame make an [`Encoder`] once, and let it encode into memory that is
-    /// there.
+    /// Its video frames on a display; of all colours at once, those of the drives that they share. For frame after frame make an [`Encoder`] once, and let it encode into memory that is
+    /// there, of its [colours that are sent](Self::sent_colors).
     ///
     /// # Errors
     /// [`EncodeError::Display`] for colours that have no name or that the display does not have, and for an encoding that
@@ -17,7 +17,10 @@ impl Hologram {
             let reason = "the hologram's colours are not all named".into();
             return Err(EncodeError::Display { display: display.name.clone(), reason });
         }
-        let phases: Vec<&[f32]> = self.colors.iter().map(|c| &c.phases[..]).collect();
+        // Of joint colours the SLM receives the drives, which are one colour's phases.
+        let sent = self.sent_colors();
+        let phases: Vec<&[f32]> = sent.iter().map(|i| &self.colors[*i].phases[..]).collect();
+        let colors: Vec<_> = sent.iter().map(|i| colors[*i]).collect();
         let set = PhaseSet::new(&phases, [self.height, self.width])?;
         Encoder::new(display, &colors, self.frames)?.encode(&set)
     }

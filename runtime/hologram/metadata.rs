@@ -1,7 +1,9 @@
 //! How a hologram was made: what its file keeps beside the optics, typed.
 
 use super::HologramError;
-use crate::optics::{Color, ModelSections, Padding, Picture, Prescription, PupilDistribution, SourceSections, Viewing};
+use crate::optics::{
+    Color, JointColor, ModelSections, Padding, Picture, Prescription, PupilDistribution, SourceSections, Viewing,
+};
 use crate::scene::{Near, Order, Photographs};
 use crate::solve::{Settings, Steering};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
@@ -68,6 +70,9 @@ pub struct Metadata {
     /// How bright and how fine its display's picture is seen.
     #[serde(skip_serializing_if = "Viewing::is_default")]
     pub viewing: Viewing,
+    /// How one drive and all lasers show its colours at once, in sub-frames that they share; none for one colour after another.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joint_color: Option<JointColor>,
     /// Where it was refined for afterwards.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refined: Option<Refined>,

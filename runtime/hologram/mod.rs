@@ -183,6 +183,15 @@ pub enum HologramError {
     /// Its colours are not named, or are not those of its display.
     #[error("its colours are not named, or not those of its display: what it was made for is not known")]
     NoDisplay,
+    /// It shows all colours at once, and was to be moved or shown colour by colour.
+    #[error(
+        "it shows all colours at once, in sub-frames that they share: it is not {what} colour by colour; `eyebox view` and `eyebox \
+         score` look at it, and `eyebox encode` writes its video frames and its lasers' powers"
+    )]
+    SharesSubFrames {
+        /// What was asked for.
+        what: &'static str,
+    },
     /// It shows another scene than it is compared with.
     #[error("it shows '{shows}', and '{given}' is another scene: give that one, or --other-scene if it is meant")]
     OtherScene {
@@ -314,6 +323,7 @@ impl Hologram {
             levels: 256,
             rate_hz: None,
             portrait: self.height > self.width,
+            dispersion: Default::default(),
             encoding: Default::default(),
             model: self.metadata.model.clone(),
             source: self.metadata.source.clone(),
@@ -337,6 +347,17 @@ impl Hologram {
     /// The names of its colours; those that have none are left out.
     pub fn named_colors(&self) -> Vec<Color> {
         self.colors.iter().filter_map(|c| c.color).collect()
+    }
+
+    /// The colours, by their places, whose phases a display receives: all of them, or, where they share their sub-frames
+    /// ([`JointColor`](crate::optics::JointColor)), the one whose phases are the drive.
+    pub fn sent_colors(&self) -> Vec<usize> {
+        let reference = self.metadata.joint_color.as_ref().and_then(|joint| joint.reference());
+        let all = 0..self.colors.len();
+        match reference.and_then(|color| all.clone().find(|i| self.colors[*i].color == Some(color))) {
+            Some(drive) => vec![drive],
+            None => all.collect(),
+        }
     }
 
     /// The optics at colour `index`.
@@ -383,6 +404,10 @@ impl Hologram {
             return wrong(format!("it has {} colours and {frames} sub-frames: at least one each", self.colors.len()));
         }
         self.metadata.check()?;
+        if let Some(joint) = &self.metadata.joint_color {
+            let names: Vec<Option<Color>> = self.colors.iter().map(|c| c.color).collect();
+            joint.check(&names, frames).map_err(HologramError::Inconsistent)?;
+        }
         for w in &self.display_wavelengths {
             if let Err(e) = Optics::new(height, width, self.pitch, w.wavelength, self.focal_length) {
                 return wrong(format!("its display's {}: {e}", w.color));

@@ -22,16 +22,25 @@ impl Hologram {
         self.named_colors().into_iter().map(|c| Ok(Problem::new(field, c, &display, padding)?)).collect()
     }
 
+    /// Refuses a hologram whose colours share their sub-frames, which cannot be `what` colour by colour.
+    ///
+    /// # Errors
+    /// [`HologramError::SharesSubFrames`].
+    pub fn check_apart(&self, what: &'static str) -> Result<(), HologramError> {
+        if self.metadata.joint_color.is_some() { Err(HologramError::SharesSubFrames { what }) } else { Ok(()) }
+    }
+
     /// Begins to refine it for where the pupil is. `field` is its scene; `open` opens an engine for each colour.
     ///
     /// # Errors
-    /// Those of [`problems`](Self::problems), of [`Refiner::new`] and of `open`.
+    /// Those of [`check_apart`](Self::check_apart), of [`problems`](Self::problems), of [`Refiner::new`] and of `open`.
     pub fn refine(
         self,
         field: &LightField,
         steering: Steering,
         mut open: impl FnMut() -> Result<Box<dyn Engine>, EngineError>,
     ) -> Result<Refinement, HologramError> {
+        self.check_apart("refined")?;
         let begin = |(problem, color): (Problem, &super::ColorHologram)| {
             Ok(Refiner::new(problem, &color.phases, color.exposure, steering, open()?)?)
         };

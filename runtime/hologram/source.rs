@@ -189,7 +189,14 @@ impl Hologram {
         let model = self.model(color, plain.slm, plain.grid)?;
         let eye = EyeTables::new(self.metadata.prescription.as_ref());
         let modes = self.modes(color)?.into();
-        Ok(Planner { share: self.picture_share(color), model, eye, modes, ..plain })
+        let powers = self.powers(color).unwrap_or_default().into();
+        Ok(Planner { share: self.picture_share(color), model, eye, modes, powers, ..plain })
+    }
+
+    /// Power of one of its colours' lasers in each sub-frame, over its mean; none where all are alike.
+    pub fn powers(&self, color: usize) -> Option<&[f64]> {
+        let laser = self.metadata.joint_color.as_ref()?.lasers.get(&self.colors[color].color?)?;
+        Some(&laser.powers)
     }
 
     /// The modes of the source that one of its colours was solved for, and is looked at in; none for a laser on the axis.
@@ -245,6 +252,7 @@ fn whole(
     let phases = match frame {
         Some(frame) => {
             planner.frames = 1;
+            planner.powers = hologram.powers(color).map(|powers| powers[frame]).into_iter().collect();
             hologram.frame(color, frame)
         }
         None => &hologram.colors[color].phases,

@@ -2,6 +2,7 @@
 
 use super::color::Color;
 use super::encoding::Encoding;
+use super::joint_color::check_dispersion;
 use super::model::{self, DisplayModel, ModelSections, ModelTerms};
 use super::wavefront_map;
 use super::{Geometry, Optics, OpticsError, Picture, PictureMap, Prescription, SourceSections, Viewing};
@@ -29,6 +30,7 @@ pub struct Wavelength {
 /// rate_hz = 60                   # video frames a second, where it is known
 /// geometry = "relay"             # or "far-field": the SLM in the pupil plane
 /// portrait = false               # true for one that is higher than wide
+/// dispersion = { green = 1.27, blue = 1.5 }   # turns of a colour's light for one of red's: docs/displays.md
 ///
 /// [encoding]                     # what the SLM receives: docs/displays.md
 /// packing = "grey8"
@@ -66,6 +68,8 @@ pub struct Display {
     pub rate_hz: Option<f64>,
     /// Whether it is meant to be higher than wide ([`check_usual`](Self::check_usual)).
     pub portrait: bool,
+    /// Turns of a colour's light where that of the longest wavelength makes one, as far as measured ([`slopes`](Self::slopes)).
+    pub dispersion: BTreeMap<Color, f64>,
     /// How it takes its phases.
     pub encoding: Encoding,
     /// What is known of it beyond the ideal display.
@@ -106,6 +110,10 @@ struct File {
     /// Whether it is meant to be higher than wide.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     portrait: bool,
+    /// Turns of a colour's light where that of the longest wavelength makes one, above 0, at most 8 [default: the longest
+    /// wavelength over the colour's].
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    dispersion: BTreeMap<Color, f64>,
     /// How it takes its phases: the table below.
     #[serde(default)]
     encoding: Encoding,
@@ -157,6 +165,8 @@ impl Display {
             return Err(wrong(format!("rate_hz is {hz}: it must be 1 to 100000 video frames a second")));
         }
         read.encoding.check(read.levels).map_err(&wrong)?;
+        let wavelengths: Vec<(Color, f64)> = read.wavelengths_nm.iter().map(|(color, nm)| (*color, *nm)).collect();
+        check_dispersion(&read.dispersion, &wavelengths).map_err(&wrong)?;
         // Files that it names lie beside it.
         let mut encoding = read.encoding;
         let beside = Path::new(file).parent().unwrap_or(Path::new(""));
@@ -181,6 +191,7 @@ impl Display {
             levels: read.levels,
             rate_hz: read.rate_hz,
             portrait: read.portrait,
+            dispersion: read.dispersion,
             encoding,
             model,
             source: read.source,
@@ -223,6 +234,7 @@ impl Display {
             levels: self.levels,
             rate_hz: self.rate_hz,
             portrait: self.portrait,
+            dispersion: self.dispersion.clone(),
             encoding: self.encoding.clone(),
             model: self.model.clone(),
             source: self.source.clone(),

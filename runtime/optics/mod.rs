@@ -6,10 +6,12 @@
 //! This room imports nothing from the rest of the runtime.
 
 mod color;
+mod dispersion;
 mod display;
 mod encoding;
 mod focus;
 mod geometry;
+mod joint_color;
 mod light;
 mod limits;
 pub(crate) mod linear;
@@ -36,6 +38,8 @@ pub use display::{Display, Wavelength};
 pub use encoding::{Channel, ChannelOrder, Correction, Encoding, Flip, Grating, Orientation, Packing, Place, TwoPi};
 pub use focus::{Depth, depth_in_words, depth_of_dioptres, depths_in_words, dioptres, dioptres_in_words};
 pub use geometry::{Geometry, Optics, frequency_bin};
+pub use joint_color::{JointColor, Laser, powers_in_sequence};
+pub(crate) use joint_color::{drive_of, phase_of, with_mean_of_one};
 pub use light::SourceSampling;
 pub use limits::check_usual_diameters;
 pub use model::{DisplayModel, Iris, Level, ModelOf, ModelSections, ModelTerms, Spread};

@@ -146,6 +146,7 @@ impl Display {
             levels,
             rate_hz: None,
             portrait: false,
+            dispersion: Default::default(),
             encoding,
             model: Default::default(),
             source: Default::default(),

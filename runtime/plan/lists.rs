@@ -77,6 +77,14 @@ impl Planner {
         step
     }
 
+    /// The fields of all sub-frames behind each pupil, left in `Window`, and its photograph, in `Target` of slots 0, 1, ...
+    pub(crate) fn fields_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
+        let all = 0..pupil_passes.len();
+        let mut step = self.view_step(pupil_passes);
+        step.over_pupil_passes(all, &[Kernel::Photograph, Kernel::Resample]);
+        step
+    }
+
     /// The photograph of each pupil, left in `Target` of slots 0, 1, ...
     pub fn photograph_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
         let all = 0..pupil_passes.len();

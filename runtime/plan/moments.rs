@@ -91,15 +91,16 @@ impl Planner {
         self.see_with_eye(&mut pass, &iris(&middle.pupil));
         let size = [self.grid.width as f64, self.grid.height as f64];
         let table = |(mode, optics): &(SourceMode, Optics), window: &Window| {
-            let sub_frame = |(moment, iris): (&Moment, &Pupil)| {
+            let sub_frame = |(frame, (moment, iris)): (usize, (&Moment, &Pupil))| {
                 let [along, down] = [0, 1].map(|i| moment.eye[i] / size[i]);
                 let first = along * window.x0 as f64 + down * window.y0 as f64;
                 // Each moment's light over its own pupil's share.
-                let weight = if moment.seen { (share / self.grid.share(iris.diameter)).sqrt() } else { 0.0 };
+                let power = self.powers.get(frame).map_or(1.0, |power| *power);
+                let weight = if moment.seen { (power * share / self.grid.share(iris.diameter)).sqrt() } else { 0.0 };
                 let spans = window.spans(optics, &mode.pupil(iris, optics.focal_length));
                 (Shift { turns: [down, along, first], weight }, spans)
             };
-            Some(Table::new(&moments.iter().zip(&irises).map(sub_frame).collect::<Vec<_>>()))
+            Some(Table::new(&moments.iter().zip(&irises).enumerate().map(sub_frame).collect::<Vec<_>>()))
         };
         let lit = self.lit();
         pass.moments = table(&lit[0], &window);
@@ -117,6 +118,20 @@ impl Planner {
         }
         pass.shot = self.shot_over(&looks, window);
         pass
+    }
+}
+
+impl PupilPass {
+    /// Lights its sub-frames with these powers, each over their mean, in place of those that it had: of an eye at rest, whose
+    /// table does no more than weigh.
+    pub(crate) fn set_powers(&mut self, powers: &[f64]) {
+        let still = |power: &f64| Shift { turns: [0.0; 3], weight: power.sqrt() };
+        let table =
+            |spans: &Vec<[u32; 2]>| Table::new(&powers.iter().map(|p| (still(p), spans.clone())).collect::<Vec<_>>());
+        self.moments = Some(table(&self.spans));
+        for mode in &mut self.modes {
+            mode.moments = Some(table(&mode.spans));
+        }
     }
 }
 

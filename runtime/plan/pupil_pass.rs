@@ -86,6 +86,8 @@ pub struct Planner {
     /// The modes of the source (OPTICS 12), which add up as intensities; none for a laser on the axis. A model is told of
     /// them by [`with_source`](Self::with_source).
     pub modes: Arc<[SourceMode]>,
+    /// Power of the laser in each sub-frame over its mean (OPTICS 13); none where all are alike.
+    pub powers: Arc<[f64]>,
 }
 
 impl Planner {
@@ -104,6 +106,7 @@ impl Planner {
             model: None,
             eye: None,
             modes: Arc::new([]),
+            powers: Arc::new([]),
         }
     }
 
@@ -162,6 +165,9 @@ impl Planner {
         let iris = self.model.as_ref().map_or(*pupil, |model| model.model().true_pupil(pupil));
         let mut pupil_pass = self.pupil_pass_of(&iris, self.grid.share(iris.diameter), self.frames, comparison);
         self.see_with_eye(&mut pupil_pass, &iris);
+        if !self.powers.is_empty() {
+            pupil_pass.set_powers(&self.powers);
+        }
         pupil_pass.shot = self.shot(pupil, self.displacement(&iris), pupil_pass.window);
         pupil_pass
     }

@@ -212,6 +212,7 @@ mod tests {
             model: None,
             eye: None,
             modes: [].into(),
+            powers: [].into(),
             map: None,
             phases,
         };

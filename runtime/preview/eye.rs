@@ -94,7 +94,11 @@ impl Hold {
         let frames = if frame.is_some() { 1 } else { showing.frames };
         let plain = Planner::new(shown.optics, frames, WindowFactor::Full).with_padding(showing.padding);
         let (model, eye, modes) = (shown.model.clone(), shown.eye.clone(), shown.modes.clone());
-        let planner = Planner { share: shown.share, model, eye, modes, ..plain };
+        let powers = match frame {
+            Some(f) => shown.powers.get(f).into_iter().copied().collect(),
+            None => shown.powers.clone(),
+        };
+        let planner = Planner { share: shown.share, model, eye, modes, powers, ..plain };
         // Cropping a padded image is for whole pixels, and so is putting a far field's axis in the middle.
         let relay = shown.optics.geometry == Geometry::Relay;
         let fine = detail == Detail::Whole || showing.padding != Padding::default() || !relay;

@@ -25,6 +25,8 @@ pub struct Shown {
     pub eye: Option<Arc<EyeTables>>,
     /// The modes of its source; none for a laser on the axis.
     pub modes: Arc<[SourceMode]>,
+    /// Power of its laser in each sub-frame, over its mean (OPTICS 13); none where all are alike.
+    pub powers: Arc<[f64]>,
     /// Where its picture is seen; none where nothing bends it.
     pub map: Option<PictureMap>,
     /// (sub-frame, row, column), radians; none where they are in tiles. A colour whose phases are the same as before costs
@@ -76,6 +78,7 @@ impl Showing {
             model: planner.model,
             eye: planner.eye,
             modes: planner.modes,
+            powers: planner.powers,
             map: color.color.and_then(|color| picture.map(color, size)),
             phases: Arc::new(color.phases),
         };

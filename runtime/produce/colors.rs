@@ -9,7 +9,7 @@ use crate::scene::SceneError;
 use crate::solve::{Flow, Progress, Settings, Solution};
 
 /// Refuses a colour that takes more than there is, by the count of a plan.
-fn promise(subject: &Subject, settings: &Settings, memory: Memory) -> Result<(), ProduceError> {
+pub(super) fn promise(subject: &Subject, settings: &Settings, memory: Memory) -> Result<(), ProduceError> {
     let bytes = subject.cost(settings, memory)?.bytes();
     let what = || format!("{} sub-frames of {} x {}", settings.frames, subject.display.height, subject.display.width);
     let remedy = "take fewer --frames, --views or --pupils, or a smaller --size";

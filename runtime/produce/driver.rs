@@ -3,6 +3,7 @@
 use super::ProduceError;
 use super::colors::solve_colors;
 use super::job::{SceneEvent, SceneJob, warn_of_aliasing};
+use super::joint::solve_joint_colors;
 use super::sequence::{self, SolvedSequence};
 use super::tiles::{self, SolvedTiles};
 use crate::engine::{Engine, Memory};
@@ -79,6 +80,11 @@ pub fn solve_scene(
 ) -> Result<SceneSolution, ProduceError> {
     let needs = |what: &str| ProduceError::Job(format!("{what} is solved into its file: say where"));
     job.check_usual()?;
+    if job.settings.joint.is_some() && (job.scenes.len() > 1 || job.tiles.is_some()) {
+        let reason =
+            "all colours at once is for one scene that is solved whole: leave out the other scenes and the tiles";
+        return Err(ProduceError::Job(reason.into()));
+    }
     match (job.scenes.len(), &job.tiles) {
         (0, _) => Err(ProduceError::Job("there is no scene to solve".into())),
         (1, Some(tiles)) => {
@@ -162,8 +168,14 @@ fn solve_field(
     let settings = subject.settings(&plan.settings);
     settings.check()?;
     observe(&SceneEvent::Planned { field: &field, views, plan: &plan, settings: &settings });
-    let solutions = solve_colors(&subject, &plan.colors, &settings, engine, observe)?;
+    let (solutions, joint_color) = if settings.joint.is_some() {
+        let (solutions, joint) = solve_joint_colors(&subject, &plan.colors, &settings, None, engine, observe)?;
+        (solutions, Some(joint))
+    } else {
+        (solve_colors(&subject, &plan.colors, &settings, engine, observe)?, None)
+    };
     let mut hologram = Hologram::from_solutions(&field, display, &settings, plan.padding, &solutions)?;
+    hologram.metadata.joint_color = joint_color;
     hologram.metadata.views = Some(views);
     hologram.metadata.order = job.order;
     hologram.metadata.photographs = Some(job.photographs).filter(|how| *how != Photographs::Auto);

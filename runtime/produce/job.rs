@@ -233,7 +233,9 @@ impl<'a> SceneJob<'a> {
         let Self { depth, full, contrast, .. } = *self;
         let request = PlanRequest { settings: &settings, depth, full, contrast };
         let mut plan = ScenePlan::new(field, self.display, &request)?;
-        plan.settings.seconds = self.settings.seconds.map(|s| s / plan.colors.len() as f64);
+        // Colours that are solved together need no share of it each.
+        let turns = if self.settings.joint.is_some() { 1 } else { plan.colors.len() };
+        plan.settings.seconds = self.settings.seconds.map(|s| s / turns as f64);
         Ok(plan)
     }
 }

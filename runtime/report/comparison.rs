@@ -2,7 +2,7 @@
 
 use super::findings::findings;
 use super::page::{document, figure, row, section, statements, table};
-use super::{pictures, plots};
+use super::{joint, pictures, plots};
 use crate::evaluate::{Group, Summary};
 use crate::quality::comparison::{Results, SceneFigures, Series, mean};
 use maud::{Markup, html};
@@ -16,6 +16,8 @@ pub fn page(results: &Results) -> String {
     let lead = "A hologram should look right from anywhere in the eyebox: wherever the pupil is, however wide, whatever it \
         focuses on. Here every method makes holograms of the same scenes, with the same steps, pupils and settings, and each \
         is looked at through the same pupils.";
+    // Without methods there is nothing but what was asked for beside them.
+    let compares = !results.methods.is_empty();
     let body = html! {
         @if results.missing > 0 {
             p.warn {
@@ -24,16 +26,25 @@ pub fn page(results: &Results) -> String {
             }
         }
         nav aria-label="Sections" {
-            a href="#shows" { "What this shows" }
-            a href="#scores" { "Scores" }
-            a href="#seen" { "What the eye sees" }
-            a href="#eyebox" { "Light in the eyebox" }
+            @if compares {
+                a href="#shows" { "What this shows" }
+                a href="#scores" { "Scores" }
+                a href="#seen" { "What the eye sees" }
+                a href="#eyebox" { "Light in the eyebox" }
+            }
             @if !results.speckle.is_empty() { a href="#speckle" { "Speckle" } }
-            a href="#tables" { "Tables" }
-            a href="#methods" { "Methods" }
+            @if !results.joint.is_empty() { a href="#joint" { "All colours at once" } }
+            @if compares {
+                a href="#tables" { "Tables" }
+                a href="#methods" { "Methods" }
+            }
         }
-        (shows(results)) (scores(results)) (over_pupils(results)) (seen(results)) (light(results)) (speckle(results))
-        (colors(results)) (tables(results)) (methods(results))
+        @if compares {
+            (shows(results)) (scores(results)) (over_pupils(results)) (seen(results)) (light(results)) (speckle(results))
+            (colors(results))
+        }
+        (joint::section(results))
+        @if compares { (tables(results)) (methods(results)) }
     };
     document(&title, lead, &facts(results), body)
 }

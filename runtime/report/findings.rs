@@ -233,6 +233,7 @@ mod tests {
             scenes: Vec::new(),
             runs: Vec::new(),
             speckle: Vec::new(),
+            joint: Vec::new(),
             published: Vec::new(),
             missing: 0,
         };

@@ -10,6 +10,7 @@ mod comparison;
 mod content_study;
 mod drawing;
 mod findings;
+mod joint;
 mod page;
 mod pictures;
 mod plot;
@@ -32,7 +33,8 @@ use crate::session::{ContentRun, Study};
 use serde_json::Value;
 
 /// What [`write_comparison`] writes, as [`OwnFolder::open`] takes it.
-pub const COMPARISON: [&str; 5] = ["report.html", "scores.csv", "summary.csv", "report.json", "figures/"];
+pub const COMPARISON: [&str; 6] =
+    ["report.html", "scores.csv", "summary.csv", "joint-color.csv", "report.json", "figures/"];
 /// What [`write_tuned`] writes.
 pub const TUNED: [&str; 4] = ["index.html", "trials.csv", "tradeoff.json", "figures/"];
 /// What [`write_study`] writes.
@@ -44,21 +46,23 @@ pub fn comparison_json(results: &Results) -> Value {
     tables::json(results)
 }
 
-/// Writes `report.html`, `scores.csv`, `summary.csv` and `report.json` of a comparison of methods into a folder, each whole
+/// Writes `report.html`, `scores.csv`, `summary.csv`, `report.json` and, where it has one, `joint-color.csv` of a comparison of methods into a folder, each whole
 /// or not at all; and its plots, each by itself as SVG and as PDF, into `figures/`.
 ///
 /// # Errors
 /// [`FileError`].
 pub fn write_comparison(results: &Results, folder: &mut OwnFolder) -> Result<(), FileError> {
+    let methods = if results.methods.is_empty() { Vec::new() } else { plots::figures(results) };
+    let joint = (!results.joint.is_empty()).then(|| ("joint-color.csv", tables::joint_table(results)));
     write(
         folder,
-        plots::figures(results),
-        [
+        methods.into_iter().chain(joint::figures(results)),
+        joint.into_iter().chain([
             ("scores.csv", tables::scores(results)),
             ("summary.csv", tables::summary(results)),
             ("report.json", format!("{:#}\n", tables::json(results)).into_bytes()),
             ("report.html", comparison::page(results).into_bytes()),
-        ],
+        ]),
     )
 }
 
@@ -125,10 +129,10 @@ pub fn write_content_study(
 }
 
 /// The files, after each plot by itself, under its name with dashes.
-fn write<const N: usize>(
+fn write<'f>(
     folder: &mut OwnFolder,
     figures: impl IntoIterator<Item = (impl AsRef<str>, Plot)>,
-    files: [(&str, Vec<u8>); N],
+    files: impl IntoIterator<Item = (&'f str, Vec<u8>)>,
 ) -> Result<(), FileError> {
     let mut all = Vec::new();
     for (name, plot) in figures {
@@ -138,6 +142,6 @@ fn write<const N: usize>(
         all.push((format!("figures/{name}.svg"), plot.file().into_bytes()));
         all.push((format!("figures/{name}.pdf"), plot.pdf()));
     }
-    all.extend(files.map(|(name, bytes)| (name.to_owned(), bytes)));
+    all.extend(files.into_iter().map(|(name, bytes)| (name.to_owned(), bytes)));
     folder.write(all)
 }

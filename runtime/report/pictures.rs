@@ -3,7 +3,7 @@
 use crate::quality::comparison::{DECADES, ERROR_GAIN, Picture, Results, Run, SHOWN, SceneFigures, Series, mean};
 use maud::{Markup, html};
 
-fn img(picture: &Picture, alt: &str, class: Option<&str>) -> Markup {
+pub(super) fn img(picture: &Picture, alt: &str, class: Option<&str>) -> Markup {
     let Picture { width, height, data, .. } = picture;
     html! { img class=[class] width=(width) height=(height) alt=(alt) title=(alt) src=(data); }
 }
@@ -31,7 +31,7 @@ fn runs<'a>(results: &'a Results, scene: &SceneFigures) -> Vec<(Series, &'a Run)
 }
 
 /// So many columns that rows of at most six are about equally full.
-fn columns(count: usize) -> String {
+pub(super) fn columns(count: usize) -> String {
     format!("--n:{}", count.max(1).div_ceil(count.max(1).div_ceil(6)))
 }
 

@@ -181,7 +181,7 @@ pub fn focus(results: &Results) -> Plot {
 }
 
 /// Numbers of sub-frames as ticks.
-fn counts(all: impl IntoIterator<Item = usize>) -> Vec<(f64, String)> {
+pub(super) fn counts(all: impl IntoIterator<Item = usize>) -> Vec<(f64, String)> {
     let mut counts: Vec<usize> = all.into_iter().collect();
     counts.sort_unstable();
     counts.dedup();

@@ -16,9 +16,16 @@ pub(super) fn page(title: &str, engine: &str, study: &Study) -> String {
         [mean, least].map(|v| if v.is_finite() { format!("{v:+.2} dB") } else { "-".into() })
     });
     let lead = "What the eye sees of a hologram that follows it, against the same hologram unsteered.";
+    let jod = study.at_the_end_jod();
+    let jod = [0, 1].map(|i| match jod.is_empty() {
+        true => "-".into(),
+        false => format!("{:.2} JOD", jod.iter().map(|both| both[i]).sum::<f64>() / jod.len() as f64),
+    });
     let facts = [
         ("At the end of a fixation", end[0].clone()),
         ("at least", end[1].clone()),
+        ("seen there", jod[0].clone()),
+        ("seen there unsteered", jod[1].clone()),
         ("Within 50 ms of a landing", soon[0].clone()),
         ("at least", soon[1].clone()),
         ("At any time at least", format!("{:+.2} dB", study.worst_db())),

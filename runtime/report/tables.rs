@@ -2,7 +2,7 @@
 
 use super::findings::findings;
 use crate::evaluate::{Group, Summary};
-use crate::quality::comparison::{Results, SceneFigures, Series};
+use crate::quality::comparison::{JointFigures, Results, SceneFigures, Series};
 use serde_json::{Map, Value, json};
 
 /// A CSV file of these lines.
@@ -70,6 +70,24 @@ pub fn summary(results: &Results) -> Vec<u8> {
     csv(&head.iter().map(|h| &h[..]).collect::<Vec<_>>(), lines)
 }
 
+/// One way of lighting, without its picture.
+fn joint(figures: &JointFigures) -> Value {
+    let JointFigures { scene, frames, way, brightness, mean_db, worst_db, colors_db, powers, .. } = figures;
+    json!({
+        "scene": scene, "frames": frames, "way": way, "brightness": brightness, "mean_db": mean_db, "worst_db": worst_db,
+        "colors_db": colors_db, "powers": powers,
+    })
+}
+
+/// All colours at once against one colour after another: one line per scene, number of sub-frames and way of lighting them.
+pub fn joint_table(results: &Results) -> Vec<u8> {
+    let lines = results.joint.iter().map(|j| {
+        let numbers = [j.brightness, j.mean_db, j.worst_db].map(|v| format!("{v:.4}"));
+        [vec![j.scene.clone(), j.frames.to_string(), j.way.clone()], numbers.to_vec()].concat()
+    });
+    csv(&["scene", "frames", "way", "brightness", "psnr_mean_db", "psnr_worst_db"], lines)
+}
+
 /// All numbers, without pictures.
 pub fn json(results: &Results) -> Value {
     let groups = |method: &str, frames: usize, scene: Option<&str>| -> Value {
@@ -103,6 +121,6 @@ pub fn json(results: &Results) -> Value {
         "about": results.about, "missing": results.missing, "methods": results.methods,
         "scenes": scenes.collect::<Vec<_>>(), "over_scenes": results.series().iter().map(of_series).collect::<Vec<_>>(),
         "runs": runs.collect::<Vec<_>>(), "speckle": results.speckle, "claims": claims.collect::<Vec<_>>(),
-        "published": results.published,
+        "published": results.published, "joint": results.joint.iter().map(joint).collect::<Vec<_>>(),
     })
 }

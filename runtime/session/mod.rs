@@ -115,7 +115,7 @@ pub use showing::Showing;
 pub use statistics::{Ending, LiveStatistics, Statistics};
 pub use steerer::{EngineOpener, Followed, Policy, SteeredColor, Steerer};
 pub use study::{ContentRun, ContentSample, ContentSettings, StudiedContent, StudiedEye, study_content};
-pub use study::{Observer, Study, StudySample, StudySettings, study};
+pub use study::{Judging, Observer, Study, StudySample, StudySettings, study};
 pub use ticked::TickedSession;
 pub use ticks::{TickedFrame, TickedOutput};
 pub use timeline::Speed;

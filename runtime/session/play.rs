@@ -63,6 +63,7 @@ pub struct Play {
 
 /// What makes video frames of a hologram's phases on a display; `what` is the hologram, for people.
 pub(super) fn encoder_of(what: &str, about: &Hologram, display: &Display) -> Result<Encoder, SessionError> {
+    about.check_apart("played")?;
     let named =
         |c: &ColorHologram| c.color.ok_or_else(|| SessionError::Setting(format!("{what}: its colours are not named")));
     let colors: Vec<Color> = about.colors.iter().map(named).collect::<Result<_, _>>()?;

@@ -5,52 +5,29 @@
 //! whole, and those that come too late are shown a set later.
 
 mod content;
+mod judged;
 mod results;
+mod seen;
 mod stage;
 
 #[cfg(test)]
 pub(super) use content::moved_color;
 pub use content::{ContentRun, ContentSample, ContentSettings, StudiedContent, StudiedEye, study_content};
-pub use results::{Study, StudySample, StudySettings};
+pub use results::{Judging, Study, StudySample, StudySettings};
 
 use super::error::SessionError;
 use super::steerer::{Policy, SteeredColor, Steerer};
 use super::work_time::WorkTime;
 use crate::encode::{Encoder, PhaseSet, VideoFrames};
 use crate::engine::{Engine, EngineError};
-use crate::evaluate::Sums;
 use crate::optics::Pupil;
-use crate::solve::{PupilRange, Refiner, Sampler, Sequence};
 use crate::trackers::simulated::Doing;
+use judged::Judge;
+use seen::SeenColor;
 use stage::Stage;
 
-/// Pupils that the exposure is fitted over.
-const EXPOSED: usize = 12;
 /// What handing over is allowed beside encoding, nanoseconds.
 const SLACK_NS: i64 = 500_000;
-
-/// What an eye sees of one colour's phases, at an exposure that stays.
-struct SeenColor {
-    seen: Refiner,
-    exposure: f64,
-}
-
-impl SeenColor {
-    fn new(color: &SteeredColor, policy: &Policy, depth: f64, engine: Box<dyn Engine>) -> Result<Self, SessionError> {
-        let problem = color.problem.clone();
-        let range = PupilRange::over(problem.eyebox, [depth, depth]);
-        let mut seen = Refiner::new(problem, &color.phases, color.exposure, policy.steering, engine)?;
-        let mut sampler = Sampler::new(range, Sequence::Sobol, 0x006a_7564_6765);
-        let pupils: Vec<Pupil> = (0..EXPOSED).map(|_| sampler.draw()).collect();
-        // Lasers stay as they are: one exposure, that of the hologram for the whole eyebox.
-        let exposure = Sums::fit_exposure(&seen.look(&pupils)?).map_err(|e| SessionError::Setting(e.to_string()))?;
-        Ok(Self { seen, exposure })
-    }
-
-    fn psnr(&mut self, pupil: Pupil) -> Result<f64, EngineError> {
-        Ok(self.seen.look(&[pupil])?.iter().map(|s| s.psnr(self.exposure)).sum())
-    }
-}
 
 /// Of all colours, dB: the mean.
 fn psnr(colors: &mut [SeenColor], pupil: Pupil) -> Result<f64, EngineError> {
@@ -81,6 +58,7 @@ struct Studying<'a> {
     /// What the eye sees of the set on the display, and of the hologram for the whole eyebox.
     lit: Vec<SeenColor>,
     whole: Vec<SeenColor>,
+    judge: Option<Judge>,
     shown: MadeSet,
     samples: Vec<StudySample>,
     next_start_ns: i64,
@@ -112,6 +90,7 @@ pub fn study(
         colors.iter().map(|color| SeenColor::new(color, policy, depth, engine()?)).collect()
     };
     let (lit, whole) = (seen()?, seen()?);
+    let judge = settings.judging.as_ref().map(Judge::new).transpose()?;
     // Before time begins: no first step is like the others.
     for _ in 0..4 {
         steerer.round_while(|_| true)?;
@@ -127,6 +106,7 @@ pub fn study(
         depth,
         lit,
         whole,
+        judge,
         shown: MadeSet { phases, pupil: None, steps: 0, new: false },
         samples: Vec::new(),
         next_start_ns: settings.period_ns,
@@ -211,6 +191,11 @@ impl Studying<'_> {
             }
             let [x, y] = truth.position;
             let pupil = Pupil { x, y, diameter: truth.diameter, depth: self.depth };
+            let last = landed.is_some() && self.stage.jumps_by(light_ns + self.settings.period_ns);
+            let jod = match self.judge.as_mut().filter(|_| last) {
+                Some(judge) => judge.both([&mut self.lit, &mut self.whole], pupil)?,
+                None => None,
+            };
             let sample = StudySample {
                 time_s: light_ns as f64 * 1e-9,
                 since_landing_ms: landed.map(|l| (light_ns as f64 - l as f64) * 1e-6),
@@ -220,6 +205,7 @@ impl Studying<'_> {
                 error: self.shown.pupil.map(|p| (p[0] - x).hypot(p[1] - y)),
                 steered_db: psnr(&mut self.lit, pupil)?,
                 whole_db: psnr(&mut self.whole, pupil)?,
+                jod,
                 steps: self.shown.steps,
                 new: std::mem::take(&mut self.shown.new),
             };

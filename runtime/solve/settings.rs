@@ -1,6 +1,7 @@
 //! What can be chosen about a solve: one type for the library, the command, measured settings and a hologram's file.
 
 use super::error::SolveError;
+use super::joint::choice::Joint;
 use super::levels::Levels;
 use super::method::Method;
 use super::motion::Motion;
@@ -93,6 +94,10 @@ pub struct Settings {
     /// What moves while the sub-frames are lit: pupils are drawn so ([`Method::Slfh`] and the methods of focal stacks).
     #[serde(skip_serializing_if = "Motion::is_still")]
     pub motion: Motion,
+    /// All colours at once, in sub-frames that they share; none for one colour after another. What takes all colours of a
+    /// scene follows it ([`solve_joint`](super::solve_joint)).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joint: Option<Joint>,
     /// Bytes that the windows of pupils in flight may take: as float32, so that halves take half of it; in a device's own
     /// memory twice as many, as they are stored there.
     pub window_bytes: usize,
@@ -127,6 +132,7 @@ impl Default for Settings {
             views: 1,
             pixel: 1,
             motion: Motion::default(),
+            joint: None,
             window_bytes: 256 << 20,
             storage: Storage::F32,
         }
@@ -184,6 +190,31 @@ impl Settings {
         }
     }
 
+    /// These as all colours at once are solved by: of all pixels, views and sub-frames, in float32.
+    pub fn for_joint_colors(&self) -> Self {
+        Self { repeats: 1, pixel: 1, views: 1, storage: Storage::F32, ..self.clone() }
+    }
+
+    /// Refuses what all colours at once do not have.
+    fn check_joint(&self) -> Result<(), SolveError> {
+        let wrong = |what, value: String, right| Err(SolveError::Setting { what, value, right });
+        let Some(Joint { brightness }) = self.joint else { return Ok(()) };
+        if !(brightness >= 1.0 && brightness.is_finite()) {
+            return wrong("the brightness of joint colours", brightness.to_string(), "1 to the number of colours");
+        }
+        if !matches!(self.method, Method::Slfh | Method::Lf2fs | Method::StftExact) {
+            let right = "slfh, lf2fs or stft-exact for all colours at once";
+            return wrong("the method", self.method.name().into(), right);
+        }
+        if self.levels != Levels::Any {
+            return wrong("the choice of phase levels", "given".into(), "any phase for all colours at once");
+        }
+        if !self.motion.is_still() {
+            return wrong("the motion", "given".into(), "none for all colours at once");
+        }
+        Ok(())
+    }
+
     /// Refuses settings that cannot be.
     ///
     /// # Errors
@@ -237,6 +268,7 @@ impl Settings {
             }
         }
         self.motion.check(self.solved_frames())?;
+        self.check_joint()?;
         match self.efficiency {
             Some(e) if !(e > 0.0 && e <= 1.0) => wrong("the efficiency", e.to_string(), "above 0, at most 1"),
             _ => Ok(()),

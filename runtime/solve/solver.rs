@@ -44,6 +44,10 @@ pub fn solve_from(
     settings.check()?;
     problem.check_eye(settings)?;
     super::source::check(!problem.modes.is_empty(), settings.method)?;
+    if settings.joint.is_some() {
+        let (what, right) = ("the number of colours", "all of a scene's, for all colours at once: solve_joint");
+        return Err(SolveError::Setting { what, value: "1".into(), right });
+    }
     if let Some(from) = from {
         let wanted = settings.frames * problem.optics.height * problem.optics.width;
         if from.phases.len() != wanted || !from.phases.iter().all(|p| p.is_finite()) {

@@ -466,7 +466,19 @@ impl Refiner {
         self.look_through(&pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect::<Vec<_>>())
     }
 
-    /// The same through any viewpoints, such as eyes that move.
+    /// What an eye sees through this pupil, at no exposure, and the photograph that it should see: pictures of
+    /// [`Optics::image_size`](crate::optics::Optics::image_size), linear light.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    pub fn pictures(&mut self, pupil: Pupil) -> Result<[Vec<f32>; 2], EngineError> {
+        self.pupil_passes.clear();
+        let mut seen = evaluate::views(self.engine.as_mut(), &self.planner, &[pupil])?;
+        let mut wanted = evaluate::photographs(self.engine.as_mut(), &self.planner, &[pupil])?;
+        Ok([&mut seen, &mut wanted].map(|pictures| pictures.pop().unwrap_or_default()))
+    }
+
+    /// [`look`](Self::look) through any viewpoints, such as eyes that move.
     ///
     /// # Errors
     /// Those of the engine.

@@ -103,6 +103,11 @@ pub struct Solve {
     /// Sub-frames, optimised jointly on their mean intensity [default: 8]
     #[arg(long, value_name = "F")]
     pub frames: Option<usize>,
+    /// All colours at once: every laser lights every sub-frame, with a power of its own, and phases and powers are solved for all
+    /// colours together; white is so many times brighter than of one colour after another by the same lasers, 1 to the number
+    /// of colours [alone: 1]
+    #[arg(long, value_name = "TIMES", num_args = 0..=1, require_equals = true, default_missing_value = "1", value_parser = positive, conflicts_with = "camera")]
+    pub joint_color: Option<f64>,
     /// What is supervised: slfh, lf2fs, stft, stft-unfiltered, stft-exact, smooth, dpac, pupil-aware
     #[arg(long, value_parser = method, default_value = "slfh", value_name = "NAME")]
     pub method: Method,

@@ -164,6 +164,7 @@ fn comparison(
         colors: colors.to_vec(),
         settings: settings.clone(),
         speckle: false,
+        joint: Vec::new(),
         judged: JUDGED,
     };
     let results = evaluate::compare(&job, &folder, &mut load, engine, false)?;

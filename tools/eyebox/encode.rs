@@ -74,7 +74,9 @@ fn load(args: &Encode, display: &Display) -> Result<Input, Failure> {
         None => Err(Failure::Asked(format!("{}: its colours are not named", args.hologram.display()))),
     };
     let (frames, size) = (hologram.frames, [hologram.height, hologram.width]);
-    let colors = hologram.colors.iter_mut().map(named).collect::<Result<_, _>>()?;
+    let sent = hologram.sent_colors();
+    let colors: Result<Vec<_>, _> = hologram.colors.iter_mut().map(named).collect();
+    let colors = colors?.into_iter().enumerate().filter(|(i, _)| sent.contains(i)).map(|(_, color)| color).collect();
     Ok(Input { frames, size, colors, notes, hologram })
 }
 

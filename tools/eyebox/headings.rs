@@ -49,6 +49,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "deadline",
             "frames",
             "speckle",
+            "joint_color",
             "efficiency",
             "method",
             "stft_filter",

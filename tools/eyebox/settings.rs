@@ -7,7 +7,7 @@ use eyebox::engine::Engine;
 use eyebox::optics::{Color, Display};
 use eyebox::produce::{SceneJob, SequenceRequest, TilesRequest};
 use eyebox::scene::LightField;
-use eyebox::solve::{Levels, Optimizer, ScenePlan, Settings, even_levels};
+use eyebox::solve::{Joint, Levels, Optimizer, ScenePlan, Settings, even_levels};
 
 /// The settings that the arguments mean, for depths in metres, and what there is to say of them: the defaults, or what
 /// quality and deadline ask for; what is given itself wins.
@@ -102,6 +102,7 @@ pub fn plan_of(args: &Solve, settings: &Settings, field: &LightField, display: &
 pub fn base_of(args: &Solve, display: &Display, depth: [f64; 2]) -> Result<Settings, Failure> {
     Ok(Settings {
         frames: args.frames.unwrap_or(Settings::default().frames),
+        joint: args.joint_color.map(|brightness| Joint { brightness }),
         method: args.method,
         stft_filter: args.stft_filter,
         stft_samples: args.stft_samples,

@@ -134,6 +134,10 @@ fn say_hologram(
             "depth_mm": solved.settings.depth.map(|z| z * 1e3),
             "depth_dioptres": solved.settings.depth.map(|z| dioptres(z, display.focal_length)),
         });
+        if let Some(joint) = &solved.hologram.metadata.joint_color {
+            out["joint_color"] = json!(joint);
+            out["brightness"] = json!(joint.brightness());
+        }
         if args.camera.is_some() {
             out["camera"] = gains.iter().map(camera::as_json).collect();
         }
@@ -155,6 +159,12 @@ fn say_hologram(
                 Stop::NotFinite { .. } => format!("; stopped: {}", fault(s.stop)),
                 _ => String::new(),
             }
+        );
+    }
+    if let Some(joint) = &solved.hologram.metadata.joint_color {
+        let times = joint.brightness();
+        println!(
+            "all colours at once: white is {times:.2} times brighter than of one colour after another by the same lasers"
         );
     }
     gains.iter().for_each(|gain| println!("{}", camera::in_words(gain)));

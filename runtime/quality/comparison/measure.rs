@@ -247,7 +247,8 @@ pub fn measure(
             .with_padding(hologram.metadata.padding());
         let color = solved.color.unwrap_or(wanted.looks[i].color);
         let model = ModelTables::of(display, color, planner.slm, planner.grid);
-        let planner = Planner { model, modes: display.modes(color).into(), ..planner };
+        let powers = hologram.powers(i).unwrap_or_default().into();
+        let planner = Planner { model, modes: display.modes(color).into(), powers, ..planner };
         engine.load(&planner.shape(Purpose::View), None)?;
         engine.write(Buffer::Phases, &solved.phases)?;
         let map = evaluate::energy(engine, &planner)?;

@@ -5,6 +5,7 @@
 //! is there, so that a run that was stopped resumes where it was. What was measured is plain data ([`Results`]).
 
 mod candidate;
+mod joint;
 mod judged;
 mod measure;
 mod picture;
@@ -17,18 +18,20 @@ pub(crate) use measure::{DECADES, ERROR_GAIN};
 pub(crate) use picture::{light_exact, map};
 pub use pupils::{SHOWN, Shown};
 pub use results::{
-    About, ColorError, ColorFigures, EnergyMap, MethodAbout, Picture, Pictures, Published, Results, Row, Run,
-    SceneFigures, Series, SpeckleFigures, mean,
+    About, ColorError, ColorFigures, EnergyMap, JointFigures, MethodAbout, Picture, Pictures, Published, Results, Row,
+    Run, SceneFigures, Series, SpeckleFigures, mean,
 };
 
 use super::QualityError;
 use super::kept::{Keep, append, checksum};
 use crate::engine::Engine;
+use crate::evaluate::Group;
 use crate::files::MadeFolder;
 use crate::hologram::Hologram;
-use crate::optics::{Color, Display, Padding};
+use crate::optics::{Color, Display, Padding, Pupil};
 use crate::scene::LightField;
 use crate::solve::{self, Flow, Method, Problem, Settings, Solution};
+use joint::{Colors, Lighting};
 use measure::Wanted;
 use pupils::Pupils;
 use serde_json::json;
@@ -58,6 +61,9 @@ pub struct Comparison {
     pub settings: Settings,
     /// Whether the speckle of an even plane is measured.
     pub speckle: bool,
+    /// Times that all colours at once are to be brighter than one colour after another, each compared with that; empty where they
+    /// are not compared.
+    pub joint: Vec<f64>,
     /// Pupils of each group that are judged in JOD, spread evenly over it; 0 for none. A judgement takes about as long as
     /// looking through some pupils.
     pub judged: usize,
@@ -91,7 +97,11 @@ impl Comparison {
             if work.say(&format!("{label}: loading")) {
                 let (field, depth) = load(index)?;
                 views = views.or(Some(field.grid));
-                OfScene::new(self, index, &field, depth).run(&mut work, engine, &mut results)?;
+                let scene = OfScene::new(self, index, &field, depth);
+                if !self.candidates.is_empty() {
+                    scene.run(&mut work, engine, &mut results)?;
+                }
+                scene.colors_at_once(&mut work, engine, &mut results)?;
             }
             results.missing += self.runs(index).count() - (results.runs.len() - before);
         }
@@ -127,6 +137,7 @@ impl Comparison {
             scenes: Vec::new(),
             runs: Vec::new(),
             speckle: Vec::new(),
+            joint: Vec::new(),
             published: Vec::new(),
             missing: 0,
         }
@@ -150,6 +161,18 @@ impl Comparison {
             Source::Given(_) => None,
         });
         solved.filter(|m| self.speckle && speckle::has_speckle(*m))
+    }
+
+    /// Ways of lighting sub-frames that are compared.
+    fn ways(&self) -> Vec<Lighting> {
+        let joint = self.joint.iter().map(|times| Lighting::Joint(*times));
+        let all = [Lighting::Sequence].into_iter().chain(joint).chain([Lighting::Undimmed]);
+        if self.joint.is_empty() { Vec::new() } else { all.collect() }
+    }
+
+    /// Numbers of sub-frames that they are compared with: each colour has one at least.
+    fn joint_frames(&self) -> impl Iterator<Item = usize> {
+        self.frames.iter().copied().filter(|frames| !self.joint.is_empty() && *frames >= self.colors.len())
     }
 
     /// Longest side of the pictures that are kept, pixels.
@@ -214,6 +237,7 @@ impl<'a, 'b> Work<'a, 'b> {
         let runs: usize = (0..job.scenes.len()).map(|i| job.runs(i).count()).sum();
         let all = PHOTOGRAPHS * job.scenes.len() as f64
             + (SOLVE + LOOK) * runs as f64
+            + (SOLVE + LOOK) * (job.ways().len() * job.joint_frames().count() * job.scenes.len()) as f64
             + SPECKLE * job.speckled().count() as f64;
         Ok(Self { results, holograms, _made, observe, done: 0.0, all: all.max(1.0), stopped: false })
     }
@@ -343,6 +367,52 @@ impl<'a> OfScene<'a> {
         }
         results.scenes.extend(figures);
         results.runs.extend(done.into_iter().flatten());
+        Ok(())
+    }
+
+    /// All colours at once against one colour after another, by every number of sub-frames that is not there yet.
+    fn colors_at_once(
+        &self,
+        work: &mut Work,
+        engine: &mut dyn Engine,
+        results: &mut Results,
+    ) -> Result<(), QualityError> {
+        let (job, ways) = (self.job, self.job.ways());
+        let pupils: Vec<Pupil> =
+            self.pupils.members.iter().filter(|m| m.group == Group::Random).map(|m| m.pupil).collect();
+        for frames in job.joint_frames() {
+            let settings = Settings { frames, depth: self.depth, ..job.settings.clone() };
+            let made_by = json!({ "shown": self.shown(&self.made_by), "settings": settings, "joint": job.joint });
+            let (name, made_by) = (format!("{}-joint-{frames}", self.name), made_by.to_string());
+            let kept: Option<Vec<JointFigures>> = work.results.load(&name, &made_by);
+            let found = match kept {
+                Some(kept) => Some(kept),
+                None => {
+                    let colors = Colors {
+                        field: self.field,
+                        display: &job.display,
+                        colors: &job.colors,
+                        settings: &settings,
+                        pupils: &pupils,
+                        longest: job.longest(),
+                    };
+                    let label = self.label();
+                    let mut went = |way: &str| work.say(&format!("{label}: {frames} sub-frames, {way}"));
+                    let found = colors.compare(frames, &ways, engine, &mut went)?;
+                    if let Some(found) = &found {
+                        work.results.save(&name, &made_by, found)?;
+                    }
+                    found
+                }
+            };
+            let Some(found) = found else {
+                results.missing += 1;
+                break;
+            };
+            work.pass((SOLVE + LOOK) * ways.len() as f64);
+            let named = |figures| JointFigures { scene: self.label().into(), ..figures };
+            results.joint.extend(found.into_iter().map(named));
+        }
         Ok(())
     }
 

@@ -165,6 +165,29 @@ pub struct SpeckleFigures {
     pub diameter_mm: f64,
 }
 
+/// One way of lighting sub-frames with all colours, measured against one scene.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct JointFigures {
+    /// Name of the scene.
+    pub scene: String,
+    /// Sub-frames in all.
+    pub frames: usize,
+    /// How they are lit, for people.
+    pub way: String,
+    /// How bright white is, times that of one colour after another by lasers of the same peak power.
+    pub brightness: f64,
+    /// PSNR over random pupils and colours, dB: mean,
+    pub mean_db: f64,
+    /// and worst.
+    pub worst_db: f64,
+    /// The mean of each colour, dB.
+    pub colors_db: Vec<(Color, f64)>,
+    /// Powers of the lasers in each sub-frame, over their mean; none in sequence.
+    pub powers: Option<Vec<(Color, Vec<f64>)>>,
+    /// Through a pupil of a quarter of the eyebox, in its middle.
+    pub picture: Option<Picture>,
+}
+
 /// What all results of a comparison have in common.
 #[derive(Debug, Clone, Serialize)]
 pub struct About {
@@ -276,6 +299,8 @@ pub struct Results {
     pub runs: Vec<Run>,
     /// Speckle of an even plane.
     pub speckle: Vec<SpeckleFigures>,
+    /// All colours at once against one colour after another; empty where they were not compared.
+    pub joint: Vec<JointFigures>,
     /// Numbers from elsewhere, shown beside.
     pub published: Vec<Published>,
     /// Results that are not there yet.

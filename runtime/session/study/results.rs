@@ -1,6 +1,7 @@
 //! What is studied, and what came of it.
 
 use crate::gaze;
+use crate::optics::{Color, Viewing};
 use crate::session::set_timing::SetTiming;
 use crate::session::work_time::Cost;
 use crate::trackers::simulated;
@@ -23,6 +24,19 @@ pub struct StudySettings {
     pub eye: simulated::Settings,
     /// From samples to the pupil. The eye's focus is the middle of its range.
     pub gaze: gaze::Settings,
+    /// Where given, the last set of every fixation is judged in just-objectionable differences, too.
+    pub judging: Option<Judging>,
+}
+
+/// How what is seen is judged in just-objectionable differences (ColorVideoVDP).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Judging {
+    /// How bright the display is.
+    pub viewing: Viewing,
+    /// Pixels of the picture a degree.
+    pub pixels_per_degree: f64,
+    /// Which colours are steered, in their order.
+    pub colors: Vec<Color>,
 }
 
 impl Default for StudySettings {
@@ -38,6 +52,7 @@ impl Default for StudySettings {
             cost: Cost::Measured,
             eye,
             gaze: gaze::Settings::default(),
+            judging: None,
         }
     }
 }
@@ -61,6 +76,8 @@ pub struct StudySample {
     pub steered_db: f64,
     /// The same of the hologram for the whole eyebox.
     pub whole_db: f64,
+    /// Just-objectionable differences of both, 10 for none; of the last set of a fixation, where they are asked for.
+    pub jod: Option<[f64; 2]>,
     /// Steps that were taken for the set, over all colours.
     pub steps: u32,
     /// Whether the set is new.
@@ -95,6 +112,11 @@ impl Study {
         let last = |pair: &[StudySample]| pair[1].jumps > pair[0].jumps && pair[0].since_landing_ms.is_some();
         let with_jump = |pair: &[StudySample]| pair[0].since_landing_ms.is_some() && pair[1].since_landing_ms.is_none();
         self.moments.windows(2).filter(|p| last(p) || with_jump(p)).map(|p| p[0].gain_db()).collect()
+    }
+
+    /// Of each fixation that lasted to a jump, at its last set: JOD steered and unsteered; of those that were judged.
+    pub fn at_the_end_jod(&self) -> Vec<[f64; 2]> {
+        self.moments.iter().filter_map(|m| m.jod).collect()
     }
 
     /// Of each fixation: the gain at the last set that is lit within so many milliseconds of the landing, dB.

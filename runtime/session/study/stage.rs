@@ -11,6 +11,8 @@ use crate::trackers::simulated::{Doing, Eye, SimulatedSource, Truth};
 pub(super) struct Stage {
     settings: StudySettings,
     eye: Eye,
+    /// The same eye, which is asked what it will do.
+    ahead: Eye,
     samples: Samples,
     /// Time that has passed.
     pub(super) now_ns: i64,
@@ -25,6 +27,7 @@ impl Stage {
         let wrong = |e: GazeError| SessionError::Setting(e.to_string());
         Ok(Self {
             eye: Eye::new(settings.eye.clone(), 0),
+            ahead: Eye::new(settings.eye.clone(), 0),
             samples: Samples::new(
                 Box::new(SimulatedSource::starting(settings.eye.clone(), false, 0)?),
                 Estimator::new(settings.gaze.clone(), None).map_err(wrong)?,
@@ -60,6 +63,12 @@ impl Stage {
             }
         }
         self.eye.at(time_ns)
+    }
+
+    /// Whether the eye, which rests now, jumps until then.
+    pub(super) fn jumps_by(&mut self, time_ns: i64) -> bool {
+        let truth = self.ahead.at(u64::try_from(time_ns).unwrap_or(0));
+        matches!(truth.doing, Doing::Saccade { .. })
     }
 
     /// The last set that is decided on by now.

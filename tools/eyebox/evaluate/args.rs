@@ -4,7 +4,7 @@ use crate::args::{DisplayArgs, EngineArgs, EyeArgs, OtherSceneArgs, OverwriteArg
 use crate::jod::JodArgs;
 use crate::phases::PhaseUnitArgs;
 use crate::quality::QualityArgs;
-use crate::values::diameters;
+use crate::values::{diameters, positive};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -32,6 +32,10 @@ pub struct Evaluate {
     /// Sub-frames; several numbers compare them
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "8")]
     pub frames: Vec<usize>,
+    /// Compare all colours at once with one colour after another, too, with as many sub-frames in all (--frames) and the same
+    /// lasers: white so many times brighter, several numbers with commas between [alone: 1,3; methods are then none by default]
+    #[arg(long, value_name = "TIMES", value_delimiter = ',', num_args = 0..=1, require_equals = true, default_missing_value = "1,3", value_parser = positive)]
+    pub joint_color: Option<Vec<f64>>,
     /// A hologram that exists, or phases (.npy) for --display, under the name that the report gives it; may be repeated
     #[arg(long, value_name = "NAME=FILE", value_parser = named)]
     pub hologram: Vec<(String, PathBuf)>,

@@ -108,6 +108,10 @@ fn with_quality(job: &mut Comparison, args: &Evaluate, engine: &dyn Engine) -> R
 
 fn print_table(results: &Results) {
     println!("PSNR over random pupils, dB:      mean  median   worst  spread     JOD   worst");
+    results.joint.iter().for_each(|j| {
+        let (name, mean, worst) = (format!("{}, {} sub-frames, {}", j.scene, j.frames, j.way), j.mean_db, j.worst_db);
+        println!("  {name:72} {mean:6.2}{worst:8.2}  {:.2} times as bright", j.brightness);
+    });
     for series in results.series() {
         if let Some(s) = results.psnr(&series, None, Group::Random) {
             let name = results.label(&series);
@@ -130,7 +134,7 @@ fn job(args: &Evaluate) -> Result<Comparison, Failure> {
     }
     let methods = match &args.methods {
         Some(names) => methods(names)?,
-        None if args.hologram.is_empty() => DEFAULT.to_vec(),
+        None if args.hologram.is_empty() && args.joint_color.is_none() => DEFAULT.to_vec(),
         None => Vec::new(),
     };
     let opening = args.unit.chosen(&args.display)?;
@@ -169,7 +173,22 @@ fn job(args: &Evaluate) -> Result<Comparison, Failure> {
     };
     settings.check()?;
     let (speckle, judged) = (!args.no_speckle, args.seen.pupils(JUDGED));
-    Ok(Comparison { scenes: labels(&args.scenes), candidates, frames, display, colors, settings, speckle, judged })
+    let joint = joint(args, &colors, &frames)?;
+    let scenes = labels(&args.scenes);
+    Ok(Comparison { scenes, candidates, frames, display, colors, settings, speckle, joint, judged })
+}
+
+/// How much brighter all colours at once are to be, where they are compared.
+fn joint(args: &Evaluate, colors: &[Color], frames: &[usize]) -> Result<Vec<f64>, Failure> {
+    let times = args.joint_color.clone().unwrap_or_default();
+    let most = colors.len() as f64;
+    if let Some(wrong) = times.iter().find(|times| !(1.0..=most).contains(*times)) {
+        return Err(Failure::Asked(format!("--joint-color {wrong}: it must be 1 to {most}, the number of colours")));
+    }
+    if !times.is_empty() && frames.iter().all(|f| *f < colors.len()) {
+        return Err(Failure::Asked(format!("--joint-color: --frames must have {most} or more, one for each colour")));
+    }
+    Ok(times)
 }
 
 /// The methods of these names, each once.

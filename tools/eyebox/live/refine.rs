@@ -91,6 +91,7 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
         return tiled(args);
     }
     let mut hologram = args.phases.opening(&args.hologram, None)?.hologram(&args.hologram)?;
+    hologram.check_apart("refined")?;
     args.eye.replace(&mut hologram.metadata.prescription)?;
     let display = score::display_of(&args.hologram, &hologram)?;
     args.other.check(&args.hologram, &hologram, &args.scene.scene)?;

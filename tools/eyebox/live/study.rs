@@ -6,14 +6,15 @@ use super::subject::{self, Steered, SubjectArgs};
 use crate::Failure;
 use crate::args::OverwriteArgs;
 use crate::common::Engines;
+use crate::jod::ViewingArgs;
 use crate::progress::{self, JobBar};
 use crate::values::{depth, not_negative, positive, share};
 use clap::Args;
 use eyebox::files::{self, OwnFolder};
 use eyebox::gpu::Options as VulkanOptions;
-use eyebox::optics::{Depth, depth_in_words, dioptres};
+use eyebox::optics::{Depth, Display, depth_in_words, dioptres};
 use eyebox::report;
-use eyebox::session::{self, Cost, SetTiming, Study as Result_, StudySettings};
+use eyebox::session::{self, Cost, Judging, SetTiming, Study as Result_, StudySettings};
 use eyebox::solve::Flow;
 use eyebox::trackers::simulated;
 use serde_json::{Value, json};
@@ -71,6 +72,12 @@ pub struct Study {
     /// With --step-time: what encoding a set takes, ms
     #[arg(long, default_value_t = 1.0, value_name = "MS", value_parser = positive, requires = "step_time")]
     pub encode_time: f64,
+    /// Do not judge the ends of fixations in just-objectionable differences (ColorVideoVDP): PSNR alone, which is faster
+    #[arg(long)]
+    pub no_jod: bool,
+    /// How bright the display is seen
+    #[command(flatten)]
+    pub viewing: ViewingArgs,
     /// How it follows
     #[command(flatten)]
     pub policy: PolicyArgs,
@@ -114,7 +121,13 @@ pub fn run(args: &Study) -> Result<(), Failure> {
         return Err(Failure::Asked(format!("{what} is a sequence: study takes one hologram, or a scene")));
     }
     let focal_length = subject.hologram.focal_length;
-    let settings = args.settings(focal_length);
+    let mut settings = args.settings(focal_length);
+    if !args.no_jod {
+        let display = subject.hologram.made_for()?;
+        let viewing = args.viewing.over(display.viewing)?;
+        let pixels_per_degree = Display { viewing, ..display }.pixels_per_degree();
+        settings.judging = Some(Judging { viewing, pixels_per_degree, colors: subject.colors.clone() });
+    }
     let focus = settings.gaze.focus[0];
     if !args.json {
         eprintln!(
@@ -207,9 +220,17 @@ fn summary(study: &Result_) -> Value {
     json!({
         "fixations": end.len(), "end_of_fixation_db": { "mean": mean(&end), "least": least(&end) },
         "within_50_ms_db": { "mean": mean(&soon), "least": least(&soon) },
+        "end_of_fixation_jod": jod(study).map(|[steered, whole]| json!({ "steered": steered, "unsteered": whole })),
         "worst_db": study.worst_db(), "step_ms": study.step_ms, "encode_ms": study.encode_ms, "steps": study.steps,
         "restarts": study.restarts, "pupil_error_mm": mean(&errors).map(|e| e * 1e3),
     })
+}
+
+/// JOD at the ends of fixations, steered and unsteered: the means.
+fn jod(study: &Result_) -> Option<[f64; 2]> {
+    let all = study.at_the_end_jod();
+    let [steered, whole] = [0, 1].map(|i| mean(&all.iter().map(|j| j[i]).collect::<Vec<_>>()));
+    Some([steered?, whole?])
 }
 
 fn print(study: &Result_) {
@@ -217,6 +238,9 @@ fn print(study: &Result_) {
     let (end, soon) = (study.at_the_end_db(), study.within_db(50.0));
     println!("what the eye sees, against the same hologram unsteered, over {} fixations:", end.len());
     println!("  at the end of a fixation   {} dB, at least {} dB", db(mean(&end)), db(least(&end)));
+    if let Some([steered, whole]) = jod(study) {
+        println!("                             {steered:.2} JOD, unsteered {whole:.2}");
+    }
     println!("  within 50 ms of a landing  {} dB, at least {} dB", db(mean(&soon)), db(least(&soon)));
     println!("  at any time                at least {} dB", db(Some(study.worst_db())));
     println!(

@@ -217,6 +217,7 @@ impl Steered {
         if args.display.size.is_none() {
             (shown.height, shown.width) = (hologram.height, hologram.width);
         }
+        hologram.check_apart("steered")?;
         let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
         let encoder = Encoder::new(&shown, &colors, hologram.frames)?;
         let ([eh, ew], [h, w]) = (encoder.hologram_size(), [hologram.height, hologram.width]);

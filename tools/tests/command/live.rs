@@ -28,7 +28,9 @@ fn a_study_says_what_steering_gains_and_shows_it() {
     solved(at);
     let study =
         ["study", "h.zarr", "--display", "planes8", "--duration", "1", "--engine", "cpu", "--json", "--step-time", "4"];
-    let said: Value = serde_json::from_str(&done(at, &[&study[..], &["-o", "out"]].concat())).expect("one object");
+    // As if the picture were seen so large that its grain is seen.
+    let large = ["--pixels-per-degree", "20", "-o", "out"];
+    let said: Value = serde_json::from_str(&done(at, &[&study[..], &large].concat())).expect("one object");
     let all = json(&at.join("out/study.json"));
     let moments = all["study"]["moments"].as_array().unwrap();
     assert!((58..=61).contains(&moments.len()), "{} sets in a second", moments.len());
@@ -37,7 +39,14 @@ fn a_study_says_what_steering_gains_and_shows_it() {
     let mean = gains.iter().sum::<f64>() / gains.len() as f64;
     assert!(mean > 0.5, "{mean} dB");
     assert_eq!(said["summary"], all["summary"]);
+    // Only the last set of a fixation that came to its end is judged; what steering gains is seen.
+    let judged = moments.iter().filter(|m| !m["jod"].is_null()).count() as u64;
+    assert!(judged > 0 && judged == all["summary"]["fixations"], "{judged} sets are judged");
+    let jod = |which: &str| all["summary"]["end_of_fixation_jod"][which].as_f64().unwrap();
+    let (steered, unsteered) = (jod("steered"), jod("unsteered"));
+    assert!(unsteered < steered && steered < 10.0, "{steered} JOD, unsteered {unsteered}");
     let page = std::fs::read_to_string(at.join("out/study.html")).unwrap();
+    assert!(page.contains(&format!("{steered:.2} JOD")));
     assert!(page.matches("<svg").count() == 2 && page.contains("At the end of a fixation"));
     assert!(page.matches("<circle").count() > 20);
     common::figures_of(&at.join("out"), "study.html");

@@ -18,6 +18,7 @@ mod eyes;
 mod feed;
 mod generate;
 mod inspect;
+mod joint_color;
 mod kept;
 #[cfg(target_os = "linux")]
 mod live;

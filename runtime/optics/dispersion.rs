@@ -1,0 +1,43 @@
+//! How far a display turns each colour's light for one drive (OPTICS 13).
+
+use super::{Color, Display};
+
+impl Display {
+    /// Turns of each colour's light for a turn of the drive, in the order of `colors`: as the file's `dispersion` says, else in
+    /// proportion to one over the wavelength, the longest of them being 1 (OPTICS 13).
+    pub fn slopes(&self, colors: &[Color]) -> Vec<f64> {
+        let wavelength =
+            |color: &Color| self.wavelengths.iter().find(|w| w.color == *color).map_or(f64::NAN, |w| w.wavelength);
+        let all = self.wavelengths.iter().map(|w| w.wavelength).fold(0.0, f64::max);
+        let turns = |color: &Color| self.dispersion.get(color).copied().unwrap_or(all / wavelength(color));
+        let reference = colors.iter().max_by(|a, b| wavelength(a).total_cmp(&wavelength(b)));
+        colors.iter().map(|color| turns(color) / reference.map_or(1.0, turns)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dispersion_comes_from_the_file_or_the_wavelengths() {
+        let text = "resolution = [8, 8]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { red = 660, green = 520, blue = 440 }\n";
+        let read = |more: &str| Display::from_toml(&format!("{text}{more}"), "b.toml");
+        let all = [Color::Red, Color::Green, Color::Blue];
+        let plain = read("").unwrap().slopes(&all);
+        let wanted = [1.0, 660.0 / 520.0, 1.5];
+        assert!(plain.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-12) && plain[0] == 1.0, "{plain:?}");
+        let measured = read("dispersion = { green = 1.31, blue = 1.62 }\n").unwrap();
+        assert_eq!(measured.slopes(&all), [1.0, 1.31, 1.62]);
+        assert_eq!(measured.slopes(&all[1..]), [1.0, 1.62 / 1.31]);
+        assert_eq!(Display::from_toml(&measured.to_toml(), "b").unwrap().dispersion, measured.dispersion);
+        for (wrong, says) in [
+            ("dispersion = { blue = -1.5 }\n", "dispersion of blue is -1.5"),
+            ("dispersion = { blue = 80 }\n", "at most 8"),
+            ("dispersion = { red = 1.2 }\n", "the longest wavelength"),
+        ] {
+            let said = read(wrong).unwrap_err().to_string();
+            assert!(said.contains("b.toml") && said.contains(says) && !said.contains('\n'), "{said}");
+        }
+    }
+}

@@ -1,0 +1,206 @@
+//! Sub-frames that all colours share, each lit by every laser with a power of its own (OPTICS 13; Markley et al. 2023, Kavakli et
+//! al. 2023).
+
+use super::Color;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+
+/// The most that a colour's light may be turned by for a turn of the drive: no display spans more.
+const STEEPEST: f64 = 8.0;
+
+/// How one drive and several lasers show all colours at once: what a hologram keeps beside its phases.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JointColor {
+    /// The laser of each colour.
+    pub lasers: BTreeMap<Color, Laser>,
+}
+
+/// One laser of joint colours.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Laser {
+    /// Turns of its light for a turn of the drive; 1 for the colour whose phases are the drive.
+    pub slope: f64,
+    /// Its power in each sub-frame, over its own mean.
+    pub powers: Vec<f64>,
+}
+
+impl Laser {
+    /// Share of the time that it shines, as if it shone with its largest power: mean over largest, `B_c`. White of one exposure is
+    /// as bright as lasers of one peak power let it be by this.
+    pub fn duty(&self) -> f64 {
+        let largest = self.powers.iter().copied().fold(0.0, f64::max);
+        if largest > 0.0 { 1.0 / largest } else { 0.0 }
+    }
+
+    /// The phases that its light has of drives, which are the phases (radians) of the colour that they are meant at.
+    pub fn phases(&self, drives: &[f32]) -> Vec<f32> {
+        drives.iter().map(|drive| phase_of(drive_of(*drive), self.slope)).collect()
+    }
+}
+
+impl JointColor {
+    /// The colour whose phases are the drive, where it is among these.
+    pub fn reference(&self) -> Option<Color> {
+        self.lasers.iter().find(|(_, laser)| laser.slope == 1.0).map(|(color, _)| *color)
+    }
+
+    /// Times that white is brighter than of one colour after another, by lasers of the same peak power and at the same exposures.
+    pub fn brightness(&self) -> f64 {
+        self.lasers.len() as f64 * self.lasers.values().map(Laser::duty).fold(f64::INFINITY, f64::min)
+    }
+
+    /// A table of the lasers' powers for whoever drives them: a line a sub-frame, a column a colour; 1 is the largest of all.
+    pub fn table(&self) -> String {
+        let frames = self.lasers.values().next().map_or(0, |laser| laser.powers.len());
+        let all = self.lasers.values().flat_map(|laser| &laser.powers);
+        let peak = all.copied().fold(f64::MIN_POSITIVE, f64::max);
+        let names: String = self.lasers.keys().map(|color| format!(",{color}")).collect();
+        let line = |f: usize| {
+            let powers =
+                self.lasers.values().map(|laser| format!(",{:.6}", laser.powers[f] / peak)).collect::<String>();
+            format!("{f}{powers}\n")
+        };
+        format!("sub_frame{names}\n{}", (0..frames).map(line).collect::<String>())
+    }
+
+    /// Refuses what cannot be of a hologram of these colours and so many sub-frames.
+    ///
+    /// # Errors
+    /// What is wrong, and what would be right.
+    pub fn check(&self, colors: &[Option<Color>], frames: usize) -> Result<(), String> {
+        let lit = |color: &Option<Color>| color.is_some_and(|color| self.lasers.contains_key(&color));
+        if let Some(dark) = colors.iter().position(|color| !lit(color)) {
+            return Err(format!("joint_color has no laser of its colour {dark}: it must have one of each"));
+        }
+        for (color, Laser { slope, powers }) in &self.lasers {
+            if !(*slope > 0.0 && *slope <= STEEPEST) {
+                return Err(format!(
+                    "joint_color has the slope {slope} of {color}: it must be above 0, at most {STEEPEST}"
+                ));
+            }
+            if powers.len() != frames {
+                return Err(format!(
+                    "joint_color has {} powers of {color}: it must be {frames}, one a sub-frame",
+                    powers.len()
+                ));
+            }
+            if let Some(power) = powers.iter().find(|power| !(power.is_finite() && **power >= 0.0)) {
+                return Err(format!("joint_color has the power {power} of {color}: it must be 0 or more"));
+            }
+            let mean = powers.iter().sum::<f64>() / frames as f64;
+            if (mean - 1.0).abs() > 1e-6 {
+                return Err(format!("joint_color has powers of {color} with the mean {mean}: it must be 1"));
+            }
+        }
+        if self.reference().is_none() {
+            return Err("joint_color has no slope of 1: one colour's phases must be the drive".into());
+        }
+        Ok(())
+    }
+}
+
+/// The powers of one colour after another: each of `colors` has so many times its mean power in its own sub-frames, which follow
+/// each other, and none in the others'. (colour, sub-frame).
+pub fn powers_in_sequence(colors: usize, frames: usize) -> Vec<Vec<f64>> {
+    let power = |color: usize, frame: usize| if frame * colors / frames.max(1) == color { 1.0 } else { 0.0 };
+    (0..colors).map(|c| with_mean_of_one((0..frames).map(|f| power(c, f)).collect())).collect()
+}
+
+/// These divided by their mean.
+pub(crate) fn with_mean_of_one(mut powers: Vec<f64>) -> Vec<f64> {
+    let mean = powers.iter().sum::<f64>() / powers.len().max(1) as f64;
+    if mean > 0.0 {
+        powers.iter_mut().for_each(|power| *power /= mean);
+    }
+    powers
+}
+
+/// The drive, 0 to a turn, behind the phase of the colour that it is meant at (radians, any turn).
+pub(crate) fn drive_of(phase: f32) -> f64 {
+    let drive = f64::from(phase).rem_euclid(TAU);
+    // What is less than nothing by less than a digit is nothing.
+    if drive >= TAU { 0.0 } else { drive }
+}
+
+/// The phase, -pi to pi radians, that a colour of this slope has of a drive (OPTICS 13): the drive keeps its wrap.
+pub(crate) fn phase_of(drive: f64, slope: f64) -> f32 {
+    let phase = slope * drive;
+    (phase - TAU * (phase / TAU).round()) as f32
+}
+
+/// Refuses a `dispersion` that no SLM has, of a display of these wavelengths (metres). Says what is wrong.
+pub(super) fn check_dispersion(dispersion: &BTreeMap<Color, f64>, wavelengths: &[(Color, f64)]) -> Result<(), String> {
+    let longest = wavelengths.iter().map(|w| w.1).fold(0.0, f64::max);
+    for (color, slope) in dispersion {
+        let Some((_, wavelength)) = wavelengths.iter().find(|w| w.0 == *color) else {
+            return Err(format!("dispersion names {color}, of which wavelengths_nm has none"));
+        };
+        if !(*slope > 0.0 && *slope <= STEEPEST) {
+            return Err(format!("dispersion of {color} is {slope}: it must be above 0, at most {STEEPEST}"));
+        }
+        if *wavelength == longest && *slope != 1.0 {
+            return Err(format!(
+                "dispersion of {color} is {slope}: it is 1 for the longest wavelength, which drives are meant at"
+            ));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ALL: [Color; 3] = [Color::Red, Color::Green, Color::Blue];
+
+    fn joint(powers: Vec<Vec<f64>>) -> JointColor {
+        let laser = |(color, powers): (Color, Vec<f64>)| {
+            (color, Laser { slope: if color == Color::Red { 1.0 } else { 1.4 }, powers })
+        };
+        JointColor { lasers: ALL.into_iter().zip(powers).map(laser).collect() }
+    }
+
+    #[test]
+    fn one_colour_after_another_is_a_case_of_it() {
+        let joint = joint(powers_in_sequence(3, 6));
+        assert_eq!(joint.lasers[&Color::Green].powers, [0.0, 0.0, 3.0, 3.0, 0.0, 0.0]);
+        joint.check(&ALL.map(Some), 6).unwrap();
+        assert!((joint.brightness() - 1.0).abs() < 1e-12 && joint.reference() == Some(Color::Red));
+        assert_eq!(self::joint(vec![vec![1.0; 4]; 3]).brightness(), 3.0);
+        assert_eq!(joint.table().lines().next(), Some("sub_frame,red,green,blue"));
+        assert_eq!(joint.table().lines().nth(3), Some("2,0.000000,1.000000,0.000000"));
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused_in_a_line() {
+        let with = |red: Vec<f64>, slope: f64| {
+            let mut joint = joint(vec![red, vec![1.0; 2], vec![1.0; 2]]);
+            joint.lasers.get_mut(&Color::Green).unwrap().slope = slope;
+            joint
+        };
+        for (wrong, says) in [
+            (with(vec![-1.0, 3.0], 1.2), "the power -1 of red"),
+            (with(vec![f64::NAN, 1.0], 1.2), "the power NaN"),
+            (with(vec![2.0; 2], 1.2), "the mean 2"),
+            (with(vec![1.0; 3], 1.2), "it must be 2, one a sub-frame"),
+            (with(vec![1.0; 2], 0.0), "the slope 0 of green"),
+            (joint(vec![vec![1.0; 2]; 2]), "no laser of its colour 2"),
+        ] {
+            let said = wrong.check(&ALL.map(Some), 2).unwrap_err();
+            assert!(said.contains(says) && !said.contains('\n'), "{said}");
+        }
+    }
+
+    #[test]
+    fn phases_follow_the_drive_and_keep_its_wrap() {
+        for (drive, slope, wanted) in [(1.0, 1.5, 1.5), (4.0, 1.5, 6.0 - TAU), (6.0, 1.0, 6.0 - TAU)] {
+            assert!((f64::from(phase_of(drive, slope)) - wanted).abs() < 1e-6);
+        }
+        // A drive beyond a turn begins anew, and its colours with it.
+        assert!((drive_of(-0.5) - (TAU - 0.5)).abs() < 1e-6 && drive_of(-1e-20) < TAU);
+        assert!((f64::from(phase_of(drive_of(-0.5), 1.5)) - (1.5 * (TAU - 0.5) - TAU)).abs() < 1e-5);
+    }
+}

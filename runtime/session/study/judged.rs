@@ -1,0 +1,59 @@
+//! What people see of the difference at the end of a fixation: just-objectionable differences.
+
+use super::results::Judging;
+use super::seen::SeenColor;
+use crate::evaluate::{JodMetric, rgb};
+use crate::optics::{Color, Pupil};
+use crate::session::error::SessionError;
+
+/// Judges what the eye sees of all colours at once.
+pub(super) struct Judge {
+    metric: JodMetric,
+    colors: Vec<Color>,
+}
+
+impl Judge {
+    /// # Errors
+    /// [`SessionError::Setting`] for a viewing that cannot be.
+    pub(super) fn new(judging: &Judging) -> Result<Self, SessionError> {
+        let metric = JodMetric::new(&judging.viewing, judging.pixels_per_degree, false);
+        let metric = metric.map_err(|e| SessionError::Setting(e.to_string()))?;
+        Ok(Self { metric, colors: judging.colors.clone() })
+    }
+
+    /// JOD through this pupil of two holograms of one scene, beside its photograph; none for pictures that have none.
+    ///
+    /// # Errors
+    /// Those of the engines; [`SessionError::Setting`] for what is no picture.
+    pub(super) fn both(
+        &self,
+        holograms: [&mut Vec<SeenColor>; 2],
+        pupil: Pupil,
+    ) -> Result<Option<[f64; 2]>, SessionError> {
+        let mut jod = [0.0; 2];
+        for (jod, hologram) in jod.iter_mut().zip(holograms) {
+            let Some(found) = self.one(hologram, pupil)? else { return Ok(None) };
+            *jod = found;
+        }
+        Ok(Some(jod))
+    }
+
+    fn one(&self, hologram: &mut [SeenColor], pupil: Pupil) -> Result<Option<f64>, SessionError> {
+        let (mut seen, mut wanted, mut size) = (Vec::new(), Vec::new(), (0, 0));
+        for color in hologram {
+            let exposure = color.exposure as f32;
+            let [mut light, photograph] = color.seen.pictures(pupil)?;
+            light.iter_mut().for_each(|v| *v *= exposure);
+            seen.push(light);
+            wanted.push(photograph);
+            size = color.seen.problem().optics.image_size();
+        }
+        let black = vec![0.0; size.0 * size.1];
+        let [seen, wanted] = [&seen, &wanted].map(|planes| {
+            planes.iter().enumerate().map(|(i, p)| (self.colors.get(i).copied(), p.as_slice())).collect::<Vec<_>>()
+        });
+        let found = self.metric.picture(&rgb(&seen, &black), &rgb(&wanted, &black), size.0, size.1);
+        let found = found.map_err(|e| SessionError::Setting(e.to_string()))?;
+        Ok(found.map(|judged| judged.jod))
+    }
+}

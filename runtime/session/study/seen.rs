@@ -1,0 +1,40 @@
+//! What an eye sees of the holograms of a study.
+
+use crate::engine::{Engine, EngineError};
+use crate::evaluate::Sums;
+use crate::optics::Pupil;
+use crate::session::error::SessionError;
+use crate::session::steerer::{Policy, SteeredColor};
+use crate::solve::{PupilRange, Refiner, Sampler, Sequence};
+
+/// Pupils that the exposure is fitted over.
+const EXPOSED: usize = 12;
+
+/// What an eye sees of one colour's phases, at an exposure that stays.
+pub(super) struct SeenColor {
+    pub(super) seen: Refiner,
+    pub(super) exposure: f64,
+}
+
+impl SeenColor {
+    pub(super) fn new(
+        color: &SteeredColor,
+        policy: &Policy,
+        depth: f64,
+        engine: Box<dyn Engine>,
+    ) -> Result<Self, SessionError> {
+        let problem = color.problem.clone();
+        let range = PupilRange::over(problem.eyebox, [depth, depth]);
+        let mut seen = Refiner::new(problem, &color.phases, color.exposure, policy.steering, engine)?;
+        let mut sampler = Sampler::new(range, Sequence::Sobol, 0x006a_7564_6765);
+        let pupils: Vec<Pupil> = (0..EXPOSED).map(|_| sampler.draw()).collect();
+        // Lasers stay as they are: one exposure, that of the hologram for the whole eyebox.
+        let exposure = Sums::fit_exposure(&seen.look(&pupils)?).map_err(|e| SessionError::Setting(e.to_string()))?;
+        Ok(Self { seen, exposure })
+    }
+
+    /// Through this pupil, dB.
+    pub(super) fn psnr(&mut self, pupil: Pupil) -> Result<f64, EngineError> {
+        Ok(self.seen.look(&[pupil])?.iter().map(|s| s.psnr(self.exposure)).sum())
+    }
+}

@@ -1,0 +1,95 @@
+//! The drives that all colours share, and how they are turned by what each colour lacks (OPTICS 13).
+
+use crate::engine::Step;
+use crate::optics::{drive_of, phase_of};
+use crate::plan::Kernel;
+use rayon::prelude::*;
+use std::f32::consts::TAU;
+
+/// Drives of all sub-frames, in motion.
+pub(super) struct Drives {
+    /// (sub-frame, row, column), 0 to a turn.
+    drives: Vec<f32>,
+    /// What moves them: the projection's velocity, or Adam's first moment, and its second.
+    moments: [Vec<f32>; 2],
+    /// What the colours asked for since the last step: their turns, each times its slope.
+    asked: Vec<f32>,
+    /// Rows and columns of a sub-frame.
+    size: [usize; 2],
+}
+
+impl Drives {
+    /// At these phases of the colour that drives are meant at.
+    pub(super) fn new(phases: &[f32], size: [usize; 2]) -> Self {
+        let zeros = vec![0.0; phases.len()];
+        Self {
+            drives: phases.iter().map(|p| drive_of(*p) as f32).collect(),
+            moments: [zeros.clone(), zeros.clone()],
+            asked: zeros,
+            size,
+        }
+    }
+
+    /// The phases that a colour of this slope has of them, -pi to pi radians.
+    pub(super) fn phases(&self, slope: f64) -> Vec<f32> {
+        // The drive as its own phase says it, so that all colours follow from what is kept.
+        self.drives.par_iter().map(|d| phase_of(drive_of(phase_of(f64::from(*d), 1.0)), slope)).collect()
+    }
+
+    /// Adds what one colour asks for: `slope Im(conj(u) change)`, of the change of its field over the grid (sub-frame, row,
+    /// column) that holds the SLM, and the phases that it has now.
+    pub(super) fn ask(&mut self, slope: f64, phases: &[f32], change: &[f32], step: &Step) {
+        let place = step.project.place;
+        let [_, width] = self.size;
+        let (grid_width, top, left) = (place.grid_width as usize, place.top as usize, place.left as usize);
+        let (pixels, points) = (self.size[0] * width, place.grid_height as usize * grid_width);
+        let frames =
+            self.asked.par_chunks_mut(pixels).zip(phases.par_chunks(pixels)).zip(change.par_chunks(2 * points));
+        frames.for_each(|((asked, phases), change)| {
+            let rows = asked.chunks_exact_mut(width).zip(phases.chunks_exact(width)).enumerate();
+            for (y, (asked, phases)) in rows {
+                let change = &change[2 * ((top + y) * grid_width + left)..];
+                for ((asked, phase), du) in asked.iter_mut().zip(phases).zip(change.chunks_exact(2)) {
+                    let (s, c) = phase.sin_cos();
+                    *asked += slope as f32 * (c * du[1] - s * du[0]);
+                }
+            }
+        });
+    }
+
+    /// Takes the step that colours asked for, by the optimiser of `step`; `norm` is, per sub-frame, the sum over the colours of
+    /// power times slope squared, by which the projection divides, and Adam the number of colours.
+    pub(super) fn turn(&mut self, step: &Step, norm: &[f64], colors: usize) {
+        let pixels = self.size[0] * self.size[1];
+        let projects = step.list.last().is_some_and(|d| d.kernel == Kernel::Project);
+        let [first, second] = &mut self.moments;
+        let frames = self.drives.par_chunks_mut(pixels).zip(self.asked.par_chunks_mut(pixels));
+        let frames = frames.zip(first.par_chunks_mut(pixels)).zip(second.par_chunks_mut(pixels)).zip(norm);
+        frames.for_each(|((((drives, asked), first), second), norm)| {
+            // A sub-frame that no laser lights stays as it is.
+            let share = if *norm > 0.0 { (1.0 / norm) as f32 } else { 0.0 };
+            for (((drive, asked), first), second) in drives.iter_mut().zip(&mut *asked).zip(first).zip(second) {
+                let by = if projects {
+                    let turn = step.project.gain * share * *asked;
+                    *first = step.project.momentum * *first + turn;
+                    step.project.momentum * *first + turn
+                } else {
+                    let adam = &step.adam;
+                    let gradient = 2.0 * *asked / colors as f32;
+                    *first = adam.beta1 * *first + (1.0 - adam.beta1) * gradient;
+                    *second = adam.beta2 * *second + (1.0 - adam.beta2) * (gradient * gradient);
+                    -adam.rate * (*first * adam.correct1) / ((*second * adam.correct2).sqrt() + adam.epsilon)
+                };
+                let turned = (*drive + by).rem_euclid(TAU);
+                *drive = if turned < TAU { turned } else { 0.0 };
+                *asked = 0.0;
+            }
+        });
+    }
+
+    /// What the colours asked for, for the tests of its derivative.
+    #[cfg(test)]
+    pub(super) fn asked(&self) -> &[f32] {
+        &self.asked
+    }
+}

@@ -1,0 +1,281 @@
+//! A joint solve under way: steps of every colour, powers, verdicts.
+
+use super::drives::Drives;
+use super::powers::PowerFit;
+use super::solution::JointSolution;
+use crate::engine::{Buffer, Engine, EngineError, Step};
+use crate::optics::WindowFactor;
+use crate::plan::{Comparison, Planner};
+use crate::solve::error::SolveError;
+use crate::solve::fault;
+use crate::solve::outcome::{Flow, Progress, Solution, Stop, Warm};
+use crate::solve::problem::Problem;
+use crate::solve::run::interval;
+use crate::solve::sampling::random_phases;
+use crate::solve::settings::Settings;
+use crate::solve::step::Steps;
+use crate::solve::validation::{ValidationScore, Validator};
+use crate::solve::viewpoints::Viewpoints;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// One colour in the light of its laser.
+pub(super) struct Lit<'a> {
+    pub(super) problem: &'a Problem,
+    /// Its plans, all sub-frames lit alike.
+    pub(super) planner: Planner,
+    pub(super) validator: Validator,
+    /// Turns of its light for a turn of the drive.
+    pub(super) slope: f64,
+    /// In units of its scene.
+    pub(super) exposure: f64,
+    /// Linear light of the targets' value 1.
+    pub(super) unit: f64,
+}
+
+/// What was best so far.
+struct Best {
+    /// Mean over the colours, dB.
+    score: f64,
+    step: usize,
+    /// Per colour.
+    phases: Vec<Vec<f32>>,
+    powers: Vec<Vec<f64>>,
+    validation: Vec<ValidationScore>,
+}
+
+/// Steps from one fit of the powers to the next, and how much of the way to what was found they go: what was found for one set of
+/// pupils is not all there is.
+const FIT_EVERY: usize = 3;
+const FIT_SHARE: f64 = 0.5;
+/// Pupils that powers are fitted to.
+const FIT_PUPILS: usize = 6;
+
+/// A joint solve under way.
+pub(super) struct JointRun<'a> {
+    lit: Vec<Lit<'a>>,
+    settings: &'a Settings,
+    drives: Drives,
+    powers: Vec<Vec<f64>>,
+    /// Largest power over the mean.
+    most: f64,
+    /// Where along the schedule it begins.
+    begun_at: f64,
+    start: Instant,
+    best: Option<Best>,
+    /// A colour's change of its field.
+    change: Vec<f32>,
+}
+
+impl<'a> JointRun<'a> {
+    /// From these powers, or all alike, and from `from`'s phases of the drive, or random ones.
+    pub(super) fn new(
+        lit: Vec<Lit<'a>>,
+        settings: &'a Settings,
+        most: f64,
+        powers: Option<&[Vec<f64>]>,
+        from: Option<Warm<'_>>,
+        start: Instant,
+    ) -> Self {
+        let (slm, grid) = (lit[0].planner.slm, lit[0].planner.grid);
+        let size = [slm.height, slm.width];
+        let phases = match from {
+            Some(from) => from.phases.to_vec(),
+            None => random_phases(settings.frames * size[0] * size[1], settings.seed),
+        };
+        Self {
+            drives: Drives::new(&phases, size),
+            powers: powers.map_or_else(|| vec![vec![1.0; settings.frames]; lit.len()], <[_]>::to_vec),
+            change: vec![0.0; 2 * settings.frames * grid.height * grid.width],
+            begun_at: from.map_or(0.0, |from| from.progress),
+            best: None,
+            lit,
+            settings,
+            most,
+            start,
+        }
+    }
+
+    /// All steps, and what came of them.
+    pub(super) fn solve(
+        mut self,
+        engine: &mut dyn Engine,
+        observe: &mut dyn FnMut(&Progress) -> Flow,
+    ) -> Result<JointSolution, SolveError> {
+        let settings = self.settings;
+        let lit = std::mem::take(&mut self.lit);
+        let memory = engine.memory();
+        let mut schedules: Vec<Steps<'_>> =
+            lit.iter().map(|l| Steps::new(l.problem, &l.planner, settings, l.exposure, memory)).collect();
+        // Pupils of their own: the best powers for those that a step was just taken for are not the best for others.
+        let mut fitted_to = Viewpoints::new(lit[0].problem, settings, settings.seed ^ 0x706f_7765_7273);
+        let (every, begun) = (interval(settings.steps, settings.psnr.is_some()), self.start.elapsed().as_secs_f64());
+        let (mut durations, mut step) = (Vec::new(), 0);
+        let stop = loop {
+            let seconds = self.start.elapsed().as_secs_f64();
+            if let Some(end) = (step >= settings.steps).then_some(Stop::Steps) {
+                break end;
+            }
+            if settings.seconds.is_some_and(|most| seconds >= most) {
+                break Stop::Seconds;
+            }
+            let share = settings.seconds.map_or(0.0, |most| (seconds - begun) / (most - begun).max(1e-9));
+            let progress = (step as f64 / settings.steps as f64).max(share);
+            let mark = Instant::now();
+            let loss =
+                match self.step(&lit, &mut schedules, self.begun_at + (1.0 - self.begun_at) * progress, engine)? {
+                    Ok(loss) => loss,
+                    Err(stop) => break Stop::NotFinite { step: step + 1, kernel: stop },
+                };
+            step += 1;
+            if step.is_multiple_of(FIT_EVERY) && self.most > 1.0 && settings.frames > 1 {
+                self.fit_powers(&lit, &mut fitted_to, engine)?;
+            }
+            durations.push(mark.elapsed().as_secs_f64());
+            if step.is_multiple_of(every) || step == settings.steps {
+                self.validate(&lit, step, engine)?;
+            }
+            // The colour that drives are meant at speaks for all.
+            let reference = lit.iter().position(|l| l.slope == 1.0).unwrap_or(0);
+            let validation = self.best.as_ref().map(|best| &best.validation[reference]);
+            let (steps, seconds) = (settings.steps, self.start.elapsed().as_secs_f64());
+            if observe(&Progress { pilot: None, step, steps, seconds, loss, validation }) == Flow::Stop {
+                break Stop::Asked;
+            }
+            if self.best.as_ref().zip(settings.psnr).is_some_and(|(best, wanted)| best.score >= wanted) {
+                break Stop::Quality;
+            }
+        };
+        if self.best.as_ref().is_none_or(|best| best.step != step) && !matches!(stop, Stop::NotFinite { .. }) {
+            self.validate(&lit, step, engine)?;
+        }
+        if self.best.is_none() {
+            self.validate(&lit, step, engine)?;
+        }
+        durations.sort_by(f64::total_cmp);
+        let step_seconds = durations.get(durations.len() / 2).copied().unwrap_or(0.0);
+        Ok(self.solution(&lit, step, step_seconds, stop))
+    }
+
+    /// One step of all colours: its loss, the mean over them, or the kernel that gave numbers which are not finite; no drive moves
+    /// then.
+    fn step(
+        &mut self,
+        lit: &[Lit<'_>],
+        schedules: &mut [Steps<'_>],
+        progress: f64,
+        engine: &mut dyn Engine,
+    ) -> Result<Result<f64, Option<crate::plan::Kernel>>, SolveError> {
+        let mut loss = 0.0;
+        let mut last = None;
+        for (color, (l, schedule)) in lit.iter().zip(schedules).enumerate() {
+            let mut step = schedule.next(progress);
+            for pass in &mut step.pupil_passes {
+                pass.set_powers(&self.powers[color]);
+            }
+            let phases = self.drives.phases(l.slope);
+            show(engine, l, &phases)?;
+            let of_color = ask(engine, &step, &mut self.change)?;
+            if !of_color.is_finite() {
+                return Ok(Err(fault::first_fault(engine, &step)?));
+            }
+            loss += of_color / lit.len() as f64;
+            self.drives.ask(l.slope, &phases, &self.change, &step);
+            last = Some(step);
+        }
+        if let Some(step) = last {
+            let norm = |f: usize| lit.iter().zip(&self.powers).map(|(l, p)| p[f] * l.slope * l.slope).sum::<f64>();
+            let norms: Vec<f64> = (0..self.settings.frames).map(norm).collect();
+            self.drives.turn(&step, &norms, lit.len());
+        }
+        Ok(Ok(loss))
+    }
+
+    /// Moves the powers towards the best for the drives as they are, seen through further pupils.
+    fn fit_powers(
+        &mut self,
+        lit: &[Lit<'_>],
+        viewpoints: &mut Viewpoints,
+        engine: &mut dyn Engine,
+    ) -> Result<(), SolveError> {
+        let drawn: Vec<_> = (0..FIT_PUPILS).map(|_| viewpoints.draw()).collect();
+        for (l, powers) in lit.iter().zip(&mut self.powers) {
+            show(engine, l, &self.drives.phases(l.slope))?;
+            let fit = fit_of(engine, l, &drawn)?;
+            let best = fit.best(powers, self.most);
+            powers.iter_mut().zip(best).for_each(|(power, best)| *power += FIT_SHARE * (best - *power));
+        }
+        Ok(())
+    }
+
+    /// Scores the drives and powers as they are, and keeps them if they are the best so far.
+    fn validate(&mut self, lit: &[Lit<'_>], step: usize, engine: &mut dyn Engine) -> Result<(), SolveError> {
+        let (mut validation, mut kept) = (Vec::with_capacity(lit.len()), Vec::with_capacity(lit.len()));
+        for (l, powers) in lit.iter().zip(&self.powers) {
+            let phases = self.drives.phases(l.slope);
+            show(engine, l, &phases)?;
+            let planner = Planner { factor: WindowFactor::Full, powers: powers.clone().into(), ..l.planner.clone() };
+            validation.push(l.validator.score(engine, &planner)?.in_units_of(l.unit));
+            kept.push(phases);
+        }
+        let score = validation.iter().map(ValidationScore::mean).sum::<f64>() / lit.len() as f64;
+        if self.best.as_ref().is_none_or(|best| score >= best.score || best.score.is_nan()) {
+            self.best = Some(Best { score, step, phases: kept, powers: self.powers.clone(), validation });
+        }
+        Ok(())
+    }
+
+    fn solution(self, lit: &[Lit<'_>], steps: usize, step_seconds: f64, stop: Stop) -> JointSolution {
+        let best = self.best.expect("it was just validated");
+        let seconds = self.start.elapsed().as_secs_f64();
+        let color = |((l, phases), validation): ((&Lit<'_>, Vec<f32>), ValidationScore)| {
+            let exposure = l.exposure * l.unit;
+            let efficiency = l.problem.mean / exposure;
+            Solution { phases, exposure, efficiency, validation, steps, seconds, step_seconds, stop }
+        };
+        JointSolution {
+            colors: lit.iter().zip(best.phases).zip(best.validation).map(color).collect(),
+            powers: best.powers,
+        }
+    }
+}
+
+/// Gives an engine one colour's views and phases.
+fn show(engine: &mut dyn Engine, lit: &Lit<'_>, phases: &[f32]) -> Result<(), EngineError> {
+    engine.take_views(Arc::clone(&lit.problem.pyramid))?;
+    engine.write(Buffer::Phases, phases)
+}
+
+/// Runs a step up to what would move its phases, and reads the change of the field that it asks for: its loss, and the change
+/// unless that is no finite number.
+pub(super) fn ask(engine: &mut dyn Engine, step: &Step, change: &mut [f32]) -> Result<f64, EngineError> {
+    let (known, end) = (step.before_update(), step.list.len().saturating_sub(1));
+    let loss = step.mean_loss(&engine.run_part(step, 0..known.min(end))?);
+    if loss.is_finite() {
+        engine.run_part(step, known.min(end)..end)?;
+        engine.read_into(Buffer::Change, change)?;
+    }
+    Ok(loss)
+}
+
+/// What the powers of a colour that an engine shows should be, seen through these viewpoints.
+pub(super) fn fit_of(
+    engine: &mut dyn Engine,
+    lit: &Lit<'_>,
+    viewpoints: &[crate::plan::Viewpoint],
+) -> Result<PowerFit, EngineError> {
+    let planner = Planner { powers: [].into(), ..lit.planner.clone() };
+    let passes = viewpoints.iter().map(|v| planner.viewpoint(v, &Comparison::default())).collect();
+    let step = planner.fields_step(passes).pass_by_pass();
+    let shared = step.shared();
+    engine.run_part(&step, 0..shared)?;
+    let each = (step.list.len() - shared) / viewpoints.len().max(1);
+    let mut fit = PowerFit::new(planner.frames);
+    for (i, pass) in step.pupil_passes.iter().enumerate() {
+        engine.run_part(&step, shared + i * each..shared + (i + 1) * each)?;
+        let (fields, target) = (engine.read(Buffer::Window(0))?, engine.read(Buffer::Target(0))?);
+        let gain = lit.exposure * f64::from(pass.intensity.gain);
+        fit.add(bytemuck::cast_slice(&fields[..2 * planner.frames * pass.count()]), gain, &target[..pass.count()]);
+    }
+    Ok(fit)
+}
