@@ -141,6 +141,7 @@ impl SequencePieces {
 
 fn check_pieces(job: &SceneJob) -> Result<(), ProduceError> {
     job.check_usual()?;
+    job.check_one_by_one()?;
     if job.sequence.start != Start::Cold || job.scenes.is_empty() {
         let reason =
             "pieces are of a sequence of one scene or more whose holograms begin cold, none where another ended";

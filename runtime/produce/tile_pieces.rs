@@ -37,6 +37,7 @@ impl TilePieces {
     /// Those of [`solve_scene`](super::solve_scene) for a job in tiles.
     pub fn new(job: &SceneJob, request: &TilesRequest, out: &Path, engine: &dyn Engine) -> Result<Self, ProduceError> {
         job.check_usual()?;
+        job.check_one_by_one()?;
         if job.scenes.len() != 1 {
             return Err(ProduceError::Job("a far field in tiles has one scene".into()));
         }
