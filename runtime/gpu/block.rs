@@ -15,6 +15,8 @@ pub(crate) struct Block {
     /// Bytes.
     pub(crate) size: u64,
     allocation: Option<Allocation>,
+    /// Memory that another process has too, in place of an allocation.
+    shared: Option<vk::DeviceMemory>,
     device: Arc<Device>,
 }
 
@@ -74,7 +76,7 @@ impl Block {
         };
         let raw = raw.map_err(refused("vkCreateBuffer"))?;
         add(&device.counters.blocks, 1);
-        let mut block = Self { raw, size, allocation: None, device: Arc::clone(device) };
+        let mut block = Self { raw, size, allocation: None, shared: None, device: Arc::clone(device) };
         // SAFETY: the buffer was made just now.
         let requirements = unsafe { device.raw.get_buffer_memory_requirements(raw) };
         let scheme = if size >= DEDICATED {
@@ -95,6 +97,12 @@ impl Block {
         block.allocation = Some(allocation);
         bound.map_err(refused("vkBindBufferMemory"))?;
         Ok(block)
+    }
+
+    /// A buffer whose memory another process has too: both were made for each other, and are given back with the block.
+    #[cfg(target_os = "linux")]
+    pub(super) fn shared(device: &Arc<Device>, raw: vk::Buffer, memory: vk::DeviceMemory, size: u64) -> Self {
+        Self { raw, size, allocation: None, shared: Some(memory), device: Arc::clone(device) }
     }
 
     /// The whole block.
@@ -141,6 +149,10 @@ impl Drop for Block {
         }
         // SAFETY: recordings that use the block are waited for before anything that they use is dropped.
         unsafe { self.device.raw.destroy_buffer(self.raw, None) };
+        if let Some(memory) = self.shared.take() {
+            // SAFETY: as above; the memory was this block's alone in this process, and its buffer is gone.
+            unsafe { self.device.raw.free_memory(memory, None) };
+        }
         if let Some(allocation) = self.allocation.take() {
             let mut allocator = self.device.allocator();
             if let Some(allocator) = allocator.as_mut() {

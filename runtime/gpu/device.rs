@@ -103,6 +103,10 @@ impl Device {
         if chosen.portability_subset {
             extensions.push(khr::portability_subset::NAME);
         }
+        #[cfg(target_os = "linux")]
+        if super::sharing::shares(instance, physical) {
+            extensions.push(khr::external_memory_fd::NAME);
+        }
         let mut timeline = vk::PhysicalDeviceTimelineSemaphoreFeatures::default().timeline_semaphore(true);
         let mut synchronization = vk::PhysicalDeviceSynchronization2Features::default().synchronization2(true);
         let mut id = vk::PhysicalDevicePresentIdFeaturesKHR::default().present_id(true);

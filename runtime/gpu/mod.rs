@@ -8,7 +8,7 @@
 //!
 //! `instance` loads Vulkan; `devices` lists, and chooses; `device` is what all else holds; `block` is memory; `pipelines`
 //! and `cache` compile; `recorder` records and submits; `commands` joins these for one user; `pictures` is what
-//! users pass to each other without the host; `tested` remembers which devices were tried; `open` makes the handle, of a
+//! users pass to each other without the host; `external` is memory that another process has too; `tested` remembers which devices were tried; `open` makes the handle, of a
 //! device of its own or of one that a program brings.
 //! This room imports `files` (the folder of caches) and of `plan` what a recording is written down as.
 
@@ -31,6 +31,8 @@ mod counters;
 mod device;
 #[cfg(feature = "vulkan")]
 mod devices;
+#[cfg(all(target_os = "linux", feature = "vulkan"))]
+mod external;
 #[cfg(all(test, feature = "vulkan"))]
 pub(crate) mod guards;
 #[cfg(feature = "vulkan")]
@@ -45,6 +47,8 @@ mod pictures;
 mod pipelines;
 #[cfg(feature = "vulkan")]
 mod recorder;
+#[cfg(all(target_os = "linux", feature = "vulkan"))]
+mod sharing;
 #[cfg(feature = "vulkan")]
 mod slot;
 #[cfg(all(test, feature = "vulkan"))]
@@ -71,6 +75,8 @@ pub(crate) use counters::add;
 pub(crate) use device::Device;
 #[cfg(feature = "vulkan")]
 pub use devices::devices;
+#[cfg(all(target_os = "linux", feature = "vulkan"))]
+pub use external::{SharedLayout, SharedMemory, SlotWriter};
 #[cfg(feature = "vulkan")]
 pub use instance::Messages;
 #[cfg(feature = "vulkan")]
@@ -85,5 +91,7 @@ pub use pictures::{PhasesOnDevice, Pictures, PixelOrder};
 pub(crate) use pipelines::{PUSH_BYTES, Pipeline};
 #[cfg(feature = "vulkan")]
 pub(crate) use recorder::{Groups, Piece};
+#[cfg(all(target_os = "linux", feature = "vulkan"))]
+pub use sharing::DeviceIds;
 #[cfg(feature = "vulkan")]
 pub(crate) use slot::IN_FLIGHT;

@@ -52,7 +52,7 @@ impl Gpu {
         Self::on(&instance, chosen, options)
     }
 
-    fn on(instance: &Arc<Instance>, chosen: Candidate, options: &Options) -> Result<Self, EngineError> {
+    pub(super) fn on(instance: &Arc<Instance>, chosen: Candidate, options: &Options) -> Result<Self, EngineError> {
         let device = Device::new(instance, chosen, options)?;
         tracing::debug!(
             "{}: opened, driver {}, Vulkan {}",

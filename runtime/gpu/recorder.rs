@@ -309,6 +309,36 @@ impl Recorder {
         }
     }
 
+    /// What another process left in a block that it has too is seen by what follows.
+    #[cfg(target_os = "linux")]
+    pub(crate) fn take_over(&mut self, block: &Block) {
+        self.pass(block, vk::QUEUE_FAMILY_EXTERNAL, self.device.compute.family);
+    }
+
+    /// The other process may make use of the block from here on.
+    #[cfg(target_os = "linux")]
+    pub(crate) fn hand_back(&mut self, block: &Block) {
+        self.pass(block, self.device.compute.family, vk::QUEUE_FAMILY_EXTERNAL);
+    }
+
+    #[cfg(target_os = "linux")]
+    fn pass(&mut self, block: &Block, from: u32, to: u32) {
+        use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
+        let work = Stage::COMPUTE_SHADER | Stage::TRANSFER;
+        let access = Access::SHADER_READ | Access::TRANSFER_READ | Access::TRANSFER_WRITE;
+        let ours = |family: u32| if family == vk::QUEUE_FAMILY_EXTERNAL { Access::empty() } else { access };
+        let barrier = [vk::BufferMemoryBarrier::default()
+            .buffer(block.raw)
+            .size(vk::WHOLE_SIZE)
+            .src_queue_family_index(from)
+            .dst_queue_family_index(to)
+            .src_access_mask(ours(from))
+            .dst_access_mask(ours(to))];
+        let (raw, none) = (&self.device.raw, vk::DependencyFlags::empty());
+        // SAFETY: the command buffer is being recorded; the block's memory was made to be shared.
+        unsafe { raw.cmd_pipeline_barrier(self.command(), work, work, none, &[], &barrier, &[]) };
+    }
+
     /// Fills a range with zeros.
     pub(crate) fn clear(&mut self, range: Range<'_>) {
         // SAFETY: the command buffer is being recorded; offset and size are multiples of 4.

@@ -69,6 +69,8 @@ mod trace;
 mod watch;
 mod work_time;
 
+#[cfg(all(test, target_os = "linux"))]
+mod device_views_tests;
 #[cfg(test)]
 mod moments_tests;
 #[cfg(test)]

@@ -7,6 +7,7 @@ mod fused;
 mod kernels;
 mod one_device;
 mod rehearsal;
+mod shared;
 mod source;
 mod steps;
 mod views;

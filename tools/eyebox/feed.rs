@@ -6,6 +6,8 @@ use crate::groups::DisplayArgs;
 use crate::signals;
 use crate::values::positive;
 use clap::Args;
+#[cfg(target_os = "linux")]
+use eyebox::gpu::SlotWriter as Writer;
 use eyebox::scene::{self, Request, Stage, ViewGrid};
 use eyebox_live_input::{Application, Content, FrameInfo, Kind, LiveError, Offer, Sample, Transfer, Wanted};
 use serde::Serialize;
@@ -33,6 +35,9 @@ pub struct Feed {
     /// Give the views that the display asks for, around the pupil: of built-in scenes
     #[arg(long)]
     pub per_pupil: bool,
+    /// Keep the frames on the display's device, where it has one, and give them there: their samples never pass through the host
+    #[arg(long)]
+    pub on_device: bool,
     /// Frames to give; left out, until the display ends
     #[arg(long, value_name = "N")]
     pub frames: Option<u64>,
@@ -51,6 +56,13 @@ pub struct Way {
     ends: [f64; 2],
 }
 
+/// There is none elsewhere.
+#[cfg(not(target_os = "linux"))]
+type Writer = std::convert::Infallible;
+
+/// How long the display has to answer.
+#[cfg(target_os = "linux")]
+const ANSWER: Duration = Duration::from_secs(10);
 /// The most that frames may take, bytes: they are made before the first is given.
 const MOST: u64 = 4 << 30;
 
@@ -71,6 +83,8 @@ struct Account {
     asked: u64,
     /// Frames that were given.
     given: u64,
+    /// Those of them that stayed on a device.
+    on_device: u64,
     /// Frames that were given more than one period late.
     late: u64,
     /// Seconds from the first frame to the last.
@@ -85,15 +99,51 @@ pub fn run(args: &Feed) -> Result<(), Failure> {
     let sources = sources(args)?;
     let mut application = Application::connect(&args.name)?;
     let frames = load(args, &sources, application.offer())?;
-    let account = give(args, &mut application, &frames)?;
+    let writer = if args.on_device { device_of(&mut application)? } else { None };
+    let account = give(args, &mut application, &frames, writer)?;
     if args.json {
         let text = serde_json::to_string(&account).map_err(|e| Failure::Asked(format!("no JSON: {e}")))?;
         println!("{text}");
     } else {
-        let Account { asked, given, late, seconds, ended } = account;
-        println!("{given} frames in {seconds:.1} s, {late} of them late; {asked} requests; {ended}");
+        let Account { asked, given, on_device, late, seconds, ended } = account;
+        let stayed = if args.on_device { format!(", {on_device} on the device") } else { String::new() };
+        println!("{given} frames in {seconds:.1} s{stayed}, {late} of them late; {asked} requests; {ended}");
     }
     Ok(())
+}
+
+/// What gives frames on the display's device; none where it has none to share, which is said.
+#[cfg(target_os = "linux")]
+fn device_of(application: &mut Application) -> Result<Option<Writer>, Failure> {
+    use eyebox::gpu::{DeviceIds, Gpu, Options, SharedLayout};
+
+    let host = |reason: &str| {
+        eprintln!("note: frames pass through the host: {reason}");
+        Ok(None)
+    };
+    let Some(its) = application.device() else {
+        return host("the display has no device whose memory it shares");
+    };
+    let ids = DeviceIds { device: its.device, driver: its.driver };
+    let gpu = match Gpu::open_same(ids, &Options::default()) {
+        Ok(gpu) => gpu,
+        Err(error) => return host(&error.to_string()),
+    };
+    let Some((memory, fd)) = application.share(ANSWER)? else {
+        return host("the display's device has no memory left to share");
+    };
+    let layout = SharedLayout {
+        memory_bytes: memory.memory_bytes,
+        buffer_bytes: memory.buffer_bytes,
+        memory_type: memory.memory_type,
+        usage: memory.usage,
+    };
+    Ok(Some(Writer::new(&gpu, fd, &layout, memory.slot_stride)?))
+}
+
+#[cfg(not(target_os = "linux"))]
+fn device_of(_application: &mut Application) -> Result<Option<Writer>, Failure> {
+    Ok(None)
 }
 
 /// The scenes, one a frame; they begin again after the last.
@@ -192,7 +242,46 @@ fn around(stages: &[Stage], wanted: &Wanted) -> (FrameInfo, Vec<u8>) {
     (info, interleaved(&planes))
 }
 
-fn give(args: &Feed, application: &mut Application, frames: &[Ready]) -> Result<Account, Failure> {
+/// Gives a frame on the device, where it is kept at `place` unless it `changes`.
+#[cfg(target_os = "linux")]
+fn give_there(
+    application: &mut Application,
+    writer: &mut Writer,
+    (info, samples): (&mut FrameInfo, &[u8]),
+    place: &mut Option<usize>,
+    changes: bool,
+) -> Result<(), Failure> {
+    let number = match *place {
+        Some(number) if !changes => number,
+        before => writer.keep(before, samples)?,
+    };
+    *place = Some(number);
+    info.on_device = true;
+    let slot = application.begin(info)?;
+    writer.write(slot.index(), number)?;
+    slot.publish();
+    Ok(())
+}
+
+#[cfg(not(target_os = "linux"))]
+fn give_there(
+    _application: &mut Application,
+    writer: &mut Writer,
+    _frame: (&mut FrameInfo, &[u8]),
+    _place: &mut Option<usize>,
+    _changes: bool,
+) -> Result<(), Failure> {
+    match *writer {}
+}
+
+fn give(
+    args: &Feed,
+    application: &mut Application,
+    frames: &[Ready],
+    mut writer: Option<Writer>,
+) -> Result<Account, Failure> {
+    // Frames that are on the device, by their place among all; those that are made anew take the place of one.
+    let mut kept: Vec<Option<usize>> = vec![None; frames.len().max(1)];
     let start = Instant::now();
     let mut account = Account { ended: "all given", ..Account::default() };
     while args.frames.is_none_or(|most| account.given < most) {
@@ -216,7 +305,8 @@ fn give(args: &Feed, application: &mut Application, frames: &[Ready]) -> Result<
         account.late += u64::from((start.elapsed() - due).as_secs_f64() > 1.0 / args.rate);
         let request = application.request();
         let (mut info, made);
-        let samples = match (&frames[(account.given % frames.len() as u64) as usize], &request) {
+        let at = (account.given % frames.len() as u64) as usize;
+        let samples = match (&frames[at], &request) {
             (Ready::Made { info: its, samples }, _) => {
                 info = **its;
                 samples
@@ -234,7 +324,15 @@ fn give(args: &Feed, application: &mut Application, frames: &[Ready]) -> Result<
         if let Some(request) = request {
             (info.request, info.content_time_ns) = (request.number, request.lit_ns);
         }
-        application.send(&info, samples, &[])?;
+        match &mut writer {
+            Some(writer) => {
+                let changes = matches!(frames[at], Ready::Stage(_));
+                let place = &mut kept[if changes { 0 } else { at }];
+                give_there(application, writer, (&mut info, samples), place, changes)?;
+                account.on_device += 1;
+            }
+            None => drop(application.send(&info, samples, &[])?),
+        }
         account.given += 1;
         account.seconds = start.elapsed().as_secs_f64();
     }

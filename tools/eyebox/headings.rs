@@ -22,6 +22,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "unfinished",
             "path",
             "per_pupil",
+            "on_device",
         ],
     ),
     (

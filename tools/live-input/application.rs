@@ -2,8 +2,8 @@
 
 use crate::layout::{self, HELD, REQUEST, SLOT_HEADER};
 use crate::region::Region;
-use crate::{Content, FrameFault, FrameInfo, LiveError, Offer, Request, socket};
-use std::os::fd::AsFd;
+use crate::{Content, DeviceIds, DeviceMemory, FrameFault, FrameInfo, LiveError, Offer, Request, device, socket};
+use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::sync::atomic::{Ordering, fence};
@@ -21,6 +21,8 @@ pub struct Application {
     newest: Option<usize>,
     frames: u64,
     seen: u64,
+    /// Whether the display shares memory of a device.
+    shares: bool,
 }
 
 impl Application {
@@ -50,12 +52,61 @@ impl Application {
         let mut words = [0; layout::OFFER_WORDS];
         region.load(0, &mut words);
         let offer = layout::read_offer(&words, bytes)?;
-        Ok(Self { stream, region, offer, newest: None, frames: 0, seen: 0 })
+        Ok(Self { stream, region, offer, newest: None, frames: 0, seen: 0, shares: false })
+    }
+
+    #[cfg(test)]
+    pub(crate) fn region(&self) -> &Region {
+        &self.region
     }
 
     /// What the display takes.
     pub fn offer(&self) -> &Offer {
         &self.offer
+    }
+
+    /// The device whose memory the display would share, if it has one: for an application on the same device.
+    pub fn device(&self) -> Option<DeviceIds> {
+        let offers = self.region.word(layout::SHARES).load(Ordering::Acquire) == 1;
+        let mut words = [0; device::WORDS];
+        self.region.load(layout::DEVICE, &mut words);
+        offers.then(|| DeviceIds::of(&words))
+    }
+
+    /// Asks for memory of that device, and waits for it: what it is, and its file descriptor; none where the display gives none
+    /// after all. From then on frames may be [on the device](FrameInfo::on_device).
+    ///
+    /// # Errors
+    /// [`LiveError::Gone`] where the display is gone; [`LiveError::Damaged`] for memory that cannot be; no answer in time.
+    pub fn share(&mut self, patience: Duration) -> Result<Option<(DeviceMemory, OwnedFd)>, LiveError> {
+        let until = std::time::Instant::now() + patience;
+        self.region.word(layout::WANTED).store(1, Ordering::Release);
+        socket::nudge(&self.stream);
+        loop {
+            let (there, fd) = socket::listen_for_fd(&self.stream);
+            if let Some(fd) = fd {
+                let mut words = [0; device::WORDS];
+                self.region.load(layout::DEVICE, &mut words);
+                let room = self.offer.slot_bytes() as u64;
+                let memory = DeviceMemory::of(&words, self.offer.slots, room);
+                let damaged =
+                    || LiveError::Damaged("the device's memory that it shares does not hold its slots".into());
+                self.shares = true;
+                return memory.map(|memory| Some((memory, fd))).ok_or_else(damaged);
+            }
+            if !there {
+                return Err(LiveError::Gone);
+            }
+            if self.device().is_none() {
+                return Ok(None);
+            }
+            let left = until.saturating_duration_since(std::time::Instant::now());
+            if left.is_zero() {
+                let error = std::io::ErrorKind::TimedOut.into();
+                return Err(LiveError::System { what: "the memory of the display's device", error });
+            }
+            socket::wait(&[self.stream.as_fd()], left);
+        }
     }
 
     /// What it asks for now; none before it asked.
@@ -107,7 +158,7 @@ impl Application {
     /// [`LiveError::Frame`], for what the display would refuse.
     pub fn begin(&mut self, info: &FrameInfo) -> Result<Slot<'_>, LiveError> {
         let words = layout::header_words(&self.offer, info, self.frames + 1);
-        let info = layout::read_header(&words, &self.offer)?;
+        let info = layout::read_header(&words, &self.offer, self.shares)?;
         let index = self.take_slot();
         let start = layout::slot_word(&self.offer, index);
         self.region.store(start + 1, &words[1..]);
@@ -185,7 +236,12 @@ impl Slot<'_> {
         self.application.region.store_bytes(self.start + SLOT_HEADER + at / 8, samples);
     }
 
-    /// Gives the frame. Returns its number.
+    /// Which slot it is: the place of its samples [on the device](FrameInfo::on_device).
+    pub fn index(&self) -> usize {
+        self.index
+    }
+
+    /// Gives the frame, whose samples are all there: those on a device, too, whose queue was waited for. Returns its number.
     pub fn publish(self) -> u64 {
         let application = self.application;
         let sequence = application.region.word(self.start);

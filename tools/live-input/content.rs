@@ -122,12 +122,15 @@ pub struct FrameInfo {
     pub content_time_ns: i64,
     /// Where the middle view, or the camera, stands in the pupil plane: x, y.
     pub center_mm: [f64; 2],
+    /// Whether its samples are in the device's memory that the display shares, in the slot of the same number; else they stand
+    /// behind the header. Of views alone.
+    pub on_device: bool,
 }
 
 impl FrameInfo {
-    /// From the middle of the eyebox, in answer to no request, at the moment 0.
+    /// From the middle of the eyebox, in answer to no request, at the moment 0, with samples in the region.
     pub fn new(content: Content, sample: Sample, transfer: Transfer) -> Self {
-        Self { content, sample, transfer, request: 0, content_time_ns: 0, center_mm: [0.0; 2] }
+        Self { content, sample, transfer, request: 0, content_time_ns: 0, center_mm: [0.0; 2], on_device: false }
     }
 }
 

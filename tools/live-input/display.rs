@@ -1,9 +1,12 @@
 //! The display's side.
 
+use crate::device::{self, Nobody};
 use crate::layout::{self, HELD, Header, REQUEST, SLOT_HEADER, STEP};
 use crate::region::Region;
 use crate::samples::{Curve, Stored, decode, decode_depth};
-use crate::{Content, FrameFault, FrameInfo, LiveError, Offer, Request, Sample, Transfer, socket};
+use crate::{
+    Content, DeviceIds, FrameFault, FrameInfo, LiveError, Offer, Request, Sample, Transfer, ViewTaker, socket,
+};
 use std::fs::{File, TryLockError};
 use std::os::fd::AsFd;
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -70,22 +73,6 @@ impl Frame {
     }
 }
 
-/// Decodes views elsewhere than in the host's memory, as on a device.
-pub trait ViewTaker {
-    /// Takes the samples of views, which were copied and are filled to a multiple of 4 bytes; their values are judged here, and
-    /// `info` was. None where it does not take them after all: the host decodes them.
-    fn take(&mut self, samples: &[u8], info: &FrameInfo) -> Option<Result<(), FrameFault>>;
-}
-
-/// Takes nothing.
-pub(crate) struct Nobody;
-
-impl ViewTaker for Nobody {
-    fn take(&mut self, _samples: &[u8], _info: &FrameInfo) -> Option<Result<(), FrameFault>> {
-        None
-    }
-}
-
 /// What there was to take.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
@@ -123,6 +110,8 @@ struct Connection {
     last: u64,
     /// Of each slot the sequence that was refused: it is so once.
     refused: [u64; 8],
+    /// Whether it has memory of a device.
+    shares: bool,
 }
 
 /// Takes frames under a name. Ends with its socket removed.
@@ -262,9 +251,14 @@ impl Display {
         middle: &mut dyn FnMut(),
     ) -> Latest {
         let Some(mut connection) = self.connection.take() else {
-            self.answer_callers();
+            self.answer_callers(taker);
             return Latest::Gone;
         };
+        if connection.shares && taker.device().is_none() {
+            taker.unshare();
+            return Latest::Gone;
+        }
+        self.share(&mut connection, taker);
         // Before it is looked for frames: what it gave before it went is taken.
         let closed = !socket::listen(&connection.stream);
         let found = match self.take(&mut connection, taker, middle) {
@@ -282,27 +276,52 @@ impl Display {
         };
         if found != Latest::Gone {
             self.connection = Some(connection);
+        } else if connection.shares {
+            taker.unshare();
         }
         // The next one waits until what this one left is taken.
         if !closed || found == Latest::Gone {
-            self.answer_callers();
+            self.answer_callers(taker);
         }
         found
     }
 
-    fn answer_callers(&mut self) {
+    /// Gives memory of a device to an application that asks for it.
+    fn share(&self, connection: &mut Connection, taker: &mut dyn ViewTaker) {
+        let Connection { stream, region, shares, .. } = connection;
+        let offers = region.word(layout::SHARES);
+        if *shares || region.word(layout::WANTED).load(Ordering::Acquire) == 0 || offers.load(Ordering::Relaxed) == 0 {
+            return;
+        }
+        let shared = taker.device().and_then(|_| taker.share(self.offer.slots, self.offer.slot_bytes() as u64));
+        match shared.filter(|(_, fd)| device::is_fixed(fd)) {
+            Some((memory, fd)) => {
+                region.store(layout::DEVICE, &memory.words());
+                *shares = socket::nudge_with(stream, &fd);
+            }
+            None => {
+                offers.store(0, Ordering::Release);
+                socket::nudge(stream);
+            }
+        }
+        if !*shares {
+            taker.unshare();
+        }
+    }
+
+    fn answer_callers(&mut self, taker: &dyn ViewTaker) {
         for _ in 0..CALLERS {
             let Ok((stream, _)) = self.listener.accept() else {
                 return;
             };
-            match self.take_in(stream) {
+            match self.take_in(stream, taker.device()) {
                 Ok(()) => self.counts.applications += 1,
                 Err(()) => self.counts.turned_away += 1,
             }
         }
     }
 
-    fn take_in(&mut self, stream: UnixStream) -> Result<(), ()> {
+    fn take_in(&mut self, stream: UnixStream, device: Option<DeviceIds>) -> Result<(), ()> {
         let turned = |reason: &str| socket::refuse(&stream, reason);
         socket::check_peer(&stream).map_err(|error| turned(&error.to_string()))?;
         if self.connection.is_some() {
@@ -315,12 +334,16 @@ impl Display {
             None => Region::new(bytes).map_err(|error| turned(&error.to_string()))?,
         };
         region.store(0, &layout::offer_words(&self.offer));
+        if let Some(ids) = device {
+            region.store(layout::DEVICE, &ids.words());
+            region.word(layout::SHARES).store(1, Ordering::Release);
+        }
         self.write_request(&region);
         stream.set_nonblocking(true).map_err(|_| ())?;
         if !socket::welcome(&stream, region.fd(), bytes) {
             return Err(());
         }
-        self.connection = Some(Connection { stream, region, last: 0, refused: [0; 8] });
+        self.connection = Some(Connection { stream, region, last: 0, refused: [0; 8], shares: false });
         Ok(())
     }
 
@@ -340,7 +363,7 @@ impl Display {
             region.word(HELD).store(slot as u64 + 1, Ordering::Relaxed);
             fence(Ordering::SeqCst);
             let still = sequence.load(Ordering::Acquire) == before;
-            let copied = if still { self.copy(region, slot, connection.last) } else { Err(FrameFault::Torn) };
+            let copied = if still { self.copy(connection, slot, taker) } else { Err(FrameFault::Torn) };
             middle();
             fence(Ordering::Acquire);
             let whole = sequence.load(Ordering::Relaxed) == before;
@@ -372,16 +395,26 @@ impl Display {
     }
 
     /// Copies a slot; returns its frame's number and what it says. All is judged by the copy.
-    fn copy(&mut self, region: &Region, slot: usize, last: u64) -> Result<(u64, FrameInfo), FrameFault> {
+    fn copy(
+        &mut self,
+        connection: &Connection,
+        slot: usize,
+        taker: &mut dyn ViewTaker,
+    ) -> Result<(u64, FrameInfo), FrameFault> {
+        let Connection { region, last, shares, .. } = connection;
         let start = layout::slot_word(&self.offer, slot);
         let mut header: Header = [0; layout::HEADER_WORDS];
         region.load(start, &mut header);
-        let info = layout::read_header(&header, &self.offer)?;
+        let info = layout::read_header(&header, &self.offer, *shares)?;
         let (found, least, most) = (header[1], last.saturating_add(1), last.saturating_add(STEP));
         if !(least..=most).contains(&found) {
             return Err(FrameFault::Number { what: "frame number", found, least, most });
         }
         let bytes = self.offer.bytes(&info.content, info.sample)[0];
+        if info.on_device {
+            taker.take_shared(slot, bytes as u64, &info)?;
+            return Ok((found, info));
+        }
         region.load_bytes(start + SLOT_HEADER, &mut self.raw[..bytes]);
         Ok((found, info))
     }
@@ -392,10 +425,10 @@ impl Display {
         let colors = self.offer.channels();
         let channels = colors + usize::from(matches!(info.content, Content::Layers(_)));
         let [bytes, depth] = self.offer.bytes(&info.content, info.sample);
-        let is_views = matches!(info.content, Content::Views { .. });
+        let is_views = !info.on_device && matches!(info.content, Content::Views { .. });
         let taken =
             is_views.then(|| taker.take(&self.raw[..bytes.next_multiple_of(4)], &info)).flatten().transpose()?;
-        frame.is_taken = taken.is_some();
+        frame.is_taken = info.on_device || taken.is_some();
         (frame.number, frame.info, frame.channels) = (number, info, channels);
         if frame.is_taken {
             frame.light.clear();

@@ -48,6 +48,8 @@ pub enum FrameFault {
     },
     /// It changed each time while it was copied.
     Torn,
+    /// The device that shares its memory failed.
+    Device,
 }
 
 impl fmt::Display for FrameFault {
@@ -63,6 +65,7 @@ impl fmt::Display for FrameFault {
             Self::Value { channel, index, found, must } => {
                 write!(f, "sample {index} of channel {channel} is {found}; it must be {must}")
             }
+            Self::Device => write!(f, "the display's device failed: connect again, and share no memory of it"),
             Self::Torn => write!(f, "it was written while it was read; a slot that is held must not be written"),
         }
     }

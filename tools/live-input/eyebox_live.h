@@ -50,7 +50,17 @@ typedef struct {
     int64_t content_time_ns;
     double pitch_mm, center_x_mm, center_y_mm;
     float dioptres[64];
+    /* 1: the samples are in the display's device memory, at slot * slot_stride; see eyebox_live_share. Of views alone. */
+    uint32_t on_device;
 } eyebox_live_frame;
+
+/* Memory of the display's device, as it lies in the region: VkPhysicalDeviceIDProperties of the device, allocationSize,
+ * VkBufferCreateInfo's size, bytes from slot to slot, memoryTypeIndex, VkBufferUsageFlags. */
+typedef struct {
+    uint8_t device_uuid[16], driver_uuid[16];
+    uint64_t memory_bytes, buffer_bytes, slot_stride;
+    uint32_t memory_type, usage;
+} eyebox_live_memory;
 
 typedef struct {
     /* What the display takes. */
@@ -62,7 +72,7 @@ typedef struct {
     uint8_t *region;
     uint64_t length, first, stride, room, frames, seen;
     uint32_t slots;
-    int newest, writing;
+    int newest, writing, shares;
 } eyebox_live;
 
 static inline int eyebox_live_failed(eyebox_live *live, const char *what, const char *why) {
@@ -186,6 +196,47 @@ static inline int eyebox_live_wait(eyebox_live *live, int timeout_ms) {
     }
 }
 
+/* Whether the display has memory of a device to share: then `device_uuid` and `driver_uuid` say whose. An application on another device,
+ * or behind another driver, goes on with the region. */
+static inline int eyebox_live_device(const eyebox_live *live, eyebox_live_memory *memory) {
+    if (__atomic_load_n(eyebox_live_word(live, 104), __ATOMIC_ACQUIRE) != 1) return 0;
+    memcpy(memory, live->region + 1024, sizeof *memory);
+    return 1;
+}
+
+/* Asks for that memory: its file descriptor, or -1 and `error`. It is imported by VkImportMemoryFdInfoKHR (opaque) with allocationSize
+ * `memory_bytes` and memoryTypeIndex `memory_type`, and bound at 0 to a buffer of `buffer_bytes` and `usage` that was made with
+ * VkExternalMemoryBufferCreateInfo. A frame with `on_device`: eyebox_live_begin (what it returns is not written), the samples to
+ * eyebox_live_slot(live) * slot_stride on the device, a barrier that hands the buffer to VK_QUEUE_FAMILY_EXTERNAL, vkQueueSubmit,
+ * wait for its fence, eyebox_live_publish. */
+static inline int eyebox_live_share(eyebox_live *live, eyebox_live_memory *memory, int timeout_ms) {
+    __atomic_store_n(eyebox_live_word(live, 136), 1, __ATOMIC_RELEASE);
+    send(live->socket, "", 1, MSG_DONTWAIT | MSG_NOSIGNAL);
+    for (;;) {
+        uint8_t bytes[256];
+        union { struct cmsghdr header; uint8_t space[CMSG_SPACE(sizeof(int))]; } control;
+        struct iovec part = {bytes, sizeof bytes};
+        struct msghdr all;
+        struct pollfd waiting = {live->socket, POLLIN, 0};
+        memset(&all, 0, sizeof all);
+        memset(&control, 0, sizeof control);
+        all.msg_iov = &part, all.msg_iovlen = 1, all.msg_control = &control, all.msg_controllen = sizeof control;
+        ssize_t got = recvmsg(live->socket, &all, MSG_CMSG_CLOEXEC | MSG_DONTWAIT);
+        if (got == 0 || (got < 0 && errno != EAGAIN && errno != EINTR)) return eyebox_live_failed(live, "the display is gone", "");
+        struct cmsghdr *header = got < 0 ? NULL : CMSG_FIRSTHDR(&all);
+        int there = eyebox_live_device(live, memory), fd = -1;
+        if (header && header->cmsg_type == SCM_RIGHTS && header->cmsg_len == CMSG_LEN(sizeof fd)) memcpy(&fd, CMSG_DATA(header), sizeof fd);
+        if (fd >= 0 && there && memory->slot_stride >= live->room && memory->slot_stride <= memory->buffer_bytes / live->slots && memory->buffer_bytes <= memory->memory_bytes)
+            return live->shares = 1, fd;
+        if (fd >= 0) close(fd);
+        if (fd >= 0 || !there) return eyebox_live_failed(live, "the display shares no memory of a device that holds its slots", "");
+        if (got < 0 && poll(&waiting, 1, timeout_ms) != 1) return eyebox_live_failed(live, "the display does not answer", "");
+    }
+}
+
+/* The slot of the frame that was begun. */
+static inline int eyebox_live_slot(const eyebox_live *live) { return live->writing; }
+
 /* Bytes of a frame's samples; `*depth` (may be NULL) is where the dioptres of colour and depth begin among them. */
 static inline uint64_t eyebox_live_bytes(const eyebox_live *live, const eyebox_live_frame *frame, uint64_t *depth) {
     static const uint64_t sizes[5] = {0, 1, 2, 2, 4};
@@ -203,7 +254,7 @@ static inline uint64_t eyebox_live_bytes(const eyebox_live *live, const eyebox_l
 static inline void *eyebox_live_begin(eyebox_live *live, const eyebox_live_frame *frame) {
     uint32_t views = frame->kind == EYEBOX_LIVE_VIEWS, layers = frame->kind == EYEBOX_LIVE_LAYERS ? frame->layers : 0;
     uint32_t shape[2] = {views ? frame->view_rows : 1, views ? frame->view_columns : 1};
-    if ((frame->kind != 1 && frame->kind != 2 && frame->kind != 4) || !(frame->kind & live->kinds) || frame->sample - 1 > 3 || shape[0] - 1 > 63 || shape[1] - 1 > 63 || layers > 64 || eyebox_live_bytes(live, frame, NULL) > live->room) {
+    if ((frame->kind != 1 && frame->kind != 2 && frame->kind != 4) || !(frame->kind & live->kinds) || frame->sample - 1 > 3 || shape[0] - 1 > 63 || shape[1] - 1 > 63 || layers > 64 || frame->on_device > (uint32_t)(live->shares && views) || eyebox_live_bytes(live, frame, NULL) > live->room) {
         eyebox_live_failed(live, "the display takes no frame of this kind, sample and size", "");
         return NULL;
     }
@@ -221,7 +272,7 @@ static inline void *eyebox_live_begin(eyebox_live *live, const eyebox_live_frame
         uint64_t numbers[2] = {live->frames + 1, frame->request};
         uint32_t codes[8] = {frame->kind, frame->sample, frame->transfer, live->colors, live->rows, live->columns, shape[0], shape[1]};
         double places[3] = {views ? frame->pitch_mm : 0, frame->center_x_mm, frame->center_y_mm};
-        uint64_t sizes[2] = {layers, eyebox_live_bytes(live, frame, NULL)};
+        uint64_t sizes[2] = {layers | (uint64_t)frame->on_device << 32, eyebox_live_bytes(live, frame, NULL)};
         memset(header + 8, 0, 504);
         memcpy(header + 8, numbers, sizeof numbers);
         memcpy(header + 24, &frame->content_time_ns, 8);

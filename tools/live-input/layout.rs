@@ -12,6 +12,11 @@ pub(crate) const VERSION: u32 = 1;
 pub(crate) const OFFER_WORDS: usize = 13;
 /// The word that says which slot is held.
 pub(crate) const HELD: usize = 128 / 8;
+/// The word that says whether the display has memory of a device to share, and the one by which the application asks for it.
+pub(crate) const SHARES: usize = 104 / 8;
+pub(crate) const WANTED: usize = 136 / 8;
+/// What that memory is.
+pub(crate) const DEVICE: usize = 1024 / 8;
 /// The request's words, the first its sequence.
 pub(crate) const REQUEST: usize = 192 / 8;
 pub(crate) const REQUEST_WORDS: usize = 15;
@@ -31,11 +36,11 @@ pub(crate) fn slot_word(offer: &Offer, slot: usize) -> usize {
     (PAGE + slot * offer.slot_stride()) / 8
 }
 
-fn pair(low: u32, high: u32) -> u64 {
+pub(crate) fn pair(low: u32, high: u32) -> u64 {
     u64::from(low) | u64::from(high) << 32
 }
 
-fn halves(word: u64) -> [u32; 2] {
+pub(crate) fn halves(word: u64) -> [u32; 2] {
     [word as u32, (word >> 32) as u32]
 }
 
@@ -154,18 +159,18 @@ pub(crate) fn header_words(offer: &Offer, info: &FrameInfo, number: u64) -> Head
         pitch_mm.to_bits(),
         info.center_mm[0].to_bits(),
         info.center_mm[1].to_bits(),
-        pair(layers, 0),
+        pair(layers, u32::from(info.on_device)),
         offer.bytes(&info.content, info.sample)[0] as u64,
     ];
     words[1..=start.len()].copy_from_slice(&start);
     words
 }
 
-/// What a copied header says, if all of it is right for this offer.
+/// What a copied header says, if all of it is right for this offer; whether a device's memory is `shared`.
 ///
 /// # Errors
 /// The first [`FrameFault`] of it.
-pub(crate) fn read_header(words: &Header, offer: &Offer) -> Result<FrameInfo, FrameFault> {
+pub(crate) fn read_header(words: &Header, offer: &Offer, shared: bool) -> Result<FrameInfo, FrameFault> {
     let number = |what, found: u32, least: u32, most: u32| match (least..=most).contains(&found) {
         true => Ok(found),
         false => Err(FrameFault::Number { what, found: found.into(), least: least.into(), most: most.into() }),
@@ -194,6 +199,8 @@ pub(crate) fn read_header(words: &Header, offer: &Offer) -> Result<FrameInfo, Fr
     let most = if kind == Kind::Views { offer.views } else { [1, 1] };
     let [view_rows, view_columns] = halves(words[7]);
     let grid = [number("rows of views", view_rows, 1, most[0])?, number("columns of views", view_columns, 1, most[1])?];
+    let most_place = u32::from(shared && kind == Kind::Views);
+    let on_device = number("the place of the samples", halves(words[11])[1], 0, most_place)? == 1;
     let least_layers = u32::from(kind == Kind::Layers);
     let layers = number("layers", halves(words[11])[0], least_layers, least_layers * offer.layers)?;
     let center_mm = [length("the camera's x, mm,", 9, -1000.0)?, length("the camera's y, mm,", 10, -1000.0)?];
@@ -206,7 +213,8 @@ pub(crate) fn read_header(words: &Header, offer: &Offer) -> Result<FrameInfo, Fr
     if words[12] != bytes {
         return Err(FrameFault::Number { what: "bytes", found: words[12], least: bytes, most: bytes });
     }
-    Ok(FrameInfo { content, sample, transfer, request: words[2], content_time_ns: words[3] as i64, center_mm })
+    let (request, content_time_ns) = (words[2], words[3] as i64);
+    Ok(FrameInfo { content, sample, transfer, request, content_time_ns, center_mm, on_device })
 }
 
 fn dioptres(words: &Header, layers: u32) -> Result<Dioptres, FrameFault> {

@@ -24,6 +24,8 @@
 #![cfg_attr(not(target_os = "linux"), allow(dead_code, reason = "both sides refuse there"))]
 
 mod content;
+#[cfg(target_os = "linux")]
+mod device;
 mod error;
 mod layout;
 mod samples;
@@ -38,6 +40,8 @@ mod elsewhere;
 mod hostile_tests;
 #[cfg(target_os = "linux")]
 mod region;
+#[cfg(all(test, target_os = "linux"))]
+mod shared_tests;
 #[cfg(target_os = "linux")]
 mod socket;
 
@@ -45,7 +49,9 @@ mod socket;
 pub use application::{Application, Slot};
 pub use content::{Content, Dioptres, FrameInfo, Kind, Offer, Pupil, Request, Sample, Transfer, Wanted};
 #[cfg(target_os = "linux")]
-pub use display::{Counts, Display, Frame, Latest, ViewTaker};
+pub use device::{DeviceIds, DeviceMemory, ViewTaker};
+#[cfg(target_os = "linux")]
+pub use display::{Counts, Display, Frame, Latest};
 #[cfg(not(target_os = "linux"))]
 pub use elsewhere::{Application, Display};
 pub use error::{FrameFault, LiveError};

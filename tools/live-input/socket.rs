@@ -110,10 +110,7 @@ pub(crate) fn greeted(stream: &UnixStream, patience: Duration) -> Result<(OwnedF
     let flags = RecvFlags::CMSG_CLOEXEC | RecvFlags::DONTWAIT;
     let received = rustix::net::recvmsg(stream, &mut [IoSliceMut::new(&mut message)], &mut control, flags);
     let bytes = received.map_err(|e| failed(e.into()))?.bytes;
-    let fd = control.drain().find_map(|part| match part {
-        RecvAncillaryMessage::ScmRights(mut fds) => fds.next(),
-        _ => None,
-    });
+    let fd = given(&mut control);
     let u32_at = |at: usize| u32::from_le_bytes([message[at], message[at + 1], message[at + 2], message[at + 3]]);
     if bytes != GREETING || message[..8] != MAGIC.to_le_bytes() || u32_at(8) != VERSION {
         return Err(LiveError::Damaged(format!("no greeting of live input, version {VERSION}")));
@@ -129,6 +126,33 @@ pub(crate) fn greeted(stream: &UnixStream, patience: Duration) -> Result<(OwnedF
 /// Says 'look', if there is room for it.
 pub(crate) fn nudge(stream: &UnixStream) {
     let _ = rustix::net::send(stream, &[1], SendFlags::NOSIGNAL | SendFlags::DONTWAIT);
+}
+
+/// Says 'look', with a file descriptor.
+pub(crate) fn nudge_with(stream: &UnixStream, fd: &OwnedFd) -> bool {
+    let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(1))];
+    let mut control = SendAncillaryBuffer::new(&mut space);
+    let fds = [fd.as_fd()];
+    control.push(SendAncillaryMessage::ScmRights(&fds)) && greet(stream, &[1], &mut control)
+}
+
+/// Takes what the other side said up to a file descriptor, without waiting: whether it is still there, and the descriptor.
+pub(crate) fn listen_for_fd(stream: &UnixStream) -> (bool, Option<OwnedFd>) {
+    let mut bytes = [0; 1024];
+    let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(1))];
+    let mut control = RecvAncillaryBuffer::new(&mut space);
+    let flags = RecvFlags::CMSG_CLOEXEC | RecvFlags::DONTWAIT;
+    match rustix::net::recvmsg(stream, &mut [IoSliceMut::new(&mut bytes)], &mut control, flags) {
+        Ok(received) => (received.bytes > 0, given(&mut control)),
+        Err(error) => (matches!(error, rustix::io::Errno::AGAIN | rustix::io::Errno::INTR), None),
+    }
+}
+
+fn given(control: &mut RecvAncillaryBuffer<'_>) -> Option<OwnedFd> {
+    control.drain().find_map(|part| match part {
+        RecvAncillaryMessage::ScmRights(mut fds) => fds.next(),
+        _ => None,
+    })
 }
 
 /// Takes what the other side said, up to 1 KiB, without waiting; whether it is still there.

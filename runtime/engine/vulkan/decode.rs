@@ -5,6 +5,8 @@
 
 use super::super::EngineError;
 use super::views::{DeviceViews, Level, Views};
+#[cfg(target_os = "linux")]
+use crate::gpu::SharedMemory;
 use crate::gpu::{Block, Commands, Gpu};
 use crate::scene::Pyramid;
 use eyebox_kernels::decode_views::{self, ALL_LIGHT, SUMS};
@@ -158,6 +160,25 @@ impl ViewDecoder {
             return Err(EngineError::Mismatch { reason });
         }
         self.gpu.put(&mut self.samples, samples, [(0, 0, bytes)])
+    }
+
+    /// Takes so many bytes of samples that another process left in memory of this device, from `at` on: both multiples of 4.
+    ///
+    /// # Errors
+    /// More than there are, or than it was made for; a lost device.
+    #[cfg(target_os = "linux")]
+    pub fn copy(&mut self, from: &SharedMemory, at: u64, bytes: u64) -> Result<(), EngineError> {
+        let ends = at.checked_add(bytes).is_some_and(|end| end <= from.block.size);
+        if !ends || bytes > self.samples.size || !(at | bytes).is_multiple_of(4) || !from.block.is_on(&self.gpu.device)
+        {
+            let reason = format!("{bytes} bytes of views at {at}, where {} are shared", from.block.size);
+            return Err(EngineError::Mismatch { reason });
+        }
+        self.gpu.recorder.begin(0)?;
+        self.gpu.recorder.take_over(&from.block);
+        self.gpu.recorder.copy(&from.block, &self.samples, [(at, 0, bytes)]);
+        self.gpu.recorder.hand_back(&from.block);
+        self.gpu.recorder.submit("views of an application")
     }
 
     fn pixels(&self) -> usize {
