@@ -10,12 +10,13 @@
 
 mod around;
 mod versions;
+mod whole;
 
 pub use versions::TileVersion;
 
 use super::chunks::{
-    ARRAY, GROUP, LOCK, check_is_one, check_length, chunk_file, damaged, draft, is_staged, lock, open_folder, promise,
-    read_document, read_tile, read_whole, unreadable, unwritable, write_chunk,
+    ARRAY, GROUP, LOCK, check_is_one, chunk_file, damaged, draft, is_staged, lock, open_folder, promise, read_document,
+    read_tile, read_whole, unreadable, unwritable, write_chunk,
 };
 use super::{Hologram, HologramError, Metadata, document};
 use crate::files::{Folder, Kind};
@@ -477,27 +478,6 @@ fn staged_name(done: u64, [color, row, column]: [usize; 3]) -> String {
 
 fn to_json(made: &Made) -> Vec<u8> {
     document::sealed(serde_json::to_value(made).expect("numbers and text"))
-}
-
-impl Tiles {
-    /// All of it in memory; that every tile of a finished one is there, and as long as it must be, is known before any is read.
-    pub(super) fn into_hologram(self) -> Result<Hologram, HologramError> {
-        let size = [self.about.height, self.about.width];
-        if self.made.is_none() {
-            let [rows, columns] = self.range([0, 0], size);
-            let values = self.about.frames * self.side * self.side;
-            for color in 0..self.about.colors.len() {
-                for (row, column) in rows.clone().flat_map(|r| columns.clone().map(move |c| (r, c))) {
-                    check_length(&self.folder, &self.name([color, row, column]), values, true)?;
-                }
-            }
-        }
-        let mut hologram = self.about.clone();
-        for (color, of) in hologram.colors.iter_mut().enumerate() {
-            of.phases = self.read(color, [0, 0], size)?;
-        }
-        Ok(hologram)
-    }
 }
 
 #[cfg(test)]
