@@ -1,4 +1,5 @@
-//! The steady state of playing, all threads counted, encoded by the CPU and by a Vulkan device: no set allocates, memory
+//! The steady state of playing and of refining, all threads counted. Refined on the CPU: how much a step allocates, and nothing
+//! that grows. Played, encoded by the CPU and by a Vulkan device: no set allocates, memory
 //! stays, every set is accounted for. (What a driver allocates of its own is not counted, but stays within the memory.)
 //!
 //! A minute at 60 Hz of simulated time; `EYEBOX_SOAK=full` makes it ten.
@@ -6,11 +7,15 @@
 #![allow(unsafe_code)]
 
 use eyebox::encode::{Encoder, PhaseSet};
+use eyebox::engine::cpu::CpuEngine;
+use eyebox::gaze::{self, Estimator};
 use eyebox::gpu::{Gpu, Options as GpuOptions};
 use eyebox::hologram::{ColorHologram, Hologram, SequenceWriter};
 use eyebox::optics::Display;
 use eyebox::present::Rate;
-use eyebox::session::{Cause, Output, Play, Session, SessionEvent, SessionOptions};
+use eyebox::scene::{self, Request};
+use eyebox::session::{Cause, Cost, EngineOpener, Live, Output, Play, Session, SessionEvent, SessionOptions, Tracking};
+use eyebox::trackers;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::sync_channel;
@@ -68,6 +73,56 @@ fn playing_allocates_nothing_and_accounts_for_every_set() {
     let cache = Some(std::env::temp_dir().join("eyebox-tests"));
     let options = GpuOptions { allow_cpu: true, cache, ..GpuOptions::default() };
     play("Vulkan", Some(Gpu::open(&options).expect("a device")));
+    refine();
+}
+
+/// What a step of one colour allocates at most, with its share of a set's gaze, encoding and accounts: the lists of its pupils, which
+/// are as long as these are wide, and what the threads of its kernels pass each other.
+const A_STEP: f64 = 200.0;
+
+/// A hologram of three colours whose sets roll, refined for an eye that moves: a minute of simulated time, or ten.
+fn refine() {
+    let seconds: u64 = if std::env::var("EYEBOX_SOAK").is_ok_and(|v| v == "full") { 600 } else { 20 };
+    let display = Display { height: 40, width: 48, ..Display::preset("planes8").expect("a preset") };
+    let colors: Vec<_> = display.wavelengths.iter().map(|w| w.color).collect();
+    let field = scene::load("builtin:still-life", &Request::new(&display, &colors)).expect("a scene");
+    let estimator = Estimator::new(gaze::Settings::default(), None).expect("the defaults");
+    let options = trackers::Options { real_time: false, ..trackers::Options::default() };
+    let tracking = Tracking::open(&"simulated:3".parse().expect("a tracker"), &options, estimator).expect("opened");
+    let engines: EngineOpener = Box::new(|| Ok(Box::new(CpuEngine::new())));
+    let mut live = Live::of_hologram(&hologram(0, &display), &field, &display, engines, tracking).expect("a session");
+    live.cost = Cost::Fixed { step: Duration::from_micros(1500), encode: Duration::from_micros(300) };
+    let (tell, told) = sync_channel(1);
+    let (mut frames, mut begun) = (0u64, (0, None));
+    let last = 180 * (5 + seconds) - 10;
+    let observer = move |_: &eyebox::session::PresentedFrame<'_>| {
+        frames += 1;
+        if frames == 900 || frames == last {
+            let early = ALLOCATIONS.load(Ordering::Relaxed);
+            let pages = resident();
+            let count = if frames == last { early } else { ALLOCATIONS.load(Ordering::Relaxed) };
+            if frames == last {
+                let _ = tell.try_send((count - begun.0, begun.1.zip(pages)));
+            }
+            begun = (count, pages);
+        }
+    };
+    let mut options = SessionOptions::default();
+    options.display_rate = Some(Rate::parse("180").expect("a rate"));
+    options.duration = Some(Duration::from_secs(5 + seconds));
+    options.observer = Some(Box::new(observer));
+    let session = Session::start(live, Output::Memory { simulated: true, sink: None }, options).expect("started");
+    let (allocations, memory) = told.recv().expect("the last seconds");
+    let ended = session.stop();
+    ended.result.expect("no fault");
+    let live = ended.statistics.live.as_ref().expect("refined");
+    let share = (last - 900) as f64 / (last + 10) as f64;
+    let each = allocations as f64 / (live.steps as f64 * share);
+    println!("refined: {} sets, {} steps, {each:.1} allocations a step", live.sets_new, live.steps);
+    assert!(each <= A_STEP, "{each} allocations a step");
+    if let Some((before, after)) = memory {
+        assert!((after / before - 1.0).abs() < 0.02, "{before} pages became {after}");
+    }
 }
 
 fn play(what: &'static str, device: Option<Gpu>) {

@@ -9,7 +9,7 @@ use eyebox_kernels::motion::{Shift, Table};
 pub struct Moment {
     /// The pupil; all moments of an eye focus at one depth.
     pub pupil: Pupil,
-    /// How far the eye has turned, pixels (x, y): what it looks at is there, in the picture.
+    /// How far the eye has turned since the content was where the scene shows it, pixels (x, y).
     pub eye: [f64; 2],
     /// How far what the scene shows has moved, pixels (x, y).
     pub content: [f64; 2],
@@ -63,7 +63,8 @@ impl Moving {
             let [dx, dy] = self.drift.map(|v| v * t);
             Moment {
                 pupil: Pupil { x: self.pupil.x + dx, y: self.pupil.y + dy, ..self.pupil },
-                eye: self.eye.map(|g| g * t),
+                // Where the picture stands on the retina is free: whoever follows it sees it where the scene has it.
+                eye: self.eye.map(|g| g * (t - self.at)),
                 content: self.content.map(|v| v * (t - self.at)),
                 seen: along < count,
             }

@@ -350,7 +350,7 @@ impl Steerer {
     /// Those of the engines.
     pub fn phases(&mut self) -> Result<Vec<&[f32]>, EngineError> {
         for color in &mut self.colors {
-            color.phases = color.refiner.phases()?;
+            color.refiner.phases_into(&mut color.phases)?;
         }
         let Some((field, _)) = &mut self.field else {
             return Ok(self.colors.iter().map(|c| c.phases.as_slice()).collect());

@@ -348,7 +348,9 @@ impl Refiner {
         // Those of a loss that was only looked at are the step's first all the same.
         let first = self.used == 0;
         self.used += 1;
-        let mut step = update.step(&self.planner, self.pupil_passes.clone(), usize::MAX);
+        // The last step that they are of use for takes them.
+        let passes = if self.is_fresh() { std::mem::take(&mut self.pupil_passes) } else { self.pupil_passes.clone() };
+        let mut step = update.step(&self.planner, passes, usize::MAX);
         step.project.step = self.since as u32;
         let known = |kernel| {
             matches!(kernel, Kernel::Transfer | Kernel::Relay | Kernel::Eye | Kernel::Photograph | Kernel::Resample)
@@ -451,6 +453,12 @@ impl Refiner {
     /// Those of the engine.
     pub fn phases(&mut self) -> Result<Vec<f32>, EngineError> {
         self.engine.read(Buffer::Phases)
+    }
+
+    /// The same, into memory that is there already, which becomes as long as they are. Errors are the engine's.
+    pub fn phases_into(&mut self, to: &mut Vec<f32>) -> Result<(), EngineError> {
+        to.resize(self.planner.frames * self.planner.slm.height * self.planner.slm.width, 0.0);
+        self.engine.read_into(Buffer::Phases, to)
     }
 
     /// The phases where they are, if that is in a device's memory: for an encoder on that device.
