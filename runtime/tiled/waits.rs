@@ -114,9 +114,9 @@ mod tests {
                 found.push(written(k).iter().map(|t| seen[t[0] * grid[1] + t[1]].last().copied()).collect::<Vec<_>>());
                 written(k).iter().for_each(|t| seen[t[0] * grid[1] + t[1]].push(k));
             }
-            for k in 0..visits {
+            for (k, found) in found.iter().enumerate() {
                 let versions: HashMap<_, _> = waits.versions(k, 0).collect();
-                for (tile, before) in written(k).iter().zip(&found[k]) {
+                for (tile, before) in written(k).iter().zip(found) {
                     let expected = match before {
                         None => TileVersion::First,
                         Some(v) => TileVersion::Of(*v as u64 + 1),
