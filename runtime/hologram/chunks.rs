@@ -5,6 +5,7 @@ use super::wrap_phase;
 use crate::files::{FileError, Folder, FolderDraft, Kind, is_draft};
 use crate::memory;
 use std::fs::File;
+use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::{self, Read, Write};
 use std::path::Path;
 
@@ -16,6 +17,12 @@ pub(super) const LOCK: &str = "progress.lock";
 const ATTEMPTS: usize = 100;
 /// No document of this format comes near it; it bounds what a wrong file can make us read.
 const LONGEST_DOCUMENT: u64 = 16 << 20;
+
+/// The name of a draft that nobody else takes: who is thought dead may still be writing, and numbers of processes repeat from
+/// machine to machine.
+pub(super) fn own_draft() -> String {
+    format!(".eyebox-{:016x}.part", RandomState::new().build_hasher().finish())
+}
 
 pub(super) fn chunk_name(color: usize, frame: usize) -> String {
     chunk_file(color, frame, 0, 0)
@@ -118,9 +125,10 @@ fn holds_only_ours(folder: &Folder) -> bool {
     true
 }
 
-/// The name of a staged tile, or of a draft beside it.
+/// The name of a staged tile, of a part of the job that is done, or of a draft beside them.
 pub(super) fn is_staged(name: &str) -> bool {
-    is_draft(name) || (name.split('.').count() == 4 && name.bytes().all(|b| b.is_ascii_digit() || b == b'.'))
+    let numbers = matches!(name.split('.').count(), 1 | 4) && name.bytes().all(|b| b.is_ascii_digit() || b == b'.');
+    is_draft(name) || numbers
 }
 
 pub(super) fn damaged(file: &Path, reason: impl Into<String>) -> HologramError {

@@ -19,7 +19,7 @@
 //! a reader of one sub-frame reads one file. `docs/hologram-format.md` is the full description.
 //!
 //! A moving scene is a [`Sequence`] of holograms (`sequence`): the same folder with a leading axis, one chunk a hologram,
-//! that grows ([`SequenceWriter`]) and is played while it does.
+//! that grows ([`SequenceWriter`], or several programs at once, [`SequenceParts`]) and is played while it does.
 //!
 //! A hologram larger than memory is stored in square tiles ([`Tiles`]): one chunk a tile, with all sub-frames.
 //!
@@ -39,6 +39,7 @@ mod scene_source;
 mod score;
 mod seen;
 mod sequence;
+mod sequence_parts;
 mod sequence_writer;
 mod solved;
 mod source;
@@ -64,9 +65,10 @@ pub use refine::Refinement;
 pub use scene_source::SceneSource;
 pub use score::{HologramScores, PupilScore};
 pub use sequence::Sequence;
+pub use sequence_parts::SequenceParts;
 pub use sequence_writer::SequenceWriter;
 pub use source::{PhaseSource, Sampling};
-pub use tiles::{Made, Patch, Tiles};
+pub use tiles::{Made, Patch, TileVersion, Tiles};
 pub use unfinished::Unfinished;
 
 use crate::memory::TooLarge;

@@ -9,10 +9,14 @@
 //! at a time makes a hologram, and holds a lock; others may look at it meanwhile ([`open`](Tiles::open)) and change nothing.
 
 mod around;
+mod versions;
+mod whole;
+
+pub use versions::TileVersion;
 
 use super::chunks::{
-    ARRAY, GROUP, LOCK, check_is_one, check_length, chunk_file, damaged, draft, is_staged, lock, open_folder, promise,
-    read_document, read_tile, read_whole, unreadable, unwritable, write_chunk,
+    ARRAY, GROUP, LOCK, check_is_one, chunk_file, damaged, draft, is_staged, lock, open_folder, promise, read_document,
+    read_tile, read_whole, unreadable, unwritable, write_chunk,
 };
 use super::{Hologram, HologramError, Metadata, document};
 use crate::files::{Folder, Kind};
@@ -21,6 +25,7 @@ use crate::plan::ModelTables;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use std::collections::HashMap;
 use std::fs::File;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -60,6 +65,8 @@ pub struct Tiles {
     written: AtomicU64,
     /// Of each colour, what its display does to the light: made when it is first asked for.
     models: OnceLock<Vec<Option<Arc<ModelTables>>>>,
+    /// Of one part of its job: where its tiles are. None for each in its place.
+    versions: Option<HashMap<[usize; 3], TileVersion>>,
 }
 
 /// A rectangle of whole tiles with other phases.
@@ -179,8 +186,13 @@ impl Tiles {
         } else {
             None
         };
+        Ok(Self::looking(folder.clone(), about, side, made))
+    }
+
+    /// To be looked at.
+    fn looking(folder: Folder, about: Hologram, side: usize, made: Option<Made>) -> Self {
         let (read, written) = (AtomicU64::new(0), AtomicU64::new(0));
-        Ok(Self { folder: folder.clone(), about, side, made, lock: None, read, written, models: OnceLock::new() })
+        Self { folder, about, side, made, lock: None, read, written, models: OnceLock::new(), versions: None }
     }
 
     fn unlock(&self) {
@@ -418,6 +430,9 @@ impl Tiles {
     /// One tile: (frames, side, side); beyond the hologram's edge, zeros.
     fn tile(&self, color: usize, row: usize, column: usize) -> Result<Vec<f32>, HologramError> {
         let place = [color, row, column];
+        if let Some(versions) = &self.versions {
+            return self.version(place, versions.get(&place).copied());
+        }
         let (name, values) = (self.name(place), self.about.frames * self.side * self.side);
         let has = |name: &str| self.folder.has(name);
         // What counts already and was not moved yet: whoever looks does not move it, and it may be moved meanwhile.
@@ -463,27 +478,6 @@ fn staged_name(done: u64, [color, row, column]: [usize; 3]) -> String {
 
 fn to_json(made: &Made) -> Vec<u8> {
     document::sealed(serde_json::to_value(made).expect("numbers and text"))
-}
-
-impl Tiles {
-    /// All of it in memory; that every tile of a finished one is there, and as long as it must be, is known before any is read.
-    pub(super) fn into_hologram(self) -> Result<Hologram, HologramError> {
-        let size = [self.about.height, self.about.width];
-        if self.made.is_none() {
-            let [rows, columns] = self.range([0, 0], size);
-            let values = self.about.frames * self.side * self.side;
-            for color in 0..self.about.colors.len() {
-                for (row, column) in rows.clone().flat_map(|r| columns.clone().map(move |c| (r, c))) {
-                    check_length(&self.folder, &self.name([color, row, column]), values, true)?;
-                }
-            }
-        }
-        let mut hologram = self.about.clone();
-        for (color, of) in hologram.colors.iter_mut().enumerate() {
-            of.phases = self.read(color, [0, 0], size)?;
-        }
-        Ok(hologram)
-    }
 }
 
 #[cfg(test)]

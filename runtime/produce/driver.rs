@@ -80,10 +80,8 @@ pub fn solve_scene(
 ) -> Result<SceneSolution, ProduceError> {
     let needs = |what: &str| ProduceError::Job(format!("{what} is solved into its file: say where"));
     job.check_usual()?;
-    if job.settings.joint.is_some() && (job.scenes.len() > 1 || job.tiles.is_some()) {
-        let reason =
-            "all colours at once is for one scene that is solved whole: leave out the other scenes and the tiles";
-        return Err(ProduceError::Job(reason.into()));
+    if job.scenes.len() > 1 || job.tiles.is_some() {
+        job.check_one_by_one()?;
     }
     // Before the scene is loaded, which takes long where it is large.
     if let Some(brightness) = job.settings.joint.map(|joint| joint.brightness).filter(|b| *b > job.colors.len() as f64)

@@ -198,6 +198,16 @@ impl<'a> SceneJob<'a> {
         Ok(self.diameter.map_or(Ok(()), |diameter| check_usual_diameters(diameter, self.display.eyebox_min()))?)
     }
 
+    /// Refuses all colours at once, which sequences and tiles have not.
+    pub(super) fn check_one_by_one(&self) -> Result<(), ProduceError> {
+        if self.settings.joint.is_none() {
+            return Ok(());
+        }
+        let reason =
+            "all colours at once is for one scene that is solved whole: leave out the other scenes and the tiles";
+        Err(ProduceError::Job(reason.into()))
+    }
+
     /// What is loaded of its scenes; the map is that of one of them.
     pub fn request<'r>(&'r self, depth_map: Option<&'r Path>) -> Request<'r> {
         let default = Request::new(self.display, &self.colors);

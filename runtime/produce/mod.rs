@@ -13,6 +13,7 @@ mod job;
 mod joint;
 mod sequence;
 mod settings_text;
+mod tile_pieces;
 mod tiles;
 
 pub use colors::solve_colors;
@@ -20,5 +21,6 @@ pub use driver::{SceneSolution, SolvedHologram, solve_light_field, solve_scene};
 pub use error::ProduceError;
 pub use job::{SceneEvent, SceneJob, SequenceRequest, TilesPlan, TilesRequest};
 pub use joint::{JointColors, solve_joint_colors};
-pub use sequence::{SolvedSequence, join_pieces, solve_piece};
+pub use sequence::{SequencePieces, SolvedSequence};
+pub use tile_pieces::TilePieces;
 pub use tiles::{SolvedTiles, is_larger_than_memory, load_around};

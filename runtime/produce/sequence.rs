@@ -3,11 +3,12 @@
 use super::job::warn_of_aliasing;
 use super::{ProduceError, SceneEvent, SceneJob};
 use crate::engine::Engine;
-use crate::hologram::{ColorHologram, Hologram, HologramError, Sequence, SequenceWriter, Start};
+use crate::hologram::{ColorHologram, Hologram, HologramError, Sequence, SequenceParts, SequenceWriter, Start};
 use crate::optics::{Color, Display, Padding};
 use crate::scene::LightField;
 use crate::solve::{Flow, Levels, Problem, Progress, Settings, Solution, Warm, solve_from};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// How far a sequence is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,13 +21,14 @@ pub struct SolvedSequence {
     pub solved: usize,
 }
 
-/// What all frames have in common.
-struct Common<'a> {
-    job: &'a SceneJob<'a>,
+/// What its first scene decides for all holograms of a sequence.
+struct Common {
     settings: Settings,
     padding: Padding,
     /// With as many modes of its source as were decided.
     display: Display,
+    /// What is true of every hologram; its exposures are found in the first.
+    like: Hologram,
 }
 
 /// Solves one scene after the other into a sequence; resumes one of the same job.
@@ -36,87 +38,13 @@ pub(super) fn solve(
     engine: &mut dyn Engine,
     observe: &mut dyn FnMut(&SceneEvent) -> Flow,
 ) -> Result<SolvedSequence, ProduceError> {
-    write(job, out, observe, &mut |common, index, load, before, observe| {
-        common.hologram(index, load()?, before, engine, observe)
-    })
-}
-
-/// One hologram of a sequence by itself, which another machine may solve: its holograms begin cold, and the others need nothing of
-/// each other but the exposures of the `first`, hologram 0, which is solved without. [`join_pieces`] makes the sequence of them: the
-/// bytes that [`solve_scene`](super::solve_scene) writes. None where `observe` asked to stop.
-///
-/// # Errors
-/// [`ProduceError::Job`] for a sequence whose holograms begin where the one before ended, an index that it has not and a `first` that
-/// is missing; those of [`solve_scene`](super::solve_scene).
-pub fn solve_piece(
-    job: &SceneJob,
-    index: usize,
-    first: Option<&Hologram>,
-    engine: &mut dyn Engine,
-    observe: &mut dyn FnMut(&SceneEvent) -> Flow,
-) -> Result<Option<Hologram>, ProduceError> {
-    check_pieces(job)?;
-    if index >= job.scenes.len() || (index > 0 && first.is_none()) {
-        let reason = format!("piece {index} of {}: pieces but 0 are solved after it, and with it", job.scenes.len());
-        return Err(ProduceError::Job(reason));
-    }
-    let common = Common::new(job, &job.load(0)?)?;
-    Ok(common.hologram(index, job.load(index)?, first.filter(|_| index > 0), engine, observe)?.map(|made| made.0))
-}
-
-/// Writes a sequence of [pieces](solve_piece), which `piece` gives by their index, in their order; goes on where it was cut off.
-///
-/// # Errors
-/// Those of [`solve_scene`](super::solve_scene) and of `piece`.
-pub fn join_pieces(
-    job: &SceneJob,
-    out: &Path,
-    piece: &mut dyn FnMut(usize) -> Result<Hologram, ProduceError>,
-) -> Result<SolvedSequence, ProduceError> {
-    check_pieces(job)?;
-    write(job, out, &mut |_| Flow::Continue, &mut |_, index, _, _, _| Ok(Some((piece(index)?, Vec::new()))))
-}
-
-fn check_pieces(job: &SceneJob) -> Result<(), ProduceError> {
-    job.check_usual()?;
-    if job.sequence.start != Start::Cold || job.scenes.is_empty() {
-        let reason =
-            "pieces are of a sequence of one scene or more whose holograms begin cold, none where another ended";
-        return Err(ProduceError::Job(reason.into()));
-    }
-    Ok(())
-}
-
-/// What comes of a hologram: it, and its solutions.
-type Made = Option<(Hologram, Vec<(Color, Solution)>)>;
-
-/// Loads its scene, where that is needed: what is only joined needs none.
-type Load<'a> = dyn FnMut() -> Result<LightField, ProduceError> + 'a;
-
-/// Makes one hologram, of its index, its scene, the hologram before it, and who is told.
-type Make<'a> = dyn FnMut(
-        &Common,
-        usize,
-        &mut Load<'_>,
-        Option<&Hologram>,
-        &mut dyn FnMut(&SceneEvent) -> Flow,
-    ) -> Result<Made, ProduceError>
-    + 'a;
-
-fn write(
-    job: &SceneJob,
-    out: &Path,
-    observe: &mut dyn FnMut(&SceneEvent) -> Flow,
-    make: &mut Make,
-) -> Result<SolvedSequence, ProduceError> {
     let count = job.scenes.len();
     let (planned, rate) = (Some(count as u64), job.sequence.rate);
     let first = job.load(0)?;
     let common = Common::new(job, &first)?;
-    let mut like = common.like(&first)?;
     let mut writer = match out.exists() {
         false => None,
-        true => match SequenceWriter::resume(out, &like, rate, planned)? {
+        true => match SequenceWriter::resume(out, &common.like, rate, planned)? {
             Some(writer) => Some(writer),
             None => return Ok(SolvedSequence { done: count, count, solved: 0 }),
         },
@@ -129,19 +57,13 @@ fn write(
     };
     let mut first = Some(first).filter(|_| done == 0);
     for index in done..count {
-        let mut load = || first.take().map_or_else(|| job.load(index), Ok);
-        let Some((hologram, solutions)) = make(&common, index, &mut load, before.as_ref(), observe)? else {
+        let field = first.take().map_or_else(|| job.load(index), Ok)?;
+        let Some((hologram, solutions)) = common.hologram(job, index, field, before.as_ref(), engine, observe)? else {
             return Ok(SolvedSequence { done: index, count, solved: index - done });
         };
         let to = match &mut writer {
             Some(writer) => writer,
-            None => {
-                like.colors.clone_from(&hologram.colors);
-                // Nothing stood there when this began: who began at the same time was quicker.
-                let busy = || HologramError::Busy { path: out.display().to_string() };
-                let begun = SequenceWriter::create(out, &like, rate, planned);
-                writer.insert(begun.map_err(|e| if Sequence::is_at(out) { busy() } else { e })?)
-            }
+            None => writer.insert(common.begin(job, out, &hologram)?),
         };
         to.append(&hologram)?;
         observe(&SceneEvent::Appended { hologram: index, scene: &job.scenes[index], solutions: &solutions });
@@ -153,9 +75,87 @@ fn write(
     Ok(SolvedSequence { done: count, count, solved: count - done })
 }
 
-impl<'a> Common<'a> {
+/// A sequence whose holograms several machines solve, each into its place in one file: the bytes that one process writes. They begin
+/// cold and need nothing of each other but the exposures of hologram 0, which is solved before the others.
+pub struct SequencePieces {
+    common: Common,
+    out: PathBuf,
+    /// The file, when there is one.
+    parts: OnceLock<SequenceParts>,
+}
+
+impl SequencePieces {
+    /// For a sequence at `out`, begun or not. Loads the first scene, which decides what is computed of all.
+    ///
+    /// # Errors
+    /// [`ProduceError::Job`] for a sequence whose holograms begin where the one before ended; those of
+    /// [`solve_scene`](super::solve_scene).
+    pub fn new(job: &SceneJob, out: &Path) -> Result<Self, ProduceError> {
+        check_pieces(job)?;
+        let common = Common::new(job, &job.load(0)?)?;
+        Ok(Self { common, out: out.to_path_buf(), parts: OnceLock::new() })
+    }
+
+    /// Solves hologram `index` of the `job` that this was made for into its place, unless it is there; whether it was solved now.
+    /// None where `observe` asked to stop.
+    ///
+    /// # Errors
+    /// [`ProduceError::Job`] for an index that it has not, and for one before hologram 0 is there;
+    /// [`HologramError::OtherSequence`] where another sequence stands; those of [`solve_scene`](super::solve_scene).
+    pub fn solve(
+        &self,
+        job: &SceneJob,
+        index: usize,
+        engine: &mut dyn Engine,
+        observe: &mut dyn FnMut(&SceneEvent) -> Flow,
+    ) -> Result<Option<bool>, ProduceError> {
+        if index >= job.scenes.len() || (index > 0 && !self.out.exists()) {
+            let reason = format!("piece {index} of {}: pieces but 0 are solved after it", job.scenes.len());
+            return Err(ProduceError::Job(reason));
+        }
+        if !self.out.exists() {
+            let made = self.common.hologram(job, 0, job.load(0)?, None, engine, observe)?;
+            let Some((hologram, _)) = made else { return Ok(None) };
+            self.common.begin(job, &self.out, &hologram)?.append(&hologram)?;
+            return Ok(Some(true));
+        }
+        let parts = match self.parts.get() {
+            Some(parts) => parts,
+            None => {
+                let parts =
+                    SequenceParts::open_same(&self.out, &self.common.like, job.sequence.rate, job.scenes.len() as u64)?;
+                self.parts.get_or_init(|| parts)
+            }
+        };
+        if parts.has(index as u64) {
+            return Ok(Some(false));
+        }
+        // Where even hologram 0 is missing, its exposures are in the file already, which it begins with.
+        let before = Some(parts.about()).filter(|_| index > 0);
+        let made = self.common.hologram(job, index, job.load(index)?, before, engine, observe)?;
+        let Some((hologram, _)) = made else { return Ok(None) };
+        parts.write(index as u64, &hologram)?;
+        Ok(Some(true))
+    }
+}
+
+fn check_pieces(job: &SceneJob) -> Result<(), ProduceError> {
+    job.check_usual()?;
+    job.check_one_by_one()?;
+    if job.sequence.start != Start::Cold || job.scenes.is_empty() {
+        let reason =
+            "pieces are of a sequence of one scene or more whose holograms begin cold, none where another ended";
+        return Err(ProduceError::Job(reason.into()));
+    }
+    Ok(())
+}
+
+/// What comes of a hologram: it, and its solutions.
+type Made = Option<(Hologram, Vec<(Color, Solution)>)>;
+
+impl Common {
     /// Decided by the first frame.
-    fn new(job: &'a SceneJob, first: &LightField) -> Result<Self, ProduceError> {
+    fn new(job: &SceneJob, first: &LightField) -> Result<Self, ProduceError> {
         // Of a quality a sequence takes what a solve itself is told: each frame is all views and all pixels.
         let whole =
             SceneJob { settings: Settings { repeats: 1, views: 1, pixel: 1, ..job.settings.clone() }, ..job.clone() };
@@ -166,34 +166,39 @@ impl<'a> Common<'a> {
         if settings.levels == Levels::Display {
             settings.levels = Levels::of(job.display);
         }
-        Ok(Self { job, settings, padding: plan.padding, display })
-    }
-
-    /// What is true of every hologram; its exposures are found in the first.
-    fn like(&self, first: &LightField) -> Result<Hologram, ProduceError> {
-        let job = self.job;
+        let padding = plan.padding;
         let color = |&color: &Color| {
             let wavelength = job.display.optics(color)?.wavelength;
             Ok(ColorHologram { color: Some(color), wavelength, exposure: 1.0, efficiency: 1.0, phases: Vec::new() })
         };
-        let mut like = Hologram::from_solutions(first, &self.display, &self.settings, self.padding, &[])?;
+        let mut like = Hologram::from_solutions(first, &display, &settings, padding, &[])?;
         like.colors = job.colors.iter().map(color).collect::<Result<_, ProduceError>>()?;
         like.scene = job.scenes.join(", ");
         like.metadata.near = job.near;
         like.metadata.warm_start = Some(job.sequence.start);
-        Ok(like)
+        Ok(Self { settings, padding, display, like })
+    }
+
+    /// Begins the file with what the first hologram decided; it is appended next.
+    fn begin(&self, job: &SceneJob, out: &Path, first: &Hologram) -> Result<SequenceWriter, ProduceError> {
+        let like = Hologram { colors: first.colors.clone(), ..self.like.clone() };
+        // Nothing stood there when this began: who began at the same time was quicker.
+        let busy = || HologramError::Busy { path: out.display().to_string() };
+        let begun = SequenceWriter::create(out, &like, job.sequence.rate, Some(job.scenes.len() as u64));
+        Ok(begun.map_err(|e| if Sequence::is_at(out) { busy() } else { e })?)
     }
 
     /// One hologram; none where it was asked to stop.
     fn hologram(
         &self,
+        job: &SceneJob,
         index: usize,
         field: LightField,
         before: Option<&Hologram>,
         engine: &mut dyn Engine,
         observe: &mut dyn FnMut(&SceneEvent) -> Flow,
     ) -> Result<Made, ProduceError> {
-        let Some(solutions) = self.frame(index, &field, before, engine, observe)? else { return Ok(None) };
+        let Some(solutions) = self.frame(job, index, &field, before, engine, observe)? else { return Ok(None) };
         let mut hologram = Hologram::from_solutions(&field, &self.display, &self.settings, self.padding, &solutions)?;
         for (c, b) in hologram.colors.iter_mut().zip(before.iter().flat_map(|b| &b.colors)) {
             (c.exposure, c.efficiency) = (b.exposure, b.efficiency);
@@ -204,13 +209,13 @@ impl<'a> Common<'a> {
     /// All colours of one frame; none where it was asked to stop.
     fn frame(
         &self,
+        job: &SceneJob,
         index: usize,
         field: &LightField,
         before: Option<&Hologram>,
         engine: &mut dyn Engine,
         observe: &mut dyn FnMut(&SceneEvent) -> Flow,
     ) -> Result<Option<Vec<(Color, Solution)>>, ProduceError> {
-        let job = self.job;
         let depth = field.depths(job.display, job.depth)?;
         let mut solutions = Vec::with_capacity(job.colors.len());
         if index == 0 {
@@ -244,13 +249,36 @@ impl<'a> Common<'a> {
     }
 }
 
+/// Every file below a folder, by its name.
+#[cfg(test)]
+pub(super) fn contents(folder: &Path) -> std::collections::BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = std::collections::BTreeMap::new();
+    let mut left = vec![folder.to_path_buf()];
+    while let Some(at) = left.pop() {
+        for entry in std::fs::read_dir(&at).unwrap() {
+            let path = entry.unwrap().path();
+            match path.is_dir() {
+                true => left.push(path),
+                false => {
+                    let name = path.strip_prefix(folder).unwrap().to_path_buf();
+                    found.insert(name, std::fs::read(&path).unwrap());
+                }
+            }
+        }
+    }
+    found
+}
+
 #[cfg(test)]
 mod tests {
+    use super::contents;
     use crate::engine::{self, Choice};
     use crate::files::FileError;
-    use crate::hologram::{Hologram, HologramError, Sequence, Start};
-    use crate::optics::{Color, Display};
-    use crate::produce::{ProduceError, SceneEvent, SceneJob, SolvedSequence, join_pieces, solve_piece, solve_scene};
+    use crate::hologram::{HologramError, Sequence, SequenceParts, Start};
+    use crate::optics::Display;
+    use crate::produce::{
+        ProduceError, SceneEvent, SceneJob, SceneSolution, SequencePieces, SolvedSequence, solve_scene,
+    };
     use crate::solve::{Flow, Settings};
     use std::path::Path;
 
@@ -263,7 +291,7 @@ mod tests {
         solve_scene(&job, Some(out), engine::open(Choice::Cpu).unwrap().as_mut(), observe).map(drop)
     }
 
-    /// The bytes of one process, whatever order they are solved in, and of a join that was cut off.
+    /// The bytes of one process, by several that solve in any order, one of which dies on the way.
     #[test]
     fn pieces_are_the_sequence() {
         let here = tempfile::tempdir().unwrap();
@@ -276,25 +304,37 @@ mod tests {
         let mut engine = engine::open(Choice::Cpu).unwrap();
         let whole = here.path().join("whole.zarr");
         solve_scene(&job, Some(&whole), engine.as_mut(), &mut |_| Flow::Continue).unwrap();
-        let mut piece = |index, first: Option<&_>| {
-            solve_piece(&job, index, first, engine.as_mut(), &mut |_| Flow::Continue).map(Option::unwrap)
+
+        let out = here.path().join("pieces.zarr");
+        let [one, other] = [0, 1].map(|_| SequencePieces::new(&job, &out).unwrap());
+        let mut solve = |who: &SequencePieces, job: &SceneJob, index| {
+            who.solve(job, index, engine.as_mut(), &mut |_| Flow::Continue)
         };
-        let first = piece(0, None).unwrap();
-        let last = piece(2, Some(&first)).unwrap();
-        let pieces = [first.clone(), piece(1, Some(&first)).unwrap(), last];
-        assert!(piece(1, None).unwrap_err().to_string().contains("piece 1 of 3"));
-        let joined = here.path().join("joined.zarr");
-        let lost = |_| ProduceError::Job("lost".into());
-        let cut = join_pieces(&job, &joined, &mut |i| pieces.get(i).filter(|_| i < 2).cloned().ok_or(()).map_err(lost));
-        assert!(cut.unwrap_err().to_string() == "lost");
-        let done = join_pieces(&job, &joined, &mut |i| Ok(pieces[i].clone())).unwrap();
-        assert_eq!((done.done, done.solved), (3, 1));
-        for file in ["zarr.json", "phases/zarr.json", "phases/c/0/0/0/0/0", "phases/c/2/0/0/0/0"] {
-            let [one, other] = [&whole, &joined].map(|folder| std::fs::read(folder.join(file)));
-            assert_eq!(one.unwrap(), other.unwrap(), "{file}");
-        }
+        assert!(solve(&one, &job, 1).unwrap_err().to_string().contains("piece 1 of 3"));
+        assert_eq!(solve(&one, &job, 0).unwrap(), Some(true));
+        assert_eq!(solve(&other, &job, 2).unwrap(), Some(true));
+        assert_eq!(solve(&one, &job, 2).unwrap(), Some(false), "it is there");
+        assert!(solve(&one, &job, 3).is_err());
+        // Who reads it sees the holograms up to the first that is missing; who says it is whole is told which.
+        assert_eq!(Sequence::open(&out).unwrap().count(), 1);
+        let early = SequenceParts::open(&out).unwrap().finish().unwrap_err().to_string();
+        assert!(early.contains("hologram 1 of 3"), "{early}");
+        // Somebody died while he wrote.
+        std::fs::write(out.join(".eyebox-00112233aabbccdd.part"), "half").unwrap();
+        let asked = one.solve(&job, 1, engine::open(Choice::Cpu).unwrap().as_mut(), &mut |_| Flow::Stop).unwrap();
+        assert!(asked.is_none() && !SequenceParts::open(&out).unwrap().has(1));
+        // Of another job nothing is taken, and nothing changed.
+        let longer = SceneJob { settings: Settings { steps: 3, ..job.settings.clone() }, ..job.clone() };
+        let refused = solve(&SequencePieces::new(&longer, &out).unwrap(), &longer, 1);
+        assert!(matches!(refused, Err(ProduceError::Hologram(HologramError::OtherSequence { .. }))), "{refused:?}");
+        assert_eq!(solve(&other, &job, 1).unwrap(), Some(true));
+        SequenceParts::open(&out).unwrap().finish().unwrap();
+        assert_eq!(contents(&out), contents(&whole));
+        // The command has nothing to go on with.
+        let more = solve_scene(&job, Some(&out), engine::open(Choice::Cpu).unwrap().as_mut(), &mut |_| Flow::Continue);
+        assert!(matches!(more, Ok(SceneSolution::Sequence(SolvedSequence { done: 3, solved: 0, .. }))));
         job.sequence.start = Start::Warm(0.0);
-        assert!(join_pieces(&job, &joined, &mut |_| unreachable!()).is_err());
+        assert!(SequencePieces::new(&job, &out).is_err());
     }
 
     /// One program has written the whole sequence by the time that another is done with the first hologram of it.
@@ -319,27 +359,5 @@ mod tests {
             matches!(taken, Err(ProduceError::Hologram(HologramError::File(FileError::Taken { .. })))),
             "{taken:?}"
         );
-    }
-
-    #[test]
-    fn pieces_are_joined_without_their_scenes() {
-        let display = Display { height: 24, width: 32, ..Display::load("small").unwrap() };
-        let settings = Settings { steps: 1, frames: 1, pupils: 1, ..Settings::default() };
-        let mut job = SceneJob { colors: vec![Color::Green], settings, ..SceneJob::new("builtin:plane", &display) };
-        job.scenes.push("builtin:plane?depth=0.5".into());
-        job.sequence.start = Start::Cold;
-        let mut engine = engine::open(Choice::Cpu).unwrap();
-        let mut piece = |index: usize, first: Option<&Hologram>| {
-            solve_piece(&job, index, first, engine.as_mut(), &mut |_| Flow::Continue).unwrap().unwrap()
-        };
-        let first = piece(0, None);
-        let pieces = [first.clone(), piece(1, Some(&first))];
-        // Only the first is looked at: it decides what is computed of all.
-        let job = SceneJob { scenes: vec![job.scenes[0].clone(), "nowhere".into()], ..job.clone() };
-        let folder = tempfile::tempdir().unwrap();
-        let out = folder.path().join("joined.zarr");
-        let joined = join_pieces(&job, &out, &mut |index| Ok(pieces[index].clone())).unwrap();
-        assert_eq!(joined, SolvedSequence { done: 2, count: 2, solved: 2 });
-        assert_eq!(Sequence::open(&out).unwrap().load(1).unwrap().colors[0].phases, pieces[1].colors[0].phases);
     }
 }

@@ -62,44 +62,81 @@ pub(super) fn solve(
 ) -> Result<SolvedTiles, ProduceError> {
     let start = Instant::now();
     let SceneJob { display, colors, .. } = job;
-    let picture = request.picture.min(display.picture_size().0);
-    let views = {
-        let maps = scene::depth_maps(&job.scenes[..1], &job.depth_maps)?;
-        Views::of_colors(&job.scenes[0], &job.request(maps.first().map(PathBuf::as_path)), picture)?
+    let mut prepared = Prepared::new(job, request)?;
+    let work = prepared.work(job, request, engine);
+    let mut tiles = match is_under_way(out, &work)? {
+        true => Tiles::resume(out)?,
+        false => prepared.create(job, request, out, work, engine)?,
     };
-    let models = models(display, colors)?;
-    let (mut plan, schedule) = plan(job, request, &views, &models)?;
-    let settings = plan.settings.clone();
-    let work = work(job, request, &plan, picture, engine);
-    let mut tiles = match unfinished(out, &work)? {
-        Some(tiles) => tiles,
-        None => {
-            let about = about(job, request, &views, &models, &settings, engine)?;
-            Tiles::create(out, &about, tile_side(display), work, (colors.len() * plan.visits) as u64)?
-        }
-    };
-    plan.done = tiles.made().map_or(0, |m| m.done);
-    observe(&SceneEvent::Tiles(&plan));
+    prepared.plan.done = tiles.made().map_or(0, |m| m.done);
+    observe(&SceneEvent::Tiles(&prepared.plan));
+    let visits = prepared.plan.visits;
     let mut pupils = 0;
     for (i, &color) in colors.iter().enumerate() {
-        let before = (i * plan.visits) as u64;
-        let (schedule, model) = (&schedule, models[i].as_deref());
-        let part = Job { color: i, views: &views[i], model, settings: &settings, schedule, size: plan.region, before };
+        let part = prepared.job(i, (i * visits) as u64);
         let flow = tiled::solve(&part, &mut tiles, engine, &mut |visit| {
             pupils += visit.pupils;
             observe(&SceneEvent::Visit { color, visit })
         })?;
-        if flow == Flow::Stop && tiles.made().is_some_and(|m| m.done < (colors.len() * plan.visits) as u64) {
+        if flow == Flow::Stop && tiles.made().is_some_and(|m| m.done < (colors.len() * visits) as u64) {
             let (moved, seconds) = (tiles.moved(), start.elapsed().as_secs_f64());
             let source = PhaseSource::Tiled(Arc::new(tiles));
-            return Ok(SolvedTiles { plan, source, scores: None, pupils, seconds, moved });
+            return Ok(SolvedTiles { plan: prepared.plan, source, scores: None, pupils, seconds, moved });
         }
     }
     let (moved, seconds) = (tiles.moved(), start.elapsed().as_secs_f64());
     tiles.finish()?;
     let source = PhaseSource::Tiled(Arc::new(tiles));
-    let scores = source.score(&SceneSource::Around(views), &places(display, &settings), engine)?;
+    let Prepared { plan, views, .. } = prepared;
+    let scores = source.score(&SceneSource::Around(views), &places(display, &plan.settings), engine)?;
     Ok(SolvedTiles { plan, source, scores: Some(scores), pupils, seconds, moved })
+}
+
+/// A job in tiles before its first visit: its scene, its regions and their order.
+pub(super) struct Prepared {
+    views: Vec<Views>,
+    models: Vec<Option<Arc<ModelTables>>>,
+    pub(super) plan: TilesPlan,
+    schedule: Schedule,
+    /// Pixels along each axis of the scene's views.
+    picture: usize,
+}
+
+impl Prepared {
+    pub(super) fn new(job: &SceneJob, request: &TilesRequest) -> Result<Self, ProduceError> {
+        let picture = request.picture.min(job.display.picture_size().0);
+        let maps = scene::depth_maps(&job.scenes[..1], &job.depth_maps)?;
+        let views = Views::of_colors(&job.scenes[0], &job.request(maps.first().map(PathBuf::as_path)), picture)?;
+        let models = models(job.display, &job.colors)?;
+        let (plan, schedule) = plan(job, request, &views, &models)?;
+        Ok(Self { views, models, plan, schedule, picture })
+    }
+
+    /// Everything that decides a byte of the file.
+    pub(super) fn work(&self, job: &SceneJob, request: &TilesRequest, engine: &dyn Engine) -> Value {
+        work(job, request, &self.plan, self.picture, engine)
+    }
+
+    /// A new file, its exposures chosen.
+    pub(super) fn create(
+        &self,
+        job: &SceneJob,
+        request: &TilesRequest,
+        out: &Path,
+        work: Value,
+        engine: &mut dyn Engine,
+    ) -> Result<Tiles, ProduceError> {
+        let about = about(job, request, &self.views, &self.models, &self.plan.settings, engine)?;
+        let total = (job.colors.len() * self.plan.visits) as u64;
+        Ok(Tiles::create(out, &about, tile_side(job.display), work, total)?)
+    }
+
+    /// The visits of a colour, before which so many of other colours are done.
+    pub(super) fn job(&self, color: usize, before: u64) -> Job<'_> {
+        let Self { views, models, plan, schedule, .. } = self;
+        let (settings, size) = (&plan.settings, plan.region);
+        Job { color, views: &views[color], model: models[color].as_deref(), settings, schedule, size, before }
+    }
 }
 
 /// Regions that the memory allows, and the settings of a visit.
@@ -186,19 +223,33 @@ fn tile_side(display: &Display) -> usize {
     (pixels / 16).next_power_of_two().clamp(32, 512)
 }
 
-/// A hologram in the making that this job resumes.
-fn unfinished(path: &Path, work: &Value) -> Result<Option<Tiles>, ProduceError> {
+/// Whether a hologram in the making stands there that this job makes.
+pub(super) fn is_under_way(path: &Path, work: &Value) -> Result<bool, ProduceError> {
     if !Tiles::is_tiled(path) {
-        return Ok(None);
+        return Ok(false);
     }
-    let same = Tiles::open(path)?.made().map(|made| made.job == *work);
-    match same {
-        None => Ok(None),
-        Some(true) => Ok(Some(Tiles::resume(path)?)),
-        Some(false) => Err(ProduceError::Job(format!(
+    match Tiles::open(path)?.made() {
+        None => Ok(false),
+        Some(made) if is_same(&made.job, work) => Ok(true),
+        Some(_) => Err(ProduceError::Job(format!(
             "{}: another job is under way there: repeat its command to go on, or remove it",
             path.display()
         ))),
+    }
+}
+
+/// Whether two jobs are one: a number may come back from its file one last digit away from what it was.
+fn is_same(one: &Value, other: &Value) -> bool {
+    match (one, other) {
+        (Value::Number(a), Value::Number(b)) => {
+            let close = |a: f64, b: f64| (a - b).abs() <= 1e-14 * a.abs();
+            a == b || a.as_f64().zip(b.as_f64()).is_some_and(|(a, b)| close(a, b))
+        }
+        (Value::Array(a), Value::Array(b)) => a.len() == b.len() && a.iter().zip(b).all(|(a, b)| is_same(a, b)),
+        (Value::Object(a), Value::Object(b)) => {
+            a.len() == b.len() && a.iter().all(|(key, a)| b.get(key).is_some_and(|b| is_same(a, b)))
+        }
+        _ => one == other,
     }
 }
 

@@ -14,11 +14,13 @@ mod refine;
 mod region;
 mod solve;
 mod visits;
+mod waits;
 
 pub use refine::{Extent, Piece};
 pub use region::{MemoryLimit, RegionSize};
-pub use solve::{Job, Visit, exposure, solve};
+pub use solve::{Job, Visit, Visited, exposure, solve, visit};
 pub use visits::Schedule;
+pub use waits::Waits;
 
 use crate::engine::EngineError;
 use crate::evaluate::Views;

@@ -71,6 +71,13 @@ impl RegionSize {
     }
 }
 
+impl RegionSize {
+    /// Rows and columns of a region that begins at (row, column) of an SLM of `whole` pixels: those that are on it.
+    pub(super) fn inside(&self, at: [usize; 2], whole: [usize; 2]) -> [usize; 2] {
+        [self.rows.min(whole[0] - at[0]), self.columns.min(whole[1] - at[1])]
+    }
+}
+
 /// Whether sub-frames are seen in each other, so that an engine has to hold all of them.
 pub(super) fn lags(model: Option<&ModelTables>) -> bool {
     model.is_some_and(|model| model.model().lag > 0.0)

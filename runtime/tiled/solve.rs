@@ -1,6 +1,7 @@
 //! A visit: a region's phases are read, a few steps are taken over pupils inside of it, and the phases are put back.
 
 use super::region::lags;
+use super::waits::held;
 use super::{RegionSize, Schedule, TiledError, Views};
 use crate::engine::{Buffer, Engine, Purpose};
 use crate::hologram::Tiles;
@@ -98,26 +99,8 @@ pub fn solve(
     let start = Instant::now();
     let visits = job.schedule.visits.len();
     let done = tiles.made().map_or(u64::MAX, |m| m.done).saturating_sub(job.before);
-    for (k, &at) in job.schedule.visits.iter().enumerate().skip(usize::try_from(done).unwrap_or(usize::MAX)) {
-        let about = tiles.about();
-        let size = [job.size.rows.min(about.height - at[0]), job.size.columns.min(about.width - at[1])];
-        let optics = about.optics(job.color)?;
-        let exposure = about.colors[job.color].exposure;
-        let frames = about.frames;
-        let outer = [
-            [at[1] == 0, at[1] + size[1] == about.width], //
-            [at[0] == 0, at[0] + size[0] == about.height],
-        ];
-        let region = Region::new(job, &optics, [at, size], outer, frames, exposure);
-        let (first, held) = region.held;
-        let mut phases = tiles.read_around(job.color, first, held)?;
-        let (pupils, loss) = region.visit(k, &mut phases, engine)?;
-        if held != size {
-            phases = inside(&phases, held, [0, 1].map(|i| (at[i] as i64 - first[i]) as usize), size);
-        }
-        // The next region's views are rendered where this one's fields were.
-        drop(region);
-        engine.load(&Planner::new(optics.piece([0; 2], [1, 1]), 1, WindowFactor::One).shape(Purpose::View), None)?;
+    for k in usize::try_from(done).unwrap_or(usize::MAX)..visits {
+        let Visited { at, size, phases, pupils, loss } = visit(job, k, tiles, engine)?;
         tiles.commit(job.before + k as u64 + 1, job.color, at, size, &phases)?;
         let seconds = start.elapsed().as_secs_f64();
         if observe(&Visit { visit: k + 1, visits, pupils, loss, seconds }) == Flow::Stop {
@@ -125,6 +108,50 @@ pub fn solve(
         }
     }
     Ok(Flow::Continue)
+}
+
+/// What a visit made of its region.
+#[derive(Debug, Clone)]
+pub struct Visited {
+    /// Row and column of the region's first pixel.
+    pub at: [usize; 2],
+    /// Its rows and columns.
+    pub size: [usize; 2],
+    /// (sub-frame, row, column), radians.
+    pub phases: Vec<f32>,
+    /// Pupils that were looked through.
+    pub pupils: usize,
+    /// Mean squared difference over the last step's pupils and pixels.
+    pub loss: f64,
+}
+
+/// Visit `k` of a job: reads its region from `tiles`, as they are, and changes nothing there.
+///
+/// # Errors
+/// [`TiledError`].
+///
+/// # Panics
+/// For a visit that the schedule has not.
+pub fn visit(job: &Job, k: usize, tiles: &Tiles, engine: &mut dyn Engine) -> Result<Visited, TiledError> {
+    let (at, about) = (job.schedule.visits[k], tiles.about());
+    let size = job.size.inside(at, [about.height, about.width]);
+    let optics = about.optics(job.color)?;
+    let exposure = about.colors[job.color].exposure;
+    let outer = [
+        [at[1] == 0, at[1] + size[1] == about.width], //
+        [at[0] == 0, at[0] + size[0] == about.height],
+    ];
+    let region = Region::new(job, &optics, [at, size], outer, about.frames, exposure);
+    let (first, held) = region.held;
+    let mut phases = tiles.read_around(job.color, first, held)?;
+    let (pupils, loss) = region.visit(k, &mut phases, engine)?;
+    if held != size {
+        phases = inside(&phases, held, [0, 1].map(|i| (at[i] as i64 - first[i]) as usize), size);
+    }
+    // The next region's views are rendered where this one's fields were.
+    drop(region);
+    engine.load(&Planner::new(optics.piece([0; 2], [1, 1]), 1, WindowFactor::One).shape(Purpose::View), None)?;
+    Ok(Visited { at, size, phases, pupils, loss })
 }
 
 /// A rectangle of `size` that begins at `first` of sub-frames of `held` pixels.
@@ -173,7 +200,7 @@ impl<'a> Region<'a> {
         exposure: f64,
     ) -> Self {
         let optics = whole.piece(at.map(|i| i as i64), size);
-        let held = job.model.map_or((at.map(|i| i as i64), size), |model| model.around(at, size));
+        let held = held(job.model, at, size);
         let model = job.model.map(|model| model.piece(held.0, held.1));
         // Views are of what is asked for, from around where the iris then is.
         let extent = optics.height.max(optics.width) as f64 * optics.pitch;

@@ -13,6 +13,7 @@ mod calibrate;
 mod display;
 mod engine;
 mod failure;
+mod far_field;
 mod frames;
 mod hologram;
 mod pupil;
@@ -41,6 +42,8 @@ mod _eyebox {
         CalibrateError, DisplayError, EncodeError, EngineError, EyeboxError, HologramError, SceneError, SessionError,
         SolveError,
     };
+    #[pymodule_export]
+    use crate::far_field::FarField;
     #[pymodule_export]
     use crate::hologram::Hologram;
     #[pymodule_export]

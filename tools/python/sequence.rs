@@ -3,16 +3,15 @@
 use crate::display::{Display, colors};
 use crate::engine::Engine;
 use crate::failure::{Answer, Failure};
-use crate::hologram::Hologram;
 use crate::told::Told;
-use eyebox::hologram::Opening;
-use eyebox::hologram::Start;
-use eyebox::produce::{ProduceError, SceneEvent, SceneJob, SequenceRequest, join_pieces};
+use eyebox::hologram::{SequenceParts, Start};
+use eyebox::produce::{SceneEvent, SceneJob, SequencePieces, SequenceRequest};
 use eyebox::solve::Flow;
 use pyo3::prelude::*;
 use std::path::PathBuf;
+use std::sync::OnceLock;
 
-/// A sequence of scenes whose holograms begin cold.
+/// A sequence of scenes whose holograms begin cold, at a path. What its first scene decides is kept from piece to piece.
 #[pyclass(frozen, module = "eyebox._eyebox")]
 pub(crate) struct Sequence {
     scenes: Vec<String>,
@@ -20,6 +19,8 @@ pub(crate) struct Sequence {
     color_names: Vec<String>,
     settings: String,
     rate: [u32; 2],
+    out: PathBuf,
+    pieces: OnceLock<SequencePieces>,
 }
 
 impl Sequence {
@@ -33,6 +34,17 @@ impl Sequence {
         job.take_settings(&self.settings, engine)?;
         Ok(job)
     }
+
+    fn pieces(&self, job: &SceneJob) -> Answer<&SequencePieces> {
+        match self.pieces.get() {
+            Some(pieces) => Ok(pieces),
+            None => {
+                let pieces = SequencePieces::new(job, &self.out)?;
+                // Whoever was faster made the same.
+                Ok(self.pieces.get_or_init(|| pieces))
+            }
+        }
+    }
 }
 
 #[pymethods]
@@ -44,50 +56,44 @@ impl Sequence {
         color_names: Vec<String>,
         settings: String,
         rate: [u32; 2],
+        out: PathBuf,
     ) -> Self {
-        Self { scenes, display, color_names, settings, rate }
+        Self { scenes, display, color_names, settings, rate, out, pieces: OnceLock::new() }
     }
 
-    /// One hologram of it, with the first but for itself; none where ctrl-C ended it.
-    fn piece(
-        &self,
-        py: Python<'_>,
-        index: usize,
-        first: Option<&Hologram>,
-        engine: &Engine,
-    ) -> PyResult<Option<Hologram>> {
+    /// Solves one hologram of it into its place: whether it was not there yet; none where ctrl-C ended it.
+    fn piece(&self, py: Python<'_>, index: usize, engine: &Engine) -> PyResult<Option<bool>> {
         let display = self.display.get();
-        let solve = || -> Answer<Option<Hologram>> {
+        let solve = || -> Answer<Option<bool>> {
             engine.lend(|engine| {
                 let job = self.job(display, engine)?;
+                let pieces = self.pieces(&job)?;
                 let mut told = Told::new(None);
                 let mut observe = |event: &SceneEvent| match event {
                     SceneEvent::Step { .. } => told.step(|| ()),
                     _ => Flow::Continue,
                 };
-                let first = first.map(|first| &first.0);
-                let piece = eyebox::produce::solve_piece(&job, index, first, engine, &mut observe);
+                let solved = pieces.solve(&job, index, engine, &mut observe);
                 told.raised()?;
-                Ok(piece?.map(Hologram))
+                Ok(solved?)
             })
         };
         Ok(py.detach(solve)?)
     }
 
-    /// Joins holograms at paths into one sequence; how many were not there yet.
-    fn join(&self, py: Python<'_>, pieces: Vec<PathBuf>, out: PathBuf, engine: &Engine) -> PyResult<usize> {
-        let display = self.display.get();
-        let join = || -> Answer<usize> {
-            engine.lend(|engine| {
-                let job = self.job(display, engine)?;
-                let mut open = |index: usize| {
-                    let path =
-                        pieces.get(index).ok_or_else(|| ProduceError::Job(format!("piece {index} is missing")))?;
-                    Ok(Opening::default().hologram(path)?)
-                };
-                Ok(join_pieces(&job, &out, &mut open).map_err(Failure::from)?.solved)
-            })
+    /// How many holograms of the sequence at a path are there.
+    #[staticmethod]
+    fn there(py: Python<'_>, out: PathBuf) -> PyResult<u64> {
+        let look = || -> Answer<u64> {
+            let parts = SequenceParts::open(&out)?;
+            Ok((0..parts.planned()).filter(|index| parts.has(*index)).count() as u64)
         };
-        Ok(py.detach(join)?)
+        Ok(py.detach(look)?)
+    }
+
+    /// Says that all holograms of the sequence at a path are there.
+    #[staticmethod]
+    fn finish(py: Python<'_>, out: PathBuf) -> PyResult<()> {
+        Ok(py.detach(|| SequenceParts::open(&out)?.finish()).map_err(Failure::from)?)
     }
 }

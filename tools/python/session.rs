@@ -48,6 +48,8 @@ pub(crate) struct Following {
     encode_time: f64,
     display_latency: f64,
     whole_sets: bool,
+    /// Whether each sub-frame is refined for its own moment.
+    moments: bool,
     restart: f64,
     /// Fields of `solve::Steering`, TOML.
     steering: String,
@@ -136,7 +138,7 @@ impl Following {
 
     fn set(&self, live: &mut Live, simulated: bool) -> Answer<()> {
         live.policy = Policy { restart: self.restart, steering: Steering::from_toml(&self.steering)? };
-        (live.cost, live.whole_sets) = (self.cost(simulated)?, self.whole_sets);
+        (live.cost, live.whole_sets, live.moments) = (self.cost(simulated)?, self.whole_sets, self.moments);
         live.display_latency = time(self.display_latency, "latency")?.min(Duration::from_secs(10));
         Ok(())
     }

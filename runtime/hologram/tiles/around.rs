@@ -5,8 +5,7 @@ use super::super::HologramError;
 use super::super::chunks::promise;
 use super::Tiles;
 use crate::plan::ModelTables;
-use std::sync::atomic::AtomicU64;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 impl Tiles {
     /// The same of a rectangle no larger than the hologram that may hang over its edges, by as much as it is large: what lies
@@ -56,9 +55,7 @@ impl Tiles {
     pub(in super::super) fn on_ideal_display(&self) -> Self {
         let mut about = self.about.clone();
         about.metadata.model.clear();
-        let (folder, side, made) = (self.folder.clone(), self.side, self.made.clone());
-        let (read, written) = (AtomicU64::new(0), AtomicU64::new(0));
-        Self { folder, about, side, made, lock: None, read, written, models: OnceLock::new() }
+        Self::looking(self.folder.clone(), about, self.side, self.made.clone())
     }
 }
 

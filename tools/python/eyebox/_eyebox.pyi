@@ -132,10 +132,34 @@ def calibrate(
 
 class Sequence:
     def __new__(
-        cls, scenes: list[str], display: Display, color_names: list[str], settings: str, rate: tuple[int, int]
+        cls,
+        scenes: list[str],
+        display: Display,
+        color_names: list[str],
+        settings: str,
+        rate: tuple[int, int],
+        out: str,
     ) -> Sequence: ...
-    def piece(self, index: int, first: Hologram | None, engine: Engine) -> Hologram | None: ...
-    def join(self, pieces: list[str], out: str, engine: Engine) -> int: ...
+    def piece(self, index: int, engine: Engine) -> bool | None: ...
+    @staticmethod
+    def there(out: str) -> int: ...
+    @staticmethod
+    def finish(out: str) -> None: ...
+
+class FarField:
+    def __new__(
+        cls,
+        scene: str,
+        display: Display,
+        color_names: list[str],
+        settings: str,
+        request: tuple[int, int, int],
+        out: str,
+    ) -> FarField: ...
+    def begin(self, engine: Engine) -> tuple[list[bool], list[list[int]], int]: ...
+    def visit(self, visit: int, engine: Engine) -> bool: ...
+    @staticmethod
+    def finish(out: str) -> None: ...
 
 class Session:
     @staticmethod

@@ -47,7 +47,19 @@ class Refiner:
     def aim(
         self, x: float = 0.0, y: float = 0.0, diameter: float = 4e-3, depth: float = 0.0, *, spread: float = 0.0
     ) -> None:
-        """The pupil is there from now on, its centre known to within ``spread`` (a standard deviation along each axis); metres."""
+        """The pupil is there from now on.
+
+        Parameters
+        ----------
+        x, y : float
+            Its centre, metres: to the right, and down.
+        diameter : float
+            Its diameter, metres.
+        depth : float
+            Where it focuses, metres from the SLM's image; positive is nearer.
+        spread : float
+            To within what its centre is known: a standard deviation along each axis, metres.
+        """
         self._native.aim(_arguments.pupil(x, y, diameter, depth), _arguments.number(spread, "spread"))
 
     def step(self, steps: int = 1, callback: Callable[[int, float], Any] | None = None) -> float:

@@ -123,7 +123,15 @@ class Scene:
     def photograph(
         self, x: float = 0.0, y: float = 0.0, diameter: float = 4e-3, depth: float = 0.0, *, engine: Any = "auto"
     ) -> np.ndarray:
-        """What an eye should see of it: :func:`photograph`."""
+        """What an eye should see of it: :func:`photograph`.
+
+        Parameters
+        ----------
+        x, y, diameter, depth : float
+            The pupil, metres, as of :func:`photograph`.
+        engine : Engine or str
+            Where it is computed.
+        """
         pupil = _arguments.pupil(x, y, diameter, depth)
         return self._native.photograph(self._display._native, pupil, engine_of(engine))
 

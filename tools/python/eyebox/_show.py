@@ -240,6 +240,7 @@ def show(
     focus: float = 0.0,
     latency: float = 0.0,
     whole_sets: bool = False,
+    moments: bool = True,
     restart: float = 0.5,
     color: Any = None,
     frames: int = 8,
@@ -286,6 +287,8 @@ def show(
         Seconds from a video frame's beginning to its light.
     whole_sets : bool
         Shows sets whole where one takes several video frames; else each is the newest set's.
+    moments : bool
+        Refines each sub-frame of content that moves for its own moment, and not all of them for the set's.
     restart : float
         Diameters of the pupil that a jump has to have to begin again with the hologram for the whole eyebox.
     color, frames, ask, views
@@ -339,6 +342,7 @@ def show(
         "encode_time": _arguments.number(encode_time, "encode_time"),
         "display_latency": _arguments.number(latency, "latency"),
         "whole_sets": bool(whole_sets),
+        "moments": bool(moments),
         "restart": _arguments.number(restart, "restart"),
         "steering": _arguments.toml(steering),
     }

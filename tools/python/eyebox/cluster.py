@@ -1,8 +1,10 @@
 """More than one machine: sequences, scores and trade-offs as graphs of independent pieces, on Dask (``pip install dask[distributed]``).
 
-A sequence's first hologram decides the exposure; the others need nothing of each other. Each is solved by whichever worker is free, and
-saved beside the sequence: what is done is not done twice, a worker that dies loses the piece it was at, and the sequence that
-the pieces are joined to has the bytes that one process writes. Workers and caller see the same folders.
+A sequence's first hologram decides the exposure; the others need nothing of each other. Each is solved by whichever worker is free, into
+its place in the one file of the sequence: what is done is not done twice, a worker that dies loses the piece it was at, nothing is
+joined in the end, and the file has the bytes that one process writes. A far field that is solved region by region is the same with a graph:
+regions that share no pixel are solved side by side, and one that shares some with others waits for those that come before it. Workers
+and caller see the same folders.
 
 >>> import eyebox.cluster
 >>> scenes = [f"builtin:plane?depth={depth}" for depth in range(64)]
@@ -13,6 +15,7 @@ from __future__ import annotations
 
 import contextlib
 import fractions
+import functools
 import json
 import os
 import shutil
@@ -24,7 +27,7 @@ from ._display import Display, display_of, engine_of
 from ._hologram import Hologram
 from ._solve import solve
 
-__all__ = ["evaluate", "solve_sequence", "tradeoff"]
+__all__ = ["evaluate", "solve_far_field", "solve_sequence", "tradeoff"]
 
 
 def solve_sequence(
@@ -37,7 +40,6 @@ def solve_sequence(
     workers: int = 2,
     rate: Any = 30,
     engine: str = "auto",
-    keep_pieces: bool = False,
     **settings: Any,
 ) -> int:
     """Solves a sequence of scenes on the workers of a Dask cluster.
@@ -59,8 +61,6 @@ def solve_sequence(
         Holograms a second.
     engine : str
         Where each worker computes: "auto", "cpu" or "vulkan".
-    keep_pieces : bool
-        Whether the pieces, in a folder beside the sequence that ends in ``.pieces``, are left there.
     **settings
         As of :func:`eyebox.solve`. Every hologram begins cold.
 
@@ -76,9 +76,7 @@ def solve_sequence(
     """
     display = display_of(display)
     names = _paths(scenes, "scenes")
-    out = os.path.abspath(_arguments.path(out, "out"))
-    if not out.endswith(".zarr"):
-        raise ValueError(f"out is {out!r}: it must end in .zarr")
+    out = _store(out)
     try:
         shown = fractions.Fraction(rate)
     except (TypeError, ValueError, OverflowError, ZeroDivisionError):
@@ -86,21 +84,83 @@ def solve_sequence(
     if not 0 < shown <= 100_000 or max(shown.as_integer_ratio()) >= 1 << 32:
         raise ValueError(f"rate is {rate!r}: it must be above 0, at most 100000, as a fraction of whole numbers")
     colors = _arguments.colors(color, list(display.wavelengths))
-    job = (names, display.to_toml(), colors, _arguments.toml(settings), shown.as_integer_ratio(), engine)
-    folder = out + ".pieces"
-    os.makedirs(folder, exist_ok=True)
-    paths = [os.path.join(folder, f"{index:06}.zarr") for index in range(len(names))]
-    known = os.path.join(folder, "job.txt")
-    _same_job(known, repr(job))
+    job = (tuple(names), display.to_toml(), tuple(colors), _arguments.toml(settings), shown.as_integer_ratio(), out, engine)
+    before = _eyebox.Sequence.there(out) if os.path.exists(out) else 0
     with _cluster(client, workers) as there:
-        # Done before, each is one look; a piece is there whole or not at all.
-        first = there.submit(_piece, job, 0, paths[0], None, pure=False)
-        rest = [there.submit(_piece, job, index, paths[index], paths[0], first, pure=False) for index in range(1, len(names))]
-        solved = sum(there.gather([first, *rest]))
-    _sequence(job).join(paths, out, engine_of(engine))
-    if not keep_pieces:
-        shutil.rmtree(folder)
-    return solved
+        # The first gives the job to the others: each worker asks for it once, however many pieces there are.
+        first = there.submit(_begun, job, pure=False)
+        rest = [there.submit(_piece, first, index, pure=False) for index in range(1, len(names))]
+        there.gather([first, *rest])
+    _eyebox.Sequence.finish(out)
+    return len(names) - before
+
+
+def solve_far_field(
+    scene: Any,
+    out: Any,
+    display: Any = "far-field",
+    color: Any = None,
+    *,
+    steps: int = 8,
+    passes: int = 3,
+    memory: int = 4 << 30,
+    picture: int = 1024,
+    client: Any = None,
+    workers: int = 2,
+    engine: str = "auto",
+    **settings: Any,
+) -> int:
+    """Solves a far field larger than memory, region by region, on the workers of a Dask cluster.
+
+    Regions that share no pixel are solved side by side; one that shares some begins with what those before it have made of them. So the
+    file has the bytes that one machine writes, and as many workers have something to do as there are regions apart from each other.
+
+    Parameters
+    ----------
+    scene : str or path
+        "builtin:NAME", a folder of views or a picture, which all workers see.
+    out : path
+        The hologram: NAME.zarr. One of the same scene and settings that was cut off is gone on with.
+    display, color
+        As of :func:`eyebox.solve`; the display must be a far field.
+    steps : int
+        Steps of one visit to a region.
+    passes : int
+        Passes over the SLM.
+    memory : int
+        Bytes that each worker keeps to. It decides the size of the regions, so it is part of the settings.
+    picture : int
+        Pixels along each axis of the scene's views.
+    client, workers, engine
+        As of :func:`solve_sequence`. All workers must compute on the same kind of engine.
+    **settings
+        As of :func:`eyebox.solve`.
+
+    Returns
+    -------
+    int
+        Visits to regions that were made now; the others were done.
+    """
+    display = display_of(display)
+    name = _arguments.path(scene, "scene")
+    out = _store(out)
+    colors = _arguments.colors(color, list(display.wavelengths))
+    for setting in ("levels", "method", "psnr", "pupils", "quality", "seconds", "storage"):
+        if setting in settings:
+            raise ValueError(f"{setting} is not for a far field that is solved region by region: leave it out")
+    text = _arguments.toml({"steps": _arguments.count(steps, "steps", 1024), **settings})
+    most = 1 << 50
+    request = (_arguments.count(passes, "passes"), _arguments.count(memory, "memory", most), _arguments.count(picture, "picture"))
+    job = (name, display.to_toml(), tuple(colors), text, request, out, engine)
+    with _cluster(client, workers) as there:
+        first = there.submit(_far_field_begun, job, pure=False)
+        _, done, after = first.result()
+        visits: list[Any] = []
+        for visit, before in enumerate(after):
+            visits.append(there.submit(_visit, first, visit, [visits[i] for i in before], pure=False))
+        there.gather(visits)
+    _eyebox.FarField.finish(out)
+    return done.count(False)
 
 
 def evaluate(
@@ -126,8 +186,10 @@ def evaluate(
         As of :meth:`eyebox.Hologram.score`, which each is scored by.
     scene : str or path, optional
         What all of them show; where none is given, what each was solved from.
-    client, workers, engine, keep_pieces
+    client, workers, engine
         As of :func:`solve_sequence`.
+    keep_pieces : bool
+        Whether the pieces, in a folder beside the scores that ends in ``.pieces``, are left there.
 
     Returns
     -------
@@ -168,7 +230,7 @@ def tradeoff(
     pupils
         As of :meth:`eyebox.Hologram.score`.
     client, workers, engine, keep_pieces
-        As of :func:`solve_sequence`.
+        As of :func:`evaluate`.
 
     Returns
     -------
@@ -187,6 +249,14 @@ def tradeoff(
     at = None if pupils is None else _arguments.pupils(pupils)
     given = (name, display.to_toml(), colors)
     return _pieces(_traded, [(*given, one, at, engine) for one in settings], out, client, workers, keep_pieces)
+
+
+def _store(out: Any) -> str:
+    """Where a hologram goes."""
+    out = os.path.abspath(_arguments.path(out, "out"))
+    if not out.endswith(".zarr"):
+        raise ValueError(f"out is {out!r}: it must end in .zarr")
+    return out
 
 
 def _paths(values: Any, what: str) -> list[str]:
@@ -267,21 +337,41 @@ def _same_job(file: str, job: str) -> None:
         os.replace(file + ".part", file)
 
 
+@functools.lru_cache(maxsize=1)
 def _sequence(job: Any) -> _eyebox.Sequence:
-    names, display, colors, settings, rate, _ = job
-    return _eyebox.Sequence(names, _eyebox.Display.of_toml(display), colors, settings, rate)
+    """On a worker: the sequence that it works at, which keeps what its first scene decided."""
+    names, display, colors, settings, rate, out, _ = job
+    return _eyebox.Sequence(list(names), _eyebox.Display.of_toml(display), list(colors), settings, rate, out)
 
 
-def _piece(job: Any, index: int, path: str, first: str | None, _after: Any = None) -> int:
+def _begun(job: Any) -> Any:
+    """On a worker: the first hologram, which begins the file; the job, for the others."""
+    _piece(job, 0)
+    return job
+
+
+def _piece(job: Any, index: int) -> None:
     """On a worker: one hologram, unless it is there."""
-    if os.path.exists(path):
-        return 0
-    before = None if first is None else Hologram.load(first)._native
-    made = _sequence(job).piece(index, before, engine_of(job[-1]))
-    if made is None:
+    if _sequence(job).piece(index, engine_of(job[-1])) is None:
         raise KeyboardInterrupt
-    made.save(path)
-    return 1
+
+
+@functools.lru_cache(maxsize=1)
+def _far_field(job: Any) -> _eyebox.FarField:
+    """On a worker: the far field that it works at, which keeps what was loaded of its scene."""
+    scene, display, colors, settings, request, out, _ = job
+    return _eyebox.FarField(scene, _eyebox.Display.of_toml(display), list(colors), settings, request, out)
+
+
+def _far_field_begun(job: Any) -> tuple[Any, list[bool], list[list[int]]]:
+    """On a worker: begins the file. The job, for the others, which visits are done, and which visits each waits for."""
+    done, after, _ = _far_field(job).begin(engine_of(job[-1]))
+    return job, done, after
+
+
+def _visit(begun: tuple[Any, ...], visit: int, _after: Any) -> None:
+    """On a worker: a visit to a region, unless it is done."""
+    _far_field(begun[0]).visit(visit, engine_of(begun[0][-1]))
 
 
 @contextlib.contextmanager
@@ -294,5 +384,9 @@ def _cluster(client: Any, workers: int) -> Iterator[Any]:
     except ImportError:
         raise ImportError("eyebox.cluster needs Dask: pip install dask[distributed]") from None
     count = _arguments.count(workers, "workers", 4096)
-    with LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address=None) as local, Client(local) as own:
-        yield own
+    # The machine's cores are shared out: workers with all of them each would wait for each other.
+    stated = os.environ.get("RAYON_NUM_THREADS", "")
+    threads = int(stated) if stated.isdecimal() else os.cpu_count() or 1
+    own = {"RAYON_NUM_THREADS": str(max(threads // count, 1))}
+    with LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address=None, env=own) as local, Client(local) as one:
+        yield one

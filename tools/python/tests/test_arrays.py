@@ -84,6 +84,13 @@ def test_pytorch(display):
     assert eyebox.Hologram.from_phases(phases.detach(), display, "green").frames == 1
 
 
+def test_jax(display):
+    numpy = pytest.importorskip("jax.numpy")
+    np.testing.assert_array_equal(scene(numpy.asarray(VIEWS), display).views[..., 0], VIEWS)
+    phases = numpy.zeros((1, 40, 48))
+    assert eyebox.Hologram.from_phases(phases, display, "green").phases["green"].shape == (1, 40, 48)
+
+
 def place(value):
     views = VIEWS.copy()
     views[1, 2, 5, 7] = value

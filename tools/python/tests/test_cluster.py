@@ -17,9 +17,18 @@ from conftest import LONG  # noqa: E402
 
 COUNT = 64 if LONG else 8
 
+FAR_FIELD = """
+name = "far"
+resolution = [320, 320]
+pitch_um = 4.0
+focal_length_mm = 400.0
+wavelengths_nm = { green = 520 }
+geometry = "far-field"
+"""
+
 
 def files(folder):
-    return {p.relative_to(folder): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file() and "lock" not in p.name}
+    return {p.relative_to(folder): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
 
 
 def one_process(scenes, out):
@@ -32,29 +41,36 @@ def one_process(scenes, out):
 
 def test_one_of_two_workers_is_killed(tmp_path):
     display = eyebox.Display("small", size=(40, 48))
-    scenes = [f"builtin:plane?depth={depth / 8}" for depth in range(COUNT)]
+    scenes = [f"builtin:plane?depth={depth / COUNT}" for depth in range(COUNT)]
     settings = dict(frames=2, steps=40, pupils=4, seed=7)
-    out, pieces = tmp_path / "cluster.zarr", tmp_path / "cluster.zarr.pieces"
+    out = tmp_path / "cluster.zarr"
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as local:
         with distributed.Client(local) as client:
             killed = []
 
             def kill():
-                while len(list(pieces.glob("*.zarr"))) < 2:
+                while len(list(out.glob("phases/c/*/0/0/0/0"))) < 2:
                     time.sleep(0.005)
                 victim = next(iter(local.workers.values())).pid
                 os.kill(victim, signal.SIGKILL)
                 killed.append(victim)
 
-            thread = threading.Thread(target=kill)
+            thread = threading.Thread(target=kill, daemon=True)
             thread.start()
-            eyebox.cluster.solve_sequence(scenes, out, display, "green", client=client, engine="cpu", keep_pieces=True, **settings)
+            how = dict(client=client, engine="cpu", **settings)
+            assert eyebox.cluster.solve_sequence(scenes, out, display, "green", **how) == COUNT
             thread.join()
             assert killed
-            # What is done is not done twice.
+            # What is done is not done twice: of a sequence that lost two holograms those two are solved.
             before = files(out)
-            assert eyebox.cluster.solve_sequence(scenes, out, display, "green", client=client, engine="cpu", **settings) == 0
-            assert files(out) == before and not pieces.exists()
+            assert eyebox.cluster.solve_sequence(scenes, out, display, "green", **how) == 0 and files(out) == before
+            for lost in (1, COUNT - 1):
+                (out / f"phases/c/{lost}/0/0/0/0").unlink()
+            assert eyebox.cluster.solve_sequence(scenes, out, display, "green", **how) == 2 and files(out) == before
+            # Of other settings nothing is taken, and nothing changed.
+            with pytest.raises(eyebox.EyeboxError, match="settings differ in 'solve'"):
+                eyebox.cluster.solve_sequence(scenes, out, display, "green", **{**how, "steps": 3})
+            assert files(out) == before
     one_process(scenes, tmp_path / "one.zarr")
     assert files(out) == files(tmp_path / "one.zarr")
 
@@ -97,3 +113,37 @@ def test_what_makes_no_sense(tmp_path):
     with pytest.raises(TypeError, match="rate is 'fast'"):
         eyebox.cluster.solve_sequence(["builtin:plane"], tmp_path / "x.zarr", rate="fast")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_far_fields_regions_are_solved_side_by_side(tmp_path):
+    """One of two workers is killed in the middle: the bytes of one process."""
+    program = os.environ.get("EYEBOX")
+    if not program or not pathlib.Path(program).exists():
+        pytest.skip("EYEBOX names no program")
+    (tmp_path / "far.toml").write_text(FAR_FIELD)
+    display = eyebox.Display(tmp_path / "far.toml")
+    settings = dict(frames=2, steps=2, passes=2, picture=32, memory=600 << 20, seed=5, diameter=(0.2e-3, 0.4e-3))
+    out = tmp_path / "cluster.zarr"
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as local:
+        with distributed.Client(local) as client:
+
+            def kill():
+                while len([name for name in out.glob("staged/*") if name.name.isdigit()]) < 4:
+                    time.sleep(0.005)
+                os.kill(next(iter(local.workers.values())).pid, signal.SIGKILL)
+
+            thread = threading.Thread(target=kill, daemon=True)
+            thread.start()
+            visits = eyebox.cluster.solve_far_field("builtin:plane", out, display, client=client, engine="cpu", **settings)
+            thread.join()
+    assert visits > 10
+    run = "--display far.toml --frames 2 --steps 2 --passes 2 --picture 32 --memory 600MiB --seed 5 --pupil-diameter 0.2..0.4 --engine cpu"
+    command = [program, "solve", "builtin:plane", *run.split(), "-o", "one.zarr"]
+    subprocess.run(command, check=True, capture_output=True, cwd=tmp_path)
+    assert files(out) == files(tmp_path / "one.zarr")
+    with pytest.raises(eyebox.EyeboxError, match="tiles are for far-field displays"):
+        eyebox.cluster.solve_far_field("builtin:plane", tmp_path / "x.zarr", "small", workers=1, engine="cpu")
+    with pytest.raises(ValueError, match="passes is 0"):
+        eyebox.cluster.solve_far_field("builtin:plane", tmp_path / "x.zarr", display, passes=0)
+    with pytest.raises(ValueError, match="psnr is not for"):
+        eyebox.cluster.solve_far_field("builtin:plane", tmp_path / "x.zarr", display, psnr=30)

@@ -1,0 +1,97 @@
+//! Far fields in tiles, whose regions other machines may solve.
+
+use crate::display::{Display, colors};
+use crate::engine::Engine;
+use crate::failure::{Answer, Failure};
+use eyebox::plan::Storage;
+use eyebox::produce::{SceneJob, TilePieces, TilesRequest};
+use eyebox::tiled::MemoryLimit;
+use pyo3::prelude::*;
+use std::path::PathBuf;
+use std::sync::OnceLock;
+
+/// Visits that are done; of each the visits that it waits for; how many follow each other in the longest chain.
+type Graph = (Vec<bool>, Vec<Vec<usize>>, usize);
+
+/// A scene for a far-field display in tiles, at a path. What was loaded of it is kept from visit to visit.
+#[pyclass(frozen, module = "eyebox._eyebox")]
+pub(crate) struct FarField {
+    scene: String,
+    display: Py<Display>,
+    color_names: Vec<String>,
+    settings: String,
+    request: TilesRequest,
+    out: PathBuf,
+    pieces: OnceLock<TilePieces>,
+}
+
+impl FarField {
+    fn job<'a>(&self, display: &'a Display, engine: &dyn eyebox::engine::Engine) -> Answer<SceneJob<'a>> {
+        let mut job = SceneJob {
+            colors: colors(&display.0, &self.color_names)?,
+            tiles: Some(self.request),
+            ..SceneJob::new(&self.scene, &display.0)
+        };
+        job.take_settings(&self.settings, engine)?;
+        // As the command has it for regions, whatever the engine prefers.
+        job.settings.storage = Storage::F32;
+        Ok(job)
+    }
+
+    fn pieces(&self, display: &Display, engine: &dyn eyebox::engine::Engine) -> Answer<&TilePieces> {
+        match self.pieces.get() {
+            Some(pieces) => Ok(pieces),
+            None => {
+                let pieces = TilePieces::new(&self.job(display, engine)?, &self.request, &self.out, engine)?;
+                // Whoever was faster made the same.
+                Ok(self.pieces.get_or_init(|| pieces))
+            }
+        }
+    }
+}
+
+#[pymethods]
+impl FarField {
+    /// `request`: passes, bytes of memory, pixels along each axis of the scene's views.
+    #[new]
+    fn new(
+        scene: String,
+        display: Py<Display>,
+        color_names: Vec<String>,
+        settings: String,
+        request: (usize, u64, usize),
+        out: PathBuf,
+    ) -> Self {
+        let (passes, memory, picture) = request;
+        let request = TilesRequest { memory: MemoryLimit(memory), passes, picture };
+        Self { scene, display, color_names, settings, request, out, pieces: OnceLock::new() }
+    }
+
+    /// Begins the file, unless it is there; what is to be done.
+    fn begin(&self, py: Python<'_>, engine: &Engine) -> PyResult<Graph> {
+        let display = self.display.get();
+        let begin = || -> Answer<Graph> {
+            engine.lend(|engine| {
+                let pieces = self.pieces(display, engine)?;
+                pieces.begin(&self.job(display, engine)?, &self.request, engine)?;
+                let done = (0..pieces.visits()).map(|visit| pieces.is_done(visit)).collect::<Result<_, _>>()?;
+                let after = (0..pieces.visits()).map(|visit| pieces.after(visit)).collect::<Result<_, _>>()?;
+                Ok((done, after, pieces.longest_chain()?))
+            })
+        };
+        Ok(py.detach(begin)?)
+    }
+
+    /// Takes a visit; whether it was not done yet.
+    fn visit(&self, py: Python<'_>, visit: usize, engine: &Engine) -> PyResult<bool> {
+        let display = self.display.get();
+        let take = || engine.lend(|engine| Ok(self.pieces(display, engine)?.visit(visit, engine)?));
+        Ok(py.detach(take)?)
+    }
+
+    /// Says that all visits to the far field at a path are done.
+    #[staticmethod]
+    fn finish(py: Python<'_>, out: PathBuf) -> PyResult<()> {
+        Ok(py.detach(|| TilePieces::finish(&out)).map_err(Failure::from)?)
+    }
+}

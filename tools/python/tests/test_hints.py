@@ -1,0 +1,80 @@
+"""What an editor shows: type hints and docstrings of all that is public, and a stub that says what the extension module has."""
+
+import ast
+import inspect
+import pathlib
+
+import eyebox
+import eyebox.cluster
+import pytest
+from eyebox import _eyebox
+
+#: Named tuples and exceptions have methods of Python's own.
+OWN = "eyebox"
+
+
+def public():
+    """Every public function, class and method of the package, by its name."""
+    found = {}
+    for module in (eyebox, eyebox.cluster):
+        for name in module.__all__:
+            value = getattr(module, name)
+            if inspect.isfunction(value) or inspect.isclass(value):
+                found[f"{module.__name__}.{name}"] = value
+    for name, value in list(found.items()):
+        if inspect.isclass(value) and value.__module__.startswith(OWN) and not issubclass(value, BaseException):
+            for method, member in vars(value).items():
+                member = member.fget if isinstance(member, property) else getattr(member, "__func__", member)
+                ours = inspect.isfunction(member) and member.__module__.startswith(OWN)
+                if ours and (not method.startswith("_") or method == "__init__") and not issubclass(value, tuple):
+                    found[f"{name}.{method}"] = member
+    return found
+
+
+@pytest.mark.parametrize("name", sorted(public()))
+def test_all_that_is_public_says_what_it_is(name):
+    value = public()[name]
+    if not name.endswith("__init__"):
+        assert inspect.getdoc(value), "it has a docstring"
+    if inspect.isclass(value):
+        return
+    parameters = [p for p in inspect.signature(value).parameters.values() if p.name not in ("self", "cls")]
+    assert "return" in value.__annotations__ and all(p.annotation is not p.empty for p in parameters), "it has type hints"
+    # Long ones list what they take as NumPy's do.
+    documented = inspect.getdoc(value) or ""
+    if len(parameters) > 4 and not name.endswith("__init__"):
+        assert "Parameters\n----------\n" in documented
+        missing = [p.name for p in parameters if p.name not in documented]
+        assert not missing, missing
+
+
+def stubs():
+    """Functions, and methods as CLASS.METHOD, of the stub: the names of what each takes."""
+    text = (pathlib.Path(eyebox.__file__).parent / "_eyebox.pyi").read_text(encoding="utf-8")
+    found = {}
+    for node in ast.parse(text).body:
+        inner = [(f"{node.name}.", one) for one in node.body] if isinstance(node, ast.ClassDef) else [("", node)]
+        for of, one in inner:
+            if isinstance(one, ast.FunctionDef):
+                taken = [argument.arg for argument in one.args.args + one.args.kwonlyargs]
+                found[of + one.name] = [name for name in taken if name not in ("self", "cls")]
+    return found
+
+
+def test_the_stub_says_what_the_module_has():
+    told, has = stubs(), {}
+    for name, value in vars(_eyebox).items():
+        if inspect.isbuiltin(value):
+            has[name] = value
+        elif inspect.isclass(value) and not issubclass(value, BaseException):
+            has |= {f"{name}.{method}": member for method, member in vars(value).items() if not method.startswith("__")}
+            if getattr(value, "__text_signature__", None):
+                has[f"{name}.__new__"] = value
+    assert not set(told) - {f"{name}.__init__" for name in vars(_eyebox)} - set(has), "the stub has more"
+    assert not {name for name in has if not name.startswith("__")} - set(told), "the stub has less"
+    for name, taken in told.items():
+        try:
+            signature = inspect.signature(has[name].__func__ if isinstance(has[name], staticmethod) else has[name])
+        except (TypeError, ValueError, KeyError):
+            continue  # A property.
+        assert [p for p in signature.parameters if p not in ("self", "cls")] == taken, name
