@@ -85,6 +85,14 @@ pub fn solve_scene(
             "all colours at once is for one scene that is solved whole: leave out the other scenes and the tiles";
         return Err(ProduceError::Job(reason.into()));
     }
+    // Before the scene is loaded, which takes long where it is large.
+    if let Some(brightness) = job.settings.joint.map(|joint| joint.brightness).filter(|b| *b > job.colors.len() as f64)
+    {
+        let most = job.colors.len();
+        return Err(ProduceError::Job(format!(
+            "the brightness of joint colours is {brightness}: it must be 1 to {most}, the number of colours"
+        )));
+    }
     match (job.scenes.len(), &job.tiles) {
         (0, _) => Err(ProduceError::Job("there is no scene to solve".into())),
         (1, Some(tiles)) => {

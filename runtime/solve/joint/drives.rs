@@ -37,21 +37,26 @@ impl Drives {
     }
 
     /// Adds what one colour asks for: `slope Im(conj(u) change)`, of the change of its field over the grid (sub-frame, row,
-    /// column) that holds the SLM, and the phases that it has now.
-    pub(super) fn ask(&mut self, slope: f64, phases: &[f32], change: &[f32], step: &Step) {
+    /// column) that holds the SLM, and the phases that it has now. Of each sub-frame's undiffracted light, the mean of its field, that
+    /// share is to go, too: even drives leave no mean at the wavelength that they are meant at, but several hundredths of the light
+    /// at others, which one place of the eyebox would receive (OPTICS 13).
+    pub(super) fn ask(&mut self, slope: f64, phases: &[f32], change: &[f32], undiffracted: &[f64], step: &Step) {
         let place = step.project.place;
         let [_, width] = self.size;
         let (grid_width, top, left) = (place.grid_width as usize, place.top as usize, place.left as usize);
         let (pixels, points) = (self.size[0] * width, place.grid_height as usize * grid_width);
         let frames =
             self.asked.par_chunks_mut(pixels).zip(phases.par_chunks(pixels)).zip(change.par_chunks(2 * points));
-        frames.for_each(|((asked, phases), change)| {
+        frames.zip(undiffracted).for_each(|(((asked, phases), change), share)| {
+            let sum =
+                phases.iter().map(|p| f64::from(*p).sin_cos()).fold([0.0; 2], |[im, re], (s, c)| [im + s, re + c]);
+            let [im, re] = sum.map(|sum| (share * sum / pixels as f64) as f32);
             let rows = asked.chunks_exact_mut(width).zip(phases.chunks_exact(width)).enumerate();
             for (y, (asked, phases)) in rows {
                 let change = &change[2 * ((top + y) * grid_width + left)..];
                 for ((asked, phase), du) in asked.iter_mut().zip(phases).zip(change.chunks_exact(2)) {
                     let (s, c) = phase.sin_cos();
-                    *asked += slope as f32 * (c * du[1] - s * du[0]);
+                    *asked += slope as f32 * (c * (du[1] - im) - s * (du[0] - re));
                 }
             }
         });

@@ -5,7 +5,7 @@ use super::powers::PowerFit;
 use super::solution::JointSolution;
 use crate::engine::{Buffer, Engine, EngineError, Step};
 use crate::optics::WindowFactor;
-use crate::plan::{Comparison, Planner};
+use crate::plan::{Comparison, Kernel, Planner};
 use crate::solve::error::SolveError;
 use crate::solve::fault;
 use crate::solve::outcome::{Flow, Progress, Solution, Stop, Warm};
@@ -165,7 +165,7 @@ impl<'a> JointRun<'a> {
         schedules: &mut [Steps<'_>],
         progress: f64,
         engine: &mut dyn Engine,
-    ) -> Result<Result<f64, Option<crate::plan::Kernel>>, SolveError> {
+    ) -> Result<Result<f64, Option<Kernel>>, SolveError> {
         let mut loss = 0.0;
         let mut last = None;
         for (color, (l, schedule)) in lit.iter().zip(schedules).enumerate() {
@@ -180,7 +180,10 @@ impl<'a> JointRun<'a> {
                 return Ok(Err(fault::first_fault(engine, &step)?));
             }
             loss += of_color / lit.len() as f64;
-            self.drives.ask(l.slope, &phases, &self.change, &step);
+            // A gradient is that of the loss alone.
+            let projects = step.list.last().is_some_and(|d| d.kernel == Kernel::Project);
+            let undiffracted = self.powers[color].iter().map(|p| if projects { *p } else { 0.0 }).collect::<Vec<_>>();
+            self.drives.ask(l.slope, &phases, &self.change, &undiffracted, &step);
             last = Some(step);
         }
         if let Some(step) = last {
