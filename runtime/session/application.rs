@@ -158,7 +158,7 @@ impl LiveInput {
                 center_mm: centre.map(|v| v * 1e3),
                 diameter_mm: 0.5 * (low + high) * 1e3,
                 focus_dioptres: 0.5 * (near + far) / (focal_length * focal_length),
-                velocity_mm_s: [0.0; 2],
+                velocity_mm_s: due.velocity.map(|v| v * 1e3),
                 tracked: due.tracked,
             },
             wanted: self.wanted(due),
@@ -406,6 +406,42 @@ impl Interval {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use eyebox_live_input::Application;
+
+    /// Where the pupil will be, how fast it moves, and when: as an application reads it.
+    #[test]
+    fn an_application_is_told_where_the_pupil_goes() {
+        let display = Display { height: 32, width: 48, ..Display::preset("small").unwrap() };
+        let name = format!("told-{}", std::process::id());
+        let mut input = LiveInput::open(&name, &display, &[Color::Green], 3, LiveKind::Views).unwrap();
+        let connecting = std::thread::spawn(move || Application::connect(&name));
+        let pupil = PupilDistribution {
+            centre: [1e-3, -2e-3],
+            spread: 1e-4,
+            diameter: [3e-3, 5e-3],
+            focus: [0.0; 2],
+            elsewhere: 0.0,
+        };
+        let due = Due {
+            now_ns: 0,
+            light_ns: 20_000_000,
+            light_monotonic_ns: 5_000_000_000,
+            period_ns: 16_000_000,
+            pupil,
+            velocity: [0.03, -0.002],
+            tracked: true,
+            patient: false,
+        };
+        // It is let in when it is looked for.
+        while !connecting.is_finished() {
+            assert!(matches!(input.next(&due).unwrap(), Newest::Same | Newest::Late(_)));
+        }
+        let asked = connecting.join().unwrap().unwrap().request().expect("a request");
+        let near = |a: [f64; 2], b: [f64; 2]| (0..2).all(|i| (a[i] - b[i]).abs() < 1e-9);
+        assert!(near(asked.pupil.center_mm, [1.0, -2.0]) && near(asked.pupil.velocity_mm_s, [30.0, -2.0]), "{asked:?}");
+        assert!((asked.pupil.diameter_mm - 4.0).abs() < 1e-9 && asked.pupil.tracked);
+        assert_eq!((asked.lit_ns, asked.period_ns), (5_000_000_000, 16_000_000));
+    }
 
     #[test]
     fn late_is_what_gives_nothing_for_longer_than_it_does() {

@@ -40,6 +40,7 @@ fn due(light_ms: i64) -> Due {
         light_monotonic_ns: light_ns as u64,
         period_ns: 1_000_000,
         pupil: aim,
+        velocity: [0.0; 2],
         tracked: true,
         patient: false,
     }

@@ -322,10 +322,11 @@ impl Refining {
             return Ok(Some(false));
         }
         let light_monotonic_ns = times.monotonic_ns(light_ns);
-        let pupil = self.options.expect(times.monotonic_ns(now_ns), light_monotonic_ns)?.pupil;
+        let expected = self.options.expect(times.monotonic_ns(now_ns), light_monotonic_ns)?;
+        let (pupil, velocity) = (expected.pupil, expected.velocity.pupil);
         let (period_ns, patient) = (self.options.timing.load().period_ns, self.options.clock.is_none());
         let tracked = self.options.is_tracked();
-        let due = Due { now_ns, light_ns, light_monotonic_ns, period_ns, pupil, tracked, patient };
+        let due = Due { now_ns, light_ns, light_monotonic_ns, period_ns, pupil, velocity, tracked, patient };
         let begun = Instant::now();
         let mut taken = self.shared.taken.load();
         self.looked_ns = 0;

@@ -43,6 +43,8 @@ pub struct Due {
     pub period_ns: i64,
     /// Where the pupil will be then.
     pub pupil: PupilDistribution,
+    /// How fast it moves (x, y), metres a second.
+    pub velocity: [f64; 2],
     /// Whether a tracker says so.
     pub tracked: bool,
     /// Whether time waits: what is due is waited for.
