@@ -61,12 +61,13 @@ fn a_sweep_is_a_page_and_the_same_numbers_and_goes_on() {
     assert_eq!(read(at, "trials.csv").lines().count(), 1 + trials.len());
     assert!(!at.join("cache").exists(), "nothing is to be kept");
 
-    // Every trial is judged by what people see: the best of them no worse than the worst of them.
+    // Every trial is judged by what people see: the best of them by PSNR about as good as the worst of them, or better. Few trials of a
+    // slow machine lie near each other, and JOD do not follow PSNR to the last digit.
     let jod = |t: &Value| [0, 1].map(|i| t["jod"][i].as_f64().expect("JOD"));
     assert!(trials.iter().map(jod).all(|[mean, worst]| worst <= mean && mean < 10.0));
     let by_mean = |a: &&Value, b: &&Value| a["mean"].as_f64().unwrap().total_cmp(&b["mean"].as_f64().unwrap());
     let [least, most] = [trials.iter().min_by(by_mean), trials.iter().max_by(by_mean)].map(|t| jod(t.unwrap())[0]);
-    assert!(most >= least, "{most} and {least} JOD");
+    assert!(most > least - 0.1, "{most} and {least} JOD");
     assert!(read(at, "trials.csv").lines().next().unwrap().contains("worst_db,jod_mean,jod_worst"));
 
     // What is on a front is beaten by nothing.
