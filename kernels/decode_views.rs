@@ -1,6 +1,7 @@
 //! Views as an application gives them, one colour of them, to values as photographs read them: samples of 8 or 16 bits or floats,
 //! linear or coded in sRGB, to whole numbers of 1/65535 of the brightest; and sums of their light on the way.
 
+use crate::half;
 use bytemuck::{Pod, Zeroable};
 
 /// How a sample is stored: whole numbers whose largest is full scale, or floats whose 1 is.
@@ -48,17 +49,6 @@ pub fn curve() -> Vec<f32> {
     (0..CURVE).map(|v| light(v as f64 / 65_535.0) as f32).collect()
 }
 
-/// The value of a float of 16 bits.
-pub fn half(bits: u16) -> f32 {
-    let (sign, exponent, fraction) = (u32::from(bits >> 15), u32::from(bits >> 10 & 31), u32::from(bits & 1023));
-    let size = match exponent {
-        0 => fraction as f32 / 16_777_216.0,
-        31 => f32::from_bits(0x7f80_0000 | fraction << 13),
-        _ => f32::from_bits((exponent + 112) << 23 | fraction << 13),
-    };
-    if sign == 1 { -size } else { size }
-}
-
 /// Linear light of a pixel of a view; none where it is no light: not finite, below 0, or above 65504.
 pub fn light(args: &Args, samples: &[u8], curve: &[f32], view: usize, pixel: usize) -> Option<f32> {
     let at = ((args.first as usize + view) * args.pixels as usize + pixel) * args.channels as usize;
@@ -69,7 +59,7 @@ pub fn light(args: &Args, samples: &[u8], curve: &[f32], view: usize, pixel: usi
         (U8, false) => f32::from(samples[at]) / 255.0,
         (U16, true) => curve[usize::from(two())],
         (U16, false) => f32::from(two()) / 65_535.0,
-        (F16, _) => half(two()),
+        (F16, _) => half::value(two()),
         _ => f32::from_le_bytes(std::array::from_fn(|i| samples[4 * at + i])),
     };
     (0.0..=BRIGHTEST).contains(&value).then_some(value)

@@ -52,7 +52,7 @@ fn bits(x: f32) -> u16 {
 }
 
 /// The value of a half, exactly.
-fn value(bits: u16) -> f32 {
+pub fn value(bits: u16) -> f32 {
     let (sign, size) = (u32::from(bits & 0x8000) << 16, u32::from(bits & 0x7fff));
     let size = match size {
         0..0x0400 => (size as f32 / 16_777_216.0).to_bits(),

@@ -29,6 +29,28 @@ pub struct Args {
     pub columns_at: u32,
 }
 
+impl Args {
+    /// From a level of one size (rows, columns) to the next, with its tables of rows and columns, which begin at the word `tables_at`.
+    /// Of one view: strides are 0.
+    pub fn between(finer: (usize, usize), coarser: (usize, usize), tables_at: u32) -> (Self, [Table; 2]) {
+        let ((in_height, in_width), (height, width)) = (finer, coarser);
+        let (rows, columns) = (Table::area(in_height, height), Table::area(in_width, width));
+        let args = Self {
+            in_height: in_height as u32,
+            in_width: in_width as u32,
+            height: height as u32,
+            width: width as u32,
+            row_taps: rows.taps as u32,
+            column_taps: columns.taps as u32,
+            in_stride: 0,
+            stride: 0,
+            rows_at: tables_at,
+            columns_at: tables_at + (height * (1 + rows.taps)) as u32,
+        };
+        (args, [rows, columns])
+    }
+}
+
 /// Tables of both axes as the shader has them: for each axis `first`, then the bits of `weights`.
 pub fn packed(rows: &Table, columns: &Table) -> Vec<u32> {
     let words = |table: &Table| {
@@ -58,20 +80,8 @@ mod tests {
     fn is_the_mean_around_each_sample() {
         for [in_height, in_width] in [[8, 6], [7, 9], [5, 8]] {
             let [height, width] = [in_height, in_width].map(|n: usize| n.div_ceil(2));
-            let (rows, columns) = (Table::area(in_height, height), Table::area(in_width, width));
+            let (args, [rows, columns]) = Args::between((in_height, in_width), (height, width), 0);
             let finer: Vec<u16> = (0..in_height * in_width).map(|i| (i * 7919 % 65_536) as u16).collect();
-            let args = Args {
-                in_height: in_height as u32,
-                in_width: in_width as u32,
-                height: height as u32,
-                width: width as u32,
-                row_taps: rows.taps as u32,
-                column_taps: columns.taps as u32,
-                in_stride: 128,
-                stride: 128,
-                rows_at: 0,
-                columns_at: 0,
-            };
             let mut values = vec![0; height * width];
             halve_views(&args, &finer, &rows, &columns, &mut values);
             let weight = |table: &Table, j: usize, t: usize| f64::from(table.weights[j * table.taps + t]);

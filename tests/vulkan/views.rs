@@ -8,7 +8,6 @@ use eyebox::scene::{Pyramid, ViewGrid};
 use eyebox::solve::{Problem, Refiner, Steering};
 use eyebox_kernels::decode_views::{self, Args, F16, F32, U8, U16, decode_views};
 use eyebox_kernels::halve_views::{self, halve_views};
-use eyebox_kernels::resample::Table;
 use eyebox_tests::both::{Noise, gpu};
 use std::sync::{Arc, PoisonError};
 
@@ -101,20 +100,8 @@ fn views_are_decoded_as_the_twins_and_the_host_do() {
                     let (most, share) = apart(&found.levels[0].views, &twin);
                     assert!(most <= 1 && share < 1e-3, "{what}, the twin: {most}, {share}");
                     for pair in found.levels.windows(2) {
-                        let (rows, columns) =
-                            (Table::area(pair[0].height, pair[1].height), Table::area(pair[0].width, pair[1].width));
-                        let args = halve_views::Args {
-                            in_height: pair[0].height as u32,
-                            in_width: pair[0].width as u32,
-                            height: pair[1].height as u32,
-                            width: pair[1].width as u32,
-                            row_taps: rows.taps as u32,
-                            column_taps: columns.taps as u32,
-                            in_stride: 0,
-                            stride: 0,
-                            rows_at: 0,
-                            columns_at: 0,
-                        };
+                        let [finer, coarser] = [0, 1].map(|i| (pair[i].height, pair[i].width));
+                        let (args, [rows, columns]) = halve_views::Args::between(finer, coarser, 0);
                         let sizes = [0, 1].map(|i| pair[i].height * pair[i].width);
                         let mut twin = vec![0; sizes[1]];
                         for (from, to) in pair[0].views.chunks_exact(sizes[0]).zip(pair[1].views.chunks_exact(sizes[1]))

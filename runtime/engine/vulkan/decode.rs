@@ -10,9 +10,8 @@ use crate::gpu::SharedMemory;
 use crate::gpu::{Block, Commands, Gpu};
 use crate::scene::Pyramid;
 use eyebox_kernels::decode_views::{self, ALL_LIGHT, SUMS};
-use eyebox_kernels::halve_views;
-use eyebox_kernels::resample::Table;
 use eyebox_kernels::{WIDTH, decode_views::CURVE};
+use eyebox_kernels::{half, halve_views};
 use eyebox_spirv as spirv;
 use std::ops::Range;
 use std::sync::Arc;
@@ -111,21 +110,8 @@ impl ViewDecoder {
         let sizes = Pyramid::sizes(size[0], size[1]);
         let (mut halvings, mut words) = (Vec::new(), Vec::new());
         for pair in sizes.windows(2) {
-            let ((in_height, in_width), (height, width)) = (pair[0], pair[1]);
-            let (rows, columns) = (Table::area(in_height, height), Table::area(in_width, width));
-            let rows_at = words.len() as u32;
-            halvings.push(halve_views::Args {
-                in_height: in_height as u32,
-                in_width: in_width as u32,
-                height: height as u32,
-                width: width as u32,
-                row_taps: rows.taps as u32,
-                column_taps: columns.taps as u32,
-                in_stride: 0,
-                stride: 0,
-                rows_at,
-                columns_at: rows_at + (height * (1 + rows.taps)) as u32,
-            });
+            let (args, [rows, columns]) = halve_views::Args::between(pair[0], pair[1], words.len() as u32);
+            halvings.push(args);
             words.extend(halve_views::packed(&rows, &columns));
         }
         let curve = gpu.filled(bytemuck::cast_slice(&decode_views::curve()), "the sRGB curve")?;
@@ -259,7 +245,7 @@ impl ViewDecoder {
         let half = [word[at as usize % 4], word[(at as usize + 1) % 4]];
         let found = match views.sample {
             decode_views::F32 => f32::from_le_bytes(word),
-            _ => decode_views::half(u16::from_le_bytes(half)),
+            _ => half::value(u16::from_le_bytes(half)),
         };
         Ok(NoLight { channel, index, found })
     }
