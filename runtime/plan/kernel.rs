@@ -1,4 +1,4 @@
-//! The kernels, each a row of the table in `kernels/lib.rs`: names, scopes, what is read and written, work, arguments.
+//! The kernels, each a row of the table in `kernels/table.rs`: names, scopes, what is read and written, work, arguments.
 
 use super::{ModelTables, PupilPass, Resource, Shape};
 use eyebox_kernels::fft::Columns;
@@ -255,6 +255,12 @@ impl Unit<'_> {
     fn taps(&self) -> f64 {
         let shot = self.pass.and_then(|pass| pass.shot.as_ref());
         shot.map_or(0.0, |s| 0.5 * s.taps.len() as f64 * f64::from(s.args.height) * f64::from(s.args.width))
+    }
+
+    /// Sums over neighbours along one axis, where differences of contrast are filtered: the mean of both axes.
+    fn contrast(&self) -> f64 {
+        let reach = self.pass.and_then(|pass| pass.contrast.as_ref()).map_or(0, |c| c.args.reach_y + c.args.reach_x);
+        0.1 * f64::from(reach) * self.window()
     }
 
     fn grid_transform(&self) -> f64 {

@@ -17,6 +17,7 @@ mod fault;
 mod fixed_phases;
 mod joint;
 mod levels;
+mod loss;
 mod method;
 mod motion;
 #[cfg(test)]
@@ -52,6 +53,7 @@ pub(crate) use exposure::BrightEnd;
 pub use fixed_phases::fixed_phases;
 pub use joint::{Joint, JointProblem, JointSolution, solve_joint};
 pub use levels::{Levels, even_levels};
+pub use loss::Loss;
 pub use method::Method;
 pub use motion::Motion;
 pub use optimizer::Optimizer;

@@ -2,7 +2,7 @@
 
 use super::settings::Settings;
 use crate::optics::{Color, Display, Optics, OpticsError, Padding, SourceMode, WindowFactor};
-use crate::plan::{EyeTables, ModelTables, Planner, Storage, ViewLayout};
+use crate::plan::{ContrastLoss, EyeTables, ModelTables, Planner, Storage, ViewLayout};
 use crate::scene::{Bend, LightField, Pyramid, ViewGrid, shrink_to_share};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -46,6 +46,8 @@ pub struct Problem {
     pub model: Option<Arc<ModelTables>>,
     /// The eye that looks (OPTICS 11); none for a perfect one.
     pub eye: Option<Arc<EyeTables>>,
+    /// How its contrasts are seen; none where that is not known.
+    pub contrast: Option<ContrastLoss>,
     /// The modes of the display's source (OPTICS 12); none for a laser on the axis.
     pub modes: Arc<[SourceMode]>,
 }
@@ -106,7 +108,8 @@ impl Problem {
         let model = model.map(|model| model.for_steps());
         let eye = EyeTables::new(display.prescription.as_ref());
         let modes = display.modes(color).into();
-        Ok(Self { optics, padding, eyebox, views, center, pyramid, mean: f64::NAN, share, model, eye, modes })
+        let (contrast, mean) = (Some(ContrastLoss::of(display)), f64::NAN);
+        Ok(Self { optics, padding, eyebox, views, center, pyramid, mean, share, model, eye, contrast, modes })
     }
 
     /// Side of a pixel of the picture, as its views have it, radians.
@@ -126,7 +129,9 @@ impl Problem {
     pub(crate) fn planner_of(&self, settings: &Settings) -> Planner {
         let plain = self.planner(settings.solved_frames(), settings.window);
         let (levels, storage) = (settings.levels.count(), settings.storage);
-        Planner { levels, storage, binary_angles: storage == Storage::F16, ..plain }
+        // What is not known is refused before it is planned.
+        let contrast = settings.loss.of(settings.gaze, self).unwrap_or_default();
+        Planner { levels, storage, contrast, binary_angles: storage == Storage::F16, ..plain }
     }
 
     /// Plans for this problem.

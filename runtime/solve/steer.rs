@@ -89,13 +89,13 @@ impl Refiner {
             return wrong("the exposure", exposure.to_string(), "a positive, finite number");
         }
         let storage = steering.storage.unwrap_or_else(|| engine.preferred_storage());
-        let planner = Planner { storage, binary_angles: true, ..problem.planner(frames, steering.window) };
+        let contrast = steering.loss.of(steering.gaze, &problem)?;
+        let planner = Planner { storage, contrast, binary_angles: true, ..problem.planner(frames, steering.window) };
         let adam = matches!(steering.strategy, Strategy::Adam { .. });
         let purpose = if adam { Purpose::Adam } else { Purpose::Project };
         engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;
-        let half = problem.eyebox / 2.0;
+        let (half, centre) = (problem.eyebox / 2.0, problem.optics.center());
         let diameter = [half / 4.0, half / 2.0];
-        let centre = problem.optics.center();
         let aim = PupilDistribution { centre, spread: half, diameter, focus: [0.0, 0.0], elsewhere: 1.0 };
         let points = Points::new(Sequence::Sobol, steering.seed ^ 0x0073_7465_6572);
         let (pupil_passes, paces) = (Vec::new(), Default::default());

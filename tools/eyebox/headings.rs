@@ -53,6 +53,8 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "joint_color",
             "efficiency",
             "method",
+            "loss",
+            "gaze",
             "stft_filter",
             "stft_samples",
             "evenness",
