@@ -30,7 +30,7 @@ void main() {
         sum += difference(image[i], wanted) * resolved;
         if (mode == COMPARE_PROJECTION) {
             float seen = exposure * image[i];
-            float there = max(seen - sqrt(luminance * usual) * resolved, 0.0);
+            float there = max(seen - luminance * resolved, 0.0);
             image[i] = min(sqrt((there + low) / (seen + low)), limit) - 1.0;
         } else {
             image[i] = weight * resolved / luminance;

@@ -3,9 +3,10 @@
 //!
 //! With `c` the difference of contrast, `s I - T` over the luminance `L = T + dark`, and `q = W^T W c`, the loss is `sum c q =
 //! sum |W c|^2`, and its derivative by the intensity `2 s q / L`. The projection, which knows of pictures and not of losses, is
-//! given one to replace the amplitude by: what is seen without the part of the difference that is resolved, `s I - L^(1/2)
-//! L0^(1/2) q`. Where the gaze is known, differences are weighed before the filter and behind it. Without a filter, and where `L` is `L0`, that is the target. To first order the amplitude's change is `-q / 2` times
-//! `(L0 / L)^(1/2)`: a step down the same loss, each pixel's so long that neither bright nor dark ones overshoot.
+//! given one to replace the amplitude by: what is seen without the part of the difference that is resolved, `s I - L q`. Without
+//! a filter that is the target. To first order each amplitude changes by `-q / 2` of itself, which is a step down the same loss,
+//! so long in each pixel that neither bright nor dark ones overshoot. Where the gaze is known, differences are weighed before the
+//! filter and behind it.
 
 use crate::compare::PROJECTION;
 use crate::contrast_rows::{Args, difference};
@@ -69,7 +70,7 @@ fn factor(args: &Args, image: f32, target: f32, resolved: f32) -> f32 {
         return args.weight * resolved / luminance;
     }
     let seen = args.exposure * image;
-    let wanted = (seen - (luminance * args.usual).sqrt() * resolved).max(0.0);
+    let wanted = (seen - luminance * resolved).max(0.0);
     ((wanted + args.floor) / (seen + args.floor)).sqrt().min(args.limit) - 1.0
 }
 
@@ -90,7 +91,6 @@ mod tests {
         floor: 1e-6,
         limit: 3.0,
         dark: 0.05,
-        usual: 0.35,
         gaze_y: 2.5,
         gaze_x: 8.0,
         falloff_y: 0.1,
@@ -151,21 +151,16 @@ mod tests {
     }
 
     #[test]
-    fn without_a_filter_the_projection_has_the_target_where_light_is_usual() {
+    fn without_a_filter_the_projection_has_the_target() {
         let [image, target] = pictures();
         let plain = Args { falloff_y: 0.0, falloff_x: 0.0, ..ARGS };
-        let args = Args { reach_y: 0, reach_x: 0, mode: PROJECTION, dark: 0.0, ..plain };
+        let args = Args { reach_y: 0, reach_x: 0, mode: PROJECTION, ..plain };
         let (mut seen, mut contrast, mut line) = (image.clone(), vec![0.0; args.count()], Vec::new());
-        let target: Vec<f32> = target.iter().map(|t| if *t > 0.5 { 0.35 } else { *t + 0.1 }).collect();
         contrast_rows(&args, &[1.0, 1.0], &image, &target, &mut contrast, &mut line);
         compare_contrast(&args, &[1.0, 1.0], &contrast, &target, &mut seen, &mut line);
         for ((factor, i), t) in seen.iter().zip(&image).zip(&target) {
             let plain = ((t + 1e-6) / (0.8 * i + 1e-6)).sqrt().min(3.0) - 1.0;
-            if *t == 0.35 {
-                assert!((factor - plain).abs() < 1e-4, "{factor}, not {plain}");
-            }
-            // Darker light changes by more, up to the darkest and the largest ratio.
-            assert!(*t >= 0.35 || factor.abs() >= plain.abs() - 1e-4 || plain > 0.0, "{t}: {factor}, {plain}");
+            assert!((factor - plain).abs() < 1e-4, "{factor}, not {plain}");
         }
     }
 }

@@ -2,7 +2,7 @@
 
 layout(push_constant) uniform Args {
     uint rows, columns, reach_y, reach_x, mode;
-    float exposure, weight, low, limit, dark, usual, gaze_y, gaze_x, falloff_y, falloff_x;
+    float exposure, weight, low, limit, dark, gaze_y, gaze_x, falloff_y, falloff_x;
 };
 
 float difference(float seen, float wanted) { return (exposure * seen - wanted) / (wanted + dark); }

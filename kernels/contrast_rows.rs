@@ -29,8 +29,6 @@ pub struct Args {
     pub limit: f32,
     /// Added to the luminance that is wanted: nobody is adapted to less.
     pub dark: f32,
-    /// Light of which the projection changes as much as without contrasts; darker light is changed by more.
-    pub usual: f32,
     /// Where the eye looks, pixels along y,
     pub gaze_y: f32,
     /// and along x.
