@@ -89,7 +89,8 @@ impl Refiner {
             return wrong("the exposure", exposure.to_string(), "a positive, finite number");
         }
         let storage = steering.storage.unwrap_or_else(|| engine.preferred_storage());
-        let planner = Planner { storage, binary_angles: true, ..problem.planner(frames, steering.window) };
+        let planner = Planner { storage, binary_angles: true, ..problem.planner(frames, steering.window) }
+            .with_fewer_modes(problem.eyebox);
         let adam = matches!(steering.strategy, Strategy::Adam { .. });
         let purpose = if adam { Purpose::Adam } else { Purpose::Project };
         engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;
