@@ -131,7 +131,8 @@ impl Problem {
         let (levels, storage) = (settings.levels.count(), settings.storage);
         // What is not known is refused before it is planned.
         let contrast = settings.loss.of(settings.gaze, self).unwrap_or_default();
-        Planner { levels, storage, contrast, binary_angles: storage == Storage::F16, ..plain }
+        let plain = Planner { levels, storage, contrast, binary_angles: storage == Storage::F16, ..plain };
+        if settings.all_modes { plain } else { plain.with_fewer_modes(self.eyebox) }
     }
 
     /// Plans for this problem.
