@@ -43,7 +43,7 @@ mod tests {
         assert!((500.0..800.0).contains(&high) && (20..50).contains(&at), "{high} at {at}");
         // Less light: less sensitive, and to coarser patterns.
         let (low, coarser) = peak(0.1);
-        assert!(low < high / 5.0 && coarser < at, "{low} at {coarser}");
+        assert!(low < high / 3.0 && coarser < at, "{low} at {coarser}");
         assert!(contrast_sensitivity(60.0, 100.0) < 1.0);
     }
 
