@@ -2,7 +2,8 @@
 
 use super::HologramError;
 use crate::optics::{
-    Color, JointColor, ModelSections, Padding, Picture, Prescription, PupilDistribution, SourceSections, Sources, Viewing,
+    Color, JointColor, ModelSections, Padding, Picture, Prescription, PupilDistribution, SourceSections, Sources,
+    Viewing,
 };
 use crate::scene::{Near, Order, Photographs};
 use crate::solve::{Settings, Steering};

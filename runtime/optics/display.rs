@@ -5,7 +5,10 @@ use super::encoding::Encoding;
 use super::joint_color::check_dispersion;
 use super::model::{self, DisplayModel, ModelSections, ModelTerms};
 use super::wavefront_map;
-use super::{Geometry, Optics, OpticsError, Picture, PictureMap, Prescription, SourceSections, Sources, SourcesLit, SwitchedSource, Viewing};
+use super::{
+    Geometry, Optics, OpticsError, Picture, PictureMap, Prescription, SourceSections, Sources, SourcesLit,
+    SwitchedSource, Viewing,
+};
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::Path};
 

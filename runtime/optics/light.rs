@@ -44,7 +44,11 @@ impl Display {
             true => modes,
             false => self.sources.modes(color, self.focal_length, &modes),
         };
-        if modes == [SourceMode::centred(optics.wavelength)] { Vec::new() } else { modes }
+        match modes[..] {
+            // Whichever source it is of, there is no other.
+            [one] if SourceMode { source: 0, ..one } == SourceMode::centred(optics.wavelength) => Vec::new(),
+            _ => modes,
+        }
     }
 
     /// What is wrong with its source, in words.

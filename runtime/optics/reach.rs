@@ -93,7 +93,8 @@ impl fmt::Display for Reach {
             self.depth_dioptres[1],
             self.etendue_mm2_sr,
         )?;
-        let Some(SourcesReach { sources, eyebox_mm: [up, across], area_mm2, etendue_mm2_sr, .. }) = &self.sources else {
+        let Some(SourcesReach { sources, eyebox_mm: [up, across], area_mm2, etendue_mm2_sr, .. }) = &self.sources
+        else {
             return Ok(());
         };
         let times = area_mm2 / self.eyebox_mm.powi(2);

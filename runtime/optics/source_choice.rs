@@ -89,10 +89,15 @@ impl SourceChoice {
         changed
     }
 
-    /// How far, along the farther axis, the pupil's centre is from the middle of a source's eyebox, metres.
-    fn off(&self, source: usize, aim: &PupilDistribution) -> f64 {
+    /// How far the pupil's centre is from the middle of a source's eyebox along the farther and the nearer axis, metres.
+    fn apart_by(&self, source: usize, aim: &PupilDistribution) -> [f64; 2] {
         let middle = self.sources.iter().find(|(at, _)| *at == source).map(|(_, middle)| *middle);
-        middle.map_or(f64::INFINITY, |[x, y]| (aim.centre[0] - x).abs().max((aim.centre[1] - y).abs()))
+        let [x, y] = middle.map_or([f64::INFINITY; 2], |[x, y]| [aim.centre[0] - x, aim.centre[1] - y].map(f64::abs));
+        [x.max(y), x.min(y)]
+    }
+
+    fn off(&self, source: usize, aim: &PupilDistribution) -> f64 {
+        self.apart_by(source, aim)[0]
     }
 
     fn choose(&self, aim: &PupilDistribution) -> Vec<usize> {
@@ -100,7 +105,8 @@ impl SourceChoice {
         let holds = |source: usize, spare: f64| self.off(source, aim) <= self.half - reach - spare;
         let stays = self.lit.len() == 1 && holds(self.lit[0], 0.0);
         let mut near: Vec<usize> = self.sources.iter().map(|(at, _)| *at).collect();
-        near.sort_by(|a, b| self.off(*a, aim).total_cmp(&self.off(*b, aim)));
+        let order = |a: [f64; 2], b: [f64; 2]| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1]));
+        near.sort_by(|a, b| order(self.apart_by(*a, aim), self.apart_by(*b, aim)));
         let mut chosen = match near.iter().find(|at| holds(**at, HYSTERESIS)) {
             _ if stays => self.lit.clone(),
             Some(alone) => vec![*alone],
@@ -199,7 +205,10 @@ mod tests {
     fn a_pupil_on_the_border_has_half_of_its_light_from_each_side() {
         let choice = SourceChoice::new(&display(26.0), Color::Green).unwrap();
         let served = |lit: &[usize], x: f64| choice.served(lit, &Pupil::from_mm([x, 0.0, 4.0, 0.0]));
-        assert_eq!([served(&[4], 13.0), served(&[4, 5], 13.0), served(&[4], 10.0), served(&[4], 16.0)], [0.5, 1.0, 1.0, 0.0]);
+        assert_eq!(
+            [served(&[4], 13.0), served(&[4, 5], 13.0), served(&[4], 10.0), served(&[4], 16.0)],
+            [0.5, 1.0, 1.0, 0.0]
+        );
     }
 
     #[test]

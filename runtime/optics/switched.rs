@@ -200,7 +200,9 @@ impl Sources {
             }
         }
         if let Some(dark) = colors.iter().find(|color| self.of(**color).is_empty()) {
-            return Err(format!("[[sources]]: none has any {dark} light: one of that colour must have a power above 0"));
+            return Err(format!(
+                "[[sources]]: none has any {dark} light: one of that colour must have a power above 0"
+            ));
         }
         let together = |color: &Color| {
             let lit = self.lit(*color, focal_length);

@@ -1,7 +1,9 @@
 //! What is to be solved: a scene on a display, in one colour.
 
 use super::settings::Settings;
-use crate::optics::{Color, Display, EyeboxRegion, Optics, OpticsError, Padding, SourceChoice, SourceMode, WindowFactor};
+use crate::optics::{
+    Color, Display, EyeboxRegion, Optics, OpticsError, Padding, SourceChoice, SourceMode, WindowFactor,
+};
 use crate::plan::{EyeTables, ModelTables, Planner, Storage, ViewLayout};
 use crate::scene::{Bend, LightField, Pyramid, ViewGrid, shrink_to_share};
 use rayon::prelude::*;

@@ -10,7 +10,8 @@ pub(super) fn check(modes: &[SourceMode], settings: &Settings) -> Result<(), Sol
     let Settings { method, frames, .. } = *settings;
     let turns = modes.iter().map(|mode| mode.turn[1]).max().unwrap_or(0);
     if turns > 1 && frames < turns {
-        let right = "as many as sources that take turns at least (--frames), or sources_lit = \"together\" or \"steered\"";
+        let right =
+            "as many as sources that take turns at least (--frames), or sources_lit = \"together\" or \"steered\"";
         return Err(SolveError::Setting { what: "the number of sub-frames", value: frames.to_string(), right });
     }
     let solved = settings.solved_frames();
@@ -61,14 +62,22 @@ impl ScenePlan {
         let why = match &sources.lit {
             _ if sources.is_empty() => return,
             SourcesLit::InTurn => {
-                format!("in turn: {:.1} of {frames} sub-frames each, which is all that one pupil sees", frames as f64 / lit as f64)
+                format!(
+                    "in turn: {:.1} of {frames} sub-frames each, which is all that one pupil sees",
+                    frames as f64 / lit as f64
+                )
             }
             SourcesLit::Together => "together, in every sub-frame".into(),
             _ => "steered: whoever follows the eye lights others".into(),
         };
         let all = sources.of(color).len();
-        let area = display.reach().sources.map_or(1.0, |with| with.area_mm2 / (display.source_eyebox_min() * 1e3).powi(2));
-        self.say("sources", format!("{color}: {lit} of {all} lit"), format!("{why}; all have {area:.1} times the eyebox of one"));
+        let area =
+            display.reach().sources.map_or(1.0, |with| with.area_mm2 / (display.source_eyebox_min() * 1e3).powi(2));
+        self.say(
+            "sources",
+            format!("{color}: {lit} of {all} lit"),
+            format!("{why}; all have {area:.1} times the eyebox of one"),
+        );
     }
 
     /// The display with as many modes of its source as were decided.

@@ -47,7 +47,9 @@ fn view(oracle: &Oracle, modes: &[SourceMode], phases: &[f64], pupil: &Pupil) ->
         for (f, spectrum) in spectra.iter().enumerate() {
             let power = match mode.turn {
                 [_, 1] => 1.0,
-                [place, count] if f % count == place => frames as f64 / (0..frames).filter(|f| f % count == place).count() as f64,
+                [place, count] if f % count == place => {
+                    frames as f64 / (0..frames).filter(|f| f % count == place).count() as f64
+                }
                 _ => continue,
             };
             let mut field: Vec<Complex64> = spectrum.iter().enumerate().map(|(i, u)| u * kernel(i)).collect();
@@ -59,7 +61,8 @@ fn view(oracle: &Oracle, modes: &[SourceMode], phases: &[f64], pupil: &Pupil) ->
 }
 
 /// Inside of one source's eyebox, on a border, and at the rim of all.
-const PUPILS: [[f64; 4]; 4] = [[0.5, 2.0, 6.0, 3.0], [13.0, 1.0, 5.0, -2.0], [-26.0, 3.0, 4.0, 1.0], [37.0, 9.0, 5.0, 0.0]];
+const PUPILS: [[f64; 4]; 4] =
+    [[0.5, 2.0, 6.0, 3.0], [13.0, 1.0, 5.0, -2.0], [-26.0, 3.0, 4.0, 1.0], [37.0, 9.0, 5.0, 0.0]];
 
 #[test]
 fn views_agree_with_float64() {
@@ -93,8 +96,7 @@ fn the_gradient_is_the_derivative() {
         let mut engine = loaded(&planner, Purpose::Adam, &rounded);
         let passes = pupils.iter().map(|p| planner.pupil_pass(p, &comparison)).collect();
         let (step, losses) = step_with_targets(&planner, &mut engine, passes, &targets, true);
-        let gradient: Vec<f64> =
-            engine.read(Buffer::Momentum).unwrap().iter().map(|m| f64::from(*m) * 10.0).collect();
+        let gradient: Vec<f64> = engine.read(Buffer::Momentum).unwrap().iter().map(|m| f64::from(*m) * 10.0).collect();
         let (direction, h) = (noise(4 * 480, 100), 1e-5);
         let value = |s: f64| {
             let moved: Vec<f64> = exact.iter().zip(&direction).map(|(p, d)| p + s * h * d).collect();
@@ -121,7 +123,8 @@ fn one_centred_source_is_no_source() {
     let field = scene::load("builtin:still-life", &scene::Request::new(&plain, &[Color::Green])).unwrap();
     let solved = |display: &Display| {
         let problem = Problem::new(&field, Color::Green, display, Padding::default()).unwrap();
-        let settings = Settings { frames: 2, steps: 3, pupils: 4, depth: field.reach(display).0, ..Settings::default() };
+        let settings =
+            Settings { frames: 2, steps: 3, pupils: 4, depth: field.reach(display).0, ..Settings::default() };
         solve::solve(&problem, &settings, &mut CpuEngine::new(), &mut |_| Flow::Continue).unwrap().phases
     };
     assert!(solved(&plain) == solved(&one));
@@ -131,7 +134,8 @@ fn one_centred_source_is_no_source() {
 #[test]
 fn a_border_shares_no_bin() {
     let o = optics(200, 240);
-    let modes: Vec<SourceMode> = three(false).into_iter().map(|m| SourceMode { angle: [m.angle[0], 0.0], ..m }).collect();
+    let modes: Vec<SourceMode> =
+        three(false).into_iter().map(|m| SourceMode { angle: [m.angle[0], 0.0], ..m }).collect();
     let planner = Planner::new(o, 1, WindowFactor::One).with_source(&modes);
     let bins = |x: f64| {
         let pass = planner.pupil_pass(&Pupil::from_mm([x, 2.0, 6.0, 0.0]), &Comparison::default());
@@ -182,7 +186,9 @@ fn a_refinement_takes_its_sources_with_the_eye() {
     };
     let (lit, middle) = refined(0.0, 0.0);
     assert_eq!(lit, [4]);
-    for (x, y, wanted) in [(26.0, 0.0, &[5][..]), (13.0, 0.0, &[4, 5]), (-26.0, 26.0, &[6]), (13.0, -13.0, &[1, 2, 4, 5])] {
+    for (x, y, wanted) in
+        [(26.0, 0.0, &[5][..]), (13.0, 0.0, &[4, 5]), (-26.0, 26.0, &[6]), (13.0, -13.0, &[1, 2, 4, 5])]
+    {
         let (lit, db) = refined(x, y);
         assert_eq!(lit, wanted, "at ({x}, {y}) mm");
         assert!(db > middle - 1.5, "at ({x}, {y}) mm {db:.2} dB, {middle:.2} in the middle");
