@@ -1,9 +1,11 @@
 //! What a display's source asks of a solve: how many modes stand for it, and which methods know of it (OPTICS 12).
 
 use super::error::SolveError;
-use super::scene_plan::ScenePlan;
+use super::problem::Problem;
+use super::scene_plan::{PlanRequest, ScenePlan};
 use super::settings::Settings;
-use crate::optics::{Color, Display, SourceMode, SourceSampling, SourcesLit};
+use crate::optics::{Color, Display, FewerModes, Padding, SourceMode, SourceSampling, SourcesLit};
+use crate::scene::LightField;
 
 /// Refuses a source that the method knows nothing of, and fewer sub-frames than sources that take turns.
 pub(super) fn check(modes: &[SourceMode], settings: &Settings) -> Result<(), SolveError> {
@@ -27,8 +29,14 @@ pub(super) fn check(modes: &[SourceMode], settings: &Settings) -> Result<(), Sol
 }
 
 impl ScenePlan {
-    /// Decides, colour by colour, how few modes stand for the display's source.
-    pub(super) fn choose_source(&mut self, display: &Display) -> Result<(), SolveError> {
+    /// Decides, colour by colour, how few modes stand for the display's source, and for how wide pupils how few of them do.
+    pub(super) fn choose_source(
+        &mut self,
+        field: &LightField,
+        display: &Display,
+        request: &PlanRequest,
+    ) -> Result<(), SolveError> {
+        self.settings.all_modes |= request.full.modes;
         let mut lit = display.clone();
         let (diameter, [far, near]) = (self.settings.diameter[0], self.settings.depth);
         for color in self.colors.clone() {
@@ -43,6 +51,8 @@ impl ScenePlan {
                 None if modes > 0 && !display.source.is_empty() => "as the display's file lists them".into(),
                 None => continue,
             };
+            let problem = Problem::outline(&lit, color, Padding::default(), self.left(field, display))?;
+            let why = why + &fewer_in_words(&problem.planner_of(&self.settings).fewer, self.settings.diameter);
             self.say("source", format!("{color}: {} modes", modes.max(1)), why);
         }
         self.source = lit.source;
@@ -84,6 +94,17 @@ impl ScenePlan {
     pub fn lit(&self, display: &Display) -> Display {
         Display { source: self.source.clone(), ..display.clone() }
     }
+}
+
+/// Which of these pupils are solved for with fewer modes.
+fn fewer_in_words(fewer: &[FewerModes], [narrow, wide]: [f64; 2]) -> String {
+    let taken = fewer.iter().enumerate().filter(|(i, few)| {
+        let wider = fewer.get(i + 1).is_some_and(|next| next.from <= narrow);
+        few.from <= wide && !wider
+    });
+    let each = taken.map(|(_, few)| format!("{} from {:.1} mm on", few.modes.len(), few.from * 1e3));
+    let all = each.collect::<Vec<_>>().join(", ");
+    if all.is_empty() { all } else { format!("; pupils are solved for with {all}") }
 }
 
 fn in_words(sampling: &SourceSampling, diameter: f64) -> String {
