@@ -118,6 +118,8 @@ impl Piece {
             eye: None,
             contrast: tiles.about().made_for().ok().map(|display| ContrastLoss::of(&display)),
             modes: [].into(),
+            regions: [].into(),
+            choice: None,
         };
         Ok(Self { at: [top, left], size: [rows, columns], problem })
     }
