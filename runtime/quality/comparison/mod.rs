@@ -5,6 +5,7 @@
 //! is there, so that a run that was stopped resumes where it was. What was measured is plain data ([`Results`]).
 
 mod candidate;
+mod coherence;
 mod joint;
 mod judged;
 mod measure;
@@ -18,8 +19,8 @@ pub(crate) use measure::{DECADES, ERROR_GAIN};
 pub(crate) use picture::{light_exact, map};
 pub use pupils::{SHOWN, Shown};
 pub use results::{
-    About, ColorError, ColorFigures, EnergyMap, JointFigures, MethodAbout, Picture, Pictures, Published, Results, Row,
-    Run, SceneFigures, Series, SpeckleFigures, mean,
+    About, CoherenceFigures, ColorError, ColorFigures, EnergyMap, JointFigures, MethodAbout, Picture, Pictures,
+    Published, Results, Row, Run, SceneFigures, Series, SpeckleFigures, mean,
 };
 
 use super::QualityError;
@@ -64,6 +65,8 @@ pub struct Comparison {
     /// Times that all colours at once are to be brighter than one colour after another, each compared with that; empty where they
     /// are not compared.
     pub joint: Vec<f64>,
+    /// Sizes of sources that are compared, millimetres of their image in the eyebox, 0 for a point; empty where none are.
+    pub coherence: Vec<f64>,
     /// Pupils of each group that are judged in JOD, spread evenly over it; 0 for none. A judgement takes about as long as
     /// looking through some pupils.
     pub judged: usize,
@@ -102,6 +105,7 @@ impl Comparison {
                     scene.run(&mut work, engine, &mut results)?;
                 }
                 scene.colors_at_once(&mut work, engine, &mut results)?;
+                scene.sources(&mut work, engine, &mut results)?;
             }
             results.missing += self.runs(index).count() - (results.runs.len() - before);
         }
@@ -138,6 +142,7 @@ impl Comparison {
             runs: Vec::new(),
             speckle: Vec::new(),
             joint: Vec::new(),
+            coherence: Vec::new(),
             published: Vec::new(),
             missing: 0,
         }
@@ -238,6 +243,7 @@ impl<'a, 'b> Work<'a, 'b> {
         let all = PHOTOGRAPHS * job.scenes.len() as f64
             + (SOLVE + LOOK) * runs as f64
             + (SOLVE + LOOK) * (job.ways().len() * job.joint_frames().count() * job.scenes.len()) as f64
+            + coherence::EFFORT * (job.coherence.len() * job.frames.len() * job.scenes.len()) as f64
             + SPECKLE * job.speckled().count() as f64;
         Ok(Self { results, holograms, _made, observe, done: 0.0, all: all.max(1.0), stopped: false })
     }
@@ -270,9 +276,10 @@ struct Task<'a> {
 /// What results are of beside an ideal display and a perfect eye.
 fn beyond_ideal(display: &Display) -> impl Iterator<Item = (&'static str, serde_json::Value)> {
     let model = (!display.model.is_empty()).then(|| ("model", json!(display.model)));
+    let source = (!display.source.is_empty()).then(|| ("source", json!(display.source)));
     let picture = (!display.picture.is_empty()).then(|| ("picture", json!(display.picture)));
     let eye = display.prescription.as_ref().map(|eye| ("prescription", json!(eye)));
-    model.into_iter().chain(picture).chain(eye)
+    model.into_iter().chain(source).chain(picture).chain(eye)
 }
 
 /// One scene's part of the work.
