@@ -294,6 +294,7 @@ impl Hologram {
             metadata: Metadata {
                 model: display.model.clone(),
                 source: display.source.clone(),
+                mask: display.mask.clone(),
                 picture: display.picture,
                 prescription: display.prescription.clone(),
                 viewing: display.viewing,
@@ -327,6 +328,7 @@ impl Hologram {
             encoding: Default::default(),
             model: self.metadata.model.clone(),
             source: self.metadata.source.clone(),
+            mask: self.metadata.mask.clone(),
             picture: self.metadata.picture,
             prescription: self.metadata.prescription.clone(),
             viewing: self.metadata.viewing,
@@ -367,7 +369,8 @@ impl Hologram {
     pub fn optics(&self, index: usize) -> Result<Optics, OpticsError> {
         let wavelength = self.colors[index].wavelength;
         let optics = Optics::new(self.height, self.width, self.pitch, wavelength, self.focal_length)?;
-        Ok(optics.in_geometry(self.geometry))
+        let factor = self.metadata.mask.as_ref().map_or(1, |mask| mask.factor);
+        Ok(optics.in_geometry(self.geometry).behind_mask(factor))
     }
 
     /// Share of colour `index`'s field of view that the picture takes along each axis (OPTICS 9): that of the display's

@@ -5,7 +5,7 @@ use super::encoding::Encoding;
 use super::joint_color::check_dispersion;
 use super::model::{self, DisplayModel, ModelSections, ModelTerms};
 use super::wavefront_map;
-use super::{Geometry, Optics, OpticsError, Picture, PictureMap, Prescription, SourceSections, Viewing};
+use super::{Geometry, Mask, Optics, OpticsError, Picture, PictureMap, Prescription, SourceSections, Viewing};
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::Path};
 
@@ -43,6 +43,10 @@ pub struct Wavelength {
 /// [source.all]                   # light that is no laser on the axis: docs/displays.md
 /// kind = "led"
 ///
+/// [mask]                         # a static phase mask of finer pixels at the SLM: docs/displays.md
+/// factor = 2
+/// seed = 1
+///
 /// [viewing]                      # how bright and how fine it is seen: docs/displays.md
 /// luminance_cd_m2 = 200
 /// ```
@@ -76,6 +80,8 @@ pub struct Display {
     pub model: ModelSections,
     /// Its light, where that is no laser on the axis.
     pub source: SourceSections,
+    /// The static phase mask in front of its SLM; none without.
+    pub mask: Option<Mask>,
     /// Where its picture is seen.
     pub picture: Picture,
     /// The eye that looks at it; none for a perfect one.
@@ -123,6 +129,9 @@ struct File {
     /// Its light, where that is no laser on the axis: `[source.red]`, `[source.green]`, `[source.blue]`, `[source.all]`, below.
     #[serde(default, skip_serializing_if = "SourceSections::is_empty")]
     source: SourceSections,
+    /// The static phase mask in front of its SLM: below.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    mask: Option<Mask>,
     /// Where its picture is seen, as `eyebox calibrate --register` found: below.
     #[serde(default, skip_serializing_if = "Picture::is_empty")]
     picture: Picture,
@@ -173,6 +182,10 @@ impl Display {
         for file in encoding.look_up.values_mut().chain(encoding.correction.iter_mut().map(|c| &mut c.file)) {
             *file = beside.join(&file);
         }
+        let mut mask = read.mask;
+        if let Some(mask) = &mut mask {
+            mask.resolve(beside, read.resolution).map_err(|reason| wrong(format!("[mask]: {reason}")))?;
+        }
         let mut model = read.model;
         wavefront_map::resolve(&mut model, beside, |color| read.wavelengths_nm.get(&color).copied()).map_err(&wrong)?;
         let stem = Path::new(file).file_stem().map_or(file.into(), |s| s.to_string_lossy().into_owned());
@@ -195,10 +208,13 @@ impl Display {
             encoding,
             model,
             source: read.source,
+            mask,
             picture: read.picture,
             prescription: read.prescription,
             viewing: read.viewing,
         };
+        display.check_mask().map_err(|reason| wrong(format!("[mask]: {reason}")))?;
+        let display = Self { mask: display.mask.filter(|mask| !mask.is_clear()), ..display };
         let colors: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
         model::check(&display.model, &colors).map_err(&wrong)?;
         display.picture.check(display.picture_size().into()).map_err(&wrong)?;
@@ -238,6 +254,7 @@ impl Display {
             encoding: self.encoding.clone(),
             model: self.model.clone(),
             source: self.source.clone(),
+            mask: self.mask.clone(),
             picture: self.picture,
             prescription: self.prescription.clone(),
             viewing: self.viewing,
@@ -256,7 +273,7 @@ impl Display {
             has: self.wavelengths.iter().map(|w| w.color.to_string()).collect::<Vec<_>>().join(", "),
         })?;
         let optics = Optics::new(self.height, self.width, self.pitch, found.wavelength, self.focal_length)?;
-        Ok(optics.in_geometry(self.geometry))
+        Ok(optics.in_geometry(self.geometry).behind_mask(self.mask_factor()))
     }
 
     /// What it does to one of its colours.
@@ -279,10 +296,11 @@ impl Display {
         self.picture.map(color, self.picture_size().into())
     }
 
-    /// Side of the eyebox that all its colours serve, metres: the shortest wavelength's (OPTICS 1), or the SLM's (OPTICS 9).
+    /// Side of the eyebox that all its colours serve, metres: the shortest wavelength's (OPTICS 1), of the mask's pixels where it
+    /// has one (OPTICS 12), or the SLM's (OPTICS 9).
     pub fn eyebox_min(&self) -> f64 {
         match self.geometry {
-            Geometry::Relay => self.shortest() * self.focal_length / self.pitch,
+            Geometry::Relay => self.shortest() * self.focal_length / (self.pitch / self.mask_factor() as f64),
             Geometry::FarField => self.height.min(self.width) as f64 * self.pitch,
         }
     }

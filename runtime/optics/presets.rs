@@ -150,6 +150,7 @@ impl Display {
             encoding,
             model: Default::default(),
             source: Default::default(),
+            mask: None,
             picture: Default::default(),
             prescription: None,
             viewing: Default::default(),

@@ -22,6 +22,23 @@ pub struct Reach {
     pub depth_mm: [f64; 2],
     /// The same in dioptres.
     pub depth_dioptres: [f64; 2],
+    /// Area of the eyebox times the solid angle of the picture (small angles), mm2 sr.
+    pub etendue_mm2_sr: f64,
+    /// What it would be without its mask, where it has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub without_mask: Option<WithoutMask>,
+}
+
+/// What a display is without the static mask in front of its SLM; the field of view stays.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct WithoutMask {
+    /// Pixels of the mask along an axis of one of the SLM's.
+    pub factor: usize,
+    /// Side of the eyebox that all colours serve, mm.
+    pub eyebox_mm: f64,
+    /// Area of the eyebox times the solid angle of the picture, mm2 sr.
+    pub etendue_mm2_sr: f64,
 }
 
 impl Display {
@@ -31,6 +48,12 @@ impl Display {
         let (f, pixel, (rows, columns)) = (self.focal_length, self.picture_pixel(), self.picture_size());
         let extent = [rows, columns].map(|n| n as f64 * pixel);
         let depth = extent[0].min(extent[1]) * f / self.eyebox_min();
+        let (solid, eyebox) = (extent[0] * extent[1] / (f * f), self.eyebox_min() * 1e3);
+        let factor = self.mask_factor();
+        let without_mask = self.mask.as_ref().map(|_| {
+            let eyebox_mm = eyebox / factor as f64;
+            WithoutMask { factor, eyebox_mm, etendue_mm2_sr: eyebox_mm.powi(2) * solid }
+        });
         let own = |w: &super::Wavelength| Some((w.color, self.optics(w.color).ok()?.eyebox() * 1e3));
         Reach {
             field_of_view_degrees: extent.map(|e| 2.0 * (e / (2.0 * f)).min(1.0).asin().to_degrees()),
@@ -39,6 +62,8 @@ impl Display {
             eyebox_mm_by_color: self.wavelengths.iter().filter_map(own).collect(),
             depth_mm: [-depth * 1e3, depth * 1e3],
             depth_dioptres: [-dioptres(depth, f), dioptres(depth, f)],
+            etendue_mm2_sr: eyebox.powi(2) * solid,
+            without_mask,
         }
     }
 }
@@ -50,7 +75,7 @@ impl fmt::Display for Reach {
         write!(
             out,
             "{across:.2} degrees wide, {up:.2} high, {:.0} pixels a degree; eyebox {:.1} mm ({}); depths {:.1} to {:.1} mm \
-             ({:.2} to {:.2} D)",
+             ({:.2} to {:.2} D); etendue {:.3} mm2 sr",
             self.pixels_per_degree,
             self.eyebox_mm,
             colors.join(", "),
@@ -58,7 +83,18 @@ impl fmt::Display for Reach {
             self.depth_mm[1],
             self.depth_dioptres[0],
             self.depth_dioptres[1],
-        )
+            self.etendue_mm2_sr,
+        )?;
+        match &self.without_mask {
+            Some(without) => write!(
+                out,
+                "; behind a mask of {k} x {k} pixels on each of the SLM's: without it an eyebox of {:.1} mm and {:.3} mm2 sr",
+                without.eyebox_mm,
+                without.etendue_mm2_sr,
+                k = without.factor,
+            ),
+            None => Ok(()),
+        }
     }
 }
 
@@ -79,6 +115,23 @@ mod tests {
         let line = reach.to_string();
         assert!(line.contains("2.20 degrees wide, 1.24 high, 873 pixels a degree") && !line.contains('\n'), "{line}");
         assert!(line.contains("eyebox 22.0 mm (red 33.0, green 26.0, blue 22.0)") && line.contains("157.1"), "{line}");
+    }
+
+    /// Eyebox times field of view is N wavelength along an axis, behind a mask as many times that as it has pixels.
+    #[test]
+    fn a_mask_makes_the_etendue_larger() {
+        let plain = Display::preset("small").unwrap();
+        let text = format!("{}\n[mask]\nfactor = 3\nseed = 1\n", plain.to_toml());
+        let masked = Display::from_toml(&text, "masked").unwrap();
+        let (plain, masked) = (plain.reach(), masked.reach());
+        let along = 256.0 * 440e-9 * 1e3;
+        assert!((plain.etendue_mm2_sr - along * along).abs() < 1e-9 && plain.without_mask.is_none());
+        assert!((masked.etendue_mm2_sr / plain.etendue_mm2_sr - 9.0).abs() < 1e-9);
+        assert!((masked.eyebox_mm - 66.0).abs() < 1e-9 && masked.field_of_view_degrees == plain.field_of_view_degrees);
+        let without = masked.without_mask.unwrap();
+        assert!((without.eyebox_mm - plain.eyebox_mm).abs() < 1e-9 && without.factor == 3);
+        let line = masked.to_string();
+        assert!(line.contains("3 x 3 pixels") && line.contains("without it an eyebox of 22.0 mm"), "{line}");
     }
 
     #[test]
