@@ -1,6 +1,6 @@
 //! A static mask of finer pixels in front of the SLM (OPTICS 12): what is seen through it against float64, and its gradient.
 
-use eyebox::engine::Buffer;
+use eyebox::engine::{Buffer, Engine};
 use eyebox::evaluate;
 use eyebox::files::write_npy;
 use eyebox::optics::{Color, Display, Optics, Pupil, WindowFactor, transfer};
@@ -159,8 +159,8 @@ fn the_gradient_through_a_mask_is_the_derivative() {
         let exact: Vec<f64> =
             noise(masked.frames * pixels, 4).iter().map(|x| f64::from((0.02 + (x + 1.0) * 3.12) as f32)).collect();
         let rounded: Vec<f32> = exact.iter().map(|p| *p as f32).collect();
-        let target = |i| noise(o.height * o.width, 10 + i).iter().map(|x| (0.5 + 0.5 * x) as f32).collect();
-        let targets: Vec<Vec<f32>> = (0..2).map(target).collect();
+        let target = |i: u64| noise(o.height * o.width, 10 + i).iter().map(|x| (0.5 + 0.5 * x) as f32).collect();
+        let targets: Vec<Vec<f32>> = (0..2u64).map(target).collect();
         let comparison = Comparison { mode: compare::INTENSITY, exposure: 0.7, batch: 2, ..Comparison::default() };
         let mut engine = loaded(&planner, Purpose::Adam, &rounded);
         let passes = pupils.iter().map(|p| planner.pupil_pass(p, &comparison)).collect();
