@@ -12,7 +12,7 @@ use eyebox_tests::half_roundings;
 use std::sync::Arc;
 
 const BENCH: &str = "[model.green]\nfill = 0.8\nlevel = 1.04\nsource = [0.1, -0.05, -0.3, 0.08, -0.2]\n\
-    undiffracted = [0.15, 0.1, 0.4, -0.3, 0.2]\ncrosstalk = { q = 1.2, sigma = 2.03 }\n";
+    undiffracted = [0.15, 0.1, 0.4, -0.3, 0.2]\ncrosstalk = [[1.2, 2.03], [1.2, 2.03], [1.2, 2.03], [1.2, 2.03]]\n";
 
 /// A case behind a mask, with pupils in and beyond the SLM's own eyebox.
 fn masked(size: [usize; 2], padding: usize, factor: usize, distance_mm: f64, bench: &str, frames: usize) -> Case {
