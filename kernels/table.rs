@@ -100,8 +100,8 @@ macro_rules! kernels {
                 over: Frames, group: Field,
                 binds: [Update Field, Read Mask, Read MaskTransfer],
                 work: |u| 2.0 * (u.full_transform() + u.points()),
-                twin: |c| c.to_mask(),
-                shader: Once |c| c.to_mask(false),
+                twin: |c| c.through_mask(),
+                shader: Once |c| c.through_mask(false),
             }
             /// The same of each sub-pixel, where a pixel has several.
             ModulateSubpixels = "modulate_subpixels" {
@@ -360,8 +360,8 @@ macro_rules! kernels {
                 over: Frames, group: Update,
                 binds: [Update Change, Read Mask, Read MaskTransfer],
                 work: |u| 2.0 * (u.full_transform() + u.points()),
-                twin: |c| c.from_mask(),
-                shader: Once |c| c.to_mask(true),
+                twin: |c| c.through_mask_back(),
+                shader: Once |c| c.through_mask(true),
             }
             /// What the change on the pixels of a mask asks of the phases of the field.
             TurnMask = "turn_mask" {

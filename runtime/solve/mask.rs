@@ -2,13 +2,11 @@
 
 use super::error::SolveError;
 use super::method::Method;
-use super::problem::Problem;
 use super::scene_plan::ScenePlan;
 use crate::optics::Display;
 
 /// Refuses a mask that the method knows nothing of.
-pub(super) fn check(problem: &Problem, method: Method) -> Result<(), SolveError> {
-    let has_mask = problem.model.as_ref().is_some_and(|model| model.parts().mask > 0);
+pub(super) fn check(has_mask: bool, method: Method) -> Result<(), SolveError> {
     if has_mask && (method.is_stft() || !method.is_iterative()) {
         let right = "one that looks through pupils (slfh, lf2fs, stft-exact, smooth, pupil-aware) for a mask in front of the SLM";
         return Err(SolveError::Setting { what: "the method", value: method.name().into(), right });
@@ -18,8 +16,9 @@ pub(super) fn check(problem: &Problem, method: Method) -> Result<(), SolveError>
 
 impl ScenePlan {
     /// Says what the display's mask makes of its eyebox, and of the work.
-    pub(super) fn say_mask(&mut self, display: &Display) {
-        let Some(mask) = &display.mask else { return };
+    pub(super) fn say_mask(&mut self, display: &Display) -> Result<(), SolveError> {
+        let Some(mask) = &display.mask else { return Ok(()) };
+        check(true, self.settings.method)?;
         let (k, eyebox) = (mask.factor, display.eyebox_min() * 1e3);
         let plain = eyebox / k as f64;
         let mut why = format!(
@@ -31,5 +30,6 @@ impl ScenePlan {
             why += &format!("; {} mm behind the SLM: two more transforms of the grid each way", mask.distance_mm);
         }
         self.say("mask", format!("{k} x {k} pixels on each of the SLM's"), why);
+        Ok(())
     }
 }

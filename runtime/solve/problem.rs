@@ -115,6 +115,11 @@ impl Problem {
         Ok(Self { optics, padding, eyebox, views, center, pyramid, mean: f64::NAN, share, model, eye, modes })
     }
 
+    /// Whether a static mask stands in front of the SLM.
+    pub(crate) fn has_mask(&self) -> bool {
+        self.model.as_ref().is_some_and(|model| model.parts().mask > 0)
+    }
+
     /// Side of a pixel of the picture, as its views have it, radians.
     pub fn pixel(&self) -> f64 {
         let grid = self.padding.grid(self.optics);

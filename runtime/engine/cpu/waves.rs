@@ -59,7 +59,7 @@ impl Frame<'_> {
     }
 
     /// To a mask at a distance and through it.
-    pub(super) fn to_mask(&mut self) {
+    pub(super) fn through_mask(&mut self) {
         let [mask, transfer] = self.tables.mask;
         let [through, reach] = self.shape.mask_factors(false);
         self.fft.whole(self.field, Direction::Forward);
@@ -71,7 +71,7 @@ impl Frame<'_> {
     }
 
     /// The same transposed.
-    pub(super) fn from_mask(&mut self) {
+    pub(super) fn through_mask_back(&mut self) {
         let [mask, transfer] = self.tables.mask;
         let [through, reach] = self.shape.mask_factors(true);
         multiply(&through, mask, self.change);

@@ -74,7 +74,7 @@ impl Call<'_, '_> {
     }
 
     /// From the SLM to a mask at a distance and through it, or back.
-    pub(super) fn to_mask(&mut self, back: bool) -> Result<(), EngineError> {
+    pub(super) fn through_mask(&mut self, back: bool) -> Result<(), EngineError> {
         self.module = Some(&eyebox_spirv::MULTIPLY);
         let [through, reach] = self.shape.mask_factors(back);
         if back {
