@@ -27,6 +27,13 @@ pub enum Viewpoint {
 impl Planner {
     /// What `viewpoint` needs.
     pub fn viewpoint(&self, viewpoint: &Viewpoint, comparison: &Comparison) -> PupilPass {
+        let diameter = match viewpoint {
+            Viewpoint::Pupil(pupil) | Viewpoint::Moving(Moving { pupil, .. }) => pupil.diameter,
+            Viewpoint::Stft { .. } => 0.0,
+        };
+        if let Some(planner) = self.of_fewer_modes(diameter) {
+            return planner.viewpoint(viewpoint, comparison);
+        }
         match *viewpoint {
             Viewpoint::Pupil(pupil) => self.pupil_pass(&pupil, comparison),
             Viewpoint::Moving(moving) if moving.is_resting(self.frames) => self.pupil_pass(&moving.pupil, comparison),
