@@ -2,7 +2,8 @@
 
 use super::HologramError;
 use crate::optics::{
-    Color, JointColor, Mask, ModelSections, Padding, Picture, Prescription, PupilDistribution, SourceSections, Viewing,
+    Color, JointColor, Mask, ModelSections, Padding, Picture, Prescription, PupilDistribution, SourceSections, Sources,
+    Viewing,
 };
 use crate::scene::{Near, Order, Photographs};
 use crate::solve::{Settings, Steering};
@@ -64,6 +65,9 @@ pub struct Metadata {
     /// The static phase mask in front of its display's SLM, through which it was solved and is looked at.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mask: Option<Mask>,
+    /// Its display's switchable sources, and which of them are lit in its sub-frames.
+    #[serde(skip_serializing_if = "Sources::is_empty")]
+    pub sources: Sources,
     /// Where its display's picture is seen, which it was solved for.
     #[serde(skip_serializing_if = "Picture::is_empty")]
     pub picture: Picture,

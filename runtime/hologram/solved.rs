@@ -37,6 +37,7 @@ impl Hologram {
                 model: display.model.clone(),
                 source: display.source.clone(),
                 mask: display.mask.clone(),
+                sources: display.sources.clone(),
                 picture: display.picture,
                 prescription: display.prescription.clone(),
                 viewing: display.viewing,

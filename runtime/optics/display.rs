@@ -5,7 +5,10 @@ use super::encoding::Encoding;
 use super::joint_color::check_dispersion;
 use super::model::{self, DisplayModel, ModelSections, ModelTerms};
 use super::wavefront_map;
-use super::{Geometry, Mask, Optics, OpticsError, Picture, PictureMap, Prescription, SourceSections, Viewing};
+use super::{
+    Geometry, Mask, Optics, OpticsError, Picture, PictureMap, Prescription, SourceSections, Sources, SourcesLit,
+    SwitchedSource, Viewing,
+};
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::Path};
 
@@ -47,6 +50,10 @@ pub struct Wavelength {
 /// factor = 2
 /// seed = 1
 ///
+///
+/// [[sources]]                    # switchable sources, for a larger eyebox: docs/displays.md
+/// eyebox_mm = [-22, 0]
+///
 /// [viewing]                      # how bright and how fine it is seen: docs/displays.md
 /// luminance_cd_m2 = 200
 /// ```
@@ -82,6 +89,8 @@ pub struct Display {
     pub source: SourceSections,
     /// The static phase mask in front of its SLM; none without.
     pub mask: Option<Mask>,
+    /// Its switchable sources, where it has any (OPTICS 12).
+    pub sources: Sources,
     /// Where its picture is seen.
     pub picture: Picture,
     /// The eye that looks at it; none for a perfect one.
@@ -120,6 +129,10 @@ struct File {
     /// wavelength over the colour's].
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     dispersion: BTreeMap<Color, f64>,
+    /// Which of its switchable sources are lit: `"in-turn"`, `"together"`, `"steered"`, or `{ only = { green = [1, 2] } }`
+    /// [default: in-turn].
+    #[serde(default, skip_serializing_if = "is_in_turn")]
+    sources_lit: SourcesLit,
     /// How it takes its phases: the table below.
     #[serde(default)]
     encoding: Encoding,
@@ -132,6 +145,9 @@ struct File {
     /// The static phase mask in front of its SLM: below.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     mask: Option<Mask>,
+    /// Its switchable sources, one table each: `[[sources]]`, below.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    sources: Vec<SwitchedSource>,
     /// Where its picture is seen, as `eyebox calibrate --register` found: below.
     #[serde(default, skip_serializing_if = "Picture::is_empty")]
     picture: Picture,
@@ -150,6 +166,10 @@ fn in_unit(metres: f64, unit: f64) -> f64 {
         .filter_map(|digits| format!("{plain:.digits$e}").parse().ok())
         .find(|v: &f64| (v * unit / metres - 1.0).abs() < 1e-15)
         .unwrap_or(plain)
+}
+
+fn is_in_turn(lit: &SourcesLit) -> bool {
+    *lit == SourcesLit::InTurn
 }
 
 fn levels_default() -> u32 {
@@ -209,6 +229,7 @@ impl Display {
             model,
             source: read.source,
             mask,
+            sources: Sources { each: read.sources, lit: read.sources_lit },
             picture: read.picture,
             prescription: read.prescription,
             viewing: read.viewing,
@@ -255,6 +276,8 @@ impl Display {
             model: self.model.clone(),
             source: self.source.clone(),
             mask: self.mask.clone(),
+            sources: self.sources.each.clone(),
+            sources_lit: self.sources.lit.clone(),
             picture: self.picture,
             prescription: self.prescription.clone(),
             viewing: self.viewing,
@@ -296,15 +319,6 @@ impl Display {
         self.picture.map(color, self.picture_size().into())
     }
 
-    /// Side of the eyebox that all its colours serve, metres: the shortest wavelength's (OPTICS 1), of the mask's pixels where it
-    /// has one (OPTICS 12), or the SLM's (OPTICS 9).
-    pub fn eyebox_min(&self) -> f64 {
-        match self.geometry {
-            Geometry::Relay => self.shortest() * self.focal_length / (self.pitch / self.mask_factor() as f64),
-            Geometry::FarField => self.height.min(self.width) as f64 * self.pitch,
-        }
-    }
-
     /// Rows and columns of the pictures that it shows: its pixels, or a square of as many where it stands in the far field.
     pub fn picture_size(&self) -> (usize, usize) {
         self.geometry.picture_size(self.height, self.width)
@@ -334,7 +348,7 @@ impl Display {
         }
     }
 
-    fn shortest(&self) -> f64 {
+    pub(super) fn shortest(&self) -> f64 {
         self.wavelengths.iter().map(|w| w.wavelength).fold(f64::INFINITY, f64::min)
     }
 }

@@ -231,7 +231,7 @@ impl Display {
             }
             if mask.distance_mm > 0.0 && self.modes(color).iter().any(|mode| mode.angle != [0.0; 2]) {
                 let why = "a source off the axis lights a mask at a distance from elsewhere";
-                return Err(format!("{why}: give the mask no distance_mm, or {color} no size of its source"));
+                return Err(format!("{why}: give the mask no distance_mm, or {color} no source off the axis"));
             }
         }
         Ok(())

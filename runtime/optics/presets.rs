@@ -151,6 +151,7 @@ impl Display {
             model: Default::default(),
             source: Default::default(),
             mask: None,
+            sources: Default::default(),
             picture: Default::default(),
             prescription: None,
             viewing: Default::default(),

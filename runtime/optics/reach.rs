@@ -13,7 +13,7 @@ pub struct Reach {
     pub field_of_view_degrees: [f64; 2],
     /// Pixels a degree in the middle of the picture.
     pub pixels_per_degree: f64,
-    /// Side of the eyebox that all colours serve, mm.
+    /// Side of the eyebox that all colours serve, mm; of one source, where there are several.
     pub eyebox_mm: f64,
     /// Of each colour's own, mm.
     pub eyebox_mm_by_color: BTreeMap<Color, f64>,
@@ -24,6 +24,9 @@ pub struct Reach {
     pub depth_dioptres: [f64; 2],
     /// Area of the eyebox times the solid angle of the picture (small angles), mm2 sr.
     pub etendue_mm2_sr: f64,
+    /// With its switchable sources, where it has any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sources: Option<SourcesReach>,
     /// What it would be without its mask, where it has one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub without_mask: Option<WithoutMask>,
@@ -41,6 +44,22 @@ pub struct WithoutMask {
     pub etendue_mm2_sr: f64,
 }
 
+/// What a display's switchable sources make of its eyebox; the field of view stays.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct SourcesReach {
+    /// How many there are.
+    pub sources: usize,
+    /// Sides of the rectangle around their eyeboxes, (up, across), mm.
+    pub eyebox_mm: [f64; 2],
+    /// The area of it that they cover, mm2.
+    pub area_mm2: f64,
+    /// That area times the solid angle of the picture, mm2 sr.
+    pub etendue_mm2_sr: f64,
+    /// The longest time that one of them takes to be switched, microseconds.
+    pub switching_us: f64,
+}
+
 impl Display {
     /// What it can show. Content at depth z moves by `z w / (2 f)` from the middle to the edge of the eyebox of width w, so
     /// half a picture of extent e is reached at `z = e f / w` (behind a relay `N p^2 / wavelength`).
@@ -48,21 +67,31 @@ impl Display {
         let (f, pixel, (rows, columns)) = (self.focal_length, self.picture_pixel(), self.picture_size());
         let extent = [rows, columns].map(|n| n as f64 * pixel);
         let depth = extent[0].min(extent[1]) * f / self.eyebox_min();
-        let (solid, eyebox) = (extent[0] * extent[1] / (f * f), self.eyebox_min() * 1e3);
+        let solid = extent[0] * extent[1] / (f * f);
+        let (whole, area) = self.whole_eyebox();
+        let sources = &self.sources.each;
+        let sources = (!sources.is_empty()).then(|| SourcesReach {
+            sources: sources.len(),
+            eyebox_mm: [whole.size[1] * 1e3, whole.size[0] * 1e3],
+            area_mm2: area * 1e6,
+            etendue_mm2_sr: area * solid * 1e6,
+            switching_us: sources.iter().map(|source| source.switching_us).fold(0.0, f64::max),
+        });
         let factor = self.mask_factor();
         let without_mask = self.mask.as_ref().map(|_| {
-            let eyebox_mm = eyebox / factor as f64;
+            let eyebox_mm = self.source_eyebox_min() * 1e3 / factor as f64;
             WithoutMask { factor, eyebox_mm, etendue_mm2_sr: eyebox_mm.powi(2) * solid }
         });
         let own = |w: &super::Wavelength| Some((w.color, self.optics(w.color).ok()?.eyebox() * 1e3));
         Reach {
             field_of_view_degrees: extent.map(|e| 2.0 * (e / (2.0 * f)).min(1.0).asin().to_degrees()),
             pixels_per_degree: (f / pixel).to_radians(),
-            eyebox_mm: self.eyebox_min() * 1e3,
+            eyebox_mm: self.source_eyebox_min() * 1e3,
             eyebox_mm_by_color: self.wavelengths.iter().filter_map(own).collect(),
             depth_mm: [-depth * 1e3, depth * 1e3],
             depth_dioptres: [-dioptres(depth, f), dioptres(depth, f)],
-            etendue_mm2_sr: eyebox.powi(2) * solid,
+            etendue_mm2_sr: self.source_eyebox_min().powi(2) * solid * 1e6,
+            sources,
             without_mask,
         }
     }
@@ -85,16 +114,23 @@ impl fmt::Display for Reach {
             self.depth_dioptres[1],
             self.etendue_mm2_sr,
         )?;
-        match &self.without_mask {
-            Some(without) => write!(
+        if let Some(WithoutMask { factor, eyebox_mm, etendue_mm2_sr }) = &self.without_mask {
+            write!(
                 out,
-                "; behind a mask of {k} x {k} pixels on each of the SLM's: without it an eyebox of {:.1} mm and {:.3} mm2 sr",
-                without.eyebox_mm,
-                without.etendue_mm2_sr,
-                k = without.factor,
-            ),
-            None => Ok(()),
+                "; behind a mask of {factor} x {factor} pixels on each of the SLM's: without it an eyebox of {eyebox_mm:.1} mm \
+                 and {etendue_mm2_sr:.3} mm2 sr"
+            )?;
         }
+        let Some(SourcesReach { sources, eyebox_mm: [up, across], area_mm2, etendue_mm2_sr, .. }) = &self.sources
+        else {
+            return Ok(());
+        };
+        let times = area_mm2 / self.eyebox_mm.powi(2);
+        write!(
+            out,
+            "; with its {sources} sources: eyebox {across:.1} x {up:.1} mm, {times:.1} times the area of one, field of view the \
+             same, etendue {etendue_mm2_sr:.3} mm2 sr"
+        )
     }
 }
 

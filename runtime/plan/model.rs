@@ -175,7 +175,7 @@ impl ModelTables {
 
     /// Of a display in one of its colours, on its SLM inside a grid, in the light of its source.
     pub fn of(display: &Display, color: Color, slm: Optics, grid: Optics) -> Option<Arc<Self>> {
-        let (model, radius) = (display.model(color), display.eyebox_min() / 2.0);
+        let (model, radius) = (display.model(color), display.source_eyebox_min() / 2.0);
         let plain = match MaskTables::of(display, slm, grid) {
             None => Self::new(model, radius, display.levels, slm, grid)?,
             Some(mask) => {

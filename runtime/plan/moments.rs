@@ -1,7 +1,7 @@
 //! An eye that moves while the sub-frames are shown (OPTICS 15): which pupil looks at each, and what it is shifted by.
 
 use super::{Comparison, Planner, PupilPass};
-use crate::optics::{Optics, Pupil, SourceMode, Window};
+use crate::optics::{Pupil, Window};
 use eyebox_kernels::motion::{Shift, Table};
 
 /// One sub-frame at its moment.
@@ -91,22 +91,22 @@ impl Planner {
         let window = pass.window;
         self.see_with_eye(&mut pass, &iris(&middle.pupil));
         let size = [self.grid.width as f64, self.grid.height as f64];
-        let table = |(mode, optics): &(SourceMode, Optics), window: &Window| {
+        let table = |of: usize, window: &Window| {
+            let (mode, optics) = self.mode(of);
             let sub_frame = |(frame, (moment, iris)): (usize, (&Moment, &Pupil))| {
                 let [along, down] = [0, 1].map(|i| moment.eye[i] / size[i]);
                 let first = along * window.x0 as f64 + down * window.y0 as f64;
                 // Each moment's light over its own pupil's share.
-                let power = self.powers.get(frame).map_or(1.0, |power| *power);
+                let power = self.power(of, frame);
                 let weight = if moment.seen { (power * share / self.grid.share(iris.diameter)).sqrt() } else { 0.0 };
-                let spans = window.spans(optics, &mode.pupil(iris, optics.focal_length));
+                let spans = window.spans(&optics, &mode.pupil(iris, optics.focal_length));
                 (Shift { turns: [down, along, first], weight }, spans)
             };
             Some(Table::new(&moments.iter().zip(&irises).enumerate().map(sub_frame).collect::<Vec<_>>()))
         };
-        let lit = self.lit();
-        pass.moments = table(&lit[0], &window);
-        for (mode, further) in lit[1..].iter().zip(&mut pass.modes) {
-            further.moments = table(mode, &further.window);
+        pass.moments = table(pass.source_mode, &window);
+        for further in &mut pass.modes {
+            further.moments = table(further.source_mode, &further.window);
         }
         let (high, wide) = self.grid.field_of_view();
         let pixel = [wide / size[0], high / size[1]];
@@ -126,12 +126,18 @@ impl PupilPass {
     /// Lights its sub-frames with these powers, each over their mean, in place of those that it had: of an eye at rest, whose
     /// table does no more than weigh.
     pub(crate) fn set_powers(&mut self, powers: &[f64]) {
+        self.set_powers_by_mode(|_| powers.to_vec());
+    }
+
+    /// The same with powers of each mode's own; `of` is asked for those of one of the planner's modes.
+    pub(crate) fn set_powers_by_mode(&mut self, of: impl Fn(usize) -> Vec<f64>) {
         let still = |power: &f64| Shift { turns: [0.0; 3], weight: power.sqrt() };
-        let table =
-            |spans: &Vec<[u32; 2]>| Table::new(&powers.iter().map(|p| (still(p), spans.clone())).collect::<Vec<_>>());
-        self.moments = Some(table(&self.spans));
+        let table = |mode: usize, spans: &Vec<[u32; 2]>| {
+            Table::new(&of(mode).iter().map(|p| (still(p), spans.clone())).collect::<Vec<_>>())
+        };
+        self.moments = Some(table(self.source_mode, &self.spans));
         for mode in &mut self.modes {
-            mode.moments = Some(table(&mode.spans));
+            mode.moments = Some(table(mode.source_mode, &mode.spans));
         }
     }
 }

@@ -128,7 +128,9 @@ impl Planner {
     #[must_use]
     pub fn with_fewer_modes(self, eyebox: f64) -> Self {
         let relays = self.model.as_ref().is_some_and(|model| model.parts().relay > 0);
-        let modes = if relays { &[][..] } else { &self.modes };
+        // Sources that are switched are lit, each as it is.
+        let switched = self.modes.iter().any(|mode| mode.source != 0 || mode.turn != SourceMode::ALWAYS);
+        let modes = if relays || switched { &[][..] } else { &self.modes };
         Self { fewer: fewer_modes(modes, eyebox / 2.0, self.grid.focal_length).into(), ..self }
     }
 
@@ -142,13 +144,37 @@ impl Planner {
         Some(Self { modes: Arc::clone(&few.modes), fewer: Arc::new([]), ..self.clone() })
     }
 
-    /// The modes, at least one, each with the optics of its wavelength over the grid.
-    pub(super) fn lit(&self) -> Vec<(SourceMode, Optics)> {
-        let of = |mode: &SourceMode| (*mode, Optics { wavelength: mode.wavelength, ..self.grid });
-        match &*self.modes {
-            [] => vec![of(&SourceMode::centred(self.grid.wavelength))],
-            modes => modes.iter().map(of).collect(),
-        }
+    /// One of the modes, by its place, with the optics of its wavelength over the grid.
+    pub(super) fn mode(&self, at: usize) -> (SourceMode, Optics) {
+        let mode = self.modes.get(at).copied().unwrap_or(SourceMode::centred(self.grid.wavelength));
+        (mode, Optics { wavelength: mode.wavelength, ..self.grid })
+    }
+
+    /// The modes whose light may reach a pupil, by their places, at least one: those that are lit, and of which it stands in the
+    /// eyebox.
+    fn modes_at(&self, pupil: &Pupil) -> Vec<usize> {
+        let lit = |at: &usize| self.modes[*at].is_lit();
+        let reaches = |at: &usize| {
+            let (mode, optics) = self.mode(*at);
+            let (seen, (bin_y, bin_x)) = (mode.pupil(pupil, optics.focal_length), optics.bin_size());
+            let most = (optics.eyebox() + pupil.diameter) / 2.0;
+            seen.x.abs() <= most + bin_x && seen.y.abs() <= most + bin_y
+        };
+        let all = 0..self.modes.len();
+        let found: Vec<usize> = all.clone().filter(|at| lit(at) && (self.modes.len() == 1 || reaches(at))).collect();
+        if found.is_empty() { vec![all.clone().find(lit).unwrap_or(0)] } else { found }
+    }
+
+    /// Power of a mode in a sub-frame, over its mean: the lasers', and that of sources that take turns.
+    pub(super) fn power(&self, mode: usize, frame: usize) -> f64 {
+        self.powers.get(frame).map_or(1.0, |power| *power) * self.mode(mode).0.power(frame, self.frames)
+    }
+
+    /// The same with these sources lit, by their places, all the time, and no others.
+    pub(crate) fn light(&mut self, sources: &[usize]) {
+        let lit =
+            |mode: &SourceMode| if sources.contains(&mode.source) { SourceMode::ALWAYS } else { SourceMode::NEVER };
+        self.modes = self.modes.iter().map(|mode| SourceMode { turn: lit(mode), ..*mode }).collect();
     }
 
     /// With zeros around the SLM.
@@ -189,8 +215,10 @@ impl Planner {
         let iris = self.model.as_ref().map_or(*pupil, |model| model.model().true_pupil(pupil));
         let mut pupil_pass = self.pupil_pass_of(&iris, self.grid.share(iris.diameter), self.frames, comparison);
         self.see_with_eye(&mut pupil_pass, &iris);
-        if !self.powers.is_empty() {
-            pupil_pass.set_powers(&self.powers);
+        let takes_turns = |mode: &PupilPass| self.modes.get(mode.source_mode).is_some_and(|mode| mode.turn[1] != 1);
+        if !self.powers.is_empty() || pupil_pass.each_mode().any(takes_turns) {
+            let of = |mode| (0..self.frames).map(|frame| self.power(mode, frame)).collect();
+            pupil_pass.set_powers_by_mode(of);
         }
         pupil_pass.shot = self.shot(pupil, self.displacement(&iris), pupil_pass.window);
         pupil_pass
@@ -204,28 +232,29 @@ impl Planner {
     /// The eye's error, centred on this iris, in all modes of a pupil pass.
     pub(super) fn see_with_eye(&self, pass: &mut PupilPass, iris: &Pupil) {
         let Some(eye) = &self.eye else { return };
-        let terms = |(mode, optics): &(SourceMode, Optics), window: &Window| {
-            Some(eye.terms(optics, &mode.pupil(iris, optics.focal_length), window))
+        let terms = |of: usize, window: &Window| {
+            let (mode, optics) = self.mode(of);
+            Some(eye.terms(&optics, &mode.pupil(iris, optics.focal_length), window))
         };
-        let lit = self.lit();
-        pass.eye = terms(&lit[0], &pass.window);
-        for (mode, further) in lit[1..].iter().zip(&mut pass.modes) {
-            further.eye = terms(mode, &further.window);
+        pass.eye = terms(pass.source_mode, &pass.window);
+        for further in &mut pass.modes {
+            further.eye = terms(further.source_mode, &further.window);
         }
     }
 
     /// The same without a photograph, where `share` of an even field's light passes, of a perfect eye that averages so many
     /// sub-frames.
     pub(super) fn pupil_pass_of(&self, pupil: &Pupil, share: f64, seen: usize, comparison: &Comparison) -> PupilPass {
-        let lit = self.lit();
+        let lit: Vec<_> = self.modes_at(pupil).into_iter().map(|at| (at, self.mode(at))).collect();
         let pupil_of = |mode: &SourceMode| mode.pupil(pupil, self.grid.focal_length);
-        let size = lit.iter().fold([0; 2], |[rows, columns], (mode, optics)| {
+        let size = lit.iter().fold([0; 2], |[rows, columns], (_, (mode, optics))| {
             let window = Window::new(optics, &pupil_of(mode), self.factor);
             [rows.max(window.rows), columns.max(window.columns)]
         });
-        let mut modes = lit.iter().map(|(mode, optics)| {
+        let mut modes = lit.iter().map(|(at, (mode, optics))| {
             let window = Window::around(optics, &pupil_of(mode), self.factor, size);
-            self.mode_pass(mode, optics, &pupil_of(mode), window, share, seen, comparison)
+            let pass = self.mode_pass(mode, optics, &pupil_of(mode), window, share, seen, comparison);
+            PupilPass { source_mode: *at, ..pass }
         });
         let first = modes.next().expect("there is one mode at least");
         PupilPass { modes: modes.collect(), ..first }
@@ -314,6 +343,7 @@ impl Planner {
             },
             shot: None,
             weight: mode.weight as f32,
+            source_mode: 0,
             modes: Vec::new(),
             window,
             spans,

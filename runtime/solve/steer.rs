@@ -1,6 +1,7 @@
 //! Refining a hologram for where the eye is (OPTICS 6d): steps over pupils around it, and a few over the whole eyebox, so
 //! that a sudden look elsewhere never meets the dark.
 
+mod draw;
 mod retrieve;
 
 use super::carry::Carry;
@@ -179,7 +180,9 @@ impl Refiner {
         self.engine.take_views(Arc::clone(&problem.pyramid))?;
         self.planner.views = problem.planner(self.planner.frames, self.planner.factor).views;
         self.pupil_passes.clear();
-        (self.problem, self.exposure) = (problem, exposure);
+        // What is lit stays so.
+        let (choice, regions) = (self.problem.choice.take(), Arc::clone(&self.problem.regions));
+        (self.problem, self.exposure) = (Problem { choice, regions, ..problem }, exposure);
         Ok(())
     }
 
@@ -270,6 +273,7 @@ impl Refiner {
             self.used = self.steering.repeats.max(1);
         }
         self.aim = aim;
+        self.choose_sources();
         if jumped { self.forget() } else { Ok(()) }
     }
 
@@ -294,27 +298,6 @@ impl Refiner {
     fn forget(&mut self) -> Result<(), EngineError> {
         self.since = 0;
         self.engine.clear_moments()
-    }
-
-    /// Pupils for the next step: around the eye, and now and then anywhere; the surer that it is there, the rarer.
-    fn draw(&mut self) -> Vec<Pupil> {
-        let (aim, eyebox) = (self.aim, self.problem.eyebox);
-        self.drawn_for = aim;
-        let count = self.steering.pupils as f64;
-        let elsewhere = aim.elsewhere.clamp(0.0, 1.0);
-        // Where it may well be anywhere, some of the pupils around it go there instead.
-        let moved = (count * (elsewhere - 0.5).max(0.0) * 2.0).floor();
-        self.due += self.steering.elsewhere + moved;
-        let mut pupils: Vec<Pupil> = (0..(count - moved) as usize).map(|_| aim.pupil(self.points.draw())).collect();
-        while self.due >= 1.0 || pupils.is_empty() {
-            self.due -= 1.0;
-            let [x, y, d, z] = self.points.draw();
-            let pupil = aim.pupil([0.0, 0.0, d, z]);
-            let reach = (eyebox / 2.0 - pupil.diameter / 2.0).max(0.0);
-            let [left, top] = self.problem.optics.center();
-            pupils.push(Pupil { x: left + reach * (2.0 * x - 1.0), y: top + reach * (2.0 * y - 1.0), ..pupil });
-        }
-        pupils
     }
 
     fn draw_passes(&mut self, update: Update) {

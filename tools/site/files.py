@@ -20,6 +20,7 @@ FILES = [
             ("[source.COLOR]", "optics/source.rs", "SourceTerms"),
             ("modes of a source", "optics/source.rs", "GivenMode"),
             ("[mask]", "optics/mask.rs", "Mask"),
+            ("[[sources]]", "optics/switched.rs", "SwitchedSource"),
             ("[picture]", "optics/picture.rs", "Picture"),
             ("[picture.COLOR]", "optics/picture.rs", "Seen"),
             ("[prescription]", "optics/prescription.rs", "Prescription"),

@@ -38,6 +38,7 @@ mod show;
 #[cfg(target_os = "linux")]
 mod simulated;
 mod source;
+mod sources;
 mod tiled;
 mod trackers;
 mod tradeoff;
