@@ -5,16 +5,13 @@
 //! evenly into a square of directions and nowhere else (phase-only diffusers by iterated Fourier transforms, Wyrowski and
 //! Bryngdahl 1988).
 
-use super::mask_design::designed;
+use super::mask_design::{PARTS, designed, random_part};
 use super::units::within;
-use super::{Display, Geometry};
 use crate::files::{read_grey, read_npy};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Parts of a turn that a mask's phases are kept in: finer than any mask is made, and two characters of a file.
-pub(super) const PARTS: u32 = 4096;
 /// The most of its pixels that cover one of the SLM's, along an axis.
 const MOST: usize = 4;
 
@@ -187,54 +184,6 @@ impl Mask {
             Some(band) => designed(seed, band, size).iter().map(|part| turn(u32::from(*part))).collect(),
             None => (0..size[0] * size[1]).map(|i| turn(random_part(seed, i))).collect(),
         }
-    }
-}
-
-/// A random part of a turn for pixel `i`, the same on every machine (SplitMix64, Steele et al. 2014).
-pub(super) fn random_part(seed: u64, i: usize) -> u32 {
-    let mut z =
-        seed.wrapping_mul(0xd134_2543_de82_ef95).wrapping_add((i as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((z ^ (z >> 31)) >> 52) as u32
-}
-
-impl Display {
-    /// Pixels of its mask along an axis of an SLM pixel; 1 without a mask.
-    pub fn mask_factor(&self) -> usize {
-        self.mask.as_ref().map_or(1, |mask| mask.factor.max(1))
-    }
-
-    /// Turns of this wavelength's light (metres) for one turn of the mask's phases.
-    pub(crate) fn mask_slope(&self, wavelength: f64) -> f64 {
-        let longest = self.wavelengths.iter().map(|w| w.wavelength).fold(0.0, f64::max);
-        let meant = self.mask.as_ref().and_then(|mask| mask.wavelength_nm).map_or(longest, |nm| nm * 1e-9);
-        meant / wavelength
-    }
-
-    /// What is wrong with its mask on this display, in words.
-    pub(super) fn check_mask(&self) -> Result<(), String> {
-        let Some(mask) = &self.mask else { return Ok(()) };
-        mask.check()?;
-        if self.geometry == Geometry::FarField {
-            return Err("a mask is for an SLM behind a relay: leave it out".into());
-        }
-        let largest = self.height.max(self.width) * mask.factor;
-        if largest > 65536 {
-            return Err(format!("{largest} of its pixels along an axis: at most 65536 are taken"));
-        }
-        for color in self.wavelengths.iter().map(|w| w.color) {
-            if self.model(color).subpixels > 1 {
-                return Err(format!(
-                    "[model] has subpixels in {color}, which the mask's pixels stand for: leave them out"
-                ));
-            }
-            if mask.distance_mm > 0.0 && self.modes(color).iter().any(|mode| mode.angle != [0.0; 2]) {
-                let why = "a source off the axis lights a mask at a distance from elsewhere";
-                return Err(format!("{why}: give the mask no distance_mm, or {color} no source off the axis"));
-            }
-        }
-        Ok(())
     }
 }
 

@@ -19,6 +19,7 @@ mod limits;
 pub(crate) mod linear;
 mod mask;
 mod mask_design;
+mod masked;
 mod model;
 mod model_tables;
 mod padding;
