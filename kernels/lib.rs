@@ -34,8 +34,10 @@ pub mod intensity;
 pub mod lag;
 pub mod layers;
 pub mod modulate;
+pub mod modulate_mask;
 pub mod modulate_wave;
 pub mod motion;
+pub mod multiply;
 pub mod overlap;
 pub mod pass_pupil;
 pub mod photograph;
@@ -54,6 +56,7 @@ pub mod taper;
 pub mod transfer;
 pub mod trig;
 pub mod turn;
+pub mod turn_mask;
 
 pub use simd::{simd, simd_name};
 

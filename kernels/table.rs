@@ -85,6 +85,24 @@ macro_rules! kernels {
                 twin: |c| c.modulate_wave(),
                 shader: Once |c| c.modulate_wave(),
             }
+            /// Their field on the pixels of a static mask, and behind it where it stands at the SLM.
+            ModulateMask = "modulate_mask" {
+                over: Frames, group: Field,
+                binds: [Read Wave, Read Pixels, Read Mask, Write Field],
+                args: modulate_mask: $crate::modulate_mask::Args,
+                fits: |step, shape| step.modulate_mask.fits(&shape.place),
+                work: |u| 2.2 * u.pixels() + u.masked(),
+                twin: |c| c.modulate_mask(),
+                shader: Once |c| c.modulate_mask(),
+            }
+            /// From the SLM to a mask at a distance, and through it.
+            ToMask = "to_mask" {
+                over: Frames, group: Field,
+                binds: [Update Field, Read Mask, Read MaskTransfer],
+                work: |u| 2.0 * (u.full_transform() + u.points()),
+                twin: |c| c.through_mask(),
+                shader: Once |c| c.through_mask(false),
+            }
             /// The same of each sub-pixel, where a pixel has several.
             ModulateSubpixels = "modulate_subpixels" {
                 over: Frames, group: Field,
@@ -360,6 +378,23 @@ macro_rules! kernels {
                 twin: |c| c.turn(),
                 shader: Once |c| c.turn(),
             }
+            /// The change behind a mask at a distance to that at the SLM.
+            FromMask = "from_mask" {
+                over: Frames, group: Update,
+                binds: [Update Change, Read Mask, Read MaskTransfer],
+                work: |u| 2.0 * (u.full_transform() + u.points()),
+                twin: |c| c.through_mask_back(),
+                shader: Once |c| c.through_mask(true),
+            }
+            /// What the change on the pixels of a mask asks of the phases of the field.
+            TurnMask = "turn_mask" {
+                over: Frames, group: Update,
+                binds: [Read Pixels, Read Mask, Read Change, Update Wave],
+                fits: |step, shape| step.modulate_mask.fits(&shape.place),
+                work: |u| 0.5 * u.pixels() + u.masked(),
+                twin: |c| c.turn_mask(),
+                shader: Once |c| c.turn_mask(),
+            }
             /// The same of each sub-pixel.
             TurnSubpixels = "turn_subpixels" {
                 over: Frames, group: Update,
@@ -435,11 +470,11 @@ macro_rules! kernels {
                 binds: [Read Image, Read Target, Write Sums],
                 work: |u| u.window() * 2.0,
                 twin: |c| {
-                    let args = c.pass.exposure(&c.shape.place);
+                    let args = c.pass.exposure(&c.shape.on_grid());
                     $crate::exposure::exposure(&args, &c.slot.image, &c.slot.target, &mut c.slot.sums);
                 },
                 shader: Each |c, p| {
-                    let args = p.exposure(&c.shape.place);
+                    let args = p.exposure(&c.shape.on_grid());
                     c.parts(args.parts(), &args)
                 },
             }

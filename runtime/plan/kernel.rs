@@ -268,6 +268,17 @@ impl Unit<'_> {
         transform(place.grid_height as usize, place.grid_width as usize, self.step.columns.count)
     }
 
+    /// All rows and columns of the grid.
+    fn full_transform(&self) -> f64 {
+        let place = &self.shape.place;
+        transform(place.grid_height as usize, place.grid_width as usize, place.grid_width as usize)
+    }
+
+    /// Pixels of the mask.
+    fn masked(&self) -> f64 {
+        (self.shape.model.mask * self.shape.model.mask) as f64 * self.pixels()
+    }
+
     fn subpixels(&self) -> f64 {
         self.shape.subpixels() as f64
     }

@@ -18,6 +18,7 @@ mod fixed_phases;
 mod joint;
 mod levels;
 mod loss;
+mod mask;
 mod method;
 mod motion;
 #[cfg(test)]
