@@ -1,4 +1,4 @@
-//! The second half of the filter of [`contrast_rows`], along columns, and what follows from it: turns the image into the factor
+//! The second half of the filter of [`contrast_rows`](crate::contrast_rows), along columns, and what follows from it: turns the image into the factor
 //! by which each field sample is to be multiplied, and sums the loss. One pupil.
 //!
 //! With `c` the difference of contrast, `s I - T` over the luminance `L = T + dark`, and `q = W^T W c`, the loss is `sum c q =
