@@ -1,6 +1,6 @@
 //! Content that follows the eye: a hologram, refined while it is shown.
 
-use super::companion::CompanionOpener;
+use super::companion::{CompanionOpener, SourceSwitch};
 use super::error::SessionError;
 use super::field::Field;
 use super::following::{Following, OPEN};
@@ -222,6 +222,8 @@ pub struct Live {
     pub display_latency: Duration,
     /// A window beside the display.
     pub companion: Option<CompanionOpener>,
+    /// What switches the display's sources, where it has any.
+    pub switch: Option<SourceSwitch>,
 }
 
 impl Live {
@@ -252,6 +254,7 @@ impl Live {
             steered: true,
             display_latency,
             companion: None,
+            switch: None,
         }
     }
 
@@ -395,6 +398,7 @@ impl Live {
         };
         let following = Following {
             companion,
+            switch: self.switch,
             source,
             refinement,
             tracker,
