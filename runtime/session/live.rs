@@ -361,10 +361,8 @@ impl Live {
             Duration::from_nanos(display.rate.period_ns().unsigned_abs() / 2) + self.display_latency;
         let (packed, lighting) = (Arc::new(encoder.packed().clone()), encoder.lighting(rolls));
         let with_phases = self.companion.is_some();
-        let companion = match self.companion {
-            Some(open) => Some(open(display.desktop()?).map_err(SessionError::Companion)?),
-            None => None,
-        };
+        let beside = |open: CompanionOpener| open(display.desktop()?).map_err(SessionError::Companion);
+        let companion = self.companion.map(beside).transpose()?;
         let shared = engines.gpu()?;
         let direct = match display.presenter().takes() {
             Some((gpu, order)) if !on_host && shared.is_some_and(|shared| shared.is(gpu)) => Some(order),
