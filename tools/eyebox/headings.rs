@@ -52,6 +52,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "frames",
             "speckle",
             "joint_color",
+            "coherence",
             "efficiency",
             "method",
             "stft_filter",
