@@ -1,7 +1,6 @@
 //! What the difference of a picture and its photograph is measured in.
 
 use super::error::SolveError;
-use super::problem::Problem;
 use crate::plan::ContrastLoss;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_PI_2;
@@ -41,12 +40,16 @@ impl Loss {
         Ok(())
     }
 
-    /// What images of this problem are compared by, for an eye that looks there; none for light.
+    /// What images are compared by whose contrasts are seen so, for an eye that looks there; none for light.
     ///
     /// # Errors
     /// [`SolveError::Setting`] where it is not known how the display is seen.
-    pub(super) fn of(self, gaze: Option<[f64; 2]>, problem: &Problem) -> Result<Option<ContrastLoss>, SolveError> {
-        match (self, problem.contrast) {
+    pub(super) fn of(
+        self,
+        gaze: Option<[f64; 2]>,
+        contrast: Option<ContrastLoss>,
+    ) -> Result<Option<ContrastLoss>, SolveError> {
+        match (self, contrast) {
             (Self::Light, _) => Ok(None),
             (Self::Contrast, Some(contrast)) => Ok(Some(ContrastLoss { gaze, ..contrast })),
             (Self::Contrast, None) => {

@@ -163,7 +163,7 @@ impl Problem {
         let plain = self.planner(settings.solved_frames(), settings.window);
         let (levels, storage) = (settings.levels.count(), settings.storage);
         // What is not known is refused before it is planned.
-        let contrast = settings.loss.of(settings.gaze, self).unwrap_or_default();
+        let contrast = settings.loss.of(settings.gaze, self.contrast).unwrap_or_default();
         let plain = Planner { levels, storage, contrast, binary_angles: storage == Storage::F16, ..plain };
         if settings.all_modes { plain } else { plain.with_fewer_modes(self.eyebox) }
     }

@@ -43,7 +43,7 @@ pub fn solve_from(
 ) -> Result<Solution, SolveError> {
     settings.check()?;
     problem.check_eye(settings)?;
-    settings.loss.of(settings.gaze, problem)?;
+    settings.loss.of(settings.gaze, problem.contrast)?;
     super::source::check(&problem.modes, settings)?;
     super::mask::check(problem.has_mask(), settings.method)?;
     if settings.joint.is_some() {

@@ -91,7 +91,7 @@ impl Refiner {
         }
         let storage = steering.storage.unwrap_or_else(|| engine.preferred_storage());
         let plain = problem.planner(frames, steering.window).with_fewer_modes(problem.eyebox);
-        let contrast = steering.loss.of(steering.gaze, &problem)?;
+        let contrast = steering.loss.of(steering.gaze, problem.contrast)?;
         let planner = Planner { storage, contrast, binary_angles: true, ..plain };
         let purpose = steering.strategy.purpose();
         engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;

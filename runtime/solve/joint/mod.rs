@@ -114,7 +114,7 @@ pub fn solve_joint(
     problem.check(&joint, settings)?;
     for color in problem.colors {
         color.check_eye(settings)?;
-        settings.loss.of(settings.gaze, color)?;
+        settings.loss.of(settings.gaze, color.contrast)?;
     }
     if let Some(from) = from.filter(|from| {
         from.phases.len() != settings.frames * problem.colors[0].optics.height * problem.colors[0].optics.width
