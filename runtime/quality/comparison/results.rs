@@ -223,6 +223,27 @@ pub struct CoherenceFigures {
     pub picture: Option<Picture>,
 }
 
+/// What an eye sees at one place of the eyebox of a display's switchable sources.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct SourcesFigures {
+    /// Name of the scene.
+    pub scene: String,
+    /// Sub-frames.
+    pub frames: usize,
+    /// How the sources are lit, for people.
+    pub way: String,
+    /// Where the eye is, mm (x, y).
+    pub place_mm: [f64; 2],
+    /// Sources that are lit for it, at most in any colour; 0 where they do not follow it.
+    pub lit: usize,
+    /// PSNR over pupils there and colours, dB: mean,
+    pub mean_db: f64,
+    /// and worst.
+    pub worst_db: f64,
+    /// What is seen there.
+    pub picture: Option<Picture>,
+}
+
 /// What all results of a comparison have in common.
 #[derive(Debug, Clone, Serialize)]
 pub struct About {
@@ -338,6 +359,8 @@ pub struct Results {
     pub joint: Vec<JointFigures>,
     /// Sources of several sizes; empty where they were not compared.
     pub coherence: Vec<CoherenceFigures>,
+    /// Places across the eyebox of switchable sources; empty where they were not compared.
+    pub sources: Vec<SourcesFigures>,
     /// Numbers from elsewhere, shown beside.
     pub published: Vec<Published>,
     /// Results that are not there yet.
