@@ -215,7 +215,8 @@ pub struct CoherenceFigures {
     pub widest_mm: f64,
     /// Diameter of the eye's pupil, mm.
     pub eye_mm: f64,
-    /// Width of the focus through which bars of half the eye's cut-off keep half of their modulation, mm,
+    /// Width of the focus through which bars of half the eye's cut-off keep half of their modulation, mm: at most what was looked
+    /// through, four times the wavelength times the square of focal length over diameter,
     pub depth_of_field_mm: f64,
     /// and dioptres.
     pub depth_of_field_dioptres: f64,
