@@ -13,6 +13,7 @@ mod measure;
 mod picture;
 mod pupils;
 mod results;
+mod shown;
 mod sources;
 mod speckle;
 
@@ -21,9 +22,10 @@ pub(crate) use measure::{DECADES, ERROR_GAIN};
 pub(crate) use picture::{light_exact, map};
 pub use pupils::{SHOWN, Shown};
 pub use results::{
-    About, CoherenceFigures, ColorError, ColorFigures, EnergyMap, JointFigures, MethodAbout, Picture, Pictures,
-    Published, Results, Row, Run, SceneFigures, Series, SourcesFigures, SpeckleFigures, mean,
+    About, CoherenceFigures, ColorError, ColorFigures, JointFigures, MethodAbout, Published, Results, Row, Run,
+    SceneFigures, Series, SourcesFigures, SpeckleFigures, mean,
 };
+pub use shown::{EnergyMap, Picture, Pictures};
 
 use super::QualityError;
 use super::kept::{Keep, append, checksum};
