@@ -227,6 +227,7 @@ pub fn compare(engine: &mut dyn Engine, twin: &mut dyn Engine, case: &Case, purp
         engine.write(buffer, &data).unwrap_or_else(|e| panic!("{buffer:?}: {e}"));
         twin.write(buffer, &data).unwrap_or_else(|e| panic!("{buffer:?}: {e}"));
     }
+    give_contrasts(engine, twin, step);
     let got = engine.run(step).unwrap_or_else(|e| panic!("{e}"));
     let want = twin.run(step).unwrap_or_else(|e| panic!("{e}"));
     let mut worst: f64 = 0.0;
@@ -244,6 +245,21 @@ pub fn compare(engine: &mut dyn Engine, twin: &mut dyn Engine, case: &Case, purp
         worst = worst.max(distance(buffer, &got, &want));
     }
     worst
+}
+
+/// Gives `compare_contrast` the contrasts of the images that it has, as the twin of the kernel before it leaves them. Of any others the
+/// loss would be a sum of products of either sign, of which next to nothing is left; of these it is a square's.
+fn give_contrasts(engine: &mut dyn Engine, twin: &mut dyn Engine, step: &Step) {
+    if step.list[0].kernel != Kernel::CompareContrast {
+        return;
+    }
+    let mut before = step.clone();
+    before.list[0].kernel = Kernel::ContrastRows;
+    twin.run(&before).unwrap_or_else(|e| panic!("{e}"));
+    for slot in 0..step.list[0].pupil_passes.len() {
+        let contrast = twin.read(Buffer::Contrast(slot)).unwrap_or_else(|e| panic!("{e}"));
+        engine.write(Buffer::Contrast(slot), &contrast).unwrap_or_else(|e| panic!("{e}"));
+    }
 }
 
 /// Zeroes a complex buffer outside the columns in use, if the step has one of these transforms of it.
