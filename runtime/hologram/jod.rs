@@ -2,13 +2,19 @@
 
 use super::{HologramError, HologramScores, PhaseSource, Sampling, SceneSource};
 use crate::engine::Engine;
-use crate::evaluate::{JodMetric, Judged, Plane, Rgb, lost_picture, rgb};
+use crate::evaluate::{EvaluateError, JodMetric, Judged, Plane, Rgb, lost_picture, rgb};
 use crate::files::{FileError, write_png};
 use crate::optics::{Color, Pupil, Viewing};
+use std::ops::Range;
 use std::path::Path;
 
 /// Times that sub-frames are shown in the video that is judged: what repeats shows in the second.
 const SHOWN: usize = 2;
+
+/// Side of the square around where an eye looks that is judged alone, degrees: a fovea's.
+pub const FOVEA_DEGREES: f64 = 5.0;
+/// Fewer rows or columns of it are not judged.
+const LEAST: usize = 16;
 
 /// How a hologram is judged by ColorVideoVDP.
 #[derive(Debug, Clone, Copy)]
@@ -22,6 +28,9 @@ pub struct JodSettings<'a> {
     /// Sub-frames a second: they are judged as the video that they are. None: their mean is, as of an eye that is too slow
     /// for all flicker.
     pub sub_frame_rate_hz: Option<f64>,
+    /// Where the eye looks, radians of visual angle right of and below the picture's middle: the [fovea](FOVEA_DEGREES) around there is
+    /// judged alone, too.
+    pub gaze: Option<[f64; 2]>,
     /// A folder for one picture a pupil of where JOD are lost ([`lost_picture`]), `pupil-0000.png` by its place in the list.
     pub maps: Option<&'a Path>,
 }
@@ -38,6 +47,40 @@ impl JodSettings<'_> {
 fn picture<'a>(names: &[Option<Color>], planes: &'a [Plane], black: &'a [f32]) -> Rgb<'a> {
     let named: Vec<_> = names.iter().copied().zip(planes.iter().map(|p| &p.values[..])).collect();
     rgb(&named, black)
+}
+
+/// What was found through one pupil: of the whole picture, and where the eye looks; and what should be seen.
+struct JudgedPupil {
+    judged: Judged,
+    there: Option<f64>,
+    wanted: Vec<Plane>,
+}
+
+/// Rows and columns around where an eye looks, of a picture of that [rows, columns].
+fn fovea([x, y]: [f64; 2], pixels_per_degree: f64, size: [usize; 2]) -> Result<[Range<usize>; 2], EvaluateError> {
+    let axis = |angle: f64, pixels: usize| {
+        let middle = pixels as f64 / 2.0 + angle.to_degrees() * pixels_per_degree;
+        let half = FOVEA_DEGREES / 2.0 * pixels_per_degree;
+        let edge = |at: f64| at.round().clamp(0.0, pixels as f64) as usize;
+        edge(middle - half)..edge(middle + half)
+    };
+    let found = [axis(y, size[0]), axis(x, size[1])];
+    if found.iter().any(|range| range.len() < LEAST) {
+        let [right, below] = [x, y].map(f64::to_degrees);
+        let [tall, wide] = size.map(|pixels| pixels as f64 / pixels_per_degree);
+        let reason = format!(
+            "where the eye looks, {right:.1} degrees right of the middle and {below:.1} below it, there is too little of a picture \
+             {wide:.1} degrees wide and {tall:.1} tall: {LEAST} pixels are needed each way"
+        );
+        return Err(EvaluateError::Jod { reason });
+    }
+    Ok(found)
+}
+
+/// These rows and columns of a plane.
+fn cut(plane: &Plane, down: &Range<usize>, along: &Range<usize>) -> Plane {
+    let rows = down.clone().flat_map(|row| &plane.values[row * plane.columns..][along.clone()]);
+    Plane { rows: down.len(), columns: along.len(), values: rows.copied().collect() }
 }
 
 impl PhaseSource<'_> {
@@ -59,10 +102,11 @@ impl PhaseSource<'_> {
         for (done, place) in settings.places(scores.pupils.len()).into_iter().enumerate() {
             observe(done);
             let pupil = scores.pupils[place].pupil;
-            let Some((judged, wanted)) = self.judge_pupil(scene, &pupil, &scores.exposures, settings, engine)? else {
+            let Some(found) = self.judge_pupil(scene, &pupil, &scores.exposures, settings, engine)? else {
                 continue;
             };
-            scores.pupils[place].jod = Some(judged.jod);
+            let JudgedPupil { judged, there, wanted } = found;
+            (scores.pupils[place].jod, scores.pupils[place].jod_there) = (Some(judged.jod), there);
             if let Some(folder) = settings.maps {
                 self.write_map(&folder.join(format!("pupil-{place:04}.png")), &judged, &wanted)?;
             }
@@ -81,7 +125,7 @@ impl PhaseSource<'_> {
         exposures: &[f64],
         settings: &JodSettings,
         engine: &mut dyn Engine,
-    ) -> Result<Option<(Judged, Vec<Plane>)>, HologramError> {
+    ) -> Result<Option<JudgedPupil>, HologramError> {
         let mut wanted = Vec::new();
         for color in 0..exposures.len() {
             wanted.push(scene.photographs(color, &[*pupil], Sampling::Picture, engine)?.remove(0));
@@ -109,13 +153,22 @@ impl PhaseSource<'_> {
             return Ok(None);
         }
         let (names, black) = (self.names(), vec![0.0; rows * columns]);
-        let seen: Vec<Rgb> = seen.iter().map(|colors| picture(&names, colors, &black)).collect();
-        let target = picture(&names, &wanted, &black);
-        let judged = match settings.sub_frame_rate_hz {
-            None => metric.picture(&seen[0], &target, rows, columns)?,
-            Some(rate) => metric.video(&seen.repeat(SHOWN), &target, rows, columns, rate)?,
+        let judge = |metric: &JodMetric, seen: &[Vec<Plane>], wanted: &[Plane], rows: usize, columns: usize| {
+            let seen: Vec<Rgb> = seen.iter().map(|colors| picture(&names, colors, &black[..rows * columns])).collect();
+            let target = picture(&names, wanted, &black[..rows * columns]);
+            match settings.sub_frame_rate_hz {
+                None => metric.picture(&seen[0], &target, rows, columns),
+                Some(rate) => metric.video(&seen.repeat(SHOWN), &target, rows, columns, rate),
+            }
         };
-        Ok(judged.map(|judged| (judged, wanted)))
+        let Some(judged) = judge(&metric, &seen, &wanted, rows, columns)? else { return Ok(None) };
+        let Some(gaze) = settings.gaze else { return Ok(Some(JudgedPupil { judged, there: None, wanted })) };
+        let [down, along] = fovea(gaze, settings.pixels_per_degree * share, [rows, columns])?;
+        let cut = |planes: &Vec<Plane>| planes.iter().map(|plane| cut(plane, &down, &along)).collect();
+        let (seen, target): (Vec<Vec<Plane>>, Vec<Plane>) = (seen.iter().map(cut).collect(), cut(&wanted));
+        let metric = JodMetric::new(&settings.viewing, settings.pixels_per_degree * share, false)?;
+        let there = judge(&metric, &seen, &target, down.len(), along.len())?.map(|there| there.jod);
+        Ok(Some(JudgedPupil { judged, there, wanted }))
     }
 
     fn write_map(&self, file: &Path, judged: &Judged, wanted: &[Plane]) -> Result<(), FileError> {

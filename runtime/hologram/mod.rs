@@ -57,7 +57,7 @@ mod replaced_tests;
 mod sequence_tests;
 
 pub use exchange::{PhaseUnit, Phases, load_phases, save_phases};
-pub use jod::JodSettings;
+pub use jod::{FOVEA_DEGREES, JodSettings};
 pub use metadata::{Metadata, Refined, Start, TakenWithCamera};
 pub use open::{BareOptics, Opening};
 pub use phase::{level_of_phase, phase_of_level, wrap_phase};

@@ -24,6 +24,8 @@ pub struct PupilScore {
     pub ssim: Option<f64>,
     /// Just-objectionable differences from 10 over all colours; none where it was not [judged](PhaseSource::judge).
     pub jod: Option<f64>,
+    /// The same where the eye looks ([`JodSettings::gaze`](super::JodSettings::gaze)).
+    pub jod_there: Option<f64>,
 }
 
 /// Scores of a hologram.
@@ -44,6 +46,11 @@ impl HologramScores {
     /// What the JOD come to, over the pupils that were judged; none where none was.
     pub fn jod_summary(&self) -> Option<Summary> {
         Summary::of(&self.pupils.iter().filter_map(|p| p.jod).collect::<Vec<_>>())
+    }
+
+    /// What they come to where the eye looks.
+    pub fn jod_there_summary(&self) -> Option<Summary> {
+        Summary::of(&self.pupils.iter().filter_map(|p| p.jod_there).collect::<Vec<_>>())
     }
 }
 
@@ -108,6 +115,7 @@ impl PhaseSource<'_> {
             finest_cycles_per_degree: finest(pupil.diameter),
             ssim: ssims[i].map(|sum| sum / has as f64),
             jod: None,
+            jod_there: None,
         };
         Ok(HologramScores { pupils: pupils.iter().enumerate().map(score).collect(), exposures })
     }

@@ -383,6 +383,9 @@ pub struct Score {
     /// all flicker]
     #[arg(long, value_name = "HZ", value_parser = positive, conflicts_with = "no_jod")]
     pub sub_frame_rate: Option<f64>,
+    /// Where the eye looks, degrees right of and below the picture's middle: the 5 by 5 degrees around there are judged alone, too
+    #[arg(long, value_parser = gaze, value_name = "X,Y", allow_hyphen_values = true, conflicts_with = "no_jod")]
+    pub gaze: Option<[f64; 2]>,
     /// Where JOD are lost: a picture for each pupil that is judged, in this folder
     #[arg(long, value_name = "FOLDER", conflicts_with = "no_jod")]
     pub jod_maps: Option<PathBuf>,

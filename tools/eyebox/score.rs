@@ -5,7 +5,7 @@ use crate::args::{SceneArgs, Score};
 use crate::common;
 use crate::progress::JobBar;
 use eyebox::files::MadeFolder;
-use eyebox::hologram::{Hologram, HologramScores, JodSettings, PhaseSource, PupilScore, SceneSource};
+use eyebox::hologram::{FOVEA_DEGREES, Hologram, HologramScores, JodSettings, PhaseSource, PupilScore, SceneSource};
 use eyebox::optics::{Color, Depth, Display, Pupil, dioptres, dioptres_in_words};
 use eyebox::solve::{Diameters, PupilRange, Sampler, Sequence};
 use serde_json::{Value, json};
@@ -49,6 +49,7 @@ pub fn run(args: &Score) -> Result<(), Failure> {
         pixels_per_degree: shown.pixels_per_degree(),
         most: args.seen.pupils(JUDGED),
         sub_frame_rate_hz: args.sub_frame_rate,
+        gaze: args.gaze,
         maps: args.jod_maps.as_deref(),
     };
     let _made = args.jod_maps.as_deref().map(MadeFolder::new).transpose()?;
@@ -67,7 +68,7 @@ pub fn run(args: &Score) -> Result<(), Failure> {
         println!(
             "{}",
             json!({
-                "psnr_db": summary, "jod": scores.jod_summary(), "viewing": viewing(&judging), "exposure": exposures,
+                "psnr_db": summary, "jod": scores.jod_summary(), "jod_there": scores.jod_there_summary(), "viewing": viewing(&judging), "exposure": exposures,
                 "pupils": rows, "unfinished": source.unfinished(),
             })
         );
@@ -89,6 +90,13 @@ pub fn run(args: &Score) -> Result<(), Failure> {
             jod.median,
             jod.worst,
             viewing_in_words(&judging)
+        );
+    }
+    if let (Some(there), Some(gaze)) = (scores.jod_there_summary(), args.gaze) {
+        let [x, y] = gaze.map(f64::to_degrees);
+        println!(
+            "JOD of the {FOVEA_DEGREES} degrees around {x:.1},{y:.1}: mean {:.2}, median {:.2}, worst {:.2}",
+            there.mean, there.median, there.worst
         );
     }
     let fitted: Vec<String> = colors.iter().zip(&scores.exposures).map(|(c, e)| format!("{c} {e:.3}")).collect();
@@ -145,7 +153,7 @@ pub fn similarity(score: &PupilScore) -> String {
 fn row(score: &PupilScore, display: &Display) -> Value {
     json!({
         "pupil_mm": score.pupil.to_mm(), "focus_dioptres": dioptres(score.pupil.depth, display.focal_length),
-        "psnr_db": score.psnr, "ceiling_db": score.ceiling, "ssim": score.ssim, "jod": score.jod,
+        "psnr_db": score.psnr, "ceiling_db": score.ceiling, "ssim": score.ssim, "jod": score.jod, "jod_there": score.jod_there,
         "finest_cycles_per_degree": score.finest_cycles_per_degree,
     })
 }
