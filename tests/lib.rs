@@ -4,6 +4,7 @@
 //! be fast: no window, no span, no table. Runtime code is compared with it, never the other way round.
 
 pub mod both;
+pub mod gradient;
 
 use eyebox::engine::{Buffer, Engine, cpu::CpuEngine};
 use eyebox::optics::{Optics, Pupil, transfer};
@@ -129,15 +130,6 @@ impl Oracle {
         let fields = self.fields(phases, pupil);
         let mean = |i: usize| fields.iter().map(|v| v[i].norm_sqr()).sum::<f64>() / (self.frames as f64 * share);
         (0..self.optics.height * self.optics.width).map(mean).collect()
-    }
-
-    /// Mean over pupils and pixels of `(s view - target)^2`.
-    pub fn loss(&self, phases: &[f64], pupils: &[Pupil], targets: &[Vec<f64>], exposure: f64) -> f64 {
-        let one = |(p, t): (&Pupil, &Vec<f64>)| {
-            let view = self.view(phases, p);
-            view.iter().zip(t).map(|(i, t)| (exposure * i - t).powi(2)).sum::<f64>() / t.len() as f64
-        };
-        pupils.iter().zip(targets).map(one).sum::<f64>() / pupils.len() as f64
     }
 }
 

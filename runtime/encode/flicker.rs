@@ -5,8 +5,6 @@ use crate::optics::{Color, Display, Encoding, Packing};
 
 /// Sets a second from which an eye sees no flicker: what is bright and wide flickers longest, up to about 60 Hz.
 pub(crate) const FUSION_HZ: f64 = 50.0;
-/// What a display takes whose file names no rate, hertz.
-pub const USUAL_RATE_HZ: f64 = 60.0;
 
 /// What to say where multiplex sets of these colours, `sub_frames` of each, come slower than an eye fuses at `video_hz` video
 /// frames a second: how slow, and what would help. None where they do not, or where the packing does not hold them.

@@ -32,7 +32,7 @@ mod tests;
 pub use decoder::{AsShown, Decoder};
 pub use encoder::Encoder;
 pub use eyebox_kernels::encode::Plan;
-pub use flicker::{USUAL_RATE_HZ, flicker};
+pub use flicker::flicker;
 pub use folder::{Encoded, FrameContents, is_encoded};
 pub use frames::{PhaseSet, VideoFrames};
 pub use lighting::{Lighting, LitTimes};

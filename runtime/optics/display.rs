@@ -229,13 +229,14 @@ impl Display {
             model,
             source: read.source,
             mask,
-            sources: Sources { each: read.sources, lit: read.sources_lit },
+            sources: Sources { each: read.sources, lit: read.sources_lit, sub_frame_us: None },
             picture: read.picture,
             prescription: read.prescription,
             viewing: read.viewing,
         };
         display.check_mask().map_err(|reason| wrong(format!("[mask]: {reason}")))?;
-        let display = Self { mask: display.mask.filter(|mask| !mask.is_clear()), ..display };
+        let sources = display.timed_sources();
+        let display = Self { mask: display.mask.filter(|mask| !mask.is_clear()), sources, ..display };
         let colors: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
         model::check(&display.model, &colors).map_err(&wrong)?;
         display.picture.check(display.picture_size().into()).map_err(&wrong)?;

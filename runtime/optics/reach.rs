@@ -58,6 +58,11 @@ pub struct SourcesReach {
     pub etendue_mm2_sr: f64,
     /// The longest time that one of them takes to be switched, microseconds.
     pub switching_us: f64,
+    /// How long a sub-frame is shown, microseconds.
+    pub sub_frame_us: f64,
+    /// Share of the light that is left of their sub-frames where they take turns, of the source that keeps least; 1 where they are
+    /// not switched from sub-frame to sub-frame.
+    pub lit_share: f64,
 }
 
 impl Display {
@@ -75,7 +80,9 @@ impl Display {
             eyebox_mm: [whole.size[1] * 1e3, whole.size[0] * 1e3],
             area_mm2: area * 1e6,
             etendue_mm2_sr: area * solid * 1e6,
-            switching_us: sources.iter().map(|source| source.switching_us).fold(0.0, f64::max),
+            switching_us: self.sources.switching_us(),
+            sub_frame_us: self.sub_frame_us(),
+            lit_share: self.least_lit(),
         });
         let factor = self.mask_factor();
         let without_mask = self.mask.as_ref().map(|_| {
@@ -121,16 +128,23 @@ impl fmt::Display for Reach {
                  and {etendue_mm2_sr:.3} mm2 sr"
             )?;
         }
-        let Some(SourcesReach { sources, eyebox_mm: [up, across], area_mm2, etendue_mm2_sr, .. }) = &self.sources
-        else {
-            return Ok(());
-        };
+        let Some(sources) = &self.sources else { return Ok(()) };
+        let SourcesReach { sources, eyebox_mm: [up, across], area_mm2, etendue_mm2_sr, switching_us, .. } = sources;
         let times = area_mm2 / self.eyebox_mm.powi(2);
         write!(
             out,
             "; with its {sources} sources: eyebox {across:.1} x {up:.1} mm, {times:.1} times the area of one, field of view the \
              same, etendue {etendue_mm2_sr:.3} mm2 sr"
-        )
+        )?;
+        let Some(SourcesReach { sub_frame_us, lit_share, .. }) = self.sources.as_ref().filter(|_| *switching_us > 0.0)
+        else {
+            return Ok(());
+        };
+        let of = format!("switching takes up to {switching_us:.0} of the {sub_frame_us:.0} us of a sub-frame");
+        match lit_share {
+            share if *share < 1.0 => write!(out, "; {of}: {:.0} % of the light is left in turn", share * 100.0),
+            _ => write!(out, "; {of}, where a set's sources are others than those of the set before"),
+        }
     }
 }
 

@@ -54,6 +54,10 @@ pub struct Sources {
     pub each: Vec<SwitchedSource>,
     /// Which of them are lit.
     pub lit: SourcesLit,
+    /// How long a sub-frame is shown, microseconds, where one of them takes time to be switched; display files do not say it: it
+    /// follows from their rate and packing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sub_frame_us: Option<f64>,
 }
 
 /// Sources that a display may have.
@@ -144,22 +148,25 @@ impl Sources {
         a == b || (allows(a, b) && allows(b, a))
     }
 
-    /// The modes of all of them in a colour, each source of the modes `within` it (around the axis, weights that add up to 1); those
-    /// of a source that is not lit have no [turn](SourceMode::turn).
+    /// The modes of all of them in a colour, each source of the modes `within` it (around the axis, weights that add up to 1), less
+    /// the light of the time in which it is switched; those of a source that is not lit have no [turn](SourceMode::turn).
     pub(super) fn modes(&self, color: Color, focal_length: f64, within: &[SourceMode]) -> Vec<SourceMode> {
         let lit = self.lit(color, focal_length);
         let in_turn = self.lit == SourcesLit::InTurn;
+        let shares = self.lit_shares(color, focal_length);
         let of_source = |at: usize| {
             let source = &self.each[at];
             let tilt = source.angle(focal_length);
-            let turn = match lit.iter().position(|l| *l == at) {
+            let place = lit.iter().position(|l| *l == at);
+            let turn = match place {
                 Some(place) if in_turn => [place, lit.len()],
                 Some(_) => SourceMode::ALWAYS,
                 None => SourceMode::NEVER,
             };
+            let share = place.map_or(1.0, |place| shares[place]);
             within.iter().map(move |mode| SourceMode {
                 angle: [mode.angle[0] + tilt[0], mode.angle[1] + tilt[1]],
-                weight: mode.weight * source.power,
+                weight: mode.weight * source.power * share,
                 source: at,
                 turn,
                 ..*mode
@@ -168,10 +175,11 @@ impl Sources {
         self.of(color).into_iter().flat_map(of_source).collect()
     }
 
-    /// The power that each of them has in each sub-frame of a colour, (source, sub-frame), over that of a source of power 1 that is
-    /// always lit.
+    /// The power that each of them has in each sub-frame of a colour while it is on, (source, sub-frame), over that of a source of
+    /// power 1 that is always lit.
     pub fn powers(&self, color: Color, frames: usize, focal_length: f64, optics_wavelength: f64) -> Vec<Vec<f64>> {
-        let modes = self.modes(color, focal_length, &[SourceMode::centred(optics_wavelength)]);
+        let at_once = Self { sub_frame_us: None, ..self.clone() };
+        let modes = at_once.modes(color, focal_length, &[SourceMode::centred(optics_wavelength)]);
         let mut powers = vec![vec![0.0; frames]; self.each.len()];
         for mode in &modes {
             let of = (0..frames).map(|frame| mode.weight * mode.power(frame, frames));
@@ -220,7 +228,7 @@ impl Sources {
         }
         match colors.iter().filter(|_| self.lit != SourcesLit::InTurn).find_map(together) {
             Some([a, b]) => Err(format!("sources_lit lights {a} and {b} together, which their `with` does not allow")),
-            None => Ok(()),
+            None => self.check_times(colors, focal_length),
         }
     }
 

@@ -40,6 +40,12 @@ impl BrightEnd {
         Self { contrast: m3 / m2, percentile: 0.65 * f64::from(*p99), mean: m1 / count as f64 }
     }
 
+    /// The same where the eyebox has this much light: an exposure is per unit of it.
+    #[must_use]
+    pub(crate) fn lit(self, light: f64) -> Self {
+        Self { contrast: self.contrast / light, percentile: self.percentile / light, mean: self.mean / light }
+    }
+
     /// A first guess.
     pub(crate) fn guess(&self) -> f64 {
         self.contrast.max(self.mean)

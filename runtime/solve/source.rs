@@ -73,8 +73,9 @@ impl ScenePlan {
             _ if sources.is_empty() => return,
             SourcesLit::InTurn => {
                 format!(
-                    "in turn: {:.1} of {frames} sub-frames each, which is all that one pupil sees",
-                    frames as f64 / lit as f64
+                    "in turn: {:.1} of {frames} sub-frames each, which is all that one pupil sees{}",
+                    frames as f64 / lit as f64,
+                    switching_in_words(display, color)
                 )
             }
             SourcesLit::Together => "together, in every sub-frame".into(),
@@ -94,6 +95,14 @@ impl ScenePlan {
     pub fn lit(&self, display: &Display) -> Display {
         Display { source: self.source.clone(), ..display.clone() }
     }
+}
+
+/// What is left of the light of sources that take turns; nothing to say where they are switched at once.
+fn switching_in_words(display: &Display, color: Color) -> String {
+    let least = display.sources.lit_shares(color, display.focal_length).into_iter().fold(1.0, f64::min);
+    let (dark, all) = ((1.0 - least) * display.sub_frame_us(), display.sub_frame_us());
+    let left = || format!(", {:.0} % of their light: switching takes {dark:.0} of {all:.0} us", least * 100.0);
+    if least < 1.0 { left() } else { String::new() }
 }
 
 /// Which of these pupils are solved for with fewer modes.

@@ -3,6 +3,7 @@
 use super::exposure::BrightEnd;
 use crate::engine::{Engine, EngineError};
 use crate::evaluate::{self, Sums};
+use crate::optics::mean_light;
 use crate::plan::{Planner, Viewpoint};
 
 /// Fixed viewpoints that no step draws, and what should be seen through them.
@@ -22,7 +23,7 @@ impl Validator {
     /// Those of the engine.
     pub fn new(engine: &mut dyn Engine, planner: &Planner, viewpoints: Vec<Viewpoint>) -> Result<Self, EngineError> {
         let photographs = evaluate::targets(engine, planner, &viewpoints)?;
-        let bright_end = BrightEnd::of(photographs.iter().map(|p| &p[..]));
+        let bright_end = BrightEnd::of(photographs.iter().map(|p| &p[..])).lit(mean_light(&planner.modes));
         Ok(Self { viewpoints, bright_end })
     }
 

@@ -11,7 +11,7 @@ use eyebox::plan::{Comparison, Kernel, Planner, Purpose, Storage};
 use eyebox::scene::LightField;
 use eyebox::solve::{self, Flow, Method, Optimizer, Problem, Settings, Solution, Stop};
 use eyebox_tests::both::{assert_silent, vulkan};
-use eyebox_tests::{Oracle, error_power, half_roundings, noise};
+use eyebox_tests::{Oracle, error_power, half_roundings, noise, phases};
 use std::f64::consts::{PI, TAU};
 
 /// float32 rounds to 6e-8, a power of 4e-15; a transform of a million points adds some twenty such roundings. What is
@@ -29,11 +29,6 @@ fn bound(storage: Storage) -> f64 {
 
 fn full() -> bool {
     std::env::var("EYEBOX_EXTREMES").is_ok_and(|v| v == "full")
-}
-
-fn phases(count: usize, seed: u64) -> (Vec<f64>, Vec<f32>) {
-    let rounded: Vec<f32> = noise(count, seed).iter().map(|x| (x * PI) as f32).collect();
-    (rounded.iter().map(|p| f64::from(*p)).collect(), rounded)
 }
 
 /// Both engines' views through these pupils against float64, at every window factor that the views are made with, and

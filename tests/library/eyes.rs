@@ -8,7 +8,8 @@ use eyebox::plan::{Comparison, EyeTables, Planner, Purpose};
 use eyebox::scene;
 use eyebox::solve::{self, Flow, Problem, PupilRange, Refiner, Sampler, Sequence, Settings, Steering};
 use eyebox_kernels::compare;
-use eyebox_tests::{Oracle, error_power, fft2, loaded, noise, phases, step_with_targets};
+use eyebox_tests::gradient::{assert_derivative, gradient_of, intensity_loss, random_targets};
+use eyebox_tests::{Oracle, error_power, fft2, loaded, phases, step_with_targets};
 use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;
 
@@ -96,26 +97,14 @@ fn the_gradient_is_the_derivative() {
     let oracle = Oracle { optics: o, frames };
     let pupils = [Pupil::from_mm([3.0, -2.0, 9.0, 4.0]), Pupil::from_mm([-5.0, 1.0, 5.0, -1.0])];
     let (exact, rounded) = phases(frames * 480, 4);
-    let targets: Vec<Vec<f32>> =
-        (0..2).map(|i| noise(480, 10 + i).iter().map(|x| (0.5 + 0.5 * x) as f32).collect()).collect();
+    let targets = random_targets(2, 480);
     let planner = planner(o, frames, &eye);
     let comparison = Comparison { mode: compare::INTENSITY, exposure: 0.7, batch: 2, ..Comparison::default() };
     let mut engine = loaded(&planner, Purpose::Adam, &rounded);
     let pupil_passes = pupils.iter().map(|p| planner.pupil_pass(p, &comparison)).collect();
     step_with_targets(&planner, &mut engine, pupil_passes, &targets, true);
-    let gradient: Vec<f64> = engine.read(Buffer::Momentum).unwrap().iter().map(|m| f64::from(*m) * 10.0).collect();
-    let (direction, h) = (noise(frames * 480, 100), 1e-5);
-    let value = |s: f64| {
-        let moved: Vec<f64> = exact.iter().zip(&direction).map(|(p, d)| p + s * h * d).collect();
-        let one = |(p, t): (&Pupil, &Vec<f32>)| {
-            let view = view(&oracle, &eye, &moved, p);
-            view.iter().zip(t).map(|(i, t)| (0.7 * i - f64::from(*t)).powi(2)).sum::<f64>() / 480.0
-        };
-        pupils.iter().zip(&targets).map(one).sum::<f64>() / 2.0
-    };
-    let numeric = (value(1.0) - value(-1.0)) / (2.0 * h);
-    let closed: f64 = gradient.iter().zip(&direction).map(|(g, d)| g * d).sum();
-    assert!((numeric - closed).abs() < 2e-5 * numeric.abs(), "{numeric} {closed}");
+    let want = |phases: &[f64]| intensity_loss(&targets, 0.7, |i| view(&oracle, &eye, phases, &pupils[i]));
+    assert_derivative(&gradient_of(&mut engine), &exact, 1, 2e-5, "every error of an eye", want);
 }
 
 /// A relaxed eye of S dioptres sees sharp what an emmetrope sees at z - f^2 S.

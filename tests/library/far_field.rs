@@ -9,6 +9,7 @@ use eyebox::scene::{self, Pyramid, Request, ViewGrid};
 use eyebox::solve::{self, Flow, Problem, Settings};
 use eyebox_kernels::compare;
 use eyebox_tests::both::{Case, Noise, assert_silent, vulkan};
+use eyebox_tests::gradient::{assert_derivative, gradient_of, intensity_loss};
 use eyebox_tests::{error_power, loaded, noise, phases, step_with_targets};
 use rustfft::num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
@@ -179,23 +180,9 @@ fn the_gradient_is_the_derivative_of_the_loss() {
     let (step, losses) = far_step(&planner, &mut engine, pupil_passes, &written, true);
     let loss: f64 =
         losses.iter().zip(&step.pupil_passes).map(|(l, pupil_pass)| l / pupil_pass.count() as f64).sum::<f64>() / 2.0;
-    let value = |phases: &[f64]| {
-        let one = |(p, t): (&Pupil, &Vec<f32>)| {
-            let seen = view(&o, p, phases);
-            seen.iter().zip(t).map(|(i, t)| (0.7 * i - f64::from(*t)).powi(2)).sum::<f64>() / t.len() as f64
-        };
-        pupils().iter().zip(&targets).map(one).sum::<f64>() / 2.0
-    };
-    let want = value(&exact);
-    assert!((loss - want).abs() < 1e-6 * want, "loss {loss} {want}");
-    let gradient: Vec<f64> = engine.read(Buffer::Momentum).unwrap().iter().map(|m| f64::from(*m) * 10.0).collect();
-    for seed in 0..3 {
-        let direction = noise(frames * 320, 100 + seed);
-        let moved = |s: f64| value(&exact.iter().zip(&direction).map(|(p, d)| p + s * d).collect::<Vec<_>>());
-        let numeric = (moved(1e-5) - moved(-1e-5)) / 2e-5;
-        let closed: f64 = gradient.iter().zip(&direction).map(|(g, d)| g * d).sum();
-        assert!((numeric - closed).abs() < 1e-5 * numeric.abs(), "{numeric} {closed}");
-    }
+    let want = |phases: &[f64]| intensity_loss(&targets, 0.7, |i| view(&o, &pupils()[i], phases));
+    assert!((loss / want(&exact) - 1.0).abs() < 1e-6, "loss {loss} {}", want(&exact));
+    assert_derivative(&gradient_of(&mut engine), &exact, 3, 1e-5, "two pupils", want);
 }
 
 #[test]

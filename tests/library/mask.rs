@@ -1,11 +1,11 @@
 //! A static mask of finer pixels in front of the SLM (OPTICS 12): what is seen through it against float64, and its gradient.
 
-use eyebox::engine::{Buffer, Engine};
 use eyebox::evaluate;
 use eyebox::files::write_npy;
 use eyebox::optics::{Color, Display, Optics, Pupil, WindowFactor, transfer};
 use eyebox::plan::{Comparison, ModelTables, Planner, Purpose};
 use eyebox_kernels::{Complex64, compare};
+use eyebox_tests::gradient::{assert_derivative, gradient_of, intensity_loss, random_targets, unwrapped_phases};
 use eyebox_tests::{error_power, fft2, loaded, noise, phases, step_with_targets};
 use std::f64::consts::TAU;
 
@@ -155,28 +155,13 @@ fn the_gradient_through_a_mask_is_the_derivative() {
         let (planner, o, k) = (masked.planner(), masked.fine(), masked.factor as f64);
         let pixels = masked.display.height * masked.display.width;
         let pupils = [Pupil::from_mm([3.0, -2.0, 9.0, 4.0]), Pupil::from_mm([-9.0 * k, 1.0, 6.0, -1.0])];
-        // Away from where the drive wraps: there the loss jumps.
-        let exact: Vec<f64> =
-            noise(masked.frames * pixels, 4).iter().map(|x| f64::from((0.02 + (x + 1.0) * 3.12) as f32)).collect();
-        let rounded: Vec<f32> = exact.iter().map(|p| *p as f32).collect();
-        let target = |i: u64| noise(o.height * o.width, 10 + i).iter().map(|x| (0.5 + 0.5 * x) as f32).collect();
-        let targets: Vec<Vec<f32>> = (0..2u64).map(target).collect();
+        let (exact, rounded) = unwrapped_phases(masked.frames * pixels, 4);
+        let targets = random_targets(2, o.height * o.width);
         let comparison = Comparison { mode: compare::INTENSITY, exposure: 0.7, batch: 2, ..Comparison::default() };
         let mut engine = loaded(&planner, Purpose::Adam, &rounded);
         let passes = pupils.iter().map(|p| planner.pupil_pass(p, &comparison)).collect();
         step_with_targets(&planner, &mut engine, passes, &targets, true);
-        let gradient: Vec<f64> = engine.read(Buffer::Momentum).unwrap().iter().map(|m| f64::from(*m) * 10.0).collect();
-        let (direction, h) = (noise(exact.len(), 100), 1e-5);
-        let value = |s: f64| {
-            let moved: Vec<f64> = exact.iter().zip(&direction).map(|(p, d)| p + s * h * d).collect();
-            let one = |(p, t): (&Pupil, &Vec<f32>)| {
-                let view = masked.view(&moved, p);
-                view.iter().zip(t).map(|(i, t)| (0.7 * i - f64::from(*t)).powi(2)).sum::<f64>() / t.len() as f64
-            };
-            pupils.iter().zip(&targets).map(one).sum::<f64>() / 2.0
-        };
-        let numeric = (value(1.0) - value(-1.0)) / (2.0 * h);
-        let closed: f64 = gradient.iter().zip(&direction).map(|(g, d)| g * d).sum();
-        assert!((numeric - closed).abs() < 2e-5 * numeric.abs(), "factor {k}: {numeric} {closed}");
+        let want = |phases: &[f64]| intensity_loss(&targets, 0.7, |i| masked.view(phases, &pupils[i]));
+        assert_derivative(&gradient_of(&mut engine), &exact, 1, 2e-5, &format!("factor {k}"), want);
     }
 }

@@ -8,18 +8,14 @@ use eyebox::scene::{self, Pyramid, Request, ViewGrid};
 use eyebox::solve::{self, Flow, Method, Optimizer, Problem, Settings};
 use eyebox_kernels::compare::INTENSITY;
 use eyebox_tests::both::{assert_silent, vulkan};
-use eyebox_tests::{Oracle, error_power, noise};
+use eyebox_tests::gradient::{assert_derivative, gradient_of};
+use eyebox_tests::{Oracle, error_power, noise, phases};
 use rustfft::num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
 /// float32 rounds to 6e-8, a view is a few dozen roundings deep.
 const VIEW: f64 = 1e-12;
-
-fn phases(count: usize, seed: u64) -> (Vec<f64>, Vec<f32>) {
-    let rounded: Vec<f32> = noise(count, seed).iter().map(|x| (x * PI) as f32).collect();
-    (rounded.iter().map(|p| f64::from(*p)).collect(), rounded)
-}
 
 /// The definition (Choi et al. 2022): sum over the window's pixels, without any transform.
 fn stft(phases: &[f64], [height, width]: [usize; 2], samples: usize, [ny, nx]: [f64; 2]) -> Vec<f64> {
@@ -121,16 +117,8 @@ fn the_evenness_term_is_a_derivative() {
     let step =
         planner.with_equalised_eyebox(planner.adam_step(Vec::new(), usize::MAX, 1, 0.0), eyebox, patches, weight);
     engine.run(&step).unwrap();
-    let gradient: Vec<f64> = engine.read(Buffer::Momentum).unwrap().iter().map(|m| f64::from(*m) * 10.0).collect();
-    for seed in 0..3 {
-        let direction = noise(exact.len(), 50 + seed);
-        let h = 1e-5;
-        let moved = |s: f64| exact.iter().zip(&direction).map(|(p, d)| p + s * h * d).collect::<Vec<_>>();
-        let value = |s: f64| weight * unevenness(o, &moved(s), frames, eyebox, patches);
-        let numeric = (value(1.0) - value(-1.0)) / (2.0 * h);
-        let closed: f64 = gradient.iter().zip(&direction).map(|(g, d)| g * d).sum();
-        assert!((numeric - closed).abs() < 1e-4 * numeric.abs(), "{numeric} {closed}");
-    }
+    let want = |phases: &[f64]| weight * unevenness(o, phases, frames, eyebox, patches);
+    assert_derivative(&gradient_of(&mut engine), &exact, 3, 1e-4, "the evenness term", want);
 }
 
 #[test]

@@ -11,7 +11,8 @@ use eyebox::scene::{self, LightField};
 use eyebox::solve::{self, Flow, Problem, Settings};
 use eyebox_kernels::compare;
 use eyebox_tests::both::every_fault;
-use eyebox_tests::{Oracle, error_power, fft2, loaded, noise, phases, step_with_targets};
+use eyebox_tests::gradient::{assert_derivative, gradient_of, intensity_loss, random_targets, unwrapped_phases};
+use eyebox_tests::{Oracle, error_power, fft2, loaded, phases, step_with_targets};
 use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;
 use std::time::Duration;
@@ -90,14 +91,6 @@ impl Bench {
         }
         seen
     }
-
-    fn loss(&self, phases: &[f64], pupils: &[Pupil], targets: &[Vec<f32>], exposure: f64) -> f64 {
-        let one = |(p, t): (&Pupil, &Vec<f32>)| {
-            let view = self.view(phases, p);
-            view.iter().zip(t).map(|(i, t)| (exposure * i - f64::from(*t)).powi(2)).sum::<f64>() / t.len() as f64
-        };
-        pupils.iter().zip(targets).map(one).sum::<f64>() / pupils.len() as f64
-    }
 }
 
 /// Every term alone, and all of them.
@@ -149,12 +142,8 @@ fn views_through_every_term_agree_with_float64() {
 fn gradients_through_every_term_are_the_derivatives() {
     let (o, frames) = (optics(20, 24), 3);
     let pupils = [Pupil::from_mm([3.0, -2.0, 9.0, 4.0]), Pupil::from_mm([-5.0, 1.0, 5.0, -1.0])];
-    // Away from where the drive wraps: there the loss jumps.
-    let exact: Vec<f64> = noise(frames * 480, 4).iter().map(|x| 0.02 + (x + 1.0) * 0.498 * TAU).collect();
-    let exact: Vec<f64> = exact.iter().map(|p| f64::from(*p as f32)).collect();
-    let rounded: Vec<f32> = exact.iter().map(|p| *p as f32).collect();
-    let targets: Vec<Vec<f32>> =
-        (0..2).map(|i| noise(480, 10 + i).iter().map(|x| (0.5 + 0.5 * x) as f32).collect()).collect();
+    let (exact, rounded) = unwrapped_phases(frames * 480, 4);
+    let targets = random_targets(2, 480);
     for (name, model) in models() {
         let bench = Bench { model: model.clone(), oracle: Oracle { optics: o, frames } };
         let planner = Planner::new(o, frames, WindowFactor::Full);
@@ -163,15 +152,8 @@ fn gradients_through_every_term_are_the_derivatives() {
         let mut engine = loaded(&planner, Purpose::Adam, &rounded);
         let pupil_passes = pupils.iter().map(|p| planner.pupil_pass(p, &comparison)).collect();
         step_with_targets(&planner, &mut engine, pupil_passes, &targets, true);
-        let gradient: Vec<f64> = engine.read(Buffer::Momentum).unwrap().iter().map(|m| f64::from(*m) * 10.0).collect();
-        for seed in 0..2 {
-            let (direction, h) = (noise(frames * 480, 100 + seed), 1e-5);
-            let moved = |s: f64| exact.iter().zip(&direction).map(|(p, d)| p + s * h * d).collect::<Vec<_>>();
-            let value = |s: f64| bench.loss(&moved(s), &pupils, &targets, 0.7);
-            let numeric = (value(1.0) - value(-1.0)) / (2.0 * h);
-            let closed: f64 = gradient.iter().zip(&direction).map(|(g, d)| g * d).sum();
-            assert!((numeric - closed).abs() < 2e-5 * numeric.abs(), "{name}: {numeric} {closed}");
-        }
+        let want = |phases: &[f64]| intensity_loss(&targets, 0.7, |i| bench.view(phases, &pupils[i]));
+        assert_derivative(&gradient_of(&mut engine), &exact, 2, 2e-5, name, want);
     }
 }
 

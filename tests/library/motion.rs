@@ -8,6 +8,7 @@ use eyebox::plan::{Comparison, ModelTables, Moment, Moving, Planner, PupilPass, 
 use eyebox::scene::{Pyramid, ViewGrid};
 use eyebox_kernels::compare;
 use eyebox_tests::both::every_fault;
+use eyebox_tests::gradient::{assert_derivative, gradient_of, intensity_loss, random_targets, unwrapped_phases};
 use eyebox_tests::{Oracle, error_power, fft2, loaded, noise, phases, step_with_targets};
 use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;
@@ -117,12 +118,8 @@ fn who_follows_what_moves_sees_it_sharp() {
 #[test]
 fn the_gradient_over_the_windows_of_a_stream_is_the_derivative() {
     let (h, w, frames) = (20, 24, 6);
-    // Away from where the drive wraps: there the loss jumps.
-    let exact: Vec<f64> = noise(frames * h * w, 4).iter().map(|x| 0.02 + (x + 1.0) * 0.498 * TAU).collect();
-    let exact: Vec<f64> = exact.iter().map(|p| f64::from(*p as f32)).collect();
-    let rounded: Vec<f32> = exact.iter().map(|p| *p as f32).collect();
-    let targets: Vec<Vec<f32>> =
-        (0..3).map(|i| noise(h * w, 10 + i).iter().map(|x| (0.5 + 0.5 * x) as f32).collect()).collect();
+    let (exact, rounded) = unwrapped_phases(frames * h * w, 4);
+    let targets = random_targets(3, h * w);
     for model in [DisplayModel::default(), every_fault()] {
         let bench = Bench { model: model.clone(), oracle: Oracle { optics: optics(h, w), frames } };
         let planner = planner(model, h, w, frames);
@@ -130,23 +127,9 @@ fn the_gradient_over_the_windows_of_a_stream_is_the_derivative() {
         let passes: Vec<PupilPass> = (0..3).map(|a| planner.moving_pass(&window_of_four(a), &comparison)).collect();
         let mut engine = loaded(&planner, Purpose::Adam, &rounded);
         step_with_targets(&planner, &mut engine, passes, &targets, true);
-        let gradient: Vec<f64> = engine.read(Buffer::Momentum).unwrap().iter().map(|m| f64::from(*m) * 10.0).collect();
-        let loss = |phases: &[f64]| {
-            let one = |a: usize| {
-                let image = seen(&bench, phases, &window_of_four(a));
-                let squares = image.iter().zip(&targets[a]).map(|(i, t)| (0.8 * i - f64::from(*t)).powi(2));
-                squares.sum::<f64>() / (h * w) as f64
-            };
-            (0..3).map(one).sum::<f64>() / 3.0
-        };
-        for seed in 0..2 {
-            let (direction, step) = (noise(frames * h * w, 100 + seed), 1e-5);
-            let moved = |s: f64| exact.iter().zip(&direction).map(|(p, d)| p + s * step * d).collect::<Vec<_>>();
-            let numeric = (loss(&moved(1.0)) - loss(&moved(-1.0))) / (2.0 * step);
-            let closed: f64 = gradient.iter().zip(&direction).map(|(g, d)| g * d).sum();
-            // As without motion: what float32 leaves of the gradient. (In float64 it is 1e-6.)
-            assert!((numeric - closed).abs() < 2e-5 * numeric.abs(), "{numeric} {closed}");
-        }
+        let want = |phases: &[f64]| intensity_loss(&targets, 0.8, |a| seen(&bench, phases, &window_of_four(a)));
+        // As without motion: what float32 leaves of the gradient. (In float64 it is 1e-6.)
+        assert_derivative(&gradient_of(&mut engine), &exact, 2, 2e-5, "windows of four", want);
     }
 }
 

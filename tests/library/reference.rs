@@ -7,6 +7,7 @@ use eyebox::plan::{Comparison, Dispatch, Kernel, Planner, Purpose};
 use eyebox::scene::{Pyramid, ViewGrid};
 use eyebox::solve::{self, Flow, Optimizer, Problem, Settings};
 use eyebox_kernels::compare;
+use eyebox_tests::gradient::{assert_derivative, gradient_of, intensity_loss, random_targets};
 use eyebox_tests::{Oracle, error_power, fft2, loaded, noise, phases, step_with_targets};
 use rustfft::num_complex::Complex64;
 use std::sync::Arc;
@@ -104,9 +105,7 @@ fn the_gradient_is_the_derivative_of_the_loss() {
     let pupils = [Pupil::from_mm([3.0, -2.0, 9.0, 4.0]), Pupil::from_mm([-5.0, 1.0, 5.0, -1.0])];
     let oracle = Oracle { optics: o, frames };
     let (exact, rounded) = phases(frames * 480, 4);
-    let targets: Vec<Vec<f32>> =
-        (0..2).map(|i| noise(480, 10 + i).iter().map(|x| (0.5 + 0.5 * x) as f32).collect()).collect();
-    let exact_targets: Vec<Vec<f64>> = targets.iter().map(|t| t.iter().map(|v| f64::from(*v)).collect()).collect();
+    let targets = random_targets(2, 480);
     let planner = Planner::new(o, frames, WindowFactor::Full);
     let comparison = Comparison { mode: compare::INTENSITY, exposure: 0.7, batch: 2, ..Comparison::default() };
     let mut engine = loaded(&planner, Purpose::Adam, &rounded);
@@ -115,18 +114,9 @@ fn the_gradient_is_the_derivative_of_the_loss() {
     let (step, losses) = step_with_targets(&planner, &mut engine, pupil_passes, &targets, true);
     let loss: f64 =
         losses.iter().zip(&step.pupil_passes).map(|(l, pupil_pass)| l / pupil_pass.count() as f64).sum::<f64>() / 2.0;
-    let want = oracle.loss(&exact, &pupils, &exact_targets, 0.7);
-    assert!((loss - want).abs() < 1e-6 * want, "loss {loss} {want}");
-    let gradient: Vec<f64> = engine.read(Buffer::Momentum).unwrap().iter().map(|m| f64::from(*m) * 10.0).collect();
-    for seed in 0..3 {
-        let direction = noise(frames * 480, 100 + seed);
-        let h = 1e-5;
-        let moved = |s: f64| exact.iter().zip(&direction).map(|(p, d)| p + s * h * d).collect::<Vec<_>>();
-        let value = |s: f64| oracle.loss(&moved(s), &pupils, &exact_targets, 0.7);
-        let numeric = (value(1.0) - value(-1.0)) / (2.0 * h);
-        let closed: f64 = gradient.iter().zip(&direction).map(|(g, d)| g * d).sum();
-        assert!((numeric - closed).abs() < 1e-5 * numeric.abs(), "{numeric} {closed}");
-    }
+    let want = |phases: &[f64]| intensity_loss(&targets, 0.7, |i| oracle.view(phases, &pupils[i]));
+    assert!((loss / want(&exact) - 1.0).abs() < 1e-6, "loss {loss} {}", want(&exact));
+    assert_derivative(&gradient_of(&mut engine), &exact, 3, 1e-5, "two pupils", want);
 }
 
 /// The projection of the oracle, in float64 and on the whole spectrum, against the engine's step.

@@ -11,6 +11,7 @@ use eyebox::plan::{Comparison, EyeTables, ModelTables, Planner, Purpose, Viewpoi
 use eyebox::scene;
 use eyebox::solve::{self, Flow, Optimizer, Problem, Settings};
 use eyebox_kernels::compare;
+use eyebox_tests::gradient::{assert_derivative, gradient_of, intensity_loss, random_targets};
 use eyebox_tests::{Oracle, error_power, fft2, loaded, noise, phases, step_with_targets};
 use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;
@@ -114,28 +115,16 @@ fn the_gradient_is_the_derivative() {
     let lit = Lit { oracle: Oracle { optics: o, frames }, modes: &modes, bench: Some(bench()) };
     let pupils = [Pupil::from_mm([3.0, -2.0, 9.0, 4.0]), Pupil::from_mm([-5.0, 1.0, 5.0, -1.0])];
     let (exact, rounded) = phases(frames * 480, 4);
-    let targets: Vec<Vec<f32>> =
-        (0..2).map(|i| noise(480, 10 + i).iter().map(|x| (0.5 + 0.5 * x) as f32).collect()).collect();
+    let targets = random_targets(2, 480);
     let planner = lit.planner(WindowFactor::Full);
     let comparison = Comparison { mode: compare::INTENSITY, exposure: 0.7, batch: 2, ..Comparison::default() };
     let mut engine = loaded(&planner, Purpose::Adam, &rounded);
     let pupil_passes = pupils.iter().map(|p| planner.pupil_pass(p, &comparison)).collect();
     let (step, losses) = step_with_targets(&planner, &mut engine, pupil_passes, &targets, true);
-    let gradient: Vec<f64> = engine.read(Buffer::Momentum).unwrap().iter().map(|m| f64::from(*m) * 10.0).collect();
-    let (direction, h) = (noise(frames * 480, 100), 1e-5);
-    let value = |s: f64| {
-        let moved: Vec<f64> = exact.iter().zip(&direction).map(|(p, d)| p + s * h * d).collect();
-        let one = |(p, t): (&Pupil, &Vec<f32>)| {
-            let view = lit.view(&moved, p);
-            view.iter().zip(t).map(|(i, t)| (0.7 * i - f64::from(*t)).powi(2)).sum::<f64>() / 480.0
-        };
-        pupils.iter().zip(&targets).map(one).sum::<f64>() / 2.0
-    };
+    let want = |phases: &[f64]| intensity_loss(&targets, 0.7, |i| lit.view(phases, &pupils[i]));
     let loss = losses.iter().sum::<f64>() / (step.pupil_passes[0].count() * 2) as f64;
-    assert!((loss / value(0.0) - 1.0).abs() < 1e-6, "{loss} and {}", value(0.0));
-    let numeric = (value(1.0) - value(-1.0)) / (2.0 * h);
-    let closed: f64 = gradient.iter().zip(&direction).map(|(g, d)| g * d).sum();
-    assert!((numeric - closed).abs() < 2e-5 * numeric.abs(), "{numeric} {closed}");
+    assert!((loss / want(&exact) - 1.0).abs() < 1e-6, "{loss} and {}", want(&exact));
+    assert_derivative(&gradient_of(&mut engine), &exact, 1, 2e-5, "three modes on a bench", want);
 }
 
 /// The windows of all modes are of one size, and show what the whole spectrum shows.

@@ -1,12 +1,12 @@
 //! Light with a source on the device: kernels over modes against their twins, and whole steps.
 
-use super::steps::{assert_close, solve, steps};
+use super::steps::{assert_close, assert_same_views, solve, steps};
 use eyebox::engine::cpu::CpuEngine;
-use eyebox::engine::{Buffer, Engine, Kernel, Purpose, Storage};
+use eyebox::engine::{Engine, Kernel, Purpose, Storage};
 use eyebox::optics::{FewerModes, Prescription, SourceMode};
 use eyebox::plan::{Comparison, EyeTables, ModelTables, Viewpoint};
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
-use eyebox_tests::both::{Case, Noise, assert_silent, compare, distance, every_fault, vulkan};
+use eyebox_tests::both::{Case, assert_silent, compare, every_fault, vulkan};
 
 /// A case in the light of so many modes, beside the axis and beside the wavelength, none by a whole number of bins.
 fn lit(mut case: Case, modes: usize, bench: bool) -> Case {
@@ -78,21 +78,8 @@ fn both_engines_take_the_same_steps() {
 
 #[test]
 fn both_engines_show_the_same_views() {
-    let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
-    let case = lit(Case::new(54, 70, 0, 4e-3, 4), 4, true);
-    let passes: Vec<_> = case.pupils.iter().map(|p| case.planner.pupil_pass(p, &Comparison::default())).collect();
-    let step = case.planner.view_step(passes);
-    let phases = Noise::new(3).between(4 * 54 * 70, -3.1, 3.1);
-    for engine in [&mut engine as &mut dyn Engine, &mut twin] {
-        case.load(engine, Purpose::View);
-        engine.write(Buffer::Phases, &phases).unwrap();
-        engine.run(&step).unwrap();
-    }
-    for slot in 0..case.pupils.len() {
-        let (got, want) = (engine.read(Buffer::Image(slot)).unwrap(), twin.read(Buffer::Image(slot)).unwrap());
-        let far = distance(Buffer::Image(slot), &got, &want);
-        assert!(far < 1e-10 && want.iter().sum::<f32>() > 0.0, "pupil {slot}: {far:e}");
-    }
+    let mut engine = vulkan();
+    assert_same_views(&mut engine, &lit(Case::new(54, 70, 0, 4e-3, 4), 4, true));
     assert_silent(engine);
 }
 

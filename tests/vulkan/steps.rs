@@ -38,6 +38,25 @@ pub(crate) fn assert_close(got: &(Vec<Vec<f64>>, Vec<f32>), want: &(Vec<Vec<f64>
     assert!(far < 1e-8, "{what}: phases differ by {far:e}");
 }
 
+/// Both engines show the same through each pupil of the case, from the same random phases.
+pub(crate) fn assert_same_views(engine: &mut dyn Engine, case: &Case) {
+    let mut twin = CpuEngine::new();
+    let passes = case.pupils.iter().map(|p| case.planner.pupil_pass(p, &Comparison::default())).collect();
+    let step = case.planner.view_step(passes);
+    let shape = case.planner.shape(Purpose::View);
+    let phases = Noise::new(3).between(shape.frames * shape.pixels(), -3.1, 3.1);
+    for engine in [&mut *engine as &mut dyn Engine, &mut twin] {
+        case.load(engine, Purpose::View);
+        engine.write(Buffer::Phases, &phases).unwrap();
+        engine.run(&step).unwrap();
+    }
+    for slot in 0..case.pupils.len() {
+        let (got, want) = (engine.read(Buffer::Image(slot)).unwrap(), twin.read(Buffer::Image(slot)).unwrap());
+        let far = distance(Buffer::Image(slot), &got, &want);
+        assert!(far < 1e-10 && want.iter().sum::<f32>() > 0.0, "pupil {slot}: {far:e}");
+    }
+}
+
 #[test]
 fn both_engines_take_the_same_steps() {
     let mut engine = vulkan();

@@ -3,11 +3,11 @@
 use crate::Failure;
 use crate::args::{Encode, EngineName};
 use crate::common;
-use eyebox::encode::{self, Encoder, PhaseSet, USUAL_RATE_HZ, VideoFrames};
+use eyebox::encode::{self, Encoder, PhaseSet, VideoFrames};
 use eyebox::engine::vulkan::VulkanEncoder;
 use eyebox::gpu::{Gpu, Options};
 use eyebox::hologram::{ColorHologram, Hologram, Opening};
-use eyebox::optics::{Color, Display};
+use eyebox::optics::{Color, Display, USUAL_RATE_HZ};
 use serde_json::{Value, json};
 
 /// The phases that are encoded.

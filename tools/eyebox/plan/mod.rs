@@ -9,7 +9,7 @@ use crate::settings::{plan_of, settings_of};
 use crate::{Failure, common, model_terms};
 use eyebox::encode;
 use eyebox::engine::Engine;
-use eyebox::optics::{Color, Display, dioptres};
+use eyebox::optics::{Color, Display, USUAL_RATE_HZ, dioptres};
 use eyebox::plan::Group;
 use eyebox::scene::LightField;
 use eyebox::solve::{Forecast, Loaded, Problem, Rates, ScenePlan, forecast, model_work};
@@ -35,8 +35,7 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
     let (settings, chosen) = settings_of(solve, engine.as_ref(), &display, depth, colors.len())?;
     let plan = plan_of(solve, &settings, &field, &display)?;
     let display = plan.lit(&display);
-    let slow =
-        encode::flicker(&display, &plan.colors, plan.settings.frames, display.rate_hz.unwrap_or(encode::USUAL_RATE_HZ));
+    let slow = encode::flicker(&display, &plan.colors, plan.settings.frames, display.rate_hz.unwrap_or(USUAL_RATE_HZ));
     let timing = |name: &str| {
         if !solve.json {
             eprintln!("timing {name}: a few seconds, once");

@@ -65,6 +65,31 @@ fn sources_take_turns_and_are_kept() {
     assert!(view(at, "frames", "26,26,4,0").iter().sum::<f32>() > 0.3 * middle);
 }
 
+/// What switching takes is missing from the light: white is dimmer, and the picture is as good.
+#[test]
+fn switching_takes_its_light() {
+    let dir = folder();
+    let at = dir.path();
+    let slow = |us: u32| nine("in-turn").replace("[[sources]]", &format!("[[sources]]\nswitching_us = {us}"));
+    std::fs::write(at.join("nine.toml"), nine("in-turn")).unwrap();
+    std::fs::write(at.join("slow.toml"), slow(5000)).unwrap();
+    let said = done(at, &["devices", "--display", "slow.toml"]);
+    assert!(said.contains("takes up to 5000 of the 16667 us of a sub-frame: 70 % of the light is left"), "{said}");
+    let said = done(at, &["plan", "builtin:still-life", "--display", "slow.toml", "--frames", "9", "--engine", "cpu"]);
+    assert!(said.contains("70 % of their light: switching takes 5000 of 16667 us"), "{said}");
+    let figures = |display: &str| {
+        solve(at, display, "h.zarr");
+        let said = done(at, &["score", "h.zarr", "builtin:still-life", "--engine", "cpu", "--no-jod", "--json"]);
+        let said: Value = serde_json::from_str(&said).unwrap();
+        [said["exposure"]["green"].as_f64().unwrap(), said["psnr_db"]["mean"].as_f64().unwrap()]
+    };
+    let ([plain, of_plain], [dark, of_dark]) = (figures("nine.toml"), figures("slow.toml"));
+    assert!((dark * 0.7 / plain - 1.0).abs() < 0.02, "{dark} and {plain}");
+    assert!((of_plain - of_dark).abs() < 0.5, "{of_plain} and {of_dark} dB");
+    std::fs::write(at.join("bad.toml"), slow(17_000)).unwrap();
+    refused(at, &["devices", "--display", "bad.toml"], "none", "begin with 17000 us in which sources are switched");
+}
+
 /// A hologram that is refined for an eye keeps the sources that light it: near a border both.
 #[test]
 fn refinement_chooses_the_source() {

@@ -1,0 +1,154 @@
+//! The time that switchable sources take to be switched, out of the light of the sub-frames (OPTICS 12).
+
+use super::{Color, Display, Encoding, Packing, SourceMode, Sources, SourcesLit, Wavelength};
+
+/// Video frames a second of a display whose file names no rate.
+pub const USUAL_RATE_HZ: f64 = 60.0;
+
+impl Encoding {
+    /// Sub-frames that a video frame shows one after another.
+    fn sub_frames_of_video_frame(&self) -> usize {
+        match self.packing {
+            Packing::Grey8 => 1,
+            Packing::Fields => 3,
+            Packing::Planes8 => 8,
+            Packing::Planes24 => 24,
+            Packing::Map => {
+                let of = |frame: u32| self.map.iter().filter(|place| place.video_frame == frame).count();
+                self.map.iter().map(|place| of(place.video_frame)).max().unwrap_or(1)
+            }
+        }
+    }
+}
+
+impl Display {
+    /// How long a sub-frame is shown, microseconds: a video frame at [`rate_hz`](Self::rate_hz) (or [`USUAL_RATE_HZ`]) over the
+    /// sub-frames that it holds.
+    pub fn sub_frame_us(&self) -> f64 {
+        1e6 / (self.rate_hz.unwrap_or(USUAL_RATE_HZ) * self.encoding.sub_frames_of_video_frame() as f64)
+    }
+
+    /// Share of its light that is left of a sub-frame of the source that keeps least, in any colour.
+    pub(super) fn least_lit(&self) -> f64 {
+        let of = |w: &Wavelength| self.sources.lit_shares(w.color, self.focal_length);
+        self.wavelengths.iter().flat_map(of).fold(1.0, f64::min)
+    }
+
+    /// Its sources, which know how long a sub-frame is shown where that matters to them.
+    pub(super) fn timed_sources(&self) -> Sources {
+        let slow = self.sources.each.iter().any(|source| source.switching_us > 0.0);
+        Sources { sub_frame_us: slow.then(|| self.sub_frame_us()), ..self.sources.clone() }
+    }
+}
+
+impl Sources {
+    /// The longest time that one of them takes to be switched, microseconds.
+    pub fn switching_us(&self) -> f64 {
+        self.each.iter().map(|source| source.switching_us).fold(0.0, f64::max)
+    }
+
+    /// How long nothing is lit at the beginning of a sub-frame of the one at place `turn` of these, which take turns,
+    /// microseconds: until it is on and the one before it is off.
+    fn dark_us(&self, lit: &[usize], turn: usize) -> f64 {
+        let before = lit[(turn + lit.len() - 1) % lit.len()];
+        if lit.len() < 2 { 0.0 } else { self.each[lit[turn]].switching_us.max(self.each[before].switching_us) }
+    }
+
+    /// Share of a sub-frame in which its source is lit, for each of those that [are lit](Self::lit) in a colour, in their order:
+    /// 1 but where they take turns and take time to be switched.
+    pub fn lit_shares(&self, color: Color, focal_length: f64) -> Vec<f64> {
+        let lit = self.lit(color, focal_length);
+        let share = |turn| match (&self.lit, self.sub_frame_us) {
+            (SourcesLit::InTurn, Some(sub_frame)) => 1.0 - self.dark_us(&lit, turn) / sub_frame,
+            _ => 1.0,
+        };
+        (0..lit.len()).map(share).collect()
+    }
+
+    /// Refuses sources that take turns and are switched for longer than a sub-frame is shown, in words.
+    pub(super) fn check_times(&self, colors: &[Color], focal_length: f64) -> Result<(), String> {
+        let Some(sub_frame) = self.sub_frame_us else { return Ok(()) };
+        for color in colors {
+            let shares = self.lit_shares(*color, focal_length);
+            if let Some((source, share)) = self.lit(*color, focal_length).iter().zip(shares).find(|(_, s)| *s <= 0.0) {
+                return Err(format!(
+                    "[[sources]] {}: its {color} sub-frames begin with {:.0} us in which sources are switched, and last \
+                     {sub_frame:.0} us: give a switching_us below that, a display of longer sub-frames, or sources_lit = \
+                     \"together\" or \"steered\"",
+                    source + 1,
+                    (1.0 - share) * sub_frame
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Mean light over the eyeboxes of the sources that are lit, over that of a source of power 1 that is always lit: 1 without
+/// switchable sources.
+pub(crate) fn mean_light(modes: &[SourceMode]) -> f64 {
+    let mut lit: Vec<usize> = modes.iter().filter(|mode| mode.is_lit()).map(|mode| mode.source).collect();
+    lit.dedup();
+    let light: f64 = modes.iter().filter(|mode| mode.is_lit()).map(|mode| mode.weight).sum();
+    if lit.is_empty() { 1.0 } else { light / lit.len() as f64 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn display(lit: &str, each: [f64; 3], rest: &str) -> Result<Display, String> {
+        let sources = each
+            .iter()
+            .enumerate()
+            .map(|(i, us)| format!("[[sources]]\neyebox_mm = [{}, 0]\nswitching_us = {us}\n", 26.0 * (i as f64 - 1.0)));
+        let text = format!(
+            "resolution = [16, 16]\npitch_um = 8.0\nfocal_length_mm = 400.0\nlevels = 2\nrate_hz = 50\nsources_lit = \"{lit}\"\n\
+             wavelengths_nm = {{ green = 520 }}\n{}[encoding]\npacking = \"planes24\"\n{rest}",
+            sources.collect::<String>()
+        );
+        Display::from_toml(&text, "b.toml").map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn switching_is_taken_from_the_sub_frame_that_follows() {
+        // A sub-frame is a 24th of 20 ms.
+        let turns = display("in-turn", [100.0, 50.0, 0.0], "").unwrap();
+        assert!((turns.sub_frame_us() - 1e6 / 1200.0).abs() < 1e-9);
+        let shares = turns.sources.lit_shares(Color::Green, 0.4);
+        // The first waits for itself, the second for the first to go off, the third for the second.
+        for (share, dark) in shares.iter().zip([100.0, 100.0, 50.0]) {
+            assert!((share - (1.0 - dark * 1200e-6)).abs() < 1e-12, "{shares:?}");
+        }
+        let modes = turns.modes(Color::Green);
+        assert!(modes.iter().zip(&shares).all(|(mode, share)| (mode.weight - share).abs() < 1e-12));
+        assert!((mean_light(&modes) - shares.iter().sum::<f64>() / 3.0).abs() < 1e-12);
+        // What drives the sources is told their powers, which are those before.
+        let powers = turns.sources.powers(Color::Green, 3, 0.4, 520e-9);
+        assert!((powers[0][0] - 3.0).abs() < 1e-12);
+        assert_eq!(Display::from_toml(&turns.to_toml(), "b.toml").unwrap(), turns);
+        for lit in ["together", "steered"] {
+            let others = display(lit, [100.0, 50.0, 0.0], "").unwrap();
+            assert!(others.sources.lit_shares(Color::Green, 0.4).iter().all(|share| *share == 1.0));
+        }
+        let at_once = display("in-turn", [0.0; 3], "").unwrap();
+        assert_eq!(at_once.sources.sub_frame_us, None);
+        assert!(at_once.modes(Color::Green).iter().all(|mode| mode.weight == 1.0));
+    }
+
+    #[test]
+    fn sources_slower_than_a_sub_frame_take_no_turns() {
+        let refused = display("in-turn", [0.0, 900.0, 0.0], "").unwrap_err();
+        assert!(refused.contains("[[sources]] 2: its green sub-frames begin with 900 us"), "{refused}");
+        assert!(refused.contains("last 833 us") && !refused.contains('\n'), "{refused}");
+        assert!(display("steered", [0.0, 900.0, 0.0], "").is_ok());
+    }
+
+    #[test]
+    fn a_sub_frame_lasts_as_long_as_its_packing_leaves_it() {
+        for (preset, count) in [("grey8", 1.0), ("fields", 3.0), ("planes8", 8.0), ("planes24", 24.0)] {
+            let display = Display { rate_hz: None, ..Display::preset(preset).unwrap() };
+            assert!((display.sub_frame_us() - 1e6 / 60.0 / count).abs() < 1e-6, "{preset}");
+        }
+    }
+}
