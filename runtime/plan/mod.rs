@@ -30,6 +30,8 @@ pub use device_model::{DEVICES, DeviceModel, Estimate};
 pub(crate) use device_model::{DISPATCH_BYTES, SUBMISSION_BYTES};
 pub use eye::EyeTables;
 pub use kernel::{Access, Dispatch, Group, Kernel, Scope, Step, Timing};
+pub use lists::StepLists;
+pub(crate) use lists::mean_loss;
 pub use list::{Buffer, Extent, ModelParts, PerFrame, Purpose, Resource, Shape};
 pub use model::ModelTables;
 pub use moments::{Moment, Moving};

@@ -121,12 +121,11 @@ impl Planner {
     }
 
     /// The modes, at least one, each with the optics of its wavelength over the grid.
-    pub(super) fn lit(&self) -> Vec<(SourceMode, Optics)> {
-        let of = |mode: &SourceMode| (*mode, Optics { wavelength: mode.wavelength, ..self.grid });
-        match &*self.modes {
-            [] => vec![of(&SourceMode::centred(self.grid.wavelength))],
-            modes => modes.iter().map(of).collect(),
-        }
+    pub(super) fn lit(&self) -> impl Iterator<Item = (SourceMode, Optics)> + Clone {
+        let grid = self.grid;
+        let centred = self.modes.is_empty().then(|| SourceMode::centred(grid.wavelength));
+        let modes = centred.into_iter().chain(self.modes.iter().copied());
+        modes.map(move |mode| (mode, Optics { wavelength: mode.wavelength, ..grid }))
     }
 
     /// With zeros around the SLM.
@@ -161,52 +160,61 @@ impl Planner {
     /// unnormalised inverse for the projection, and the gradient G for the others (OPTICS 4, 6b), each times what suits
     /// the storage.
     pub fn pupil_pass(&self, pupil: &Pupil, comparison: &Comparison) -> PupilPass {
+        let mut pass = PupilPass::empty();
+        self.refill(&mut pass, pupil, comparison);
+        pass
+    }
+
+    /// Makes [`pupil_pass`](Self::pupil_pass) of one that is over, in the lists that it has.
+    pub(super) fn refill(&self, pass: &mut PupilPass, pupil: &Pupil, comparison: &Comparison) {
         // Light passes the iris as it really is; what it should show is the picture of the one that was asked for.
         let iris = self.model.as_ref().map_or(*pupil, |model| model.model().true_pupil(pupil));
-        let mut pupil_pass = self.pupil_pass_of(&iris, self.grid.share(iris.diameter), self.frames, comparison);
-        self.see_with_eye(&mut pupil_pass, &iris);
+        self.refill_wave(pass, &iris, self.grid.share(iris.diameter), self.frames, comparison);
+        self.see_with_eye(pass, &iris);
         if !self.powers.is_empty() {
-            pupil_pass.set_powers(&self.powers);
+            pass.set_powers(&self.powers);
         }
-        pupil_pass.shot = self.shot(pupil, self.displacement(&iris), pupil_pass.window);
-        pupil_pass
+        let look = std::iter::once((*pupil, self.displacement(&iris)));
+        pass.shot = self.shot_over(look, pass.window, pass.shot.take());
     }
 
-    /// The eye's error, centred on this iris, in all modes of a pupil pass.
+    /// The eye's error, centred on this iris, in all modes of a pupil pass; that of a pass before makes way.
     pub(super) fn see_with_eye(&self, pass: &mut PupilPass, iris: &Pupil) {
-        let Some(eye) = &self.eye else { return };
-        let terms = |(mode, optics): &(SourceMode, Optics), window: &Window| {
-            Some(eye.terms(optics, &mode.pupil(iris, optics.focal_length), window))
-        };
-        let lit = self.lit();
-        pass.eye = terms(&lit[0], &pass.window);
-        for (mode, further) in lit[1..].iter().zip(&mut pass.modes) {
-            further.eye = terms(mode, &further.window);
-        }
+        pass.with_modes(self.lit(), |pass, (mode, optics)| {
+            let before = pass.eye.take();
+            let iris = mode.pupil(iris, optics.focal_length);
+            pass.eye = self.eye.as_ref().map(|eye| eye.terms(&optics, &iris, &pass.window, before));
+        });
     }
 
-    /// The same without a photograph, where `share` of an even field's light passes, of a perfect eye that averages so many
-    /// sub-frames.
-    pub(super) fn pupil_pass_of(&self, pupil: &Pupil, share: f64, seen: usize, comparison: &Comparison) -> PupilPass {
-        let lit = self.lit();
+    /// The same as [`refill`](Self::refill) where `share` of an even field's light passes, of an eye that averages `seen`
+    /// sub-frames; its error and its photograph are left to the caller.
+    pub(super) fn refill_wave(
+        &self,
+        pass: &mut PupilPass,
+        pupil: &Pupil,
+        share: f64,
+        seen: usize,
+        comparison: &Comparison,
+    ) {
         let pupil_of = |mode: &SourceMode| mode.pupil(pupil, self.grid.focal_length);
-        let size = lit.iter().fold([0; 2], |[rows, columns], (mode, optics)| {
-            let window = Window::new(optics, &pupil_of(mode), self.factor);
+        let size = self.lit().fold([0; 2], |[rows, columns], (mode, optics)| {
+            let window = Window::new(&optics, &pupil_of(&mode), self.factor);
             [rows.max(window.rows), columns.max(window.columns)]
         });
-        let mut modes = lit.iter().map(|(mode, optics)| {
-            let window = Window::around(optics, &pupil_of(mode), self.factor, size);
-            self.mode_pass(mode, optics, &pupil_of(mode), window, share, seen, comparison)
+        pass.modes.resize_with(self.modes.len().saturating_sub(1), PupilPass::empty);
+        pass.with_modes(self.lit(), |pass, (mode, optics)| {
+            let window = Window::around(&optics, &pupil_of(&mode), self.factor, size);
+            self.refill_mode(pass, &mode, &optics, &pupil_of(&mode), window, share, seen, comparison);
         });
-        let first = modes.next().expect("there is one mode at least");
-        PupilPass { modes: modes.collect(), ..first }
     }
 
     /// One mode of it: a pupil that stands elsewhere in the SLM's light, with the optics of the mode's wavelength. Its weight
     /// is in the scales of the way there and the way back, the root of it in each.
     #[allow(clippy::too_many_arguments, reason = "what all modes share, and what is a mode's own")]
-    fn mode_pass(
+    fn refill_mode(
         &self,
+        refilled: &mut PupilPass,
         mode: &SourceMode,
         grid: &Optics,
         pupil: &Pupil,
@@ -214,8 +222,11 @@ impl Planner {
         share: f64,
         seen: usize,
         comparison: &Comparison,
-    ) -> PupilPass {
-        let spans = window.spans(grid, pupil);
+    ) {
+        let PupilPass { mut spans, mut moments, eye, shot, modes, .. } = std::mem::replace(refilled, PupilPass::empty());
+        spans.clear();
+        spans.extend(window.each_span(grid, pupil));
+        moments.clear();
         let amplitude = mode.weight.sqrt();
         let (points, count) = ((grid.height * grid.width) as f64, (window.rows * window.columns) as f64);
         let gain = 1.0 / (seen as f64 * share);
@@ -252,7 +263,7 @@ impl Planner {
         let back = pass_pupil::Args { scale: (back * amplitude) as f32, ..pass };
         let ((slope_y, slope_x), (cosine_y, cosine_x)) = (grid.slopes(), grid.cosine_per_bin());
         let [angle_x, angle_y] = mode.angle;
-        PupilPass {
+        *refilled = PupilPass {
             transfer: transfer::Args {
                 slope_y,
                 slope_x,
@@ -264,9 +275,9 @@ impl Planner {
                 rows: window.rows as u32,
                 columns: window.columns as u32,
             },
-            eye: None,
+            eye,
             taper: None,
-            moments: None,
+            moments,
             columns: span_columns(&spans),
             intensity: intensity::Args {
                 count: count as u32,
@@ -282,14 +293,14 @@ impl Planner {
                 floor: comparison.floor as f32,
                 limit: comparison.limit as f32,
             },
-            shot: None,
+            shot,
             weight: mode.weight as f32,
-            modes: Vec::new(),
+            modes,
             window,
             spans,
             pass,
             back,
-        }
+        };
     }
 
     /// Where the eye sees the picture displaced to, metres (x, y): where its error is centred (OPTICS 11).
@@ -297,25 +308,28 @@ impl Planner {
         self.eye.as_ref().map_or([0.0; 2], |e| e.prescription().displacement([iris.x, iris.y], self.grid.focal_length))
     }
 
-    pub(super) fn shot(&self, pupil: &Pupil, displaced: [f64; 2], window: Window) -> Option<Shot> {
-        self.shot_over(&[(*pupil, displaced)], window)
-    }
-
-    /// The mean of the photographs through these pupils, each displaced (x, y), metres.
-    pub(super) fn shot_over(&self, looks: &[(Pupil, [f64; 2])], window: Window) -> Option<Shot> {
+    /// The mean of the photographs through these pupils, each displaced (x, y), metres, in the list of one that is over.
+    pub(super) fn shot_over(
+        &self,
+        looks: impl Iterator<Item = (Pupil, [f64; 2])> + Clone,
+        window: Window,
+        over: Option<Shot>,
+    ) -> Option<Shot> {
         let ViewLayout { grid: views, center, levels, unit, tables } = self.views.as_ref()?;
         let fits = |l: &(usize, usize)| l.0 >= window.rows && l.1 >= window.columns;
         let level = levels.iter().rposition(fits).unwrap_or(0);
         let (height, width) = levels[level];
-        let taps = |(pupil, displaced): &(Pupil, [f64; 2])| {
-            views.taps_around(*center, *displaced, &self.grid, pupil, height, width)
-        };
-        let mut taps: Vec<photograph::Tap> = looks.iter().flat_map(taps).collect();
-        if looks.len() > 1 {
-            let share = 1.0 / looks.len() as f32;
+        let mut taps = over.map_or_else(Vec::new, |shot| shot.taps);
+        taps.clear();
+        let count = looks.clone().count();
+        for (pupil, displaced) in looks {
+            taps.extend(views.taps_around(*center, displaced, &self.grid, &pupil, height, width));
+        }
+        if count > 1 {
+            let share = 1.0 / count as f32;
             taps.iter_mut().for_each(|tap| tap.weight *= share);
             // Taps of one move down are added up together.
-            taps.sort_by_key(|tap| (tap.dy, tap.fy.to_bits()));
+            taps.sort_unstable_by_key(|tap| (tap.dy, tap.fy.to_bits(), tap.view, tap.dx, tap.fx.to_bits()));
         }
         let (rows, columns) = (tables.get(height, window.rows), tables.get(width, window.columns));
         Some(Shot {
