@@ -223,7 +223,8 @@ impl Planner {
         seen: usize,
         comparison: &Comparison,
     ) {
-        let PupilPass { mut spans, mut moments, eye, shot, modes, .. } = std::mem::replace(refilled, PupilPass::empty());
+        let PupilPass { mut spans, mut moments, eye, shot, modes, .. } =
+            std::mem::replace(refilled, PupilPass::empty());
         spans.clear();
         spans.extend(window.each_span(grid, pupil));
         moments.clear();

@@ -168,7 +168,7 @@ impl Studying<'_> {
         let refined_ns = time.now_ns();
         let phases = self.steerer.phases()?;
         self.encoder.encode_into(&PhaseSet::trusted(&phases), &mut self.frames)?;
-        let phases = phases.into_iter().map(<[f32]>::to_vec).collect();
+        let phases = phases.iter().map(|of_color| of_color.to_vec()).collect();
         time.encoded();
         self.stage.now_ns = time.now_ns();
         let took_ns = time.now_ns() - refined_ns;
