@@ -41,7 +41,8 @@ module)
     export PYTHONPATH=$place/site
     ;;
 wheel)
-    environment wheel maturin ziglang auditwheel numpy pytest tqdm matplotlib "dask[distributed]"
+    # Of PyTorch and JAX, which are large, only here.
+    environment wheel maturin ziglang auditwheel numpy pytest tqdm matplotlib "dask[distributed]" torch jax
     python=$place/wheel/bin/python
     rm -f dist/eyebox-*.whl
     PATH=$place/wheel/bin:$PATH maturin build --profile "${2:-release}" --zig --compatibility manylinux_2_28 --out dist

@@ -7,7 +7,7 @@ use serde::Serialize;
 use std::f64::consts::PI;
 
 /// The contrast of speckle may be off by so much of itself, for as few samples as a scene requires.
-const EXACT: f64 = 0.03;
+pub(super) const EXACT: f64 = 0.03;
 
 /// How many samples stand for a source, and what they make of speckle through a pupil.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -120,7 +120,7 @@ impl Display {
 /// Contrast (standard deviation over mean) of fully developed speckle that these modes show through a pupil: the root of
 /// `sum w_j w_k |mu_jk|^2`, `mu` what the discs of two modes have in common of a disc (Goodman 2007, chapter 4). A wavelength moves
 /// the disc by its share of the place in the eyebox, of which the edge, `reach` from the axis, is taken.
-fn speckle_contrast(modes: &[SourceMode], diameter: f64, reach: f64, focal_length: f64) -> f64 {
+pub(super) fn speckle_contrast(modes: &[SourceMode], diameter: f64, reach: f64, focal_length: f64) -> f64 {
     let main = modes.iter().map(|mode| mode.weight * mode.wavelength).sum::<f64>();
     let place = |mode: &SourceMode| {
         let [x, y] = mode.angle.map(|t| focal_length * t);

@@ -2,7 +2,7 @@
 
 use super::resample_tables::ResampleTables;
 use super::{EyeTables, ModelTables, PupilPass, Purpose, Shape, Shot, Storage};
-use crate::optics::{Geometry, Optics, Padding, Pupil, SourceMode, Window, WindowFactor};
+use crate::optics::{FewerModes, Geometry, Optics, Padding, Pupil, SourceMode, Window, WindowFactor, fewer_modes};
 use crate::scene::{Pyramid, ViewGrid};
 use eyebox_kernels::{compare, fft::Columns, intensity, modulate, pass_pupil, photograph, resample, transfer};
 use std::sync::Arc;
@@ -86,6 +86,8 @@ pub struct Planner {
     /// The modes of the source (OPTICS 12), which add up as intensities; none for a laser on the axis. A model is told of
     /// them by [`with_source`](Self::with_source).
     pub modes: Arc<[SourceMode]>,
+    /// Fewer of them for what wide pupils look through in a solve, in the order of their diameters; none where all have all.
+    pub fewer: Arc<[FewerModes]>,
     /// Power of the laser in each sub-frame over its mean (OPTICS 13); none where all are alike.
     pub powers: Arc<[f64]>,
 }
@@ -106,6 +108,7 @@ impl Planner {
             model: None,
             eye: None,
             modes: Arc::new([]),
+            fewer: Arc::new([]),
             powers: Arc::new([]),
         }
     }
@@ -118,6 +121,25 @@ impl Planner {
             model => model.clone(),
         };
         Self { modes: modes.into(), model, ..self }
+    }
+
+    /// With as few modes for wide pupils of an eyebox of this side (metres) as leave their speckle as it is. A relay's tables are
+    /// those of all modes: on a display whose relay has faults, all pupils have all.
+    #[must_use]
+    pub fn with_fewer_modes(self, eyebox: f64) -> Self {
+        let relays = self.model.as_ref().is_some_and(|model| model.parts().relay > 0);
+        let modes = if relays { &[][..] } else { &self.modes };
+        Self { fewer: fewer_modes(modes, eyebox / 2.0, self.grid.focal_length).into(), ..self }
+    }
+
+    /// The same for a pupil of this diameter, where fewer modes do for it. What is looked at through the whole spectrum, as whoever
+    /// judges does, is lit by all modes.
+    pub(super) fn of_fewer_modes(&self, diameter: f64) -> Option<Self> {
+        if self.factor == WindowFactor::Full {
+            return None;
+        }
+        let few = self.fewer.iter().rev().find(|few| diameter >= few.from)?;
+        Some(Self { modes: Arc::clone(&few.modes), fewer: Arc::new([]), ..self.clone() })
     }
 
     /// The modes, at least one, each with the optics of its wavelength over the grid.

@@ -34,6 +34,13 @@ impl Planner {
 
     /// Makes of a pupil pass that is over what `viewpoint` needs, in the lists that it has.
     pub(crate) fn look_through(&self, pass: &mut PupilPass, viewpoint: &Viewpoint, comparison: &Comparison) {
+        let diameter = match viewpoint {
+            Viewpoint::Pupil(pupil) | Viewpoint::Moving(Moving { pupil, .. }) => pupil.diameter,
+            Viewpoint::Stft { .. } => 0.0,
+        };
+        if let Some(planner) = self.of_fewer_modes(diameter) {
+            return planner.look_through(pass, viewpoint, comparison);
+        }
         match *viewpoint {
             Viewpoint::Pupil(pupil) => self.refill(pass, &pupil, comparison),
             Viewpoint::Moving(moving) if moving.is_resting(self.frames) => self.refill(pass, &moving.pupil, comparison),

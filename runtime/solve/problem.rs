@@ -126,7 +126,8 @@ impl Problem {
     pub(crate) fn planner_of(&self, settings: &Settings) -> Planner {
         let plain = self.planner(settings.solved_frames(), settings.window);
         let (levels, storage) = (settings.levels.count(), settings.storage);
-        Planner { levels, storage, binary_angles: storage == Storage::F16, ..plain }
+        let plain = Planner { levels, storage, binary_angles: storage == Storage::F16, ..plain };
+        if settings.all_modes { plain } else { plain.with_fewer_modes(self.eyebox) }
     }
 
     /// Plans for this problem.

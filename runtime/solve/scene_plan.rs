@@ -21,6 +21,7 @@ use std::sync::Arc;
 
 /// Parts of the model that are kept whatever the scene requires.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Full {
     /// Colours without light.
     pub colors: bool,
@@ -30,13 +31,15 @@ pub struct Full {
     pub padding: bool,
     /// The whole spectrum for every pupil.
     pub window: bool,
+    /// All modes of the source for every pupil.
+    pub modes: bool,
 }
 
 impl Full {
     /// Everything.
-    pub const ALL: Self = Self { colors: true, views: true, padding: true, window: true };
+    pub const ALL: Self = Self { colors: true, views: true, padding: true, window: true, modes: true };
     /// The names of the parts.
-    pub const PARTS: [&'static str; 4] = ["colors", "views", "padding", "window"];
+    pub const PARTS: [&'static str; 5] = ["colors", "views", "padding", "window", "modes"];
 
     /// The part of this name, kept; false where there is none.
     pub fn keep(&mut self, name: &str) -> bool {
@@ -45,6 +48,7 @@ impl Full {
             "views" => self.views = true,
             "padding" => self.padding = true,
             "window" => self.window = true,
+            "modes" => self.modes = true,
             "all" => *self = Self::ALL,
             _ => return false,
         }
@@ -134,7 +138,7 @@ impl ScenePlan {
         plan.choose_depth(field, display, request)?;
         plan.choose_views(field, display, request)?;
         plan.check_eye(field, display)?;
-        plan.choose_source(display)?;
+        plan.choose_source(field, display, request)?;
         let made = field.made.as_ref().map(|made| made.in_words(field.grid));
         made.into_iter().for_each(|[value, why]| plan.say("photographs", value, why));
         let ([pixels, why], _) = field.aliasing_in_words(display, plan.settings.depth, plan.settings.diameter[1]);

@@ -91,6 +91,9 @@ pub struct Settings {
     /// display of half the resolution and twice the pitch, and each of its pixels is shown on 2 x 2.
     #[serde(skip_serializing_if = "is_one")]
     pub pixel: usize,
+    /// Whether every pupil is given all modes of the source; wide ones are given fewer where that leaves their speckle as it is.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub all_modes: bool,
     /// What moves while the sub-frames are lit: pupils are drawn so ([`Method::Slfh`] and the methods of focal stacks).
     #[serde(skip_serializing_if = "Motion::is_still")]
     pub motion: Motion,
@@ -131,6 +134,7 @@ impl Default for Settings {
             padding: PaddingRule::Never,
             views: 1,
             pixel: 1,
+            all_modes: false,
             motion: Motion::default(),
             joint: None,
             window_bytes: 256 << 20,

@@ -2,8 +2,10 @@
 
 use super::error::SolveError;
 use super::method::Method;
-use super::scene_plan::ScenePlan;
-use crate::optics::{Display, SourceSampling};
+use super::problem::Problem;
+use super::scene_plan::{PlanRequest, ScenePlan};
+use crate::optics::{Display, FewerModes, Padding, SourceSampling};
+use crate::scene::LightField;
 
 /// Refuses a source that the method knows nothing of.
 pub(super) fn check(has_modes: bool, method: Method) -> Result<(), SolveError> {
@@ -15,8 +17,14 @@ pub(super) fn check(has_modes: bool, method: Method) -> Result<(), SolveError> {
 }
 
 impl ScenePlan {
-    /// Decides, colour by colour, how few modes stand for the display's source.
-    pub(super) fn choose_source(&mut self, display: &Display) -> Result<(), SolveError> {
+    /// Decides, colour by colour, how few modes stand for the display's source, and for how wide pupils how few of them do.
+    pub(super) fn choose_source(
+        &mut self,
+        field: &LightField,
+        display: &Display,
+        request: &PlanRequest,
+    ) -> Result<(), SolveError> {
+        self.settings.all_modes |= request.full.modes;
         let mut lit = display.clone();
         let (diameter, [far, near]) = (self.settings.diameter[0], self.settings.depth);
         for color in self.colors.clone() {
@@ -31,6 +39,8 @@ impl ScenePlan {
                 None if modes > 0 => "as the display's file lists them".into(),
                 None => continue,
             };
+            let problem = Problem::outline(&lit, color, Padding::default(), self.left(field, display))?;
+            let why = why + &fewer_in_words(&problem.planner_of(&self.settings).fewer, self.settings.diameter);
             self.say("source", format!("{color}: {} modes", modes.max(1)), why);
         }
         self.source = lit.source;
@@ -41,6 +51,17 @@ impl ScenePlan {
     pub fn lit(&self, display: &Display) -> Display {
         Display { source: self.source.clone(), ..display.clone() }
     }
+}
+
+/// Which of these pupils are solved for with fewer modes.
+fn fewer_in_words(fewer: &[FewerModes], [narrow, wide]: [f64; 2]) -> String {
+    let taken = fewer.iter().enumerate().filter(|(i, few)| {
+        let wider = fewer.get(i + 1).is_some_and(|next| next.from <= narrow);
+        few.from <= wide && !wider
+    });
+    let each = taken.map(|(_, few)| format!("{} from {:.1} mm on", few.modes.len(), few.from * 1e3));
+    let all = each.collect::<Vec<_>>().join(", ");
+    if all.is_empty() { all } else { format!("; pupils are solved for with {all}") }
 }
 
 fn in_words(sampling: &SourceSampling, diameter: f64) -> String {

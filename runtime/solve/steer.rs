@@ -14,7 +14,7 @@ use super::steering::{Steering, Strategy};
 use crate::engine::{Begun, Buffer, Engine, EngineError, PhasesOnDevice};
 use crate::evaluate::{self, Sums};
 use crate::optics::{Geometry, Pupil, PupilDistribution};
-use crate::plan::{Planner, Purpose, Viewpoint, mean_loss};
+use crate::plan::{Planner, Viewpoint, mean_loss};
 use drawing::Drawing;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -87,9 +87,9 @@ impl Refiner {
             return wrong("the exposure", exposure.to_string(), "a positive, finite number");
         }
         let storage = steering.storage.unwrap_or_else(|| engine.preferred_storage());
-        let planner = Planner { storage, binary_angles: true, ..problem.planner(frames, steering.window) };
-        let adam = matches!(steering.strategy, Strategy::Adam { .. });
-        let purpose = if adam { Purpose::Adam } else { Purpose::Project };
+        let plain = problem.planner(frames, steering.window).with_fewer_modes(problem.eyebox);
+        let planner = Planner { storage, binary_angles: true, ..plain };
+        let purpose = steering.strategy.purpose();
         engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;
         let half = problem.eyebox / 2.0;
         let diameter = [half / 4.0, half / 2.0];

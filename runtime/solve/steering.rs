@@ -4,7 +4,7 @@ use super::error::SolveError;
 use super::step::Update;
 use crate::files::overlay;
 use crate::optics::WindowFactor;
-use crate::plan::Storage;
+use crate::plan::{Purpose, Storage};
 use serde::{Deserialize, Serialize};
 
 /// How the phases follow.
@@ -53,6 +53,11 @@ impl Strategy {
             Self::Adam { rate } if !gain(&rate) => wrong("Adam's rate (rad)", rate, "0 to 1e6"),
             _ => Ok(()),
         }
+    }
+
+    /// What its steps are for.
+    pub(super) fn purpose(self) -> Purpose {
+        if matches!(self, Self::Adam { .. }) { Purpose::Adam } else { Purpose::Project }
     }
 
     /// The `step`-th step since phases or aim were set anew, from 1.

@@ -1,12 +1,13 @@
 //! Light with a source (OPTICS 12): modes against float64, their gradient, and what one centred mode is.
 
 use super::model::{RADIUS, optics};
-use eyebox::engine::{Buffer, Engine};
+use eyebox::engine::{Buffer, Engine, Memory};
 use eyebox::evaluate;
 use eyebox::optics::{
-    Color, Display, DisplayModel, Iris, Optics, Padding, Prescription, Pupil, SourceKind, SourceMode, WindowFactor,
+    Color, Display, DisplayModel, Iris, Optics, Padding, Prescription, Pupil, SourceKind, SourceMode, SourceShape,
+    WindowFactor,
 };
-use eyebox::plan::{Comparison, EyeTables, ModelTables, Planner, Purpose};
+use eyebox::plan::{Comparison, EyeTables, ModelTables, Planner, Purpose, Viewpoint};
 use eyebox::scene;
 use eyebox::solve::{self, Flow, Optimizer, Problem, Settings};
 use eyebox_kernels::compare;
@@ -230,4 +231,55 @@ fn solving_with_a_source_averages_speckle() {
         let (point, source) = (solved(&plain, optimizer), solved(&wide, optimizer));
         assert!(source > point + 0.5, "{optimizer:?}: {point:.2} dB with a point, {source:.2} dB with a source");
     }
+}
+
+/// What a wide pupil is solved for with fewer modes looks as grainy as with all, and a solve over pupils of many widths comes out as
+/// good for a part of the work.
+#[test]
+fn wide_pupils_need_few_modes() {
+    let plain = Display { height: 96, width: 96, ..Display::preset("small").unwrap() };
+    let mut wide = plain.clone();
+    let mut terms = eyebox::optics::SourceTerms::default();
+    (terms.image_mm, terms.shape, terms.samples) = (Some(2.0), Some(SourceShape::Square), Some(3));
+    wide.source.insert(Color::Green.into(), terms);
+    let field = scene::load("builtin:still-life", &scene::Request::new(&plain, &[Color::Green])).unwrap();
+    let problem = Problem::new(&field, Color::Green, &wide, Padding::default()).unwrap();
+    let planner = problem.planner(1, WindowFactor::Two).with_fewer_modes(problem.eyebox);
+    let through = |planner: &Planner, mm: f64| {
+        planner.viewpoint(&Viewpoint::Pupil(Pupil::from_mm([0.5, 1.0, mm, 1.0])), &Comparison::default())
+    };
+    let counts: Vec<usize> = [2.0, 4.0, 8.0, 16.0].map(|mm| through(&planner, mm).mode_count()).into();
+    assert_eq!(counts, [9, 4, 3, 2]);
+    let whole = Planner { factor: WindowFactor::Full, ..planner.clone() };
+    assert_eq!(through(&whole, 16.0).mode_count(), 9, "whoever looks sees all");
+
+    let (_, rounded) = phases(96 * 96, 5);
+    let mut engine = loaded(&planner, Purpose::View, &rounded);
+    let all = Planner { fewer: [].into(), ..planner.clone() };
+    for mm in [5.0, 8.0, 16.0] {
+        let mut contrast = |planner: &Planner| {
+            engine.run(&planner.view_step(vec![through(planner, mm)])).unwrap();
+            evaluate::contrast(&engine.read(Buffer::Image(0)).unwrap())
+        };
+        let (few, many) = (contrast(&planner), contrast(&all));
+        assert!((few / many - 1.0).abs() < 0.06, "{mm} mm: {few} with fewer modes, {many} with all");
+    }
+
+    let solved = |all_modes: bool| {
+        let settings = Settings {
+            frames: 1,
+            steps: 15,
+            pupils: 8,
+            diameter: [2e-3, 18e-3],
+            depth: field.reach(&wide).0,
+            all_modes,
+            ..Settings::default()
+        };
+        let mut engine = eyebox::engine::cpu::CpuEngine::new();
+        let solution = solve::solve(&problem, &settings, &mut engine, &mut |_| Flow::Continue).unwrap();
+        let work = solve::Cost::new(&problem, &settings, Memory::Host, 512).step.iter().sum::<f64>();
+        (solution.validation.mean(), work)
+    };
+    let ((few, less), (many, more)) = (solved(false), solved(true));
+    assert!(few > many - 0.1 && less < 0.6 * more, "{few:.2} dB for {less:.0}, {many:.2} dB for {more:.0}");
 }

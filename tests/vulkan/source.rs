@@ -3,8 +3,8 @@
 use super::steps::{assert_close, solve, steps};
 use eyebox::engine::cpu::CpuEngine;
 use eyebox::engine::{Buffer, Engine, Kernel, Purpose, Storage};
-use eyebox::optics::{Prescription, SourceMode};
-use eyebox::plan::{Comparison, EyeTables, ModelTables};
+use eyebox::optics::{FewerModes, Prescription, SourceMode};
+use eyebox::plan::{Comparison, EyeTables, ModelTables, Viewpoint};
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
 use eyebox_tests::both::{Case, Noise, assert_silent, compare, distance, every_fault, vulkan};
 
@@ -107,4 +107,30 @@ fn another_number_of_modes_is_refused() {
         let said = engine.run(&step).unwrap_err().to_string();
         assert!(said.contains("3 modes") && said.contains("with_source"), "{said}");
     }
+}
+
+/// Pupils of one step that have more and fewer modes.
+#[test]
+fn pupils_of_different_modes_share_a_step() {
+    let mut engine = vulkan();
+    let mut case = lit(Case::new(45, 64, 0, 4e-3, 3), 5, false);
+    let few = case.planner.modes[..2].iter().map(|mode| SourceMode { weight: 0.5, ..*mode }).collect();
+    let between = case.pupils.iter().map(|pupil| pupil.diameter).sum::<f64>() / case.pupils.len() as f64;
+    case.planner.fewer = [FewerModes { from: between, modes: few }].into();
+    for (purpose, mode) in [(Purpose::Project, PROJECTION), (Purpose::Adam, INTENSITY)] {
+        let comparison = Comparison { mode, exposure: 0.6, batch: case.pupils.len(), ..Comparison::default() };
+        let passes = || case.pupils.iter().map(|p| case.planner.viewpoint(&Viewpoint::Pupil(*p), &comparison));
+        let counts: Vec<usize> = passes().map(|pass| pass.mode_count()).collect();
+        assert!(counts.contains(&5) && counts.contains(&2), "{counts:?}");
+        for in_flight in [usize::MAX, 3000] {
+            let step = match purpose {
+                Purpose::Adam => case.planner.adam_step(passes().collect(), in_flight, 1, 0.1),
+                _ => case.planner.project_step(passes().collect(), in_flight, 0.5, 2.0, 0.5),
+            };
+            let got = solve(&mut engine, &case, purpose, std::slice::from_ref(&step));
+            let want = solve(&mut CpuEngine::new(), &case, purpose, std::slice::from_ref(&step));
+            assert_close(&got, &want, &format!("{purpose:?}, {in_flight} in flight"));
+        }
+    }
+    assert_silent(engine);
 }

@@ -169,7 +169,7 @@ pub struct Solve {
     /// scene needs it; or exactly the SLM's size [default: never; alone: always]
     #[arg(long, value_parser = one_of(&PADDINGS), value_name = "RULE", num_args = 0..=1, require_equals = true, default_missing_value = "always")]
     pub padding: Option<PaddingRule>,
-    /// Model these parts in full whatever the scene requires: colors, views, padding, window, or all
+    /// Model these parts in full whatever the scene requires: colors, views, padding, window, modes, or all
     #[arg(long, value_name = "PARTS", num_args = 0..=1, require_equals = true, default_missing_value = "all", value_parser = full)]
     pub full: Option<Full>,
     /// As many sub-frames as this speckle contrast needs, 0 to 1, instead of --frames

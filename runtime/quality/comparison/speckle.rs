@@ -18,11 +18,11 @@ const GROUPS: usize = 4;
 /// Joint solves per count.
 const REPEATS: usize = 2;
 /// Largest side of the plane, pixels: hundreds of grains of a pupil of 1/4 of the eyebox.
-const SIDE: usize = 128;
+pub(super) const SIDE: usize = 128;
 /// Linear light of the plane.
-const GREY: f32 = 0.5;
+pub(super) const GREY: f32 = 0.5;
 /// Share of the light that pupils are to see, as scenes of middle brightness have it.
-const EFFICIENCY: f64 = 0.4;
+pub(super) const EFFICIENCY: f64 = 0.4;
 
 /// Solves that one method takes.
 pub(crate) const SOLVES: usize = GROUPS * COUNTS[COUNTS.len() - 1] + REPEATS * COUNTS.len();
@@ -45,15 +45,12 @@ pub fn speckle(
     let display = Display { height: side, width: side, prescription: None, ..display.clone() };
     let color = leading(&display.wavelengths.iter().map(|w| w.color).collect::<Vec<_>>());
     let problem = Problem::new(&plane(side, color, views), color, &display, Padding::default())?;
+    let problems = [problem.clone(), problem];
     let diameter = display.eyebox_min() / 4.0;
     let pupil = Pupil { x: 0.0, y: 0.0, diameter, depth: 0.0 };
     let mut view = |frames: usize, seed: u64| -> Result<Vec<f32>, QualityError> {
         let settings = Settings { method, frames, seed, efficiency: Some(EFFICIENCY), ..settings.clone() };
-        let solution = solve::solve(&problem, &settings, engine, &mut |_| Flow::Continue)?;
-        let planner = problem.planner(frames, WindowFactor::Full);
-        engine.load(&planner.shape(Purpose::View), None)?;
-        engine.write(Buffer::Phases, &solution.phases)?;
-        Ok(evaluate::views(engine, &planner, &[pupil])?.remove(0))
+        Ok(seen_of(&problems, &settings, &[pupil], engine, &mut |_| Flow::Continue)?.remove(0))
     };
     let seed = |i: usize| settings.seed.wrapping_add(0x7370_6563 + i as u64);
     let mut images = Vec::new();
@@ -85,8 +82,23 @@ pub fn speckle(
     }))
 }
 
+/// What is seen through these pupils, without exposure, of a hologram of the first problem, in the light of the second.
+pub(super) fn seen_of(
+    [solved, judging]: &[Problem; 2],
+    settings: &Settings,
+    pupils: &[Pupil],
+    engine: &mut dyn Engine,
+    observe: &mut dyn FnMut(&solve::Progress) -> Flow,
+) -> Result<Vec<Vec<f32>>, QualityError> {
+    let solution = solve::solve(solved, settings, engine, observe)?;
+    let planner = judging.planner(settings.frames, WindowFactor::Full);
+    engine.load(&planner.shape(Purpose::View), None)?;
+    engine.write(Buffer::Phases, &solution.phases)?;
+    Ok(evaluate::views(engine, &planner, pupils)?)
+}
+
 /// The same grey from everywhere.
-fn plane(side: usize, color: Color, views: [usize; 2]) -> LightField {
+pub(super) fn plane(side: usize, color: Color, views: [usize; 2]) -> LightField {
     LightField {
         name: "even plane".into(),
         grid: views,

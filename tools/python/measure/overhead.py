@@ -1,6 +1,6 @@
 """What Python adds to a solve: `EYEBOX=.../eyebox python3 tools/python/measure/overhead.py [PAIRS] [SIDE] [STEPS]` has the command and the package, in turn, load
-a scene, solve it and save it, and compares phases and processor time, which a busy machine changes little. The package's solve has a callback,
-which is called at each step. Both want to be built with the same profile."""
+a scene, solve it and save it, and compares phases, seconds on the clock, and processor time, which a busy machine changes little. The package's
+solve has a callback, which is called at each step. Both want to be built with the same profile."""
 
 import os
 import resource
@@ -8,35 +8,41 @@ import statistics
 import subprocess
 import sys
 import tempfile
+import time
 
 import eyebox
 
 
-def processor(who):
-    """Seconds that processors have worked for it."""
+def taken(who):
+    """Seconds on the clock, and those that processors have worked for it."""
     used = resource.getrusage(who)
-    return used.ru_utime + used.ru_stime
+    return time.monotonic(), used.ru_utime + used.ru_stime
+
+
+def since(before, who):
+    """What of both has passed."""
+    return [now - then for now, then in zip(taken(who), before)]
 
 
 def command(folder, side, steps):
-    """Seconds of processors for the command, and its hologram."""
+    """Seconds on the clock and of processors for the command, and its hologram."""
     out = os.path.join(folder, "command.zarr")
     settings = f"--display planes8 --size {side}x{side} --color green --steps {steps} --seed 7 --engine cpu".split()
-    before = processor(resource.RUSAGE_CHILDREN)
+    before = taken(resource.RUSAGE_CHILDREN)
     subprocess.run([os.environ["EYEBOX"], "solve", "builtin:still-life", *settings, "-o", out], check=True, capture_output=True)
-    return processor(resource.RUSAGE_CHILDREN) - before, eyebox.Hologram.load(out)
+    return since(before, resource.RUSAGE_CHILDREN), eyebox.Hologram.load(out)
 
 
 def package(folder, side, steps):
-    """Seconds of processors for the package, and its hologram."""
+    """Seconds on the clock and of processors for the package, and its hologram."""
     told = []
-    before = processor(resource.RUSAGE_SELF)
+    before = taken(resource.RUSAGE_SELF)
     display = eyebox.Display("planes8", size=(side, side))
     scene = eyebox.Scene("builtin:still-life", display, "green")
     hologram = eyebox.solve(scene, display, steps=steps, seed=7, engine="cpu", callback=told.append)
     hologram.save(os.path.join(folder, "package.zarr"))
     assert len(told) >= steps
-    return processor(resource.RUSAGE_SELF) - before, hologram
+    return since(before, resource.RUSAGE_SELF), hologram
 
 
 def main():
@@ -51,9 +57,11 @@ def main():
             if pair % 2 == 1:
                 theirs, reference = command(folder, side, steps)
             assert hologram.phases["green"].tobytes() == reference.phases["green"].tobytes(), "other bytes"
-            ratios.append(own / theirs)
-            print(f"command {theirs:.2f} s of processors, package {own:.2f} s", flush=True)
-    print(f"package over command: median {statistics.median(ratios):.3f} ({min(ratios):.3f} to {max(ratios):.3f}); the same bytes")
+            ratios.append([mine / other for mine, other in zip(own, theirs)])
+            print("command {:.2f} s on the clock, {:.2f} s of processors, package {:.2f} s, {:.2f} s".format(*theirs, *own), flush=True)
+    print("package over command, with the same bytes:")
+    for name, found in zip(("clock", "processors"), zip(*ratios)):
+        print(f"  {name}: median {statistics.median(found):.3f} ({min(found):.3f} to {max(found):.3f})")
 
 
 if __name__ == "__main__":

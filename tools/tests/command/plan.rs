@@ -84,7 +84,7 @@ fn sub_frames_follow_the_speckle_asked_for() {
     let plan = |more: &[&'static str]| [&["plan", "builtin:plane"][..], more].concat();
     refused(at, &plan(&["--speckle", "2"]), "x", "0.016 (4096 sub-frames) to 1");
     refused(at, &plan(&["--speckle", "0.5", "--frames", "8"]), "x", "--frames");
-    refused(at, &plan(&["--full=colors,nonsense"]), "x", "colors, views, padding, window and all");
+    refused(at, &plan(&["--full=colors,nonsense"]), "x", "colors, views, padding, window, modes and all");
     refused(at, &plan(&["--padding=sometimes"]), "x", "sometimes");
     refused(at, &["plan", "builtin:none"], "x", "still-life");
 }
