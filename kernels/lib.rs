@@ -198,8 +198,9 @@ macro_rules! kernels {
                 work: |u| 2.0 * u.passing(),
                 twin: |c| {
                     let (points, relay) = (c.shape.points(), c.relay);
-                    c.each_mode(|i, p, transfer| {
-                        $crate::relay::relay(&p.pass, &relay[i * points..][..points], &p.spans, transfer);
+                    c.each_mode(|_, p, transfer| {
+                        let own = &relay[p.source_mode * points..][..points];
+                        $crate::relay::relay(&p.pass, own, &p.spans, transfer);
                     });
                 },
                 shader: Modes |c, p| c.rows(p.pass.rows, p.pass.columns, &p.pass),

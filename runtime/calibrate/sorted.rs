@@ -86,7 +86,7 @@ pub(super) fn sort(display: &Display, color: Color, taken: &Taken) -> Result<Sor
             pattern_shots.len()
         )));
     }
-    let radius = display.eyebox_min() / 2.0;
+    let radius = display.source_eyebox_min() / 2.0;
     let pictures = Pictures { optics, sets, views: Vec::new() };
     let (smooth, fitted, pairs) = (Vec::new(), Vec::new(), Vec::new());
     let mut sorted =

@@ -18,6 +18,8 @@ const DISPLAY: &str = "display.toml";
 const CALIBRATION: [&str; 2] = ["look-up-", "correction-"];
 /// The lasers' powers, sub-frame by sub-frame, of all colours at once.
 const POWERS: &str = "powers.csv";
+/// The switchable sources' powers, sub-frame by sub-frame.
+const SOURCES: &str = "sources.csv";
 const FORMAT: u32 = 1;
 
 /// Whether there is a folder of video frames that says its display and what they hold.
@@ -64,8 +66,9 @@ impl Encoder {
     }
 
     /// Writes video frames as PNGs into `folder`, which appears whole, with the display, its calibration, and what the
-    /// frames hold: all that [`Encoded`] needs; of all colours at once, with the powers of their lasers (`powers.csv`). `of` is the hologram that they show, where it is known. A folder of such
-    /// frames is replaced; any other that is not empty is left alone.
+    /// frames hold: all that [`Encoded`] needs; of all colours at once, with the powers of their lasers (`powers.csv`), and of switchable
+    /// sources with theirs (`sources.csv`). `of` is the hologram that they show, where it is known. A folder of such frames is replaced;
+    /// any other that is not empty is left alone.
     ///
     /// # Errors
     /// [`EncodeError::File`].
@@ -82,6 +85,9 @@ impl Encoder {
         draft.write(DISPLAY, |out| out.write_all(display.to_toml().as_bytes()))?;
         if let Some(joint) = of.and_then(|hologram| hologram.metadata.joint_color.as_ref()) {
             draft.write(POWERS, |out| out.write_all(joint.table().as_bytes()))?;
+        }
+        if let Some(table) = of.and_then(Hologram::sources_table) {
+            draft.write(SOURCES, |out| out.write_all(table.as_bytes()))?;
         }
         let document = Document {
             format: FORMAT,
@@ -112,7 +118,7 @@ fn holds_only_frames(folder: &Path) -> bool {
     };
     let ours = |name: &str| {
         frame(name)
-            || [DOCUMENT, DISPLAY, POWERS].contains(&name)
+            || [DOCUMENT, DISPLAY, POWERS, SOURCES].contains(&name)
             || CALIBRATION.iter().any(|begins| name.starts_with(begins))
     };
     fs::read_dir(folder).is_ok_and(|mut all| all.all(|e| e.is_ok_and(|e| e.file_name().to_str().is_some_and(ours))))

@@ -163,9 +163,9 @@ impl CpuEngine {
         let (frames, points, field) = (shape.frames, shape.points(), &*field);
         let store = storing(shape.storage);
         let relays = |d: &Dispatch| d.kernel == Kernel::Relay;
-        let odd = pupil_passes.iter().find(|pass| pass.mode_count() > shape.model.relay);
+        let odd = pupil_passes.iter().find(|pass| pass.last_source_mode() >= shape.model.relay);
         if let Some(pass) = odd.filter(|_| group.iter().any(relays)) {
-            return Err(super::other_source(pass.mode_count(), shape.model.relay));
+            return Err(super::other_source(pass.last_source_mode() + 1, shape.model.relay));
         }
         slots.par_iter_mut().zip(pupil_passes).for_each(|(slot, pass)| {
             let mut rest = group;

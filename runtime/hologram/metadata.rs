@@ -2,7 +2,8 @@
 
 use super::HologramError;
 use crate::optics::{
-    Color, JointColor, ModelSections, Padding, Picture, Prescription, PupilDistribution, SourceSections, Viewing,
+    Color, JointColor, ModelSections, Padding, Picture, Prescription, PupilDistribution, SourceSections, Sources,
+    Viewing,
 };
 use crate::scene::{Near, Order, Photographs};
 use crate::solve::{Settings, Steering};
@@ -61,6 +62,9 @@ pub struct Metadata {
     /// Its display's light, where that is no laser on the axis, as it was solved for and is looked at in.
     #[serde(skip_serializing_if = "SourceSections::is_empty")]
     pub source: SourceSections,
+    /// Its display's switchable sources, and which of them are lit in its sub-frames.
+    #[serde(skip_serializing_if = "Sources::is_empty")]
+    pub sources: Sources,
     /// Where its display's picture is seen, which it was solved for.
     #[serde(skip_serializing_if = "Picture::is_empty")]
     pub picture: Picture,

@@ -294,6 +294,7 @@ impl Hologram {
             metadata: Metadata {
                 model: display.model.clone(),
                 source: display.source.clone(),
+                sources: display.sources.clone(),
                 picture: display.picture,
                 prescription: display.prescription.clone(),
                 viewing: display.viewing,
@@ -327,6 +328,7 @@ impl Hologram {
             encoding: Default::default(),
             model: self.metadata.model.clone(),
             source: self.metadata.source.clone(),
+            sources: self.metadata.sources.clone(),
             picture: self.metadata.picture,
             prescription: self.metadata.prescription.clone(),
             viewing: self.metadata.viewing,

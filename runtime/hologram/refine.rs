@@ -76,6 +76,9 @@ impl Refinement {
     pub fn hologram(&mut self) -> Result<&Hologram, EngineError> {
         for (color, refiner) in self.hologram.colors.iter_mut().zip(&mut self.refiners) {
             color.phases = refiner.phases()?;
+            if let Some(name) = color.color {
+                self.hologram.metadata.sources.light_only(name, refiner.sources());
+            }
         }
         Ok(&self.hologram)
     }

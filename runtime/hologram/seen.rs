@@ -28,8 +28,12 @@ impl Hologram {
     /// # Errors
     /// Those of [`Pupil::check_usual`]; [`OpticsError::Unusual`] for a focus that no eye has.
     pub fn check_pupil(&self, pupil: Pupil) -> Result<Pupil, OpticsError> {
-        for color in 0..self.colors.len() {
-            pupil.check_usual(&self.optics(color)?)?;
+        let display = self.made_for().ok().filter(|display| !display.sources.is_empty());
+        for (at, color) in self.colors.iter().enumerate() {
+            match display.as_ref().zip(color.color) {
+                Some((display, color)) => display.check_pupil(color, pupil)?,
+                None => pupil.check_usual(&self.optics(at)?)?,
+            };
         }
         if pupil.depth.abs() > FARTHEST {
             let given = format!("the focus is at {} m", pupil.depth);

@@ -199,6 +199,27 @@ impl Hologram {
         Some(&laser.powers)
     }
 
+    /// A table of its switchable sources' powers, for whoever drives them: a line a colour and sub-frame, a column a source; 1 is a
+    /// source of power 1 that is always lit. None where its display has no such sources.
+    pub fn sources_table(&self) -> Option<String> {
+        let sources = &self.metadata.sources;
+        if sources.is_empty() {
+            return None;
+        }
+        let mut table = String::from("color,sub_frame");
+        (1..=sources.each.len()).for_each(|number| table += &format!(",source_{number}"));
+        table.push('\n');
+        for color in &self.colors {
+            let name = color.color?;
+            let powers = sources.powers(name, self.frames, self.focal_length, color.wavelength);
+            for frame in 0..self.frames {
+                let each: String = powers.iter().map(|of_source| format!(",{:.6}", of_source[frame])).collect();
+                table += &format!("{name},{frame}{each}\n");
+            }
+        }
+        Some(table)
+    }
+
     /// The modes of the source that one of its colours was solved for, and is looked at in; none for a laser on the axis.
     ///
     /// # Errors
@@ -206,7 +227,9 @@ impl Hologram {
     pub fn modes(&self, color: usize) -> Result<Vec<SourceMode>, HologramError> {
         // Only colours that have a name have a source.
         match self.colors[color].color {
-            Some(name) if !self.metadata.source.is_empty() => Ok(self.made_for()?.modes(name)),
+            Some(name) if !(self.metadata.source.is_empty() && self.metadata.sources.is_empty()) => {
+                Ok(self.made_for()?.modes(name))
+            }
             _ => Ok(Vec::new()),
         }
     }
@@ -253,6 +276,7 @@ fn whole(
         Some(frame) => {
             planner.frames = 1;
             planner.powers = hologram.powers(color).map(|powers| powers[frame]).into_iter().collect();
+            planner.modes = planner.modes.iter().map(|mode| mode.in_frame(frame, hologram.frames)).collect();
             hologram.frame(color, frame)
         }
         None => &hologram.colors[color].phases,

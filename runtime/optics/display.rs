@@ -5,7 +5,10 @@ use super::encoding::Encoding;
 use super::joint_color::check_dispersion;
 use super::model::{self, DisplayModel, ModelSections, ModelTerms};
 use super::wavefront_map;
-use super::{Geometry, Optics, OpticsError, Picture, PictureMap, Prescription, SourceSections, Viewing};
+use super::{
+    Geometry, Optics, OpticsError, Picture, PictureMap, Prescription, SourceSections, Sources, SourcesLit,
+    SwitchedSource, Viewing,
+};
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::Path};
 
@@ -43,6 +46,9 @@ pub struct Wavelength {
 /// [source.all]                   # light that is no laser on the axis: docs/displays.md
 /// kind = "led"
 ///
+/// [[sources]]                    # switchable sources, for a larger eyebox: docs/displays.md
+/// eyebox_mm = [-22, 0]
+///
 /// [viewing]                      # how bright and how fine it is seen: docs/displays.md
 /// luminance_cd_m2 = 200
 /// ```
@@ -76,6 +82,8 @@ pub struct Display {
     pub model: ModelSections,
     /// Its light, where that is no laser on the axis.
     pub source: SourceSections,
+    /// Its switchable sources, where it has any (OPTICS 12).
+    pub sources: Sources,
     /// Where its picture is seen.
     pub picture: Picture,
     /// The eye that looks at it; none for a perfect one.
@@ -114,6 +122,10 @@ struct File {
     /// wavelength over the colour's].
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     dispersion: BTreeMap<Color, f64>,
+    /// Which of its switchable sources are lit: `"in-turn"`, `"together"`, `"steered"`, or `{ only = { green = [1, 2] } }`
+    /// [default: in-turn].
+    #[serde(default, skip_serializing_if = "is_in_turn")]
+    sources_lit: SourcesLit,
     /// How it takes its phases: the table below.
     #[serde(default)]
     encoding: Encoding,
@@ -123,6 +135,9 @@ struct File {
     /// Its light, where that is no laser on the axis: `[source.red]`, `[source.green]`, `[source.blue]`, `[source.all]`, below.
     #[serde(default, skip_serializing_if = "SourceSections::is_empty")]
     source: SourceSections,
+    /// Its switchable sources, one table each: `[[sources]]`, below.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    sources: Vec<SwitchedSource>,
     /// Where its picture is seen, as `eyebox calibrate --register` found: below.
     #[serde(default, skip_serializing_if = "Picture::is_empty")]
     picture: Picture,
@@ -141,6 +156,10 @@ fn in_unit(metres: f64, unit: f64) -> f64 {
         .filter_map(|digits| format!("{plain:.digits$e}").parse().ok())
         .find(|v: &f64| (v * unit / metres - 1.0).abs() < 1e-15)
         .unwrap_or(plain)
+}
+
+fn is_in_turn(lit: &SourcesLit) -> bool {
+    *lit == SourcesLit::InTurn
 }
 
 fn levels_default() -> u32 {
@@ -195,6 +214,7 @@ impl Display {
             encoding,
             model,
             source: read.source,
+            sources: Sources { each: read.sources, lit: read.sources_lit },
             picture: read.picture,
             prescription: read.prescription,
             viewing: read.viewing,
@@ -238,6 +258,8 @@ impl Display {
             encoding: self.encoding.clone(),
             model: self.model.clone(),
             source: self.source.clone(),
+            sources: self.sources.each.clone(),
+            sources_lit: self.sources.lit.clone(),
             picture: self.picture,
             prescription: self.prescription.clone(),
             viewing: self.viewing,
@@ -279,14 +301,6 @@ impl Display {
         self.picture.map(color, self.picture_size().into())
     }
 
-    /// Side of the eyebox that all its colours serve, metres: the shortest wavelength's (OPTICS 1), or the SLM's (OPTICS 9).
-    pub fn eyebox_min(&self) -> f64 {
-        match self.geometry {
-            Geometry::Relay => self.shortest() * self.focal_length / self.pitch,
-            Geometry::FarField => self.height.min(self.width) as f64 * self.pitch,
-        }
-    }
-
     /// Rows and columns of the pictures that it shows: its pixels, or a square of as many where it stands in the far field.
     pub fn picture_size(&self) -> (usize, usize) {
         self.geometry.picture_size(self.height, self.width)
@@ -316,7 +330,7 @@ impl Display {
         }
     }
 
-    fn shortest(&self) -> f64 {
+    pub(super) fn shortest(&self) -> f64 {
         self.wavelengths.iter().map(|w| w.wavelength).fold(f64::INFINITY, f64::min)
     }
 }

@@ -69,6 +69,7 @@ fn candidates(modes: &[SourceMode], reach: f64, focal_length: f64) -> Vec<Vec<So
             angle: [0, 1].map(|i| (mean[i] + p[i]) / focal_length),
             wavelength: if reach > 0.0 { mean_wavelength * (1.0 + p[2] / reach) } else { mean_wavelength },
             weight,
+            ..SourceMode::centred(mean_wavelength)
         };
         points.into_iter().map(mode).collect()
     };
@@ -139,6 +140,7 @@ mod tests {
             angle: [at(i % 3) + 1e-3, 0.5 * at(i / 3)],
             wavelength: 520e-9 + 2e-9 * (line as f64 - 0.5 * (lines as f64 - 1.0)),
             weight: 1.0 / (9 * lines) as f64,
+            ..SourceMode::centred(520e-9)
         };
         (0..9).flat_map(|i| (0..lines).map(move |line| mode(i, line))).collect()
     }

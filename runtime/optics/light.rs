@@ -34,16 +34,30 @@ impl Display {
         }
     }
 
-    /// The modes of one of its colours' light, whose weights add up to 1; none for a laser on the axis, or a colour that it does
-    /// not have.
+    /// The modes of one of its colours' light, whose weights add up to 1 for each switchable source of power 1, of sources that are
+    /// lit and of those that are not; none for a laser on the axis, or a colour that it does not have.
     pub fn modes(&self, color: Color) -> Vec<SourceMode> {
-        let Some((terms, optics)) = self.source_terms(color).zip(self.optics(color).ok()) else { return Vec::new() };
-        let modes = terms.modes(optics.wavelength, optics.focal_length);
-        if modes == [SourceMode::centred(optics.wavelength)] { Vec::new() } else { modes }
+        let Ok(optics) = self.optics(color) else { return Vec::new() };
+        let centred = || vec![SourceMode::centred(optics.wavelength)];
+        let modes = self.source_terms(color).map_or_else(centred, |t| t.modes(optics.wavelength, optics.focal_length));
+        let modes = match self.sources.is_empty() {
+            true => modes,
+            false => self.sources.modes(color, self.focal_length, &modes),
+        };
+        match modes[..] {
+            // Whichever source it is of, there is no other.
+            [one] if SourceMode { source: 0, ..one } == SourceMode::centred(optics.wavelength) => Vec::new(),
+            _ => modes,
+        }
     }
 
     /// What is wrong with its source, in words.
     pub(super) fn check_source(&self) -> Result<(), String> {
+        if !self.sources.is_empty() && self.geometry == Geometry::FarField {
+            return Err("[[sources]]: they are for an SLM behind a relay: leave them out".into());
+        }
+        let all: Vec<Color> = self.wavelengths.iter().map(|w| w.color).collect();
+        self.sources.check(&all, self.focal_length)?;
         for of in self.source.keys() {
             let is_its = |color: Color| *of == ModelOf::All || ModelOf::from(color) == *of;
             let colors = self.wavelengths.iter().map(|w| w.color).filter(|color| is_its(*color));

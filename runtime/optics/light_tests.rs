@@ -59,8 +59,8 @@ fn a_colour_s_source_comes_before_that_of_all_and_survives_the_file() {
         "[source.green]\nmodes = [{ angle_mrad = [1, -2], wavelength_nm = 522, weight = 3 }, { weight = 1 }]\n",
     );
     let wanted = [
-        SourceMode { angle: [1e-3, -2e-3], wavelength: 522e-9, weight: 0.75 },
-        SourceMode { angle: [0.0; 2], wavelength: 520e-9, weight: 0.25 },
+        SourceMode { angle: [1e-3, -2e-3], wavelength: 522e-9, weight: 0.75, ..SourceMode::centred(522e-9) },
+        SourceMode { angle: [0.0; 2], wavelength: 520e-9, weight: 0.25, ..SourceMode::centred(520e-9) },
     ];
     let modes = list.modes(Color::Green);
     assert!((modes[0].wavelength - wanted[0].wavelength).abs() < 1e-21);
@@ -112,6 +112,7 @@ fn speckle_falls_as_the_source_grows_and_few_samples_tell() {
             angle: [f64::from(i % 5 - 2), f64::from(i / 5 - 2)].map(|at| at * 0.5e-3 / 0.4),
             wavelength: 520e-9,
             weight: 0.04,
+            ..SourceMode::centred(520e-9)
         })
         .collect();
     assert!((contrast(&grid) - 0.64).abs() < 0.01, "{}", contrast(&grid));

@@ -13,7 +13,7 @@ pub struct Reach {
     pub field_of_view_degrees: [f64; 2],
     /// Pixels a degree in the middle of the picture.
     pub pixels_per_degree: f64,
-    /// Side of the eyebox that all colours serve, mm.
+    /// Side of the eyebox that all colours serve, mm; of one source, where there are several.
     pub eyebox_mm: f64,
     /// Of each colour's own, mm.
     pub eyebox_mm_by_color: BTreeMap<Color, f64>,
@@ -22,6 +22,27 @@ pub struct Reach {
     pub depth_mm: [f64; 2],
     /// The same in dioptres.
     pub depth_dioptres: [f64; 2],
+    /// Area of the eyebox times the solid angle of the picture (small angles), mm2 sr.
+    pub etendue_mm2_sr: f64,
+    /// With its switchable sources, where it has any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sources: Option<SourcesReach>,
+}
+
+/// What a display's switchable sources make of its eyebox; the field of view stays.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct SourcesReach {
+    /// How many there are.
+    pub sources: usize,
+    /// Sides of the rectangle around their eyeboxes, (up, across), mm.
+    pub eyebox_mm: [f64; 2],
+    /// The area of it that they cover, mm2.
+    pub area_mm2: f64,
+    /// That area times the solid angle of the picture, mm2 sr.
+    pub etendue_mm2_sr: f64,
+    /// The longest time that one of them takes to be switched, microseconds.
+    pub switching_us: f64,
 }
 
 impl Display {
@@ -31,14 +52,26 @@ impl Display {
         let (f, pixel, (rows, columns)) = (self.focal_length, self.picture_pixel(), self.picture_size());
         let extent = [rows, columns].map(|n| n as f64 * pixel);
         let depth = extent[0].min(extent[1]) * f / self.eyebox_min();
+        let solid = extent[0] * extent[1] / (f * f);
+        let (whole, area) = self.whole_eyebox();
+        let sources = &self.sources.each;
+        let sources = (!sources.is_empty()).then(|| SourcesReach {
+            sources: sources.len(),
+            eyebox_mm: [whole.size[1] * 1e3, whole.size[0] * 1e3],
+            area_mm2: area * 1e6,
+            etendue_mm2_sr: area * solid * 1e6,
+            switching_us: sources.iter().map(|source| source.switching_us).fold(0.0, f64::max),
+        });
         let own = |w: &super::Wavelength| Some((w.color, self.optics(w.color).ok()?.eyebox() * 1e3));
         Reach {
             field_of_view_degrees: extent.map(|e| 2.0 * (e / (2.0 * f)).min(1.0).asin().to_degrees()),
             pixels_per_degree: (f / pixel).to_radians(),
-            eyebox_mm: self.eyebox_min() * 1e3,
+            eyebox_mm: self.source_eyebox_min() * 1e3,
             eyebox_mm_by_color: self.wavelengths.iter().filter_map(own).collect(),
             depth_mm: [-depth * 1e3, depth * 1e3],
             depth_dioptres: [-dioptres(depth, f), dioptres(depth, f)],
+            etendue_mm2_sr: self.source_eyebox_min().powi(2) * solid * 1e6,
+            sources,
         }
     }
 }
@@ -50,7 +83,7 @@ impl fmt::Display for Reach {
         write!(
             out,
             "{across:.2} degrees wide, {up:.2} high, {:.0} pixels a degree; eyebox {:.1} mm ({}); depths {:.1} to {:.1} mm \
-             ({:.2} to {:.2} D)",
+             ({:.2} to {:.2} D); etendue {:.3} mm2 sr",
             self.pixels_per_degree,
             self.eyebox_mm,
             colors.join(", "),
@@ -58,6 +91,17 @@ impl fmt::Display for Reach {
             self.depth_mm[1],
             self.depth_dioptres[0],
             self.depth_dioptres[1],
+            self.etendue_mm2_sr,
+        )?;
+        let Some(SourcesReach { sources, eyebox_mm: [up, across], area_mm2, etendue_mm2_sr, .. }) = &self.sources
+        else {
+            return Ok(());
+        };
+        let times = area_mm2 / self.eyebox_mm.powi(2);
+        write!(
+            out,
+            "; with its {sources} sources: eyebox {across:.1} x {up:.1} mm, {times:.1} times the area of one, field of view the \
+             same, etendue {etendue_mm2_sr:.3} mm2 sr"
         )
     }
 }

@@ -18,12 +18,44 @@ pub struct SourceMode {
     pub wavelength: f64,
     /// Its share of the light.
     pub weight: f64,
+    /// Which of the display's switchable sources it belongs to, by its place.
+    pub source: usize,
+    /// `[k, n]`: it is lit in each sub-frame whose number leaves k when it is divided by n; never where n is 0.
+    pub turn: [usize; 2],
 }
 
 impl SourceMode {
+    /// The [turn](Self::turn) of what is lit in every sub-frame.
+    pub const ALWAYS: [usize; 2] = [0, 1];
+    /// That of what is lit in none.
+    pub const NEVER: [usize; 2] = [0, 0];
+
     /// A laser on the axis: no source at all.
     pub fn centred(wavelength: f64) -> Self {
-        Self { angle: [0.0; 2], wavelength, weight: 1.0 }
+        Self { angle: [0.0; 2], wavelength, weight: 1.0, source: 0, turn: Self::ALWAYS }
+    }
+
+    /// Whether it is lit in any sub-frame.
+    pub fn is_lit(&self) -> bool {
+        self.turn[1] > 0
+    }
+
+    /// Its power in one of so many sub-frames, over its mean: what takes turns shines so much brighter in its own.
+    pub fn power(&self, frame: usize, frames: usize) -> f64 {
+        let [place, count] = self.turn;
+        let is_own = |frame: usize| frame.checked_rem(count) == Some(place);
+        match (0..frames).filter(|f| is_own(*f)).count() {
+            own if own > 0 && is_own(frame) => frames as f64 / own as f64,
+            _ => 0.0,
+        }
+    }
+
+    /// The same where one of so many sub-frames is seen alone.
+    #[must_use]
+    pub fn in_frame(self, frame: usize, frames: usize) -> Self {
+        let power = self.power(frame, frames);
+        let turn = if power > 0.0 { Self::ALWAYS } else { Self::NEVER };
+        Self { weight: if power > 0.0 { self.weight * power } else { self.weight }, turn, ..self }
     }
 
     /// Where, in the SLM's own light, the pupil stands that sees this mode: moved by `-f t`.
@@ -176,6 +208,7 @@ impl SourceTerms {
                 angle: mode.angle_mrad.map(|mrad| mrad * 1e-3),
                 wavelength: mode.wavelength_nm.map_or(wavelength, |nm| nm * 1e-9),
                 weight: if self.modes.len() == 1 { 1.0 } else { mode.weight / sum },
+                ..SourceMode::centred(wavelength)
             };
             return self.modes.iter().filter(|mode| mode.weight > 0.0).map(one).collect();
         }
@@ -193,6 +226,7 @@ impl SourceTerms {
                 angle: place.map(|at| 0.5 * angle * at),
                 wavelength: wavelength + line * off,
                 weight: share * part,
+                ..SourceMode::centred(wavelength)
             };
             lines.iter().map(one).collect::<Vec<_>>()
         };

@@ -162,7 +162,7 @@ impl ModelTables {
 
     /// Of a display in one of its colours, on its SLM inside a grid, in the light of its source.
     pub fn of(display: &Display, color: Color, slm: Optics, grid: Optics) -> Option<Arc<Self>> {
-        let plain = Self::new(display.model(color), display.eyebox_min() / 2.0, display.levels, slm, grid)?;
+        let plain = Self::new(display.model(color), display.source_eyebox_min() / 2.0, display.levels, slm, grid)?;
         let modes = display.modes(color);
         Some(if modes.is_empty() { plain } else { plain.lit_by(&modes) })
     }

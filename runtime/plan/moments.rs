@@ -107,13 +107,13 @@ impl Planner {
         self.refill_wave(pass, &around(seen.clone().map(|m| iris(&m.pupil))), share, count, comparison);
         self.see_with_eye(pass, &middle);
         let size = [self.grid.width as f64, self.grid.height as f64];
-        pass.with_modes(self.lit(), |pass, (mode, optics)| {
-            let window = pass.window;
+        pass.with_modes(std::iter::repeat(()), |pass, ()| {
+            let (window, of, (mode, optics)) = (pass.window, pass.source_mode, self.mode(pass.source_mode));
             let shift = |(frame, moment): (usize, Moment)| {
                 let [along, down] = [0, 1].map(|i| moment.eye[i] / size[i]);
                 let first = along * window.x0 as f64 + down * window.y0 as f64;
                 // Each moment's light over its own pupil's share.
-                let power = self.powers.get(frame).map_or(1.0, |power| *power);
+                let power = self.power(of, frame);
                 let own = self.grid.share(iris(&moment.pupil).diameter);
                 let weight = if moment.seen { (power * share / own).sqrt() } else { 0.0 };
                 Shift { turns: [down, along, first], weight }
@@ -135,10 +135,16 @@ impl PupilPass {
     /// Lights its sub-frames with these powers, each over their mean, in place of those that it had: of an eye at rest, whose
     /// table does no more than weigh.
     pub(crate) fn set_powers(&mut self, powers: &[f64]) {
-        let still = |power: &f64| Shift { turns: [0.0; 3], weight: power.sqrt() };
+        self.set_powers_by_mode(|_| powers.iter().copied());
+    }
+
+    /// The same with powers of each mode's own; `of` is asked for those of one of the planner's modes.
+    pub(crate) fn set_powers_by_mode<P: Iterator<Item = f64> + Clone>(&mut self, of: impl Fn(usize) -> P) {
+        let still = |power: f64| Shift { turns: [0.0; 3], weight: power.sqrt() };
         self.with_modes(std::iter::repeat(()), |pass, ()| {
-            let Self { moments, spans, .. } = pass;
-            moments.refill(powers.iter().map(still), powers.iter().flat_map(|_| spans.iter().copied()));
+            let Self { moments, spans, source_mode, .. } = pass;
+            let powers = of(*source_mode);
+            moments.refill(powers.clone().map(still), powers.flat_map(|_| spans.iter().copied()));
         });
     }
 }

@@ -54,6 +54,8 @@ pub struct PupilPass {
     pub shot: Option<Shot>,
     /// Share of the source's light that its own mode has; 1 where there is one mode.
     pub weight: f32,
+    /// Which of the planner's modes its own is; 0 for a laser on the axis.
+    pub source_mode: usize,
     /// The source's further modes (OPTICS 12): windows of the same size, whose intensities add to this one's. They have no
     /// photograph and no modes of their own.
     pub modes: Vec<PupilPass>,
@@ -76,6 +78,7 @@ impl PupilPass {
             compare: compare::Args::zeroed(),
             shot: None,
             weight: 1.0,
+            source_mode: 0,
             modes: Vec::new(),
         }
     }
@@ -107,6 +110,11 @@ impl PupilPass {
     /// How many those are.
     pub fn mode_count(&self) -> usize {
         1 + self.modes.len()
+    }
+
+    /// The last of the planner's modes that is among them.
+    pub(crate) fn last_source_mode(&self) -> usize {
+        self.each_mode().map(|mode| mode.source_mode).max().unwrap_or(0)
     }
 
     /// One of them.

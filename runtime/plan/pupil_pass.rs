@@ -128,7 +128,9 @@ impl Planner {
     #[must_use]
     pub fn with_fewer_modes(self, eyebox: f64) -> Self {
         let relays = self.model.as_ref().is_some_and(|model| model.parts().relay > 0);
-        let modes = if relays { &[][..] } else { &self.modes };
+        // Sources that are switched are lit, each as it is.
+        let switched = self.modes.iter().any(|mode| mode.source != 0 || mode.turn != SourceMode::ALWAYS);
+        let modes = if relays || switched { &[][..] } else { &self.modes };
         Self { fewer: fewer_modes(modes, eyebox / 2.0, self.grid.focal_length).into(), ..self }
     }
 
@@ -142,12 +144,38 @@ impl Planner {
         Some(Self { modes: Arc::clone(&few.modes), fewer: Arc::new([]), ..self.clone() })
     }
 
-    /// The modes, at least one, each with the optics of its wavelength over the grid.
-    pub(super) fn lit(&self) -> impl Iterator<Item = (SourceMode, Optics)> + Clone {
-        let grid = self.grid;
-        let centred = self.modes.is_empty().then(|| SourceMode::centred(grid.wavelength));
-        let modes = centred.into_iter().chain(self.modes.iter().copied());
-        modes.map(move |mode| (mode, Optics { wavelength: mode.wavelength, ..grid }))
+    /// One of the modes, by its place, with the optics of its wavelength over the grid.
+    pub(super) fn mode(&self, at: usize) -> (SourceMode, Optics) {
+        let mode = self.modes.get(at).copied().unwrap_or(SourceMode::centred(self.grid.wavelength));
+        (mode, Optics { wavelength: mode.wavelength, ..self.grid })
+    }
+
+    /// The modes whose light may reach a pupil, by their places, at least one: those that are lit, and of which it stands in the
+    /// eyebox.
+    fn modes_at(&self, pupil: Pupil) -> impl Iterator<Item = usize> + Clone {
+        let lit = |at: &usize| self.modes[*at].is_lit();
+        let reaches = move |at: &usize| {
+            let (mode, optics) = self.mode(*at);
+            let (seen, (bin_y, bin_x)) = (mode.pupil(&pupil, optics.focal_length), optics.bin_size());
+            let most = (optics.eyebox() + pupil.diameter) / 2.0;
+            seen.x.abs() <= most + bin_x && seen.y.abs() <= most + bin_y
+        };
+        let all = 0..self.modes.len();
+        let found = all.clone().filter(move |at| lit(at) && (self.modes.len() == 1 || reaches(at)));
+        let any = found.clone().next().is_none().then(|| all.clone().find(lit).unwrap_or(0));
+        found.chain(any)
+    }
+
+    /// Power of a mode in a sub-frame, over its mean: the lasers', and that of sources that take turns.
+    pub(super) fn power(&self, mode: usize, frame: usize) -> f64 {
+        self.powers.get(frame).map_or(1.0, |power| *power) * self.mode(mode).0.power(frame, self.frames)
+    }
+
+    /// The same with these sources lit, by their places, all the time, and no others.
+    pub(crate) fn light(&mut self, sources: &[usize]) {
+        let lit =
+            |mode: &SourceMode| if sources.contains(&mode.source) { SourceMode::ALWAYS } else { SourceMode::NEVER };
+        self.modes = self.modes.iter().map(|mode| SourceMode { turn: lit(mode), ..*mode }).collect();
     }
 
     /// With zeros around the SLM.
@@ -193,8 +221,9 @@ impl Planner {
         let iris = self.model.as_ref().map_or(*pupil, |model| model.model().true_pupil(pupil));
         self.refill_wave(pass, &iris, self.grid.share(iris.diameter), self.frames, comparison);
         self.see_with_eye(pass, &iris);
-        if !self.powers.is_empty() {
-            pass.set_powers(&self.powers);
+        let takes_turns = |mode: &PupilPass| self.modes.get(mode.source_mode).is_some_and(|mode| mode.turn[1] != 1);
+        if !self.powers.is_empty() || pass.each_mode().any(takes_turns) {
+            pass.set_powers_by_mode(|mode| (0..self.frames).map(move |frame| self.power(mode, frame)));
         }
         let look = std::iter::once((*pupil, self.displacement(&iris)));
         pass.shot = self.shot_over(look, pass.window, pass.shot.take());
@@ -202,7 +231,8 @@ impl Planner {
 
     /// The eye's error, centred on this iris, in all modes of a pupil pass; that of a pass before makes way.
     pub(super) fn see_with_eye(&self, pass: &mut PupilPass, iris: &Pupil) {
-        pass.with_modes(self.lit(), |pass, (mode, optics)| {
+        pass.with_modes(std::iter::repeat(()), |pass, ()| {
+            let (mode, optics) = self.mode(pass.source_mode);
             let before = pass.eye.take();
             let iris = mode.pupil(iris, optics.focal_length);
             pass.eye = self.eye.as_ref().map(|eye| eye.terms(&optics, &iris, &pass.window, before));
@@ -219,15 +249,18 @@ impl Planner {
         seen: usize,
         comparison: &Comparison,
     ) {
+        let lit = self.modes_at(*pupil);
         let pupil_of = |mode: &SourceMode| mode.pupil(pupil, self.grid.focal_length);
-        let size = self.lit().fold([0; 2], |[rows, columns], (mode, optics)| {
+        let size = lit.clone().map(|at| self.mode(at)).fold([0; 2], |[rows, columns], (mode, optics)| {
             let window = Window::new(&optics, &pupil_of(&mode), self.factor);
             [rows.max(window.rows), columns.max(window.columns)]
         });
-        pass.modes.resize_with(self.modes.len().saturating_sub(1), PupilPass::empty);
-        pass.with_modes(self.lit(), |pass, (mode, optics)| {
+        pass.modes.resize_with(lit.clone().count() - 1, PupilPass::empty);
+        pass.with_modes(lit, |pass, at| {
+            let (mode, optics) = self.mode(at);
             let window = Window::around(&optics, &pupil_of(&mode), self.factor, size);
             self.refill_mode(pass, &mode, &optics, &pupil_of(&mode), window, share, seen, comparison);
+            pass.source_mode = at;
         });
     }
 
@@ -318,6 +351,7 @@ impl Planner {
             },
             shot,
             weight: mode.weight as f32,
+            source_mode: 0,
             modes,
             window,
             spans,

@@ -93,7 +93,11 @@ impl Hold {
     ) -> Result<Plane, EngineError> {
         let frames = if frame.is_some() { 1 } else { showing.frames };
         let plain = Planner::new(shown.optics, frames, WindowFactor::Full).with_padding(showing.padding);
-        let (model, eye, modes) = (shown.model.clone(), shown.eye.clone(), shown.modes.clone());
+        let (model, eye) = (shown.model.clone(), shown.eye.clone());
+        let modes = match frame {
+            Some(f) => shown.modes.iter().map(|mode| mode.in_frame(f, showing.frames)).collect(),
+            None => shown.modes.clone(),
+        };
         let powers = match frame {
             Some(f) => shown.powers.get(f).into_iter().copied().collect(),
             None => shown.powers.clone(),

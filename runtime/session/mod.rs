@@ -89,6 +89,8 @@ mod simulation;
 #[cfg(test)]
 mod soak_tests;
 #[cfg(test)]
+mod source_handover_tests;
+#[cfg(test)]
 mod stream_tests;
 #[cfg(test)]
 mod tests;

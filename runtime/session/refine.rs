@@ -384,7 +384,7 @@ impl Refining {
 
     /// The hologram for the whole eyebox.
     fn show_whole(&mut self, target: &Target, now_ns: i64) -> Result<(), SessionError> {
-        self.steerer.restart()?;
+        self.steerer.show_whole()?;
         self.options.journal.iter().for_each(|journal| journal.keep(Decision::Whole {}));
         let mut time = WorkTime::begin(self.options.cost, now_ns);
         let timestamps = Timestamps {

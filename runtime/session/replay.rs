@@ -78,7 +78,7 @@ impl Replay {
                     self.steerer.carry(pixels.turns(), &self.lighting, look)?;
                 }
                 Decision::Fit {} => drop(self.steerer.fit()?),
-                Decision::Whole {} => self.steerer.restart()?,
+                Decision::Whole {} => self.steerer.show_whole()?,
                 Decision::Set { number } => {
                     self.newest = Some(number);
                     if number >= wanted {
@@ -101,6 +101,7 @@ impl Replay {
             timestamps: Timestamps::default(),
             pupil: [0.0; 2],
             focus: None,
+            sources: self.steerer.sources(),
             steps: std::mem::take(&mut self.steps),
             content: self.content,
             arrived_ns: None,

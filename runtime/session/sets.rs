@@ -28,6 +28,8 @@ pub struct FinishedSet {
     /// Depth that the eye is expected to focus at then, metres, the middle of where it may be; none of the hologram for the
     /// whole eyebox.
     pub focus: Option<f64>,
+    /// The display's switchable sources that it was made for and is lit by, colour by colour, by their places from 0.
+    pub sources: Vec<Vec<usize>>,
     /// Steps that were taken for it, over all colours.
     pub steps: u32,
     /// The number of the scene that it shows, where scenes follow each other,

@@ -348,6 +348,20 @@ impl Steerer {
         Some(-10.0 * (sum / self.colors.len().max(1) as f64).max(1e-12).log10())
     }
 
+    /// The display's switchable sources that are lit for each colour, by their places.
+    pub fn sources(&self) -> Vec<Vec<usize>> {
+        self.colors.iter().map(|color| color.refiner.sources().to_vec()).collect()
+    }
+
+    /// Begins again, in the light that the holograms for the whole eyebox were solved for.
+    ///
+    /// # Errors
+    /// Those of the engines.
+    pub(super) fn show_whole(&mut self) -> Result<(), EngineError> {
+        self.colors.iter_mut().for_each(|color| color.refiner.forget_sources());
+        self.restart()
+    }
+
     /// How many colours it refines.
     pub(super) fn colors(&self) -> usize {
         self.colors.len()

@@ -46,6 +46,8 @@ pub type Observer<'a> = dyn FnMut(&StudySample, &[Vec<f32>], f64) -> bool + 'a;
 struct MadeSet {
     phases: Vec<Vec<f32>>,
     pupil: Option<[f64; 2]>,
+    /// The display's switchable sources that it is lit by.
+    sources: Vec<Vec<usize>>,
     steps: u32,
     new: bool,
 }
@@ -99,6 +101,7 @@ pub fn study(
     }
     steerer.restart()?;
     let phases = colors.iter().map(|c| c.phases.clone()).collect();
+    let sources = steerer.sources();
     let mut studying = Studying {
         settings,
         encoder,
@@ -109,7 +112,7 @@ pub fn study(
         lit,
         whole,
         judge,
-        shown: MadeSet { phases, pupil: None, steps: 0, new: false },
+        shown: MadeSet { phases, pupil: None, sources, steps: 0, new: false },
         samples: Vec::new(),
         next_start_ns: settings.period_ns,
         encoding_ns: 0,
@@ -176,7 +179,8 @@ impl Studying<'_> {
         self.encoded_ns += took_ns;
         self.handed_over += 1;
         self.encoding_ns = took_ns.max(self.encoding_ns - self.encoding_ns / 10);
-        Ok(Some(MadeSet { phases, pupil: Some(pupil.centre), steps, new: true }))
+        let sources = self.steerer.sources();
+        Ok(Some(MadeSet { phases, pupil: Some(pupil.centre), sources, steps, new: true }))
     }
 
     /// What the eye sees of the sets that are lit before one that is handed over now; false where the observer ends it.
@@ -209,6 +213,8 @@ impl Studying<'_> {
                 whole_db: psnr(&mut self.whole, pupil)?,
                 jod,
                 steps: self.shown.steps,
+                served: self.served(pupil),
+                sources: self.shown.sources.iter().map(Vec::len).max().unwrap_or(0),
                 new: std::mem::take(&mut self.shown.new),
             };
             self.samples.push(sample);
@@ -219,10 +225,20 @@ impl Studying<'_> {
         Ok(true)
     }
 
+    /// Share of the pupil that the sources which are lit serve, of the colour that is served least.
+    fn served(&self, pupil: Pupil) -> f64 {
+        let colors = self.lit.iter().zip(&self.shown.sources);
+        colors.map(|(color, lit)| color.seen.served(lit, &pupil)).fold(1.0, f64::min)
+    }
+
     /// From now on the display shows this one.
     fn show(&mut self, made: MadeSet) -> Result<(), SessionError> {
-        for (color, phases) in self.lit.iter_mut().zip(&made.phases) {
+        for (i, (color, phases)) in self.lit.iter_mut().zip(&made.phases).enumerate() {
             color.seen.restart(phases)?;
+            // Sources are switched with the set that was made for them.
+            if made.sources.get(i).is_some_and(|lit| !lit.is_empty()) {
+                color.seen.light(&made.sources[i]);
+            }
         }
         self.shown = made;
         Ok(())

@@ -81,6 +81,8 @@ impl MadeBy {
             model: None,
             eye: None,
             modes: Arc::new([]),
+            regions: Arc::new([]),
+            choice: None,
             ..problem.clone()
         };
         let settings = Settings {

@@ -1,7 +1,9 @@
 //! What is to be solved: a scene on a display, in one colour.
 
 use super::settings::Settings;
-use crate::optics::{Color, Display, Optics, OpticsError, Padding, SourceMode, WindowFactor};
+use crate::optics::{
+    Color, Display, EyeboxRegion, Optics, OpticsError, Padding, SourceChoice, SourceMode, WindowFactor,
+};
 use crate::plan::{EyeTables, ModelTables, Planner, Storage, ViewLayout};
 use crate::scene::{Bend, LightField, Pyramid, ViewGrid, shrink_to_share};
 use rayon::prelude::*;
@@ -32,6 +34,8 @@ pub struct Problem {
     pub padding: Padding,
     /// Side of the eyebox that pupils are drawn in, metres: what all colours of the display serve.
     pub eyebox: f64,
+    /// The parts of it that the lit ones of the display's switchable sources serve; none for all of it.
+    pub regions: Arc<[EyeboxRegion]>,
     /// Where the views stand,
     pub views: ViewGrid,
     /// around this place (x, y) of the pupil plane, metres.
@@ -48,6 +52,8 @@ pub struct Problem {
     pub eye: Option<Arc<EyeTables>>,
     /// The modes of the display's source (OPTICS 12); none for a laser on the axis.
     pub modes: Arc<[SourceMode]>,
+    /// Which of the display's switchable sources are lit as the eye moves, where they are steered.
+    pub choice: Option<SourceChoice>,
 }
 
 impl Problem {
@@ -106,7 +112,9 @@ impl Problem {
         let model = model.map(|model| model.for_steps());
         let eye = EyeTables::new(display.prescription.as_ref());
         let modes = display.modes(color).into();
-        Ok(Self { optics, padding, eyebox, views, center, pyramid, mean: f64::NAN, share, model, eye, modes })
+        let (regions, mean) = (display.regions(color).into(), f64::NAN);
+        let choice = SourceChoice::new(display, color);
+        Ok(Self { optics, padding, eyebox, regions, views, center, pyramid, mean, share, model, eye, modes, choice })
     }
 
     /// Side of a pixel of the picture, as its views have it, radians.

@@ -1,7 +1,8 @@
 //! Which pupils are drawn (OPTICS 6e): a distribution of diameters, and a sequence over (diameter, x, y, depth).
 
-use crate::optics::{Pupil, PupilDistribution};
+use crate::optics::{EyeboxRegion, Pupil, PupilDistribution};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// How diameters are distributed between their limits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -52,6 +53,24 @@ impl PupilRange {
         Self { eyebox, diameter: Self::usual_diameter(eyebox), depth, diameters: Diameters::Uniform }
     }
 
+    /// The pupil at a point of the unit cube (diameter, x, y, depth) in one of these regions of the pupil plane, by their areas; in
+    /// the eyebox where there is none.
+    pub fn within(&self, regions: &[EyeboxRegion], [d, x, y, z]: [f64; 4]) -> Pupil {
+        let area = |region: &EyeboxRegion| region.size[0] * region.size[1];
+        let all: f64 = regions.iter().map(area).sum();
+        let mut at = x * all;
+        for (i, region) in regions.iter().enumerate() {
+            if at <= area(region) || i + 1 == regions.len() {
+                let pupil = self.at([d, 0.5, 0.5, z]);
+                let (room, [across, down]) = (region.room(pupil.diameter), [at / area(region), y]);
+                let place = |i: usize, u: f64| region.center[i] + room[i] * (2.0 * u - 1.0);
+                return Pupil { x: place(0, across), y: place(1, down), ..pupil };
+            }
+            at -= area(region);
+        }
+        self.at([d, x, y, z])
+    }
+
     /// The pupil at a point of the unit cube (diameter, x, y, depth).
     pub fn at(&self, [d, x, y, z]: [f64; 4]) -> Pupil {
         let [low, high] = self.diameter;
@@ -70,18 +89,25 @@ impl PupilRange {
 #[derive(Debug, Clone)]
 pub struct Sampler {
     range: PupilRange,
+    regions: Arc<[EyeboxRegion]>,
     points: Points,
 }
 
 impl Sampler {
     /// From the start.
     pub fn new(range: PupilRange, sequence: Sequence, seed: u64) -> Self {
-        Self { range, points: Points::new(sequence, seed) }
+        Self { range, regions: Arc::new([]), points: Points::new(sequence, seed) }
+    }
+
+    /// The same over these regions of the pupil plane ([`Display::regions`](crate::optics::Display::regions)).
+    #[must_use]
+    pub fn over(self, regions: impl Into<Arc<[EyeboxRegion]>>) -> Self {
+        Self { regions: regions.into(), ..self }
     }
 
     /// The next pupil.
     pub fn draw(&mut self) -> Pupil {
-        self.range.at(self.points.draw())
+        self.range.within(&self.regions, self.points.draw())
     }
 
     /// The next point of the unit cube (diameter, x, y, depth).

@@ -146,6 +146,7 @@ impl ScenePlan {
         plan.settings.padding = plan.pad(field, display, request)?;
         plan.choose_window(display, request)?;
         plan.choose_frames(request);
+        plan.check_source(display)?;
         plan.say_precision(display);
         plan.settings.check()?;
         Ok(plan)

@@ -43,7 +43,7 @@ pub fn solve_from(
 ) -> Result<Solution, SolveError> {
     settings.check()?;
     problem.check_eye(settings)?;
-    super::source::check(!problem.modes.is_empty(), settings.method)?;
+    super::source::check(&problem.modes, settings)?;
     if settings.joint.is_some() {
         let (what, right) = ("the number of colours", "all of a scene's, for all colours at once: solve_joint");
         return Err(SolveError::Setting { what, value: "1".into(), right });

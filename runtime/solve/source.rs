@@ -1,15 +1,27 @@
 //! What a display's source asks of a solve: how many modes stand for it, and which methods know of it (OPTICS 12).
 
 use super::error::SolveError;
-use super::method::Method;
 use super::problem::Problem;
 use super::scene_plan::{PlanRequest, ScenePlan};
-use crate::optics::{Display, FewerModes, Padding, SourceSampling};
+use super::settings::Settings;
+use crate::optics::{Color, Display, FewerModes, Padding, SourceMode, SourceSampling, SourcesLit};
 use crate::scene::LightField;
 
-/// Refuses a source that the method knows nothing of.
-pub(super) fn check(has_modes: bool, method: Method) -> Result<(), SolveError> {
-    if has_modes && (method.is_stft() || !method.is_iterative()) {
+/// Refuses a source that the method knows nothing of, and fewer sub-frames than sources that take turns.
+pub(super) fn check(modes: &[SourceMode], settings: &Settings) -> Result<(), SolveError> {
+    let Settings { method, frames, .. } = *settings;
+    let turns = modes.iter().map(|mode| mode.turn[1]).max().unwrap_or(0);
+    if turns > 1 && frames < turns {
+        let right =
+            "as many as sources that take turns at least (--frames), or sources_lit = \"together\" or \"steered\"";
+        return Err(SolveError::Setting { what: "the number of sub-frames", value: frames.to_string(), right });
+    }
+    let solved = settings.solved_frames();
+    if turns > 1 && solved < frames && !solved.is_multiple_of(turns) {
+        let right = "a number that sources which take turns divide, where sub-frames repeat";
+        return Err(SolveError::Setting { what: "the number of solved sub-frames", value: solved.to_string(), right });
+    }
+    if !modes.is_empty() && (method.is_stft() || !method.is_iterative()) {
         let right = "one that looks through pupils (slfh, lf2fs, stft-exact, smooth, pupil-aware) for a source of several modes";
         return Err(SolveError::Setting { what: "the method", value: method.name().into(), right });
     }
@@ -33,10 +45,10 @@ impl ScenePlan {
                 lit = lit.with_source_samples(color, sampling.samples);
             }
             let modes = lit.modes(color).len();
-            check(modes > 0, self.settings.method)?;
+            self.say_sources(display, color);
             let why = match sampling {
                 Some(sampling) => in_words(&sampling, diameter),
-                None if modes > 0 => "as the display's file lists them".into(),
+                None if modes > 0 && !display.source.is_empty() => "as the display's file lists them".into(),
                 None => continue,
             };
             let problem = Problem::outline(&lit, color, Padding::default(), self.left(field, display))?;
@@ -45,6 +57,37 @@ impl ScenePlan {
         }
         self.source = lit.source;
         Ok(())
+    }
+
+    /// Refuses sources that method or sub-frames do not fit.
+    pub(super) fn check_source(&self, display: &Display) -> Result<(), SolveError> {
+        let lit = self.lit(display);
+        self.colors.iter().try_for_each(|color| check(&lit.modes(*color), &self.settings))
+    }
+
+    /// Says of a colour's switchable sources which are lit.
+    fn say_sources(&mut self, display: &Display, color: Color) {
+        let (sources, frames) = (&display.sources, self.settings.frames);
+        let lit = sources.lit(color, display.focal_length).len();
+        let why = match &sources.lit {
+            _ if sources.is_empty() => return,
+            SourcesLit::InTurn => {
+                format!(
+                    "in turn: {:.1} of {frames} sub-frames each, which is all that one pupil sees",
+                    frames as f64 / lit as f64
+                )
+            }
+            SourcesLit::Together => "together, in every sub-frame".into(),
+            _ => "steered: whoever follows the eye lights others".into(),
+        };
+        let all = sources.of(color).len();
+        let area =
+            display.reach().sources.map_or(1.0, |with| with.area_mm2 / (display.source_eyebox_min() * 1e3).powi(2));
+        self.say(
+            "sources",
+            format!("{color}: {lit} of {all} lit"),
+            format!("{why}; all have {area:.1} times the eyebox of one"),
+        );
     }
 
     /// The display with as many modes of its source as were decided.

@@ -3,6 +3,7 @@
 
 mod drawing;
 mod retrieve;
+mod sources;
 
 use super::carry::Carry;
 use super::error::SolveError;
@@ -150,7 +151,9 @@ impl Refiner {
         self.engine.take_views(Arc::clone(&problem.pyramid))?;
         self.planner.views = problem.planner(self.planner.frames, self.planner.factor).views;
         self.drawing.forget();
-        (self.problem, self.exposure) = (problem, exposure);
+        // What is lit stays so.
+        let (choice, regions) = (self.problem.choice.take(), Arc::clone(&self.problem.regions));
+        (self.problem, self.exposure) = (Problem { choice, regions, ..problem }, exposure);
         Ok(())
     }
 
@@ -244,6 +247,7 @@ impl Refiner {
             self.drawing.forget();
         }
         self.aim = aim;
+        self.choose_sources();
         if jumped { self.forget() } else { Ok(()) }
     }
 

@@ -7,6 +7,7 @@ use super::sampling::{Points, PupilRange, Sampler};
 use super::settings::Settings;
 use crate::optics::Pupil;
 use crate::plan::Viewpoint;
+use std::sync::Arc;
 
 /// What a method looks through, one after the other: the same for the same seed.
 pub(super) struct Viewpoints {
@@ -37,7 +38,7 @@ impl Viewpoints {
             depth: settings.depth,
             diameters: settings.diameters,
         };
-        let sampler = Sampler::new(range, settings.sequence, seed);
+        let sampler = Sampler::new(range, settings.sequence, seed).over(Arc::clone(&problem.regions));
         let filter = match settings.method {
             Method::StftUnfiltered => f64::INFINITY,
             _ => settings.stft_filter * problem.eyebox,

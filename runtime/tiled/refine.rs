@@ -117,6 +117,8 @@ impl Piece {
             model,
             eye: None,
             modes: [].into(),
+            regions: [].into(),
+            choice: None,
         };
         Ok(Self { at: [top, left], size: [rows, columns], problem })
     }

@@ -290,6 +290,8 @@ fn a_point_at_infinity_is_a_blazed_grating() {
         model: None,
         eye: None,
         modes: [].into(),
+        regions: [].into(),
+        choice: None,
     };
     let settings = Settings {
         frames: 1,

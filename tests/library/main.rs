@@ -14,5 +14,6 @@ mod photographs;
 mod picture;
 mod reference;
 mod source;
+mod sources;
 mod steering;
 mod tiled_model;

@@ -258,7 +258,22 @@ fn the_photograph_of_a_plane_is_sharp_at_its_depth_and_nowhere_else() {
 fn problem(optics: Optics, views: ViewGrid, pyramid: Arc<Pyramid>) -> Problem {
     let (padding, eyebox) = (Padding::default(), optics.eyebox());
     let (model, eye, modes) = (None, None, [].into());
-    Problem { optics, padding, eyebox, views, center: [0.0; 2], pyramid, mean: 0.5, share: 1.0, model, eye, modes }
+    let (regions, center, choice) = ([].into(), [0.0; 2], None);
+    Problem {
+        optics,
+        padding,
+        eyebox,
+        regions,
+        views,
+        center,
+        pyramid,
+        mean: 0.5,
+        share: 1.0,
+        model,
+        eye,
+        modes,
+        choice,
+    }
 }
 
 /// A hologram solved for one textured plane shows that plane, displaced by (z - z0) s / f.

@@ -17,7 +17,7 @@ use std::f64::consts::TAU;
 
 /// Beside the axis and beside the wavelength, of unequal weights, no angle a whole number of bins.
 fn three() -> Vec<SourceMode> {
-    let mode = |angle, nm: f64, weight| SourceMode { angle, wavelength: nm * 1e-9, weight };
+    let mode = |angle, nm: f64, weight| SourceMode { angle, weight, ..SourceMode::centred(nm * 1e-9) };
     vec![mode([1.3e-3, -2.1e-3], 520.0, 0.5), mode([-2.7e-3, 0.4e-3], 523.1, 0.3), mode([0.2e-3, 3.3e-3], 516.2, 0.2)]
 }
 
@@ -163,7 +163,7 @@ fn windows_hold_every_mode() {
 fn one_centred_mode_is_no_source() {
     let o = optics(40, 48);
     let (_, rounded) = phases(2 * 40 * 48, 6);
-    let centred = [SourceMode { angle: [0.0; 2], wavelength: o.wavelength, weight: 1.0 }];
+    let centred = [SourceMode::centred(o.wavelength)];
     let run = |modes: &[SourceMode], adam: bool| {
         let planner = Planner::new(o, 2, WindowFactor::Two).with_source(modes);
         let purpose = if adam { Purpose::Adam } else { Purpose::Project };
@@ -198,7 +198,7 @@ fn a_tilt_is_a_linear_phase() {
     };
     let planner = Planner::new(o, 1, WindowFactor::Full);
     let wanted: Vec<f64> = see(&planner, &tilted).into_iter().map(f64::from).collect();
-    let mode = SourceMode { angle, wavelength: o.wavelength, weight: 1.0 };
+    let mode = SourceMode { angle, ..SourceMode::centred(o.wavelength) };
     let error = error_power(&see(&planner.with_source(&[mode]), &plain), &wanted);
     assert!(error < 1e-10, "error power {error:.1e}");
 }

@@ -13,8 +13,8 @@ fn lit(mut case: Case, modes: usize, bench: bool) -> Case {
     let share = (modes * (modes + 1)) as f64 / 2.0;
     let mode = |i: usize| SourceMode {
         angle: [1.7e-3 * i as f64 - 2e-3, 1.1e-3 - 0.9e-3 * i as f64],
-        wavelength: 520e-9 + 1.3e-9 * i as f64,
         weight: (i + 1) as f64 / share,
+        ..SourceMode::centred(520e-9 + 1.3e-9 * i as f64)
     };
     let modes: Vec<SourceMode> = (0..modes).map(mode).collect();
     if bench {
@@ -107,6 +107,36 @@ fn another_number_of_modes_is_refused() {
         let said = engine.run(&step).unwrap_err().to_string();
         assert!(said.contains("3 modes") && said.contains("with_source"), "{said}");
     }
+}
+
+/// Sources that take turns, spaced by an eyebox: pupils see one, two or three of them, each in its own sub-frames.
+#[test]
+fn sources_in_turn_are_the_same_on_both_engines() {
+    let mut engine = vulkan();
+    for (bench, turns) in [(false, 2), (true, 3)] {
+        let mut case = lit(Case::new(45, 64, 0, 4e-3, 4), 3, bench);
+        let switched = |(i, mode): (usize, &SourceMode)| SourceMode {
+            angle: [mode.angle[0] + 0.03 * (i as f64 - 1.0), mode.angle[1]],
+            source: i,
+            turn: [i % turns, turns],
+            ..*mode
+        };
+        let modes: Vec<SourceMode> = case.planner.modes.iter().enumerate().map(switched).collect();
+        case.planner = case.planner.with_source(&modes);
+        for (purpose, mode) in [(Purpose::Project, PROJECTION), (Purpose::Adam, INTENSITY)] {
+            let mut all = steps(&case, purpose, mode);
+            all.push(case.moving_step(purpose, mode, 3000));
+            let counts: Vec<usize> = all[0].pupil_passes.iter().map(|pass| pass.mode_count()).collect();
+            assert!(counts.iter().any(|n| *n != counts[0]) || counts[0] < 3, "{counts:?}");
+            for step in &all {
+                let one = std::slice::from_ref(step);
+                let got = solve(&mut engine, &case, purpose, one);
+                let want = solve(&mut CpuEngine::new(), &case, purpose, one);
+                assert_close(&got, &want, &format!("{turns} in turn, bench {bench}, {purpose:?}"));
+            }
+        }
+    }
+    assert_silent(engine);
 }
 
 /// Pupils of one step that have more and fewer modes.

@@ -7,8 +7,8 @@ use eyebox::engine::{self, Backend, Engine, EngineError};
 use eyebox::evaluate::Plane;
 use eyebox::files;
 use eyebox::gpu::{Gpu, Options};
-use eyebox::hologram::SceneSource;
-use eyebox::optics::{Color, Display, Optics, OpticsError, Pupil, check_usual_diameters};
+use eyebox::hologram::{Hologram, SceneSource};
+use eyebox::optics::{Color, Display, OpticsError, Pupil, check_usual_diameters};
 use eyebox::preview::Opener;
 use eyebox::produce::{TilesRequest, load_around};
 use eyebox::scene::{self, Inspection, LightField};
@@ -42,19 +42,21 @@ pub fn usual(force: bool, checked: Result<(), OpticsError>) -> Result<(), Failur
     }
 }
 
-/// A pupil as it is given, before the optics of every colour, checked as [`usual`] says.
+/// A pupil as it is given, before a display of this focal length (metres), checked as [`usual`] says.
 pub fn pupil(
     given: &GivenPupil,
-    optics: impl IntoIterator<Item = Result<Optics, OpticsError>>,
+    focal_length: f64,
+    check: impl Fn(Pupil) -> Result<Pupil, OpticsError>,
     force: bool,
 ) -> Result<Pupil, Failure> {
-    let mut pupil = given.before(0.0);
-    for optics in optics {
-        let optics = optics?;
-        pupil = given.before(optics.focal_length);
-        usual(force, pupil.check_usual(&optics).map(drop))?;
-    }
+    let pupil = given.before(focal_length);
+    usual(force, check(pupil).map(drop))?;
     Ok(pupil)
+}
+
+/// The same before what a hologram was made for.
+pub fn pupil_of(given: &GivenPupil, hologram: &Hologram, force: bool) -> Result<Pupil, Failure> {
+    pupil(given, hologram.focal_length, |pupil| hologram.check_pupil(pupil), force)
 }
 
 /// The colours asked for, that the display has.

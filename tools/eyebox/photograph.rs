@@ -14,7 +14,8 @@ pub fn run(args: &Photograph) -> Result<(), Failure> {
     // What is seen, wherever the display has to show it.
     display.picture = Default::default();
     let colors = common::colors(&args.display, &display)?;
-    let pupil = common::pupil(&args.pupil, colors.iter().map(|c| display.optics(*c)), args.display.force)?;
+    let check = |pupil| colors.iter().try_fold(pupil, |pupil, color| display.check_pupil(*color, pupil));
+    let pupil = common::pupil(&args.pupil, display.focal_length, check, args.display.force)?;
     let mut engine = common::engine(&args.engine)?;
     let scene = match is_larger_than_memory(&display, 1) {
         true => common::scene_around(&args.scene, &display, &colors)?,

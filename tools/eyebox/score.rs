@@ -6,7 +6,7 @@ use crate::common;
 use crate::progress::JobBar;
 use eyebox::files::MadeFolder;
 use eyebox::hologram::{Hologram, HologramScores, JodSettings, PhaseSource, PupilScore, SceneSource};
-use eyebox::optics::{Depth, Display, Pupil, dioptres, dioptres_in_words};
+use eyebox::optics::{Color, Depth, Display, Pupil, dioptres, dioptres_in_words};
 use eyebox::solve::{Diameters, PupilRange, Sampler, Sequence};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -39,7 +39,7 @@ pub fn run(args: &Score) -> Result<(), Failure> {
         }
     };
     let diameter = common::diameters(diameter, &display, args.phases.force)?;
-    let pupils = pupils(args, &display, diameter, depth)?;
+    let pupils = pupils(args, &display, colors.first().copied(), diameter, depth)?;
     let bar = JobBar::new(true);
     bar.show(&format!("looking through {} pupils", pupils.len()), 0.0);
     let mut scores = source.score(&scene, &pupils, engine.as_mut())?;
@@ -180,14 +180,21 @@ fn load(args: &Score) -> Result<(PhaseSource<'static>, Display), Failure> {
 }
 
 /// `random:N`, or a JSON list of [x, y, diameter, focus] in mm, the focus perhaps in dioptres.
-fn pupils(args: &Score, display: &Display, diameter: [f64; 2], depth: [f64; 2]) -> Result<Vec<Pupil>, Failure> {
+fn pupils(
+    args: &Score,
+    display: &Display,
+    color: Option<Color>,
+    diameter: [f64; 2],
+    depth: [f64; 2],
+) -> Result<Vec<Pupil>, Failure> {
     let text = &args.pupils;
     if let Some(count) = text.strip_prefix("random:") {
         let count = count.parse::<usize>().ok().filter(|n| (1..=100_000).contains(n));
         let count = count
             .ok_or_else(|| Failure::Asked(format!("--pupils {text}: expected random:N with N from 1 to 100000")))?;
         let range = PupilRange { eyebox: display.eyebox_min(), diameter, depth, diameters: Diameters::Uniform };
-        let mut sampler = Sampler::new(range, Sequence::Random, args.seed);
+        let regions = color.map_or_else(Vec::new, |color| display.regions(color));
+        let mut sampler = Sampler::new(range, Sequence::Random, args.seed).over(regions);
         return Ok((0..count).map(|_| sampler.draw()).collect());
     }
     let wrong = |reason: String| {
@@ -206,7 +213,7 @@ fn pupils(args: &Score, display: &Display, diameter: [f64; 2], depth: [f64; 2]) 
         let depth = focus.metres(display.focal_length);
         let pupil = Pupil { depth, ..Pupil::from_mm([x, y, diameter, 0.0]) };
         for w in &display.wavelengths {
-            common::usual(args.phases.force, pupil.check_usual(&display.optics(w.color)?).map(drop))?;
+            common::usual(args.phases.force, display.check_pupil(w.color, pupil).map(drop))?;
         }
         pupils.push(pupil);
     }

@@ -17,7 +17,7 @@ pub fn run(args: &View) -> Result<(), Failure> {
         None => source,
     };
     let about = source.about();
-    let pupil = common::pupil(&args.pupil, (0..about.colors.len()).map(|i| about.optics(i)), args.phases.force)?;
+    let pupil = common::pupil_of(&args.pupil, about, args.phases.force)?;
     let mut engine = common::engine(&args.engine)?;
     let planes = about.as_seen(source.look(None, &pupil, engine.as_mut())?);
     let exposures = exposures(about, args.exposure, &planes);

@@ -162,7 +162,7 @@ impl Scene {
         let take = || -> Answer<_> {
             let pupil = pupil(at);
             for color in &self.field.colors {
-                pupil.check_usual(&display.0.optics(*color)?)?;
+                display.0.check_pupil(*color, pupil)?;
             }
             let scene = SceneSource::new(self.field.clone(), &display.0)?;
             engine.lend(|engine| Ok(scene.photograph(&pupil, engine)?))

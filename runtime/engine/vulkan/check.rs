@@ -34,8 +34,8 @@ pub(super) fn check(step: &Step, part: &Range<usize>, shape: &Shape, views: Opti
             {
                 return mismatch(format!("a pupil_pass of {name}: {reason}"));
             }
-            if dispatch.kernel == Kernel::Relay && pupil_pass.mode_count() > shape.model.relay {
-                return Err(other_source(pupil_pass.mode_count(), shape.model.relay));
+            if dispatch.kernel == Kernel::Relay && pupil_pass.last_source_mode() >= shape.model.relay {
+                return Err(other_source(pupil_pass.last_source_mode() + 1, shape.model.relay));
             }
             if dispatch.kernel.binds().iter().any(|(_, resource)| *resource == Resource::Views)
                 && let Err(reason) = check_views(pupil_pass, views)

@@ -253,7 +253,7 @@ pub fn measure(
         engine.write(Buffer::Phases, &solved.phases)?;
         let map = evaluate::energy(engine, &planner)?;
         let variation = evaluate::variation(&evaluate::passed(&map, &planner.grid, &pupils.grid));
-        let share = (display.eyebox_min() / planner.grid.eyebox()).min(1.0);
+        let share = (display.source_eyebox_min() / planner.grid.eyebox()).min(1.0);
         energies.push(Energy { map, size: [planner.grid.height, planner.grid.width], share, variation });
         let mut take = |some: &[Pupil]| Ok(evaluate::views(engine, &planner, some)?);
         looks.push(Looks::of(color, pupils, wanted.size, wanted.row, &mut take)?);

@@ -71,6 +71,7 @@ impl Refining {
             timestamps,
             pupil,
             focus,
+            sources: self.steerer.sources(),
             steps,
             content: scene.map(|scene| scene.number).or(self.first_of_scenes()),
             arrived_ns: scene.and_then(|scene| scene.arrived_ns),

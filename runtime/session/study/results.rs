@@ -80,6 +80,10 @@ pub struct StudySample {
     pub jod: Option<[f64; 2]>,
     /// Steps that were taken for the set, over all colours.
     pub steps: u32,
+    /// Share of the pupil that the display's switchable sources serve which are lit; 1 where it has none.
+    pub served: f64,
+    /// How many of those sources are lit, at most in any colour.
+    pub sources: usize,
     /// Whether the set is new.
     pub new: bool,
 }
@@ -129,6 +133,16 @@ impl Study {
             }
         }
         all.into_iter().map(|a| a.1).collect()
+    }
+
+    /// Sets of which the eye saw nothing, for it was in the eyebox of no source that was lit: while it was under way from one
+    /// place to another, and while it rested.
+    pub fn dark_sets(&self) -> [usize; 2] {
+        let dark = |rests: bool| {
+            let is = |m: &&StudySample| m.served == 0.0 && (m.since_landing_ms.is_some() || m.jumps == 0) == rests;
+            self.moments.iter().filter(is).count()
+        };
+        [dark(false), dark(true)]
     }
 
     /// The worst that steering did at any time, dB.

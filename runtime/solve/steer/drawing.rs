@@ -4,6 +4,7 @@ use super::{DIAMETERS, EYES, Refiner};
 use crate::engine::EngineError;
 use crate::optics::{Pupil, Window};
 use crate::plan::{Kernel, PupilPass, Step, StepLists, Viewpoint};
+use crate::solve::sampling::{Diameters, PupilRange};
 use crate::solve::step::Update;
 use std::collections::HashSet;
 use std::ops::Range;
@@ -86,6 +87,12 @@ impl Refiner {
             self.due -= 1.0;
             let [x, y, d, z] = self.points.draw();
             let pupil = aim.pupil([0.0, 0.0, d, z]);
+            if !self.problem.regions.is_empty() {
+                let (diameter, depth) = ([pupil.diameter; 2], [pupil.depth; 2]);
+                let range = PupilRange { eyebox, diameter, depth, diameters: Diameters::Uniform };
+                self.look_through_one(range.within(&self.problem.regions, [d, x, y, z]));
+                continue;
+            }
             let reach = (eyebox / 2.0 - pupil.diameter / 2.0).max(0.0);
             let [left, top] = self.problem.optics.center();
             let (x, y) = (left + reach * (2.0 * x - 1.0), top + reach * (2.0 * y - 1.0));

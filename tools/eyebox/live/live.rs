@@ -147,7 +147,8 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: Showing<'_>, stage: S
         None => (None, None),
         Some(tracker) => {
             let real = simulated.is_none();
-            let (mouse, tracking) = tracking(tracker, &args.tracker, args.view, real, eyepiece)?;
+            let reach = steered.hologram.made_for().map_or(0.0, |display| display.eyebox_min() / 2.0);
+            let (mouse, tracking) = tracking(tracker, &args.tracker, args.view, real, eyepiece, reach)?;
             (mouse, Some(tracking))
         }
     };

@@ -16,6 +16,7 @@ use eyebox::solve::{Diameters, Flow, Problem, PupilRange, Refiner, Sampler, Sequ
 use eyebox::tiled::Piece;
 use serde_json::{Value, json};
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// `eyebox refine`
@@ -96,7 +97,7 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
     let display = score::display_of(&args.hologram, &hologram)?;
     args.other.check(&args.hologram, &hologram, &args.scene.scene)?;
     let colors: Vec<_> = hologram.colors.iter().filter_map(|c| c.color).collect();
-    common::pupil(&args.pupil, (0..colors.len()).map(|i| hologram.optics(i)), args.phases.force)?;
+    common::pupil_of(&args.pupil, &hologram, args.phases.force)?;
     let field = common::scene(&score::as_solved(&args.scene, &hologram), &display, &colors)?;
     hologram.fit_exposure(&field, common::engine(&args.engine)?.as_mut())?;
     let aim = args.aim(display.focal_length);
@@ -108,8 +109,10 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
         let problem = Problem::new(&field, *color, &display, padding)?;
         problem.check_blur(aim.diameter[1])?;
         let anywhere = PupilRange::over(problem.eyebox, aim.focus);
-        let (rows, phases, engine) = steps(args, problem, &solved.phases, solved.exposure, anywhere)?;
+        let RefinedColor { rows, phases, engine, sources } =
+            steps(args, problem, &solved.phases, solved.exposure, anywhere)?;
         solved.phases = phases;
+        hologram.metadata.sources.light_only(*color, &sources);
         described = engine;
         all.push(rows);
     }
@@ -140,7 +143,7 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
     let display = score::display_of(&args.hologram, about)?;
     args.other.check(&args.hologram, about, &args.scene.scene)?;
     let colors: Vec<_> = about.colors.iter().filter_map(|c| c.color).collect();
-    common::pupil(&args.pupil, (0..colors.len()).map(|i| about.optics(i)), args.phases.force)?;
+    common::pupil_of(&args.pupil, about, args.phases.force)?;
     let scene = common::scene_around(&score::as_solved(&args.scene, about), &display, &colors)?;
     let aim = args.aim(display.focal_length);
     progress::catch_interrupt();
@@ -156,7 +159,8 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
             diameters: Diameters::Uniform,
         };
         let phases = tiles.read(color, at, size)?;
-        let (rows, phases, engine) = steps(args, problem, &phases, about.colors[color].exposure, anywhere)?;
+        let exposure = about.colors[color].exposure;
+        let RefinedColor { rows, phases, engine, .. } = steps(args, problem, &phases, exposure, anywhere)?;
         if args.out.is_some() {
             patches.push(Patch { color, at, size, phases });
         }
@@ -186,24 +190,36 @@ impl Refine {
     }
 }
 
-/// Refines one colour: what each step gained, the phases that came of it, and the engine's name. `anywhere` is around the
-/// middle of what is refined.
+/// One colour, refined.
+struct RefinedColor {
+    /// What each step gained.
+    rows: Vec<Row>,
+    phases: Vec<f32>,
+    /// The engine's name.
+    engine: String,
+    /// The display's switchable sources that light it, by their places.
+    sources: Vec<usize>,
+}
+
+/// Refines one colour. `anywhere` is around the middle of what is refined.
 fn steps(
     args: &Refine,
     problem: Problem,
     phases: &[f32],
     exposure: f64,
     anywhere: PupilRange,
-) -> Result<(Vec<Row>, Vec<f32>, String), Failure> {
+) -> Result<RefinedColor, Failure> {
     let (engine, steering) = (common::engine(&args.engine)?, args.steering.steering());
     let aim = args.aim(problem.optics.focal_length);
     let described = engine.describe();
-    let (at_eye, anywhere) = judged(anywhere, problem.optics.center(), &aim, steering.seed);
+    let (at_eye, everywhere) = judged(anywhere, &problem, &aim, steering.seed);
     let mut refiner = Refiner::new(problem, phases, exposure, steering, engine)?;
+    // What is seen is compared at the exposure of the hologram as it was, in the light that it was made for: lasers stay as they are.
+    let exposure = Sums::fit_exposure(&refiner.look(&everywhere)?)?;
     refiner.aim(aim)?;
-    // What is seen is compared at the exposure of the hologram as it was: lasers stay as they are.
+    // Where other sources are lit now, anywhere is in their eyeboxes.
+    let (_, anywhere) = judged(anywhere, refiner.problem(), &aim, steering.seed);
     let before = [refiner.look(&at_eye)?, refiner.look(&anywhere)?];
-    let exposure = Sums::fit_exposure(&before[1])?;
     let mean = |sums: &[Sums]| sums.iter().map(|s| s.psnr(exposure)).sum::<f64>() / sums.len() as f64;
     let mut rows = vec![Row { steps: 0, ms: 0.0, eye: mean(&before[0]), wide: mean(&before[1]) }];
     let mut ms = 0.0;
@@ -222,7 +238,7 @@ fn steps(
         }
     }
     bar.finish();
-    Ok((rows, refiner.phases()?, described))
+    Ok(RefinedColor { rows, phases: refiner.phases()?, engine: described, sources: refiner.sources().to_vec() })
 }
 
 /// Says what each step gained, over all colours; `place`: the piece that was refined, and of what.
@@ -268,9 +284,11 @@ fn report(args: &Refine, all: &[Vec<Row>], about: &Hologram, engine: &str, [key,
     }
 }
 
-/// Pupils of other seeds than the refinement's: around the eye, and anywhere around `center`.
-fn judged(anywhere: PupilRange, center: [f64; 2], aim: &PupilDistribution, seed: u64) -> (Vec<Pupil>, Vec<Pupil>) {
-    let mut sampler = Sampler::new(anywhere, Sequence::Sobol, !seed ^ 0x616e_7977);
+/// Pupils of other seeds than the refinement's: around the eye, and anywhere that the problem's light goes.
+fn judged(anywhere: PupilRange, problem: &Problem, aim: &PupilDistribution, seed: u64) -> (Vec<Pupil>, Vec<Pupil>) {
+    let center = problem.optics.center();
+    let sampler = Sampler::new(anywhere, Sequence::Sobol, !seed ^ 0x616e_7977);
+    let mut sampler = sampler.over(Arc::clone(&problem.regions));
     let moved = |p: Pupil| Pupil { x: p.x + center[0], y: p.y + center[1], ..p };
     let anywhere = (0..JUDGED).map(|_| moved(sampler.draw())).collect();
     (pupils_of(aim, JUDGED, !seed), anywhere)

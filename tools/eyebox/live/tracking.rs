@@ -47,11 +47,14 @@ pub fn tracking(
     view: bool,
     real: bool,
     eyepiece: Eyepiece,
+    reach: f64,
 ) -> Result<(Option<MouseHandle>, Tracking), Failure> {
     let spec: Spec = tracker.parse()?;
     let calibration = args.calibration.as_deref().map(Calibration::load).transpose()?;
     let focus = [args.focus.metres(eyepiece.focal_length); 2];
     let settings = Settings { eye: args.eye.into(), focus, eyepiece: Some(eyepiece), ..Settings::default() };
+    // Switchable sources reach farther than one.
+    let settings = Settings { reach: settings.reach.max(reach), ..settings };
     let estimator = Estimator::new(settings, calibration)?;
     let options = Options {
         latency: Duration::from_secs_f64((args.tracker_latency * 1e-3).min(1e6)),

@@ -32,8 +32,7 @@ const ROOM: f64 = 0.85;
 pub fn run(args: &Preview) -> Result<(), Failure> {
     args.options.check(args.scene.as_ref())?;
     let Opened { hologram, playing, tiles } = open(args)?;
-    let optics = (0..hologram.colors.len()).map(|i| hologram.optics(i));
-    let pupil = common::pupil(&args.pupil, optics, args.phases.force)?;
+    let pupil = common::pupil_of(&args.pupil, &hologram, args.phases.force)?;
     // Nobody waits for a scene to be told that there is no window.
     let mut desktop = Desktop::open()?;
     let opener = common::opener(&args.engine)?;

@@ -37,6 +37,7 @@ mod show;
 #[cfg(target_os = "linux")]
 mod simulated;
 mod source;
+mod sources;
 mod tiled;
 mod trackers;
 mod tradeoff;

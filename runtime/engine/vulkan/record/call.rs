@@ -211,7 +211,8 @@ impl<'a> Call<'_, 'a> {
                     return Ok(Some(self.layout(resource)?.range(block, first, count)));
                 }
                 // Each mode of the source meets the relay with a table of its own.
-                let first = if resource == Resource::Relay { self.mode } else { first };
+                let own = || self.step.pupil_passes[index].mode(self.mode).source_mode;
+                let first = if resource == Resource::Relay { own() } else { first };
                 let stack = stacks.find(self.alias(resource)).ok_or_else(|| self.missing(resource))?;
                 Ok(Some(stack.layout.range(&stack.block, first, count)))
             }

@@ -1,0 +1,252 @@
+//! Sources that can be switched (OPTICS 12): each lights the SLM from an angle of its own, which moves the SLM's eyebox to a place
+//! of its own. The display's eyebox grows by their number.
+
+use super::units::within;
+use super::{Color, SourceMode};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A source that can be switched, as a file has it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SwitchedSource {
+    /// Direction of its light on the SLM, milliradians (x, y) [default: on the axis].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub angle_mrad: Option<[f64; 2]>,
+    /// The same as where the middle of its eyebox lies, millimetres (x, y).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub eyebox_mm: Option<[f64; 2]>,
+    /// Colours that it has [default: all].
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub colors: Vec<Color>,
+    /// Its light over that of a source of power 1 [default: 1].
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub power: f64,
+    /// How long it takes to be switched on or off, microseconds [default: 0].
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub switching_us: f64,
+    /// Numbers of the sources, from 1, that may be lit together with it [default: all].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub with: Option<Vec<usize>>,
+}
+
+/// Which of the sources are lit.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum SourcesLit {
+    /// They take turns over the sub-frames, in their order: a pupil sees the sub-frames of the source whose eyebox holds it.
+    #[default]
+    InTurn,
+    /// All at once, in every sub-frame.
+    Together,
+    /// The one in the middle, until a tracker says where the pupil is; then the one whose eyebox holds it, or several near a border.
+    Steered,
+    /// These, by their numbers from 1, of each colour.
+    Only(BTreeMap<Color, Vec<usize>>),
+}
+
+/// A display's switchable sources, and which of them are lit.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Sources {
+    /// The sources; none for a single one on the axis.
+    pub each: Vec<SwitchedSource>,
+    /// Which of them are lit.
+    pub lit: SourcesLit,
+}
+
+/// Sources that a display may have.
+const MOST: usize = 64;
+/// The largest direction sine under which a source lights an SLM, along an axis: 30 degrees, milliradians.
+const STEEPEST_MRAD: f64 = 500.0;
+
+fn one() -> f64 {
+    1.0
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
+fn is_one(power: &f64) -> bool {
+    *power == 1.0
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
+fn is_zero(time: &f64) -> bool {
+    *time == 0.0
+}
+
+impl Default for SwitchedSource {
+    fn default() -> Self {
+        Self { angle_mrad: None, eyebox_mm: None, colors: Vec::new(), power: 1.0, switching_us: 0.0, with: None }
+    }
+}
+
+impl SwitchedSource {
+    /// Direction sines of its light on the SLM, (x, y).
+    pub fn angle(&self, focal_length: f64) -> [f64; 2] {
+        let image = |place: [f64; 2]| place.map(|mm| mm * 1e-3 / focal_length);
+        self.angle_mrad.map(|angle| angle.map(|mrad| mrad * 1e-3)).or(self.eyebox_mm.map(image)).unwrap_or_default()
+    }
+
+    fn has(&self, color: Color) -> bool {
+        self.power > 0.0 && (self.colors.is_empty() || self.colors.contains(&color))
+    }
+}
+
+impl Sources {
+    /// For `skip_serializing_if`: whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.each.is_empty()
+    }
+
+    /// How many take turns over the sub-frames in a colour; 1 where none does.
+    pub fn turns(&self, color: Color) -> usize {
+        if self.lit == SourcesLit::InTurn { self.of(color).len().max(1) } else { 1 }
+    }
+
+    /// Those that have light of a colour, by their places.
+    pub fn of(&self, color: Color) -> Vec<usize> {
+        (0..self.each.len()).filter(|at| self.each[*at].has(color)).collect()
+    }
+
+    /// Those that are lit in a colour, now or in their turn, by their places.
+    pub fn lit(&self, color: Color, focal_length: f64) -> Vec<usize> {
+        let all = self.of(color);
+        match &self.lit {
+            SourcesLit::InTurn | SourcesLit::Together => all,
+            SourcesLit::Steered => {
+                let off = |at: &usize| self.each[*at].angle(focal_length).iter().map(|t| t * t).sum::<f64>();
+                all.into_iter().min_by(|a, b| off(a).total_cmp(&off(b))).into_iter().collect()
+            }
+            SourcesLit::Only(chosen) => {
+                let chosen = chosen.get(&color).map_or(&[][..], Vec::as_slice);
+                all.into_iter().filter(|at| chosen.contains(&(at + 1))).collect()
+            }
+        }
+    }
+
+    /// Lights these in a colour, by their places, and no others; where there are none of them, everything stays.
+    pub fn light_only(&mut self, color: Color, sources: &[usize]) {
+        if sources.is_empty() {
+            return;
+        }
+        if !matches!(self.lit, SourcesLit::Only(_)) {
+            self.lit = SourcesLit::Only(BTreeMap::new());
+        }
+        if let SourcesLit::Only(chosen) = &mut self.lit {
+            chosen.insert(color, sources.iter().map(|at| at + 1).collect());
+        }
+    }
+
+    /// Whether two of them, by their places, may be lit at once.
+    pub fn may_meet(&self, a: usize, b: usize) -> bool {
+        let allows = |of: usize, other: usize| self.each[of].with.as_ref().is_none_or(|w| w.contains(&(other + 1)));
+        a == b || (allows(a, b) && allows(b, a))
+    }
+
+    /// The modes of all of them in a colour, each source of the modes `within` it (around the axis, weights that add up to 1); those
+    /// of a source that is not lit have no [turn](SourceMode::turn).
+    pub(super) fn modes(&self, color: Color, focal_length: f64, within: &[SourceMode]) -> Vec<SourceMode> {
+        let lit = self.lit(color, focal_length);
+        let in_turn = self.lit == SourcesLit::InTurn;
+        let of_source = |at: usize| {
+            let source = &self.each[at];
+            let tilt = source.angle(focal_length);
+            let turn = match lit.iter().position(|l| *l == at) {
+                Some(place) if in_turn => [place, lit.len()],
+                Some(_) => SourceMode::ALWAYS,
+                None => SourceMode::NEVER,
+            };
+            within.iter().map(move |mode| SourceMode {
+                angle: [mode.angle[0] + tilt[0], mode.angle[1] + tilt[1]],
+                weight: mode.weight * source.power,
+                source: at,
+                turn,
+                ..*mode
+            })
+        };
+        self.of(color).into_iter().flat_map(of_source).collect()
+    }
+
+    /// The power that each of them has in each sub-frame of a colour, (source, sub-frame), over that of a source of power 1 that is
+    /// always lit.
+    pub fn powers(&self, color: Color, frames: usize, focal_length: f64, optics_wavelength: f64) -> Vec<Vec<f64>> {
+        let modes = self.modes(color, focal_length, &[SourceMode::centred(optics_wavelength)]);
+        let mut powers = vec![vec![0.0; frames]; self.each.len()];
+        for mode in &modes {
+            let of = (0..frames).map(|frame| mode.weight * mode.power(frame, frames));
+            powers[mode.source] = of.collect();
+        }
+        powers
+    }
+
+    /// What is wrong with them on a display of these colours, in words.
+    pub(super) fn check(&self, colors: &[Color], focal_length: f64) -> Result<(), String> {
+        if self.each.is_empty() {
+            let unlit = "sources_lit says which sources are lit, and there is none: give [[sources]]";
+            return if self.lit == SourcesLit::InTurn { Ok(()) } else { Err(unlit.into()) };
+        }
+        if self.each.len() > MOST {
+            return Err(format!("{} sources: at most {MOST} are taken", self.each.len()));
+        }
+        for (i, source) in self.each.iter().enumerate() {
+            self.check_one(i, colors, focal_length).map_err(|reason| format!("[[sources]] {}: {reason}", i + 1))?;
+            let alike = |other: &&SwitchedSource| {
+                let shared = colors.iter().any(|color| source.has(*color) && other.has(*color));
+                shared && source.angle(focal_length) == other.angle(focal_length)
+            };
+            if let Some(j) = self.each[..i].iter().position(|other| alike(&other)) {
+                return Err(format!("[[sources]] {}: it stands where source {} stands", i + 1, j + 1));
+            }
+        }
+        if let Some(dark) = colors.iter().find(|color| self.of(**color).is_empty()) {
+            return Err(format!(
+                "[[sources]]: none has any {dark} light: one of that colour must have a power above 0"
+            ));
+        }
+        let together = |color: &Color| {
+            let lit = self.lit(*color, focal_length);
+            let pairs = lit.iter().flat_map(|a| lit.iter().map(move |b| [*a, *b]));
+            pairs.filter(|[a, b]| !self.may_meet(*a, *b)).map(|pair| pair.map(|at| at + 1)).next()
+        };
+        if let SourcesLit::Only(chosen) = &self.lit {
+            let known = |number: &usize| (1..=self.each.len()).contains(number);
+            if let Some(other) = chosen.values().flatten().find(|number| !known(number)) {
+                return Err(format!("sources_lit names source {other}: there are {}", self.each.len()));
+            }
+            if let Some(dark) = colors.iter().find(|color| self.lit(**color, focal_length).is_empty()) {
+                return Err(format!("sources_lit lights no source of {dark}: it must name one that has that colour"));
+            }
+        }
+        match colors.iter().filter(|_| self.lit != SourcesLit::InTurn).find_map(together) {
+            Some([a, b]) => Err(format!("sources_lit lights {a} and {b} together, which their `with` does not allow")),
+            None => Ok(()),
+        }
+    }
+
+    fn check_one(&self, at: usize, colors: &[Color], focal_length: f64) -> Result<(), String> {
+        let SwitchedSource { angle_mrad, eyebox_mm, power, switching_us, with, .. } = &self.each[at];
+        if angle_mrad.is_some() && eyebox_mm.is_some() {
+            return Err("angle_mrad and eyebox_mm say the same of a source: give one of them".into());
+        }
+        within("power", *power, 0.0, 1e6)?;
+        within("switching_us", *switching_us, 0.0, 1e6)?;
+        for value in angle_mrad.iter().chain(eyebox_mm).flatten() {
+            within(if angle_mrad.is_some() { "angle_mrad" } else { "eyebox_mm" }, *value, -1e6, 1e6)?;
+        }
+        let angle = self.each[at].angle(focal_length).map(|t| t * 1e3);
+        if let Some(beyond) = angle.into_iter().find(|mrad| mrad.abs() > STEEPEST_MRAD) {
+            return Err(format!(
+                "an angle of {beyond:.1} mrad is beyond what lights an SLM, {STEEPEST_MRAD:.0} mrad (30 degrees)"
+            ));
+        }
+        if let Some(other) = self.each[at].colors.iter().find(|color| !colors.contains(color)) {
+            return Err(format!("wavelengths_nm has no {other}"));
+        }
+        let count = self.each.len();
+        match with.iter().flatten().find(|number| !(1..=count).contains(*number)) {
+            Some(number) => Err(format!("with names source {number}: there are {count}")),
+            None => Ok(()),
+        }
+    }
+}

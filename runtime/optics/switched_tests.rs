@@ -1,0 +1,111 @@
+use super::super::SourceMode;
+use super::*;
+
+const BENCH: &str =
+    "resolution = [64, 96]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { red = 660, green = 520 }\n";
+
+fn display(more: &str) -> Display {
+    Display::from_toml(&format!("{BENCH}{more}"), "b.toml").unwrap()
+}
+
+fn grid(spacing: f64) -> String {
+    let places = (0..9).map(|i| [f64::from(i % 3) - 1.0, f64::from(i / 3) - 1.0].map(|at| at * spacing));
+    places.map(|[x, y]| format!("[[sources]]\neyebox_mm = [{x}, {y}]\n")).collect()
+}
+
+#[test]
+fn sources_make_the_eyebox_larger() {
+    let plain = display("");
+    assert!((plain.eyebox_min() - 26e-3).abs() < 1e-12 && plain.regions(Color::Green).is_empty());
+    let nine = display(&grid(26.0));
+    assert!((nine.eyebox_min() - 78e-3).abs() < 1e-9 && (nine.source_eyebox_min() - 26e-3).abs() < 1e-12);
+    assert!(nine.regions(Color::Green).is_empty(), "all of it is served");
+    let reach = nine.reach();
+    let sources = reach.sources.as_ref().unwrap();
+    assert!(sources.eyebox_mm.iter().all(|mm| (mm - 78.0).abs() < 1e-6), "{sources:?}");
+    // Per axis, eyebox times field of view is N times the wavelength (OPTICS 12).
+    let wanted = (64.0 * 520e-9) * (96.0 * 520e-9) * 1e6;
+    assert!((reach.etendue_mm2_sr / wanted - 1.0).abs() < 1e-9);
+    assert!((sources.etendue_mm2_sr / wanted - 9.0).abs() < 1e-6);
+    assert!(reach.to_string().contains("9 sources: eyebox 78.0 x 78.0 mm, 9.0 times the area"), "{reach}");
+    assert!(plain.reach().sources.is_none() && !plain.reach().to_string().contains("sources"));
+    // Spaced by less they overlap, by more they leave gaps.
+    let close = display(&grid(22.0)).reach().sources.unwrap();
+    assert!((close.eyebox_mm[0] - 70.0).abs() < 1e-6 && (close.area_mm2 - 4900.0).abs() < 1e-3);
+    let apart = display(&grid(30.0));
+    assert!((apart.reach().sources.unwrap().area_mm2 - 9.0 * 676.0).abs() < 1e-3);
+    assert_eq!(apart.regions(Color::Green).len(), 9);
+    let one = display(&format!("sources_lit = {{ only = {{ red = [1], green = [2] }} }}\n{}", grid(26.0)));
+    let [region] = one.regions(Color::Green)[..] else { panic!("one region") };
+    assert!(region.center[0].abs() < 1e-12 && (region.center[1] + 26e-3).abs() < 1e-12);
+}
+
+#[test]
+fn modes_of_sources_know_their_turn() {
+    let centred = display("[[sources]]\nangle_mrad = [0, 0]\n");
+    assert!(centred.modes(Color::Green).is_empty(), "one in the middle is none");
+    let turns = |text: &str| -> Vec<[usize; 2]> { display(text).modes(Color::Green).iter().map(|m| m.turn).collect() };
+    let nine = grid(26.0);
+    assert_eq!(turns(&nine)[3], [3, 9]);
+    assert_eq!(turns(&format!("sources_lit = \"together\"\n{nine}"))[3], SourceMode::ALWAYS);
+    let steered = turns(&format!("sources_lit = \"steered\"\n{nine}"));
+    assert_eq!((steered[3], steered[4]), (SourceMode::NEVER, SourceMode::ALWAYS));
+    let text = "[source.green]\nimage_mm = 1\nsamples = 2\n\
+                [[sources]]\nangle_mrad = [5, 0]\npower = 2\ncolors = [\"green\"]\n[[sources]]\n";
+    let display = display(text);
+    let modes = display.modes(Color::Green);
+    assert_eq!((modes.len(), display.modes(Color::Red).len()), (8, 0));
+    let of_first: f64 = modes.iter().filter(|m| m.source == 0).map(|m| m.weight).sum();
+    assert!((of_first - 2.0).abs() < 1e-12);
+    assert_eq!(Display::from_toml(&display.to_toml(), "b").unwrap(), display);
+    // In turn each shines so much brighter that its mean power stays.
+    for frames in [2, 3, 7] {
+        let mean = |m: &SourceMode| (0..frames).map(|f| m.power(f, frames)).sum::<f64>() / frames as f64;
+        assert!(modes.iter().all(|m| (mean(m) - 1.0).abs() < 1e-12));
+    }
+    let alone = modes[0].in_frame(2, 4);
+    assert_eq!((alone.turn, alone.weight), (SourceMode::ALWAYS, 2.0 * modes[0].weight));
+    assert!(!modes[0].in_frame(1, 4).is_lit());
+}
+
+#[test]
+fn sources_that_cannot_be_are_refused_in_a_line() {
+    let cases = [
+        ("[[sources]]\npower = 0\n", "none has any red light"),
+        ("[[sources]]\npower = -1\n", "[[sources]] 1: power is -1"),
+        ("[[sources]]\npower = nan\n", "power is NaN"),
+        ("[[sources]]\n[[sources]]\nangle_mrad = [0, 600]\n", "[[sources]] 2: an angle of 600.0 mrad is beyond"),
+        ("[[sources]]\neyebox_mm = [300, 0]\n", "an angle of 750.0 mrad is beyond what lights an SLM, 500 mrad"),
+        ("[[sources]]\nangle_mrad = [0, 1]\neyebox_mm = [0, 1]\n", "give one of them"),
+        ("[[sources]]\n[[sources]]\n", "[[sources]] 2: it stands where source 1 stands"),
+        ("[[sources]]\ncolors = [\"blue\"]\n", "wavelengths_nm has no blue"),
+        ("[[sources]]\ncolors = [\"green\"]\n", "none has any red light"),
+        ("[[sources]]\nwith = [2]\n", "with names source 2: there are 1"),
+        ("[[sources]]\nswitching_us = -3\n", "switching_us is -3"),
+        ("[[sources]]\nangel_mrad = [0, 0]\n", "angel_mrad"),
+        ("sources_lit = \"together\"\n", "there is none"),
+        ("sources_lit = { only = { red = [1], green = [3] } }\n[[sources]]\n", "sources_lit names source 3"),
+        ("sources_lit = { only = { red = [1] } }\n[[sources]]\n", "lights no source of green"),
+        (
+            "sources_lit = \"together\"\n[[sources]]\nwith = []\n[[sources]]\nangle_mrad = [9, 0]\n",
+            "lights 1 and 2 together",
+        ),
+    ];
+    for (text, says) in cases {
+        let said = Display::from_toml(&format!("{BENCH}{text}"), "b.toml").unwrap_err().to_string();
+        assert!(said.contains(says) && said.contains("b.toml") && !said.trim_end().contains('\n'), "{said}");
+    }
+    let far = format!("{BENCH}geometry = \"far-field\"\n[[sources]]\n");
+    assert!(Display::from_toml(&far, "b").unwrap_err().to_string().contains("behind a relay"));
+}
+
+#[test]
+fn pupils_are_taken_where_some_source_s_eyebox_is() {
+    let display = display(&format!("sources_lit = \"together\"\n{}", grid(26.0)));
+    let check = |x: f64, y: f64| display.check_pupil(Color::Green, Pupil::from_mm([x, y, 4.0, 0.0]));
+    assert!(check(0.0, 0.0).is_ok() && check(26.0, -38.0).is_ok() && check(13.0, 13.0).is_ok());
+    let said = check(60.0, 0.0).unwrap_err().to_string();
+    assert!(said.contains("(60, 0) mm") && said.contains("78.00 mm"), "{said}");
+    let far = self::display("[[sources]]\neyebox_mm = [40, 0]\n");
+    assert!(far.check_pupil(Color::Green, Pupil::from_mm([0.0, 0.0, 4.0, 0.0])).is_err());
+}

@@ -1,0 +1,106 @@
+//! Switchable sources, from the display file to the picture.
+
+use crate::common::{done, eyebox, folder, refused, text};
+use eyebox::files::read_npy;
+use serde_json::Value;
+use std::fmt::Write;
+use std::path::Path;
+
+const BENCH: &str = "resolution = [64, 64]\npitch_um = 8.0\nfocal_length_mm = 400.0\n";
+const GREEN: &str = "wavelengths_nm = { green = 520 }\n";
+
+/// 3 x 3 sources, spaced by an eyebox.
+fn nine(lit: &str) -> String {
+    let mut text = format!("{BENCH}{GREEN}sources_lit = \"{lit}\"\n");
+    for i in 0..9 {
+        let [x, y] = [f64::from(i % 3) - 1.0, f64::from(i / 3) - 1.0].map(|at| at * 26.0);
+        writeln!(text, "[[sources]]\neyebox_mm = [{x}, {y}]").unwrap();
+    }
+    text
+}
+
+const SETTINGS: [&str; 8] = ["--steps", "6", "--frames", "9", "--pupil-diameter", "3.5..4.5", "--engine", "cpu"];
+
+fn solve(at: &Path, display: &str, out: &str) {
+    done(at, &[&["solve", "builtin:still-life", "--display", display, "-o", out][..], &SETTINGS].concat());
+}
+
+fn view(at: &Path, hologram: &str, pupil: &str) -> Vec<f32> {
+    let pupil = format!("--pupil={pupil}");
+    let answer = eyebox(at, &["view", hologram, &pupil, "--engine", "cpu", "-o", "seen.npy"]);
+    assert!(answer.status.success(), "{}", text(&answer.stderr));
+    read_npy(&at.join("seen.npy")).unwrap().values
+}
+
+/// Nine sources in turn: nine times the eyebox, each sub-frame with its own source, which `encode` writes.
+#[test]
+fn sources_take_turns_and_are_kept() {
+    let dir = folder();
+    let at = dir.path();
+    std::fs::write(at.join("nine.toml"), nine("in-turn")).unwrap();
+    std::fs::write(at.join("one.toml"), format!("{BENCH}{GREEN}[[sources]]\n")).unwrap();
+    std::fs::write(at.join("plain.toml"), format!("{BENCH}{GREEN}")).unwrap();
+    let said = done(at, &["devices", "--display", "nine.toml"]);
+    assert!(said.contains("with its 9 sources: eyebox 78.0 x 78.0 mm, 9.0 times the area"), "{said}");
+    let said = done(at, &["plan", "builtin:still-life", "--display", "nine.toml", "--frames", "9", "--engine", "cpu"]);
+    assert!(said.contains("green: 9 of 9 lit") && said.contains("in turn: 1.0 of 9 sub-frames each"), "{said}");
+    solve(at, "plain.toml", "plain.zarr");
+    solve(at, "one.toml", "one.zarr");
+    solve(at, "nine.toml", "nine.zarr");
+    // A single one in the middle is none: the same bytes.
+    assert!(view(at, "plain.zarr", "1,-1,4,0") == view(at, "one.zarr", "1,-1,4,0"));
+    let light = |pupil: &str| view(at, "nine.zarr", pupil).iter().sum::<f32>();
+    let middle = light("0,0,4,0");
+    for place in ["26,26,4,0", "-26,0,4,0", "13,0,4,0"] {
+        let there = light(place);
+        assert!(there > 0.3 * middle && there < 3.0 * middle, "at {place}: {there}, {middle} in the middle");
+    }
+    refused(at, &["view", "nine.zarr", "--pupil=60,0,4,0", "-o", "x.npy"], "x.npy", "78.00 mm");
+    done(at, &["encode", "nine.zarr", "--display", "grey8", "--size", "64x64", "-o", "frames"]);
+    let table = std::fs::read_to_string(at.join("frames/sources.csv")).unwrap();
+    assert!(table.starts_with("color,sub_frame,source_1,source_2"), "{table}");
+    let line: Vec<&str> = table.lines().nth(3).unwrap().split(',').collect();
+    assert_eq!((&line[..2], line[4]), (&["green", "2"][..], "9.000000"), "{table}");
+    // What is seen of the frames is what their sources show.
+    assert!(view(at, "frames", "26,26,4,0").iter().sum::<f32>() > 0.3 * middle);
+}
+
+/// A hologram that is refined for an eye keeps the sources that light it: near a border both.
+#[test]
+fn refinement_chooses_the_source() {
+    let dir = folder();
+    let at = dir.path();
+    std::fs::write(at.join("nine.toml"), nine("steered")).unwrap();
+    solve(at, "nine.toml", "base.zarr");
+    for (pupil, lit) in [("26,0,4,0", vec![6]), ("0,0,4,0", vec![5]), ("13,0,4,0", vec![5, 6])] {
+        let pupil = format!("--pupil={pupil}");
+        let line = ["refine", "base.zarr", "builtin:still-life", &pupil, "--steps", "8", "--engine", "cpu", "--json"];
+        let said = done(at, &[&line[..], &["-o", "there.zarr"]].concat());
+        let said: Value = serde_json::from_str(&said).unwrap();
+        let rows = said["rows"].as_array().unwrap();
+        let db = |i: usize| rows[i]["eye_db"].as_f64().unwrap();
+        assert!(db(rows.len() - 1) > db(0) + 1.0, "{pupil}: {rows:?}");
+        let document = std::fs::read_to_string(at.join("there.zarr/zarr.json")).unwrap();
+        let document: Value = serde_json::from_str(&document).unwrap();
+        let kept = &document["attributes"]["eyebox"]["settings"]["sources"]["lit"]["only"]["green"];
+        assert_eq!(kept, &serde_json::json!(lit), "{pupil}");
+    }
+}
+
+#[test]
+fn a_bad_source_is_refused_in_a_line() {
+    let dir = folder();
+    let at = dir.path();
+    let solve = ["solve", "builtin:still-life", "--display", "bad.toml", "--engine", "cpu", "-o", "out.zarr"];
+    for (sources, says) in [
+        ("[[sources]]\npower = 0\n", "none has any green light"),
+        ("[[sources]]\npower = -2\n", "[[sources]] 1: power is -2"),
+        ("[[sources]]\nangle_mrad = [0, 800]\n", "an angle of 800.0 mrad is beyond what lights an SLM"),
+        ("[[sources]]\n[source.green]\nmodes = [{ weight = 1, wavelength_nm = 600 }]\n", "600.0 nm is more than 2 %"),
+    ] {
+        std::fs::write(at.join("bad.toml"), format!("{BENCH}{GREEN}{sources}")).unwrap();
+        refused(at, &solve, "out.zarr", says);
+    }
+    std::fs::write(at.join("bad.toml"), nine("in-turn")).unwrap();
+    refused(at, &[&solve[..], &["--frames", "4"]].concat(), "out.zarr", "the number of sub-frames is 4");
+}
