@@ -230,26 +230,11 @@ pub(super) fn is_under_way(path: &Path, work: &Value) -> Result<bool, ProduceErr
     }
     match Tiles::open(path)?.made() {
         None => Ok(false),
-        Some(made) if is_same(&made.job, work) => Ok(true),
+        Some(made) if made.job == *work => Ok(true),
         Some(_) => Err(ProduceError::Job(format!(
             "{}: another job is under way there: repeat its command to go on, or remove it",
             path.display()
         ))),
-    }
-}
-
-/// Whether two jobs are one: a number may come back from its file one last digit away from what it was.
-fn is_same(one: &Value, other: &Value) -> bool {
-    match (one, other) {
-        (Value::Number(a), Value::Number(b)) => {
-            let close = |a: f64, b: f64| (a - b).abs() <= 1e-14 * a.abs();
-            a == b || a.as_f64().zip(b.as_f64()).is_some_and(|(a, b)| close(a, b))
-        }
-        (Value::Array(a), Value::Array(b)) => a.len() == b.len() && a.iter().zip(b).all(|(a, b)| is_same(a, b)),
-        (Value::Object(a), Value::Object(b)) => {
-            a.len() == b.len() && a.iter().all(|(key, a)| b.get(key).is_some_and(|b| is_same(a, b)))
-        }
-        _ => one == other,
     }
 }
 
