@@ -27,10 +27,12 @@ modules! {
     LAG = "lag", LAG_HALF = "lag_half";
     LAG_BACK = "lag_back", LAG_BACK_HALF = "lag_back_half";
     MODULATE = "modulate", MODULATE_HALF = "modulate_half";
+    MODULATE_MASK = "modulate_mask", MODULATE_MASK_HALF = "modulate_mask_half";
     MODULATE_ROWS = "modulate_rows", MODULATE_ROWS_HALF = "modulate_rows_half";
     MODULATE_WAVE = "modulate_wave", MODULATE_WAVE_HALF = "modulate_wave_half";
     MODULATE_WAVE_ROWS = "modulate_wave_rows", MODULATE_WAVE_ROWS_HALF = "modulate_wave_rows_half";
     MOTION = "motion", MOTION_HALF = "motion_half";
+    MULTIPLY = "multiply", MULTIPLY_HALF = "multiply_half";
     OVERLAP = "overlap";
     PASS_COLUMNS = "pass_columns", PASS_COLUMNS_HALF = "pass_columns_half";
     PASS_PUPIL = "pass_pupil", PASS_PUPIL_HALF = "pass_pupil_half";
@@ -47,6 +49,7 @@ modules! {
     TAPER = "taper";
     TRANSFER = "transfer";
     TURN = "turn", TURN_HALF = "turn_half";
+    TURN_MASK = "turn_mask", TURN_MASK_HALF = "turn_mask_half";
     TURN_ROWS = "turn_rows", TURN_ROWS_HALF = "turn_rows_half";
     WINDOW_COLUMNS = "window_columns", WINDOW_COLUMNS_HALF = "window_columns_half";
 }

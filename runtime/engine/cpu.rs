@@ -87,8 +87,8 @@ impl CpuEngine {
         let store = storing(shape.storage);
         let size = [shape.place.grid_height as usize, shape.place.grid_width as usize];
         let Buffers { phases, shown, levels, momentum, second, field, change, hits, energy, slots, .. } = buffers;
-        let Buffers { wave, blurred, subpixels, pixels: table, crosstalk, offsets, .. } = buffers;
-        let tables = ModelView::new(shape, table, crosstalk, offsets);
+        let Buffers { wave, blurred, subpixels, pixels: table, crosstalk, offsets, mask, mask_transfer, .. } = buffers;
+        let tables = ModelView::new(shape, table, crosstalk, offsets, [mask, mask_transfer]);
         let p = shape.subpixels();
         let [mut wave, mut blurred] =
             [(wave, p * p), (blurred, p)].map(|(buffer, planes)| buffer.chunks_exact_mut(planes * pixels));

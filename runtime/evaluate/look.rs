@@ -91,8 +91,21 @@ pub(crate) fn crop(planner: &Planner, image: Vec<f32>) -> Vec<f32> {
     if planner.grid == planner.slm {
         return image;
     }
-    let rows = image.chunks_exact(place.grid_width as usize).skip(place.top as usize).take(place.height as usize);
-    rows.flat_map(|row| &row[place.left as usize..(place.left + place.width) as usize]).copied().collect()
+    // Behind a mask, the mean over a pixel's own.
+    let finer = planner.slm.mask_factor;
+    let (height, width) = (finer * place.height as usize, finer * place.width as usize);
+    let rows = image.chunks_exact(place.grid_width as usize).skip(place.top as usize).take(height);
+    let rows = rows.map(|row| &row[place.left as usize..][..width]);
+    if finer == 1 {
+        return rows.flatten().copied().collect();
+    }
+    let mut means = vec![0.0; (place.height * place.width) as usize];
+    let share = 1.0 / (finer * finer) as f32;
+    for (y, row) in rows.enumerate() {
+        let means = &mut means[y / finer * place.width as usize..][..place.width as usize];
+        means.iter_mut().zip(row.chunks_exact(finer)).for_each(|(mean, own)| *mean += share * own.iter().sum::<f32>());
+    }
+    means
 }
 
 /// An image (height, width) whose axis comes first, with its axis in the middle.

@@ -1,11 +1,12 @@
 //! The three sums from which exposure and PSNR follow, summed where the images are: no image is read back.
 
 use super::EvaluateError;
-use super::look::pass_by_pass;
+use super::look::{crop, pass_by_pass};
 use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::WindowFactor;
 use crate::plan::{Comparison, Planner, Viewpoint};
-use eyebox_kernels::exposure::PART;
+use eyebox_kernels::exposure::{Args, PART, exposure};
+use eyebox_kernels::modulate;
 
 /// What one viewpoint's image `I` and target `T`, averaged over 2 x 2 pixels, come to.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -74,6 +75,15 @@ impl Sums {
         -10.0 * (error / colors.iter().map(|(sums, _)| sums.pixels).sum::<usize>() as f64).log10()
     }
 
+    /// Of an image and its target on the SLM's pixels.
+    fn of_pixels(place: &modulate::Args, image: &[f32], target: &[f32]) -> Self {
+        let modulate::Args { height, width, .. } = *place;
+        let args = Args { height, width, pitch: width, top: 0, left: 0 };
+        let mut parts = vec![0.0; PART * args.parts()];
+        exposure(&args, image, target, &mut parts);
+        Self::of_parts(&parts, args.pixels())
+    }
+
     /// Sum of squared differences at this exposure.
     fn error(&self, exposure: f64) -> f64 {
         let error = exposure * (exposure * self.with_itself - 2.0 * self.with_target) + self.of_target;
@@ -91,6 +101,10 @@ pub fn sums(engine: &mut dyn Engine, planner: &Planner, viewpoints: &[Viewpoint]
     let pupil_passes = viewpoints.iter().map(|s| planner.viewpoint(s, &Comparison::default())).collect();
     let place = planner.place();
     pass_by_pass(engine, planner.exposure_step(pupil_passes), |engine, pupil_pass| {
+        if planner.slm.mask_factor > 1 {
+            let [image, target] = [engine.read(Buffer::Image(0))?, engine.read(Buffer::Target(0))?];
+            return Ok(Sums::of_pixels(&place, &crop(&planner, image), &crop(&planner, target)));
+        }
         Ok(Sums::of_parts(&engine.read(Buffer::Sums(0))?, pupil_pass.exposure(&place).pixels()))
     })
 }
@@ -99,7 +113,6 @@ pub fn sums(engine: &mut dyn Engine, planner: &Planner, viewpoints: &[Viewpoint]
 mod tests {
     use super::*;
     use crate::evaluate::{fit_exposure, pool2, psnr};
-    use eyebox_kernels::exposure::{Args, exposure};
 
     fn noise(count: usize, seed: u64) -> Vec<f32> {
         let mix = |i: u64| (i + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29).wrapping_mul(seed | 0x2545_f491);

@@ -2,7 +2,7 @@
 
 use super::HologramError;
 use crate::optics::{
-    Color, JointColor, ModelSections, Padding, Picture, Prescription, PupilDistribution, SourceSections, Sources,
+    Color, JointColor, Mask, ModelSections, Padding, Picture, Prescription, PupilDistribution, SourceSections, Sources,
     Viewing,
 };
 use crate::scene::{Near, Order, Photographs};
@@ -62,6 +62,9 @@ pub struct Metadata {
     /// Its display's light, where that is no laser on the axis, as it was solved for and is looked at in.
     #[serde(skip_serializing_if = "SourceSections::is_empty")]
     pub source: SourceSections,
+    /// The static phase mask in front of its display's SLM, through which it was solved and is looked at.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mask: Option<Mask>,
     /// Its display's switchable sources, and which of them are lit in its sub-frames.
     #[serde(skip_serializing_if = "Sources::is_empty")]
     pub sources: Sources,
@@ -140,6 +143,9 @@ impl Metadata {
 
     /// Refuses what no computation can follow.
     pub(super) fn check(&self) -> Result<(), HologramError> {
+        if let Some(Err(reason)) = self.mask.as_ref().map(Mask::check) {
+            return Err(HologramError::Inconsistent(format!("its mask: {reason}")));
+        }
         match self.padded {
             Some([rows, columns]) if rows.max(columns) > MOST_PADDING => Err(HologramError::Inconsistent(format!(
                 "its padding is {rows} rows and {columns} columns: at most {MOST_PADDING} each"

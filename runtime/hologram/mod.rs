@@ -294,6 +294,7 @@ impl Hologram {
             metadata: Metadata {
                 model: display.model.clone(),
                 source: display.source.clone(),
+                mask: display.mask.clone(),
                 sources: display.sources.clone(),
                 picture: display.picture,
                 prescription: display.prescription.clone(),
@@ -328,6 +329,7 @@ impl Hologram {
             encoding: Default::default(),
             model: self.metadata.model.clone(),
             source: self.metadata.source.clone(),
+            mask: self.metadata.mask.clone(),
             sources: self.metadata.sources.clone(),
             picture: self.metadata.picture,
             prescription: self.metadata.prescription.clone(),
@@ -369,7 +371,8 @@ impl Hologram {
     pub fn optics(&self, index: usize) -> Result<Optics, OpticsError> {
         let wavelength = self.colors[index].wavelength;
         let optics = Optics::new(self.height, self.width, self.pitch, wavelength, self.focal_length)?;
-        Ok(optics.in_geometry(self.geometry))
+        let factor = self.metadata.mask.as_ref().map_or(1, |mask| mask.factor);
+        Ok(optics.in_geometry(self.geometry).behind_mask(factor))
     }
 
     /// Share of colour `index`'s field of view that the picture takes along each axis (OPTICS 9): that of the display's

@@ -36,6 +36,7 @@ impl Hologram {
                 eyebox_mm: Some(display.eyebox_min() * 1e3),
                 model: display.model.clone(),
                 source: display.source.clone(),
+                mask: display.mask.clone(),
                 sources: display.sources.clone(),
                 picture: display.picture,
                 prescription: display.prescription.clone(),

@@ -29,6 +29,7 @@ impl PhaseSource<'_> {
                 let mut hologram = hologram.into_owned();
                 hologram.metadata.model.clear();
                 hologram.metadata.source.clear();
+                hologram.metadata.mask = None;
                 hologram.metadata.picture = Default::default();
                 hologram.into()
             }
@@ -244,9 +245,12 @@ impl Hologram {
         slm: Optics,
         grid: Optics,
     ) -> Result<Option<Arc<ModelTables>>, HologramError> {
-        // Only colours that have a name have a model.
+        // Only colours that have a name have a model, or are known behind a mask.
         match self.colors[color].color {
-            Some(name) if !self.metadata.model.is_empty() => Ok(ModelTables::of(&self.made_for()?, name, slm, grid)),
+            None if self.metadata.mask.is_some() => Err(HologramError::NoDisplay),
+            Some(name) if !self.metadata.model.is_empty() || self.metadata.mask.is_some() => {
+                Ok(ModelTables::of(&self.made_for()?, name, slm, grid))
+            }
             _ => Ok(None),
         }
     }

@@ -6,7 +6,7 @@ use super::joint_color::check_dispersion;
 use super::model::{self, DisplayModel, ModelSections, ModelTerms};
 use super::wavefront_map;
 use super::{
-    Geometry, Optics, OpticsError, Picture, PictureMap, Prescription, SourceSections, Sources, SourcesLit,
+    Geometry, Mask, Optics, OpticsError, Picture, PictureMap, Prescription, SourceSections, Sources, SourcesLit,
     SwitchedSource, Viewing,
 };
 use serde::{Deserialize, Serialize};
@@ -46,6 +46,11 @@ pub struct Wavelength {
 /// [source.all]                   # light that is no laser on the axis: docs/displays.md
 /// kind = "led"
 ///
+/// [mask]                         # a static phase mask of finer pixels at the SLM: docs/displays.md
+/// factor = 2
+/// seed = 1
+///
+///
 /// [[sources]]                    # switchable sources, for a larger eyebox: docs/displays.md
 /// eyebox_mm = [-22, 0]
 ///
@@ -82,6 +87,8 @@ pub struct Display {
     pub model: ModelSections,
     /// Its light, where that is no laser on the axis.
     pub source: SourceSections,
+    /// The static phase mask in front of its SLM; none without.
+    pub mask: Option<Mask>,
     /// Its switchable sources, where it has any (OPTICS 12).
     pub sources: Sources,
     /// Where its picture is seen.
@@ -135,6 +142,9 @@ struct File {
     /// Its light, where that is no laser on the axis: `[source.red]`, `[source.green]`, `[source.blue]`, `[source.all]`, below.
     #[serde(default, skip_serializing_if = "SourceSections::is_empty")]
     source: SourceSections,
+    /// The static phase mask in front of its SLM: below.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    mask: Option<Mask>,
     /// Its switchable sources, one table each: `[[sources]]`, below.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     sources: Vec<SwitchedSource>,
@@ -192,6 +202,10 @@ impl Display {
         for file in encoding.look_up.values_mut().chain(encoding.correction.iter_mut().map(|c| &mut c.file)) {
             *file = beside.join(&file);
         }
+        let mut mask = read.mask;
+        if let Some(mask) = &mut mask {
+            mask.resolve(beside, read.resolution).map_err(|reason| wrong(format!("[mask]: {reason}")))?;
+        }
         let mut model = read.model;
         wavefront_map::resolve(&mut model, beside, |color| read.wavelengths_nm.get(&color).copied()).map_err(&wrong)?;
         let stem = Path::new(file).file_stem().map_or(file.into(), |s| s.to_string_lossy().into_owned());
@@ -214,11 +228,14 @@ impl Display {
             encoding,
             model,
             source: read.source,
+            mask,
             sources: Sources { each: read.sources, lit: read.sources_lit },
             picture: read.picture,
             prescription: read.prescription,
             viewing: read.viewing,
         };
+        display.check_mask().map_err(|reason| wrong(format!("[mask]: {reason}")))?;
+        let display = Self { mask: display.mask.filter(|mask| !mask.is_clear()), ..display };
         let colors: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
         model::check(&display.model, &colors).map_err(&wrong)?;
         display.picture.check(display.picture_size().into()).map_err(&wrong)?;
@@ -258,6 +275,7 @@ impl Display {
             encoding: self.encoding.clone(),
             model: self.model.clone(),
             source: self.source.clone(),
+            mask: self.mask.clone(),
             sources: self.sources.each.clone(),
             sources_lit: self.sources.lit.clone(),
             picture: self.picture,
@@ -278,7 +296,7 @@ impl Display {
             has: self.wavelengths.iter().map(|w| w.color.to_string()).collect::<Vec<_>>().join(", "),
         })?;
         let optics = Optics::new(self.height, self.width, self.pitch, found.wavelength, self.focal_length)?;
-        Ok(optics.in_geometry(self.geometry))
+        Ok(optics.in_geometry(self.geometry).behind_mask(self.mask_factor()))
     }
 
     /// What it does to one of its colours.

@@ -59,7 +59,7 @@ impl Display {
     /// (OPTICS 9).
     pub fn source_eyebox_min(&self) -> f64 {
         match self.geometry {
-            Geometry::Relay => self.shortest() * self.focal_length / self.pitch,
+            Geometry::Relay => self.shortest() * self.focal_length / (self.pitch / self.mask_factor() as f64),
             Geometry::FarField => self.height.min(self.width) as f64 * self.pitch,
         }
     }

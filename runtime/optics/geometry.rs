@@ -58,6 +58,9 @@ pub struct Optics {
     /// Bins (rows, columns) by which the middle of the grid lies off the axis: not zero for a piece that is cut out of a
     /// far-field SLM.
     pub offset: [i64; 2],
+    /// Pixels of a static mask that cover one of these along an axis (OPTICS 12), 1 without: the light's own grid is so many times
+    /// finer ([`Padding::grid`](super::Padding::grid)), and the eyebox so many times wider.
+    pub mask_factor: usize,
 }
 
 impl Optics {
@@ -97,7 +100,20 @@ impl Optics {
         range("the pitch (um)", pitch, 1e6, [1e-9, 1.0])?;
         range("the wavelength (nm)", wavelength, 1e9, [1e-9, 1.0])?;
         range("the focal length (mm)", focal_length, 1e3, [1e-6, 1e3])?;
-        Ok(Self { height, width, pitch, wavelength, focal_length, geometry: Geometry::Relay, offset: [0, 0] })
+        let (geometry, offset) = (Geometry::Relay, [0, 0]);
+        Ok(Self { height, width, pitch, wavelength, focal_length, geometry, offset, mask_factor: 1 })
+    }
+
+    /// The same SLM behind a mask, of whose pixels so many cover one of its own along an axis.
+    pub(crate) fn behind_mask(self, factor: usize) -> Self {
+        Self { mask_factor: factor.max(1), ..self }
+    }
+
+    /// The grid on which light is after the mask; these optics themselves where there is none.
+    pub(crate) fn at_mask(self) -> Self {
+        let Self { height, width, pitch, mask_factor, .. } = self;
+        let (height, width) = (height * mask_factor, width * mask_factor);
+        Self { height, width, pitch: pitch / mask_factor as f64, mask_factor: 1, ..self }
     }
 
     /// The same SLM in another place.
@@ -105,11 +121,11 @@ impl Optics {
         Self { geometry, ..self }
     }
 
-    /// Side of the square eyebox at this wavelength, metres: `wavelength * focal_length / pitch` (OPTICS 1), or the SLM's
-    /// own shorter side (OPTICS 9).
+    /// Side of the square eyebox at this wavelength, metres: `wavelength * focal_length / pitch` (OPTICS 1), of the mask's pixels
+    /// where there is one, or the SLM's own shorter side (OPTICS 9).
     pub fn eyebox(&self) -> f64 {
         match self.geometry {
-            Geometry::Relay => self.wavelength * self.focal_length / self.pitch,
+            Geometry::Relay => self.wavelength * self.focal_length / (self.pitch / self.mask_factor as f64),
             Geometry::FarField => self.height.min(self.width) as f64 * self.pitch,
         }
     }

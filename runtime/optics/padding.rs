@@ -68,9 +68,9 @@ impl Padding {
         Self { rows: grow(optics.height), columns: grow(optics.width) }
     }
 
-    /// The grid with this padding.
+    /// The grid with this padding: of a mask's pixels where the SLM has one in front.
     pub fn grid(&self, optics: Optics) -> Optics {
-        optics.with_size(optics.height + self.rows, optics.width + self.columns)
+        optics.with_size(optics.height + self.rows, optics.width + self.columns).at_mask()
     }
 }
 

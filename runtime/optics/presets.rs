@@ -150,6 +150,7 @@ impl Display {
             encoding,
             model: Default::default(),
             source: Default::default(),
+            mask: None,
             sources: Default::default(),
             picture: Default::default(),
             prescription: None,

@@ -1,6 +1,6 @@
 //! The kernel K(q; p) = A(q) H(q; z), per frequency bin (OPTICS 2).
 
-use super::{Optics, Pupil};
+use super::{Optics, Pupil, frequency_bin};
 use std::f64::consts::TAU;
 
 /// Whether the light of bin (`ky`, `kx`) passes the pupil: inside the disc, a true DFT bin, and propagating.
@@ -46,6 +46,20 @@ impl Aperture {
 /// The form without cancellation; thousands of turns at 1 m, so reduce to a fraction before any float32 sine.
 pub(crate) fn propagation_turns(a: f64, depth: f64, wavelength: f64) -> f64 {
     -(depth / wavelength) * (a / (1.0 + (1.0 - a).max(0.0).sqrt()))
+}
+
+/// H(q; z) at an index (row, column) of a transform, as (re, im); 0 where nothing propagates.
+pub(crate) fn transfer_of_bin(optics: &Optics, depth: f64, [row, column]: [usize; 2]) -> (f64, f64) {
+    let (slope_y, slope_x) = optics.cosine_per_bin();
+    let cosine = |at: usize, n: usize, slope: f64| frequency_bin(at as i64, n) as f64 * slope;
+    let (cy, cx) = (cosine(row, optics.height, slope_y), cosine(column, optics.width, slope_x));
+    let a = cx * cx + cy * cy;
+    if a >= 1.0 {
+        return (0.0, 0.0);
+    }
+    let turns = propagation_turns(a, depth, optics.wavelength);
+    let (sin, cos) = (TAU * (turns - turns.round())).sin_cos();
+    (cos, sin)
 }
 
 /// K(q; p) as (re, im): the reference that kernels are compared with.

@@ -27,6 +27,21 @@ pub struct Reach {
     /// With its switchable sources, where it has any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sources: Option<SourcesReach>,
+    /// What it would be without its mask, where it has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub without_mask: Option<WithoutMask>,
+}
+
+/// What a display is without the static mask in front of its SLM; the field of view stays.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct WithoutMask {
+    /// Pixels of the mask along an axis of one of the SLM's.
+    pub factor: usize,
+    /// Side of the eyebox that all colours serve, mm.
+    pub eyebox_mm: f64,
+    /// Area of the eyebox times the solid angle of the picture, mm2 sr.
+    pub etendue_mm2_sr: f64,
 }
 
 /// What a display's switchable sources make of its eyebox; the field of view stays.
@@ -62,6 +77,11 @@ impl Display {
             etendue_mm2_sr: area * solid * 1e6,
             switching_us: sources.iter().map(|source| source.switching_us).fold(0.0, f64::max),
         });
+        let factor = self.mask_factor();
+        let without_mask = self.mask.as_ref().map(|_| {
+            let eyebox_mm = self.source_eyebox_min() * 1e3 / factor as f64;
+            WithoutMask { factor, eyebox_mm, etendue_mm2_sr: eyebox_mm.powi(2) * solid }
+        });
         let own = |w: &super::Wavelength| Some((w.color, self.optics(w.color).ok()?.eyebox() * 1e3));
         Reach {
             field_of_view_degrees: extent.map(|e| 2.0 * (e / (2.0 * f)).min(1.0).asin().to_degrees()),
@@ -72,6 +92,7 @@ impl Display {
             depth_dioptres: [-dioptres(depth, f), dioptres(depth, f)],
             etendue_mm2_sr: self.source_eyebox_min().powi(2) * solid * 1e6,
             sources,
+            without_mask,
         }
     }
 }
@@ -93,6 +114,13 @@ impl fmt::Display for Reach {
             self.depth_dioptres[1],
             self.etendue_mm2_sr,
         )?;
+        if let Some(WithoutMask { factor, eyebox_mm, etendue_mm2_sr }) = &self.without_mask {
+            write!(
+                out,
+                "; behind a mask of {factor} x {factor} pixels on each of the SLM's: without it an eyebox of {eyebox_mm:.1} mm \
+                 and {etendue_mm2_sr:.3} mm2 sr"
+            )?;
+        }
         let Some(SourcesReach { sources, eyebox_mm: [up, across], area_mm2, etendue_mm2_sr, .. }) = &self.sources
         else {
             return Ok(());
@@ -123,6 +151,23 @@ mod tests {
         let line = reach.to_string();
         assert!(line.contains("2.20 degrees wide, 1.24 high, 873 pixels a degree") && !line.contains('\n'), "{line}");
         assert!(line.contains("eyebox 22.0 mm (red 33.0, green 26.0, blue 22.0)") && line.contains("157.1"), "{line}");
+    }
+
+    /// Eyebox times field of view is N wavelength along an axis, behind a mask as many times that as it has pixels.
+    #[test]
+    fn a_mask_makes_the_etendue_larger() {
+        let plain = Display::preset("small").unwrap();
+        let text = format!("{}\n[mask]\nfactor = 3\nseed = 1\n", plain.to_toml());
+        let masked = Display::from_toml(&text, "masked").unwrap();
+        let (plain, masked) = (plain.reach(), masked.reach());
+        let along = 256.0 * 440e-9 * 1e3;
+        assert!((plain.etendue_mm2_sr - along * along).abs() < 1e-9 && plain.without_mask.is_none());
+        assert!((masked.etendue_mm2_sr / plain.etendue_mm2_sr - 9.0).abs() < 1e-9);
+        assert!((masked.eyebox_mm - 66.0).abs() < 1e-9 && masked.field_of_view_degrees == plain.field_of_view_degrees);
+        let without = masked.without_mask.unwrap();
+        assert!((without.eyebox_mm - plain.eyebox_mm).abs() < 1e-9 && without.factor == 3);
+        let line = masked.to_string();
+        assert!(line.contains("3 x 3 pixels") && line.contains("without it an eyebox of 22.0 mm"), "{line}");
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! The kernels, each a row of the table in `kernels/lib.rs`: names, scopes, what is read and written, work, arguments.
+//! The kernels, each a row of the table in `kernels/table.rs`: names, scopes, what is read and written, work, arguments.
 
 use super::{ModelTables, PupilPass, Resource, Shape};
 use eyebox_kernels::fft::Columns;
@@ -259,6 +259,17 @@ impl Unit<'_> {
     fn grid_transform(&self) -> f64 {
         let place = &self.shape.place;
         transform(place.grid_height as usize, place.grid_width as usize, self.step.columns.count)
+    }
+
+    /// All rows and columns of the grid.
+    fn full_transform(&self) -> f64 {
+        let place = &self.shape.place;
+        transform(place.grid_height as usize, place.grid_width as usize, place.grid_width as usize)
+    }
+
+    /// Pixels of the mask.
+    fn masked(&self) -> f64 {
+        (self.shape.model.mask * self.shape.model.mask) as f64 * self.pixels()
     }
 
     fn subpixels(&self) -> f64 {

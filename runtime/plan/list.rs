@@ -1,7 +1,7 @@
 //! The buffers of a list as data: what kernels read and write, and how large it is.
 
 use super::Storage;
-use eyebox_kernels::{crosstalk, energy, modulate, quantise};
+use eyebox_kernels::{crosstalk, energy, modulate, multiply, quantise};
 
 /// A buffer. Pupil pass buffers are named by their slot: the pupil pass's place in its dispatch's range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -42,6 +42,10 @@ pub enum Buffer {
     Offsets,
     /// What the pixels' aperture and the relay do to each bin: (modes, grid height, grid width), each (re, im).
     Relay,
+    /// The static mask, (rows, columns) of its pixels over the SLM, each (re, im).
+    Mask,
+    /// Propagation from the SLM to a mask at a distance: (grid height, grid width), each (re, im).
+    MaskTransfer,
     /// K on the window: complex (modes, rows, columns).
     Transfer(usize),
     /// The retinal fields: complex (modes, frames, rows, columns).
@@ -76,6 +80,8 @@ impl Buffer {
             Self::Crosstalk => (Resource::Crosstalk, None),
             Self::Offsets => (Resource::Offsets, None),
             Self::Relay => (Resource::Relay, None),
+            Self::Mask => (Resource::Mask, None),
+            Self::MaskTransfer => (Resource::MaskTransfer, None),
             Self::Transfer(slot) => (Resource::Transfer, Some(slot)),
             Self::Window(slot) => (Resource::Window, Some(slot)),
             Self::Image(slot) => (Resource::Image, Some(slot)),
@@ -121,6 +127,10 @@ pub enum Resource {
     Offsets,
     /// [`Buffer::Relay`].
     Relay,
+    /// [`Buffer::Mask`].
+    Mask,
+    /// [`Buffer::MaskTransfer`].
+    MaskTransfer,
     /// [`Buffer::Transfer`].
     Transfer,
     /// [`Buffer::Window`].
@@ -157,7 +167,7 @@ pub enum Resource {
 
 impl Resource {
     /// Those that are buffers of the shape.
-    pub const OF_SHAPE: [Self; 16] = [
+    pub const OF_SHAPE: [Self; 18] = [
         Self::Phases,
         Self::Shown,
         Self::Levels,
@@ -174,6 +184,8 @@ impl Resource {
         Self::Crosstalk,
         Self::Offsets,
         Self::Relay,
+        Self::Mask,
+        Self::MaskTransfer,
     ];
 
     /// Those that are buffers of a slot.
@@ -199,6 +211,8 @@ impl Resource {
             Self::Crosstalk => Buffer::Crosstalk,
             Self::Offsets => Buffer::Offsets,
             Self::Relay => Buffer::Relay,
+            Self::Mask => Buffer::Mask,
+            Self::MaskTransfer => Buffer::MaskTransfer,
             Self::Transfer => Buffer::Transfer(slot),
             Self::Window => Buffer::Window(slot),
             Self::Image => Buffer::Image(slot),
@@ -290,6 +304,10 @@ pub struct ModelParts {
     /// Tables of factors on the bins, the pixels' aperture and the relay's wavefront: one for each mode of the source, 0 for
     /// none.
     pub relay: usize,
+    /// Pixels of a static mask along an axis of one of the SLM's, 0 without.
+    pub mask: usize,
+    /// Whether that mask stands at a distance from the SLM.
+    pub mask_away: bool,
 }
 
 /// What the buffers are for: those that a purpose does not need are not made.
@@ -334,6 +352,22 @@ impl Shape {
     /// Pixels of one sub-frame on the SLM.
     pub fn pixels(&self) -> usize {
         self.place.height as usize * self.place.width as usize
+    }
+
+    /// Where the SLM lies in the grid, in the grid's own pixels: a mask's are smaller than the SLM's.
+    pub fn on_grid(&self) -> modulate::Args {
+        let finer = self.model.mask.max(1) as u32;
+        modulate::Args { height: finer * self.place.height, width: finer * self.place.width, ..self.place }
+    }
+
+    /// Arguments of `multiply` by the phases of a mask at a distance, and by the propagation to it. Each has the root of what two
+    /// transforms multiply by, so that halves stay in range.
+    pub(crate) fn mask_factors(&self, back: bool) -> [multiply::Args; 2] {
+        let modulate::Args { height, width, grid_height, grid_width, top, left } = self.on_grid();
+        let (conjugate, scale) = (u32::from(back), (self.points() as f32).sqrt().recip());
+        let mask =
+            multiply::Args { rows: height, columns: width, grid_height, grid_width, top, left, conjugate, scale };
+        [mask, multiply::Args { rows: grid_height, columns: grid_width, top: 0, left: 0, ..mask }]
     }
 
     /// What `modulate` multiplies the field by.
@@ -396,6 +430,8 @@ impl Shape {
             }
             Resource::Offsets => (1, 2 * self.subpixels() * (self.place.grid_height + self.place.grid_width) as usize),
             Resource::Relay => (self.model.relay, 2 * self.points()),
+            Resource::Mask => (1, 2 * self.model.mask.pow(2) * self.pixels()),
+            Resource::MaskTransfer => (1, 2 * self.points()),
             _ => (self.frames, self.pixels()),
         };
         let complex = matches!(resource, Resource::Field | Resource::Change | Resource::Subpixels);
@@ -413,6 +449,8 @@ impl Shape {
             Resource::Blurred | Resource::Crosstalk => self.model.crosstalk.is_some(),
             Resource::Subpixels | Resource::Offsets => self.model.more_subpixels > 0,
             Resource::Relay => self.model.relay > 0,
+            Resource::Mask => self.model.mask > 0,
+            Resource::MaskTransfer => self.model.mask_away,
             _ => false,
         }
     }

@@ -2,7 +2,9 @@
 
 use super::{Dispatch, Kernel, ModelParts, Planner, PupilPass, Purpose, Step, Storage};
 use crate::optics::Geometry;
-use eyebox_kernels::{adam, divide_by_overlap, drive, energy, equalise_eyebox, fft::Columns, project, quantise};
+use eyebox_kernels::{
+    adam, divide_by_overlap, drive, energy, equalise_eyebox, fft::Columns, modulate_mask, project, quantise,
+};
 use std::ops::Range;
 
 /// What a step does in a pupil's window, from the spectrum to the image and back; `Motion` and its adjoint where an eye moves.
@@ -49,7 +51,9 @@ impl Planner {
         let mut step = self.descend(lists.into(), in_flight, true);
         step.list.push(Dispatch { kernel: Kernel::Project, pupil_passes: 0..0 });
         step.divide_by_overlap.power = power as f32;
-        step.project.gain = (gain / self.change_scale_of(&step.pupil_passes, true)) as f32;
+        // Of all its mask pixels a pixel follows the mean.
+        let parts = self.slm.mask_factor.pow(2) as f64;
+        step.project.gain = (gain / parts / self.change_scale_of(&step.pupil_passes, true)) as f32;
         step.project.momentum = momentum as f32;
         step
     }
@@ -125,8 +129,8 @@ impl Planner {
         step.equalise_eyebox = self.equalise_eyebox(eyebox, patches, projects, weight);
         let whole = |kernel| Dispatch { kernel, pupil_passes: 0..0 };
         let after = |step: &Step, kernel| step.list.iter().position(|d| d.kernel == kernel).map_or(0, |i| i + 1);
-        let lit = [Kernel::FieldForward, Kernel::SubpixelsForward, Kernel::Modulate, Kernel::ModulateWave]
-            .map(|kernel| after(&step, kernel));
+        use Kernel::{FieldForward, Modulate, ModulateWave, SubpixelsForward};
+        let lit = [FieldForward, SubpixelsForward, Modulate, ModulateWave].map(|kernel| after(&step, kernel));
         let lit = lit.into_iter().max().unwrap_or(0);
         step.list.insert(lit, whole(Kernel::Energy));
         // Before the spectrum's change becomes the field's; in the far field they are one.
@@ -179,14 +183,17 @@ impl Planner {
     fn to_spectrum(&self) -> impl Iterator<Item = Dispatch> + use<> {
         let first = (self.levels > 0).then_some(Kernel::Quantise);
         let parts = self.parts();
-        let (lit, spectrum) = match parts.more_subpixels {
-            0 => (Kernel::ModulateWave, Kernel::FieldForward),
+        let (lit, spectrum) = match (parts.mask, parts.more_subpixels) {
+            (1.., _) => (Kernel::ModulateMask, Kernel::FieldForward),
+            (_, 0) => (Kernel::ModulateWave, Kernel::FieldForward),
             _ => (Kernel::ModulateSubpixels, Kernel::SubpixelsForward),
         };
+        let away = parts.mask_away.then_some(Kernel::ToMask);
         let last = (self.grid.geometry == Geometry::Relay).then_some(spectrum);
         let lag = self.model.as_ref().is_some_and(|model| model.model().lag > 0.0).then_some(Kernel::Lag);
         let crosstalk = parts.crosstalk.map(|_| [Kernel::CrosstalkRows, Kernel::CrosstalkColumns]);
-        let driven = [Kernel::Drive].into_iter().chain(lag).chain(crosstalk.into_iter().flatten()).chain([lit]);
+        let driven =
+            [Kernel::Drive].into_iter().chain(lag).chain(crosstalk.into_iter().flatten()).chain([lit]).chain(away);
         let plain = (!parts.drives).then_some(Kernel::Modulate);
         let all = first.into_iter().chain(plain).chain(driven.filter(move |_| parts.drives)).chain(last);
         all.map(|kernel| Dispatch { kernel, pupil_passes: 0..0 })
@@ -196,9 +203,15 @@ impl Planner {
     fn to_phases(&self) -> impl Iterator<Item = Dispatch> + use<> {
         let parts = self.parts();
         let lag = self.model.as_ref().is_some_and(|model| model.model().lag > 0.0).then_some(Kernel::LagBack);
-        let turn = if parts.more_subpixels > 0 { Kernel::TurnSubpixels } else { Kernel::Turn };
+        let turn = match (parts.mask, parts.more_subpixels) {
+            (1.., _) => Kernel::TurnMask,
+            (_, 0) => Kernel::Turn,
+            _ => Kernel::TurnSubpixels,
+        };
+        let away = parts.mask_away.then_some(Kernel::FromMask);
         let crosstalk = parts.crosstalk.map(|_| [Kernel::CrosstalkColumnsBack, Kernel::CrosstalkRowsBack]);
-        let all = [turn].into_iter().chain(crosstalk.into_iter().flatten()).chain(lag).chain([Kernel::DriveBack]);
+        let all =
+            away.into_iter().chain([turn]).chain(crosstalk.into_iter().flatten()).chain(lag).chain([Kernel::DriveBack]);
         all.filter(move |_| parts.drives).map(|kernel| Dispatch { kernel, pupil_passes: 0..0 })
     }
 
@@ -255,6 +268,7 @@ impl Planner {
                 epsilon: 1e-11,
             },
             drive: self.drive(),
+            modulate_mask: self.modulate_mask(),
             model: self.model.clone(),
             pupil_passes,
         }
@@ -264,6 +278,13 @@ impl Planner {
         let ([bend_sin, bend_cos], lag) =
             self.model.as_ref().map_or(Default::default(), |model| (model.model().bend, model.model().lag));
         drive::Args { place: self.place(), bend_sin: bend_sin as f32, bend_cos: bend_cos as f32, lag: lag as f32 }
+    }
+
+    fn modulate_mask(&self) -> modulate_mask::Args {
+        let parts = self.parts();
+        let cover = self.model.as_ref().map_or([1.0; modulate_mask::MOST], |model| model.cover());
+        let here = u32::from(!parts.mask_away);
+        modulate_mask::Args { place: self.place(), factor: parts.mask.max(1) as u32, here, cover }
     }
 
     /// Whether the projection keeps drives from wrapping. Crosstalk blurs the edge between the two ends of the range: a phase that

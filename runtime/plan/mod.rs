@@ -12,6 +12,7 @@ pub(crate) mod fusion;
 mod kernel;
 mod list;
 mod lists;
+mod mask;
 mod model;
 mod moments;
 mod pass;

@@ -1,8 +1,9 @@
 //! The display as it is, as the tables that kernels read (OPTICS 10).
 
+use super::mask::MaskTables;
 use super::{Buffer, ModelParts};
 use crate::optics::{Color, Display, DisplayModel, Geometry, Optics, Pupil, SourceMode};
-use eyebox_kernels::Complex32;
+use eyebox_kernels::{Complex32, modulate_mask};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::{Arc, OnceLock};
@@ -19,6 +20,8 @@ pub struct ModelTables {
     grid: Optics,
     /// The source's modes, whose light meets the relay at places of its own; none for a laser on the axis.
     modes: Vec<SourceMode>,
+    /// The static mask in front of the SLM; none without.
+    mask: Option<Arc<MaskTables>>,
     /// Rows and columns of the whole SLM, and where in it this one's first pixel lies: not the same for a piece of a far field.
     whole: [usize; 2],
     at: [i64; 2],
@@ -44,7 +47,8 @@ impl PartialEq for ModelTables {
     /// By what they are made of.
     fn eq(&self, other: &Self) -> bool {
         let of = |t: &Self| (t.radius, t.error, t.slm, t.grid, t.whole, t.at);
-        self.model == other.model && self.modes == other.modes && of(self) == of(other)
+        let same = self.model == other.model && self.modes == other.modes && self.mask == other.mask;
+        same && of(self) == of(other)
     }
 }
 
@@ -52,8 +56,7 @@ impl ModelTables {
     /// Of this model on an SLM of so many levels inside a grid; none where the display is the ideal one. `radius`: half the eyebox of the
     /// display's shortest wavelength, metres.
     pub fn new(model: DisplayModel, radius: f64, levels: u32, slm: Optics, grid: Optics) -> Option<Arc<Self>> {
-        let highest_drive = TAU * (1.0 - 1.0 / f64::from(levels.max(2)));
-        (!model.is_ideal()).then(|| Arc::new(Self::cut(model, radius, highest_drive, EXACT, slm, grid)))
+        (!model.is_ideal()).then(|| Arc::new(Self::cut(model, radius, highest_drive(levels), EXACT, slm, grid)))
     }
 
     /// The same for the steps of a solve, with crosstalk cut where what is left of it shows in no picture.
@@ -68,9 +71,18 @@ impl ModelTables {
 
     /// The same in the light of these modes of a source; [`Planner::with_source`](super::Planner::with_source) calls it.
     pub(crate) fn lit_by(&self, modes: &[SourceMode]) -> Arc<Self> {
-        let Self { model, radius, highest_drive, error, slm, grid, .. } = self;
-        let plain = Self::cut(model.clone(), *radius, *highest_drive, *error, *slm, *grid);
-        Arc::new(Self { modes: modes.to_vec(), ..plain })
+        Arc::new(Self { modes: modes.to_vec(), ..self.again(self.model.clone(), self.error) })
+    }
+
+    /// The same with another model of the display, behind the same mask; none where that leaves the ideal display.
+    pub(crate) fn with_model(&self, model: DisplayModel) -> Option<Arc<Self>> {
+        let ideal = model.is_ideal() && self.mask.is_none();
+        (!ideal).then(|| Arc::new(Self { modes: self.modes.clone(), ..self.again(model, self.error) }))
+    }
+
+    fn again(&self, model: DisplayModel, error: f64) -> Self {
+        let plain = Self::cut(model, self.radius, self.highest_drive, error, self.slm, self.grid);
+        Self { mask: self.mask.clone(), ..plain }
     }
 
     /// How many modes that is.
@@ -80,14 +92,11 @@ impl ModelTables {
 
     /// The iris alone.
     pub(crate) fn iris(&self) -> Arc<Self> {
-        let Self { model, radius, highest_drive, error, slm, grid, .. } = self;
-        Arc::new(Self::cut(model.only("iris"), *radius, *highest_drive, *error, *slm, *grid))
+        Arc::new(self.again(self.model.only("iris"), self.error))
     }
 
     fn cut_at(&self, error: f64) -> Arc<Self> {
-        let Self { model, radius, highest_drive, slm, grid, modes, .. } = self;
-        let cut = Self::cut(model.clone(), *radius, *highest_drive, error, *slm, *grid);
-        Arc::new(Self { modes: modes.clone(), ..cut })
+        Arc::new(Self { modes: self.modes.clone(), ..self.again(self.model.clone(), error) })
     }
 
     /// Of a piece of a far field's SLM, of all of which this is: `size` pixels whose first is `at`. It may hang over the edges by
@@ -101,6 +110,7 @@ impl ModelTables {
             slm: piece,
             grid: piece,
             modes: self.modes.clone(),
+            mask: self.mask.clone(),
             at,
             pixels: OnceLock::new(),
             offsets: OnceLock::new(),
@@ -136,7 +146,9 @@ impl ModelTables {
     }
 
     fn cut(model: DisplayModel, radius: f64, highest_drive: f64, error: f64, slm: Optics, grid: Optics) -> Self {
-        let weights = model.crosstalk_weights(grid.height, grid.width, model.subpixels, error);
+        // Crosstalk is between the SLM's own pixels.
+        let [rows, columns] = [grid.height, grid.width].map(|n| n / slm.mask_factor);
+        let weights = model.crosstalk_weights(rows, columns, model.subpixels, error);
         let reach = weights.as_ref().map(|axes| [axes[0].reach, axes[1].reach]);
         let crosstalk = weights.iter().flatten().flat_map(|axis| &axis.values).map(|v| *v as f32).collect();
         let (pixels, offsets, relay, root) = Default::default();
@@ -148,6 +160,7 @@ impl ModelTables {
             slm,
             grid,
             modes: Vec::new(),
+            mask: None,
             whole,
             at,
             root,
@@ -162,9 +175,27 @@ impl ModelTables {
 
     /// Of a display in one of its colours, on its SLM inside a grid, in the light of its source.
     pub fn of(display: &Display, color: Color, slm: Optics, grid: Optics) -> Option<Arc<Self>> {
-        let plain = Self::new(display.model(color), display.source_eyebox_min() / 2.0, display.levels, slm, grid)?;
+        let (model, radius) = (display.model(color), display.source_eyebox_min() / 2.0);
+        let plain = match MaskTables::of(display, slm, grid) {
+            None => Self::new(model, radius, display.levels, slm, grid)?,
+            Some(mask) => {
+                let highest_drive = highest_drive(display.levels);
+                let plain = Self::cut(model, radius, highest_drive, EXACT, slm, grid);
+                Arc::new(Self { mask: Some(Arc::new(mask)), ..plain })
+            }
+        };
         let modes = display.modes(color);
         Some(if modes.is_empty() { plain } else { plain.lit_by(&modes) })
+    }
+
+    /// How far behind the SLM its mask stands, metres.
+    pub(crate) fn mask_distance(&self) -> f64 {
+        self.mask.as_ref().map_or(0.0, |mask| mask.distance())
+    }
+
+    /// How much of each mask pixel across it a pixel of the SLM fills, along an axis.
+    pub(crate) fn cover(&self) -> [f32; modulate_mask::MOST] {
+        self.mask.as_ref().map_or([1.0; modulate_mask::MOST], |mask| mask.cover(self.model.fill))
     }
 
     /// The highest drive that is not rounded up to the lowest, radians.
@@ -175,7 +206,8 @@ impl ModelTables {
     /// The sum of the squares of crosstalk's kernel, 1 without: how much of the variance of random drives it leaves.
     pub(crate) fn variance_left(&self) -> f64 {
         let squares = |kernel: &Vec<f64>| kernel.iter().map(|v| v * v).sum::<f64>();
-        let kernels = self.model.crosstalk_kernels(self.grid.height, self.grid.width, 1);
+        let [rows, columns] = [self.grid.height, self.grid.width].map(|n| n / self.slm.mask_factor);
+        let kernels = self.model.crosstalk_kernels(rows, columns, 1);
         kernels.map_or(1.0, |axes| axes.iter().map(squares).product::<f64>())
     }
 
@@ -191,7 +223,7 @@ impl ModelTables {
         let driven = model.level != ideal.level || model.bend != ideal.bend || model.lag > 0.0;
         let lit = model.source != ideal.source || model.undiffracted[..2] != [0.0; 2];
         ModelParts {
-            drives: crosstalk || driven || lit,
+            drives: crosstalk || driven || lit || self.mask.is_some(),
             crosstalk: self.reach,
             more_subpixels: if crosstalk { model.subpixels - 1 } else { 0 },
             relay: if model.fill > 0.0 || model.wavefront.values().any(|waves| *waves != 0.0) {
@@ -199,6 +231,8 @@ impl ModelTables {
             } else {
                 0
             },
+            mask: self.mask.as_ref().map_or(0, |mask| mask.factor()),
+            mask_away: self.mask_distance() > 0.0,
         }
     }
 
@@ -209,7 +243,8 @@ impl ModelTables {
         let crosstalk = parts.crosstalk.map(|_| (Buffer::Crosstalk, &self.crosstalk[..]));
         let offsets = (parts.more_subpixels > 0).then(|| (Buffer::Offsets, self.offsets()));
         let relay = (parts.relay > 0).then(|| (Buffer::Relay, self.relay()));
-        [pixels, crosstalk, offsets, relay].into_iter().flatten()
+        let mask = self.mask.iter().flat_map(|mask| mask.buffers());
+        [pixels, crosstalk, offsets, relay].into_iter().flatten().chain(mask)
     }
 
     fn pixels(&self) -> &[f32] {
@@ -256,7 +291,10 @@ impl ModelTables {
         let ((bin_y, bin_x), (first_y, first_x)) = (lit.bin_size(), grid.first_bin());
         let [moved_x, moved_y] = mode.angle.map(|t| grid.focal_length * t);
         let waves = grid.wavelength / mode.wavelength;
+        let full = DisplayModel { fill: 1.0, ..DisplayModel::default() };
         let sinc = |k: i64, n: usize| match grid.geometry {
+            // Behind a mask it is that of the mask's pixels, which are full: what the SLM's fill is in how it covers them.
+            Geometry::Relay if model.fill > 0.0 && self.mask.is_some() => full.pixel_sinc(k as f64 / n as f64),
             Geometry::Relay if model.fill > 0.0 => model.pixel_sinc(k as f64 / n as f64),
             _ => 1.0,
         };
@@ -280,6 +318,11 @@ impl ModelTables {
         });
         relay
     }
+}
+
+/// The highest drive of so many levels that is not rounded up to the lowest, radians.
+fn highest_drive(levels: u32) -> f64 {
+    TAU * (1.0 - 1.0 / f64::from(levels.max(2)))
 }
 
 /// Four tables of `count` values each.

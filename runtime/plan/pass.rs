@@ -165,13 +165,13 @@ impl PupilPass {
             Resource::Accumulator => {
                 (1, self.shot.as_ref().map_or(0, |s| s.args.height as usize * s.args.width as usize))
             }
-            Resource::Sums => (1, exposure::PART * self.exposure(&shape.place).parts()),
+            Resource::Sums => (1, exposure::PART * self.exposure(&shape.on_grid()).parts()),
             _ => (0, 0),
         };
         Extent { frames, values, complex: matches!(resource, Resource::Transfer | Resource::Window) }
     }
 
-    /// Arguments of `exposure`: the part of its image that is the SLM's, `place` being where that lies in the grid.
+    /// Arguments of `exposure`: the part of its image that is the SLM's, `place` being where that lies in the grid ([`Shape::on_grid`]).
     pub fn exposure(&self, place: &modulate::Args) -> exposure::Args {
         // A window has fewer pixels than the grid: those are taken that lie wholly on the SLM.
         let inside = |first: u32, count: u32, grid: u32, pixels: usize| {

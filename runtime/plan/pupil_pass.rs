@@ -97,7 +97,7 @@ impl Planner {
     pub fn new(slm: Optics, frames: usize, factor: WindowFactor) -> Self {
         Self {
             slm,
-            grid: slm,
+            grid: Padding::default().grid(slm),
             frames,
             factor,
             views: None,
@@ -183,15 +183,17 @@ impl Planner {
         Self { grid: padding.grid(self.slm), ..self }
     }
 
-    /// Where the SLM lies in the grid.
+    /// Where the SLM lies in the grid: its own size, and the first point of the grid that is its, which behind a mask are the
+    /// mask's pixels ([`Shape::on_grid`]).
     pub fn place(&self) -> modulate::Args {
+        let finer = self.slm.mask_factor;
         modulate::Args {
             height: self.slm.height as u32,
             width: self.slm.width as u32,
             grid_height: self.grid.height as u32,
             grid_width: self.grid.width as u32,
-            top: ((self.grid.height - self.slm.height) / 2) as u32,
-            left: ((self.grid.width - self.slm.width) / 2) as u32,
+            top: ((self.grid.height - finer * self.slm.height) / 2) as u32,
+            left: ((self.grid.width - finer * self.slm.width) / 2) as u32,
         }
     }
 
@@ -227,6 +229,11 @@ impl Planner {
         }
         let look = std::iter::once((*pupil, self.displacement(&iris)));
         pass.shot = self.shot_over(look, pass.window, pass.shot.take());
+    }
+
+    /// How far behind the SLM light leaves its mask, metres.
+    fn mask_distance(&self) -> f64 {
+        self.model.as_ref().map_or(0.0, |model| model.mask_distance())
     }
 
     /// The eye's error, centred on this iris, in all modes of a pupil pass; that of a pass before makes way.
@@ -323,7 +330,8 @@ impl Planner {
             transfer: transfer::Args {
                 slope_y,
                 slope_x,
-                turns: pupil.depth / grid.wavelength,
+                // From a mask at a distance the rest of the way is left.
+                turns: (pupil.depth - self.mask_distance()) / grid.wavelength,
                 shift_y: angle_y / cosine_y,
                 shift_x: angle_x / cosine_x,
                 y0: window.y0 as i32,

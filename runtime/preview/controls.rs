@@ -59,6 +59,7 @@ impl Controls {
             focal_length: 0.4,
             geometry: Geometry::Relay,
             offset: Default::default(),
+            mask_factor: 1,
         });
         Self {
             pupil,

@@ -2,7 +2,7 @@
 
 use super::findings::findings;
 use super::page::{document, figure, row, section, statements, table};
-use super::{joint, pictures, plots};
+use super::{coherence, joint, pictures, plots};
 use crate::evaluate::{Group, Summary};
 use crate::quality::comparison::{Results, SceneFigures, Series, mean};
 use maud::{Markup, html};
@@ -34,6 +34,7 @@ pub fn page(results: &Results) -> String {
             }
             @if !results.speckle.is_empty() { a href="#speckle" { "Speckle" } }
             @if !results.joint.is_empty() { a href="#joint" { "All colours at once" } }
+            @if !results.coherence.is_empty() { a href="#coherence" { "Coherence" } }
             @if compares {
                 a href="#tables" { "Tables" }
                 a href="#methods" { "Methods" }
@@ -44,6 +45,7 @@ pub fn page(results: &Results) -> String {
             (colors(results))
         }
         (joint::section(results))
+        (coherence::section(results))
         @if compares { (tables(results)) (methods(results)) }
     };
     document(&title, lead, &facts(results), body)

@@ -234,6 +234,7 @@ mod tests {
             runs: Vec::new(),
             speckle: Vec::new(),
             joint: Vec::new(),
+            coherence: Vec::new(),
             published: Vec::new(),
             missing: 0,
         };

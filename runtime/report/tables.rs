@@ -2,7 +2,7 @@
 
 use super::findings::findings;
 use crate::evaluate::{Group, Summary};
-use crate::quality::comparison::{JointFigures, Results, SceneFigures, Series};
+use crate::quality::comparison::{CoherenceFigures, JointFigures, Results, SceneFigures, Series};
 use serde_json::{Map, Value, json};
 
 /// A CSV file of these lines.
@@ -88,6 +88,23 @@ pub fn joint_table(results: &Results) -> Vec<u8> {
     csv(&["scene", "frames", "way", "brightness", "psnr_mean_db", "psnr_worst_db"], lines)
 }
 
+/// One source, without its picture.
+fn coherence(figures: &CoherenceFigures) -> Value {
+    json!(CoherenceFigures { picture: None, ..figures.clone() })
+}
+
+/// Coherence against quality: one line per scene, number of sub-frames and size of the source.
+pub fn coherence_table(results: &Results) -> Vec<u8> {
+    let lines = results.coherence.iter().map(|c| {
+        let [nyquist, half] = c.modulation;
+        let numbers = [c.mean_db, c.worst_db, c.contrast, nyquist, half, c.depth_of_field_mm];
+        let about = [c.scene.clone(), c.frames.to_string(), c.image_mm.to_string(), c.modes.to_string()];
+        about.into_iter().chain(numbers.map(|v| format!("{v:.4}"))).collect::<Vec<_>>()
+    });
+    let measured = ["psnr_mean_db", "psnr_worst_db", "speckle_contrast", "modulation_nyquist", "modulation_half"];
+    csv(&[&["scene", "frames", "source_mm", "modes"][..], &measured, &["depth_of_field_mm"]].concat(), lines)
+}
+
 /// All numbers, without pictures.
 pub fn json(results: &Results) -> Value {
     let groups = |method: &str, frames: usize, scene: Option<&str>| -> Value {
@@ -122,5 +139,6 @@ pub fn json(results: &Results) -> Value {
         "scenes": scenes.collect::<Vec<_>>(), "over_scenes": results.series().iter().map(of_series).collect::<Vec<_>>(),
         "runs": runs.collect::<Vec<_>>(), "speckle": results.speckle, "claims": claims.collect::<Vec<_>>(),
         "published": results.published, "joint": results.joint.iter().map(joint).collect::<Vec<_>>(),
+        "coherence": results.coherence.iter().map(coherence).collect::<Vec<_>>(),
     })
 }

@@ -145,7 +145,7 @@ pub use pyramid::{Level, Pyramid, ViewsOnDevice};
 pub(crate) use registered::Bend;
 pub use request::Request;
 pub use resize::Fit;
-pub(crate) use resize::{crop_share, shrink_to_share};
+pub(crate) use resize::{Enlarged, crop_share, shrink_to_share};
 pub use single::Reprojection;
 
 pub(crate) use survey::DARK;

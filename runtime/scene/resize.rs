@@ -85,6 +85,21 @@ pub(crate) fn crop_share(plane: &[f32], height: usize, width: usize, share: f64)
     about_axis([height, width], 1.0 / share).apply(plane)
 }
 
+/// Planes of one size, so many times as large along each axis.
+pub(crate) struct Enlarged(Resize);
+
+impl Enlarged {
+    /// Of planes of so many rows and columns.
+    pub(crate) fn new(size: [usize; 2], times: usize) -> Self {
+        Self(Resize::new(size, size.map(|n| n * times), Fit::Stretch))
+    }
+
+    /// One of them.
+    pub(crate) fn apply(&self, plane: &[f32]) -> Vec<f32> {
+        self.0.apply(plane)
+    }
+}
+
 fn about_axis(size: [usize; 2], scale: f64) -> Resize {
     let axis = |n: usize| Axis::new(n, n, scale, ((n / 2) as f64 + 0.5) * (1.0 - scale));
     Resize { scale: [scale; 2], rows: axis(size[0]), columns: axis(size[1]) }

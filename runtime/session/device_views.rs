@@ -40,6 +40,9 @@ impl DeviceViews {
         channels: &[usize],
     ) -> Result<Self, String> {
         let size = offer.size.map(|n| n as usize);
+        if display.mask_factor() > 1 {
+            return Err("views are made larger first, as the display's mask asks for".into());
+        }
         for color in colors {
             let wavelength = display.optics(*color).map_err(|e| e.to_string())?.wavelength;
             if display.picture_share(wavelength) < 1.0 {

@@ -9,18 +9,17 @@ use super::solver::PUPILS;
 use super::step::Steps;
 use super::viewpoints::Viewpoints;
 use crate::engine::Memory;
-use crate::optics::{DisplayModel, Padding, WindowFactor};
-use crate::plan::{self, Comparison, Group, ModelTables, Planner, Slots};
+use crate::optics::{DisplayModel, WindowFactor};
+use crate::plan::{self, Comparison, Group, Planner, Slots};
 use serde::Serialize;
 
 /// What the terms of the display's model add to a step's work: each by itself, and all of them (`"all"`), as shares of the step
 /// of an ideal display. None where the display is ideal.
 pub fn model_work(problem: &Problem, settings: &Settings) -> Vec<(&'static str, f64)> {
-    let Some(model) = problem.model.as_ref().map(|tables| tables.model()) else { return Vec::new() };
-    let (slm, grid) = (problem.optics, problem.padding.grid(problem.optics));
+    let Some(tables) = &problem.model else { return Vec::new() };
+    let model = tables.model();
     let step = |model: DisplayModel| {
-        // How many levels there are changes no work.
-        let model = ModelTables::new(model, problem.eyebox / 2.0, 256, slm, grid).map(|tables| tables.for_steps());
+        let model = tables.with_model(model);
         let cost = Cost::new(&Problem { model, ..problem.clone() }, settings, Memory::Host, settings.pupils);
         cost.step.iter().sum::<f64>()
     };
@@ -169,7 +168,7 @@ pub fn forecast(problem: &Problem, settings: &Settings, rates: &Rates, loaded: L
     }
     let solving = [&scene[..], &before, &cost.memory].concat();
     // Views that are padded, or smaller than the image, are made as float32 before they are stored; no fields are held yet.
-    let copies = problem.padding != Padding::default() || problem.share < 1.0;
+    let copies = grid != problem.optics || problem.share < 1.0;
     let copied = if copies { 4 * (problem.pyramid.count * points) as u64 } else { 0 };
     let preparing = [&scene[..], &before, &[("views", pyramid), ("views as they are made", copied)]].concat();
     let loading = vec![("program", loaded.program), ("loading", loaded.loading.saturating_sub(loaded.program))];

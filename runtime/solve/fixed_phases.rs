@@ -148,7 +148,7 @@ pub fn fixed_phases(
     depth: [f64; 2],
     fitting: impl FnOnce(),
 ) -> Result<Option<Vec<f32>>, SolveError> {
-    if problem.optics.geometry != Geometry::Relay {
+    if problem.optics.geometry != Geometry::Relay || problem.optics.mask_factor > 1 {
         return Ok(None);
     }
     let made_by = MadeBy::of(problem, frames, depth);

@@ -17,6 +17,7 @@ mod fault;
 mod fixed_phases;
 mod joint;
 mod levels;
+mod mask;
 mod method;
 mod motion;
 #[cfg(test)]

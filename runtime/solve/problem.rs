@@ -5,8 +5,9 @@ use crate::optics::{
     Color, Display, EyeboxRegion, Optics, OpticsError, Padding, SourceChoice, SourceMode, WindowFactor,
 };
 use crate::plan::{EyeTables, ModelTables, Planner, Storage, ViewLayout};
-use crate::scene::{Bend, LightField, Pyramid, ViewGrid, shrink_to_share};
+use crate::scene::{Bend, Enlarged, LightField, Pyramid, ViewGrid, shrink_to_share};
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Sum of each view. Four side by side, for each addition waits for the one before it.
@@ -81,11 +82,16 @@ impl Problem {
         let pyramid = if share < 1.0 {
             let shrunk = |view: &Vec<f32>| shrink_to_share(view, height, width, share);
             Pyramid::new(&views.iter().map(shrunk).collect::<Vec<_>>(), height, width)
-        } else if padding == Padding::default() {
+        } else if grid == outline.optics {
             Pyramid::new(views, height, width)
         } else {
-            let (top, left) = (padding.rows / 2, padding.columns / 2);
+            // Behind a mask the picture has the mask's pixels.
+            let finer = outline.optics.mask_factor;
+            let larger = (finer > 1).then(|| Enlarged::new([height, width], finer));
+            let (height, width) = (finer * height, finer * width);
+            let (top, left) = ((grid.height - height) / 2, (grid.width - width) / 2);
             let framed = |view: &Vec<f32>| {
+                let view = larger.as_ref().map_or(Cow::Borrowed(view), |larger| Cow::Owned(larger.apply(view)));
                 let mut out = vec![0.0; grid.height * grid.width];
                 for (row, out) in view.chunks_exact(width).zip(out.chunks_exact_mut(grid.width).skip(top)) {
                     out[left..left + width].copy_from_slice(row);
@@ -115,6 +121,11 @@ impl Problem {
         let (regions, mean) = (display.regions(color).into(), f64::NAN);
         let choice = SourceChoice::new(display, color);
         Ok(Self { optics, padding, eyebox, regions, views, center, pyramid, mean, share, model, eye, modes, choice })
+    }
+
+    /// Whether a static mask stands in front of the SLM.
+    pub(crate) fn has_mask(&self) -> bool {
+        self.model.as_ref().is_some_and(|model| model.parts().mask > 0)
     }
 
     /// Side of a pixel of the picture, as its views have it, radians.

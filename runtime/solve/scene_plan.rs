@@ -139,6 +139,7 @@ impl ScenePlan {
         plan.choose_views(field, display, request)?;
         plan.check_eye(field, display)?;
         plan.choose_source(field, display, request)?;
+        plan.say_mask(display)?;
         let made = field.made.as_ref().map(|made| made.in_words(field.grid));
         made.into_iter().for_each(|[value, why]| plan.say("photographs", value, why));
         let ([pixels, why], _) = field.aliasing_in_words(display, plan.settings.depth, plan.settings.diameter[1]);

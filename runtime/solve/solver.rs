@@ -44,6 +44,7 @@ pub fn solve_from(
     settings.check()?;
     problem.check_eye(settings)?;
     super::source::check(&problem.modes, settings)?;
+    super::mask::check(problem.has_mask(), settings.method)?;
     if settings.joint.is_some() {
         let (what, right) = ("the number of colours", "all of a scene's, for all colours at once: solve_joint");
         return Err(SolveError::Setting { what, value: "1".into(), right });

@@ -7,6 +7,7 @@ mod eyes;
 mod far_field;
 mod fuzz;
 mod header;
+mod mask;
 mod methods;
 mod model;
 mod motion;

@@ -5,6 +5,7 @@ mod fft;
 mod flight;
 mod fused;
 mod kernels;
+mod mask;
 mod one_device;
 mod rehearsal;
 mod shared;

@@ -165,6 +165,7 @@ fn comparison(
         settings: settings.clone(),
         speckle: false,
         joint: Vec::new(),
+        coherence: Vec::new(),
         judged: JUDGED,
     };
     let results = evaluate::compare(&job, &folder, &mut load, engine, false)?;

@@ -51,6 +51,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "frames",
             "speckle",
             "joint_color",
+            "coherence",
             "efficiency",
             "method",
             "stft_filter",

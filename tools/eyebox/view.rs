@@ -57,6 +57,12 @@ fn through(hologram: &Hologram) -> String {
     if let Some(most) = modes.map(|modes| modes.len()).max().filter(|most| *most > 0) {
         said += &format!(", in the light of a source of {most} modes (--ideal looks with a laser)");
     }
+    if let Some(mask) = &hologram.metadata.mask {
+        said += &format!(
+            ", behind a mask of {k} x {k} pixels on each of the SLM's (--ideal looks past it)",
+            k = mask.factor
+        );
+    }
     if let Some(eye) = &hologram.metadata.prescription {
         said += &format!(", by an eye of {eye} (--prescription none looks with a perfect one)");
     }

@@ -19,6 +19,7 @@ FILES = [
             ("[model.COLOR]", "optics/model.rs", "ModelTerms"),
             ("[source.COLOR]", "optics/source.rs", "SourceTerms"),
             ("modes of a source", "optics/source.rs", "GivenMode"),
+            ("[mask]", "optics/mask.rs", "Mask"),
             ("[[sources]]", "optics/switched.rs", "SwitchedSource"),
             ("[picture]", "optics/picture.rs", "Picture"),
             ("[picture.COLOR]", "optics/picture.rs", "Seen"),

@@ -38,6 +38,8 @@ pub(super) struct Buffers {
     pub(super) crosstalk: Vec<f32>,
     pub(super) offsets: Vec<f32>,
     pub(super) relay: Vec<f32>,
+    pub(super) mask: Vec<f32>,
+    pub(super) mask_transfer: Vec<f32>,
     pub(super) slots: Vec<Slot>,
     /// Phases that are kept; none if it is empty.
     kept: Vec<f32>,
@@ -52,15 +54,23 @@ pub(super) struct ModelView<'a> {
     pub(super) weights: [&'a [f32]; 2],
     /// Of the sub-pixels, along y and along x.
     pub(super) offsets: [&'a [Complex32]; 2],
+    /// The static mask, and propagation to it.
+    pub(super) mask: [&'a [Complex32]; 2],
 }
 
 impl<'a> ModelView<'a> {
     /// Of buffers of this shape.
-    pub(super) fn new(shape: &Shape, pixels: &'a [f32], weights: &'a [f32], offsets: &'a [f32]) -> Self {
+    pub(super) fn new(
+        shape: &Shape,
+        pixels: &'a [f32],
+        weights: &'a [f32],
+        offsets: &'a [f32],
+        mask: [&'a [f32]; 2],
+    ) -> Self {
         let weights = if weights.is_empty() { [weights; 2] } else { shape.crosstalk().weights(weights) };
         let offsets: &[Complex32] = bytemuck::cast_slice(offsets);
         let along_y = if offsets.is_empty() { 0 } else { shape.subpixels() * shape.place.grid_height as usize };
-        Self { pixels, weights, offsets: offsets.split_at(along_y).into() }
+        Self { pixels, weights, offsets: offsets.split_at(along_y).into(), mask: mask.map(bytemuck::cast_slice) }
     }
 }
 
@@ -217,6 +227,8 @@ impl Buffers {
             Resource::Crosstalk => Values::Real(&mut self.crosstalk),
             Resource::Offsets => Values::Real(&mut self.offsets),
             Resource::Relay => Values::Real(&mut self.relay),
+            Resource::Mask => Values::Real(&mut self.mask),
+            Resource::MaskTransfer => Values::Real(&mut self.mask_transfer),
             _ => return self.slots.get_mut(slot?)?.values(resource),
         })
     }

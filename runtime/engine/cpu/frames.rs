@@ -70,6 +70,13 @@ pub(super) struct FrameFft<'a> {
 }
 
 impl FrameFft<'_> {
+    /// Of all columns, whichever a step's pupils pass.
+    pub(super) fn whole(&mut self, frame: &mut [Complex32], direction: Direction) {
+        let used = std::mem::replace(&mut self.columns, Columns::all(self.size[1]));
+        self.run(frame, direction);
+        self.columns = used;
+    }
+
     pub(super) fn run(&mut self, frame: &mut [Complex32], direction: Direction) {
         let [rows, columns] = self.size;
         if self.wide {

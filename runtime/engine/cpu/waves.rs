@@ -8,9 +8,12 @@ use eyebox_kernels::{
     drive_back::drive_back,
     fft::Direction,
     lag::lag,
+    modulate_mask::modulate_mask,
     modulate_wave::modulate_wave,
+    multiply::multiply,
     subpixels::{add_columns, add_rows, spread_columns, spread_rows},
     turn::turn,
+    turn_mask::turn_mask,
 };
 use rayon::prelude::*;
 
@@ -40,6 +43,43 @@ impl Frame<'_> {
             modulate_wave(&shape.place, shape.field_scale(), tables, wave, field);
             store(field);
         });
+    }
+
+    pub(super) fn modulate_mask(&mut self) {
+        let (args, scale) = (&self.step.modulate_mask, self.shape.field_scale());
+        let [mask, _] = self.tables.mask;
+        modulate_mask(args, scale, self.tables.pixels, &self.wave[..self.shape.pixels()], mask, self.field);
+        (self.store)(self.field);
+    }
+
+    pub(super) fn turn_mask(&mut self) {
+        let (args, [mask, _], pixels) = (&self.step.modulate_mask, self.tables.mask, self.shape.pixels());
+        turn_mask(args, self.tables.pixels, mask, self.change, &mut self.wave[..pixels]);
+        (self.store_drives)(self.wave);
+    }
+
+    /// To a mask at a distance and through it.
+    pub(super) fn through_mask(&mut self) {
+        let [mask, transfer] = self.tables.mask;
+        let [through, reach] = self.shape.mask_factors(false);
+        self.fft.whole(self.field, Direction::Forward);
+        multiply(&reach, transfer, self.field);
+        (self.store)(self.field);
+        self.fft.whole(self.field, Direction::Inverse);
+        multiply(&through, mask, self.field);
+        (self.store)(self.field);
+    }
+
+    /// The same transposed.
+    pub(super) fn through_mask_back(&mut self) {
+        let [mask, transfer] = self.tables.mask;
+        let [through, reach] = self.shape.mask_factors(true);
+        multiply(&through, mask, self.change);
+        (self.store)(self.change);
+        self.fft.whole(self.change, Direction::Forward);
+        multiply(&reach, transfer, self.change);
+        (self.store)(self.change);
+        self.fft.whole(self.change, Direction::Inverse);
     }
 
     pub(super) fn turn(&mut self) {

@@ -30,9 +30,12 @@ impl<'a> Work<'a> {
         let storage = self.shape.storage;
         for dispatch in list {
             match dispatch.kernel {
-                Kernel::FieldForward | Kernel::ChangeInverse | Kernel::SubpixelsForward | Kernel::SubpixelsInverse => {
-                    self.transforms.prepare(self.gpu, grid, storage)?
-                }
+                Kernel::FieldForward
+                | Kernel::ChangeInverse
+                | Kernel::SubpixelsForward
+                | Kernel::SubpixelsInverse
+                | Kernel::ToMask
+                | Kernel::FromMask => self.transforms.prepare(self.gpu, grid, storage)?,
                 Kernel::WindowForward | Kernel::WindowInverse => {
                     for pass in &self.step.pupil_passes[dispatch.pupil_passes.clone()] {
                         self.transforms.prepare(self.gpu, [pass.window.rows, pass.window.columns], storage)?;

@@ -5,8 +5,10 @@
 //! is there, so that a run that was stopped resumes where it was. What was measured is plain data ([`Results`]).
 
 mod candidate;
+mod coherence;
 mod joint;
 mod judged;
+mod made_by;
 mod measure;
 mod picture;
 mod pupils;
@@ -18,8 +20,8 @@ pub(crate) use measure::{DECADES, ERROR_GAIN};
 pub(crate) use picture::{light_exact, map};
 pub use pupils::{SHOWN, Shown};
 pub use results::{
-    About, ColorError, ColorFigures, EnergyMap, JointFigures, MethodAbout, Picture, Pictures, Published, Results, Row,
-    Run, SceneFigures, Series, SpeckleFigures, mean,
+    About, CoherenceFigures, ColorError, ColorFigures, EnergyMap, JointFigures, MethodAbout, Picture, Pictures,
+    Published, Results, Row, Run, SceneFigures, Series, SpeckleFigures, mean,
 };
 
 use super::QualityError;
@@ -31,8 +33,10 @@ use crate::hologram::Hologram;
 use crate::optics::{Color, Display, Padding, Pupil};
 use crate::scene::LightField;
 use crate::solve::{self, Flow, Method, Problem, Settings, Solution};
+use coherence::Sources;
 use joint::{Colors, Lighting};
-use measure::Wanted;
+use made_by::{beyond_ideal, slug};
+use measure::{Wanted, leading};
 use pupils::Pupils;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -64,6 +68,8 @@ pub struct Comparison {
     /// Times that all colours at once are to be brighter than one colour after another, each compared with that; empty where they
     /// are not compared.
     pub joint: Vec<f64>,
+    /// Sizes of sources that are compared, millimetres of their image in the eyebox, 0 for a point; empty where none are.
+    pub coherence: Vec<f64>,
     /// Pupils of each group that are judged in JOD, spread evenly over it; 0 for none. A judgement takes about as long as
     /// looking through some pupils.
     pub judged: usize,
@@ -102,6 +108,7 @@ impl Comparison {
                     scene.run(&mut work, engine, &mut results)?;
                 }
                 scene.colors_at_once(&mut work, engine, &mut results)?;
+                scene.sources(&mut work, engine, &mut results)?;
             }
             results.missing += self.runs(index).count() - (results.runs.len() - before);
         }
@@ -138,6 +145,7 @@ impl Comparison {
             runs: Vec::new(),
             speckle: Vec::new(),
             joint: Vec::new(),
+            coherence: Vec::new(),
             published: Vec::new(),
             missing: 0,
         }
@@ -238,6 +246,7 @@ impl<'a, 'b> Work<'a, 'b> {
         let all = PHOTOGRAPHS * job.scenes.len() as f64
             + (SOLVE + LOOK) * runs as f64
             + (SOLVE + LOOK) * (job.ways().len() * job.joint_frames().count() * job.scenes.len()) as f64
+            + coherence::EFFORT * (job.coherence.len() * job.frames.len() * job.scenes.len()) as f64
             + SPECKLE * job.speckled().count() as f64;
         Ok(Self { results, holograms, _made, observe, done: 0.0, all: all.max(1.0), stopped: false })
     }
@@ -265,14 +274,6 @@ struct Task<'a> {
     frames: usize,
     name: String,
     made_by: String,
-}
-
-/// What results are of beside an ideal display and a perfect eye.
-fn beyond_ideal(display: &Display) -> impl Iterator<Item = (&'static str, serde_json::Value)> {
-    let model = (!display.model.is_empty()).then(|| ("model", json!(display.model)));
-    let picture = (!display.picture.is_empty()).then(|| ("picture", json!(display.picture)));
-    let eye = display.prescription.as_ref().map(|eye| ("prescription", json!(eye)));
-    model.into_iter().chain(picture).chain(eye)
 }
 
 /// One scene's part of the work.
@@ -416,6 +417,37 @@ impl<'a> OfScene<'a> {
         Ok(())
     }
 
+    /// Sources of all sizes, by every number of sub-frames that is not there yet.
+    fn sources(&self, work: &mut Work, engine: &mut dyn Engine, results: &mut Results) -> Result<(), QualityError> {
+        let (job, color) = (self.job, leading(&self.job.colors));
+        let random = self.pupils.members.iter().filter(|member| member.group == Group::Random);
+        let pupils: Vec<Pupil> = random.map(|member| member.pupil).collect();
+        for (frames, image_mm) in job.frames.iter().flat_map(|f| job.coherence.iter().map(move |mm| (*f, *mm))) {
+            let settings = Settings { frames, depth: self.depth, ..job.settings.clone() };
+            let made_by = json!({ "shown": self.shown(&self.made_by), "settings": settings, "source_mm": image_mm });
+            let (name, made_by) = (format!("{}-source-{frames}-{image_mm}", self.name), made_by.to_string());
+            let label = format!("{}: {frames} sub-frames, a source of {image_mm} mm", self.label());
+            let kept: Option<CoherenceFigures> = work.results.load(&name, &made_by);
+            let found = match kept {
+                Some(kept) => Some(kept),
+                None => {
+                    let (field, display, longest) = (self.field, &job.display, job.longest());
+                    let sources = Sources { field, display, color, settings: &settings, pupils: &pupils, longest };
+                    let found = sources.measure(image_mm, engine, &mut || work.say(&label))?;
+                    found.iter().try_for_each(|found| work.results.save(&name, &made_by, found))?;
+                    found
+                }
+            };
+            let Some(found) = found else {
+                results.missing += 1;
+                break;
+            };
+            work.pass(coherence::EFFORT);
+            results.coherence.push(CoherenceFigures { scene: self.label().into(), ..found });
+        }
+        Ok(())
+    }
+
     /// The hologram of a task: given, kept, or solved and kept; none if it was interrupted. And the seconds it took.
     fn hologram(
         &self,
@@ -453,25 +485,5 @@ impl<'a> OfScene<'a> {
         (hologram.metadata.made_by, hologram.metadata.seconds) = (Some(task.made_by.clone()), Some(seconds));
         hologram.save(&file)?;
         Ok(Some((hologram, Some(seconds))))
-    }
-}
-
-/// A name of letters, digits and dashes.
-fn slug(text: &str) -> String {
-    let plain: String =
-        text.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect();
-    let words: Vec<&str> = plain.split('-').filter(|w| !w.is_empty()).collect();
-    if words.is_empty() { "unnamed".into() } else { words.join("-") }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_become_files() {
-        assert_eq!(slug("builtin:plane?depth=2"), "builtin-plane-depth-2");
-        assert_eq!(slug("../../Ünsäfe/"), "ns-fe");
-        assert_eq!(slug("…"), "unnamed");
     }
 }

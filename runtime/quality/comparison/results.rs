@@ -188,6 +188,41 @@ pub struct JointFigures {
     pub picture: Option<Picture>,
 }
 
+/// A source of one size, measured against one scene, in one colour.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct CoherenceFigures {
+    /// Name of the scene.
+    pub scene: String,
+    /// Sub-frames.
+    pub frames: usize,
+    /// Colour.
+    pub color: Color,
+    /// Side of the source's image in the eyebox, mm; 0 for a point.
+    pub image_mm: f64,
+    /// Modes that it was solved for with.
+    pub modes: usize,
+    /// PSNR over random pupils, dB: mean,
+    pub mean_db: f64,
+    /// and worst.
+    pub worst_db: f64,
+    /// Contrast of an even plane through the eye's pupil, standard deviation over mean.
+    pub contrast: f64,
+    /// Modulation that bars at the picture's Nyquist frequency keep, and at half of it, of theirs.
+    pub modulation: [f64; 2],
+    /// Where those bars lie, mm: at the scene's farthest depth.
+    pub bars_mm: f64,
+    /// Diameter of the pupil that looks at them, in focus, mm.
+    pub widest_mm: f64,
+    /// Diameter of the eye's pupil, mm.
+    pub eye_mm: f64,
+    /// Width of the focus through which bars of half the eye's cut-off keep half of their modulation, mm,
+    pub depth_of_field_mm: f64,
+    /// and dioptres.
+    pub depth_of_field_dioptres: f64,
+    /// Through the eye's pupil, in the middle of the eyebox.
+    pub picture: Option<Picture>,
+}
+
 /// What all results of a comparison have in common.
 #[derive(Debug, Clone, Serialize)]
 pub struct About {
@@ -301,6 +336,8 @@ pub struct Results {
     pub speckle: Vec<SpeckleFigures>,
     /// All colours at once against one colour after another; empty where they were not compared.
     pub joint: Vec<JointFigures>,
+    /// Sources of several sizes; empty where they were not compared.
+    pub coherence: Vec<CoherenceFigures>,
     /// Numbers from elsewhere, shown beside.
     pub published: Vec<Published>,
     /// Results that are not there yet.

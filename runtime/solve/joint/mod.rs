@@ -66,7 +66,7 @@ impl JointProblem<'_> {
         }
         let model = |problem: &Problem| problem.model.as_ref().map(|model| model.parts()).unwrap_or_default();
         if self.colors.iter().any(|p| model(p).drives || model(p).more_subpixels > 0 || model(p) != model(first)) {
-            let right = "one without look-up table, lag, crosstalk, fill and sub-pixels for all colours at once (--model-terms)";
+            let right = "one without look-up table, lag, crosstalk, fill, sub-pixels and mask for all colours at once (--model-terms)";
             return wrong("the display's model", "one that changes drives".into(), right);
         }
         if self.colors.iter().any(|problem| !problem.modes.is_empty()) {

@@ -36,6 +36,10 @@ pub struct Evaluate {
     /// lasers: white so many times brighter, several numbers with commas between [alone: 1,3; methods are then none by default]
     #[arg(long, value_name = "TIMES", value_delimiter = ',', num_args = 0..=1, require_equals = true, default_missing_value = "1,3", value_parser = positive)]
     pub joint_color: Option<Vec<f64>>,
+    /// Compare sources of these sizes, too, each solved for and seen in its own light: mm of a square source's image in the eyebox,
+    /// 0 for a point, several numbers with commas between [alone: 0,0.5,1,2,3; methods are then none by default]
+    #[arg(long, value_name = "MM", value_delimiter = ',', num_args = 0..=1, require_equals = true, default_missing_value = "0,0.5,1,2,3")]
+    pub coherence: Option<Vec<f64>>,
     /// A hologram that exists, or phases (.npy) for --display, under the name that the report gives it; may be repeated
     #[arg(long, value_name = "NAME=FILE", value_parser = named)]
     pub hologram: Vec<(String, PathBuf)>,

@@ -11,7 +11,7 @@ use crate::quality::Chosen;
 use eyebox::engine::Engine;
 use eyebox::evaluate::Group;
 use eyebox::files::OwnFolder;
-use eyebox::optics::{Color, Display};
+use eyebox::optics::{Color, Display, Geometry};
 use eyebox::quality::comparison::{Comparison, Given, JUDGED, Published, Results, candidates};
 use eyebox::quality::writable;
 use eyebox::report;
@@ -112,6 +112,13 @@ fn print_table(results: &Results) {
         let (name, mean, worst) = (format!("{}, {} sub-frames, {}", j.scene, j.frames, j.way), j.mean_db, j.worst_db);
         println!("  {name:72} {mean:6.2}{worst:8.2}  {:.2} times as bright", j.brightness);
     });
+    results.coherence.iter().for_each(|c| {
+        let name = format!("{}, {} sub-frames, a source of {} mm ({} modes)", c.scene, c.frames, c.image_mm, c.modes);
+        let ([nyquist, half], contrast, depth) = (c.modulation, c.contrast, c.depth_of_field_mm);
+        let (mean, worst) = (c.mean_db, c.worst_db);
+        print!("  {name:60} {mean:6.2}{worst:8.2}  speckle {contrast:.2}, modulation {nyquist:.2} {half:.2}, ");
+        println!("depth of field {depth:.1} mm");
+    });
     for series in results.series() {
         if let Some(s) = results.psnr(&series, None, Group::Random) {
             let name = results.label(&series);
@@ -134,7 +141,7 @@ fn job(args: &Evaluate) -> Result<Comparison, Failure> {
     }
     let methods = match &args.methods {
         Some(names) => methods(names)?,
-        None if args.hologram.is_empty() && args.joint_color.is_none() => DEFAULT.to_vec(),
+        None if args.hologram.is_empty() && args.joint_color.is_none() && args.coherence.is_none() => DEFAULT.to_vec(),
         None => Vec::new(),
     };
     let opening = args.unit.chosen(&args.display)?;
@@ -174,8 +181,9 @@ fn job(args: &Evaluate) -> Result<Comparison, Failure> {
     settings.check()?;
     let (speckle, judged) = (!args.no_speckle, args.seen.pupils(JUDGED));
     let joint = joint(args, &colors, &frames)?;
+    let coherence = coherence(args, &display)?;
     let scenes = labels(&args.scenes);
-    Ok(Comparison { scenes, candidates, frames, display, colors, settings, speckle, joint, judged })
+    Ok(Comparison { scenes, candidates, frames, display, colors, settings, speckle, joint, coherence, judged })
 }
 
 /// How much brighter all colours at once are to be, where they are compared.
@@ -189,6 +197,21 @@ fn joint(args: &Evaluate, colors: &[Color], frames: &[usize]) -> Result<Vec<f64>
         return Err(Failure::Asked(format!("--joint-color: --frames must have {most} or more, one for each colour")));
     }
     Ok(times)
+}
+
+/// Sizes of the sources that are compared, mm.
+fn coherence(args: &Evaluate, display: &Display) -> Result<Vec<f64>, Failure> {
+    let mut sizes = args.coherence.clone().unwrap_or_default();
+    let most = display.eyebox_min() * 0.5e3;
+    if let Some(wrong) = sizes.iter().find(|mm| !(0.0..=most).contains(*mm)) {
+        return Err(Failure::Asked(format!("--coherence {wrong}: it must be 0 to {most:.1} mm, half of the eyebox")));
+    }
+    if !sizes.is_empty() && display.geometry == Geometry::FarField {
+        return Err(Failure::Asked("--coherence: a source is for an SLM behind a relay".into()));
+    }
+    sizes.sort_by(f64::total_cmp);
+    sizes.dedup();
+    Ok(sizes)
 }
 
 /// The methods of these names, each once.

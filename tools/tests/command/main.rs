@@ -22,6 +22,7 @@ mod joint_color;
 mod kept;
 #[cfg(target_os = "linux")]
 mod live;
+mod mask;
 mod model;
 mod odd_values;
 mod orders;

@@ -1,6 +1,6 @@
 //! Light with a source, from the display file to the picture.
 
-use crate::common::{done, eyebox, folder, refused, text};
+use crate::common::{done, eyebox, figures_of, folder, refused, text};
 use eyebox::files::read_npy;
 
 const BENCH: &str =
@@ -82,4 +82,25 @@ fn a_bad_source_is_refused_in_a_line() {
     }
     std::fs::write(at.join("bad.toml"), format!("{BENCH}{SQUARE}")).unwrap();
     refused(at, &[&solve[..], &["--method", "dpac"]].concat(), "out.zarr", "source of several modes");
+}
+
+/// Sources of several sizes: a section of the report with its pictures, and a table.
+#[test]
+fn the_report_compares_sources() {
+    let dir = folder();
+    let at = dir.path();
+    let small = ["--views", "3", "--steps", "4", "--pupils", "4", "--display", "small", "--size", "48x64"];
+    let rest = ["--frames", "1,2", "--pupil-diameter", "3.5..4.5", "--no-speckle", "--no-jod", "--engine", "cpu"];
+    let line = [&["evaluate", "builtin:still-life", "--coherence=0,2", "-o", "report"][..], &small, &rest].concat();
+    let said = done(at, &line);
+    assert!(said.contains("1 sub-frames, a source of 2 mm (9 modes)"), "{said}");
+    let page = std::fs::read_to_string(at.join("report/report.html")).unwrap();
+    assert!(page.contains("Coherence against quality") && page.contains("data:image/jpeg"), "{page}");
+    figures_of(&at.join("report"), "report.html");
+    let table = std::fs::read_to_string(at.join("report/coherence.csv")).unwrap();
+    assert!(table.lines().count() == 5 && table.contains("still-life,2,0,1,"), "{table}");
+    // Nothing is solved again.
+    assert_eq!(done(at, &line), said);
+    let wrong = ["evaluate", "builtin:still-life", "--coherence=99", "-o", "other"];
+    refused(at, &wrong, "other/report.html", "--coherence 99");
 }

@@ -11,7 +11,8 @@ use crate::engine::{Dispatch, EngineError, Kernel, PupilPass, Resource, Shape, S
 use crate::gpu::{Block, Commands, PUSH_BYTES, Range};
 use crate::plan::{Access, PerFrame, moved};
 use bytemuck::Pod;
-use eyebox_kernels::{WIDTH, fft::Direction};
+use eyebox_kernels::WIDTH;
+use eyebox_kernels::fft::{Columns, Direction};
 use eyebox_spirv::Module;
 
 /// Workgroups that fill any device a few times over.
@@ -273,12 +274,17 @@ impl<'a> Call<'_, 'a> {
 
     /// Transforms what the kernel changes, over the grid.
     pub(super) fn grid_transform(&mut self, direction: Direction) -> Result<(), EngineError> {
+        self.grid_transform_of(direction, self.step.columns)
+    }
+
+    /// The same in these columns.
+    pub(super) fn grid_transform_of(&mut self, direction: Direction, columns: Columns) -> Result<(), EngineError> {
         let place = &self.shape.place;
         let size = [place.grid_height as usize, place.grid_width as usize];
         for resource in self.kernel.writes() {
             let stack = self.work.stacks.find(resource).ok_or_else(|| self.missing(resource))?;
             let frames = frames_of(&stack.block, &stack.layout, size);
-            self.work.transforms.record(self.work.gpu, frames, direction, self.step.columns, Along::Both)?;
+            self.work.transforms.record(self.work.gpu, frames, direction, columns, Along::Both)?;
         }
         Ok(())
     }

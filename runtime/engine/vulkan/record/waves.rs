@@ -7,7 +7,8 @@ use crate::engine::{EngineError, Resource, Shape};
 use crate::plan::Access::{self, Read, Update, Write};
 use crate::plan::Move;
 use bytemuck::{Pod, bytes_of, cast_slice};
-use eyebox_kernels::fft::Direction;
+use eyebox_kernels::fft::{Columns, Direction};
+use eyebox_kernels::multiply;
 use eyebox_kernels::{TILE, TILE_THREADS};
 use eyebox_spirv::Module;
 
@@ -60,6 +61,41 @@ impl Call<'_, '_> {
         let (place, scale) = (self.shape.place, self.shape.field_scale().to_bits());
         self.module = Some(&eyebox_spirv::MODULATE_WAVE);
         self.planes([place.grid_height, place.grid_width], self.shape.subpixels().pow(2), &place, &[scale])
+    }
+
+    pub(super) fn modulate_mask(&mut self) -> Result<(), EngineError> {
+        let (step, place, scale) = (self.step, self.shape.place, self.shape.field_scale().to_bits());
+        self.planes([place.grid_height, place.grid_width], 1, &step.modulate_mask, &[scale])
+    }
+
+    pub(super) fn turn_mask(&mut self) -> Result<(), EngineError> {
+        let (step, place) = (self.step, self.shape.place);
+        self.planes([place.height, place.width], 1, &step.modulate_mask, &[])
+    }
+
+    /// From the SLM to a mask at a distance and through it, or back.
+    pub(super) fn through_mask(&mut self, back: bool) -> Result<(), EngineError> {
+        self.module = Some(&eyebox_spirv::MULTIPLY);
+        let [through, reach] = self.shape.mask_factors(back);
+        if back {
+            self.multiply(&through, false)?;
+        }
+        self.full_transform(Direction::Forward)?;
+        self.multiply(&reach, true)?;
+        self.full_transform(Direction::Inverse)?;
+        if back { Ok(()) } else { self.multiply(&through, false) }
+    }
+
+    fn multiply(&mut self, factors: &multiply::Args, propagates: bool) -> Result<(), EngineError> {
+        self.work.gpu.recorder.barrier();
+        self.planes([factors.grid_height, factors.grid_width], 1, factors, &[u32::from(propagates)])
+    }
+
+    /// All columns of what the kernel changes, whichever the step's pupils pass.
+    fn full_transform(&mut self, direction: Direction) -> Result<(), EngineError> {
+        self.work.gpu.recorder.barrier();
+        let columns = Columns::all(self.shape.place.grid_width as usize);
+        self.grid_transform_of(direction, columns)
     }
 
     pub(super) fn turn(&mut self) -> Result<(), EngineError> {

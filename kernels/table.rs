@@ -1,0 +1,461 @@
+//! The table of kernels.
+
+/// The table of kernels, in the order of a step: calls the macro `$then` with all rows. Everything that knows kernels one
+/// by one follows from it: `Kernel` and `Step` in the runtime's plan, costs, checks, barriers, hand-over, and the dispatch
+/// of both engines.
+///
+/// A row has: `over`, what the CPU engine runs it over; `group`, whose rate its work is priced with; `binds`, what it
+/// reads, writes or updates, in the order of the shader's bindings; `args`, its arguments where a step has one set of them;
+/// `fits`, whether they are for these buffers; `work`, about nanoseconds of one core: of a pupil pass (`u.pass`) for kernels
+/// that look at pupil passes, of a sub-frame for all others; `twin`, how the CPU engine calls the twin; `shader`, how the
+/// Vulkan engine runs the module of the kernel's name, `Once`, for `Each` pupil pass, or for each of its source's `Modes`.
+#[macro_export]
+macro_rules! kernels {
+    ($then:ident) => {
+        $then! {
+            /// Zeroes what the pupils add to.
+            Clear = "clear" {
+                over: Whole, group: Field,
+                binds: [Write Change, Write Hits],
+                work: |u| 0.5 * u.points(),
+                twin: |c| c.clear(),
+                shader: Once |c| c.clear(),
+            }
+            /// The level nearest to each phase, where the SLM has levels.
+            Quantise = "quantise" {
+                over: Frames, group: Levels,
+                binds: [Read Phases, Read Levels, Write Shown],
+                args: quantise: $crate::quantise::Args,
+                fits: |step, shape| step.quantise.fits(shape.pixels()),
+                work: |u| u.pixels() * f64::from(u.step.quantise.levels.max(2)).log2(),
+                twin: |c| $crate::quantise::quantise(&c.step.quantise, c.phases, c.levels, c.shown),
+                shader: Once |c| c.values(c.shape.pixels(), &c.step.quantise),
+            }
+            /// Phases, or what is shown of them, to the field.
+            Modulate = "modulate" {
+                over: Frames, group: Field,
+                binds: [Read Shown, Write Field],
+                work: |u| 2.0 * u.pixels(),
+                twin: |c| {
+                    let phases = if c.shape.quantised { &*c.shown } else { &*c.phases };
+                    $crate::modulate::modulate(&c.shape.place, c.shape.field_scale(), phases, c.field);
+                    (c.store)(c.field);
+                },
+                shader: Once |c| c.modulate(),
+            }
+            /// The phases that the drives give, where the display's model has more than phases.
+            Drive = "drive" {
+                over: Frames, group: Field,
+                binds: [Read Shown, Read Pixels, Write Wave],
+                args: drive: $crate::drive::Args,
+                fits: |step, shape| step.drive.place == shape.place,
+                work: |u| 0.3 * u.pixels(),
+                twin: |c| c.drive(),
+                shader: Once |c| c.drive(),
+            }
+            /// The lag of the liquid crystal over the sub-frames.
+            Lag = "lag" {
+                over: Whole, group: Field,
+                binds: [Update Wave],
+                work: |u| 0.3 * u.pixels(),
+                twin: |c| c.lag(false),
+                shader: Once |c| c.lag(),
+            }
+            /// Crosstalk between pixels along rows, to each sub-pixel.
+            CrosstalkRows = "crosstalk_rows" {
+                over: Frames, group: Field,
+                binds: [Read Crosstalk, Read Wave, Write Blurred],
+                work: |u| u.crosstalk(),
+                twin: |c| c.crosstalk(false),
+                shader: Once |c| c.crosstalk([false, false]),
+            }
+            /// And along columns.
+            CrosstalkColumns = "crosstalk_columns" {
+                over: Frames, group: Field,
+                binds: [Read Crosstalk, Read Blurred, Write Wave],
+                work: |u| u.subpixels() * u.crosstalk(),
+                twin: |c| c.crosstalk(true),
+                shader: Once |c| c.crosstalk([true, false]),
+            }
+            /// Their field, with the source's profile and undiffracted light.
+            ModulateWave = "modulate_wave" {
+                over: Frames, group: Field,
+                binds: [Read Wave, Read Pixels, Write Field],
+                work: |u| 2.2 * u.pixels(),
+                twin: |c| c.modulate_wave(),
+                shader: Once |c| c.modulate_wave(),
+            }
+            /// Their field on the pixels of a static mask, and behind it where it stands at the SLM.
+            ModulateMask = "modulate_mask" {
+                over: Frames, group: Field,
+                binds: [Read Wave, Read Pixels, Read Mask, Write Field],
+                args: modulate_mask: $crate::modulate_mask::Args,
+                fits: |step, shape| step.modulate_mask.fits(&shape.place),
+                work: |u| 2.2 * u.pixels() + u.masked(),
+                twin: |c| c.modulate_mask(),
+                shader: Once |c| c.modulate_mask(),
+            }
+            /// From the SLM to a mask at a distance, and through it.
+            ToMask = "to_mask" {
+                over: Frames, group: Field,
+                binds: [Update Field, Read Mask, Read MaskTransfer],
+                work: |u| 2.0 * (u.full_transform() + u.points()),
+                twin: |c| c.through_mask(),
+                shader: Once |c| c.through_mask(false),
+            }
+            /// The same of each sub-pixel, where a pixel has several.
+            ModulateSubpixels = "modulate_subpixels" {
+                over: Frames, group: Field,
+                binds: [Read Wave, Read Pixels, Write Subpixels],
+                work: |u| 0.5 * u.subpixels() * u.subpixels() * u.pixels(),
+                twin: |c| c.modulate_wave(),
+                shader: Once |c| c.modulate_wave(),
+            }
+            /// The central order of their spectra, in the step's columns.
+            SubpixelsForward = "subpixels_forward" {
+                over: Frames, group: Field,
+                binds: [Update Subpixels, Read Offsets, Write Field],
+                work: |u| u.subpixels_transform(),
+                twin: |c| c.subpixels_forward(),
+                shader: Once |c| c.subpixels($crate::fft::Direction::Forward),
+            }
+            /// The field's spectrum, in the step's columns.
+            FieldForward = "field_forward" {
+                over: Frames, group: Field,
+                binds: [Update Field],
+                work: |u| u.grid_transform(),
+                twin: |c| c.fft.run(c.field, $crate::fft::Direction::Forward),
+                shader: Once |c| c.grid_transform($crate::fft::Direction::Forward),
+            }
+            /// The light in each patch of the eyebox.
+            Energy = "energy" {
+                over: Whole, group: Field,
+                binds: [Read Field, Write Energy],
+                fits: |step, shape| step.equalise_eyebox.place.fits(&shape.place),
+                work: |u| u.points(),
+                twin: |c| $crate::energy::energy(&c.step.equalise_eyebox.place, c.field, c.energy),
+                shader: Once |c| c.energy(),
+            }
+            /// Counts the pupils that pass each bin.
+            Overlap = "overlap" {
+                over: Whole, group: Window,
+                binds: [Read Spans, Update Hits],
+                work: |u| u.passing(),
+                twin: |c| {
+                    let modes = c.passes.iter().flat_map(|p| p.each_mode());
+                    modes.for_each(|p| $crate::overlap::overlap(&p.overlap_args(), &p.spans, c.hits));
+                },
+                shader: Modes |c, p| c.rows(p.pass.rows, p.pass.columns, &p.overlap_args()),
+            }
+            /// The propagation kernel of each pupil's window.
+            Transfer = "transfer" {
+                over: PupilPasses, group: Window,
+                binds: [Read Spans, Write Transfer],
+                work: |u| 4.0 * u.passing(),
+                twin: |c| c.each_mode(|_, p, transfer| $crate::transfer::transfer(&p.transfer, &p.spans, transfer)),
+                shader: Once |c| c.transfer(),
+            }
+            /// What the pixels' aperture and the relay do to each bin.
+            Relay = "relay" {
+                over: PupilPasses, group: Window,
+                binds: [Read Relay, Read Spans, Update Transfer],
+                work: |u| 2.0 * u.passing(),
+                twin: |c| {
+                    let (points, relay) = (c.shape.points(), c.relay);
+                    c.each_mode(|_, p, transfer| {
+                        let own = &relay[p.source_mode * points..][..points];
+                        $crate::relay::relay(&p.pass, own, &p.spans, transfer);
+                    });
+                },
+                shader: Modes |c, p| c.rows(p.pass.rows, p.pass.columns, &p.pass),
+            }
+            /// What the eye that looks does to each bin, where it is not perfect.
+            Eye = "eye" {
+                over: PupilPasses, group: Window,
+                binds: [Read EyeTerms, Read Spans, Update Transfer],
+                work: |u| 4.0 * u.passing(),
+                twin: |c| c.each_mode(|_, p, transfer| if let (Some(terms), Some(args)) = (&p.eye, p.eye_args()) {
+                    $crate::eye::eye(&args, terms, &p.spans, transfer);
+                }),
+                shader: Modes |c, p| match p.eye_args() {
+                    Some(args) => c.rows(args.rows, args.columns, &args),
+                    None => Ok(()),
+                },
+            }
+            /// Weakens it towards the edges, in pupil passes that are tapered.
+            Taper = "taper" {
+                over: PupilPasses, group: Window,
+                binds: [Read TaperWeights, Update Transfer],
+                work: |u| 4.0 * u.passing(),
+                twin: |c| c.pass.taper.iter().for_each(|weights| {
+                    $crate::taper::taper(&(&c.pass.transfer).into(), weights, &mut c.slot.transfer);
+                }),
+                shader: Each |c, p| {
+                    c.rows(p.transfer.rows, p.transfer.columns, &$crate::taper::Args::from(&p.transfer))
+                },
+            }
+            /// The light field's photograph, on a level of its pyramid.
+            Photograph = "photograph" {
+                over: PupilPasses, group: Photograph,
+                binds: [Read Views, Read Taps, Write Accumulator],
+                work: |u| u.taps(),
+                twin: |c| c.photograph(),
+                shader: Once |c| c.photograph(),
+            }
+            /// The photograph at the window's size.
+            Resample = "resample" {
+                over: PupilPasses, group: Photograph,
+                binds: [Read Accumulator, Read RowWeights, Read ColumnWeights, Write Target],
+                work: |u| u.level() + u.window(),
+                twin: |c| c.resample(),
+                shader: Once |c| c.resample(),
+            }
+            /// Cuts each pupil's window out of the spectrum and propagates it.
+            PassPupil = "pass_pupil" {
+                over: Windows, group: Window,
+                binds: [Read Field, Read Transfer, Read Spans, Write Window],
+                work: |u| u.frames() * u.passing(),
+                twin: |c| {
+                    $crate::pass_pupil::pass_pupil(&c.pass.pass, c.field, c.transfer, &c.pass.spans, c.window);
+                    (c.store)(c.window);
+                },
+                shader: Modes |c, p| c.rows(p.pass.rows, p.pass.columns, &p.pass),
+            }
+            /// Shifts each sub-frame as the eye moves while it is shown, where it moves.
+            Motion = "motion" {
+                over: Windows, group: Window,
+                binds: [Read Moments, Update Window],
+                work: |u| u.moving(),
+                twin: |c| c.motion(false),
+                shader: Modes |c, p| c.motion(p, false),
+            }
+            /// The windows' spectra to retinal fields, in the pupil pass's columns.
+            WindowInverse = "window_inverse" {
+                over: Windows, group: Window,
+                binds: [Update Window],
+                work: |u| u.frames() * u.window_transform(),
+                twin: |c| c.fft($crate::fft::Direction::Inverse),
+                shader: Modes |c, p| c.window_transform(p, $crate::fft::Direction::Inverse),
+            }
+            /// The intensity that an eye averages over the sub-frames.
+            Intensity = "intensity" {
+                over: PupilPasses, group: Window,
+                binds: [Read Window, Write Image],
+                work: |u| u.fields() * 0.5,
+                twin: |c| c.intensity(),
+                shader: Modes |c, p| c.intensity(p),
+            }
+            /// Image and target to the factor on each field sample, in place of the image, and the loss.
+            Compare = "compare" {
+                over: PupilPasses, group: Window,
+                binds: [Update Image, Read Target, Write Losses],
+                work: |u| u.window() * 2.0,
+                twin: |c| {
+                    c.slot.loss = $crate::compare::compare(&c.pass.compare, &mut c.slot.image, &c.slot.target);
+                },
+                shader: Each |c, p| c.parts(p.compare.parts(), &p.compare),
+            }
+            /// Multiplies the retinal fields by that factor.
+            ApplyFactor = "apply_factor" {
+                over: Windows, group: Window,
+                binds: [Read Image, Update Window],
+                work: |u| u.fields() * 0.5,
+                twin: |c| {
+                    $crate::apply_factor::apply_factor(c.image, c.window);
+                    (c.store)(c.window);
+                },
+                shader: Modes |c, p| c.values(p.count(), &(p.count() as u32)),
+            }
+            /// The retinal fields' spectra, in the pupil pass's columns.
+            WindowForward = "window_forward" {
+                over: Windows, group: Window,
+                binds: [Update Window],
+                work: |u| u.frames() * u.window_transform(),
+                twin: |c| c.fft($crate::fft::Direction::Forward),
+                shader: Modes |c, p| c.window_transform(p, $crate::fft::Direction::Forward),
+            }
+            /// The adjoint of `motion`.
+            MotionBack = "motion_back" {
+                over: Windows, group: Window,
+                binds: [Read Moments, Update Window],
+                work: |u| u.moving(),
+                twin: |c| c.motion(true),
+                shader: Modes |c, p| c.motion(p, true),
+            }
+            /// Adds what the pupils of the dispatch ask for to the change, in their order.
+            ReturnPupil = "return_pupil" {
+                over: Frames, group: Window,
+                binds: [Read Window, Read Transfer, Read Spans, Update Change],
+                work: |u| u.frames() * u.passing(),
+                twin: |c| c.return_pupils(),
+                shader: Modes |c, p| c.rows(p.back.rows, p.back.columns, &p.back),
+            }
+            /// Divides the change by a power of the overlap.
+            DivideByOverlap = "divide_by_overlap" {
+                over: Frames, group: Update,
+                binds: [Read Hits, Update Change],
+                args: divide_by_overlap: $crate::divide_by_overlap::Args,
+                fits: |step, shape| {
+                    let (args, place) = (&step.divide_by_overlap, &shape.place);
+                    (args.grid_height, args.grid_width) == (place.grid_height, place.grid_width)
+                },
+                work: |u| u.points(),
+                twin: |c| {
+                    $crate::divide_by_overlap::divide_by_overlap(&c.step.divide_by_overlap, c.hits, c.change);
+                    (c.store)(c.change);
+                },
+                shader: Once |c| c.values(c.shape.points(), &c.step.divide_by_overlap),
+            }
+            /// Adds what brings the eyebox's patches nearer to their mean.
+            EqualiseEyebox = "equalise_eyebox" {
+                over: Frames, group: Update,
+                binds: [Read Energy, Read Field, Update Change],
+                args: equalise_eyebox: $crate::equalise_eyebox::Args,
+                fits: |step, shape| step.equalise_eyebox.place.fits(&shape.place),
+                work: |u| u.points(),
+                twin: |c| {
+                    $crate::equalise_eyebox::equalise_eyebox(&c.step.equalise_eyebox, c.energy, c.field, c.change);
+                    (c.store)(c.change);
+                },
+                shader: Once |c| {
+                    let args = &c.step.equalise_eyebox;
+                    c.rows(args.place.rows, args.place.columns, args)
+                },
+            }
+            /// The change of the spectrum to that of the field, in the step's columns.
+            ChangeInverse = "change_inverse" {
+                over: Frames, group: Update,
+                binds: [Update Change],
+                work: |u| u.grid_transform(),
+                twin: |c| c.fft.run(c.change, $crate::fft::Direction::Inverse),
+                shader: Once |c| c.grid_transform($crate::fft::Direction::Inverse),
+            }
+            /// Makes all losses NaN where a value of the change is infinite or NaN, so that the step is not taken. Where
+            /// fields are stored as halves.
+            CheckFinite = "check_finite" {
+                over: Whole, group: Update,
+                binds: [Read Change, Write NotFinite],
+                fits: |_, shape| shape.halves(),
+                work: |u| 0.5 * u.points(),
+                twin: |c| c.check_finite(),
+                shader: Once |c| c.check_finite(),
+            }
+            /// The change of the spectrum to that of each sub-pixel's field, where a pixel has several.
+            SubpixelsInverse = "subpixels_inverse" {
+                over: Frames, group: Update,
+                binds: [Update Subpixels, Read Offsets, Read Change],
+                work: |u| u.subpixels_transform(),
+                twin: |c| c.subpixels_inverse(),
+                shader: Once |c| c.subpixels($crate::fft::Direction::Inverse),
+            }
+            /// What the change asks of the phases of the field.
+            Turn = "turn" {
+                over: Frames, group: Update,
+                binds: [Read Pixels, Read Change, Update Wave],
+                work: |u| 0.5 * u.pixels(),
+                twin: |c| c.turn(),
+                shader: Once |c| c.turn(),
+            }
+            /// The change behind a mask at a distance to that at the SLM.
+            FromMask = "from_mask" {
+                over: Frames, group: Update,
+                binds: [Update Change, Read Mask, Read MaskTransfer],
+                work: |u| 2.0 * (u.full_transform() + u.points()),
+                twin: |c| c.through_mask_back(),
+                shader: Once |c| c.through_mask(true),
+            }
+            /// What the change on the pixels of a mask asks of the phases of the field.
+            TurnMask = "turn_mask" {
+                over: Frames, group: Update,
+                binds: [Read Pixels, Read Mask, Read Change, Update Wave],
+                fits: |step, shape| step.modulate_mask.fits(&shape.place),
+                work: |u| 0.5 * u.pixels() + u.masked(),
+                twin: |c| c.turn_mask(),
+                shader: Once |c| c.turn_mask(),
+            }
+            /// The same of each sub-pixel.
+            TurnSubpixels = "turn_subpixels" {
+                over: Frames, group: Update,
+                binds: [Read Pixels, Read Subpixels, Update Wave],
+                work: |u| 0.5 * u.subpixels() * u.subpixels() * u.pixels(),
+                twin: |c| c.turn(),
+                shader: Once |c| c.turn(),
+            }
+            /// Crosstalk along columns, transposed,
+            CrosstalkColumnsBack = "crosstalk_columns_back" {
+                over: Frames, group: Update,
+                binds: [Read Crosstalk, Read Wave, Write Blurred],
+                work: |u| u.subpixels() * u.crosstalk(),
+                twin: |c| c.crosstalk_back(true),
+                shader: Once |c| c.crosstalk([true, true]),
+            }
+            /// and along rows.
+            CrosstalkRowsBack = "crosstalk_rows_back" {
+                over: Frames, group: Update,
+                binds: [Read Crosstalk, Read Blurred, Write Wave],
+                work: |u| u.crosstalk(),
+                twin: |c| c.crosstalk_back(false),
+                shader: Once |c| c.crosstalk([false, true]),
+            }
+            /// The lag, transposed.
+            LagBack = "lag_back" {
+                over: Whole, group: Update,
+                binds: [Update Wave],
+                work: |u| 0.3 * u.pixels(),
+                twin: |c| c.lag(true),
+                shader: Once |c| c.lag(),
+            }
+            /// And of the phases, as a change of a field that has nothing but these.
+            DriveBack = "drive_back" {
+                over: Frames, group: Update,
+                binds: [Read Pixels, Read Shown, Read Wave, Update Change],
+                work: |u| 0.6 * u.pixels(),
+                twin: |c| c.drive_back(),
+                shader: Once |c| c.drive_back(),
+            }
+            /// The projection's step of the phases.
+            Project = "project" {
+                over: Frames, group: Update,
+                binds: [Read Change, Read Shown, Update Phases, Update Momentum],
+                args: project: $crate::project::Args,
+                fits: |step, shape| step.project.place == shape.place,
+                work: |u| 4.0 * u.pixels(),
+                twin: |c| {
+                    let shown = c.shape.quantised.then_some(&*c.shown);
+                    match c.shape.binary_angles {
+                        true => $crate::project::project_angles(&c.step.project, c.change, c.phases, c.momentum),
+                        false => $crate::project::project(&c.step.project, c.change, shown, c.phases, c.momentum),
+                    }
+                },
+                shader: Once |c| c.rows(c.shape.place.height, c.shape.place.width, &c.step.project),
+            }
+            /// Adam's step of the phases.
+            Adam = "adam" {
+                over: Frames, group: Update,
+                binds: [Read Change, Read Shown, Update Phases, Update Momentum, Update Second],
+                args: adam: $crate::adam::Args,
+                fits: |step, shape| step.adam.place == shape.place,
+                work: |u| 4.0 * u.pixels(),
+                twin: |c| {
+                    let shown = c.shape.quantised.then_some(&*c.shown);
+                    $crate::adam::adam(&c.step.adam, c.change, shown, c.phases, c.momentum, c.second);
+                },
+                shader: Once |c| c.rows(c.shape.place.height, c.shape.place.width, &c.step.adam),
+            }
+            /// What the fitted exposure and PSNR follow from.
+            Exposure = "exposure" {
+                over: PupilPasses, group: Window,
+                binds: [Read Image, Read Target, Write Sums],
+                work: |u| u.window() * 2.0,
+                twin: |c| {
+                    let args = c.pass.exposure(&c.shape.on_grid());
+                    $crate::exposure::exposure(&args, &c.slot.image, &c.slot.target, &mut c.slot.sums);
+                },
+                shader: Each |c, p| {
+                    let args = p.exposure(&c.shape.on_grid());
+                    c.parts(args.parts(), &args)
+                },
+            }
+        }
+    };
+}

@@ -1,0 +1,42 @@
+//! A display with a static mask in front of its SLM (OPTICS 12).
+
+use super::{Display, Geometry};
+
+impl Display {
+    /// Pixels of its mask along an axis of an SLM pixel; 1 without a mask.
+    pub fn mask_factor(&self) -> usize {
+        self.mask.as_ref().map_or(1, |mask| mask.factor.max(1))
+    }
+
+    /// Turns of this wavelength's light (metres) for one turn of the mask's phases.
+    pub(crate) fn mask_slope(&self, wavelength: f64) -> f64 {
+        let longest = self.wavelengths.iter().map(|w| w.wavelength).fold(0.0, f64::max);
+        let meant = self.mask.as_ref().and_then(|mask| mask.wavelength_nm).map_or(longest, |nm| nm * 1e-9);
+        meant / wavelength
+    }
+
+    /// What is wrong with its mask on this display, in words.
+    pub(super) fn check_mask(&self) -> Result<(), String> {
+        let Some(mask) = &self.mask else { return Ok(()) };
+        mask.check()?;
+        if self.geometry == Geometry::FarField {
+            return Err("a mask is for an SLM behind a relay: leave it out".into());
+        }
+        let largest = self.height.max(self.width) * mask.factor;
+        if largest > 65536 {
+            return Err(format!("{largest} of its pixels along an axis: at most 65536 are taken"));
+        }
+        for color in self.wavelengths.iter().map(|w| w.color) {
+            if self.model(color).subpixels > 1 {
+                return Err(format!(
+                    "[model] has subpixels in {color}, which the mask's pixels stand for: leave them out"
+                ));
+            }
+            if mask.distance_mm > 0.0 && self.modes(color).iter().any(|mode| mode.angle != [0.0; 2]) {
+                let why = "a source off the axis lights a mask at a distance from elsewhere";
+                return Err(format!("{why}: give the mask no distance_mm, or {color} no source off the axis"));
+            }
+        }
+        Ok(())
+    }
+}

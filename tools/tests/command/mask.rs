@@ -1,0 +1,82 @@
+//! A static mask of finer pixels in front of the SLM, from the display file to the picture.
+
+use crate::common::{done, eyebox, folder, refused, text};
+use eyebox::files::{read_npy, write_npy};
+
+const BENCH: &str =
+    "resolution = [48, 48]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
+
+/// A hologram keeps the mask that it was solved through, and is looked at behind it, when the mask's file is gone; beyond the SLM's own
+/// eyebox too. Without phases and finer pixels there is no mask: the same bytes.
+#[test]
+fn a_hologram_keeps_its_mask() {
+    let dir = folder();
+    let at = dir.path();
+    let phases: Vec<f32> = (0..96 * 96).map(|i: u32| (i.wrapping_mul(2_654_435_761) >> 16) as f32 * 1e-4).collect();
+    write_npy(&at.join("mask.npy"), &[96, 96], &phases).unwrap();
+    write_npy(&at.join("clear.npy"), &[48, 48], &[0.0; 48 * 48]).unwrap();
+    let display = |name: &str, mask: &str| std::fs::write(at.join(name), format!("{BENCH}{mask}")).unwrap();
+    display("plain.toml", "");
+    display("clear.toml", "[mask]\nfactor = 1\nfile = \"clear.npy\"\n");
+    display("mask.toml", "[mask]\nfactor = 2\nfile = \"mask.npy\"\n");
+    let settings = ["--steps", "10", "--frames", "2", "--pupil-diameter", "3.5..4.5", "--engine", "cpu"];
+    let solve = |display: &str, out: &str| {
+        let first = ["solve", "builtin:still-life", "--display", display, "-o", out];
+        done(at, &[&first[..], &settings].concat());
+    };
+    let view = |hologram: &str, out: &str, more: &[&str]| {
+        let pupil = ["--pupil", "18,-1,4,0", "--engine", "cpu", "-o", out];
+        let answer = eyebox(at, &[&["view", hologram][..], &pupil, more].concat());
+        (answer.status.success(), text(&answer.stderr))
+    };
+    solve("plain.toml", "plain.zarr");
+    solve("clear.toml", "clear.zarr");
+    solve("mask.toml", "mask.zarr");
+    let chunk = |name: &str| std::fs::read(at.join(name).join("phases/c/0/0/0/0"));
+    assert_eq!(chunk("plain.zarr").unwrap(), chunk("clear.zarr").unwrap());
+    std::fs::remove_file(at.join("mask.npy")).unwrap();
+    // 18 mm from the axis is beyond the SLM's own eyebox of 26 mm, and inside of 52.
+    let (seen, said) = view("plain.zarr", "plain.npy", &[]);
+    assert!(!seen && said.contains("outside the"), "{said}");
+    let (seen, said) = view("mask.zarr", "masked.npy", &[]);
+    assert!(seen && said.contains("behind a mask of 2 x 2 pixels") && said.contains("--ideal"), "{said}");
+    assert_eq!(read_npy(&at.join("masked.npy")).unwrap().shape, [48, 48]);
+    assert!(!view("mask.zarr", "past.npy", &["--ideal"]).0);
+    let score = |hologram: &str| {
+        let line = ["score", hologram, "builtin:still-life", "--json", "--no-jod", "--engine", "cpu"];
+        let said = done(at, &[&line[..], &["--pupil-diameter", "4..4"]].concat());
+        serde_json::from_str::<serde_json::Value>(&said).unwrap()["psnr_db"]["mean"].as_f64().unwrap()
+    };
+    let before = score("mask.zarr");
+    assert!(before > 12.0, "{before}");
+    let refine = ["refine", "mask.zarr", "builtin:still-life", "--pupil=18,-1,4,0", "--steps", "6", "--engine", "cpu"];
+    done(at, &[&refine[..], &["-o", "refined.zarr"]].concat());
+    let (seen, said) = view("refined.zarr", "refined.npy", &[]);
+    assert!(seen && said.contains("2 x 2 pixels"), "{said}");
+    // The plan says what it costs, and a display what it makes of the eyebox.
+    display("mask.toml", "[mask]\nfactor = 2\nseed = 3\nband = 0.5\ndistance_mm = 1\n");
+    let said = done(at, &[&["plan", "builtin:still-life", "--display", "mask.toml"][..], &settings].concat());
+    assert!(said.contains("2 x 2 pixels on each of the SLM's") && said.contains("52.0 mm instead of 26.0"), "{said}");
+    let said = done(at, &["devices", "--display", "mask.toml"]);
+    assert!(said.contains("eyebox 52.0 mm") && said.contains("without it an eyebox of 26.0 mm"), "{said}");
+    solve("mask.toml", "away.zarr");
+    assert!(view("away.zarr", "away.npy", &[]).0);
+}
+
+#[test]
+fn a_mask_that_cannot_be_is_refused_in_a_line() {
+    let dir = folder();
+    let at = dir.path();
+    let solve = ["solve", "builtin:still-life", "--display", "bad.toml", "--engine", "cpu", "-o", "out.zarr"];
+    for (mask, says) in [
+        ("factor = 9\nseed = 1\n", "factor is 9: it must be 1 to 4"),
+        ("factor = 2\n", "it has no phases"),
+        ("factor = 2\nfile = \"none.npy\"\n", "file none.npy"),
+    ] {
+        std::fs::write(at.join("bad.toml"), format!("{BENCH}[mask]\n{mask}")).unwrap();
+        refused(at, &solve, "out.zarr", &format!("bad.toml: [mask]: {says}"));
+    }
+    std::fs::write(at.join("bad.toml"), format!("{BENCH}[mask]\nfactor = 2\nseed = 1\n")).unwrap();
+    refused(at, &[&solve[..], &["--method", "dpac"]].concat(), "out.zarr", "a mask in front of the SLM");
+    refused(at, &[&solve[..], &["--method", "stft"]].concat(), "out.zarr", "a mask in front of the SLM");
+}
