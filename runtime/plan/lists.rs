@@ -21,7 +21,7 @@ const THROUGH_A_WINDOW: [Kernel; 8] = [
 
 /// The lists that a step is made of: of its pupil passes, and room for that of its kernels. A step that is over gives both.
 #[derive(Debug, Default)]
-pub struct StepLists {
+pub(crate) struct StepLists {
     pub(crate) pupil_passes: Vec<PupilPass>,
     kernels: Vec<Dispatch>,
 }
@@ -39,16 +39,28 @@ impl From<Step> for StepLists {
 }
 
 impl Planner {
-    /// One step of the projection (OPTICS 6b) over these pupil passes, `in_flight` values of window at a time.
+    /// One step of the projection (OPTICS 6b), `in_flight` values of window at a time.
     pub fn project_step(
         &self,
-        lists: impl Into<StepLists>,
+        pupil_passes: Vec<PupilPass>,
         in_flight: usize,
         power: f64,
         gain: f64,
         momentum: f64,
     ) -> Step {
-        let mut step = self.descend(lists.into(), in_flight, true);
+        self.project_step_in(pupil_passes.into(), in_flight, power, gain, momentum)
+    }
+
+    /// The same in the lists of a step that is over.
+    pub(crate) fn project_step_in(
+        &self,
+        lists: StepLists,
+        in_flight: usize,
+        power: f64,
+        gain: f64,
+        momentum: f64,
+    ) -> Step {
+        let mut step = self.descend(lists, in_flight, true);
         step.list.push(Dispatch { kernel: Kernel::Project, pupil_passes: 0..0 });
         step.divide_by_overlap.power = power as f32;
         // Of all its mask pixels a pixel follows the mean.
@@ -59,8 +71,13 @@ impl Planner {
     }
 
     /// One step of Adam, the `t`-th, counted from 1 (OPTICS 4).
-    pub fn adam_step(&self, lists: impl Into<StepLists>, in_flight: usize, t: usize, rate: f64) -> Step {
-        let mut step = self.descend(lists.into(), in_flight, false);
+    pub fn adam_step(&self, pupil_passes: Vec<PupilPass>, in_flight: usize, t: usize, rate: f64) -> Step {
+        self.adam_step_in(pupil_passes.into(), in_flight, t, rate)
+    }
+
+    /// The same in the lists of a step that is over.
+    pub(crate) fn adam_step_in(&self, lists: StepLists, in_flight: usize, t: usize, rate: f64) -> Step {
+        let mut step = self.descend(lists, in_flight, false);
         step.list.push(Dispatch { kernel: Kernel::Adam, pupil_passes: 0..0 });
         // As float32 has them, so that the corrections are those of the moments that the kernel keeps: 1 - 0.999 is off by
         // a part in 80,000, and without it every step would be (docs/precision.md).

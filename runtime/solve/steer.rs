@@ -293,7 +293,7 @@ impl Refiner {
         let (start, kind) = (Instant::now(), self.kind());
         let step = self.next();
         let begun = self.engine.begin_step(&step, &self.drawing.parts);
-        let pixels = self.drawing.is_over(step);
+        let pixels = self.drawing.take_back(step);
         let this = UnderWay { begun: begun?, pixels, kind, host: start.elapsed().as_secs_f64() };
         if this.begun.is_over() {
             return self.end(this).map(Some);

@@ -37,7 +37,7 @@ impl Drawing {
     }
 
     /// Takes back the lists of a step that was begun; pixels of the windows of its pupil passes.
-    pub(super) fn is_over(&mut self, step: Step) -> Vec<usize> {
+    pub(super) fn take_back(&mut self, step: Step) -> Vec<usize> {
         let mut pixels = std::mem::take(&mut self.pixels);
         pixels.clear();
         pixels.extend(step.pupil_passes.iter().map(PupilPass::count));
