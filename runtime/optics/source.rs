@@ -50,6 +50,13 @@ impl SourceMode {
         }
     }
 
+    /// The same where these switchable sources are lit, by their places, all the time, and no others.
+    #[must_use]
+    pub fn lit_among(self, sources: &[usize]) -> Self {
+        let turn = if sources.contains(&self.source) { Self::ALWAYS } else { Self::NEVER };
+        Self { turn, ..self }
+    }
+
     /// The same where one of so many sub-frames is seen alone.
     #[must_use]
     pub fn in_frame(self, frame: usize, frames: usize) -> Self {

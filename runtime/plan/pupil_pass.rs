@@ -173,9 +173,7 @@ impl Planner {
 
     /// The same with these sources lit, by their places, all the time, and no others.
     pub(crate) fn light(&mut self, sources: &[usize]) {
-        let lit =
-            |mode: &SourceMode| if sources.contains(&mode.source) { SourceMode::ALWAYS } else { SourceMode::NEVER };
-        self.modes = self.modes.iter().map(|mode| SourceMode { turn: lit(mode), ..*mode }).collect();
+        self.modes = self.modes.iter().map(|mode| mode.lit_among(sources)).collect();
     }
 
     /// With zeros around the SLM.

@@ -65,7 +65,10 @@ impl Showing {
         let optics = (0..hologram.colors.len()).map(|i| hologram.optics(i)).collect::<Result<Vec<_>, _>>()?;
         let solved = optics.iter().map(|o| o.wavelength);
         let shortest = hologram.display_wavelengths.iter().map(|w| w.wavelength).chain(solved).fold(f64::MAX, f64::min);
-        let eyebox = Optics { wavelength: shortest, ..optics[0] }.eyebox();
+        let eyebox = match hologram.made_for() {
+            Ok(display) if !display.sources.is_empty() => display.eyebox_min(),
+            _ => Optics { wavelength: shortest, ..optics[0] }.eyebox(),
+        };
         let shares: Vec<f64> = (0..hologram.colors.len()).map(|i| hologram.picture_share(i)).collect();
         let planners = (0..hologram.colors.len()).map(|i| hologram.planner(i));
         let planners = planners.collect::<Result<Vec<_>, HologramError>>()?;

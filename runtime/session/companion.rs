@@ -40,3 +40,18 @@ pub trait Companion {
 
 /// Opens it, on the present thread. Fails in a sentence.
 pub type CompanionOpener = Box<dyn FnOnce(&mut Desktop) -> Result<Box<dyn Companion>, String> + Send>;
+
+/// The display's switchable sources that light a set from its beginning on.
+#[derive(Debug, Clone, Copy)]
+pub struct LitSources<'a> {
+    /// The set's number.
+    pub set: u64,
+    /// When it begins, on the player's clock, nanoseconds.
+    pub start_ns: i64,
+    /// The sources, colour by colour, by their places from 0; none where the display has none, or they are not steered.
+    pub colors: &'a [Vec<usize>],
+}
+
+/// Switches the display's sources: told of each new set on the present thread, when it is handed to the display, a video frame before
+/// its light. It must not wait.
+pub type SourceSwitch = Box<dyn FnMut(&LitSources<'_>) + Send>;

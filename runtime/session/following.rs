@@ -1,6 +1,6 @@
 //! A live hologram that is shown, as the present thread has it: what becomes of every set.
 
-use super::companion::{Asked, Companion, Now};
+use super::companion::{Asked, Companion, LitSources, Now, SourceSwitch};
 use super::error::SessionError;
 use super::journal::{Decision, Keeping};
 use super::latency::{Histogram, Latency, Stage};
@@ -64,6 +64,8 @@ pub(super) const OPEN: usize = 256;
 /// A live hologram that is shown, as the present thread has it: what becomes of every set.
 pub(super) struct Following {
     pub(super) companion: Option<Box<dyn Companion>>,
+    /// What switches the display's sources.
+    pub(super) switch: Option<SourceSwitch>,
     pub(super) source: LiveSource,
     pub(super) refinement: Refinement,
     /// A tracker on its thread; none where there is none, or time is simulated.
@@ -164,6 +166,10 @@ impl Following {
             keeping.journal().keep(Decision::Lit { number });
         }
         if let Some(set) = self.source.newly_shown() {
+            if let Some(switch) = &mut self.switch {
+                // A switch is not worth the picture: it says itself what is wrong with it.
+                switch(&LitSources { set: set.number, start_ns, colors: &set.sources });
+            }
             if let Some(showing) = &mut self.showing {
                 showing.lit(Some(set), start_ns);
             }

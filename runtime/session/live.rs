@@ -1,6 +1,6 @@
 //! Content that follows the eye: a hologram, refined while it is shown.
 
-use super::companion::CompanionOpener;
+use super::companion::{CompanionOpener, SourceSwitch};
 use super::error::SessionError;
 use super::field::Field;
 use super::following::{Following, OPEN};
@@ -222,6 +222,8 @@ pub struct Live {
     pub display_latency: Duration,
     /// A window beside the display.
     pub companion: Option<CompanionOpener>,
+    /// What switches the display's sources, where it has any.
+    pub switch: Option<SourceSwitch>,
 }
 
 impl Live {
@@ -252,6 +254,7 @@ impl Live {
             steered: true,
             display_latency,
             companion: None,
+            switch: None,
         }
     }
 
@@ -358,10 +361,8 @@ impl Live {
             Duration::from_nanos(display.rate.period_ns().unsigned_abs() / 2) + self.display_latency;
         let (packed, lighting) = (Arc::new(encoder.packed().clone()), encoder.lighting(rolls));
         let with_phases = self.companion.is_some();
-        let companion = match self.companion {
-            Some(open) => Some(open(display.desktop()?).map_err(SessionError::Companion)?),
-            None => None,
-        };
+        let beside = |open: CompanionOpener| open(display.desktop()?).map_err(SessionError::Companion);
+        let companion = self.companion.map(beside).transpose()?;
         let shared = engines.gpu()?;
         let direct = match display.presenter().takes() {
             Some((gpu, order)) if !on_host && shared.is_some_and(|shared| shared.is(gpu)) => Some(order),
@@ -395,6 +396,7 @@ impl Live {
         };
         let following = Following {
             companion,
+            switch: self.switch,
             source,
             refinement,
             tracker,

@@ -100,7 +100,7 @@ mod thread_tests;
 pub use account::{Account, Cause, Repeat};
 #[cfg(target_os = "linux")]
 pub use application::{LiveInput, LiveKind, darkness};
-pub use companion::{Asked, Companion, CompanionOpener, Now};
+pub use companion::{Asked, Companion, CompanionOpener, LitSources, Now, SourceSwitch};
 pub use content::{About, Content, Ended, FrameObserver, SessionEvent, SessionOptions, Status};
 pub use error::SessionError;
 pub use far_field::FarField;

@@ -29,7 +29,11 @@ pub(super) struct Scripted {
 impl Scripted {
     /// With this preset's packing.
     pub(super) fn new(preset: &str, side: usize, scenes: usize) -> Self {
-        let display = Display { height: side, width: side, ..Display::preset(preset).unwrap() };
+        Self::before(Display { height: side, width: side, ..Display::preset(preset).unwrap() }, scenes)
+    }
+
+    /// Of a display.
+    pub(super) fn before(display: Display, scenes: usize) -> Self {
         let scene = |i: usize| {
             let request = Request { views: 5, ..Request::new(&display, &[Color::Green]) };
             let name = format!("builtin:still-life?shift={}", i as f64 * 0.05);

@@ -1,10 +1,14 @@
 //! Ten minutes of a simulated eye before 3 x 3 switchable sources, as decisions alone: sets are made when they are made in a
 //! session, each for the sources that are chosen for it, and take as long as steps and encoding may take.
 
-use super::scripted::samples;
+use super::scripted::{Application, Scripted, samples, shown};
+use super::{Cost, LitSources};
 use crate::optics::{Color, Display, Pupil, SourceChoice, SourcesLit, SwitchedSource};
 use crate::solve::SplitMix;
 use crate::trackers::simulated::{Doing, Eye, Settings as EyeSettings};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 /// A set: what it is lit by, and what it was made for.
 #[derive(Clone)]
@@ -103,4 +107,33 @@ fn in_ten_minutes_of_saccades_no_set_is_dark_or_torn() {
         assert!(seen.sets > 25_000 && seen.hand_overs > 300, "{seen:?}");
         assert_eq!((seen.unlit_or_torn, seen.dark), (0, 0), "{seen:?}");
     }
+}
+
+/// In a whole session, on its simulated clock: every set that is shown was announced with sources of its own, once, and they change
+/// with the eye. Two eyeboxes that overlap by 2.7 mm, before an eye that moves by 4.6.
+#[test]
+fn a_session_switches_sources_with_its_sets() {
+    let mut display = Display { height: 16, width: 16, ..Display::preset("planes8").unwrap() };
+    display.focal_length = 0.133;
+    display.sources.each =
+        [-3.0, 3.0].map(|x| SwitchedSource { eyebox_mm: Some([x, 0.0]), ..SwitchedSource::default() }).to_vec();
+    display.sources.lit = SourcesLit::Steered;
+    let stage = Scripted::before(display, 2);
+    let app = Application::new(&stage, 30, [0, i64::MAX]);
+    let step = Duration::from_millis(3);
+    let mut live = stage.live(app, Cost::Fixed { step, encode: step / 8 }, 5);
+    let told = Arc::new(Mutex::new(BTreeMap::new()));
+    let theirs = Arc::clone(&told);
+    live.switch = Some(Box::new(move |lit: &LitSources<'_>| {
+        let before = theirs.lock().unwrap().insert(lit.set, lit.colors.to_vec());
+        assert!(before.is_none(), "set {} is lit anew", lit.set);
+    }));
+    let (statistics, frames) = shown(live, 60, 20.0);
+    let told = told.lock().unwrap();
+    assert_eq!(told.len() as u64, statistics.live.unwrap().sets_new);
+    assert!(told.values().all(|colors| colors.len() == 1 && !colors[0].is_empty()), "{told:?}");
+    let kinds: BTreeSet<&Vec<usize>> = told.values().map(|colors| &colors[0]).collect();
+    assert!(kinds.len() == 3, "each alone, and both between: {kinds:?}");
+    let sets: BTreeSet<u64> = frames.iter().filter_map(|frame| frame.set).collect();
+    assert!(sets.len() > 500 && sets.iter().all(|set| told.contains_key(set)), "{} sets", sets.len());
 }

@@ -36,6 +36,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "monitor",
             "display_rate",
             "display_latency",
+            "sources_out",
             "validation",
             "ask",
             "ideal",

@@ -6,6 +6,7 @@ use crate::optics::Pupil;
 use crate::session::error::SessionError;
 use crate::session::steerer::{Policy, SteeredColor};
 use crate::solve::{PupilRange, Refiner, Sampler, Sequence};
+use std::sync::Arc;
 
 /// Pupils that the exposure is fitted over.
 const EXPOSED: usize = 12;
@@ -25,8 +26,9 @@ impl SeenColor {
     ) -> Result<Self, SessionError> {
         let problem = color.problem.clone();
         let range = PupilRange::over(problem.eyebox, [depth, depth]);
+        let regions = Arc::clone(&problem.regions);
         let mut seen = Refiner::new(problem, &color.phases, color.exposure, policy.steering, engine)?;
-        let mut sampler = Sampler::new(range, Sequence::Sobol, 0x006a_7564_6765);
+        let mut sampler = Sampler::new(range, Sequence::Sobol, 0x006a_7564_6765).over(regions);
         let pupils: Vec<Pupil> = (0..EXPOSED).map(|_| sampler.draw()).collect();
         // Lasers stay as they are: one exposure, that of the hologram for the whole eyebox.
         let exposure = Sums::fit_exposure(&seen.look(&pupils)?).map_err(|e| SessionError::Setting(e.to_string()))?;

@@ -13,13 +13,15 @@ use clap::{Args, ValueEnum};
 use eyebox::encode;
 use eyebox::gaze::Eyepiece;
 use eyebox::gpu::{Gpu, Options as VulkanOptions};
-use eyebox::optics::{depth_in_words, depths_in_words, dioptres};
+use eyebox::optics::{Color, depth_in_words, depths_in_words, dioptres};
 use eyebox::session::{
-    self, Cost, Histogram, LiveStatistics, Repeat, Session, SinkFile, Stage as Part, Statistics, Status, Supply,
-    Tracking,
+    self, Cost, Histogram, LitSources, LiveStatistics, Repeat, Session, SinkFile, SourceSwitch, Stage as Part,
+    Statistics, Status, Supply, Tracking,
 };
-use serde_json::json;
-use std::path::PathBuf;
+use serde_json::{Map, Value, json};
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// `eyebox live`
@@ -73,6 +75,10 @@ pub struct LiveOptions {
     /// How it follows
     #[command(flatten)]
     pub policy: PolicyArgs,
+    /// Which of the display's switchable sources light each set, a line of JSON as the set is handed to the display: a file, or a
+    /// pipe to what drives them
+    #[arg(long, value_name = "FILE")]
+    pub sources_out: Option<PathBuf>,
     /// What was shown, and how late, as JSON
     #[arg(long, value_name = "FILE.json")]
     pub stats: Option<PathBuf>,
@@ -175,6 +181,7 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: Showing<'_>, stage: S
     let display = encoder.display().clone();
     let mut live = session::Live::new(parts, encoder, engines.source(), tracking);
     (live.policy, live.steered, live.companion) = (args.policy.policy(), !args.unsteered, companion);
+    live.switch = args.sources_out.as_deref().map(|file| switch(file, &colors)).transpose()?;
     live.display_latency = Duration::from_secs_f64((args.display_latency * 1e-3).min(10.0));
     (live.journal, live.replay, live.whole_sets) = (kept.journal, kept.replay, args.whole_sets);
     live.moments = args.moments == Moments::On;
@@ -212,6 +219,25 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: Showing<'_>, stage: S
         args.stats.as_deref(),
         &json!({ "engine": engine, "memory_mib": memory, "focus_dioptres": focus, "unfinished": unfinished }),
     )
+}
+
+/// Tells whoever drives a display's sources which of them light each set, by their numbers from 1.
+fn switch(file: &Path, colors: &[Color]) -> Result<SourceSwitch, Failure> {
+    let failed = |e: std::io::Error| Failure::Asked(format!("--sources-out {}: {e}", file.display()));
+    let mut out = File::options().write(true).create(true).truncate(true).open(file).map_err(failed)?;
+    let (colors, name) = (colors.to_vec(), file.display().to_string());
+    let mut told = false;
+    Ok(Box::new(move |lit: &LitSources<'_>| {
+        let numbers = |places: &Vec<usize>| places.iter().map(|at| at + 1).collect::<Vec<_>>();
+        let sources: Map<String, Value> =
+            colors.iter().zip(lit.colors).map(|(color, places)| (color.to_string(), json!(numbers(places)))).collect();
+        let line = json!({ "set": lit.set, "start_ns": lit.start_ns, "sources": sources });
+        if let Err(error) = writeln!(out, "{line}")
+            && !std::mem::replace(&mut told, true)
+        {
+            tracing::warn!("--sources-out {name}: {error}; the display goes on");
+        }
+    }))
 }
 
 /// Says that phases are fitted.

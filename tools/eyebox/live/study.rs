@@ -223,7 +223,14 @@ fn summary(study: &Result_) -> Value {
         "end_of_fixation_jod": jod(study).map(|[steered, whole]| json!({ "steered": steered, "unsteered": whole })),
         "worst_db": study.worst_db(), "step_ms": study.step_ms, "encode_ms": study.encode_ms, "steps": study.steps,
         "restarts": study.restarts, "pupil_error_mm": mean(&errors).map(|e| e * 1e3),
+        "sets": study.moments.len(), "dark_sets": { "eye_moves": study.dark_sets()[0], "eye_rests": study.dark_sets()[1] },
+        "most_sources": most_sources(study),
     })
+}
+
+/// Switchable sources that are lit at once, at most.
+fn most_sources(study: &Result_) -> usize {
+    study.moments.iter().map(|m| m.sources).max().unwrap_or(0)
 }
 
 /// JOD at the ends of fixations, steered and unsteered: the means.
@@ -243,6 +250,14 @@ fn print(study: &Result_) {
     }
     println!("  within 50 ms of a landing  {} dB, at least {} dB", db(mean(&soon)), db(least(&soon)));
     println!("  at any time                at least {} dB", db(Some(study.worst_db())));
+    let most = most_sources(study);
+    if most > 0 {
+        let ([moves, rests], sets) = (study.dark_sets(), study.moments.len());
+        println!(
+            "switchable sources: at most {most} lit at once; of {sets} sets {rests} were dark to an eye that rested, {moves} to one \
+             under way"
+        );
+    }
     println!(
         "{} steps of {:.2} ms, {} restarts, {:.2} ms to encode a set",
         study.steps, study.step_ms, study.restarts, study.encode_ms

@@ -87,6 +87,25 @@ fn refinement_chooses_the_source() {
     }
 }
 
+/// Each set that is shown live says which sources light it; a study says how often an eye met the dark.
+#[test]
+fn live_sets_say_their_sources() {
+    let dir = folder();
+    let at = dir.path();
+    std::fs::write(at.join("nine.toml"), nine("steered")).unwrap();
+    solve(at, "nine.toml", "base.zarr");
+    let line = ["live", "base.zarr", "--display", "nine.toml", "--output", "offscreen"];
+    done(at, &[&line[..], &["--duration", "1.5", "--engine", "cpu", "--sources-out", "lit.jsonl"]].concat());
+    let lit = std::fs::read_to_string(at.join("lit.jsonl")).unwrap();
+    let sets: Vec<Value> = lit.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert!(sets.len() > 2 && sets.iter().all(|set| set["sources"]["green"] == serde_json::json!([5])), "{lit}");
+    let line = ["study", "base.zarr", "--display", "nine.toml", "--duration", "2", "--no-jod"];
+    let said = done(at, &[&line[..], &["--step-time", "2", "--engine", "cpu", "--json", "-o", "study"]].concat());
+    let said: Value = serde_json::from_str(&said).unwrap();
+    assert_eq!(said["summary"]["dark_sets"], serde_json::json!({ "eye_moves": 0, "eye_rests": 0 }));
+    assert_eq!(said["summary"]["most_sources"], 1);
+}
+
 #[test]
 fn a_bad_source_is_refused_in_a_line() {
     let dir = folder();
