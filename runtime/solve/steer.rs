@@ -1,6 +1,7 @@
 //! Refining a hologram for where the eye is (OPTICS 6d): steps over pupils around it, and a few over the whole eyebox, so
 //! that a sudden look elsewhere never meets the dark.
 
+mod draw;
 mod drawing;
 mod retrieve;
 mod sources;
