@@ -44,8 +44,8 @@ fn transform(field: &[Complex64], height: usize, width: usize, sign: f64) -> Vec
     along(&rows, width, height, &|line, i| i * width + line)
 }
 
-/// `|v_cf|^2` of every sub-frame through a pupil, by the equations of OPTICS 2 in float64.
-fn light_of(phases: &[f64], o: &Optics, pupil: &Pupil) -> Vec<Vec<f64>> {
+/// What a pupil passes of a spectrum (OPTICS 2), in the order of the DFT, in float64.
+fn kernel_of(o: &Optics, pupil: &Pupil) -> Vec<Complex64> {
     let (h, w) = (o.height, o.width);
     let bin = |k: usize, n: usize| if k < n - n / 2 { k as f64 } else { k as f64 - n as f64 };
     let kernel = |i: usize| {
@@ -57,13 +57,29 @@ fn light_of(phases: &[f64], o: &Optics, pupil: &Pupil) -> Vec<Vec<f64>> {
         let a = o.wavelength.powi(2) * (fx * fx + fy * fy);
         Complex64::from_polar(1.0, -TAU * pupil.depth / o.wavelength * a / (1.0 + (1.0 - a).sqrt()))
     };
+    (0..h * w).map(kernel).collect()
+}
+
+/// `F^-1 k F` of a field.
+fn filtered(field: &[Complex64], kernel: impl Iterator<Item = Complex64>, o: &Optics) -> Vec<Complex64> {
+    let (h, w) = (o.height, o.width);
+    let passed: Vec<Complex64> = transform(field, h, w, -1.0).iter().zip(kernel).map(|(z, k)| z * k).collect();
+    transform(&passed, h, w, 1.0).iter().map(|v| v / (h * w) as f64).collect()
+}
+
+/// `v_cf` of every sub-frame through a pupil, by the equations of OPTICS 2 in float64.
+fn fields_of(phases: &[f64], o: &Optics, pupil: &Pupil) -> Vec<Vec<Complex64>> {
+    let kernel = kernel_of(o, pupil);
     let of_frame = |phases: &[f64]| {
         let u: Vec<Complex64> = phases.iter().map(|p| Complex64::from_polar(1.0, *p)).collect();
-        let passed: Vec<Complex64> = transform(&u, h, w, -1.0).iter().enumerate().map(|(i, z)| z * kernel(i)).collect();
-        let points = (h * w) as f64;
-        transform(&passed, h, w, 1.0).iter().map(|v| (v / points).norm_sqr()).collect()
+        filtered(&u, kernel.iter().copied(), o)
     };
-    phases.chunks_exact(h * w).map(of_frame).collect()
+    phases.chunks_exact(o.height * o.width).map(of_frame).collect()
+}
+
+/// Their light, `|v_cf|^2`.
+fn light_of(phases: &[f64], o: &Optics, pupil: &Pupil) -> Vec<Vec<f64>> {
+    fields_of(phases, o, pupil).iter().map(|field| field.iter().map(|v| v.norm_sqr()).collect()).collect()
 }
 
 /// A drive of float64, and the powers and exposures of a small case.
@@ -112,6 +128,33 @@ impl Case {
             }
         }
         loss
+    }
+
+    /// Its derivative in the drives and, colour by colour, in the powers, as OPTICS 13 has them, in float64.
+    fn gradient(&self) -> (Vec<f64>, Vec<Vec<f64>>) {
+        let mut of_drives = vec![0.0; self.drives.len()];
+        let mut of_powers = vec![vec![0.0; FRAMES]; self.lit.len()];
+        for (color, (optics, slope, powers, exposure)) in self.lit.iter().enumerate() {
+            let phases = self.phases(color);
+            for (pupil, target) in self.pupils.iter().zip(&self.targets[color]) {
+                let (count, kernel) = (target.len(), kernel_of(optics, pupil));
+                let fields = fields_of(&phases, optics, pupil);
+                let gain = exposure / optics.share(pupil.diameter) / FRAMES as f64;
+                let seen = |i: usize| gain * fields.iter().zip(powers).map(|(v, p)| p * v[i].norm_sqr()).sum::<f64>();
+                let scale = 2.0 * gain / (count * self.pupils.len() * self.lit.len()) as f64;
+                let error: Vec<f64> = (0..count).map(|i| scale * (seen(i) - f64::from(target[i]))).collect();
+                for (f, field) in fields.iter().enumerate() {
+                    of_powers[color][f] += error.iter().zip(field).map(|(e, v)| e * v.norm_sqr()).sum::<f64>();
+                    let weighted: Vec<Complex64> = error.iter().zip(field).map(|(e, v)| v * (e * powers[f])).collect();
+                    let back = filtered(&weighted, kernel.iter().map(|k| k.conj()), optics);
+                    let (own, at) = (&phases[f * count..][..count], f * count);
+                    for (i, (g, phase)) in back.iter().zip(own).enumerate() {
+                        of_drives[at + i] += slope * 2.0 * (g * Complex64::from_polar(1.0, -phase)).im;
+                    }
+                }
+            }
+        }
+        (of_drives, of_powers)
     }
 
     fn planner(&self, color: usize) -> Planner {
@@ -175,12 +218,31 @@ fn gradients_are_derivatives() {
         drives.ask(case.lit[color].1, &drives.phases(case.lit[color].1), &change, &[0.0; FRAMES], &step);
     }
     assert!((loss / case.loss() - 1.0).abs() < 1e-5, "{loss} {}", case.loss());
-    let direction: Vec<f64> = random_phases(case.drives.len(), 9).into_iter().map(f64::from).collect();
-    let moved =
-        |by: f64| Case { drives: case.drives.iter().zip(&direction).map(|(d, e)| d + by * e).collect(), ..Case::new() };
-    let numeric = (moved(1e-5).loss() - moved(-1e-5).loss()) / 2e-5;
-    let exact = drives.asked().iter().zip(&direction).map(|(g, e)| 2.0 / 3.0 * f64::from(*g) * e).sum::<f64>();
-    assert!((numeric / exact - 1.0).abs() < 1e-4, "in the drives: {numeric} {exact}");
+    // The equations, to what central differences of float64 tell; and the engine, in float32, against the equations.
+    let (of_drives, of_powers) = case.gradient();
+    for seed in 9..13 {
+        let direction: Vec<f64> = random_phases(case.drives.len(), seed).into_iter().map(f64::from).collect();
+        let moved = |by: f64| {
+            let drives = case.drives.iter().zip(&direction).map(|(d, e)| d + by * e).collect();
+            Case { drives, ..Case::new() }.loss()
+        };
+        let numeric = (moved(1e-5) - moved(-1e-5)) / 2e-5;
+        let exact = of_drives.iter().zip(&direction).map(|(g, e)| g * e).sum::<f64>();
+        assert!((numeric / exact - 1.0).abs() < 1e-6, "in the drives: {numeric} {exact}");
+    }
+    for (color, (of_color, f)) in of_powers.iter().zip([0, 1, 2]).enumerate() {
+        let moved = |by: f64| {
+            let mut moved = Case::new();
+            moved.lit[color].2[f] += by;
+            moved.loss()
+        };
+        let (numeric, exact) = ((moved(1e-4) - moved(-1e-4)) / 2e-4, of_color[f]);
+        assert!((numeric / exact - 1.0).abs() < 1e-6, "in power {f} of colour {color}: {numeric} {exact}");
+    }
+    let asked = drives.asked().iter().map(|g| 2.0 / 3.0 * f64::from(*g));
+    let error = asked.zip(&of_drives).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+    let error = error / of_drives.iter().map(|b| b * b).sum::<f64>();
+    assert!(error < 1e-10, "the engine's gradient: error power {error:.1e}");
 }
 
 /// Fits of powers know the loss and its derivative as the engine's images give them.
