@@ -364,11 +364,12 @@ mod tests {
 
         #[test]
         fn no_change_to_a_file_makes_it_panic(at in 0usize..150, to in any::<u8>(), cut in 0usize..160) {
-            let mut bytes = npy("{'descr': '<f4', 'fortran_order': True, 'shape': (2, 3), }\n", &[7; 24]);
-            let length = bytes.len();
-            bytes[at % length] = to;
+            let whole = npy("{'descr': '<f4', 'fortran_order': True, 'shape': (2, 3), }\n", &[7; 24]);
+            let mut bytes = whole.clone();
+            bytes[at % whole.len()] = to;
             let _ = read(&bytes);
-            prop_assert!(read(&bytes[..cut.min(length - 1)]).is_err());
+            // Of the file as it was: a changed one may say that it is shorter.
+            prop_assert!(read(&whole[..cut.min(whole.len() - 1)]).is_err());
         }
     }
 }

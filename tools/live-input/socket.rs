@@ -155,12 +155,17 @@ fn given(control: &mut RecvAncillaryBuffer<'_>) -> Option<OwnedFd> {
     })
 }
 
-/// Takes what the other side said, up to 1 KiB, without waiting; whether it is still there.
+/// Takes what the other side said, up to 2 KiB, without waiting; whether it is still there.
 pub(crate) fn listen(mut stream: &UnixStream) -> bool {
-    match stream.read(&mut [0; 1024]) {
-        Ok(bytes) => bytes > 0,
-        Err(error) => matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted),
+    // Nudges that nobody took yet lie before the end: only a second look finds it. No more, as it may talk for ever.
+    for _ in 0..2 {
+        match stream.read(&mut [0; 1024]) {
+            Ok(0) => return false,
+            Ok(_) => {}
+            Err(error) => return matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted),
+        }
     }
+    true
 }
 
 /// Waits until one of them has something to say; whether it has.

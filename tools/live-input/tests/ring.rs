@@ -130,6 +130,8 @@ fn the_newest_wins_and_what_was_given_before_the_end_is_taken() {
     // The next one knocks at once, and comes in when what this one left is taken.
     let there = folder.0.clone();
     let next = std::thread::spawn(move || Application::connect_in(&there, "x").unwrap());
+    // So that it has knocked before the display looks: only the clock can say when.
+    std::thread::sleep(Duration::from_millis(50));
     assert_eq!((display.latest(&mut frame), frame.number(), frame.channel(0)[7]), (Latest::New, 100, 99.0 / 255.0));
     while !next.is_finished() {
         assert_eq!(display.latest(&mut frame), Latest::Gone);
