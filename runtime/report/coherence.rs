@@ -89,7 +89,8 @@ pub fn section(results: &Results) -> Markup {
                  the standard deviation of an even plane over its mean, through {:.1} mm. Modulation is what upright bars at a \
                  depth of {:.1} mm keep of theirs for who focuses on them through {:.1} mm, for narrower pupils pass less than \
                  the picture's Nyquist frequency. Depth of field is the width of the focus through which bars of half the cut-off \
-                 of {:.1} mm keep half of their modulation.",
+                 of {:.1} mm keep half of their modulation; it is looked for up to twice the wavelength times the square of focal \
+                 length over diameter on either side, and is more where that is what stands here.",
                 first.color, first.eye_mm, first.bars_mm, first.widest_mm, first.eye_mm
             ))
         }

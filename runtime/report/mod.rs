@@ -17,6 +17,7 @@ mod pictures;
 mod plot;
 mod plots;
 #[cfg(feature = "window")]
+mod sources;
 mod study;
 mod tables;
 mod text;
@@ -55,11 +56,15 @@ pub fn comparison_json(results: &Results) -> Value {
 pub fn write_comparison(results: &Results, folder: &mut OwnFolder) -> Result<(), FileError> {
     let methods = if results.methods.is_empty() { Vec::new() } else { plots::figures(results) };
     let joint = (!results.joint.is_empty()).then(|| ("joint-color.csv", tables::joint_table(results)));
-    let sources = (!results.coherence.is_empty()).then(|| ("coherence.csv", tables::coherence_table(results)));
+    let sizes = (!results.coherence.is_empty()).then(|| ("coherence.csv", tables::coherence_table(results)));
     write(
         folder,
-        methods.into_iter().chain(joint::figures(results)).chain(coherence::figures(results)),
-        joint.into_iter().chain(sources).chain([
+        methods
+            .into_iter()
+            .chain(joint::figures(results))
+            .chain(coherence::figures(results))
+            .chain(sources::figures(results)),
+        joint.into_iter().chain(sizes).chain([
             ("scores.csv", tables::scores(results)),
             ("summary.csv", tables::summary(results)),
             ("report.json", format!("{:#}\n", tables::json(results)).into_bytes()),

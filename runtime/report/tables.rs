@@ -2,7 +2,7 @@
 
 use super::findings::findings;
 use crate::evaluate::{Group, Summary};
-use crate::quality::comparison::{CoherenceFigures, JointFigures, Results, SceneFigures, Series};
+use crate::quality::comparison::{CoherenceFigures, JointFigures, Results, SceneFigures, Series, SourcesFigures};
 use serde_json::{Map, Value, json};
 
 /// A CSV file of these lines.
@@ -105,6 +105,14 @@ pub fn coherence_table(results: &Results) -> Vec<u8> {
     csv(&[&["scene", "frames", "source_mm", "modes"][..], &measured, &["depth_of_field_mm"]].concat(), lines)
 }
 
+/// One place across the eyebox of switchable sources, without its picture.
+fn source(figures: &SourcesFigures) -> Value {
+    let SourcesFigures { scene, frames, way, place_mm, lit, mean_db, worst_db, .. } = figures;
+    json!({
+        "scene": scene, "frames": frames, "way": way, "place_mm": place_mm, "lit": lit, "mean_db": mean_db, "worst_db": worst_db,
+    })
+}
+
 /// All numbers, without pictures.
 pub fn json(results: &Results) -> Value {
     let groups = |method: &str, frames: usize, scene: Option<&str>| -> Value {
@@ -140,5 +148,6 @@ pub fn json(results: &Results) -> Value {
         "runs": runs.collect::<Vec<_>>(), "speckle": results.speckle, "claims": claims.collect::<Vec<_>>(),
         "published": results.published, "joint": results.joint.iter().map(joint).collect::<Vec<_>>(),
         "coherence": results.coherence.iter().map(coherence).collect::<Vec<_>>(),
+        "sources": results.sources.iter().map(source).collect::<Vec<_>>(),
     })
 }

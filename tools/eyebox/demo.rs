@@ -166,6 +166,7 @@ fn comparison(
         speckle: false,
         joint: Vec::new(),
         coherence: Vec::new(),
+        sources: false,
         judged: JUDGED,
     };
     let results = evaluate::compare(&job, &folder, &mut load, engine, false)?;

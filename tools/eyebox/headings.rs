@@ -53,6 +53,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "speckle",
             "joint_color",
             "coherence",
+            "sources",
             "efficiency",
             "method",
             "stft_filter",

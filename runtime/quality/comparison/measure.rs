@@ -3,7 +3,8 @@
 use super::judged::{Whole, judge};
 use super::picture;
 use super::pupils::{Pupils, SHOWN};
-use super::results::{ColorError, ColorFigures, EnergyMap, Picture, Pictures, Row, Run, SceneFigures};
+use super::results::{ColorError, ColorFigures, Row, Run, SceneFigures};
+use super::shown::{EnergyMap, Picture, Pictures};
 use crate::engine::{Buffer, Engine};
 use crate::evaluate::{self, Ceiling, Group, Member, Plane, RowFinder};
 use crate::hologram::Hologram;

@@ -13,6 +13,8 @@ mod measure;
 mod picture;
 mod pupils;
 mod results;
+mod shown;
+mod sources;
 mod speckle;
 
 pub use candidate::{Candidate, Given, Source, candidates};
@@ -20,9 +22,10 @@ pub(crate) use measure::{DECADES, ERROR_GAIN};
 pub(crate) use picture::{light_exact, map};
 pub use pupils::{SHOWN, Shown};
 pub use results::{
-    About, CoherenceFigures, ColorError, ColorFigures, EnergyMap, JointFigures, MethodAbout, Picture, Pictures,
-    Published, Results, Row, Run, SceneFigures, Series, SpeckleFigures, mean,
+    About, CoherenceFigures, ColorError, ColorFigures, JointFigures, MethodAbout, Published, Results, Row, Run,
+    SceneFigures, Series, SourcesFigures, SpeckleFigures, mean,
 };
+pub use shown::{EnergyMap, Picture, Pictures};
 
 use super::QualityError;
 use super::kept::{Keep, append, checksum};
@@ -70,6 +73,8 @@ pub struct Comparison {
     pub joint: Vec<f64>,
     /// Sizes of sources that are compared, millimetres of their image in the eyebox, 0 for a point; empty where none are.
     pub coherence: Vec<f64>,
+    /// Whether what an eye sees across the eyebox of the display's switchable sources is measured.
+    pub sources: bool,
     /// Pupils of each group that are judged in JOD, spread evenly over it; 0 for none. A judgement takes about as long as
     /// looking through some pupils.
     pub judged: usize,
@@ -108,6 +113,7 @@ impl Comparison {
                     scene.run(&mut work, engine, &mut results)?;
                 }
                 scene.colors_at_once(&mut work, engine, &mut results)?;
+                scene.across_sources(&mut work, engine, &mut results)?;
                 scene.sources(&mut work, engine, &mut results)?;
             }
             results.missing += self.runs(index).count() - (results.runs.len() - before);
@@ -146,6 +152,7 @@ impl Comparison {
             speckle: Vec::new(),
             joint: Vec::new(),
             coherence: Vec::new(),
+            sources: Vec::new(),
             published: Vec::new(),
             missing: 0,
         }
@@ -247,6 +254,7 @@ impl<'a, 'b> Work<'a, 'b> {
             + (SOLVE + LOOK) * runs as f64
             + (SOLVE + LOOK) * (job.ways().len() * job.joint_frames().count() * job.scenes.len()) as f64
             + coherence::EFFORT * (job.coherence.len() * job.frames.len() * job.scenes.len()) as f64
+            + (SOLVE + LOOK) * (job.source_solves() * job.scenes.len()) as f64
             + SPECKLE * job.speckled().count() as f64;
         Ok(Self { results, holograms, _made, observe, done: 0.0, all: all.max(1.0), stopped: false })
     }

@@ -1,6 +1,6 @@
 //! Pictures for the page: small, encoded, as `data:` addresses.
 
-use super::results::Picture;
+use super::shown::Picture;
 use crate::files::{encode_jpeg8, encode_rgb8, linear_to_srgb};
 use crate::optics::Color;
 use base64::{Engine as _, engine::general_purpose::STANDARD};

@@ -1,50 +1,12 @@
 //! What a comparison comes to, as plain data: kept in files, put into reports. Scores of all colours count alike: a summary
 //! over a scene pools the pupils of all its colours, one over scenes pools their scenes.
 
+use super::shown::{Picture, Pictures};
 use crate::evaluate::{Group, Summary};
 use crate::optics::Color;
 use crate::quality::QualityError;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-
-/// A picture, ready to be put into a page.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Picture {
-    /// Pixels across.
-    pub width: usize,
-    /// Pixels down.
-    pub height: usize,
-    /// PSNR of what it shows over all colours, dB, where it is a view that was scored.
-    pub psnr: Option<f64>,
-    /// `data:` address.
-    pub data: String,
-}
-
-/// Pictures of one hologram, or of the photographs that it is compared with.
-#[derive(Debug, Clone, Default, Serialize, Deserialize)]
-pub struct Pictures {
-    /// Through each of the [`SHOWN`](super::SHOWN) pupils.
-    pub views: Vec<Picture>,
-    /// Their error; none of photographs.
-    pub errors: Vec<Picture>,
-    /// Focused through the scene, farthest first.
-    pub strip: Vec<Picture>,
-    /// Slices of the sweep at near and at far focus.
-    pub epipolar: Vec<Picture>,
-    /// Energy over the pupil plane; none of photographs.
-    pub energy: Option<EnergyMap>,
-}
-
-/// The energy of one colour over the pupil plane.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct EnergyMap {
-    /// Which colour.
-    pub color: Color,
-    /// Share of the map's side that the eyebox of all colours takes.
-    pub share: f64,
-    /// The map, log scale.
-    pub picture: Picture,
-}
 
 /// What one pupil scored in one colour.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -215,11 +177,33 @@ pub struct CoherenceFigures {
     pub widest_mm: f64,
     /// Diameter of the eye's pupil, mm.
     pub eye_mm: f64,
-    /// Width of the focus through which bars of half the eye's cut-off keep half of their modulation, mm,
+    /// Width of the focus through which bars of half the eye's cut-off keep half of their modulation, mm: at most what was looked
+    /// through, four times the wavelength times the square of focal length over diameter,
     pub depth_of_field_mm: f64,
     /// and dioptres.
     pub depth_of_field_dioptres: f64,
     /// Through the eye's pupil, in the middle of the eyebox.
+    pub picture: Option<Picture>,
+}
+
+/// What an eye sees at one place of the eyebox of a display's switchable sources.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct SourcesFigures {
+    /// Name of the scene.
+    pub scene: String,
+    /// Sub-frames.
+    pub frames: usize,
+    /// How the sources are lit, for people.
+    pub way: String,
+    /// Where the eye is, mm (x, y).
+    pub place_mm: [f64; 2],
+    /// Sources that are lit for it, at most in any colour; 0 where they do not follow it.
+    pub lit: usize,
+    /// PSNR over pupils there and colours, dB: mean,
+    pub mean_db: f64,
+    /// and worst.
+    pub worst_db: f64,
+    /// What is seen there.
     pub picture: Option<Picture>,
 }
 
@@ -338,6 +322,8 @@ pub struct Results {
     pub joint: Vec<JointFigures>,
     /// Sources of several sizes; empty where they were not compared.
     pub coherence: Vec<CoherenceFigures>,
+    /// Places across the eyebox of switchable sources; empty where they were not compared.
+    pub sources: Vec<SourcesFigures>,
     /// Numbers from elsewhere, shown beside.
     pub published: Vec<Published>,
     /// Results that are not there yet.

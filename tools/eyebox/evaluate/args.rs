@@ -40,6 +40,10 @@ pub struct Evaluate {
     /// 0 for a point, several numbers with commas between [alone: 0,0.5,1,2,3; methods are then none by default]
     #[arg(long, value_name = "MM", value_delimiter = ',', num_args = 0..=1, require_equals = true, default_missing_value = "0,0.5,1,2,3")]
     pub coherence: Option<Vec<f64>>,
+    /// Measure what an eye sees across the eyebox of the display's switchable sources, too: steered, in turn and together; methods are
+    /// then none by default
+    #[arg(long)]
+    pub sources: bool,
     /// A hologram that exists, or phases (.npy) for --display, under the name that the report gives it; may be repeated
     #[arg(long, value_name = "NAME=FILE", value_parser = named)]
     pub hologram: Vec<(String, PathBuf)>,

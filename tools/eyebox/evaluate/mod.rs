@@ -112,6 +112,11 @@ fn print_table(results: &Results) {
         let (name, mean, worst) = (format!("{}, {} sub-frames, {}", j.scene, j.frames, j.way), j.mean_db, j.worst_db);
         println!("  {name:72} {mean:6.2}{worst:8.2}  {:.2} times as bright", j.brightness);
     });
+    results.sources.iter().for_each(|s| {
+        let name =
+            format!("{}, sources {}, the eye at ({:.1}, {:.1}) mm", s.scene, s.way, s.place_mm[0], s.place_mm[1]);
+        println!("  {name:72} {:6.2}{:8.2}", s.mean_db, s.worst_db);
+    });
     results.coherence.iter().for_each(|c| {
         let name = format!("{}, {} sub-frames, a source of {} mm ({} modes)", c.scene, c.frames, c.image_mm, c.modes);
         let ([nyquist, half], contrast, depth) = (c.modulation, c.contrast, c.depth_of_field_mm);
@@ -141,7 +146,7 @@ fn job(args: &Evaluate) -> Result<Comparison, Failure> {
     }
     let methods = match &args.methods {
         Some(names) => methods(names)?,
-        None if args.hologram.is_empty() && args.joint_color.is_none() && args.coherence.is_none() => DEFAULT.to_vec(),
+        None if args.hologram.is_empty() && !compares_light(args) => DEFAULT.to_vec(),
         None => Vec::new(),
     };
     let opening = args.unit.chosen(&args.display)?;
@@ -183,7 +188,21 @@ fn job(args: &Evaluate) -> Result<Comparison, Failure> {
     let joint = joint(args, &colors, &frames)?;
     let coherence = coherence(args, &display)?;
     let scenes = labels(&args.scenes);
-    Ok(Comparison { scenes, candidates, frames, display, colors, settings, speckle, joint, coherence, judged })
+    let sources = sources(args, &display)?;
+    Ok(Comparison { scenes, candidates, frames, display, colors, settings, speckle, joint, coherence, sources, judged })
+}
+
+/// Whether ways of lighting are compared, beside methods or without any.
+fn compares_light(args: &Evaluate) -> bool {
+    args.joint_color.is_some() || args.coherence.is_some() || args.sources
+}
+
+/// Whether the display's switchable sources are measured: it has to have some.
+fn sources(args: &Evaluate, display: &Display) -> Result<bool, Failure> {
+    if args.sources && display.sources.is_empty() {
+        return Err(Failure::Asked(format!("--sources: the display {} has no [[sources]]", display.name)));
+    }
+    Ok(args.sources)
 }
 
 /// How much brighter all colours at once are to be, where they are compared.

@@ -106,6 +106,27 @@ fn live_sets_say_their_sources() {
     assert_eq!(said["summary"]["most_sources"], 1);
 }
 
+/// What an eye sees across the eyebox, by how the sources are lit, as a table, a plot and pictures.
+#[test]
+fn sources_are_compared_across_the_eyebox() {
+    let dir = folder();
+    let at = dir.path();
+    std::fs::write(at.join("nine.toml"), nine("steered")).unwrap();
+    std::fs::write(at.join("plain.toml"), format!("{BENCH}{GREEN}")).unwrap();
+    let line = ["evaluate", "builtin:still-life", "--sources", "--frames", "9", "--steps", "3", "--no-speckle"];
+    done(at, &[&line[..], &["--display", "nine.toml", "--engine", "cpu", "-o", "report"]].concat());
+    let report: Value = serde_json::from_slice(&std::fs::read(at.join("report/report.json")).unwrap()).unwrap();
+    let places = report["sources"].as_array().unwrap();
+    // Three ways, seven places along x and six along the diagonal.
+    assert_eq!(places.len(), 3 * 13, "{places:?}");
+    let steered: Vec<&Value> = places.iter().filter(|place| place["way"] == "steered").collect();
+    assert!(steered.iter().all(|place| (1..=4).contains(&place["lit"].as_u64().unwrap())), "{steered:?}");
+    let page = std::fs::read_to_string(at.join("report/report.html")).unwrap();
+    assert!(page.contains("Sources against eyebox") && page.contains("steered at 0 mm"));
+    let line = ["evaluate", "builtin:still-life", "--sources", "--display", "plain.toml", "-o", "other"];
+    refused(at, &line, "other/report.html", "has no [[sources]]");
+}
+
 #[test]
 fn a_bad_source_is_refused_in_a_line() {
     let dir = folder();
