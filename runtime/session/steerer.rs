@@ -349,8 +349,8 @@ impl Steerer {
     }
 
     /// The display's switchable sources that are lit for each colour, by their places.
-    pub fn sources(&self) -> Vec<Vec<usize>> {
-        self.colors.iter().map(|color| color.refiner.sources().to_vec()).collect()
+    pub fn sources(&self) -> impl Iterator<Item = &[usize]> {
+        self.colors.iter().map(|color| color.refiner.sources())
     }
 
     /// Begins again, in the light that the holograms for the whole eyebox were solved for.

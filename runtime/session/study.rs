@@ -101,7 +101,7 @@ pub fn study(
     }
     steerer.restart()?;
     let phases = colors.iter().map(|c| c.phases.clone()).collect();
-    let sources = steerer.sources();
+    let sources = steerer.sources().map(<[usize]>::to_vec).collect();
     let mut studying = Studying {
         settings,
         encoder,
@@ -179,7 +179,7 @@ impl Studying<'_> {
         self.encoded_ns += took_ns;
         self.handed_over += 1;
         self.encoding_ns = took_ns.max(self.encoding_ns - self.encoding_ns / 10);
-        let sources = self.steerer.sources();
+        let sources = self.steerer.sources().map(<[usize]>::to_vec).collect();
         Ok(Some(MadeSet { phases, pupil: Some(pupil.centre), sources, steps, new: true }))
     }
 
