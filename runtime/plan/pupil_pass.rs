@@ -1,7 +1,7 @@
 //! From a pupil to what it needs: window, spans, taps, tables and the scales that make units right.
 
 use super::resample_tables::ResampleTables;
-use super::{EyeTables, ModelTables, PupilPass, Purpose, Shape, Shot, Storage};
+use super::{ContrastLoss, EyeTables, ModelTables, PupilPass, Purpose, Shape, Shot, Storage};
 use crate::optics::{FewerModes, Geometry, Optics, Padding, Pupil, SourceMode, Window, WindowFactor, fewer_modes};
 use crate::scene::{Pyramid, ViewGrid};
 use eyebox_kernels::{compare, fft::Columns, intensity, modulate, pass_pupil, photograph, resample, transfer};
@@ -83,6 +83,8 @@ pub struct Planner {
     pub model: Option<Arc<ModelTables>>,
     /// The eye that looks; none for a perfect one.
     pub eye: Option<Arc<EyeTables>>,
+    /// What is compared in the place of light: contrasts, as they are resolved; none for light.
+    pub contrast: Option<ContrastLoss>,
     /// The modes of the source (OPTICS 12), which add up as intensities; none for a laser on the axis. A model is told of
     /// them by [`with_source`](Self::with_source).
     pub modes: Arc<[SourceMode]>,
@@ -107,6 +109,7 @@ impl Planner {
             share: 1.0,
             model: None,
             eye: None,
+            contrast: None,
             modes: Arc::new([]),
             fewer: Arc::new([]),
             powers: Arc::new([]),
@@ -174,6 +177,14 @@ impl Planner {
     /// The same with these sources lit, by their places, all the time, and no others.
     pub(crate) fn light(&mut self, sources: &[usize]) {
         self.modes = self.modes.iter().map(|mode| mode.lit_among(sources)).collect();
+    }
+
+    /// For targets that are divided by `unit`.
+    pub(crate) fn divide_targets(&mut self, unit: f64) {
+        if let Some(views) = &mut self.views {
+            views.unit /= unit;
+        }
+        self.contrast = self.contrast.map(|contrast| contrast.in_units_of(unit));
     }
 
     /// With zeros around the SLM.
@@ -324,6 +335,14 @@ impl Planner {
         let back = pass_pupil::Args { scale: (back * amplitude) as f32, ..pass };
         let ((slope_y, slope_x), (cosine_y, cosine_x)) = (grid.slopes(), grid.cosine_per_bin());
         let [angle_x, angle_y] = mode.angle;
+        let compared = compare::Args {
+            count: count as u32,
+            mode: comparison.mode,
+            exposure,
+            weight: (weight * in_factor) as f32,
+            floor: comparison.floor as f32,
+            limit: comparison.limit as f32,
+        };
         *refilled = PupilPass {
             transfer: transfer::Args {
                 slope_y,
@@ -347,14 +366,8 @@ impl Planner {
                 gain: (gain / (in_window * in_window)) as f32,
                 accumulate: 0,
             },
-            compare: compare::Args {
-                count: count as u32,
-                mode: comparison.mode,
-                exposure,
-                weight: (weight * in_factor) as f32,
-                floor: comparison.floor as f32,
-                limit: comparison.limit as f32,
-            },
+            contrast: self.contrast.map(|contrast| contrast.pass(grid, &window, &compared)),
+            compare: compared,
             shot,
             weight: mode.weight as f32,
             source_mode: 0,

@@ -43,6 +43,7 @@ pub fn solve_from(
 ) -> Result<Solution, SolveError> {
     settings.check()?;
     problem.check_eye(settings)?;
+    settings.loss.of(settings.gaze, problem.contrast)?;
     super::source::check(&problem.modes, settings)?;
     super::mask::check(problem.has_mask(), settings.method)?;
     if settings.joint.is_some() {
@@ -72,9 +73,7 @@ pub fn solve_from(
     let mut planner = problem.planner_of(settings);
     // A scene of 1e30, or of 1e-30, is solved as if its brightest value were about 1.
     let unit = problem.unit();
-    if let Some(views) = &mut planner.views {
-        views.unit /= unit;
-    }
+    planner.divide_targets(unit);
     let purpose = if given.is_some() { Purpose::View } else { settings.optimizer.purpose() };
     engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;
     if let Some(levels) = settings.levels.table() {

@@ -90,12 +90,12 @@ impl Refiner {
         }
         let storage = steering.storage.unwrap_or_else(|| engine.preferred_storage());
         let plain = problem.planner(frames, steering.window).with_fewer_modes(problem.eyebox);
-        let planner = Planner { storage, binary_angles: true, ..plain };
+        let contrast = steering.loss.of(steering.gaze, problem.contrast)?;
+        let planner = Planner { storage, contrast, binary_angles: true, ..plain };
         let purpose = steering.strategy.purpose();
         engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;
-        let half = problem.eyebox / 2.0;
+        let (half, centre) = (problem.eyebox / 2.0, problem.optics.center());
         let diameter = [half / 4.0, half / 2.0];
-        let centre = problem.optics.center();
         let aim = PupilDistribution { centre, spread: half, diameter, focus: [0.0, 0.0], elsewhere: 1.0 };
         let points = Points::new(Sequence::Sobol, steering.seed ^ 0x0073_7465_6572);
         let mut refiner = Self {

@@ -1,6 +1,7 @@
 //! The settings of a refinement, and the same as text.
 
 use super::error::SolveError;
+use super::loss::Loss;
 use super::step::Update;
 use crate::files::overlay;
 use crate::optics::WindowFactor;
@@ -77,6 +78,12 @@ impl Strategy {
 pub struct Steering {
     /// How the phases follow.
     pub strategy: Strategy,
+    /// What is made small.
+    #[serde(default)]
+    pub loss: Loss,
+    /// Where the eye looks, as in [`Settings::gaze`](super::Settings::gaze).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gaze: Option<[f64; 2]>,
     /// Pupils around the eye a step.
     pub pupils: usize,
     /// Pupils over the whole eyebox a step, on average.
@@ -103,6 +110,7 @@ impl Steering {
         if !(0.0..=64.0).contains(&self.elsewhere) {
             return wrong("the pupils elsewhere a step", self.elsewhere.to_string(), "0 to 64");
         }
+        self.loss.check(self.gaze)?;
         self.strategy.check()
     }
 }
@@ -117,6 +125,8 @@ impl Default for Steering {
                 momentum: 0.5,
                 overlap_power: 1.0,
             },
+            loss: Loss::Light,
+            gaze: None,
             pupils: 2,
             elsewhere: 0.5,
             window: WindowFactor::Two,
@@ -133,10 +143,11 @@ impl Steering {
     /// # Errors
     /// [`SolveError::Text`] with the key that is not known or has no such value; [`SolveError::Setting`].
     pub fn from_toml(text: &str) -> Result<Self, SolveError> {
-        // Its storage is there, so that the key is.
-        let shown = Self { storage: Some(Storage::F32), ..Self::default() };
+        // Its storage and gaze are there, so that the keys are.
+        let shown = Self { storage: Some(Storage::F32), gaze: Some([0.0; 2]), ..Self::default() };
         let (mut read, given) = overlay(&shown, &[], text).map_err(SolveError::Text)?;
         read.storage = read.storage.filter(|_| given.contains_key("storage"));
+        read.gaze = read.gaze.filter(|_| given.contains_key("gaze"));
         read.check()?;
         Ok(read)
     }

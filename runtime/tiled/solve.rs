@@ -6,10 +6,10 @@ use super::{RegionSize, Schedule, TiledError, Views};
 use crate::engine::{Buffer, Engine, Purpose};
 use crate::hologram::Tiles;
 use crate::optics::{Optics, Pupil, WindowFactor};
-use crate::plan::{Kernel, ModelTables, Planner, Step, Viewpoint};
+use crate::plan::{ContrastLoss, Kernel, ModelTables, Planner, Step, Viewpoint};
 use crate::scene::Pyramid;
 use crate::solve::{
-    BrightEnd, Flow, Optimizer, PupilRange, Sampler, Settings, Update, cosine, exposure_under, strides, take,
+    BrightEnd, Flow, Loss, Optimizer, PupilRange, Sampler, Settings, Update, cosine, exposure_under, strides, take,
 };
 use std::slice;
 use std::sync::Arc;
@@ -31,6 +31,19 @@ pub struct Job<'a> {
     pub size: RegionSize,
     /// Visits of the hologram's colours before this one.
     pub before: u64,
+}
+
+impl Job<'_> {
+    /// What images are compared by; none for light.
+    fn contrast(&self, tiles: &Tiles) -> Result<Option<ContrastLoss>, TiledError> {
+        match self.settings.loss {
+            Loss::Light => Ok(None),
+            Loss::Contrast => {
+                let gaze = self.settings.gaze;
+                Ok(Some(ContrastLoss { gaze, ..ContrastLoss::of(&tiles.about().made_for()?) }))
+            }
+        }
+    }
 }
 
 /// A visit that is done.
@@ -141,7 +154,9 @@ pub fn visit(job: &Job, k: usize, tiles: &Tiles, engine: &mut dyn Engine) -> Res
         [at[1] == 0, at[1] + size[1] == about.width], //
         [at[0] == 0, at[0] + size[0] == about.height],
     ];
-    let region = Region::new(job, &optics, [at, size], outer, about.frames, exposure);
+    let plain = Planner::new(optics, about.frames, job.settings.window);
+    let plain = Planner { contrast: job.contrast(tiles)?, ..plain };
+    let region = Region::new(job, plain, [at, size], outer, exposure);
     let (first, held) = region.held;
     let mut phases = tiles.read_around(job.color, first, held)?;
     let (pupils, loss) = region.visit(k, &mut phases, engine)?;
@@ -191,14 +206,8 @@ fn place(even: f64, side: f64, diameter: f64, outer: [bool; 2]) -> f64 {
 }
 
 impl<'a> Region<'a> {
-    fn new(
-        job: &'a Job,
-        whole: &Optics,
-        [at, size]: [[usize; 2]; 2],
-        outer: [[bool; 2]; 2],
-        frames: usize,
-        exposure: f64,
-    ) -> Self {
+    fn new(job: &'a Job, plain: Planner, [at, size]: [[usize; 2]; 2], outer: [[bool; 2]; 2], exposure: f64) -> Self {
+        let whole = plain.slm;
         let optics = whole.piece(at.map(|i| i as i64), size);
         let held = held(job.model, at, size);
         let model = job.model.map(|model| model.piece(held.0, held.1));
@@ -211,7 +220,9 @@ impl<'a> Region<'a> {
             views: Some(views),
             share: job.views.share(),
             model,
-            ..Planner::new(whole.piece(held.0, held.1), frames, job.settings.window)
+            slm: whole.piece(held.0, held.1),
+            grid: whole.piece(held.0, held.1),
+            ..plain
         };
         let one = if lags(job.model) { all.clone() } else { Planner { frames: 1, ..all.clone() } };
         Self { job, optics, held, one, all, pyramid, center: optics.center(), outer, exposure }
@@ -305,14 +316,15 @@ impl<'a> Region<'a> {
 
 /// Takes a step over all sub-frames on an engine that holds one of them; its loss.
 fn frame_by_frame(whole: &Step, phases: &mut [f32], engine: &mut dyn Engine) -> Result<f64, TiledError> {
-    use Kernel::{ApplyFactor, Clear, Compare, Eye, Intensity, Overlap, Photograph, Relay, Resample, Taper, Transfer};
+    use Kernel::{ApplyFactor, Clear, Compare, CompareContrast, ContrastRows, Eye, Intensity, Overlap};
+    use Kernel::{Photograph, Relay, Resample, Taper, Transfer};
     let only = |keeps: &dyn Fn(usize, Kernel) -> bool| {
         let mut step = whole.clone();
         let mut place = 0..whole.list.len();
         step.list.retain(|d| place.next().is_some_and(|i| keeps(i, d.kernel)));
         step
     };
-    let target = [Photograph, Resample, Compare];
+    let target = [Photograph, Resample, Compare, ContrastRows, CompareContrast];
     // What the pupils pass is the same for every sub-frame.
     let passing = [Transfer, Relay, Eye, Taper];
     let back = whole.list.iter().position(|d| d.kernel == ApplyFactor).unwrap_or(whole.list.len());

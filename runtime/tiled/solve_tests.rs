@@ -72,7 +72,13 @@ fn a_step_of_a_region_is_that_of_the_whole_display() {
             before: 0,
         };
         for at in [[64, 32], [96, 96]] {
-            let region = Region::new(&job, &whole, [at, [64, 96]], [[false; 2]; 2], frames, 0.4);
+            let region = Region::new(
+                &job,
+                Planner::new(whole, frames, job.settings.window),
+                [at, [64, 96]],
+                [[false; 2]; 2],
+                0.4,
+            );
             let pupils: Vec<Pupil> = [[-0.1e-3, -0.05e-3, 0.25e-3], [0.05e-3, 0.02e-3, 0.22e-3]]
                 .map(|[x, y, diameter]| {
                     let [cx, cy] = region.center;

@@ -56,6 +56,23 @@ fn both_engines_take_the_same_steps() {
     assert_silent(engine);
 }
 
+/// Contrasts as an eye resolves them that looks somewhere, in the place of light.
+#[test]
+fn both_engines_take_the_same_steps_of_contrasts() {
+    let mut engine = vulkan();
+    for (height, width, padding, frames) in [(45, 64, 0, 3), (40, 36, 5, 2)] {
+        let case = Case::new(height, width, padding, 4e-3, frames).of_contrast();
+        for (purpose, mode) in [(Purpose::Project, PROJECTION), (Purpose::Adam, INTENSITY)] {
+            let steps = steps(&case, purpose, mode);
+            assert!(steps[0].list.iter().any(|d| d.kernel == Kernel::CompareContrast));
+            let got = solve(&mut engine, &case, purpose, &steps);
+            let want = solve(&mut CpuEngine::new(), &case, purpose, &steps);
+            assert_close(&got, &want, &format!("{height} x {width}, {purpose:?}, mode {mode}"));
+        }
+    }
+    assert_silent(engine);
+}
+
 /// Eyes that move, and windows of a stream, beside one at rest.
 #[test]
 fn both_engines_take_the_same_steps_for_eyes_that_move() {

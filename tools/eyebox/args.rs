@@ -4,13 +4,13 @@ pub use crate::groups::{
     Colors, DeviceArgs, DisplayArgs, EngineArgs, EngineName, EyeArgs, OtherSceneArgs, OverwriteArgs, SceneArgs,
     SceneOptions,
 };
-use crate::jod::JodArgs;
+use crate::jod::{JodArgs, ViewingArgs};
 use crate::patterns::{PatternArgs, iris};
 use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs, UnfinishedArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
-    GivenPupil, Names, TermsOfModel, contrast, decibels, diameters, full, memory, method, model_terms, one_of,
-    positive, pupil, rate, share, storage, window,
+    GivenPupil, Names, TermsOfModel, contrast, decibels, diameters, full, gaze, loss, memory, method, model_terms,
+    one_of, positive, pupil, rate, share, storage, window,
 };
 use clap::Args;
 use clap::builder::TypedValueParser;
@@ -18,7 +18,7 @@ use eyebox::hologram::Start;
 use eyebox::optics::{Color, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::present::Rate;
-use eyebox::solve::{Diameters, Full, Method, Optimizer, PaddingRule, Sequence};
+use eyebox::solve::{Diameters, Full, Loss, Method, Optimizer, PaddingRule, Sequence};
 use std::path::PathBuf;
 
 /// `eyebox demo`
@@ -127,6 +127,17 @@ pub struct Solve {
     /// Patches along the eyebox whose light pupil-aware evens out, 1 to 16
     #[arg(long, default_value_t = 9, value_name = "N")]
     pub patches: usize,
+    /// What is made small: differences of light, which is what PSNR sees, or of contrast, weighted by an eye's contrast sensitivity at
+    /// the display's pixels a degree and luminance
+    #[arg(long, value_parser = loss, default_value = "light", value_name = "light|contrast")]
+    pub loss: Loss,
+    /// Where the eye looks, degrees right of and below the picture's middle: with --loss contrast differences count by less the farther from
+    /// there they are
+    #[arg(long, value_parser = gaze, value_name = "X,Y", allow_hyphen_values = true)]
+    pub gaze: Option<[f64; 2]>,
+    /// How it is seen, for --loss contrast
+    #[command(flatten)]
+    pub viewing: ViewingArgs,
     /// How phases are moved [default: projection]
     #[arg(long, value_parser = one_of(&OPTIMIZERS))]
     pub optimizer: Option<Optimizer>,

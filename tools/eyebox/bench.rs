@@ -14,6 +14,7 @@ use std::time::Instant;
 pub fn run(args: &Bench) -> Result<(), Failure> {
     let mut display = common::display(&args.solve.display)?;
     args.solve.eye.replace(&mut display.prescription)?;
+    display.viewing = args.solve.viewing.over(display.viewing)?;
     let colors = common::colors(&args.solve.display, &display)?;
     let color = colors[0];
     let mut engine = common::engine(&args.solve.engine)?;

@@ -56,6 +56,8 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "sources",
             "efficiency",
             "method",
+            "loss",
+            "gaze",
             "stft_filter",
             "stft_samples",
             "evenness",

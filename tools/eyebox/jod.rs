@@ -22,13 +22,13 @@ pub struct JodArgs {
 /// How a display is seen, in the place of what its file says.
 #[derive(Args, Clone, Copy, Default, PartialEq)]
 pub struct ViewingArgs {
-    /// Luminance of white for JOD, cd/m2 [default: the display file's, else 200]
+    /// Luminance of white, cd/m2, as JOD and contrast are seen [default: the display file's, else 200]
     #[arg(long, value_name = "CD/M2", value_parser = positive)]
     pub luminance: Option<f64>,
-    /// Luminance of black for JOD, cd/m2 [default: the display file's, else 0.2]
+    /// Luminance of black, cd/m2 [default: the display file's, else 0.2]
     #[arg(long, value_name = "CD/M2", value_parser = not_negative)]
     pub black: Option<f64>,
-    /// Pixels a degree for JOD, as if the picture were seen that large [default: the display file's, else its optics']
+    /// Pixels a degree, as if the picture were seen that large [default: the display file's, else its optics']
     #[arg(long, value_name = "N", value_parser = positive)]
     pub pixels_per_degree: Option<f64>,
 }

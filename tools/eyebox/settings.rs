@@ -104,6 +104,8 @@ pub fn base_of(args: &Solve, display: &Display, depth: [f64; 2]) -> Result<Setti
         frames: args.frames.unwrap_or(Settings::default().frames),
         joint: args.joint_color.map(|brightness| Joint { brightness }),
         method: args.method,
+        loss: args.loss,
+        gaze: args.gaze,
         stft_filter: args.stft_filter,
         stft_samples: args.stft_samples,
         evenness: args.evenness,

@@ -31,6 +31,7 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     let scenes = frames.unwrap_or_else(|| [std::slice::from_ref(first), &args.more].concat());
     let mut display = common::display(&args.display)?;
     args.eye.replace(&mut display.prescription)?;
+    display.viewing = args.viewing.over(display.viewing)?;
     let tiles = if scenes.len() > 1 { None } else { tiles_of(args, &display)? };
     let single = scenes.len() == 1 && tiles.is_none();
     common::form(&args.out, if single { &[Form::Zarr, Form::Npy] } else { &[Form::Zarr] })?;

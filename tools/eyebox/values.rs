@@ -6,7 +6,7 @@ use eyebox::hologram::PhaseUnit;
 use eyebox::optics::{Depth, DisplayModel, Prescription, Pupil, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::present::Rate;
-use eyebox::solve::{Full, Method};
+use eyebox::solve::{Full, Loss, Method};
 
 fn numbers<const N: usize>(parts: Vec<&str>, form: &str) -> Result<[f64; N], String> {
     let count = parts.len();
@@ -248,6 +248,18 @@ pub type Names<T, const N: usize> = [(&'static str, &'static str, T); N];
 pub fn one_of<T: Copy + Send + Sync, const N: usize>(names: &'static Names<T, N>) -> impl TypedValueParser<Value = T> {
     PossibleValuesParser::new(names.iter().map(|(name, about, _)| PossibleValue::new(*name).help(*about)))
         .map(|given| names.iter().find(|(name, ..)| *name == given).expect("one of the possible values").2)
+}
+
+/// Where an eye looks, radians, given in degrees.
+pub fn gaze(text: &str) -> Result<[f64; 2], String> {
+    let degrees = numbers::<2>(text.split(',').collect(), "X,Y in degrees, such as 3,-1.5")?;
+    Ok(degrees.map(f64::to_radians))
+}
+
+/// A loss by its name.
+pub fn loss(text: &str) -> Result<Loss, String> {
+    let found = Loss::ALL.into_iter().find(|loss| loss.name() == text);
+    found.ok_or_else(|| format!("expected {}", Loss::ALL.map(Loss::name).join(" or ")))
 }
 
 /// A method by its name.

@@ -114,6 +114,7 @@ pub fn solve_joint(
     problem.check(&joint, settings)?;
     for color in problem.colors {
         color.check_eye(settings)?;
+        settings.loss.of(settings.gaze, color.contrast)?;
     }
     if let Some(from) = from.filter(|from| {
         from.phases.len() != settings.frames * problem.colors[0].optics.height * problem.colors[0].optics.width
@@ -148,9 +149,7 @@ fn prepare<'a>(
 ) -> Result<Lit<'a>, SolveError> {
     let unit = problem.unit();
     let mut planner: Planner = problem.planner_of(settings);
-    if let Some(views) = &mut planner.views {
-        views.unit /= unit;
-    }
+    planner.divide_targets(unit);
     engine.load(&planner.shape(settings.optimizer.purpose()), Some(Arc::clone(&problem.pyramid)))?;
     let uniform = Settings { diameters: super::Diameters::Uniform, ..settings.clone() };
     let mut viewpoints = Viewpoints::new(problem, &uniform, !settings.seed);

@@ -1,11 +1,11 @@
 //! Arguments that the commands which steer share.
 
-use crate::values::{not_negative, positive, power, share, storage, window};
+use crate::values::{gaze, loss, not_negative, positive, power, share, storage, window};
 use clap::{Args, ValueEnum};
 use eyebox::optics::WindowFactor;
 use eyebox::plan::Storage;
 use eyebox::session::Policy;
-use eyebox::solve::{Steering, Strategy};
+use eyebox::solve::{Loss, Steering, Strategy};
 
 /// How the phases follow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -34,6 +34,12 @@ pub struct SteeringArgs {
     /// How the phases follow
     #[arg(long, value_enum, default_value = "projection")]
     pub strategy: StrategyName,
+    /// What is made small: differences of light, or contrast, those that an eye sees at the display's pixels a degree
+    #[arg(long, value_parser = loss, default_value = "light", value_name = "light|contrast")]
+    pub loss: Loss,
+    /// Where the eye looks, degrees right of and below the picture's middle, for --loss contrast
+    #[arg(long, value_parser = gaze, value_name = "X,Y", allow_hyphen_values = true)]
+    pub gaze: Option<[f64; 2]>,
     /// Gain of the projection's first step
     #[arg(long, default_value_t = 3.0, value_name = "G", value_parser = positive)]
     pub gain: f64,
@@ -68,8 +74,8 @@ impl SteeringArgs {
             StrategyName::Projection => Strategy::Projection { gain, settled, settling, momentum, overlap_power },
             StrategyName::Adam => Strategy::Adam { rate: self.adam_rate },
         };
-        let Self { pupils, elsewhere, window, repeats, storage, seed, .. } = *self;
-        Steering { strategy, pupils, elsewhere, window, repeats, storage, seed }
+        let Self { loss, gaze, pupils, elsewhere, window, repeats, storage, seed, .. } = *self;
+        Steering { strategy, loss, gaze, pupils, elsewhere, window, repeats, storage, seed }
     }
 }
 

@@ -23,6 +23,7 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
     let solve = &args.solve;
     let mut display = common::display(&solve.display)?;
     solve.eye.replace(&mut display.prescription)?;
+    display.viewing = solve.viewing.over(display.viewing)?;
     let colors = common::colors(&solve.display, &display)?;
     let mut engine = common::engine(&solve.engine)?;
     let worth = model_terms::worth(solve, &display, &colors, engine.as_mut())?;

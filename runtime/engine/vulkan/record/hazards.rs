@@ -12,8 +12,11 @@ pub(in super::super) struct Hazards {
 impl Default for Hazards {
     /// At the start of a recording the tables have been copied, and losses cleared.
     fn default() -> Self {
-        use Resource::{ColumnWeights, EyeTerms, Losses, Moments, NotFinite, RowWeights, Spans, TaperWeights, Taps};
-        let written = vec![Spans, EyeTerms, TaperWeights, Moments, Taps, RowWeights, ColumnWeights, Losses, NotFinite];
+        use Resource::{
+            ColumnWeights, ContrastWeights, EyeTerms, Losses, Moments, NotFinite, RowWeights, Spans, TaperWeights, Taps,
+        };
+        let tables = [Spans, EyeTerms, TaperWeights, ContrastWeights, Moments, Taps, RowWeights, ColumnWeights];
+        let written = [&tables[..], &[Losses, NotFinite]].concat();
         Self { read: Vec::new(), written }
     }
 }

@@ -1,0 +1,137 @@
+//! What of a difference is seen: contrasts, as finely as an eye resolves them.
+
+use super::pass::ContrastPass;
+use crate::optics::{Display, Optics, Window, resolved_frequencies};
+use eyebox_kernels::{compare, contrast_rows};
+use std::f64::consts::TAU;
+
+/// A loss of contrasts: differences of light over the light that is wanted, weighted by contrast sensitivity at the display's
+/// pixels a degree and luminance, to its first power: a loss of squares has W^T W = S. (Far above threshold, where speckle is,
+/// contrasts look more alike at all frequencies than at threshold; Georgeson and Sullivan, "Contrast constancy", J. Physiol. 252,
+/// 1975; the square of S does worse, docs/measurements.md.) Noise that the eye does not resolve counts for nothing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContrastLoss {
+    /// Standard deviation of W^T W, a Gaussian, in the focal plane, metres.
+    pub spread: f64,
+    /// Light of black, 1 being white: contrasts are over what is wanted and this.
+    pub black: f64,
+    /// Metres of the focal plane in a radian of visual angle.
+    pub radian: f64,
+    /// Where the eye looks from the picture's middle, radians (x, y); none where that is not known.
+    pub gaze: Option<[f64; 2]>,
+}
+
+/// Mean luminance of pictures, of white's.
+const USUAL: f64 = 0.2;
+/// Light of which an eye that is adapted to a picture sees no less, of the exposure, which follows the scene's bright end.
+const DARKEST: f64 = 0.05;
+/// By how much the logarithm of contrast sensitivity falls for each degree from where the eye looks, of patterns of 3 cycles per
+/// degree, which it sees best: 0.106 f / 2.3 (Geisler and Perry, "A real-time foveated multiresolution system for low-bandwidth
+/// video communication", Proc. SPIE 3299, 1998).
+const FALLOFF: f64 = 0.106 * 3.0 / 2.3;
+/// Where the Gaussians that are filtered by are cut off, standard deviations.
+const REACH: f64 = 2.5;
+
+impl ContrastLoss {
+    /// As this display is seen.
+    pub fn of(display: &Display) -> Self {
+        let viewing = &display.viewing;
+        let degrees = 1.0 / (TAU * resolved_frequencies(USUAL * viewing.luminance_cd_m2));
+        let radian = display.pixels_per_degree().to_degrees() * display.picture_pixel();
+        let black = viewing.black_cd_m2 / viewing.luminance_cd_m2;
+        Self { spread: degrees.to_radians() * radian, black, radian, gaze: None }
+    }
+
+    /// The same, of targets that were divided by `unit`.
+    pub(crate) fn in_units_of(self, unit: f64) -> Self {
+        Self { black: self.black / unit, ..self }
+    }
+
+    /// What a window needs that is compared so.
+    pub(super) fn pass(&self, grid: &Optics, window: &Window, compared: &compare::Args) -> ContrastPass {
+        let (high, wide) = grid.field_of_view();
+        let [down, along] = [(high, window.rows), (wide, window.columns)]
+            .map(|(metres, pixels)| weights(self.spread * pixels as f64 / metres, pixels));
+        let place = |at: usize, metres: f64, pixels: usize| {
+            let Some(gaze) = self.gaze else { return [0.0; 2] };
+            let a_radian = self.radian * pixels as f64 / metres;
+            [pixels as f64 / 2.0 + gaze[at] * a_radian, FALLOFF.to_degrees() / a_radian].map(|v| v as f32)
+        };
+        let ([gaze_y, falloff_y], [gaze_x, falloff_x]) = (place(1, high, window.rows), place(0, wide, window.columns));
+        let dark = self.black as f32 + DARKEST as f32 * compared.exposure;
+        let args = contrast_rows::Args {
+            rows: window.rows as u32,
+            columns: window.columns as u32,
+            reach_y: down.len() as u32 - 1,
+            reach_x: along.len() as u32 - 1,
+            mode: compared.mode,
+            exposure: compared.exposure,
+            // Between the largest that it can be over the dark and that over what is bright: halves hold both.
+            weight: compared.weight * dark * compared.exposure,
+            floor: compared.floor,
+            limit: compared.limit,
+            dark,
+            gaze_y,
+            gaze_x,
+            falloff_y,
+            falloff_x,
+        };
+        ContrastPass { args, weights: [down, along].concat() }
+    }
+}
+
+/// Weights of a Gaussian of this standard deviation, pixels, over fewer than half of `count` on either side: of the middle and of
+/// each further pixel, over their sum. It is a Gaussian of half its variance filtered by itself: no frequency passes with
+/// the other sign.
+fn weights(spread: f64, count: usize) -> Vec<f32> {
+    let half = spread / std::f64::consts::SQRT_2;
+    let reach = ((REACH * half).ceil() as usize).min(count.saturating_sub(1) / 4);
+    let one = |t: usize| (-0.5 * (t as f64 / half.max(1e-9)).powi(2)).exp();
+    let at = |t: isize| if t.unsigned_abs() <= reach { one(t.unsigned_abs()) } else { 0.0 };
+    let reach = reach as isize;
+    let both: Vec<f64> = (0..=2 * reach).map(|t| (-reach..=reach).map(|s| at(s) * at(t - s)).sum()).collect();
+    let sum = 2.0 * both.iter().sum::<f64>() - both[0];
+    both.iter().map(|w| (w / sum) as f32).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn filters_pass_a_gaussian_of_frequencies_and_none_with_the_other_sign() {
+        for (spread, count) in [(1.5, 256), (3.0, 512), (0.7, 90), (0.0, 64), (6.0, 20), (1.0, 1)] {
+            let weights = weights(spread, count);
+            assert!(2 * (weights.len() - 1) < count.max(2), "{spread}, {count}");
+            let passes = |turns: f64| {
+                let sum = |(t, w): (usize, &f32)| {
+                    f64::from(*w) * if t > 0 { 2.0 } else { 1.0 } * (TAU * turns * t as f64).cos()
+                };
+                weights.iter().enumerate().map(sum).sum::<f64>()
+            };
+            for k in 0..=50 {
+                let turns = f64::from(k) / 100.0;
+                let (got, want) = (passes(turns), (-0.5 * (TAU * turns * spread).powi(2)).exp());
+                assert!(got > -1e-6, "{spread} at {turns}: {got}");
+                assert!(count < 200 || (got - want).abs() < 0.03, "{spread} at {turns}: {got}, not {want}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_same_eye_sees_more_pixels_of_finer_pictures() {
+        let display = |text: &str| {
+            let bench =
+                "resolution = [64, 64]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
+            Display::from_toml(&format!("{bench}[viewing]\n{text}"), "b").unwrap()
+        };
+        let loss = |text: &str| ContrastLoss::of(&display(text));
+        let [coarse, fine] = ["pixels_per_degree = 30", "pixels_per_degree = 60"].map(loss);
+        assert!((fine.spread / coarse.spread - 2.0).abs() < 1e-9);
+        // About one pixel of 8 um at 60 a degree.
+        assert!((7e-6..9e-6).contains(&fine.spread), "{fine:?}");
+        assert!((loss("black_cd_m2 = 2.0").black - 0.01).abs() < 1e-12);
+        // Dimmer pictures are seen less finely.
+        assert!(loss("pixels_per_degree = 60\nluminance_cd_m2 = 5").spread > 1.2 * fine.spread);
+    }
+}
