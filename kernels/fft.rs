@@ -52,28 +52,21 @@ impl Columns {
     }
 
     /// The shortest interval, wrapping, that holds all the given ones.
-    pub fn union(width: usize, intervals: impl IntoIterator<Item = Columns>) -> Self {
-        let mut used = vec![false; width];
-        for interval in intervals {
-            for k in 0..interval.count.min(width) {
-                used[(interval.first + k) % width] = true;
-            }
-        }
-        // The longest run of unused columns stays outside.
-        let Some(start) = used.iter().position(|u| *u) else { return Self { first: 0, count: 0 } };
-        let (mut best, mut after, mut run) = (0, start, 0);
-        for k in 1..=width {
-            let at = (start + k) % width;
-            if used[at] {
-                if run > best {
-                    (best, after) = (run, at);
-                }
-                run = 0;
-            } else {
-                run += 1;
-            }
-        }
-        Self { first: after, count: width - best }
+    pub fn union(width: usize, intervals: impl Iterator<Item = Columns> + Clone) -> Self {
+        let intervals = intervals.filter(|interval| interval.count > 0);
+        let ahead = |from: usize, to: usize| (to % width + width - from % width) % width;
+        // How far the next interval is from a column; 0 from one that is in use.
+        let unused = |from: usize| {
+            let next = |i: Columns| if ahead(i.first, from) < i.count { 0 } else { ahead(from, i.first) };
+            intervals.clone().map(next).min().unwrap_or(0)
+        };
+        // The longest run of unused columns, which begins behind an interval, stays outside: of several the first.
+        let Some(start) = intervals.clone().map(|i| i.first % width).min() else { return Self { first: 0, count: 0 } };
+        let runs = intervals.clone().map(|i| i.first + i.count).map(|end| (unused(end), end));
+        let later = |end: usize| std::cmp::Reverse(ahead(start, end));
+        let longest = runs.filter(|(run, _)| *run > 0).max_by_key(|(run, end)| (*run, later(*end)));
+        let (run, end) = longest.unwrap_or((0, start));
+        Self { first: (end + run) % width, count: width - run }
     }
 
     /// Contiguous pieces as (first, count), at most two.
@@ -107,6 +100,13 @@ impl Plans {
         let plan =
             made.entry((length, direction)).or_insert_with(|| FftPlanner::new().plan_fft(length, direction.into()));
         Arc::clone(plan)
+    }
+
+    /// Makes the plans for frames of these rows and columns.
+    pub fn prepare(&self, size: [usize; 2]) {
+        for (length, direction) in size.into_iter().flat_map(|n| [(n, Direction::Forward), (n, Direction::Inverse)]) {
+            self.get(length, direction);
+        }
     }
 
     /// Transforms `frame` (height, width) in place, on this thread.
@@ -316,7 +316,7 @@ mod tests {
         #[test]
         fn a_union_holds_its_parts(w in 1usize..50, parts in prop::collection::vec((0usize..50, 1usize..20), 0..4)) {
             let parts: Vec<Columns> = parts.iter().map(|&(f, c)| Columns { first: f % w, count: c.min(w) }).collect();
-            let union = Columns::union(w, parts.clone());
+            let union = Columns::union(w, parts.iter().copied());
             let holds = |x: usize| (x + w - union.first) % w < union.count;
             for p in &parts { for k in 0..p.count { prop_assert!(holds((p.first + k) % w)); } }
             prop_assert!(union.count <= parts.iter().map(|p| p.count).sum::<usize>().max(w));

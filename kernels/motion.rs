@@ -38,7 +38,8 @@ pub struct Shift {
 pub type SubFrame = (Shift, Vec<[u32; 2]>);
 
 /// The shifts of all sub-frames, and per sub-frame and row the columns that its own pupil passes: as the shader takes them.
-#[derive(Debug, Clone, PartialEq)]
+/// By default of no sub-frame.
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Table {
     frames: usize,
     rows: usize,
@@ -49,15 +50,29 @@ pub struct Table {
 impl Table {
     /// Of these sub-frames, each with the spans of all rows of the window.
     pub fn new(sub_frames: &[SubFrame]) -> Self {
-        let rows = sub_frames.first().map_or(0, |(_, spans)| spans.len());
+        let mut table = Self::default();
+        table.refill(sub_frames.iter().map(|(s, _)| *s), sub_frames.iter().flat_map(|(_, spans)| spans).copied());
+        table
+    }
+
+    /// Becomes the table of these sub-frames, in the memory that it has; `spans` are those of all rows of the first sub-frame,
+    /// then of the second, and so on.
+    pub fn refill(&mut self, shifts: impl Iterator<Item = Shift>, spans: impl Iterator<Item = [u32; 2]>) {
         let bits = |x: f64| (x as f32).to_bits();
-        let shift = |s: &Shift| {
+        let shift = |s: Shift| {
             let [down, along, first] = s.turns;
             [bits(down), bits(along), bits(first - first.round()), bits(s.weight)]
         };
-        let shifts = sub_frames.iter().flat_map(|(s, _)| shift(s));
-        let spans = sub_frames.iter().flat_map(|(_, spans)| spans.iter().flatten().copied());
-        Self { frames: sub_frames.len(), rows, words: shifts.chain(spans).collect() }
+        self.words.clear();
+        self.words.extend(shifts.flat_map(shift));
+        self.frames = self.words.len() / 4;
+        self.words.extend(spans.flatten());
+        self.rows = (self.words.len() / 2 - 2 * self.frames) / self.frames.max(1);
+    }
+
+    /// Becomes that of no sub-frame, and keeps its memory.
+    pub fn clear(&mut self) {
+        self.refill(std::iter::empty(), std::iter::empty());
     }
 
     /// Sub-frames.

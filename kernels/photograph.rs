@@ -6,6 +6,7 @@
 
 use crate::simd;
 use bytemuck::{Pod, Zeroable};
+use std::cell::RefCell;
 
 /// Rows that an invocation of the shader takes at once.
 pub const STRIP: u32 = 8;
@@ -44,9 +45,14 @@ pub struct Tap {
     pub fx: f32,
 }
 
+thread_local! {
+    /// Two rows of samples, the last and the one before.
+    static ROWS: RefCell<[Vec<f32>; 2]> = const { RefCell::new([Vec::new(), Vec::new()]) };
+}
+
 /// `views` (views, height, width) as u16, linear light; `rows` says which rows of the level `accumulator` holds.
 pub fn photograph(args: &Args, views: &[u16], taps: &[Tap], first_row: usize, accumulator: &mut [f32]) {
-    let (h, w) = (args.height as usize, args.width as usize);
+    let w = args.width as usize;
     if args.accumulate == 0 {
         accumulator.fill(0.0);
     }
@@ -54,17 +60,32 @@ pub fn photograph(args: &Args, views: &[u16], taps: &[Tap], first_row: usize, ac
     if rows == 0 {
         return;
     }
-    let (mut above, mut here) = (vec![0.0f32; w], vec![0.0f32; w]);
+    ROWS.with_borrow_mut(|[above, here]| {
+        [&mut *above, &mut *here].into_iter().for_each(|row| row.resize(w, 0.0));
+        add_views(args, views, taps, first_row, accumulator, [above, here]);
+    });
+}
+
+/// Adds the views of all taps; `above` and `here` are room for a row each.
+fn add_views(
+    args: &Args,
+    views: &[u16],
+    taps: &[Tap],
+    first_row: usize,
+    accumulator: &mut [f32],
+    [mut above, mut here]: [&mut Vec<f32>; 2],
+) {
+    let (h, w) = (args.height as usize, args.width as usize);
     for group in taps.chunk_by(|a, b| a.dy == b.dy && a.fy == b.fy) {
         let (dy, fy) = (group[0].dy as usize, group[0].fy);
         let source = |y: usize| (first_row + y + h - dy % h) % h;
         simd(
             #[inline(always)]
             || {
-                blend(args, views, group, (source(0) + h - 1) % h, &mut above);
+                blend(args, views, group, (source(0) + h - 1) % h, above);
                 for (y, out) in accumulator.chunks_exact_mut(w).enumerate() {
-                    blend(args, views, group, source(y), &mut here);
-                    for ((out, a), b) in out.iter_mut().zip(&here).zip(&above) {
+                    blend(args, views, group, source(y), here);
+                    for ((out, a), b) in out.iter_mut().zip(&*here).zip(&*above) {
                         *out += (1.0 - fy) * a + fy * b;
                     }
                     std::mem::swap(&mut above, &mut here);

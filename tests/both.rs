@@ -90,7 +90,7 @@ impl Case {
     /// One step over all pupils: of the projection or of Adam, comparing in this mode.
     pub fn step(&self, purpose: Purpose, mode: u32, power: f64, in_flight: usize) -> Step {
         let comparison = Comparison { mode, exposure: 0.8, batch: self.pupils.len(), ..Comparison::default() };
-        let pupil_passes = self.pupils.iter().map(|p| self.planner.pupil_pass(p, &comparison)).collect();
+        let pupil_passes: Vec<_> = self.pupils.iter().map(|p| self.planner.pupil_pass(p, &comparison)).collect();
         match purpose {
             Purpose::Adam => self.planner.adam_step(pupil_passes, in_flight, 3, 0.1),
             _ => self.planner.project_step(pupil_passes, in_flight, power, 2.0, 0.5),
@@ -123,7 +123,7 @@ impl Case {
             })
         };
         let looks = self.pupils.iter().enumerate().map(moving);
-        let pupil_passes = looks.map(|look| self.planner.viewpoint(&look, &comparison)).collect();
+        let pupil_passes: Vec<_> = looks.map(|look| self.planner.viewpoint(&look, &comparison)).collect();
         match purpose {
             Purpose::Adam => self.planner.adam_step(pupil_passes, in_flight, 3, 0.1),
             _ => self.planner.project_step(pupil_passes, in_flight, 0.5, 2.0, 0.5),

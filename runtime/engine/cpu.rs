@@ -55,8 +55,14 @@ pub struct CpuEngine {
     model: Option<Arc<ModelTables>>,
     buffers: Buffers,
     plans: Plans,
+    /// Room of transforms that all threads take together, and lists of losses that were given back.
+    wide: Vec<Complex32>,
+    spare: Vec<Vec<f64>>,
     clock: Clock,
 }
+
+/// Sub-frames that are under way at once.
+const AT_ONCE: usize = 64;
 
 impl CpuEngine {
     /// An engine without buffers: [`load`](Engine::load) makes them.
@@ -67,13 +73,15 @@ impl CpuEngine {
             model: None,
             buffers: Buffers::default(),
             plans: Plans::default(),
+            wide: Vec::new(),
+            spare: Vec::new(),
             clock: Clock::new(),
         }
     }
 
     /// Frame by frame through all of `group`.
     fn run_frames(&mut self, step: &Step, group: &[Dispatch]) {
-        let Self { shape, buffers, plans, clock, .. } = self;
+        let Self { shape, buffers, plans, clock, wide: scratch, .. } = self;
         let (pixels, points) = (shape.pixels().max(1), shape.points().max(1));
         let wide = shape.frames < rayon::current_num_threads() && points >= SPLIT;
         let store = storing(shape.storage);
@@ -112,7 +120,7 @@ impl CpuEngine {
             store,
             store_drives: storing_drives(shape.storage),
         };
-        let mut frames: Vec<Frame<'_>> = (0..shape.frames).map(frame).collect();
+        let mut frames = (0..shape.frames).map(frame);
         let run = |frame: &mut Frame<'_>| {
             for dispatch in group {
                 frame.passes = &frame.step.pupil_passes[dispatch.pupil_passes.clone()];
@@ -122,14 +130,21 @@ impl CpuEngine {
             }
         };
         if wide {
-            let mut scratch = Vec::new();
-            for frame in &mut frames {
-                std::mem::swap(&mut frame.fft.scratch, &mut scratch);
-                run(frame);
-                std::mem::swap(&mut frame.fft.scratch, &mut scratch);
+            for mut frame in frames {
+                std::mem::swap(&mut frame.fft.scratch, scratch);
+                run(&mut frame);
+                std::mem::swap(&mut frame.fft.scratch, scratch);
             }
-        } else {
-            frames.par_iter_mut().for_each(run);
+            return;
+        }
+        loop {
+            // On the stack: a list of them would be made anew for every group of kernels.
+            let mut some: [Option<Frame<'_>>; AT_ONCE] = std::array::from_fn(|_| frames.next());
+            let count = some.iter().flatten().count();
+            some[..count].par_iter_mut().flatten().for_each(run);
+            if count < AT_ONCE {
+                return;
+            }
         }
     }
 
@@ -185,6 +200,38 @@ impl CpuEngine {
                 }
             }
         });
+        Ok(())
+    }
+
+    /// These entries of a step's list, neighbours of one scope together.
+    fn run_list(&mut self, step: &Step, mut rest: &[Dispatch], losses: &mut [f64]) -> Result<(), EngineError> {
+        while let [first, ..] = rest {
+            let scope = first.kernel.scope();
+            let same = |d: &&Dispatch| match scope {
+                Scope::Whole => false,
+                Scope::Frames => d.kernel.scope() == scope,
+                _ => d.kernel.scope().is_per_pupil() && d.pupil_passes == first.pupil_passes,
+            };
+            let count = rest.iter().take_while(same).count().max(1);
+            let (group, later) = rest.split_at(count);
+            rest = later;
+            match scope {
+                Scope::Whole => {
+                    if !self.run_whole(step, first) {
+                        losses.fill(f64::NAN);
+                    }
+                }
+                Scope::Frames => self.run_frames(step, group),
+                Scope::Windows | Scope::PupilPasses => {
+                    self.run_pupil_passes(step, group)?;
+                    if group.iter().any(|d| d.kernel.writes().any(|resource| resource == Resource::Losses)) {
+                        for (loss, slot) in losses[first.pupil_passes.clone()].iter_mut().zip(&self.buffers.slots) {
+                            *loss = slot.loss;
+                        }
+                    }
+                }
+            }
+        }
         Ok(())
     }
 
@@ -270,36 +317,35 @@ impl Engine for CpuEngine {
             model.buffers().try_for_each(|(buffer, table)| self.write(buffer, table))?;
             self.model = Some(Arc::clone(model));
         }
-        let mut losses = vec![0.0; step.pupil_passes.len()];
-        let mut rest = &step.list[part];
-        while let [first, ..] = rest {
-            let scope = first.kernel.scope();
-            let same = |d: &&Dispatch| match scope {
-                Scope::Whole => false,
-                Scope::Frames => d.kernel.scope() == scope,
-                _ => d.kernel.scope().is_per_pupil() && d.pupil_passes == first.pupil_passes,
-            };
-            let count = rest.iter().take_while(same).count().max(1);
-            let (group, later) = rest.split_at(count);
-            rest = later;
-            match scope {
-                Scope::Whole => {
-                    if !self.run_whole(step, first) {
-                        losses.fill(f64::NAN);
-                    }
-                }
-                Scope::Frames => self.run_frames(step, group),
-                Scope::Windows | Scope::PupilPasses => {
-                    self.run_pupil_passes(step, group)?;
-                    if group.iter().any(|d| d.kernel.writes().any(|resource| resource == Resource::Losses)) {
-                        for (loss, slot) in losses[first.pupil_passes.clone()].iter_mut().zip(&self.buffers.slots) {
-                            *loss = slot.loss;
-                        }
-                    }
-                }
-            }
+        let mut losses = self.spare.pop().unwrap_or_default();
+        losses.clear();
+        losses.resize(step.pupil_passes.len(), 0.0);
+        let list = &step.list[part];
+        if !list.is_empty() {
+            // On the threads that compute from here on: they are handed the list once, not kernel by kernel.
+            rayon::scope(|_| self.run_list(step, list, &mut losses))?;
         }
         Ok(losses)
+    }
+
+    fn recycle(&mut self, losses: Vec<f64>) {
+        self.spare.push(losses);
+    }
+
+    /// Plans of transforms, and room for any of these pupil passes, which takes no memory before it is used.
+    fn prepare(&mut self, steps: &mut dyn Iterator<Item = Step>, at_once: Option<usize>) -> Result<(), EngineError> {
+        for step in steps {
+            let count = at_once.unwrap_or(0);
+            let Self { shape, buffers, plans, .. } = self;
+            if buffers.slots.len() < count {
+                buffers.slots.resize_with(count, Slot::default);
+            }
+            for pass in &step.pupil_passes {
+                plans.prepare([pass.window.rows, pass.window.columns]);
+                buffers.slots[..count].iter_mut().for_each(|slot| slot.reserve(pass, shape));
+            }
+        }
+        Ok(())
     }
 
     fn timings(&self) -> Vec<Timing> {

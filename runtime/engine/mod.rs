@@ -195,19 +195,27 @@ pub trait Engine: Send {
     /// As [`run_part`](Self::run_part).
     fn begin_step(&mut self, step: &Step, parts: &[Range<usize>]) -> Result<Begun, EngineError> {
         let (start, update) = (Instant::now(), step.before_update());
-        let mut losses = vec![0.0; step.pupil_passes.len()];
+        let mut losses: Option<Vec<f64>> = None;
         for part in parts {
             let before = part.start..part.end.min(update).max(part.start);
-            for (sum, loss) in losses.iter_mut().zip(self.run_part(step, before.clone())?) {
-                *sum += loss;
-            }
+            let of_part = self.run_part(step, before.clone())?;
+            let sums = match &mut losses {
+                Some(sums) => {
+                    sums.iter_mut().zip(&of_part).for_each(|(sum, loss)| *sum += loss);
+                    self.recycle(of_part);
+                    sums
+                }
+                none => none.insert(of_part),
+            };
             if part.end > update {
-                if !losses.iter().all(|loss| loss.is_finite()) {
+                if !sums.iter().all(|loss| loss.is_finite()) {
                     break;
                 }
-                self.run_part(step, before.end..part.end)?;
+                let of_update = self.run_part(step, before.end..part.end)?;
+                self.recycle(of_update);
             }
         }
+        let losses = losses.unwrap_or_else(|| vec![0.0; step.pupil_passes.len()]);
         Ok(Begun(taking::State::Over(Taken { losses, seconds: start.elapsed().as_secs_f64() })))
     }
 
@@ -221,6 +229,9 @@ pub trait Engine: Send {
             taking::State::UnderWay(_) => Err(not_under_way()),
         }
     }
+
+    /// A list of losses that it gave is done with: it may be filled again.
+    fn recycle(&mut self, _losses: Vec<f64>) {}
 
     /// Makes what these steps need: memory, pipelines, tables. With `at_once` they may be over any of their pupil passes, so many
     /// at a time; without, they are as they are given. Nothing is run, and steps find all of it there.

@@ -2,7 +2,7 @@
 
 use super::one_euro::OneEuro;
 use super::place::{Placed, Placer, Refusal};
-use super::saccade::{Jump, Point, slope};
+use super::saccade::{Flight, Jump, Point, slope};
 use super::{Calibration, GazeError, Settings};
 use crate::optics::{PupilDistribution, depth_of_dioptres};
 use crate::trackers::Sample;
@@ -33,7 +33,7 @@ pub struct Stages {
     /// The filter, where the eye is steady.
     pub filtered: Option<OneEuro>,
     /// The saccade, where there is one.
-    pub saccade: Option<Jump>,
+    pub saccade: Option<Flight>,
     /// What the eye does.
     pub phase: Phase,
     /// Standard deviation of the tracker's coordinates, measured, metres.
@@ -46,7 +46,7 @@ enum State {
     Steady(OneEuro),
     Jumping(Jump),
     Lost { held: [f64; 2], spread: f64, since_ns: u64 },
-    Returning { held: [f64; 2], spread: f64, since_ns: u64, seen_ns: u64, points: Vec<Point> },
+    Returning { held: [f64; 2], spread: f64, since_ns: u64, seen_ns: u64, points: VecDeque<Point> },
 }
 
 /// How fast an eye moves, as far as a tracker tells.
@@ -72,6 +72,8 @@ pub struct Estimator {
     filters: VecDeque<OneEuro>,
     /// Measurements since the eye came to rest or began to follow, half a second of them: how fast it turns.
     course: VecDeque<Point>,
+    /// Room for the measurements of a saccade, or of an eye that comes back.
+    room: VecDeque<Point>,
     /// Variance of each measured coordinate.
     noise: f64,
     /// Measurements that it comes from; the first assumption counts as ten.
@@ -129,6 +131,7 @@ impl Estimator {
             recent: VecDeque::new(),
             filters: VecDeque::new(),
             course: VecDeque::new(),
+            room: VecDeque::new(),
             noise: FIRST_NOISE * FIRST_NOISE,
             noise_count: 10,
             bias: 0.0,
@@ -160,7 +163,7 @@ impl Estimator {
         Stages {
             placed,
             filtered: if let State::Steady(filter) = &self.state { Some(*filter) } else { None },
-            saccade: if let State::Jumping(jump) = &self.state { Some(jump.clone()) } else { None },
+            saccade: if let State::Jumping(jump) = &self.state { Some(jump.flight) } else { None },
             phase: self.phase(),
             noise: self.noise.sqrt(),
         }
@@ -211,7 +214,9 @@ impl Estimator {
             State::Jumping(mut jump) => {
                 jump.update((time, position), self.noise, &self.settings);
                 if jump.over(self.noise, &self.settings) {
-                    State::Steady(self.landed(&jump, time))
+                    let filter = self.landed(&jump, time);
+                    self.room = jump.into_room();
+                    State::Steady(filter)
                 } else {
                     State::Jumping(jump)
                 }
@@ -220,16 +225,18 @@ impl Estimator {
                 if time.saturating_sub(since_ns) < DROPOUT_NS {
                     State::Steady(self.again(held, spread, time, &[(time, position)]))
                 } else {
-                    State::Returning { held, spread, since_ns, seen_ns: time, points: Vec::new() }
+                    State::Returning { held, spread, since_ns, seen_ns: time, points: self.empty_room() }
                 }
             }
             State::Returning { held, spread, since_ns, seen_ns, mut points } => {
                 if time.saturating_sub(seen_ns) >= LID_NS && points.len() < REMEMBERED {
-                    points.push((time, position));
+                    points.push_back((time, position));
                 }
-                let long = points.first().is_some_and(|p| time - p.0 >= WINDOW_NS);
+                let long = points.front().is_some_and(|p| time - p.0 >= WINDOW_NS);
                 if long && points.len() >= 2 {
-                    State::Steady(self.again(held, spread, time, &points))
+                    let filter = self.again(held, spread, time, points.make_contiguous());
+                    self.room = points;
+                    State::Steady(filter)
                 } else {
                     State::Returning { held, spread, since_ns, seen_ns, points }
                 }
@@ -279,7 +286,7 @@ impl Estimator {
     }
 
     /// Whether the newest measurements have left the steady prediction, and fast.
-    fn noticed(&self, time: u64) -> Option<Jump> {
+    fn noticed(&mut self, time: u64) -> Option<Jump> {
         // A filter that has not seen the window's measurements.
         let before = self.filters.iter().rev().find(|f| f.time_ns().saturating_add(WINDOW_NS) < time)?;
         let (mut mean, mut n) = ([0.0; 2], 0.0);
@@ -309,15 +316,23 @@ impl Estimator {
         let start = time.saturating_sub(25_000_000);
         let calm = self.filters.iter().rev().find(|f| f.time_ns() <= start).or(self.filters.front())?;
         let from = calm.at(start.max(calm.time_ns()), self.noise);
-        let points = self.recent.iter().copied().filter(|p| p.0.saturating_add(48_000_000) >= time);
+        let mut points = self.empty_room();
+        points.extend(self.recent.iter().copied().filter(|p| p.0.saturating_add(48_000_000) >= time));
         Some(Jump::new(from, time, points, self.noise, &self.settings))
+    }
+
+    fn empty_room(&mut self) -> VecDeque<Point> {
+        self.room.clear();
+        std::mem::take(&mut self.room)
     }
 
     /// The filter after a saccade: what was measured since it came to rest.
     fn landed(&self, jump: &Jump, time: u64) -> OneEuro {
-        let since = jump.lands_ns.saturating_add(2_000_000).max(time.saturating_sub(24_000_000)).min(time);
-        mean(jump.since(since))
-            .map_or_else(|| self.one_euro(time, jump.landing, 1), |(position, n)| self.one_euro(time, position, n))
+        let since = jump.flight.lands_ns.saturating_add(2_000_000).max(time.saturating_sub(24_000_000)).min(time);
+        mean(jump.since(since)).map_or_else(
+            || self.one_euro(time, jump.flight.landing, 1),
+            |(position, n)| self.one_euro(time, position, n),
+        )
     }
 
     /// The filter after a loss. An eye that has not moved goes on from where it was held, so that nothing steps.
@@ -348,11 +363,15 @@ impl Estimator {
             }
             State::Jumping(jump) => {
                 // A lid that comes down looks like a small saccade.
-                let held = if jump.size() > 1e-3 { jump.landing } else { jump.from };
-                let spread = jump.spread.max(jump.size() / 4.0);
+                let held = if jump.flight.size() > 1e-3 { jump.flight.landing } else { jump.flight.from };
+                let spread = jump.flight.spread.max(jump.flight.size() / 4.0);
+                self.room = jump.into_room();
                 State::Lost { held, spread, since_ns: self.last_ns }
             }
-            State::Returning { held, spread, since_ns, .. } => State::Lost { held, spread, since_ns },
+            State::Returning { held, spread, since_ns, points, .. } => {
+                self.room = points;
+                State::Lost { held, spread, since_ns }
+            }
             other => other,
         };
         if matches!(self.state, State::Lost { .. }) {
@@ -408,11 +427,15 @@ impl Estimator {
                 (centre, widened(self.steady_spread(filter, horizon), age), jumps_within(age + NOTICED))
             }
             State::Jumping(jump) => {
-                let early = (jump.lands_ns as f64 - light_ns as f64) / jump.lands_spread_ns;
+                let early = (jump.flight.lands_ns as f64 - light_ns as f64) / jump.flight.lands_spread_ns;
                 // The logistic curve is close to the normal's.
                 let flying = 1.0 / (1.0 + (-1.702 * early).exp());
-                let after = jumps_within(seconds(jump.lands_ns));
-                (jump.landing, widened(jump.spread.hypot(self.bias), age), flying + (1.0 - flying) * after)
+                let after = jumps_within(seconds(jump.flight.lands_ns));
+                (
+                    jump.flight.landing,
+                    widened(jump.flight.spread.hypot(self.bias), age),
+                    flying + (1.0 - flying) * after,
+                )
             }
             State::Lost { held, spread, since_ns } | State::Returning { held, spread, since_ns, .. } => {
                 let age = seconds(*since_ns);

@@ -53,9 +53,9 @@ pub fn slope<'a>(points: impl Iterator<Item = &'a Point> + Clone) -> Option<([f6
     (tt > 0.0).then(|| (tp.map(|v| v / tt), 1.0 / tt))
 }
 
-/// A saccade in flight.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Jump {
+/// What is known of a saccade in flight.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Flight {
     /// Where it began, metres.
     pub from: [f64; 2],
     /// When it was noticed, nanoseconds.
@@ -68,17 +68,30 @@ pub struct Jump {
     pub lands_ns: u64,
     /// Standard deviation of that, nanoseconds.
     pub lands_spread_ns: f64,
-    #[serde(skip)]
+}
+
+impl Flight {
+    /// Its size, metres.
+    pub fn size(&self) -> f64 {
+        (self.landing[0] - self.from[0]).hypot(self.landing[1] - self.from[1])
+    }
+}
+
+/// A saccade in flight, with what was measured of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Jump {
+    /// What is known of it.
+    pub flight: Flight,
     points: VecDeque<Point>,
 }
 
 impl Jump {
     /// A saccade from `from`, noticed at `noticed_ns`, of which `points` were measured.
-    pub fn new(from: [f64; 2], noticed_ns: u64, points: impl Iterator<Item = Point>, noise: f64, s: &Settings) -> Self {
-        let points: VecDeque<Point> = points.collect();
+    pub fn new(from: [f64; 2], noticed_ns: u64, points: VecDeque<Point>, noise: f64, s: &Settings) -> Self {
         let landing = points.back().map_or(from, |p| p.1);
-        let mut jump =
-            Self { from, noticed_ns, landing, spread: s.unknown, lands_ns: noticed_ns, lands_spread_ns: 20e6, points };
+        let flight =
+            Flight { from, noticed_ns, landing, spread: s.unknown, lands_ns: noticed_ns, lands_spread_ns: 20e6 };
+        let mut jump = Self { flight, points };
         jump.fit(noise, s);
         jump
     }
@@ -92,9 +105,10 @@ impl Jump {
         self.fit(noise, settings);
     }
 
-    /// Its size, metres.
-    pub fn size(&self) -> f64 {
-        (self.landing[0] - self.from[0]).hypot(self.landing[1] - self.from[1])
+    /// Room for the measurements of the next.
+    pub fn into_room(mut self) -> VecDeque<Point> {
+        self.points.clear();
+        self.points
     }
 
     /// What was measured since a time.
@@ -105,10 +119,10 @@ impl Jump {
     /// Whether the eye has come to rest by the last measurement.
     pub fn over(&self, noise: f64, settings: &Settings) -> bool {
         let Some(last) = self.points.back().map(|p| p.0) else { return true };
-        if last.saturating_sub(self.noticed_ns) > 150_000_000 {
+        if last.saturating_sub(self.flight.noticed_ns) > 150_000_000 {
             return true;
         }
-        if last < self.lands_ns.saturating_add(8_000_000) {
+        if last < self.flight.lands_ns.saturating_add(8_000_000) {
             return false;
         }
         let Some((speed, variance)) = slope(self.since(last.saturating_sub(16_000_000))) else { return false };
@@ -119,31 +133,30 @@ impl Jump {
     fn fit(&mut self, noise: f64, settings: &Settings) {
         let Some((first, last)) = self.points.front().map(|p| p.0).zip(self.points.back().map(|p| p.0)) else { return };
         let every = self.points.len().div_ceil(FITTED).max(1);
+        let Flight { from, noticed_ns, .. } = self.flight;
         // Thinned by averaging, so that no measurement is wasted.
-        let points: Vec<(f64, [f64; 2], f64)> = self
-            .points
-            .iter()
-            .collect::<Vec<_>>()
-            .chunks(every)
-            .map(|c| {
-                let n = c.len() as f64;
-                let t = c.iter().map(|p| p.0.saturating_sub(first) as f64).sum::<f64>() / n * 1e-9;
-                (t, [0, 1].map(|i| c.iter().map(|p| p.1[i]).sum::<f64>() / n - self.from[i]), n)
-            })
-            .collect();
+        let (mut thinned, mut count) = ([(0.0, [0.0; 2], 0.0); FITTED], 0);
+        for (place, c) in thinned.iter_mut().zip(self.points.make_contiguous().chunks(every)) {
+            let n = c.len() as f64;
+            let t = c.iter().map(|p| p.0.saturating_sub(first) as f64).sum::<f64>() / n * 1e-9;
+            *place = (t, [0, 1].map(|i| c.iter().map(|p| p.1[i]).sum::<f64>() / n - from[i]), n);
+            count += 1;
+        }
+        let points = &thinned[..count];
         let metres_per_degree = settings.radius * 1f64.to_radians();
         let noise = noise.max(1e-12);
         // Where it began is known to a part of the noise, and its course is not quite minimum jerk.
-        let (mut best, mut found) = (f64::INFINITY, Vec::with_capacity(SIZES.len() * ONSETS as usize));
+        let (mut best, mut found) = (f64::INFINITY, [(0.0, [0.0; 2], 0.0, 0.0); SIZES.len() * ONSETS as usize]);
+        let mut weighed = 0;
         for back in 0..ONSETS {
-            let onset = self.noticed_ns.saturating_sub(back * ONSET_STEP_NS);
+            let onset = noticed_ns.saturating_sub(back * ONSET_STEP_NS);
             let start = (onset as f64 - first as f64) * 1e-9;
             for degrees in SIZES {
                 let lasts = duration(degrees);
                 let expected = degrees * metres_per_degree;
                 // What the size says of the length is one more measurement of it.
                 let (mut ff, mut fr) = (0.0, [0.0; 2]);
-                for (t, r, n) in &points {
+                for (t, r, n) in points {
                     let f = progress((t - start) / lasts);
                     ff += n * f * f;
                     fr = [0, 1].map(|i| fr[i] + n * f * r[i]);
@@ -160,18 +173,19 @@ impl Jump {
                 let length = (along / noise + expected / scatter) / precision;
                 let way = fr.map(|v| v / along * length);
                 let mut cost = ((length - expected).powi(2) / scatter) + 2.0 * (degrees / 30.0);
-                for (t, r, n) in &points {
+                for (t, r, n) in points {
                     let f = progress((t - start) / lasts);
                     let off = (r[0] - f * way[0]).powi(2) + (r[1] - f * way[1]).powi(2);
                     cost += n * off / (noise + 0.0016 * f * (1.0 - f) * length * length);
                 }
                 best = best.min(cost);
-                found.push((cost, way, onset as f64 + lasts * 1e9, 1.0 / precision));
+                found[weighed] = (cost, way, onset as f64 + lasts * 1e9, 1.0 / precision);
+                weighed += 1;
             }
         }
         let (mut total, mut way, mut lands, mut square, mut lands_square) = (0.0, [0.0; 2], 0.0, 0.0, 0.0);
         let origin = last as f64;
-        for (cost, w, at, variance) in &found {
+        for (cost, w, at, variance) in &found[..weighed] {
             let weight = (-0.5 * (cost - best)).exp();
             total += weight;
             way = [0, 1].map(|i| way[i] + weight * w[i]);
@@ -185,11 +199,12 @@ impl Jump {
         let way = way.map(|w| w / total);
         let variance = (square / total - (way[0] * way[0] + way[1] * way[1]) / 2.0).max(0.0);
         let long = way[0].hypot(way[1]);
-        self.landing = [0, 1].map(|i| self.from[i] + way[i]);
+        let Flight { landing, spread, lands_ns, lands_spread_ns, .. } = &mut self.flight;
+        *landing = [0, 1].map(|i| from[i] + way[i]);
         // The model's own error: a few hundredths of the way.
-        self.spread = (variance + (0.04 * long).powi(2) + noise / 4.0).sqrt();
+        *spread = (variance + (0.04 * long).powi(2) + noise / 4.0).sqrt();
         let mean = lands / total;
-        self.lands_ns = (origin + mean).max(0.0) as u64;
-        self.lands_spread_ns = (lands_square / total - mean * mean).max(0.0).sqrt().max(3e6);
+        *lands_ns = (origin + mean).max(0.0) as u64;
+        *lands_spread_ns = (lands_square / total - mean * mean).max(0.0).sqrt().max(3e6);
     }
 }

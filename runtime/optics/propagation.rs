@@ -11,19 +11,19 @@ pub(crate) fn aperture(optics: &Optics, pupil: &Pupil, ky: i64, kx: i64) -> bool
 }
 
 /// What decides it for all bins of a pupil.
-pub(super) struct Aperture<'a> {
-    optics: &'a Optics,
-    pupil: &'a Pupil,
+pub(super) struct Aperture {
+    optics: Optics,
+    pupil: Pupil,
     bin: (f64, f64),
     slope: (f64, f64),
     /// The square of the disc's radius.
     reach: f64,
 }
 
-impl<'a> Aperture<'a> {
-    pub(super) fn new(optics: &'a Optics, pupil: &'a Pupil) -> Self {
+impl Aperture {
+    pub(super) fn new(optics: &Optics, pupil: &Pupil) -> Self {
         let (bin, slope) = (optics.bin_size(), optics.cosine_per_bin());
-        Self { optics, pupil, bin, slope, reach: (pupil.diameter / 2.0).powi(2) }
+        Self { optics: *optics, pupil: *pupil, bin, slope, reach: (pupil.diameter / 2.0).powi(2) }
     }
 
     /// Of the bins of a row.

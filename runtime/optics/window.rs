@@ -73,16 +73,21 @@ impl Window {
     /// Per row of the window, the half-open interval of its columns that pass the pupil (0, 0 where none does).
     /// A disc cut by an eyebox is convex, so one interval is all of it.
     pub fn spans(&self, optics: &Optics, pupil: &Pupil) -> Vec<[u32; 2]> {
+        self.each_span(optics, pupil).collect()
+    }
+
+    /// The same, row by row.
+    pub(crate) fn each_span(self, optics: &Optics, pupil: &Pupil) -> impl Iterator<Item = [u32; 2]> + use<> {
         let aperture = Aperture::new(optics, pupil);
         let (bin_y, bin_x) = optics.bin_size();
-        let (reach, per_bin) = ((pupil.diameter / 2.0).powi(2), bin_x.recip());
+        let (pupil, reach, per_bin) = (*pupil, (pupil.diameter / 2.0).powi(2), bin_x.recip());
         let lowest = optics.first_bin().1 - self.x0;
         let least = 0.max(lowest);
         let most = (self.columns as i64 - 1).min(lowest + optics.width as i64 - 1);
-        let limit = |v: i64| v.clamp(least, most.max(least));
-        let bin = |x: f64| (x * per_bin).clamp(-1e9, 1e9) as i64 - self.x0;
+        let limit = move |v: i64| v.clamp(least, most.max(least));
+        let bin = move |x: f64| (x * per_bin).clamp(-1e9, 1e9) as i64 - self.x0;
         let mut before = None;
-        let span = |j: usize| {
+        let span = move |j: usize| {
             let ky = self.y0 + j as i64;
             let row = aperture.row(ky);
             let passes = |k: i64| row(self.x0 + k);
@@ -97,7 +102,7 @@ impl Window {
             });
             before.map_or([0, 0], |[first, end]| [first as u32, end as u32 + 1])
         };
-        (0..self.rows).map(span).collect()
+        (0..self.rows).map(span)
     }
 }
 

@@ -24,13 +24,15 @@ impl EyeTables {
         &self.prescription
     }
 
-    /// What it does to the bins of a window: the polynomial in units of the pupil's radius.
-    pub(super) fn terms(&self, grid: &Optics, pupil: &Pupil, window: &Window) -> Terms {
+    /// What it does to the bins of a window: the polynomial in units of the pupil's radius, in the list of one that is over.
+    pub(super) fn terms(&self, grid: &Optics, pupil: &Pupil, window: &Window, over: Option<Terms>) -> Terms {
         let ((bin_y, bin_x), r) = (grid.bin_size(), 0.5 * pupil.diameter);
         let first = [window.x0 as f64 * bin_x - pupil.x, window.y0 as f64 * bin_y - pupil.y].map(|at| at / r);
         let degree = self.path.len() - 1;
         let term = |i: usize, j: usize| self.path[i][j] * r.powi((i + j) as i32) / grid.wavelength;
-        let coefficients = (0..=degree).flat_map(|i| (0..=degree - i).map(move |j| term(i, j))).collect();
+        let mut coefficients = over.map_or_else(Vec::new, |terms| terms.coefficients);
+        coefficients.clear();
+        coefficients.extend((0..=degree).flat_map(|i| (0..=degree - i).map(move |j| term(i, j))));
         Terms { first, step: [bin_x / r, bin_y / r], degree: degree as u32, coefficients }
     }
 }

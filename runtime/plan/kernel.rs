@@ -241,8 +241,7 @@ impl Unit<'_> {
 
     /// Work of shifting all sub-frames, where the eye moves.
     fn moving(&self) -> f64 {
-        let moves = self.pass.is_some_and(|pass| pass.moments.is_some());
-        if moves { self.frames() * self.passing() } else { 0.0 }
+        if self.pass.is_some_and(PupilPass::moves) { self.frames() * self.passing() } else { 0.0 }
     }
 
     /// Pixels of the photograph before it is resampled.

@@ -22,6 +22,25 @@ const THROUGH_A_WINDOW: [Kernel; 10] = [
     Kernel::MotionBack,
 ];
 
+/// The lists that a step is made of: of its pupil passes, and room for that of its kernels. A step that is over gives both.
+#[derive(Debug, Default)]
+pub(crate) struct StepLists {
+    pub(crate) pupil_passes: Vec<PupilPass>,
+    kernels: Vec<Dispatch>,
+}
+
+impl From<Vec<PupilPass>> for StepLists {
+    fn from(pupil_passes: Vec<PupilPass>) -> Self {
+        Self { pupil_passes, kernels: Vec::new() }
+    }
+}
+
+impl From<Step> for StepLists {
+    fn from(Step { pupil_passes, list: kernels, .. }: Step) -> Self {
+        Self { pupil_passes, kernels }
+    }
+}
+
 impl Planner {
     /// One step of the projection (OPTICS 6b), `in_flight` values of window at a time.
     pub fn project_step(
@@ -32,7 +51,19 @@ impl Planner {
         gain: f64,
         momentum: f64,
     ) -> Step {
-        let mut step = self.descend(pupil_passes, in_flight, true);
+        self.project_step_in(pupil_passes.into(), in_flight, power, gain, momentum)
+    }
+
+    /// The same in the lists of a step that is over.
+    pub(crate) fn project_step_in(
+        &self,
+        lists: StepLists,
+        in_flight: usize,
+        power: f64,
+        gain: f64,
+        momentum: f64,
+    ) -> Step {
+        let mut step = self.descend(lists, in_flight, true);
         step.list.push(Dispatch { kernel: Kernel::Project, pupil_passes: 0..0 });
         step.divide_by_overlap.power = power as f32;
         // Of all its mask pixels a pixel follows the mean.
@@ -44,7 +75,12 @@ impl Planner {
 
     /// One step of Adam, the `t`-th, counted from 1 (OPTICS 4).
     pub fn adam_step(&self, pupil_passes: Vec<PupilPass>, in_flight: usize, t: usize, rate: f64) -> Step {
-        let mut step = self.descend(pupil_passes, in_flight, false);
+        self.adam_step_in(pupil_passes.into(), in_flight, t, rate)
+    }
+
+    /// The same in the lists of a step that is over.
+    pub(crate) fn adam_step_in(&self, lists: StepLists, in_flight: usize, t: usize, rate: f64) -> Step {
+        let mut step = self.descend(lists, in_flight, false);
         step.list.push(Dispatch { kernel: Kernel::Adam, pupil_passes: 0..0 });
         // As float32 has them, so that the corrections are those of the moments that the kernel keeps: 1 - 0.999 is off by
         // a part in 80,000, and without it every step would be (docs/precision.md).
@@ -218,14 +254,17 @@ impl Planner {
         step
     }
 
-    fn empty(&self, pupil_passes: Vec<PupilPass>) -> Step {
+    /// A step over these pupil passes that does nothing yet.
+    fn empty(&self, lists: impl Into<StepLists>) -> Step {
+        let StepLists { pupil_passes, kernels: mut list } = lists.into();
+        list.clear();
         let columns = Columns::union(
             self.grid.width,
             pupil_passes.iter().flat_map(PupilPass::each_mode).map(PupilPass::grid_columns),
         );
         let place = self.place();
         Step {
-            list: Vec::new(),
+            list,
             columns,
             divide_by_overlap: divide_by_overlap::Args {
                 grid_height: place.grid_height,
@@ -281,15 +320,17 @@ impl Planner {
     }
 
     /// Down to the window, compare, and up again; pupil passes come in groups whose windows fit `in_flight` values.
-    fn descend(&self, pupil_passes: Vec<PupilPass>, in_flight: usize, balanced: bool) -> Step {
-        let groups = groups(&pupil_passes, in_flight / self.frames.max(1));
-        let mut step = self.empty(pupil_passes);
+    fn descend(&self, lists: StepLists, in_flight: usize, balanced: bool) -> Step {
+        let mut step = self.empty(lists);
         // Tapered pupil passes have no edge at which pupils overlap: the caller's gain says how often they do.
         let balanced = balanced && !step.is_tapered();
         let whole = |kernel| Dispatch { kernel, pupil_passes: 0..0 };
         step.list.extend(self.to_spectrum());
         step.list.push(whole(Kernel::Clear));
-        for pupil_passes in groups {
+        let mut end = 0;
+        while end < step.pupil_passes.len() {
+            let pupil_passes = group(&step.pupil_passes, end, in_flight / self.frames.max(1));
+            end = pupil_passes.end;
             if balanced {
                 step.list.push(Dispatch { kernel: Kernel::Overlap, pupil_passes: pupil_passes.clone() });
             }
@@ -303,12 +344,12 @@ impl Planner {
             step.list.push(whole(Kernel::DivideByOverlap));
         }
         step.list.extend(self.to_field());
-        let (check, mut phases) = (whole(Kernel::CheckFinite), self.to_phases().collect::<Vec<_>>());
-        if self.storage == Storage::F16 {
-            // Sub-pixels' fields are seen in what they leave.
-            phases.insert(if self.parts().more_subpixels > 0 { phases.len() } else { 0 }, check);
-        }
-        step.list.extend(phases);
+        // Sub-pixels' fields are seen in what they leave.
+        let checked_last = self.parts().more_subpixels > 0;
+        let check = (self.storage == Storage::F16).then_some(whole(Kernel::CheckFinite));
+        step.list.extend(check.clone().filter(|_| !checked_last));
+        step.list.extend(self.to_phases());
+        step.list.extend(check.filter(|_| checked_last));
         step
     }
 }
@@ -320,7 +361,7 @@ impl Step {
         let tapered = self.is_tapered();
         let relays = self.model.as_ref().is_some_and(|model| model.parts().relay > 0);
         let sees = self.pupil_passes.iter().any(|pupil_pass| pupil_pass.eye.is_some());
-        let moves = self.pupil_passes.iter().any(|pupil_pass| pupil_pass.moments.is_some());
+        let moves = self.pupil_passes.iter().any(PupilPass::moves);
         let of_contrast = self.pupil_passes.iter().any(|pupil_pass| pupil_pass.contrast.is_some());
         let left_out = |kernel: Kernel| match kernel {
             Kernel::Compare => of_contrast,
@@ -348,8 +389,7 @@ impl Step {
 
     /// The mean squared difference over the pupils, of the sums that an engine gives.
     pub(crate) fn mean_loss(&self, losses: &[f64]) -> f64 {
-        let each = losses.iter().zip(&self.pupil_passes).map(|(loss, pupil_pass)| loss / pupil_pass.count() as f64);
-        each.sum::<f64>() / losses.len().max(1) as f64
+        mean_loss(losses, self.pupil_passes.iter().map(PupilPass::count))
     }
 
     /// How many entries, at the start, look at no pupil pass.
@@ -368,20 +408,19 @@ impl Step {
     }
 }
 
-/// Neighbouring pupil passes whose windows hold at most `most` values together (one pupil pass at least).
-fn groups(pupil_passes: &[PupilPass], most: usize) -> Vec<Range<usize>> {
-    let mut groups = Vec::new();
-    let (mut start, mut held) = (0, 0);
-    for (i, pupil_pass) in pupil_passes.iter().enumerate() {
-        let count = pupil_pass.mode_count() * pupil_pass.count();
-        if i > start && held + count > most {
-            groups.push(start..i);
-            (start, held) = (i, 0);
-        }
-        held += count;
-    }
-    if start < pupil_passes.len() {
-        groups.push(start..pupil_passes.len());
-    }
-    groups
+/// The mean squared difference over pupils, of the sums that an engine gives and the `pixels` of their windows.
+pub(crate) fn mean_loss(losses: &[f64], pixels: impl Iterator<Item = usize>) -> f64 {
+    let each = losses.iter().zip(pixels).map(|(loss, pixels)| loss / pixels as f64);
+    each.sum::<f64>() / losses.len().max(1) as f64
+}
+
+/// Neighbouring pupil passes, from the first on, whose windows hold at most `most` values together (one pupil pass at least).
+fn group(pupil_passes: &[PupilPass], first: usize, most: usize) -> Range<usize> {
+    let mut held = 0;
+    let fits = |pass: &&PupilPass| {
+        let is_first = held == 0;
+        held += pass.mode_count() * pass.count();
+        is_first || held <= most
+    };
+    first..first + pupil_passes[first..].iter().take_while(fits).count().max(1)
 }

@@ -34,6 +34,7 @@ pub(crate) use device_model::{DISPATCH_BYTES, SUBMISSION_BYTES};
 pub use eye::EyeTables;
 pub use kernel::{Access, Dispatch, Group, Kernel, Scope, Step, Timing};
 pub use list::{Buffer, Extent, ModelParts, PerFrame, Purpose, Resource, Shape};
+pub(crate) use lists::{StepLists, mean_loss};
 pub use model::ModelTables;
 pub use moments::{Moment, Moving};
 pub use pass::{ContrastPass, PupilPass, Shot};

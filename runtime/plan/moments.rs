@@ -1,8 +1,8 @@
 //! An eye that moves while the sub-frames are shown (OPTICS 15): which pupil looks at each, and what it is shifted by.
 
 use super::{Comparison, Planner, PupilPass};
-use crate::optics::{Pupil, Window};
-use eyebox_kernels::motion::{Shift, Table};
+use crate::optics::Pupil;
+use eyebox_kernels::motion::Shift;
 
 /// One sub-frame at its moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,8 +54,13 @@ impl Moving {
 
     /// The moments of `frames` sub-frames.
     pub fn moments(&self, frames: usize) -> Vec<Moment> {
+        self.each_moment(frames).collect()
+    }
+
+    /// The same, sub-frame by sub-frame.
+    pub(super) fn each_moment(self, frames: usize) -> impl Iterator<Item = Moment> + Clone + use<> {
         let count = self.count.clamp(1, frames.max(1));
-        let one = |frame: usize| {
+        let one = move |frame: usize| {
             // Behind the last of a stream its first come again, later.
             let along = (frame + frames - self.first % frames) % frames;
             let t = ((self.first + along) as f64 - (frames as f64 - 1.0) / 2.0) / count as f64;
@@ -69,7 +74,7 @@ impl Moving {
                 seen: along < count,
             }
         };
-        (0..frames).map(one).collect()
+        (0..frames).map(one)
     }
 }
 
@@ -78,47 +83,51 @@ impl Planner {
     /// light is that of a pupil wide enough for all moments, cut to each moment's own; an imperfect eye's error stays centred
     /// on the middle one.
     pub fn moving_pass(&self, moments: &[Moment], comparison: &Comparison) -> PupilPass {
+        let mut pass = PupilPass::empty();
+        self.refill_moving(&mut pass, moments.iter().copied(), comparison);
+        pass
+    }
+
+    /// Makes [`moving_pass`](Self::moving_pass) of one that is over, in the lists that it has.
+    pub(super) fn refill_moving(
+        &self,
+        pass: &mut PupilPass,
+        moments: impl Iterator<Item = Moment> + Clone,
+        comparison: &Comparison,
+    ) {
         let iris = |pupil: &Pupil| self.model.as_ref().map_or(*pupil, |model| model.model().true_pupil(pupil));
-        let seen: Vec<&Moment> = moments.iter().filter(|moment| moment.seen).collect();
-        let Some(middle) = seen.get(seen.len() / 2).or(seen.first()) else {
-            let pupil = moments.first().map_or(Pupil::from_mm([0.0, 0.0, 1.0, 0.0]), |moment| moment.pupil);
-            return self.pupil_pass(&pupil, comparison);
+        let seen = moments.clone().filter(|moment| moment.seen);
+        let count = seen.clone().count();
+        let Some(middle) = seen.clone().nth(count / 2) else {
+            let pupil = moments.clone().next().map_or(Pupil::from_mm([0.0, 0.0, 1.0, 0.0]), |moment| moment.pupil);
+            return self.refill(pass, &pupil, comparison);
         };
-        let irises: Vec<Pupil> = moments.iter().map(|moment| iris(&moment.pupil)).collect();
-        let around = around(irises.iter().zip(moments).filter(|(_, m)| m.seen).map(|(iris, _)| iris));
-        let share = self.grid.share(iris(&middle.pupil).diameter);
-        let mut pass = self.pupil_pass_of(&around, share, seen.len(), comparison);
-        let window = pass.window;
-        self.see_with_eye(&mut pass, &iris(&middle.pupil));
+        let middle = iris(&middle.pupil);
+        let share = self.grid.share(middle.diameter);
+        self.refill_wave(pass, &around(seen.clone().map(|m| iris(&m.pupil))), share, count, comparison);
+        self.see_with_eye(pass, &middle);
         let size = [self.grid.width as f64, self.grid.height as f64];
-        let table = |of: usize, window: &Window| {
-            let (mode, optics) = self.mode(of);
-            let sub_frame = |(frame, (moment, iris)): (usize, (&Moment, &Pupil))| {
+        pass.with_modes(std::iter::repeat(()), |pass, ()| {
+            let (window, of, (mode, optics)) = (pass.window, pass.source_mode, self.mode(pass.source_mode));
+            let shift = |(frame, moment): (usize, Moment)| {
                 let [along, down] = [0, 1].map(|i| moment.eye[i] / size[i]);
                 let first = along * window.x0 as f64 + down * window.y0 as f64;
                 // Each moment's light over its own pupil's share.
                 let power = self.power(of, frame);
-                let weight = if moment.seen { (power * share / self.grid.share(iris.diameter)).sqrt() } else { 0.0 };
-                let spans = window.spans(&optics, &mode.pupil(iris, optics.focal_length));
-                (Shift { turns: [down, along, first], weight }, spans)
+                let own = self.grid.share(iris(&moment.pupil).diameter);
+                let weight = if moment.seen { (power * share / own).sqrt() } else { 0.0 };
+                Shift { turns: [down, along, first], weight }
             };
-            Some(Table::new(&moments.iter().zip(&irises).enumerate().map(sub_frame).collect::<Vec<_>>()))
-        };
-        pass.moments = table(pass.source_mode, &window);
-        for further in &mut pass.modes {
-            further.moments = table(further.source_mode, &further.window);
-        }
+            let spans = |m: Moment| window.each_span(&optics, &mode.pupil(&iris(&m.pupil), optics.focal_length));
+            pass.moments.refill(moments.clone().enumerate().map(shift), moments.clone().flat_map(spans));
+        });
         let (high, wide) = self.grid.field_of_view();
         let pixel = [wide / size[0], high / size[1]];
-        let resting = self.displacement(&iris(&middle.pupil));
-        let mut looks: Vec<(Pupil, [f64; 2])> = Vec::with_capacity(seen.len());
-        let place = |m: &Moment| (m.pupil, [0, 1].map(|i| resting[i] + (m.content[i] - m.eye[i]) * pixel[i]));
-        looks.extend(seen.iter().map(|moment| place(moment)));
-        if looks.iter().all(|look| *look == looks[0]) {
-            looks.truncate(1);
-        }
-        pass.shot = self.shot_over(&looks, window);
-        pass
+        let resting = self.displacement(&middle);
+        let place = |m: Moment| (m.pupil, [0, 1].map(|i| resting[i] + (m.content[i] - m.eye[i]) * pixel[i]));
+        let looks = seen.map(place);
+        let alike = looks.clone().zip(looks.clone().skip(1)).all(|(one, next)| one == next);
+        pass.shot = self.shot_over(looks.take(if alike { 1 } else { count }), pass.window, pass.shot.take());
     }
 }
 
@@ -126,31 +135,29 @@ impl PupilPass {
     /// Lights its sub-frames with these powers, each over their mean, in place of those that it had: of an eye at rest, whose
     /// table does no more than weigh.
     pub(crate) fn set_powers(&mut self, powers: &[f64]) {
-        self.set_powers_by_mode(|_| powers.to_vec());
+        self.set_powers_by_mode(|_| powers.iter().copied());
     }
 
     /// The same with powers of each mode's own; `of` is asked for those of one of the planner's modes.
-    pub(crate) fn set_powers_by_mode(&mut self, of: impl Fn(usize) -> Vec<f64>) {
-        let still = |power: &f64| Shift { turns: [0.0; 3], weight: power.sqrt() };
-        let table = |mode: usize, spans: &Vec<[u32; 2]>| {
-            Table::new(&of(mode).iter().map(|p| (still(p), spans.clone())).collect::<Vec<_>>())
-        };
-        self.moments = Some(table(self.source_mode, &self.spans));
-        for mode in &mut self.modes {
-            mode.moments = Some(table(mode.source_mode, &mode.spans));
-        }
+    pub(crate) fn set_powers_by_mode<P: Iterator<Item = f64> + Clone>(&mut self, of: impl Fn(usize) -> P) {
+        let still = |power: f64| Shift { turns: [0.0; 3], weight: power.sqrt() };
+        self.with_modes(std::iter::repeat(()), |pass, ()| {
+            let Self { moments, spans, source_mode, .. } = pass;
+            let powers = of(*source_mode);
+            moments.refill(powers.clone().map(still), powers.flat_map(|_| spans.iter().copied()));
+        });
     }
 }
 
 /// The smallest disc about the middle of their range that holds these.
-fn around<'a>(pupils: impl Iterator<Item = &'a Pupil> + Clone) -> Pupil {
+fn around(pupils: impl Iterator<Item = Pupil> + Clone) -> Pupil {
     let Some(first) = pupils.clone().next() else { return Pupil::from_mm([0.0, 0.0, 1.0, 0.0]) };
-    let range = |of: fn(&Pupil) -> f64| {
+    let range = |of: fn(Pupil) -> f64| {
         let values = pupils.clone().map(of);
         (values.clone().fold(f64::INFINITY, f64::min), values.fold(f64::NEG_INFINITY, f64::max))
     };
     let ((left, right), (top, bottom)) = (range(|p| p.x), range(|p| p.y));
     let (x, y) = (0.5 * (left + right), 0.5 * (top + bottom));
     let diameter = pupils.map(|p| p.diameter + 2.0 * (p.x - x).hypot(p.y - y)).fold(0.0, f64::max);
-    Pupil { x, y, diameter, ..*first }
+    Pupil { x, y, diameter, ..first }
 }

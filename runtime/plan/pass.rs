@@ -2,6 +2,7 @@
 
 use super::list::{Extent, Resource, Shape};
 use crate::optics::Window;
+use bytemuck::Zeroable;
 use eyebox_kernels::{
     compare, contrast_rows, exposure, eye, fft::Columns, intensity, modulate, motion, pass_pupil, photograph, resample,
     transfer,
@@ -47,8 +48,8 @@ pub struct PupilPass {
     pub eye: Option<eye::Terms>,
     /// Weights of `taper`: those of all rows, then those of all columns. None for an aperture with a sharp edge.
     pub taper: Option<Vec<f32>>,
-    /// What `motion` does to each sub-frame, where the eye moves, or does not see all of them.
-    pub moments: Option<motion::Table>,
+    /// What `motion` does to each sub-frame, where the eye moves, or does not see all of them; else of no sub-frame.
+    pub moments: motion::Table,
     /// Arguments of `pass_pupil` and `overlap`.
     pub pass: pass_pupil::Args,
     /// Arguments of `return_pupil`: the same place, another scale.
@@ -73,6 +74,42 @@ pub struct PupilPass {
 }
 
 impl PupilPass {
+    /// One that needs nothing, to be filled.
+    pub(crate) fn empty() -> Self {
+        Self {
+            window: Window { y0: 0, x0: 0, rows: 0, columns: 0 },
+            spans: Vec::new(),
+            transfer: transfer::Args::zeroed(),
+            eye: None,
+            taper: None,
+            moments: motion::Table::default(),
+            pass: pass_pupil::Args::zeroed(),
+            back: pass_pupil::Args::zeroed(),
+            columns: Columns { first: 0, count: 0 },
+            intensity: intensity::Args::zeroed(),
+            compare: compare::Args::zeroed(),
+            contrast: None,
+            shot: None,
+            weight: 1.0,
+            source_mode: 0,
+            modes: Vec::new(),
+        }
+    }
+
+    /// Does something to each mode of the source, the first of which is this, with what there is of each.
+    pub(super) fn with_modes<T>(&mut self, each: impl IntoIterator<Item = T>, mut work: impl FnMut(&mut Self, T)) {
+        let mut modes = std::mem::take(&mut self.modes);
+        let mut each = each.into_iter();
+        each.next().into_iter().for_each(|of_first| work(self, of_first));
+        modes.iter_mut().zip(each).for_each(|(mode, of_mode)| work(mode, of_mode));
+        self.modes = modes;
+    }
+
+    /// Whether the eye moves, or does not see all sub-frames.
+    pub(crate) fn moves(&self) -> bool {
+        self.moments.frames() > 0
+    }
+
     /// Pixels of its window.
     pub fn count(&self) -> usize {
         self.window.rows * self.window.columns
@@ -112,8 +149,8 @@ impl PupilPass {
     /// Arguments of `motion`, from a sub-frame on.
     pub(crate) fn motion_args(&self, first: usize, back: bool) -> Option<motion::Args> {
         let transfer::Args { rows, columns, .. } = self.transfer;
-        let frames = self.moments.as_ref()?.frames() as u32;
-        Some(motion::Args { rows, columns, frames, first: first as u32, back: u32::from(back) })
+        let frames = self.moments.frames() as u32;
+        self.moves().then_some(motion::Args { rows, columns, frames, first: first as u32, back: u32::from(back) })
     }
 
     /// Bins that it passes, in all modes.

@@ -155,17 +155,18 @@ impl Planner {
 
     /// The modes whose light may reach a pupil, by their places, at least one: those that are lit, and of which it stands in the
     /// eyebox.
-    fn modes_at(&self, pupil: &Pupil) -> Vec<usize> {
+    fn modes_at(&self, pupil: Pupil) -> impl Iterator<Item = usize> + Clone {
         let lit = |at: &usize| self.modes[*at].is_lit();
-        let reaches = |at: &usize| {
+        let reaches = move |at: &usize| {
             let (mode, optics) = self.mode(*at);
-            let (seen, (bin_y, bin_x)) = (mode.pupil(pupil, optics.focal_length), optics.bin_size());
+            let (seen, (bin_y, bin_x)) = (mode.pupil(&pupil, optics.focal_length), optics.bin_size());
             let most = (optics.eyebox() + pupil.diameter) / 2.0;
             seen.x.abs() <= most + bin_x && seen.y.abs() <= most + bin_y
         };
         let all = 0..self.modes.len();
-        let found: Vec<usize> = all.clone().filter(|at| lit(at) && (self.modes.len() == 1 || reaches(at))).collect();
-        if found.is_empty() { vec![all.clone().find(lit).unwrap_or(0)] } else { found }
+        let found = all.clone().filter(move |at| lit(at) && (self.modes.len() == 1 || reaches(at)));
+        let any = found.clone().next().is_none().then(|| all.clone().find(lit).unwrap_or(0));
+        found.chain(any)
     }
 
     /// Power of a mode in a sub-frame, over its mean: the lasers', and that of sources that take turns.
@@ -220,17 +221,23 @@ impl Planner {
     /// unnormalised inverse for the projection, and the gradient G for the others (OPTICS 4, 6b), each times what suits
     /// the storage.
     pub fn pupil_pass(&self, pupil: &Pupil, comparison: &Comparison) -> PupilPass {
+        let mut pass = PupilPass::empty();
+        self.refill(&mut pass, pupil, comparison);
+        pass
+    }
+
+    /// Makes [`pupil_pass`](Self::pupil_pass) of one that is over, in the lists that it has.
+    pub(super) fn refill(&self, pass: &mut PupilPass, pupil: &Pupil, comparison: &Comparison) {
         // Light passes the iris as it really is; what it should show is the picture of the one that was asked for.
         let iris = self.model.as_ref().map_or(*pupil, |model| model.model().true_pupil(pupil));
-        let mut pupil_pass = self.pupil_pass_of(&iris, self.grid.share(iris.diameter), self.frames, comparison);
-        self.see_with_eye(&mut pupil_pass, &iris);
+        self.refill_wave(pass, &iris, self.grid.share(iris.diameter), self.frames, comparison);
+        self.see_with_eye(pass, &iris);
         let takes_turns = |mode: &PupilPass| self.modes.get(mode.source_mode).is_some_and(|mode| mode.turn[1] != 1);
-        if !self.powers.is_empty() || pupil_pass.each_mode().any(takes_turns) {
-            let of = |mode| (0..self.frames).map(|frame| self.power(mode, frame)).collect();
-            pupil_pass.set_powers_by_mode(of);
+        if !self.powers.is_empty() || pass.each_mode().any(takes_turns) {
+            pass.set_powers_by_mode(|mode| (0..self.frames).map(move |frame| self.power(mode, frame)));
         }
-        pupil_pass.shot = self.shot(pupil, self.displacement(&iris), pupil_pass.window);
-        pupil_pass
+        let look = std::iter::once((*pupil, self.displacement(&iris)));
+        pass.shot = self.shot_over(look, pass.window, pass.shot.take());
     }
 
     /// How far behind the SLM light leaves its mask, metres.
@@ -238,42 +245,47 @@ impl Planner {
         self.model.as_ref().map_or(0.0, |model| model.mask_distance())
     }
 
-    /// The eye's error, centred on this iris, in all modes of a pupil pass.
+    /// The eye's error, centred on this iris, in all modes of a pupil pass; that of a pass before makes way.
     pub(super) fn see_with_eye(&self, pass: &mut PupilPass, iris: &Pupil) {
-        let Some(eye) = &self.eye else { return };
-        let terms = |of: usize, window: &Window| {
-            let (mode, optics) = self.mode(of);
-            Some(eye.terms(&optics, &mode.pupil(iris, optics.focal_length), window))
-        };
-        pass.eye = terms(pass.source_mode, &pass.window);
-        for further in &mut pass.modes {
-            further.eye = terms(further.source_mode, &further.window);
-        }
+        pass.with_modes(std::iter::repeat(()), |pass, ()| {
+            let (mode, optics) = self.mode(pass.source_mode);
+            let before = pass.eye.take();
+            let iris = mode.pupil(iris, optics.focal_length);
+            pass.eye = self.eye.as_ref().map(|eye| eye.terms(&optics, &iris, &pass.window, before));
+        });
     }
 
-    /// The same without a photograph, where `share` of an even field's light passes, of a perfect eye that averages so many
-    /// sub-frames.
-    pub(super) fn pupil_pass_of(&self, pupil: &Pupil, share: f64, seen: usize, comparison: &Comparison) -> PupilPass {
-        let lit: Vec<_> = self.modes_at(pupil).into_iter().map(|at| (at, self.mode(at))).collect();
+    /// The same as [`refill`](Self::refill) where `share` of an even field's light passes, of an eye that averages `seen`
+    /// sub-frames; its error and its photograph are left to the caller.
+    pub(super) fn refill_wave(
+        &self,
+        pass: &mut PupilPass,
+        pupil: &Pupil,
+        share: f64,
+        seen: usize,
+        comparison: &Comparison,
+    ) {
+        let lit = self.modes_at(*pupil);
         let pupil_of = |mode: &SourceMode| mode.pupil(pupil, self.grid.focal_length);
-        let size = lit.iter().fold([0; 2], |[rows, columns], (_, (mode, optics))| {
-            let window = Window::new(optics, &pupil_of(mode), self.factor);
+        let size = lit.clone().map(|at| self.mode(at)).fold([0; 2], |[rows, columns], (mode, optics)| {
+            let window = Window::new(&optics, &pupil_of(&mode), self.factor);
             [rows.max(window.rows), columns.max(window.columns)]
         });
-        let mut modes = lit.iter().map(|(at, (mode, optics))| {
-            let window = Window::around(optics, &pupil_of(mode), self.factor, size);
-            let pass = self.mode_pass(mode, optics, &pupil_of(mode), window, share, seen, comparison);
-            PupilPass { source_mode: *at, ..pass }
+        pass.modes.resize_with(lit.clone().count() - 1, PupilPass::empty);
+        pass.with_modes(lit, |pass, at| {
+            let (mode, optics) = self.mode(at);
+            let window = Window::around(&optics, &pupil_of(&mode), self.factor, size);
+            self.refill_mode(pass, &mode, &optics, &pupil_of(&mode), window, share, seen, comparison);
+            pass.source_mode = at;
         });
-        let first = modes.next().expect("there is one mode at least");
-        PupilPass { modes: modes.collect(), ..first }
     }
 
     /// One mode of it: a pupil that stands elsewhere in the SLM's light, with the optics of the mode's wavelength. Its weight
     /// is in the scales of the way there and the way back, the root of it in each.
     #[allow(clippy::too_many_arguments, reason = "what all modes share, and what is a mode's own")]
-    fn mode_pass(
+    fn refill_mode(
         &self,
+        refilled: &mut PupilPass,
         mode: &SourceMode,
         grid: &Optics,
         pupil: &Pupil,
@@ -281,8 +293,12 @@ impl Planner {
         share: f64,
         seen: usize,
         comparison: &Comparison,
-    ) -> PupilPass {
-        let spans = window.spans(grid, pupil);
+    ) {
+        let PupilPass { mut spans, mut moments, eye, shot, modes, .. } =
+            std::mem::replace(refilled, PupilPass::empty());
+        spans.clear();
+        spans.extend(window.each_span(grid, pupil));
+        moments.clear();
         let amplitude = mode.weight.sqrt();
         let (points, count) = ((grid.height * grid.width) as f64, (window.rows * window.columns) as f64);
         let gain = 1.0 / (seen as f64 * share);
@@ -327,7 +343,7 @@ impl Planner {
             floor: comparison.floor as f32,
             limit: comparison.limit as f32,
         };
-        PupilPass {
+        *refilled = PupilPass {
             transfer: transfer::Args {
                 slope_y,
                 slope_x,
@@ -340,9 +356,9 @@ impl Planner {
                 rows: window.rows as u32,
                 columns: window.columns as u32,
             },
-            eye: None,
+            eye,
             taper: None,
-            moments: None,
+            moments,
             columns: span_columns(&spans),
             intensity: intensity::Args {
                 count: count as u32,
@@ -352,15 +368,15 @@ impl Planner {
             },
             contrast: self.contrast.map(|contrast| contrast.pass(grid, &window, &compared)),
             compare: compared,
-            shot: None,
+            shot,
             weight: mode.weight as f32,
             source_mode: 0,
-            modes: Vec::new(),
+            modes,
             window,
             spans,
             pass,
             back,
-        }
+        };
     }
 
     /// Where the eye sees the picture displaced to, metres (x, y): where its error is centred (OPTICS 11).
@@ -368,25 +384,28 @@ impl Planner {
         self.eye.as_ref().map_or([0.0; 2], |e| e.prescription().displacement([iris.x, iris.y], self.grid.focal_length))
     }
 
-    pub(super) fn shot(&self, pupil: &Pupil, displaced: [f64; 2], window: Window) -> Option<Shot> {
-        self.shot_over(&[(*pupil, displaced)], window)
-    }
-
-    /// The mean of the photographs through these pupils, each displaced (x, y), metres.
-    pub(super) fn shot_over(&self, looks: &[(Pupil, [f64; 2])], window: Window) -> Option<Shot> {
+    /// The mean of the photographs through these pupils, each displaced (x, y), metres, in the list of one that is over.
+    pub(super) fn shot_over(
+        &self,
+        looks: impl Iterator<Item = (Pupil, [f64; 2])> + Clone,
+        window: Window,
+        over: Option<Shot>,
+    ) -> Option<Shot> {
         let ViewLayout { grid: views, center, levels, unit, tables } = self.views.as_ref()?;
         let fits = |l: &(usize, usize)| l.0 >= window.rows && l.1 >= window.columns;
         let level = levels.iter().rposition(fits).unwrap_or(0);
         let (height, width) = levels[level];
-        let taps = |(pupil, displaced): &(Pupil, [f64; 2])| {
-            views.taps_around(*center, *displaced, &self.grid, pupil, height, width)
-        };
-        let mut taps: Vec<photograph::Tap> = looks.iter().flat_map(taps).collect();
-        if looks.len() > 1 {
-            let share = 1.0 / looks.len() as f32;
+        let mut taps = over.map_or_else(Vec::new, |shot| shot.taps);
+        taps.clear();
+        let count = looks.clone().count();
+        for (pupil, displaced) in looks {
+            taps.extend(views.taps_around(*center, displaced, &self.grid, &pupil, height, width));
+        }
+        if count > 1 {
+            let share = 1.0 / count as f32;
             taps.iter_mut().for_each(|tap| tap.weight *= share);
             // Taps of one move down are added up together.
-            taps.sort_by_key(|tap| (tap.dy, tap.fy.to_bits()));
+            taps.sort_unstable_by_key(|tap| (tap.dy, tap.fy.to_bits(), tap.view, tap.dx, tap.fx.to_bits()));
         }
         let (rows, columns) = (tables.get(height, window.rows), tables.get(width, window.columns));
         Some(Shot {

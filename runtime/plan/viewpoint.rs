@@ -27,18 +27,25 @@ pub enum Viewpoint {
 impl Planner {
     /// What `viewpoint` needs.
     pub fn viewpoint(&self, viewpoint: &Viewpoint, comparison: &Comparison) -> PupilPass {
+        let mut pass = PupilPass::empty();
+        self.look_through(&mut pass, viewpoint, comparison);
+        pass
+    }
+
+    /// Makes of a pupil pass that is over what `viewpoint` needs, in the lists that it has.
+    pub(crate) fn look_through(&self, pass: &mut PupilPass, viewpoint: &Viewpoint, comparison: &Comparison) {
         let diameter = match viewpoint {
             Viewpoint::Pupil(pupil) | Viewpoint::Moving(Moving { pupil, .. }) => pupil.diameter,
             Viewpoint::Stft { .. } => 0.0,
         };
         if let Some(planner) = self.of_fewer_modes(diameter) {
-            return planner.viewpoint(viewpoint, comparison);
+            return planner.look_through(pass, viewpoint, comparison);
         }
         match *viewpoint {
-            Viewpoint::Pupil(pupil) => self.pupil_pass(&pupil, comparison),
-            Viewpoint::Moving(moving) if moving.is_resting(self.frames) => self.pupil_pass(&moving.pupil, comparison),
-            Viewpoint::Moving(moving) => self.moving_pass(&moving.moments(self.frames), comparison),
-            Viewpoint::Stft { view, samples, filter } => self.stft(view, samples, filter, comparison),
+            Viewpoint::Pupil(pupil) => self.refill(pass, &pupil, comparison),
+            Viewpoint::Moving(moving) if moving.is_resting(self.frames) => self.refill(pass, &moving.pupil, comparison),
+            Viewpoint::Moving(moving) => self.refill_moving(pass, moving.each_moment(self.frames), comparison),
+            Viewpoint::Stft { view, samples, filter } => *pass = self.stft(view, samples, filter, comparison),
         }
     }
 
@@ -51,7 +58,8 @@ impl Planner {
         let window = hann(samples);
         // The window's spectrum is 1 at its middle; its power, by Parseval, is what an even field sends through.
         let axis = window.iter().map(|w| w * w).sum::<f64>() / window.iter().sum::<f64>().powi(2);
-        let mut pupil_pass = full.pupil_pass_of(&pupil, axis * axis, self.frames, comparison);
+        let mut pupil_pass = PupilPass::empty();
+        full.refill_wave(&mut pupil_pass, &pupil, axis * axis, self.frames, comparison);
         let (x, y) = self.views.as_ref().map_or((0.0, 0.0), |v| v.grid.position(view));
         let (bin_y, bin_x) = self.grid.bin_size();
         let weights = |first: i64, count: usize, n: usize, s: f64, bin: f64| {
@@ -60,7 +68,7 @@ impl Planner {
         let rows = weights(pupil_pass.window.y0, pupil_pass.window.rows, self.grid.height, y, bin_y);
         let columns = weights(pupil_pass.window.x0, pupil_pass.window.columns, self.grid.width, x, bin_x);
         pupil_pass.taper = Some(rows.into_iter().chain(columns).map(|nu| spectrum(&window, nu) as f32).collect());
-        pupil_pass.shot = full.shot(&pupil, [0.0; 2], pupil_pass.window);
+        pupil_pass.shot = full.shot_over(std::iter::once((pupil, [0.0; 2])), pupil_pass.window, None);
         if let Some(shot) = &mut pupil_pass.shot {
             let (height, width) = (shot.args.height as usize, shot.args.width as usize);
             let only = self.views.as_ref().map(|v| v.grid.only(&self.grid, view, height, width));

@@ -27,26 +27,28 @@ impl ViewGrid {
     /// Share of the pupil's light per view, row-major, summing to one: the area of the disc in the view's cell.
     /// A pupil that covers no cell at all sees the nearest view.
     pub fn coverage(&self, pupil: &Pupil) -> Vec<(usize, f64)> {
-        let (r, half) = (pupil.diameter / 2.0, self.cell / 2.0);
-        let mut covered = Vec::new();
-        let mut nearest = (0, f64::INFINITY);
-        for index in 0..self.rows * self.columns {
+        self.covered(pupil).collect()
+    }
+
+    /// The same, view by view.
+    fn covered(self, pupil: &Pupil) -> impl Iterator<Item = (usize, f64)> + use<> {
+        let (pupil, r, half) = (*pupil, pupil.diameter / 2.0, self.cell / 2.0);
+        let views = 0..self.rows * self.columns;
+        let place = move |index| {
             let (x, y) = self.position(index);
-            let (x, y) = (x - pupil.x, y - pupil.y);
-            let area = disc_in_rectangle(r, [x - half, x + half], [y - half, y + half]);
-            if area > 0.0 {
-                covered.push((index, area));
-            }
-            if x * x + y * y < nearest.1 {
-                nearest = (index, x * x + y * y);
-            }
-        }
-        let sum: f64 = covered.iter().map(|c| c.1).sum();
-        if !sum.is_normal() {
-            return vec![(nearest.0, 1.0)];
-        }
-        covered.iter_mut().for_each(|c| c.1 /= sum);
-        covered
+            (x - pupil.x, y - pupil.y)
+        };
+        let area = move |index| {
+            let (x, y) = place(index);
+            disc_in_rectangle(r, [x - half, x + half], [y - half, y + half])
+        };
+        let sum: f64 = views.clone().map(area).sum();
+        let covers = sum.is_normal();
+        let share = move |index| Some((index, area(index) / sum)).filter(|(_, share)| *share > 0.0);
+        let distance = move |index: &usize| place(*index).0.powi(2) + place(*index).1.powi(2);
+        let nearest = views.clone().min_by(|a, b| distance(a).total_cmp(&distance(b))).filter(|_| !covers);
+        let covered = if covers { views } else { 0..0 };
+        covered.filter_map(share).chain(nearest.map(|index| (index, 1.0)))
     }
 
     /// The tap of one view as it is, on a level of (height, width) samples of the grid of `optics`.
@@ -61,33 +63,33 @@ impl ViewGrid {
     /// view v moves by `(z / f) q_v`, periodic on the grid. In the far field the axis comes first, as in the transform of
     /// a window.
     pub fn taps(&self, optics: &Optics, pupil: &Pupil, height: usize, width: usize) -> Vec<Tap> {
-        self.taps_around([0.0; 2], [0.0; 2], optics, pupil, height, width)
+        self.taps_around([0.0; 2], [0.0; 2], optics, pupil, height, width).collect()
     }
 
-    /// The same for views whose common centre is at `center` (x, y) of the pupil plane, and a picture that is `displaced` (x, y):
-    /// metres.
+    /// The same, tap by tap, for views whose common centre is at `center` (x, y) of the pupil plane, and a picture that is
+    /// `displaced` (x, y): metres.
     pub(crate) fn taps_around(
-        &self,
+        self,
         center: [f64; 2],
         displaced: [f64; 2],
         optics: &Optics,
         pupil: &Pupil,
         height: usize,
         width: usize,
-    ) -> Vec<Tap> {
+    ) -> impl Iterator<Item = Tap> + use<> {
         let near = Pupil { x: pupil.x - center[0], y: pupil.y - center[1], ..*pupil };
         let metres = pupil.depth / optics.focal_length;
         let (high, wide) = optics.field_of_view();
         let (per_row, per_column) = (height as f64 / high, width as f64 / wide);
         let (axis_y, axis_x) = axis(optics, height, width);
-        let tap = |(index, weight): (usize, f64)| {
+        let tap = move |(index, weight): (usize, f64)| {
             let (x, y) = self.position(index);
             let (x, y) = (x + center[0], y + center[1]);
             let (dy, fy) = split((metres * y + displaced[1]) * per_row - axis_y, height);
             let (dx, fx) = split((metres * x + displaced[0]) * per_column - axis_x, width);
             Tap { view: index as u32, weight: weight as f32, dy, dx, fy, fx }
         };
-        self.coverage(&near).into_iter().map(tap).collect()
+        self.covered(&near).map(tap)
     }
 }
 
@@ -118,14 +120,20 @@ fn disc_in_rectangle(r: f64, x: [f64; 2], y: [f64; 2]) -> f64 {
     if low >= high || y[0] >= r || y[1] <= -r {
         return 0.0;
     }
-    let mut ends = vec![low, high];
+    // Where the pieces end: the ends, and what crossings there are between.
+    let mut ends = [low, high, high, high, high, high];
+    let mut count = 2;
     for side in y {
         if side.abs() < r {
             let crossing = ((r - side) * (r + side)).sqrt();
-            ends.extend([-crossing, crossing].into_iter().filter(|c| (low..high).contains(c)));
+            for at in [-crossing, crossing].into_iter().filter(|c| (low..high).contains(c)) {
+                ends[count] = at;
+                count += 1;
+            }
         }
     }
-    ends.sort_by(f64::total_cmp);
+    let ends = &mut ends[..count];
+    ends.sort_unstable_by(f64::total_cmp);
     let circle = |x: f64| ((r - x) * (r + x)).max(0.0).sqrt();
     let primitive = |x: f64| 0.5 * (x * circle(x) + r * r * (x / r).clamp(-1.0, 1.0).asin());
     let piece = |a: f64, b: f64| {

@@ -168,7 +168,7 @@ impl Following {
         if let Some(set) = self.source.newly_shown() {
             if let Some(switch) = &mut self.switch {
                 // A switch is not worth the picture: it says itself what is wrong with it.
-                switch(&LitSources { set: set.number, start_ns, colors: &set.sources });
+                switch(&LitSources { set: set.number, start_ns, colors: set.sources() });
             }
             if let Some(showing) = &mut self.showing {
                 showing.lit(Some(set), start_ns);

@@ -121,7 +121,7 @@ pub use sets::FinishedSet;
 pub use showing::Showing;
 pub use statistics::{Ending, LiveStatistics, Statistics};
 pub use steerer::retrieval::fixed_phases;
-pub use steerer::{EngineOpener, Followed, Policy, SteeredColor, Steerer};
+pub use steerer::{EngineOpener, Followed, PhasesOfColors, Policy, SteeredColor, Steerer};
 pub use study::{ContentRun, ContentSample, ContentSettings, JumpStart, StudiedContent, StudiedEye, study_content};
 pub use study::{Judging, Observer, Study, StudySample, StudySettings, study};
 pub use ticked::TickedSession;

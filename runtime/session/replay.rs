@@ -95,13 +95,13 @@ impl Replay {
         let Some(mut buffer) = self.sender.buffer() else { return Ok(()) };
         self.steerer.settle()?;
         self.encoder.encode_into(&PhaseSet::trusted(&self.steerer.phases()?), &mut buffer.frames)?;
+        buffer.lit_by(self.steerer.sources());
         self.sender.send(FinishedSet {
             number,
             buffer,
             timestamps: Timestamps::default(),
             pupil: [0.0; 2],
             focus: None,
-            sources: self.steerer.sources(),
             steps: std::mem::take(&mut self.steps),
             content: self.content,
             arrived_ns: None,

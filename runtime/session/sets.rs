@@ -28,8 +28,6 @@ pub struct FinishedSet {
     /// Depth that the eye is expected to focus at then, metres, the middle of where it may be; none of the hologram for the
     /// whole eyebox.
     pub focus: Option<f64>,
-    /// The display's switchable sources that it was made for and is lit by, colour by colour, by their places from 0.
-    pub sources: Vec<Vec<usize>>,
     /// Steps that were taken for it, over all colours.
     pub steps: u32,
     /// The number of the scene that it shows, where scenes follow each other,
@@ -48,10 +46,36 @@ pub struct FinishedSet {
     pub motion: Vec<Motion>,
 }
 
-/// Room for the video frames of a set: on the host, and, where they go straight to a swapchain, on its device.
+impl FinishedSet {
+    /// The display's switchable sources that it was made for and is lit by, colour by colour, by their places from 0.
+    pub fn sources(&self) -> &[Vec<usize>] {
+        &self.buffer.sources
+    }
+}
+
+/// Room for the video frames of a set: on the host, and, where they go straight to a swapchain, on its device; and for the list
+/// of the sources that light it. Buffers go round, so that no set makes its own.
 pub(super) struct SetBuffer {
     pub frames: VideoFrames,
     pub pictures: Option<Pictures>,
+    /// Of each colour, by their places from 0.
+    pub sources: Vec<Vec<usize>>,
+}
+
+impl SetBuffer {
+    /// Keeps which sources light the set, colour by colour, in the lists that it has.
+    pub(super) fn lit_by<'a>(&mut self, colors: impl Iterator<Item = &'a [usize]>) {
+        let mut count = 0;
+        for lit in colors {
+            if self.sources.len() == count {
+                self.sources.push(Vec::new());
+            }
+            self.sources[count].clear();
+            self.sources[count].extend_from_slice(lit);
+            count += 1;
+        }
+        self.sources.truncate(count);
+    }
 }
 
 /// Buffers: one on the screen, one ready, one on its way, one being filled.
@@ -99,7 +123,7 @@ pub(super) fn set_channel<E>(
 ) -> Result<(SetSender, LiveSource), E> {
     let (newest, free) = (Mailbox::new(1), Mailbox::new(BUFFERS));
     for _ in 0..BUFFERS {
-        let _ = free.put(SetBuffer { frames: frames.clone(), pictures: pictures()? });
+        let _ = free.put(SetBuffer { frames: frames.clone(), pictures: pictures()?, sources: Vec::new() });
     }
     let over = Arc::new(AtomicBool::new(false));
     let doing = Arc::new(AtomicCell::new(Repeat::default()));

@@ -11,10 +11,13 @@ use crate::optics::PupilDistribution;
 use crate::solve::{Motion, Problem, Refiner, Steering};
 use crate::tiled::Extent;
 use serde::{Deserialize, Serialize};
+use std::ops::Deref;
 use std::time::Duration;
 
 /// No eye is known better than this, metres: its spread as a solver takes it.
 const SHARPEST: f64 = 0.1e-3;
+/// Red, green and blue.
+const MOST_COLORS: usize = 3;
 
 /// Opens an engine, as often as it is called.
 pub type EngineOpener = Box<dyn FnMut() -> Result<Box<dyn Engine>, EngineError> + Send>;
@@ -65,6 +68,32 @@ struct OneColor {
     fixed: Vec<f32>,
     /// The scene is another picture altogether, and nothing was begun with for it yet.
     unfit: bool,
+}
+
+/// Phases of each colour, as they are read for every set: (frames, height, width), radians.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct PhasesOfColors<'a> {
+    colors: [&'a [f32]; MOST_COLORS],
+    count: usize,
+}
+
+impl<'a> FromIterator<&'a [f32]> for PhasesOfColors<'a> {
+    fn from_iter<I: IntoIterator<Item = &'a [f32]>>(colors: I) -> Self {
+        let mut phases = Self::default();
+        for (place, color) in phases.colors.iter_mut().zip(colors) {
+            *place = color;
+            phases.count += 1;
+        }
+        phases
+    }
+}
+
+impl<'a> Deref for PhasesOfColors<'a> {
+    type Target = [&'a [f32]];
+
+    fn deref(&self) -> &Self::Target {
+        &self.colors[..self.count]
+    }
 }
 
 /// What another scene was begun with.
@@ -122,6 +151,12 @@ impl Steerer {
     ) -> Result<Self, SessionError> {
         if colors.is_empty() {
             return Err(SessionError::Setting("there is no colour to refine".into()));
+        }
+        if colors.len() > MOST_COLORS {
+            let count = colors.len();
+            return Err(SessionError::Setting(format!(
+                "{count} colours to refine: a display has {MOST_COLORS} at most"
+            )));
         }
         if policy.restart.is_nan() || policy.restart < 0.0 {
             let wrong = policy.restart;
@@ -309,13 +344,13 @@ impl Steerer {
 
     /// What the pupils of the last steps saw, by their losses, mean over the colours, dB; none before every colour took one.
     pub fn estimated_db(&self) -> Option<f64> {
-        let losses = self.colors.iter().map(|c| c.loss).collect::<Option<Vec<f64>>>()?;
-        Some(-10.0 * (losses.iter().sum::<f64>() / losses.len().max(1) as f64).max(1e-12).log10())
+        let sum: f64 = self.colors.iter().map(|c| c.loss).sum::<Option<f64>>()?;
+        Some(-10.0 * (sum / self.colors.len().max(1) as f64).max(1e-12).log10())
     }
 
     /// The display's switchable sources that are lit for each colour, by their places.
-    pub fn sources(&self) -> Vec<Vec<usize>> {
-        self.colors.iter().map(|color| color.refiner.sources().to_vec()).collect()
+    pub fn sources(&self) -> impl Iterator<Item = &[usize]> {
+        self.colors.iter().map(|color| color.refiner.sources())
     }
 
     /// Begins again, in the light that the holograms for the whole eyebox were solved for.
@@ -374,7 +409,7 @@ impl Steerer {
     ///
     /// # Errors
     /// Those of the engines.
-    pub fn phases(&mut self) -> Result<Vec<&[f32]>, EngineError> {
+    pub fn phases(&mut self) -> Result<PhasesOfColors<'_>, EngineError> {
         for color in &mut self.colors {
             color.refiner.phases_into(&mut color.phases)?;
         }

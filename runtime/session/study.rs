@@ -101,7 +101,7 @@ pub fn study(
     }
     steerer.restart()?;
     let phases = colors.iter().map(|c| c.phases.clone()).collect();
-    let sources = steerer.sources();
+    let sources = steerer.sources().map(<[usize]>::to_vec).collect();
     let mut studying = Studying {
         settings,
         encoder,
@@ -171,7 +171,7 @@ impl Studying<'_> {
         let refined_ns = time.now_ns();
         let phases = self.steerer.phases()?;
         self.encoder.encode_into(&PhaseSet::trusted(&phases), &mut self.frames)?;
-        let phases = phases.into_iter().map(<[f32]>::to_vec).collect();
+        let phases = phases.iter().map(|of_color| of_color.to_vec()).collect();
         time.encoded();
         self.stage.now_ns = time.now_ns();
         let took_ns = time.now_ns() - refined_ns;
@@ -179,7 +179,7 @@ impl Studying<'_> {
         self.encoded_ns += took_ns;
         self.handed_over += 1;
         self.encoding_ns = took_ns.max(self.encoding_ns - self.encoding_ns / 10);
-        let sources = self.steerer.sources();
+        let sources = self.steerer.sources().map(<[usize]>::to_vec).collect();
         Ok(Some(MadeSet { phases, pupil: Some(pupil.centre), sources, steps, new: true }))
     }
 

@@ -133,7 +133,6 @@ pub(super) fn made(sender: &SetSender, number: u64) -> FinishedSet {
         timestamps: Timestamps::default(),
         pupil: [0.0; 2],
         focus: None,
-        sources: Vec::new(),
         steps: 1,
         content: None,
         arrived_ns: None,

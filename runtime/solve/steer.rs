@@ -2,7 +2,9 @@
 //! that a sudden look elsewhere never meets the dark.
 
 mod draw;
+mod drawing;
 mod retrieve;
+mod sources;
 
 use super::carry::Carry;
 use super::error::SolveError;
@@ -11,13 +13,11 @@ use super::pace::Pace;
 use super::problem::Problem;
 use super::sampling::{Points, Sequence};
 use super::steering::{Steering, Strategy};
-use super::step::Update;
-use crate::engine::{Begun, Buffer, Engine, EngineError, Memory, PhasesOnDevice};
+use crate::engine::{Begun, Buffer, Engine, EngineError, PhasesOnDevice};
 use crate::evaluate::{self, Sums};
-use crate::optics::{Geometry, Pupil, PupilDistribution, Window};
-use crate::plan::{Kernel, Planner, PupilPass, Step, Viewpoint};
-use std::collections::HashSet;
-use std::ops::Range;
+use crate::optics::{Geometry, Pupil, PupilDistribution};
+use crate::plan::{Planner, Viewpoint, mean_loss};
+use drawing::Drawing;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -45,9 +45,7 @@ pub struct Refiner {
     moves: Points,
     /// Pupils over the whole eyebox that are due.
     due: f64,
-    /// The pupil passes of the last step, and how often they have been used.
-    pupil_passes: Vec<PupilPass>,
-    used: usize,
+    drawing: Drawing,
     /// Steps since phases or aim were set anew: Adam's corrections count them.
     since: usize,
     /// What steps take that draw pupils, and those that use the pupils of the step before.
@@ -59,8 +57,9 @@ pub struct Refiner {
 
 /// A step that was begun.
 struct UnderWay {
-    step: Step,
     begun: Begun,
+    /// Pixels of the windows of its pupil passes.
+    pixels: Vec<usize>,
     kind: usize,
     /// Seconds that the host was at it.
     host: f64,
@@ -99,7 +98,6 @@ impl Refiner {
         let diameter = [half / 4.0, half / 2.0];
         let aim = PupilDistribution { centre, spread: half, diameter, focus: [0.0, 0.0], elsewhere: 1.0 };
         let points = Points::new(Sequence::Sobol, steering.seed ^ 0x0073_7465_6572);
-        let (pupil_passes, paces) = (Vec::new(), Default::default());
         let mut refiner = Self {
             problem,
             planner,
@@ -113,10 +111,9 @@ impl Refiner {
             moved_for: Motion::default(),
             moves: Points::new(Sequence::Sobol, steering.seed ^ 0x6d6f_7469_6f6e),
             due: 0.0,
-            pupil_passes,
-            used: 0,
+            drawing: Drawing::default(),
             since: 0,
-            paces,
+            paces: Default::default(),
             under_way: None,
             carry: Carry::default(),
         };
@@ -124,31 +121,6 @@ impl Refiner {
         refiner.engine.keep(Buffer::Phases)?;
         refiner.prepare()?;
         Ok(refiner)
-    }
-
-    /// Makes what steps over pupils of an eye's size, and of those that are aimed at first, ask a device for: nothing is made
-    /// while it follows.
-    fn prepare(&mut self) -> Result<(), EngineError> {
-        if self.engine.memory() == Memory::Host {
-            return Ok(());
-        }
-        let [low, high] = self.aim.diameter;
-        let (low, high) = (low.min(EYES[0]), high.max(EYES[1]));
-        let [x, y] = self.aim.centre;
-        let mut seen = HashSet::new();
-        let mut viewpoints = Vec::new();
-        for i in 0..=DIAMETERS {
-            let diameter = low + (high - low) * f64::from(i) / f64::from(DIAMETERS);
-            let pupil = Pupil { x, y, diameter, depth: 0.0 };
-            let window = Window::new(&self.planner.grid, &pupil, self.steering.window);
-            if seen.insert((window.rows, window.columns)) {
-                viewpoints.push(Viewpoint::Pupil(pupil));
-            }
-        }
-        let update = self.steering.strategy.update(1);
-        let step = update.step(&self.planner, update.pupil_passes(&self.planner, &viewpoints, self.exposure), 0);
-        let at_once = self.steering.pupils + self.steering.elsewhere as usize + 1;
-        self.engine.prepare(&mut std::iter::once(step), Some(at_once))
     }
 
     /// Begins again with the phases that it was made with, those for the whole eyebox: where they are a device's, with nothing
@@ -179,7 +151,7 @@ impl Refiner {
         self.settle()?;
         self.engine.take_views(Arc::clone(&problem.pyramid))?;
         self.planner.views = problem.planner(self.planner.frames, self.planner.factor).views;
-        self.pupil_passes.clear();
+        self.drawing.forget();
         // What is lit stays so.
         let (choice, regions) = (self.problem.choice.take(), Arc::clone(&self.problem.regions));
         (self.problem, self.exposure) = (Problem { choice, regions, ..problem }, exposure);
@@ -204,11 +176,14 @@ impl Refiner {
         self.settle()?;
         let update = self.steering.strategy.update(self.since + 1);
         if self.is_fresh() {
-            self.draw_passes(update);
+            self.draw(update);
         }
-        let step = update.step(&self.planner, self.pupil_passes.clone(), usize::MAX);
-        let losses = self.engine.run_part(&step, 0..step.before_update())?;
-        Ok(step.mean_loss(&losses))
+        let step = update.step(&self.planner, self.drawing.take_lists(), usize::MAX);
+        let losses = self.engine.run_part(&step, 0..step.before_update());
+        let loss = losses.as_ref().map_or(f64::NAN, |losses| step.mean_loss(losses));
+        self.drawing.lists = step.into();
+        self.engine.recycle(losses?);
+        Ok(loss)
     }
 
     /// What it is refined for.
@@ -270,7 +245,7 @@ impl Refiner {
     pub fn aim(&mut self, aim: PupilDistribution) -> Result<(), EngineError> {
         let jumped = aim.distance(&self.aim) > 0.5 * (aim.diameter[0] + self.aim.diameter[0]).max(aim.spread);
         if !aim.is_served_by(&self.drawn_for) {
-            self.used = self.steering.repeats.max(1);
+            self.drawing.forget();
         }
         self.aim = aim;
         self.choose_sources();
@@ -284,7 +259,7 @@ impl Refiner {
     pub fn moves(&mut self, motion: Motion) -> Result<(), SolveError> {
         motion.check(self.planner.frames)?;
         if !motion.is_served_by(&self.moved_for) {
-            self.used = self.steering.repeats.max(1);
+            self.drawing.forget();
         }
         self.motion = motion;
         Ok(())
@@ -298,57 +273,6 @@ impl Refiner {
     fn forget(&mut self) -> Result<(), EngineError> {
         self.since = 0;
         self.engine.clear_moments()
-    }
-
-    fn draw_passes(&mut self, update: Update) {
-        self.moved_for = self.motion;
-        let (pupils, frames, motion) = (self.draw(), self.planner.frames, self.motion);
-        let looks = pupils.into_iter().map(|pupil| match motion.is_still() {
-            true => Viewpoint::Pupil(pupil),
-            false => motion.viewpoint(pupil, frames, self.moves.draw()),
-        });
-        let viewpoints: Vec<Viewpoint> = looks.collect();
-        self.pupil_passes = update.pupil_passes(&self.planner, &viewpoints, self.exposure);
-        self.used = 0;
-    }
-
-    /// Whether the next step draws pupils.
-    fn is_fresh(&self) -> bool {
-        self.pupil_passes.is_empty() || self.used >= self.steering.repeats.max(1)
-    }
-
-    /// Which of the paces the next step has.
-    fn kind(&self) -> usize {
-        usize::from(!self.is_fresh())
-    }
-
-    /// The next step, and the part of its list that has to run: what depends on the pupils alone is left out where they
-    /// are those of the step before.
-    fn next(&mut self) -> (Step, Vec<Range<usize>>) {
-        self.since += 1;
-        let update = self.steering.strategy.update(self.since);
-        if self.is_fresh() {
-            self.draw_passes(update);
-        }
-        // Those of a loss that was only looked at are the step's first all the same.
-        let first = self.used == 0;
-        self.used += 1;
-        // The last step that they are of use for takes them.
-        let passes = if self.is_fresh() { std::mem::take(&mut self.pupil_passes) } else { self.pupil_passes.clone() };
-        let mut step = update.step(&self.planner, passes, usize::MAX);
-        step.project.step = self.since as u32;
-        let known = |kernel| {
-            matches!(kernel, Kernel::Transfer | Kernel::Relay | Kernel::Eye | Kernel::Photograph | Kernel::Resample)
-        };
-        let mut parts: Vec<Range<usize>> = Vec::new();
-        for (i, dispatch) in step.list.iter().enumerate().filter(|(_, d)| first || !known(d.kernel)) {
-            match parts.last_mut() {
-                Some(last) if last.end == i => last.end = i + 1,
-                _ => parts.push(i..i + 1),
-            }
-            debug_assert!(dispatch.pupil_passes.end <= step.pupil_passes.len());
-        }
-        (step, parts)
     }
 
     /// One step; its loss. With a loss that is NaN or infinite the phases stay as they were.
@@ -368,13 +292,14 @@ impl Refiner {
     /// Those of the engine.
     pub fn advance(&mut self) -> Result<Option<f64>, EngineError> {
         let (start, kind) = (Instant::now(), self.kind());
-        let (step, parts) = self.next();
-        let begun = self.engine.begin_step(&step, &parts)?;
-        if begun.is_over() {
-            return self.end(UnderWay { step, begun, kind, host: start.elapsed().as_secs_f64() }).map(Some);
+        let step = self.next();
+        let begun = self.engine.begin_step(&step, &self.drawing.parts);
+        let pixels = self.drawing.take_back(step);
+        let this = UnderWay { begun: begun?, pixels, kind, host: start.elapsed().as_secs_f64() };
+        if this.begun.is_over() {
+            return self.end(this).map(Some);
         }
-        let host = start.elapsed().as_secs_f64();
-        let before = self.under_way.replace(UnderWay { step, begun, kind, host });
+        let before = self.under_way.replace(this);
         before.map(|before| self.end(before)).transpose()
     }
 
@@ -386,14 +311,16 @@ impl Refiner {
         self.under_way.take().map(|step| self.end(step)).transpose()
     }
 
-    fn end(&mut self, UnderWay { step, begun, kind, host }: UnderWay) -> Result<f64, EngineError> {
+    fn end(&mut self, UnderWay { begun, pixels, kind, host }: UnderWay) -> Result<f64, EngineError> {
         let taken = self.engine.end_step(begun)?;
-        let loss = step.mean_loss(&taken.losses);
+        let loss = mean_loss(&taken.losses, pixels.iter().copied());
+        self.engine.recycle(taken.losses);
+        self.drawing.pixels = pixels;
         if loss.is_finite() {
             // Steps follow each other as fast as the slower of the two lets them.
             self.paces[kind].took(taken.seconds.max(host));
         } else {
-            self.pupil_passes.clear();
+            self.drawing.forget();
         }
         Ok(loss)
     }
@@ -465,7 +392,7 @@ impl Refiner {
     /// # Errors
     /// Those of the engine.
     pub fn pictures(&mut self, pupil: Pupil) -> Result<[Vec<f32>; 2], EngineError> {
-        self.pupil_passes.clear();
+        self.drawing.forget();
         let mut seen = evaluate::views(self.engine.as_mut(), &self.planner, &[pupil])?;
         let mut wanted = evaluate::photographs(self.engine.as_mut(), &self.planner, &[pupil])?;
         Ok([&mut seen, &mut wanted].map(|pictures| pictures.pop().unwrap_or_default()))
@@ -477,7 +404,7 @@ impl Refiner {
     /// Those of the engine.
     pub fn look_through(&mut self, viewpoints: &[Viewpoint]) -> Result<Vec<Sums>, EngineError> {
         // The first slot will hold other pupil passes than a step's.
-        self.pupil_passes.clear();
+        self.drawing.forget();
         evaluate::sums(self.engine.as_mut(), &self.planner, viewpoints)
     }
 }

@@ -7,7 +7,7 @@ use super::problem::Problem;
 use super::settings::Settings;
 use super::viewpoints::Viewpoints;
 use crate::engine::{Buffer, Engine, EngineError, Memory, Step};
-use crate::plan::{Comparison, Dispatch, Kernel, Planner, PupilPass, Viewpoint};
+use crate::plan::{Comparison, Dispatch, Kernel, Planner, PupilPass, StepLists, Viewpoint};
 use eyebox_kernels::compare;
 use std::ops::Range;
 use std::slice;
@@ -48,18 +48,39 @@ impl Update {
 
     /// What these viewpoints need in a step over all of them.
     pub(crate) fn pupil_passes(self, planner: &Planner, viewpoints: &[Viewpoint], exposure: f64) -> Vec<PupilPass> {
+        let mut passes = Vec::with_capacity(viewpoints.len());
+        self.refill(planner, viewpoints, exposure, &mut passes, &mut Vec::new());
+        passes
+    }
+
+    /// Makes the same of pupil passes that are over, in the lists that they have: those that are too many become `spare`, and
+    /// come back where they are too few.
+    pub(crate) fn refill(
+        self,
+        planner: &Planner,
+        viewpoints: &[Viewpoint],
+        exposure: f64,
+        passes: &mut Vec<PupilPass>,
+        spare: &mut Vec<PupilPass>,
+    ) {
         let batch = viewpoints.len();
         let comparison = Comparison { mode: self.mode(), exposure, batch, ..Comparison::default() };
-        viewpoints.iter().map(|v| planner.viewpoint(v, &comparison)).collect()
+        spare.extend(passes.drain(batch.min(passes.len())..));
+        while passes.len() < batch {
+            passes.push(spare.pop().unwrap_or_else(PupilPass::empty));
+        }
+        for (pass, viewpoint) in passes.iter_mut().zip(viewpoints) {
+            planner.look_through(pass, viewpoint, &comparison);
+        }
     }
 
     /// The step over these pupil passes, `in_flight` values of window at a time.
-    pub(crate) fn step(self, planner: &Planner, pupil_passes: Vec<PupilPass>, in_flight: usize) -> Step {
+    pub(crate) fn step(self, planner: &Planner, lists: impl Into<StepLists>, in_flight: usize) -> Step {
         match self {
             Self::Projection { gain, momentum, overlap_power } => {
-                planner.project_step(pupil_passes, in_flight, overlap_power, gain, momentum)
+                planner.project_step_in(lists.into(), in_flight, overlap_power, gain, momentum)
             }
-            Self::Adam { rate, step, .. } => planner.adam_step(pupil_passes, in_flight, step, rate),
+            Self::Adam { rate, step, .. } => planner.adam_step_in(lists.into(), in_flight, step, rate),
         }
     }
 }

@@ -152,11 +152,13 @@ impl Eye {
             to: [0.0; 2],
             kind: Move::Rest,
         };
+        let mut segments = VecDeque::with_capacity(REMEMBERED + 1);
+        segments.push_back(rest);
         let mut eye = Self {
             settings,
             rng,
-            segments: VecDeque::from([rest]),
-            blinks: VecDeque::new(),
+            segments,
+            blinks: VecDeque::with_capacity(REMEMBERED + 1),
             blink_rng,
             wander,
             breath,

@@ -103,6 +103,19 @@ impl Slot {
         }
     }
 
+    /// Makes room for all that a pupil pass has here, and keeps what is there.
+    pub(super) fn reserve(&mut self, pass: &PupilPass, shape: &Shape) {
+        for resource in Resource::OF_SLOT.into_iter().filter(|resource| *resource != Resource::Sums) {
+            let extent = pass.extent(resource, shape);
+            let length = extent.frames * extent.values;
+            match self.values(resource) {
+                Some(Values::Real(values)) => values.reserve_exact(length.saturating_sub(values.len())),
+                Some(Values::Complex(values)) => values.reserve_exact(length.saturating_sub(values.len())),
+                None => {}
+            }
+        }
+    }
+
     fn values(&mut self, resource: Resource) -> Option<Values<'_>> {
         Some(match resource {
             Resource::Transfer => Values::Complex(&mut self.transfer),

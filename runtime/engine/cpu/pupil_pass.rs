@@ -99,10 +99,8 @@ pub(super) struct WindowFrame<'a> {
 
 impl WindowFrame<'_> {
     pub(super) fn motion(&mut self, back: bool) {
-        let Some((table, args)) = self.pass.moments.as_ref().zip(self.pass.motion_args(self.index, back)) else {
-            return;
-        };
-        motion(&args, table, self.window);
+        let Some(args) = self.pass.motion_args(self.index, back) else { return };
+        motion(&args, &self.pass.moments, self.window);
         (self.store)(self.window);
     }
 

@@ -149,7 +149,7 @@ impl Tables {
         tables.eye = pass.eye.as_ref().map(|terms| self.add(&terms.pairs()));
         tables.taper = pass.taper.as_ref().map(|weights| self.add(weights));
         tables.contrast = pass.contrast.as_ref().map(|contrast| self.add(&contrast.weights));
-        tables.moments = pass.moments.as_ref().map(|table| self.add(table.words()));
+        tables.moments = pass.moves().then(|| self.add(pass.moments.words()));
         if let Some(shot) = &pass.shot {
             tables.rows = self.add_table(&shot.rows);
             tables.columns = self.add_table(&shot.columns);

@@ -50,6 +50,7 @@ impl Refining {
         self.sender.does(Repeat::EncodingTooLong);
         let Some(mut buffer) = self.sender.buffer() else { return Ok(()) };
         self.encode(&mut buffer)?;
+        buffer.lit_by(self.steerer.sources());
         time.encoded();
         self.options.journal.iter().for_each(|journal| journal.keep(Decision::Set { number: self.number }));
         let handed_over_ns = self.options.clock.map_or_else(|| time.now_ns(), |clock| clock.now_ns());
@@ -71,7 +72,6 @@ impl Refining {
             timestamps,
             pupil,
             focus,
-            sources: self.steerer.sources(),
             steps,
             content: scene.map(|scene| scene.number).or(self.first_of_scenes()),
             arrived_ns: scene.and_then(|scene| scene.arrived_ns),

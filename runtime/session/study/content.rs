@@ -347,7 +347,7 @@ impl<'a> Showing<'a> {
                 self.steerer.round_while(|_| true)?;
             }
             self.steerer.settle()?;
-            for (newest, phases) in self.newest.iter_mut().zip(self.steerer.phases()?) {
+            for (newest, phases) in self.newest.iter_mut().zip(self.steerer.phases()?.iter()) {
                 newest.copy_from_slice(phases);
             }
         }

@@ -167,7 +167,7 @@ impl Case {
         let planner = self.planner(color);
         let comparison =
             Comparison { mode: compare::INTENSITY, exposure: self.lit[color].3, batch: 2, ..Comparison::default() };
-        let passes = self.pupils.iter().map(|p| planner.pupil_pass(p, &comparison)).collect();
+        let passes: Vec<_> = self.pupils.iter().map(|p| planner.pupil_pass(p, &comparison)).collect();
         let mut step = planner.adam_step(passes, usize::MAX, 1, 0.1);
         step.list.retain(|d| !matches!(d.kernel, crate::plan::Kernel::Photograph | crate::plan::Kernel::Resample));
         engine.load(&planner.shape(Purpose::Adam), None).unwrap();
@@ -264,7 +264,7 @@ fn fits_of_powers_are_of_the_same_loss() {
         let planner = Planner { powers: powers.to_vec().into(), ..lit.planner.clone() };
         let comparison =
             Comparison { mode: compare::INTENSITY, exposure: lit.exposure, batch: 2, ..Comparison::default() };
-        let passes = viewpoints.iter().map(|v| planner.viewpoint(v, &comparison)).collect();
+        let passes: Vec<_> = viewpoints.iter().map(|v| planner.viewpoint(v, &comparison)).collect();
         let step = planner.adam_step(passes, usize::MAX, 1, 0.1);
         let losses = engine.run_part(&step, 0..step.before_update()).unwrap();
         step.mean_loss(&losses)

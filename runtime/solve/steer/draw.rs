@@ -1,76 +1,116 @@
-//! Which pupils a refinement's steps look through, and the light that they see.
+//! What the next step of a refinement looks through: pupils drawn around the eye, and now and then anywhere.
 
-use super::super::sampling::{Diameters, PupilRange};
-use super::Refiner;
-use crate::optics::{Pupil, SourceChoice};
+use super::drawing::Drawing;
+use super::{DIAMETERS, EYES, Refiner};
+use crate::engine::EngineError;
+use crate::optics::{Pupil, Window};
+use crate::plan::{Kernel, Step, Viewpoint};
+use crate::solve::sampling::{Diameters, PupilRange};
+use crate::solve::step::Update;
+use std::collections::HashSet;
 
 impl Refiner {
+    /// Makes what steps over pupils of an eye's size, and of those that are aimed at first, ask an engine for: nothing is made
+    /// while it follows.
+    pub(super) fn prepare(&mut self) -> Result<(), EngineError> {
+        let [low, high] = self.aim.diameter;
+        let (low, high) = (low.min(EYES[0]), high.max(EYES[1]));
+        let [x, y] = self.aim.centre;
+        let mut seen = HashSet::new();
+        let mut viewpoints = Vec::new();
+        for i in 0..=DIAMETERS {
+            let diameter = low + (high - low) * f64::from(i) / f64::from(DIAMETERS);
+            let pupil = Pupil { x, y, diameter, depth: 0.0 };
+            let window = Window::new(&self.planner.grid, &pupil, self.steering.window);
+            if seen.insert((window.rows, window.columns)) {
+                viewpoints.push(Viewpoint::Pupil(pupil));
+            }
+        }
+        let update = self.steering.strategy.update(1);
+        let step = update.step(&self.planner, update.pupil_passes(&self.planner, &viewpoints, self.exposure), 0);
+        let at_once = self.steering.pupils + self.steering.elsewhere as usize + 1;
+        self.engine.prepare(&mut std::iter::once(step), Some(at_once))
+    }
+
     /// Pupils for the next step: around the eye, and now and then anywhere; the surer that it is there, the rarer.
-    pub(super) fn draw(&mut self) -> Vec<Pupil> {
+    pub(super) fn draw(&mut self, update: Update) {
         let (aim, eyebox) = (self.aim, self.problem.eyebox);
-        self.drawn_for = aim;
+        (self.drawn_for, self.moved_for) = (aim, self.motion);
+        self.drawing.viewpoints.clear();
         let count = self.steering.pupils as f64;
         let elsewhere = aim.elsewhere.clamp(0.0, 1.0);
         // Where it may well be anywhere, some of the pupils around it go there instead.
         let moved = (count * (elsewhere - 0.5).max(0.0) * 2.0).floor();
         self.due += self.steering.elsewhere + moved;
-        let mut pupils: Vec<Pupil> = (0..(count - moved) as usize).map(|_| aim.pupil(self.points.draw())).collect();
-        while self.due >= 1.0 || pupils.is_empty() {
+        for _ in 0..(count - moved) as usize {
+            let pupil = aim.pupil(self.points.draw());
+            self.look_through_one(pupil);
+        }
+        while self.due >= 1.0 || self.drawing.viewpoints.is_empty() {
             self.due -= 1.0;
             let [x, y, d, z] = self.points.draw();
             let pupil = aim.pupil([0.0, 0.0, d, z]);
             if !self.problem.regions.is_empty() {
                 let (diameter, depth) = ([pupil.diameter; 2], [pupil.depth; 2]);
                 let range = PupilRange { eyebox, diameter, depth, diameters: Diameters::Uniform };
-                pupils.push(range.within(&self.problem.regions, [d, x, y, z]));
+                self.look_through_one(range.within(&self.problem.regions, [d, x, y, z]));
                 continue;
             }
             let reach = (eyebox / 2.0 - pupil.diameter / 2.0).max(0.0);
             let [left, top] = self.problem.optics.center();
-            pupils.push(Pupil { x: left + reach * (2.0 * x - 1.0), y: top + reach * (2.0 * y - 1.0), ..pupil });
+            let (x, y) = (left + reach * (2.0 * x - 1.0), top + reach * (2.0 * y - 1.0));
+            self.look_through_one(Pupil { x, y, ..pupil });
         }
-        pupils
+        let Drawing { lists, spare, viewpoints, .. } = &mut self.drawing;
+        update.refill(&self.planner, viewpoints, self.exposure, &mut lists.pupil_passes, spare);
+        (self.drawing.drawn, self.drawing.used) = (true, 0);
     }
 
-    /// The display's switchable sources that are lit, by their places; none where it has none, or they are not steered.
-    pub fn sources(&self) -> &[usize] {
-        self.problem.choice.as_ref().map_or(&[], |choice| choice.lit())
+    /// One more pupil, or an eye that moves with it.
+    fn look_through_one(&mut self, pupil: Pupil) {
+        let (frames, motion) = (self.planner.frames, self.motion);
+        let viewpoint = match motion.is_still() {
+            true => Viewpoint::Pupil(pupil),
+            false => motion.viewpoint(pupil, frames, self.moves.draw()),
+        };
+        self.drawing.viewpoints.push(viewpoint);
     }
 
-    /// Share of a pupil that these sources of the display serve, by their places; 1 where it has none.
-    pub fn served(&self, lit: &[usize], pupil: &Pupil) -> f64 {
-        self.problem.choice.as_ref().map_or(1.0, |choice| choice.served(lit, pupil))
+    /// Whether the next step draws pupils.
+    pub(super) fn is_fresh(&self) -> bool {
+        !self.drawing.drawn || self.drawing.used >= self.steering.repeats.max(1)
     }
 
-    /// Lights these of the display's switchable sources, by their places, until it is [aimed](Self::aim) elsewhere: what is looked at
-    /// was made for them.
-    pub fn light(&mut self, sources: &[usize]) {
-        self.planner.light(sources);
-        self.pupil_passes.clear();
+    /// Which of the paces the next step has.
+    pub(super) fn kind(&self) -> usize {
+        usize::from(!self.is_fresh())
     }
 
-    /// Chooses the sources for where the eye is; whether they are others than before.
-    pub(super) fn choose_sources(&mut self) -> bool {
-        let aim = self.aim;
-        self.choose(|choice| choice.follow(&aim))
-    }
-
-    /// Those that are lit where nothing is known of the eye, until it is aimed again.
-    pub fn forget_sources(&mut self) {
-        self.choose(|choice| {
-            choice.forget();
-            true
-        });
-    }
-
-    fn choose(&mut self, change: impl FnOnce(&mut SourceChoice) -> bool) -> bool {
-        let Some(choice) = &mut self.problem.choice else { return false };
-        if !change(choice) {
-            return false;
+    /// The next step. The parts of its list that have to run are in `drawing`: what depends on the pupils alone is left out where
+    /// they are those of the step before.
+    pub(super) fn next(&mut self) -> Step {
+        self.since += 1;
+        let update = self.steering.strategy.update(self.since);
+        if self.is_fresh() {
+            self.draw(update);
         }
-        let (lit, regions) = (choice.lit().to_vec(), choice.regions());
-        self.problem.regions = regions.into();
-        self.light(&lit);
-        true
+        // Those of a loss that was only looked at are the step's first all the same.
+        let first = self.drawing.used == 0;
+        self.drawing.used += 1;
+        let mut step = update.step(&self.planner, self.drawing.take_lists(), usize::MAX);
+        step.project.step = self.since as u32;
+        let known = |kernel| {
+            matches!(kernel, Kernel::Transfer | Kernel::Relay | Kernel::Eye | Kernel::Photograph | Kernel::Resample)
+        };
+        let parts = &mut self.drawing.parts;
+        parts.clear();
+        for (i, dispatch) in step.list.iter().enumerate().filter(|(_, d)| first || !known(d.kernel)) {
+            match parts.last_mut() {
+                Some(last) if last.end == i => last.end = i + 1,
+                _ => parts.push(i..i + 1),
+            }
+            debug_assert!(dispatch.pupil_passes.end <= step.pupil_passes.len());
+        }
+        step
     }
 }

@@ -136,7 +136,7 @@ impl Companion for View {
         for (color, phases) in self.colors.iter_mut().zip(phases) {
             color.phases = Arc::clone(phases);
         }
-        for (color, lit) in self.colors.iter_mut().zip(&set.sources).filter(|(_, lit)| !lit.is_empty()) {
+        for (color, lit) in self.colors.iter_mut().zip(set.sources()).filter(|(_, lit)| !lit.is_empty()) {
             color.modes = color.modes.iter().map(|mode| mode.lit_among(lit)).collect();
         }
         if let Some((_, exposures)) = &set.scene {
