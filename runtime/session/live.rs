@@ -73,10 +73,22 @@ impl Tracking {
             return Ok(Self::new(trackers::open(spec, options)?, estimator));
         };
         let settings = simulated::Settings { seed, rate_hz: options.rate_hz, ..simulated::Settings::default() };
-        let begins = if options.real_time { now_ns() } else { 0 };
-        let source = SimulatedSource::starting(settings.clone(), options.real_time, begins)?;
+        Self::of_eye(settings, options.real_time, estimator)
+    }
+
+    /// By a simulated eye, in real time or in a time of its own that begins at 0.
+    ///
+    /// # Errors
+    /// [`SessionError::Tracker`].
+    pub(super) fn of_eye(
+        settings: simulated::Settings,
+        real_time: bool,
+        estimator: Estimator,
+    ) -> Result<Self, SessionError> {
+        let begins = if real_time { now_ns() } else { 0 };
+        let source = SimulatedSource::starting(settings.clone(), real_time, begins)?;
         let truth = Some(simulated::Eye::new(settings, begins));
-        Ok(Self { source: Box::new(source), estimator, truth, real_time: options.real_time })
+        Ok(Self { source: Box::new(source), estimator, truth, real_time })
     }
 
     /// By a mouse, whose place somebody pushes.

@@ -88,10 +88,13 @@ impl Scripted {
 
     /// What is shown of this application to an eye that is `simulated:SEED`; work takes what it is said to take, or what it does.
     pub(super) fn live(&self, app: Application, cost: Cost, seed: u64) -> Live {
-        let options = crate::trackers::Options { real_time: cost == Cost::Measured, ..Default::default() };
+        self.live_before(app, cost, EyeSettings { seed, ..EyeSettings::default() })
+    }
+
+    /// The same before this eye.
+    pub(super) fn live_before(&self, app: Application, cost: Cost, eye: EyeSettings) -> Live {
         let estimator = Estimator::new(GazeSettings::default(), None).unwrap();
-        let spec = format!("simulated:{seed}").parse().unwrap();
-        let tracking = Tracking::open(&spec, &options, estimator).unwrap();
+        let tracking = Tracking::of_eye(eye, cost == Cost::Measured, estimator).unwrap();
         let engines: EngineOpener = Box::new(cpu);
         let mut live = Live::new(self.begun(), self.encoder(), engines, tracking);
         live.scenes = Some(Box::new(app));
@@ -172,6 +175,8 @@ pub(super) struct ShownFrame {
     pub set: Option<u64>,
     pub video_frame: u64,
     pub checksum: u32,
+    /// When it lit up.
+    pub begins_ns: i64,
 }
 
 /// A whole session on a display of this rate, in simulated time where work takes what it is said to take: what came of it, and
@@ -182,7 +187,12 @@ pub(super) fn shown(live: Live, rate: u32, seconds: f64) -> (Statistics, Vec<Sho
     let theirs = Arc::clone(&frames);
     let seen = move |frame: &PresentedFrame<'_>| {
         let checksum = crc32c::crc32c(frame.picture);
-        let one = ShownFrame { set: frame.index, video_frame: frame.video_frame, checksum };
+        let one = ShownFrame {
+            set: frame.index,
+            video_frame: frame.video_frame,
+            checksum,
+            begins_ns: frame.predicted_display_time_ns,
+        };
         theirs.lock().unwrap().push(one);
     };
     let options = SessionOptions {

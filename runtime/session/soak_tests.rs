@@ -63,7 +63,7 @@ fn only_steps_are_too_long(statistics: &Statistics, what: &str) {
 }
 
 /// The picture that is lit is the same as long as it is of the same set, and nothing older comes again.
-fn nothing_is_torn(frames: &[ShownFrame], what: &str) {
+pub(super) fn nothing_is_torn(frames: &[ShownFrame], what: &str) {
     let mut seen = HashMap::new();
     for (i, frame) in frames.iter().enumerate() {
         let first = seen.entry((frame.set, frame.video_frame)).or_insert(frame.checksum);
@@ -103,7 +103,7 @@ fn soak(seconds: f64, displays: &[(&str, u32, u64)], content: &[i64], seed: u64)
     }
 }
 
-fn is_full() -> bool {
+pub(super) fn is_full() -> bool {
     std::env::var("EYEBOX_SOAK").is_ok_and(|soak| soak == "full")
 }
 

@@ -1,9 +1,12 @@
-//! Ten minutes of a simulated eye before 3 x 3 switchable sources, as decisions alone: sets are made when they are made in a
-//! session, each for the sources that are chosen for it, and take as long as steps and encoding may take.
+//! Ten minutes of a simulated eye before 3 x 3 switchable sources. As decisions alone: sets are made when they are made in a session,
+//! each for the sources that are chosen for it, and take as long as steps and encoding may take. And as whole sessions on a simulated
+//! clock, a quarter of a minute each; `EYEBOX_SOAK=full` makes them ten.
 
-use super::scripted::{Application, Scripted, samples, shown};
+use super::scripted::{Application, Scripted, ShownFrame, samples, shown};
+use super::soak_tests::{is_full, nothing_is_torn};
 use super::{Cost, LitSources};
 use crate::optics::{Color, Display, Pupil, SourceChoice, SourcesLit, SwitchedSource};
+use crate::present::SECOND_NS;
 use crate::solve::SplitMix;
 use crate::trackers::simulated::{Doing, Eye, Settings as EyeSettings};
 use std::collections::{BTreeMap, BTreeSet};
@@ -31,7 +34,7 @@ struct Seen {
 
 /// An eyepiece of 133 mm has an eyebox of 8.7 mm; an eye that looks 30 degrees to the side moves its pupil by 5.7.
 fn display(spacing: f64) -> Display {
-    let mut display = Display { focal_length: 0.133, ..Display::preset("small").unwrap() };
+    let mut display = Display { focal_length: 0.133, height: 16, width: 16, ..Display::preset("planes8").unwrap() };
     display.wavelengths.retain(|w| w.color == Color::Green);
     let place = |i: usize| [i % 3, i / 3].map(|at| spacing * 1e3 * (at as f64 - 1.0));
     display.sources.each =
@@ -40,14 +43,41 @@ fn display(spacing: f64) -> Display {
     display
 }
 
-fn watched(spacing: f64, seconds: f64, seed: u64) -> Seen {
-    let eye = EyeSettings {
+/// Looks to 30 degrees, two to four jumps a second.
+fn eye(seed: u64) -> EyeSettings {
+    EyeSettings {
         seed,
         field: [30f64.to_radians(), 20f64.to_radians()],
         fixation: [0.15, 0.6],
         pursuit: 0.2,
         ..EyeSettings::default()
-    };
+    }
+}
+
+impl Seen {
+    /// A set is lit while the eye does this: by `lit`, before which `before` were, with `served` of the pupil's light.
+    fn set(&mut self, [lit, before]: [&[usize]; 2], served: f64, rests_for_ms: Option<f64>) {
+        self.sets += 1;
+        self.by_several += usize::from(lit.len() > 1);
+        self.hand_overs += usize::from(lit != before);
+        if let Some(ms) = rests_for_ms.filter(|_| served == 0.0) {
+            self.dark += 1;
+            self.dark_after_ms = self.dark_after_ms.max(ms);
+        }
+    }
+}
+
+/// For how long an eye at rest has been, ms, by when its last jump landed; none while it jumps.
+fn rested_ms(doing: Doing, landed_ns: &mut u64, now_ns: u64) -> Option<f64> {
+    if let Doing::Saccade { lands_ns, .. } = doing {
+        *landed_ns = lands_ns;
+        return None;
+    }
+    Some(now_ns.saturating_sub(*landed_ns) as f64 * 1e-6)
+}
+
+fn watched(spacing: f64, seconds: f64, seed: u64) -> Seen {
+    let eye = eye(seed);
     let (mut truth, mut watch, mut noise) = (Eye::new(eye.clone(), 0), samples(eye), SplitMix(seed));
     let mut choice = SourceChoice::new(&display(spacing), Color::Green).unwrap();
     let (period_ns, lead_ns) = (1_000_000_000 / 60, 4_000_000);
@@ -73,27 +103,15 @@ fn watched(spacing: f64, seconds: f64, seed: u64) -> Seen {
             free_ns = begins_ns + takes_ns;
         }
         let now = truth.at(light_ns);
-        let flies = match now.doing {
-            Doing::Saccade { lands_ns, .. } => {
-                landed_ns = lands_ns;
-                true
-            }
-            _ => false,
-        };
+        let rests_for_ms = rested_ms(now.doing, &mut landed_ns, light_ns);
         if now.lid < 0.5 {
             continue;
         }
         let [x, y] = now.position;
         let served = choice.served(&shown.lit, &Pupil { x, y, diameter: now.diameter, depth: 0.0 });
-        seen.sets += 1;
         seen.unlit_or_torn += usize::from(shown.lit.is_empty() || shown.lit != shown.made_for);
-        seen.by_several += usize::from(shown.lit.len() > 1);
-        seen.hand_overs += usize::from(shown.lit != before);
+        seen.set([&shown.lit, &before], served, rests_for_ms);
         before.clone_from(&shown.lit);
-        if served == 0.0 && !flies {
-            seen.dark += 1;
-            seen.dark_after_ms = seen.dark_after_ms.max(light_ns.saturating_sub(landed_ns) as f64 * 1e-6);
-        }
     }
     seen
 }
@@ -136,4 +154,58 @@ fn a_session_switches_sources_with_its_sets() {
     assert!(kinds.len() == 3, "each alone, and both between: {kinds:?}");
     let sets: BTreeSet<u64> = frames.iter().filter_map(|frame| frame.set).collect();
     assert!(sets.len() > 500 && sets.iter().all(|set| told.contains_key(set)), "{} sets", sets.len());
+}
+
+/// What each set of a session was lit by, by its number, and when that was said, nanoseconds.
+type Told = BTreeMap<u64, (Vec<usize>, i64)>;
+
+/// What an eye met in a session of which these video frames were shown, a set each.
+fn met(frames: &[ShownFrame], told: &Told, eye: EyeSettings, choice: &SourceChoice, period_ns: i64) -> Seen {
+    let (mut truth, mut seen, mut landed_ns, mut before) = (Eye::new(eye, 0), Seen::default(), 0, Vec::new());
+    for frame in frames {
+        let Some((lit, since_ns)) = frame.set.map(|set| &told[&set]) else { continue };
+        let light_ns = (frame.begins_ns + period_ns / 2) as u64;
+        let now = truth.at(light_ns);
+        let rests_for_ms = rested_ms(now.doing, &mut landed_ns, light_ns);
+        if now.lid < 0.5 {
+            continue;
+        }
+        let [x, y] = now.position;
+        let served = choice.served(lit, &Pupil { x, y, diameter: now.diameter, depth: 0.0 });
+        seen.unlit_or_torn += usize::from(lit.is_empty() || *since_ns > frame.begins_ns);
+        seen.set([lit, &before], served, rests_for_ms);
+        before.clone_from(lit);
+    }
+    seen
+}
+
+/// Whole sessions, on the simulated clock: every set that lights up is lit by the sources that were told with it, from its first
+/// video frame on; none is torn, and none is dark to an eye that rests.
+#[test]
+fn in_whole_sessions_no_set_is_dark_or_torn() {
+    let (rate, seconds) = (60, if is_full() { 600.0 } else { 15.0 });
+    let eyebox = 520e-9 * 0.133 / 8e-6;
+    for (spacing, step_ms, seed) in [(eyebox, 2, 11), (eyebox - 4e-3, 6, 12)] {
+        let display = display(spacing);
+        let choice = SourceChoice::new(&display, Color::Green).unwrap();
+        let stage = Scripted::before(display, 2);
+        let app = Application::new(&stage, 30, [0, i64::MAX]);
+        let step = Duration::from_millis(step_ms);
+        let mut live = stage.live_before(app, Cost::Fixed { step, encode: step / 8 }, eye(seed));
+        let told = Arc::new(Mutex::new(Told::new()));
+        let theirs = Arc::clone(&told);
+        live.switch = Some(Box::new(move |lit: &LitSources<'_>| {
+            let before = theirs.lock().unwrap().insert(lit.set, (lit.colors[0].clone(), lit.start_ns));
+            assert!(before.is_none(), "set {} is lit anew", lit.set);
+        }));
+        let (statistics, frames) = shown(live, rate, seconds);
+        let told = told.lock().unwrap();
+        let what = format!("spaced by {:.2} mm, steps of {step_ms} ms", spacing * 1e3);
+        nothing_is_torn(&frames, &what);
+        assert_eq!(told.len() as u64, statistics.live.unwrap().sets_new, "{what}");
+        let seen = met(&frames, &told, eye(seed), &choice, SECOND_NS / i64::from(rate));
+        println!("{what}: {} new sets, {seen:?}", told.len());
+        assert!(seen.sets as f64 > 40.0 * seconds && seen.hand_overs as f64 > 0.5 * seconds, "{what}: {seen:?}");
+        assert_eq!((seen.unlit_or_torn, seen.dark), (0, 0), "{what}: {seen:?}");
+    }
 }
