@@ -79,7 +79,7 @@ pub struct Steering {
     /// How the phases follow.
     pub strategy: Strategy,
     /// What is made small.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Loss::is_light")]
     pub loss: Loss,
     /// Where the eye looks, as in [`Settings::gaze`](super::Settings::gaze).
     #[serde(default, skip_serializing_if = "Option::is_none")]
