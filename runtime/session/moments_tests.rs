@@ -1,7 +1,7 @@
 //! Content and eyes that move, in simulated time: what moments gain, that a session of them is the same again, and how soon content
 //! is lit.
 
-use super::scripted::{Application, Scripted, ShownFrame, shown};
+use super::scripted::{Application, Scripted, content_of, shown};
 use super::study::{ContentRun, ContentSettings, JumpStart, StudiedContent, StudiedEye, StudySettings, study_content};
 use super::tests::cpu;
 use super::*;
@@ -129,8 +129,7 @@ fn a_session_of_moving_content_is_the_same_again() {
     let mut again = Live::new(stage.begun(), stage.encoder(), engines, None);
     (again.replay, again.policy.restart) = (Some(kept), f64::INFINITY);
     let (_, second) = shown(again, 60, 10.0);
-    let content = |all: Vec<ShownFrame>| all.into_iter().filter(|f| f.set.is_some()).collect::<Vec<_>>();
-    let (first, second) = (content(first), content(second));
+    let (first, second) = (content_of(&first), content_of(&second));
     assert!(first.len() > 25 && first == second, "{} {}", first.len(), second.len());
 }
 

@@ -1,6 +1,6 @@
 //! Tests of what content that jumps is begun with.
 
-use super::scripted::{Application, EXPOSURE, Scripted, ShownFrame, shown};
+use super::scripted::{Application, EXPOSURE, Scripted, content_of, shown};
 use super::tests::cpu;
 use super::*;
 use crate::engine::cpu::CpuEngine;
@@ -93,7 +93,6 @@ fn a_session_of_jumping_content_is_the_same_again() {
     let mut again = Live::new(stage.begun(), stage.encoder(), engines, None);
     (again.replay, again.policy.restart, again.fixed_phases) = (Some(kept), f64::INFINITY, fixed);
     let (_, second) = shown(again, 60, 10.0);
-    let content = |all: Vec<ShownFrame>| all.into_iter().filter(|f| f.set.is_some()).collect::<Vec<_>>();
-    let (first, second) = (content(first), content(second));
+    let (first, second) = (content_of(&first), content_of(&second));
     assert!(first.len() > 25 && first == second, "{} {}", first.len(), second.len());
 }

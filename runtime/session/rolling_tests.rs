@@ -3,7 +3,7 @@
 use super::player::{Begins, Player, SetSource};
 use super::scenes_tests::seen;
 use super::scheduler::{Schedule, Scheduler, Start};
-use super::scripted::{Application, EXPOSURE, Scripted, ShownFrame, samples, shown};
+use super::scripted::{Application, EXPOSURE, Scripted, content_of, samples, shown};
 use super::sets::set_channel;
 use super::tests::{encoder_of, made};
 use super::trace::Trace;
@@ -181,11 +181,7 @@ fn a_session_whose_sets_roll_is_the_same_again() {
     // As of all whose first scene has still to come.
     (again.replay, again.policy.restart) = (Some(kept), f64::INFINITY);
     let (_, second) = shown(again, 480, 10.0);
-    // When they lit up is another matter.
-    let content = |all: Vec<ShownFrame>| -> Vec<_> {
-        all.iter().filter(|f| f.set.is_some()).map(|f| (f.set, f.video_frame, f.checksum)).collect()
-    };
-    let (first, second) = (content(first), content(second));
+    let (first, second) = (content_of(&first), content_of(&second));
     assert!(first.len() > 200, "{}", first.len());
     assert_eq!(first.len(), second.len());
     assert!(first == second);

@@ -179,6 +179,11 @@ pub(super) struct ShownFrame {
     pub begins_ns: i64,
 }
 
+/// What was shown of content: the set, the video frame and its checksum. When they lit up is another matter.
+pub(super) fn content_of(frames: &[ShownFrame]) -> Vec<(Option<u64>, u64, u32)> {
+    frames.iter().filter(|f| f.set.is_some()).map(|f| (f.set, f.video_frame, f.checksum)).collect()
+}
+
 /// A whole session on a display of this rate, in simulated time where work takes what it is said to take: what came of it, and
 /// every video frame.
 pub(super) fn shown(live: Live, rate: u32, seconds: f64) -> (Statistics, Vec<ShownFrame>) {
