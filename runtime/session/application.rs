@@ -6,7 +6,7 @@ use super::error::SessionError;
 use super::scenes::{Due, Newest, SceneFrame, Scenes, Supply};
 use super::steerer::SteeredColor;
 use crate::gpu::Gpu;
-use crate::optics::{Color, Display, Padding, PupilDistribution};
+use crate::optics::{Color, Display, Padding, PupilDistribution, mean_light};
 use crate::scene::{Layer, LightField, Places, ViewGrid, views_of_depths, views_of_layers};
 use crate::solve::{BrightEnd, Problem, random_phases};
 use eyebox_live_input::{Content, Display as Ring, Frame, Kind, Latest, Offer, Pupil as AskedPupil, Request, Wanted};
@@ -272,11 +272,13 @@ impl LiveInput {
     }
 
     /// One exposure for each colour, by the first frame; it only ever rises, where there would not be enough light.
-    /// `ends`: of the middle view of each a guess by its bright end, and its mean.
+    /// `ends`: of the middle view of each a guess by its bright end, and its mean; an exposure is per unit of the sources' light.
     fn exposures_of(&mut self, ends: &[[f64; 2]]) -> Vec<f64> {
+        let lights = self.colors.iter().map(|color| mean_light(&self.display.modes(*color)));
+        let ends: Vec<[f64; 2]> = ends.iter().zip(lights).map(|(end, light)| end.map(|v| v / light)).collect();
         let exposures =
             self.exposures.get_or_insert_with(|| ends.iter().map(|[guess, _]| guess.max(LEAST_EXPOSURE)).collect());
-        exposures.iter_mut().zip(ends).for_each(|(exposure, [_, mean])| *exposure = exposure.max(*mean));
+        exposures.iter_mut().zip(&ends).for_each(|(exposure, [_, mean])| *exposure = exposure.max(*mean));
         exposures.clone()
     }
 }
@@ -406,7 +408,25 @@ impl Interval {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::optics::SwitchedSource;
     use eyebox_live_input::Application;
+
+    /// Half the light of the sources asks for twice the exposure.
+    #[test]
+    fn exposures_are_per_unit_of_the_sources_light() {
+        let exposures_at = |power: f64| {
+            let mut display = Display { height: 32, width: 48, ..Display::preset("small").unwrap() };
+            let source = |x| SwitchedSource { eyebox_mm: Some([x, 0.0]), power, ..SwitchedSource::default() };
+            display.sources.each = [-30.0, 30.0].map(source).to_vec();
+            let name = format!("lit-{}-{power}", std::process::id());
+            let mut input = LiveInput::open(&name, &display, &[Color::Green], 3, LiveKind::Views).unwrap();
+            [input.exposures_of(&[[0.3, 0.1]])[0], input.exposures_of(&[[0.2, 0.6]])[0]]
+        };
+        for (exposure, wanted) in exposures_at(0.5).into_iter().zip([0.6, 1.2]) {
+            assert!((exposure - wanted).abs() < 1e-12, "{exposure}, and {wanted} was expected");
+        }
+        assert_eq!(exposures_at(1.0), [0.3, 0.6]);
+    }
 
     /// Where the pupil will be, how fast it moves, and when: as an application reads it.
     #[test]
