@@ -5,6 +5,7 @@ use super::device_views::{ColorViews, DeviceViews};
 use super::error::SessionError;
 use super::scenes::{Due, Newest, SceneFrame, Scenes, Supply};
 use super::steerer::SteeredColor;
+use crate::engine::Backend;
 use crate::gpu::Gpu;
 use crate::optics::{Color, Display, Padding, PupilDistribution, mean_light};
 use crate::scene::{Layer, LightField, Places, ViewGrid, views_of_depths, views_of_layers};
@@ -102,6 +103,15 @@ impl LiveInput {
     pub fn decode_on(&mut self, gpu: &Gpu) -> Result<(), String> {
         self.device = Some(DeviceViews::new(gpu, self.ring.offer(), &self.display, &self.colors, &self.channels)?);
         Ok(())
+    }
+
+    /// [Decodes](Self::decode_on) where these engines compute, if that is on a device. Answers why views pass through the host of
+    /// a device all the same, in words.
+    ///
+    /// # Errors
+    /// [`SessionError::Engine`] where their device is lost.
+    pub fn decode_with(&mut self, engines: &Backend) -> Result<Option<String>, SessionError> {
+        Ok(engines.gpu()?.and_then(|gpu| self.decode_on(&gpu).err()))
     }
 
     fn problem(&self, field: &LightField, color: Color, center: [f64; 2]) -> Result<Problem, SessionError> {

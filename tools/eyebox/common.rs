@@ -186,6 +186,11 @@ impl Engines {
     pub fn gpu(&self) -> Result<Option<Gpu>, EngineError> {
         self.backend.gpu()
     }
+
+    /// What opens them.
+    pub fn backend(&self) -> &Backend {
+        &self.backend
+    }
 }
 
 /// A device that shows pictures: the one asked for, or the best one, a software one if there is no other.

@@ -314,8 +314,8 @@ fn application(args: &Show, name: &str) -> Result<(), Failure> {
     if args.replay.is_none() {
         let mut input = LiveInput::open(name, &display, &steered.colors, views, kind)?;
         // A journal is played again to the bit, on any engine: the host decodes what is in it.
-        if let Some(gpu) = stage.engines.gpu()?.filter(|_| args.journal.is_none())
-            && let Err(reason) = input.decode_on(&gpu)
+        if args.journal.is_none()
+            && let Some(reason) = input.decode_with(stage.engines.backend())?
         {
             tracing::info!("views pass through the host: {reason}");
         }

@@ -250,7 +250,10 @@ impl Session {
             let mut live = Live::new(parts, encoder, engine.backend.clone(), tracking);
             following.set(&mut live, shown.simulated)?;
             live.whole.focus = [following.focus; 2];
-            live.scenes = Some(Box::new(LiveInput::open(&name, display, &colors, views, kind)?));
+            let mut input = LiveInput::open(&name, display, &colors, views, kind)?;
+            // What a device cannot decode the host does.
+            input.decode_with(&engine.backend)?;
+            live.scenes = Some(Box::new(input));
             let live = live.with_fixed_phases(|| {})?;
             shown.start(live.into(), eye, shape, true)
         };

@@ -87,7 +87,8 @@ def test_what_nobody_takes_is_given_up_and_the_display_goes_on(hologram, display
     del session
 
 
-def test_an_application_in_python_comes_to_light(tmp_path, monkeypatch, display):
+@pytest.mark.parametrize(("ask", "engine"), [("depth", "cpu"), ("views", "vulkan")])
+def test_an_application_in_python_comes_to_light(tmp_path, monkeypatch, display, ask, engine):
     live = pytest.importorskip("eyebox.live")
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     with pytest.raises(live.LiveError, match="no display"):
@@ -98,15 +99,19 @@ def test_an_application_in_python_comes_to_light(tmp_path, monkeypatch, display)
         with live.Live("demo") as there:
             picture = np.zeros((there.rows, there.columns, there.channels), np.float32)
             picture[10:30, 10:30] = 1
-            depth = np.zeros((there.rows, there.columns), np.float32)
-            kind = there.color_and_depth(live.F32, live.LINEAR)
+            if ask == "depth":
+                kind = there.color_and_depth(live.F32, live.LINEAR)
+                content = (picture, np.zeros((there.rows, there.columns), np.float32))
+            else:
+                kind = there.views(3, 3, 1.0, live.F32, live.LINEAR)
+                content = (np.broadcast_to(picture, (3, 3, *picture.shape)).copy(),)
             with contextlib.suppress(live.Gone):
                 while True:
                     if request := there.wait(1.0):
                         asked.append(request)
-                        there.send(kind, picture, depth, request=request)
+                        there.send(kind, *content, request=request)
 
-    with eyebox.show("live:demo", display, color="green", ask="depth", rate=30, engine="cpu") as session:
+    with eyebox.show("live:demo", display, color="green", ask=ask, rate=30, engine=engine) as session:
         thread = threading.Thread(target=application)
         thread.start()
         until, shown = time.monotonic() + 60, {}
