@@ -187,7 +187,8 @@ impl Engines {
         self.backend.gpu()
     }
 
-    /// What opens them.
+    /// What opens them, for live content's views.
+    #[cfg(target_os = "linux")]
     pub fn backend(&self) -> &Backend {
         &self.backend
     }
