@@ -10,12 +10,15 @@ use crate::scene::{
 };
 use rayon::prelude::*;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Most views around a region, both axes together.
 pub(crate) const MOST_VIEWS: usize = 81;
 /// Pixels that content may move between neighbouring views before there are more of them.
 const APART: f64 = 1.5;
+/// Most views over all of the eyebox that are made once, both axes together, and the bytes that they may take.
+const MOST_ONCE: usize = 441;
+const MOST_BYTES: u64 = 512 << 20;
 
 /// A scene in one colour of a far-field display, seen from wherever it is asked for.
 pub struct Views {
@@ -27,6 +30,10 @@ pub struct Views {
     size: usize,
     depth: Option<[f64; 2]>,
     held: u64,
+    /// Views along each axis of the whole eyebox, where they are made [once](Views::once); 0 where around each region.
+    once: usize,
+    /// Those views, and where they stand.
+    everywhere: OnceLock<(Arc<Pyramid>, ViewGrid)>,
 }
 
 enum Kind {
@@ -61,17 +68,11 @@ impl Views {
     pub(crate) fn of_colors(source: &str, request: &Request, size: usize) -> Result<Vec<Self>, SceneError> {
         scene::check_map(source, request)?;
         let display = request.display;
-        let of = |color| {
-            let optics = display.optics(color)?;
-            let model = ModelTables::of(display, color, optics, optics).map(|model| [model.for_pieces(), model.iris()]);
-            Ok::<_, SceneError>((optics, display.picture_share(optics.wavelength), model))
-        };
         if let Some(name) = source.strip_prefix("builtin:") {
             let one = |&color: &Color| {
                 let stage = Stage::new(name, display, color, size)?;
                 let depth = Some(stage.depth());
-                let (optics, share, model) = of(color)?;
-                Ok(Self { kind: Kind::Stage(Box::new(stage)), optics, share, model, size, depth, held: 0 })
+                Self::of(Kind::Stage(Box::new(stage)), display, color, size, depth)
             };
             return request.colors.iter().map(one).collect();
         }
@@ -86,8 +87,7 @@ impl Views {
             let one = |(i, &color): (usize, &Color)| {
                 let held = if i == 0 { picture.bytes() } else { 0 };
                 let kind = Kind::Picture(Arc::clone(&picture), color);
-                let (optics, share, model) = of(color)?;
-                Ok(Self { kind, optics, share, model, size: work, depth, held })
+                Ok(Self { held, ..Self::of(kind, display, color, work, depth)? })
             };
             return request.colors.iter().enumerate().map(one).collect();
         }
@@ -111,8 +111,7 @@ impl Views {
             let layers = Arc::new(layers);
             let one = |(i, &color): (usize, &Color)| {
                 let held = if i == 0 { layers.bytes() } else { 0 };
-                let (optics, share, model) = of(color)?;
-                Ok(Self { kind: Kind::Layers(Arc::clone(&layers), i), optics, share, model, size: work, depth, held })
+                Ok(Self { held, ..Self::of(Kind::Layers(Arc::clone(&layers), i), display, color, work, depth)? })
             };
             return request.colors.iter().enumerate().map(one).collect();
         }
@@ -124,9 +123,7 @@ impl Views {
             let between = Arc::new(between);
             let one = |(i, &color): (usize, &Color)| {
                 let held = if i == 0 { between.bytes() } else { 0 };
-                let kind = Kind::Between(Arc::clone(&between), i);
-                let (optics, share, model) = of(color)?;
-                Ok(Self { kind, optics, share, model, size: work, depth, held })
+                Ok(Self { held, ..Self::of(Kind::Between(Arc::clone(&between), i), display, color, work, depth)? })
             };
             return request.colors.iter().enumerate().map(one).collect();
         }
@@ -135,11 +132,56 @@ impl Views {
         let one = |&color: &Color| {
             let field = load(&small, color)?;
             let grid = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell };
-            let (optics, share, model) = of(color)?;
+            let share = display.picture_share(display.optics(color)?.wavelength);
             let pyramid = Arc::new(pyramid(&first_color(field), size, share));
-            Ok(Self { kind: Kind::Field(pyramid, grid), optics, share, model, size, depth, held: 0 })
+            Self::of(Kind::Field(pyramid, grid), display, color, size, depth)
         };
         request.colors.iter().map(one).collect()
+    }
+
+    fn of(
+        kind: Kind,
+        display: &Display,
+        color: Color,
+        size: usize,
+        depth: Option<[f64; 2]>,
+    ) -> Result<Self, SceneError> {
+        let optics = display.optics(color)?;
+        let share = display.picture_share(optics.wavelength);
+        let model = ModelTables::of(display, color, optics, optics).map(|model| [model.for_pieces(), model.iris()]);
+        let everywhere = OnceLock::new();
+        Ok(Self { kind, optics, share, model, size, depth, held: 0, once: 0, everywhere })
+    }
+
+    /// The same for who looks from around many regions: of a measured light field whose views stand too far apart, those in
+    /// between are made once for all of the eyebox, when they are first asked for, if there are not too many of them.
+    pub(crate) fn once(self) -> Self {
+        let n = self.wanted(self.extent()).max(3);
+        let few = n * n <= MOST_ONCE && self.bytes_of(n) <= MOST_BYTES;
+        let measured = matches!(self.kind, Kind::Between(..) | Kind::Layers(..));
+        Self { once: if few && measured { n } else { 0 }, ..self }
+    }
+
+    /// Bytes of a pyramid of `n` x `n` views.
+    fn bytes_of(&self, n: usize) -> u64 {
+        (n * n * self.size * self.size) as u64 * 8 / 3
+    }
+
+    /// The larger side of the SLM, in whose plane the pupil is, metres.
+    fn extent(&self) -> f64 {
+        self.optics.height.max(self.optics.width) as f64 * self.optics.pitch
+    }
+
+    /// How many views along an axis show so many metres without gaps: an odd number, so that one stands in the middle.
+    fn wanted(&self, extent: f64) -> usize {
+        let parallax = match &self.kind {
+            Kind::Field(..) => 0.0,
+            Kind::Stage(stage) => stage.parallax(extent),
+            Kind::Between(between, _) => between.parallax(extent),
+            Kind::Layers(layers, _) => layers.parallax(extent),
+            Kind::Picture(picture, _) => picture.parallax(extent),
+        };
+        (parallax / APART).ceil() as usize | 1
     }
 
     /// The whole SLM in that colour.
@@ -164,22 +206,26 @@ impl Views {
 
     /// Bytes that a solve holds beside what a region's own plan counts: the views that others are made of.
     pub fn held(&self) -> u64 {
-        self.held
+        self.held + self.bytes_of(self.once)
     }
 
     /// What is seen from a square of `extent` metres around `center` (x, y): the views, and where they stand.
     pub fn around(&self, center: [f64; 2], extent: f64) -> (Arc<Pyramid>, plan::ViewLayout) {
-        let parallax = match &self.kind {
-            Kind::Field(pyramid, grid) => return (Arc::clone(pyramid), plan::ViewLayout::new(*grid, pyramid)),
-            Kind::Stage(stage) => stage.parallax(extent),
-            Kind::Between(between, _) => between.parallax(extent),
-            Kind::Layers(layers, _) => layers.parallax(extent),
-            Kind::Picture(picture, _) => picture.parallax(extent),
-        };
+        if let Kind::Field(pyramid, grid) = &self.kind {
+            return (Arc::clone(pyramid), plan::ViewLayout::new(*grid, pyramid));
+        }
+        if self.once > 0 {
+            let (pyramid, grid) = self.everywhere.get_or_init(|| self.made([0.0, 0.0], self.extent(), self.once));
+            return (Arc::clone(pyramid), plan::ViewLayout::new(*grid, pyramid));
+        }
         let most = (MOST_VIEWS as f64).sqrt() as usize;
-        // An odd number: one of them stands in the middle.
-        let wanted = (parallax / APART).ceil() as usize | 1;
-        let n = wanted.clamp(3, most);
+        let (pyramid, grid) = self.made(center, extent, self.wanted(extent).clamp(3, most));
+        let views = plan::ViewLayout { center, ..plan::ViewLayout::new(grid, &pyramid) };
+        (pyramid, views)
+    }
+
+    /// `n` x `n` views of a square of `extent` metres around `center`.
+    fn made(&self, center: [f64; 2], extent: f64, n: usize) -> (Arc<Pyramid>, ViewGrid) {
         let grid = ViewGrid { rows: n, columns: n, cell: extent / n as f64 };
         let place = |i| {
             let (x, y) = grid.position(i);
@@ -193,9 +239,7 @@ impl Views {
             Kind::Layers(layers, color) => layers.views(*color, &places),
             Kind::Picture(picture, color) => picture.views(*color, &places),
         };
-        let pyramid = Arc::new(pyramid(&views, self.size, self.share));
-        let views = plan::ViewLayout { center, ..plan::ViewLayout::new(grid, &pyramid) };
-        (pyramid, views)
+        (Arc::new(pyramid(&views, self.size, self.share)), grid)
     }
 }
 
@@ -299,6 +343,11 @@ mod tests {
         assert!(matches!(views(many.path().to_str().unwrap()).kind, Kind::Field(..)), "dense enough as it is");
         let (far, near) = (exact.depth().unwrap(), sparse.depth().unwrap());
         assert!((0..2).all(|i| (far[i] - near[i]).abs() < 0.02 * far[i].abs()), "{far:?} {near:?}");
+        let once = asked(few, Photographs::Between).once();
+        let of_layers = asked(few, Photographs::Layers).once();
+        assert!(once.held() > sparse.held() && of_layers.held() > layered.held());
+        let seen = [[0.0, 0.0], [1e-4, -2e-4]].map(|center| once.around(center, display.eyebox_min() / 4.0).0);
+        assert!(Arc::ptr_eq(&seen[0], &seen[1]), "made once");
         let (optics, mut engine) = (display.optics(Color::Green).unwrap(), CpuEngine::new());
         let reach = display.eyebox_min() / 2.0;
         for (x, y, z) in [(0.0, 0.0, 0.0), (0.6, -0.5, 0.8), (-0.8, 0.7, -0.9)] {
@@ -307,8 +356,8 @@ mod tests {
             let piece = optics.piece(at.map(|i| i as i64), size);
             let mut shot = |views: &Views| views.photograph(&piece, &pupil, WindowFactor::One, &mut engine).unwrap();
             let want = shot(&exact);
-            let [between, layers] = [&sparse, &layered].map(|views| psnr(&want, &shot(views)));
-            assert!(between > 34.0 && layers > 34.0, "{between:.2} and {layers:.2} dB through {pupil:?}");
+            let all = [&sparse, &layered, &once, &of_layers].map(|views| psnr(&want, &shot(views)));
+            assert!(all.iter().all(|db| *db > 34.0), "{all:.2?} dB through {pupil:?}");
         }
     }
 

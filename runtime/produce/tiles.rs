@@ -107,6 +107,7 @@ impl Prepared {
         let picture = request.picture.min(job.display.picture_size().0);
         let maps = scene::depth_maps(&job.scenes[..1], &job.depth_maps)?;
         let views = Views::of_colors(&job.scenes[0], &job.request(maps.first().map(PathBuf::as_path)), picture)?;
+        let views: Vec<Views> = views.into_iter().map(Views::once).collect();
         let models = models(job.display, &job.colors)?;
         let (plan, schedule) = plan(job, request, &views, &models)?;
         Ok(Self { views, models, plan, schedule, picture })
