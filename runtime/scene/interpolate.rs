@@ -19,6 +19,9 @@ const MET: f32 = 1.0;
 const TEAR: f32 = 0.7;
 /// Views of a smaller share are asked only where the others saw nothing.
 const LEAST: f32 = 0.02;
+/// Side of the tiles of whose disparities the nearest is known, pixels: where a ray is before all that is near, it is not looked up.
+const TILE: usize = 8;
+
 /// Views of a light field and their disparities, compact.
 pub struct Interpolator {
     grid: ViewGrid,
@@ -27,7 +30,7 @@ pub struct Interpolator {
     /// Smallest and largest disparity, pixels between neighbouring views.
     range: [f64; 2],
     /// Of the views that were needed so far: (row, column), 65535 = the range's larger end.
-    disparities: Vec<OnceLock<Vec<u16>>>,
+    disparities: Vec<OnceLock<Disparities>>,
 }
 
 /// One colour of all views.
@@ -49,10 +52,35 @@ impl Stored {
     }
 }
 
+/// The disparities of a view, 65535 = the range's larger end.
+struct Disparities {
+    /// (row, column).
+    own: Vec<u16>,
+    /// The largest in each tile and the eight around it: of all that is within a tile's side of each of its pixels.
+    nearest: Vec<u16>,
+}
+
+impl Disparities {
+    fn new(own: Vec<u16>, [height, width]: [usize; 2]) -> Self {
+        let [rows, columns] = [height, width].map(|n| n.div_ceil(TILE));
+        let mut nearest = vec![0u16; rows * columns];
+        for (y, line) in own.chunks_exact(width).enumerate() {
+            let most = line.chunks(TILE).map(|tile| tile.iter().copied().max().unwrap_or(0));
+            for (column, most) in most.enumerate() {
+                for row in (y / TILE).saturating_sub(1)..(y / TILE + 2).min(rows) {
+                    let around = &mut nearest[row * columns..][column.saturating_sub(1)..(column + 2).min(columns)];
+                    around.iter_mut().for_each(|n| *n = (*n).max(most));
+                }
+            }
+        }
+        Self { own, nearest }
+    }
+}
+
 /// A view that lends its light to another.
 struct Lender<'a> {
     light: &'a [u16],
-    disparities: &'a [u16],
+    disparities: &'a Disparities,
     /// Columns and rows of views from it to the other.
     away: [f32; 2],
     /// The way to it, in views.
@@ -145,12 +173,18 @@ impl Interpolator {
         })
     }
 
+    /// From now on rays through the views that were needed so far are followed step by step.
+    #[cfg(test)]
+    pub(super) fn leave_nothing_out(&mut self) {
+        self.disparities.iter_mut().filter_map(OnceLock::get_mut).for_each(|view| view.nearest.fill(u16::MAX));
+    }
+
     fn light_of(&self, color: usize, view: usize) -> &[u16] {
         let pixels = self.size[0] * self.size[1];
         &self.planes[color].views[view * pixels..][..pixels]
     }
 
-    fn disparities_of(&self, view: usize) -> &[u16] {
+    fn disparities_of(&self, view: usize) -> &Disparities {
         self.disparities[view].get_or_init(|| {
             let light = |view: usize| {
                 let mut sum = vec![0.0f32; self.size[0] * self.size[1]];
@@ -165,7 +199,8 @@ impl Interpolator {
             let found = view_disparities(&self.grid, view, self.size, self.range, light);
             let [low, high] = self.range;
             let unit = 65535.0 / (high - low).max(1e-12);
-            found.iter().map(|d| ((f64::from(*d) - low) * unit + 0.5).clamp(0.0, 65535.0) as u16).collect()
+            let own = found.iter().map(|d| ((f64::from(*d) - low) * unit + 0.5).clamp(0.0, 65535.0) as u16);
+            Disparities::new(own.collect(), self.size)
         })
     }
 
@@ -253,7 +288,7 @@ impl Interpolator {
     fn beyond(&self, lender: &Lender, x: usize, y: usize, disparity: f32) -> Option<f32> {
         let [low, high] = self.range.map(|v| v as f32);
         let at = (x as f32 + disparity * lender.away[0], y as f32 + disparity * lender.away[1]);
-        let at = pixel(self.size, at).map(|(j, i)| lender.disparities[j * self.size[1] + i])?;
+        let at = pixel(self.size, at).map(|(j, i)| lender.disparities.own[j * self.size[1] + i])?;
         Some(low + (high - low) / 65535.0 * f32::from(at))
     }
 
@@ -263,13 +298,28 @@ impl Interpolator {
         let [u, v] = lender.away;
         let (length, step) = (lender.length, lender.step);
         let scale = (high - low) / 65535.0;
-        let own = |j: usize, i: usize| low + scale * f32::from(lender.disparities[j * width + i]);
+        let told = |disparity: u16| low + scale * f32::from(disparity);
+        let own = |j: usize, i: usize| told(lender.disparities.own[j * width + i]);
         let place = |d: f32| (x as f32 + d * u, y as f32 + d * v);
-        for k in 0..=lender.count {
-            let at = high - k as f32 * step;
+        let along = |k: usize| high - k as f32 * step;
+        // So many steps on, the ray is still within a tile's side of where it is, with a pixel for rounding.
+        let near = ((TILE - 1) as f32 / (step * u.abs().max(v.abs())).max(1e-6)) as usize;
+        let mut next = 0;
+        while next <= lender.count {
+            let (k, at) = (next, along(next));
+            next += 1;
             let Some((j, i)) = pixel(self.size, place(at)) else { continue };
             let before = own(j, i) - at;
-            if before < -0.5 * step || before * length > MET {
+            if before < -0.5 * step {
+                // Steps at which the ray is before all that is near would find nothing: the last of them is looked at.
+                let nearest = told(lender.disparities.nearest[j / TILE * width.div_ceil(TILE) + i / TILE]);
+                let skipped = near.min(((at - nearest) / step) as usize);
+                if skipped > 0 && nearest - along(k + skipped) < -0.5 * step {
+                    next += skipped;
+                }
+                continue;
+            }
+            if before * length > MET {
                 continue;
             }
             let mut disparity = own(j, i);
