@@ -47,6 +47,13 @@ impl ContrastLoss {
         Self { black: self.black / unit, ..self }
     }
 
+    /// Where an eye looks that is turned by these angles, radians (x, y): as far as there is a picture.
+    pub(crate) fn within(&self, optics: &Optics, turned: [f64; 2]) -> [f64; 2] {
+        let (high, wide) = optics.field_of_view();
+        let rim = [wide, high].map(|metres| 0.5 * metres / self.radian);
+        [0, 1].map(|i| turned[i].clamp(-rim[i], rim[i]))
+    }
+
     /// What a window needs that is compared so.
     pub(super) fn pass(&self, grid: &Optics, window: &Window, compared: &compare::Args) -> ContrastPass {
         let (high, wide) = grid.field_of_view();

@@ -249,6 +249,7 @@ impl Refiner {
         }
         self.aim = aim;
         self.choose_sources();
+        self.look_where_it_is_turned();
         if jumped { self.forget() } else { Ok(()) }
     }
 

@@ -84,6 +84,9 @@ pub struct Steering {
     /// Where the eye looks, as in [`Settings::gaze`](super::Settings::gaze).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gaze: Option<[f64; 2]>,
+    /// In its place, for an eye that is followed: how far behind its pupil it turns, metres. It then looks where its pupil says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gaze_radius: Option<f64>,
     /// Pupils around the eye a step.
     pub pupils: usize,
     /// Pupils over the whole eyebox a step, on average.
@@ -110,7 +113,15 @@ impl Steering {
         if !(0.0..=64.0).contains(&self.elsewhere) {
             return wrong("the pupils elsewhere a step", self.elsewhere.to_string(), "0 to 64");
         }
-        self.loss.check(self.gaze)?;
+        self.loss.check(self.gaze.or(self.gaze_radius.map(|_| [0.0; 2])))?;
+        if let Some(radius) = self.gaze_radius {
+            if self.gaze.is_some() {
+                return wrong("the gaze", "given twice".into(), "where the eye looks, or how it turns");
+            }
+            if !(1e-3..=1.0).contains(&radius) {
+                return wrong("how far behind its pupil the eye turns (metres)", radius.to_string(), "0.001 to 1");
+            }
+        }
         self.strategy.check()
     }
 }
@@ -127,6 +138,7 @@ impl Default for Steering {
             },
             loss: Loss::Light,
             gaze: None,
+            gaze_radius: None,
             pupils: 2,
             elsewhere: 0.5,
             window: WindowFactor::Two,
@@ -143,11 +155,13 @@ impl Steering {
     /// # Errors
     /// [`SolveError::Text`] with the key that is not known or has no such value; [`SolveError::Setting`].
     pub fn from_toml(text: &str) -> Result<Self, SolveError> {
-        // Its storage and gaze are there, so that the keys are.
-        let shown = Self { storage: Some(Storage::F32), gaze: Some([0.0; 2]), ..Self::default() };
+        // What may be missing is there, so that the keys are.
+        let shown =
+            Self { storage: Some(Storage::F32), gaze: Some([0.0; 2]), gaze_radius: Some(0.0), ..Self::default() };
         let (mut read, given) = overlay(&shown, &[], text).map_err(SolveError::Text)?;
         read.storage = read.storage.filter(|_| given.contains_key("storage"));
         read.gaze = read.gaze.filter(|_| given.contains_key("gaze"));
+        read.gaze_radius = read.gaze_radius.filter(|_| given.contains_key("gaze_radius"));
         read.check()?;
         Ok(read)
     }

@@ -256,6 +256,23 @@ pub fn gaze(text: &str) -> Result<[f64; 2], String> {
     Ok(degrees.map(f64::to_radians))
 }
 
+/// Where an eye looks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Gaze {
+    /// There, radians.
+    At([f64; 2]),
+    /// Where its pupil says.
+    Followed,
+}
+
+/// Where an eye looks that may be followed.
+pub fn followed_gaze(text: &str) -> Result<Gaze, String> {
+    match text {
+        "tracker" => Ok(Gaze::Followed),
+        _ => gaze(text).map(Gaze::At).map_err(|wrong| format!("{wrong}, or tracker")),
+    }
+}
+
 /// A loss by its name.
 pub fn loss(text: &str) -> Result<Loss, String> {
     let found = Loss::ALL.into_iter().find(|loss| loss.name() == text);

@@ -1,7 +1,8 @@
 //! Arguments that the commands which steer share.
 
-use crate::values::{gaze, loss, not_negative, positive, power, share, storage, window};
+use crate::values::{Gaze, followed_gaze, loss, not_negative, positive, power, share, storage, window};
 use clap::{Args, ValueEnum};
+use eyebox::gaze::Settings;
 use eyebox::optics::WindowFactor;
 use eyebox::plan::Storage;
 use eyebox::session::Policy;
@@ -37,9 +38,9 @@ pub struct SteeringArgs {
     /// What is made small: differences of light, or contrast, those that an eye sees at the display's pixels a degree
     #[arg(long, value_parser = loss, default_value = "light", value_name = "light|contrast")]
     pub loss: Loss,
-    /// Where the eye looks, degrees right of and below the picture's middle, for --loss contrast
-    #[arg(long, value_parser = gaze, value_name = "X,Y", allow_hyphen_values = true)]
-    pub gaze: Option<[f64; 2]>,
+    /// Where the eye looks, degrees right of and below the picture's middle, or tracker: where its pupil says; for --loss contrast
+    #[arg(long, value_parser = followed_gaze, value_name = "X,Y|tracker", allow_hyphen_values = true)]
+    pub gaze: Option<Gaze>,
     /// Gain of the projection's first step
     #[arg(long, default_value_t = 3.0, value_name = "G", value_parser = positive)]
     pub gain: f64,
@@ -74,8 +75,13 @@ impl SteeringArgs {
             StrategyName::Projection => Strategy::Projection { gain, settled, settling, momentum, overlap_power },
             StrategyName::Adam => Strategy::Adam { rate: self.adam_rate },
         };
-        let Self { loss, gaze, pupils, elsewhere, window, repeats, storage, seed, .. } = *self;
-        Steering { strategy, loss, gaze, pupils, elsewhere, window, repeats, storage, seed }
+        let (gaze, gaze_radius) = match self.gaze {
+            Some(Gaze::At(angles)) => (Some(angles), None),
+            Some(Gaze::Followed) => (None, Some(Settings::default().radius)),
+            None => (None, None),
+        };
+        let Self { loss, pupils, elsewhere, window, repeats, storage, seed, .. } = *self;
+        Steering { strategy, loss, gaze, gaze_radius, pupils, elsewhere, window, repeats, storage, seed }
     }
 }
 

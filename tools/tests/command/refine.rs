@@ -49,6 +49,8 @@ fn the_eye_sees_better_and_the_file_says_how() {
     let last = |said: &Value| said["rows"].as_array().unwrap().last().unwrap()["eye_db"].as_f64().unwrap();
     assert!(last(&seen) > eye(0) && (last(&seen) - last(&refine(&["--steps", "4"]))).abs() > 0.01, "{seen}");
     let gaze = seen["steering"]["gaze"][0].as_f64().unwrap();
+    let followed = refine(&["--steps", "2", "--loss", "contrast", "--gaze", "tracker", "-o", "followed.zarr"]);
+    assert_eq!(followed["steering"]["gaze_radius"], 0.011, "{followed}");
     assert!(seen["steering"]["loss"] == "contrast" && (gaze.to_degrees() + 1.0).abs() < 1e-9, "{seen}");
     let kept = std::fs::read_to_string(at.join("seen.zarr/zarr.json")).unwrap();
     assert!(kept.contains("\"loss\": \"contrast\"") || kept.contains("\"loss\":\"contrast\""), "{kept}");
