@@ -59,7 +59,7 @@ fn a_hologram_is_solved_for_what_is_seen() {
     let contrast = of(&coarse);
     assert!((0..3).all(|i| (light[i] - contrast[i]).abs() < 0.01), "{light:?} {contrast:?}");
     // Noise that is too fine to be seen is left: it is the eye's loss, and PSNR pays for it.
-    let fine = of(&["--pixels-per-degree", "240"]);
+    let fine = of(&["--pixels-per-degree", "720"]);
     assert!(fine[2] < light[2] - 0.5, "{light:?} {fine:?}");
     let [there, elsewhere] = ["--gaze=-3,-2", "--gaze=4,4"].map(|gaze| of(&[coarse[0], coarse[1], gaze]));
     assert!(there[1] > elsewhere[1] + 0.2 && there[1] > light[1] - 0.15, "{there:?} {elsewhere:?} {light:?}");
