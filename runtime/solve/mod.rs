@@ -7,6 +7,7 @@
 //!
 //! May import everything above it: `optics`, `scene`, `plan`, `engine`, `evaluate`.
 
+mod asking;
 mod carry;
 mod cost;
 mod dpac;

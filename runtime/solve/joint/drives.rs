@@ -1,8 +1,7 @@
 //! The drives that all colours share, and how they are turned by what each colour lacks (OPTICS 13).
 
-use crate::engine::Step;
 use crate::optics::{drive_of, phase_of};
-use crate::plan::Kernel;
+use crate::solve::asking::Turns;
 use rayon::prelude::*;
 use std::f32::consts::TAU;
 
@@ -40,8 +39,8 @@ impl Drives {
     /// column) that holds the SLM, and the phases that it has now. Of each sub-frame's undiffracted light, the mean of its field, that
     /// share is to go, too: even drives leave no mean at the wavelength that they are meant at, but several hundredths of the light
     /// at others, which one place of the eyebox would receive (OPTICS 13).
-    pub(super) fn ask(&mut self, slope: f64, phases: &[f32], change: &[f32], undiffracted: &[f64], step: &Step) {
-        let place = step.project.place;
+    pub(super) fn ask(&mut self, slope: f64, phases: &[f32], change: &[f32], undiffracted: &[f64], turns: &Turns) {
+        let place = turns.project.place;
         let [_, width] = self.size;
         let (grid_width, top, left) = (place.grid_width as usize, place.top as usize, place.left as usize);
         let (pixels, points) = (self.size[0] * width, place.grid_height as usize * grid_width);
@@ -62,11 +61,11 @@ impl Drives {
         });
     }
 
-    /// Takes the step that colours asked for, by the optimiser of `step`; `norm` is, per sub-frame, the sum over the colours of
+    /// Takes the step that colours asked for, by its optimiser; `norm` is, per sub-frame, the sum over the colours of
     /// power times slope squared, by which the projection divides, and Adam the number of colours.
-    pub(super) fn turn(&mut self, step: &Step, norm: &[f64], colors: usize) {
+    pub(super) fn turn(&mut self, turns: &Turns, norm: &[f64], colors: usize) {
         let pixels = self.size[0] * self.size[1];
-        let projects = step.list.last().is_some_and(|d| d.kernel == Kernel::Project);
+        let Turns { project, adam, projects } = turns;
         let [first, second] = &mut self.moments;
         let frames = self.drives.par_chunks_mut(pixels).zip(self.asked.par_chunks_mut(pixels));
         let frames = frames.zip(first.par_chunks_mut(pixels)).zip(second.par_chunks_mut(pixels)).zip(norm);
@@ -74,12 +73,11 @@ impl Drives {
             // A sub-frame that no laser lights stays as it is.
             let share = if *norm > 0.0 { (1.0 / norm) as f32 } else { 0.0 };
             for (((drive, asked), first), second) in drives.iter_mut().zip(&mut *asked).zip(first).zip(second) {
-                let by = if projects {
-                    let turn = step.project.gain * share * *asked;
-                    *first = step.project.momentum * *first + turn;
-                    step.project.momentum * *first + turn
+                let by = if *projects {
+                    let turn = project.gain * share * *asked;
+                    *first = project.momentum * *first + turn;
+                    project.momentum * *first + turn
                 } else {
-                    let adam = &step.adam;
                     let gradient = 2.0 * *asked / colors as f32;
                     *first = adam.beta1 * *first + (1.0 - adam.beta1) * gradient;
                     *second = adam.beta2 * *second + (1.0 - adam.beta2) * (gradient * gradient);

@@ -5,6 +5,7 @@
 //! the colours ask of the drives is added up on the host, so any engine takes part. Powers are weights of sub-frames in the same
 //! lists, and are fitted to photographs now and then.
 
+mod check;
 pub(super) mod choice;
 mod drives;
 mod powers;
@@ -45,47 +46,14 @@ pub struct JointProblem<'a> {
 impl JointProblem<'_> {
     fn check(&self, joint: &Joint, settings: &Settings) -> Result<(), SolveError> {
         let wrong = |what, value: String, right| Err(SolveError::Setting { what, value, right });
-        let Some(first) = self.colors.first() else {
-            return wrong("the number of colours", "0".into(), "one at least");
-        };
         let count = self.colors.len();
-        if joint.brightness > count as f64 {
+        if count > 0 && joint.brightness > count as f64 {
             let right = "1 to the number of colours";
             return wrong("the brightness of joint colours", joint.brightness.to_string(), right);
         }
-        let grid = |problem: &Problem| {
-            let optics = problem.padding.grid(problem.optics);
-            (optics.height, optics.width, problem.padding, problem.optics.geometry)
-        };
-        if self.colors.iter().any(|problem| grid(problem) != grid(first)) {
-            return wrong(
-                "the padding of the colours",
-                "of several sizes".into(),
-                "one for all colours at once (--padding exact)",
-            );
-        }
-        let model = |problem: &Problem| problem.model.as_ref().map(|model| model.parts()).unwrap_or_default();
-        if self.colors.iter().any(|p| model(p).drives || model(p).more_subpixels > 0 || model(p) != model(first)) {
-            let right = "one without look-up table, lag, crosstalk, fill, sub-pixels and mask for all colours at once (--model-terms)";
-            return wrong("the display's model", "one that changes drives".into(), right);
-        }
-        if self.colors.iter().any(|problem| !problem.modes.is_empty()) {
-            return wrong(
-                "the display's source",
-                "of several modes".into(),
-                "a laser on the axis for all colours at once",
-            );
-        }
-        let fits = |powers: &[Vec<f64>]| powers.len() == count && powers.iter().all(|p| p.len() == settings.frames);
-        let sound = |powers: &[Vec<f64>]| powers.iter().flatten().all(|p| (0.0..=count as f64 + 1e-6).contains(p));
-        if self.powers.is_some_and(|powers| !fits(powers) || !sound(powers)) {
-            let right = "one a colour and sub-frame, from 0 to the number of colours";
-            return wrong("the powers to begin with", "others".into(), right);
-        }
-        let steep = |slope: &f64| !(*slope > 0.0 && slope.is_finite());
-        if self.slopes.len() != count || self.slopes.iter().any(steep) || !self.slopes.contains(&1.0) {
-            let right = "positive, one a colour, one of them 1";
-            return wrong("the dispersion of the colours", format!("{:?}", self.slopes), right);
+        check::colors(&self.colors.iter().collect::<Vec<_>>(), self.slopes)?;
+        if let Some(powers) = self.powers {
+            check::powers(powers.iter().map(Vec::as_slice), count, settings.frames)?;
         }
         if self.exposures.is_some_and(|e| e.len() != count || e.iter().any(|e| !(*e > 0.0 && e.is_finite()))) {
             return wrong("the exposures of the colours", format!("{:?}", self.exposures), "positive, one a colour");

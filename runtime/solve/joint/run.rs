@@ -3,9 +3,10 @@
 use super::drives::Drives;
 use super::powers::PowerFit;
 use super::solution::JointSolution;
-use crate::engine::{Buffer, Engine, EngineError, Step};
+use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::WindowFactor;
 use crate::plan::{Comparison, Kernel, Planner};
+use crate::solve::asking::{Turns, ask};
 use crate::solve::error::SolveError;
 use crate::solve::fault;
 use crate::solve::outcome::{Flow, Progress, Solution, Stop, Warm};
@@ -16,6 +17,7 @@ use crate::solve::settings::Settings;
 use crate::solve::step::Steps;
 use crate::solve::validation::{ValidationScore, Validator};
 use crate::solve::viewpoints::Viewpoints;
+use std::slice;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -175,21 +177,22 @@ impl<'a> JointRun<'a> {
             }
             let phases = self.drives.phases(l.slope);
             show(engine, l, &phases)?;
-            let of_color = ask(engine, &step, &mut self.change)?;
+            let of_color = ask(engine, &step, slice::from_ref(&(0..step.list.len())), &mut self.change)?;
             if !of_color.is_finite() {
                 return Ok(Err(fault::first_fault(engine, &step)?));
             }
             loss += of_color / lit.len() as f64;
             // A gradient is that of the loss alone.
-            let projects = step.list.last().is_some_and(|d| d.kernel == Kernel::Project);
-            let undiffracted = self.powers[color].iter().map(|p| if projects { *p } else { 0.0 }).collect::<Vec<_>>();
-            self.drives.ask(l.slope, &phases, &self.change, &undiffracted, &step);
-            last = Some(step);
+            let turns = Turns::of(&step);
+            let share = |p: &f64| if turns.projects { *p } else { 0.0 };
+            let undiffracted = self.powers[color].iter().map(share).collect::<Vec<_>>();
+            self.drives.ask(l.slope, &phases, &self.change, &undiffracted, &turns);
+            last = Some(turns);
         }
-        if let Some(step) = last {
+        if let Some(turns) = last {
             let norm = |f: usize| lit.iter().zip(&self.powers).map(|(l, p)| p[f] * l.slope * l.slope).sum::<f64>();
             let norms: Vec<f64> = (0..self.settings.frames).map(norm).collect();
-            self.drives.turn(&step, &norms, lit.len());
+            self.drives.turn(&turns, &norms, lit.len());
         }
         Ok(Ok(loss))
     }
@@ -247,18 +250,6 @@ impl<'a> JointRun<'a> {
 fn show(engine: &mut dyn Engine, lit: &Lit<'_>, phases: &[f32]) -> Result<(), EngineError> {
     engine.take_views(Arc::clone(&lit.problem.pyramid))?;
     engine.write(Buffer::Phases, phases)
-}
-
-/// Runs a step up to what would move its phases, and reads the change of the field that it asks for: its loss, and the change
-/// unless that is no finite number.
-pub(super) fn ask(engine: &mut dyn Engine, step: &Step, change: &mut [f32]) -> Result<f64, EngineError> {
-    let (known, end) = (step.before_update(), step.list.len().saturating_sub(1));
-    let loss = step.mean_loss(&engine.run_part(step, 0..known.min(end))?);
-    if loss.is_finite() {
-        engine.run_part(step, known.min(end)..end)?;
-        engine.read_into(Buffer::Change, change)?;
-    }
-    Ok(loss)
 }
 
 /// What the powers of a colour that an engine shows should be, seen through these viewpoints.

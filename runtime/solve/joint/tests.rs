@@ -1,13 +1,14 @@
 //! Joint colours against float64 and finite differences.
 
 use super::drives::Drives;
-use super::run::{Lit, ask, fit_of};
+use super::run::{Lit, fit_of};
 use super::*;
 use crate::engine::Buffer;
 use crate::engine::cpu::CpuEngine;
 use crate::optics::{Color, Display, Optics, Padding, Pupil, WindowFactor, phase_of, powers_in_sequence};
-use crate::plan::{Comparison, Purpose, Step, Viewpoint};
+use crate::plan::{Comparison, Purpose, Viewpoint};
 use crate::scene::{self, LightField, Request};
+use crate::solve::asking::{Turns, ask};
 use crate::solve::{Method, random_phases};
 use eyebox_kernels::{Complex64, compare};
 use std::f64::consts::TAU;
@@ -163,7 +164,7 @@ impl Case {
     }
 
     /// Asks for one colour's gradient with these targets in the place of photographs.
-    fn ask(&self, color: usize, engine: &mut CpuEngine, change: &mut [f32]) -> (f64, Step) {
+    fn ask(&self, color: usize, engine: &mut CpuEngine, change: &mut [f32]) -> (f64, Turns) {
         let planner = self.planner(color);
         let comparison =
             Comparison { mode: compare::INTENSITY, exposure: self.lit[color].3, batch: 2, ..Comparison::default() };
@@ -177,7 +178,7 @@ impl Case {
         for (slot, target) in self.targets[color].iter().enumerate() {
             engine.write(Buffer::Target(slot), target).unwrap();
         }
-        (ask(engine, &step, change).unwrap(), step)
+        (ask(engine, &step, &[0..step.list.len()], change).unwrap(), Turns::of(&step))
     }
 }
 
@@ -213,9 +214,9 @@ fn gradients_are_derivatives() {
     let (mut engine, mut loss) = (CpuEngine::new(), 0.0);
     let mut change = vec![0.0; 2 * FRAMES * SIZE[0] * SIZE[1]];
     for color in 0..3 {
-        let (of_color, step) = case.ask(color, &mut engine, &mut change);
+        let (of_color, turns) = case.ask(color, &mut engine, &mut change);
         loss += of_color / 3.0;
-        drives.ask(case.lit[color].1, &drives.phases(case.lit[color].1), &change, &[0.0; FRAMES], &step);
+        drives.ask(case.lit[color].1, &drives.phases(case.lit[color].1), &change, &[0.0; FRAMES], &turns);
     }
     assert!((loss / case.loss() - 1.0).abs() < 1e-5, "{loss} {}", case.loss());
     // The equations, to what central differences of float64 tell; and the engine, in float32, against the equations.
