@@ -4,12 +4,20 @@ use super::{Hologram, HologramError};
 use crate::engine::{Engine, EngineError};
 use crate::optics::PupilDistribution;
 use crate::scene::LightField;
-use crate::solve::{Problem, Refiner, Steering};
+use crate::solve::{JointPart, JointRefiner, Problem, Refiner, Steering};
 
 /// All colours of a hologram under refinement, each on an engine of its own.
 pub struct Refinement {
     hologram: Hologram,
-    refiners: Vec<Refiner>,
+    refiners: Refiners,
+}
+
+/// Who refines it.
+enum Refiners {
+    /// Each colour its own phases,
+    Apart(Vec<Refiner>),
+    /// or all of them the drives that they share.
+    Together(Box<JointRefiner>),
 }
 
 impl Hologram {
@@ -30,23 +38,39 @@ impl Hologram {
         if self.metadata.joint_color.is_some() { Err(HologramError::SharesSubFrames { what }) } else { Ok(()) }
     }
 
-    /// Begins to refine it for where the pupil is. `field` is its scene; `open` opens an engine for each colour.
+    /// What it is made of where its colours share their sub-frames, colour by colour; none where they do not. `problems` are its
+    /// [`problems`](Self::problems).
+    pub fn joint_parts(&self, problems: Vec<Problem>) -> Option<Vec<JointPart>> {
+        let joint = self.metadata.joint_color.as_ref()?;
+        let part = |(problem, color): (Problem, &super::ColorHologram)| {
+            let laser = joint.lasers.get(&color.color?)?.clone();
+            Some(JointPart { problem, exposure: color.exposure, laser })
+        };
+        problems.into_iter().zip(&self.colors).map(part).collect()
+    }
+
+    /// Begins to refine it for where the pupil is. `field` is its scene; `open` opens an engine for each colour. All colours at once are
+    /// refined together: the powers of their lasers stay.
     ///
     /// # Errors
-    /// Those of [`check_apart`](Self::check_apart), of [`problems`](Self::problems), of [`Refiner::new`] and of `open`.
+    /// Those of [`problems`](Self::problems), of [`Refiner::new`], of [`JointRefiner::new`] and of `open`.
     pub fn refine(
         self,
         field: &LightField,
         steering: Steering,
         mut open: impl FnMut() -> Result<Box<dyn Engine>, EngineError>,
     ) -> Result<Refinement, HologramError> {
-        self.check_apart("refined")?;
+        let problems = self.problems(field)?;
+        let sent = self.sent_colors().first().copied().unwrap_or(0);
+        if let Some(parts) = self.joint_parts(problems.clone()) {
+            let refiner = JointRefiner::new(parts, &self.colors[sent].phases, steering, open)?;
+            return Ok(Refinement { hologram: self, refiners: Refiners::Together(Box::new(refiner)) });
+        }
         let begin = |(problem, color): (Problem, &super::ColorHologram)| {
             Ok(Refiner::new(problem, &color.phases, color.exposure, steering, open()?)?)
         };
-        let refiners =
-            self.problems(field)?.into_iter().zip(&self.colors).map(begin).collect::<Result<_, HologramError>>()?;
-        Ok(Refinement { hologram: self, refiners })
+        let refiners = problems.into_iter().zip(&self.colors).map(begin).collect::<Result<_, HologramError>>()?;
+        Ok(Refinement { hologram: self, refiners: Refiners::Apart(refiners) })
     }
 }
 
@@ -56,7 +80,10 @@ impl Refinement {
     /// # Errors
     /// Those of the engines.
     pub fn set_pupil(&mut self, pupil: PupilDistribution) -> Result<(), EngineError> {
-        self.refiners.iter_mut().try_for_each(|r| r.aim(pupil))
+        match &mut self.refiners {
+            Refiners::Apart(refiners) => refiners.iter_mut().try_for_each(|r| r.aim(pupil)),
+            Refiners::Together(refiner) => refiner.aim(pupil),
+        }
     }
 
     /// One step of every colour. Returns the mean loss: squared difference in linear light over the pupils of the step; not
@@ -65,7 +92,11 @@ impl Refinement {
     /// # Errors
     /// Those of the engines.
     pub fn step(&mut self) -> Result<f64, EngineError> {
-        let losses = self.refiners.iter_mut().map(Refiner::step).collect::<Result<Vec<_>, _>>()?;
+        let refiners = match &mut self.refiners {
+            Refiners::Apart(refiners) => refiners,
+            Refiners::Together(refiner) => return refiner.step(),
+        };
+        let losses = refiners.iter_mut().map(Refiner::step).collect::<Result<Vec<_>, _>>()?;
         Ok(losses.iter().sum::<f64>() / losses.len().max(1) as f64)
     }
 
@@ -74,10 +105,18 @@ impl Refinement {
     /// # Errors
     /// Those of the engines.
     pub fn hologram(&mut self) -> Result<&Hologram, EngineError> {
-        for (color, refiner) in self.hologram.colors.iter_mut().zip(&mut self.refiners) {
-            color.phases = refiner.phases()?;
-            if let Some(name) = color.color {
-                self.hologram.metadata.sources.light_only(name, refiner.sources());
+        match &mut self.refiners {
+            Refiners::Apart(refiners) => {
+                for (color, refiner) in self.hologram.colors.iter_mut().zip(refiners) {
+                    color.phases = refiner.phases()?;
+                    if let Some(name) = color.color {
+                        self.hologram.metadata.sources.light_only(name, refiner.sources());
+                    }
+                }
+            }
+            Refiners::Together(refiner) => {
+                let colors = self.hologram.colors.iter_mut().zip(refiner.phases());
+                colors.for_each(|(color, phases)| color.phases.clone_from(phases));
             }
         }
         Ok(&self.hologram)

@@ -48,7 +48,7 @@ impl Carry {
 
 /// Values of a sub-frame whose picture stands `shift` pixels (x, y) farther: before a relay the pattern itself is moved, round its
 /// edges; in the far field phases are turned by a ramp.
-fn move_frame(from: &[f32], to: &mut [f32], [slm, grid]: [&Optics; 2], [x, y]: [f64; 2]) {
+pub(super) fn move_frame(from: &[f32], to: &mut [f32], [slm, grid]: [&Optics; 2], [x, y]: [f64; 2]) {
     let (h, w) = (slm.height, slm.width);
     if [x, y] == [0.0; 2] {
         return to.copy_from_slice(from);

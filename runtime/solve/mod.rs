@@ -53,7 +53,9 @@ pub use cost::{Cost, Forecast, Loaded, forecast, model_work};
 pub use error::SolveError;
 pub(crate) use exposure::BrightEnd;
 pub use fixed_phases::fixed_phases;
-pub use joint::{Joint, JointProblem, JointSolution, solve_joint};
+pub use joint::{Joint, JointPart, JointProblem, JointRefiner, JointSolution, solve_joint};
+#[cfg(feature = "window")]
+pub(crate) use joint::{SharedDrives, for_joint_colors};
 pub use levels::{Levels, even_levels};
 pub use loss::Loss;
 pub use method::Method;

@@ -4,6 +4,7 @@
 mod draw;
 mod drawing;
 mod retrieve;
+mod sharing;
 mod sources;
 
 use super::carry::Carry;
@@ -75,6 +76,18 @@ impl Refiner {
         phases: &[f32],
         exposure: f64,
         steering: Steering,
+        engine: Box<dyn Engine>,
+    ) -> Result<Self, SolveError> {
+        Self::with_powers(problem, phases, exposure, &[], steering, engine)
+    }
+
+    /// In the light of a laser of these powers, sub-frame by sub-frame; none for the same in all.
+    fn with_powers(
+        problem: Problem,
+        phases: &[f32],
+        exposure: f64,
+        powers: &[f64],
+        steering: Steering,
         mut engine: Box<dyn Engine>,
     ) -> Result<Self, SolveError> {
         let wrong = |what, value: String, right| Err(SolveError::Setting { what, value, right });
@@ -91,7 +104,7 @@ impl Refiner {
         let storage = steering.storage.unwrap_or_else(|| engine.preferred_storage());
         let plain = problem.planner(frames, steering.window).with_fewer_modes(problem.eyebox);
         let contrast = steering.loss.of(steering.gaze, problem.contrast)?;
-        let planner = Planner { storage, contrast, binary_angles: true, ..plain };
+        let planner = Planner { storage, contrast, binary_angles: true, powers: powers.into(), ..plain };
         let purpose = steering.strategy.purpose();
         engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;
         let (half, centre) = (problem.eyebox / 2.0, problem.optics.center());

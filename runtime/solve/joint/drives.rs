@@ -31,8 +31,46 @@ impl Drives {
 
     /// The phases that a colour of this slope has of them, -pi to pi radians.
     pub(super) fn phases(&self, slope: f64) -> Vec<f32> {
+        let mut phases = vec![0.0; self.drives.len()];
+        self.phases_into(slope, &mut phases);
+        phases
+    }
+
+    /// The same, into memory that is there already.
+    pub(super) fn phases_into(&self, slope: f64, phases: &mut [f32]) {
         // The drive as its own phase says it, so that all colours follow from what is kept.
-        self.drives.par_iter().map(|d| phase_of(drive_of(phase_of(f64::from(*d), 1.0)), slope)).collect()
+        let phase = |drive: f32| phase_of(drive_of(phase_of(f64::from(drive), 1.0)), slope);
+        self.drives.par_iter().zip(phases).for_each(|(drive, to)| *to = phase(*drive));
+    }
+
+    /// Begins again at these phases, with nothing that moves them.
+    pub(super) fn restart(&mut self, phases: &[f32]) {
+        self.drives.iter_mut().zip(phases).for_each(|(drive, phase)| *drive = drive_of(*phase) as f32);
+        self.clear_moments();
+        self.forget_asked();
+    }
+
+    /// What moved them is of no use any more.
+    pub(super) fn clear_moments(&mut self) {
+        self.moments.iter_mut().for_each(|of| of.fill(0.0));
+    }
+
+    /// What colours asked for is not to be taken.
+    pub(super) fn forget_asked(&mut self) {
+        self.asked.fill(0.0);
+    }
+
+    /// Has each sub-frame, by its place, and what moves it, go from what they are to what `carried` makes of it.
+    pub(super) fn carry(&mut self, carried: impl Fn(&[f32], &mut [f32], usize)) {
+        let pixels = self.size[0] * self.size[1];
+        let [first, second] = &mut self.moments;
+        let mut after = vec![0.0; pixels];
+        for values in [&mut self.drives, first, second] {
+            for (frame, values) in values.chunks_exact_mut(pixels).enumerate() {
+                carried(values, &mut after, frame);
+                values.copy_from_slice(&after);
+            }
+        }
     }
 
     /// Adds what one colour asks for: `slope Im(conj(u) change)`, of the change of its field over the grid (sub-frame, row,

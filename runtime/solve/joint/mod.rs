@@ -9,7 +9,11 @@ mod check;
 pub(super) mod choice;
 mod drives;
 mod powers;
+mod refine;
+#[cfg(test)]
+mod refine_tests;
 mod run;
+mod shared;
 mod solution;
 #[cfg(test)]
 mod tests;
@@ -25,7 +29,10 @@ use super::viewpoints::Viewpoints;
 use crate::engine::Engine;
 use crate::plan::Planner;
 pub use choice::Joint;
+pub(crate) use refine::for_joint_colors;
+pub use refine::{JointPart, JointRefiner};
 use run::{JointRun, Lit};
+pub(crate) use shared::SharedDrives;
 pub use solution::JointSolution;
 use std::sync::Arc;
 use std::time::Instant;

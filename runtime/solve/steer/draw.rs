@@ -90,7 +90,7 @@ impl Refiner {
     }
 
     /// Which of the paces the next step has.
-    pub(super) fn kind(&self) -> usize {
+    pub(in crate::solve) fn kind(&self) -> usize {
         usize::from(!self.is_fresh())
     }
 
