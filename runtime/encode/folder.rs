@@ -1,7 +1,7 @@
 //! Video frames on the disk: a folder that says its display and what its frames hold, and pictures of any origin.
 
 use super::{AsShown, Decoder, EncodeError, Encoder, Packed, VideoFrames};
-use crate::files::{FileError, Folder, FolderDraft, encode_grey8, encode_rgb8, read, read_png8};
+use crate::files::{FileError, Folder, FolderDraft, encode_grey8, encode_rgb8, read, read_png8, write_file};
 use crate::hologram::{ColorHologram, Hologram, Metadata};
 use crate::optics::{Color, Display, Place};
 use rayon::prelude::*;
@@ -55,6 +55,17 @@ struct Origin {
     exposures: BTreeMap<Color, f64>,
     efficiencies: BTreeMap<Color, f64>,
     settings: Metadata,
+}
+
+/// Writes the powers of the lasers of a hologram whose colours share their sub-frames beside its video frames, into a folder that is
+/// there; whether it has such lasers.
+///
+/// # Errors
+/// [`FileError`].
+pub fn write_powers(hologram: &Hologram, folder: &Path) -> Result<bool, FileError> {
+    let Some(joint) = &hologram.metadata.joint_color else { return Ok(false) };
+    write_file(&folder.join(POWERS), |out| out.write_all(joint.table().as_bytes()))?;
+    Ok(true)
 }
 
 impl Encoder {

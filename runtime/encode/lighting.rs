@@ -45,6 +45,18 @@ impl Lighting {
         }
     }
 
+    /// The same of so many colours that share the sub-frames of the first (OPTICS 13).
+    #[must_use]
+    pub fn shared_by(mut self, colors: usize) -> Self {
+        let Self { turns, turn_of } = &mut self;
+        for times in turns {
+            let first = times.first().copied();
+            *times = first.into_iter().cycle().take(colors).collect();
+        }
+        *turn_of = turn_of.first().cloned().into_iter().cycle().take(colors).collect();
+        self
+    }
+
     /// How many turns there are: the video frames of a set that rolls, else 1.
     pub fn turns(&self) -> usize {
         self.turns.len()

@@ -33,7 +33,7 @@ pub use decoder::{AsShown, Decoder};
 pub use encoder::Encoder;
 pub use eyebox_kernels::encode::Plan;
 pub use flicker::flicker;
-pub use folder::{Encoded, FrameContents, is_encoded};
+pub use folder::{Encoded, FrameContents, is_encoded, write_powers};
 pub use frames::{PhaseSet, VideoFrames};
 pub use lighting::{Lighting, LitTimes};
 pub use packing::{Packed, PackedSlot};

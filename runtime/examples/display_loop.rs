@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     // From now on it is refined for where the eye is, on threads of its own.
     let encoder = Encoder::new(&display, &[Color::Green], settings.frames)?;
-    let colors = vec![SteeredColor { problem, phases: whole.phases, exposure: whole.exposure }];
+    let colors = vec![SteeredColor { problem, phases: whole.phases, exposure: whole.exposure, laser: None }];
     let (eye, tracking) = Tracking::mouse(Estimator::new(Default::default(), None)?);
     let live = Live::new(colors, encoder, backend, tracking);
     let output = Output::Memory { simulated: false, sink: None };

@@ -183,15 +183,6 @@ pub enum HologramError {
     /// Its colours are not named, or are not those of its display.
     #[error("its colours are not named, or not those of its display: what it was made for is not known")]
     NoDisplay,
-    /// It shows all colours at once, and was to be moved or shown colour by colour.
-    #[error(
-        "it shows all colours at once, in sub-frames that they share: it is not {what} colour by colour; `eyebox view` and `eyebox \
-         score` look at it, and `eyebox encode` writes its video frames and its lasers' powers"
-    )]
-    SharesSubFrames {
-        /// What was asked for.
-        what: &'static str,
-    },
     /// It shows another scene than it is compared with.
     #[error("it shows '{shows}', and '{given}' is another scene: give that one, or --other-scene if it is meant")]
     OtherScene {

@@ -30,14 +30,6 @@ impl Hologram {
         self.named_colors().into_iter().map(|c| Ok(Problem::new(field, c, &display, padding)?)).collect()
     }
 
-    /// Refuses a hologram whose colours share their sub-frames, which cannot be `what` colour by colour.
-    ///
-    /// # Errors
-    /// [`HologramError::SharesSubFrames`].
-    pub fn check_apart(&self, what: &'static str) -> Result<(), HologramError> {
-        if self.metadata.joint_color.is_some() { Err(HologramError::SharesSubFrames { what }) } else { Ok(()) }
-    }
-
     /// What it is made of where its colours share their sub-frames, colour by colour; none where they do not. `problems` are its
     /// [`problems`](Self::problems).
     pub fn joint_parts(&self, problems: Vec<Problem>) -> Option<Vec<JointPart>> {

@@ -245,7 +245,7 @@ impl LiveInput {
         let mut colors = Vec::with_capacity(self.colors.len());
         for (color, exposure) in self.colors.iter().zip(exposures) {
             let problem = self.problem(&field, *color, center)?;
-            colors.push(SteeredColor { problem, phases: Vec::new(), exposure });
+            colors.push(SteeredColor { problem, phases: Vec::new(), exposure, laser: None });
         }
         Ok(Ok(self.next_scene(colors, shown_at(info.content_time_ns, due), due.now_ns)))
     }
@@ -271,7 +271,7 @@ impl LiveInput {
         let mut colors = Vec::with_capacity(newest.len());
         for ((views_of_color, color), exposure) in newest.into_iter().zip(&self.colors).zip(exposures) {
             let problem = views_of_color.problem(&self.display, *color, views, center)?;
-            colors.push(SteeredColor { problem, phases: Vec::new(), exposure });
+            colors.push(SteeredColor { problem, phases: Vec::new(), exposure, laser: None });
         }
         Ok(Ok(self.next_scene(colors, shows_ns, now_ns)))
     }
@@ -330,7 +330,7 @@ pub fn darkness(
         let problem = problem.map_err(|e| SessionError::Setting(e.to_string()))?;
         let pixels = problem.optics.height * problem.optics.width;
         let phases = random_phases(frames * pixels, seed.wrapping_add(i as u64));
-        Ok(SteeredColor { problem, phases, exposure: USUAL_EXPOSURE })
+        Ok(SteeredColor { problem, phases, exposure: USUAL_EXPOSURE, laser: None })
     };
     colors.iter().enumerate().map(one).collect()
 }

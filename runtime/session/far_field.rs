@@ -230,7 +230,7 @@ impl Reader {
         let one = |((i, views), model): ((usize, &Views), &Option<Arc<ModelTables>>)| -> Result<_, String> {
             let piece = Piece::on(&self.tiles, i, views, model.as_deref(), extent).map_err(|e| e.to_string())?;
             let phases = self.tiles.read(i, extent.at, extent.size).map_err(|e| e.to_string())?;
-            Ok(SteeredColor { problem: piece.problem, phases, exposure: about.colors[i].exposure })
+            Ok(SteeredColor { problem: piece.problem, phases, exposure: about.colors[i].exposure, laser: None })
         };
         let colors = self.views.iter().enumerate().zip(self.models.iter()).map(one);
         Ok((extent, colors.collect::<Result<_, _>>()?))

@@ -128,7 +128,7 @@ fn motion_of(bits: [u64; 9]) -> Motion {
 
 impl Views {
     fn of(color: &SteeredColor) -> Self {
-        let SteeredColor { problem, phases, exposure } = color;
+        let SteeredColor { problem, phases, exposure, .. } = color;
         Self {
             grid: [problem.views.rows, problem.views.columns],
             cell: problem.views.cell.to_bits(),
@@ -158,7 +158,8 @@ impl Views {
             pyramid: Arc::new(Pyramid::new(&parts, level[0], level[1])),
             ..like.problem.clone()
         };
-        Ok(SteeredColor { problem, phases, exposure: f64::from_bits(self.exposure) })
+        let laser = like.laser.clone();
+        Ok(SteeredColor { problem, phases, exposure: f64::from_bits(self.exposure), laser })
     }
 }
 

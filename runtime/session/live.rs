@@ -19,6 +19,7 @@ use super::scheduler::{Schedule, Start};
 use super::set_timing::{SetTiming, as_ns};
 use super::showing::Showing;
 use super::steerer::retrieval::fixed_phases;
+use super::steerer::together::{lighting_of, sub_frames_of};
 use super::steerer::{EngineOpener, Policy, SteeredColor, Steerer};
 use super::timeline::Speed;
 use super::trace::Trace;
@@ -363,7 +364,7 @@ impl Live {
             keep_phase: false,
         };
         let set_ns = display.rate.time_of_ns(i64::try_from(set_frames).unwrap_or(i64::MAX));
-        let sub_frames = colors.iter().map(SteeredColor::frames).sum::<usize>() as u64;
+        let sub_frames = sub_frames_of(&colors) as u64;
         let FollowedEye { watch, tracker, truth, name, may_be_silent } =
             FollowedEye::start(tracking, whole, notes, &trace)?;
         let showing = scenes.as_ref().map(|scenes| Showing::new(scenes.describe()));
@@ -371,7 +372,7 @@ impl Live {
         let light_after = Duration::from_nanos(period_ns.unsigned_abs() / 2) + self.display_latency;
         let frame_light_after =
             Duration::from_nanos(display.rate.period_ns().unsigned_abs() / 2) + self.display_latency;
-        let (packed, lighting) = (Arc::new(encoder.packed().clone()), encoder.lighting(rolls));
+        let (packed, lighting) = (Arc::new(encoder.packed().clone()), lighting_of(encoder.lighting(rolls), &colors));
         let with_phases = self.companion.is_some();
         let beside = |open: CompanionOpener| open(display.desktop()?).map_err(SessionError::Companion);
         let companion = self.companion.map(beside).transpose()?;

@@ -96,6 +96,8 @@ mod stream_tests;
 mod tests;
 #[cfg(test)]
 mod thread_tests;
+#[cfg(test)]
+mod together_tests;
 
 pub use account::{Account, Cause, Repeat};
 #[cfg(target_os = "linux")]

@@ -241,7 +241,7 @@ mod tests {
             made: None,
         };
         let problem = Problem::new(&field, Color::Green, display, Padding::default()).unwrap();
-        vec![SteeredColor { problem, phases: Vec::new(), exposure: 0.35 }]
+        vec![SteeredColor { problem, phases: Vec::new(), exposure: 0.35, laser: None }]
     }
 
     fn display() -> Display {

@@ -177,7 +177,9 @@ impl SteeredColor {
         let one = |color: &crate::hologram::ColorHologram| {
             let problem = Problem::new(field, color.color.unwrap_or(Color::Green), display, padding);
             let problem = problem.map_err(|e| SessionError::Setting(e.to_string()))?;
-            Ok(Self { problem, phases: color.phases.clone(), exposure: color.exposure })
+            let lasers = hologram.metadata.joint_color.as_ref().map(|joint| &joint.lasers);
+            let laser = lasers.and_then(|lasers| lasers.get(&color.color?)).cloned();
+            Ok(Self { problem, phases: color.phases.clone(), exposure: color.exposure, laser })
         };
         hologram.colors.iter().map(one).collect()
     }

@@ -61,12 +61,13 @@ pub struct Play {
     pub ahead: usize,
 }
 
-/// What makes video frames of a hologram's phases on a display; `what` is the hologram, for people.
+/// What makes video frames on a display of the phases of a hologram that are [sent](Hologram::sent_colors); `what` is the hologram, for
+/// people.
 pub(super) fn encoder_of(what: &str, about: &Hologram, display: &Display) -> Result<Encoder, SessionError> {
-    about.check_apart("played")?;
     let named =
         |c: &ColorHologram| c.color.ok_or_else(|| SessionError::Setting(format!("{what}: its colours are not named")));
-    let colors: Vec<Color> = about.colors.iter().map(named).collect::<Result<_, _>>()?;
+    let colors: Vec<Color> =
+        about.sent_colors().into_iter().map(|i| named(&about.colors[i])).collect::<Result<_, _>>()?;
     let encoder = Encoder::new(display, &colors, about.frames)?;
     let ([eh, ew], [h, w]) = (encoder.hologram_size(), [about.height, about.width]);
     if [eh, ew] != [h, w] {
@@ -146,7 +147,7 @@ impl Play {
     /// Starts reading and encoding.
     pub(super) fn start(self, display: &OpenDisplay, notes: Notes, trace: Trace) -> Result<Setup, SessionError> {
         let Self { sequence, encoder, .. } = self;
-        let shape = sequence.shape();
+        let (shape, sent) = (sequence.shape(), sequence.about().sent_colors());
         let set_frames = encoder.packed().video_frames as u64;
         let set_rate = display.rate.hz() / set_frames as f64;
         // Enough video frames that the display's phase is known.
@@ -170,7 +171,8 @@ impl Play {
             keep_phase: self.keep_phase,
         };
         let phases = if self.sync_s > 0.0 { sync_phases(shape) } else { vec![0.0; shape.iter().product()] };
-        let colors: Vec<&[f32]> = phases.chunks_exact(phases.len() / shape[0]).collect();
+        let each = phases.len() / shape[0];
+        let colors: Vec<&[f32]> = sent.iter().map(|color| &phases[color * each..][..each]).collect();
         let idle = encoder.encode(&PhaseSet::trusted(&colors))?;
         let options = StreamOptions {
             ahead: self.ahead,
@@ -187,7 +189,7 @@ impl Play {
             Some(device) => StreamEncoder::Vulkan(encoder, device),
         };
         let stream = Stream::start(sequence, encoder, options)?;
-        let sub_frames = (shape[0] * shape[1]) as u64;
+        let sub_frames = (sent.len() * shape[1]) as u64;
         Ok(Setup { running: Running::Play(stream), schedule, idle, sub_frames })
     }
 }

@@ -420,7 +420,7 @@ impl Refining {
             self.steerer.moves(&moves.motion, self.options.moments.times(turn))?;
             time.looked(self.carry(light_ns, &expected.pupil, &moves)?);
             time.looked(self.fit(&expected.pupil, &moves)?);
-            let taken = self.steerer.round_while(|expected| time.step_before(deadline_ns, expected))?;
+            let taken = self.steerer.round_while(|steps, expected| time.steps_before(deadline_ns, steps, expected))?;
             steps += taken;
             self.options.journal.iter().for_each(|journal| journal.steps(&expected.pupil, &moves, taken));
             let left_ns = deadline_ns.saturating_sub(time.now_ns()).saturating_sub(self.round_ns());

@@ -67,7 +67,7 @@ impl Replay {
                     self.steerer.aim(Kept::pupil(pupil))?;
                     self.steerer.moves(&Kept::motion(motion), self.lighting.times(turn))?;
                     let mut left = steps;
-                    self.steerer.round_while(|_| {
+                    self.steerer.round_while(|_, _| {
                         let more = left > 0;
                         left = left.saturating_sub(1);
                         more
@@ -94,7 +94,7 @@ impl Replay {
     fn hand_over(&mut self, number: u64) -> Result<(), SessionError> {
         let Some(mut buffer) = self.sender.buffer() else { return Ok(()) };
         self.steerer.settle()?;
-        self.encoder.encode_into(&PhaseSet::trusted(&self.steerer.phases()?), &mut buffer.frames)?;
+        self.encoder.encode_into(&PhaseSet::trusted(&self.steerer.sent()?), &mut buffer.frames)?;
         buffer.lit_by(self.steerer.sources());
         self.sender.send(FinishedSet {
             number,

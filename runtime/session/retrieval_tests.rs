@@ -48,7 +48,7 @@ fn the_better_of_a_retrieval_and_the_last_phases_is_taken() {
         let mut steerer = Steerer::new(stage.begun(), policy, cpu).unwrap().with_fixed_phases(fixed);
         steerer.aim(aim).unwrap();
         steerer.follow(&[moved(&stage, 0)]).unwrap();
-        (0..8).for_each(|_| assert_eq!(steerer.round_while(|_| true).unwrap(), 1));
+        (0..8).for_each(|_| assert_eq!(steerer.round_while(|_, _| true).unwrap(), 1));
         steerer.settle().unwrap();
         steerer.follow(&[moved(&stage, 1)]).unwrap();
         assert!(!steerer.wants_fit(), "the same picture, one pixel on");

@@ -39,7 +39,7 @@ impl Scripted {
             let name = format!("builtin:still-life?shift={}", i as f64 * 0.05);
             let field = scene::load(&name, &request).unwrap();
             let problem = Problem::new(&field, Color::Green, &display, Padding::default()).unwrap();
-            SteeredColor { problem, phases: Vec::new(), exposure: EXPOSURE }
+            SteeredColor { problem, phases: Vec::new(), exposure: EXPOSURE, laser: None }
         };
         let scenes = (0..scenes).map(scene).collect();
         Self { display, scenes }

@@ -1,14 +1,15 @@
 //! All colours of a hologram under refinement, without threads: where to aim, when to begin again, what to do next.
 
 pub(super) mod retrieval;
+pub(super) mod together;
 
 use super::error::SessionError;
 use super::field::Field;
 use super::likeness;
 use crate::encode::{Lighting, LitTimes};
 use crate::engine::{Engine, EngineError, PhasesOnDevice};
-use crate::optics::PupilDistribution;
-use crate::solve::{Motion, Problem, Refiner, Steering};
+use crate::optics::{Laser, PupilDistribution};
+use crate::solve::{Motion, Problem, Refiner, SharedDrives, Steering};
 use crate::tiled::Extent;
 use serde::{Deserialize, Serialize};
 use std::ops::Deref;
@@ -31,6 +32,8 @@ pub struct SteeredColor {
     pub phases: Vec<f32>,
     /// What the phases were solved for.
     pub exposure: f64,
+    /// Its laser, where all colours share their sub-frames (OPTICS 13).
+    pub laser: Option<Laser>,
 }
 
 impl SteeredColor {
@@ -137,6 +140,8 @@ pub struct Steerer {
     field: Option<(Field, EngineOpener)>,
     /// By how many pixels each sub-frame of a colour is moved.
     shifts: Vec<[f64; 2]>,
+    /// The drives that all colours share, where they do.
+    shared: Option<SharedDrives>,
 }
 
 impl Steerer {
@@ -162,12 +167,25 @@ impl Steerer {
             let wrong = policy.restart;
             return Err(SessionError::Setting(format!("restart after {wrong} pupil diameters: it must be 0 or more")));
         }
+        let lasers = Self::lasers_of(&colors)?;
+        let steering = Self::steering_of(policy.steering, lasers.is_some())?;
+        let policy = Policy { steering, ..policy };
+        let sent = colors.iter().position(|color| color.laser.as_ref().is_some_and(|laser| laser.slope == 1.0));
+        let drives = sent.map(|sent| colors[sent].phases.clone()).unwrap_or_default();
         let one = |color: SteeredColor| -> Result<OneColor, SessionError> {
-            let refiner = Refiner::new(color.problem, &color.phases, color.exposure, policy.steering, engine()?)?;
+            let SteeredColor { problem, phases, exposure, laser } = color;
+            let refiner = match laser {
+                Some(Laser { powers, .. }) => {
+                    Refiner::lit_by(problem, &phases, exposure, &powers, steering, engine()?)?
+                }
+                None => Refiner::new(problem, &phases, exposure, steering, engine()?)?,
+            };
             Ok(OneColor { refiner, phases: Vec::new(), loss: None, piece: None, fixed: Vec::new(), unfit: false })
         };
-        let colors = colors.into_iter().map(one).collect::<Result<_, _>>()?;
-        Ok(Self { colors, policy, next: 0, aimed: None, restarts: 0, steps: 0, field: None, shifts: Vec::new() })
+        let mut colors = colors.into_iter().map(one).collect::<Result<Vec<_>, _>>()?;
+        let shared = lasers.map(|lasers| SharedDrives::new(&drives, lasers, &mut colors)).transpose()?;
+        let (aimed, field, shifts) = (None, None, Vec::new());
+        Ok(Self { colors, policy, next: 0, aimed, restarts: 0, steps: 0, field, shifts, shared })
     }
 
     /// What it refines, `colors`, is a piece of this far field; `engine` makes an engine for every further piece of each colour.
@@ -193,7 +211,7 @@ impl Steerer {
         field.piece = piece;
         let mut followed = Followed::default();
         for (i, (color, new)) in self.colors.iter_mut().zip(colors).enumerate() {
-            let SteeredColor { problem, phases, exposure } = new;
+            let SteeredColor { problem, phases, exposure, .. } = new;
             let mut refiner = Refiner::new(problem.clone(), phases, *exposure, self.policy.steering, engine()?)?;
             let refined = field.cut(i, piece);
             if refined == *phases {
@@ -235,6 +253,9 @@ impl Steerer {
         for color in &mut self.colors {
             color.refiner.aim(color.piece.map_or(aim, |piece| within(aim, piece)))?;
         }
+        if let Some(shared) = &mut self.shared {
+            shared.aimed(&self.colors);
+        }
         Ok(jumped)
     }
 
@@ -268,6 +289,9 @@ impl Steerer {
     /// # Errors
     /// Those of the engines.
     pub fn carry(&mut self, pixels: &[[i64; 2]], lighting: &Lighting, look: bool) -> Result<(bool, u32), EngineError> {
+        if self.shared.is_some() {
+            return self.carry_together(pixels, lighting, look);
+        }
         self.settle()?;
         let pixel = self.colors.first().map_or(1.0, |c| c.refiner.pixel());
         let mut moved = true;
@@ -296,6 +320,9 @@ impl Steerer {
     pub fn restart(&mut self) -> Result<(), EngineError> {
         self.aimed = None;
         self.restarts += 1;
+        if let Some(shared) = &mut self.shared {
+            return shared.begin_again(&mut self.colors);
+        }
         self.colors.iter_mut().try_for_each(|c| c.refiner.begin_again())
     }
 
@@ -309,6 +336,9 @@ impl Steerer {
         if scene.len() != self.colors.len() {
             let (found, must) = (scene.len(), self.colors.len());
             return Err(SessionError::Setting(format!("a scene of {found} colours, where {must} are refined")));
+        }
+        if self.shared.is_some() {
+            return self.follow_together(scene);
         }
         let mut followed = Followed::default();
         for (color, new) in self.colors.iter_mut().zip(scene) {
@@ -369,20 +399,27 @@ impl Steerer {
 
     /// What one step of every colour is expected to take.
     pub fn round(&self) -> Duration {
-        self.colors.iter().map(|c| c.refiner.expected()).sum()
+        match &self.shared {
+            Some(shared) => shared.expected(&self.colors),
+            None => self.colors.iter().map(|c| c.refiner.expected()).sum(),
+        }
     }
 
-    /// Steps, colour by colour in turn, one of each at most, while `may_begin` says of each, told what it is expected to
-    /// take and what is under way before it, that it may; how many were taken. A colour whose loss is no finite number begins
+    /// Steps, colour by colour in turn, one of each at most, while `may_begin` says of each, told how many it is and what it is expected
+    /// to take with what is under way before it, that it may; how many were taken. Of colours that share their sub-frames it is asked
+    /// once, for as many steps as there are colours. A colour whose loss is no finite number begins
     /// again. On a device the last ones are under way when this returns: [`settle`](Self::settle) waits for them.
     ///
     /// # Errors
     /// Those of the engines.
-    pub fn round_while(&mut self, mut may_begin: impl FnMut(Duration) -> bool) -> Result<u32, EngineError> {
+    pub fn round_while(&mut self, mut may_begin: impl FnMut(u32, Duration) -> bool) -> Result<u32, EngineError> {
+        if self.shared.is_some() {
+            return self.step_together(&mut may_begin);
+        }
         for taken in 0..self.colors.len() as u32 {
             let backlog: Duration = self.colors.iter().map(|c| c.refiner.backlog()).sum();
             let color = &mut self.colors[self.next];
-            if !may_begin(backlog + color.refiner.expected()) {
+            if !may_begin(1, backlog + color.refiner.expected()) {
                 return Ok(taken);
             }
             let loss = color.refiner.advance()?;
@@ -410,6 +447,9 @@ impl Steerer {
     /// # Errors
     /// Those of the engines.
     pub fn phases(&mut self) -> Result<PhasesOfColors<'_>, EngineError> {
+        if let Some(shared) = &self.shared {
+            return Ok(shared.phases().iter().map(Vec::as_slice).collect());
+        }
         for color in &mut self.colors {
             color.refiner.phases_into(&mut color.phases)?;
         }
@@ -422,8 +462,8 @@ impl Steerer {
 
     /// The phases where they are, colour by colour, if all of them are in a device's memory: for an encoder on that device.
     pub fn phases_on_device(&self) -> Option<Vec<PhasesOnDevice<'_>>> {
-        // The rest of a far field is on the host.
-        let alone = self.field.is_none();
+        // The rest of a far field is on the host, and so are drives that colours share.
+        let alone = self.field.is_none() && self.shared.is_none();
         self.colors.iter().map(|color| color.refiner.phases_on_device().filter(|_| alone)).collect()
     }
 

@@ -77,13 +77,13 @@ impl Stream {
         options: StreamOptions,
     ) -> Result<Self, SessionError> {
         let ahead = options.ahead.clamp(2, 64);
-        let shape = sequence.shape();
+        let (shape, sent) = (sequence.shape(), sequence.about().sent_colors());
         let mut probe = encoder.frames();
         {
             // A shape that does not fit is refused here, not on a thread.
             let each = shape[1] * shape[2] * shape[3];
             let zeros = vec![0.0; each];
-            let colors: Vec<&[f32]> = vec![&zeros; shape[0]];
+            let colors: Vec<&[f32]> = vec![&zeros; sent.len()];
             encoder.check(&PhaseSet::trusted(&colors), &probe)?;
         }
         let shared = Arc::new(Shared {
@@ -121,6 +121,7 @@ impl Stream {
         let (track, state) = (options.trace.track("encode"), Arc::clone(&shared));
         let encoding = Encoding {
             shape,
+            sent,
             mark: options.mark,
             shared: state,
             encode: to_encode,

@@ -97,7 +97,7 @@ pub fn study(
     let judge = settings.judging.as_ref().map(Judge::new).transpose()?;
     // Before time begins: no first step is like the others.
     for _ in 0..4 {
-        steerer.round_while(|_| true)?;
+        steerer.round_while(|_, _| true)?;
     }
     steerer.restart()?;
     let phases = colors.iter().map(|c| c.phases.clone()).collect();
@@ -155,7 +155,7 @@ impl Studying<'_> {
         let pupil = loop {
             let pupil = self.stage.predict(light);
             self.steerer.aim(pupil)?;
-            let taken = self.steerer.round_while(|expected| time.step_before(deadline_ns, expected))?;
+            let taken = self.steerer.round_while(|steps, expected| time.steps_before(deadline_ns, steps, expected))?;
             steps += taken;
             if taken == 0 || time.now_ns().saturating_add(self.round_ns()) > deadline_ns {
                 break pupil;
@@ -169,8 +169,8 @@ impl Studying<'_> {
         }
         self.steerer.settle()?;
         let refined_ns = time.now_ns();
+        self.encoder.encode_into(&PhaseSet::trusted(&self.steerer.sent()?), &mut self.frames)?;
         let phases = self.steerer.phases()?;
-        self.encoder.encode_into(&PhaseSet::trusted(&phases), &mut self.frames)?;
         let phases = phases.iter().map(|of_color| of_color.to_vec()).collect();
         time.encoded();
         self.stage.now_ns = time.now_ns();

@@ -24,7 +24,7 @@ pub(super) fn part() -> SteeredColor {
     let problem = Problem::new(&field, Color::Green, &display, Padding::default()).unwrap();
     let settings = Settings { steps: 24, diameter: [2e-3, 18e-3], depth: [-5e-4, 5e-4], ..Settings::default() };
     let solution = solve(&problem, &settings, &mut CpuEngine::new(), &mut |_| Flow::Continue).unwrap();
-    SteeredColor { problem, phases: solution.phases, exposure: solution.exposure }
+    SteeredColor { problem, phases: solution.phases, exposure: solution.exposure, laser: None }
 }
 
 pub(super) fn cpu() -> Result<Box<dyn Engine>, EngineError> {
@@ -43,7 +43,7 @@ pub(super) fn encoder_of(preset: &str) -> Encoder {
 /// What steps and encoding cost in simulated time.
 const COST: Cost = Cost::Fixed { step: Duration::from_millis(4), encode: Duration::from_millis(1) };
 
-fn aim(x: f64) -> PupilDistribution {
+pub(super) fn aim(x: f64) -> PupilDistribution {
     let diameter = [3.8e-3, 4.2e-3];
     PupilDistribution { centre: [x, 0.0], spread: 1e-4, diameter, focus: [0.0, 0.0], elsewhere: 0.0 }
 }
@@ -55,7 +55,7 @@ fn a_jump_begins_again_and_a_drift_does_not() {
         let policy = Policy { restart, ..Policy::default() };
         let mut steerer = Steerer::new(vec![whole.clone(), whole.clone()], policy, cpu).unwrap();
         assert!(!steerer.aim(aim(0.0)).unwrap(), "the first aim is no jump");
-        assert_eq!(steerer.round_while(|_| true).unwrap(), 2, "one step of each colour");
+        assert_eq!(steerer.round_while(|_, _| true).unwrap(), 2, "one step of each colour");
         steerer
     };
     let mut restarts = steerer(0.5);
@@ -75,9 +75,9 @@ fn a_jump_begins_again_and_a_drift_does_not() {
 fn no_step_is_begun_that_would_end_too_late() {
     let mut steerer = Steerer::new(vec![part()], Policy::default(), cpu).unwrap();
     steerer.aim(aim(0.0)).unwrap();
-    steerer.round_while(|_| true).unwrap();
+    steerer.round_while(|_, _| true).unwrap();
     assert!(steerer.round() > Duration::ZERO);
-    assert_eq!(steerer.round_while(|expected| expected.is_zero()).unwrap(), 0);
+    assert_eq!(steerer.round_while(|_, expected| expected.is_zero()).unwrap(), 0);
     assert!(Steerer::new(Vec::new(), Policy::default(), cpu).is_err());
     let policy = Policy { restart: f64::NAN, ..Policy::default() };
     assert!(Steerer::new(vec![part()], policy, cpu).is_err());

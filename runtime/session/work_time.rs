@@ -46,11 +46,11 @@ impl WorkTime {
         self.began_ns.saturating_add(as_ns(spent))
     }
 
-    /// Whether a step, which is `expected` to take so long where it is measured, ends in time; if so, it is taken.
-    pub(super) fn step_before(&mut self, deadline_ns: i64, expected: Duration) -> bool {
+    /// Whether so many steps, which are `expected` to take so long together where it is measured, end in time; if so, they are taken.
+    pub(super) fn steps_before(&mut self, deadline_ns: i64, steps: u32, expected: Duration) -> bool {
         let cost = match self.cost {
             Cost::Measured => expected,
-            Cost::Fixed { step, .. } => step,
+            Cost::Fixed { step, .. } => step * steps,
         };
         let in_time = self.now_ns().saturating_add(as_ns(cost)) <= deadline_ns;
         if in_time {

@@ -4,6 +4,7 @@ mod encode;
 mod fft;
 mod flight;
 mod fused;
+mod joint;
 mod kernels;
 mod mask;
 mod one_device;

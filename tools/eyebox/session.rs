@@ -1,7 +1,9 @@
 //! What the commands that show have in common: a session is attended until it ends, and what came of it is told.
 
 use crate::{Failure, common, progress};
+use eyebox::encode;
 use eyebox::files;
+use eyebox::hologram::Hologram;
 use eyebox::session::{Ended, Ending, Session, SessionError, SessionEvent, Statistics, Status};
 use serde_json::{Value, json};
 use std::io::{IsTerminal, Write};
@@ -91,6 +93,14 @@ pub fn conclude(ended: Ended, stats: Option<&Path>, more: &Value) -> Result<(), 
         0 => Ok(()),
         count => Err(Failure::Asked(format!("the validation layer found {count} faults, above"))),
     }
+}
+
+/// Keeps the powers of the lasers of colours that share their sub-frames with what is recorded.
+pub fn keep_powers(shown: &Hologram, record: Option<&Path>) -> Result<(), Failure> {
+    if let Some(folder) = record {
+        encode::write_powers(shown, folder)?;
+    }
+    Ok(())
 }
 
 /// A display that goes away while it is shown on has an exit code of its own.

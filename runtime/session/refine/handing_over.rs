@@ -33,7 +33,7 @@ impl Refining {
                     None => device.download(buffer.frames.bytes_mut())?,
                 }
             }
-            _ => self.encoder.encode_into(&PhaseSet::trusted(&self.steerer.phases()?), &mut buffer.frames)?,
+            _ => self.encoder.encode_into(&PhaseSet::trusted(&self.steerer.sent()?), &mut buffer.frames)?,
         }
         Ok(())
     }

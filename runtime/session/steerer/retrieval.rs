@@ -25,8 +25,12 @@ pub fn fixed_phases(
 
 impl Steerer {
     /// With the phases of each colour that every picture can begin with: (frames, height, width), radians; empty where there are none.
+    /// Colours that share their sub-frames have no use for them: phases of one colour are not those of another.
     #[must_use]
     pub fn with_fixed_phases(mut self, fixed: Vec<Vec<f32>>) -> Self {
+        if self.shared.is_some() {
+            return self;
+        }
         for (color, fixed) in self.colors.iter_mut().zip(fixed) {
             color.fixed = fixed;
         }

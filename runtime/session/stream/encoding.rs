@@ -15,6 +15,8 @@ use std::time::Instant;
 
 pub(super) struct Encoding {
     pub(super) shape: [usize; 4],
+    /// The colours, by their places, whose phases the display receives.
+    pub(super) sent: Vec<usize>,
     pub(super) mark: usize,
     pub(super) shared: Arc<Shared>,
     pub(super) encode: Mailbox<Phases>,
@@ -75,8 +77,8 @@ impl Encoding {
                 mark_corner(&mut item.values, self.shape, self.mark, item.position);
                 // One to three colours as a rule; never more than fit here.
                 let mut colors: [&[f32]; 16] = [&[]; 16];
-                let count = self.shape[0].min(colors.len());
-                colors.iter_mut().zip(item.values.chunks_exact(each)).for_each(|(c, values)| *c = values);
+                let count = self.sent.len().min(colors.len());
+                colors.iter_mut().zip(&self.sent).for_each(|(c, sent)| *c = &item.values[sent * each..][..each]);
                 encode(&colors[..count], frames)?;
                 self.track.span("encode", item.index, start);
             }

@@ -20,6 +20,7 @@ use crate::session::live::whole_eyebox;
 use crate::session::moments::Moments;
 use crate::session::pupil_tracker::PupilEstimate;
 use crate::session::set_timing::SetTiming;
+use crate::session::steerer::together::{lighting_of, share};
 use crate::session::steerer::{Policy, SteeredColor, Steerer};
 use crate::session::watch::{Samples, Watch};
 use crate::solve::{Flow, Motion, Problem};
@@ -150,6 +151,13 @@ pub fn study_content(
     if sets == 0 || steps == 0 || jumps_every == 0 || study.period_ns <= 0 || study.lead_ns < 0 {
         return Err(SessionError::Setting("a study of content has a set, a step and a period at least".into()));
     }
+    let fits = matches!(settings.start, JumpStart::Best | JumpStart::Last);
+    if share(colors) && settings.contents.contains(&StudiedContent::Jumping) && !fits {
+        let line = "colours that share their sub-frames have no phases that every picture can begin with: study them from the last ones";
+        return Err(SessionError::Setting(line.into()));
+    }
+    let lighting = lighting_of(settings.lighting.clone(), colors);
+    let settings = &ContentSettings { lighting, ..settings.clone() };
     let eyes = |content: &StudiedContent| match content {
         StudiedContent::Moving => vec![StudiedEye::Rests, StudiedEye::Follows],
         _ => vec![StudiedEye::Rests],
@@ -213,6 +221,7 @@ impl Frames<'_> {
             problem: moved(&color.problem, shift, mirrored),
             phases: Vec::new(),
             exposure: color.exposure,
+            laser: color.laser.clone(),
         };
         self.colors.iter().map(frame).collect()
     }
@@ -344,7 +353,7 @@ impl<'a> Showing<'a> {
             }
             let spent = u64::from(self.begin()?);
             for _ in spent..rounds {
-                self.steerer.round_while(|_| true)?;
+                self.steerer.round_while(|_, _| true)?;
             }
             self.steerer.settle()?;
             for (newest, phases) in self.newest.iter_mut().zip(self.steerer.phases()?.iter()) {

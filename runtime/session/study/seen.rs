@@ -27,7 +27,11 @@ impl SeenColor {
         let problem = color.problem.clone();
         let range = PupilRange::over(problem.eyebox, [depth, depth]);
         let regions = Arc::clone(&problem.regions);
-        let mut seen = Refiner::new(problem, &color.phases, color.exposure, policy.steering, engine)?;
+        let (phases, exposure, steering) = (&color.phases, color.exposure, policy.steering);
+        let mut seen = match &color.laser {
+            Some(laser) => Refiner::lit_by(problem, phases, exposure, &laser.powers, steering, engine)?,
+            None => Refiner::new(problem, phases, exposure, steering, engine)?,
+        };
         let mut sampler = Sampler::new(range, Sequence::Sobol, 0x006a_7564_6765).over(regions);
         let pupils: Vec<Pupil> = (0..EXPOSED).map(|_| sampler.draw()).collect();
         // Lasers stay as they are: one exposure, that of the hologram for the whole eyebox.

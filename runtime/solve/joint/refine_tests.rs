@@ -63,11 +63,11 @@ fn the_eye_sees_better_and_the_eyebox_hardly_worse() {
     let settings = Settings { diameter: [2e-3, 18e-3], ..settings };
     let solved = solve_joint(&problem, &settings, None, &mut CpuEngine::new(), &mut |_| Flow::Continue).unwrap();
     let exposures: Vec<f64> = solved.colors.iter().map(|c| c.exposure).collect();
-    let lasers = slopes.iter().zip(&solved.powers).map(|(slope, powers)| Laser { slope: *slope, powers: powers.clone() });
+    let lasers =
+        slopes.iter().zip(&solved.powers).map(|(slope, powers)| Laser { slope: *slope, powers: powers.clone() });
     let parts = problems.iter().zip(lasers).zip(&exposures);
-    let parts: Vec<_> = parts
-        .map(|((problem, laser), e)| JointPart { problem: problem.clone(), exposure: *e, laser })
-        .collect();
+    let parts: Vec<_> =
+        parts.map(|((problem, laser), e)| JointPart { problem: problem.clone(), exposure: *e, laser }).collect();
     let reference = slopes.iter().position(|slope| *slope == 1.0).unwrap();
     let drives = &solved.colors[reference].phases;
     let there = pupils(&[[3.0, -2.0], [3.3, -1.8], [2.7, -2.4]]);

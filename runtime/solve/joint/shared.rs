@@ -40,7 +40,8 @@ impl SharedDrives {
     /// # Errors
     /// [`SolveError::Setting`].
     pub(crate) fn check<'a>(colors: impl Iterator<Item = (&'a Problem, &'a Laser)>) -> Result<(), SolveError> {
-        let (problems, slopes): (Vec<&Problem>, Vec<f64>) = colors.map(|(problem, laser)| (problem, laser.slope)).unzip();
+        let (problems, slopes): (Vec<&Problem>, Vec<f64>) =
+            colors.map(|(problem, laser)| (problem, laser.slope)).unzip();
         check::colors(&problems, &slopes)
     }
 
@@ -106,11 +107,19 @@ impl SharedDrives {
             let Laser { slope, powers } = &self.lasers[i];
             // Even drives leave a mean at other wavelengths than their own alone; a gradient is that of the loss alone.
             let pulls = turns.projects && *slope != 1.0;
-            self.undiffracted.iter_mut().zip(powers).for_each(|(share, power)| *share = if pulls { *power } else { 0.0 });
+            self.undiffracted
+                .iter_mut()
+                .zip(powers)
+                .for_each(|(share, power)| *share = if pulls { *power } else { 0.0 });
             self.drives.ask(*slope, &self.phases[i], &self.change, &self.undiffracted, &turns);
             how = Some(turns);
         }
         Ok(how)
+    }
+
+    /// The lasers of the colours.
+    pub(crate) fn lasers(&self) -> &[Laser] {
+        &self.lasers
     }
 
     /// The losses of the colours in the last step.
@@ -131,7 +140,7 @@ impl SharedDrives {
         }
     }
 
-    /// Begins again with the drives that it was made with, or that it was given [since](Self::begin_with).
+    /// Begins again with the drives that it was made with, or was given [since](Self::begin_with).
     ///
     /// # Errors
     /// Those of the engines.
@@ -140,6 +149,19 @@ impl SharedDrives {
         let begun = self.restart(&kept, colors);
         self.kept = kept;
         begun
+    }
+
+    /// Other drives of the same hologram, which [`begin_again`](Self::begin_again) comes back to from now on.
+    ///
+    /// # Errors
+    /// Those of the engines.
+    pub(crate) fn begin_with<R: AsMut<Refiner>>(
+        &mut self,
+        drives: &[f32],
+        colors: &mut [R],
+    ) -> Result<(), EngineError> {
+        self.kept.copy_from_slice(drives);
+        self.restart(drives, colors)
     }
 
     /// Begins again with other drives of the same hologram, as phases of the colour that they are meant at.

@@ -95,7 +95,9 @@ impl ContentArgs {
             StartName::Retrieval => JumpStart::Retrieval,
             StartName::Unfitted => JumpStart::Unfitted,
         };
-        let jumps = self.content.contains(&ContentName::Jumping);
+        // Colours that share their sub-frames go on with the phases that they have.
+        let apart = subject.parts.iter().all(|color| color.laser.is_none());
+        let jumps = self.content.contains(&ContentName::Jumping) && apart;
         let wanted = jumps && matches!(start, JumpStart::Best | JumpStart::Retrieval);
         let fixed_phases = if wanted { fixed_phases(&subject.parts, focus, super::live::fitting)? } else { Vec::new() };
         Ok(ContentSettings {

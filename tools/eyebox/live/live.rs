@@ -6,7 +6,7 @@ use super::tracking::{TrackerArgs, tracking};
 use super::viewing::Viewing;
 use crate::common::Engines;
 use crate::play::{OutputArgs, OutputName};
-use crate::session::{attend, conclude, ended_by};
+use crate::session::{attend, conclude, ended_by, keep_powers};
 use crate::values::{not_negative, positive};
 use crate::{Failure, common, progress};
 use clap::{Args, ValueEnum};
@@ -178,7 +178,7 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: Showing<'_>, stage: S
         None => None,
     };
     let Steered { hologram, colors, parts, scenes, field, encoder, engine, unfinished } = steered;
-    let display = encoder.display().clone();
+    let (display, sent) = (encoder.display().clone(), encoder.colors().to_vec());
     let mut live = session::Live::new(parts, encoder, engines.source(), tracking);
     (live.policy, live.steered, live.companion) = (args.policy.policy(), !args.unsteered, companion);
     live.switch = args.sources_out.as_deref().map(|file| switch(file, &colors)).transpose()?;
@@ -206,7 +206,7 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: Showing<'_>, stage: S
     let shown = session.about();
     let roll = if shown.rolls { ", which roll" } else { "" };
     eprintln!("{about}; {}: {:.2} sets a second{roll}", shown.presenter, shown.sets_per_second());
-    let slow = encode::flicker(&display, &colors, hologram.frames, shown.display_rate.hz());
+    let slow = encode::flicker(&display, &sent, hologram.frames, shown.display_rate.hz());
     slow.inspect(|slow| tracing::warn!("{slow}"));
     let focal_length = hologram.focal_length;
     let ended = attend(session, args.stats.as_deref(), |now, before, seconds| line(now, before, seconds, focal_length));
@@ -214,11 +214,12 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: Showing<'_>, stage: S
     let focus = ended.statistics.live.as_ref().and_then(|live| live.focus);
     let focus = focus.map(|depths| depths.map(|z| dioptres(z, focal_length)));
     let memory = common::memory_kib("VmRSS").map(|kib| kib / 1024);
-    conclude(
-        ended,
-        args.stats.as_deref(),
-        &json!({ "engine": engine, "memory_mib": memory, "focus_dioptres": focus, "unfinished": unfinished }),
-    )
+    keep_powers(&hologram, args.record.as_deref())?;
+    let mut more = json!({ "engine": engine, "memory_mib": memory, "focus_dioptres": focus, "unfinished": unfinished });
+    if let Some(joint) = &hologram.metadata.joint_color {
+        more["joint_color"] = json!(joint);
+    }
+    conclude(ended, args.stats.as_deref(), &more)
 }
 
 /// Tells whoever drives a display's sources which of them light each set, by their numbers from 1.

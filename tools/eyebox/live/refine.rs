@@ -3,16 +3,18 @@
 use super::args::SteeringArgs;
 use crate::Failure;
 use crate::args::{EngineArgs, EyeArgs, OtherSceneArgs, SceneArgs};
-use crate::common::{self, Form};
+use crate::common::{self, Engines, Form};
 use crate::phases::{PhaseArgs, tell_unfinished};
 use crate::progress::{self, JobBar};
 use crate::score;
 use crate::values::{GivenPupil, diameters, not_negative, pupil};
 use clap::Args;
 use eyebox::evaluate::Sums;
+use eyebox::gpu::Options;
 use eyebox::hologram::{Hologram, Metadata, Patch, Refined, SceneSource, Tiles};
-use eyebox::optics::{Pupil, PupilDistribution, depth_in_words, dioptres};
-use eyebox::solve::{Diameters, Flow, Problem, PupilRange, Refiner, Sampler, Sequence, pupils_of};
+use eyebox::optics::{Display, Pupil, PupilDistribution, depth_in_words, dioptres};
+use eyebox::scene::LightField;
+use eyebox::solve::{Diameters, Flow, JointRefiner, Problem, PupilRange, Refiner, Sampler, Sequence, pupils_of};
 use eyebox::tiled::Piece;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -92,7 +94,6 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
         return tiled(args);
     }
     let mut hologram = args.phases.opening(&args.hologram, None)?.hologram(&args.hologram)?;
-    hologram.check_apart("refined")?;
     args.eye.replace(&mut hologram.metadata.prescription)?;
     let display = score::display_of(&args.hologram, &hologram)?;
     args.other.check(&args.hologram, &hologram, &args.scene.scene)?;
@@ -101,27 +102,98 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
     let field = common::scene(&score::as_solved(&args.scene, &hologram), &display, &colors)?;
     hologram.fit_exposure(&field, common::engine(&args.engine)?.as_mut())?;
     let aim = args.aim(display.focal_length);
-    let padding = hologram.metadata.padding();
     progress::catch_interrupt();
-    let mut all: Vec<Vec<Row>> = Vec::new();
-    let mut described = String::new();
-    for (color, solved) in colors.iter().zip(&mut hologram.colors) {
-        let problem = Problem::new(&field, *color, &display, padding)?;
-        problem.check_blur(aim.diameter[1])?;
-        let anywhere = PupilRange::over(problem.eyebox, aim.focus);
-        let RefinedColor { rows, phases, engine, sources } =
-            steps(args, problem, &solved.phases, solved.exposure, anywhere)?;
-        solved.phases = phases;
-        hologram.metadata.sources.light_only(*color, &sources);
-        described = engine;
-        all.push(rows);
-    }
+    let (all, described) = match hologram.metadata.joint_color {
+        Some(_) => together(args, &mut hologram, &field, &aim)?,
+        None => apart(args, &mut hologram, &field, &display, &aim)?,
+    };
     if let Some(out) = &args.out {
         hologram.metadata.refined = Some(args.refined(aim));
         hologram.save(out)?;
     }
     report(args, &all, &hologram, &described, EYEBOX, &Value::Null);
     Ok(())
+}
+
+/// Refines each colour's own phases: what each step gained, colour by colour, and the engine's name.
+fn apart(
+    args: &Refine,
+    hologram: &mut Hologram,
+    field: &LightField,
+    display: &Display,
+    aim: &PupilDistribution,
+) -> Result<(Vec<Vec<Row>>, String), Failure> {
+    let padding = hologram.metadata.padding();
+    let (mut all, mut described) = (Vec::new(), String::new());
+    for solved in &mut hologram.colors {
+        let Some(color) = solved.color else { continue };
+        let problem = Problem::new(field, color, display, padding)?;
+        problem.check_blur(aim.diameter[1])?;
+        let anywhere = PupilRange::over(problem.eyebox, aim.focus);
+        let RefinedColor { rows, phases, engine, sources } =
+            steps(args, problem, &solved.phases, solved.exposure, anywhere)?;
+        solved.phases = phases;
+        hologram.metadata.sources.light_only(color, &sources);
+        described = engine;
+        all.push(rows);
+    }
+    Ok((all, described))
+}
+
+/// Refines the drives that all colours share, in the light of their lasers as it is: the same.
+fn together(
+    args: &Refine,
+    hologram: &mut Hologram,
+    field: &LightField,
+    aim: &PupilDistribution,
+) -> Result<(Vec<Vec<Row>>, String), Failure> {
+    let (engines, steering) = (Engines::new(&args.engine, &Options::default())?, args.steering.steering());
+    let problems = hologram.problems(field)?;
+    problems.iter().try_for_each(|problem| problem.check_blur(aim.diameter[1]))?;
+    let (Some(first), Some(parts)) = (problems.first(), hologram.joint_parts(problems.clone())) else {
+        return Err(Failure::Asked(format!("{}: its colours are not those of its lasers", args.hologram.display())));
+    };
+    let (at_eye, anywhere) = judged(PupilRange::over(first.eyebox, aim.focus), first, aim, steering.seed);
+    let drives = hologram.sent_colors().first().map_or(&[][..], |sent| &hologram.colors[*sent].phases);
+    let mut described = String::new();
+    let mut refiner = JointRefiner::new(parts, drives, steering, || {
+        let engine = engines.open()?;
+        described = engine.describe();
+        Ok(engine)
+    })?;
+    let colors = 0..problems.len();
+    // At the exposures of the hologram as it was: lasers stay as they are.
+    let exposed = |color| Ok(Sums::fit_exposure(&refiner.look(color, &anywhere)?)?);
+    let exposures = colors.clone().map(exposed).collect::<Result<Vec<f64>, Failure>>()?;
+    refiner.aim(*aim)?;
+    let row = |refiner: &mut JointRefiner, color: usize, steps: usize, ms: f64| -> Result<Row, Failure> {
+        let mut mean = |pupils: &[Pupil]| -> Result<f64, Failure> {
+            let sums = refiner.look(color, pupils)?;
+            Ok(sums.iter().map(|s| s.psnr(exposures[color])).sum::<f64>() / sums.len() as f64)
+        };
+        Ok(Row { steps, ms, eye: mean(&at_eye)?, wide: mean(&anywhere)? })
+    };
+    let mut all =
+        colors.clone().map(|c| Ok(vec![row(&mut refiner, c, 0, 0.0)?])).collect::<Result<Vec<_>, Failure>>()?;
+    let (mut ms, bar) = (0.0, JobBar::new(args.json));
+    for steps in 1..=args.steps {
+        let start = Instant::now();
+        refiner.step()?;
+        // A step of each colour.
+        ms += start.elapsed().as_secs_f64() * 1e3 / all.len() as f64;
+        if steps.is_power_of_two() || steps == args.steps || progress::interrupted() {
+            for (color, rows) in all.iter_mut().enumerate() {
+                rows.push(row(&mut refiner, color, steps, ms)?);
+            }
+        }
+        let done = format!("{steps} of {} steps of all colours", args.steps);
+        if bar.show(&done, steps as f64 / args.steps as f64) == Flow::Stop {
+            break;
+        }
+    }
+    bar.finish();
+    hologram.colors.iter_mut().zip(refiner.phases()).for_each(|(color, phases)| color.phases.clone_from(phases));
+    Ok((all, described))
 }
 
 /// The same for a hologram in tiles: those around the eye are read, refined as a far field of their own, and put into a

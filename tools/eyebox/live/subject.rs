@@ -217,9 +217,9 @@ impl Steered {
         if args.display.size.is_none() {
             (shown.height, shown.width) = (hologram.height, hologram.width);
         }
-        hologram.check_apart("steered")?;
         let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
-        let encoder = Encoder::new(&shown, &colors, hologram.frames)?;
+        let sent: Vec<Color> = hologram.sent_colors().into_iter().filter_map(|i| hologram.colors[i].color).collect();
+        let encoder = Encoder::new(&shown, &sent, hologram.frames)?;
         let ([eh, ew], [h, w]) = (encoder.hologram_size(), [hologram.height, hologram.width]);
         if [eh, ew] != [h, w] {
             let name = &shown.name;

@@ -7,7 +7,7 @@ pub use args::{ClockName, Monitors, OutputArgs, OutputName, Play, StreamArgs};
 pub use monitors::monitors;
 
 use crate::args::{DeviceArgs, EngineName};
-use crate::session::{attend, conclude, ended_by};
+use crate::session::{attend, conclude, ended_by, keep_powers};
 use crate::{Failure, common, progress};
 use eyebox::encode;
 use eyebox::hologram::{Opening, Sequence};
@@ -69,7 +69,8 @@ pub fn play(playing: Playing<'_>) -> Result<(), Failure> {
     let gpu = if encodes || shows { Some(common::display_gpu(device, shown.validation)?) } else { None };
     play.device = gpu.clone().filter(|_| encodes);
     let [_, frames, height, width] = play.sequence.shape();
-    let colors = play.sequence.about().named_colors();
+    let (shown_of, colors, record) =
+        (play.sequence.about().clone(), play.encoder.colors().to_vec(), options.record.clone());
     let (count, rate) = (play.sequence.count(), play.rate);
     stats.iter().try_for_each(|file| eyebox::files::check_place(file))?;
     progress::catch_interrupt();
@@ -88,7 +89,9 @@ pub fn play(playing: Playing<'_>) -> Result<(), Failure> {
     encode::flicker(&display, &colors, frames, about.display_rate.hz()).inspect(|slow| tracing::warn!("{slow}"));
     let ended = attend(session, stats, |now, before, seconds| line(now, before, seconds, sub_frames));
     summary(&ended.statistics);
-    conclude(ended, stats, &json!({}))
+    keep_powers(&shown_of, record.as_deref())?;
+    let more = shown_of.metadata.joint_color.map_or_else(|| json!({}), |joint| json!({ "joint_color": joint }));
+    conclude(ended, stats, &more)
 }
 
 /// Where it is shown; refuses what does not go together.

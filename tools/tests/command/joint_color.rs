@@ -2,6 +2,7 @@
 
 use crate::common::{done, eyebox, figures_of, folder, refused, text};
 use eyebox::files::read_npy;
+use std::path::Path;
 
 const SCENE: &str = "builtin:still-life";
 
@@ -45,10 +46,123 @@ fn a_hologram_of_all_colours_at_once() {
     let signal = whole.iter().map(|a| f64::from(*a).powi(2)).sum::<f64>();
     // A drive of nearly a turn becomes level 0, by half a level in 256: the other colours of those pixels jump.
     assert!(again.len() == whole.len() && error < 2e-2 * signal, "256 levels leave {error} of {signal}");
+}
 
-    // What would move its phases colour by colour refuses it.
-    let refine = ["refine", "joint.zarr", SCENE, "--views", "3", "--pupil=1,-1,4,0", "--steps", "2", "--engine", "cpu"];
-    refused(at, &[&refine[..], &["-o", "refined.zarr"]].concat(), "refined.zarr", "it shows all colours at once");
+/// Solves the still life for all colours at once.
+fn solved(at: &Path, frames: &str) {
+    let solve =
+        ["solve", SCENE, "--views", "3", "--steps", "12", "--frames", frames, "--engine", "cpu", "--joint-color"];
+    done(at, &[&solve[..], &["--display", "grey8", "--size", "48x64", "-o", "joint.zarr"]].concat());
+}
+
+fn json(text: &str) -> serde_json::Value {
+    serde_json::from_str(text).expect("one JSON object")
+}
+
+/// All colours are refined together for where the eye is, in the light of the same lasers, and the file is as solve writes it.
+#[test]
+fn it_is_refined_for_where_the_eye_is() {
+    let dir = folder();
+    let at = dir.path();
+    solved(at, "6");
+    let refine = |file: &str, more: &[&str]| {
+        let fixed = ["refine", file, SCENE, "--views", "3", "--pupil=3,-2,4,0", "--engine", "cpu", "--json"];
+        json(&done(at, &[&fixed[..], more].concat()))
+    };
+    let said = refine("joint.zarr", &["--steps", "9", "-o", "there.zarr"]);
+    let rows = said["rows"].as_array().unwrap();
+    let steps: Vec<u64> = rows.iter().map(|r| r["steps"].as_u64().unwrap()).collect();
+    assert_eq!(steps, [0, 1, 2, 4, 8, 9]);
+    let db = |i: usize, what: &str| rows[i][what].as_f64().unwrap();
+    assert!(db(5, "eye_db") > db(0, "eye_db") + 1.0 && db(5, "eyebox_db") > db(0, "eyebox_db") - 1.0, "{said}");
+    // What is kept is what was refined; its exposure is fitted anew.
+    let again = refine("there.zarr", &["--steps", "1"])["rows"][0]["eye_db"].as_f64().unwrap();
+    assert!((again - db(5, "eye_db")).abs() < 0.7, "{again} dB, {} before it was written", db(5, "eye_db"));
+    // The lasers stay as they are, the drives do not.
+    for name in ["joint", "there"] {
+        let encode = ["encode", &format!("{name}.zarr"), "-o", name, "--display", "grey8", "--size", "48x64"];
+        done(at, &[&encode[..], &["--engine", "cpu"]].concat());
+    }
+    let powers = |name: &str| std::fs::read_to_string(at.join(name).join("powers.csv")).unwrap();
+    assert_eq!(powers("joint"), powers("there"));
+    let adam = refine("joint.zarr", &["--steps", "4", "--strategy", "adam"]);
+    assert_eq!(adam["steering"]["strategy"]["kind"], "adam");
+    let eye = &["refine", "joint.zarr", SCENE, "--views", "3", "--pupil=3,-2,4,0", "--engine", "cpu", "-o", "x.zarr"];
+    refused(at, &[&eye[..], &["--storage", "fp16"]].concat(), "x.zarr", "fp32 for all colours at once");
+}
+
+/// It is shown as it was solved, and refined for a simulated eye, whole or as it rolls: the drives' video frames, with the powers of the
+/// lasers beside them, twice the same.
+#[test]
+fn it_is_shown_and_follows_the_eye() {
+    let dir = folder();
+    let at = dir.path();
+    solved(at, "6");
+    let display = ["--display", "grey8", "--size", "48x64", "--engine", "cpu"];
+    done(at, &[&["encode", "joint.zarr", "-o", "frames"][..], &display].concat());
+    let powers = |folder: &str| std::fs::read_to_string(at.join(folder).join("powers.csv")).unwrap();
+    let picture = |folder: &str, set: u32, frame: u32| {
+        std::fs::read(at.join(format!("{folder}/set-{set:06}-{frame:02}.png"))).expect("a picture")
+    };
+    let brief = ["--clock", "simulated", "--duration", "0.4", "--record"];
+    done(at, &[&["show", "joint.zarr", "--stats", "played.json"][..], &brief, &["played"], &display].concat());
+    let played = json(&std::fs::read_to_string(at.join("played.json")).unwrap());
+    assert!(powers("played") == powers("frames") && played["joint_color"]["lasers"]["blue"].is_object(), "{played}");
+    let eye = ["--tracker", "simulated", "--step-time", "1", "--views", "3"];
+    for (name, more) in [("rolls", &[][..]), ("again", &[]), ("whole", &["--whole-sets"]), ("still", &["--unsteered"])]
+    {
+        let stats = format!("{name}.json");
+        let show = ["show", "joint.zarr", "--stats", &stats];
+        done(at, &[&show[..], &brief, &[name], &eye, &display, more].concat());
+        let said = json(&std::fs::read_to_string(at.join(&stats)).unwrap());
+        let steps = said["steps"].as_u64().unwrap();
+        assert_eq!((steps > 20, steps % 3), (name != "still", 0), "a step is one of every colour: {said}");
+        assert_eq!(powers(name), powers("frames"), "{name}");
+    }
+    let all = |folder: &str| {
+        let mut files: Vec<_> = std::fs::read_dir(at.join(folder))
+            .unwrap()
+            .map(|e| e.unwrap().path())
+            .map(|file| (file.file_name().unwrap().to_owned(), std::fs::read(&file).unwrap()))
+            .collect();
+        files.sort();
+        files
+    };
+    assert!(all("rolls") == all("again"));
+    // Unsteered it is the hologram for the whole eyebox, in one picture a sub-frame; steered it is not.
+    let differs =
+        |folder: &str, set: u32| (0..6).filter(|f| picture(folder, set, *f) != picture("played", 0, *f)).count();
+    assert_eq!((differs("still", 1), differs("whole", 3)), (0, 6));
+    assert!(all("rolls").len() > 20);
+}
+
+/// What steering gains for a simulated eye, and where content moves.
+#[test]
+fn a_study_says_what_steering_gains() {
+    let dir = folder();
+    let at = dir.path();
+    solved(at, "6");
+    let study = ["study", "joint.zarr", "--display", "grey8", "--views", "3", "--engine", "cpu", "--json"];
+    let eye = ["--duration", "1", "--step-time", "1", "--no-jod", "-o", "out"];
+    let said = json(&done(at, &[&study[..], &eye].concat()));
+    let gain = said["summary"]["end_of_fixation_db"]["mean"].as_f64().unwrap();
+    assert!(gain > 0.5 && said["summary"]["steps"].as_u64().unwrap() % 3 == 0, "{said}");
+    let content = ["--content", "still,moving", "--sets", "12", "--steps-per-set", "2", "--moves", "4"];
+    let eye = ["--fixation", "100000", "--tracker-noise", "0.02", "-o", "moving"];
+    let said = json(&done(at, &[&study[..], &content, &eye].concat()));
+    let mean = |content: &str, steered: bool| {
+        let is = |run: &&serde_json::Value| {
+            run["content"] == content && run["steered"] == steered && run["moments"] == true && run["eye"] != "rests"
+                || run["content"] == content
+                    && content == "still"
+                    && run["steered"] == steered
+                    && run["moments"] == true
+        };
+        said["summary"].as_array().unwrap().iter().find(is).unwrap()["mean_db"].as_f64().unwrap()
+    };
+    assert!(mean("still", true) > mean("still", false) && mean("moving", true) > 10.0, "{said}");
+    let jumps = ["--content", "jumping", "--sets", "4", "--jumps-from", "random", "-o", "x"];
+    refused(at, &[&study[..], &jumps].concat(), "x", "study them from the last ones");
 }
 
 #[test]

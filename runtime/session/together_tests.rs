@@ -1,0 +1,118 @@
+//! Tests of a steerer of all colours at once.
+
+use super::tests::{aim, cpu};
+use super::*;
+use crate::encode::Encoder;
+use crate::optics::{Color, Display, Laser, Padding};
+use crate::scene::{self, Request};
+use crate::solve::{Problem, random_phases};
+
+const ALL: [Color; 3] = [Color::Red, Color::Green, Color::Blue];
+const SIZE: [usize; 2] = [48, 64];
+
+fn display() -> Display {
+    Display { height: SIZE[0], width: SIZE[1], ..Display::preset("grey8").unwrap() }
+}
+
+/// Random drives before three lasers.
+fn colors() -> Vec<SteeredColor> {
+    let display = display();
+    let field = scene::load("builtin:still-life", &Request { views: 3, ..Request::new(&display, &ALL) }).unwrap();
+    let powers = [vec![0.4, 1.9, 0.7], vec![1.0, 0.2, 1.8], vec![1.5, 1.5, 0.0]];
+    let drives = random_phases(3 * SIZE[0] * SIZE[1], 4);
+    let one = |((color, slope), powers): ((Color, f64), Vec<f64>)| {
+        let problem = Problem::new(&field, color, &display, Padding::default()).unwrap();
+        let laser = Laser { slope, powers };
+        SteeredColor { problem, phases: laser.phases(&drives), exposure: 0.35, laser: Some(laser) }
+    };
+    ALL.into_iter().zip(display.slopes(&ALL)).zip(powers).map(one).collect()
+}
+
+fn phases(steerer: &mut Steerer) -> Vec<Vec<f32>> {
+    steerer.phases().unwrap().iter().map(|of_color| of_color.to_vec()).collect()
+}
+
+/// A step is one of all colours, whose phases stay those of one drive; a jump begins again with that of the whole eyebox.
+#[test]
+fn colours_are_stepped_together_and_begin_again_together() {
+    let whole = colors();
+    let mut steerer = Steerer::new(whole.clone(), Policy::default(), cpu).unwrap();
+    let begun = phases(&mut steerer);
+    for (color, phases) in whole.iter().zip(&begun) {
+        let off = color.phases.iter().zip(phases).map(|(a, b)| 1.0 - (a - b).cos()).fold(0.0, f32::max);
+        assert!(off < 1e-6, "{off}");
+    }
+    assert!(steerer.phases_on_device().is_none());
+    steerer.aim(aim(0.0)).unwrap();
+    let mut asked = Vec::new();
+    let mut losses = Vec::new();
+    for _ in 0..4 {
+        let taken = steerer.round_while(|steps, _| {
+            asked.push(steps);
+            true
+        });
+        assert_eq!(taken.unwrap(), 3);
+        losses.push(steerer.estimated_db().expect("steps were taken"));
+    }
+    assert_eq!(asked, [3; 4]);
+    assert!(losses[3] > losses[0] + 0.5, "{losses:?}");
+    assert_eq!(steerer.round_while(|_, expected| expected.is_zero()).unwrap(), 0);
+    let refined = phases(&mut steerer);
+    let sent = steerer.sent().unwrap();
+    assert!(sent.len() == 1 && sent[0] == refined[0] && refined[0] != begun[0], "red is what drives are meant at");
+    for (color, phases) in whole.iter().zip(&refined) {
+        assert_eq!(color.laser.as_ref().unwrap().phases(&refined[0]), *phases);
+    }
+    assert!(!steerer.aim(aim(1e-3)).unwrap() && phases(&mut steerer) == refined);
+    assert!(steerer.aim(aim(-8e-3)).unwrap());
+    assert!(phases(&mut steerer) == begun);
+    assert_eq!(steerer.counts(), [1, 12]);
+}
+
+/// Content that moves takes the drives with it, round the edges, and all colours with them; where it is looked and that loses more, they
+/// stay.
+#[test]
+fn drives_go_with_the_content() {
+    let whole = colors();
+    let lighting = Encoder::new(&display(), &ALL[..1], 3).unwrap().lighting(false).shared_by(3);
+    let mut steerer = Steerer::new(whole.clone(), Policy::default(), cpu).unwrap();
+    steerer.aim(aim(0.0)).unwrap();
+    (0..6).for_each(|_| assert_eq!(steerer.round_while(|_, _| true).unwrap(), 3));
+    let before = phases(&mut steerer);
+    // The scene stands still: phases that move lose.
+    assert_eq!(steerer.carry(&[[5, 2]], &lighting, true).unwrap(), (false, 6));
+    assert!(phases(&mut steerer) == before);
+    assert_eq!(steerer.carry(&[[5, 2]], &lighting, false).unwrap(), (true, 0));
+    let [height, width] = SIZE;
+    for (color, (before, after)) in before.iter().zip(phases(&mut steerer)).enumerate() {
+        for (at, is) in after.iter().enumerate() {
+            let (frame, row, column) = (at / (height * width), at / width % height, at % width);
+            let from = (row + height - 2) % height * width + (column + width - 5) % width;
+            assert_eq!(*is, before[frame * height * width + from], "colour {color}, value {at}");
+        }
+    }
+    // Another view of it, in the light of the same lasers: the drives stay. Other lasers are refused.
+    let moved: Vec<SteeredColor> =
+        whole.iter().map(|color| SteeredColor { phases: Vec::new(), ..study::moved_color(color, 5) }).collect();
+    let kept = phases(&mut steerer);
+    assert_eq!(steerer.follow(&moved).unwrap(), Followed::default());
+    assert!(phases(&mut steerer) == kept && !steerer.wants_fit());
+    let mut other = moved;
+    other[1].laser.as_mut().unwrap().powers = vec![1.0; 3];
+    assert!(steerer.follow(&other).unwrap_err().to_string().contains("other lasers"));
+    // A scene's own hologram: whichever loses less.
+    let followed = steerer.follow(&whole).unwrap();
+    assert_eq!((followed.own + followed.kept, followed.looks), (3, 6));
+}
+
+#[test]
+fn colours_share_their_sub_frames_all_or_none() {
+    let mut some = colors();
+    some[2].laser = None;
+    let said = Steerer::new(some, Policy::default(), cpu).err().expect("a refusal").to_string();
+    assert!(said.contains("2 of 3 colours share their sub-frames"), "{said}");
+    let mut steep = colors();
+    steep[0].laser.as_mut().unwrap().slope = 1.1;
+    let said = Steerer::new(steep, Policy::default(), cpu).err().expect("a refusal").to_string();
+    assert!(said.contains("the dispersion of the colours"), "{said}");
+}
