@@ -16,7 +16,7 @@ const ROUND: f32 = 12_582_912.0;
 
 /// Cosine and sine of `x` radians, |x| < 10^4: within 1e-7, absolute.
 #[inline(always)]
-pub(crate) fn cos_sin(x: f32) -> (f32, f32) {
+pub fn cos_sin(x: f32) -> (f32, f32) {
     let shifted = x * FRAC_2_PI + ROUND;
     let quadrant = shifted.to_bits();
     let n = shifted - ROUND;

@@ -120,7 +120,13 @@ pub(crate) fn with_mean_of_one(mut powers: Vec<f64>) -> Vec<f64> {
 
 /// The drive, 0 to a turn, behind the phase of the colour that it is meant at (radians, any turn).
 pub(crate) fn drive_of(phase: f32) -> f64 {
-    let drive = f64::from(phase).rem_euclid(TAU);
+    let phase = f64::from(phase);
+    // Within a turn of zero, as phases are, the same without a division.
+    let drive = match phase {
+        0.0..TAU => phase,
+        _ if phase < 0.0 && phase > -TAU => phase + TAU,
+        _ => phase.rem_euclid(TAU),
+    };
     // What is less than nothing by less than a digit is nothing.
     if drive >= TAU { 0.0 } else { drive }
 }

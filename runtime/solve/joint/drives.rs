@@ -2,6 +2,7 @@
 
 use crate::optics::{drive_of, phase_of};
 use crate::solve::asking::Turns;
+use eyebox_kernels::trig;
 use rayon::prelude::*;
 use std::f32::consts::TAU;
 
@@ -85,14 +86,17 @@ impl Drives {
         let frames =
             self.asked.par_chunks_mut(pixels).zip(phases.par_chunks(pixels)).zip(change.par_chunks(2 * points));
         frames.zip(undiffracted).for_each(|(((asked, phases), change), share)| {
-            let sum =
-                phases.iter().map(|p| f64::from(*p).sin_cos()).fold([0.0; 2], |[im, re], (s, c)| [im + s, re + c]);
-            let [im, re] = sum.map(|sum| (share * sum / pixels as f64) as f32);
+            let field = |phase: &f32| trig::cos_sin(*phase);
+            let sum = |[im, re]: [f64; 2], (c, s): (f32, f32)| [im + f64::from(s), re + f64::from(c)];
+            let [im, re] = match *share > 0.0 {
+                true => phases.iter().map(field).fold([0.0; 2], sum).map(|sum| (share * sum / pixels as f64) as f32),
+                false => [0.0; 2],
+            };
             let rows = asked.chunks_exact_mut(width).zip(phases.chunks_exact(width)).enumerate();
             for (y, (asked, phases)) in rows {
                 let change = &change[2 * ((top + y) * grid_width + left)..];
                 for ((asked, phase), du) in asked.iter_mut().zip(phases).zip(change.chunks_exact(2)) {
-                    let (s, c) = phase.sin_cos();
+                    let (c, s) = trig::cos_sin(*phase);
                     *asked += slope as f32 * (c * (du[1] - im) - s * (du[0] - re));
                 }
             }
@@ -121,8 +125,7 @@ impl Drives {
                     *second = adam.beta2 * *second + (1.0 - adam.beta2) * (gradient * gradient);
                     -adam.rate * (*first * adam.correct1) / ((*second * adam.correct2).sqrt() + adam.epsilon)
                 };
-                let turned = (*drive + by).rem_euclid(TAU);
-                *drive = if turned < TAU { turned } else { 0.0 };
+                *drive = within_a_turn(*drive + by);
                 *asked = 0.0;
             }
         });
@@ -133,4 +136,15 @@ impl Drives {
     pub(super) fn asked(&self) -> &[f32] {
         &self.asked
     }
+}
+
+/// A drive, 0 to a turn; without a division where it is within a turn of that.
+fn within_a_turn(drive: f32) -> f32 {
+    let turned = match drive {
+        0.0..TAU => return drive,
+        _ if (TAU..2.0 * TAU).contains(&drive) => drive - TAU,
+        _ if (-TAU..0.0).contains(&drive) => drive + TAU,
+        _ => drive.rem_euclid(TAU),
+    };
+    if turned < TAU { turned } else { 0.0 }
 }

@@ -5,7 +5,7 @@ use crate::engine::Engine;
 use crate::engine::EngineError;
 use crate::engine::cpu::CpuEngine;
 use crate::evaluate::Sums;
-use crate::optics::{Color, Display, Laser, Padding, Pupil, PupilDistribution, phase_of};
+use crate::optics::{Color, Display, Laser, Padding, Pupil, PupilDistribution, phase_of, powers_in_sequence};
 use crate::plan::Storage;
 use crate::scene::{self, Request};
 use crate::solve::{Flow, Problem, Refiner, Settings, Steering, Strategy, random_phases};
@@ -161,6 +161,24 @@ fn of_one_colour_it_is_the_ordinary_refinement() {
         // Adam's first steps have the sign of the smallest gradients, too.
         let off = off.sum::<f64>() / plain.len() as f64;
         assert!(off < 1e-4, "{strategy:?}: {off}");
+    }
+}
+
+/// A colour whose laser shines in one sub-frame alone is seen as a hologram of that sub-frame.
+#[test]
+fn powers_are_the_light_of_sub_frames() {
+    let pixels = SIZE[0] * SIZE[1];
+    let drives = random_phases(3 * pixels, 6);
+    let mut joint = JointRefiner::new(parts(&powers_in_sequence(3, 3)), &drives, Steering::default(), cpu).unwrap();
+    let pupils = pupils(&[[1.0, 2.0], [-4.0, 3.0]]);
+    for (color, part) in parts(&powers_in_sequence(3, 3)).into_iter().enumerate() {
+        let phases = &joint.phases()[color][color * pixels..][..pixels];
+        let alone = Refiner::new(part.problem, phases, part.exposure, Steering::default(), cpu().unwrap());
+        let [alone, joint] = [alone.unwrap().look(&pupils).unwrap(), joint.look(color, &pupils).unwrap()];
+        for (alone, joint) in alone.iter().zip(&joint) {
+            let [alone, joint] = [alone, joint].map(|sums| sums.psnr(part.exposure));
+            assert!((alone - joint).abs() < 1e-3, "colour {color}: {alone} {joint} dB");
+        }
     }
 }
 
