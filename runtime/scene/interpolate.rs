@@ -6,6 +6,7 @@
 //! not see, the others show; of several surfaces the nearest counts that is not looked through by more of them. What none saw is continued from the farther side.
 
 use super::depth::{scratch, view_disparities};
+use super::rays::{MOST_STEPS, NONE, Rays, Way};
 use super::{LightField, ViewGrid};
 use crate::optics::Display;
 use rayon::prelude::*;
@@ -19,8 +20,6 @@ const MET: f32 = 1.0;
 const TEAR: f32 = 0.7;
 /// Views of a smaller share are asked only where the others saw nothing.
 const LEAST: f32 = 0.02;
-/// Side of the tiles of whose disparities the nearest is known, pixels: where a ray is before all that is near, it is not looked up.
-const TILE: usize = 8;
 
 /// Views of a light field and their disparities, compact.
 pub struct Interpolator {
@@ -30,7 +29,7 @@ pub struct Interpolator {
     /// Smallest and largest disparity, pixels between neighbouring views.
     range: [f64; 2],
     /// Of the views that were needed so far: (row, column), 65535 = the range's larger end.
-    disparities: Vec<OnceLock<Disparities>>,
+    disparities: Vec<OnceLock<Vec<u16>>>,
 }
 
 /// One colour of all views.
@@ -52,42 +51,13 @@ impl Stored {
     }
 }
 
-/// The disparities of a view, 65535 = the range's larger end.
-struct Disparities {
-    /// (row, column).
-    own: Vec<u16>,
-    /// The largest in each tile and the eight around it: of all that is within a tile's side of each of its pixels.
-    nearest: Vec<u16>,
-}
-
-impl Disparities {
-    fn new(own: Vec<u16>, [height, width]: [usize; 2]) -> Self {
-        let [rows, columns] = [height, width].map(|n| n.div_ceil(TILE));
-        let mut nearest = vec![0u16; rows * columns];
-        for (y, line) in own.chunks_exact(width).enumerate() {
-            let most = line.chunks(TILE).map(|tile| tile.iter().copied().max().unwrap_or(0));
-            for (column, most) in most.enumerate() {
-                for row in (y / TILE).saturating_sub(1)..(y / TILE + 2).min(rows) {
-                    let around = &mut nearest[row * columns..][column.saturating_sub(1)..(column + 2).min(columns)];
-                    around.iter_mut().for_each(|n| *n = (*n).max(most));
-                }
-            }
-        }
-        Self { own, nearest }
-    }
-}
-
 /// A view that lends its light to another.
 struct Lender<'a> {
     light: &'a [u16],
-    disparities: &'a Disparities,
+    disparities: &'a [u16],
     /// Columns and rows of views from it to the other.
     away: [f32; 2],
-    /// The way to it, in views.
-    length: f32,
-    /// Steps along a ray, and the difference of disparity from one to the next.
-    count: usize,
-    step: f32,
+    rays: Rays,
     share: f32,
 }
 
@@ -173,18 +143,12 @@ impl Interpolator {
         })
     }
 
-    /// From now on rays through the views that were needed so far are followed step by step.
-    #[cfg(test)]
-    pub(super) fn leave_nothing_out(&mut self) {
-        self.disparities.iter_mut().filter_map(OnceLock::get_mut).for_each(|view| view.nearest.fill(u16::MAX));
-    }
-
     fn light_of(&self, color: usize, view: usize) -> &[u16] {
         let pixels = self.size[0] * self.size[1];
         &self.planes[color].views[view * pixels..][..pixels]
     }
 
-    fn disparities_of(&self, view: usize) -> &Disparities {
+    fn disparities_of(&self, view: usize) -> &[u16] {
         self.disparities[view].get_or_init(|| {
             let light = |view: usize| {
                 let mut sum = vec![0.0f32; self.size[0] * self.size[1]];
@@ -200,25 +164,21 @@ impl Interpolator {
             let [low, high] = self.range;
             let unit = 65535.0 / (high - low).max(1e-12);
             let own = found.iter().map(|d| ((f64::from(*d) - low) * unit + 0.5).clamp(0.0, 65535.0) as u16);
-            Disparities::new(own.collect(), self.size)
+            own.collect()
         })
     }
 
     fn view(&self, color: usize, x: f64, y: f64) -> Vec<f32> {
         let span = (self.range[1] - self.range[0]) as f32;
+        let range = self.range.map(|v| v as f32);
         let lend = |(view, away, share): (usize, [f32; 2], f32)| {
             let length = away[0].hypot(away[1]);
             // Far beyond the views a ray is followed in longer steps.
-            let count = (length * span / STEP).ceil().clamp(1.0, 4.0 * (self.size[0] + self.size[1]) as f32);
-            Lender {
-                light: self.light_of(color, view),
-                disparities: self.disparities_of(view),
-                away,
-                length,
-                count: count as usize,
-                step: span / count,
-                share: share.max(1e-4),
-            }
+            let most = (4.0 * (self.size[0] + self.size[1]) as f32).min(MOST_STEPS);
+            let count = (length * span / STEP).ceil().clamp(1.0, most);
+            let rays = Rays::new(&Way { away, range, step: span / count, count: count as usize, met: MET / length });
+            let (light, disparities) = (self.light_of(color, view), self.disparities_of(view));
+            Lender { light, disparities, away, rays, share: share.max(1e-4) }
         };
         let mut lenders: Vec<Lender> = self.around(x, y).into_iter().flatten().map(lend).collect();
         lenders.sort_by(|a, b| b.share.total_cmp(&a.share));
@@ -230,30 +190,43 @@ impl Interpolator {
         let mut image = vec![0.0f32; height * width];
         let mut depth = vec![f32::NAN; height * width];
         let rows = image.par_chunks_exact_mut(width).zip(depth.par_chunks_exact_mut(width)).enumerate();
-        rows.for_each(|(y, (image, depth))| {
-            for x in 0..width {
-                if let Some(met) = self.meet(&lenders, x, y) {
-                    image[x] = met.light * unit;
-                    depth[x] = met.disparity;
-                }
-            }
-        });
+        let room = || [const { Vec::new() }; 4];
+        rows.for_each_init(room, |room, (y, (image, depth))| self.row(&lenders, y, room, [image, depth], unit));
         self.close(&mut image, &depth, lenders.first().map_or([1.0, 0.0], |l| l.away));
         image
     }
 
-    /// What is seen at a pixel: from all views of some share, or, where they saw nothing, from the others.
-    fn meet(&self, lenders: &[Lender], x: usize, y: usize) -> Option<Met> {
-        let mut met = [None::<Met>; 4];
+    /// A row of a view and of its disparities: from all views of some share, or, where they saw nothing, from the others. `steps` is room
+    /// for where the rays through each meet something.
+    fn row(&self, lenders: &[Lender], y: usize, steps: &mut [Vec<u16>; 4], [image, depth]: [&mut [f32]; 2], unit: f32) {
         let large = lenders.iter().take_while(|l| l.share >= LEAST).count().max(1);
-        for (met, lender) in met.iter_mut().zip(&lenders[..large]) {
-            *met = self.follow(lender, x, y);
+        let follow = |steps: &mut [Vec<u16>], lenders: &[Lender]| {
+            for (steps, lender) in steps.iter_mut().zip(lenders) {
+                steps.resize(self.size[1], NONE);
+                lender.rays.follow(lender.disparities, self.size, y, steps);
+            }
+        };
+        follow(&mut steps[..large], lenders);
+        let unseen = (0..self.size[1]).any(|x| steps[..large].iter().all(|steps| steps[x] == NONE));
+        if unseen {
+            follow(&mut steps[large..], &lenders[large..]);
         }
-        if met.iter().all(Option::is_none) {
-            for (met, lender) in met[large..].iter_mut().zip(&lenders[large..]) {
-                *met = self.follow(lender, x, y);
+        for x in 0..self.size[1] {
+            let mut met = [None::<Met>; 4];
+            let mut meet = |k: usize| met[k] = (steps[k][x] < NONE).then(|| self.met(&lenders[k], x, y, steps[k][x]));
+            (0..large).for_each(&mut meet);
+            if unseen && steps[..large].iter().all(|steps| steps[x] == NONE) {
+                (large..lenders.len()).for_each(meet);
+            }
+            if let Some(met) = self.nearest(&lenders[..large], met, x, y) {
+                image[x] = met.light * unit;
+                depth[x] = met.disparity;
             }
         }
+    }
+
+    /// What is seen at a pixel, of what each view met: the nearest that is not looked through by more of them.
+    fn nearest(&self, large: &[Lender], met: [Option<Met>; 4], x: usize, y: usize) -> Option<Met> {
         let mut limit = f32::INFINITY;
         let mut best = None::<(f32, Met)>;
         loop {
@@ -270,7 +243,7 @@ impl Interpolator {
             }
             let found = Met { disparity: depth / share, light: light / share, share };
             // Who looks through a surface denies it; who looks at something before it knows nothing of it.
-            let denied: f32 = (lenders[..large].iter())
+            let denied: f32 = (large.iter())
                 .filter(|l| self.beyond(l, x, y, found.disparity).is_some_and(|d| d < found.disparity - TEAR))
                 .map(|l| l.share)
                 .sum();
@@ -288,49 +261,23 @@ impl Interpolator {
     fn beyond(&self, lender: &Lender, x: usize, y: usize, disparity: f32) -> Option<f32> {
         let [low, high] = self.range.map(|v| v as f32);
         let at = (x as f32 + disparity * lender.away[0], y as f32 + disparity * lender.away[1]);
-        let at = pixel(self.size, at).map(|(j, i)| lender.disparities.own[j * self.size[1] + i])?;
+        let at = pixel(self.size, at).map(|(j, i)| lender.disparities[j * self.size[1] + i])?;
         Some(low + (high - low) / 65535.0 * f32::from(at))
     }
 
-    /// Follows a pixel's ray from near to far until it meets what this view saw.
-    fn follow(&self, lender: &Lender, x: usize, y: usize) -> Option<Met> {
+    /// What a pixel's ray through a view meets at a step: the surface there, between the view's pixels.
+    fn met(&self, lender: &Lender, x: usize, y: usize, step: u16) -> Met {
         let (width, [low, high]) = (self.size[1], self.range.map(|v| v as f32));
-        let [u, v] = lender.away;
-        let (length, step) = (lender.length, lender.step);
         let scale = (high - low) / 65535.0;
-        let told = |disparity: u16| low + scale * f32::from(disparity);
-        let own = |j: usize, i: usize| told(lender.disparities.own[j * width + i]);
-        let place = |d: f32| (x as f32 + d * u, y as f32 + d * v);
-        let along = |k: usize| high - k as f32 * step;
-        // So many steps on, the ray is still within a tile's side of where it is, with a pixel for rounding.
-        let near = ((TILE - 1) as f32 / (step * u.abs().max(v.abs())).max(1e-6)) as usize;
-        let mut next = 0;
-        while next <= lender.count {
-            let (k, at) = (next, along(next));
-            next += 1;
-            let Some((j, i)) = pixel(self.size, place(at)) else { continue };
-            let before = own(j, i) - at;
-            if before < -0.5 * step {
-                // Steps at which the ray is before all that is near would find nothing: the last of them is looked at.
-                let nearest = told(lender.disparities.nearest[j / TILE * width.div_ceil(TILE) + i / TILE]);
-                let skipped = near.min(((at - nearest) / step) as usize);
-                if skipped > 0 && nearest - along(k + skipped) < -0.5 * step {
-                    next += skipped;
-                }
-                continue;
-            }
-            if before * length > MET {
-                continue;
-            }
-            let mut disparity = own(j, i);
-            for _ in 0..2 {
-                disparity = smooth(self.size, place(disparity), &own).unwrap_or(disparity);
-            }
-            let (x, y) = place(disparity);
-            let light = sample(self.size, lender.light, x, y);
-            return Some(Met { disparity, light, share: lender.share });
+        let own = |j: usize, i: usize| low + scale * f32::from(lender.disparities[j * width + i]);
+        let place = |d: f32| (x as f32 + d * lender.away[0], y as f32 + d * lender.away[1]);
+        let [down, right] = lender.rays.place(step);
+        let mut disparity = own((y as i32 + down) as usize, (x as i32 + right) as usize);
+        for _ in 0..2 {
+            disparity = smooth(self.size, place(disparity), &own).unwrap_or(disparity);
         }
-        None
+        let (x, y) = place(disparity);
+        Met { disparity, light: sample(self.size, lender.light, x, y), share: lender.share }
     }
 
     /// What no view saw takes the light of the farther side along the way that content moves.

@@ -48,22 +48,6 @@ fn mixed(field: &LightField, [u, v]: [f64; 2]) -> Vec<f32> {
     (0..a.len()).map(|p| between(between(a[p], b[p], fu), between(c[p], d[p], fu), fv)).collect()
 }
 
-/// Steps of a ray that are left out would have found nothing: the same to the bit without leaving any out.
-#[test]
-fn rays_that_are_before_all_that_is_near_go_on_faster() {
-    let (_, field, grid) = sparse("still-life");
-    let (quick, mut whole) = (Interpolator::new(field.clone(), &display()), Interpolator::new(field, &display()));
-    let places: Vec<(f64, f64)> = [(0.3, 0.4), (-1.2, 0.7), (0.0, 1.4), (2.9, -2.6), (1e-4, 0.0)]
-        .iter()
-        .map(|(x, y)| (x * grid.cell, y * grid.cell))
-        .collect();
-    whole.views(0, &places);
-    whole.leave_nothing_out();
-    for (place, (quick, whole)) in places.iter().zip(quick.views(0, &places).iter().zip(&whole.views(0, &places))) {
-        assert!(quick.iter().zip(whole).all(|(a, b)| a.to_bits() == b.to_bits()), "from {place:?}");
-    }
-}
-
 /// 34 dB and more, and 6 dB and more above the views mixed without their disparities; 7 dB on average.
 #[test]
 fn between_the_views_it_is_what_the_scene_shows_there() {

@@ -94,6 +94,7 @@ mod photographs;
 mod picture;
 mod pyramid;
 mod range;
+mod rays;
 mod registered;
 mod reproject;
 mod request;
