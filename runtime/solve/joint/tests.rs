@@ -178,7 +178,7 @@ impl Case {
         for (slot, target) in self.targets[color].iter().enumerate() {
             engine.write(Buffer::Target(slot), target).unwrap();
         }
-        (ask(engine, &step, &[0..step.list.len()], change).unwrap(), Turns::of(&step))
+        (ask(engine, &step, std::slice::from_ref(&(0..step.list.len())), change).unwrap(), Turns::of(&step))
     }
 }
 
