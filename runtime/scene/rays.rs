@@ -52,7 +52,7 @@ impl Rays {
         let unit = if high > low { 65535.0 / (high - low) } else { 0.0 };
         let at = |k: usize| high - k as f64 * f64::from(way.step);
         let place = |k| way.away.map(|a| (at(k) * f64::from(a) + 0.5).floor().clamp(-1e9, 1e9) as i32);
-        let places: Vec<[i32; 2]> = (0..=way.count).map(|k| place(k)).map(|[right, down]| [down, right]).collect();
+        let places: Vec<[i32; 2]> = (0..=way.count).map(place).map(|[right, down]| [down, right]).collect();
         let one = |(k, &[down, right]): (usize, &[i32; 2])| {
             // Between the steps before and behind this one, each surface is met at one of them at least.
             let least_met = ((at(k) - 0.5 * f64::from(way.step) - low) * unit).ceil().max(0.0);
