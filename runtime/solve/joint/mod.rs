@@ -7,12 +7,14 @@
 
 mod check;
 pub(super) mod choice;
+#[cfg_attr(not(feature = "window"), allow(dead_code, reason = "sessions use all of it"))]
 mod drives;
 mod powers;
 mod refine;
 #[cfg(test)]
 mod refine_tests;
 mod run;
+#[cfg_attr(not(feature = "window"), allow(dead_code, reason = "sessions use all of it"))]
 mod shared;
 mod solution;
 #[cfg(test)]
@@ -29,9 +31,11 @@ use super::viewpoints::Viewpoints;
 use crate::engine::Engine;
 use crate::plan::Planner;
 pub use choice::Joint;
+#[cfg(feature = "window")]
 pub(crate) use refine::for_joint_colors;
 pub use refine::{JointPart, JointRefiner};
 use run::{JointRun, Lit};
+#[cfg(feature = "window")]
 pub(crate) use shared::SharedDrives;
 pub use solution::JointSolution;
 use std::sync::Arc;
