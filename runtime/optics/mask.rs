@@ -144,6 +144,11 @@ impl Mask {
         Ok(())
     }
 
+    /// Random phases made from a seed, or designed ones for this band, at the SLM.
+    pub fn of_seed(factor: usize, seed: u64, band: Option<f64>) -> Self {
+        Self { factor, seed: Some(seed), band, ..Self::default() }
+    }
+
     /// What is wrong with it, in words.
     pub(crate) fn check(&self) -> Result<(), String> {
         within("factor", self.factor as f64, 1.0, MOST as f64)?;

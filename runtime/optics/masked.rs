@@ -1,11 +1,21 @@
 //! A display with a static mask in front of its SLM (OPTICS 12).
 
-use super::{Display, Geometry};
+use super::{Display, Geometry, Mask};
 
 impl Display {
     /// Pixels of its mask along an axis of an SLM pixel; 1 without a mask.
     pub fn mask_factor(&self) -> usize {
         self.mask.as_ref().map_or(1, |mask| mask.factor.max(1))
+    }
+
+    /// The same display behind this mask, or behind none.
+    ///
+    /// # Errors
+    /// What of it does not go with the mask, in words.
+    pub fn with_mask(&self, mask: Option<Mask>) -> Result<Self, String> {
+        let display = Self { mask, ..self.clone() };
+        display.check_mask()?;
+        Ok(display)
     }
 
     /// Turns of this wavelength's light (metres) for one turn of the mask's phases.

@@ -85,13 +85,14 @@ pub fn section(results: &Results) -> Markup {
         p {
             (format!(
                 "Square sources of several sizes, in {}, each with as few modes as the scene requires: solved for it, and seen in \
-                 its light by 25 modes. A wide source averages speckle, and blurs content that is away from the SLM. Speckle is \
+                 its light by up to 25 modes. The narrowest pupils of a step ({:.1} mm) and the widest ({:.1} mm) are solved \
+                 for with as many of them as leave their speckle as it is. A wide source averages speckle, and blurs content that is away from the SLM. Speckle is \
                  the standard deviation of an even plane over its mean, through {:.1} mm. Modulation is what upright bars at a \
                  depth of {:.1} mm keep of theirs for who focuses on them through {:.1} mm, for narrower pupils pass less than \
                  the picture's Nyquist frequency. Depth of field is the width of the focus through which bars of half the cut-off \
                  of {:.1} mm keep half of their modulation; it is looked for up to twice the wavelength times the square of focal \
                  length over diameter on either side, and is more where that is what stands here.",
-                first.color, first.eye_mm, first.bars_mm, first.widest_mm, first.eye_mm
+                first.color, first.diameter_mm[0], first.diameter_mm[1], first.eye_mm, first.bars_mm, first.widest_mm, first.eye_mm
             ))
         }
         @for scene in scenes(results) {
@@ -115,6 +116,7 @@ fn of_scene(results: &Results, scene: &str) -> Markup {
         let size = if c.image_mm > 0.0 { format!("{} mm", c.image_mm) } else { "a point".into() };
         let cells = [
             c.modes.to_string(),
+            format!("{} / {}", c.pupil_modes[0], c.pupil_modes[1]),
             format!("{:.2}", c.mean_db),
             format!("{:.2}", c.worst_db),
             format!("{:.3}", c.contrast),
@@ -124,8 +126,17 @@ fn of_scene(results: &Results, scene: &str) -> Markup {
         ];
         row(&format!("{} sub-frames, {size}", c.frames), cells)
     };
-    let head =
-        ["Source", "modes", "mean dB", "worst dB", "speckle", "at Nyquist", "at half of it", "depth of field, mm"];
+    let head = [
+        "Source",
+        "modes",
+        "narrowest / widest",
+        "mean dB",
+        "worst dB",
+        "speckle",
+        "at Nyquist",
+        "at half of it",
+        "depth of field, mm",
+    ];
     // Few sub-frames are where sources differ most.
     let fewest = of(results, scene).map(|c| c.frames).min();
     let shown: Vec<&CoherenceFigures> = of(results, scene).filter(|c| Some(c.frames) == fewest).collect();

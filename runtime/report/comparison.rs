@@ -2,7 +2,7 @@
 
 use super::findings::findings;
 use super::page::{document, figure, row, section, statements, table};
-use super::{coherence, joint, pictures, plots, sources};
+use super::{coherence, etendue, joint, pictures, plots, sources};
 use crate::evaluate::{Group, Summary};
 use crate::quality::comparison::{Results, SceneFigures, Series, mean};
 use maud::{Markup, html};
@@ -35,6 +35,7 @@ pub fn page(results: &Results) -> String {
             @if !results.speckle.is_empty() { a href="#speckle" { "Speckle" } }
             @if !results.joint.is_empty() { a href="#joint" { "All colours at once" } }
             @if !results.coherence.is_empty() { a href="#coherence" { "Coherence" } }
+            @if !results.etendue.is_empty() { a href="#etendue" { "Masks against eyebox" } }
             @if !results.sources.is_empty() { a href="#sources" { "Sources against eyebox" } }
             @if compares {
                 a href="#tables" { "Tables" }
@@ -47,6 +48,7 @@ pub fn page(results: &Results) -> String {
         }
         (joint::section(results))
         (coherence::section(results))
+        (etendue::section(results))
         (sources::section(results))
         @if compares { (tables(results)) (methods(results)) }
     };

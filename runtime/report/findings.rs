@@ -235,6 +235,7 @@ mod tests {
             speckle: Vec::new(),
             joint: Vec::new(),
             coherence: Vec::new(),
+            etendue: Vec::new(),
             sources: Vec::new(),
             published: Vec::new(),
             missing: 0,

@@ -10,6 +10,7 @@ mod comparison;
 #[cfg(feature = "window")]
 mod content_study;
 mod drawing;
+mod etendue;
 mod findings;
 mod joint;
 mod page;
@@ -35,8 +36,16 @@ use crate::session::{ContentRun, Study};
 use serde_json::Value;
 
 /// What [`write_comparison`] writes, as [`OwnFolder::open`] takes it.
-pub const COMPARISON: [&str; 7] =
-    ["report.html", "scores.csv", "summary.csv", "joint-color.csv", "coherence.csv", "report.json", "figures/"];
+pub const COMPARISON: [&str; 8] = [
+    "report.html",
+    "scores.csv",
+    "summary.csv",
+    "joint-color.csv",
+    "coherence.csv",
+    "etendue.csv",
+    "report.json",
+    "figures/",
+];
 /// What [`write_tuned`] writes.
 pub const TUNED: [&str; 4] = ["index.html", "trials.csv", "tradeoff.json", "figures/"];
 /// What [`write_study`] writes.
@@ -48,8 +57,8 @@ pub fn comparison_json(results: &Results) -> Value {
     tables::json(results)
 }
 
-/// Writes `report.html`, `scores.csv`, `summary.csv`, `report.json` and, where it has them, `joint-color.csv` and `coherence.csv` of a
-/// comparison of methods into a folder, each whole or not at all; and its plots, each by itself as SVG and as PDF, into `figures/`.
+/// Writes `report.html`, `scores.csv`, `summary.csv`, `report.json` and, where it has them, `joint-color.csv`, `coherence.csv` and
+/// `etendue.csv` of a comparison of methods into a folder, each whole or not at all; and its plots, each by itself as SVG and as PDF, into `figures/`.
 ///
 /// # Errors
 /// [`FileError`].
@@ -57,14 +66,16 @@ pub fn write_comparison(results: &Results, folder: &mut OwnFolder) -> Result<(),
     let methods = if results.methods.is_empty() { Vec::new() } else { plots::figures(results) };
     let joint = (!results.joint.is_empty()).then(|| ("joint-color.csv", tables::joint_table(results)));
     let sizes = (!results.coherence.is_empty()).then(|| ("coherence.csv", tables::coherence_table(results)));
+    let masks = (!results.etendue.is_empty()).then(|| ("etendue.csv", tables::etendue_table(results)));
     write(
         folder,
         methods
             .into_iter()
             .chain(joint::figures(results))
             .chain(coherence::figures(results))
+            .chain(etendue::figures(results))
             .chain(sources::figures(results)),
-        joint.into_iter().chain(sizes).chain([
+        joint.into_iter().chain(sizes).chain(masks).chain([
             ("scores.csv", tables::scores(results)),
             ("summary.csv", tables::summary(results)),
             ("report.json", format!("{:#}\n", tables::json(results)).into_bytes()),

@@ -2,7 +2,9 @@
 
 use super::findings::findings;
 use crate::evaluate::{Group, Summary};
-use crate::quality::comparison::{CoherenceFigures, JointFigures, Results, SceneFigures, Series, SourcesFigures};
+use crate::quality::comparison::{
+    CoherenceFigures, EtendueFigures, JointFigures, Results, SceneFigures, Series, SourcesFigures,
+};
 use serde_json::{Map, Value, json};
 
 /// A CSV file of these lines.
@@ -98,11 +100,30 @@ pub fn coherence_table(results: &Results) -> Vec<u8> {
     let lines = results.coherence.iter().map(|c| {
         let [nyquist, half] = c.modulation;
         let numbers = [c.mean_db, c.worst_db, c.contrast, nyquist, half, c.depth_of_field_mm];
-        let about = [c.scene.clone(), c.frames.to_string(), c.image_mm.to_string(), c.modes.to_string()];
-        about.into_iter().chain(numbers.map(|v| format!("{v:.4}"))).collect::<Vec<_>>()
+        let counts = [c.modes, c.pupil_modes[0], c.pupil_modes[1], c.judged_modes].map(|n| n.to_string());
+        let about = [c.scene.clone(), c.frames.to_string(), c.image_mm.to_string()].into_iter().chain(counts);
+        about.chain(numbers.map(|v| format!("{v:.4}"))).collect::<Vec<_>>()
     });
+    let modes = ["modes", "modes_narrowest", "modes_widest", "modes_judging"];
     let measured = ["psnr_mean_db", "psnr_worst_db", "speckle_contrast", "modulation_nyquist", "modulation_half"];
-    csv(&[&["scene", "frames", "source_mm", "modes"][..], &measured, &["depth_of_field_mm"]].concat(), lines)
+    csv(&[&["scene", "frames", "source_mm"][..], &modes, &measured, &["depth_of_field_mm"]].concat(), lines)
+}
+
+/// One mask, without its picture.
+fn etendue(figures: &EtendueFigures) -> Value {
+    json!(EtendueFigures { picture: None, ..figures.clone() })
+}
+
+/// Masks against eyebox: one line per scene, number of sub-frames and mask.
+pub fn etendue_table(results: &Results) -> Vec<u8> {
+    let lines = results.etendue.iter().map(|e| {
+        let numbers = [e.eyebox_mm, e.etendue_mm2_sr, e.mean_db, e.worst_db, e.contrast].map(|v| format!("{v:.4}"));
+        let about = [e.scene.clone(), e.frames.to_string(), e.mask.clone(), e.factor.to_string()];
+        about.into_iter().chain(numbers).collect::<Vec<_>>()
+    });
+    let about = ["scene", "frames", "mask", "factor"];
+    let measured = ["eyebox_mm", "etendue_mm2_sr", "psnr_mean_db", "psnr_worst_db", "speckle_contrast"];
+    csv(&[&about[..], &measured].concat(), lines)
 }
 
 /// One place across the eyebox of switchable sources, without its picture.
@@ -148,6 +169,7 @@ pub fn json(results: &Results) -> Value {
         "runs": runs.collect::<Vec<_>>(), "speckle": results.speckle, "claims": claims.collect::<Vec<_>>(),
         "published": results.published, "joint": results.joint.iter().map(joint).collect::<Vec<_>>(),
         "coherence": results.coherence.iter().map(coherence).collect::<Vec<_>>(),
+        "etendue": results.etendue.iter().map(etendue).collect::<Vec<_>>(),
         "sources": results.sources.iter().map(source).collect::<Vec<_>>(),
     })
 }

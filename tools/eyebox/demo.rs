@@ -166,6 +166,7 @@ fn comparison(
         speckle: false,
         joint: Vec::new(),
         coherence: Vec::new(),
+        masks: Vec::new(),
         sources: false,
         judged: JUDGED,
     };

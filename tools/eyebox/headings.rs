@@ -53,6 +53,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "speckle",
             "joint_color",
             "coherence",
+            "etendue",
             "sources",
             "efficiency",
             "method",

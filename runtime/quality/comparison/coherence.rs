@@ -1,16 +1,18 @@
 //! Coherence against quality: what a source that has a size gives (less speckle) and takes (resolution and depth of field), each
 //! hologram solved for the source that it is looked at in (OPTICS 12).
 
-use super::picture;
-use super::results::CoherenceFigures;
+use super::measure::leading;
+use super::results::{CoherenceFigures, Results};
 use super::speckle::{self, GREY, plane, seen_of};
+use super::{OfScene, Work, picture};
 use crate::engine::Engine;
-use crate::evaluate::{self, Summary};
+use crate::evaluate::{self, Group, Summary};
 use crate::hologram::{Hologram, SceneSource};
-use crate::optics::{Color, Display, Padding, Pupil, SourceKind, SourceShape, SourceTerms, dioptres};
+use crate::optics::{Color, Display, Padding, Pupil, SourceKind, SourceShape, SourceTerms, dioptres, fewer_modes};
 use crate::quality::QualityError;
 use crate::scene::LightField;
 use crate::solve::{self, Flow, Problem, PupilRange, Settings};
+use serde_json::json;
 use std::f64::consts::TAU;
 
 /// About how long one source takes, in units of a solve.
@@ -60,6 +62,44 @@ impl Lit {
     }
 }
 
+impl OfScene<'_> {
+    /// Sources of all sizes, by every number of sub-frames that is not there yet.
+    pub(super) fn sources(
+        &self,
+        work: &mut Work,
+        engine: &mut dyn Engine,
+        results: &mut Results,
+    ) -> Result<(), QualityError> {
+        let (job, color) = (self.job, leading(&self.job.colors));
+        let random = self.pupils.members.iter().filter(|member| member.group == Group::Random);
+        let pupils: Vec<Pupil> = random.map(|member| member.pupil).collect();
+        for (frames, image_mm) in job.frames.iter().flat_map(|f| job.coherence.iter().map(move |mm| (*f, *mm))) {
+            let settings = Settings { frames, depth: self.depth, ..job.settings.clone() };
+            let made_by = json!({ "shown": self.shown(&self.made_by), "settings": settings, "source_mm": image_mm });
+            let (name, made_by) = (format!("{}-source-{frames}-{image_mm}", self.name), made_by.to_string());
+            let label = format!("{}: {frames} sub-frames, a source of {image_mm} mm", self.label());
+            let kept: Option<CoherenceFigures> = work.results.load(&name, &made_by);
+            let found = match kept {
+                Some(kept) => Some(kept),
+                None => {
+                    let (field, display, longest) = (self.field, &job.display, job.longest());
+                    let sources = Sources { field, display, color, settings: &settings, pupils: &pupils, longest };
+                    let found = sources.measure(image_mm, engine, &mut || work.say(&label))?;
+                    found.iter().try_for_each(|found| work.results.save(&name, &made_by, found))?;
+                    found
+                }
+            };
+            let Some(found) = found else {
+                results.missing += 1;
+                break;
+            };
+            work.pass(EFFORT);
+            results.coherence.push(CoherenceFigures { scene: self.label().into(), ..found });
+        }
+        Ok(())
+    }
+}
+
 impl Sources<'_> {
     /// What a square source of this size (millimetres of its image in the eyebox, 0 for a point) gives and takes; none once
     /// `went`, which is called within each solve, says no.
@@ -98,6 +138,9 @@ impl Sources<'_> {
             color: self.color,
             image_mm,
             modes: solved.modes.len().max(1),
+            pupil_modes: self.pupil_modes(&solved),
+            judged_modes: judging.modes.len().max(1),
+            diameter_mm: self.settings.diameter.map(|d| d * 1e3),
             mean_db: summary.map_or(f64::NAN, |s| s.mean),
             worst_db: summary.map_or(f64::NAN, |s| s.worst),
             contrast,
@@ -127,6 +170,15 @@ impl Sources<'_> {
             Some(sampling) => Lit { solved: with(sampling.samples), judging: with(JUDGING) },
             None => Lit { solved: display.clone(), judging: display },
         }
+    }
+
+    /// Modes that a step's narrowest and widest pupils are lit by.
+    fn pupil_modes(&self, solved: &Problem) -> [usize; 2] {
+        let fewer = fewer_modes(&solved.modes, self.display.eyebox_min() / 2.0, self.display.focal_length);
+        self.settings.diameter.map(|diameter| {
+            let few = fewer.iter().rev().find(|few| diameter >= few.from);
+            few.map_or(solved.modes.len().max(1), |few| few.modes.len())
+        })
     }
 
     /// A pupil of the middle of those that are drawn, in the middle of the eyebox.
@@ -302,6 +354,9 @@ mod tests {
         let mut measure = |mm: f64| sources.measure(mm, &mut engine, &mut || true).unwrap().unwrap();
         let (point, wide) = (measure(0.0), measure(3.0));
         assert_eq!((point.modes, point.image_mm, wide.image_mm), (1, 0.0, 3.0));
+        assert_eq!((point.pupil_modes, point.judged_modes), ([1, 1], 1));
+        assert!(wide.pupil_modes[0] <= wide.modes && wide.pupil_modes[1] <= wide.pupil_modes[0], "{wide:?}");
+        assert_eq!(wide.judged_modes, 25);
         assert!(wide.modes > 1 && wide.contrast < 0.9 * point.contrast, "{point:?} {wide:?}");
         assert!(wide.mean_db > point.mean_db, "{} {}", point.mean_db, wide.mean_db);
         assert!(wide.modulation[0] < point.modulation[0], "{:?} {:?}", point.modulation, wide.modulation);

@@ -9,7 +9,10 @@ pub(super) fn beyond_ideal(display: &Display) -> impl Iterator<Item = (&'static 
     let source = (!display.source.is_empty()).then(|| ("source", json!(display.source)));
     let picture = (!display.picture.is_empty()).then(|| ("picture", json!(display.picture)));
     let eye = display.prescription.as_ref().map(|eye| ("prescription", json!(eye)));
-    model.into_iter().chain(source).chain(picture).chain(eye)
+    let mask = display.mask.as_ref().map(|mask| ("mask", json!(mask)));
+    let sources = (!display.sources.is_empty())
+        .then(|| ("sources", json!([json!(display.sources.each), json!(format!("{:?}", display.sources.lit))])));
+    model.into_iter().chain(source).chain(mask).chain(sources).chain(picture).chain(eye)
 }
 
 /// A name of letters, digits and dashes.

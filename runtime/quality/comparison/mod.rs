@@ -6,6 +6,7 @@
 
 mod candidate;
 mod coherence;
+mod etendue;
 mod joint;
 mod judged;
 mod made_by;
@@ -18,12 +19,13 @@ mod sources;
 mod speckle;
 
 pub use candidate::{Candidate, Given, Source, candidates};
+pub use etendue::MaskKind;
 pub(crate) use measure::{DECADES, ERROR_GAIN};
 pub(crate) use picture::{light_exact, map};
 pub use pupils::{SHOWN, Shown};
 pub use results::{
-    About, CoherenceFigures, ColorError, ColorFigures, JointFigures, MethodAbout, Published, Results, Row, Run,
-    SceneFigures, Series, SourcesFigures, SpeckleFigures, mean,
+    About, CoherenceFigures, ColorError, ColorFigures, EtendueFigures, JointFigures, MethodAbout, Published, Results,
+    Row, Run, SceneFigures, Series, SourcesFigures, SpeckleFigures, mean,
 };
 pub use shown::{EnergyMap, Picture, Pictures};
 
@@ -36,10 +38,9 @@ use crate::hologram::Hologram;
 use crate::optics::{Color, Display, Padding, Pupil};
 use crate::scene::LightField;
 use crate::solve::{self, Flow, Method, Problem, Settings, Solution};
-use coherence::Sources;
 use joint::{Colors, Lighting};
 use made_by::{beyond_ideal, slug};
-use measure::{Wanted, leading};
+use measure::Wanted;
 use pupils::Pupils;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -73,6 +74,8 @@ pub struct Comparison {
     pub joint: Vec<f64>,
     /// Sizes of sources that are compared, millimetres of their image in the eyebox, 0 for a point; empty where none are.
     pub coherence: Vec<f64>,
+    /// Masks in front of the SLM that are compared; empty where none are.
+    pub masks: Vec<MaskKind>,
     /// Whether what an eye sees across the eyebox of the display's switchable sources is measured.
     pub sources: bool,
     /// Pupils of each group that are judged in JOD, spread evenly over it; 0 for none. A judgement takes about as long as
@@ -115,6 +118,7 @@ impl Comparison {
                 scene.colors_at_once(&mut work, engine, &mut results)?;
                 scene.across_sources(&mut work, engine, &mut results)?;
                 scene.sources(&mut work, engine, &mut results)?;
+                scene.behind_masks(&mut work, engine, &mut results)?;
             }
             results.missing += self.runs(index).count() - (results.runs.len() - before);
         }
@@ -152,6 +156,7 @@ impl Comparison {
             speckle: Vec::new(),
             joint: Vec::new(),
             coherence: Vec::new(),
+            etendue: Vec::new(),
             sources: Vec::new(),
             published: Vec::new(),
             missing: 0,
@@ -255,6 +260,7 @@ impl<'a, 'b> Work<'a, 'b> {
             + (SOLVE + LOOK) * (job.ways().len() * job.joint_frames().count() * job.scenes.len()) as f64
             + coherence::EFFORT * (job.coherence.len() * job.frames.len() * job.scenes.len()) as f64
             + (SOLVE + LOOK) * (job.source_solves() * job.scenes.len()) as f64
+            + etendue::EFFORT * (job.masks.len() * job.frames.len() * job.scenes.len()) as f64
             + SPECKLE * job.speckled().count() as f64;
         Ok(Self { results, holograms, _made, observe, done: 0.0, all: all.max(1.0), stopped: false })
     }
@@ -421,37 +427,6 @@ impl<'a> OfScene<'a> {
             work.pass((SOLVE + LOOK) * ways.len() as f64);
             let named = |figures| JointFigures { scene: self.label().into(), ..figures };
             results.joint.extend(found.into_iter().map(named));
-        }
-        Ok(())
-    }
-
-    /// Sources of all sizes, by every number of sub-frames that is not there yet.
-    fn sources(&self, work: &mut Work, engine: &mut dyn Engine, results: &mut Results) -> Result<(), QualityError> {
-        let (job, color) = (self.job, leading(&self.job.colors));
-        let random = self.pupils.members.iter().filter(|member| member.group == Group::Random);
-        let pupils: Vec<Pupil> = random.map(|member| member.pupil).collect();
-        for (frames, image_mm) in job.frames.iter().flat_map(|f| job.coherence.iter().map(move |mm| (*f, *mm))) {
-            let settings = Settings { frames, depth: self.depth, ..job.settings.clone() };
-            let made_by = json!({ "shown": self.shown(&self.made_by), "settings": settings, "source_mm": image_mm });
-            let (name, made_by) = (format!("{}-source-{frames}-{image_mm}", self.name), made_by.to_string());
-            let label = format!("{}: {frames} sub-frames, a source of {image_mm} mm", self.label());
-            let kept: Option<CoherenceFigures> = work.results.load(&name, &made_by);
-            let found = match kept {
-                Some(kept) => Some(kept),
-                None => {
-                    let (field, display, longest) = (self.field, &job.display, job.longest());
-                    let sources = Sources { field, display, color, settings: &settings, pupils: &pupils, longest };
-                    let found = sources.measure(image_mm, engine, &mut || work.say(&label))?;
-                    found.iter().try_for_each(|found| work.results.save(&name, &made_by, found))?;
-                    found
-                }
-            };
-            let Some(found) = found else {
-                results.missing += 1;
-                break;
-            };
-            work.pass(coherence::EFFORT);
-            results.coherence.push(CoherenceFigures { scene: self.label().into(), ..found });
         }
         Ok(())
     }

@@ -6,6 +6,7 @@ use crate::phases::PhaseUnitArgs;
 use crate::quality::QualityArgs;
 use crate::values::{diameters, positive};
 use clap::Args;
+use eyebox::quality::comparison::MaskKind;
 use std::path::PathBuf;
 
 /// `eyebox evaluate`
@@ -26,7 +27,7 @@ pub struct Evaluate {
     /// The eye that looks
     #[command(flatten)]
     pub eye: EyeArgs,
-    /// Methods to solve with [default: slfh,lf2fs,stft,smooth,dpac; with --hologram, none]
+    /// Methods to solve with [default: slfh,lf2fs,stft,smooth,dpac, behind a mask slfh,lf2fs,smooth; with --hologram, none]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub methods: Option<Vec<String>>,
     /// Sub-frames; several numbers compare them
@@ -40,6 +41,10 @@ pub struct Evaluate {
     /// 0 for a point, several numbers with commas between [alone: 0,0.5,1,2,3; methods are then none by default]
     #[arg(long, value_name = "MM", value_delimiter = ',', num_args = 0..=1, require_equals = true, default_missing_value = "0,0.5,1,2,3")]
     pub coherence: Option<Vec<f64>>,
+    /// Compare masks of finer pixels in front of the SLM, too, each solved for and looked through over its whole eyebox: their
+    /// factors, 1 for none, 2 to 4, with a d behind it for a designed one, with commas between [alone: 1,2,3,4; methods are then none by default]
+    #[arg(long, value_name = "FACTOR", value_delimiter = ',', num_args = 0..=1, require_equals = true, default_missing_value = "1,2,3,4")]
+    pub etendue: Option<Vec<MaskKind>>,
     /// Measure what an eye sees across the eyebox of the display's switchable sources, too: steered, in turn and together; methods are
     /// then none by default
     #[arg(long)]

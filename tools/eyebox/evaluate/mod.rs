@@ -12,7 +12,7 @@ use eyebox::engine::Engine;
 use eyebox::evaluate::Group;
 use eyebox::files::OwnFolder;
 use eyebox::optics::{Color, Display, Geometry};
-use eyebox::quality::comparison::{Comparison, Given, JUDGED, Published, Results, candidates};
+use eyebox::quality::comparison::{Comparison, Given, JUDGED, MaskKind, Published, Results, candidates};
 use eyebox::quality::writable;
 use eyebox::report;
 use eyebox::scene;
@@ -21,6 +21,8 @@ use std::path::{Path, PathBuf};
 
 /// The methods that are compared where nothing else is asked for.
 const DEFAULT: [Method; 5] = [Method::Slfh, Method::Lf2fs, Method::Stft, Method::Smooth, Method::Dpac];
+/// The same behind a mask, which only methods that look through pupils know of.
+const MASKED: [Method; 3] = [Method::Slfh, Method::Lf2fs, Method::Smooth];
 
 /// Solves, measures, reports.
 pub fn run(args: &Evaluate) -> Result<(), Failure> {
@@ -122,7 +124,12 @@ fn print_table(results: &Results) {
         let ([nyquist, half], contrast, depth) = (c.modulation, c.contrast, c.depth_of_field_mm);
         let (mean, worst) = (c.mean_db, c.worst_db);
         print!("  {name:60} {mean:6.2}{worst:8.2}  speckle {contrast:.2}, modulation {nyquist:.2} {half:.2}, ");
-        println!("depth of field {depth:.1} mm");
+        println!("depth of field {depth:.1} mm; pupils need {} to {} modes", c.pupil_modes[1], c.pupil_modes[0]);
+    });
+    results.etendue.iter().for_each(|e| {
+        let name = format!("{}, {} sub-frames, {}, an eyebox of {:.1} mm", e.scene, e.frames, e.mask, e.eyebox_mm);
+        let (mean, worst, etendue) = (e.mean_db, e.worst_db, e.etendue_mm2_sr);
+        println!("  {name:72} {mean:6.2}{worst:8.2}  speckle {:.2}, {etendue:.3} mm2 sr", e.contrast);
     });
     for series in results.series() {
         if let Some(s) = results.psnr(&series, None, Group::Random) {
@@ -144,7 +151,7 @@ fn job(args: &Evaluate) -> Result<Comparison, Failure> {
     if !(1..=1_000_000).contains(&steps) {
         return Err(Failure::Asked(format!("--steps {steps}: it must be 1 to 1000000")));
     }
-    let methods = match &args.methods {
+    let mut methods = match &args.methods {
         Some(names) => methods(names)?,
         None if args.hologram.is_empty() && !compares_light(args) => DEFAULT.to_vec(),
         None => Vec::new(),
@@ -161,10 +168,14 @@ fn job(args: &Evaluate) -> Result<Comparison, Failure> {
     display.viewing = args.seen.viewing.over(display.viewing)?;
     if args.ideal {
         display.model.clear();
+        display.mask = None;
         display.picture = Default::default();
     }
     for hologram in &given {
         hologram.check(&display, &colors)?;
+    }
+    if args.methods.is_none() && display.mask.is_some() {
+        methods.retain(|method| MASKED.contains(method));
     }
     let mut frames = args.frames.clone();
     frames.sort_unstable();
@@ -187,14 +198,39 @@ fn job(args: &Evaluate) -> Result<Comparison, Failure> {
     let (speckle, judged) = (!args.no_speckle, args.seen.pupils(JUDGED));
     let joint = joint(args, &colors, &frames)?;
     let coherence = coherence(args, &display)?;
-    let scenes = labels(&args.scenes);
+    let (scenes, masks) = (labels(&args.scenes), masks(args, &display)?);
     let sources = sources(args, &display)?;
-    Ok(Comparison { scenes, candidates, frames, display, colors, settings, speckle, joint, coherence, sources, judged })
+    let compared = Comparison {
+        scenes,
+        candidates,
+        frames,
+        display,
+        colors,
+        settings,
+        speckle,
+        joint,
+        coherence,
+        masks,
+        sources,
+        judged,
+    };
+    Ok(compared)
 }
 
 /// Whether ways of lighting are compared, beside methods or without any.
 fn compares_light(args: &Evaluate) -> bool {
-    args.joint_color.is_some() || args.coherence.is_some() || args.sources
+    args.joint_color.is_some() || args.coherence.is_some() || args.etendue.is_some() || args.sources
+}
+
+/// Masks that are compared: the display has to go with them.
+fn masks(args: &Evaluate, display: &Display) -> Result<Vec<MaskKind>, Failure> {
+    let mut masks = args.etendue.clone().unwrap_or_default();
+    for kind in &masks {
+        kind.before(display).map_err(|why| Failure::Asked(format!("--etendue, {kind}: {why}")))?;
+    }
+    masks.sort_unstable();
+    masks.dedup();
+    Ok(masks)
 }
 
 /// Whether the display's switchable sources are measured: it has to have some.

@@ -80,3 +80,51 @@ fn a_mask_that_cannot_be_is_refused_in_a_line() {
     refused(at, &[&solve[..], &["--method", "dpac"]].concat(), "out.zarr", "a mask in front of the SLM");
     refused(at, &[&solve[..], &["--method", "stft"]].concat(), "out.zarr", "a mask in front of the SLM");
 }
+
+/// Masks against eyebox: a section of the report with its pictures, a table, and the numbers as JSON.
+#[test]
+fn the_report_compares_masks() {
+    let dir = folder();
+    let at = dir.path();
+    let small = ["--views", "3", "--steps", "4", "--pupils", "4", "--display", "small", "--size", "48x48"];
+    let rest = ["--frames", "1", "--pupil-diameter", "3.5..4.5", "--no-speckle", "--no-jod", "--engine", "cpu"];
+    let line = [&["evaluate", "builtin:still-life", "--etendue=3,1,2d", "-o", "report"][..], &small, &rest].concat();
+    let said = done(at, &line);
+    assert!(said.contains("a random mask of 3 x 3, an eyebox of 66.0 mm") && said.contains("no mask"), "{said}");
+    let page = std::fs::read_to_string(at.join("report/report.html")).unwrap();
+    assert!(page.contains("Masks against eyebox") && page.matches("data:image/jpeg").count() == 3, "{page}");
+    let table = std::fs::read_to_string(at.join("report/etendue.csv")).unwrap();
+    assert!(table.lines().count() == 4 && table.contains("a designed mask of 2 x 2,2,44.0"), "{table}");
+    // Nothing is solved again.
+    assert_eq!(done(at, &line), said);
+    let json = done(at, &[&line[..], &["--json"]].concat());
+    let rows = serde_json::from_str::<serde_json::Value>(&json).unwrap()["etendue"].as_array().unwrap().len();
+    assert_eq!(rows, 3);
+    let wrong = ["evaluate", "builtin:still-life", "--etendue=5", "-o", "other"];
+    refused(at, &wrong, "other/report.html", "expected a factor");
+}
+
+/// Behind a mask the default methods are those that know of it, and another mask's results are not taken for its own.
+#[test]
+fn a_masked_display_is_evaluated() {
+    let dir = folder();
+    let at = dir.path();
+    let display = |seed: u32| {
+        let mask = format!("{BENCH}[mask]\nfactor = 3\nseed = {seed}\n");
+        std::fs::write(at.join("mask.toml"), mask).unwrap();
+    };
+    let line =
+        ["evaluate", "builtin:still-life", "--display", "mask.toml", "-o", "report", "--views", "3", "--steps", "2"];
+    let rest = ["--pupils", "2", "--frames", "1", "--no-speckle", "--no-jod", "--engine", "cpu", "--json"];
+    let evaluate = || {
+        let said = done(at, &[&line[..], &rest].concat());
+        serde_json::from_str::<serde_json::Value>(&said).unwrap()["over_scenes"].clone()
+    };
+    display(1);
+    let first = evaluate();
+    let names: Vec<&str> = first.as_array().unwrap().iter().map(|s| s["method"].as_str().unwrap()).collect();
+    assert_eq!(names, ["slfh", "lf2fs", "smooth"]);
+    assert_eq!(evaluate(), first);
+    display(2);
+    assert_ne!(evaluate(), first);
+}

@@ -93,12 +93,12 @@ fn the_report_compares_sources() {
     let rest = ["--frames", "1,2", "--pupil-diameter", "3.5..4.5", "--no-speckle", "--no-jod", "--engine", "cpu"];
     let line = [&["evaluate", "builtin:still-life", "--coherence=0,2", "-o", "report"][..], &small, &rest].concat();
     let said = done(at, &line);
-    assert!(said.contains("1 sub-frames, a source of 2 mm (9 modes)"), "{said}");
+    assert!(said.contains("1 sub-frames, a source of 2 mm (9 modes)") && said.contains("pupils need "), "{said}");
     let page = std::fs::read_to_string(at.join("report/report.html")).unwrap();
     assert!(page.contains("Coherence against quality") && page.contains("data:image/jpeg"), "{page}");
     figures_of(&at.join("report"), "report.html");
     let table = std::fs::read_to_string(at.join("report/coherence.csv")).unwrap();
-    assert!(table.lines().count() == 5 && table.contains("still-life,2,0,1,"), "{table}");
+    assert!(table.lines().count() == 5 && table.contains("still-life,2,0,1,1,1,1,"), "{table}");
     // Nothing is solved again.
     assert_eq!(done(at, &line), said);
     let wrong = ["evaluate", "builtin:still-life", "--coherence=99", "-o", "other"];
