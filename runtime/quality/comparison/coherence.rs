@@ -1,18 +1,16 @@
 //! Coherence against quality: what a source that has a size gives (less speckle) and takes (resolution and depth of field), each
 //! hologram solved for the source that it is looked at in (OPTICS 12).
 
-use super::measure::leading;
-use super::results::{CoherenceFigures, Results};
+use super::picture;
+use super::results::CoherenceFigures;
 use super::speckle::{self, GREY, plane, seen_of};
-use super::{OfScene, Work, picture};
 use crate::engine::Engine;
-use crate::evaluate::{self, Group, Summary};
+use crate::evaluate::{self, Summary};
 use crate::hologram::{Hologram, SceneSource};
 use crate::optics::{Color, Display, Padding, Pupil, SourceKind, SourceShape, SourceTerms, dioptres, fewer_modes};
 use crate::quality::QualityError;
 use crate::scene::LightField;
 use crate::solve::{self, Flow, Problem, PupilRange, Settings};
-use serde_json::json;
 use std::f64::consts::TAU;
 
 /// About how long one source takes, in units of a solve.
@@ -59,44 +57,6 @@ impl Lit {
     fn of_side(&self, side: usize) -> Self {
         let small = |display: &Display| Display { height: side, width: side, prescription: None, ..display.clone() };
         Self { solved: small(&self.solved), judging: small(&self.judging) }
-    }
-}
-
-impl OfScene<'_> {
-    /// Sources of all sizes, by every number of sub-frames that is not there yet.
-    pub(super) fn sources(
-        &self,
-        work: &mut Work,
-        engine: &mut dyn Engine,
-        results: &mut Results,
-    ) -> Result<(), QualityError> {
-        let (job, color) = (self.job, leading(&self.job.colors));
-        let random = self.pupils.members.iter().filter(|member| member.group == Group::Random);
-        let pupils: Vec<Pupil> = random.map(|member| member.pupil).collect();
-        for (frames, image_mm) in job.frames.iter().flat_map(|f| job.coherence.iter().map(move |mm| (*f, *mm))) {
-            let settings = Settings { frames, depth: self.depth, ..job.settings.clone() };
-            let made_by = json!({ "shown": self.shown(&self.made_by), "settings": settings, "source_mm": image_mm });
-            let (name, made_by) = (format!("{}-source-{frames}-{image_mm}", self.name), made_by.to_string());
-            let label = format!("{}: {frames} sub-frames, a source of {image_mm} mm", self.label());
-            let kept: Option<CoherenceFigures> = work.results.load(&name, &made_by);
-            let found = match kept {
-                Some(kept) => Some(kept),
-                None => {
-                    let (field, display, longest) = (self.field, &job.display, job.longest());
-                    let sources = Sources { field, display, color, settings: &settings, pupils: &pupils, longest };
-                    let found = sources.measure(image_mm, engine, &mut || work.say(&label))?;
-                    found.iter().try_for_each(|found| work.results.save(&name, &made_by, found))?;
-                    found
-                }
-            };
-            let Some(found) = found else {
-                results.missing += 1;
-                break;
-            };
-            work.pass(EFFORT);
-            results.coherence.push(CoherenceFigures { scene: self.label().into(), ..found });
-        }
-        Ok(())
     }
 }
 

@@ -1,11 +1,10 @@
 //! Eyebox against quality: what a mask of finer pixels in front of the SLM gives (a larger eyebox) and takes (as many phases serve
 //! all of it), each hologram solved for the mask that it is looked at behind (OPTICS 12).
 
-use super::measure::leading;
+use super::picture;
 use super::pupils::Pupils;
-use super::results::{EtendueFigures, Results};
+use super::results::EtendueFigures;
 use super::speckle::{self, plane, seen_of};
-use super::{OfScene, Work, picture};
 use crate::engine::Engine;
 use crate::evaluate::{self, Group, Summary};
 use crate::hologram::{Hologram, SceneSource};
@@ -13,7 +12,6 @@ use crate::optics::{Color, Display, Mask, Padding, Pupil};
 use crate::quality::QualityError;
 use crate::scene::LightField;
 use crate::solve::{self, Flow, Problem, Settings};
-use serde_json::json;
 use std::fmt;
 use std::str::FromStr;
 
@@ -70,56 +68,18 @@ impl MaskKind {
 }
 
 /// A scene on a display, in one colour, whose masks are compared.
-struct Masks<'a> {
-    field: &'a LightField,
-    display: &'a Display,
-    color: Color,
-    settings: &'a Settings,
-    longest: usize,
-}
-
-impl OfScene<'_> {
-    /// All masks, by every number of sub-frames that is not there yet.
-    pub(super) fn behind_masks(
-        &self,
-        work: &mut Work,
-        engine: &mut dyn Engine,
-        results: &mut Results,
-    ) -> Result<(), QualityError> {
-        let (job, color) = (self.job, leading(&self.job.colors));
-        for (frames, kind) in job.frames.iter().flat_map(|f| job.masks.iter().map(move |kind| (*f, *kind))) {
-            let settings = Settings { frames, depth: self.depth, ..job.settings.clone() };
-            let made_by =
-                json!({ "shown": self.shown(&self.made_by), "settings": settings, "masked": kind.to_string() });
-            let designed = if kind.designed { "d" } else { "" };
-            let (name, made_by) =
-                (format!("{}-mask-{frames}-{}{designed}", self.name, kind.factor), made_by.to_string());
-            let label = format!("{}: {frames} sub-frames, {kind}", self.label());
-            let kept: Option<EtendueFigures> = work.results.load(&name, &made_by);
-            let found = match kept {
-                Some(kept) => Some(kept),
-                None => {
-                    let (field, display, longest) = (self.field, &job.display, job.longest());
-                    let masks = Masks { field, display, color, settings: &settings, longest };
-                    let found = masks.measure(kind, engine, &mut || work.say(&label))?;
-                    found.iter().try_for_each(|found| work.results.save(&name, &made_by, found))?;
-                    found
-                }
-            };
-            let Some(found) = found else {
-                results.missing += 1;
-                break;
-            };
-            work.pass(EFFORT);
-            results.etendue.push(EtendueFigures { scene: self.label().into(), ..found });
-        }
-        Ok(())
-    }
+pub(super) struct Masks<'a> {
+    pub field: &'a LightField,
+    pub display: &'a Display,
+    pub color: Color,
+    pub settings: &'a Settings,
+    /// Pixels along the longest side of a picture.
+    pub longest: usize,
 }
 
 impl Masks<'_> {
     /// What a mask gives and takes; none once `went`, which is called within each solve, says no.
-    fn measure(
+    pub fn measure(
         &self,
         kind: MaskKind,
         engine: &mut dyn Engine,

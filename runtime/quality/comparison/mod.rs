@@ -9,6 +9,8 @@ mod coherence;
 mod etendue;
 mod joint;
 mod judged;
+mod light;
+mod light_figures;
 mod made_by;
 mod measure;
 mod picture;

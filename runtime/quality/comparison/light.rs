@@ -1,0 +1,88 @@
+//! Sources and masks compared on a scene, by every number of sub-frames: what is kept is not measured again.
+
+use super::coherence::{self, Sources};
+use super::etendue::{self, Masks};
+use super::measure::leading;
+use super::results::{CoherenceFigures, EtendueFigures, Results};
+use super::{OfScene, Work};
+use crate::engine::Engine;
+use crate::evaluate::Group;
+use crate::optics::Pupil;
+use crate::quality::QualityError;
+use crate::solve::Settings;
+use serde_json::json;
+
+impl OfScene<'_> {
+    /// Sources of all sizes, by every number of sub-frames that is not there yet.
+    pub(super) fn sources(
+        &self,
+        work: &mut Work,
+        engine: &mut dyn Engine,
+        results: &mut Results,
+    ) -> Result<(), QualityError> {
+        let (job, color) = (self.job, leading(&self.job.colors));
+        let random = self.pupils.members.iter().filter(|member| member.group == Group::Random);
+        let pupils: Vec<Pupil> = random.map(|member| member.pupil).collect();
+        for (frames, image_mm) in job.frames.iter().flat_map(|f| job.coherence.iter().map(move |mm| (*f, *mm))) {
+            let settings = Settings { frames, depth: self.depth, ..job.settings.clone() };
+            let made_by = json!({ "shown": self.shown(&self.made_by), "settings": settings, "source_mm": image_mm });
+            let (name, made_by) = (format!("{}-source-{frames}-{image_mm}", self.name), made_by.to_string());
+            let label = format!("{}: {frames} sub-frames, a source of {image_mm} mm", self.label());
+            let kept: Option<CoherenceFigures> = work.results.load(&name, &made_by);
+            let found = match kept {
+                Some(kept) => Some(kept),
+                None => {
+                    let (field, display, longest) = (self.field, &job.display, job.longest());
+                    let sources = Sources { field, display, color, settings: &settings, pupils: &pupils, longest };
+                    let found = sources.measure(image_mm, engine, &mut || work.say(&label))?;
+                    found.iter().try_for_each(|found| work.results.save(&name, &made_by, found))?;
+                    found
+                }
+            };
+            let Some(found) = found else {
+                results.missing += 1;
+                break;
+            };
+            work.pass(coherence::EFFORT);
+            results.coherence.push(CoherenceFigures { scene: self.label().into(), ..found });
+        }
+        Ok(())
+    }
+
+    /// All masks, by every number of sub-frames that is not there yet.
+    pub(super) fn behind_masks(
+        &self,
+        work: &mut Work,
+        engine: &mut dyn Engine,
+        results: &mut Results,
+    ) -> Result<(), QualityError> {
+        let (job, color) = (self.job, leading(&self.job.colors));
+        for (frames, kind) in job.frames.iter().flat_map(|f| job.masks.iter().map(move |kind| (*f, *kind))) {
+            let settings = Settings { frames, depth: self.depth, ..job.settings.clone() };
+            let made_by =
+                json!({ "shown": self.shown(&self.made_by), "settings": settings, "masked": kind.to_string() });
+            let designed = if kind.designed { "d" } else { "" };
+            let (name, made_by) =
+                (format!("{}-mask-{frames}-{}{designed}", self.name, kind.factor), made_by.to_string());
+            let label = format!("{}: {frames} sub-frames, {kind}", self.label());
+            let kept: Option<EtendueFigures> = work.results.load(&name, &made_by);
+            let found = match kept {
+                Some(kept) => Some(kept),
+                None => {
+                    let (field, display, longest) = (self.field, &job.display, job.longest());
+                    let masks = Masks { field, display, color, settings: &settings, longest };
+                    let found = masks.measure(kind, engine, &mut || work.say(&label))?;
+                    found.iter().try_for_each(|found| work.results.save(&name, &made_by, found))?;
+                    found
+                }
+            };
+            let Some(found) = found else {
+                results.missing += 1;
+                break;
+            };
+            work.pass(etendue::EFFORT);
+            results.etendue.push(EtendueFigures { scene: self.label().into(), ..found });
+        }
+        Ok(())
+    }
+}
