@@ -26,23 +26,14 @@ impl OfScene<'_> {
         for (frames, image_mm) in job.frames.iter().flat_map(|f| job.coherence.iter().map(move |mm| (*f, *mm))) {
             let settings = Settings { frames, depth: self.depth, ..job.settings.clone() };
             let made_by = json!({ "shown": self.shown(&self.made_by), "settings": settings, "source_mm": image_mm });
-            let (name, made_by) = (format!("{}-source-{frames}-{image_mm}", self.name), made_by.to_string());
+            let name = format!("{}-source-{frames}-{image_mm}", self.name);
             let label = format!("{}: {frames} sub-frames, a source of {image_mm} mm", self.label());
-            let kept: Option<CoherenceFigures> = work.results.load(&name, &made_by);
-            let found = match kept {
-                Some(kept) => Some(kept),
-                None => {
-                    let (field, display, longest) = (self.field, &job.display, job.longest());
-                    let sources = Sources { field, display, color, settings: &settings, pupils: &pupils, longest };
-                    let found = sources.measure(image_mm, engine, &mut || work.say(&label))?;
-                    found.iter().try_for_each(|found| work.results.save(&name, &made_by, found))?;
-                    found
-                }
-            };
-            let Some(found) = found else {
-                results.missing += 1;
-                break;
-            };
+            let (field, display, longest) = (self.field, &job.display, job.longest());
+            let sources = Sources { field, display, color, settings: &settings, pupils: &pupils, longest };
+            let found: Option<CoherenceFigures> = work.kept_or(&name, &made_by, &mut results.missing, |work| {
+                sources.measure(image_mm, engine, &mut || work.say(&label))
+            })?;
+            let Some(found) = found else { break };
             work.pass(coherence::EFFORT);
             results.coherence.push(CoherenceFigures { scene: self.label().into(), ..found });
         }
@@ -62,24 +53,14 @@ impl OfScene<'_> {
             let made_by =
                 json!({ "shown": self.shown(&self.made_by), "settings": settings, "masked": kind.to_string() });
             let designed = if kind.designed { "d" } else { "" };
-            let (name, made_by) =
-                (format!("{}-mask-{frames}-{}{designed}", self.name, kind.factor), made_by.to_string());
+            let name = format!("{}-mask-{frames}-{}{designed}", self.name, kind.factor);
             let label = format!("{}: {frames} sub-frames, {kind}", self.label());
-            let kept: Option<EtendueFigures> = work.results.load(&name, &made_by);
-            let found = match kept {
-                Some(kept) => Some(kept),
-                None => {
-                    let (field, display, longest) = (self.field, &job.display, job.longest());
-                    let masks = Masks { field, display, color, settings: &settings, longest };
-                    let found = masks.measure(kind, engine, &mut || work.say(&label))?;
-                    found.iter().try_for_each(|found| work.results.save(&name, &made_by, found))?;
-                    found
-                }
-            };
-            let Some(found) = found else {
-                results.missing += 1;
-                break;
-            };
+            let (field, display, longest) = (self.field, &job.display, job.longest());
+            let masks = Masks { field, display, color, settings: &settings, longest };
+            let found: Option<EtendueFigures> = work.kept_or(&name, &made_by, &mut results.missing, |work| {
+                masks.measure(kind, engine, &mut || work.say(&label))
+            })?;
+            let Some(found) = found else { break };
             work.pass(etendue::EFFORT);
             results.etendue.push(EtendueFigures { scene: self.label().into(), ..found });
         }

@@ -44,7 +44,8 @@ use joint::{Colors, Lighting};
 use made_by::{beyond_ideal, slug};
 use measure::Wanted;
 use pupils::Pupils;
-use serde_json::json;
+use serde::{Serialize, de::DeserializeOwned};
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// The form of the results: a new one when a measure changes its meaning.
@@ -267,6 +268,27 @@ impl<'a, 'b> Work<'a, 'b> {
         Ok(Self { results, holograms, _made, observe, done: 0.0, all: all.max(1.0), stopped: false })
     }
 
+    /// What is kept under this name and was made by this, else what `measure` finds, which is kept; none where it was stopped, which
+    /// `missing` counts.
+    fn kept_or<T: Serialize + DeserializeOwned>(
+        &mut self,
+        name: &str,
+        made_by: &Value,
+        missing: &mut usize,
+        measure: impl FnOnce(&mut Self) -> Result<Option<T>, QualityError>,
+    ) -> Result<Option<T>, QualityError> {
+        let made_by = made_by.to_string();
+        if let Some(kept) = self.results.load(name, &made_by) {
+            return Ok(Some(kept));
+        }
+        let found = measure(self)?;
+        match &found {
+            Some(found) => self.results.save(name, &made_by, found)?,
+            None => *missing += 1,
+        }
+        Ok(found)
+    }
+
     /// So much is done.
     fn pass(&mut self, effort: f64) {
         self.done += effort;
@@ -399,33 +421,24 @@ impl<'a> OfScene<'a> {
             self.pupils.members.iter().filter(|m| m.group == Group::Random).map(|m| m.pupil).collect();
         for frames in job.joint_frames() {
             let settings = Settings { frames, depth: self.depth, ..job.settings.clone() };
-            let made_by = json!({ "shown": self.shown(&self.made_by), "settings": settings, "joint": job.joint });
-            let (name, made_by) = (format!("{}-joint-{frames}", self.name), made_by.to_string());
-            let kept: Option<Vec<JointFigures>> = work.results.load(&name, &made_by);
-            let found = match kept {
-                Some(kept) => Some(kept),
-                None => {
-                    let colors = Colors {
-                        field: self.field,
-                        display: &job.display,
-                        colors: &job.colors,
-                        settings: &settings,
-                        pupils: &pupils,
-                        longest: job.longest(),
-                    };
-                    let label = self.label();
-                    let mut went = |way: &str| work.say(&format!("{label}: {frames} sub-frames, {way}"));
-                    let found = colors.compare(frames, &ways, engine, &mut went)?;
-                    if let Some(found) = &found {
-                        work.results.save(&name, &made_by, found)?;
-                    }
-                    found
-                }
+            let made_by = json!({
+                "shown": self.shown(&self.made_by), "settings": settings, "joint": job.joint,
+                "slopes": job.display.slopes(&job.colors),
+            });
+            let (name, label) = (format!("{}-joint-{frames}", self.name), self.label());
+            let colors = Colors {
+                field: self.field,
+                display: &job.display,
+                colors: &job.colors,
+                settings: &settings,
+                pupils: &pupils,
+                longest: job.longest(),
             };
-            let Some(found) = found else {
-                results.missing += 1;
-                break;
-            };
+            let found: Option<Vec<JointFigures>> = work.kept_or(&name, &made_by, &mut results.missing, |work| {
+                let mut went = |way: &str| work.say(&format!("{label}: {frames} sub-frames, {way}"));
+                colors.compare(frames, &ways, engine, &mut went)
+            })?;
+            let Some(found) = found else { break };
             work.pass((SOLVE + LOOK) * ways.len() as f64);
             let named = |figures| JointFigures { scene: self.label().into(), ..figures };
             results.joint.extend(found.into_iter().map(named));

@@ -58,26 +58,13 @@ impl OfScene<'_> {
             let made_by = json!({
                 "shown": self.shown(&self.made_by), "settings": settings, "sources": job.display.sources.each,
             });
-            let (name, made_by) = (format!("{}-sources-{frames}", self.name), made_by.to_string());
-            let kept: Option<Vec<SourcesFigures>> = work.results.load(&name, &made_by);
-            let found = match kept {
-                Some(kept) => Some(kept),
-                None => {
-                    let (display, colors, longest) = (&job.display, &job.colors[..], job.longest());
-                    let across = Across { field: self.field, display, colors, settings: &settings, longest };
-                    let label = self.label();
-                    let mut went = |way: &str| work.say(&format!("{label}: {frames} sub-frames, sources {way}"));
-                    let found = across.compare(engine, &mut went)?;
-                    if let Some(found) = &found {
-                        work.results.save(&name, &made_by, found)?;
-                    }
-                    found
-                }
-            };
-            let Some(found) = found else {
-                results.missing += 1;
-                break;
-            };
+            let (display, colors, longest) = (&job.display, &job.colors[..], job.longest());
+            let across = Across { field: self.field, display, colors, settings: &settings, longest };
+            let (name, label) = (format!("{}-sources-{frames}", self.name), self.label());
+            let found: Option<Vec<SourcesFigures>> = work.kept_or(&name, &made_by, &mut results.missing, |work| {
+                across.compare(engine, &mut |way| work.say(&format!("{label}: {frames} sub-frames, sources {way}")))
+            })?;
+            let Some(found) = found else { break };
             work.pass((SOLVE + LOOK) * (WAYS.len() + 2 * ALONG) as f64);
             results.sources.extend(found.into_iter().map(|s| SourcesFigures { scene: self.label().into(), ..s }));
         }
