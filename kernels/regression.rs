@@ -9,9 +9,11 @@ use std::f64::consts::{PI, TAU};
 pub struct Regression {
     /// Rows and columns of views.
     pub grid: [usize; 2],
-    /// Pixels by which content of each layer moves from view to view.
-    pub disparities: Vec<f64>,
-    /// Pixels by which it moves across the eyebox.
+    /// Pixels by which content of the first layer moves from view to view,
+    pub disparity: f64,
+    /// and by how many more that of each further layer: they are even.
+    pub step: f64,
+    /// Pixels by which each layer's content moves across the eyebox.
     pub movement: Vec<f64>,
     /// Noise that is expected, and how much layers are quietened that views cannot tell apart.
     pub ridge: f64,
@@ -29,35 +31,85 @@ pub struct Found {
     matrix: Vec<f64>,
     seen: Vec<Complex64>,
     solved: Vec<Complex64>,
+    /// Of each row, then of each column of views, how content of the first layer is turned there, and by how much more of each further
+    /// layer; of each view the latter.
+    turns: Vec<[Complex64; 2]>,
+    steps: Vec<Complex64>,
+    /// Per difference of two layers' places.
+    diagonals: Vec<f64>,
+    /// A column of the inverse of the normal equations' factor.
+    inverse: Vec<f64>,
 }
 
 impl Regression {
     /// At frequency `omega` (y, x), cycles per pixel, from the views' spectra there. The views stand symmetrically, so the
-    /// normal equations are real: `(A^H A + Gamma) L = A^H V`.
+    /// normal equations are real: `(A^H A + Gamma) L = A^H V`; and as the layers are even, the entries of `A^H A`, like what
+    /// the equations' inverse is seen as by a view, follow from the differences of the layers' places alone.
     pub fn solve(&self, omega: [f64; 2], views: &[Complex64], found: &mut Found) {
-        let (k, n) = (self.disparities.len(), views.len());
-        let Found { matrix, seen, .. } = found;
-        let axis = |i: usize, d: f64| dirichlet(self.grid[i], PI * omega[i] * d);
-        let frequency = omega[0].hypot(omega[1]);
+        let (k, [rows, columns]) = (self.movement.len(), self.grid);
+        found.layers.resize(k, Complex64::ZERO);
+        self.turn(omega, found);
+        let Found { layers, left_out, matrix, seen, turns, steps, diagonals, inverse, .. } = found;
+        // The Gram matrix, by its diagonals.
+        diagonals.clear();
+        diagonals.resize(k, 0.0);
+        let mut powers = [Complex64::ONE; 2];
+        let (down, along) = turns.split_at(rows);
+        seen.clear();
+        seen.resize(rows + columns, Complex64::ONE);
+        for entry in diagonals.iter_mut() {
+            powers.fill(Complex64::ZERO);
+            for (i, (power, [_, step])) in seen.iter_mut().zip(down.iter().chain(along)).enumerate() {
+                powers[usize::from(i >= rows)] += *power;
+                *power *= step;
+            }
+            *entry = powers[0].re * powers[1].re;
+        }
+        let (frequency, n) = (omega[0].hypot(omega[1]), (rows * columns) as f64);
         matrix.resize(k * k, 0.0);
         for i in 0..k {
             for j in 0..=i {
-                let d = self.disparities[j] - self.disparities[i];
-                matrix[i * k + j] = axis(0, d) * axis(1, d);
+                matrix[i * k + j] = diagonals[i - j];
             }
             let moved = (frequency * self.movement[i]).powi(4);
-            matrix[i * k + i] += n as f64 * (self.ridge + self.smooth * moved);
+            matrix[i * k + i] += n * (self.ridge + self.smooth * moved);
         }
         cholesky(matrix, k);
         // A, view by view: content of disparity d stands displaced by -d views.
         seen.clear();
-        let [rows, columns] = self.grid;
-        let middle = self.grid.map(|n| (n as f64 - 1.0) / 2.0);
-        for (r, c) in (0..rows).flat_map(|r| (0..columns).map(move |c| (r, c))) {
-            let turns = omega[0] * (r as f64 - middle[0]) + omega[1] * (c as f64 - middle[1]);
-            seen.extend(self.disparities.iter().map(|d| Complex64::cis(TAU * turns * d)));
+        for [first, step] in down.iter().flat_map(|a| along.iter().map(|b| [a[0] * b[0], a[1] * b[1]])) {
+            let mut turn = first;
+            for _ in 0..k {
+                seen.push(turn);
+                turn *= step;
+            }
         }
-        found.finish(k, views);
+        layers_of(matrix, seen, views, layers);
+        lag_sums(matrix, k, inverse, diagonals);
+        left_out.clear();
+        for ((row, view), step) in seen.chunks_exact(k).zip(views).zip(steps.iter()) {
+            let shown: Complex64 = row.iter().zip(layers.iter()).map(|(a, l)| a * l).sum();
+            // a^H P a = the sum over lags of P's, times the turns between layers so far apart: Chebyshev's recurrence.
+            let (mut before, mut now, mut sum) = (1.0, step.re, diagonals[0]);
+            for lag in &diagonals[1..] {
+                sum += 2.0 * lag * now;
+                (before, now) = (now, 2.0 * step.re * now - before);
+            }
+            left_out.push((view - shown) / (1.0 - sum));
+        }
+    }
+
+    /// How the rows, columns and views turn layers at frequency `omega`.
+    fn turn(&self, omega: [f64; 2], found: &mut Found) {
+        let Found { turns, steps, .. } = found;
+        turns.clear();
+        for (axis, n) in self.grid.into_iter().enumerate() {
+            let place = |i: usize| omega[axis] * (i as f64 - (n as f64 - 1.0) / 2.0);
+            turns.extend((0..n).map(|i| [self.disparity, self.step].map(|d| Complex64::cis(TAU * place(i) * d))));
+        }
+        let (down, along) = turns.split_at(self.grid[0]);
+        steps.clear();
+        steps.extend(down.iter().flat_map(|a| along.iter().map(|b| a[1] * b[1])));
     }
 }
 
@@ -100,14 +152,9 @@ impl Defocus {
 impl Found {
     /// From the factor of the normal equations and the rows of `A`: the layers, and what each picture is beyond the others' word.
     fn finish(&mut self, k: usize, views: &[Complex64]) {
-        let Self { layers, left_out, matrix, seen, solved } = self;
-        layers.clear();
+        let Self { layers, left_out, matrix, seen, solved, .. } = self;
         layers.resize(k, Complex64::ZERO);
-        for (row, view) in seen.chunks_exact(k).zip(views) {
-            layers.iter_mut().zip(row).for_each(|(l, a)| *l += a.conj() * view);
-        }
-        forward(matrix, layers);
-        backward(matrix, layers);
+        layers_of(matrix, seen, views, layers);
         left_out.clear();
         for (row, view) in seen.chunks_exact(k).zip(views) {
             let shown: Complex64 = row.iter().zip(layers.iter()).map(|(a, l)| a * l).sum();
@@ -116,6 +163,40 @@ impl Found {
             forward(matrix, solved);
             let own = 1.0 - solved.iter().map(Complex64::norm_sqr).sum::<f64>();
             left_out.push((view - shown) / own);
+        }
+    }
+}
+
+/// The layers, as many as there are, from the factor of the normal equations and the rows of `A`.
+fn layers_of(factor: &[f64], seen: &[Complex64], views: &[Complex64], layers: &mut [Complex64]) {
+    layers.fill(Complex64::ZERO);
+    for (row, view) in seen.chunks_exact(layers.len()).zip(views) {
+        layers.iter_mut().zip(row).for_each(|(l, a)| *l += a.conj() * view);
+    }
+    forward(factor, layers);
+    backward(factor, layers);
+}
+
+/// The sums along the diagonals of the inverse of `factor factor^T`, `n` x `n`, from the main one outwards.
+fn lag_sums(factor: &[f64], n: usize, inverse: &mut Vec<f64>, sums: &mut [f64]) {
+    // The factor's inverse, row by row, lower triangle; the inverse of all is its transpose times it.
+    inverse.clear();
+    inverse.resize(n * n, 0.0);
+    for i in 0..n {
+        let (above, below) = inverse.split_at_mut(i * n);
+        let own = &mut below[..=i];
+        own[i] = 1.0;
+        for (j, weight) in factor[i * n..][..i].iter().enumerate() {
+            own.iter_mut().zip(&above[j * n..][..=j]).for_each(|(own, above)| *own -= weight * above);
+        }
+        let by = 1.0 / factor[i * n + i];
+        own.iter_mut().for_each(|own| *own *= by);
+    }
+    sums.fill(0.0);
+    for i in 0..n {
+        let row = &inverse[i * n..][..=i];
+        for (lag, sum) in sums[..=i].iter_mut().enumerate() {
+            *sum += row.iter().zip(&row[lag..]).map(|(a, b)| a * b).sum::<f64>();
         }
     }
 }
@@ -133,12 +214,6 @@ pub fn disc(t: f64) -> f64 {
     let (turn, u) = (t - 0.75 * PI, 1.0 / (8.0 * t));
     let (even, odd) = (1.0 + 7.5 * u * u, 3.0 * u * (1.0 - 17.5 * u * u));
     2.0 / t * (2.0 / (PI * t)).sqrt() * (even * turn.cos() - odd * turn.sin())
-}
-
-/// The sum of `exp(2 i t m)` over `n` whole or half steps `m` around 0.
-fn dirichlet(n: usize, t: f64) -> f64 {
-    let middle = (n as f64 - 1.0) / 2.0;
-    (0..n).map(|i| (2.0 * t * (i as f64 - middle)).cos()).sum()
 }
 
 /// The lower triangle becomes its factor.
@@ -212,9 +287,9 @@ mod tests {
     /// Against the equations themselves: the residual of the normal equations, and each view left out in earnest.
     #[test]
     fn layers_solve_their_equations_and_leaving_out_is_leaving_out() {
-        let disparities = vec![-1.5, -0.5, 0.5, 1.4];
+        let disparities = [-1.4, -0.45, 0.5, 1.45];
         let movement: Vec<f64> = disparities.iter().map(|d| 5.0 * d).collect();
-        let problem = Regression { grid: [2, 3], disparities, movement, ridge: 0.05, smooth: 0.0005 };
+        let problem = Regression { grid: [2, 3], disparity: -1.4, step: 0.95, movement, ridge: 0.05, smooth: 0.0005 };
         let omega = [0.13, -0.21];
         let views: Vec<Complex64> = (0..6).map(|i| Complex64::new((i as f64).sin(), (2.0 * i as f64).cos())).collect();
         let mut found = Found::default();
@@ -223,10 +298,10 @@ mod tests {
             Complex64::cis(TAU * d * (omega[0] * ((v / 3) as f64 - 0.5) + omega[1] * ((v % 3) as f64 - 1.0)))
         };
         let shown = |v: usize, layers: &[Complex64]| -> Complex64 {
-            problem.disparities.iter().zip(layers).map(|(d, l)| a(v, *d) * l).sum()
+            disparities.iter().zip(layers).map(|(d, l)| a(v, *d) * l).sum()
         };
         let gamma = |m: f64| 6.0 * (0.05 + 0.0005 * (omega[0].hypot(omega[1]) * m).powi(4));
-        for (k, d) in problem.disparities.iter().enumerate() {
+        for (k, d) in disparities.iter().enumerate() {
             let back: Complex64 = (0..6).map(|v| a(v, *d).conj() * (views[v] - shown(v, &found.layers))).sum();
             assert!((back - found.layers[k] * gamma(problem.movement[k])).norm() < 1e-12, "layer {k}");
         }
@@ -234,7 +309,7 @@ mod tests {
         for left in 0..6 {
             let mut layers = found.layers.clone();
             for _ in 0..20_000 {
-                let slope: Vec<Complex64> = (problem.disparities.iter().enumerate())
+                let slope: Vec<Complex64> = (disparities.iter().enumerate())
                     .map(|(k, d)| {
                         let others = (0..6).filter(|v| *v != left);
                         let back: Complex64 = others.map(|v| a(v, *d).conj() * (views[v] - shown(v, &layers))).sum();

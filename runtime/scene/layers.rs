@@ -219,7 +219,8 @@ impl Layers {
         let scale = self.grid.cell;
         let regression = Regression {
             grid: field.grid,
-            disparities: self.slopes.iter().map(|s| s * scale).collect(),
+            disparity: self.slopes[0] * scale,
+            step: (self.slopes[1] - self.slopes[0]) * scale,
             movement: self.slopes.iter().map(|s| s * eyebox).collect(),
             ridge: RIDGE,
             smooth: SMOOTH,
