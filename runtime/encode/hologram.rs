@@ -17,9 +17,8 @@ impl Hologram {
             let reason = "the hologram's colours are not all named".into();
             return Err(EncodeError::Display { display: display.name.clone(), reason });
         }
-        // Of joint colours the SLM receives the drives, which are one colour's phases.
-        let sent = self.sent_colors();
-        let phases: Vec<&[f32]> = sent.iter().map(|i| &self.colors[*i].phases[..]).collect();
+        let (sent, phases) = (self.sent_colors(), self.sent_phases());
+        let phases: Vec<&[f32]> = phases.iter().map(|phases| &phases[..]).collect();
         let colors: Vec<_> = sent.iter().map(|i| colors[*i]).collect();
         let set = PhaseSet::new(&phases, [self.height, self.width])?;
         Encoder::new(display, &colors, self.frames)?.encode(&set)

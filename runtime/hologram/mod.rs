@@ -76,10 +76,11 @@ use crate::{
     engine::EngineError,
     evaluate::EvaluateError,
     files::FileError,
-    optics::{Color, Display, Geometry, Optics, OpticsError, Wavelength},
+    optics::{Color, Display, Geometry, Optics, OpticsError, Wavelength, drives_of},
     scene::SceneError,
     solve::SolveError,
 };
+use std::borrow::Cow;
 use std::path::Path;
 
 /// What can be wrong with a hologram or its file.
@@ -345,7 +346,7 @@ impl Hologram {
     }
 
     /// The colours, by their places, whose phases a display receives: all of them, or, where they share their sub-frames
-    /// ([`JointColor`](crate::optics::JointColor)), the one whose phases are the drive.
+    /// ([`JointColor`](crate::optics::JointColor)), the one that drives are meant at, by whose name it takes them.
     pub fn sent_colors(&self) -> Vec<usize> {
         let reference = self.metadata.joint_color.as_ref().and_then(|joint| joint.reference());
         let all = 0..self.colors.len();
@@ -353,6 +354,24 @@ impl Hologram {
             Some(drive) => vec![drive],
             None => all.collect(),
         }
+    }
+
+    /// What a display receives of each of its [sent colours](Self::sent_colors): its phases, or, where colours share their sub-frames, the drives as
+    /// phases of one turn.
+    pub fn sent_phases(&self) -> Vec<Cow<'_, [f32]>> {
+        let slopes = self.slopes();
+        if slopes.contains(&1.0) || slopes.is_empty() {
+            return self.sent_colors().into_iter().map(|i| Cow::Borrowed(&self.colors[i].phases[..])).collect();
+        }
+        vec![Cow::Owned(drives_of(&slopes, |color| &self.colors[color].phases))]
+    }
+
+    /// Turns of each colour's light over all drives, where colours share their sub-frames; empty where they do not.
+    pub(crate) fn slopes(&self) -> Vec<f64> {
+        let Some(joint) = &self.metadata.joint_color else { return Vec::new() };
+        let slope =
+            |color: &ColorHologram| color.color.and_then(|name| joint.lasers.get(&name)).map(|laser| laser.slope);
+        self.colors.iter().map(|color| slope(color).unwrap_or(f64::NAN)).collect()
     }
 
     /// The optics at colour `index`.

@@ -53,9 +53,10 @@ impl Hologram {
         mut open: impl FnMut() -> Result<Box<dyn Engine>, EngineError>,
     ) -> Result<Refinement, HologramError> {
         let problems = self.problems(field)?;
-        let sent = self.sent_colors().first().copied().unwrap_or(0);
         if let Some(parts) = self.joint_parts(problems.clone()) {
-            let refiner = JointRefiner::new(parts, &self.colors[sent].phases, steering, open)?;
+            let drives = self.sent_phases().swap_remove(0);
+            let refiner = JointRefiner::new(parts, &drives, steering, open)?;
+            drop(drives);
             return Ok(Refinement { hologram: self, refiners: Refiners::Together(Box::new(refiner)) });
         }
         let begin = |(problem, color): (Problem, &super::ColorHologram)| {

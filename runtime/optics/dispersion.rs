@@ -3,15 +3,17 @@
 use super::{Color, Display};
 
 impl Display {
-    /// Turns of each colour's light for a turn of the drive, in the order of `colors`: as the file's `dispersion` says, else in
-    /// proportion to one over the wavelength, the longest of them being 1 (OPTICS 13).
+    /// Turns of each colour's light over all drives, in the order of `colors`: as the file's `dispersion` says, else in proportion to
+    /// one over the wavelength (OPTICS 13). The longest wavelength of them makes as many whole turns as the SLM reaches, one as a rule.
     pub fn slopes(&self, colors: &[Color]) -> Vec<f64> {
         let wavelength =
             |color: &Color| self.wavelengths.iter().find(|w| w.color == *color).map_or(f64::NAN, |w| w.wavelength);
         let all = self.wavelengths.iter().map(|w| w.wavelength).fold(0.0, f64::max);
-        let turns = |color: &Color| self.dispersion.get(color).copied().unwrap_or(all / wavelength(color));
-        let reference = colors.iter().max_by(|a, b| wavelength(a).total_cmp(&wavelength(b)));
-        colors.iter().map(|color| turns(color) / reference.map_or(1.0, turns)).collect()
+        let longest = self.wavelengths.iter().find(|w| w.wavelength == all).and_then(|w| self.dispersion.get(&w.color));
+        let of_longest = longest.copied().unwrap_or(1.0);
+        let turns = |color: &Color| self.dispersion.get(color).copied().unwrap_or(of_longest * all / wavelength(color));
+        let reference = colors.iter().max_by(|a, b| wavelength(a).total_cmp(&wavelength(b))).map_or(1.0, turns);
+        colors.iter().map(|color| turns(color) / reference * reference.floor().max(1.0)).collect()
     }
 }
 
@@ -30,11 +32,17 @@ mod tests {
         let measured = read("dispersion = { green = 1.31, blue = 1.62 }\n").unwrap();
         assert_eq!(measured.slopes(&all), [1.0, 1.31, 1.62]);
         assert_eq!(measured.slopes(&all[1..]), [1.0, 1.62 / 1.31]);
+        // An SLM of more than a turn: of red two, and of the rest as much more.
+        let far = read("dispersion = { red = 2 }\n").unwrap();
+        assert!(far.slopes(&all).iter().zip(wanted).all(|(a, b)| (a - 2.0 * b).abs() < 1e-12));
+        let [green, blue] = far.slopes(&all[1..])[..] else { panic!("two colours") };
+        assert!(green == 2.0 && (blue - 2.0 * 520.0 / 440.0).abs() < 1e-12);
         assert_eq!(Display::from_toml(&measured.to_toml(), "b").unwrap().dispersion, measured.dispersion);
         for (wrong, says) in [
             ("dispersion = { blue = -1.5 }\n", "dispersion of blue is -1.5"),
             ("dispersion = { blue = 80 }\n", "at most 8"),
-            ("dispersion = { red = 1.2 }\n", "the longest wavelength"),
+            ("dispersion = { red = 1.2 }\n", "whole"),
+            ("dispersion = { red = 2, green = 1.5 }\n", "2 or more"),
         ] {
             let said = read(wrong).unwrap_err().to_string();
             assert!(said.contains("b.toml") && said.contains(says) && !said.contains('\n'), "{said}");

@@ -2,11 +2,12 @@
 //! al. 2023).
 
 use super::Color;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-/// The most that a colour's light may be turned by for a turn of the drive: no display spans more.
+/// The most turns that a colour's light may make over all drives: no display spans more.
 const STEEPEST: f64 = 8.0;
 
 /// How one drive and several lasers show all colours at once: what a hologram keeps beside its phases.
@@ -21,7 +22,7 @@ pub struct JointColor {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Laser {
-    /// Turns of its light for a turn of the drive; 1 for the colour whose phases are the drive.
+    /// Turns of its light over all drives, which are one turn here; a whole number, 1 as a rule, for the colour that they are meant at.
     pub slope: f64,
     /// Its power in each sub-frame, over its own mean.
     pub powers: Vec<f64>,
@@ -35,16 +36,17 @@ impl Laser {
         if largest > 0.0 { 1.0 / largest } else { 0.0 }
     }
 
-    /// The phases that its light has of drives, which are the phases (radians) of the colour that they are meant at.
+    /// The phases (radians) that its light has of drives, which are given as phases of one turn.
     pub fn phases(&self, drives: &[f32]) -> Vec<f32> {
         drives.iter().map(|drive| phase_of(drive_of(*drive), self.slope)).collect()
     }
 }
 
 impl JointColor {
-    /// The colour whose phases are the drive, where it is among these.
+    /// The colour that drives are meant at, where it is among these.
     pub fn reference(&self) -> Option<Color> {
-        self.lasers.iter().find(|(_, laser)| laser.slope == 1.0).map(|(color, _)| *color)
+        let place = reference_of(self.lasers.values().map(|laser| laser.slope));
+        place.and_then(|place| self.lasers.keys().nth(place).copied())
     }
 
     /// Times that white is brighter than of one colour after another, by lasers of the same peak power and at the same exposures.
@@ -96,7 +98,7 @@ impl JointColor {
             }
         }
         if self.reference().is_none() {
-            return Err("joint_color has no slope of 1: one colour's phases must be the drive".into());
+            return Err("joint_color has no slope of 1, 2 ..: one colour must make whole turns over all drives".into());
         }
         Ok(())
     }
@@ -107,6 +109,43 @@ impl JointColor {
 pub fn powers_in_sequence(colors: usize, frames: usize) -> Vec<Vec<f64>> {
     let power = |color: usize, frame: usize| if frame * colors / frames.max(1) == color { 1.0 } else { 0.0 };
     (0..colors).map(|c| with_mean_of_one((0..frames).map(|f| power(c, f)).collect())).collect()
+}
+
+/// The place, among colours of these slopes, of the one that drives are meant at: it makes whole turns, and the fewest.
+pub(crate) fn reference_of(slopes: impl Iterator<Item = f64>) -> Option<usize> {
+    let whole = slopes.enumerate().filter(|(_, slope)| *slope >= 1.0 && slope.fract() == 0.0);
+    whole.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(place, _)| place)
+}
+
+/// The drives, as phases (radians) of one turn, of which colours of these slopes have these phases; where the colour that they are meant at makes
+/// one turn over them, its phases are the drives. Of more turns, the one that leaves the other colours their phases.
+pub(crate) fn drives_of<'a>(slopes: &[f64], phases: impl Fn(usize) -> &'a [f32] + Sync) -> Vec<f32> {
+    let Some(reference) = reference_of(slopes.iter().copied()) else { return Vec::new() };
+    match slopes[reference] {
+        1.0 => phases(reference).to_vec(),
+        _ => (0..phases(reference).len())
+            .into_par_iter()
+            .map(|i| drive_behind(slopes, reference, |color| phases(color)[i]))
+            .collect(),
+    }
+}
+
+/// The drive, as a phase (radians) of one turn, behind one pixel's phases of the colours of these slopes.
+pub(crate) fn drive_behind(slopes: &[f64], reference: usize, phase: impl Fn(usize) -> f32) -> f32 {
+    let turns = slopes[reference];
+    let least = drive_of(phase(reference)) / turns;
+    let miss = |drive: f64| -> f64 {
+        slopes.iter().enumerate().map(|(color, slope)| 1.0 - (slope * drive - f64::from(phase(color))).cos()).sum()
+    };
+    let mut best = (f64::INFINITY, least);
+    for turn in 0..turns as usize {
+        let drive = least + TAU * turn as f64 / turns;
+        let missed = miss(drive);
+        if missed < best.0 {
+            best = (missed, drive);
+        }
+    }
+    phase_of(best.1, 1.0)
 }
 
 /// These divided by their mean.
@@ -140,6 +179,8 @@ pub(crate) fn phase_of(drive: f64, slope: f64) -> f32 {
 /// Refuses a `dispersion` that no SLM has, of a display of these wavelengths (metres). Says what is wrong.
 pub(super) fn check_dispersion(dispersion: &BTreeMap<Color, f64>, wavelengths: &[(Color, f64)]) -> Result<(), String> {
     let longest = wavelengths.iter().map(|w| w.1).fold(0.0, f64::max);
+    let color_of_longest = wavelengths.iter().find(|w| w.1 == longest).map(|w| w.0);
+    let fewest = color_of_longest.and_then(|color| dispersion.get(&color)).copied().unwrap_or(1.0);
     for (color, slope) in dispersion {
         let Some((_, wavelength)) = wavelengths.iter().find(|w| w.0 == *color) else {
             return Err(format!("dispersion names {color}, of which wavelengths_nm has none"));
@@ -147,9 +188,15 @@ pub(super) fn check_dispersion(dispersion: &BTreeMap<Color, f64>, wavelengths: &
         if !(*slope > 0.0 && *slope <= STEEPEST) {
             return Err(format!("dispersion of {color} is {slope}: it must be above 0, at most {STEEPEST}"));
         }
-        if *wavelength == longest && *slope != 1.0 {
+        if *wavelength == longest && (*slope < 1.0 || slope.fract() != 0.0) {
             return Err(format!(
-                "dispersion of {color} is {slope}: it is 1 for the longest wavelength, which drives are meant at"
+                "dispersion of {color} is {slope}: it is a whole number of turns for the longest wavelength, which drives are meant \
+                 at, 1 as a rule"
+            ));
+        }
+        if *slope < fewest {
+            return Err(format!(
+                "dispersion of {color} is {slope}: it is {fewest} or more, as the longest wavelength has"
             ));
         }
     }
@@ -198,6 +245,29 @@ mod tests {
             let said = wrong.check(&ALL.map(Some), 2).unwrap_err();
             assert!(said.contains(says) && !said.contains('\n'), "{said}");
         }
+    }
+
+    /// Of phases that were kept in eight bits, too.
+    #[test]
+    fn drives_are_found_behind_the_phases_of_all_colours() {
+        let drives: Vec<f32> = (0..4000).map(|i| (f64::from(i) / 4000.0 * TAU - TAU / 2.0) as f32).collect();
+        for slopes in [[1.0, 1.27, 1.5], [2.0, 2.54, 3.0], [3.0, 3.9, 5.1]] {
+            let of = |slope: f64| Laser { slope, powers: Vec::new() }.phases(&drives);
+            let exact = slopes.map(of);
+            let level = (TAU / 256.0) as f32;
+            let rounded =
+                exact.clone().map(|phases| phases.iter().map(|p| (p / level).round() * level).collect::<Vec<_>>());
+            for (phases, most) in [(&exact, 1e-5), (&rounded, TAU / 510.0 / slopes[0])] {
+                let found = drives_of(&slopes, |color| &phases[color]);
+                let off = |(a, b): (&f32, &f32)| {
+                    let turns = (f64::from(*a) - f64::from(*b)) / TAU;
+                    (turns - turns.round()).abs() * TAU
+                };
+                let worst = found.iter().zip(&drives).map(off).fold(0.0, f64::max);
+                assert!(found.len() == drives.len() && worst < most, "{slopes:?}: {worst}");
+            }
+        }
+        assert!(drives_of(&[1.5, 1.7], |_| &[]).is_empty());
     }
 
     #[test]

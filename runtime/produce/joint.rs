@@ -3,7 +3,7 @@
 use super::colors::promise;
 use super::{ProduceError, SceneEvent};
 use crate::engine::Engine;
-use crate::optics::{Color, JointColor, Laser};
+use crate::optics::{Color, JointColor, Laser, reference_of};
 use crate::quality::Subject;
 use crate::solve::{Flow, JointProblem, JointSolution, Progress, Settings, Solution, solve_joint};
 
@@ -32,7 +32,7 @@ pub fn solve_joint_colors(
     }
     let slopes = subject.display.slopes(colors);
     let problem = JointProblem { colors: &problems, slopes: &slopes, exposures, powers: None };
-    let reference = slopes.iter().position(|slope| *slope == 1.0).unwrap_or(0);
+    let reference = reference_of(slopes.iter().copied()).unwrap_or(0);
     let mut stepped =
         |progress: &Progress| observe(&SceneEvent::Step { hologram: 0, color: colors[reference], progress });
     let JointSolution { colors: solutions, powers } = solve_joint(&problem, settings, None, engine, &mut stepped)?;

@@ -170,8 +170,7 @@ impl Steerer {
         let lasers = Self::lasers_of(&colors)?;
         let steering = Self::steering_of(policy.steering, lasers.is_some())?;
         let policy = Policy { steering, ..policy };
-        let sent = colors.iter().position(|color| color.laser.as_ref().is_some_and(|laser| laser.slope == 1.0));
-        let drives = sent.map(|sent| colors[sent].phases.clone()).unwrap_or_default();
+        let drives = lasers.as_ref().map(|lasers| Self::drives_of(lasers, &colors)).unwrap_or_default();
         let one = |color: SteeredColor| -> Result<OneColor, SessionError> {
             let SteeredColor { problem, phases, exposure, laser } = color;
             let refiner = match laser {

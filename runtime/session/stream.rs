@@ -78,6 +78,10 @@ impl Stream {
     ) -> Result<Self, SessionError> {
         let ahead = options.ahead.clamp(2, 64);
         let (shape, sent) = (sequence.shape(), sequence.about().sent_colors());
+        let mut slopes = sequence.about().slopes();
+        if slopes.contains(&1.0) {
+            slopes.clear();
+        }
         let mut probe = encoder.frames();
         {
             // A shape that does not fit is refused here, not on a thread.
@@ -122,6 +126,7 @@ impl Stream {
         let encoding = Encoding {
             shape,
             sent,
+            slopes,
             mark: options.mark,
             shared: state,
             encode: to_encode,

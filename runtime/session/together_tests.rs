@@ -3,6 +3,7 @@
 use super::tests::{aim, cpu};
 use super::*;
 use crate::encode::Encoder;
+use crate::hologram::wrap_phase;
 use crate::optics::{Color, Display, Laser, Padding};
 use crate::scene::{self, Request};
 use crate::solve::{Problem, random_phases};
@@ -16,12 +17,15 @@ fn display() -> Display {
 
 /// Random drives before three lasers.
 fn colors() -> Vec<SteeredColor> {
-    let display = display();
-    let field = scene::load("builtin:still-life", &Request { views: 3, ..Request::new(&display, &ALL) }).unwrap();
+    colors_of(&display())
+}
+
+fn colors_of(display: &Display) -> Vec<SteeredColor> {
+    let field = scene::load("builtin:still-life", &Request { views: 3, ..Request::new(display, &ALL) }).unwrap();
     let powers = [vec![0.4, 1.9, 0.7], vec![1.0, 0.2, 1.8], vec![1.5, 1.5, 0.0]];
     let drives = random_phases(3 * SIZE[0] * SIZE[1], 4);
     let one = |((color, slope), powers): ((Color, f64), Vec<f64>)| {
-        let problem = Problem::new(&field, color, &display, Padding::default()).unwrap();
+        let problem = Problem::new(&field, color, display, Padding::default()).unwrap();
         let laser = Laser { slope, powers };
         SteeredColor { problem, phases: laser.phases(&drives), exposure: 0.35, laser: Some(laser) }
     };
@@ -67,6 +71,26 @@ fn colours_are_stepped_together_and_begin_again_together() {
     assert!(steerer.aim(aim(-8e-3)).unwrap());
     assert!(phases(&mut steerer) == begun);
     assert_eq!(steerer.counts(), [1, 12]);
+}
+
+/// Where every colour makes more than a turn over all drives, what is sent are the drives, and not a colour's phases.
+#[test]
+fn an_slm_of_two_turns_receives_its_drives() {
+    let mut display = display();
+    display.dispersion.insert(Color::Red, 2.0);
+    let whole = colors_of(&display);
+    let drives = random_phases(3 * SIZE[0] * SIZE[1], 4);
+    let mut steerer = Steerer::new(whole.clone(), Policy::default(), cpu).unwrap();
+    let apart = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| wrap_phase(a - b).abs()).fold(0.0, f32::max);
+    assert!(apart(steerer.sent().unwrap()[0], &drives) < 1e-5);
+    steerer.aim(aim(0.0)).unwrap();
+    assert_eq!(steerer.round_while(|_, _| true).unwrap(), 3);
+    let sent = steerer.sent().unwrap()[0].to_vec();
+    assert!(apart(&sent, &drives) > 0.1);
+    for (color, phases) in whole.iter().zip(phases(&mut steerer)) {
+        let laser = color.laser.as_ref().unwrap();
+        assert!(laser.slope >= 2.0 && apart(&laser.phases(&sent), &phases) < 1e-5);
+    }
 }
 
 /// Content that moves takes the drives with it, round the edges, and all colours with them; where it is looked and that loses more, they

@@ -9,6 +9,7 @@ use eyebox::gpu::{Gpu, Options};
 use eyebox::hologram::{ColorHologram, Hologram, Opening};
 use eyebox::optics::{Color, Display, USUAL_RATE_HZ};
 use serde_json::{Value, json};
+use std::borrow::Cow;
 
 /// The phases that are encoded.
 struct Input {
@@ -69,14 +70,14 @@ fn load(args: &Encode, display: &Display) -> Result<Input, Failure> {
     let opening = Opening { unfinished: args.unfinished.unfinished, ..opening };
     let mut hologram = opening.hologram(&args.hologram).map_err(|e| args.unfinished.failure(e))?;
     let notes = differences(&hologram, display);
-    let named = |c: &mut ColorHologram| match c.color {
-        Some(color) => Ok((color, std::mem::take(&mut c.phases))),
-        None => Err(Failure::Asked(format!("{}: its colours are not named", args.hologram.display()))),
+    let named = |c: &ColorHologram| {
+        c.color.ok_or_else(|| Failure::Asked(format!("{}: its colours are not named", args.hologram.display())))
     };
     let (frames, size) = (hologram.frames, [hologram.height, hologram.width]);
-    let sent = hologram.sent_colors();
-    let colors: Result<Vec<_>, _> = hologram.colors.iter_mut().map(named).collect();
-    let colors = colors?.into_iter().enumerate().filter(|(i, _)| sent.contains(i)).map(|(_, color)| color).collect();
+    let names = hologram.colors.iter().map(named).collect::<Result<Vec<_>, _>>()?;
+    let sent = hologram.sent_colors().into_iter().map(|i| names[i]);
+    let colors = sent.zip(hologram.sent_phases().into_iter().map(Cow::into_owned)).collect();
+    hologram.colors.iter_mut().for_each(|color| color.phases = Vec::new());
     Ok(Input { frames, size, colors, notes, hologram })
 }
 

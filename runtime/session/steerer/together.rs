@@ -3,7 +3,7 @@
 use super::{Followed, OneColor, PhasesOfColors, SteeredColor, Steerer};
 use crate::encode::Lighting;
 use crate::engine::EngineError;
-use crate::optics::Laser;
+use crate::optics::{Laser, drives_of};
 use crate::session::error::SessionError;
 use crate::solve::{Refiner, SharedDrives, Steering, for_joint_colors};
 use std::time::Duration;
@@ -56,12 +56,18 @@ impl Steerer {
         }
     }
 
+    /// The drives that these colours have their phases of, as phases of one turn.
+    pub(super) fn drives_of(lasers: &[Laser], colors: &[SteeredColor]) -> Vec<f32> {
+        let slopes: Vec<f64> = lasers.iter().map(|laser| laser.slope).collect();
+        drives_of(&slopes, |color| &colors[color].phases)
+    }
+
     /// A refinement of colours that share their sub-frames, or do not.
     pub(super) fn steering_of(steering: Steering, shared: bool) -> Result<Steering, SessionError> {
         Ok(if shared { for_joint_colors(steering)? } else { steering })
     }
 
-    /// The phases that an SLM receives: of every colour, or of the one that the drives are meant at which all of them share.
+    /// The phases that an SLM receives: of every colour, or the drives that all of them share.
     ///
     /// # Errors
     /// Those of the engines.
@@ -136,17 +142,17 @@ impl Steerer {
             color.refiner.follow(new.problem.clone(), new.exposure)?;
             color.loss = None;
         }
-        let sent = shared.lasers().iter().position(|laser| laser.slope == 1.0);
-        let Some(drives) = sent.map(|sent| &scene[sent].phases).filter(|phases| !phases.is_empty()) else {
+        if scene.iter().any(|color| color.phases.is_empty()) {
             return Ok(Followed::default());
-        };
+        }
+        let drives = Self::drives_of(shared.lasers(), scene);
         let count = self.colors.len() as u32;
         let before = match self.aimed {
             Some(_) => Some((self.loss_together()?, self.sent()?[0].to_vec())),
             None => None,
         };
         if let Some(shared) = &mut self.shared {
-            shared.begin_with(drives, &mut self.colors)?;
+            shared.begin_with(&drives, &mut self.colors)?;
         }
         let Some((loss, phases)) = before else { return Ok(Followed { own: count, ..Followed::default() }) };
         if loss < self.loss_together()?

@@ -5,6 +5,7 @@ use crate::encode::{Encoder, PhaseSet, VideoFrames};
 use crate::engine::EngineError;
 use crate::engine::vulkan::VulkanEncoder;
 use crate::mailbox::Mailbox;
+use crate::optics::{drive_behind, reference_of};
 use crate::session::error::SessionError;
 use crate::session::marks::mark_corner;
 use crate::session::notes::Notes;
@@ -17,6 +18,8 @@ pub(super) struct Encoding {
     pub(super) shape: [usize; 4],
     /// The colours, by their places, whose phases the display receives.
     pub(super) sent: Vec<usize>,
+    /// Turns of the colours' light over all drives, where these are no colour's phases; else empty.
+    pub(super) slopes: Vec<f64>,
     pub(super) mark: usize,
     pub(super) shared: Arc<Shared>,
     pub(super) encode: Mailbox<Phases>,
@@ -74,6 +77,12 @@ impl Encoding {
                 #[cfg(test)]
                 self.shared.panic_from(1, item.position);
                 let start = Instant::now();
+                if let Some(reference) = reference_of(self.slopes.iter().copied()) {
+                    for i in 0..each {
+                        let drive = drive_behind(&self.slopes, reference, |color| item.values[color * each + i]);
+                        item.values[reference * each + i] = drive;
+                    }
+                }
                 mark_corner(&mut item.values, self.shape, self.mark, item.position);
                 // One to three colours as a rule; never more than fit here.
                 let mut colors: [&[f32]; 16] = [&[]; 16];

@@ -1,5 +1,6 @@
 //! What all colours at once do not have, and what their lasers must.
 
+use crate::optics::reference_of;
 use crate::solve::error::SolveError;
 use crate::solve::problem::Problem;
 
@@ -30,8 +31,8 @@ pub(super) fn colors(colors: &[&Problem], slopes: &[f64]) -> Result<(), SolveErr
         return wrong("the display's source", "of several modes".into(), right);
     }
     let steep = |slope: &f64| !(*slope > 0.0 && slope.is_finite());
-    if slopes.len() != colors.len() || slopes.iter().any(steep) || !slopes.contains(&1.0) {
-        let right = "positive, one a colour, one of them 1";
+    if slopes.len() != colors.len() || slopes.iter().any(steep) || reference_of(slopes.iter().copied()).is_none() {
+        let right = "positive, one a colour, one of them a whole number";
         return wrong("the dispersion of the colours", format!("{slopes:?}"), right);
     }
     Ok(())

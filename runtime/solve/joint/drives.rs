@@ -19,7 +19,7 @@ pub(super) struct Drives {
 }
 
 impl Drives {
-    /// At these phases of the colour that drives are meant at.
+    /// At these, given as phases of one turn.
     pub(super) fn new(phases: &[f32], size: [usize; 2]) -> Self {
         let zeros = vec![0.0; phases.len()];
         Self {

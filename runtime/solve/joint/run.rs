@@ -4,7 +4,7 @@ use super::drives::Drives;
 use super::powers::PowerFit;
 use super::solution::JointSolution;
 use crate::engine::{Buffer, Engine, EngineError};
-use crate::optics::WindowFactor;
+use crate::optics::{WindowFactor, reference_of};
 use crate::plan::{Comparison, Kernel, Planner};
 use crate::solve::asking::{Turns, ask};
 use crate::solve::error::SolveError;
@@ -70,7 +70,7 @@ pub(super) struct JointRun<'a> {
 }
 
 impl<'a> JointRun<'a> {
-    /// From these powers, or all alike, and from `from`'s phases of the drive, or random ones.
+    /// From these powers, or all alike, and from `from`'s drives, as phases of one turn, or random ones.
     pub(super) fn new(
         lit: Vec<Lit<'a>>,
         settings: &'a Settings,
@@ -138,7 +138,7 @@ impl<'a> JointRun<'a> {
                 self.validate(&lit, step, engine)?;
             }
             // The colour that drives are meant at speaks for all.
-            let reference = lit.iter().position(|l| l.slope == 1.0).unwrap_or(0);
+            let reference = reference_of(lit.iter().map(|l| l.slope)).unwrap_or(0);
             let validation = self.best.as_ref().map(|best| &best.validation[reference]);
             let (steps, seconds) = (settings.steps, self.start.elapsed().as_secs_f64());
             if observe(&Progress { pilot: None, step, steps, seconds, loss, validation }) == Flow::Stop {

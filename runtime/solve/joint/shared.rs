@@ -18,11 +18,13 @@ use std::time::{Duration, Instant};
 pub(crate) struct SharedDrives {
     drives: Drives,
     lasers: Vec<Laser>,
-    /// The colour whose phases are the drive.
-    reference: usize,
+    /// The colour whose phases are the drive; none on an SLM on which every colour makes more than a turn.
+    sent_as: Option<usize>,
     /// What each colour has of the drives now, as its refiner has it.
     phases: Vec<Vec<f32>>,
-    /// The drives to begin again with, as phases of the reference.
+    /// The drives as phases of one turn, where they are no colour's.
+    sent: Vec<f32>,
+    /// The drives to begin again with, as phases of one turn.
     kept: Vec<f32>,
     /// Room for the change that a colour asks for, and the losses of the last step.
     change: Vec<f32>,
@@ -45,8 +47,8 @@ impl SharedDrives {
         check::colors(&problems, &slopes)
     }
 
-    /// Of these lasers before these colours, which can share drives, and were begun with the phases that they have of them; those of the
-    /// colour that drives are meant at are `drives`.
+    /// Of these lasers before these colours, which can share drives, and were begun with the phases that they have of them; `drives` are
+    /// given as phases of one turn.
     ///
     /// # Errors
     /// Those of the engines.
@@ -63,9 +65,11 @@ impl SharedDrives {
         }
         let frames = drives.len() / (size[0] * size[1]).max(1);
         let norm = |f: usize| lasers.iter().map(|l| l.powers.get(f).unwrap_or(&0.0) * l.slope * l.slope).sum();
+        let sent_as = lasers.iter().position(|laser| laser.slope == 1.0);
         let mut shared = Self {
             drives: Drives::new(drives, size),
-            reference: lasers.iter().position(|laser| laser.slope == 1.0).unwrap_or(0),
+            sent: if sent_as.is_some() { Vec::new() } else { vec![0.0; drives.len()] },
+            sent_as,
             phases: vec![vec![0.0; drives.len()]; lasers.len()],
             kept: drives.to_vec(),
             change: vec![0.0; changes],
@@ -105,8 +109,8 @@ impl SharedDrives {
                 return Ok(None);
             }
             let Laser { slope, powers } = &self.lasers[i];
-            // Even drives leave a mean at other wavelengths than their own alone; a gradient is that of the loss alone.
-            let pulls = turns.projects && *slope != 1.0;
+            // Even drives leave a mean where they make no whole turns alone; a gradient is that of the loss alone.
+            let pulls = turns.projects && slope.fract() != 0.0;
             self.undiffracted
                 .iter_mut()
                 .zip(powers)
@@ -164,7 +168,7 @@ impl SharedDrives {
         self.restart(drives, colors)
     }
 
-    /// Begins again with other drives of the same hologram, as phases of the colour that they are meant at.
+    /// Begins again with other drives of the same hologram, as phases of one turn.
     ///
     /// # Errors
     /// Those of the engines.
@@ -204,9 +208,9 @@ impl SharedDrives {
         &self.phases
     }
 
-    /// Those of the colour that drives are meant at, which an SLM receives.
+    /// The drives themselves, as phases of one turn, which an SLM receives.
     pub(crate) fn sent(&self) -> &[f32] {
-        &self.phases[self.reference]
+        self.sent_as.map_or(&self.sent, |color| &self.phases[color])
     }
 
     /// What the colours asked for, for the tests of its derivative.
@@ -220,6 +224,9 @@ impl SharedDrives {
         for ((color, laser), phases) in colors.iter_mut().zip(&self.lasers).zip(&mut self.phases) {
             self.drives.phases_into(laser.slope, phases);
             color.as_mut().show(phases)?;
+        }
+        if self.sent_as.is_none() {
+            self.drives.phases_into(1.0, &mut self.sent);
         }
         Ok(())
     }

@@ -154,9 +154,9 @@ fn together(
         return Err(Failure::Asked(format!("{}: its colours are not those of its lasers", args.hologram.display())));
     };
     let (at_eye, anywhere) = judged(PupilRange::over(first.eyebox, aim.focus), first, aim, steering.seed);
-    let drives = hologram.sent_colors().first().map_or(&[][..], |sent| &hologram.colors[*sent].phases);
+    let drives = hologram.sent_phases().swap_remove(0);
     let mut described = String::new();
-    let mut refiner = JointRefiner::new(parts, drives, steering, || {
+    let mut refiner = JointRefiner::new(parts, &drives, steering, || {
         let engine = engines.open()?;
         described = engine.describe();
         Ok(engine)
