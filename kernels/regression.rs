@@ -37,7 +37,7 @@ pub struct Found {
     steps: Vec<Complex64>,
     /// Per difference of two layers' places.
     diagonals: Vec<f64>,
-    /// A column of the inverse of the normal equations' factor.
+    /// The inverse of the normal equations' factor, row by row.
     inverse: Vec<f64>,
 }
 
@@ -77,7 +77,7 @@ impl Regression {
         cholesky(matrix, k);
         // A, view by view: content of disparity d stands displaced by -d views.
         seen.clear();
-        for [first, step] in down.iter().flat_map(|a| along.iter().map(|b| [a[0] * b[0], a[1] * b[1]])) {
+        for (first, step) in down.iter().flat_map(|a| along.iter().map(|b| a[0] * b[0])).zip(steps.iter()) {
             let mut turn = first;
             for _ in 0..k {
                 seen.push(turn);

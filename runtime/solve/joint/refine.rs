@@ -29,7 +29,8 @@ pub struct JointRefiner {
 }
 
 impl JointRefiner {
-    /// Begins with these drives, as phases of one turn, (frames, height, width), radians, and the whole eyebox as aim; `engine` makes an engine for each colour.
+    /// Begins with these drives, as phases of one turn, (frames, height, width), radians, and the whole eyebox as aim; `engine` makes an
+    /// engine for each colour.
     ///
     /// # Errors
     /// [`SolveError::Setting`] for what cannot be, or cannot be of all colours at once; those of the engines.
