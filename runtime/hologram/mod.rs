@@ -356,22 +356,21 @@ impl Hologram {
         }
     }
 
-    /// What a display receives of each of its [sent colours](Self::sent_colors): its phases, or, where colours share their sub-frames, the drives as
-    /// phases of one turn.
+    /// What a display receives of each of its [sent colours](Self::sent_colors): its phases, or, where colours share their sub-frames, the
+    /// drives as phases of one turn.
     pub fn sent_phases(&self) -> Vec<Cow<'_, [f32]>> {
-        let slopes = self.slopes();
-        if slopes.contains(&1.0) || slopes.is_empty() {
-            return self.sent_colors().into_iter().map(|i| Cow::Borrowed(&self.colors[i].phases[..])).collect();
+        match self.slopes_of_hidden_drives() {
+            Some(slopes) => vec![Cow::Owned(drives_of(&slopes, |color| &self.colors[color].phases))],
+            None => self.sent_colors().into_iter().map(|i| Cow::Borrowed(&self.colors[i].phases[..])).collect(),
         }
-        vec![Cow::Owned(drives_of(&slopes, |color| &self.colors[color].phases))]
     }
 
-    /// Turns of each colour's light over all drives, where colours share their sub-frames; empty where they do not.
-    pub(crate) fn slopes(&self) -> Vec<f64> {
-        let Some(joint) = &self.metadata.joint_color else { return Vec::new() };
-        let slope =
-            |color: &ColorHologram| color.color.and_then(|name| joint.lasers.get(&name)).map(|laser| laser.slope);
-        self.colors.iter().map(|color| slope(color).unwrap_or(f64::NAN)).collect()
+    /// Turns of each colour's light over all drives, where colours share their sub-frames and the drives are the phases of none of them.
+    pub(crate) fn slopes_of_hidden_drives(&self) -> Option<Vec<f64>> {
+        let lasers = &self.metadata.joint_color.as_ref()?.lasers;
+        let slope = |color: &ColorHologram| Some(lasers.get(&color.color?)?.slope);
+        let slopes: Vec<f64> = self.colors.iter().map(|color| slope(color).unwrap_or(f64::NAN)).collect();
+        Some(slopes).filter(|slopes| !slopes.contains(&1.0))
     }
 
     /// The optics at colour `index`.

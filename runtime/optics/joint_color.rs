@@ -118,34 +118,41 @@ pub(crate) fn reference_of(slopes: impl Iterator<Item = f64>) -> Option<usize> {
 }
 
 /// The drives, as phases (radians) of one turn, of which colours of these slopes have these phases; where the colour that they are meant at makes
-/// one turn over them, its phases are the drives. Of more turns, the one that leaves the other colours their phases.
+/// one turn over them, its phases are the drives.
 pub(crate) fn drives_of<'a>(slopes: &[f64], phases: impl Fn(usize) -> &'a [f32] + Sync) -> Vec<f32> {
     let Some(reference) = reference_of(slopes.iter().copied()) else { return Vec::new() };
-    match slopes[reference] {
-        1.0 => phases(reference).to_vec(),
-        _ => (0..phases(reference).len())
-            .into_par_iter()
-            .map(|i| drive_behind(slopes, reference, |color| phases(color)[i]))
-            .collect(),
+    let mut drives = phases(reference).to_vec();
+    if slopes[reference] != 1.0 {
+        drives_into(slopes, reference, phases, &mut drives);
     }
+    drives
 }
 
-/// The drive, as a phase (radians) of one turn, behind one pixel's phases of the colours of these slopes.
-pub(crate) fn drive_behind(slopes: &[f64], reference: usize, phase: impl Fn(usize) -> f32) -> f32 {
+/// The same behind whichever colour they are meant at, into memory that is there: of the drives that leave that colour its phases, the one that
+/// leaves the others theirs, too.
+pub(crate) fn drives_into<'a>(
+    slopes: &[f64],
+    reference: usize,
+    phases: impl Fn(usize) -> &'a [f32] + Sync,
+    drives: &mut [f32],
+) {
     let turns = slopes[reference];
-    let least = drive_of(phase(reference)) / turns;
-    let miss = |drive: f64| -> f64 {
-        slopes.iter().enumerate().map(|(color, slope)| 1.0 - (slope * drive - f64::from(phase(color))).cos()).sum()
-    };
-    let mut best = (f64::INFINITY, least);
-    for turn in 0..turns as usize {
-        let drive = least + TAU * turn as f64 / turns;
-        let missed = miss(drive);
-        if missed < best.0 {
-            best = (missed, drive);
+    drives.par_iter_mut().enumerate().for_each(|(i, to)| {
+        let least = drive_of(phases(reference)[i]) / turns;
+        let miss = |drive: f64| -> f64 {
+            let off = |(color, slope): (usize, &f64)| (slope * drive - f64::from(phases(color)[i])) / TAU;
+            slopes.iter().enumerate().map(off).map(|turns| (turns - turns.round()).powi(2)).sum()
+        };
+        let mut best = (f64::INFINITY, least);
+        for turn in 0..turns as usize {
+            let drive = least + TAU * turn as f64 / turns;
+            let missed = miss(drive);
+            if missed < best.0 {
+                best = (missed, drive);
+            }
         }
-    }
-    phase_of(best.1, 1.0)
+        *to = phase_of(best.1, 1.0);
+    });
 }
 
 /// These divided by their mean.

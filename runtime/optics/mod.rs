@@ -50,7 +50,7 @@ pub use fewer_modes::{FewerModes, fewer_modes};
 pub use focus::{Depth, depth_in_words, depth_of_dioptres, depths_in_words, dioptres, dioptres_in_words};
 pub use geometry::{Geometry, Optics, frequency_bin};
 #[cfg(feature = "window")]
-pub(crate) use joint_color::drive_behind;
+pub(crate) use joint_color::drives_into;
 pub use joint_color::{JointColor, Laser, powers_in_sequence};
 pub(crate) use joint_color::{drive_of, drives_of, phase_of, reference_of, with_mean_of_one};
 pub use light::SourceSampling;

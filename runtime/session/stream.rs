@@ -78,10 +78,7 @@ impl Stream {
     ) -> Result<Self, SessionError> {
         let ahead = options.ahead.clamp(2, 64);
         let (shape, sent) = (sequence.shape(), sequence.about().sent_colors());
-        let mut slopes = sequence.about().slopes();
-        if slopes.contains(&1.0) {
-            slopes.clear();
-        }
+        let hidden = sequence.about().slopes_of_hidden_drives();
         let mut probe = encoder.frames();
         {
             // A shape that does not fit is refused here, not on a thread.
@@ -126,7 +123,7 @@ impl Stream {
         let encoding = Encoding {
             shape,
             sent,
-            slopes,
+            hidden,
             mark: options.mark,
             shared: state,
             encode: to_encode,

@@ -9,7 +9,7 @@ use super::*;
 use crate::encode::{Encoder, PhaseSet};
 use crate::gpu::{Gpu, Options as GpuOptions};
 use crate::hologram::{ColorHologram, Hologram, Sequence, SequenceWriter};
-use crate::optics::{Color, Display, Optics};
+use crate::optics::{Color, Display, JointColor, Laser, Optics};
 use crate::present::{Clock, Offscreen, Rate, SimulatedClock};
 use crate::solve::SplitMix;
 use std::path::{Path, PathBuf};
@@ -159,6 +159,36 @@ fn every_packing_is_played_as_it_is_encoded() {
             }
         }
     }
+}
+
+/// Where the drives that all colours share are none's phases, they are found behind all of them.
+#[test]
+fn an_slm_of_two_turns_is_sent_its_drives() {
+    let (here, mut display) = (tempfile::tempdir().unwrap(), display("grey8"));
+    display.dispersion.insert(Color::Red, 2.0);
+    let mut random = SplitMix(4);
+    // In the middle of a level each: none is rounded to its neighbour.
+    let level =
+        |_| crate::hologram::wrap_phase((std::f64::consts::TAU * (256.0 * random.unit()).floor() / 256.0) as f32);
+    let drives: Vec<f32> = (0..8 * 192).map(level).collect();
+    let mut hologram = hologram(0, &display);
+    let mut joint = JointColor::default();
+    for (color, slope) in hologram.colors.iter_mut().zip(display.slopes(&COLORS)) {
+        let laser = Laser { slope, powers: vec![1.0; 8] };
+        color.phases = laser.phases(&drives);
+        joint.lasers.insert(color.color.unwrap(), laser);
+    }
+    hologram.metadata.joint_color = Some(joint);
+    let path = here.path().join("x.zarr");
+    hologram.save(&path).unwrap();
+    let encoder = || Encoder::new(&display, &COLORS[..1], 8).unwrap();
+    let wanted = encoder().encode(&PhaseSet::trusted(&[&drives])).unwrap();
+    assert!(hologram.encode(&display).unwrap().bytes() == wanted.bytes());
+    let sequence = Sequence::open(&path).unwrap();
+    let mut stream = Stream::start(sequence, StreamEncoder::Cpu(encoder()), options()).unwrap();
+    stream.settle(0, Begins { display_time_ns: 0, decided_ns: 0, turn: 0 }).unwrap();
+    stream.show(0);
+    assert!(stream.on_screen().unwrap().0.bytes() == wanted.bytes());
 }
 
 /// A software device will do; watched, and with a cache of the tests' own.

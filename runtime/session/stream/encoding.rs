@@ -5,7 +5,7 @@ use crate::encode::{Encoder, PhaseSet, VideoFrames};
 use crate::engine::EngineError;
 use crate::engine::vulkan::VulkanEncoder;
 use crate::mailbox::Mailbox;
-use crate::optics::{drive_behind, reference_of};
+use crate::optics::drives_into;
 use crate::session::error::SessionError;
 use crate::session::marks::mark_corner;
 use crate::session::notes::Notes;
@@ -18,8 +18,8 @@ pub(super) struct Encoding {
     pub(super) shape: [usize; 4],
     /// The colours, by their places, whose phases the display receives.
     pub(super) sent: Vec<usize>,
-    /// Turns of the colours' light over all drives, where these are no colour's phases; else empty.
-    pub(super) slopes: Vec<f64>,
+    /// Turns of the colours' light over all drives, where these are no colour's phases.
+    pub(super) hidden: Option<Vec<f64>>,
     pub(super) mark: usize,
     pub(super) shared: Arc<Shared>,
     pub(super) encode: Mailbox<Phases>,
@@ -64,6 +64,7 @@ impl Encoding {
         mut encode: impl FnMut(&[&[f32]], &mut VideoFrames) -> Result<(), SessionError>,
     ) -> Result<(), SessionError> {
         let each = self.shape[1] * self.shape[2] * self.shape[3];
+        let mut drives = vec![0.0; if self.hidden.is_some() { each } else { 0 }];
         while !self.shared.stopped() {
             let Some(mut item) = self.encode.take_within(PATIENCE) else { continue };
             let epoch = self.shared.epoch.load(Ordering::Acquire);
@@ -77,11 +78,9 @@ impl Encoding {
                 #[cfg(test)]
                 self.shared.panic_from(1, item.position);
                 let start = Instant::now();
-                if let Some(reference) = reference_of(self.slopes.iter().copied()) {
-                    for i in 0..each {
-                        let drive = drive_behind(&self.slopes, reference, |color| item.values[color * each + i]);
-                        item.values[reference * each + i] = drive;
-                    }
+                if let (Some(slopes), [sent]) = (&self.hidden, &self.sent[..]) {
+                    drives_into(slopes, *sent, |color| &item.values[color * each..][..each], &mut drives);
+                    item.values[sent * each..][..each].copy_from_slice(&drives);
                 }
                 mark_corner(&mut item.values, self.shape, self.mark, item.position);
                 // One to three colours as a rule; never more than fit here.
