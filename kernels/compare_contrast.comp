@@ -25,7 +25,10 @@ void main() {
             resolved += weights[t] * (contrast[(y + rows - t) % rows * columns + x] +
                                       contrast[(y + t) % rows * columns + x]);
         }
-        resolved *= counts(y, x);
+        if (has_gaze()) {
+            float share = sharp(y, x);
+            resolved = share * difference(image[i], target_image[i]) + sqrt(1.0 - share) * resolved;
+        }
         float wanted = target_image[i], luminance = wanted + dark;
         sum += difference(image[i], wanted) * resolved;
         if (mode == COMPARE_PROJECTION) {

@@ -5,8 +5,8 @@
 //! sum |W c|^2`, and its derivative by the intensity `2 s q / L`. The projection, which knows of pictures and not of losses, is
 //! given one to replace the amplitude by: what is seen without the part of the difference that is resolved, `s I - L q`. Without
 //! a filter that is the target. To first order each amplitude changes by `-q / 2` of itself, which is a step down the same loss,
-//! so long in each pixel that neither bright nor dark ones overshoot. Where the gaze is known, differences are weighed before the
-//! filter and behind it.
+//! so long in each pixel that neither bright nor dark ones overshoot. Where the gaze is known, a part `a` of the square of each pixel's
+//! difference counts as it is, all of it where the eye looks, and the rest is filtered: `q = a c + b W^T W b c`, `b^2 = 1 - a`.
 
 use crate::compare::PROJECTION;
 use crate::contrast_rows::{Args, difference};
@@ -43,7 +43,8 @@ pub fn compare_contrast(
                 }
                 if args.has_gaze() {
                     for (x, q) in line.iter_mut().enumerate() {
-                        *q *= args.counts(y, x);
+                        let sharp = args.sharp(y, x);
+                        *q = sharp * difference(args, image[x], target[x]) + (1.0 - sharp).sqrt() * *q;
                     }
                 }
                 // Short float32 sums, added up in float64.
@@ -93,8 +94,10 @@ mod tests {
         dark: 0.05,
         gaze_y: 2.5,
         gaze_x: 8.0,
-        falloff_y: 0.1,
-        falloff_x: 0.2,
+        away_y: 0.3,
+        away_x: 0.6,
+        middle: 0.7,
+        coarse: 0.25,
     };
     /// The squares of two filters' transfers: sums of products with themselves.
     const WEIGHTS: [f32; 7] = [0.375, 0.25, 0.0625, 0.3125, 0.234_375, 0.093_75, 0.015_625];
@@ -115,18 +118,25 @@ mod tests {
     fn reference(image: &[f64], target: &[f32]) -> (f64, Vec<f64>) {
         let (rows, columns) = (7i64, 12i64);
         let at = |y: i64, x: i64| (y.rem_euclid(rows) * columns + x.rem_euclid(columns)) as usize;
-        let counts = |i: usize| {
+        let sharp = |i: usize| {
             let (y, x) = ((i / 12) as f64, (i % 12) as f64);
-            (-((y - 2.5) * 0.1).hypot((x - 8.0) * 0.2)).exp()
+            let resolved = 1.0 / (0.7 + ((y - 2.5) * 0.3).hypot((x - 8.0) * 0.6));
+            ((resolved - 0.25) / 0.75).clamp(0.0, 1.0)
         };
-        let contrast = |i: usize| counts(i) * (0.8 * image[i] - f64::from(target[i])) / (f64::from(target[i]) + 0.05);
+        let contrast = |i: usize| (0.8 * image[i] - f64::from(target[i])) / (f64::from(target[i]) + 0.05);
+        let parts = [0, 1].map(|part| (0..84).filter(|i| sharp(*i) == f64::from(part)).count());
+        assert!(parts.iter().all(|count| (1..83).contains(count)), "some sharp, some filtered: {parts:?}");
         let weight = |of: &[f32], t: i64| of.get(t.unsigned_abs() as usize).map_or(0.0, |w| f64::from(*w));
         let [down, along] = ARGS.weights(&WEIGHTS);
         let mut left = vec![0.0; image.len()];
         for (y, x) in (0..rows).flat_map(|y| (0..columns).map(move |x| (y, x))) {
             for (dy, dx) in (-2..=2).flat_map(|dy| (-3..=3).map(move |dx| (dy, dx))) {
-                left[at(y, x)] += weight(down, dy) * weight(along, dx) * contrast(at(y + dy, x + dx));
+                let from = at(y + dy, x + dx);
+                left[at(y, x)] += weight(down, dy) * weight(along, dx) * (1.0 - sharp(from)).sqrt() * contrast(from);
             }
+        }
+        for (i, left) in left.iter_mut().enumerate() {
+            *left = sharp(i) * contrast(i) + (1.0 - sharp(i)).sqrt() * *left;
         }
         ((0..image.len()).map(|i| contrast(i) * left[i]).sum(), left)
     }
@@ -153,7 +163,7 @@ mod tests {
     #[test]
     fn without_a_filter_the_projection_has_the_target() {
         let [image, target] = pictures();
-        let plain = Args { falloff_y: 0.0, falloff_x: 0.0, ..ARGS };
+        let plain = Args { away_y: 0.0, away_x: 0.0, ..ARGS };
         let args = Args { reach_y: 0, reach_x: 0, mode: PROJECTION, ..plain };
         let (mut seen, mut contrast, mut line) = (image.clone(), vec![0.0; args.count()], Vec::new());
         contrast_rows(&args, &[1.0, 1.0], &image, &target, &mut contrast, &mut line);

@@ -2,14 +2,15 @@
 
 layout(push_constant) uniform Args {
     uint rows, columns, reach_y, reach_x, mode;
-    float exposure, weight, low, limit, dark, gaze_y, gaze_x, falloff_y, falloff_x;
+    float exposure, weight, low, limit, dark, gaze_y, gaze_x, away_y, away_x, middle, coarse;
 };
 
 float difference(float seen, float wanted) { return (exposure * seen - wanted) / (wanted + dark); }
 
-// What it counts by in pixel (y, x).
-float counts(uint y, uint x) {
-    if (falloff_y == 0.0 && falloff_x == 0.0) return 1.0;
-    vec2 away = vec2((float(y) - gaze_y) * falloff_y, (float(x) - gaze_x) * falloff_x);
-    return exp(-length(away));
+// How much of its square counts unfiltered in pixel (y, x).
+float sharp(uint y, uint x) {
+    vec2 away = vec2((float(y) - gaze_y) * away_y, (float(x) - gaze_x) * away_x);
+    return clamp((1.0 / (middle + length(away)) - coarse) / (1.0 - coarse), 0.0, 1.0);
 }
+
+bool has_gaze() { return away_y != 0.0 || away_x != 0.0; }

@@ -13,7 +13,8 @@ layout(std430, binding = 3) writeonly buffer Contrast { float contrast[]; };
 
 float at(uint y, uint x) {
     uint i = y * columns + x;
-    return counts(y, x) * difference(image[i], target_image[i]);
+    float filtered = has_gaze() ? sqrt(1.0 - sharp(y, x)) : 1.0;
+    return filtered * difference(image[i], target_image[i]);
 }
 
 void main() {

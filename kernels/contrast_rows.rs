@@ -1,6 +1,6 @@
 //! Differences of contrast, the first half of what an eye weighs them by (W^T W of the loss |W c|^2): along rows. What an image
 //! shows too much over the luminance that is wanted there, as an eye that is adapted to it sees it, is smoothed by a symmetric
-//! filter. One pupil.
+//! filter; where it is known where the eye looks, only that part of it which is not compared sharply. One pupil.
 
 use crate::simd;
 use bytemuck::{Pod, Zeroable};
@@ -33,11 +33,16 @@ pub struct Args {
     pub gaze_y: f32,
     /// and along x.
     pub gaze_x: f32,
-    /// By how much the logarithm of what differences count by falls for each pixel from there along y; 0 where they count by as
-    /// much everywhere,
-    pub falloff_y: f32,
+    /// How far a pixel is from the next along y, in units of the angle at twice of which an eye resolves half as much; 0 where it is
+    /// not known where the eye looks,
+    pub away_y: f32,
     /// and along x.
-    pub falloff_x: f32,
+    pub away_x: f32,
+    /// What is added to a pixel's distance from where the eye looks: over the sum is what an eye resolves there, in units of the
+    /// highest frequency.
+    pub middle: f32,
+    /// What the filter passes, in the same units; below 1.
+    pub coarse: f32,
 }
 
 impl Args {
@@ -49,15 +54,17 @@ impl Args {
     /// Whether the eye's gaze is known.
     #[inline(always)]
     pub(crate) fn has_gaze(&self) -> bool {
-        self.falloff_y != 0.0 || self.falloff_x != 0.0
+        self.away_y != 0.0 || self.away_x != 0.0
     }
 
-    /// What a difference counts by in this pixel.
+    /// How much of the square of a difference counts unfiltered in pixel (y, x), where it is known where the eye looks; the rest is
+    /// filtered.
     #[inline(always)]
-    pub(crate) fn counts(&self, y: usize, x: usize) -> f32 {
-        let down = (y as f32 - self.gaze_y) * self.falloff_y;
-        let along = (x as f32 - self.gaze_x) * self.falloff_x;
-        (-(down * down + along * along).sqrt()).exp()
+    pub fn sharp(&self, y: usize, x: usize) -> f32 {
+        let down = (y as f32 - self.gaze_y) * self.away_y;
+        let along = (x as f32 - self.gaze_x) * self.away_x;
+        let resolved = 1.0 / (self.middle + (down * down + along * along).sqrt());
+        ((resolved - self.coarse) / (1.0 - self.coarse)).clamp(0.0, 1.0)
     }
 
     /// Pixels.
@@ -96,7 +103,7 @@ pub fn contrast_rows(
                 }
                 if args.has_gaze() {
                     for (x, c) in line[reach..][..columns].iter_mut().enumerate() {
-                        *c *= args.counts(y, x);
+                        *c *= (1.0 - args.sharp(y, x)).sqrt();
                     }
                 }
                 // Pictures are periodic, as everything here.

@@ -1,12 +1,13 @@
 //! Drafts: what is written beside its place before it is renamed. Each is locked by the program that writes it, so that the
-//! next one that writes beside it can tell those of programs that are gone, and removes them.
+//! next one that writes beside it can tell those of programs that are gone, and removes them. A program that a signal ends can
+//! remove its own ([`end_without_drafts`]).
 
 use super::os::{is_same, open_own, permit};
 use std::collections::BTreeSet;
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
 use tempfile::{NamedTempFile, TempDir};
 
 const HEAD: &str = ".eyebox-";
@@ -18,26 +19,62 @@ pub(crate) fn is_draft(name: &str) -> bool {
     middle.is_some_and(|middle| middle.bytes().all(|b| b.is_ascii_alphanumeric()))
 }
 
-/// A new file in `folder`.
-pub(super) fn file(folder: &Path) -> io::Result<NamedTempFile> {
+/// The drafts that this program writes.
+static OPEN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+/// As long as it lives, what is at its path is a draft of this program's.
+#[derive(Debug)]
+pub(super) struct Open(PathBuf);
+
+impl Open {
+    /// Makes a draft; between its beginning and its being known nothing ends the program in [`end_without_drafts`].
+    fn make<T>(make: impl FnOnce() -> io::Result<T>, path: impl Fn(&T) -> &Path) -> io::Result<(T, Self)> {
+        let mut open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
+        let draft = make()?;
+        let path = path(&draft).to_path_buf();
+        open.insert(path.clone());
+        Ok((draft, Self(path)))
+    }
+}
+
+impl Drop for Open {
+    fn drop(&mut self) {
+        OPEN.lock().unwrap_or_else(PoisonError::into_inner).remove(&self.0);
+    }
+}
+
+/// Ends the program: what it was writing, and had not put in its place, is removed before. For programs that end by a signal,
+/// from a thread of its own.
+pub fn end_without_drafts(end: impl FnOnce()) {
+    // Held until the end: no draft is begun any more.
+    let open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
+    for path in &*open {
+        // Whoever writes into a folder may go on until the end, which makes removing it fail.
+        let _ = (0..10).find(|_| fs::remove_file(path).is_ok() || fs::remove_dir_all(path).is_ok());
+    }
+    end();
+}
+
+/// A new file in `folder`; what says that it is one comes first, to be dropped last.
+pub(super) fn file(folder: &Path) -> io::Result<(Open, NamedTempFile)> {
     loop {
-        let draft = builder(0o666, TAIL).tempfile_in(folder)?;
+        let (draft, open) = Open::make(|| builder(0o666, TAIL).tempfile_in(folder), |draft| draft.path())?;
         if is_mine(draft.as_file(), draft.path()) {
             remove_the_dead(folder, draft.as_file());
-            return Ok(draft);
+            return Ok((open, draft));
         }
     }
 }
 
 /// A new folder in `folder`, and its lock.
-pub(super) fn folder(folder: &Path) -> io::Result<(TempDir, Option<File>)> {
+pub(super) fn folder(folder: &Path) -> io::Result<(TempDir, Option<File>, Open)> {
     loop {
-        let draft = builder(0o777, TAIL).tempdir_in(folder)?;
+        let (draft, open) = Open::make(|| builder(0o777, TAIL).tempdir_in(folder), |draft| draft.path())?;
         // Only Unix opens folders.
-        let Ok(open) = File::open(draft.path()) else { return Ok((draft, None)) };
-        if is_mine(&open, draft.path()) {
-            remove_the_dead(folder, &open);
-            return Ok((draft, Some(open)));
+        let Ok(lock) = File::open(draft.path()) else { return Ok((draft, None, open)) };
+        if is_mine(&lock, draft.path()) {
+            remove_the_dead(folder, &lock);
+            return Ok((draft, Some(lock), open));
         }
     }
 }
@@ -97,7 +134,7 @@ mod tests {
     fn drafts_of_the_dead_are_removed_and_nothing_else() {
         let here = tempfile::tempdir().unwrap();
         let at = here.path();
-        let (file, (folder, lock)) = (file(at).unwrap(), folder(at).unwrap());
+        let ((_file_open, file), (folder, lock, _folder_open)) = (file(at).unwrap(), folder(at).unwrap());
         fs::create_dir(at.join(".eyebox-DEAD01.part")).unwrap();
         fs::write(at.join(".eyebox-DEAD01.part/zarr.json"), "{}").unwrap();
         fs::write(at.join(".eyebox-DEAD02.part"), "").unwrap();

@@ -26,7 +26,7 @@ pub struct GrowingFile {
 #[derive(Debug)]
 enum Out {
     /// Not yet in its place.
-    Draft(NamedTempFile),
+    Draft(NamedTempFile, drafts::Open),
     File(File),
     /// A pipe or a device, of which nothing can be taken back.
     Stream(Patient),
@@ -45,7 +45,8 @@ impl GrowingFile {
         let out = if std::fs::metadata(place).is_ok_and(|there| !there.is_file()) {
             Out::Stream(Patient::open(place).map_err(failed)?)
         } else {
-            Out::Draft(drafts::file(super::whole::parent(place)).map_err(failed)?)
+            let (open, draft) = drafts::file(super::whole::parent(place)).map_err(failed)?;
+            Out::Draft(draft, open)
         };
         Ok(Self { place: place.to_path_buf(), out, waiting: Vec::new(), whole: 0, written: None })
     }
@@ -110,8 +111,8 @@ impl GrowingFile {
     }
 
     fn write(&mut self) -> io::Result<()> {
-        if matches!(self.out, Out::Draft(_))
-            && let Out::Draft(draft) = std::mem::replace(&mut self.out, Out::Ended)
+        if matches!(self.out, Out::Draft(..))
+            && let Out::Draft(draft, _open) = std::mem::replace(&mut self.out, Out::Ended)
         {
             draft.as_file().write_all(&self.waiting)?;
             self.out = Out::File(draft.persist(&self.place).map_err(|e| e.error)?);
@@ -121,7 +122,7 @@ impl GrowingFile {
         let file: &mut dyn Write = match &mut self.out {
             Out::File(file) => file,
             Out::Stream(stream) => stream,
-            Out::Draft(_) | Out::Ended => return Ok(()),
+            Out::Draft(..) | Out::Ended => return Ok(()),
         };
         let mut left = &self.waiting[..];
         while !left.is_empty() {

@@ -31,6 +31,7 @@ pub(crate) use array::NpyArray;
 pub use cache::cache_folder;
 pub use codec::encode_jpeg8;
 pub(crate) use codec::{read_grey, read_grey8, read_png8};
+pub use drafts::end_without_drafts;
 pub(crate) use drafts::is_draft;
 pub(crate) use entry::Kind;
 pub(crate) use folder::Folder;

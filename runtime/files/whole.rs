@@ -31,7 +31,7 @@ pub fn write_file(file: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<(
             return fill(&mut out).and_then(|()| out.flush()).map_err(failed);
         }
     }
-    let draft = drafts::file(parent(file)).map_err(failed)?;
+    let (_open, draft) = drafts::file(parent(file)).map_err(failed)?;
     let mut out = BufWriter::new(draft.as_file());
     fill(&mut out).and_then(|()| out.flush()).map_err(failed)?;
     drop(out);
@@ -48,7 +48,7 @@ pub fn check_place(file: &Path) -> Result<(), FileError> {
     match fs::metadata(file) {
         Ok(there) if there.is_dir() => Err(taken(file, "is a folder: a file cannot replace it")),
         Ok(there) if !there.is_file() => Ok(()),
-        _ => drafts::file(parent(file)).map(drop).map_err(|e| FileError::write(file, e)),
+        _ => drafts::file(parent(file)).map(|(_open, draft)| drop(draft)).map_err(|e| FileError::write(file, e)),
     }
 }
 
@@ -56,6 +56,7 @@ pub fn check_place(file: &Path) -> Result<(), FileError> {
 pub struct FolderDraft {
     draft: tempfile::TempDir,
     _lock: Option<File>,
+    open: drafts::Open,
     place: PathBuf,
     ours: fn(&Path) -> bool,
 }
@@ -77,8 +78,8 @@ impl FolderDraft {
             }
             _ => {}
         }
-        let (draft, lock) = drafts::folder(parent(&place)).map_err(|e| FileError::write(&place, e))?;
-        Ok(Self { draft, _lock: lock, place, ours })
+        let (draft, lock, open) = drafts::folder(parent(&place)).map_err(|e| FileError::write(&place, e))?;
+        Ok(Self { draft, _lock: lock, open, place, ours })
     }
 
     /// Writes a file of the folder, `name` relative to it, making the folders on its way.
@@ -103,12 +104,14 @@ impl FolderDraft {
     /// [`FileError::Write`]; [`FileError::Taken`] where something else stands there by now; then what stood there stands
     /// there still.
     pub fn put(self) -> Result<(), FileError> {
-        let Self { draft, _lock, place, ours } = self;
+        let Self { draft, _lock, open, place, ours } = self;
         let failed = |e| FileError::write(&place, e);
         let new = draft.path();
         for folder in folders_of(new).map_err(failed)? {
             sync_folder(&folder).map_err(failed)?;
         }
+        // From here on what is at the draft's path may be what stood at the place.
+        drop(open);
         loop {
             let there = turn(&place);
             if there.as_ref().is_some_and(|there| !is_same(there, &place)) {

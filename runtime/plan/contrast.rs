@@ -8,7 +8,8 @@ use std::f64::consts::TAU;
 /// A loss of contrasts: differences of light over the light that is wanted, as finely as an eye resolves speckle at the display's
 /// pixels a degree and luminance ([`resolved_frequencies`]). Noise that the eye does not resolve counts for nothing. (By the contrast
 /// sensitivity itself, which is for contrasts at threshold, noise is moved to where it is seen very well:
-/// docs/measurements.md.)
+/// docs/measurements.md.) Where the eye's gaze is known, what it looks at counts as it is, and the further from there, the more of
+/// each difference is filtered coarsely.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContrastLoss {
     /// Standard deviation of W^T W, a Gaussian, in the focal plane, metres.
@@ -25,10 +26,14 @@ pub struct ContrastLoss {
 const USUAL: f64 = 0.2;
 /// Light of which an eye that is adapted to a picture sees no less, of the exposure, which follows the scene's bright end.
 const DARKEST: f64 = 0.05;
-/// By how much the logarithm of contrast sensitivity falls for each degree from where the eye looks, of patterns of 3 cycles per
-/// degree, which it sees best: 0.106 f / 2.3 (Geisler and Perry, "A real-time foveated multiresolution system for low-bandwidth
-/// video communication", Proc. SPIE 3299, 1998).
-const FALLOFF: f64 = 0.106 * 3.0 / 2.3;
+/// The finest grating of full contrast that an eye resolves e degrees from where it looks, cycles per degree, is RESOLVED over
+/// HALVED + e: 2.3 ln 64 / 0.106 (Geisler and Perry, "A real-time foveated multiresolution system for low-bandwidth video
+/// communication", Proc. SPIE 3299, 1998).
+const RESOLVED: f64 = 90.2;
+/// Degrees from where the eye looks at which it resolves half as much as there.
+const HALVED: f64 = 2.3;
+/// What the filter for what the eye does not look at passes, of the highest frequency.
+const COARSE: f64 = 0.25;
 /// Where the Gaussians that are filtered by are cut off, standard deviations.
 const REACH: f64 = 2.5;
 
@@ -57,14 +62,24 @@ impl ContrastLoss {
     /// What a window needs that is compared so.
     pub(super) fn pass(&self, grid: &Optics, window: &Window, compared: &compare::Args) -> ContrastPass {
         let (high, wide) = grid.field_of_view();
-        let [down, along] = [(high, window.rows), (wide, window.columns)]
-            .map(|(metres, pixels)| weights(self.spread * pixels as f64 / metres, pixels));
-        let place = |at: usize, metres: f64, pixels: usize| {
-            let Some(gaze) = self.gaze else { return [0.0; 2] };
-            let a_radian = self.radian * pixels as f64 / metres;
-            [pixels as f64 / 2.0 + gaze[at] * a_radian, FALLOFF.to_degrees() / a_radian].map(|v| v as f32)
+        let sides = [(high, window.rows), (wide, window.columns)];
+        // Degrees from a pixel of the window to the next.
+        let degrees = sides.map(|(metres, pixels)| (metres / (self.radian * pixels as f64)).to_degrees());
+        // Cycles per degree that can be in the image and that an eye resolves where it looks.
+        let highest = (0.5 / degrees[0].min(degrees[1])).min(RESOLVED / HALVED);
+        // Of angles, degrees: HALVED and an angle that make one together are where an eye resolves no more than that.
+        let distance = highest / RESOLVED;
+        let spread = match self.gaze {
+            None => sides.map(|(metres, pixels)| self.spread * pixels as f64 / metres),
+            Some(_) => degrees.map(|degrees| 1.0 / (TAU * COARSE * highest * degrees)),
         };
-        let ([gaze_y, falloff_y], [gaze_x, falloff_x]) = (place(1, high, window.rows), place(0, wide, window.columns));
+        let [down, along] = [0, 1].map(|i| weights(spread[i], sides[i].1));
+        let place = |at: usize, side: usize| {
+            let Some(gaze) = self.gaze else { return [0.0; 2] };
+            let pixels = sides[side].1 as f64 / 2.0 + gaze[at].to_degrees() / degrees[side];
+            [pixels, degrees[side] * distance].map(|v| v as f32)
+        };
+        let ([gaze_y, away_y], [gaze_x, away_x]) = (place(1, 0), place(0, 1));
         let dark = self.black as f32 + DARKEST as f32 * compared.exposure;
         let args = contrast_rows::Args {
             rows: window.rows as u32,
@@ -80,8 +95,10 @@ impl ContrastLoss {
             dark,
             gaze_y,
             gaze_x,
-            falloff_y,
-            falloff_x,
+            away_y,
+            away_x,
+            middle: (HALVED * distance) as f32,
+            coarse: COARSE as f32,
         };
         ContrastPass { args, weights: [down, along].concat() }
     }
@@ -104,6 +121,7 @@ fn weights(spread: f64, count: usize) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::optics::{Pupil, WindowFactor};
 
     #[test]
     fn filters_pass_a_gaussian_of_frequencies_and_none_with_the_other_sign() {
@@ -140,5 +158,31 @@ mod tests {
         assert!((loss("black_cd_m2 = 2.0").black - 0.01).abs() < 1e-12);
         // Dimmer pictures are seen less finely.
         assert!(loss("pixels_per_degree = 60\nluminance_cd_m2 = 5").spread > 1.2 * fine.spread);
+    }
+
+    #[test]
+    fn what_is_not_looked_at_is_compared_as_coarsely_as_it_is_seen() {
+        let bench =
+            "resolution = [256, 512]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
+        let display = Display::from_toml(&format!("{bench}[viewing]\npixels_per_degree = 10\n"), "b").unwrap();
+        let optics = display.optics(crate::optics::Color::Green).unwrap();
+        let loss = ContrastLoss { gaze: Some([10f64.to_radians(), 0.0]), ..ContrastLoss::of(&display) };
+        let whole = Pupil { x: 0.0, y: 0.0, diameter: 1.0, depth: 0.0 };
+        let window = Window::new(&optics, &whole, WindowFactor::Full);
+        assert_eq!([window.rows, window.columns], [256, 512]);
+        let compared = compare::Args { exposure: 0.4, ..bytemuck::Zeroable::zeroed() };
+        let pass = loss.pass(&optics, &window, &compared);
+        // 5 cycles per degree are all that pixels show: what an eye resolves 15.7 degrees from where it looks.
+        let sharp = |degrees: f64| pass.args.sharp(128, (256.0 + 100.0 - 10.0 * degrees) as usize);
+        assert!(sharp(0.0) == 1.0 && sharp(15.0) == 1.0 && sharp(16.5) < 1.0);
+        for degrees in [20.0, 25.0, 30.0] {
+            let want = (90.2 / (2.3 + degrees) / 5.0 - 0.25) / 0.75;
+            assert!((f64::from(sharp(degrees)) - want).abs() < 1e-3, "{degrees}: {}, not {want}", sharp(degrees));
+        }
+        // A quarter of them pass the filter.
+        let [down, along] = pass.args.weights(&pass.weights);
+        let passes = |t: usize, w: &f32| f64::from(*w) * (TAU * 0.125 * t as f64).cos();
+        let passed: f64 = along.iter().enumerate().map(|(t, w)| passes(t, w) * if t > 0 { 2.0 } else { 1.0 }).sum();
+        assert!(down == along && (passed - (-0.5f64).exp()).abs() < 0.02, "{passed}");
     }
 }

@@ -67,6 +67,8 @@ fn main() -> ExitCode {
     };
     log::listen(cli.verbose);
     signals::outlive_limits();
+    #[cfg(unix)]
+    signals::end_without_drafts();
     eyebox::engine::prepare_threads();
     let done = match &cli.command {
         Command::Demo(args) => demo::run(args),

@@ -3,9 +3,7 @@
 use eyebox::files::asked_to_end;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
-#[cfg(unix)]
-use std::sync::atomic::AtomicBool;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
 /// Exit code of a process that ctrl-C ends, as a shell has it.
@@ -14,11 +12,15 @@ const INTERRUPTED: i32 = 130;
 #[cfg(unix)]
 const FAILED: i32 = 2;
 
+/// Whether what runs catches ctrl-C.
+static CAUGHT: AtomicBool = AtomicBool::new(false);
+
 /// From now on ctrl-C, SIGTERM and a terminal that goes away (SIGHUP; not under nohup, which has it ignored) ask what runs to
 /// stop with what it has; the second one ends the process at once.
 pub fn catch_interrupt() {
     static ONCE: OnceLock<()> = OnceLock::new();
     ONCE.get_or_init(|| {
+        CAUGHT.store(true, Ordering::SeqCst);
         let caught = |signal| {
             // Handlers run in this order: the second signal finds the flag set by the first.
             flag::register_conditional_shutdown(signal, INTERRUPTED, Arc::clone(asked_to_end()))?;
@@ -32,11 +34,37 @@ pub fn catch_interrupt() {
     });
 }
 
+/// What does not catch ctrl-C and its kin ends by them at once, as any program does, but leaves no draft of a file.
+#[cfg(unix)]
+pub fn end_without_drafts() {
+    use signal_hook::iterator::Signals;
+    use signal_hook::low_level::emulate_default_handler;
+    // A shell has ctrl-C ignored by what it runs in the background.
+    let heard: Vec<i32> = signals().into_iter().filter(|signal| !is_ignored(*signal)).collect();
+    let Ok(mut arriving) = Signals::new(&heard) else { return };
+    let wait = move || {
+        for signal in arriving.forever() {
+            if !CAUGHT.load(Ordering::SeqCst) {
+                eyebox::files::end_without_drafts(|| drop(emulate_default_handler(signal)));
+            }
+        }
+    };
+    // A thread that does little: the least stack that there is.
+    let thread = std::thread::Builder::new().name("signals".into()).stack_size(64 << 10);
+    if thread.spawn(wait).is_err() {
+        let uncaught = Arc::new(AtomicBool::new(true));
+        for signal in heard {
+            let _ = flag::register_conditional_default(signal, Arc::clone(&uncaught));
+        }
+    }
+}
+
 /// Whether ctrl-C was pressed.
 pub fn interrupted() -> bool {
     asked_to_end().load(Ordering::SeqCst)
 }
 
+/// Those that ask a program to end; not SIGHUP under nohup.
 #[cfg(unix)]
 fn signals() -> Vec<i32> {
     use signal_hook::consts::SIGHUP;

@@ -85,6 +85,31 @@ fn drafts_of_a_program_that_was_killed_are_removed_by_the_next_that_writes_there
     assert_eq!(names(at), ["h.zarr", "notes.part"]);
 }
 
+/// A command that does not catch ctrl-C, in the middle of its file.
+#[cfg(unix)]
+#[test]
+fn ctrl_c_leaves_no_draft() {
+    use std::os::unix::process::ExitStatusExt;
+    let temp = folder();
+    let at = temp.path();
+    let args = ["photograph", "builtin:plane", "--size", "800x800", "--views", "1", "--color", "green"];
+    let (mut begun, mut ended) = (0, 0);
+    for _ in 0..6 {
+        let plain = command(at, &[&args[..], &["--pupil=0,0,1,0", "--engine", "cpu", "-o", "x.png"]].concat());
+        let mut writer = Command::new("env");
+        writer.arg("--default-signal=INT").arg(plain.get_program()).args(plain.get_args()).current_dir(at);
+        let mut child = writer.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        while names(at).iter().all(|name| !name.ends_with(".part")) && child.try_wait().unwrap().is_none() {
+            std::thread::sleep(Duration::from_micros(100));
+        }
+        begun += usize::from(child.try_wait().unwrap().is_none());
+        let _ = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+        ended += usize::from(child.wait().unwrap().signal() == Some(2));
+        assert_eq!(names(at).iter().find(|name| name.ends_with(".part")), None);
+    }
+    assert!(ended > 0, "none of {begun} writers was ended by ctrl-C");
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_costs_a_sequence_what_was_not_whole_yet_and_it_is_gone_on_with() {
