@@ -130,9 +130,9 @@ impl Case {
         }
     }
 
-    /// The same, comparing contrasts as an eye resolves them of whom a pixel is a few.
-    pub fn of_contrast(&self) -> Self {
-        let contrast = Some(ContrastLoss { spread: 2.2 * 8e-6, black: 0.01, radian: 5e-3, gaze: Some([5e-3, -0.014]) });
+    /// The same, comparing contrasts as an eye resolves them of whom a pixel is a few, or one that looks there, radians.
+    pub fn of_contrast(&self, gaze: Option<[f64; 2]>) -> Self {
+        let contrast = Some(ContrastLoss { spread: 2.2 * 8e-6, black: 0.01, radian: 3.7e-3, gaze });
         let planner = Planner { contrast, ..self.planner.clone() };
         Self { planner, pyramid: Arc::clone(&self.pyramid), pupils: self.pupils.clone() }
     }
@@ -143,7 +143,8 @@ impl Case {
         if kernel == Kernel::Taper {
             step = self.stft_step(purpose, mode);
         } else if matches!(kernel, Kernel::ContrastRows | Kernel::CompareContrast) {
-            step = self.of_contrast().step(purpose, mode, power, usize::MAX);
+            // It looks so far away that a part of what there is is too fine for it, more on the one side than on the other.
+            step = self.of_contrast(Some([1.2, -0.014])).step(purpose, mode, power, usize::MAX);
         } else if matches!(kernel, Kernel::Motion | Kernel::MotionBack) {
             step = self.moving_step(purpose, mode, usize::MAX);
         } else if matches!(kernel, Kernel::Energy | Kernel::EqualiseEyebox) {

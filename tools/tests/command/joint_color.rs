@@ -34,6 +34,14 @@ fn a_hologram_of_all_colours_at_once() {
     done(at, &[&["encode", "joint.zarr", "-o", "frames", "--engine", "cpu"][..], &display].concat());
     let table = std::fs::read_to_string(at.join("frames/powers.csv")).unwrap();
     assert!(table.starts_with("sub_frame,red,green,blue\n0,") && table.lines().count() == 7, "{table}");
+    let column =
+        |i: usize| table.lines().skip(1).map(move |line| line.split(',').nth(i).unwrap().parse::<f64>().unwrap());
+    let power =
+        |i: usize, f: usize| said["joint_color"]["lasers"][["red", "green", "blue"][i]]["powers"][f].as_f64().unwrap();
+    let largest = (0..18).map(|k| power(k / 6, k % 6)).fold(0.0, f64::max);
+    for (i, told) in (0..3).flat_map(|i| column(i + 1).enumerate().map(move |(f, told)| ((i, f), told))) {
+        assert!((told - power(i.0, i.1) / largest).abs() < 1e-5, "{i:?}: {told}, {table}");
+    }
     assert_eq!(
         std::fs::read_dir(at.join("frames"))
             .unwrap()

@@ -64,7 +64,7 @@ fn a_hologram_is_solved_for_what_is_seen() {
     // So it is as far as 20 degrees from where the eye looks, but not at 60.
     let [there, elsewhere] = ["--gaze=-3,-2", "--gaze=60,0"].map(|gaze| of(&[coarse[0], coarse[1], gaze]));
     assert!((0..3).all(|i| (light[i] - there[i]).abs() < 0.01), "{light:?} {there:?}");
-    assert!(elsewhere[2] < light[2] - 0.5 && elsewhere[1] < light[1] - 0.1, "{light:?} {elsewhere:?}");
+    assert!((0..2).all(|i| elsewhere[i] < light[i] - 0.05), "{light:?} {elsewhere:?}");
     let solve = ["solve", "builtin:still-life", "--size", "40x48", "-o", "x.zarr", "--loss"];
     refused(at, &[&solve[..], &["nothing"]].concat(), "x.zarr", "expected light or contrast");
     refused(at, &[&solve[..], &["contrast", "--gaze", "3"]].concat(), "x.zarr", "X,Y in degrees");
