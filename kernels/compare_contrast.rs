@@ -92,6 +92,8 @@ mod tests {
         floor: 1e-6,
         limit: 3.0,
         dark: 0.05,
+        first_y: 3,
+        first_x: 7,
         gaze_y: 2.5,
         gaze_x: 8.0,
         away_y: 0.3,
@@ -119,7 +121,7 @@ mod tests {
         let (rows, columns) = (7i64, 12i64);
         let at = |y: i64, x: i64| (y.rem_euclid(rows) * columns + x.rem_euclid(columns)) as usize;
         let sharp = |i: usize| {
-            let (y, x) = ((i / 12) as f64, (i % 12) as f64);
+            let (y, x) = (((i / 12 + 3) % 7) as f64, ((i % 12 + 7) % 12) as f64);
             let resolved = 1.0 / (0.7 + ((y - 2.5) * 0.3).hypot((x - 8.0) * 0.6));
             ((resolved - 0.25) / 0.75).clamp(0.0, 1.0)
         };

@@ -29,7 +29,11 @@ pub struct Args {
     pub limit: f32,
     /// Added to the luminance that is wanted: nobody is adapted to less.
     pub dark: f32,
-    /// Where the eye looks, pixels along y,
+    /// Which row of the picture the image begins with,
+    pub first_y: u32,
+    /// and which column: those behind the picture's last come from its first.
+    pub first_x: u32,
+    /// Where the eye looks in the picture, pixels along y,
     pub gaze_y: f32,
     /// and along x.
     pub gaze_x: f32,
@@ -61,6 +65,8 @@ impl Args {
     /// filtered.
     #[inline(always)]
     pub fn sharp(&self, y: usize, x: usize) -> f32 {
+        let [y, x] = [(y, self.first_y, self.rows), (x, self.first_x, self.columns)]
+            .map(|(at, first, count)| (at as u32 + first) % count);
         let down = (y as f32 - self.gaze_y) * self.away_y;
         let along = (x as f32 - self.gaze_x) * self.away_x;
         let resolved = 1.0 / (self.middle + (down * down + along * along).sqrt());

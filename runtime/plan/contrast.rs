@@ -1,7 +1,7 @@
 //! What of a difference is seen: contrasts, as finely as an eye resolves them.
 
 use super::pass::ContrastPass;
-use crate::optics::{Display, Optics, Window, resolved_frequencies};
+use crate::optics::{Display, Geometry, Optics, Window, resolved_frequencies};
 use eyebox_kernels::{compare, contrast_rows};
 use std::f64::consts::TAU;
 
@@ -80,6 +80,8 @@ impl ContrastLoss {
             [pixels, degrees[side] * distance].map(|v| v as f32)
         };
         let ([gaze_y, away_y], [gaze_x, away_x]) = (place(1, 0), place(0, 1));
+        // A far field's images begin with the axis, which is the picture's middle.
+        let first = |pixels: usize| if grid.geometry == Geometry::FarField { pixels as u32 / 2 } else { 0 };
         let dark = self.black as f32 + DARKEST as f32 * compared.exposure;
         let args = contrast_rows::Args {
             rows: window.rows as u32,
@@ -93,6 +95,8 @@ impl ContrastLoss {
             floor: compared.floor,
             limit: compared.limit,
             dark,
+            first_y: first(window.rows),
+            first_x: first(window.columns),
             gaze_y,
             gaze_x,
             away_y,
@@ -178,6 +182,23 @@ mod tests {
         for degrees in [20.0, 25.0, 30.0] {
             let want = (90.2 / (2.3 + degrees) / 5.0 - 0.25) / 0.75;
             assert!((f64::from(sharp(degrees)) - want).abs() < 1e-3, "{degrees}: {}, not {want}", sharp(degrees));
+        }
+        // In the far field images begin with the picture's middle, and its left comes behind its right.
+        let far = optics.in_geometry(Geometry::FarField);
+        let piece = far.piece([0; 2], [128, 128]);
+        let narrow = Pupil { diameter: 128.0 * piece.pitch, x: piece.center()[0], y: piece.center()[1], ..whole };
+        let window = Window::new(&piece, &narrow, WindowFactor::One);
+        let radian = 20.0 * loss.radian;
+        let beside = ContrastLoss { gaze: Some([-(30f64.to_radians()), 0.0]), radian, ..loss };
+        let args = beside.pass(&piece, &window, &compared).args;
+        let wide = (optics.wavelength * optics.focal_length / optics.pitch / radian).to_degrees();
+        let columns = window.columns as f64;
+        for degrees in [-7.0, -3.0, 0.0, 5.0, 7.0] {
+            let pixels = (degrees / wide * columns).round();
+            let away = 30.0 + pixels * wide / columns;
+            let want = ((90.2 / (2.3 + away) / (0.5 * columns / wide) - 0.25) / 0.75).min(1.0);
+            let got = f64::from(args.sharp(0, pixels.rem_euclid(columns) as usize));
+            assert!(want < 1.0 && (got - want).abs() < 1e-3, "{degrees}: {got}, not {want}");
         }
         // A quarter of them pass the filter.
         let [down, along] = pass.args.weights(&pass.weights);
