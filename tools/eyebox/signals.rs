@@ -20,7 +20,6 @@ static CAUGHT: AtomicBool = AtomicBool::new(false);
 pub fn catch_interrupt() {
     static ONCE: OnceLock<()> = OnceLock::new();
     ONCE.get_or_init(|| {
-        CAUGHT.store(true, Ordering::SeqCst);
         let caught = |signal| {
             // Handlers run in this order: the second signal finds the flag set by the first.
             flag::register_conditional_shutdown(signal, INTERRUPTED, Arc::clone(asked_to_end()))?;
@@ -31,6 +30,7 @@ pub fn catch_interrupt() {
                 eprintln!("eyebox: signal {signal} will not be caught: {error}");
             }
         }
+        CAUGHT.store(true, Ordering::SeqCst);
     });
 }
 
@@ -68,7 +68,6 @@ pub fn interrupted() -> bool {
 #[cfg(unix)]
 fn signals() -> Vec<i32> {
     use signal_hook::consts::SIGHUP;
-    // ctrl-C last: who sees that it is caught knows that all are.
     (!is_ignored(SIGHUP)).then_some(SIGHUP).into_iter().chain([SIGTERM, SIGINT]).collect()
 }
 

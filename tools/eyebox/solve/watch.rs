@@ -46,8 +46,9 @@ impl<'a> Watch<'a> {
     pub fn see(&mut self, event: &SceneEvent) -> Flow {
         match event {
             SceneEvent::Planned { .. } | SceneEvent::Sequence { .. } | SceneEvent::Tiles(_) => {
-                self.begin(event);
+                // Who reads what is begun knows that it can be stopped.
                 progress::catch_interrupt();
+                self.begin(event);
             }
             SceneEvent::Step { hologram, color, progress } => {
                 let label = match self.about.as_ref().map_or(1, |a| a.job.scenes.len()) {

@@ -133,6 +133,7 @@ fn what_a_full_disk_keeps_from_being_said_is_a_loss_and_is_told() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_terminal_that_goes_away_asks_to_stop_and_under_nohup_it_does_not() {
+    use std::io::{BufRead, BufReader, Read};
     let temp = folder();
     let at = temp.path();
     // So many steps that they are not done before the signal comes, and a limit in case it never does.
@@ -144,22 +145,13 @@ fn a_terminal_that_goes_away_asks_to_stop_and_under_nohup_it_does_not() {
             format!("{before} '{}' {} --steps {steps} --seconds 60", env!("CARGO_BIN_EXE_eyebox"), args.join(" "));
         let mut child =
             Command::new("sh").args(["-c", &script]).current_dir(at).stderr(Stdio::piped()).spawn().unwrap();
-        let id = child.id();
-        // Until it catches ctrl-C, or has ended; the shell before it is not meant.
-        let caught = |status: &str| {
-            if !status.starts_with("Name:\teyebox\n") {
-                return false;
-            }
-            let mask = status.lines().find_map(|l| l.strip_prefix("SigCgt:")).map(str::trim);
-            mask.and_then(|mask| u64::from_str_radix(mask, 16).ok()).is_some_and(|mask| mask & 2 != 0)
-        };
-        let status = || std::fs::read_to_string(format!("/proc/{id}/status")).unwrap_or_default();
-        while !caught(&status()) && child.try_wait().unwrap().is_none() {
-            std::thread::sleep(Duration::from_millis(5));
-        }
-        let _ = Command::new("kill").args(["-HUP", &id.to_string()]).status();
-        let answer = child.wait_with_output().unwrap();
-        assert!(answer.status.success(), "{before}: {:?}: {}", answer.status, text(&answer.stderr));
+        // It says what it begins once it can be stopped.
+        let (mut stderr, mut said) = (BufReader::new(child.stderr.take().unwrap()), String::new());
+        stderr.read_line(&mut said).unwrap();
+        let _ = Command::new("kill").args(["-HUP", &child.id().to_string()]).status();
+        stderr.read_to_string(&mut said).unwrap();
+        let status = child.wait().unwrap();
+        assert!(status.success(), "{before}: {status:?}: {said}");
         done(at, &["view", "h.zarr", "--pupil=0,0,4,0", "-o", "seen.png"]);
         std::fs::remove_dir_all(at.join("h.zarr")).unwrap();
     }
