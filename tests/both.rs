@@ -145,6 +145,11 @@ impl Case {
         } else if matches!(kernel, Kernel::ContrastRows | Kernel::CompareContrast) {
             // It looks so far away that a part of what there is is too fine for it, more on the one side than on the other.
             step = self.of_contrast(Some([1.2, -0.014])).step(purpose, mode, power, usize::MAX);
+            // As in the far field, whose images begin with their middle.
+            for contrast in step.pupil_passes.iter_mut().filter_map(|pupil_pass| pupil_pass.contrast.as_mut()) {
+                let [rows, columns] = [contrast.args.rows, contrast.args.columns];
+                (contrast.args.first_y, contrast.args.first_x) = (rows / 2, columns / 2);
+            }
         } else if matches!(kernel, Kernel::Motion | Kernel::MotionBack) {
             step = self.moving_step(purpose, mode, usize::MAX);
         } else if matches!(kernel, Kernel::Energy | Kernel::EqualiseEyebox) {
