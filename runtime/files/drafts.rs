@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use tempfile::{NamedTempFile, TempDir};
 
 const HEAD: &str = ".eyebox-";
@@ -22,6 +22,10 @@ pub(crate) fn is_draft(name: &str) -> bool {
 /// The drafts that this program writes.
 static OPEN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
+fn open_drafts() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    OPEN.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// As long as it lives, what is at its path is a draft of this program's.
 #[derive(Debug)]
 pub(super) struct Open(PathBuf);
@@ -29,7 +33,7 @@ pub(super) struct Open(PathBuf);
 impl Open {
     /// Makes a draft; between its beginning and its being known nothing ends the program in [`end_without_drafts`].
     fn make<T>(make: impl FnOnce() -> io::Result<T>, path: impl Fn(&T) -> &Path) -> io::Result<(T, Self)> {
-        let mut open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut open = open_drafts();
         let draft = make()?;
         let path = path(&draft).to_path_buf();
         open.insert(path.clone());
@@ -39,7 +43,7 @@ impl Open {
 
 impl Drop for Open {
     fn drop(&mut self) {
-        OPEN.lock().unwrap_or_else(PoisonError::into_inner).remove(&self.0);
+        open_drafts().remove(&self.0);
     }
 }
 
@@ -47,7 +51,7 @@ impl Drop for Open {
 /// from a thread of its own.
 pub fn end_without_drafts(end: impl FnOnce()) {
     // Held until the end: no draft is begun any more.
-    let open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
+    let open = open_drafts();
     for path in &*open {
         // Whoever writes into a folder may go on until the end, which makes removing it fail.
         let _ = (0..10).find(|_| fs::remove_file(path).is_ok() || fs::remove_dir_all(path).is_ok());
@@ -55,13 +59,21 @@ pub fn end_without_drafts(end: impl FnOnce()) {
     end();
 }
 
-/// A new file in `folder`; what says that it is one comes first, to be dropped last.
-pub(super) fn file(folder: &Path) -> io::Result<(Open, NamedTempFile)> {
+/// A file in the making; gone with the value unless it is put in its place.
+#[derive(Debug)]
+pub(super) struct FileDraft {
+    pub file: NamedTempFile,
+    /// Behind the file: what it says holds until that is gone.
+    _open: Open,
+}
+
+/// A new file in `folder`.
+pub(super) fn file(folder: &Path) -> io::Result<FileDraft> {
     loop {
-        let (draft, open) = Open::make(|| builder(0o666, TAIL).tempfile_in(folder), |draft| draft.path())?;
-        if is_mine(draft.as_file(), draft.path()) {
-            remove_the_dead(folder, draft.as_file());
-            return Ok((open, draft));
+        let (file, open) = Open::make(|| builder(0o666, TAIL).tempfile_in(folder), |draft| draft.path())?;
+        if is_mine(file.as_file(), file.path()) {
+            remove_the_dead(folder, file.as_file());
+            return Ok(FileDraft { file, _open: open });
         }
     }
 }
@@ -134,7 +146,7 @@ mod tests {
     fn drafts_of_the_dead_are_removed_and_nothing_else() {
         let here = tempfile::tempdir().unwrap();
         let at = here.path();
-        let ((_file_open, file), (folder, lock, _folder_open)) = (file(at).unwrap(), folder(at).unwrap());
+        let (FileDraft { file, _open }, (folder, lock, _folder_open)) = (file(at).unwrap(), folder(at).unwrap());
         fs::create_dir(at.join(".eyebox-DEAD01.part")).unwrap();
         fs::write(at.join(".eyebox-DEAD01.part/zarr.json"), "{}").unwrap();
         fs::write(at.join(".eyebox-DEAD02.part"), "").unwrap();

@@ -1,12 +1,12 @@
 //! Files that grow for as long as something lasts: recordings. What was written up to any end, by force too, is there.
 
+use super::FileError;
+use super::drafts::{self, FileDraft};
 use super::patient::Patient;
-use super::{FileError, drafts};
 use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use tempfile::NamedTempFile;
 
 /// How long what was written may wait for the file.
 const EVERY: Duration = Duration::from_secs(1);
@@ -26,7 +26,7 @@ pub struct GrowingFile {
 #[derive(Debug)]
 enum Out {
     /// Not yet in its place.
-    Draft(NamedTempFile, drafts::Open),
+    Draft(FileDraft),
     File(File),
     /// A pipe or a device, of which nothing can be taken back.
     Stream(Patient),
@@ -45,8 +45,7 @@ impl GrowingFile {
         let out = if std::fs::metadata(place).is_ok_and(|there| !there.is_file()) {
             Out::Stream(Patient::open(place).map_err(failed)?)
         } else {
-            let (open, draft) = drafts::file(super::whole::parent(place)).map_err(failed)?;
-            Out::Draft(draft, open)
+            Out::Draft(drafts::file(super::whole::parent(place)).map_err(failed)?)
         };
         Ok(Self { place: place.to_path_buf(), out, waiting: Vec::new(), whole: 0, written: None })
     }
@@ -112,10 +111,10 @@ impl GrowingFile {
 
     fn write(&mut self) -> io::Result<()> {
         if matches!(self.out, Out::Draft(..))
-            && let Out::Draft(draft, _open) = std::mem::replace(&mut self.out, Out::Ended)
+            && let Out::Draft(draft) = std::mem::replace(&mut self.out, Out::Ended)
         {
-            draft.as_file().write_all(&self.waiting)?;
-            self.out = Out::File(draft.persist(&self.place).map_err(|e| e.error)?);
+            draft.file.as_file().write_all(&self.waiting)?;
+            self.out = Out::File(draft.file.persist(&self.place).map_err(|e| e.error)?);
             self.whole = self.waiting.len() as u64;
             return Ok(());
         }

@@ -31,12 +31,12 @@ pub fn write_file(file: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<(
             return fill(&mut out).and_then(|()| out.flush()).map_err(failed);
         }
     }
-    let (_open, draft) = drafts::file(parent(file)).map_err(failed)?;
-    let mut out = BufWriter::new(draft.as_file());
+    let draft = drafts::file(parent(file)).map_err(failed)?;
+    let mut out = BufWriter::new(draft.file.as_file());
     fill(&mut out).and_then(|()| out.flush()).map_err(failed)?;
     drop(out);
-    draft.as_file().sync_all().map_err(failed)?;
-    draft.persist(file).map_err(|e| failed(e.error))?;
+    draft.file.as_file().sync_all().map_err(failed)?;
+    draft.file.persist(file).map_err(|e| failed(e.error))?;
     sync_folder(parent(file)).map_err(failed)
 }
 
@@ -48,7 +48,7 @@ pub fn check_place(file: &Path) -> Result<(), FileError> {
     match fs::metadata(file) {
         Ok(there) if there.is_dir() => Err(taken(file, "is a folder: a file cannot replace it")),
         Ok(there) if !there.is_file() => Ok(()),
-        _ => drafts::file(parent(file)).map(|(_open, draft)| drop(draft)).map_err(|e| FileError::write(file, e)),
+        _ => drafts::file(parent(file)).map(drop).map_err(|e| FileError::write(file, e)),
     }
 }
 

@@ -4,7 +4,7 @@ use super::map::Map;
 use super::near::Meaning;
 use super::range::{USUAL, mean_light};
 use super::resize::Resize;
-use super::sweep::{MOST, Sweep, reach_within};
+use super::sweep::{Compared, MOST, Sweep, reach_within};
 use super::{Fit, LightField, Pyramid, ViewGrid};
 use crate::optics::Display;
 
@@ -23,9 +23,16 @@ pub fn central_depth(field: &LightField, display: &Display) -> Vec<f32> {
     let at = counts.map(|n| n / 2);
     let found = if field.depth_range(display).is_some() || range == USUAL {
         let reach = reach_within(range, usize::MAX);
-        Sweep::around(counts, at, reach, size, |index| views[index].clone()).disparities(range)
+        Sweep::around(counts, at, reach, size, |index| views[index].clone()).disparities(range, Compared::Exactly)
     } else {
-        view_disparities(&field.view_grid(display), at[0] * counts[1] + at[1], size, range, mean_light(field))
+        view_disparities(
+            &field.view_grid(display),
+            at[0] * counts[1] + at[1],
+            size,
+            range,
+            Compared::Exactly,
+            mean_light(field),
+        )
     };
     found.into_iter().map(|d| (f64::from(d) * per_pixel) as f32).collect()
 }
@@ -41,7 +48,7 @@ pub(crate) fn central_view(pyramid: &Pyramid, grid: &ViewGrid, range: [f64; 2]) 
     let at = [grid.rows / 2, grid.columns / 2];
     let reach = reach_within(range, usize::MAX);
     let sweep = Sweep::around([grid.rows, grid.columns], at, reach, [level.height, level.width], view);
-    (view(at[0] * grid.columns + at[1]), sweep.disparities(range))
+    (view(at[0] * grid.columns + at[1]), sweep.disparities(range, Compared::Exactly))
 }
 
 /// Bytes that [`view_disparities`] takes while it works: two volumes of costs.
@@ -58,12 +65,14 @@ pub(super) fn view_disparities(
     view: usize,
     [height, width]: [usize; 2],
     range: [f64; 2],
+    compared: Compared,
     light: impl Fn(usize) -> Vec<f32>,
 ) -> Vec<f32> {
     let (counts, at) = ([grid.rows, grid.columns], [view / grid.columns, view % grid.columns]);
     let times = height.max(width).div_ceil(LARGEST);
     if times <= 1 {
-        return Sweep::around(counts, at, reach_within(range, NEAR), [height, width], light).disparities(range);
+        return Sweep::around(counts, at, reach_within(range, NEAR), [height, width], light)
+            .disparities(range, compared);
     }
     let [rows, columns] = [height.div_ceil(times), width.div_ceil(times)];
     let shrink = Resize::new([height, width], [rows, columns], Fit::Stretch);
@@ -71,7 +80,7 @@ pub(super) fn view_disparities(
     let range = range.map(|d| d * scale);
     let sweep =
         Sweep::around(counts, at, reach_within(range, NEAR), [rows, columns], |view| shrink.apply(&light(view)));
-    let found = sweep.disparities(range);
+    let found = sweep.disparities(range, compared);
     let values = found.into_iter().map(|d| (f64::from(d) / scale) as f32).collect();
     Map { height: rows, width: columns, values, meaning: Meaning::Disparity, range: None }.resize(height, width, 1.0)
 }

@@ -7,6 +7,7 @@
 
 use super::depth::{scratch, view_disparities};
 use super::rays::{MOST_STEPS, NONE, Rays, Way};
+use super::sweep::Compared;
 use super::{LightField, ViewGrid};
 use crate::optics::Display;
 use rayon::prelude::*;
@@ -160,7 +161,7 @@ impl Interpolator {
                 }
                 sum
             };
-            let found = view_disparities(&self.grid, view, self.size, self.range, light);
+            let found = view_disparities(&self.grid, view, self.size, self.range, Compared::AsSampled, light);
             let [low, high] = self.range;
             let unit = 65535.0 / (high - low).max(1e-12);
             let own = found.iter().map(|d| ((f64::from(*d) - low) * unit + 0.5).clamp(0.0, 65535.0) as u16);

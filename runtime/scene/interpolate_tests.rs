@@ -68,6 +68,17 @@ fn between_the_views_it_is_what_the_scene_shows_there() {
     assert!(gained > 7.0, "{gained:.2} dB gained");
 }
 
+/// Bars that repeat within the disparities that are sought are not taken for their neighbours.
+#[test]
+fn what_repeats_is_found_where_it_is() {
+    let (stage, field, grid) = sparse("chart");
+    let between = Interpolator::new(field, &display());
+    let place = [(0.25 * grid.cell, -0.25 * grid.cell)];
+    let (made, exact) = (between.views(0, &place).remove(0), stage.views(&place).remove(0));
+    let made = psnr(&made, &exact);
+    assert!(made > 27.0, "{made:.2} dB");
+}
+
 /// A little beyond the outermost views it goes on as the scene does, and better than their nearest.
 #[test]
 fn beyond_the_views_the_parallax_goes_on() {

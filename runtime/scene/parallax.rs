@@ -341,7 +341,7 @@ impl Small {
             view.unwrap_or(&self.center).iter().map(|v| v * v).collect()
         };
         let grid = super::ViewGrid { rows: 3, columns: 3, cell: 1.0 };
-        super::depth::view_disparities(&grid, 4, self.size, [-most, most], light)
+        super::depth::view_disparities(&grid, 4, self.size, [-most, most], super::sweep::Compared::Exactly, light)
     }
 }
 

@@ -138,7 +138,7 @@ fn ends(sweep: &Sweep, range: [f64; 2]) -> Found {
     let step = 0.5 / reach;
     let count = ((range[1] - range[0]) / step).ceil() as usize + 1;
     let slopes = windows(&sweep.slopes(), h, w, 1);
-    let costs = windows(&sweep.costs(count, |d| range[0] + d as f64 * step), h, w, count);
+    let costs = windows(&sweep.costs(count, 0.0, |d| range[0] + d as f64 * step), h, w, count);
     let mean = (slopes.iter().sum::<f32>() / slopes.len() as f32).max(1e-4);
     let detail = slopes.iter().filter(|slope| **slope > mean).count();
     // A match's own valley: a pixel and a half to each side.

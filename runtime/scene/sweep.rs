@@ -2,6 +2,7 @@
 //! PAMI 30, 2008).
 
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Disparities that are tried, at most.
 pub(super) const MOST: usize = 96;
@@ -10,11 +11,26 @@ const STEP: f32 = 0.02;
 const JUMP: f32 = 0.12;
 /// Differences beyond this are occlusions or highlights.
 const OUTLIER: f32 = 0.25;
+/// What the centre shows within so many pixels to each side is then no difference: half a pixel, and a tenth more, for the straight
+/// line between two pixels of the other view softens it.
+const SAMPLED: f32 = 0.6;
+/// Candidates to each side of the one chosen so, among which the full difference decides.
+const AROUND: usize = 1;
 
 /// Steps to the farthest view, of no more than `most`, between which and the central one [`MOST`] candidates suffice.
 pub(super) fn reach_within(range: [f64; 2], most: usize) -> usize {
     let fits = ((MOST - 1) as f64 / (2.0 * (range[1] - range[0]))).floor();
     if fits >= 1.0 { most.min(fits as usize) } else { 1 }
+}
+
+/// How views are compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Compared {
+    /// By all that differs: sharpest where surfaces end.
+    Exactly,
+    /// As they are sampled (Birchfield and Tomasi, IEEE PAMI 20, 1998), and by all that differs among the nearest disparities only. No two
+    /// views sample fine detail at the same places; where it repeats, that would be taken for another disparity.
+    AsSampled,
 }
 
 /// A view and its neighbours in its row and column.
@@ -61,7 +77,7 @@ impl Sweep {
     }
 
     /// Disparity of each pixel, pixels between neighbouring views, between the ends of `range`.
-    pub fn disparities(&self, range: [f64; 2]) -> Vec<f32> {
+    pub fn disparities(&self, range: [f64; 2], compared: Compared) -> Vec<f32> {
         let span = range[1] - range[0];
         // The outermost view moves by half a pixel from one candidate to the next.
         let count = ((2.0 * span * self.reach()).ceil() as usize).saturating_add(1).min(MOST);
@@ -69,32 +85,43 @@ impl Sweep {
             return vec![(0.5 * (range[0] + range[1])) as f32; self.height * self.width];
         }
         let step = span / (count - 1) as f64;
-        let costs = self.costs(count, |d| range[0] + d as f64 * step);
-        let total = smooth(&costs, self.height, self.width, count);
-        let best = |sums: &[f32]| {
-            let d = (0..count).min_by(|&a, &b| sums[a].total_cmp(&sums[b])).unwrap_or(0);
+        let path_costs = |sampled: f32| {
+            let costs = self.costs(count, sampled, |d| range[0] + d as f64 * step);
+            smooth(&costs, self.height, self.width, count)
+        };
+        let least = |sums: &[f32], among: Range<usize>| {
+            let first = among.start;
+            among.min_by(|&a, &b| sums[a].total_cmp(&sums[b])).unwrap_or(first)
+        };
+        let about: Option<Vec<usize>> = (compared == Compared::AsSampled)
+            .then(|| path_costs(SAMPLED).par_chunks_exact(count).map(|sums| least(sums, 0..count)).collect());
+        let best = |(pixel, sums): (usize, &[f32])| {
+            let among = about
+                .as_ref()
+                .map_or(0..count, |about| about[pixel].saturating_sub(AROUND)..(about[pixel] + AROUND + 1).min(count));
+            let d = least(sums, among);
             (range[0] + (d as f64 + lowest(sums, d)) * step) as f32
         };
-        total.par_chunks_exact(count).map(best).collect()
+        path_costs(0.0).par_chunks_exact(count).enumerate().map(best).collect()
     }
 
     /// (height, width, candidates): mean difference, over the better of two opposite arms, for what is hidden on one
-    /// side is seen on the other.
-    pub fn costs(&self, count: usize, disparity: impl Fn(usize) -> f64 + Sync) -> Vec<f32> {
+    /// side is seen on the other. What the centre shows within `sampled` pixels to each side along an arm is no difference.
+    pub fn costs(&self, count: usize, sampled: f32, disparity: impl Fn(usize) -> f64 + Sync) -> Vec<f32> {
         let (h, w) = (self.height, self.width);
         let mut costs = vec![0.0f32; h * w * count];
         costs.par_chunks_exact_mut(w * count).enumerate().for_each(|(y, row)| {
             let (mut arms, mut seen) = ([const { Vec::new() }; 4], vec![0.0f32; w]);
+            let around = [true, false].map(|across| self.around_row(y, across, sampled));
             for d in 0..count {
-                for (sums, views) in arms.iter_mut().zip(&self.arms) {
+                for (arm, (sums, views)) in arms.iter_mut().zip(&self.arms).enumerate() {
                     sums.clear();
                     sums.resize(w, 0.0f32);
                     for (r, c, view) in views {
                         // Content of disparity delta stands displaced by -delta per step (OPTICS 3).
                         self.shifted(view, y, -disparity(d) * *r as f64, -disparity(d) * *c as f64, &mut seen);
-                        let center = &self.center[y * w..][..w];
-                        for ((sum, seen), center) in sums.iter_mut().zip(&seen).zip(center) {
-                            *sum += (seen - center).abs().min(OUTLIER);
+                        for ((sum, seen), [low, high]) in sums.iter_mut().zip(&seen).zip(&around[arm / 2]) {
+                            *sum += (seen - high).max(low - seen).clamp(0.0, OUTLIER);
                         }
                     }
                     let share = 1.0 / views.len().max(1) as f32;
@@ -113,6 +140,22 @@ impl Sweep {
             }
         });
         costs
+    }
+
+    /// Least and most light of the centre's row `y` within `reach` pixels (no more than one) of each pixel, along the row or across it.
+    fn around_row(&self, y: usize, along: bool, reach: f32) -> Vec<[f32; 2]> {
+        let (h, w) = (self.height, self.width);
+        let ends = |x: usize| {
+            let [before, after] = if along {
+                [y * w + x.saturating_sub(1), y * w + (x + 1).min(w - 1)]
+            } else {
+                [y.saturating_sub(1) * w + x, (y + 1).min(h - 1) * w + x]
+            };
+            let here = self.center[y * w + x];
+            let [a, b] = [before, after].map(|i| here + reach * (self.center[i] - here));
+            [here.min(a).min(b), here.max(a).max(b)]
+        };
+        (0..w).map(ends).collect()
     }
 
     /// (height, width): by how much the cost of a match grows with each pixel that it is off, along the axes that have
