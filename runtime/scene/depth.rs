@@ -115,6 +115,27 @@ mod tests {
         }
     }
 
+    /// What does not depend on where detail is sampled says less exactly where it is: what is chosen by it loses nothing by that.
+    #[test]
+    fn a_plane_is_found_as_well_where_views_are_compared_as_sampled() {
+        let display = Display { height: 96, width: 120, ..Display::preset("small").unwrap() };
+        for mm in [-0.3, 0.0, 0.4] {
+            let field = load(&format!("builtin:plane?depth={mm}"), &Request::new(&display, &[Color::Green])).unwrap();
+            let true_disparity = (field.depth.unwrap()[0] * field.cell(&display)
+                / (display.focal_length * display.picture_pixel())) as f32;
+            let off = |compared| {
+                let (grid, range) = (field.view_grid(&display), [-0.46, 0.46]);
+                let found = view_disparities(&grid, 40, [96, 120], range, compared, mean_light(&field));
+                let mut off: Vec<f32> = found.iter().map(|d| (d - true_disparity).abs()).collect();
+                off.sort_by(f32::total_cmp);
+                [0.5, 0.9].map(|share| off[(off.len() as f64 * share) as usize])
+            };
+            let [exactly, sampled] = [off(Compared::Exactly), off(Compared::AsSampled)];
+            let as_well = exactly.iter().zip(sampled).all(|(a, b)| b < a + 0.005);
+            assert!(as_well && sampled[1] < 0.2, "{mm} mm: {sampled:?} pixels off, {exactly:?} by all that differs");
+        }
+    }
+
     #[test]
     fn near_and_far_are_told_apart() {
         let (field, depth) = depths("builtin:still-life");

@@ -87,8 +87,11 @@ mod tests {
             bytes.extend(std::iter::repeat_n(0u8, n));
             if let Ok(map) = parse(&bytes) {
                 prop_assert_eq!(map.values.len(), map.height * map.width);
-                // What stands behind three numbers is content, be it meant for the header or not.
                 let content = map.values.len() * 4;
+                if [&w, &h, &s].into_iter().all(|part| part.split_whitespace().count() == 1) {
+                    prop_assert_eq!(content, n);
+                }
+                // Two numbers in the place of one: what was meant for the header is content.
                 prop_assert!(content >= n && content < bytes.len(), "{content}");
             }
         }

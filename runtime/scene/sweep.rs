@@ -11,10 +11,10 @@ const STEP: f32 = 0.02;
 const JUMP: f32 = 0.12;
 /// Differences beyond this are occlusions or highlights.
 const OUTLIER: f32 = 0.25;
-/// What the centre shows within so many pixels to each side is then no difference: half a pixel, and a tenth more, for the straight
-/// line between two pixels of the other view softens it.
+/// Of views that are compared as they are sampled, what the centre shows within so many pixels to each side is no difference: half a pixel,
+/// and a tenth more, for the straight line between two pixels of the other view softens it.
 const SAMPLED: f32 = 0.6;
-/// Candidates to each side of the one chosen so, among which the full difference decides.
+/// Candidates to each side of the one that is chosen then, among which all that differs decides.
 const AROUND: usize = 1;
 
 /// Steps to the farthest view, of no more than `most`, between which and the central one [`MOST`] candidates suffice.
@@ -112,7 +112,7 @@ impl Sweep {
         let mut costs = vec![0.0f32; h * w * count];
         costs.par_chunks_exact_mut(w * count).enumerate().for_each(|(y, row)| {
             let (mut arms, mut seen) = ([const { Vec::new() }; 4], vec![0.0f32; w]);
-            let around = [true, false].map(|across| self.around_row(y, across, sampled));
+            let around = [true, false].map(|along| self.around_row(y, along, sampled));
             for d in 0..count {
                 for (arm, (sums, views)) in arms.iter_mut().zip(&self.arms).enumerate() {
                     sums.clear();
