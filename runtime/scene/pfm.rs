@@ -82,7 +82,12 @@ mod tests {
         }
 
         #[test]
-        fn any_header_is_read_or_refused(w in "[0-9 .eE+-]{0,12}", h in "[0-9]{0,22}", s in "[-+0-9.einfaN]{0,8}", n in 0usize..64) {
+        fn any_header_is_read_or_refused(
+            w in prop_oneof!["[0-9 .eE+-]{0,12}", "[1-9]"],
+            h in prop_oneof!["[0-9]{0,22}", "[1-9]"],
+            s in prop_oneof!["[-+0-9.einfaN]{0,8}", "-?1.0"],
+            n in 0usize..64,
+        ) {
             let mut bytes = format!("Pf\n{w} {h}\n{s}\n").into_bytes();
             bytes.extend(std::iter::repeat_n(0u8, n));
             if let Ok(map) = parse(&bytes) {
