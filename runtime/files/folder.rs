@@ -71,15 +71,18 @@ impl Folder {
         out.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()
     }
 
-    /// Writes `name` by way of the file `draft`, so that it is there whole or as it was, and to the disk.
+    /// Writes `name` by way of the file `draft`, so that it is there whole or as it was, and to the disk. Where that fails, no
+    /// draft stays.
     pub(crate) fn replace(
         &self,
         draft: &str,
         name: &str,
         fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
     ) -> io::Result<()> {
-        self.write(draft, fill)?;
-        self.rename(draft, name)?;
+        if let Err(e) = self.write(draft, fill).and_then(|()| self.rename(draft, name)) {
+            let _ = self.remove(draft);
+            return Err(e);
+        }
         self.held.sync(split(name)?.0)
     }
 
@@ -135,6 +138,7 @@ mod tests {
         let cut = folder.replace("draft", "a/b/c", |_| Err(io::ErrorKind::StorageFull.into()));
         assert!(cut.is_err() && folder.bytes("a/b/c", 9).unwrap() == b"2" && folder.length("a/b/c").unwrap() == 1);
         assert!(folder.entries("a").unwrap() == [("b".into(), Kind::Folder)] && !folder.has("a/c"));
+        assert!(!folder.has("draft") && folder.replace("draft", "a/b", |_| Ok(())).is_err() && !folder.has("draft"));
         assert!(folder.bytes("a/b/c", 0).is_err() && folder.file("a/b").is_err());
         for out in ["../x", "a/../../x", "", "a/"] {
             assert!(folder.write(out, |_| Ok(())).is_err(), "{out}");

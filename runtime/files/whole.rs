@@ -54,8 +54,9 @@ pub fn check_place(file: &Path) -> Result<(), FileError> {
 
 /// A folder in the making, beside the place that it is meant for; gone with the value unless [put](Self::put) there.
 pub struct FolderDraft {
-    draft: tempfile::TempDir,
+    /// Before the folder, so that it is dropped first: removing a folder takes a file descriptor, and this may be the last.
     _lock: Option<File>,
+    draft: tempfile::TempDir,
     open: drafts::Open,
     place: PathBuf,
     ours: fn(&Path) -> bool,
@@ -79,7 +80,7 @@ impl FolderDraft {
             _ => {}
         }
         let (draft, lock, open) = drafts::folder(parent(&place)).map_err(|e| FileError::write(&place, e))?;
-        Ok(Self { draft, _lock: lock, open, place, ours })
+        Ok(Self { _lock: lock, draft, open, place, ours })
     }
 
     /// Writes a file of the folder, `name` relative to it, making the folders on its way.

@@ -130,6 +130,27 @@ fn a_full_disk_costs_a_sequence_what_was_not_whole_yet_and_it_is_gone_on_with() 
     assert_eq!(names(&at.join("s.zarr")), ["phases", "zarr.json"]);
 }
 
+/// Removing a draft takes open files as well, where it is a folder.
+#[cfg(target_os = "linux")]
+#[test]
+fn too_few_open_files_leave_no_draft() {
+    let temp = folder();
+    let at = temp.path();
+    let mut refused = [0, 0];
+    for (i, scenes) in [&["builtin:plane"][..], &["builtin:plane", "builtin:points"]].into_iter().enumerate() {
+        for limit in 6..14 {
+            let answer = after(at, &format!("ulimit -n {limit}"), &solve(scenes, "h.zarr", &[]));
+            refused[i] += usize::from(answer.status.code() == Some(2));
+            let here = [at.to_path_buf(), at.join("h.zarr")].map(|folder| std::fs::read_dir(folder).ok());
+            let left = here.into_iter().flatten().flatten().map(|e| e.unwrap().file_name().into_string().unwrap());
+            let said = text(&answer.stderr);
+            assert_eq!(left.filter(|name| name.ends_with(".part")).collect::<Vec<_>>(), [""; 0], "{limit}: {said}");
+            let _ = std::fs::remove_dir_all(at.join("h.zarr"));
+        }
+    }
+    assert!(refused[0] >= 1 && refused[1] >= 2, "{refused:?} of 8 had too few");
+}
+
 /// A link in a hologram is not read through, whatever it leads to.
 #[cfg(unix)]
 #[test]
