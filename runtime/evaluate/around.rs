@@ -5,8 +5,8 @@ use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::{Color, Display, Optics, Pupil, WindowFactor};
 use crate::plan::{self, Comparison, ModelTables, Planner, Purpose};
 use crate::scene::{
-    self, Interpolator, Layers, LightField, Photographs, Pyramid, Reprojection, Request, SceneError, Stage, ViewGrid,
-    shrink_to_share,
+    self, DepthSource, Interpolator, Layers, LightField, Photographs, Pyramid, Reprojection, Request, SceneError,
+    Stage, ViewGrid, shrink_to_share,
 };
 use rayon::prelude::*;
 use std::path::Path;
@@ -28,7 +28,8 @@ pub struct Views {
     /// What the display does to the light, and of it the iris alone: they decide which piece and which window a pupil needs.
     model: Option<[Arc<ModelTables>; 2]>,
     size: usize,
-    depth: Option<[f64; 2]>,
+    /// Farthest and nearest depth, metres, and where they come from.
+    reach: ([f64; 2], DepthSource),
     held: u64,
     /// Views along each axis of the whole eyebox, where they are made [once](Views::once); 0 where around each region.
     once: usize,
@@ -71,8 +72,8 @@ impl Views {
         if let Some(name) = source.strip_prefix("builtin:") {
             let one = |&color: &Color| {
                 let stage = Stage::new(name, display, color, size)?;
-                let depth = Some(stage.depth());
-                Self::of(Kind::Stage(Box::new(stage)), display, color, size, depth)
+                let reach = (stage.depth(), DepthSource::Stated);
+                Self::of(Kind::Stage(Box::new(stage)), display, color, size, reach)
             };
             return request.colors.iter().map(one).collect();
         }
@@ -83,11 +84,11 @@ impl Views {
         let request = Request { display: &small, ..*request };
         if scene::is_single(source)? {
             let picture = Arc::new(Reprojection::new(Path::new(source), &request)?);
-            let depth = Some(picture.depth());
+            let reach = (picture.depth(), DepthSource::Stated);
             let one = |(i, &color): (usize, &Color)| {
                 let held = if i == 0 { picture.bytes() } else { 0 };
                 let kind = Kind::Picture(Arc::clone(&picture), color);
-                Ok(Self { held, ..Self::of(kind, display, color, work, depth)? })
+                Ok(Self { held, ..Self::of(kind, display, color, work, reach)? })
             };
             return request.colors.iter().enumerate().map(one).collect();
         }
@@ -96,13 +97,15 @@ impl Views {
         let load = |display, color| scene::load(source, &Request { display, colors: &[color], ..request });
         let Some((&first, others)) = request.colors.split_first() else { return Ok(Vec::new()) };
         let field = load(&small, first)?;
-        let (depth, cell) = (field.depth_range(&small), field.cell(&small));
-        let apart = depth.is_some_and(|depth| field.aliasing(&small, depth) > APART);
+        let (reach, cell) = (field.reach(&small), field.cell(&small));
+        let depths = asked_or_found(request.depth, reach, small.focal_length);
         let forced = asked == Photographs::Layers;
-        let layers = if forced || asked == Photographs::Auto && apart {
-            Some(Layers::new(&field, &small, field.depths(&small, request.depth)?)?)
-        } else {
-            None
+        let layers = match depths {
+            Err(error) if forced => return Err(error),
+            Ok(depths) if forced || asked == Photographs::Auto && field.aliasing(&small, reach.0) > APART => {
+                Some(Layers::new(&field, &small, depths)?)
+            }
+            _ => None,
         };
         if let Some(mut layers) = layers.filter(|layers| forced || layers.residual_between() >= scene::ENOUGH) {
             for &color in others {
@@ -111,7 +114,7 @@ impl Views {
             let layers = Arc::new(layers);
             let one = |(i, &color): (usize, &Color)| {
                 let held = if i == 0 { layers.bytes() } else { 0 };
-                Ok(Self { held, ..Self::of(Kind::Layers(Arc::clone(&layers), i), display, color, work, depth)? })
+                Ok(Self { held, ..Self::of(Kind::Layers(Arc::clone(&layers), i), display, color, work, reach)? })
             };
             return request.colors.iter().enumerate().map(one).collect();
         }
@@ -123,7 +126,7 @@ impl Views {
             let between = Arc::new(between);
             let one = |(i, &color): (usize, &Color)| {
                 let held = if i == 0 { between.bytes() } else { 0 };
-                Ok(Self { held, ..Self::of(Kind::Between(Arc::clone(&between), i), display, color, work, depth)? })
+                Ok(Self { held, ..Self::of(Kind::Between(Arc::clone(&between), i), display, color, work, reach)? })
             };
             return request.colors.iter().enumerate().map(one).collect();
         }
@@ -134,7 +137,7 @@ impl Views {
             let grid = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell };
             let share = display.picture_share(display.optics(color)?.wavelength);
             let pyramid = Arc::new(pyramid(&first_color(field), size, share));
-            Self::of(Kind::Field(pyramid, grid), display, color, size, depth)
+            Self::of(Kind::Field(pyramid, grid), display, color, size, reach)
         };
         request.colors.iter().map(one).collect()
     }
@@ -144,13 +147,13 @@ impl Views {
         display: &Display,
         color: Color,
         size: usize,
-        depth: Option<[f64; 2]>,
+        reach: ([f64; 2], DepthSource),
     ) -> Result<Self, SceneError> {
         let optics = display.optics(color)?;
         let share = display.picture_share(optics.wavelength);
         let model = ModelTables::of(display, color, optics, optics).map(|model| [model.for_pieces(), model.iris()]);
         let everywhere = OnceLock::new();
-        Ok(Self { kind, optics, share, model, size, depth, held: 0, once: 0, everywhere })
+        Ok(Self { kind, optics, share, model, size, reach, held: 0, once: 0, everywhere })
     }
 
     /// The same for who looks from around many regions: of a measured light field whose views stand too far apart, those in
@@ -199,9 +202,12 @@ impl Views {
         self.share
     }
 
-    /// Farthest and nearest depth, metres, where it is known.
-    pub fn depth(&self) -> Option<[f64; 2]> {
-        self.depth
+    /// Farthest and nearest depth that matter, metres: as asked, as the scene states, or as its views show.
+    ///
+    /// # Errors
+    /// [`SceneError::Request`] where nothing is asked or stated, and the views show too little.
+    pub fn depths(&self, asked: Option<[f64; 2]>) -> Result<[f64; 2], SceneError> {
+        asked_or_found(asked, self.reach, self.optics.focal_length)
     }
 
     /// Bytes that a solve holds beside what a region's own plan counts: the views that others are made of.
@@ -284,6 +290,15 @@ fn small(display: &Display, size: usize) -> Display {
     Display { height: size, width: size, pitch, focal_length, wavelengths, ..display.clone() }
 }
 
+/// Farthest and nearest depth, metres, before a lens of `focal_length`: as asked, or as found.
+fn asked_or_found(
+    asked: Option<[f64; 2]>,
+    (found, source): ([f64; 2], DepthSource),
+    focal_length: f64,
+) -> Result<[f64; 2], SceneError> {
+    asked.map_or_else(|| source.sure(found, focal_length), |[a, b]| Ok([a.min(b), a.max(b)]))
+}
+
 fn first_color(mut field: LightField) -> Vec<Vec<f32>> {
     field.planes.swap_remove(0)
 }
@@ -341,7 +356,7 @@ mod tests {
         assert!(matches!(sparse.kind, Kind::Between(..)) && sparse.held() > 0);
         assert!(matches!(layered.kind, Kind::Layers(..)) && layered.held() > 0);
         assert!(matches!(views(many.path().to_str().unwrap()).kind, Kind::Field(..)), "dense enough as it is");
-        let (far, near) = (exact.depth().unwrap(), sparse.depth().unwrap());
+        let (far, near) = (exact.depths(None).unwrap(), sparse.depths(None).unwrap());
         assert!((0..2).all(|i| (far[i] - near[i]).abs() < 0.02 * far[i].abs()), "{far:?} {near:?}");
         let once = asked(few, Photographs::Between).once();
         let of_layers = asked(few, Photographs::Layers).once();
@@ -359,6 +374,23 @@ mod tests {
             let all = [&sparse, &layered, &once, &of_layers].map(|views| psnr(&want, &shot(views)));
             assert!(all.iter().all(|db| *db > 34.0), "{all:.2?} dB through {pupil:?}");
         }
+    }
+
+    /// Nobody's depths are 0 because nobody said them: the views show them.
+    #[test]
+    fn depths_that_are_not_stated_are_measured() {
+        let (here, display) = (folder(5), display());
+        std::fs::remove_file(here.path().join("lightfield.toml")).unwrap();
+        let request = Request::new(&display, &[Color::Green]);
+        let views = |source: &str| Views::new(source, &request, Color::Green, SIZE).unwrap();
+        let (truth, silent) = (views("builtin:still-life"), views(here.path().to_str().unwrap()));
+        let ([far, near], [a, b]) = (truth.depths(None).unwrap(), silent.depths(None).unwrap());
+        let within = |found: f64, is: f64| (found - is).abs() < 0.1 * (near - far);
+        assert!(within(a, far) && within(b, near), "{a} to {b} m of {far} to {near}");
+        assert_eq!(silent.depths(Some([1e-3, -2e-3])).unwrap(), [-2e-3, 1e-3]);
+        let files = std::fs::read_dir(here.path()).unwrap().map(|e| e.unwrap().path());
+        files.for_each(|file| write_png(&file, SIZE, SIZE, &[&vec![0.5; SIZE * SIZE]]).unwrap());
+        assert_eq!(views(here.path().to_str().unwrap()).depths(None).unwrap(), [0.0, 0.0], "nothing is seen in them");
     }
 
     /// A picture with its depths, from around a region: what it is from all of the eyebox.

@@ -45,14 +45,6 @@ impl SceneSource {
         }
     }
 
-    /// Farthest and nearest depth, metres, where views that are made around a pupil know it.
-    pub fn depth(&self) -> Option<[f64; 2]> {
-        match self {
-            Self::Whole(_) => None,
-            Self::Around(views) => views.first().and_then(Views::depth),
-        }
-    }
-
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         self.colors() == 0

@@ -47,9 +47,9 @@ pub fn is_larger_than_memory(display: &Display, frames: usize) -> bool {
 ///
 /// # Errors
 /// Those of loading the scene.
-pub fn load_around(scene: &str, request: &Request, picture: usize) -> Result<SceneSource, ProduceError> {
+pub fn load_around(scene: &str, request: &Request, picture: usize) -> Result<Vec<Views>, ProduceError> {
     let picture = picture.min(request.display.picture_size().0);
-    Ok(SceneSource::Around(Views::of_colors(scene, request, picture)?))
+    Ok(Views::of_colors(scene, request, picture)?)
 }
 
 /// Solves every colour, from where the file stands.
@@ -175,8 +175,7 @@ fn plan(
         }
         other => other,
     })?;
-    let [a, b] = job.depth.or(views[0].depth()).unwrap_or([0.0, 0.0]);
-    let settings = Settings { diameter, depth: [a.min(b), a.max(b)], ..job.settings.clone() };
+    let settings = Settings { diameter, depth: views[0].depths(job.depth)?, ..job.settings.clone() };
     settings.check()?;
     if !(1..=STEPS).contains(&settings.steps) {
         return Err(ProduceError::Job(format!(

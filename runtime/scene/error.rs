@@ -1,7 +1,7 @@
 //! What can be wrong with a scene.
 
 use crate::memory::TooLarge;
-use crate::optics::{Display, OpticsError, depths_in_words};
+use crate::optics::{OpticsError, depths_in_words};
 use std::{io, path::Path};
 
 /// A scene that cannot be loaded: every variant names the file or folder.
@@ -204,8 +204,8 @@ pub enum SceneError {
 
 impl SceneError {
     /// Depths that were measured, and not to be trusted: so many per cent of the scene's detail are sure.
-    pub(crate) fn doubtful_depth(depth: [f64; 2], percent: u8, display: &Display) -> Self {
-        let depth = depths_in_words(depth, display.focal_length);
+    pub(crate) fn doubtful_depth(depth: [f64; 2], percent: u8, focal_length: f64) -> Self {
+        let depth = depths_in_words(depth, focal_length);
         Self::Request {
             what: "the depth of the scene",
             value: format!(

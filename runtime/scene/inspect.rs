@@ -110,10 +110,7 @@ pub fn inspect(source: &str, request: &Request) -> Result<(Inspection, LightFiel
     };
     let per_pixel = display.focal_length * display.picture_pixel() / field.cell(display);
     let (doubt, order_confirmed, parallax) = says;
-    let doubt = doubt.or_else(|| match source {
-        DepthSource::Doubtful(percent) => Some(SceneError::doubtful_depth(depth, percent, display).to_string()),
-        DepthSource::Stated | DepthSource::Measured => None,
-    });
+    let doubt = doubt.or_else(|| Some(source.sure(depth, display.focal_length).err()?.to_string()));
     let doubt = match doubt {
         None if has_views => odd_views(&field, display, depth)?,
         doubt => doubt,

@@ -176,6 +176,37 @@ fn pictures_of_many_views_are_read_with_their_grid_stated_or_found() {
     }
 }
 
+/// A picture of views whose borders are dark has no seams, one that was scaled no whole views, and a single view with an edge in its
+/// middle is not two.
+#[test]
+fn a_picture_of_many_views_is_known_by_what_repeats() {
+    let (here, truth) = (tempfile::tempdir().unwrap(), render(5, 64));
+    let whole = image::open(mosaic(here.path(), &truth, false)).unwrap().into_rgb8();
+    let read = |name: &str, picture: &image::RgbImage| {
+        let file = here.path().join(name);
+        picture.save(&file).unwrap();
+        green(&format!("{}?mosaic", file.display()), 64)
+    };
+    let mut framed = whole.clone();
+    for (x, y, pixel) in framed.enumerate_pixels_mut() {
+        if [x, y].iter().any(|at| !(4..60).contains(&(at % 64))) {
+            *pixel = Rgb([0, 0, 0]);
+        }
+    }
+    assert_eq!(read("framed.png", &framed).unwrap().grid, [5, 5]);
+    let scaled = image::imageops::thumbnail(&whole, 317, 318);
+    let line = read("scaled.png", &scaled).unwrap_err();
+    let wanted = "it repeats as 5 x 5 views do, but 318 x 317 pixels are no 5 x 5 views of one size: cut off its border, \
+                  or scale it to 320 x 315";
+    assert!(line.contains(wanted), "{line}");
+    let mut single = image::imageops::crop_imm(&whole, 0, 0, 64, 64).to_image();
+    for (x, _, pixel) in single.enumerate_pixels_mut() {
+        pixel.0 = pixel.0.map(|v| if x < 32 { v } else { v / 2 + 128 });
+    }
+    let line = read("single.png", &single).unwrap_err();
+    assert!(line.contains("nothing in the picture shows how many there are"), "{line}");
+}
+
 /// An order that the pictures contradict, an axis that is mirrored, a view of another exposure and one of another size: each is said in
 /// one line with what is likely.
 #[test]

@@ -8,7 +8,7 @@
 use super::resize::Resize;
 use super::subpixel::Subpixel;
 use super::sweep::{Sweep, lowest, reach_within};
-use super::{DepthSource, Fit, LightField, SceneError};
+use super::{Fit, LightField, SceneError};
 use crate::optics::Display;
 use rayon::prelude::*;
 
@@ -80,13 +80,11 @@ impl LightField {
     /// # Errors
     /// [`SceneError::Request`] where nothing is asked or stated, and the views show too little.
     pub fn depths(&self, display: &Display, asked: Option<[f64; 2]>) -> Result<[f64; 2], SceneError> {
-        if let Some([a, b]) = asked {
-            return Ok([a.min(b), a.max(b)]);
-        }
-        match self.reach(display) {
-            (depth, DepthSource::Doubtful(percent)) => Err(SceneError::doubtful_depth(depth, percent, display)),
-            (depth, DepthSource::Stated | DepthSource::Measured) => Ok(depth),
-        }
+        let found = || {
+            let (depth, source) = self.reach(display);
+            source.sure(depth, display.focal_length)
+        };
+        asked.map_or_else(found, |[a, b]| Ok([a.min(b), a.max(b)]))
     }
 }
 

@@ -376,10 +376,11 @@ fn the_page_says_what_is_read_and_what_is_refused() {
         said(&folder("names", &["a1b.png", "c2d.png", "e3f.png"]), &request),
         said(&folder("rows", &["r0/v0.png", "r0/v1.png", "r1/v0.png", "r1/v1.png"]), &request),
         depth_maps(&["a.png".into(), "b.png".into()], std::slice::from_ref(&map)).unwrap_err().to_string(),
-        SceneError::doubtful_depth([0.0, 1.0], 30, &display).to_string(),
+        SceneError::doubtful_depth([0.0, 1.0], 30, display.focal_length).to_string(),
         order::check("folder", &other).unwrap_err().to_string(),
         said(&list, &request),
         said(&PathBuf::from(format!("{}?mosaic", plain.display())), &request),
+        said(&PathBuf::from(format!("{}?grid=3x3", plain.display())), &request),
         odd.to_string(),
     ];
     let table = page.split_once("| the line says | what to do |").unwrap().1;

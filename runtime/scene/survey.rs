@@ -1,6 +1,6 @@
 //! What a scene holds: where its light is, and how deep it reaches.
 
-use super::LightField;
+use super::{LightField, SceneError};
 use crate::optics::{Color, Display};
 use rayon::prelude::*;
 
@@ -38,6 +38,19 @@ pub enum DepthSource {
     Measured,
     /// Measured, and not to be trusted: only so many per cent of its detail are found again for sure in the neighbouring views.
     Doubtful(u8),
+}
+
+impl DepthSource {
+    /// Farthest and nearest depth, metres, that come from here, behind a lens of `focal_length`, metres.
+    ///
+    /// # Errors
+    /// [`SceneError::Request`] where they are doubtful.
+    pub(crate) fn sure(self, depth: [f64; 2], focal_length: f64) -> Result<[f64; 2], SceneError> {
+        match self {
+            Self::Doubtful(percent) => Err(SceneError::doubtful_depth(depth, percent, focal_length)),
+            Self::Stated | Self::Measured => Ok(depth),
+        }
+    }
 }
 
 /// Pixels of `display` that a pupil of this diameter (metres) tells apart: those of its window of the spectrum (OPTICS 5).

@@ -15,7 +15,7 @@ use crate::optics::{
     Color, Display, Padding, Pupil, SourceSections, Window, WindowFactor, depths_in_words, slow_sides, walk_off,
 };
 use crate::plan::{Planner, Purpose, Storage, Viewpoint};
-use crate::scene::{DARK, DepthSource, LightField, SceneError, ViewGrid};
+use crate::scene::{DARK, DepthSource, LightField, ViewGrid};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -215,15 +215,15 @@ impl ScenePlan {
     fn choose_depth(&mut self, field: &LightField, display: &Display, request: &PlanRequest) -> Result<(), SolveError> {
         let (depth, why) = match request.depth {
             Some([a, b]) => ([a.min(b), a.max(b)], "as asked".to_owned()),
-            None => match field.reach(display) {
-                (depth, DepthSource::Stated) => (depth, "the scene says how deep it reaches".into()),
-                (depth, DepthSource::Measured) => {
-                    (depth, "measured in the central view: the scene does not say".into())
-                }
-                (depth, DepthSource::Doubtful(percent)) => {
-                    return Err(SceneError::doubtful_depth(depth, percent, display).into());
-                }
-            },
+            None => {
+                let (depth, source) = field.reach(display);
+                let depth = source.sure(depth, display.focal_length)?;
+                let why = match source {
+                    DepthSource::Stated => "the scene says how deep it reaches",
+                    _ => "measured in the central view: the scene does not say",
+                };
+                (depth, why.to_owned())
+            }
         };
         self.settings.depth = depth;
         let flat = depth[0] == depth[1];

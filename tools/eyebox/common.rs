@@ -4,10 +4,10 @@ use crate::Failure;
 use crate::groups::{DeviceArgs, DisplayArgs, EngineArgs, SceneArgs};
 use crate::values::GivenPupil;
 use eyebox::engine::{self, Backend, Engine, EngineError};
-use eyebox::evaluate::Plane;
+use eyebox::evaluate::{Plane, Views};
 use eyebox::files;
 use eyebox::gpu::{Gpu, Options};
-use eyebox::hologram::{Hologram, SceneSource};
+use eyebox::hologram::Hologram;
 use eyebox::optics::{Color, Display, OpticsError, Pupil, check_usual_diameters};
 use eyebox::preview::Opener;
 use eyebox::produce::{TilesRequest, load_around};
@@ -108,8 +108,8 @@ pub fn inspect(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<
     Ok(scene::inspect(&args.scene, &request(args, &maps, display, colors))?)
 }
 
-/// The scene for a far field larger than memory, as what an eye sees is compared with it.
-pub fn scene_around(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<SceneSource, Failure> {
+/// The scene for a far field larger than memory, colour by colour, as what an eye sees is compared with it.
+pub fn scene_around(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<Vec<Views>, Failure> {
     let maps = maps_of(args)?;
     Ok(load_around(&args.scene, &request(args, &maps, display, colors), TilesRequest::default().picture)?)
 }

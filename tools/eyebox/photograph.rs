@@ -18,7 +18,7 @@ pub fn run(args: &Photograph) -> Result<(), Failure> {
     let pupil = common::pupil(&args.pupil, display.focal_length, check, args.display.force)?;
     let mut engine = common::engine(&args.engine)?;
     let scene = match is_larger_than_memory(&display, 1) {
-        true => common::scene_around(&args.scene, &display, &colors)?,
+        true => SceneSource::Around(common::scene_around(&args.scene, &display, &colors)?),
         false => SceneSource::new(common::scene(&args.scene, &display, &colors)?, &display)?,
     };
     let mut planes = Vec::new();

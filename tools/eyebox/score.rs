@@ -32,10 +32,11 @@ pub fn run(args: &Score) -> Result<(), Failure> {
             (SceneSource::new(field, &display)?, depth)
         }
         PhaseSource::Tiled(_) => {
-            let scene = common::scene_around(&asked, &display, &colors)?;
+            let views = common::scene_around(&asked, &display, &colors)?;
             diameter = diameter.or(about.metadata.solve.as_ref().map(|s| s.diameter));
-            let depth = asked.options.depth_before(&display).or(scene.depth()).unwrap_or([0.0, 0.0]);
-            (scene, depth)
+            let asked = asked.options.depth_before(&display);
+            let depth = views.first().map_or(Ok([0.0; 2]), |views| views.depths(asked))?;
+            (SceneSource::Around(views), depth)
         }
     };
     let diameter = common::diameters(diameter, &display, args.phases.force)?;

@@ -11,7 +11,7 @@ use crate::values::{GivenPupil, diameters, not_negative, pupil};
 use clap::Args;
 use eyebox::evaluate::Sums;
 use eyebox::gpu::Options;
-use eyebox::hologram::{Hologram, Metadata, Patch, Refined, SceneSource, Tiles};
+use eyebox::hologram::{Hologram, Metadata, Patch, Refined, Tiles};
 use eyebox::optics::{Display, Pupil, PupilDistribution, depth_in_words, dioptres};
 use eyebox::scene::LightField;
 use eyebox::solve::{Diameters, Flow, JointRefiner, Problem, PupilRange, Refiner, Sampler, Sequence, pupils_of};
@@ -220,7 +220,6 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
     let aim = args.aim(display.focal_length);
     progress::catch_interrupt();
     let (mut all, mut patches, mut described, mut place) = (Vec::new(), Vec::new(), String::new(), Value::Null);
-    let SceneSource::Around(scene) = scene else { unreachable!("made around pupils") };
     for (color, views) in scene.iter().enumerate() {
         let Piece { at, size, problem } = Piece::around(&tiles, color, views, &aim)?;
         place = json!({ "piece": { "first": at, "size": size }, "unfinished": tiles.unfinished() });

@@ -8,7 +8,7 @@ use crate::solve::Watch;
 use crate::{Failure, progress, score};
 use clap::Args;
 use eyebox::encode::Encoder;
-use eyebox::hologram::{Hologram, Opening, Phases, SceneSource, Sequence, Tiles, Unfinished};
+use eyebox::hologram::{Hologram, Opening, Phases, Sequence, Tiles, Unfinished};
 use eyebox::optics::{Color, Display, PupilDistribution};
 use eyebox::produce::solve_colors;
 use eyebox::quality::Subject;
@@ -192,9 +192,7 @@ fn far_field(path: &Path, args: &SubjectOptions, engines: &Engines) -> Result<St
     }
     args.other.check(path, &hologram, name)?;
     let scene = score::as_solved(&SceneArgs::new(name, &args.options), &hologram);
-    let SceneSource::Around(views) = common::scene_around(&scene, &optics, &hologram.named_colors())? else {
-        unreachable!("made around pupils")
-    };
+    let views = common::scene_around(&scene, &optics, &hologram.named_colors())?;
     // Until it is known where the eye is: the middle.
     let middle = whole_eyebox(optics.eyebox_min(), [0.0; 2]);
     let usual = middle.diameter.map(|d| d.min(USUAL_PUPIL));

@@ -136,7 +136,7 @@ fn scene(args: &Preview, hologram: &Hologram, moves: bool, tiled: bool) -> Resul
     let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
     let asked = score::as_solved(&SceneArgs::new(scene, &args.options), hologram);
     if tiled {
-        return common::scene_around(&asked, &display, &colors);
+        return Ok(SceneSource::Around(common::scene_around(&asked, &display, &colors)?));
     }
     Ok(SceneSource::new(common::scene(&asked, &display, &colors)?, &display)?)
 }
