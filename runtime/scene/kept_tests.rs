@@ -199,6 +199,9 @@ fn a_picture_of_many_views_is_known_by_what_repeats() {
     let wanted = "it repeats as 5 x 5 views do, but 318 x 317 pixels are no 5 x 5 views of one size: cut off its border, \
                   or scale it to 320 x 315";
     assert!(line.contains(wanted), "{line}");
+    let nine = image::open(mosaic(here.path(), &render(9, 32), false)).unwrap().into_rgb8();
+    let line = read("nine.png", &image::imageops::thumbnail(&nine, 288, 291)).unwrap_err();
+    assert!(line.contains("it repeats as 9 x 9 views do, but 291 x 288 pixels"), "{line}");
     let mut single = image::imageops::crop_imm(&whole, 0, 0, 64, 64).to_image();
     for (x, _, pixel) in single.enumerate_pixels_mut() {
         pixel.0 = pixel.0.map(|v| if x < 32 { v } else { v / 2 + 128 });

@@ -40,8 +40,15 @@ pub(super) fn shown(plane: &[f32], [height, width]: [usize; 2], tiling: Tiling) 
     }
     let lines = [0, 1].map(|axis| Lines::of(&root, [height, width], axis));
     let seams = [0, 1].map(|i| beside(axes[i].0, axes[i].1).filter(|count| lines[i].unlike(*count) < ALIKE));
-    let most = |n: usize| MOST_VIEWS.min(n / LEAST_PIXELS);
-    let counts = [0, 1].map(|i| seams[i].or_else(|| lines[i].times(most(axes[i].1))));
+    let counts = [0, 1].map(|i| {
+        let n = axes[i].1;
+        let times = lines[i].times(MOST_VIEWS.min(n / LEAST_PIXELS));
+        // Of nine views that are no whole pixels, three times three may be.
+        match (seams[i], times) {
+            (Some(seams), Some(times)) if !n.is_multiple_of(times) && times.is_multiple_of(seams) => Some(times),
+            (seams, times) => seams.or(times),
+        }
+    });
     // One row or one column of views is as good; none is not.
     let grid = counts.map(|count| count.unwrap_or(1));
     match counts {
