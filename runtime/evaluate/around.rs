@@ -30,6 +30,8 @@ pub struct Views {
     size: usize,
     /// Farthest and nearest depth, metres, and where they come from.
     reach: ([f64; 2], DepthSource),
+    /// Pixels by which near and far content of a light field part from one of its own views to the next.
+    apart: f64,
     held: u64,
     /// Views along each axis of the whole eyebox, where they are made [once](Views::once); 0 where around each region.
     once: usize,
@@ -44,8 +46,8 @@ enum Kind {
     Field(Arc<Pyramid>, ViewGrid),
     /// A light field whose views stand too far apart: views between them are made around each region. Which colour.
     Between(Arc<Interpolator>, usize),
-    /// The same where layers show them well. Which colour.
-    Layers(Arc<Layers>, usize),
+    /// The same where layers show them well. Which colour, and how well, dB.
+    Layers(Arc<Layers>, usize, f64),
     /// A picture with its depths, reprojected around each region.
     Picture(Arc<Reprojection>, Color),
 }
@@ -98,23 +100,27 @@ impl Views {
         let Some((&first, others)) = request.colors.split_first() else { return Ok(Vec::new()) };
         let field = load(&small, first)?;
         let (reach, cell) = (field.reach(&small), field.cell(&small));
+        let apart = field.aliasing(&small, reach.0);
         let depths = asked_or_found(request.depth, reach, small.focal_length);
         let forced = asked == Photographs::Layers;
         let layers = match depths {
             Err(error) if forced => return Err(error),
-            Ok(depths) if forced || asked == Photographs::Auto && field.aliasing(&small, reach.0) > APART => {
-                Some(Layers::new(&field, &small, depths)?)
+            Ok(depths) if forced || asked == Photographs::Auto && apart > APART => {
+                let layers = Layers::new(&field, &small, depths)?;
+                let shown = layers.residual_between();
+                Some((layers, shown))
             }
             _ => None,
         };
-        if let Some(mut layers) = layers.filter(|layers| forced || layers.residual_between() >= scene::ENOUGH) {
+        if let Some((mut layers, shown)) = layers.filter(|(_, shown)| forced || *shown >= scene::ENOUGH) {
             for &color in others {
                 layers = layers.with(&load(&small, color)?, &small);
             }
             let layers = Arc::new(layers);
             let one = |(i, &color): (usize, &Color)| {
                 let held = if i == 0 { layers.bytes() } else { 0 };
-                Ok(Self { held, ..Self::of(Kind::Layers(Arc::clone(&layers), i), display, color, work, reach)? })
+                let kind = Kind::Layers(Arc::clone(&layers), i, shown);
+                Ok(Self { held, apart, ..Self::of(kind, display, color, work, reach)? })
             };
             return request.colors.iter().enumerate().map(one).collect();
         }
@@ -126,7 +132,8 @@ impl Views {
             let between = Arc::new(between);
             let one = |(i, &color): (usize, &Color)| {
                 let held = if i == 0 { between.bytes() } else { 0 };
-                Ok(Self { held, ..Self::of(Kind::Between(Arc::clone(&between), i), display, color, work, reach)? })
+                let kind = Kind::Between(Arc::clone(&between), i);
+                Ok(Self { held, apart, ..Self::of(kind, display, color, work, reach)? })
             };
             return request.colors.iter().enumerate().map(one).collect();
         }
@@ -137,7 +144,7 @@ impl Views {
             let grid = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell };
             let share = display.picture_share(display.optics(color)?.wavelength);
             let pyramid = Arc::new(pyramid(&first_color(field), size, share));
-            Self::of(Kind::Field(pyramid, grid), display, color, size, reach)
+            Ok(Self { apart, ..Self::of(Kind::Field(pyramid, grid), display, color, size, reach)? })
         };
         request.colors.iter().map(one).collect()
     }
@@ -153,7 +160,7 @@ impl Views {
         let share = display.picture_share(optics.wavelength);
         let model = ModelTables::of(display, color, optics, optics).map(|model| [model.for_pieces(), model.iris()]);
         let everywhere = OnceLock::new();
-        Ok(Self { kind, optics, share, model, size, reach, held: 0, once: 0, everywhere })
+        Ok(Self { kind, optics, share, model, size, reach, apart: 0.0, held: 0, once: 0, everywhere })
     }
 
     /// The same for who looks from around many regions: of a measured light field whose views stand too far apart, those in
@@ -181,7 +188,7 @@ impl Views {
             Kind::Field(..) => 0.0,
             Kind::Stage(stage) => stage.parallax(extent),
             Kind::Between(between, _) => between.parallax(extent),
-            Kind::Layers(layers, _) => layers.parallax(extent),
+            Kind::Layers(layers, ..) => layers.parallax(extent),
             Kind::Picture(picture, _) => picture.parallax(extent),
         };
         (parallax / APART).ceil() as usize | 1
@@ -208,6 +215,26 @@ impl Views {
     /// [`SceneError::Request`] where nothing is asked or stated, and the views show too little.
     pub fn depths(&self, asked: Option<[f64; 2]>) -> Result<[f64; 2], SceneError> {
         asked_or_found(asked, self.reach, self.optics.focal_length)
+    }
+
+    /// How its views come to be, for people.
+    pub fn in_words(&self) -> String {
+        let apart = format!("its own, of which near and far part by {:.1} pixels from one to the next", self.apart);
+        let made = match self.once {
+            0 => "around each region".to_owned(),
+            n => format!("once, {n} x {n} over all of the SLM"),
+        };
+        match &self.kind {
+            Kind::Stage(_) => "rendered around each region".into(),
+            Kind::Picture(..) => "the picture, reprojected around each region".into(),
+            Kind::Field(_, grid) => format!("{} x {}, {apart}", grid.rows, grid.columns),
+            Kind::Between(..) => format!("interpolated between {apart}; made {made}"),
+            Kind::Layers(layers, _, shown) => {
+                let count = layers.count();
+                let shown = format!("which show a view in between to {shown:.1} dB");
+                format!("of {count} Fourier disparity layers, {shown}; made {made} from {apart}")
+            }
+        }
     }
 
     /// Bytes that a solve holds beside what a region's own plan counts: the views that others are made of.
@@ -242,7 +269,7 @@ impl Views {
             Kind::Field(..) => Vec::new(),
             Kind::Stage(stage) => stage.views(&places),
             Kind::Between(between, color) => between.views(*color, &places),
-            Kind::Layers(layers, color) => layers.views(*color, &places),
+            Kind::Layers(layers, color, _) => layers.views(*color, &places),
             Kind::Picture(picture, color) => picture.views(*color, &places),
         };
         (Arc::new(pyramid(&views, self.size, self.share)), grid)
@@ -361,6 +388,10 @@ mod tests {
         let once = asked(few, Photographs::Between).once();
         let of_layers = asked(few, Photographs::Layers).once();
         assert!(once.held() > sparse.held() && of_layers.held() > layered.held());
+        let words = [&exact, &sparse, &once, &of_layers, &views(many.path().to_str().unwrap())].map(Views::in_words);
+        let said =
+            ["rendered", "made around each region", "made once, ", "Fourier disparity layers", "11 x 11, its own"];
+        assert!(words.iter().zip(said).all(|(words, said)| words.contains(said)), "{words:#?}");
         let seen = [[0.0, 0.0], [1e-4, -2e-4]].map(|center| once.around(center, display.eyebox_min() / 4.0).0);
         assert!(Arc::ptr_eq(&seen[0], &seen[1]), "made once");
         let (optics, mut engine) = (display.optics(Color::Green).unwrap(), CpuEngine::new());

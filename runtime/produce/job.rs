@@ -85,6 +85,8 @@ impl Default for TilesRequest {
 pub struct TilesPlan {
     /// The regions, and what a visit takes.
     pub region: RegionSize,
+    /// How the scene's views come to be, for people.
+    pub views: String,
     /// Visits to regions, per colour.
     pub visits: usize,
     /// Visits of all colours that are done.

@@ -23,4 +23,4 @@ pub use job::{SceneEvent, SceneJob, SequenceRequest, TilesPlan, TilesRequest};
 pub use joint::{JointColors, solve_joint_colors};
 pub use sequence::{SequencePieces, SolvedSequence};
 pub use tile_pieces::TilePieces;
-pub use tiles::{SolvedTiles, is_larger_than_memory, load_around};
+pub use tiles::{SolvedTiles, is_larger_than_memory, load_around, plan_tiles};

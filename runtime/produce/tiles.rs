@@ -52,6 +52,16 @@ pub fn load_around(scene: &str, request: &Request, picture: usize) -> Result<Vec
     Ok(Views::of_colors(scene, request, picture)?)
 }
 
+/// What a solve in tiles will do and hold. Its scene is looked at for that, and nothing is written.
+///
+/// # Errors
+/// As [`solve_scene`](super::solve_scene) before its first visit.
+pub fn plan_tiles(job: &SceneJob, request: &TilesRequest) -> Result<TilesPlan, ProduceError> {
+    job.check_usual()?;
+    job.check_one_by_one()?;
+    Ok(Prepared::new(job, request)?.plan)
+}
+
 /// Solves every colour, from where the file stands.
 pub(super) fn solve(
     job: &SceneJob,
@@ -186,7 +196,8 @@ fn plan(
     let passes = request.passes.max(1);
     let schedule = Schedule::new([display.height, display.width], region, side, passes, settings.seed);
     let memory = [request.memory.0, held];
-    Ok((TilesPlan { region, visits: schedule.visits.len(), done: 0, settings, memory }, schedule))
+    let views = views[0].in_words();
+    Ok((TilesPlan { region, views, visits: schedule.visits.len(), done: 0, settings, memory }, schedule))
 }
 
 /// Everything that decides a byte of the file.

@@ -67,7 +67,7 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
 }
 
 /// Whether the holograms of a display are solved region by region: asked for, or larger than memory.
-fn tiles_of(args: &Solve, display: &Display) -> Result<Option<TilesRequest>, Failure> {
+pub fn tiles_of(args: &Solve, display: &Display) -> Result<Option<TilesRequest>, Failure> {
     let frames = args.frames.unwrap_or(Settings::default().frames);
     let relay = display.geometry == eyebox::optics::Geometry::Relay;
     // In a relay every pupil sees all of the SLM: it fits, or is refused.
@@ -218,7 +218,7 @@ fn say_tiles(args: &Solve, solved: &SolvedTiles, job: &SceneJob, engine: &dyn En
         let out = json!({
             "out": args.out.display().to_string(), "engine": engine.describe(), "solve_seconds": solved.seconds, "seconds": seconds,
             "psnr_mean_db": summary.mean, "psnr_worst_db": summary.worst,
-            "pupils": scores.pupils.iter().map(row).collect::<Vec<_>>(), "visits": plan.visits * colors,
+            "pupils": scores.pupils.iter().map(row).collect::<Vec<_>>(), "visits": plan.visits * colors, "views": plan.views,
             "pupils_solved": solved.pupils, "region": [plan.region.rows, plan.region.columns],
             "planned_memory_mib": (plan.region.bytes + held) >> 20, "peak_memory_mib": peak, "read_mib": read >> 20,
             "written_mib": written >> 20, "settings": plan.settings, "timings": timings(engine), "reach": display.reach(),

@@ -153,6 +153,7 @@ fn begin_tiles(job: &SceneJob, plan: &TilesPlan) {
         (plan.region.bytes + held) >> 20,
         memory >> 20
     );
+    eprintln!("views: {}", plan.views);
     if plan.done > 0 {
         eprintln!("resumed after {} visits", plan.done);
     }

@@ -98,6 +98,30 @@ fn killed_at_any_moment_it_ends_with_the_same_file() {
     assert_eq!(contents(&at.join("whole.zarr")), contents(&at.join("cut.zarr")));
 }
 
+/// A plan says what the solve then does, and writes nothing.
+#[test]
+fn what_is_solved_region_by_region_is_planned_so() {
+    let temp = folder();
+    let at = temp.path();
+    std::fs::write(at.join("far.toml"), DISPLAY).unwrap();
+    let solve = solve("h.zarr", "1");
+    let plan = [&["plan"], &solve[1..]].concat();
+    let planned: Value = serde_json::from_str(&done(at, &plan)).unwrap();
+    assert_eq!(std::fs::read_dir(at).unwrap().count(), 1);
+    let solved: Value = serde_json::from_str(&done(at, &solve)).unwrap();
+    for what in ["visits", "region", "views", "settings", "depth_mm"] {
+        assert!(!planned[what].is_null() && planned[what] == solved[what], "{what}: {planned} {solved}");
+    }
+    let held = &planned["memory_bytes"];
+    let mib = (held["region"].as_u64().unwrap() + held["views"].as_u64().unwrap()) >> 20;
+    assert_eq!(Some(mib), solved["planned_memory_mib"].as_u64());
+    let words = done(at, &plan.iter().copied().filter(|word| *word != "--json").collect::<Vec<_>>());
+    for what in ["depth", "views", "pupils", "regions", "steps", "memory", "disk", "time"] {
+        assert!(words.lines().any(|line| line.trim_start().starts_with(what)), "{what}: {words}");
+    }
+    refused(at, &[&plan[..], &["--check"]].concat(), "other.zarr", "--check is for what is solved all at once");
+}
+
 /// The view comes out at what the pupil resolves, right, and without reading the rest of the file.
 #[test]
 fn a_view_reads_the_tiles_under_its_pupil() {

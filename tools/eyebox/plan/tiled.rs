@@ -1,0 +1,56 @@
+//! What a far field will take that is solved region by region.
+
+use super::args::Plan;
+use crate::settings::{job_of, of_tiles};
+use crate::{Failure, common, model_terms};
+use eyebox::optics::{Color, Display, depths_in_words, dioptres};
+use eyebox::produce::{TilesRequest, plan_tiles};
+use serde_json::json;
+
+pub fn run(args: &Plan, display: Display, colors: Vec<Color>, request: &TilesRequest) -> Result<(), Failure> {
+    let solve = &args.solve;
+    if args.check {
+        let reason =
+            "--check is for what is solved all at once: a solve region by region says itself how long it will take";
+        return Err(Failure::Asked(reason.into()));
+    }
+    let mut engine = common::engine(&solve.engine)?;
+    let display = model_terms::chosen(solve, display, &colors, engine.as_mut())?;
+    let settings = of_tiles(solve, &display)?;
+    let job = job_of(solve, &display, vec![solve.scene.scene.clone()], colors, settings, Some(*request));
+    let plan = plan_tiles(&job, request)?;
+    let (settings, [limit, held]) = (&plan.settings, plan.memory);
+    let (height, width, frames) = (display.height, display.width, settings.frames);
+    let disk = 4 * (job.colors.len() * frames * height * width) as u64;
+    if solve.json {
+        let out = json!({
+            "scene": job.scenes[0], "display": display.name, "size": [height, width], "colors": job.colors,
+            "region": [plan.region.rows, plan.region.columns], "visits": plan.visits * job.colors.len(),
+            "passes": request.passes, "views": plan.views, "settings": settings,
+            "depth_mm": settings.depth.map(|z| z * 1e3),
+            "depth_dioptres": settings.depth.map(|z| dioptres(z, display.focal_length)),
+            "memory_bytes": { "region": plan.region.bytes, "views": held, "limit": limit }, "disk_bytes": disk,
+            "reach": display.reach(), "engine": engine.describe(),
+        });
+        println!("{out}");
+        return Ok(());
+    }
+    let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+    let [small, large] = settings.diameter.map(|d| d * 1e3);
+    println!("{} on {}, {height}x{width}", job.scenes[0], display.name);
+    println!("shows {}", display.reach());
+    println!("{}\n", engine.describe());
+    let say = |what: &str, value: String| println!("  {what:13}  {value}");
+    say("colours", job.colors.iter().map(Color::to_string).collect::<Vec<_>>().join(", "));
+    say("depth", depths_in_words(settings.depth, display.focal_length));
+    say("views", plan.views.clone());
+    say("pupils", format!("{small:.2} to {large:.2} mm"));
+    let [rows, columns] = [plan.region.rows, plan.region.columns];
+    say("regions", format!("{rows}x{columns}, {} visits a colour in {} passes", plan.visits, request.passes));
+    say("steps", format!("{} a visit, {frames} sub-frames", settings.steps));
+    let parts = format!("region {}, views {}", mib(plan.region.bytes), mib(held));
+    say("memory", format!("{} of {} MiB ({parts})", mib(plan.region.bytes + held), mib(limit)));
+    say("disk", format!("{} MiB", mib(disk)));
+    say("time", "a solve says it after its first visits".into());
+    Ok(())
+}
