@@ -146,7 +146,8 @@ mod tests {
         folder.remove("a/b/c").unwrap();
         folder.remove_folder("a/b").unwrap();
         assert!(folder.entries("a").unwrap().is_empty());
-        assert_eq!(Folder::open(&here.path().join("draft")).unwrap_err().kind(), io::ErrorKind::NotADirectory);
+        fs::write(here.path().join("file"), "").unwrap();
+        assert_eq!(Folder::open(&here.path().join("file")).unwrap_err().kind(), io::ErrorKind::NotADirectory);
         let lock = folder.lock("l").unwrap().unwrap();
         assert!(folder.is_locked("l") && folder.lock("l").unwrap().is_none());
         drop(lock);
