@@ -101,7 +101,7 @@ impl Views {
         let field = load(&small, first)?;
         let (reach, cell) = (field.reach(&small), field.cell(&small));
         let apart = field.aliasing(&small, reach.0);
-        let depths = asked_or_found(request.depth, reach, small.focal_length);
+        let depths = scene::asked_or_found(request.depth, || reach, small.focal_length);
         let forced = asked == Photographs::Layers;
         let layers = match depths {
             Err(error) if forced => return Err(error),
@@ -214,7 +214,7 @@ impl Views {
     /// # Errors
     /// [`SceneError::Request`] where nothing is asked or stated, and the views show too little.
     pub fn depths(&self, asked: Option<[f64; 2]>) -> Result<[f64; 2], SceneError> {
-        asked_or_found(asked, self.reach, self.optics.focal_length)
+        scene::asked_or_found(asked, || self.reach, self.optics.focal_length)
     }
 
     /// How its views come to be, for people.
@@ -315,15 +315,6 @@ fn small(display: &Display, size: usize) -> Display {
         .map(|w| crate::optics::Wavelength { wavelength: w.wavelength * shortest, ..*w })
         .collect();
     Display { height: size, width: size, pitch, focal_length, wavelengths, ..display.clone() }
-}
-
-/// Farthest and nearest depth, metres, before a lens of `focal_length`: as asked, or as found.
-fn asked_or_found(
-    asked: Option<[f64; 2]>,
-    (found, source): ([f64; 2], DepthSource),
-    focal_length: f64,
-) -> Result<[f64; 2], SceneError> {
-    asked.map_or_else(|| source.sure(found, focal_length), |[a, b]| Ok([a.min(b), a.max(b)]))
 }
 
 fn first_color(mut field: LightField) -> Vec<Vec<f32>> {

@@ -98,6 +98,11 @@ pub struct TilesPlan {
 }
 
 impl TilesPlan {
+    /// Bytes that a visit and the views take.
+    pub fn bytes(&self) -> u64 {
+        self.region.bytes + self.memory[1]
+    }
+
     /// Visits of this colour that were done before.
     pub fn done_of(&self, colors: &[Color], color: Color) -> u64 {
         let index = colors.iter().position(|c| *c == color).unwrap_or(0);

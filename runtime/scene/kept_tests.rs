@@ -170,6 +170,10 @@ fn pictures_of_many_views_are_read_with_their_grid_stated_or_found() {
     // One that shows nothing.
     let file = here.path().join("plain.png");
     ImageBuffer::from_pixel(64, 64, Rgb([90u8, 90, 90])).save(&file).unwrap();
+    let line = green(&format!("{}?grid=9x7", file.display()), 64).unwrap_err();
+    assert!(line.contains("scale it to 63 x 63"), "{line}");
+    let line = green(&format!("{}?grid=64x60&lenslets", mosaic(here.path(), &render(1, 20), true).display()), 64);
+    assert!(line.as_ref().unwrap_err().contains("scale it to 64 x 60"), "{line:?}");
     for query in ["mosaic", "lenslets"] {
         let line = green(&format!("{}?{query}", file.display()), 64).unwrap_err();
         assert!(line.contains("state it, as in") && line.contains("grid=9x9"), "{line}");

@@ -145,6 +145,7 @@ pub use parallax::Parallax;
 pub use photograph::ViewGrid;
 pub use photographs::{MadeViews, Photographs};
 pub use pyramid::{Level, Pyramid, ViewsOnDevice};
+pub(crate) use range::asked_or_found;
 pub(crate) use registered::Bend;
 pub use request::Request;
 pub use resize::Fit;

@@ -76,7 +76,7 @@ fn parts(file: &Path, whole: [usize; 2], grid: [usize; 2]) -> Result<[usize; 2],
 
 fn not_whole(whole: [usize; 2], grid: [usize; 2]) -> String {
     let [[height, width], [rows, columns]] = [whole, grid];
-    let [tall, wide] = [0, 1].map(|i| (whole[i] + grid[i] / 2) / grid[i] * grid[i]).map(|side| side.max(1));
+    let [tall, wide] = [0, 1].map(|i| ((whole[i] + grid[i] / 2) / grid[i]).max(1) * grid[i]);
     format!(
         "{height} x {width} pixels are no {rows} x {columns} views of one size: cut off its border, or scale it to \
          {tall} x {wide}"

@@ -8,7 +8,7 @@
 use super::resize::Resize;
 use super::subpixel::Subpixel;
 use super::sweep::{Sweep, lowest, reach_within};
-use super::{Fit, LightField, SceneError};
+use super::{DepthSource, Fit, LightField, SceneError};
 use crate::optics::Display;
 use rayon::prelude::*;
 
@@ -80,12 +80,24 @@ impl LightField {
     /// # Errors
     /// [`SceneError::Request`] where nothing is asked or stated, and the views show too little.
     pub fn depths(&self, display: &Display, asked: Option<[f64; 2]>) -> Result<[f64; 2], SceneError> {
-        let found = || {
-            let (depth, source) = self.reach(display);
-            source.sure(depth, display.focal_length)
-        };
-        asked.map_or_else(found, |[a, b]| Ok([a.min(b), a.max(b)]))
+        asked_or_found(asked, || self.reach(display), display.focal_length)
     }
+}
+
+/// Farthest and nearest depth, metres, before a lens of `focal_length`: as asked, or as found.
+///
+/// # Errors
+/// [`SceneError::Request`] where nothing is asked, and what is found is doubtful.
+pub(crate) fn asked_or_found(
+    asked: Option<[f64; 2]>,
+    find: impl FnOnce() -> ([f64; 2], DepthSource),
+    focal_length: f64,
+) -> Result<[f64; 2], SceneError> {
+    if let Some([a, b]) = asked {
+        return Ok([a.min(b), a.max(b)]);
+    }
+    let (found, source) = find();
+    source.sure(found, focal_length)
 }
 
 /// A view's light in all colours together, in units of the brightest.

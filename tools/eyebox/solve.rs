@@ -26,13 +26,11 @@ pub use watch::Watch;
 /// Solves, saves, and says what came of it.
 pub fn run(args: &Solve) -> Result<(), Failure> {
     let start = Instant::now();
-    let first = &args.scene.scene;
-    let frames = if args.more.is_empty() { scene::sequence(first, &args.scene.options.depth_map)? } else { None };
-    let scenes = frames.unwrap_or_else(|| [std::slice::from_ref(first), &args.more].concat());
+    let scenes = scenes_of(args)?;
     let mut display = common::display(&args.display)?;
     args.eye.replace(&mut display.prescription)?;
     display.viewing = args.viewing.over(display.viewing)?;
-    let tiles = if scenes.len() > 1 { None } else { tiles_of(args, &display)? };
+    let tiles = tiles_of(args, &scenes, &display)?;
     let single = scenes.len() == 1 && tiles.is_none();
     common::form(&args.out, if single { &[Form::Zarr, Form::Npy] } else { &[Form::Zarr] })?;
     let colors = common::colors(&args.display, &display)?;
@@ -66,8 +64,18 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Whether the holograms of a display are solved region by region: asked for, or larger than memory.
-pub fn tiles_of(args: &Solve, display: &Display) -> Result<Option<TilesRequest>, Failure> {
+/// The scenes: those that are named, or the frames of a folder.
+pub fn scenes_of(args: &Solve) -> Result<Vec<String>, Failure> {
+    let first = &args.scene.scene;
+    let frames = if args.more.is_empty() { scene::sequence(first, &args.scene.options.depth_map)? } else { None };
+    Ok(frames.unwrap_or_else(|| [std::slice::from_ref(first), &args.more].concat()))
+}
+
+/// Whether the hologram of a scene is solved region by region: asked for, or larger than memory. Sequences never are.
+pub fn tiles_of(args: &Solve, scenes: &[String], display: &Display) -> Result<Option<TilesRequest>, Failure> {
+    if scenes.len() > 1 {
+        return Ok(None);
+    }
     let frames = args.frames.unwrap_or(Settings::default().frames);
     let relay = display.geometry == eyebox::optics::Geometry::Relay;
     // In a relay every pupil sees all of the SLM: it fits, or is refused.
@@ -210,7 +218,7 @@ fn say_tiles(args: &Solve, solved: &SolvedTiles, job: &SceneJob, engine: &dyn En
         eprintln!("interrupted; the same command goes on from here");
         return;
     };
-    let ([read, written], [_, held], seconds) = (solved.moved, plan.memory, start.elapsed().as_secs_f64());
+    let ([read, written], seconds) = (solved.moved, start.elapsed().as_secs_f64());
     if args.json {
         let focus = |s: &PupilScore| dioptres(s.pupil.depth, display.focal_length);
         let row =
@@ -220,7 +228,7 @@ fn say_tiles(args: &Solve, solved: &SolvedTiles, job: &SceneJob, engine: &dyn En
             "psnr_mean_db": summary.mean, "psnr_worst_db": summary.worst,
             "pupils": scores.pupils.iter().map(row).collect::<Vec<_>>(), "visits": plan.visits * colors, "views": plan.views,
             "pupils_solved": solved.pupils, "region": [plan.region.rows, plan.region.columns],
-            "planned_memory_mib": (plan.region.bytes + held) >> 20, "peak_memory_mib": peak, "read_mib": read >> 20,
+            "planned_memory_mib": plan.bytes() >> 20, "peak_memory_mib": peak, "read_mib": read >> 20,
             "written_mib": written >> 20, "settings": plan.settings, "timings": timings(engine), "reach": display.reach(),
             "depth_mm": plan.settings.depth.map(|z| z * 1e3),
             "depth_dioptres": plan.settings.depth.map(|z| dioptres(z, display.focal_length)),

@@ -7,7 +7,7 @@ mod tiled;
 pub use args::Plan;
 
 use crate::settings::{plan_of, settings_of};
-use crate::solve::tiles_of;
+use crate::solve::{scenes_of, tiles_of};
 use crate::{Failure, common, model_terms};
 use eyebox::encode;
 use eyebox::engine::Engine;
@@ -27,7 +27,7 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
     solve.eye.replace(&mut display.prescription)?;
     display.viewing = solve.viewing.over(display.viewing)?;
     let colors = common::colors(&solve.display, &display)?;
-    if let Some(request) = tiles_of(solve, &display)? {
+    if let Some(request) = tiles_of(solve, &scenes_of(solve)?, &display)? {
         return tiled::run(args, display, colors, &request);
     }
     let mut engine = common::engine(&solve.engine)?;

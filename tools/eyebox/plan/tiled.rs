@@ -49,7 +49,7 @@ pub fn run(args: &Plan, display: Display, colors: Vec<Color>, request: &TilesReq
     say("regions", format!("{rows}x{columns}, {} visits a colour in {} passes", plan.visits, request.passes));
     say("steps", format!("{} a visit, {frames} sub-frames", settings.steps));
     let parts = format!("region {}, views {}", mib(plan.region.bytes), mib(held));
-    say("memory", format!("{} of {} MiB ({parts})", mib(plan.region.bytes + held), mib(limit)));
+    say("memory", format!("{} of {} MiB ({parts})", mib(plan.bytes()), mib(limit)));
     say("disk", format!("{} MiB", mib(disk)));
     say("time", "a solve says it after its first visits".into());
     Ok(())

@@ -143,14 +143,14 @@ fn begin_tiles(job: &SceneJob, plan: &TilesPlan) {
         "{} on {}: {}x{}, {} sub-frames, pupils of {small:.2} to {large:.2} mm, depth {depth}",
         job.scenes[0], display.name, display.height, display.width, settings.frames
     );
-    let [memory, held] = plan.memory;
+    let [memory, _] = plan.memory;
     eprintln!(
         "out of core: {} visits a colour to regions of {}x{}, {} steps each; about {} MiB of {} MiB",
         plan.visits,
         plan.region.rows,
         plan.region.columns,
         settings.steps,
-        (plan.region.bytes + held) >> 20,
+        plan.bytes() >> 20,
         memory >> 20
     );
     eprintln!("views: {}", plan.views);
