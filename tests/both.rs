@@ -8,11 +8,9 @@ use eyebox::plan::{Comparison, ContrastLoss, Moving, Planner, ViewLayout, Viewpo
 use eyebox::scene::{Pyramid, ViewGrid};
 use std::sync::{Arc, PoisonError};
 
-/// Any device, watched, with a cache of the tests' own.
-pub fn watched() -> Options {
-    let cache = Some(std::env::temp_dir().join("eyebox-tests"));
-    Options { allow_cpu: true, validation: true, cache, ..Options::default() }
-}
+#[path = "../runtime/gpu/test_options.rs"]
+mod test_options;
+pub use test_options::watched;
 
 /// Opens a Vulkan device with validation; a software one will do, and where there is none, the test fails.
 pub fn vulkan() -> VulkanEngine {

@@ -53,6 +53,8 @@ mod sharing;
 mod slot;
 #[cfg(all(test, feature = "vulkan"))]
 pub(crate) mod statistics_tests;
+#[cfg(all(test, feature = "vulkan"))]
+pub(crate) mod test_options;
 #[cfg(feature = "vulkan")]
 mod tested;
 

@@ -2,7 +2,8 @@
 //! by the validation layer.
 
 use super::{Due, LiveInput, LiveKind, Newest, SceneFrame, Scenes};
-use crate::gpu::{DeviceIds, Gpu, Options, SharedLayout, SlotWriter};
+use crate::gpu::test_options::watched;
+use crate::gpu::{DeviceIds, Gpu, SharedLayout, SlotWriter};
 use crate::optics::{Color, Display, PupilDistribution};
 use eyebox_live_input::{Application, Content, FrameInfo, Sample, Transfer};
 use std::sync::PoisonError;
@@ -10,11 +11,6 @@ use std::time::Duration;
 
 const SIDE: usize = 48;
 const VIEWS: usize = 9;
-
-fn watched() -> Options {
-    let cache = Some(std::env::temp_dir().join("eyebox-tests"));
-    Options { allow_cpu: true, validation: true, cache, ..Options::default() }
-}
 
 /// A picture that no other frame has.
 fn samples(seed: usize) -> Vec<u8> {

@@ -7,7 +7,8 @@ use super::stream::{Stream, StreamEncoder, StreamOptions};
 use super::trace::Trace;
 use super::*;
 use crate::encode::{Encoder, PhaseSet};
-use crate::gpu::{Gpu, Options as GpuOptions};
+use crate::gpu::Gpu;
+use crate::gpu::test_options::watched;
 use crate::hologram::{ColorHologram, Hologram, Sequence, SequenceWriter};
 use crate::optics::{Color, Display, JointColor, Laser, Optics};
 use crate::present::{Clock, Offscreen, Rate, SimulatedClock};
@@ -193,8 +194,7 @@ fn an_slm_of_two_turns_is_sent_its_drives() {
 
 /// A software device will do; watched, and with a cache of the tests' own.
 fn gpu() -> Gpu {
-    let cache = Some(std::env::temp_dir().join("eyebox-tests"));
-    Gpu::open(&GpuOptions { allow_cpu: true, validation: true, cache, ..GpuOptions::default() }).unwrap()
+    Gpu::open(&watched()).unwrap()
 }
 
 fn is_as_encoded(played: &Played, fixture: &Fixture) {

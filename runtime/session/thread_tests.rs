@@ -14,7 +14,8 @@ use crate::engine::cpu::CpuEngine;
 use crate::engine::watched::Watched;
 use crate::engine::{Backend, Choice, Engine, EngineError};
 use crate::gaze::{Estimator, Settings as GazeSettings};
-use crate::gpu::{Gpu, Options as GpuOptions, PixelOrder};
+use crate::gpu::test_options::watched;
+use crate::gpu::{Gpu, PixelOrder};
 use crate::optics::{Color, Display};
 use crate::present::{Clock, RealClock};
 use crate::trackers::{
@@ -226,8 +227,7 @@ fn on_one_device_phases_never_come_to_the_host() {
 }
 
 fn refines_on_one_device(direct: Option<PixelOrder>) {
-    let (colors, gpu_options) =
-        (vec![part(); 3], GpuOptions { allow_cpu: true, validation: true, ..GpuOptions::default() });
+    let (colors, gpu_options) = (vec![part(); 3], watched());
     let backend = Backend::open(Choice::Vulkan, &gpu_options).unwrap();
     let gpu = backend.gpu().unwrap().expect("a device");
     let display = Display { height: 96, width: 112, ..Display::preset("planes24").unwrap() };

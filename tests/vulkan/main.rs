@@ -4,6 +4,7 @@ mod encode;
 mod fft;
 mod flight;
 mod fused;
+mod instances;
 mod joint;
 mod kernels;
 mod mask;

@@ -3,6 +3,7 @@
 use super::engine::VulkanEngine;
 use crate::engine::{Buffer, Engine, Purpose, Step, Storage};
 use crate::gpu::guards::{Guards, flags};
+use crate::gpu::test_options::watched;
 use crate::gpu::{Commands, DeviceKind, Gpu, Options};
 use crate::optics::{DisplayModel, Optics, Padding, Pupil, WindowFactor};
 use crate::plan::{Comparison, ModelTables, Planner, ViewLayout};
@@ -14,8 +15,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 fn open(plan_as: DeviceKind) -> Gpu {
-    let cache = Some(std::env::temp_dir().join("eyebox-tests"));
-    let options = Options { allow_cpu: true, validation: true, cache, plan_as: Some(plan_as), ..Options::default() };
+    let options = Options { plan_as: Some(plan_as), ..watched() };
     Gpu::open(&options).unwrap_or_else(|e| panic!("{e}"))
 }
 

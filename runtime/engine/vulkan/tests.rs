@@ -1,15 +1,10 @@
 //! The device without the engine: a kernel runs, is timed, and the validation layer hears what is wrong.
 
-use crate::gpu::{Commands, Gpu, Options};
+use crate::gpu::test_options::watched;
+use crate::gpu::{Commands, Gpu};
 use eyebox_kernels::{Complex32, ZERO, modulate};
 use eyebox_spirv as spirv;
 use std::sync::{Arc, PoisonError};
-
-/// Watched, and with a cache of the tests' own.
-fn options() -> Options {
-    let cache = Some(std::env::temp_dir().join("eyebox-tests"));
-    Options { allow_cpu: true, validation: true, cache, ..Options::default() }
-}
 
 /// A software device will do, and must: tests are not skipped where there is none.
 fn open() -> Commands {
@@ -17,7 +12,7 @@ fn open() -> Commands {
 }
 
 fn gpu() -> Gpu {
-    Gpu::open(&options()).unwrap_or_else(|e| panic!("{e}"))
+    Gpu::open(&watched()).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Closes the device and returns what the validation layer said from first to last.

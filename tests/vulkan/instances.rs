@@ -1,0 +1,45 @@
+//! Devices under the validation layer, opened, used and closed by many threads at once, as the tests of one process do.
+
+use eyebox::engine::{Engine, Kernel, Purpose};
+use eyebox_kernels::compare::INTENSITY;
+use eyebox_tests::both::{Case, assert_silent, vulkan, watched};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
+
+/// One thread at a time holds options for a watched device, until it ends.
+#[test]
+fn one_thread_at_a_time_uses_the_validation_layer() {
+    let holders = AtomicUsize::new(0);
+    std::thread::scope(|scope| {
+        for _ in 0..8 {
+            scope.spawn(|| {
+                let _options = watched();
+                assert_eq!(holders.fetch_add(1, Ordering::SeqCst), 0);
+                std::thread::sleep(Duration::from_millis(2));
+                holders.fetch_sub(1, Ordering::SeqCst);
+            });
+        }
+    });
+}
+
+/// Without turns (`runtime/gpu/test_options.rs`) one run of ten crashes inside the layer with `EYEBOX_INSTANCES=6`.
+#[test]
+fn watched_devices_come_and_go_on_many_threads() {
+    let rounds = std::env::var("EYEBOX_INSTANCES").map_or(1, |text| text.parse().expect("a number"));
+    let case = Case::new(7, 13, 0, 15e-3, 1);
+    let step = case.single(Purpose::Project, INTENSITY, 1.0, Kernel::Modulate);
+    std::thread::scope(|scope| {
+        for _ in 0..16 {
+            scope.spawn(|| {
+                for _ in 0..rounds {
+                    let mut engine = vulkan();
+                    for _ in 0..20 {
+                        case.load(&mut engine, Purpose::Project);
+                        engine.run(&step).expect("the kernel runs");
+                    }
+                    assert_silent(engine);
+                }
+            });
+        }
+    });
+}
