@@ -25,7 +25,7 @@ use std::path::PathBuf;
 #[derive(Args)]
 pub struct Demo {
     /// Where the hologram and the pictures go
-    #[arg(long, default_value = "demo", value_name = "DIR")]
+    #[arg(long, default_value = "demo", value_name = "OUT_DIR")]
     pub out: PathBuf,
     /// Files of others
     #[command(flatten)]
@@ -82,7 +82,7 @@ pub struct Solve {
     #[arg(value_name = "SCENE")]
     pub more: Vec<String>,
     /// The hologram or sequence: NAME.zarr, or NAME.npy for the phases of one hologram alone
-    #[arg(short, long, value_name = "FILE", default_value = "hologram.zarr")]
+    #[arg(short, long, value_name = "OUT", default_value = "hologram.zarr")]
     pub out: PathBuf,
     /// Holograms a second of a sequence
     #[arg(long, value_name = "HZ", value_parser = rate, default_value = "30")]
@@ -213,7 +213,7 @@ pub struct Solve {
     pub patterns: PatternArgs,
     /// Keep the camera's pictures here; in the folder of eyebox calibrate --keep they are added, and its dots say where the camera
     /// looks
-    #[arg(long, value_name = "DIR", requires = "camera")]
+    #[arg(long, value_name = "OUT_DIR", requires = "camera")]
     pub camera_keep: Option<PathBuf>,
     /// Seconds that the command may take for an answer [default: 60, and by exposure]
     #[arg(long, value_name = "SECONDS", value_parser = positive, requires = "camera")]
@@ -238,7 +238,7 @@ pub struct Export {
     #[arg(long, value_name = "N")]
     pub at: Option<u64>,
     /// NAME.npy (float32 radians), or a folder for one 8-bit grey PNG per colour and sub-frame
-    #[arg(short, long, value_name = "FILE.npy|FOLDER")]
+    #[arg(short, long, value_name = "OUT.npy|OUT_DIR")]
     pub out: PathBuf,
     /// What is not finished
     #[command(flatten)]
@@ -254,7 +254,7 @@ pub struct Encode {
     /// NAME.zarr, or phases: NAME.npy or a folder of PNGs
     pub hologram: PathBuf,
     /// Where the video frames go; the folder appears whole
-    #[arg(short, long, value_name = "DIR")]
+    #[arg(short, long, value_name = "OUT_DIR")]
     pub out: PathBuf,
     /// Display
     #[command(flatten)]
@@ -308,7 +308,7 @@ pub struct View {
     #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true)]
     pub pupil: GivenPupil,
     /// The picture (PNG), or the intensity (.npy, float32, no exposure)
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long, value_name = "OUT")]
     pub out: PathBuf,
     /// Bare phases
     #[command(flatten)]
@@ -340,7 +340,7 @@ pub struct Photograph {
     #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true)]
     pub pupil: GivenPupil,
     /// The picture (PNG), or linear light (.npy, float32)
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long, value_name = "OUT")]
     pub out: PathBuf,
     /// Display
     #[command(flatten)]
@@ -387,7 +387,7 @@ pub struct Score {
     #[arg(long, value_parser = gaze, value_name = "X,Y", allow_hyphen_values = true, conflicts_with = "no_jod")]
     pub gaze: Option<[f64; 2]>,
     /// Where JOD are lost: a picture for each pupil that is judged, in this folder
-    #[arg(long, value_name = "FOLDER", conflicts_with = "no_jod")]
+    #[arg(long, value_name = "OUT_DIR", conflicts_with = "no_jod")]
     pub jod_maps: Option<PathBuf>,
     /// Bare phases
     #[command(flatten)]

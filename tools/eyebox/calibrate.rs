@@ -37,7 +37,7 @@ pub struct Calibrate {
     #[command(flatten)]
     pub patterns: PatternArgs,
     /// Keep the pictures here; what a calibration that was broken off left here is not taken again
-    #[arg(long, value_name = "DIR", conflicts_with = "captures")]
+    #[arg(long, value_name = "OUT_DIR", conflicts_with = "captures")]
     pub keep: Option<PathBuf>,
     /// Seconds that the command may take for an answer [default: 60, and by exposure]
     #[arg(long, value_name = "SECONDS", value_parser = positive, conflicts_with = "captures")]
@@ -50,10 +50,10 @@ pub struct Calibrate {
     #[arg(long, value_name = "straight", num_args = 0..=1, require_equals = true, default_missing_value = "", value_parser = ["", "straight"], hide_possible_values = true)]
     pub register: Option<String>,
     /// The display file with the model
-    #[arg(short, long, value_name = "FILE.toml")]
+    #[arg(short, long, value_name = "OUT.toml")]
     pub out: PathBuf,
     /// A page of what was seen, predicted and left
-    #[arg(long, value_name = "FILE.html")]
+    #[arg(long, value_name = "OUT.html")]
     pub report: Option<PathBuf>,
     /// One JSON object on standard output
     #[arg(long)]

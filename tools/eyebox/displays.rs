@@ -34,7 +34,7 @@ pub enum Action {
         #[arg(value_name = "PRESET")]
         preset: String,
         /// The file, which must not be there yet
-        #[arg(short, long, value_name = "FILE.toml")]
+        #[arg(short, long, value_name = "OUT.toml")]
         out: PathBuf,
     },
 }

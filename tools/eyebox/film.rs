@@ -22,7 +22,7 @@ pub struct Film {
     #[arg(long, value_name = "FILE.json")]
     pub path: PathBuf,
     /// NAME.y4m, or a folder for one PNG a frame
-    #[arg(short, long, value_name = "FILE.y4m|FOLDER")]
+    #[arg(short, long, value_name = "OUT.y4m|OUT_DIR")]
     pub out: PathBuf,
     /// Only what the eye sees, without what it should see beside it
     #[arg(long)]

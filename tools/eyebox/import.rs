@@ -15,7 +15,7 @@ pub struct Import {
     /// Phases: NAME.npy, or a folder of PNGs
     pub file: PathBuf,
     /// The hologram: NAME.zarr
-    #[arg(short, long, value_name = "FILE.zarr")]
+    #[arg(short, long, value_name = "OUT.zarr")]
     pub out: PathBuf,
     /// Bare phases
     #[command(flatten)]

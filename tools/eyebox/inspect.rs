@@ -18,7 +18,7 @@ pub struct Inspect {
     #[command(flatten)]
     pub display: DisplayArgs,
     /// All views beside each other, as they are read (PNG)
-    #[arg(short, long, value_name = "FILE.png")]
+    #[arg(short, long, value_name = "OUT.png")]
     pub out: Option<PathBuf>,
     /// One JSON object on standard output
     #[arg(long)]

@@ -20,7 +20,7 @@ pub struct PatternArgs {
     #[arg(long, value_name = "MONITOR", requires = "output")]
     pub monitor: Option<String>,
     /// With --output offscreen, the newest video frame to a file that others map, as of play
-    #[arg(long, value_name = "FILE", requires = "output")]
+    #[arg(long, value_name = "OUT", requires = "output")]
     pub shared: Option<PathBuf>,
     /// Seconds from when a pattern lit up until it stands [default: 0.2]
     #[arg(long, value_name = "SECONDS", value_parser = not_negative, requires = "output")]

@@ -50,7 +50,7 @@ pub struct Show {
     #[arg(long, value_enum, default_value = "views")]
     pub ask: Ask,
     /// Of live:NAME: keep in a new folder what came and what was decided, so that it can be shown again
-    #[arg(long, value_name = "DIR", conflicts_with = "replay")]
+    #[arg(long, value_name = "OUT_DIR", conflicts_with = "replay")]
     pub journal: Option<PathBuf>,
     /// Of live:NAME, with the other options as they were: show again what was kept, byte for byte, on a simulated clock
     #[arg(long, value_name = "DIR")]

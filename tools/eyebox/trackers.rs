@@ -47,7 +47,7 @@ pub struct Trackers {
     #[arg(long, value_name = "SOURCE", num_args = 0..=1, default_missing_value = "hid")]
     pub watch: Option<String>,
     /// Record what is watched: FILE.hid (reports, of HID sources), or FILE.jsonl (samples)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "OUT")]
     pub record: Option<PathBuf>,
     /// Seconds to watch [default: until the recording ends, or Ctrl-C]
     #[arg(long, value_name = "S", value_parser = positive)]
@@ -72,7 +72,7 @@ pub struct Trackers {
     #[arg(long, value_name = "MM", value_parser = positive, requires = "pupil")]
     pub focal_length: Option<f64>,
     /// Calibrate the source that is watched for a user: asks to look at each target, and writes the user's file
-    #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["pupil", "record", "duration", "describe"])]
+    #[arg(long, value_name = "OUT.toml", conflicts_with_all = ["pupil", "record", "duration", "describe"])]
     pub calibrate: Option<PathBuf>,
     /// With --calibrate: directions of the targets, degrees to the right and down
     #[arg(long, value_name = "X,Y;X,Y;...", default_value = "0,0;-8,0;8,0;0,-6;0,6", value_parser = targets, allow_hyphen_values = true)]

@@ -16,7 +16,7 @@ pub struct Evaluate {
     #[arg(required = true, value_name = "SCENE")]
     pub scenes: Vec<String>,
     /// The report and everything that it is made from; what is there already is not computed again
-    #[arg(short, long, value_name = "DIR")]
+    #[arg(short, long, value_name = "OUT_DIR")]
     pub out: PathBuf,
     /// Files of others
     #[command(flatten)]

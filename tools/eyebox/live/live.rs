@@ -77,17 +77,17 @@ pub struct LiveOptions {
     pub policy: PolicyArgs,
     /// Which of the display's switchable sources light each set, a line of JSON as the set is handed to the display: a file, or a
     /// pipe to what drives them
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "OUT")]
     pub sources_out: Option<PathBuf>,
     /// What was shown, and how late, as JSON
-    #[arg(long, value_name = "FILE.json")]
+    #[arg(long, value_name = "OUT.json")]
     pub stats: Option<PathBuf>,
     /// Keep the pictures of new sets as PNG, as many as the disk takes, and when they were shown, in a new folder; on a simulated
     /// clock, all of them
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "OUT_DIR")]
     pub record: Option<PathBuf>,
     /// What each thread did when, for chrome://tracing
-    #[arg(long, value_name = "FILE.json")]
+    #[arg(long, value_name = "OUT.json")]
     pub trace: Option<PathBuf>,
 }
 

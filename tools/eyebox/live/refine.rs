@@ -54,7 +54,7 @@ pub struct Refine {
     #[command(flatten)]
     pub phases: PhaseArgs,
     /// Where the refined hologram goes: NAME.zarr
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long, value_name = "OUT")]
     pub out: Option<PathBuf>,
     /// Engine
     #[command(flatten)]

@@ -28,7 +28,7 @@ pub struct Study {
     #[command(flatten)]
     pub subject: SubjectArgs,
     /// Where the plot and the numbers go
-    #[arg(short, long, default_value = "study", value_name = "DIR")]
+    #[arg(short, long, default_value = "study", value_name = "OUT_DIR")]
     pub out: PathBuf,
     /// Files of others
     #[command(flatten)]

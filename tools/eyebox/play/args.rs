@@ -110,13 +110,13 @@ pub struct Play {
     #[command(flatten)]
     pub device: DeviceArgs,
     /// What was shown, as JSON
-    #[arg(long, value_name = "FILE.json")]
+    #[arg(long, value_name = "OUT.json")]
     pub stats: Option<PathBuf>,
     /// Keep every picture as PNG, and when it was shown, in a new folder
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "OUT_DIR")]
     pub record: Option<PathBuf>,
     /// What each thread did when, for chrome://tracing
-    #[arg(long, value_name = "FILE.json")]
+    #[arg(long, value_name = "OUT.json")]
     pub trace: Option<PathBuf>,
 }
 
@@ -157,10 +157,10 @@ pub struct StreamArgs {
     #[arg(long, value_enum)]
     pub clock: Option<ClockName>,
     /// Append every video frame to a file or a pipe: 8 bits, (row, column, channel)
-    #[arg(long, value_name = "FILE", conflicts_with = "shared")]
+    #[arg(long, value_name = "OUT", conflicts_with = "shared")]
     pub raw: Option<PathBuf>,
     /// Keep the newest video frame where another program maps it, as /dev/shm/NAME (docs/playback.md)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "OUT")]
     pub shared: Option<PathBuf>,
 }
 

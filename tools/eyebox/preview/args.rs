@@ -37,7 +37,7 @@ pub struct Preview {
     #[arg(long, value_name = "HZ", value_parser = rate)]
     pub rate: Option<Rate>,
     /// Where the key s puts its PNGs
-    #[arg(long, value_name = "DIR", default_value = ".")]
+    #[arg(long, value_name = "OUT_DIR", default_value = ".")]
     pub save_to: PathBuf,
     /// Bare phases
     #[command(flatten)]

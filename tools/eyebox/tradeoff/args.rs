@@ -13,7 +13,7 @@ pub struct Tradeoff {
     #[command(flatten)]
     pub scene: SceneArgs,
     /// The page, the numbers, and what a run that was stopped goes on from
-    #[arg(short, long, value_name = "DIR")]
+    #[arg(short, long, value_name = "OUT_DIR")]
     pub out: PathBuf,
     /// Files of others
     #[command(flatten)]

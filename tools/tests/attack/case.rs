@@ -112,9 +112,8 @@ impl Case {
         }
         let left = ground::files(&at.join("out"));
         let draft = left.iter().find(|file| file.extension().is_some_and(|end| end == "part"));
-        // What was stopped may go on from there; what grows while something lasts says how that ended.
-        let grows = |arg: &OsString| ["--trace", "--stats", "--record"].iter().any(|name| arg == name);
-        let keeps = self.keeps || watched.asked.is_some() || self.args.iter().any(grows);
+        // A run that was stopped may continue from its files. Outputs other than the result grow while the run lasts.
+        let keeps = self.keeps || watched.asked.is_some() || self.args.iter().any(|arg| place.is_log(arg));
         let left = if answer == Answer::Refused && !keeps { left.first() } else { draft.filter(|_| !self.starved) };
         if let Some(left) = left {
             return Err(format!("it left {}: {}", left.display(), said.unwrap_or_default()));

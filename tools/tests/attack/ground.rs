@@ -1,7 +1,8 @@
 //! What the cases start from: small holograms, scenes, tables and recordings of every kind, made once and then only read.
 
 use image::{DynamicImage, GrayImage, ImageFormat, Rgb32FImage, RgbImage};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::{OsStr, OsString};
 use std::fs;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -78,7 +79,9 @@ impl Ground {
             copy(&self.folder.path().join(part), &folder.path().join(part));
         }
         let sum = sum(folder.path());
-        Place { folder, sum }
+        let outputs = self.options.values().flatten().filter(|opt| opt.is_output() && opt.name != "out");
+        let logs = outputs.map(|opt| format!("--{}", opt.name).into()).collect();
+        Place { folder, sum, logs }
     }
 }
 
@@ -86,9 +89,15 @@ impl Ground {
 pub struct Place {
     folder: tempfile::TempDir,
     sum: BTreeMap<PathBuf, u32>,
+    logs: BTreeSet<OsString>,
 }
 
 impl Place {
+    /// Returns whether an argument names an output that is written beside the result, such as `--stats`.
+    pub fn is_log(&self, arg: &OsStr) -> bool {
+        self.logs.contains(arg)
+    }
+
     pub fn path(&self) -> &Path {
         self.folder.path()
     }

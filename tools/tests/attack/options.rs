@@ -12,6 +12,13 @@ pub struct Opt {
     pub hint: String,
 }
 
+impl Opt {
+    /// Returns whether the command writes to the value: the help calls the values of these options `OUT...`, and of no others.
+    pub fn is_output(&self) -> bool {
+        self.hint.starts_with("OUT")
+    }
+}
+
 /// Sound runs of every command, each over in a moment: what an attack changes one thing of.
 pub const SOUND: [&str; 38] = [
     "demo --size 16 --engine cpu --out out/demo",
@@ -198,8 +205,8 @@ pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
     let mut set = BTreeMap::new();
     for _ in 0..[1, 1, 1, 2, 3][rng.usize(..5)] {
         let opt = &options[rng.usize(..options.len())];
-        // Results stay in their place: what stands elsewhere is for other kinds.
-        if !["out", "record", "raw", "shared", "stats", "trace", "save-to"].contains(&opt.name.as_str()) {
+        // Results stay in the case's folder `out`. Other kinds of cases write elsewhere.
+        if !opt.is_output() {
             set.insert(opt.name.clone(), value(&opt.hint, rng));
         }
     }
