@@ -105,6 +105,10 @@ impl FolderDraft {
     /// [`FileError::Write`]; [`FileError::Taken`] where something else stands there by now; then what stood there stands
     /// there still.
     pub fn put(self) -> Result<(), FileError> {
+        self.put_by(|from, to| fs::rename(from, to), PATIENCE)
+    }
+
+    fn put_by(self, rename: impl Fn(&Path, &Path) -> io::Result<()>, patience: Duration) -> Result<(), FileError> {
         let Self { draft, _lock, open, place, ours } = self;
         let failed = |e| FileError::write(&place, e);
         let new = draft.path();
@@ -113,29 +117,42 @@ impl FolderDraft {
         }
         // From here on what is at the draft's path may be what stood at the place.
         drop(open);
+        let begun = Instant::now();
+        // Other writers may come between a look and a rename. A file system may also answer the same again and again.
+        let may_retry = || {
+            std::thread::sleep(patience / 5000);
+            begun.elapsed() < patience
+        };
+        let mut replaces_empty = cfg!(unix);
         loop {
             let there = turn(&place);
-            if there.as_ref().is_some_and(|there| !is_same(there, &place)) {
+            if there.as_ref().is_some_and(|there| !is_same(there, &place)) && may_retry() {
                 continue;
             }
-            // Renaming onto an empty folder replaces it. Where another program has put one there meanwhile, that one is
-            // replaced.
-            let free = !place.exists() || is_empty(&place);
-            if free && cfg!(not(unix)) {
-                // An empty folder is replaced on Unix alone.
+            let exists = place.exists();
+            let free = !exists || is_empty(&place);
+            if free && exists && !replaces_empty {
                 let _ = fs::remove_dir(&place);
             }
-            let moved = if free { fs::rename(new, &place) } else { Err(io::ErrorKind::DirectoryNotEmpty.into()) };
-            match moved {
-                // It is no longer where the draft was.
-                Ok(()) => drop(draft.keep()),
+            if !free {
+                replace(draft, &place, ours)?;
+                return sync_folder(parent(&place)).map_err(failed);
+            }
+            match rename(new, &place) {
+                Ok(()) => {
+                    // The folder is no longer where the draft was.
+                    drop(draft.keep());
+                    return sync_folder(parent(&place)).map_err(failed);
+                }
+                // Rename replaces an empty folder on local file systems of Unix. FUSE, SMB and network storage may refuse.
+                Err(_) if exists && replaces_empty => replaces_empty = false,
                 Err(e) if !matches!(e.kind(), io::ErrorKind::DirectoryNotEmpty | io::ErrorKind::AlreadyExists) => {
                     return Err(failed(e));
                 }
-                Err(_) if free && cfg!(unix) => continue,
-                Err(_) => replace(draft, &place, ours)?,
+                // Another writer has put a folder there meanwhile.
+                Err(_) if may_retry() => {}
+                Err(e) => return Err(failed(e)),
             }
-            return sync_folder(parent(&place)).map_err(failed);
         }
     }
 }
@@ -287,6 +304,32 @@ mod tests {
         assert_eq!(fs::read(place.join("deep/er")).unwrap(), b"2");
         fs::write(here.path().join("file"), b"").unwrap();
         assert!(matches!(FolderDraft::new(&here.path().join("file"), |_| true), Err(FileError::Taken { .. })));
+    }
+
+    /// FUSE, SMB and network storage may refuse to rename onto an empty folder, or onto anything at all.
+    #[test]
+    fn a_folder_is_put_where_rename_replaces_nothing_and_is_given_up_where_it_never_succeeds() {
+        let here = tempfile::tempdir().unwrap();
+        let place = here.path().join("f");
+        let draft = || {
+            let draft = FolderDraft::new(&place, |_| true).unwrap();
+            draft.write("a", |_| Ok(())).unwrap();
+            draft
+        };
+        for refusal in [io::ErrorKind::AlreadyExists, io::ErrorKind::DirectoryNotEmpty, io::ErrorKind::PermissionDenied]
+        {
+            fs::create_dir(&place).unwrap();
+            let strict = |from: &Path, to: &Path| if to.exists() { Err(refusal.into()) } else { fs::rename(from, to) };
+            draft().put_by(strict, PATIENCE).unwrap();
+            assert_eq!((names(here.path()), names(&place)), (vec!["f".into()], vec!["a".into()]), "{refusal:?}");
+            fs::remove_dir_all(&place).unwrap();
+
+            fs::create_dir(&place).unwrap();
+            let error = draft().put_by(|_, _| Err(refusal.into()), PATIENCE / 50).unwrap_err();
+            assert!(matches!(error, FileError::Write { .. }), "{error:?}");
+            let _ = fs::remove_dir(&place);
+            assert!(names(here.path()).is_empty(), "{refusal:?}: {:?}", names(here.path()));
+        }
     }
 
     /// Whoever is last stands; nobody fails, and nothing is left beside it. Elsewhere names cannot be exchanged at once.
