@@ -5,7 +5,7 @@
 //! bypass it.
 
 use super::window::{OrdinaryWindow, Windows};
-use super::{Event, Monitor, PresentError, no_desktop, system};
+use super::{Event, Interference, Monitor, PresentError, no_desktop, system};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -184,7 +184,7 @@ impl Desktop {
             std::thread::sleep(Duration::from_millis(5));
         };
         self.handler.under = Some((monitor.clone(), Instant::now()));
-        Ok(OnDesktop { desktop: self, window })
+        Ok(OnDesktop { desktop: self, window, observer: system::Observer::open(monitor) })
     }
 
     fn pump(&mut self) -> Result<(), PresentError> {
@@ -233,6 +233,7 @@ impl Desktop {
 pub(super) struct OnDesktop {
     pub(super) desktop: Desktop,
     pub(super) window: Arc<SystemWindow>,
+    observer: Option<system::Observer>,
 }
 
 impl OnDesktop {
@@ -245,6 +246,11 @@ impl OnDesktop {
             None => Ok(()),
             Some(reason) => Err(PresentError::display("the window", reason)),
         }
+    }
+
+    /// Returns what began to interfere with the monitor since the last call.
+    pub(super) fn interference(&self) -> Vec<Interference> {
+        self.observer.as_ref().map(system::Observer::look).unwrap_or_default()
     }
 
     /// Where the driver says that no more can be shown, the desktop may know why.

@@ -4,7 +4,7 @@ use super::desktop::{Desktop, OnDesktop};
 use super::swapchain::{Policy, Swapchain};
 use super::system::handle_of;
 use super::timing::PresentTiming;
-use super::{Event, Feedback, Monitor, PresentError, Presenter, Rate, RealClock};
+use super::{Event, Feedback, Interference, Monitor, PresentError, Presenter, Rate, RealClock};
 use crate::gpu::{EngineError, Gpu, Pictures, PixelOrder};
 
 /// Shows video frames on a display, by a swapchain of exactly its size.
@@ -103,6 +103,10 @@ impl Presenter for DisplayPresenter {
 
     fn event(&mut self) -> Option<Event> {
         self.window.as_mut()?.event()
+    }
+
+    fn interference(&mut self) -> Vec<Interference> {
+        self.window.as_ref().map(OnDesktop::interference).unwrap_or_default()
     }
 
     fn finish(&mut self) -> Result<(), PresentError> {

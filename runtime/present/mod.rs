@@ -7,7 +7,8 @@
 //!
 //! `surface` is what a swapchain is on; `slot` a picture under way and `copy` how it gets into an image; `recreate` what happens when it is no longer
 //! right; `timing` says when pictures lit up. `direct` takes displays, by their `modes` and the system's `connectors`;
-//! `monitor` says which of a desktop's is meant; `system` what desktops do differently, `x_server` what happens when an X server goes away. `clock` is real or
+//! `monitor` says which of a desktop's is meant; `system` what desktops do differently, `x_server` what happens when an X server goes away; `interference` names what a desktop
+//! does to levels and light, and `x_observer` reads it. `clock` is real or
 //! simulated, `rate` says how often, exactly. Every time carries its unit and its meaning in its name.
 //! This room imports `files` and `gpu`.
 
@@ -19,6 +20,7 @@ mod desktop;
 #[cfg(feature = "direct-display")]
 mod direct;
 mod display;
+mod interference;
 #[cfg(feature = "direct-display")]
 mod modes;
 mod monitor;
@@ -39,6 +41,8 @@ mod system;
 mod timing;
 mod window;
 #[cfg(all(unix, not(target_vendor = "apple")))]
+mod x_observer;
+#[cfg(all(unix, not(target_vendor = "apple")))]
 mod x_server;
 
 pub use clock::{Clock, RealClock, SimulatedClock};
@@ -46,6 +50,7 @@ pub use desktop::Desktop;
 #[cfg(feature = "direct-display")]
 pub use direct::direct_displays;
 pub use display::DisplayPresenter;
+pub use interference::Interference;
 #[cfg(feature = "direct-display")]
 pub use modes::{DirectDisplay, DirectMode};
 pub use monitor::Monitor;

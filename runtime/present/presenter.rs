@@ -1,6 +1,6 @@
 //! The display's side: takes video frames in order and says when they lit up.
 
-use super::{PresentError, Rate};
+use super::{Interference, PresentError, Rate};
 use crate::gpu::{Gpu, Pictures, PixelOrder};
 
 /// When a video frame lit up.
@@ -79,6 +79,11 @@ pub trait Presenter {
     /// [`PresentError::Display`], [`PresentError::File`].
     fn finish(&mut self) -> Result<(), PresentError> {
         Ok(())
+    }
+
+    /// Returns what began to change or blank the display's picture since the last call, as far as the system reports it.
+    fn interference(&mut self) -> Vec<Interference> {
+        Vec::new()
     }
 
     /// The next thing that a user did.

@@ -1,6 +1,7 @@
 //! What desktops do differently: here those of X11 and Wayland; `system_windows` and `system_other` have the same functions.
 
 use super::surface::WindowHandle;
+pub(super) use super::x_observer::Observer;
 pub(super) use super::x_server::{is_gone, survive};
 use super::{PresentError, no_desktop};
 #[cfg(feature = "direct-display")]

@@ -1,7 +1,7 @@
 //! Desktops whose windows are not known here.
 
 use super::surface::WindowHandle;
-use super::{PresentError, no_desktop};
+use super::{Interference, Monitor, PresentError, no_desktop};
 #[cfg(feature = "direct-display")]
 use std::fs::File;
 use winit::event_loop::{EventLoop, EventLoopBuilder};
@@ -24,6 +24,19 @@ pub(super) fn handle_of(_: &SystemWindow) -> Result<WindowHandle, PresentError> 
 /// Nothing is known of it.
 pub(super) fn is_gone() -> bool {
     false
+}
+
+/// Reads what interferes with an output, which this system does not report.
+pub(super) struct Observer;
+
+impl Observer {
+    pub(super) fn open(_: &Monitor) -> Option<Self> {
+        None
+    }
+
+    pub(super) fn look(&self) -> Vec<Interference> {
+        Vec::new()
+    }
 }
 
 /// There is nothing to be done.

@@ -1,7 +1,7 @@
 //! The desktop of Windows.
 
 use super::surface::WindowHandle;
-use super::{PresentError, no_desktop};
+use super::{Interference, Monitor, PresentError, no_desktop};
 use std::ffi::c_void;
 #[cfg(feature = "direct-display")]
 use std::fs::File;
@@ -35,6 +35,19 @@ pub(super) fn handle_of(window: &SystemWindow) -> Result<WindowHandle, PresentEr
 /// The desktop is always there.
 pub(super) fn is_gone() -> bool {
     false
+}
+
+/// Reads what interferes with an output, which this system does not report.
+pub(super) struct Observer;
+
+impl Observer {
+    pub(super) fn open(_: &Monitor) -> Option<Self> {
+        None
+    }
+
+    pub(super) fn look(&self) -> Vec<Interference> {
+        Vec::new()
+    }
 }
 
 /// There is nothing to be done.

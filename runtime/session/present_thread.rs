@@ -13,7 +13,7 @@ use super::set_timing::as_ns;
 use super::statistics::{Ending, Statistics};
 use super::trace::{Trace, Written};
 use crate::gpu::{Gpu, Messages};
-use crate::present::SECOND_NS;
+use crate::present::{Interference, SECOND_NS};
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -32,6 +32,7 @@ pub(super) struct PresentThread {
     most_ns: Option<i64>,
     content_since_ns: Option<i64>,
     messages: Vec<Messages>,
+    interference: Vec<Interference>,
     // The display goes last: what stands on its desktop or its device goes before.
     display: OpenDisplay,
 }
@@ -83,6 +84,7 @@ impl PresentThread {
             most_ns: options.duration.map(as_ns),
             content_since_ns: None,
             messages,
+            interference: Vec::new(),
             display,
         })
     }
@@ -151,6 +153,10 @@ impl PresentThread {
                 return Ok(Some(Ending::Duration));
             }
         }
+        for interference in self.display.presenter().interference() {
+            self.shared.notes.tell(interference.to_string());
+            self.interference.push(interference);
+        }
         self.shared.status.store(Status {
             seconds: self.seconds(),
             account: *self.player.scheduler().account(),
@@ -180,6 +186,7 @@ impl PresentThread {
             content_hz: schedule.content_rate.hz(),
             set_frames: schedule.set_frames,
             margin_ms: self.player.pacer().margin_ns() as f64 / 1e6,
+            interference: self.interference,
             ..Statistics::default()
         };
         let mut tracks = vec![self.player.into_track()];

@@ -5,6 +5,7 @@ use super::latency::Latency;
 use super::report::Report;
 use super::showing::Showing;
 use super::steerer::Policy;
+use crate::present::Interference;
 use serde_json::{Value, json};
 
 /// Why a session ended.
@@ -58,6 +59,8 @@ pub struct Statistics {
     pub margin_ms: f64,
     /// Pictures that a recording did not keep: the disk was slower than the display.
     pub pictures_left_out: u64,
+    /// What changed or blanked the display's picture, in the order in which it began, as far as the system reports it.
+    pub interference: Vec<Interference>,
     /// What the validation layer found.
     pub validation: Vec<String>,
     /// Of a live hologram.
@@ -76,6 +79,7 @@ impl Default for Statistics {
             set_frames: 0,
             margin_ms: 0.0,
             pictures_left_out: 0,
+            interference: Vec::new(),
             validation: Vec::new(),
             live: None,
         }
@@ -144,6 +148,7 @@ impl Statistics {
         all["content_rate_hz"] = json!(self.content_hz);
         all["video_frames_per_set"] = json!(self.set_frames);
         all["margin_ms"] = json!(self.margin_ms);
+        all["interference"] = self.interference.iter().map(Interference::to_json).collect();
         all
     }
 }

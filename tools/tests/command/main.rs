@@ -18,6 +18,8 @@ mod eyes;
 mod feed;
 mod generate;
 mod inspect;
+#[cfg(target_os = "linux")]
+mod interference;
 mod joint_color;
 mod kept;
 #[cfg(target_os = "linux")]

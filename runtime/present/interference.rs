@@ -1,0 +1,52 @@
+//! Things that a desktop does to the light of an SLM: they change or blank it.
+//!
+//! Night light and color management load a gamma ramp into the output: every level arrives as another one. Screen savers and
+//! power saving (DPMS) blank the output while video frames are presented as before. X11 reports all three. Wayland and Windows
+//! report none of them to a program, and neither does a display without a desktop.
+
+use serde_json::{Value, json};
+use std::fmt;
+
+/// Something outside eyebox that changes or blanks what a monitor receives.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Interference {
+    /// The gamma ramp of the monitor's output changes gray levels.
+    GammaRamp {
+        /// The output, as the X server names it.
+        output: String,
+        /// The largest change, in levels of 8 bits.
+        levels: u32,
+    },
+    /// The screen saver covers the screen.
+    ScreenSaver,
+    /// Power saving has switched the monitor off.
+    PowerSaving,
+}
+
+impl Interference {
+    /// Returns it for programs: `kind`, and of a ramp `output` and `levels`.
+    pub fn to_json(&self) -> Value {
+        match self {
+            Self::GammaRamp { output, levels } => json!({ "kind": "gamma_ramp", "output": output, "levels": levels }),
+            Self::ScreenSaver => json!({ "kind": "screen_saver" }),
+            Self::PowerSaving => json!({ "kind": "power_saving" }),
+        }
+    }
+}
+
+impl fmt::Display for Interference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::GammaRamp { output, levels } => write!(
+                f,
+                "output {output}: its gamma ramp changes levels by up to {levels} of 255, so the SLM receives other levels; switch \
+                 night light and color profiles off (xgamma -gamma 1)"
+            ),
+            Self::ScreenSaver => f.write_str("the screen saver is on, so the SLM is dark; switch it off (xset s off)"),
+            Self::PowerSaving => {
+                f.write_str("power saving has switched the monitor off, so the SLM is dark; switch it off (xset -dpms)")
+            }
+        }
+    }
+}
