@@ -15,7 +15,7 @@ pub(super) const AVERAGE: usize = 4;
 /// A wavelength that differs by so many nm is another.
 const NANOMETRES: f64 = 2.0;
 /// Share of the time that taking pictures is.
-pub(super) const TAKING: f64 = 0.4;
+pub const TAKING: f64 = 0.4;
 
 /// Pictures with what is known of them.
 pub(super) struct Taken {

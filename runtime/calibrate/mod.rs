@@ -39,6 +39,7 @@ mod stages;
 mod terms;
 mod unseen;
 
+pub use acquire::TAKING;
 pub use bench::{Bench, Event, FEWEST, ShowsPatterns};
 pub use camera_steps::{CameraBench, CameraGain, CameraSteps, CameraSubject};
 pub use error::CalibrateError;

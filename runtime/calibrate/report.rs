@@ -5,7 +5,7 @@ use super::gain::Gain;
 use super::left::{LEFT_OUT, LeftMap, PictureLeft, left};
 use super::parameters::{Parameter, Parameters};
 use super::sorted::Sorted;
-use super::unseen::{exposed, unseen};
+use super::unseen::{self, exposed, unseen};
 use serde::Serialize;
 
 /// A number of the model.
@@ -54,11 +54,11 @@ pub struct Report {
     pub camera_map: [f64; 10],
     /// Of pictures that were not fitted, as shares of their variance: what the display file as it was leaves,
     pub before: Option<f64>,
-    /// what the fitted model leaves, the noise taken off,
+    /// what the fitted model leaves, the noise taken off; of the fitted pictures if none was taken twice; none if it is no number,
     pub unexplained: Option<f64>,
-    /// and the camera's noise.
+    /// and the camera's noise; none if no picture was taken twice.
     pub noise: Option<f64>,
-    /// Whether what is unexplained is at most twice the noise; what was not measured is not doubted.
+    /// Whether what is unexplained is at most twice the noise, or 1 % if the noise was not measured.
     pub calibrated: bool,
     /// What is left of each picture,
     pub pictures: Vec<PictureLeft>,
@@ -70,6 +70,9 @@ pub struct Report {
 
 /// Unexplained light of so many times the noise is no fit.
 const TOO_MUCH: f64 = 2.0;
+/// So too of pictures that were fitted, whose noise is that of an ordinary camera and not measured: a percent of the variance is
+/// what a fit of an ordinary bench leaves (docs/calibrate.md).
+const LEAST_FITTED: f64 = 5e-3;
 /// Less noise than this share of the variance is not counted: it is what the prediction itself is good for.
 const LEAST: f64 = 1e-5;
 
@@ -95,33 +98,26 @@ impl Report {
         };
         let parameters = fit.free.iter().map(fitted).collect();
         let confused = named(fit.confused());
-        let (mut before, mut unexplained, mut noise, mut calibrated) = (None, None, None, true);
+        let (mut before, mut noise) = (None, None);
         let (pictures, map) = left(sorted, fit, fitted_views, subpixels);
-        if !sorted.pairs.is_empty() {
-            let after = unseen(sorted, &fit.at, fit.exposure, subpixels);
+        // Without pictures that were taken twice those that were fitted are judged, by the noise of an ordinary camera.
+        let few = sorted.pairs.is_empty();
+        let after = match few {
+            true => unseen::fitted(&sorted.pictures, &fit.at, fit.exposure, fitted_views, subpixels),
+            false => unseen(sorted, &fit.at, fit.exposure, subpixels),
+        };
+        let left = after.left - after.noise;
+        let unexplained = left.is_finite().then_some(left.max(0.0));
+        if !few {
             let old = Parameters { model: start.model.clone(), ..fit.at.clone() };
             let exposure = exposed(&sorted.pictures, &old, &sorted.fitted, subpixels);
             before = Some(unseen(sorted, &old, exposure, subpixels).left);
-            unexplained = Some((after.left - after.noise).max(0.0));
             noise = Some(after.noise);
-            if after.left - after.noise > TOO_MUCH * after.noise.max(LEAST) {
-                let share = 100.0 * (after.left - after.noise);
-                let counted = pictures.iter().filter(|p| p.role != LEFT_OUT);
-                let whole = counted.max_by(|a, b| a.squares.total_cmp(&b.squares));
-                let place = whole.zip(map.most()).map_or_else(String::new, |(whole, ([x, y], squares))| {
-                    format!(
-                        "; most is left of {} ({:.1} times the noise) and about x {x}, y {y} of the camera's pixels \
-                         ({squares:.1} times)",
-                        whole.file, whole.squares
-                    )
-                });
-                calibrated = false;
-                warnings.push(format!(
-                    "not calibrated: {share:.2} % of the pictures' variance is unexplained, and the camera's noise is {:.2} %: \
-                     the bench has a fault that the model has no term for{place}",
-                    100.0 * after.noise
-                ));
-            }
+        }
+        let most = TOO_MUCH * after.noise.max(if few { LEAST_FITTED } else { LEAST });
+        let calibrated = unexplained.is_some_and(|share| share <= most);
+        if !calibrated {
+            warnings.push(not_calibrated(left, after.noise, &pictures, &map));
         }
         tracing::debug!("squares of the fit: {:.3} times the noise's", fit.squares);
         let outside = sorted.pictures.views.iter().filter(|v| !v.look.holds(&fit.at)).count();
@@ -159,6 +155,24 @@ impl Report {
             }
         }
     }
+}
+
+/// The warning of a fit that leaves too much of the pictures.
+fn not_calibrated(left: f64, noise: f64, pictures: &[PictureLeft], map: &LeftMap) -> String {
+    let counted = pictures.iter().filter(|p| p.role != LEFT_OUT);
+    let whole = counted.max_by(|a, b| a.squares.total_cmp(&b.squares));
+    let place = whole.zip(map.most()).map_or_else(String::new, |(whole, ([x, y], squares))| {
+        format!(
+            "; most is left of {} ({:.1} times the noise) and about x {x}, y {y} of the camera's pixels ({squares:.1} times)",
+            whole.file, whole.squares
+        )
+    });
+    format!(
+        "not calibrated: {:.2} % of the pictures' variance is unexplained, and the camera's noise is {:.2} %: the bench has a fault \
+         that the model has no term for{place}",
+        100.0 * left,
+        100.0 * noise
+    )
 }
 
 fn named(pairs: Vec<(Parameter, Parameter, f64)>) -> Vec<Confused> {

@@ -27,6 +27,10 @@ const NO_BETTER: f64 = 1.05;
 const STRANGE: (f64, f64) = (0.3, 8.0);
 /// A number whose standard error is this share of how far off it is expected is not told.
 const UNTOLD: f64 = 0.3;
+/// The warning of a bench whose phases are the negatives of those that it was asked to show.
+const OTHER_SIGN: &str = "the phase has the other sign: the pictures are far closer to the negatives of the phases that were asked for. \
+    Have the bench show them with the sign of the display's file (a level that is twice as high delays the light twice as much), \
+    or turn the table of the SLM's levels around";
 /// The second term of the camera's distortion.
 const K2: Parameter = Parameter::Map(9);
 /// Crosstalk of a real device, where a fit begins (Schroff et al. 2024).
@@ -120,8 +124,25 @@ pub(super) fn run(
     let mut report = Report::new(&sorted, &start, &fit, &fitted, captures, warnings, FINE);
     report.untold = untold;
     report.add_confused(pairs);
+    if !report.calibrated && has_other_sign(pictures, &start, &camera, &fitted, fit.squares)? {
+        report.warnings.push(OTHER_SIGN.into());
+    }
     let display = terms::written(display, color, &start, &fit, &report);
     Ok((display, report, shown(&sorted, &fit, FINE)?))
+}
+
+/// Whether phases of the other sign predict the pictures of a bench far better than what was fitted.
+fn has_other_sign(
+    pictures: &Pictures,
+    start: &Parameters,
+    camera: &[Parameter],
+    which: &[usize],
+    squares: f64,
+) -> Result<bool, CalibrateError> {
+    let mut other = start.clone();
+    other.model.level.iter_mut().flatten().for_each(|level| *level = -*level);
+    let fit = pictures.fit(&other, camera, which, PLAIN, &mut |_| {})?;
+    Ok(2.0 * fit.squares < squares)
 }
 
 /// Where the numbers are that no picture tells: where the display's file has them, and crosstalk and pixels of which it says

@@ -36,3 +36,18 @@ pub(super) fn unseen(sorted: &Sorted, at: &Parameters, exposure: Exposure, subpi
     }
     Unseen { left: sums[0] / sums[2], noise: sums[1] / sums[2] }
 }
+
+/// Squares that a fit leaves of the pictures that it was fitted to, and the camera's noise, as shares of their variance about each
+/// picture's mean.
+pub(super) fn fitted(pictures: &Pictures, at: &Parameters, exposure: Exposure, which: &[usize], subpixels: usize) -> Unseen {
+    let seen = pictures.see(at, subpixels, which, &[]);
+    let mut sums = [0.0; 3];
+    for (v, seen) in which.iter().zip(&seen) {
+        let view = &pictures.views[*v];
+        let mean = view.counts.iter().sum::<f64>() / view.counts.len() as f64;
+        let left: f64 = pictures.residuals(*v, seen, exposure).iter().map(|r| r * r).sum();
+        let variance: f64 = view.counts.iter().map(|c| (c - mean).powi(2)).sum();
+        sums = [sums[0] + left, sums[1] + view.variance.iter().sum::<f64>(), sums[2] + variance];
+    }
+    Unseen { left: sums[0] / sums[2], noise: sums[1] / sums[2] }
+}

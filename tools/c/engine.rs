@@ -2,7 +2,7 @@
 
 use crate::EyeboxStatus;
 use crate::arrays::{given, hand_over, put, text};
-use crate::failure::{Failure, answer, free};
+use crate::failure::{Failure, answer, free, starts_threads};
 use eyebox::engine::{Backend, Choice, Engine};
 use eyebox::gpu::Options;
 use std::ffi::{CString, c_char};
@@ -32,6 +32,7 @@ pub unsafe extern "C" fn eyebox_engine_open(
     engine: Option<&mut MaybeUninit<*mut EyeboxEngine>>,
 ) -> EyeboxStatus {
     answer(|| {
+        starts_threads();
         hand_over(engine, || {
             // SAFETY: the header asks callers for texts that end with zero.
             let choice = match unsafe { text(choice, "choice") }? {

@@ -12,6 +12,7 @@ use std::any::Any;
 use std::cell::RefCell;
 use std::ffi::{CString, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, MutexGuard};
 
 /// What a function answers. `eyebox_last_error` says the rest.
@@ -70,6 +71,8 @@ pub(crate) enum Failure {
     NotFinite { color: String, step: usize },
     #[error("a fault of eyebox itself: {0}")]
     Panic(String),
+    #[error("this process was forked after eyebox had started threads, which exist in its parent alone: call it before fork, or after exec")]
+    Forked,
     #[error("an earlier call with this handle met a fault of eyebox: free it")]
     Broken,
 }
@@ -94,9 +97,10 @@ impl Failure {
             Self::Scene(_) | Self::Produce(ProduceError::Scene(_)) | Self::Hologram(HologramError::Scene(_)) => {
                 EyeboxStatus::Scene
             }
-            Self::Engine(_) | Self::Produce(ProduceError::Engine(_)) | Self::Hologram(HologramError::Engine(_)) => {
-                EyeboxStatus::Engine
-            }
+            Self::Engine(_)
+            | Self::Forked
+            | Self::Produce(ProduceError::Engine(_))
+            | Self::Hologram(HologramError::Engine(_)) => EyeboxStatus::Engine,
             Self::Produce(_) | Self::Solve(_) | Self::NotFinite { .. } => EyeboxStatus::Solve,
             Self::Hologram(_) => EyeboxStatus::Hologram,
             Self::Encode(_) => EyeboxStatus::Encode,
@@ -106,19 +110,42 @@ impl Failure {
 }
 
 thread_local! {
+    /// The text of the last failure.
     static LAST: RefCell<CString> = RefCell::default();
+    /// The text that the caller has: nothing but `eyebox_last_error` replaces it.
+    static GIVEN: RefCell<CString> = RefCell::default();
 }
 
-/// Why the last call of this thread that failed did so: one sentence in UTF-8, empty before the first. It stands until the next
-/// call of this thread that fails.
+/// Returns why the last call of this thread that failed did so: one sentence in UTF-8, empty before the first failure. The text stays
+/// valid and unchanged, whatever else fails, until the same thread calls `eyebox_last_error` after another failure, or ends.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_last_error() -> *const c_char {
-    LAST.try_with(|last| last.borrow().as_ptr()).unwrap_or(c"".as_ptr())
+    let give = |given: &RefCell<CString>| {
+        let mut given = given.borrow_mut();
+        // The same text stays where it is: one expression may ask for it twice.
+        LAST.with_borrow(|last| if *last != *given { given.clone_from(last) });
+        given.as_ptr()
+    };
+    GIVEN.try_with(give).unwrap_or(c"".as_ptr())
+}
+
+/// The process that started threads first; 0 before.
+static THREADED: AtomicU32 = AtomicU32::new(0);
+
+/// To be called before anything that starts threads.
+pub(crate) fn starts_threads() {
+    let _ = THREADED.compare_exchange(0, std::process::id(), Ordering::SeqCst, Ordering::SeqCst);
 }
 
 /// Runs a call, and makes a code and a sentence of its failure or panic.
 pub(crate) fn answer(call: impl FnOnce() -> Result<(), Failure>) -> EyeboxStatus {
-    let answered = catch_unwind(AssertUnwindSafe(call)).unwrap_or_else(|panic| Err(Failure::Panic(in_words(&*panic))));
+    let answered = if [0, std::process::id()].contains(&THREADED.load(Ordering::SeqCst)) {
+        catch_unwind(AssertUnwindSafe(call)).unwrap_or_else(|panic| Err(Failure::Panic(in_words(&*panic))))
+    } else {
+        // What it holds, a handle that is to be freed, has threads or a device of the parent's.
+        std::mem::forget(call);
+        Err(Failure::Forked)
+    };
     let Err(failure) = answered else { return EyeboxStatus::Ok };
     let text = failure.to_string().replace('\0', " ");
     // A thread that is ending has no place for it any more.
@@ -148,6 +175,28 @@ pub(crate) fn lock<T: ?Sized>(shared: &Mutex<T>) -> Result<MutexGuard<'_, T>, Fa
 mod tests {
     use super::*;
     use std::ffi::CStr;
+
+    fn said() -> *const c_char {
+        eyebox_last_error()
+    }
+
+    #[test]
+    fn a_text_stays_until_this_thread_asks_for_the_next() {
+        let fail = |what: &'static str| answer(|| Err(Failure::Null(what)));
+        // SAFETY: the rule that is tested.
+        let read = |text| unsafe { CStr::from_ptr(text) }.to_str().unwrap();
+        // The next text is longer, as long, shorter: its memory may be reused, the first text's may not.
+        for (first, next) in [("a", "much longer than a"), ("abc", "xyz"), ("a long one indeed", "b"), ("e", "\u{e9}")] {
+            fail(first);
+            let text = said();
+            assert_eq!(text, said(), "asked twice, it is one text");
+            (0..64).for_each(|_| drop(fail(next)));
+            std::thread::spawn(move || (fail(next), said() as usize)).join().unwrap();
+            assert_eq!(read(text), format!("{first} is null"));
+            assert_eq!(answer(|| Ok(())), EyeboxStatus::Ok);
+            assert_eq!(read(said()), format!("{next} is null"), "a success leaves it");
+        }
+    }
 
     #[test]
     fn a_panic_is_a_code_and_what_it_was_in_is_no_more_used() {

@@ -2,7 +2,7 @@
 
 use crate::arrays::{array, given, hand_over, text};
 use crate::display::colors;
-use crate::failure::{Failure, answer, free};
+use crate::failure::{Failure, answer, free, starts_threads};
 use crate::{EyeboxDisplay, EyeboxStatus};
 use eyebox::optics::Color;
 use eyebox::produce::SceneJob;
@@ -56,6 +56,7 @@ pub unsafe extern "C" fn eyebox_scene_load(
     scene: Option<&mut MaybeUninit<*mut EyeboxScene>>,
 ) -> EyeboxStatus {
     answer(|| {
+        starts_threads();
         hand_over(scene, || {
             // SAFETY: the header asks callers for texts that end with zero.
             let name = unsafe { text(source, "source") }?.to_owned();
@@ -77,6 +78,7 @@ pub unsafe extern "C" fn eyebox_scene_from_views(
     scene: Option<&mut MaybeUninit<*mut EyeboxScene>>,
 ) -> EyeboxStatus {
     answer(|| {
+        starts_threads();
         hand_over(scene, || {
             let (views, display) = (given(views, "views")?, &given(display, "display")?.0);
             let name = match views.name.is_null() {

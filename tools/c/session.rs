@@ -2,7 +2,7 @@
 
 use crate::arrays::{given, hand_over, put, room, text};
 use crate::encoder::EyeboxVideo;
-use crate::failure::{Failure, answer, free, lock};
+use crate::failure::{Failure, answer, free, lock, starts_threads};
 use crate::{EyeboxDisplay, EyeboxEngine, EyeboxHologram, EyeboxScene, EyeboxStatus};
 use eyebox::encode::Encoder;
 use eyebox::gaze::{Estimator, Eyepiece, Settings};
@@ -16,6 +16,11 @@ use std::mem::MaybeUninit;
 use std::path::Path;
 use std::sync::Mutex;
 use std::time::Duration;
+
+/// Farthest position of a pupil's center along an axis, metres: beyond any eyebox.
+const FARTHEST_M: f64 = 0.1;
+/// Widest pupil, metres: twice the widest that eyes have.
+const WIDEST_M: f64 = 0.02;
 
 /// A hologram on a display that the caller drives: each tick gives the video frame that is next. What is refined is refined
 /// meanwhile, on threads of its own.
@@ -33,7 +38,7 @@ pub struct EyeboxSample {
     pub x_m: f64,
     /// Down.
     pub y_m: f64,
-    /// Its diameter, metres; 0 where the tracker does not measure it.
+    /// Its diameter, metres; 0 or NaN if the tracker does not measure it.
     pub diameter_m: f64,
     /// Seconds since it was there: what the tracker and its way here take, 0 to 10.
     pub age_s: f64,
@@ -101,6 +106,7 @@ pub extern "C" fn eyebox_session_play(
     session: Option<&mut MaybeUninit<*mut EyeboxSession>>,
 ) -> EyeboxStatus {
     answer(|| {
+        starts_threads();
         hand_over(session, || {
             let hologram = given(hologram, "hologram")?.hologram.clone();
             let sequence = Sequence::single(Path::new(&hologram.scene.clone()), hologram);
@@ -185,7 +191,14 @@ fn look(
     if !(0.0..=10.0).contains(&age_s) {
         return Err(Failure::argument("sample.age_s", age_s, "0 to 10 s"));
     }
-    let diameter = Some(diameter_m).filter(|d| *d > 0.0);
+    // Millimetres for metres would be a pupil that is nowhere; what is not finite is a closed eye.
+    if let Some(far) = [x_m, y_m].into_iter().find(|at| at.is_finite() && at.abs() > FARTHEST_M) {
+        return Err(Failure::argument("sample.x_m or y_m", far, "-0.1 to 0.1 m, or NaN for a closed eye"));
+    }
+    let diameter = Some(diameter_m).filter(|d| *d != 0.0 && !d.is_nan());
+    if let Some(wrong) = diameter.filter(|d| !(0.0..=WIDEST_M).contains(d)) {
+        return Err(Failure::argument("sample.diameter_m", wrong, "0 to 0.02 m, 0 or NaN for one that is not measured"));
+    }
     eye.moving_pupil([x_m, y_m], velocity, diameter, Duration::from_secs_f64(age_s));
     Ok(())
 }

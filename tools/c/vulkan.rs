@@ -1,7 +1,7 @@
 //! A Vulkan device that the caller opened, and keeps.
 
 use crate::arrays::hand_over;
-use crate::failure::{Failure, answer};
+use crate::failure::{Failure, answer, starts_threads};
 use crate::{EyeboxEngine, EyeboxStatus};
 use eyebox::engine::Backend;
 use eyebox::gpu::ash::vk::Handle;
@@ -40,6 +40,7 @@ pub unsafe extern "C" fn eyebox_engine_vulkan_device(
     engine: Option<&mut MaybeUninit<*mut EyeboxEngine>>,
 ) -> EyeboxStatus {
     answer(|| {
+        starts_threads();
         hand_over(engine, || {
             let raw = RawDevice {
                 instance: handle(instance, "instance")?,

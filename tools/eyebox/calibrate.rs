@@ -5,7 +5,7 @@ use crate::patterns::{self, PatternArgs, iris};
 use crate::progress::{self, JobBar};
 use crate::values::positive;
 use clap::Args;
-use eyebox::calibrate::{Bench, Event, FEWEST, Report, calibrate};
+use eyebox::calibrate::{Bench, Event, FEWEST, Report, TAKING, calibrate};
 use eyebox::engine;
 use eyebox::files;
 use eyebox::optics::{Color, Display, Seen};
@@ -96,12 +96,20 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
     if args.captures_max < FEWEST {
         return Err(Failure::Asked(format!("--captures-max {} is too few: give {FEWEST} or more", args.captures_max)));
     }
-    progress::catch_interrupt();
+    if args.camera.is_some() {
+        progress::catch_interrupt();
+    }
     let mut output = args.patterns.open(&display, &[color])?;
     let shows = patterns::shows(&mut output);
     let bar = JobBar::new(args.json);
     let calibrated = calibrate(&display, color, &bench, shows, &mut |event| match event {
-        Event::At(what, share) => drop(bar.show(what, share)),
+        Event::At(what, share) => {
+            if share >= TAKING {
+                // The pictures are kept: a fit is not worth waiting for.
+                progress::let_interrupt();
+            }
+            let _ = bar.show(what, share);
+        }
         Event::Said(line) => eprintln!("{line}"),
         _ => {}
     });

@@ -1,6 +1,6 @@
 //! The progress bar, the lines in its place where there is no terminal; and whether ctrl-C was pressed.
 
-pub use crate::signals::{catch_interrupt, interrupted};
+pub use crate::signals::{catch_interrupt, interrupted, let_interrupt};
 use eyebox::solve::{Flow, Progress};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;

@@ -6,7 +6,6 @@ use crate::common;
 use crate::live::{self, LiveOptions, Stage, Steered, SubjectOptions};
 use crate::phases::UnfinishedArgs;
 use crate::play::{self, ClockName, OutputName, Playing, StreamArgs};
-use crate::progress;
 use crate::solve::Watch;
 use crate::values::positive;
 use clap::Args;
@@ -171,7 +170,6 @@ fn solve(args: &Show, scenes: Vec<String>, file: &Path) -> Result<Display, Failu
         (options.depth_map.clone(), options.depth_before(&display), args.subject.display.force);
     job.settings = settings;
     job.sequence.rate = rate;
-    progress::catch_interrupt();
     let mut watch = Watch::of_job(&job, engine.describe(), None, false);
     let solved = solve_scene(&job, Some(file), engine.as_mut(), &mut |event| watch.see(event))?;
     if let SceneSolution::Sequence(solved) = &solved

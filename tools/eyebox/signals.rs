@@ -3,7 +3,7 @@
 use eyebox::files::asked_to_end;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
 /// Exit code of a process that ctrl-C ends, as a shell has it.
@@ -14,6 +14,12 @@ const FAILED: i32 = 2;
 
 /// Whether what runs catches ctrl-C.
 static CAUGHT: AtomicBool = AtomicBool::new(false);
+
+/// How often what runs asked whether ctrl-C was pressed.
+static ASKED: AtomicU64 = AtomicU64::new(0);
+/// Whoever presses ctrl-C gets a line when what runs has not asked for so long.
+#[cfg(unix)]
+const SILENCE: std::time::Duration = std::time::Duration::from_millis(300);
 
 /// From now on ctrl-C, SIGTERM and a terminal that goes away (SIGHUP; not under nohup, which has it ignored) ask what runs to
 /// stop with what it has; the second one ends the process at once.
@@ -34,6 +40,11 @@ pub fn catch_interrupt() {
     });
 }
 
+/// From now on ctrl-C and its kin end the process at once again, without drafts of files: nothing that runs is worth waiting for.
+pub fn let_interrupt() {
+    CAUGHT.store(false, Ordering::SeqCst);
+}
+
 /// What does not catch ctrl-C and its kin ends by them at once, as any program does, but leaves no draft of a file.
 #[cfg(unix)]
 pub fn end_without_drafts() {
@@ -44,9 +55,15 @@ pub fn end_without_drafts() {
     let Ok(mut arriving) = Signals::new(&heard) else { return };
     let wait = move || {
         for signal in arriving.forever() {
-            if !CAUGHT.load(Ordering::SeqCst) {
-                eyebox::files::end_without_drafts(|| drop(emulate_default_handler(signal)));
+            let asked = ASKED.load(Ordering::SeqCst);
+            if CAUGHT.load(Ordering::SeqCst) {
+                std::thread::sleep(SILENCE);
+                if ASKED.load(Ordering::SeqCst) == asked {
+                    eprintln!("eyebox: it ends after the work that is under way; press ctrl-C again to end it at once");
+                }
+                continue;
             }
+            eyebox::files::end_without_drafts(|| drop(emulate_default_handler(signal)));
         }
     };
     // A thread that does little: the least stack that there is.
@@ -61,6 +78,7 @@ pub fn end_without_drafts() {
 
 /// Whether ctrl-C was pressed.
 pub fn interrupted() -> bool {
+    ASKED.fetch_add(1, Ordering::SeqCst);
     asked_to_end().load(Ordering::SeqCst)
 }
 

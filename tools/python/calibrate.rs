@@ -1,28 +1,30 @@
 //! A model of the display as it is, fitted from pictures.
 
+use crate::call::{Caller, run};
 use crate::display::{Display, colors};
-use crate::failure::{Answer, Failure};
+use crate::failure::Failure;
 use eyebox::calibrate::{Bench, Event, FEWEST};
 use pyo3::prelude::*;
+use std::panic::resume_unwind;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Fits the model of one colour to what a camera's command gives, or to a folder of pictures; the calibrated display, and its report
-/// as JSON. `told` hears (what is being done, share of all) and lines of the bench (line, none); `end` is called when Python raises, by
-/// ctrl-C or in `told`, and has the bench give no more pictures.
+/// as JSON. `told` is called with (what is being done, share of all) and with lines of the bench (line, none).
 #[pyfunction]
 pub(crate) fn calibrate(
     py: Python<'_>,
-    display: &Display,
+    display: Py<Display>,
     color_name: String,
     bench: (Option<String>, Option<PathBuf>),
     how: (usize, bool, Option<[f64; 3]>),
     told: Option<Py<PyAny>>,
-    end: Option<Py<PyAny>>,
 ) -> PyResult<(Display, String)> {
     let ((command, folder), (most, quick, iris_mm)) = (bench, how);
-    let mut raised = None;
-    let mut run = || -> Answer<(Display, String)> {
-        let color = colors(&display.0, std::slice::from_ref(&color_name))?[0];
+    let told = told.map(Arc::new);
+    run(py, false, move |caller| {
+        let display = &display.get().0;
+        let color = colors(display, std::slice::from_ref(&color_name))?[0];
         let keep = folder.as_deref();
         let bench = match (&command, keep) {
             (Some(command), keep) => Bench::Command { command, keep, limit: None, most, quick, iris_mm },
@@ -32,32 +34,24 @@ pub(crate) fn calibrate(
         if most < FEWEST {
             return Err(Failure::Argument(format!("most is {most}: it must be {FEWEST} or more")));
         }
-        let mut observe = |event: Event| {
-            let heard = Python::attach(|py| -> PyResult<()> {
-                py.check_signals()?;
-                let Some(told) = &told else { return Ok(()) };
-                match event {
-                    Event::At(what, share) => told.call1(py, (what, Some(share)))?,
-                    Event::Said(line) => told.call1(py, (line, None::<f64>))?,
-                    _ => return Ok(()),
-                };
-                Ok(())
-            });
-            if let Err(error) = heard
-                && raised.is_none()
-            {
-                raised = Some(error);
-                let _ = Python::attach(|py| end.as_ref().map(|end| end.call0(py)).transpose());
-            }
-        };
-        let calibrated = eyebox::calibrate::calibrate(&display.0, color, &bench, None, &mut observe)?;
+        let mut observe = |event: Event| tell(caller, told.clone(), event);
+        let calibrated = eyebox::calibrate::calibrate(display, color, &bench, None, &mut observe)?;
         let report = serde_json::to_string(&calibrated.report).map_err(|e| Failure::Argument(e.to_string()))?;
         Ok((Display(calibrated.display), report))
+    })
+}
+
+/// Calls the callback. A calibration whose caller is gone ends here: the fit asks nobody whether to go on.
+fn tell(caller: &Caller, told: Option<Arc<Py<PyAny>>>, event: Event) {
+    let (line, share) = match event {
+        Event::At(what, share) => (what.to_string(), Some(share)),
+        Event::Said(line) => (line.to_string(), None),
+        _ => return,
     };
-    let done = py.detach(&mut run);
-    // A fit cannot be ended from here: what was raised meanwhile comes after it.
-    match raised {
-        Some(error) => Err(error),
-        None => Ok(done?),
+    if let Some(told) = told {
+        caller.ask(move |py| told.call1(py, (line, share)).map(drop));
+    }
+    if caller.is_gone() {
+        resume_unwind(Box::new("the caller is gone"));
     }
 }

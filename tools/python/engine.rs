@@ -1,6 +1,8 @@
 //! Engines.
 
+use crate::call::run;
 use crate::failure::{Answer, Failure};
+use crate::forked::{OfProcess, is_after_vulkan};
 use eyebox::engine::{Backend, Choice};
 use eyebox::gpu::Options;
 use pyo3::prelude::*;
@@ -10,21 +12,38 @@ use std::sync::{Mutex, PoisonError};
 /// side and repeated calls find their buffers.
 #[pyclass(frozen, module = "eyebox._eyebox")]
 pub(crate) struct Engine {
-    pub(crate) backend: Backend,
+    own: OfProcess<Own>,
+    reason: String,
+    pub(crate) on_device: bool,
+}
+
+struct Own {
+    backend: Backend,
     idle: Mutex<Vec<Box<dyn eyebox::engine::Engine>>>,
 }
 
 impl Engine {
+    /// Where it computes. In a forked child the CPU is there, a device is not.
+    pub(crate) fn backend(&self) -> Answer<Backend> {
+        match self.own.get() {
+            Ok(own) => Ok(own.backend.clone()),
+            Err(_) if !self.on_device => Ok(Backend::open(Choice::Cpu, &Options::default())?),
+            Err(error) => Err(error),
+        }
+    }
+
     /// Runs something on an engine, which is kept for the next call unless it panics.
     pub(crate) fn lend<T>(&self, run: impl FnOnce(&mut dyn eyebox::engine::Engine) -> Answer<T>) -> Answer<T> {
-        let idle = || self.idle.lock().unwrap_or_else(PoisonError::into_inner);
-        let kept = idle().pop();
+        let idle = || self.own.get().map(|own| own.idle.lock().unwrap_or_else(PoisonError::into_inner));
+        let kept = idle().ok().and_then(|mut idle| idle.pop());
         let mut engine = match kept {
             Some(engine) => engine,
-            None => self.backend.engine()?,
+            None => self.backend()?.engine()?,
         };
         let result = run(engine.as_mut());
-        idle().push(engine);
+        if let Ok(mut idle) = idle() {
+            idle.push(engine);
+        }
         result
     }
 }
@@ -33,7 +52,7 @@ impl Engine {
 impl Engine {
     #[new]
     fn new(py: Python<'_>, choice: &str) -> PyResult<Self> {
-        let choice = match choice {
+        let mut choice = match choice {
             "auto" => Choice::Auto,
             "cpu" => Choice::Cpu,
             "vulkan" => Choice::Vulkan,
@@ -41,13 +60,26 @@ impl Engine {
                 return Err(Failure::Argument(format!("engine is {other:?}: it must be auto, cpu or vulkan")).into());
             }
         };
-        let backend = py.detach(|| Backend::open(choice, &Options::default())).map_err(Failure::from)?;
-        Ok(Self { backend, idle: Mutex::default() })
+        let mut forked = None;
+        if choice != Choice::Cpu && is_after_vulkan() {
+            if choice == Choice::Vulkan {
+                return Err(Failure::Forked("Vulkan").into());
+            }
+            choice = Choice::Cpu;
+            forked = Some("the CPU: this process was forked after Vulkan had been opened".to_string());
+        }
+        run(py, choice != Choice::Cpu, move |_| {
+            let backend = Backend::open(choice, &Options::default())?;
+            let on_device = backend.gpu()?.is_some();
+            let reason = forked.unwrap_or_else(|| backend.reason().into());
+            let own = OfProcess::new(Own { backend, idle: Mutex::default() }, "the engine");
+            Ok(Self { own, reason, on_device })
+        })
     }
 
     /// What computes, and why that and nothing else.
     #[getter]
     fn reason(&self) -> &str {
-        self.backend.reason()
+        &self.reason
     }
 }

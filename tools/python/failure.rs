@@ -52,9 +52,11 @@ pub(crate) enum Failure {
         "at step {0} the loss is no finite number, and the step was not taken: take smaller gains or rates, or storage = \"fp32\""
     )]
     NotFinite(usize),
-    /// What Python said, in a callback or by a signal.
-    #[error(transparent)]
-    Python(#[from] PyErr),
+    #[error(
+        "{0}: this process was forked after eyebox had been used in its parent. Use engine=\"cpu\" here, or start processes by \
+         multiprocessing.get_context(\"spawn\")"
+    )]
+    Forked(&'static str),
 }
 
 impl From<eyebox::session::SessionError> for Failure {
@@ -75,7 +77,6 @@ impl From<Failure> for PyErr {
         use eyebox::hologram::HologramError as OfHologram;
         let said = failure.to_string();
         match failure {
-            Failure::Python(error) => error,
             Failure::Argument(_) => PyValueError::new_err(said),
             Failure::Optics(_)
             | Failure::Produce(ProduceError::Optics(_))
@@ -86,6 +87,7 @@ impl From<Failure> for PyErr {
                 SceneError::new_err(said)
             }
             Failure::Engine(_)
+            | Failure::Forked(_)
             | Failure::Produce(ProduceError::Engine(_))
             | Failure::Hologram(OfHologram::Engine(_)) => EngineError::new_err(said),
             Failure::Produce(_) | Failure::Solve(_) | Failure::NotFinite(_) => SolveError::new_err(said),

@@ -1,8 +1,9 @@
 //! Far fields in tiles, whose regions other machines may solve.
 
+use crate::call::run;
 use crate::display::{Display, colors};
 use crate::engine::Engine;
-use crate::failure::{Answer, Failure};
+use crate::failure::Answer;
 use eyebox::plan::Storage;
 use eyebox::produce::{SceneJob, TilePieces, TilesRequest};
 use eyebox::tiled::MemoryLimit;
@@ -68,30 +69,34 @@ impl FarField {
     }
 
     /// Begins the file, unless it is there; what is to be done.
-    fn begin(&self, py: Python<'_>, engine: &Engine) -> PyResult<Graph> {
-        let display = self.display.get();
-        let begin = || -> Answer<Graph> {
-            engine.lend(|engine| {
-                let pieces = self.pieces(display, engine)?;
-                pieces.begin(&self.job(display, engine)?, &self.request, engine)?;
+    fn begin(slf: Py<Self>, py: Python<'_>, engine: Py<Engine>) -> PyResult<Graph> {
+        run(py, engine.get().on_device, move |_| {
+            let far_field = slf.get();
+            let display = far_field.display.get();
+            engine.get().lend(|engine| {
+                let pieces = far_field.pieces(display, engine)?;
+                pieces.begin(&far_field.job(display, engine)?, &far_field.request, engine)?;
                 let done = (0..pieces.visits()).map(|visit| pieces.is_done(visit)).collect::<Result<_, _>>()?;
                 let after = (0..pieces.visits()).map(|visit| pieces.after(visit)).collect::<Result<_, _>>()?;
                 Ok((done, after, pieces.longest_chain()?))
             })
-        };
-        Ok(py.detach(begin)?)
+        })
     }
 
     /// Takes a visit; whether it was not done yet.
-    fn visit(&self, py: Python<'_>, visit: usize, engine: &Engine) -> PyResult<bool> {
-        let display = self.display.get();
-        let take = || engine.lend(|engine| Ok(self.pieces(display, engine)?.visit(visit, engine)?));
-        Ok(py.detach(take)?)
+    fn visit(slf: Py<Self>, py: Python<'_>, visit: usize, engine: Py<Engine>) -> PyResult<bool> {
+        run(py, engine.get().on_device, move |_| {
+            let far_field = slf.get();
+            let take = |engine: &mut dyn eyebox::engine::Engine| {
+                Ok(far_field.pieces(far_field.display.get(), engine)?.visit(visit, engine)?)
+            };
+            engine.get().lend(take)
+        })
     }
 
     /// Says that all visits to the far field at a path are done.
     #[staticmethod]
     fn finish(py: Python<'_>, out: PathBuf) -> PyResult<()> {
-        Ok(py.detach(|| TilePieces::finish(&out)).map_err(Failure::from)?)
+        run(py, false, move |_| Ok(TilePieces::finish(&out)?))
     }
 }

@@ -1,6 +1,7 @@
 //! Holograms: their files, their phases, and what is seen of them.
 
 use crate::arrays::{picture, values};
+use crate::call::{Caller, run};
 use crate::display::{Display, colors};
 use crate::engine::Engine;
 use crate::failure::{Answer, Failure};
@@ -8,8 +9,7 @@ use crate::pupil::{Numbers, pupil};
 use crate::scene::Scene;
 use eyebox::hologram::{ColorHologram, Opening, SceneSource, wrap_phase};
 use eyebox::optics::Color;
-use numpy::ndarray::ArrayView3;
-use numpy::{IntoPyArray, PyArray3, PyArray4, PyArrayMethods, PyReadonlyArrayDyn};
+use numpy::{IntoPyArray, PyArray1, PyArray3, PyArray4, PyArrayMethods, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
@@ -32,7 +32,7 @@ impl Hologram {
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf, at: Option<u64>) -> PyResult<Self> {
         let opening = Opening { at, ..Opening::default() };
-        Ok(Self(py.detach(|| opening.hologram(&path)).map_err(Failure::from)?))
+        run(py, false, move |_| Ok(Self(opening.hologram(&path)?)))
     }
 
     /// Of arrays (sub-frame, row, column) of radians, one for each colour, made by somebody else for a display of their size;
@@ -43,9 +43,9 @@ impl Hologram {
         display: &Display,
         color_names: Vec<String>,
         arrays: Vec<PyReadonlyArrayDyn<'_, f32>>,
-        scene: Option<&Scene>,
+        scene: Option<Py<Scene>>,
         exposure: Option<f64>,
-        engine: &Engine,
+        engine: Py<Engine>,
     ) -> PyResult<Self> {
         let display = &display.0;
         let mut made = Vec::with_capacity(arrays.len());
@@ -73,40 +73,31 @@ impl Hologram {
                 phases: phases.iter().map(|phase| wrap_phase(*phase)).collect(),
             });
         }
-        let fit = || -> Answer<Self> {
-            let mut hologram = eyebox::hologram::Hologram::on(display, frames, made);
-            hologram.version = env!("CARGO_PKG_VERSION").into();
-            hologram.metadata.exposure_assumed = exposure.is_none();
+        let mut hologram = eyebox::hologram::Hologram::on(display, frames, made);
+        hologram.version = env!("CARGO_PKG_VERSION").into();
+        hologram.metadata.exposure_assumed = exposure.is_none();
+        run(py, engine.get().on_device, move |_| {
             hologram.check()?;
-            if let Some(scene) = scene {
+            if let Some(scene) = scene.as_ref().map(Py::get) {
                 hologram.check_shows(&scene.source, &scene.field)?;
-                engine.lend(|engine| Ok(hologram.fit_exposure(&scene.field, engine)?))?;
+                engine.get().lend(|engine| Ok(hologram.fit_exposure(&scene.field, engine)?))?;
                 hologram.scene.clone_from(&scene.source);
             }
             Ok(Self(hologram))
-        };
-        Ok(py.detach(fit)?)
+        })
     }
 
     /// Saves it by the ending of its name.
-    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        Ok(py.detach(|| self.0.save(&path)).map_err(Failure::from)?)
+    fn save(slf: Py<Self>, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        run(py, false, move |_| Ok(slf.get().0.save(&path)?))
     }
 
-    /// The phases of a colour, (sub-frame, row, column), radians: this hologram's own memory, which cannot be written to.
-    fn phases<'py>(slf: Bound<'py, Self>, color: usize) -> PyResult<Bound<'py, PyArray3<f32>>> {
-        let hologram = &slf.get().0;
+    /// A copy of the phases of a colour, (sub-frame, row, column), radians.
+    fn phases<'py>(&self, py: Python<'py>, color: usize) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let hologram = &self.0;
         let of = hologram.colors.get(color);
         let of = of.ok_or_else(|| Failure::Argument(format!("color is {color}: there are fewer")))?;
-        let shape = (hologram.frames, hologram.height, hologram.width);
-        let view = ArrayView3::from_shape(shape, &of.phases).map_err(|e| Failure::Argument(e.to_string()))?;
-        // SAFETY: the array holds the Python object, which holds the phases; nothing moves or changes them, for the class is
-        // frozen and hands out shared references alone. That nobody writes through the array is the next line's.
-        #[allow(unsafe_code)]
-        let array = unsafe { PyArray3::borrow_from_array(&view, slf.clone().into_any()) };
-        // NumPy lets nobody take that back: the array's memory belongs to an object that gives no memory to write to.
-        array.call_method1("setflags", (false,))?;
-        Ok(array)
+        PyArray1::from_slice(py, &of.phases).reshape([hologram.frames, hologram.height, hologram.width])
     }
 
     /// The names of its colours, or their numbers.
@@ -146,26 +137,34 @@ impl Hologram {
     }
 
     /// What an eye sees: (row, column, colour), linear light, 1 = the scene's full scale.
-    fn view<'py>(&self, py: Python<'py>, at: Numbers, engine: &Engine) -> PyResult<Bound<'py, PyArray3<f32>>> {
-        let look = || -> Answer<_> {
-            let pupil = self.0.check_pupil(pupil(at))?;
-            engine.lend(|engine| Ok(self.0.seen(&pupil, engine)?))
+    fn view<'py>(
+        slf: Py<Self>,
+        py: Python<'py>,
+        at: Numbers,
+        engine: Py<Engine>,
+    ) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let on_device = engine.get().on_device;
+        let look = move |_: &Caller| -> Answer<_> {
+            let hologram = &slf.get().0;
+            let pupil = hologram.check_pupil(pupil(at))?;
+            engine.get().lend(|engine| Ok(hologram.seen(&pupil, engine)?))
         };
-        picture(py, &py.detach(look)?)
+        picture(py, &run(py, on_device, look)?)
     }
 
     /// The same as a PNG, where a colour that it has not is dark.
-    fn picture(&self, py: Python<'_>, at: Numbers, engine: &Engine) -> PyResult<Vec<u8>> {
-        let draw = || -> Answer<Vec<u8>> {
-            let pupil = self.0.check_pupil(pupil(at))?;
-            let seen = engine.lend(|engine| Ok(self.0.seen(&pupil, engine)?))?;
+    fn picture(slf: Py<Self>, py: Python<'_>, at: Numbers, engine: Py<Engine>) -> PyResult<Vec<u8>> {
+        run(py, engine.get().on_device, move |_| {
+            let hologram = &slf.get().0;
+            let pupil = hologram.check_pupil(pupil(at))?;
+            let seen = engine.get().lend(|engine| Ok(hologram.seen(&pupil, engine)?))?;
             let (rows, columns) = (seen[0].rows, seen[0].columns);
             let dark = vec![0.0f32; rows * columns];
             let of = |color: Color| {
-                let at = self.0.colors.iter().position(|c| c.color == Some(color));
+                let at = hologram.colors.iter().position(|c| c.color == Some(color));
                 at.map_or(&dark[..], |at| &seen[at].values[..])
             };
-            let planes = match self.0.named_colors().len() {
+            let planes = match hologram.named_colors().len() {
                 0 => vec![&seen[0].values[..]],
                 _ => vec![of(Color::Red), of(Color::Green), of(Color::Blue)],
             };
@@ -173,25 +172,31 @@ impl Hologram {
             let drawn = eyebox::files::encode_png(&mut png, rows, columns, &planes);
             drawn.map_err(|e| Failure::Argument(format!("the picture could not be made: {e}")))?;
             Ok(png)
-        };
-        Ok(py.detach(draw)?)
+        })
     }
 
     /// What pupils see, compared with what they should see of the scene, with one exposure per colour for all of them.
-    fn score(&self, py: Python<'_>, scene: &Scene, at: Vec<Numbers>, engine: &Engine) -> PyResult<Vec<Score>> {
-        let compare = || -> Answer<Vec<Score>> {
-            let pupils = at.into_iter().map(|at| self.0.check_pupil(pupil(at))).collect::<Result<Vec<_>, _>>()?;
-            self.0.check_shows(&scene.source, &scene.field)?;
-            let source = SceneSource::from(self.0.problems(&scene.field)?);
-            let scores = engine.lend(|engine| Ok(self.0.score(&source, &pupils, engine)?))?;
+    fn score(
+        slf: Py<Self>,
+        py: Python<'_>,
+        scene: Py<Scene>,
+        at: Vec<Numbers>,
+        engine: Py<Engine>,
+    ) -> PyResult<Vec<Score>> {
+        run(py, engine.get().on_device, move |_| {
+            let (hologram, scene) = (&slf.get().0, scene.get());
+            let pupils = at.into_iter().map(|at| hologram.check_pupil(pupil(at))).collect::<Result<Vec<_>, _>>()?;
+            hologram.check_shows(&scene.source, &scene.field)?;
+            let source = SceneSource::from(hologram.problems(&scene.field)?);
+            let scores = engine.get().lend(|engine| Ok(hologram.score(&source, &pupils, engine)?))?;
             Ok(scores.pupils.iter().map(|score| (score.psnr, score.ceiling, score.ssim)).collect())
-        };
-        Ok(py.detach(compare)?)
+        })
     }
 
     /// Its video frames on a display: (frame, row, column, channel), bytes.
-    fn encode<'py>(&self, py: Python<'py>, display: &Display) -> PyResult<Bound<'py, PyArray4<u8>>> {
-        let frames = py.detach(|| self.0.encode(&display.0)).map_err(Failure::from)?;
+    fn encode(slf: Py<Self>, py: Python<'_>, display: Py<Display>) -> PyResult<Bound<'_, PyArray4<u8>>> {
+        let encode = move |_: &Caller| -> Answer<_> { Ok(slf.get().0.encode(&display.get().0)?) };
+        let frames = run(py, false, encode)?;
         let shape = [frames.count(), frames.height, frames.width, frames.channels];
         frames.bytes().to_vec().into_pyarray(py).reshape(shape)
     }

@@ -10,10 +10,12 @@
 
 mod arrays;
 mod calibrate;
+mod call;
 mod display;
 mod engine;
 mod failure;
 mod far_field;
+mod forked;
 mod frames;
 mod hologram;
 mod pupil;
@@ -33,6 +35,8 @@ mod _eyebox {
     use crate::arrays::linear_light;
     #[pymodule_export]
     use crate::calibrate::calibrate;
+    #[pymodule_export]
+    use crate::call::leave;
     #[pymodule_export]
     use crate::display::{Display, presets};
     #[pymodule_export]
@@ -55,7 +59,7 @@ mod _eyebox {
     #[pymodule_export]
     use crate::session::Session;
     #[pymodule_export]
-    use crate::solve::solve;
+    use crate::solve::{Unfinished, solve};
     use pyo3::prelude::*;
 
     #[pymodule_init]

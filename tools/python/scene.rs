@@ -1,6 +1,7 @@
 //! Scenes: light fields of files, built in, or of arrays.
 
 use crate::arrays::{picture, values};
+use crate::call::{Caller, run};
 use crate::display::{Display, colors};
 use crate::engine::Engine;
 use crate::failure::{Answer, Failure};
@@ -59,17 +60,17 @@ impl Scene {
     fn load(
         py: Python<'_>,
         source: String,
-        display: &Display,
+        display: Py<Display>,
         color_names: Vec<String>,
         options: Options,
     ) -> PyResult<Self> {
         let (views, view_pitch, depth_map, depth) = options;
         let asked = Asked { view_pitch, views, depth_map, depth };
-        let load = || -> Answer<Self> {
-            let field = job(&source, &display.0, colors(&display.0, &color_names)?, &asked).load(0)?;
+        run(py, false, move |_| {
+            let display = &display.get().0;
+            let field = job(&source, display, colors(display, &color_names)?, &asked).load(0)?;
             Ok(Self { field, source, asked })
-        };
-        Ok(py.detach(load)?)
+        })
     }
 
     /// Of arrays (view row, view column, row, column) of linear light, one for each colour.
@@ -92,7 +93,8 @@ impl Scene {
                 return Err(Failure::Argument(format!("views has the shape {own:?}: it must have {right}")).into());
             }
             shape = own;
-            planes.push(light.chunks_exact(own[2] * own[3]).map(<[f32]>::to_vec).collect());
+            let copy = |view: &[f32]| py.check_signals().map(|()| view.to_vec());
+            planes.push(light.chunks_exact(own[2] * own[3]).map(copy).collect::<PyResult<_>>()?);
         }
         let [view_rows, view_columns, height, width] = shape;
         let field = LightField {
@@ -108,13 +110,12 @@ impl Scene {
             made: None,
         };
         let (rows, columns) = display.0.picture_size();
-        let fit = || -> Answer<Self> {
+        run(py, false, move |_| {
             field.check()?;
             let fits = (field.height, field.width) == (rows, columns);
             let field = if fits { field } else { field.fit(rows, columns, Fit::Contain) };
             Ok(Self { field, source, asked: Asked { view_pitch, ..Asked::default() } })
-        };
-        Ok(py.detach(fit)?)
+        })
     }
 
     #[getter]
@@ -152,21 +153,22 @@ impl Scene {
     }
 
     /// The photograph through a pupil: (row, column, colour).
-    fn photograph<'py>(
-        &self,
-        py: Python<'py>,
-        display: &Display,
+    fn photograph(
+        slf: Py<Self>,
+        py: Python<'_>,
+        display: Py<Display>,
         at: Numbers,
-        engine: &Engine,
-    ) -> PyResult<Bound<'py, PyArray3<f32>>> {
-        let take = || -> Answer<_> {
-            let pupil = pupil(at);
-            for color in &self.field.colors {
-                display.0.check_pupil(*color, pupil)?;
+        engine: Py<Engine>,
+    ) -> PyResult<Bound<'_, PyArray3<f32>>> {
+        let on_device = engine.get().on_device;
+        let take = move |_: &Caller| -> Answer<_> {
+            let (pupil, display, field) = (pupil(at), &display.get().0, &slf.get().field);
+            for color in &field.colors {
+                display.check_pupil(*color, pupil)?;
             }
-            let scene = SceneSource::new(self.field.clone(), &display.0)?;
-            engine.lend(|engine| Ok(scene.photograph(&pupil, engine)?))
+            let scene = SceneSource::new(field.clone(), display)?;
+            engine.get().lend(|engine| Ok(scene.photograph(&pupil, engine)?))
         };
-        picture(py, &py.detach(take)?)
+        picture(py, &run(py, on_device, take)?)
     }
 }

@@ -1,9 +1,9 @@
 //! Sequences in pieces, which other machines may solve.
 
+use crate::call::run;
 use crate::display::{Display, colors};
 use crate::engine::Engine;
-use crate::failure::{Answer, Failure};
-use crate::told::Told;
+use crate::failure::Answer;
 use eyebox::hologram::{SequenceParts, Start};
 use eyebox::produce::{SceneEvent, SceneJob, SequencePieces, SequenceRequest};
 use eyebox::solve::Flow;
@@ -61,39 +61,31 @@ impl Sequence {
         Self { scenes, display, color_names, settings, rate, out, pieces: OnceLock::new() }
     }
 
-    /// Solves one hologram of it into its place: whether it was not there yet; none where ctrl-C ended it.
-    fn piece(&self, py: Python<'_>, index: usize, engine: &Engine) -> PyResult<Option<bool>> {
-        let display = self.display.get();
-        let solve = || -> Answer<Option<bool>> {
-            engine.lend(|engine| {
-                let job = self.job(display, engine)?;
-                let pieces = self.pieces(&job)?;
-                let mut told = Told::new(None);
-                let mut observe = |event: &SceneEvent| match event {
-                    SceneEvent::Step { .. } => told.step(|| ()),
-                    _ => Flow::Continue,
-                };
-                let solved = pieces.solve(&job, index, engine, &mut observe);
-                told.raised()?;
-                Ok(solved?)
+    /// Solves one hologram of it into its place: whether it was not there yet; none if it was ended.
+    fn piece(slf: Py<Self>, py: Python<'_>, index: usize, engine: Py<Engine>) -> PyResult<Option<bool>> {
+        run(py, engine.get().on_device, move |caller| {
+            let sequence = slf.get();
+            engine.get().lend(|engine| {
+                let job = sequence.job(sequence.display.get(), engine)?;
+                let pieces = sequence.pieces(&job)?;
+                let mut observe = |_: &SceneEvent| if caller.is_gone() { Flow::Stop } else { Flow::Continue };
+                Ok(pieces.solve(&job, index, engine, &mut observe)?)
             })
-        };
-        Ok(py.detach(solve)?)
+        })
     }
 
     /// How many holograms of the sequence at a path are there.
     #[staticmethod]
     fn there(py: Python<'_>, out: PathBuf) -> PyResult<u64> {
-        let look = || -> Answer<u64> {
+        run(py, false, move |_| {
             let parts = SequenceParts::open(&out)?;
             Ok((0..parts.planned()).filter(|index| parts.has(*index)).count() as u64)
-        };
-        Ok(py.detach(look)?)
+        })
     }
 
     /// Says that all holograms of the sequence at a path are there.
     #[staticmethod]
     fn finish(py: Python<'_>, out: PathBuf) -> PyResult<()> {
-        Ok(py.detach(|| SequenceParts::open(&out)?.finish()).map_err(Failure::from)?)
+        run(py, false, move |_| Ok(SequenceParts::open(&out)?.finish()?))
     }
 }

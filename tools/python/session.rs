@@ -1,8 +1,10 @@
 //! Sessions: holograms on a display, and the video frames that it is given.
 
+use crate::call::run;
 use crate::display::{Display, colors};
 use crate::engine::Engine;
 use crate::failure::{Answer, Failure};
+use crate::forked::{OfProcess, refuse_after_computing};
 use crate::frames::{Frames, Shown};
 use crate::hologram::Hologram;
 use crate::scene::Scene;
@@ -58,12 +60,24 @@ pub(crate) struct Following {
 /// Content on a display, on threads of its own.
 #[pyclass(frozen, module = "eyebox._eyebox")]
 pub(crate) struct Session {
-    session: Mutex<Option<eyebox::session::Session>>,
-    eye: Option<SampleSender>,
-    frames: Frames,
+    running: OfProcess<Running>,
     /// Rows, columns and channels of a video frame.
     shape: [usize; 3],
     about: About,
+}
+
+/// What exists in the process that began it alone.
+struct Running {
+    session: Mutex<Option<eyebox::session::Session>>,
+    eye: Option<SampleSender>,
+    frames: Frames,
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // A simulated display that waits for Python would never end.
+        self.frames.give_up();
+    }
 }
 
 /// What it shows on, video frames a second, video frames and sub-frames of a set, whether sets roll.
@@ -73,13 +87,16 @@ type Frame<'py> = (Bound<'py, PyArray3<u8>>, u64, f64, Option<u64>, u64, bool, O
 
 /// Seconds of the caller's.
 fn time(seconds: f64, what: &str) -> Answer<Duration> {
-    let wrong = |_| Failure::Argument(format!("{what} is {seconds}: it must be 0 to 1e9 seconds"));
-    Duration::try_from_secs_f64(seconds.min(2e9)).map_err(wrong)
+    if (0.0..=1e9).contains(&seconds) {
+        return Ok(Duration::from_secs_f64(seconds));
+    }
+    Err(Failure::Argument(format!("{what} is {seconds}: it must be 0 to 1e9 seconds")))
 }
 
 impl Where {
     /// Starts to show; `endless`: content that does not end by itself.
     fn start(self, content: Content, eye: Option<SampleSender>, shape: [usize; 3], endless: bool) -> Answer<Session> {
+        refuse_after_computing("a session")?;
         let mut options = SessionOptions::default();
         options.display_rate = self.rate.map(Rate::from_hz).transpose().map_err(eyebox::session::SessionError::from)?;
         options.duration = self.seconds.map(|seconds| time(seconds, "seconds")).transpose()?;
@@ -100,7 +117,8 @@ impl Where {
         let about = session.about();
         let rate = about.display_rate.hz();
         let about = (about.presenter.clone(), rate, about.set_frames, about.sub_frames, about.rolls);
-        Ok(Session { session: Mutex::new(Some(session)), eye, frames, shape, about })
+        let running = Running { session: Mutex::new(Some(session)), eye, frames };
+        Ok(Session { running: OfProcess::new(running, "the session"), shape, about })
     }
 }
 
@@ -151,8 +169,13 @@ fn shape(encoder: &Encoder) -> [usize; 3] {
 }
 
 impl Session {
-    fn lock(&self) -> MutexGuard<'_, Option<eyebox::session::Session>> {
-        self.session.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> Answer<MutexGuard<'_, Option<eyebox::session::Session>>> {
+        Ok(self.running.get()?.session.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    fn command(&self, command: Command) -> PyResult<()> {
+        self.lock()?.iter().for_each(|session| session.command(command));
+        Ok(())
     }
 
     fn played(sequence: Sequence, display: &Display, speed: f64, looped: bool, at: Where) -> Answer<Self> {
@@ -167,13 +190,12 @@ impl Session {
 impl Session {
     /// Shows a hologram as it was solved.
     #[staticmethod]
-    fn play(py: Python<'_>, hologram: &Hologram, display: &Display, shown: Where) -> PyResult<Self> {
-        let begin = || {
-            let hologram = hologram.0.clone();
+    fn play(py: Python<'_>, hologram: Py<Hologram>, display: Py<Display>, shown: Where) -> PyResult<Self> {
+        run(py, false, move |_| {
+            let hologram = hologram.get().0.clone();
             let sequence = Sequence::single(Path::new(&hologram.scene.clone()), hologram);
-            Self::played(sequence, display, 1.0, true, shown)
-        };
-        Ok(py.detach(begin)?)
+            Self::played(sequence, display.get(), 1.0, true, shown)
+        })
     }
 
     /// Shows a file of a hologram or a sequence, so many times as fast.
@@ -181,27 +203,29 @@ impl Session {
     fn play_file(
         py: Python<'_>,
         file: PathBuf,
-        display: &Display,
+        display: Py<Display>,
         speed: f64,
         looped: bool,
         shown: Where,
     ) -> PyResult<Self> {
-        let begin = || Self::played(Opening::default().sequence(&file)?, display, speed, looped, shown);
-        Ok(py.detach(begin)?)
+        run(py, false, move |_| {
+            Self::played(Opening::default().sequence(&file)?, display.get(), speed, looped, shown)
+        })
     }
 
     /// Shows a hologram of a scene, refined for where the eye is.
     #[staticmethod]
     fn follow(
         py: Python<'_>,
-        hologram: &Hologram,
-        scene: &Scene,
-        display: &Display,
-        engine: &Engine,
+        hologram: Py<Hologram>,
+        scene: Py<Scene>,
+        display: Py<Display>,
+        engine: Py<Engine>,
         following: Following,
         shown: Where,
     ) -> PyResult<Self> {
-        let begin = || -> Answer<Self> {
+        run(py, engine.get().on_device, move |_| {
+            let (hologram, scene, display, engine) = (hologram.get(), scene.get(), display.get(), engine.get());
             hologram.0.check_shows(&scene.source, &scene.field)?;
             let mut whole = hologram.0.clone();
             if whole.metadata.exposure_assumed {
@@ -210,12 +234,11 @@ impl Session {
             let depths = whole.metadata.solve.as_ref().map_or([f64::NEG_INFINITY, f64::INFINITY], |s| s.depth);
             let eyepiece = Eyepiece { focal_length: whole.focal_length, depths };
             let (eye, tracking) = following.tracking(shown.simulated, eyepiece)?;
-            let mut live = Live::of_hologram(&whole, &scene.field, &display.0, engine.backend.clone(), tracking)?;
+            let mut live = Live::of_hologram(&whole, &scene.field, &display.0, engine.backend()?, tracking)?;
             following.set(&mut live, shown.simulated)?;
             let shape = shape(&live.encoder);
             shown.start(live.into(), eye, shape, true)
-        };
-        Ok(py.detach(begin)?)
+        })
     }
 
     /// Shows what another process gives as live:NAME, in these colours of a display, in so many sub-frames; `ask` says what it is
@@ -225,15 +248,16 @@ impl Session {
     fn live(
         py: Python<'_>,
         name: String,
-        display: &Display,
+        display: Py<Display>,
         content: (Vec<String>, usize, String, u32),
-        engine: &Engine,
+        engine: Py<Engine>,
         following: Following,
         shown: Where,
     ) -> PyResult<Self> {
         use eyebox::session::{LiveInput, LiveKind, darkness};
-        let begin = || -> Answer<Self> {
-            let (display, (names, frames, ask, views)) = (&display.0, content);
+        run(py, engine.get().on_device, move |_| {
+            let (display, (names, frames, ask, views)) = (&display.get().0, content);
+            let backend = engine.get().backend()?;
             let colors = colors(display, &names)?;
             let kind = match &ask[..] {
                 "views" => LiveKind::Views,
@@ -247,17 +271,16 @@ impl Session {
             let shape = shape(&encoder);
             let seed = Steering::from_toml(&following.steering)?.seed;
             let parts = darkness(display, &colors, frames, seed)?;
-            let mut live = Live::new(parts, encoder, engine.backend.clone(), tracking);
+            let mut live = Live::new(parts, encoder, backend.clone(), tracking);
             following.set(&mut live, shown.simulated)?;
             live.whole.focus = [following.focus; 2];
             let mut input = LiveInput::open(&name, display, &colors, views, kind)?;
             // What a device cannot decode the host does.
-            input.decode_with(&engine.backend)?;
+            input.decode_with(&backend)?;
             live.scenes = Some(Box::new(input));
             let live = live.with_fixed_phases(|| {})?;
             shown.start(live.into(), eye, shape, true)
-        };
-        Ok(py.detach(begin)?)
+        })
     }
 
     /// The next video frame that was shown, waiting so many seconds for it, or as long as something is shown.
@@ -265,7 +288,8 @@ impl Session {
         let mut left = within.map(|within| time(within, "timeout")).transpose()?.unwrap_or(Duration::MAX);
         let shown = loop {
             let patience = left.min(OFTEN);
-            match py.detach(|| self.frames.take(patience)) {
+            let frames = &self.running.get()?.frames;
+            match py.detach(|| frames.take(patience)) {
                 Ok(shown) => break shown,
                 Err(()) => left = left.saturating_sub(patience),
             }
@@ -281,32 +305,38 @@ impl Session {
 
     /// The pupil was there so many seconds ago, and moves so fast; a place that is no number is a closed eye.
     fn look(&self, x: f64, y: f64, diameter: Option<f64>, velocity: Option<(f64, f64)>, age: f64) -> PyResult<()> {
-        let eye = self
-            .eye
-            .as_ref()
-            .ok_or_else(|| Failure::Argument("nobody's samples are waited for: give eye=\"own\" to show".into()))?;
+        let eye = self.running.get()?.eye.as_ref();
+        let eye = eye.ok_or_else(|| Failure::Argument("nobody's samples are waited for: give eye=\"own\" to show".into()))?;
+        if let Some(far) = [x, y].into_iter().find(|at| at.is_finite() && at.abs() > 0.1) {
+            return Err(Failure::Argument(format!("x or y is {far}: it must be -0.1 to 0.1 m, or NaN")).into());
+        }
+        let diameter = diameter.filter(|d| !d.is_nan());
+        if let Some(wrong) = diameter.filter(|d| !(0.0..=0.02).contains(d)) {
+            return Err(Failure::Argument(format!("diameter is {wrong}: it must be 0 to 0.02 m, or NaN")).into());
+        }
         eye.moving_pupil([x, y], velocity.map(|(x, y)| [x, y]), diameter, time(age, "age")?);
         Ok(())
     }
 
     /// Whether the hologram follows the eye.
-    fn steer(&self, steered: bool) {
-        self.lock().iter().for_each(|session| session.steer(steered));
+    fn steer(&self, steered: bool) -> PyResult<()> {
+        self.lock()?.iter().for_each(|session| session.steer(steered));
+        Ok(())
     }
 
     /// Stands still, or goes on.
-    fn pause(&self, paused: bool) {
-        self.lock().iter().for_each(|session| session.command(Command::Pause(paused)));
+    fn pause(&self, paused: bool) -> PyResult<()> {
+        self.command(Command::Pause(paused))
     }
 
     /// Goes so many holograms further.
-    fn seek(&self, holograms: i64) {
-        self.lock().iter().for_each(|session| session.command(Command::Seek(holograms)));
+    fn seek(&self, holograms: i64) -> PyResult<()> {
+        self.command(Command::Seek(holograms))
     }
 
     /// Whether something is still shown.
-    fn is_running(&self) -> bool {
-        self.lock().as_ref().is_some_and(eyebox::session::Session::is_running)
+    fn is_running(&self) -> PyResult<bool> {
+        Ok(self.lock()?.as_ref().is_some_and(eyebox::session::Session::is_running))
     }
 
     #[getter]
@@ -316,14 +346,14 @@ impl Session {
 
     /// Video frames that were not taken in time, and given up.
     #[getter]
-    fn left_out(&self) -> u64 {
-        self.frames.left_out()
+    fn left_out(&self) -> PyResult<u64> {
+        Ok(self.running.get()?.frames.left_out())
     }
 
     /// How it is doing, JSON; none after it was stopped.
-    fn status(&self) -> Option<String> {
-        let session = self.lock();
-        let session = session.as_ref()?;
+    fn status(&self) -> PyResult<Option<String>> {
+        let session = self.lock()?;
+        let Some(session) = session.as_ref() else { return Ok(None) };
         let now = session.status();
         let mut all = now.report(session.about()).to_json();
         if let Some(live) = now.live {
@@ -335,32 +365,25 @@ impl Session {
             all["sample_age_ms"] = json!(live.sample_age_ms);
             all["pupil_error_mm"] = json!(live.pupil_error_mm);
         }
-        Some(all.to_string())
+        Ok(Some(all.to_string()))
     }
 
     /// What happened since this was asked, in lines.
-    fn notes(&self) -> Vec<String> {
-        let session = self.lock();
+    fn notes(&self) -> PyResult<Vec<String>> {
+        let session = self.lock()?;
         let next = || match session.as_ref()?.event(Duration::ZERO)? {
             SessionEvent::Note(note) => Some(note),
             _ => None,
         };
-        std::iter::from_fn(next).collect()
+        Ok(std::iter::from_fn(next).collect())
     }
 
     /// Stops it: what was shown, JSON, and what went wrong; none if it was stopped before.
-    fn stop(&self, py: Python<'_>) -> Option<(String, Option<Py<PyBaseException>>)> {
-        let session = self.lock().take()?;
-        self.frames.give_up();
-        let ended = py.detach(|| session.stop());
+    fn stop(&self, py: Python<'_>) -> PyResult<Option<(String, Option<Py<PyBaseException>>)>> {
+        let Some(session) = self.lock()?.take() else { return Ok(None) };
+        self.running.get()?.frames.give_up();
+        let ended = run(py, true, move |_| Ok(session.stop()))?;
         let error = ended.result.err().map(|error| PyErr::from(Failure::from(error)).into_value(py));
-        Some((ended.statistics.to_json().to_string(), error))
-    }
-}
-
-impl Drop for Session {
-    fn drop(&mut self) {
-        // A simulated display that waits for Python would never end.
-        self.frames.give_up();
+        Ok(Some((ended.statistics.to_json().to_string(), error)))
     }
 }

@@ -1,61 +1,38 @@
-//! What Python is told while something is computed, and what it answers: callbacks, and signals such as ctrl-C.
+//! Callbacks: what they are called with, and their answers.
 
-use crate::failure::Failure;
+use crate::call::Caller;
 use eyebox::solve::Flow;
-use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
-use pyo3::types::PyBool;
-use std::time::{Duration, Instant};
+use std::sync::Arc;
 
-/// Signals are looked for no more often: each time the interpreter's lock is taken.
-const OFTEN: Duration = Duration::from_millis(50);
-
-/// Who is told.
-pub(crate) struct Told<'a> {
-    callback: Option<&'a Py<PyAny>>,
-    looked: Instant,
-    /// What Python raised: the computation ends with it.
-    raised: Option<PyErr>,
-    /// Whether ctrl-C, or the callback, ended it.
-    pub(crate) stopped: Option<&'static str>,
+/// A callback, or none, called after steps.
+pub(crate) struct Told {
+    callback: Option<Arc<Py<PyAny>>>,
+    /// Whether the callback ended it.
+    pub(crate) stopped: bool,
 }
 
-impl<'a> Told<'a> {
-    pub(crate) fn new(callback: Option<&'a Py<PyAny>>) -> Self {
-        Self { callback, looked: Instant::now(), raised: None, stopped: None }
+impl Told {
+    pub(crate) fn new(callback: Option<Arc<Py<PyAny>>>) -> Self {
+        Self { callback, stopped: false }
     }
 
-    /// After a step, with the lock released: `arguments` are the callback's.
-    pub(crate) fn step<A>(&mut self, arguments: impl FnOnce() -> A) -> Flow
+    /// After a step: calls the callback with `arguments` on the caller's thread. An answer that is false in Python ends the work, None
+    /// does not.
+    pub(crate) fn step<A>(&mut self, caller: &Caller, arguments: impl FnOnce() -> A) -> Flow
     where
-        A: for<'py> pyo3::call::PyCallArgs<'py>,
+        A: for<'py> pyo3::call::PyCallArgs<'py> + Send + 'static,
     {
-        if self.raised.is_some() || self.stopped.is_some() {
+        if self.stopped || caller.is_gone() {
             return Flow::Stop;
         }
-        if self.callback.is_none() && self.looked.elapsed() < OFTEN {
-            return Flow::Continue;
-        }
-        self.looked = Instant::now();
-        let answer = Python::attach(|py| -> PyResult<bool> {
-            py.check_signals()?;
-            let Some(callback) = self.callback else { return Ok(true) };
-            let answer = callback.bind(py).call1(arguments())?;
-            Ok(!answer.cast::<PyBool>().is_ok_and(|answer| !answer.is_true()))
+        let Some(callback) = self.callback.clone() else { return Flow::Continue };
+        let arguments = arguments();
+        let goes_on = caller.ask(move |py| {
+            let answer = callback.bind(py).call1(arguments)?;
+            Ok(answer.is_none() || answer.is_truthy()?)
         });
-        match answer {
-            Ok(true) => return Flow::Continue,
-            Ok(false) => self.stopped = Some("callback"),
-            Err(error) if Python::attach(|py| error.is_instance_of::<PyKeyboardInterrupt>(py)) => {
-                self.stopped = Some("interrupt");
-            }
-            Err(error) => self.raised = Some(error),
-        }
-        Flow::Stop
-    }
-
-    /// What was raised, if anything.
-    pub(crate) fn raised(&mut self) -> Result<(), Failure> {
-        self.raised.take().map_or(Ok(()), |error| Err(error.into()))
+        self.stopped = goes_on == Some(false);
+        if goes_on == Some(true) { Flow::Continue } else { Flow::Stop }
     }
 }

@@ -13,6 +13,10 @@ arrays are (row, column), rows going down, with colours (red, green, blue) last;
 (64, 64, 1)
 """
 
+import atexit
+import os
+
+from . import _eyebox
 from ._arguments import Pupil
 from ._calibrate import Calibration, Shot, calibrate
 from ._display import Display, Engine, presets
@@ -29,6 +33,7 @@ from ._eyebox import (
     __version__,
 )
 from ._hologram import Hologram, Score
+from ._interrupted import Interrupted
 from ._refiner import Refiner
 from ._scene import Scene, photograph
 from ._show import Frame, Session, Shows, show
@@ -46,6 +51,7 @@ __all__ = [
     "Frame",
     "Hologram",
     "HologramError",
+    "Interrupted",
     "Pupil",
     "Refiner",
     "Scene",
@@ -64,3 +70,8 @@ __all__ = [
     "show",
     "solve",
 ]
+
+# Abandoned work ends before the process does; a forked child has none.
+atexit.register(_eyebox.leave)
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=lambda: atexit.unregister(_eyebox.leave))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import operator
 import os
 from typing import Any, NamedTuple
@@ -32,22 +33,48 @@ class Pupil(NamedTuple):
 
 
 def number(value: Any, what: str) -> float:
-    """A real number."""
+    """A real number, by itself or as an array of no axes; a text is none."""
     try:
+        if isinstance(value, (str, bytes, bytearray)):
+            raise TypeError
         return float(value)
     except (TypeError, ValueError, OverflowError):
         raise TypeError(f"{what} is {_short(value)}: it must be a number") from None
 
 
-def count(value: Any, what: str, most: int = 1_000_000) -> int:
-    """A whole number from 1 to ``most``."""
+def finite(value: Any, what: str) -> float:
+    """A real number that is neither infinite nor NaN."""
+    finite = number(value, what)
+    if not math.isfinite(finite):
+        raise ValueError(f"{what} is {finite}: it must be finite")
+    return finite
+
+
+def whole(value: Any, what: str) -> int:
+    """A whole number, of any type that Python indexes with."""
     try:
-        whole = operator.index(value)
+        return operator.index(value)
     except TypeError:
         raise TypeError(f"{what} is {_short(value)}: it must be a whole number") from None
-    if not 1 <= whole <= most:
-        raise ValueError(f"{what} is {whole}: it must be 1 to {most}")
-    return whole
+
+
+def count(value: Any, what: str, most: int = 1_000_000, *, least: int = 1) -> int:
+    """A whole number from ``least`` to ``most``."""
+    number = whole(value, what)
+    if not least <= number <= most:
+        raise ValueError(f"{what} is {number}: it must be {least} to {most}")
+    return number
+
+
+def numbers(value: Any, what: str, right: str) -> list[float]:
+    """As many numbers as ``right`` names, separated by commas."""
+    try:
+        each = list(value)
+    except TypeError:
+        raise TypeError(f"{what} is {_short(value)}: it must be ({right})") from None
+    if len(each) != len(right.split(",")) or isinstance(value, (str, bytes)):
+        raise ValueError(f"{what} is {_short(value)}: it must be ({right})")
+    return [number(one, what) for one in each]
 
 
 def pupil(x: Any, y: Any, diameter: Any, depth: Any) -> tuple[float, float, float, float]:
@@ -172,9 +199,27 @@ def _text(text: str) -> str:
     return json.dumps(text).replace("\x7f", "\\u007f")
 
 
+def plain(value: Any) -> Any:
+    """Numbers of other libraries, and arrays and containers of them, as Python's own."""
+    if isinstance(value, (str, bytes, bool, np.bool_)) or value is None:
+        return bool(value) if isinstance(value, np.bool_) else value
+    if isinstance(value, dict):
+        return {key: plain(one) for key, one in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(one) for one in value]
+    if getattr(value, "ndim", 0) and hasattr(value, "tolist"):
+        return plain(value.tolist())
+    for protocol, to in (("__index__", operator.index), ("__float__", float)):
+        try:
+            if hasattr(value, protocol):
+                return to(value)
+        except TypeError:
+            continue
+    return value
+
+
 def _value(name: str, value: Any) -> str:
-    if isinstance(value, (np.generic, np.ndarray)):
-        value = value.tolist()
+    value = plain(value)
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, (int, float)):

@@ -86,7 +86,8 @@ def calibrate(
         The display.
     camera : callable, optional
         Takes a :class:`Shot` and answers with its picture, (row, column), linear in light and no more than ``full_scale`` times
-        ``average``. What it raises ends that picture; the bench is asked again. Without one, ``captures`` has the pictures.
+        ``average``. An exception ends that picture, and the bench is asked again; KeyboardInterrupt and SystemExit end the
+        calibration. Without a camera, ``captures`` has the pictures.
     color : str, optional
         Green where none is given, or the display's first.
     hello : dict
@@ -103,9 +104,8 @@ def calibrate(
     iris : (float, float, float), optional
         Where an iris stands that does not move: x, y, diameter, metres.
     callback : callable, optional
-        Told what is being done and the share of all that is done, and lines of the bench with None. What it raises ends the
-        calibration, as ctrl-C does: before the next picture, or, while the model is fitted, when that is done. Pictures are
-        kept where ``captures`` says.
+        Called with what is being done and the share of all that is done, and with lines of the bench and None. What it raises
+        ends the calibration at once, as ctrl-C does. Pictures are kept where ``captures`` says.
 
     Raises
     ------
@@ -116,15 +116,22 @@ def calibrate(
     if color is None:
         color = "green" if "green" in display.wavelengths else next(iter(display.wavelengths))
     folder = None if captures is None else _arguments.path(captures, "captures")
-    still = None if iris is None else [1e3 * _arguments.number(one, "iris") for one in iris]
+    still = None if iris is None else [1e3 * one for one in _arguments.numbers(iris, "iris", "x, y, diameter")]
+    if callback is not None and not callable(callback):
+        raise TypeError(f"callback is {callback!r}: it must be callable with a text and a share or None")
     how = (_arguments.count(most, "most", 1000), bool(quick), still)
     if camera is None:
-        native, report = _eyebox.calibrate(display._native, color, (None, folder), how, callback, None)
+        native, report = _eyebox.calibrate(display._native, color, (None, folder), how, callback)
         return Calibration(Display._of(native), json.loads(report))
     if not callable(camera):
         raise TypeError(f"camera is {camera!r}: it must be callable with a Shot")
     with _Bench(display, camera, hello, full_scale) as bench:
-        native, report = _eyebox.calibrate(display._native, color, (bench.command, folder), how, callback, bench.end)
+        try:
+            native, report = _eyebox.calibrate(display._native, color, (bench.command, folder), how, bench.told(callback))
+        finally:
+            bench.ended = True
+            if bench.raised is not None:
+                raise bench.raised
     return Calibration(Display._of(native), json.loads(report))
 
 
@@ -132,9 +139,9 @@ class _Bench:
     """The library asks a camera's command; this one asks back here (eyebox/_camera.py)."""
 
     def __init__(self, display: Display, camera: Any, hello: Any, full_scale: Any) -> None:
-        said = dict(hello or {})
         try:
-            bits = int(said["camera"]["bits"])
+            said = _arguments.plain(dict(hello or {}))
+            bits = _arguments.whole(said["camera"]["bits"], "bits")
         except (KeyError, TypeError, ValueError):
             right = "{'camera': {'resolution': (rows, columns), 'bits': bits}, ...}"
             raise TypeError(f"hello is {hello!r}: it must say what the bench is, as {right}") from None
@@ -145,10 +152,18 @@ class _Bench:
         self.camera = camera
         self.open: list[Connection] = []
         self.ended = False
+        self.raised: BaseException | None = None
 
-    def end(self) -> None:
-        """Has the bench give no more pictures."""
-        self.ended = True
+    def told(self, callback: Any) -> Callable[[str, float | None], None]:
+        """The callback, which also ends the calibration by what the camera raised."""
+
+        def told(line: str, share: float | None) -> None:
+            if self.raised is not None:
+                raise self.raised
+            if callback is not None:
+                callback(line, share)
+
+        return told
 
     def __enter__(self) -> _Bench:
         key = secrets.token_bytes(32)
@@ -189,8 +204,10 @@ class _Bench:
                 answer: dict[str, Any] = {"id": asked.get("id")}
                 try:
                     answer |= self.do(asked)
-                except Exception as error:
+                except BaseException as error:
                     answer["error"] = f"{type(error).__name__}: {error}"
+                    if not isinstance(error, Exception):
+                        self.ended, self.raised = True, error
                 connection.send_bytes(json.dumps(answer).encode())
         except (EOFError, OSError):
             return

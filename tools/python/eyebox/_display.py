@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import os
 import threading
 from typing import Any
 
@@ -174,6 +175,17 @@ _opening = threading.Lock()
 @functools.lru_cache(maxsize=None)
 def _shared(choice: str) -> _eyebox.Engine:
     return _eyebox.Engine(choice)
+
+
+def _forked() -> None:
+    """In a forked child: the parent's engines stay the parent's, and nobody holds the lock."""
+    global _opening
+    _opening = threading.Lock()
+    _shared.cache_clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forked)
 
 
 def engine_of(value: Any) -> _eyebox.Engine:

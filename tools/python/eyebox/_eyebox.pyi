@@ -80,7 +80,13 @@ class Scene:
 
 def solve(
     scene: Scene, display: Display, settings: str, engine: Engine, callback: Callable[..., Any] | None
-) -> tuple[Hologram, str]: ...
+) -> tuple[tuple[Hologram, str] | None, Unfinished | None]: ...
+def leave() -> None: ...
+
+class Unfinished:
+    @property
+    def error(self) -> BaseException: ...
+    def finish(self) -> tuple[Hologram, str] | None: ...
 
 class Hologram:
     @staticmethod
@@ -127,7 +133,6 @@ def calibrate(
     bench: tuple[str | None, str | None],
     how: tuple[int, bool, list[float] | None],
     told: Callable[[str, float | None], Any] | None,
-    end: Callable[[], Any] | None,
 ) -> tuple[Display, str]: ...
 
 class Sequence:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import mmap
 import os
+import tempfile
+from collections.abc import Mapping
 from typing import Any, Callable, NamedTuple
 
 import numpy as np
 
-from . import _arguments, _eyebox
+from . import _arguments, _eyebox, _files
 from ._display import Display, display_of, engine_of
 from ._scene import Scene, scene_of
 
@@ -38,7 +41,7 @@ class Hologram:
     in the middle of the eyebox sees it.
     """
 
-    __slots__ = ("_native", "_png", "_scene", "_stopped")
+    __slots__ = ("_native", "_png", "_scene", "_stopped", "_views")
 
     def __init__(self) -> None:
         raise TypeError("a Hologram is made by eyebox.solve, Hologram.load or Hologram.from_phases")
@@ -46,7 +49,8 @@ class Hologram:
     @classmethod
     def _of(cls, native: _eyebox.Hologram, scene: Scene | None, stopped: str | None) -> Hologram:
         made = object.__new__(cls)
-        made._native, made._scene, made._stopped, made._png = native, scene, stopped, None
+        made._native, made._scene, made._stopped = native, scene, stopped
+        made._png, made._views = None, None
         return made
 
     @classmethod
@@ -59,7 +63,7 @@ class Hologram:
             Nothing that is one, or a damaged one, with its file.
         """
         if at is not None:
-            at = _arguments.count(at + 1 if isinstance(at, int) else at, "at", 1 << 40) - 1
+            at = _arguments.count(at, "at", 1 << 40, least=0)
         return cls._of(_eyebox.Hologram.load(_arguments.path(path, "path"), at), None, None)
 
     @classmethod
@@ -71,15 +75,17 @@ class Hologram:
         *,
         scene: Any = None,
         exposure: float | None = None,
+        variable: str | None = None,
         engine: Any = "auto",
     ) -> Hologram:
         """The hologram that phases of one's own are on a display: to be looked at, scored, refined, encoded and saved.
 
         Parameters
         ----------
-        phases : array, or dict of arrays
+        phases : array, dict of arrays, or path
             (sub-frame, row, column) or (row, column), radians in floating point, of the display's size; for several colours, a
-            dict by their names. Whatever speaks DLPack (PyTorch, JAX) will do.
+            dict by their names. Whatever speaks DLPack (PyTorch, JAX) will do. A file is .npy, .npz, .mat (needs SciPy; version
+            7.3 needs h5py) or .h5 (needs h5py), with one array of such a shape, or with arrays named red, green and blue.
         display : Display, str or path
             The display that they are for.
         color : str, optional
@@ -88,11 +94,17 @@ class Hologram:
             The scene that they show: it decides the exposures, without which nothing can be seen.
         exposure : float, optional
             The exposure of every colour, instead: by what the light is multiplied.
+        variable : str, optional
+            The name of the array in a file that has several.
         engine : Engine or str
             Where exposures are fitted.
         """
         display = display_of(display)
-        if isinstance(phases, dict):
+        if _arguments.is_path(phases):
+            phases = _files.phases(phases, variable, display.resolution)
+        elif variable is not None:
+            raise TypeError("variable names an array in a file: phases is none")
+        if isinstance(phases, Mapping):
             if color is not None or not phases:
                 raise TypeError("color says which colour one array is for: a dict of phases has its own, one or more")
             names = _arguments.colors(list(phases), list(display.wavelengths))
@@ -117,8 +129,24 @@ class Hologram:
 
     @property
     def phases(self) -> dict[str, np.ndarray]:
-        """The phases of each colour, (sub-frame, row, column), radians in [-pi, pi): not copied, and read-only."""
+        """The phases of each colour, (sub-frame, row, column), radians in [-pi, pi): copies, which are yours."""
         return {color: self._native.phases(index) for index, color in enumerate(self.colors)}
+
+    @property
+    def phases_view(self) -> dict[str, np.ndarray]:
+        """The phases as of :attr:`phases`, read-only and without a copy per use: for reading large ones often.
+
+        The first use makes one copy for all views. Each array is a private mapping of it: a library that writes into a read-only array
+        nevertheless, as PyTorch's ``from_dlpack`` allows, changes that array alone.
+        """
+        if self._views is None:
+            self._views = {color: _stored(array) for color, array in self.phases.items()}
+        views = {}
+        for color, file in self._views.items():
+            memory = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY)
+            views[color] = np.frombuffer(memory, np.float32).reshape(self.shape)
+            views[color].setflags(write=False)
+        return views
 
     @property
     def colors(self) -> list[str]:
@@ -158,7 +186,8 @@ class Hologram:
 
     @property
     def stopped(self) -> str | None:
-        """Why its solve ended: "steps", "seconds", "quality", "callback" or "interrupt"; None where it was not solved here."""
+        """Why its solve ended: "steps", "seconds", "quality", "callback", or "interrupt" of what ctrl-C left; None where it was not
+        solved here."""
         return self._stopped
 
     def view(
@@ -269,3 +298,14 @@ class Hologram:
         frames, rows, columns = self.shape
         of = f" of {self.scene}" if self.scene else ""
         return f"<eyebox.Hologram{of}: {frames} sub-frames of {rows} x {columns}, {', '.join(self.colors)}>"
+
+
+def _stored(array: np.ndarray) -> Any:
+    """A file without a name, in memory if the system can, that holds an array."""
+    if hasattr(os, "memfd_create"):
+        file = os.fdopen(os.memfd_create("eyebox phases", os.MFD_CLOEXEC), "w+b")
+    else:
+        file = tempfile.TemporaryFile()
+    file.write(memoryview(array).cast("B"))
+    file.flush()
+    return file

@@ -7,6 +7,7 @@ from typing import Any, Callable
 from . import _arguments, _eyebox
 from ._display import engine_of
 from ._hologram import Hologram
+from ._interrupted import interrupted
 
 
 class Refiner:
@@ -63,14 +64,21 @@ class Refiner:
         self._native.aim(_arguments.pupil(x, y, diameter, depth), _arguments.number(spread, "spread"))
 
     def step(self, steps: int = 1, callback: Callable[[int, float], Any] | None = None) -> float:
-        """Takes steps of every colour; ctrl-C and a callback (steps taken, loss) that answers ``False`` end it early.
+        """Takes steps of every colour. A callback (steps taken, loss) ends it early by an answer that is false; None does not. Ctrl-C
+        raises :class:`Interrupted`, whose ``hologram`` is that of the steps taken.
 
         Returns
         -------
         float
             The loss of the last: mean squared difference over its pupils, in linear light.
         """
-        return self._native.step(_arguments.count(steps, "steps"), callback)[0]
+        count = _arguments.count(steps, "steps")
+        if callback is not None and not callable(callback):
+            raise TypeError(f"callback is {callback!r}: it must be callable with the steps taken and the loss")
+        try:
+            return self._native.step(count, callback)[0]
+        except KeyboardInterrupt as error:
+            raise interrupted(error, lambda: self.hologram) from None
 
     @property
     def hologram(self) -> Hologram:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import numpy as np
 
-from . import _arguments, _eyebox
+from . import _arguments, _eyebox, _files
 from ._display import Display, display_of, engine_of
 
 
@@ -18,7 +19,8 @@ class Scene:
     source : str, path or array
         "builtin:NAME", a folder of views or a picture (docs/scenes.md); or a light field of one's own:
         (view row, view column, row, column) or (view row, view column, row, column, colour) with 3 colours; a single view may
-        leave out its first two axes. Floating point is linear light, finite and not negative, with 1 as full scale; uint8 and
+        leave out its first two axes. A file of such an array is .npy, .npz, .mat (needs SciPy; version 7.3 needs h5py) or .h5
+        (needs h5py). Floating point is linear light, finite and not negative, with 1 as full scale; uint8 and
         uint16 are sRGB. NumPy arrays in any order, lists, and whatever speaks DLPack (PyTorch, JAX) on the CPU. View (r, c)
         looks from x = (c - (columns - 1) / 2) view_pitch, y = (r - (rows - 1) / 2) view_pitch. Views of another size than the
         display's pictures are scaled to fit whole.
@@ -36,6 +38,8 @@ class Scene:
         What its ends mean, metres.
     name : str, optional
         What holograms of an array remember as their scene.
+    variable : str, optional
+        The name of the array in a file of arrays that has several.
 
     Raises
     ------
@@ -56,16 +60,24 @@ class Scene:
         depth_map: Any = None,
         depth: tuple[float, float] | None = None,
         name: str = "",
+        variable: str | None = None,
     ) -> None:
         self._display = display_of(display)
         native = self._display._native
         names = _arguments.colors(color, list(self._display.wavelengths))
         pitch = None if view_pitch is None else _arguments.number(view_pitch, "view_pitch")
+        if variable is not None and not _files.is_arrays(source):
+            raise TypeError(f"variable names an array in a file of arrays: scene is {source!r}")
+        # NumPy's files are the library's, too, which finds the views in them by itself.
+        if _files.is_arrays(source) and not (os.fsdecode(source).lower().endswith((".npy", ".npz")) and variable is None):
+            # The name finds the scene again.
+            name = name or _arguments.path(source, "scene")
+            source = _files.views(source, variable)
         if _arguments.is_path(source):
             views = None if views is None else _arguments.count(views, "views", 64)
             depth_map = None if depth_map is None else _arguments.path(depth_map, "depth_map")
             if depth is not None:
-                depth = _pair(depth, "depth")
+                depth = tuple(_arguments.numbers(depth, "depth", "one end, the other"))
             source = _arguments.path(source, "scene")
             self._native = _eyebox.Scene.load(source, native, names, (views, pitch, depth_map, depth))
             return
@@ -80,7 +92,9 @@ class Scene:
             planes = [known[name] for name in names if name in known]
         elif has == 1:
             planes = planes * len(names)
-        self._native = _eyebox.Scene.of_views(str(name), native, names, planes, pitch)
+        if not isinstance(name, str):
+            raise TypeError(f"name is {name!r}: it must be a text")
+        self._native = _eyebox.Scene.of_views(name, native, names, planes, pitch)
 
     @property
     def display(self) -> Display:
@@ -139,14 +153,6 @@ class Scene:
         rows, columns, height, width, _ = self.shape
         what = self.source or "of an array"
         return f"<eyebox.Scene {what}: {rows} x {columns} views of {height} x {width}, {', '.join(self.colors)}>"
-
-
-def _pair(value: Any, what: str) -> tuple[float, float]:
-    try:
-        first, second = value
-    except (TypeError, ValueError):
-        raise TypeError(f"{what} is {value!r}: it must be two numbers") from None
-    return _arguments.number(first, what), _arguments.number(second, what)
 
 
 def scene_of(value: Any, display: Display, color: Any = None, **options: Any) -> Scene:

@@ -134,14 +134,7 @@ class Session:
             Seconds since it was there.
         """
         wide = None if diameter is None else _arguments.number(diameter, "diameter")
-        moves = None
-        if velocity is not None:
-            try:
-                moves = tuple(_arguments.number(v, "velocity") for v in velocity)
-            except TypeError:
-                raise TypeError("velocity must be two numbers, metres a second: (x, y)") from None
-            if len(moves) != 2:
-                raise ValueError(f"velocity has {len(moves)} numbers: it must be (x, y), metres a second")
+        moves = None if velocity is None else tuple(_arguments.numbers(velocity, "velocity", "x, y"))
         at = (_arguments.number(x, "x"), _arguments.number(y, "y"))
         self._native.look(*at, wide, moves, _arguments.number(age, "age"))
 
@@ -155,7 +148,8 @@ class Session:
 
     def seek(self, holograms: int) -> None:
         """Goes so many holograms of what is played further than the one that is shown; back, where it is negative."""
-        self._native.seek(int(_arguments.number(holograms, "holograms")))
+        most = 1 << 40
+        self._native.seek(_arguments.count(holograms, "holograms", most, least=-most))
 
     @property
     def about(self) -> Shows:
@@ -325,25 +319,26 @@ def show(
             raise ValueError(f"{name} is {value!r}: it must be {' or '.join(known)}")
     if output == "window" and clock == "simulated":
         raise ValueError('clock is "simulated": a window has the system\'s')
-    if eye is not None and not isinstance(eye, str):
+    if eye is not None and not _arguments.is_path(eye):
         raise TypeError(f"eye is {eye!r}: it must be own, simulated or another tracker's name")
+    eye = None if eye is None else _arguments.path(eye, "eye")
     where = {
-        "rate": None if rate is None else _arguments.number(rate, "rate"),
-        "seconds": None if seconds is None else _arguments.number(seconds, "seconds"),
+        "rate": None if rate is None else _arguments.finite(rate, "rate"),
+        "seconds": None if seconds is None else _arguments.finite(seconds, "seconds"),
         "window": output == "window",
         "monitor": None if monitor is None else str(monitor),
         "simulated": clock == "simulated",
-        "queue": _arguments.count(queue, "queue", 1024) if queue else 0,
+        "queue": _arguments.count(queue, "queue", 1024, least=0),
     }
     following = {
         "eye": eye,
-        "focus": _arguments.number(focus, "focus"),
-        "step_time": None if step_time is None else _arguments.number(step_time, "step_time"),
-        "encode_time": _arguments.number(encode_time, "encode_time"),
-        "display_latency": _arguments.number(latency, "latency"),
+        "focus": _arguments.finite(focus, "focus"),
+        "step_time": None if step_time is None else _arguments.finite(step_time, "step_time"),
+        "encode_time": _arguments.finite(encode_time, "encode_time"),
+        "display_latency": _arguments.finite(latency, "latency"),
         "whole_sets": bool(whole_sets),
         "moments": bool(moments),
-        "restart": _arguments.number(restart, "restart"),
+        "restart": _arguments.finite(restart, "restart"),
         "steering": _arguments.toml(steering),
     }
     application = isinstance(what, str) and what.startswith("live:")

@@ -7,6 +7,7 @@ from typing import Any, Callable, NamedTuple
 from . import _arguments, _eyebox
 from ._display import display_of, engine_of
 from ._hologram import Hologram
+from ._interrupted import interrupted
 from ._scene import Scene, scene_of
 
 
@@ -76,8 +77,8 @@ def solve(
     engine : Engine or str
         Where it is computed.
     callback : callable, optional
-        Called with a :class:`Step` after each step; ``False`` ends the solve with the best so far. What it raises, ``solve``
-        raises.
+        Called with a :class:`Step` after each step, on the thread that called. An answer that is false ends the solve with the best
+        so far; None does not. What it raises, ``solve`` raises.
     progress : optional
         ``True`` for a bar of tqdm, or whatever makes bars as tqdm does.
     views, view_pitch
@@ -90,10 +91,12 @@ def solve(
     Returns
     -------
     Hologram
-        Ctrl-C ends a solve with the best so far, too: its ``stopped`` is then "interrupt".
+        Its ``stopped`` says why the solve ended.
 
     Raises
     ------
+    Interrupted
+        Ctrl-C: a KeyboardInterrupt whose ``hologram`` is the best so far.
     SolveError, SceneError, DisplayError
         What cannot be, in the library's words.
 
@@ -123,11 +126,23 @@ def solve(
             return callback(step) if callback is not None else None
 
     try:
-        native, stopped = _eyebox.solve(scene._native, display._native, text, engine_of(engine), told)
+        solved, unfinished = _eyebox.solve(scene._native, display._native, text, engine_of(engine), told)
     finally:
         if bars is not None:
             bars.close()
-    return Hologram._of(native, scene, stopped)
+    if unfinished is None:
+        native, stopped = solved
+        return Hologram._of(native, scene, stopped)
+
+    def best() -> Hologram | None:
+        try:
+            found = unfinished.finish()
+        except _eyebox.EyeboxError:
+            return None
+        return None if found is None else Hologram._of(found[0], scene, found[1])
+
+    error = unfinished.error
+    raise interrupted(error, best) if isinstance(error, KeyboardInterrupt) else error
 
 
 class _Bars:

@@ -17,6 +17,7 @@ import contextlib
 import fractions
 import functools
 import json
+import numbers
 import os
 import shutil
 import time
@@ -78,7 +79,7 @@ def solve_sequence(
     names = _paths(scenes, "scenes")
     out = _store(out)
     try:
-        shown = fractions.Fraction(rate)
+        shown = fractions.Fraction(rate if isinstance(rate, numbers.Rational) else _arguments.number(rate, "rate"))
     except (TypeError, ValueError, OverflowError, ZeroDivisionError):
         raise TypeError(f"rate is {rate!r}: it must be a number of holograms a second, or a Fraction") from None
     if not 0 < shown <= 100_000 or max(shown.as_integer_ratio()) >= 1 << 32:
@@ -241,7 +242,7 @@ def tradeoff(
     name = _arguments.path(scene, "scene")
     colors = _arguments.colors(color, list(display.wavelengths))
     try:
-        settings = [dict(one) for one in grid]
+        settings = [_arguments.plain(dict(one)) for one in grid]
     except (TypeError, ValueError):
         raise TypeError(f"grid is {grid!r}: it must be a sequence of dicts of settings") from None
     for one in settings:
@@ -315,8 +316,6 @@ def _traded(
 ) -> dict[str, Any]:
     begun = time.perf_counter()
     made = solve(scene, Display._of(_eyebox.Display.of_toml(display)), colors, engine=engine, **settings)
-    if made.stopped == "interrupt":
-        raise KeyboardInterrupt
     seconds = time.perf_counter() - begun
     return {"settings": settings, "seconds": seconds, "scores": _scores(made, None, pupils, engine)}
 
@@ -352,8 +351,7 @@ def _begun(job: Any) -> Any:
 
 def _piece(job: Any, index: int) -> None:
     """On a worker: one hologram, unless it is there."""
-    if _sequence(job).piece(index, engine_of(job[-1])) is None:
-        raise KeyboardInterrupt
+    _sequence(job).piece(index, engine_of(job[-1]))
 
 
 @functools.lru_cache(maxsize=1)

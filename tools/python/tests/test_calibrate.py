@@ -5,6 +5,7 @@ import signal
 import eyebox
 import numpy as np
 import pytest
+from conftest import LONG
 
 SIDE = 64
 FIELDS = dict(size=(SIDE, SIDE), pitch_um=8.0, focal_length_mm=400.0, wavelengths_nm={"green": 520.0})
@@ -93,3 +94,104 @@ def test_a_bench_that_fails_is_named():
         eyebox.calibrate(eyebox.Display(**FIELDS))
     with pytest.raises(ValueError, match="most is 3"):
         eyebox.calibrate(eyebox.Display(**FIELDS), broken, hello=HELLO, most=3)
+
+
+#: Benches whose phase is not what was asked for, by what they do to it. Four pictures, or all of them, make no calibration.
+FAULTS = {
+    "the other sign": lambda shown: -shown,
+    "the other sign, a little stronger": lambda shown: -1.08 * shown,
+    "the other sign and an offset": lambda shown: 1.0 - shown,
+    "another pattern": lambda shown: np.random.default_rng(3).uniform(-3, 3, shown.shape),
+    "no pattern": lambda shown: np.zeros_like(shown),
+    "left and right exchanged in one half": lambda shown: np.where(np.arange(SIDE) < SIDE // 2, shown, shown[..., ::-1]),
+    "upside down": lambda shown: shown[:, ::-1],
+    "shifted": lambda shown: np.roll(shown, (7, 11), (1, 2)),
+    "twice the phase": lambda shown: 2.5 * shown,
+    "noise over it": lambda shown: shown + np.random.default_rng(4).normal(0, 1.5, shown.shape),
+    "half of the pixels stuck": lambda shown: np.where(np.arange(SIDE) % 2, shown, 0.5),
+}
+
+
+def faulty(display, fault):
+    camera, shots = bench(display)
+
+    def take(shot):
+        return camera(shot._replace(show=None if shot.show is None else fault(shot.show).astype(np.float32)))
+
+    return take
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_what_four_pictures_do_not_show_is_no_calibration(fault):
+    before = eyebox.Display(**FIELDS, model={"green": {"fill": 0.95}})
+    camera = faulty(eyebox.Display(**FIELDS, model={"green": {"fill": 0.95, "level": [[1.08] * 3] * 3}}), FAULTS[fault])
+    try:
+        found = eyebox.calibrate(before, camera, hello=HELLO, quick=True)
+    except eyebox.CalibrateError:
+        return
+    assert found.report["calibrated"] is False, found.report["parameters"]
+    assert found.report["unexplained"] > 0.01 and any("not calibrated" in line for line in found.report["warnings"])
+    if "sign" in fault:
+        assert any("other sign" in line for line in found.report["warnings"]), found.report["warnings"]
+
+
+@pytest.mark.skipif(not LONG, reason="minutes")
+def test_the_other_sign_is_no_calibration_by_all_pictures():
+    before = eyebox.Display(**FIELDS, model={"green": {"fill": 0.95}})
+    found = eyebox.calibrate(before, faulty(before, FAULTS["the other sign"]), hello=HELLO)
+    assert found.report["calibrated"] is False and any("other sign" in line for line in found.report["warnings"])
+
+
+#: Ordinary drift, which four pictures find: (level, noise of the camera).
+DRIFTS = [(1.0, 2e-4), (1.08, 2e-4), (1.1, 2e-4), (0.9, 2e-4), (0.85, 2e-4), (1.08, 3e-3)]
+
+
+@pytest.mark.parametrize(("level", "noise"), DRIFTS)
+def test_what_has_drifted_is_a_calibration(level, noise):
+    known = {"fill": 0.95}
+    before = eyebox.Display(**FIELDS, model={"green": known})
+    camera, _ = bench(eyebox.Display(**FIELDS, model={"green": {**known, "level": [[level] * 3] * 3}}), noise)
+    found = eyebox.calibrate(before, camera, hello=HELLO, quick=True)
+    assert found.report["calibrated"] is True and 0 <= found.report["unexplained"] < 0.01
+
+
+@pytest.mark.parametrize("level", [0.6, 0.7, 0.75, 0.8, 1.12, 1.15, 1.2, 1.3, 1.4, 1.6])
+def test_more_drift_is_found_or_no_calibration(level):
+    known = {"fill": 0.95}
+    before = eyebox.Display(**FIELDS, model={"green": known})
+    camera, _ = bench(eyebox.Display(**FIELDS, model={"green": {**known, "level": [[level] * 3] * 3}}))
+    try:
+        report = eyebox.calibrate(before, camera, hello=HELLO, quick=True).report
+    except eyebox.CalibrateError:
+        return
+    levels = [p["value"] for p in report["parameters"] if p["name"].startswith("level")]
+    right = len(levels) == 9 and np.allclose(levels, level, atol=0.03)
+    assert report["calibrated"] is right, (levels, report["unexplained"])
+
+
+@pytest.mark.parametrize("raised", [KeyboardInterrupt, SystemExit, GeneratorExit])
+def test_what_ends_programs_ends_a_calibration_from_its_camera(raised):
+    shots = []
+
+    def camera(shot):
+        shots.append(shot)
+        raise raised("on purpose")
+
+    with pytest.raises(raised):
+        eyebox.calibrate(eyebox.Display(**FIELDS), camera, hello=HELLO)
+    assert len(shots) == 1
+
+
+def test_a_bench_says_what_it_is_in_numpys_numbers(tmp_path):
+    before = eyebox.Display(**FIELDS, model={"green": {"fill": 0.95}})
+    camera, _ = bench(before)
+    hello = {
+        "camera": {"resolution": np.array([SIDE, SIDE]), "bits": np.int64(12)},
+        "slm": {"takes": ("phases",)},
+        "iris": {"x_mm": np.array([-12.0, 12.0]), "y_mm": (np.float32(-12), 12), "diameter_mm": np.array([1, 20])},
+    }
+    found = eyebox.calibrate(before, camera, hello=hello, quick=np.bool_(True), most=np.int64(40))
+    assert found.report["captures"] == 4
+    for iris in ((1e-3, 2e-3), (1e-3, 2e-3, 3e-3, 4e-3), 3e-3, "abc"):
+        with pytest.raises((TypeError, ValueError), match="iris is"):
+            eyebox.calibrate(before, camera, hello=hello, iris=iris)

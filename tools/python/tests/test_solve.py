@@ -1,9 +1,5 @@
 """Solves that are watched, stopped, refined, and run side by side."""
 
-import os
-import signal
-import subprocess
-import sys
 import threading
 
 import eyebox
@@ -47,32 +43,6 @@ def test_progress_is_tqdms_protocol(display):
     assert (bar.total, bar.desc, bar.at, bar.closed) == (4, "green", 4, True) and "loss" in bar.said
     pytest.importorskip("tqdm")
     eyebox.solve("builtin:plane", display, color="green", frames=1, steps=2, pupils=2, progress=True)
-
-
-CTRL_C = """
-import eyebox, os, signal, threading, time
-# Shells start what runs beside them deaf to ctrl-C, and Python stays as it was started.
-signal.signal(signal.SIGINT, signal.default_int_handler)
-display = eyebox.Display("small", size=(64, 64))
-begun = threading.Event()
-def press():
-    begun.wait()
-    time.sleep(0.3)
-    os.kill(os.getpid(), signal.SIGINT)
-threading.Thread(target=press).start()
-hologram = eyebox.solve("builtin:plane", display, color="green", frames=1, steps=1_000_000, pupils=2,
-                        callback=lambda step: begun.set())
-print(hologram.stopped, len(hologram.phases), flush=True)
-signal.raise_signal(signal.SIGINT)
-"""
-
-
-@pytest.mark.skipif(os.name != "posix", reason="signals")
-def test_ctrl_c_ends_with_the_best_so_far():
-    done = subprocess.run([sys.executable, "-c", CTRL_C], capture_output=True, text=True, timeout=60)
-    assert done.stdout == "interrupt 1\n", done.stderr
-    # The next one is Python's own again.
-    assert "KeyboardInterrupt" in done.stderr and done.returncode in (1, -signal.SIGINT)
 
 
 def test_refiner_in_a_loop_of_ones_own(hologram):

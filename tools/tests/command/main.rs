@@ -20,6 +20,8 @@ mod generate;
 mod inspect;
 #[cfg(target_os = "linux")]
 mod interference;
+#[cfg(unix)]
+mod interrupted;
 mod joint_color;
 mod kept;
 #[cfg(target_os = "linux")]

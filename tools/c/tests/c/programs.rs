@@ -78,3 +78,77 @@ fn a_device_of_the_programs_own_with_the_static_library() {
     let out = run("c++", "examples/vulkan_device.cpp", "-std=c++17", &library);
     assert!(out.contains("the program's own device") && out.contains("dB in the middle"), "{out}");
 }
+
+/// valgrind hides the vDSO, which programs that embed eyebox must live without.
+#[test]
+fn a_session_under_valgrind() {
+    if !Command::new("valgrind").arg("--version").output().is_ok_and(|has| has.status.success()) {
+        return println!("no valgrind: it was not run");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let program = folder.path().join("program");
+    let mut build = Command::new("cc");
+    build.args(["-std=c99", "-g", "-I"]).arg(here("")).arg(here("examples/session.c")).arg("-o").arg(&program);
+    build.arg(format!("-L{}", libraries().display())).args(["-leyebox_c", "-lm"]);
+    said(build.output().unwrap());
+    let mut command = Command::new("valgrind");
+    command.args(["--error-exitcode=9", "--fair-sched=yes", "-q"]).arg(&program).args(["32", "2"]);
+    let ran = command.env("LD_LIBRARY_PATH", libraries()).env("RAYON_NUM_THREADS", "1").output().unwrap();
+    assert_eq!(said(ran), "32 x 32 x 1 bytes a video frame; ten sets: refined\n");
+}
+
+/// A child that is forked after an engine was opened is answered, and hangs in nothing.
+#[test]
+fn a_forked_child_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let (source, program) = (folder.path().join("forked.c"), folder.path().join("program"));
+    std::fs::write(&source, FORKED).unwrap();
+    let mut build = Command::new("cc");
+    build.args(["-D_POSIX_C_SOURCE=200809L", "-std=c99", "-Wall", "-Werror", "-I"]).arg(here("")).arg(&source);
+    build.arg("-o").arg(&program).arg(format!("-L{}", libraries().display())).arg("-leyebox_c");
+    said(build.output().unwrap());
+    let ran = Command::new("timeout").arg("60").arg(&program).env("LD_LIBRARY_PATH", libraries()).output().unwrap();
+    assert_eq!(said(ran), "parent ok\n");
+}
+
+const FORKED: &str = r#"
+#include "eyebox.h"
+#include <stdio.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+int main(void) {
+    EyeboxDisplay *preset = NULL, *display = NULL;
+    EyeboxEngine *engine = NULL;
+    EyeboxScene *scene = NULL;
+    if (eyebox_display_load("small", &preset) || eyebox_display_resized(preset, 32, 32, &display)) return 1;
+    /* Nothing has threads yet: a child may do as it likes. */
+    if (fork() == 0) {
+        int made = eyebox_engine_open("cpu", &engine) || eyebox_scene_load("builtin:plane", display, EYEBOX_GREEN, 3, &scene);
+        _exit(made);
+    }
+    int status = 0;
+    if (wait(&status) < 0 || status != 0) return 2;
+    if (eyebox_engine_open("cpu", &engine)) return 3;
+    if (eyebox_scene_load("builtin:plane", display, EYEBOX_GREEN, 3, &scene)) return 4;
+    if (fork() == 0) {
+        EyeboxHologram *hologram = NULL;
+        int code = eyebox_solve(scene, display, "steps = 2", engine, NULL, NULL, &hologram);
+        int said = strstr(eyebox_last_error(), "forked") != NULL;
+        eyebox_engine_free(engine);
+        eyebox_scene_free(scene);
+        _exit(code == EYEBOX_STATUS_ENGINE && said && hologram == NULL ? 0 : 5);
+    }
+    if (wait(&status) < 0 || status != 0) return 6;
+    EyeboxHologram *hologram = NULL;
+    if (eyebox_solve(scene, display, "steps = 2", engine, NULL, NULL, &hologram)) return 7;
+    eyebox_hologram_free(hologram);
+    eyebox_scene_free(scene);
+    eyebox_engine_free(engine);
+    eyebox_display_free(display);
+    eyebox_display_free(preset);
+    printf("parent ok\n");
+    return 0;
+}
+"#;

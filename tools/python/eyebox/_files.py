@@ -1,0 +1,159 @@
+"""Arrays in the files of NumPy (.npy, .npz), MATLAB (.mat) and HDF5 (.h5, .hdf5): phases and views."""
+
+from __future__ import annotations
+
+import os
+from typing import Any, Callable
+
+import numpy as np
+
+from . import _arguments
+
+HDF5 = b"\x89HDF\r\n\x1a\n"
+ENDINGS = (".npy", ".npz", ".mat", ".h5", ".hdf5")
+COLORS = ("red", "green", "blue")
+
+
+def is_arrays(path: Any) -> bool:
+    """Whether the name of a file says that it holds arrays that Python reads."""
+    return _arguments.is_path(path) and os.fsdecode(path).lower().endswith(ENDINGS) and not os.path.isdir(path)
+
+
+class Arrays:
+    """The arrays of a file by their names, each read when it is asked for.
+
+    Attributes
+    ----------
+    matlab : bool
+        Whether the axes are in MATLAB's order: sub-frames and views last.
+    """
+
+    def __init__(self, path: Any, what: str) -> None:
+        self.path = _arguments.path(path, what)
+        with open(self.path, "rb") as file:
+            head = file.read(128)
+        self.matlab = False
+        if head.startswith(b"\x93NUMPY"):
+            whole = self._numpy()
+            self.shapes, self.read = {"": whole.shape}, lambda name: whole
+        elif head.startswith(b"PK"):
+            self._npz()
+        elif self._is_hdf5():
+            self._hdf5()
+        elif head.startswith(b"MATLAB 5.0"):
+            self._mat()
+        else:
+            raise ValueError(f"{self.path}: no NumPy, MATLAB or HDF5 file by its first bytes: save it again, or give its array")
+
+    def _numpy(self) -> Any:
+        try:
+            return np.load(self.path, allow_pickle=False)
+        except Exception as error:
+            raise ValueError(f"{self.path}: damaged, or an array of Python's objects ({error}): save numbers") from error
+
+    def _is_hdf5(self) -> bool:
+        # A block of the user's may come before, as in MATLAB's 7.3.
+        with open(self.path, "rb") as file:
+            for at in (0, 512, 1024, 2048):
+                file.seek(at)
+                if file.read(8) == HDF5:
+                    return True
+        return False
+
+    def _npz(self) -> None:
+        stored = self._numpy()
+        self.read: Callable[[str], Any] = stored.__getitem__
+        self.shapes: dict[str, tuple[int, ...]] = {}
+        for name in stored.files:
+            try:
+                array = stored[name]
+            except Exception as error:
+                raise ValueError(f"{self.path}: {name!r} is damaged or holds Python's objects ({error}): save numbers") from error
+            if array.dtype.kind in "fiub":
+                self.shapes[name] = array.shape
+
+    def _mat(self) -> None:
+        try:
+            from scipy.io import loadmat, whosmat
+        except ImportError:
+            raise ImportError(f"{self.path}: MATLAB's files need SciPy: pip install scipy") from None
+        try:
+            numbers = ("single", "double", "uint8", "uint16", "logical")
+            self.shapes = {name: shape for name, shape, kind in whosmat(self.path) if kind in numbers}
+        except Exception as error:
+            raise ValueError(f"{self.path}: damaged ({error}): save it again") from error
+        self.read = lambda name: loadmat(self.path, variable_names=[name])[name]
+        self.matlab = True
+
+    def _hdf5(self) -> None:
+        try:
+            import h5py
+        except ImportError:
+            raise ImportError(f"{self.path}: HDF5 files, such as MATLAB's of version 7.3, need h5py: pip install h5py") from None
+        self.matlab = self.path.lower().endswith(".mat")
+        # MATLAB writes its axes in reverse.
+        order = -1 if self.matlab else 1
+        self.shapes = {}
+
+        def note(name: str, item: Any) -> None:
+            if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiub" and not name.startswith("#"):
+                self.shapes[name] = item.shape[::order]
+
+        def read(name: str) -> Any:
+            with h5py.File(self.path, "r") as file:
+                array = file[name][()]
+            return array.T if self.matlab else array
+
+        try:
+            with h5py.File(self.path, "r") as file:
+                file.visititems(note)
+        except OSError as error:
+            raise ValueError(f"{self.path}: damaged ({error}): save it again") from error
+        self.read = read
+
+    def choose(self, variable: str | None, axes: tuple[int, ...], right: str) -> str:
+        """The name of the one array of so many axes."""
+        fit = [name for name, shape in self.shapes.items() if len(shape) in axes and 0 not in shape and max(shape) > 1]
+        if variable is None and len(fit) == 1:
+            return fit[0]
+        there = ", ".join(f"{name} {shape}" for name, shape in self.shapes.items()) or "none of numbers"
+        if variable is None:
+            raise ValueError(
+                f"{self.path}: {len(fit)} of its arrays may be {right}: give variable=NAME; it has {there}"
+                if fit
+                else f"{self.path}: no array of {right}; it has {there}"
+            )
+        if variable not in self.shapes:
+            raise ValueError(f"{self.path}: no array is named {variable!r}; it has {there}")
+        return variable
+
+
+def views(path: Any, variable: str | None) -> Any:
+    """A light field's array."""
+    arrays = Arrays(path, "scene")
+    right = "views, (view row, view column, row, column[, 3])"
+    return arrays.read(arrays.choose(variable, (4, 5), right))
+
+
+def phases(path: Any, variable: str | None, size: tuple[int, int]) -> Any:
+    """Phases for a display of this size, (sub-frame, row, column): an array, or a dict by the names of colours."""
+    arrays = Arrays(path, "phases")
+    named = [name for name in COLORS if name in arrays.shapes]
+    if variable is None and named:
+        return {name: _sub_frames_first(arrays, name, size) for name in named}
+    right = "phases, (sub-frame, row, column) or (row, column)"
+    return _sub_frames_first(arrays, arrays.choose(variable, (2, 3), right), size)
+
+
+def _sub_frames_first(arrays: Arrays, name: str, size: tuple[int, int]) -> Any:
+    """MATLAB has sub-frames last; what Python wrote there has them first: the display's size tells."""
+    array, shape = arrays.read(name), arrays.shapes[name]
+    if not arrays.matlab or len(shape) != 3:
+        return array
+    first, last = shape[1:] == size, shape[:2] == size
+    if first and last:
+        raise ValueError(
+            f"{arrays.path}: {name} has the shape {shape}, whose sub-frames may be the first axis or the last: "
+            "give the array, (sub-frame, row, column), instead of the file"
+        )
+    return np.moveaxis(array, 2, 0) if last else array
