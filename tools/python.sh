@@ -31,7 +31,7 @@ case $what in
 module)
     # Of the whole workspace, whose tests have built all but this: by itself it would want its dependencies otherwise.
     cargo build --quiet --workspace
-    environment tests numpy pytest tqdm matplotlib "dask[distributed]"
+    environment tests numpy pytest tqdm matplotlib "dask[distributed]" scipy h5py
     rm -rf "$place/site"
     mkdir -p "$place/site"
     cp -rL tools/python/eyebox "$place/site/eyebox"
@@ -42,7 +42,7 @@ module)
     ;;
 wheel)
     # Of PyTorch and JAX, which are large, only here.
-    environment wheel maturin ziglang auditwheel numpy pytest tqdm matplotlib "dask[distributed]" torch jax
+    environment wheel maturin ziglang auditwheel numpy pytest tqdm matplotlib "dask[distributed]" scipy h5py torch jax
     python=$place/wheel/bin/python
     rm -f dist/eyebox-*.whl
     PATH=$place/wheel/bin:$PATH maturin build --profile "${2:-release}" --zig --compatibility manylinux_2_28 --out dist

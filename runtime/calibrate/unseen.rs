@@ -39,7 +39,13 @@ pub(super) fn unseen(sorted: &Sorted, at: &Parameters, exposure: Exposure, subpi
 
 /// Squares that a fit leaves of the pictures that it was fitted to, and the camera's noise, as shares of their variance about each
 /// picture's mean.
-pub(super) fn fitted(pictures: &Pictures, at: &Parameters, exposure: Exposure, which: &[usize], subpixels: usize) -> Unseen {
+pub(super) fn fitted(
+    pictures: &Pictures,
+    at: &Parameters,
+    exposure: Exposure,
+    which: &[usize],
+    subpixels: usize,
+) -> Unseen {
     let seen = pictures.see(at, subpixels, which, &[]);
     let mut sums = [0.0; 3];
     for (v, seen) in which.iter().zip(&seen) {

@@ -71,7 +71,9 @@ pub(crate) enum Failure {
     NotFinite { color: String, step: usize },
     #[error("a fault of eyebox itself: {0}")]
     Panic(String),
-    #[error("this process was forked after eyebox had started threads, which exist in its parent alone: call it before fork, or after exec")]
+    #[error(
+        "this process was forked after eyebox had started threads, which exist in its parent alone: call it before fork, or after exec"
+    )]
     Forked,
     #[error("an earlier call with this handle met a fault of eyebox: free it")]
     Broken,
@@ -123,7 +125,11 @@ pub extern "C" fn eyebox_last_error() -> *const c_char {
     let give = |given: &RefCell<CString>| {
         let mut given = given.borrow_mut();
         // The same text stays where it is: one expression may ask for it twice.
-        LAST.with_borrow(|last| if *last != *given { given.clone_from(last) });
+        LAST.with_borrow(|last| {
+            if *last != *given {
+                given.clone_from(last)
+            }
+        });
         given.as_ptr()
     };
     GIVEN.try_with(give).unwrap_or(c"".as_ptr())
@@ -186,7 +192,8 @@ mod tests {
         // SAFETY: the rule that is tested.
         let read = |text| unsafe { CStr::from_ptr(text) }.to_str().unwrap();
         // The next text is longer, as long, shorter: its memory may be reused, the first text's may not.
-        for (first, next) in [("a", "much longer than a"), ("abc", "xyz"), ("a long one indeed", "b"), ("e", "\u{e9}")] {
+        for (first, next) in [("a", "much longer than a"), ("abc", "xyz"), ("a long one indeed", "b"), ("e", "\u{e9}")]
+        {
             fail(first);
             let text = said();
             assert_eq!(text, said(), "asked twice, it is one text");

@@ -197,7 +197,11 @@ fn look(
     }
     let diameter = Some(diameter_m).filter(|d| *d != 0.0 && !d.is_nan());
     if let Some(wrong) = diameter.filter(|d| !(0.0..=WIDEST_M).contains(d)) {
-        return Err(Failure::argument("sample.diameter_m", wrong, "0 to 0.02 m, 0 or NaN for one that is not measured"));
+        return Err(Failure::argument(
+            "sample.diameter_m",
+            wrong,
+            "0 to 0.02 m, 0 or NaN for one that is not measured",
+        ));
     }
     eye.moving_pupil([x_m, y_m], velocity, diameter, Duration::from_secs_f64(age_s));
     Ok(())

@@ -8,6 +8,8 @@ use eyebox::gpu::Options;
 use pyo3::prelude::*;
 use std::sync::{Mutex, PoisonError};
 
+const USE_CPU: &str = "Use engine=\"cpu\" in this process";
+
 /// Where is computed, and the engines there that nobody uses at the moment: each call takes one, so that threads compute side by
 /// side and repeated calls find their buffers.
 #[pyclass(frozen, module = "eyebox._eyebox")]
@@ -63,7 +65,7 @@ impl Engine {
         let mut forked = None;
         if choice != Choice::Cpu && is_after_vulkan() {
             if choice == Choice::Vulkan {
-                return Err(Failure::Forked("Vulkan").into());
+                return Err(Failure::Forked { what: "Vulkan", remedy: USE_CPU }.into());
             }
             choice = Choice::Cpu;
             forked = Some("the CPU: this process was forked after Vulkan had been opened".to_string());
@@ -72,7 +74,7 @@ impl Engine {
             let backend = Backend::open(choice, &Options::default())?;
             let on_device = backend.gpu()?.is_some();
             let reason = forked.unwrap_or_else(|| backend.reason().into());
-            let own = OfProcess::new(Own { backend, idle: Mutex::default() }, "the engine");
+            let own = OfProcess::new(Own { backend, idle: Mutex::default() }, "the engine", USE_CPU);
             Ok(Self { own, reason, on_device })
         })
     }

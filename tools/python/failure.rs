@@ -53,10 +53,10 @@ pub(crate) enum Failure {
     )]
     NotFinite(usize),
     #[error(
-        "{0}: this process was forked after eyebox had been used in its parent. Use engine=\"cpu\" here, or start processes by \
+        "{what}: this process was forked after eyebox had been used in its parent. {remedy}, or start processes by \
          multiprocessing.get_context(\"spawn\")"
     )]
-    Forked(&'static str),
+    Forked { what: &'static str, remedy: &'static str },
 }
 
 impl From<eyebox::session::SessionError> for Failure {
@@ -87,7 +87,7 @@ impl From<Failure> for PyErr {
                 SceneError::new_err(said)
             }
             Failure::Engine(_)
-            | Failure::Forked(_)
+            | Failure::Forked { .. }
             | Failure::Produce(ProduceError::Engine(_))
             | Failure::Hologram(OfHologram::Engine(_)) => EngineError::new_err(said),
             Failure::Produce(_) | Failure::Solve(_) | Failure::NotFinite(_) => SolveError::new_err(said),

@@ -28,8 +28,8 @@ pub(crate) fn is_after_vulkan() -> bool {
 }
 
 /// Refuses what needs threads beside those of a call in a forked child.
-pub(crate) fn refuse_after_computing(what: &'static str) -> Answer<()> {
-    if is_after(&COMPUTED) { Err(Failure::Forked(what)) } else { Ok(()) }
+pub(crate) fn refuse_after_computing(what: &'static str, remedy: &'static str) -> Answer<()> {
+    if is_after(&COMPUTED) { Err(Failure::Forked { what, remedy }) } else { Ok(()) }
 }
 
 /// Runs work where rayon's threads exist: as it is, or in a forked child in a pool of its own.
@@ -69,16 +69,18 @@ pub(crate) struct OfProcess<T> {
     process: u32,
     /// Its name in messages.
     what: &'static str,
+    remedy: &'static str,
 }
 
 impl<T> OfProcess<T> {
-    pub(crate) fn new(value: T, what: &'static str) -> Self {
-        Self { value: Some(value), process: id(), what }
+    pub(crate) fn new(value: T, what: &'static str, remedy: &'static str) -> Self {
+        Self { value: Some(value), process: id(), what, remedy }
     }
 
     /// It, in the process that made it.
     pub(crate) fn get(&self) -> Answer<&T> {
-        self.value.as_ref().filter(|_| self.process == id()).ok_or(Failure::Forked(self.what))
+        let Self { what, remedy, .. } = *self;
+        self.value.as_ref().filter(|_| self.process == id()).ok_or(Failure::Forked { what, remedy })
     }
 }
 

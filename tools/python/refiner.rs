@@ -59,7 +59,8 @@ impl Refiner {
                 metadata: hologram.metadata.clone(),
                 ..*hologram
             };
-            Ok(Self { refinement: OfProcess::new(Mutex::new(refinement), "the refiner"), on_device, about })
+            let remedy = "Make another in this process, with engine=\"cpu\"";
+            Ok(Self { refinement: OfProcess::new(Mutex::new(refinement), "the refiner", remedy), on_device, about })
         })
     }
 

@@ -87,14 +87,20 @@ impl Scene {
         let mut shape = [0; 4];
         let mut planes = Vec::with_capacity(arrays.len());
         for array in &arrays {
-            let (own, light) = values::<4>(array, "views")?;
+            let (own, _) = values::<4>(array, "views")?;
             if own.contains(&0) || (!planes.is_empty() && own != shape) {
                 let right = "four sizes that are not 0, the same for each colour";
                 return Err(Failure::Argument(format!("views has the shape {own:?}: it must have {right}")).into());
             }
             shape = own;
-            let copy = |view: &[f32]| py.check_signals().map(|()| view.to_vec());
-            planes.push(light.chunks_exact(own[2] * own[3]).map(copy).collect::<PyResult<_>>()?);
+            let size = own[2] * own[3];
+            // Signal handlers run Python, which may write into the array: it is looked at anew for each view.
+            let copy = |view: usize| -> PyResult<Vec<f32>> {
+                py.check_signals()?;
+                let (_, light) = values::<4>(array, "views")?;
+                Ok(light[view * size..][..size].to_vec())
+            };
+            planes.push((0..own[0] * own[1]).map(copy).collect::<PyResult<_>>()?);
         }
         let [view_rows, view_columns, height, width] = shape;
         let field = LightField {

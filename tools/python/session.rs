@@ -96,7 +96,7 @@ fn time(seconds: f64, what: &str) -> Answer<Duration> {
 impl Where {
     /// Starts to show; `endless`: content that does not end by itself.
     fn start(self, content: Content, eye: Option<SampleSender>, shape: [usize; 3], endless: bool) -> Answer<Session> {
-        refuse_after_computing("a session")?;
+        refuse_after_computing("a session", "Show it in the parent")?;
         let mut options = SessionOptions::default();
         options.display_rate = self.rate.map(Rate::from_hz).transpose().map_err(eyebox::session::SessionError::from)?;
         options.duration = self.seconds.map(|seconds| time(seconds, "seconds")).transpose()?;
@@ -118,7 +118,7 @@ impl Where {
         let rate = about.display_rate.hz();
         let about = (about.presenter.clone(), rate, about.set_frames, about.sub_frames, about.rolls);
         let running = Running { session: Mutex::new(Some(session)), eye, frames };
-        Ok(Session { running: OfProcess::new(running, "the session"), shape, about })
+        Ok(Session { running: OfProcess::new(running, "the session", "Leave it to the parent"), shape, about })
     }
 }
 
@@ -208,9 +208,7 @@ impl Session {
         looped: bool,
         shown: Where,
     ) -> PyResult<Self> {
-        run(py, false, move |_| {
-            Self::played(Opening::default().sequence(&file)?, display.get(), speed, looped, shown)
-        })
+        run(py, false, move |_| Self::played(Opening::default().sequence(&file)?, display.get(), speed, looped, shown))
     }
 
     /// Shows a hologram of a scene, refined for where the eye is.
@@ -306,7 +304,8 @@ impl Session {
     /// The pupil was there so many seconds ago, and moves so fast; a place that is no number is a closed eye.
     fn look(&self, x: f64, y: f64, diameter: Option<f64>, velocity: Option<(f64, f64)>, age: f64) -> PyResult<()> {
         let eye = self.running.get()?.eye.as_ref();
-        let eye = eye.ok_or_else(|| Failure::Argument("nobody's samples are waited for: give eye=\"own\" to show".into()))?;
+        let eye =
+            eye.ok_or_else(|| Failure::Argument("nobody's samples are waited for: give eye=\"own\" to show".into()))?;
         if let Some(far) = [x, y].into_iter().find(|at| at.is_finite() && at.abs() > 0.1) {
             return Err(Failure::Argument(format!("x or y is {far}: it must be -0.1 to 0.1 m, or NaN")).into());
         }

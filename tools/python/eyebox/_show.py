@@ -338,7 +338,7 @@ def show(
         "display_latency": _arguments.finite(latency, "latency"),
         "whole_sets": bool(whole_sets),
         "moments": bool(moments),
-        "restart": _arguments.finite(restart, "restart"),
+        "restart": _arguments.number(restart, "restart"),
         "steering": _arguments.toml(steering),
     }
     application = isinstance(what, str) and what.startswith("live:")

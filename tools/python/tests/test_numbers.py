@@ -165,7 +165,7 @@ def test_paths_of_every_kind(tmp_path, hologram):
     for path in (Path(), tmp_path / "x.zarr", str(tmp_path / "x.zarr"), str(tmp_path / "x.zarr").encode()):
         hologram.save(path)
         assert eyebox.Hologram.load(path).shape == hologram.shape
-    with eyebox.show(Path(), "planes8" if False else eyebox.Display("planes8", size=(40, 48)), clock="simulated", seconds=0.1) as session:
+    with eyebox.show(Path(), eyebox.Display("planes8", size=(40, 48)), clock="simulated", seconds=0.1) as session:
         assert session.frame() is not None
     # A recording of a tracker by its path.
     (tmp_path / "eye.jsonl").write_text('{"time_s": 0.0, "pupil_mm": [0, 0]}\n')

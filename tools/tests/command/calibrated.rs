@@ -109,6 +109,7 @@ fn a_bench_is_calibrated_over_an_interruption_and_again_from_its_pictures() {
         quick["parameters"].as_array().expect("a list").iter().find(|p| p["name"] == "iris x").expect("the iris");
     assert!((iris["value"].as_f64().expect("a value") - 0.3).abs() < 0.02, "{iris}");
     assert!(quick["captures"].as_u64() <= Some(5) && read("quick.toml").contains("lag"), "{quick}");
+    assert_eq!(quick["calibrated"], true, "{quick}");
 }
 
 #[test]
@@ -143,6 +144,20 @@ fn what_no_term_describes_is_not_called_a_calibration() {
     );
     let tiles = report["map"]["squares"].as_array().expect("a map");
     assert!(tiles.iter().filter_map(Value::as_f64).any(|s| s > 3.0), "{tiles:?}");
+}
+
+#[test]
+fn a_phase_of_the_other_sign_is_named_and_no_calibration() {
+    for more in [&["--quick"][..], &["--captures-max", "20"]] {
+        let here = common::folder();
+        let at = here.path();
+        let bench = [("BENCH_IDEAL", "1"), ("BENCH_SIGN", "-1")];
+        let (report, said) = report(&mut calibrate(at, &[more, &["-o", "out.toml"]].concat(), &bench));
+        assert_eq!(report["calibrated"], false, "{more:?}: {said}");
+        assert!(report["unexplained"].as_f64().is_some_and(|share| share > 0.1), "{more:?}: {report}");
+        let named = |warning: &Value| warning.as_str().is_some_and(|text| text.contains("other sign"));
+        assert!(report["warnings"].as_array().is_some_and(|all| all.iter().any(named)), "{more:?}: {said}");
+    }
 }
 
 #[test]

@@ -31,6 +31,8 @@ fn sinc(x: f64) -> f64 {
 #[derive(Clone)]
 pub struct Bench {
     pub level: [[f64; 3]; 3],
+    /// -1 if higher levels advance the light.
+    pub sign: f64,
     pub bend: [f64; 2],
     pub lag: f64,
     pub crosstalk: Option<[[f64; 2]; 4]>,
@@ -58,6 +60,7 @@ impl Bench {
     pub fn ideal() -> Self {
         Self {
             level: [[1.0; 3]; 3],
+            sign: 1.0,
             bend: [0.0; 2],
             lag: 0.0,
             crosstalk: None,
@@ -100,6 +103,7 @@ impl Bench {
         bench.ghost = number("BENCH_GHOST").unwrap_or(bench.ghost);
         bench.light = number("BENCH_LIGHT").unwrap_or(bench.light);
         bench.iris[0] = number("BENCH_IRIS_X").unwrap_or(bench.iris[0]);
+        bench.sign = number("BENCH_SIGN").unwrap_or(bench.sign);
         let three = |name: &str| {
             let values: Vec<f64> = named(name)?.split(',').map(|v| v.parse().expect("a number")).collect();
             Some([values[0], values[1], values[2]])
@@ -152,7 +156,7 @@ impl Bench {
             (0..9).map(|j| self.level[j / 3][j % 3] * hat(y, j / 3) * hat(x, j % 3)).sum::<f64>()
         };
         let driven = |i: usize| {
-            let w = f64::from(levels[i]) * TAU / 256.0;
+            let w = self.sign * f64::from(levels[i]) * TAU / 256.0;
             level(i % (N * N)) * w + self.bend[0] * w.sin() + self.bend[1] * (1.0 - w.cos())
         };
         let all: Vec<f64> = (0..levels.len()).map(driven).collect();
