@@ -20,6 +20,7 @@ import json
 import numbers
 import os
 import shutil
+import signal
 import time
 from typing import Any, Callable, Iterator
 
@@ -387,4 +388,12 @@ def _cluster(client: Any, workers: int) -> Iterator[Any]:
     threads = int(stated) if stated.isdecimal() else os.cpu_count() or 1
     own = {"RAYON_NUM_THREADS": str(max(threads // count, 1))}
     with LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address=None, env=own) as local, Client(local) as one:
-        yield one
+        try:
+            yield one
+        except KeyboardInterrupt:
+            # A worker ends by itself when its piece is done, which nobody waits for: what is written is whole or not there.
+            for nanny in local.workers.values():
+                nanny.close_gracefully()
+                if nanny.pid is not None:
+                    os.kill(nanny.pid, getattr(signal, "SIGKILL", signal.SIGTERM))
+            raise

@@ -5,6 +5,7 @@ import os
 import pathlib
 import signal
 import subprocess
+import sys
 import threading
 import time
 
@@ -147,3 +148,35 @@ def test_a_far_fields_regions_are_solved_side_by_side(tmp_path):
         eyebox.cluster.solve_far_field("builtin:plane", tmp_path / "x.zarr", display, passes=0)
     with pytest.raises(ValueError, match="psnr is not for"):
         eyebox.cluster.solve_far_field("builtin:plane", tmp_path / "x.zarr", display, psnr=30)
+
+
+CTRL_C = """
+import eyebox, eyebox.cluster, os, signal, sys, threading, time
+def main():
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    out, at = sys.argv[1], []
+    def press():
+        while not os.path.exists(out):
+            time.sleep(0.02)
+        time.sleep(0.5)
+        at.append(time.monotonic())
+        os.kill(os.getpid(), signal.SIGINT)
+    threading.Thread(target=press, daemon=True).start()
+    scenes = [f"builtin:plane?depth={depth / 24}" for depth in range(24)]
+    small = eyebox.Display("small", size=(128, 128))
+    try:
+        eyebox.cluster.solve_sequence(scenes, out, small, "green", engine="cpu", frames=2, steps=400)
+    except KeyboardInterrupt:
+        print(time.monotonic() - at[0], flush=True)
+if __name__ == "__main__":
+    main()
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+def test_ctrl_c_ends_a_cluster_at_once(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(CTRL_C)
+    ran = subprocess.run([sys.executable, script, tmp_path / "x.zarr"], capture_output=True, text=True, timeout=120)
+    # The end of the cluster itself, which is Dask's, is part of it: 4 s where workers end when they like.
+    assert ran.stdout and float(ran.stdout) < 2, ran.stderr
