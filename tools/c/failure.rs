@@ -182,29 +182,6 @@ mod tests {
     use super::*;
     use std::ffi::CStr;
 
-    fn said() -> *const c_char {
-        eyebox_last_error()
-    }
-
-    #[test]
-    fn a_text_stays_until_this_thread_asks_for_the_next() {
-        let fail = |what: &'static str| answer(|| Err(Failure::Null(what)));
-        // SAFETY: the rule that is tested.
-        let read = |text| unsafe { CStr::from_ptr(text) }.to_str().unwrap();
-        // The next text is longer, as long, shorter: its memory may be reused, the first text's may not.
-        for (first, next) in [("a", "much longer than a"), ("abc", "xyz"), ("a long one indeed", "b"), ("e", "\u{e9}")]
-        {
-            fail(first);
-            let text = said();
-            assert_eq!(text, said(), "asked twice, it is one text");
-            (0..64).for_each(|_| drop(fail(next)));
-            std::thread::spawn(move || (fail(next), said() as usize)).join().unwrap();
-            assert_eq!(read(text), format!("{first} is null"));
-            assert_eq!(answer(|| Ok(())), EyeboxStatus::Ok);
-            assert_eq!(read(said()), format!("{next} is null"), "a success leaves it");
-        }
-    }
-
     #[test]
     fn a_panic_is_a_code_and_what_it_was_in_is_no_more_used() {
         let shared = Mutex::new(0);

@@ -3,6 +3,7 @@
 #![allow(unsafe_code)]
 
 mod common;
+mod errors;
 mod fuzzed;
 #[cfg(target_os = "linux")]
 mod programs;
