@@ -5,12 +5,14 @@
 // functions that put them into a place of yours (null where they fail) and freed by theirs, once; `free` takes null. What a
 // handle was made of may be freed before it. Freeing one that is in use, or twice, is undefined, as everywhere in C.
 //
-// Errors. Every function answers EYEBOX_STATUS_OK or what was wrong; `eyebox_last_error` says it in a sentence, per thread.
+// Errors. Every function answers EYEBOX_STATUS_OK or what was wrong; `eyebox_last_error` says it in a sentence, per thread. That text
+// stays valid until the same thread calls `eyebox_last_error` after another failure: other calls, and other threads, leave it alone.
 //
 // Threads. Any thread may call anything. Displays, scenes, holograms and encoders never change: any number of threads may use one at
 // once. Calls with one engine, one refiner or one session wait for each other, but for eyebox_session_look, which waits for nobody;
 // engines are cheap beside what they compute, open one a thread. eyebox computes on threads of its own, as many as RAYON_NUM_THREADS
-// says or there are cores; a session has three more until it is freed. After fork, the child must not call it.
+// says or there are cores; a session has three more until it is freed. Threads do not survive fork: a child that was forked after an engine was opened, a
+// scene was made or a session was started is refused with EYEBOX_STATUS_ENGINE, and freeing does nothing there.
 //
 // Units. Lengths are metres, phases radians, light linear, axis order (row = y, column = x), +x to the right, +y down.
 
@@ -196,7 +198,7 @@ typedef struct {
   double x_m;
   // Down.
   double y_m;
-  // Its diameter, metres; 0 where the tracker does not measure it.
+  // Its diameter, metres; 0 or NaN if the tracker does not measure it.
   double diameter_m;
   // Seconds since it was there: what the tracker and its way here take, 0 to 10.
   double age_s;
@@ -247,8 +249,8 @@ extern "C" {
 // The interface that the library has: a program that was compiled for another one (EYEBOX_INTERFACE) must not go on.
 uint32_t eyebox_interface(void);
 
-// Why the last call of this thread that failed did so: one sentence in UTF-8, empty before the first. It stands until the next
-// call of this thread that fails.
+// Returns why the last call of this thread that failed did so: one sentence in UTF-8, empty before the first failure. The text stays
+// valid and unchanged, whatever else fails, until the same thread calls `eyebox_last_error` after another failure, or ends.
 const char *eyebox_last_error(void);
 
 // A display by the name of a preset, such as "paper", "small" or "planes8", or from a TOML file.
