@@ -1,5 +1,6 @@
 //! The scorer: one exposure for all pupils, and what each pupil scores under it.
 
+use super::sums::is_black;
 use super::{EvaluateError, Sums, ssim};
 use serde::{Deserialize, Serialize};
 
@@ -15,6 +16,8 @@ pub struct Scores {
     pub psnr: Vec<f64>,
     /// The exposure.
     pub exposure: f64,
+    /// Mean square of the targets of all pupils.
+    pub target_power: f64,
 }
 
 impl Scores {
@@ -28,7 +31,14 @@ impl Scores {
 
     /// At this exposure.
     pub fn at(sums: &[Sums], exposure: f64) -> Self {
-        Self { psnr: sums.iter().map(|s| s.psnr(exposure)).collect(), exposure }
+        let target_power = sums.iter().map(Sums::target_power).sum::<f64>() / sums.len().max(1) as f64;
+        Self { psnr: sums.iter().map(|s| s.psnr(exposure)).collect(), exposure, target_power }
+    }
+
+    /// Mean and worst PSNR over pupils as a quality, dB. `None` if all targets are black, since a black hologram of them would
+    /// be perfect.
+    pub fn quality(&self) -> Option<[f64; 2]> {
+        (!is_black(self.target_power)).then(|| [self.mean(), self.worst()])
     }
 
     /// Mean over pupils, dB.
@@ -44,6 +54,7 @@ impl Scores {
     /// For targets that were divided by `unit`: the exposure and the errors that they stand for.
     pub(crate) fn in_units_of(mut self, unit: f64) -> Self {
         self.exposure *= unit;
+        self.target_power *= unit * unit;
         self.psnr.iter_mut().for_each(|db| *db -= 20.0 * unit.log10());
         self
     }
@@ -98,6 +109,27 @@ mod tests {
         assert!(scores[0].psnr > 100.0 && (scores[0].ssim.unwrap() - 1.0).abs() < 1e-6);
         // Half of 0.35, give or take.
         assert!((14.0..16.0).contains(&scores[1].psnr) && scores[1].ssim.unwrap() < 0.9, "{scores:?}");
+    }
+
+    /// A black target has no quality, however small the error is; a target with one lit pixel has one.
+    #[test]
+    fn black_targets_have_no_quality() {
+        let sums = |image: f32, target: f32| {
+            let mut targets = vec![0.0; 256];
+            targets[7] = target;
+            Sums::of_images(&[image; 256], &targets).unwrap()
+        };
+        for image in [0.0, 1e-6, 0.5] {
+            let black = Scores::at(&[sums(image, 0.0), sums(image, 0.0)], 1.0);
+            assert_eq!((black.quality(), black.psnr.len()), (None, 2));
+            assert_eq!(Sums::quality_of_colors(&[(sums(image, 0.0), 1.0)]), None);
+            let lit = Scores::at(&[sums(image, 0.0), sums(image, 0.5)], 1.0);
+            assert_eq!(lit.quality(), Some([lit.mean(), lit.worst()]));
+            let colors = [(sums(image, 0.0), 1.0), (sums(image, 0.5), 1.0)];
+            assert_eq!(Sums::quality_of_colors(&colors), Some(Sums::psnr_of_colors(&colors)));
+        }
+        // Targets that were divided by a unit count as they are.
+        assert!(Scores::at(&[sums(0.0, 0.5)], 1.0).in_units_of(1e-6).quality().is_none());
     }
 
     #[test]

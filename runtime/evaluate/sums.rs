@@ -8,6 +8,14 @@ use crate::plan::{Comparison, Planner, Viewpoint};
 use eyebox_kernels::exposure::{Args, PART, exposure};
 use eyebox_kernels::modulate;
 
+/// Mean square of a target below which it is black: 1/65535 of full scale.
+const BLACK_POWER: f64 = 2.4e-10;
+
+/// Whether a target of this mean square shows no light. A PSNR against it says nothing about quality.
+pub(crate) fn is_black(power: f64) -> bool {
+    power < BLACK_POWER
+}
+
 /// What one viewpoint's image `I` and target `T`, averaged over 2 x 2 pixels, come to.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Sums {
@@ -63,10 +71,22 @@ impl Sums {
         }
     }
 
+    /// Mean square of the target.
+    pub fn target_power(&self) -> f64 {
+        self.of_target / self.pixels.max(1) as f64
+    }
+
     /// PSNR at this exposure, dB, as [`psnr`](super::psnr) finds it from the images; infinite where no error is left.
     /// Within 0.01 dB up to 100 dB: beyond, the 48 bits of sums that an engine made end.
     pub fn psnr(&self, exposure: f64) -> f64 {
         Self::psnr_of_colors(&[(*self, exposure)])
+    }
+
+    /// [`psnr_of_colors`](Self::psnr_of_colors) as a quality: `None` if the target is black in all colors, since a black
+    /// picture of it would be perfect.
+    pub fn quality_of_colors(colors: &[(Self, f64)]) -> Option<f64> {
+        let is_lit = |(sums, _): &(Self, f64)| !is_black(sums.target_power());
+        colors.iter().any(is_lit).then(|| Self::psnr_of_colors(colors))
     }
 
     /// PSNR of one pupil over several colours, each with its exposure, every pixel counting the same, dB.

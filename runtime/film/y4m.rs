@@ -8,7 +8,10 @@ use std::io::{self, Write};
 
 /// The first line, for frames of (rows, columns) at `rate`, frames in so many seconds.
 pub fn head(out: &mut dyn Write, [rows, columns]: [usize; 2], [frames, seconds]: [u64; 2]) -> io::Result<()> {
-    writeln!(out, "YUV4MPEG2 W{columns} H{rows} F{frames}:{seconds} Ip A1:1 C444 XCOLORRANGE=LIMITED")
+    writeln!(
+        out,
+        "YUV4MPEG2 W{columns} H{rows} F{frames}:{seconds} Ip A1:1 C444 XCOLORRANGE=LIMITED XCOLORMATRIX=BT601"
+    )
 }
 
 /// One frame.

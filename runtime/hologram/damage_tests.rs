@@ -211,3 +211,27 @@ fn random_documents_do_not_panic() {
         .unwrap();
     drop(path);
 }
+
+/// Numbers that a program gives as radians and that are none are refused; wrapped, they are taken.
+#[test]
+fn numbers_that_are_no_radians_are_refused() {
+    let none: [&[f32]; 8] = [
+        &[0.0, 1e9],
+        &[-1e9, 0.0],
+        &[0.0, 2e5],
+        &[0.0, 128.0, 255.0],
+        &[0.0, 1023.0],
+        &[-180.0, 180.0],
+        &[0.0, 7.0],
+        &[0.0, f32::INFINITY],
+    ];
+    for phases in none {
+        assert!(matches!(check_radians(phases), Err(HologramError::NotRadians { .. })), "{phases:?}");
+    }
+    let unwrapped: Vec<f32> = (0..1000).map(|i| i as f32 * 0.731).collect();
+    let wrapped: Vec<f32> =
+        (0..1000).map(|i| (f64::from(i) * 1e6 + 0.25).rem_euclid(std::f64::consts::TAU) as f32).collect();
+    for phases in [&unwrapped[..], &wrapped, &[0.0; 4], &[0.0, 3.0], &[0.0, 1.0, 2.0], &[9.0, 9.0], &[-3.1, 3.1]] {
+        check_radians(phases).unwrap();
+    }
+}

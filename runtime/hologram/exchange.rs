@@ -239,6 +239,21 @@ fn ends(values: &[f32]) -> [f32; 2] {
     values.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[l, h], &v| [l.min(v), h.max(v)])
 }
 
+/// Radians beyond which float32 keeps less than a hundredth of a turn.
+const MOST_RADIANS: f32 = 1e5;
+
+/// Refuses numbers that a program gives as radians and that are none: so large that nothing of a turn is left of them, or
+/// gray levels, which are whole numbers beyond a turn.
+///
+/// # Errors
+/// [`HologramError::NotRadians`].
+pub fn check_radians(phases: &[f32]) -> Result<(), HologramError> {
+    let [low, high] = ends(phases);
+    let most = low.abs().max(high.abs());
+    let are_levels = || high > low && most > TAU as f32 && phases.iter().all(|p| p.fract() == 0.0);
+    if most > MOST_RADIANS || are_levels() { Err(HologramError::NotRadians { low, high }) } else { Ok(()) }
+}
+
 /// Numbers that are hardly radians.
 pub(super) fn far_outside(values: &[f32]) -> Option<String> {
     let [low, high] = ends(values);

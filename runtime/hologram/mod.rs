@@ -56,7 +56,7 @@ mod replaced_tests;
 #[cfg(test)]
 mod sequence_tests;
 
-pub use exchange::{PhaseUnit, Phases, load_phases, save_phases};
+pub use exchange::{PhaseUnit, Phases, check_radians, load_phases, save_phases};
 pub use jod::{FOVEA_DEGREES, JodSettings};
 pub use metadata::{Metadata, Refined, Start, TakenWithCamera};
 pub use open::{BareOptics, Opening};
@@ -115,6 +115,17 @@ pub enum HologramError {
         found: String,
         /// What decides.
         decide: String,
+    },
+    /// Numbers that are given as radians and are none.
+    #[error(
+        "the phases go from {low} to {high}, and are no radians: scale gray levels and turns to them, and wrap large ones in \
+         float64, as by numpy.angle(numpy.exp(1j * phases))"
+    )]
+    NotRadians {
+        /// The smallest.
+        low: f32,
+        /// The largest.
+        high: f32,
     },
     /// Phases without optics.
     #[error(

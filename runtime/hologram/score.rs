@@ -13,8 +13,8 @@ const AT_ONCE: usize = 64;
 pub struct PupilScore {
     /// The pupil, metres.
     pub pupil: Pupil,
-    /// PSNR over all colours, every pixel counting the same, dB.
-    pub psnr: f64,
+    /// PSNR over all colors, every pixel counting the same, dB; `None` if the target is black.
+    pub psnr: Option<f64>,
     /// The most that any hologram could have there ([`Ceiling`]), dB, infinite where diffraction takes nothing; none where
     /// it is not known: in tiles, and where the picture is a part of the field of view.
     pub ceiling: Option<f64>,
@@ -38,9 +38,9 @@ pub struct HologramScores {
 }
 
 impl HologramScores {
-    /// What the PSNRs come to; none without pupils.
+    /// Summary of the PSNR over the pupils whose target is not black; `None` without any.
     pub fn summary(&self) -> Option<Summary> {
-        Summary::of(&self.pupils.iter().map(|p| p.psnr).collect::<Vec<_>>())
+        Summary::of(&self.pupils.iter().filter_map(|p| p.psnr).collect::<Vec<_>>())
     }
 
     /// What the JOD come to, over the pupils that were judged; none where none was.
@@ -110,7 +110,7 @@ impl PhaseSource<'_> {
         let finest = |d: f64| optics.iter().map(|o| o.finest_cycles_per_degree(d)).fold(f64::INFINITY, f64::min);
         let score = |(i, pupil): (usize, &Pupil)| PupilScore {
             pupil: *pupil,
-            psnr: Sums::psnr_of_colors(&sums[i]),
+            psnr: Sums::quality_of_colors(&sums[i]),
             ceiling: (ceilings[i].len() == has).then(|| Ceiling::decibels(&ceilings[i])),
             finest_cycles_per_degree: finest(pupil.diameter),
             ssim: ssims[i].map(|sum| sum / has as f64),
@@ -173,7 +173,7 @@ mod tests {
         let near = |a: f64, b: f64| a == b || (a - b).abs() < 1e-5 * a.abs().max(1.0);
         assert!(near(few.exposures[0], many.exposures[0]) && many.pupils.len() > AT_ONCE);
         for (one, other) in few.pupils.iter().cycle().zip(&many.pupils) {
-            let same = one.pupil == other.pupil && near(one.psnr, other.psnr);
+            let same = one.pupil == other.pupil && near(one.psnr.unwrap(), other.psnr.unwrap());
             assert!(same && near(one.ssim.unwrap(), other.ssim.unwrap()), "{one:?} {other:?}");
             assert!(near(one.ceiling.unwrap(), other.ceiling.unwrap()), "{one:?} {other:?}");
         }

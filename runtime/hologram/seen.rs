@@ -6,9 +6,6 @@ use crate::evaluate::Plane;
 use crate::optics::{OpticsError, Pupil};
 use crate::scene::LightField;
 
-/// No eye focuses farther away, metres.
-const FARTHEST: f64 = 1e3;
-
 impl Hologram {
     /// Refuses a scene, by its name and its light field, that is not the one that it shows or has not the size of what is seen of it.
     ///
@@ -26,7 +23,7 @@ impl Hologram {
     /// Refuses a pupil that no eye has or that its light does not reach, in any of its colours.
     ///
     /// # Errors
-    /// Those of [`Pupil::check_usual`]; [`OpticsError::Unusual`] for a focus that no eye has.
+    /// Those of [`Pupil::check_usual`].
     pub fn check_pupil(&self, pupil: Pupil) -> Result<Pupil, OpticsError> {
         let display = self.made_for().ok().filter(|display| !display.sources.is_empty());
         for (at, color) in self.colors.iter().enumerate() {
@@ -34,10 +31,6 @@ impl Hologram {
                 Some((display, color)) => display.check_pupil(color, pupil)?,
                 None => pupil.check_usual(&self.optics(at)?)?,
             };
-        }
-        if pupil.depth.abs() > FARTHEST {
-            let given = format!("the focus is at {} m", pupil.depth);
-            return Err(OpticsError::Unusual { given, probably: format!("it must be within {FARTHEST} m") });
         }
         Ok(pupil)
     }
@@ -91,7 +84,10 @@ mod tests {
         let pupil = Pupil { x: 1e-3, y: 0.0, diameter: 4e-3, depth: 0.0 };
         assert_eq!(hologram.check_pupil(pupil), Ok(pupil));
         assert!(hologram.check_pupil(Pupil { x: 1.0, ..pupil }).is_err());
-        assert!(hologram.check_pupil(Pupil { depth: 2e3, ..pupil }).unwrap_err().to_string().contains("1000 m"));
+        for depth in [1.0, 2e3] {
+            let refused = hologram.check_pupil(Pupil { depth, ..pupil });
+            assert!(matches!(refused, Err(OpticsError::Unusual { .. })), "{depth} m: {refused:?}");
+        }
 
         let looked = hologram.look(&pupil, &mut CpuEngine::new()).unwrap();
         let seen = hologram.seen(&pupil, &mut CpuEngine::new()).unwrap();

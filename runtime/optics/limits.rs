@@ -1,8 +1,8 @@
 //! Numbers that are possible and most likely a mistake: one unit taken for another, axes exchanged, a pupil that no eye has.
 //! What people give is checked before anything is computed of it; who means it can leave the check out.
 
-use super::units::{DIAMETER, FOCAL_LENGTH, PITCH, WAVELENGTH, in_words, meant};
-use super::{Color, Display, Optics, OpticsError, Pupil};
+use super::units::{COMMON_DEPTH, DIAMETER, FOCAL_LENGTH, PITCH, VIEW_PITCH, WAVELENGTH, in_words, meant};
+use super::{Color, Display, Optics, OpticsError, Pupil, depth_of_dioptres};
 
 /// Rows to columns above which a display is taken for one with its axes exchanged: the squarest SLMs are 5 to 4.
 const PORTRAIT: [usize; 2] = [6, 5];
@@ -51,14 +51,15 @@ impl Display {
 }
 
 impl Pupil {
-    /// [`check`](Self::check), and whether it is such as eyes have: not given in metres, no wider than the eyebox, and its
-    /// centre inside ([`check_within`](Self::check_within)).
+    /// [`check`](Self::check), and whether it is such as eyes have: not given in metres, no wider than the eyebox, its centre
+    /// inside ([`check_within`](Self::check_within)), and its focus where eyes focus ([`check_usual_depth`]).
     ///
     /// # Errors
     /// [`OpticsError::Unusual`] and those of the two.
     pub fn check_usual(self, optics: &Optics) -> Result<Self, OpticsError> {
         self.check()?;
         check_usual_diameters([self.diameter; 2], optics.eyebox())?;
+        check_usual_depth(self.depth, optics.focal_length)?;
         self.check_within(optics)
     }
 }
@@ -80,6 +81,37 @@ pub fn check_usual_diameters([least, most]: [f64; 2], eyebox: f64) -> Result<(),
     let probably = match meant(most, [1.0, eyebox.min(10.0)]) {
         Some(meant) => format!("probably {} mm is meant", in_words(meant)),
         None => format!("it may be as wide as the eyebox, {eyebox:.2} mm"),
+    };
+    Err(OpticsError::Unusual { given, probably })
+}
+
+/// Refuses a distance of neighboring views in the pupil plane (meters) that most likely is in another unit.
+///
+/// # Errors
+/// [`OpticsError::Unusual`].
+pub fn check_usual_view_pitch(pitch: f64) -> Result<(), OpticsError> {
+    VIEW_PITCH.check(pitch * 1e3)
+}
+
+/// Depths up to this (meters) are taken before any lens.
+const SHALLOW: f64 = 50e-3;
+/// Depths up to this (dioptres) are taken: closer than an eye reads.
+const CLOSE: f64 = 5.0;
+
+/// Refuses a depth before the display (meters, behind a lens of `focal_length`, meters) that most likely is in another unit.
+///
+/// # Errors
+/// [`OpticsError::Unusual`].
+pub fn check_usual_depth(depth: f64, focal_length: f64) -> Result<(), OpticsError> {
+    let most = SHALLOW.max(depth_of_dioptres(CLOSE, focal_length));
+    if depth.abs() <= most {
+        return Ok(());
+    }
+    let (depth, most) = (depth * 1e3, most * 1e3);
+    let given = format!("the depth is {} mm", in_words(depth));
+    let probably = match meant(depth.abs(), COMMON_DEPTH) {
+        Some(meant) => format!("probably {} mm is meant", in_words(meant * depth.signum())),
+        None => format!("before this display it may be {} mm at most", in_words(most)),
     };
     Err(OpticsError::Unusual { given, probably })
 }
@@ -126,6 +158,32 @@ mod tests {
     }
 
     #[test]
+    fn view_pitches_and_depths_in_another_unit_are_refused() {
+        let unusual = |checked: Result<(), OpticsError>| match checked {
+            Ok(()) => None,
+            Err(OpticsError::Unusual { probably, .. }) => Some(probably),
+            Err(other) => panic!("{other}"),
+        };
+        for mm in [0.01, 0.2, 2.2, 11.0, 60.0, 100.0] {
+            assert_eq!(unusual(check_usual_view_pitch(mm * 1e-3)), None, "{mm}");
+        }
+        for (given, meant) in [(2.2, "2.2 mm"), (0.5, "0.5 mm"), (2.2e-6, "2.2 mm"), (11.0, "11 mm"), (2.2e3, "2.2 mm")]
+        {
+            assert!(unusual(check_usual_view_pitch(given)).unwrap().contains(meant), "{given} m");
+        }
+        assert!(unusual(check_usual_view_pitch(1e-30)).is_some());
+        for (mm, focal_length) in [(0.0, 0.4), (14.0, 0.4), (-50.0, 0.04), (400.0, 0.4), (-800.0, 0.4), (3000.0, 1.0)] {
+            assert_eq!(unusual(check_usual_depth(mm * 1e-3, focal_length)), None, "{mm}");
+        }
+        for (given, focal_length, meant) in
+            [(1.0, 0.4, "1 mm"), (-3.0, 0.4, "-3 mm"), (14.0, 0.4, "14 mm"), (0.5, 0.04, "0.5 mm"), (3e3, 1.0, "3 mm")]
+        {
+            assert!(unusual(check_usual_depth(given, focal_length)).unwrap().contains(meant), "{given} m");
+        }
+        assert!(unusual(check_usual_depth(1e30, 0.4)).is_some() && unusual(check_usual_depth(f64::NAN, 0.4)).is_some());
+    }
+
+    #[test]
     fn pupils_are_such_as_eyes_have() {
         let optics = Optics::new(8, 8, 8e-6, 440e-9, 0.4).unwrap();
         let check = |mm| Pupil::from_mm(mm).check_usual(&optics).map(|_| ());
@@ -134,6 +192,7 @@ mod tests {
         refused(check([0.0, 0.0, 0.004, 0.0]), &["0.004 mm", "probably 4 mm"]);
         refused(check([0.0, 0.0, 4000.0, 0.0]), &["4000 mm", "probably 4 mm"]);
         refused(check([0.0, 0.0, 30.0, 0.0]), &["30 mm wide", "22.00 mm"]);
+        refused(check([0.0, 0.0, 4.0, 1000.0]), &["1000 mm", "probably 1 mm"]);
         refused(check([14.0, 0.0, 4.0, 0.0]), &["outside", "11.00 mm"]);
         refused(check_usual_diameters([2e-6, 4e-6], 22e-3), &["0.002 mm", "probably 2 mm"]);
     }

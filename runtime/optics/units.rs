@@ -19,6 +19,11 @@ pub(super) const FOCAL_LENGTH: Usual =
 pub(super) const DIAMETER: Usual =
     Usual { what: "the pupil's diameter", unit: "mm", common: [1.0, 30.0], taken: [0.1, f64::INFINITY] };
 
+pub(super) const VIEW_PITCH: Usual =
+    Usual { what: "the view pitch", unit: "mm", common: [0.05, 20.0], taken: [0.01, 100.0] };
+/// Depths that are common, mm, for guesses; those that are taken depend on the focal length.
+pub(super) const COMMON_DEPTH: [f64; 2] = [0.05, 50.0];
+
 impl Usual {
     /// Whether a value, in its unit, is taken without asking.
     pub(super) fn check(&self, value: f64) -> Result<(), OpticsError> {

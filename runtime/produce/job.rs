@@ -226,6 +226,7 @@ impl<'a> SceneJob<'a> {
             near: self.near,
             depth: self.depth,
             order: self.order,
+            force: self.force,
             photographs: self.photographs,
             ..default
         }

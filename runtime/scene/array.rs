@@ -1,20 +1,18 @@
 //! Light fields in one array: `.npy` and `.npz`, (rows of views, columns of views, rows of pixels, columns of pixels, colours).
 
-use super::light::{Transfer, table};
+use super::light::Transfer;
 use super::options::Options;
 use super::settings::{self, Settings};
+use super::tone::{FullScale, Reading, Stored};
 use super::views::{self, Frame, Read};
-use super::{Request, SceneError, srgb_to_linear};
+use super::{Request, SceneError};
 use crate::files::{FileError, NpyArray};
-use crate::optics::Color;
 use rayon::prelude::*;
 use std::path::Path;
 
 /// Views along an axis, and pixels of a view, at most.
 const MOST_VIEWS: usize = 64;
 const MOST_PIXELS: usize = 1 << 25;
-/// Light in floats beyond this is no light of which 1 is full scale.
-const BRIGHT: f32 = 64.0;
 
 /// What the axes of an array are.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -73,16 +71,25 @@ impl Layout {
     }
 }
 
-/// The largest value of an element of this kind; of floats 1.
-fn full_scale(kind: &str) -> Result<f32, String> {
-    match kind {
-        "u1" => Ok(255.0),
-        "u2" => Ok(65535.0),
-        "f2" | "f4" | "f8" => Ok(1.0),
-        _ => Err(format!(
-            "holds '{kind}': views are of 8 or 16 bits without a sign ('u1', 'u2'), or floats of which 1 is full scale; \
-             numpy.uint8(views) makes the first"
-        )),
+/// The kind of the elements of an array.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Elements {
+    Bytes,
+    Words,
+    Floats,
+}
+
+impl Elements {
+    fn of(kind: &str) -> Result<Self, String> {
+        match kind {
+            "u1" => Ok(Self::Bytes),
+            "u2" => Ok(Self::Words),
+            "f2" | "f4" | "f8" => Ok(Self::Floats),
+            _ => Err(format!(
+                "holds '{kind}': views are of 8 or 16 bits without a sign ('u1', 'u2'), or floats of which 1 is full scale; \
+                 numpy.uint8(views) makes the first"
+            )),
+        }
     }
 }
 
@@ -91,7 +98,7 @@ struct Opened {
     array: NpyArray,
     layout: Layout,
     stated: Settings,
-    full: f32,
+    elements: Elements,
 }
 
 fn open(file: &Path, options: &Options) -> Result<Opened, SceneError> {
@@ -100,8 +107,8 @@ fn open(file: &Path, options: &Options) -> Result<Opened, SceneError> {
     let array = array.map_err(|error| unread(file, error))?;
     let corrupt = |reason: String| SceneError::Corrupt { file: file.display().to_string(), reason };
     let layout = Layout::of(&array.shape, stated.grid, file).map_err(corrupt)?;
-    let full = full_scale(&array.kind).map_err(corrupt)?;
-    Ok(Opened { array, layout, stated, full })
+    let elements = Elements::of(&array.kind).map_err(corrupt)?;
+    Ok(Opened { array, layout, stated, elements })
 }
 
 fn unread(file: &Path, error: FileError) -> SceneError {
@@ -125,12 +132,28 @@ pub(super) fn size(file: &Path, options: &Options) -> Result<[usize; 2], SceneEr
 /// # Errors
 /// Every [`SceneError`] that a file can cause; it names the file.
 pub(super) fn read(file: &Path, options: &Options, request: &Request) -> Result<Read, SceneError> {
-    let Opened { mut array, layout: Layout { grid, size, channels }, stated, full } = open(file, options)?;
+    let Opened { mut array, layout: Layout { grid, size, channels }, stated, elements } = open(file, options)?;
     let count = grid[0] * grid[1];
     let frame = Frame::new(size, count, request)?;
-    let is_float = full == 1.0;
-    let transfer = stated.transfer.unwrap_or(if is_float { Transfer::Linear } else { Transfer::Srgb });
-    let light = Light { file, full, transfer, channels, width: size[1] };
+    let reading = Reading::new(stated.tone());
+    let planes = |view: usize, values: Vec<f32>| {
+        let planes = match elements {
+            Elements::Bytes => {
+                let values: Vec<u8> = values.into_iter().map(|v| v as u8).collect();
+                reading.light(Stored::Bytes(&values), channels, false, Transfer::Srgb, request.colors)
+            }
+            Elements::Words => {
+                let values: Vec<u16> = values.into_iter().map(|v| v as u16).collect();
+                reading.light(Stored::Words(&values), channels, false, Transfer::Srgb, request.colors)
+            }
+            Elements::Floats => {
+                reading.light(Stored::Floats(&values), channels, false, Transfer::Linear, request.colors)
+            }
+        };
+        let place =
+            || format!("{}, the view of row {}, column {}", file.display(), view / grid[1] + 1, view % grid[1] + 1);
+        planes.map_err(|(i, value)| SceneError::no_light(place(), [i / size[1], i % size[1]], value))
+    };
     let together = rayon::current_num_threads().min(count);
     let mut fitted: Vec<Vec<Vec<f32>>> = Vec::with_capacity(count);
     while fitted.len() < count {
@@ -139,57 +162,12 @@ pub(super) fn read(file: &Path, options: &Options, request: &Request) -> Result<
             let values = array.take(size[0] * size[1] * channels).map_err(|error| unread(file, error))?;
             some.push((fitted.len() + some.len(), values));
         }
-        let one = |(view, values): (usize, Vec<f32>)| {
-            Ok(frame.fit(light.planes([view / grid[1], view % grid[1]], &values, request.colors)?))
-        };
+        let one = |(view, values): (usize, Vec<f32>)| Ok(frame.fit(planes(view, values)?));
         let some: Result<Vec<_>, SceneError> = some.into_par_iter().map(one).collect();
         fitted.extend(some?);
     }
+    reading.judge(file, FullScale::File)?;
     let field = frame.field(file, grid, fitted, request, &stated, stated.disparity);
-    if is_float && field.planes.iter().flatten().flatten().any(|v| *v > BRIGHT) {
-        tracing::warn!("{}: floats are light of which 1 is full scale, and some are above {BRIGHT}", file.display());
-    }
     let how = format!("an array of {}", array.kind);
-    views::ordered(file, field, request, &stated, how, size, is_float.then_some("floats"))
-}
-
-/// How the values of an array become light.
-struct Light<'a> {
-    file: &'a Path,
-    /// The value of full scale.
-    full: f32,
-    transfer: Transfer,
-    channels: usize,
-    width: usize,
-}
-
-impl Light<'_> {
-    /// The planes of a view, the one in this row and column; transparency is laid over black.
-    fn planes(&self, at: [usize; 2], values: &[f32], colors: &[Color]) -> Result<Vec<Vec<f32>>, SceneError> {
-        let (n, is_float) = (self.channels, self.full == 1.0);
-        if is_float && let Some(i) = values.iter().position(|v| !(v.is_finite() && *v >= 0.0)) {
-            return Err(SceneError::Value {
-                file: format!("{}, the view of row {}, column {}", self.file.display(), at[0] + 1, at[1] + 1),
-                row: i / n / self.width,
-                column: i / n % self.width,
-                value: values[i],
-                must: "finite and not negative",
-            });
-        }
-        let table = (!is_float).then(|| table(self.full as u16, self.transfer));
-        let light = |v: f32| match (table, self.transfer) {
-            (Some(table), _) => table[v as usize],
-            (None, Transfer::Srgb) => srgb_to_linear(f64::from(v)) as f32,
-            (None, Transfer::Linear) => v,
-        };
-        let plane = |color: &Color| {
-            let channel = if n > 1 { color.channel() } else { 0 };
-            let value = |pixel: &[f32]| {
-                let v = light(pixel[channel]);
-                if n == 4 { v * (pixel[3] / self.full) } else { v }
-            };
-            values.chunks_exact(n).map(value).collect()
-        };
-        Ok(colors.iter().map(plane).collect())
-    }
+    views::ordered(file, field, request, &stated, how, size, (elements == Elements::Floats).then_some("floats"))
 }

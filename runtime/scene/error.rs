@@ -1,5 +1,6 @@
 //! What can be wrong with a scene.
 
+use super::tone::FullScale;
 use crate::memory::TooLarge;
 use crate::optics::{OpticsError, depths_in_words};
 use std::{io, path::Path};
@@ -115,6 +116,23 @@ pub enum SceneError {
         /// Columns of that one.
         other_width: usize,
     },
+    /// A depth map of a picture that its metadata turn, made of the pixels as they are stored.
+    #[error(
+        "{file}: {height} x {width} pixels, but {other} is turned by its EXIF orientation {orientation} to {width} x {height}: \
+         turn the map likewise, or save the picture upright"
+    )]
+    Turned {
+        /// The map.
+        file: String,
+        /// Its rows.
+        height: usize,
+        /// Its columns.
+        width: usize,
+        /// The picture.
+        other: String,
+        /// The EXIF orientation of the picture, 2 to 8.
+        orientation: u8,
+    },
     /// A file that is cut short, damaged, or of another kind than its name says.
     #[error("{file}: {reason}")]
     Corrupt {
@@ -137,6 +155,39 @@ pub enum SceneError {
         /// What would be right.
         must: &'static str,
     },
+    /// A video that does not state its matrix.
+    #[error("{file}: nothing says whether its matrix is BT.601 or BT.709: state it, as in {file}?matrix=bt709")]
+    Matrix {
+        /// The video.
+        file: String,
+    },
+    /// A picture whose values become light in a way that is not read.
+    #[error(
+        "{file}: it states {found}, which is not read: convert it to sRGB, or say that it is meant as sRGB or linear light (transfer \
+         in lightfield.toml, or FILE?srgb, FILE?linear)"
+    )]
+    Transfer {
+        /// The picture.
+        file: String,
+        /// The statement, in words.
+        found: String,
+    },
+    /// Pictures whose value of white is not known.
+    #[error("{file}: {found}, and nothing says which value is white: {how}")]
+    FullScale {
+        /// The file or folder.
+        file: String,
+        /// The values, in words.
+        found: String,
+        /// The way to state it.
+        how: FullScale,
+    },
+    /// Pictures that are transparent all over.
+    #[error("{file}: every pixel is fully transparent, so that nothing is seen: save it without its alpha channel")]
+    Transparent {
+        /// The file or folder.
+        file: String,
+    },
     /// `lightfield.toml` or `parameters.cfg` says something that cannot be.
     #[error("{file}: {reason}")]
     Settings {
@@ -151,14 +202,14 @@ pub enum SceneError {
         /// The picture.
         file: String,
     },
-    /// A depth map of which nothing says what is near.
-    #[error("{file}: {found}: give {decides}")]
+    /// A depth map that does not show which of its values are near.
+    #[error("{file}: {found}: say which values are near: {decides}")]
     Ambiguous {
         /// The map.
         file: String,
-        /// What was found.
+        /// The values of the map, in words.
         found: String,
-        /// What decides.
+        /// The statements that decide it.
         decides: &'static str,
     },
     /// Depth maps that do not belong to the pictures one by one.
@@ -213,6 +264,11 @@ impl SceneError {
             ),
             must: "given: by --depth MIN..MAX, or by depth_mm in lightfield.toml",
         }
+    }
+
+    /// A pixel at this row and column that is no light.
+    pub(super) fn no_light(file: impl ToString, [row, column]: [usize; 2], value: f32) -> Self {
+        Self::Value { file: file.to_string(), row, column, value, must: "finite and not negative" }
     }
 
     /// What the system said of a file or folder.

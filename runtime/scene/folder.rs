@@ -1,6 +1,7 @@
 //! A folder of views.
 
 use super::shape::{is_serpentine, shape};
+use super::tone::{FullScale, Reading};
 use super::views::{self, Frame, Read};
 use super::{LightField, Request, SceneError, names, picture, settings};
 use rayon::prelude::*;
@@ -20,11 +21,13 @@ const MANY_PIXELS: usize = 1 << 22;
 pub(super) fn read(folder: &Path, request: &Request) -> Result<Read, SceneError> {
     let Listed { found: Found { all, stated, mut views }, paths, size: own } = list(folder)?;
     let frame = Frame::new(own, paths.len(), request)?;
-    let read = |path: &PathBuf| Ok(frame.fit(picture::read(path, request.colors, stated.transfer)?.planes));
+    let reading = Reading::new(stated.tone());
+    let read = |path: &PathBuf| Ok(frame.fit(picture::read(path, request.colors, &reading)?.planes));
     // One picture per task: their order in time does not matter, the first error in order is reported.
     let one_by_one = own[0] * own[1] > MANY_PIXELS;
     let read: Vec<_> = if one_by_one { paths.iter().map(read).collect() } else { paths.par_iter().map(read).collect() };
     let read = read.into_iter().collect::<Result<Vec<_>, SceneError>>()?;
+    reading.judge(folder, FullScale::Folder)?;
     let disparity = match stated.disparity {
         Some(range) => Some(range),
         None => settings::ground_truth(folder, &all, own)?,

@@ -23,7 +23,7 @@ pub fn sequence(source: &str, maps: &[PathBuf]) -> Result<Option<Vec<String>>, S
     match video::named(path) {
         Some((file, None)) if file.is_file() => {
             let count = video::count(&file)?;
-            Ok(Some((0..count).map(|i| video::frame(&file, i)).collect()))
+            Ok(Some((0..count).map(|i| video::frame(path, i)).collect()))
         }
         _ => Ok(None),
     }

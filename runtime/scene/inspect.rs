@@ -3,7 +3,7 @@
 use super::order::{self, Order, OrderFound};
 use super::resize::{Fit, Resize};
 use super::source::Source;
-use super::{DepthSource, Layers, LightField, Parallax, Request, SceneError};
+use super::{DepthSource, Layers, LightField, Parallax, Reprojection, Request, SceneError};
 use crate::optics::{Color, Display, dioptres};
 use serde::Serialize;
 
@@ -23,6 +23,8 @@ pub struct Inspection {
     pub size: [usize; 2],
     /// How stored values become light.
     pub transfer: String,
+    /// The meaning of the values of a picture's depth map, and the reason.
+    pub depth_map: Option<String>,
     /// The order in which the views are read.
     pub order: Order,
     /// The line with which other commands refuse it: its order, or its depths.
@@ -76,6 +78,7 @@ pub fn inspect(source: &str, request: &Request) -> Result<(Inspection, LightFiel
     super::check_map(source, request)?;
     let named = Source::of(source)?;
     let has_views = matches!(named, Source::Views(_));
+    let mut depth_map = None;
     let (field, found_by, own_size, transfer, order, says) = if let Source::Views(kept) = &named {
         let read = kept.read(request)?;
         let doubt = order::check(source, &read.order_found).err().map(|e| e.to_string());
@@ -89,19 +92,15 @@ pub fn inspect(source: &str, request: &Request) -> Result<(Inspection, LightFiel
     } else {
         let field = super::load(source, request)?;
         let parallax = Parallax::of(&field);
-        let (how, transfer) = if matches!(named, Source::Picture(_)) {
-            ("a picture with a depth map", "sRGB")
-        } else {
-            ("built in", "linear")
+        let (how, transfer) = match &named {
+            Source::Picture(path) => {
+                let [picture, map] = Reprojection::new(path, request)?.read_as().clone();
+                depth_map = Some(map);
+                ("a picture with a depth map", picture)
+            }
+            _ => ("built in", "linear".to_owned()),
         };
-        (
-            field,
-            how.into(),
-            super::native_size(source)?,
-            transfer.into(),
-            Order::default(),
-            (None, Some(true), parallax),
-        )
+        (field, how.into(), super::native_size(source)?, transfer, Order::default(), (None, Some(true), parallax))
     };
     let display = request.display;
     let (depth, source) = match request.depth.filter(|_| request.depth_map.is_none()) {
@@ -122,6 +121,7 @@ pub fn inspect(source: &str, request: &Request) -> Result<(Inspection, LightFiel
         own_size,
         size: [field.height, field.width],
         transfer,
+        depth_map,
         order,
         doubt,
         order_confirmed,

@@ -165,7 +165,7 @@ fn pictures_of_many_views_are_read_with_their_grid_stated_or_found() {
         }
         let line = green(&format!("{name}?grid=7x5"), 64).unwrap_err();
         assert!(line.contains("320 x 320 pixels are no 7 x 5 views of one size"), "{line}");
-        assert!(green(&format!("{name}?linear"), 64).unwrap_err().contains("one of the first three it needs"));
+        assert!(green(&format!("{name}?linear"), 64).unwrap_err().contains("needs a depth map"));
     }
     // One that shows nothing.
     let file = here.path().join("plain.png");

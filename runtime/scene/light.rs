@@ -1,8 +1,6 @@
 //! What pictures hold: planes of linear light.
 
-use super::SceneError;
 use serde::Deserialize;
-use std::path::Path;
 use std::sync::OnceLock;
 
 /// How stored values become light.
@@ -20,6 +18,8 @@ pub(super) struct Picture {
     pub height: usize,
     pub width: usize,
     pub planes: Vec<Vec<f32>>,
+    /// The meaning of its stored values, in words.
+    pub read_as: String,
 }
 
 /// The exact sRGB curve: stored value in 0..=1 to linear light.
@@ -33,25 +33,4 @@ pub(super) fn table(full: u16, transfer: Transfer) -> &'static [f32] {
     let light = |v: f64| if transfer == Transfer::Srgb { srgb_to_linear(v) } else { v };
     let build = || (0..=full).map(|i| light(f64::from(i) / f64::from(full)) as f32).collect();
     TABLES[usize::from(full > 255)][transfer as usize].get_or_init(build)
-}
-
-/// The first pixel that is not as it must be is an error.
-#[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use all of it"))]
-pub(super) fn check(
-    path: &Path,
-    plane: &[f32],
-    width: usize,
-    good: impl Fn(f32) -> bool,
-    must: &'static str,
-) -> Result<(), SceneError> {
-    match plane.iter().position(|&v| !good(v)) {
-        None => Ok(()),
-        Some(i) => Err(SceneError::Value {
-            file: path.display().to_string(),
-            row: i / width,
-            column: i % width,
-            value: plane[i],
-            must,
-        }),
-    }
 }

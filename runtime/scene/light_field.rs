@@ -1,9 +1,11 @@
 //! A light field: views on a grid of pupil positions.
 
 use super::resize::{Fit, Resize};
+use super::tone::{FullScale, Tally, Tone};
 use super::{MadeViews, SceneError};
-use crate::optics::{Color, Display};
+use crate::optics::{Color, Display, check_usual_view_pitch};
 use rayon::prelude::*;
+use std::path::Path;
 
 /// Views of a scene from a grid of positions in the pupil plane (OPTICS 3).
 ///
@@ -36,11 +38,53 @@ pub struct LightField {
 }
 
 impl LightField {
-    /// Refuses views that are not as [`planes`](Self::planes) says: those of a program's own, before anything is made of them.
+    /// Takes over views that a program made itself. Rounding errors below 0 become black, and a few highlights above 1 white;
+    /// a warning says so.
+    ///
+    /// # Errors
+    /// Those of [`check`](Self::check); [`SceneError::FullScale`] if 1 is clearly not their full scale; [`SceneError::Optics`] for
+    /// a view pitch in another unit.
+    pub fn admit(mut self) -> Result<Self, SceneError> {
+        self.check_shape()?;
+        self.view_pitch.map_or(Ok(()), check_usual_view_pitch)?;
+        let mut tally = Tally::default();
+        for views in &mut self.planes {
+            let one = |view: &mut Vec<f32>| {
+                let mut tally = Tally::default();
+                // The first value that is no light stays, and is refused below.
+                let _ = tally.shares(view);
+                tally
+            };
+            tally = views.par_iter_mut().map(one).reduce(Tally::default, Tally::and).and(tally);
+        }
+        self.check()?;
+        let name = if self.name.is_empty() { "the views" } else { &self.name };
+        tally.judge(Path::new(name), Tone::default(), FullScale::Array)?;
+        Ok(self)
+    }
+
+    /// Refuses views that are not as [`planes`](Self::planes) says.
     ///
     /// # Errors
     /// [`SceneError::Request`].
     pub fn check(&self) -> Result<(), SceneError> {
+        self.check_shape()?;
+        for (color, views) in self.colors.iter().zip(&self.planes) {
+            let light = |v: &f32| v.is_finite() && *v >= 0.0;
+            let found = views.par_iter().enumerate().find_map_first(|(v, view)| {
+                let at = view.iter().position(|value| !light(value))?;
+                let (row, column) = (at / self.width, at % self.width);
+                Some(format!("{} in {color}, view {v}, row {row}, column {column}", view[at]))
+            });
+            if let Some(value) = found {
+                let (what, must) = ("the linear light", "finite and not negative");
+                return Err(SceneError::Request { what, value, must });
+            }
+        }
+        Ok(())
+    }
+
+    fn check_shape(&self) -> Result<(), SceneError> {
         let wrong = |what, value: String, must| Err(SceneError::Request { what, value, must });
         let ([rows, columns], height, width) = (self.grid, self.height, self.width);
         if !(1..=64).contains(&rows) || !(1..=64).contains(&columns) {
@@ -56,21 +100,10 @@ impl LightField {
             let value = format!("{} planes for {} colours", self.planes.len(), self.colors.len());
             return wrong("the light field", value, "one plane a colour, each with a view for every place of the grid");
         }
-        if let Some(pitch) = self.view_pitch.filter(|p| !(p.is_finite() && *p > 0.0)) {
-            return wrong("the view pitch (mm)", (pitch * 1e3).to_string(), "a positive, finite number");
+        match self.view_pitch.filter(|p| !(p.is_finite() && *p > 0.0)) {
+            Some(pitch) => wrong("the view pitch (mm)", (pitch * 1e3).to_string(), "a positive, finite number"),
+            None => Ok(()),
         }
-        for (color, views) in self.colors.iter().zip(&self.planes) {
-            let light = |v: &f32| v.is_finite() && *v >= 0.0;
-            let found = views.par_iter().enumerate().find_map_first(|(v, view)| {
-                let at = view.iter().position(|value| !light(value))?;
-                let (row, column) = (at / width, at % width);
-                Some(format!("{} in {color}, view {v}, row {row}, column {column}", view[at]))
-            });
-            if let Some(value) = found {
-                return wrong("the linear light", value, "finite and not negative");
-            }
-        }
-        Ok(())
     }
 
     /// The light field at `height` x `width` pixels. Disparities and depths scale with the picture (a pixel of the
@@ -132,11 +165,11 @@ mod tests {
             depth: None,
             made: None,
         };
-        field.check().unwrap();
+        field.clone().admit().unwrap();
         let says = |change: &dyn Fn(&mut LightField)| {
             let mut field = field.clone();
             change(&mut field);
-            field.check().unwrap_err().to_string()
+            field.admit().unwrap_err().to_string()
         };
         let nan = says(&|f| f.planes[0][1][4] = f32::NAN);
         assert!(nan.contains("NaN in red, view 1, row 1, column 1"), "{nan}");
@@ -144,6 +177,20 @@ mod tests {
         assert!(says(&|f| f.planes[0][1].truncate(5)).contains("one plane a colour"));
         assert!(says(&|f| f.grid = [0, 1]).contains("0 x 1") && says(&|f| f.width = 0).contains("2 x 0"));
         assert!(says(&|f| f.view_pitch = Some(0.0)).contains("view pitch"));
+        let wrong = |change: &dyn Fn(&mut LightField)| {
+            let mut field = field.clone();
+            change(&mut field);
+            field.admit()
+        };
+        for full in [2.0, 100.0, 255.0, 1023.0, 65535.0] {
+            let bright = wrong(&|f| f.planes.iter_mut().flatten().flatten().for_each(|v| *v *= full * 2.0));
+            assert!(matches!(bright, Err(SceneError::FullScale { how: FullScale::Array, .. })), "{full}: {bright:?}");
+        }
+        let mut large = field.clone();
+        (large.width, large.planes) = (300, vec![vec![vec![0.5; 600]; 2]]);
+        (large.planes[0][1][4], large.planes[0][0][7]) = (30.0, -1e-6);
+        let large = large.admit().unwrap();
+        assert_eq!((large.planes[0][1][4], large.planes[0][0][7], large.planes[0][0][8]), (1.0, 0.0, 0.5));
     }
 
     #[test]

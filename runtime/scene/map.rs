@@ -1,6 +1,6 @@
 //! Depth and disparity maps of a single picture.
 
-use super::near::{self, Kind, Meaning, Near};
+use super::near::{self, Kind, Meaning, Stated};
 use super::{SceneError, pfm, still};
 use crate::files::{self, FileError};
 use std::path::Path;
@@ -14,14 +14,16 @@ pub(super) struct Map {
     pub meaning: Meaning,
     /// The values that mean the ends of the depths, where they are not the smallest and the largest: so that a video's frames agree.
     pub range: Option<[f32; 2]>,
+    /// The reason for the meaning, and the number of pixels that had no value, in words.
+    pub read_as: String,
 }
 
-/// Reads a map: `.pfm`, `.npy` (two axes), or any picture (its first channel), of which the values `near` are near, or
-/// what its file tells. Pixels without a value are filled.
+/// Reads a map: `.pfm`, `.npy` (two axes), or any picture (its first channel). Which values are near is `stated`, or decided
+/// by the file. Pixels without a value are filled.
 ///
 /// # Errors
 /// [`SceneError::NotFound`], [`SceneError::Corrupt`], [`SceneError::Ambiguous`].
-pub(super) fn read(path: &Path, near: Option<Near>) -> Result<Map, SceneError> {
+pub(super) fn read(path: &Path, stated: Stated) -> Result<Map, SceneError> {
     let name = path.file_name().map_or(String::new(), |n| n.to_string_lossy().to_lowercase());
     let corrupt = |reason: String| SceneError::Corrupt { file: path.display().to_string(), reason };
     if path.is_dir() {
@@ -49,9 +51,15 @@ pub(super) fn read(path: &Path, near: Option<Near>) -> Result<Map, SceneError> {
         range = fixed;
         (height, width, kind, values)
     };
-    let meaning = near::meaning(path, kind, &values, near)?;
-    near::fill(path, kind, meaning, &mut values, width).map_err(corrupt)?;
-    Ok(Map { height, width, values, meaning, range })
+    let (meaning, mut read_as) = near::meaning(path, kind, &values, stated)?;
+    let filled = near::fill(kind, meaning, &mut values, width).map_err(corrupt)?;
+    if filled > 0 {
+        read_as += &format!("; {filled} pixels without a value take the farther of their neighbors'");
+    }
+    if filled > 0 || stated.near.is_none() {
+        tracing::info!("{}: {read_as}", path.display());
+    }
+    Ok(Map { height, width, values, meaning, range, read_as })
 }
 
 impl Map {

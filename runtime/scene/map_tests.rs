@@ -56,27 +56,28 @@ type Row = (&'static str, Option<Near>, Vec<f32>, Result<&'static str, &'static 
 
 #[test]
 fn each_map_is_read_the_right_way_round_or_refused() {
-    use Near::{Large, Small};
+    use Near::{Bright, Dark, Large, Small};
     const RIGHT: Result<&str, &str> = Ok("right");
     const LEFT: Result<&str, &str> = Ok("left");
     let holes = [(3, f32::NAN), (40, f32::INFINITY), (77, 0.0), (78, 0.0)];
     let unknown: Vec<(usize, f32)> = (16..40).map(|i| (i, 0.0)).collect();
     let most: Vec<(usize, f32)> = (0..200).map(|i| (i, f32::NAN)).collect();
-    let decides = Err("give --near small (distances) or --near large");
-    let rows: [Row; 25] = [
+    let decides = Err("say which values are near");
+    let rows: [Row; 26] = [
         ("map.png", None, ramp(0.0, 255.0, &[]), RIGHT),
         ("map.png", Some(Large), ramp(0.0, 255.0, &[]), RIGHT),
-        ("map.png", Some(Small), ramp(0.0, 255.0, &[]), LEFT),
+        ("map.png", Some(Dark), ramp(0.0, 255.0, &[]), LEFT),
         ("grey-rgb.png", None, ramp(0.0, 255.0, &[]), RIGHT),
         ("grey-rgb.jpg", None, ramp(0.0, 255.0, &[]), RIGHT),
         ("jet-rgb.png", None, ramp(0.0, 255.0, &[]), Err("a map is grey")),
-        ("depth16.png", None, ramp(0.0, 65535.0, &[]), RIGHT),
-        ("depth16.png", Some(Small), ramp(0.0, 65535.0, &[]), LEFT),
-        ("kinect16.png", None, ramp(500.0, 4200.0, &unknown), Err("--near small (distances, 0 unknown)")),
+        ("depth16.png", None, ramp(0.0, 65535.0, &[]), decides),
+        ("depth16.png", Some(Dark), ramp(0.0, 65535.0, &[]), LEFT),
+        ("depth16.png", Some(Bright), ramp(0.0, 65535.0, &[]), RIGHT),
+        ("kinect16.png", None, ramp(500.0, 4200.0, &unknown), decides),
         ("kinect16.png", Some(Small), ramp(500.0, 4200.0, &unknown), LEFT),
         ("disp.pfm", None, ramp(-0.5, 0.5, &[]), RIGHT),
         ("disp.pfm", None, ramp(-0.5, 0.5, &holes), RIGHT),
-        ("disp.npy", Some(Small), ramp(-0.5, 0.5, &[]), Err("by its name it holds disparities")),
+        ("disp.npy", Some(Small), ramp(-0.5, 0.5, &[]), Err("its name says disparities")),
         ("depth.npy", None, ramp(0.5, 2.0, &[]), LEFT),
         ("depth.npy", Some(Large), ramp(0.5, 2.0, &[]), RIGHT),
         ("view_03_z.pfm", None, ramp(0.5, 2.0, &holes), LEFT),
@@ -97,7 +98,7 @@ fn each_map_is_read_the_right_way_round_or_refused() {
         get(&picture, &Request { depth_map: Some(map), near, depth, ..request }).planes.remove(0)
     };
     let depth = Some([-0.3e-3, 0.3e-3]);
-    let (right, left) = (views(&png, Some(Large), depth), views(&png, Some(Small), depth));
+    let (right, left) = (views(&png, Some(Bright), depth), views(&png, Some(Dark), depth));
     let apart = |a: &[Vec<f32>], b: &[Vec<f32>]| -> f32 {
         a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs()).sum()
     };
@@ -119,7 +120,7 @@ fn each_map_is_read_the_right_way_round_or_refused() {
     // The nearer depth first says the same as small; but not beside its opposite.
     let reversed = Some([0.3e-3, -0.3e-3]);
     assert_eq!(views(&png, None, reversed), left);
-    assert_eq!(views(&png, Some(Small), reversed), left);
+    assert_eq!(views(&png, Some(Dark), reversed), left);
     let said = fails(&picture, &Request { depth_map: Some(&png), near: Some(Large), depth: reversed, ..request });
     assert!(said.contains("farthest first"), "{said}");
 }
@@ -134,7 +135,7 @@ fn what_a_map_lacks_comes_from_the_farther_side() {
     values[N..2 * N].fill(nan);
     write(&path, &values);
     for (near, between) in [(Near::Small, 5.0), (Near::Large, 3.0)] {
-        let map = map::read(&path, Some(near)).unwrap();
+        let map = map::read(&path, near::Stated { near: Some(near), depth: None }).unwrap();
         assert_eq!(map.values[..4], [5.0, 5.0, between, between]);
         assert_eq!(map.values[5], if near == Near::Small { 3.0 } else { 1.0 });
         assert_eq!(map.values[N..2 * N], map.values[..N]);
@@ -155,6 +156,12 @@ fn maps_mean_the_depths_that_are_asked_for() {
     let values = ramp(-0.5, 0.5, &[]);
     let [low, high] = range(&file("disp.pfm", &pfm("Pf", &values)), None).disparity.unwrap();
     assert!((low + 0.5).abs() < 1e-6 && (high - 0.5).abs() < 1e-6);
+    // Disparities of a stereo pair are too large, until the depths are stated that they are scaled to.
+    let stereo = file("disp0.pfm", &pfm("Pf", &ramp(20.0, 60.0, &[(5, f32::INFINITY)])));
+    let refused = load(&picture, &Request { depth_map: Some(&stereo), near: None, ..request });
+    assert!(matches!(refused, Err(SceneError::Request { .. })));
+    let ends = range(&stereo, Some([-0.2e-3, 0.4e-3])).depth.unwrap();
+    assert!((ends[0] + 0.2e-3).abs() < 1e-9 && (ends[1] - 0.4e-3).abs() < 1e-9, "{ends:?}");
     let wanted = Some([-0.2e-3, 0.4e-3]);
     let from_png = range(&png, wanted);
     let ends = from_png.depth.unwrap();
@@ -172,7 +179,7 @@ fn maps_mean_the_depths_that_are_asked_for() {
     assert!(refused(&file("cut.npy", &array[..array.len() - 8]), None).contains("cut.npy"));
     assert!(refused(&file("long.npy", b"\x93NUMPY\x02\x00\xff\xff\xff\xffxx"), None).contains("header"));
     assert!(refused(&file("not.npy", b"hello"), None).contains("not.npy"));
-    assert!(refused(&png, Some([-1.0, 1.0])).contains("quarter"));
+    assert!(refused(&png, Some([-0.04, 0.04])).contains("quarter"));
 }
 
 #[test]

@@ -84,6 +84,8 @@ mod mosaic_grid;
 mod names;
 mod natural;
 mod near;
+#[cfg(test)]
+mod near_tests;
 mod numbers;
 mod options;
 mod order;
@@ -93,6 +95,8 @@ mod photograph;
 mod photographs;
 #[cfg_attr(not(feature = "image-formats"), path = "no_picture.rs")]
 mod picture;
+#[cfg(feature = "image-formats")]
+mod png_tone;
 mod pyramid;
 mod range;
 mod rays;
@@ -110,13 +114,19 @@ mod still;
 mod subpixel;
 mod survey;
 mod sweep;
+mod tone;
+#[cfg(test)]
+mod tone_tests;
 mod video;
+mod video_color;
 mod views;
 
 #[cfg(test)]
 mod generated_tests;
 #[cfg(all(test, feature = "image-formats"))]
 mod kept_tests;
+#[cfg(all(test, feature = "image-formats"))]
+mod orientation_tests;
 #[cfg(test)]
 mod reading_tests;
 #[cfg(all(test, feature = "image-formats"))]
@@ -151,6 +161,7 @@ pub use request::Request;
 pub use resize::Fit;
 pub(crate) use resize::{Enlarged, crop_share, shrink_to_share};
 pub use single::Reprojection;
+pub use tone::FullScale;
 
 pub(crate) use survey::DARK;
 pub use survey::{Black, DepthSource, Light};
@@ -219,9 +230,15 @@ pub fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
     check_map(source, request)?;
     match Source::of(source)? {
         Source::BuiltIn(name) => builtin::load(name, request),
-        Source::Picture(path) => single::load(path, request),
+        Source::Picture(path) => {
+            let field = single::load(path, request)?;
+            tone::warn_of_black(source, field.brightest());
+            Ok(field)
+        }
         Source::Views(kept) => {
             let field = views::checked(source, kept.read(request)?)?;
+            request.check_depths(field.depth)?;
+            tone::warn_of_black(source, field.brightest());
             LightField { view_pitch: request.view_pitch.or(field.view_pitch), ..field }
                 .with_views_for(request.display, request.photographs)
         }

@@ -3,6 +3,7 @@
 use super::mosaic_grid::{Shown, shown};
 use super::options::{Options, Tiling};
 use super::settings::{self, Settings};
+use super::tone::{FullScale, Reading};
 use super::views::{self, Frame, Read};
 use super::{Request, SceneError, picture};
 use crate::memory;
@@ -62,7 +63,10 @@ fn decoded(
     let what = || format!("a picture of {height} x {width} pixels");
     let bytes = memory::bytes_of(&[colors.len() + 2, height, width], 4);
     memory::promise(what, bytes, "save its views as files of their own, or take --color")?;
-    Ok(picture::read_of_many(file, colors, stated.transfer)?.planes)
+    let reading = Reading::new(stated.tone());
+    let planes = picture::read_of_many(file, colors, &reading)?.planes;
+    reading.judge(file, FullScale::File)?;
+    Ok(planes)
 }
 
 /// Rows and columns of each view of a picture.

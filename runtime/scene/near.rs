@@ -1,20 +1,31 @@
-//! Which values of a depth map are near, and pixels without a value.
+//! The meaning of the numbers in a depth map: which values are near, and which values are unknown.
 
 use super::SceneError;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Which values of a depth map are near.
+/// Which values of a depth map are near, and whether 0 is a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Near {
-    /// The large ones, or the bright ones of a picture.
+    /// Large numbers, as in disparities. Zeros are unknown where a gap parts them from all other values.
     Large,
-    /// The small ones, as of distances; or the dark ones of a picture.
+    /// Small numbers, as in distances. Zeros, and 65535 in 16 bits, are unknown.
     Small,
+    /// Bright pixels of a picture. Every stored value counts.
+    Bright,
+    /// Dark pixels of a picture. Every stored value counts.
+    Dark,
 }
 
-/// How a map's file keeps its values.
+impl Near {
+    /// Returns whether larger values are nearer.
+    pub(super) fn is_larger(self) -> bool {
+        matches!(self, Self::Large | Self::Bright)
+    }
+}
+
+/// The kind of numbers that the file of a map stores.
 #[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use all of it"))]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
@@ -22,34 +33,110 @@ pub(super) enum Kind {
     Bytes,
     /// A picture of 16 bits.
     Words,
-    /// Floating point.
+    /// Floating point, or the integers of an array.
     Floats,
 }
 
-/// What the values mean.
+/// The meaning of the values of a map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Meaning {
-    /// Pixels between neighbouring views, larger being nearer.
+    /// Pixels between neighboring views, larger is nearer.
     Disparity,
     /// Only their order and their proportions count.
     Relative(Near),
 }
 
-/// 16-bit values up to this, some of them 0, are taken for a depth camera's millimetres.
-const MILLIMETRES: f32 = 16383.0;
-/// What renderers write where there is nothing: infinitely far.
-const NOTHING: f32 = 1e9;
-const HALF_MOST: f32 = 65504.0;
+/// The statements of the caller about a map.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Stated {
+    /// Which values are near.
+    pub near: Option<Near>,
+    /// The depths of the ends, metres. The nearer first says that small values are near.
+    pub depth: Option<[f64; 2]>,
+}
 
-/// Means of the values of this file, by what was asked, by its name, or by its kind; says what was assumed.
+impl Stated {
+    /// Returns which values are stated to be near in a map of this kind.
+    fn near(self, kind: Kind) -> Option<Near> {
+        let reversed = self.depth.is_some_and(|[a, b]| a > b);
+        let small = if kind == Kind::Bytes { Near::Dark } else { Near::Small };
+        self.near.or(reversed.then_some(small))
+    }
+}
+
+/// The remedy for a map that does not show which values are near.
+const DECIDES: &str =
+    "small (distances, 0 is unknown), large (disparities), or bright or dark (a picture, 0 is a value)";
+/// Renderers write such values for infinitely far; no value beyond them is a distance or a disparity.
+const NOTHING: f32 = 1e9;
+/// The largest half float.
+const HALF_MOST: f32 = 65504.0;
+/// The largest value of 16 bits.
+const WORD_MOST: f32 = 65535.0;
+/// A distance this many times beyond all smaller ones stands for infinitely far.
+const BEYOND_ALL: f32 = 1000.0;
+/// Distances of one scene do not vary by more than this factor. Normalized maps do.
+const DEEPEST: f32 = 200.0;
+/// The largest values of normalized maps.
+const NORMALIZED: [f32; 3] = [1.0, 255.0, WORD_MOST];
+/// Zeros are unknown disparities if no other value is below this share of the largest.
+const GAP: f32 = 0.05;
+/// Parts of the range of values in which gaps between them are sought.
+const BINS: usize = 4096;
+
+/// The known values of a map in brief.
+struct Extent {
+    /// Smallest and largest known value other than 0.
+    low: f32,
+    high: f32,
+    /// The largest value that is not far beyond all others.
+    most: f32,
+    has_zero: bool,
+    /// Whether there are negative values, of which at least two differ. A single one marks unknown pixels of distances.
+    is_signed: bool,
+    /// Whether zero is clearly farther from the smallest value than any values are from each other.
+    zero_is_apart: bool,
+}
+
+impl Extent {
+    fn of(values: &[f32]) -> Self {
+        let known = || values.iter().copied().filter(|v| is_number(*v));
+        let first_negative = known().find(|v| *v < 0.0);
+        let is_signed = first_negative.is_some_and(|first| known().any(|v| v < 0.0 && v != first));
+        let counts = |v: &f32| *v > 0.0 || is_signed && *v < 0.0;
+        let ends = known().filter(counts).fold([f32::INFINITY, f32::NEG_INFINITY], |[a, b], v| [a.min(v), b.max(v)]);
+        let [low, high] = ends;
+        let below = known().filter(|v| *v < high).fold(f32::NEG_INFINITY, f32::max);
+        let most = if below > 0.0 && high > BEYOND_ALL * below { below } else { high };
+        let mut filled = vec![false; BINS + 1];
+        let bins = known().filter(|v| counts(v) && *v <= most);
+        bins.for_each(|v| filled[((v - low) / (most - low).max(f32::MIN_POSITIVE) * BINS as f32) as usize] = true);
+        let longest = filled.split(|bin| *bin).map(<[bool]>::len).max().unwrap_or(0) + 1;
+        let zero_is_apart = most > low && low > 2.0 * longest as f32 * (most - low) / BINS as f32;
+        Self { low, high, most, has_zero: values.contains(&0.0), is_signed, zero_is_apart }
+    }
+}
+
+/// Returns whether a stored value can stand for a distance or a disparity at all.
+fn is_number(v: f32) -> bool {
+    v.is_finite() && v.abs() < NOTHING && v != HALF_MOST
+}
+
+/// Decides the meaning of the values of a map: by what the caller states, by the name of the file, or by its kind. Returns the
+/// reason with it.
 ///
 /// # Errors
-/// [`SceneError::Ambiguous`] where none of them tells.
-pub(super) fn meaning(file: &Path, kind: Kind, values: &[f32], asked: Option<Near>) -> Result<Meaning, SceneError> {
+/// [`SceneError::Ambiguous`] if none of them decides it.
+pub(super) fn meaning(
+    file: &Path,
+    kind: Kind,
+    values: &[f32],
+    stated: Stated,
+) -> Result<(Meaning, String), SceneError> {
     let name = file.file_stem().map_or(String::new(), |n| n.to_string_lossy().to_lowercase());
-    let [low, high] = ends(values);
+    let Extent { low, high, most, has_zero, is_signed, zero_is_apart } = Extent::of(values);
     let ambiguous =
-        |found: String, decides| Err(SceneError::Ambiguous { file: file.display().to_string(), found, decides });
+        |found: String| Err(SceneError::Ambiguous { file: file.display().to_string(), found, decides: DECIDES });
     let is_disparity = kind == Kind::Floats && name.contains("disp");
     let is_distance = |word: &str| {
         ["depth", "depths", "depthmap", "dist", "distance", "distances", "range", "z", "mm", "metres", "meters"]
@@ -57,60 +144,94 @@ pub(super) fn meaning(file: &Path, kind: Kind, values: &[f32], asked: Option<Nea
     };
     let mut words = name.split(|c: char| !c.is_alphabetic());
     let is_inverse = name.contains("inv");
-    match (kind, asked) {
-        (_, Some(Near::Small)) if is_disparity => ambiguous(
-            "by its name it holds disparities, of which the larger are near".into(),
-            "another name, or --near left out",
-        ),
-        (_, _) if is_disparity => Ok(Meaning::Disparity),
-        (_, Some(near)) => Ok(Meaning::Relative(near)),
-        (_, None) if low >= high => Ok(Meaning::Relative(Near::Large)),
-        (Kind::Floats, None) if !is_inverse && words.any(is_distance) => {
-            tracing::info!("{}: distances by its name: small values are near (--near large if not)", file.display());
-            Ok(Meaning::Relative(Near::Small))
+    let relative = |near: Near, reason: &str| Ok((Meaning::Relative(near), reason.to_owned()));
+    match (kind, stated.near(kind)) {
+        (_, Some(Near::Small | Near::Dark)) if is_disparity => Err(SceneError::Ambiguous {
+            file: file.display().to_string(),
+            found: "its name says disparities, of which the larger are near".into(),
+            decides: "large, or give the file another name",
+        }),
+        (_, near) if is_disparity && stated.depth.is_none() => {
+            let reason = "disparities by its name: pixels between neighboring views, larger is nearer".to_owned();
+            debug_assert!(near.is_none_or(Near::is_larger));
+            Ok((Meaning::Disparity, reason))
         }
-        (Kind::Floats, None) => ambiguous(
-            format!("values from {low} to {high}, and nothing says whether small or large is near"),
-            "--near small (distances) or --near large",
-        ),
-        (Kind::Words, None) if high <= MILLIMETRES && values.contains(&0.0) => ambiguous(
-            format!("16 bits with values from {low} to {high} and zeros, as depth cameras write millimetres"),
-            "--near small (distances, 0 unknown) or --near large",
-        ),
-        (Kind::Bytes | Kind::Words, None) => {
-            tracing::info!("{}: bright is near (--near dark if not)", file.display());
-            Ok(Meaning::Relative(Near::Large))
+        (_, Some(near)) => relative(near, &format!("as stated: {}", in_words(near))),
+        (_, None) if is_disparity => {
+            relative(Near::Large, "disparities by its name, scaled to the stated depths: larger is nearer")
         }
+        (_, None) if low >= high && !(has_zero && low.is_finite()) => {
+            relative(Near::Bright, "a single value: one plane in the middle of the depths")
+        }
+        (Kind::Floats, None) if is_inverse || !words.any(is_distance) => ambiguous(format!(
+            "values from {} to {high}, and nothing says whether small or large is near",
+            if has_zero { low.min(0.0) } else { low }
+        )),
+        (Kind::Floats, None) if is_signed => {
+            ambiguous("its name says distances, but some values are negative, which no distance is".into())
+        }
+        (Kind::Floats, None) if most > DEEPEST * low || has_zero && !zero_is_apart && NORMALIZED.contains(&most) => {
+            let low = if has_zero { 0.0 } else { low };
+            ambiguous(format!(
+                "its name says distances, but its values go from {low} to {most}, as in a map that was normalized"
+            ))
+        }
+        (Kind::Floats, None) => relative(Near::Small, "distances by its name: smaller is nearer"),
+        (Kind::Words, None) => ambiguous(format!(
+            "16 bits with values from {} to {high}, and nothing says whether small or large is near",
+            if has_zero { 0.0 } else { low }
+        )),
+        (Kind::Bytes, None) => relative(Near::Bright, "a picture of 8 bits: bright is near"),
     }
 }
 
-/// Smallest and largest value that says something.
-fn ends(values: &[f32]) -> [f32; 2] {
-    let known = values.iter().filter(|v| v.is_finite() && **v < NOTHING && **v != HALF_MOST);
-    known.fold([f32::INFINITY, f32::NEG_INFINITY], |[a, b], v| [a.min(*v), b.max(*v)])
+fn in_words(near: Near) -> &'static str {
+    match near {
+        Near::Large => "larger is nearer",
+        Near::Small => "distances: smaller is nearer",
+        Near::Bright => "bright is near",
+        Near::Dark => "dark is near",
+    }
 }
 
-/// Gives pixels without a value that of the farther of their neighbours in the row, or, in rows without any, that of the
-/// rows beside; and says how many. Without a value is what is not finite; of distances also what is infinitely far, and
-/// 0 where every other value is far from it.
+/// Returns the test for values that are unknown. NaN, infinity, 1e9 or more and the largest half float always are. Of
+/// distances also 0, 65535 in integers, a negative value, and a value far beyond all others are.
+fn unknown(kind: Kind, meaning: Meaning, values: &[f32]) -> impl Fn(f32) -> bool + use<> {
+    let Extent { low, high, most, is_signed, zero_is_apart, .. } = Extent::of(values);
+    let is_distance = meaning == Meaning::Relative(Near::Small) && !is_signed;
+    let is_integer = kind != Kind::Floats || values.iter().all(|v| v.fract() == 0.0);
+    let has_gap = low >= GAP * high && zero_is_apart && !values.iter().any(|v| *v < 0.0);
+    let is_picture = matches!(meaning, Meaning::Relative(Near::Bright | Near::Dark));
+    let no_zero = is_distance || has_gap && !is_picture;
+    move |v: f32| {
+        !v.is_finite()
+            || v.abs() >= NOTHING
+            || kind == Kind::Floats && v == HALF_MOST
+            || is_distance && (v < 0.0 || v > most || is_integer && v == WORD_MOST)
+            || no_zero && v == 0.0
+    }
+}
+
+/// Gives pixels without a value that of the farther of their neighbors in the row, or, in rows without any, that of the rows
+/// beside. Returns how many there were.
 ///
 /// # Errors
-/// In words, where more than half of the pixels have none.
-pub(super) fn fill(file: &Path, kind: Kind, meaning: Meaning, values: &mut [f32], width: usize) -> Result<(), String> {
-    let distances = meaning == Meaning::Relative(Near::Small) && kind != Kind::Bytes;
-    let [mut least, most] = [f32::INFINITY, ends(values)[1]];
-    values.iter().filter(|v| **v != 0.0).for_each(|v| least = least.min(*v));
-    let zeros = distances && least >= 0.05 * most && least > 0.0;
-    let far = |v: f32| distances && kind == Kind::Floats && (v >= NOTHING || v == HALF_MOST);
-    let empty = |v: f32| !v.is_finite() || far(v) || (zeros && v == 0.0);
+/// The reason in words if more than half of the pixels have no value.
+pub(super) fn fill(kind: Kind, meaning: Meaning, values: &mut [f32], width: usize) -> Result<usize, String> {
+    let empty = unknown(kind, meaning, values);
     let count = values.iter().filter(|v| empty(**v)).count();
     if count == 0 {
-        return Ok(());
+        return Ok(0);
     }
     if 2 * count > values.len() {
-        return Err(format!("{count} of {} pixels have no value (0, not finite, or infinitely far)", values.len()));
+        return Err(format!(
+            "{count} of {} pixels have no value (0, not finite, or infinitely far): complete the map first, for example \
+             with the nearest value",
+            values.len()
+        ));
     }
-    let farther = |a: f32, b: f32| if distances { a.max(b) } else { a.min(b) };
+    let larger_is_nearer = !matches!(meaning, Meaning::Relative(near) if !near.is_larger());
+    let farther = |a: f32, b: f32| if larger_is_nearer { a.min(b) } else { a.max(b) };
     for row in values.chunks_exact_mut(width) {
         let mut x = 0;
         while x < width {
@@ -132,6 +253,5 @@ pub(super) fn fill(file: &Path, kind: Kind, meaning: Meaning, values: &mut [f32]
             values.copy_within(from * width..(from + 1) * width, y * width);
         }
     }
-    tracing::info!("{}: {count} pixels without a value take the farther of their neighbours'", file.display());
-    Ok(())
+    Ok(count)
 }

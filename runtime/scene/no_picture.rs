@@ -1,8 +1,9 @@
 //! A build without the feature `image-formats` reads no pictures, and says so.
 
 use super::SceneError;
-use super::light::{Picture, Transfer};
+use super::light::Picture;
 use super::near::Kind;
+use super::tone::Reading;
 use crate::optics::Color;
 use std::path::Path;
 
@@ -22,7 +23,12 @@ pub(super) fn size_of_many(path: &Path) -> Result<[usize; 2], SceneError> {
 }
 
 /// The same of a picture that holds many views.
-pub(super) fn read_of_many(path: &Path, _: &[Color], _: Option<Transfer>) -> Result<Picture, SceneError> {
+pub(super) fn read_of_many(path: &Path, _: &[Color], _: &Reading) -> Result<Picture, SceneError> {
+    absent(path)
+}
+
+/// The EXIF orientation.
+pub(super) fn orientation(path: &Path) -> Result<u8, SceneError> {
     absent(path)
 }
 
@@ -32,7 +38,7 @@ pub(super) fn is_linear(_: &Path) -> bool {
 }
 
 /// Reads the planes of `colors`.
-pub(super) fn read(path: &Path, _: &[Color], _: Option<Transfer>) -> Result<Picture, SceneError> {
+pub(super) fn read(path: &Path, _: &[Color], _: &Reading) -> Result<Picture, SceneError> {
     absent(path)
 }
 

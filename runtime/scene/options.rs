@@ -1,11 +1,11 @@
 //! What stands behind the question mark of a file's name.
 
 use super::light::Transfer;
+use super::tone::Tone;
 
 /// What options there are, for people.
-const ARRAYS: &str = "an array takes grid=ROWSxCOLUMNS, srgb, linear and array=NAME, with & between";
-pub(super) const PICTURES: &str =
-    "a picture of many views takes grid=ROWSxCOLUMNS, mosaic or lenslets, srgb and linear, with & between";
+const ARRAYS: &str = "an array takes grid=ROWSxCOLUMNS, srgb, linear, full_scale=NUMBER and array=NAME, with & between";
+pub(super) const PICTURES: &str = "a picture takes srgb, linear and full_scale=NUMBER, and one of many views grid=ROWSxCOLUMNS, mosaic or lenslets, with & between";
 
 /// How views lie in a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,13 +23,26 @@ pub(super) struct Options {
     pub grid: Option<[usize; 2]>,
     /// How values become light.
     pub transfer: Option<Transfer>,
+    /// The stored value of white.
+    pub full_scale: Option<f32>,
     /// Which array of an archive.
     pub array: Option<String>,
     /// How the views lie in a picture.
     pub tiling: Option<Tiling>,
 }
 
+/// Reads the value of white.
+fn full_scale(text: &str) -> Result<f32, String> {
+    let value = text.parse::<f32>().ok().filter(|v| v.is_finite() && *v > 0.0);
+    value.ok_or_else(|| format!("full_scale is '{text}': it must be a positive number, the stored value of white"))
+}
+
 impl Options {
+    /// The statements about how values become light.
+    pub fn tone(&self) -> Tone {
+        Tone { transfer: self.transfer, full_scale: self.full_scale }
+    }
+
     /// Reads them.
     ///
     /// # Errors
@@ -46,6 +59,7 @@ impl Options {
                 }
                 ("srgb", "") => options.transfer = Some(Transfer::Srgb),
                 ("linear", "") => options.transfer = Some(Transfer::Linear),
+                ("full_scale", value) => options.full_scale = Some(full_scale(value)?),
                 ("array", name) if is_array && !name.is_empty() => options.array = Some(name.into()),
                 ("mosaic", "") if !is_array => options.tiling = Some(Tiling::Views),
                 ("lenslets", "") if !is_array => options.tiling = Some(Tiling::Lenslets),

@@ -1,11 +1,13 @@
 //! Pictures from files, as planes of linear light, by the crate `image`.
 
 use super::SceneError;
-use super::light::{Picture, Transfer, check, srgb_to_linear, table};
+use super::light::{Picture, Transfer};
 use super::near::Kind;
+use super::png_tone;
+use super::tone::{Reading, Stored};
 use crate::files::read;
 use crate::optics::Color;
-use image::{DynamicImage, ImageFormat, ImageReader, Limits};
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, metadata::Orientation};
 use std::{fs::File, io::BufReader, path::Path};
 
 fn open(path: &Path) -> Result<ImageReader<BufReader<File>>, SceneError> {
@@ -40,7 +42,8 @@ pub(super) fn size_of_many(path: &Path) -> Result<[usize; 2], SceneError> {
 }
 
 fn size_within(path: &Path, most: u64) -> Result<[usize; 2], SceneError> {
-    let (width, height) = open(path)?.into_dimensions().map_err(|e| corrupt(path, e))?;
+    let mut decoder = open(path)?.into_decoder().map_err(|e| corrupt(path, e))?;
+    let ((width, height), orientation) = (decoder.dimensions(), orientation_of(&mut decoder));
     let pixels = u64::from(height) * u64::from(width);
     if pixels > most {
         let most = most >> 20;
@@ -51,17 +54,34 @@ fn size_within(path: &Path, most: u64) -> Result<[usize; 2], SceneError> {
             ),
         ));
     }
-    Ok([height as usize, width as usize])
+    let size = [height as usize, width as usize];
+    // Orientations from 5 on exchange rows and columns.
+    Ok(if orientation.to_exif() >= 5 { [size[1], size[0]] } else { size })
 }
 
-/// Decodes a file; nothing is converted yet.
+/// The orientation that the metadata state; none for metadata that cannot be read.
+fn orientation_of(decoder: &mut impl ImageDecoder) -> Orientation {
+    decoder.orientation().unwrap_or(Orientation::NoTransforms)
+}
+
+/// The EXIF orientation that a picture is turned by, 1 to 8; 1 is as stored.
+pub(super) fn orientation(path: &Path) -> Result<u8, SceneError> {
+    let mut decoder = open(path)?.into_decoder().map_err(|e| corrupt(path, e))?;
+    Ok(orientation_of(&mut decoder).to_exif())
+}
+
+/// Decodes a file and turns it as its metadata say; values are not converted yet.
 fn decode(path: &Path, most: u64) -> Result<DynamicImage, SceneError> {
     size_within(path, most)?;
     let reader = open(path)?;
     if reader.format() == Some(ImageFormat::Jpeg) && !jpeg_ends(path)? {
         return Err(corrupt(path, "the file is cut short: a JPEG must reach its end marker"));
     }
-    reader.decode().map_err(|e| corrupt(path, e))
+    let mut decoder = reader.into_decoder().map_err(|e| corrupt(path, e))?;
+    let orientation = orientation_of(&mut decoder);
+    let mut image = DynamicImage::from_decoder(decoder).map_err(|e| corrupt(path, e))?;
+    image.apply_orientation(orientation);
+    Ok(image)
 }
 
 /// Whether a JPEG's last scan is closed: decoders fill what is missing with grey and say nothing.
@@ -72,15 +92,15 @@ fn jpeg_ends(path: &Path) -> Result<bool, SceneError> {
     Ok(bytes[last_scan..].windows(2).any(|b| b == [0xff, 0xd9]))
 }
 
-/// Reads the planes of `colors` from a PNG, JPEG or EXR file. A grey picture gives the same plane for each colour;
-/// transparency is laid over black. `transfer` overrides what the format implies.
-pub(super) fn read(path: &Path, colors: &[Color], transfer: Option<Transfer>) -> Result<Picture, SceneError> {
-    planes(path, decode(path, MOST_PIXELS)?, colors, transfer)
+/// Reads the planes of `colors` from a PNG, JPEG or EXR file. A gray picture gives the same plane for each color;
+/// transparency is laid over black. `reading` says and counts how values become light.
+pub(super) fn read(path: &Path, colors: &[Color], reading: &Reading) -> Result<Picture, SceneError> {
+    planes(path, &decode(path, MOST_PIXELS)?, colors, reading)
 }
 
 /// The same of a picture that holds many views.
-pub(super) fn read_of_many(path: &Path, colors: &[Color], transfer: Option<Transfer>) -> Result<Picture, SceneError> {
-    planes(path, decode(path, MOST_OF_MANY)?, colors, transfer)
+pub(super) fn read_of_many(path: &Path, colors: &[Color], reading: &Reading) -> Result<Picture, SceneError> {
+    planes(path, &decode(path, MOST_OF_MANY)?, colors, reading)
 }
 
 /// Whether its values are light where nothing else is stated.
@@ -88,53 +108,40 @@ pub(super) fn is_linear(path: &Path) -> bool {
     open(path).is_ok_and(|reader| reader.format() == Some(ImageFormat::OpenExr))
 }
 
-fn planes(
-    path: &Path,
-    image: DynamicImage,
-    colors: &[Color],
-    transfer: Option<Transfer>,
-) -> Result<Picture, SceneError> {
+fn planes(path: &Path, image: &DynamicImage, colors: &[Color], reading: &Reading) -> Result<Picture, SceneError> {
     let (height, width) = (image.height() as usize, image.width() as usize);
     let channels = usize::from(image.color().channel_count());
-    let (has_color, has_alpha) = (image.color().has_color(), image.color().has_alpha());
-    let integer = transfer.unwrap_or(Transfer::Srgb);
-    let planes = |light: &dyn Fn(usize) -> f32, alpha: &dyn Fn(usize) -> f32| -> Vec<Vec<f32>> {
-        let plane = |color: &Color| {
-            let channel = if has_color { color.channel() } else { 0 };
-            let value = |i: usize| {
-                let v = light(i * channels + channel);
-                if has_alpha { v * alpha(i * channels + channels - 1) } else { v }
-            };
-            (0..height * width).map(value).collect()
-        };
-        colors.iter().map(plane).collect()
-    };
-    let planes = if let Some(v) = samples8(&image) {
-        let table = table(u8::MAX.into(), integer);
-        planes(&|i| table[usize::from(v[i])], &|i| f32::from(v[i]) / 255.0)
-    } else if let Some(v) = samples16(&image) {
-        let table = table(u16::MAX, integer);
-        planes(&|i| table[usize::from(v[i])], &|i| f32::from(v[i]) / 65535.0)
+    let (stored, says) = if let Some(v) = samples8(image) {
+        (Stored::Bytes(v), Transfer::Srgb)
+    } else if let Some(v) = samples16(image) {
+        (Stored::Words(v), Transfer::Srgb)
     } else {
-        let float = match &image {
-            DynamicImage::ImageRgb32F(p) => p.as_raw(),
-            DynamicImage::ImageRgba32F(p) => p.as_raw(),
-            other => return Err(corrupt(path, format!("pixels of type {:?} are not supported", other.color()))),
-        };
-        // EXR keeps colour already multiplied by its transparency.
-        let read = planes(&|i| float[i], &|_| 1.0);
-        for plane in &read {
-            check(path, plane, width, |v| v.is_finite() && v >= 0.0, "finite and not negative")?;
-        }
-        match transfer {
-            Some(Transfer::Srgb) => {
-                let decode = |v: f32| srgb_to_linear(f64::from(v)) as f32;
-                read.into_iter().map(|p| p.into_iter().map(decode).collect()).collect()
-            }
-            _ => read,
-        }
+        (Stored::Floats(floats(path, image)?), Transfer::Linear)
     };
-    Ok(Picture { height, width, planes })
+    let says = match png_tone::transfer(path) {
+        Ok(stated) => stated.unwrap_or(says),
+        // The caller knows better.
+        Err(_) if reading.tone.transfer.is_some() => says,
+        Err(found) => return Err(SceneError::Transfer { file: path.display().to_string(), found }),
+    };
+    // EXR keeps color already multiplied by its transparency.
+    let premultiplied = matches!(stored, Stored::Floats(_));
+    let planes = reading.light(stored, channels, premultiplied, says, colors);
+    let planes = planes.map_err(|(i, value)| SceneError::no_light(path.display(), [i / width, i % width], value))?;
+    let turned = match orientation(path)? {
+        1 => String::new(),
+        n => format!(", turned by its EXIF orientation {n}"),
+    };
+    let read_as = format!("{}{turned}", reading.in_words(stored, says));
+    Ok(Picture { height, width, planes, read_as })
+}
+
+fn floats<'a>(path: &Path, image: &'a DynamicImage) -> Result<&'a [f32], SceneError> {
+    match image {
+        DynamicImage::ImageRgb32F(p) => Ok(p.as_raw()),
+        DynamicImage::ImageRgba32F(p) => Ok(p.as_raw()),
+        other => Err(corrupt(path, format!("pixels of type {:?} are not supported", other.color()))),
+    }
 }
 
 /// Reads the stored values of a grey picture, row by row; its rows and columns. In floats, one channel in three may hold them.
@@ -147,11 +154,7 @@ pub(super) fn stored(path: &Path) -> Result<(usize, usize, Kind, Vec<f32>), Scen
     } else if let Some(v) = samples16(&image) {
         (Kind::Words, grey(v, channels, has_color, |a, b| a.abs_diff(b) <= 8 * 257))
     } else {
-        let float = match &image {
-            DynamicImage::ImageRgb32F(p) => p.as_raw(),
-            DynamicImage::ImageRgba32F(p) => p.as_raw(),
-            other => return Err(corrupt(path, format!("pixels of type {:?} are not supported", other.color()))),
-        };
+        let float = floats(path, &image)?;
         (Kind::Floats, grey(float, channels, has_color, |a, b| a.to_bits() == b.to_bits() || b == 0.0))
     };
     if values.is_empty() {

@@ -382,6 +382,9 @@ fn the_page_says_what_is_read_and_what_is_refused() {
         said(&PathBuf::from(format!("{}?mosaic", plain.display())), &request),
         said(&PathBuf::from(format!("{}?grid=3x3", plain.display())), &request),
         odd.to_string(),
+        SceneError::FullScale { file: "a".into(), found: "?".into(), how: FullScale::Folder }.to_string(),
+        SceneError::Matrix { file: "a.y4m".into() }.to_string(),
+        SceneError::Turned { file: "a".into(), height: 1, width: 2, other: "b".into(), orientation: 6 }.to_string(),
     ];
     let table = page.split_once("| the line says | what to do |").unwrap().1;
     let rows: Vec<&str> = table.lines().filter_map(|row| row.strip_prefix("| `")?.split('`').next()).collect();

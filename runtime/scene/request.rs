@@ -2,7 +2,7 @@
 
 use super::{Near, Order, Photographs, SceneError};
 use crate::memory;
-use crate::optics::{Color, Display};
+use crate::optics::{Color, Display, check_usual_depth, check_usual_view_pitch};
 use std::path::Path;
 
 /// What is wanted of a scene.
@@ -29,6 +29,8 @@ pub struct Request<'a> {
     /// How the views of a folder really stand, instead of what the folder says; none refuses those whose pictures clearly
     /// show another order than that of their names.
     pub order: Option<Order>,
+    /// Take a view pitch and depths as they are that look like a mistake in their unit.
+    pub force: bool,
     /// Of which views of a folder photographs are made: [`Photographs::Cells`] loads it as it is.
     pub photographs: Photographs,
 }
@@ -46,8 +48,15 @@ impl<'a> Request<'a> {
             near: None,
             depth: None,
             order: None,
+            force: false,
             photographs: Photographs::Cells,
         }
+    }
+
+    /// Refuses depths (meters) that most likely are in another unit.
+    pub(super) fn check_depths(&self, depths: Option<[f64; 2]>) -> Result<(), SceneError> {
+        let all = depths.into_iter().flatten().filter(|_| !self.force);
+        Ok(all.map(|depth| check_usual_depth(depth, self.display.focal_length)).collect::<Result<(), _>>()?)
     }
 
     pub(super) fn check(&self) -> Result<(), SceneError> {
@@ -65,6 +74,10 @@ impl<'a> Request<'a> {
         if self.depth.is_some_and(|[a, b]| !(a.is_finite() && b.is_finite())) {
             let depth = self.depth.unwrap_or_default().map(|v| v * 1e3);
             return wrong("the depth range (mm)", format!("{depth:?}"), "two finite numbers");
+        }
+        if !self.force {
+            self.view_pitch.map_or(Ok(()), check_usual_view_pitch)?;
+            self.check_depths(self.depth)?;
         }
         let [height, width] = [self.display.height, self.display.width];
         if !(1..=65536).contains(&height) || !(1..=65536).contains(&width) {

@@ -2,8 +2,9 @@
 //! a ground-truth disparity map.
 
 use super::options::Options;
-use super::{Order, SceneError, light::Transfer, names, pfm};
+use super::{Order, SceneError, light::Transfer, names, pfm, tone::Tone};
 use crate::files::read;
+use crate::optics::check_usual_view_pitch;
 use serde::Deserialize;
 use std::path::Path;
 
@@ -21,12 +22,21 @@ pub(super) struct Settings {
     pub disparity: Option<[f64; 2]>,
     pub depth: Option<[f64; 2]>,
     pub transfer: Option<Transfer>,
+    /// The stored value of white.
+    pub full_scale: Option<f32>,
     /// Rows and columns of views in the middle that are kept.
     pub keep: Option<[usize; 2]>,
     /// Of a focal stack, the depth at which each picture is sharp,
     pub focus: Option<Vec<f64>>,
     /// and the diameter of the aperture.
     pub aperture: Option<f64>,
+}
+
+impl Settings {
+    /// The statements about how values become light.
+    pub fn tone(&self) -> Tone {
+        Tone { transfer: self.transfer, full_scale: self.full_scale }
+    }
 }
 
 /// `lightfield.toml`.
@@ -53,6 +63,8 @@ struct Toml {
     depth_mm: Option<[f64; 2]>,
     /// How pixels stand for light: linear, or as pictures have it.
     transfer: Option<Transfer>,
+    /// The stored value of white.
+    full_scale: Option<f32>,
     /// Rows and columns of views in the middle that are kept.
     keep: Option<[usize; 2]>,
     /// Of a focal stack, the depth at which each picture is sharp, millimetres.
@@ -86,7 +98,7 @@ pub(super) fn beside(file: &Path, options: &Options) -> Result<Settings, SceneEr
     let others = stated.files.as_ref().is_some_and(|files| its.is_none_or(|name| !names::matches(files, &name)));
     let stated = if others { Settings::default() } else { stated };
     let (grid, transfer) = (options.grid.or(stated.grid), options.transfer.or(stated.transfer));
-    Ok(Settings { grid, transfer, ..stated })
+    Ok(Settings { grid, transfer, full_scale: options.full_scale.or(stated.full_scale), ..stated })
 }
 
 /// The disparity range of a `gt_disp*.pfm` beside views of `size`, the `lowres` one first. A map of another size tells
@@ -149,10 +161,16 @@ fn from_toml(text: &str) -> Result<Settings, String> {
     {
         return Err(format!("view_pitch_mm is {pitch}: it must be positive"));
     }
+    if let Some(pitch) = read.view_pitch_mm {
+        check_usual_view_pitch(pitch * 1e-3).map_err(|e| format!("view_pitch_mm: {e}"))?;
+    }
     if let Some([rows, columns]) = read.grid
         && (rows == 0 || columns == 0)
     {
         return Err(format!("grid is [{rows}, {columns}]: it must be rows and columns of at least 1"));
+    }
+    if let Some(white) = read.full_scale.filter(|v| !(v.is_finite() && *v > 0.0)) {
+        return Err(format!("full_scale is {white}: it must be a positive number, the stored value of white"));
     }
     let says_order = [read.transpose, read.flip_rows, read.flip_columns].iter().any(Option::is_some);
     let order = Order {
@@ -169,6 +187,7 @@ fn from_toml(text: &str) -> Result<Settings, String> {
         disparity: range("disparity", read.disparity, 1.0)?,
         depth: range("depth_mm", read.depth_mm, 1e-3)?,
         transfer: read.transfer,
+        full_scale: read.full_scale,
         keep: read.keep,
         focus: focus(read.focus_mm)?,
         aperture: aperture(read.aperture_mm)?,

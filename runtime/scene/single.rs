@@ -1,9 +1,9 @@
 //! A single picture with a depth or disparity map.
 
 use super::{
-    Fit, LightField, Request, SceneError, builtin,
+    Fit, LightField, Near, Request, SceneError, builtin,
     map::{self, Map},
-    near::{Meaning, Near},
+    near::{Meaning, Stated},
     reproject::{Relief, relief},
     resize::Resize,
     still,
@@ -16,6 +16,8 @@ use std::path::Path;
 /// A picture with its depths before a display, ready to be seen from anywhere in the eyebox.
 pub struct Reprojection {
     name: String,
+    /// The meaning of the values of the picture and of its map, in words.
+    read_as: [String; 2],
     relief: Relief,
     /// Lays the letterbox around a finished view.
     place: Resize,
@@ -44,16 +46,26 @@ impl Reprojection {
     fn with_reach(path: &Path, request: &Request, reach: impl Fn(f64) -> f64) -> Result<Self, SceneError> {
         let map_path = request.depth_map.ok_or_else(|| SceneError::NoDepthMap { file: path.display().to_string() })?;
         let reversed = request.depth.is_some_and(|[a, b]| a > b);
-        if reversed && request.near == Some(Near::Large) {
+        if reversed && request.near.is_some_and(Near::is_larger) {
             return Err(SceneError::Request {
                 what: "the depth range (mm)",
                 value: format!("{:?}, nearest first", request.depth.unwrap_or_default().map(|z| z * 1e3)),
                 must: "farthest first where large or bright values are near",
             });
         }
-        let map = map::read(map_path, request.near.or(reversed.then_some(Near::Small)))?;
-        let picture = still::read(path, &[Color::Red, Color::Green, Color::Blue], None)?;
+        let map = map::read(map_path, Stated { near: request.near, depth: request.depth })?;
+        let picture = still::read(path, &[Color::Red, Color::Green, Color::Blue])?;
         if (map.height, map.width) != (picture.height, picture.width) {
+            let orientation = still::orientation(path)?;
+            if orientation > 1 && (map.height, map.width) == (picture.width, picture.height) {
+                return Err(SceneError::Turned {
+                    file: map_path.display().to_string(),
+                    height: map.height,
+                    width: map.width,
+                    other: path.display().to_string(),
+                    orientation,
+                });
+            }
             return Err(SceneError::Size {
                 file: map_path.display().to_string(),
                 height: map.height,
@@ -89,11 +101,20 @@ impl Reprojection {
             return Err(SceneError::Request {
                 what: "the displacement in the outermost views (pixels)",
                 value: format!("{parallax:.1}"),
-                must: "at most a quarter of the picture: take a smaller depth range, or fewer or closer views",
+                must: match map.meaning {
+                    Meaning::Disparity => {
+                        "at most a quarter of the picture: disparities of cameras that are far apart need the depth range that they \
+                         are scaled to, as in --depth=-3..3"
+                    }
+                    Meaning::Relative(_) => {
+                        "at most a quarter of the picture: take a smaller depth range, or fewer or closer views"
+                    }
+                },
             });
         }
         let size = [height, width];
         Ok(Self {
+            read_as: [picture.read_as, map.read_as],
             name: path.file_stem().map_or("picture".into(), |n| n.to_string_lossy().into_owned()),
             relief: relief(&planes, &disparity, size, reach as f32),
             place: Resize::new(size, [rows, columns], Fit::Contain),
@@ -103,6 +124,11 @@ impl Reprojection {
             ends,
             per_pixel: display.focal_length * display.picture_pixel() / cell,
         })
+    }
+
+    /// The meaning of the values of the picture and of its map, in words.
+    pub fn read_as(&self) -> &[String; 2] {
+        &self.read_as
     }
 
     /// Pixels by which content at an end of the depths moves over so many metres of the pupil plane.
@@ -203,7 +229,7 @@ fn disparities(
     // value -> disparity: first + (value - low) * gain
     let (first, gain) = if let Meaning::Relative(near) = map.meaning {
         let [far, nearest] = range;
-        let ends = if near == Near::Large { [far, nearest] } else { [nearest, far] };
+        let ends = if near.is_larger() { [far, nearest] } else { [nearest, far] };
         let [from, to] = ends.map(|z| z * cell / (display.focal_length * display.picture_pixel()));
         if high > low { (from, (to - from) / (high - low)) } else { ((from + to) / 2.0, 0.0) }
     } else {

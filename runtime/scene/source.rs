@@ -1,6 +1,6 @@
 //! What a source is, by its text: a built-in scene, a folder, or a file, with options behind a question mark.
 
-use super::options::{Options, PICTURES, Tiling};
+use super::options::{Options, Tiling};
 use super::views::Read;
 use super::{Request, SceneError, array, folder, frames, mosaic, stack, video};
 use std::path::Path;
@@ -89,7 +89,8 @@ impl<'a> Source<'a> {
             None if query.is_empty() => Self::Picture(path),
             // A grid alone is one of views beside each other.
             None if options.grid.is_some() => Self::Views(Kept::Mosaic(path, Tiling::Views, options)),
-            None => return Err(wrong(format!("'{query}': {PICTURES}; one of the first three it needs"))),
+            // The picture reads what is stated about its values.
+            None => Self::Picture(Path::new(source)),
             Some(tiling) => Self::Views(Kept::Mosaic(path, tiling, options)),
         })
     }

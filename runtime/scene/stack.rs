@@ -5,6 +5,7 @@
 
 use super::layers::{Layers, Stack};
 use super::settings::{self, Settings};
+use super::tone::{FullScale, Reading};
 use super::views::{Frame, Read};
 use super::{LightField, Order, OrderFound, Parallax, Request, SceneError, ViewGrid, names, natural, picture};
 use rayon::prelude::*;
@@ -97,8 +98,10 @@ impl Found {
     pub fn read(&self, folder: &Path, request: &Request) -> Result<Read, SceneError> {
         let (own, display) = (self.size()?, request.display);
         let frame = Frame::new(own, VIEWS[1] * VIEWS[1] + self.paths.len(), request)?;
-        let read = |path: &PathBuf| Ok(frame.fit(picture::read(path, request.colors, self.stated.transfer)?.planes));
+        let reading = Reading::new(self.stated.tone());
+        let read = |path: &PathBuf| Ok(frame.fit(picture::read(path, request.colors, &reading)?.planes));
         let pictures = self.paths.par_iter().map(read).collect::<Result<Vec<_>, SceneError>>()?;
+        reading.judge(folder, FullScale::Folder)?;
         let count = pictures.len();
         // As a row of views, so that depths are those on the display.
         let field = frame.field(folder, [1, count], pictures, request, &self.stated, None);

@@ -1,22 +1,43 @@
 //! One picture: a file of its own, or a frame of a video.
 
-use super::light::{Picture, Transfer};
+use super::light::Picture;
 use super::near::Kind;
+use super::options::Options;
+use super::tone::{FullScale, Reading, Tone};
+use super::video_color::Matrix;
 use super::{SceneError, picture, video};
 use crate::optics::Color;
 use std::path::Path;
 
 /// Rows and columns, from the header alone.
 pub(super) fn size(path: &Path) -> Result<[usize; 2], SceneError> {
-    video::named(path).map_or_else(|| picture::size(path), |(file, _)| video::size(&file))
+    video::named(path).map_or_else(|| picture::size(parts(path)?.0), |(file, _)| video::size(&file))
 }
 
 /// The planes of `colors`, linear light.
-pub(super) fn read(path: &Path, colors: &[Color], transfer: Option<Transfer>) -> Result<Picture, SceneError> {
-    match video::named(path) {
-        Some((file, frame)) => video::read(&file, frame.unwrap_or(0), colors),
-        None => picture::read(path, colors, transfer),
+pub(super) fn read(path: &Path, colors: &[Color]) -> Result<Picture, SceneError> {
+    if let Some((file, frame)) = video::named(path) {
+        return video::read(&file, frame.unwrap_or(0), colors, Matrix::stated(path));
     }
+    let (file, tone) = parts(path)?;
+    let reading = Reading::new(tone);
+    let picture = picture::read(file, colors, &reading)?;
+    reading.judge(file, FullScale::File)?;
+    Ok(picture)
+}
+
+/// The EXIF orientation that a picture is turned by, 1 to 8; 1 is as stored.
+pub(super) fn orientation(path: &Path) -> Result<u8, SceneError> {
+    if video::named(path).is_some() { Ok(1) } else { picture::orientation(parts(path)?.0) }
+}
+
+/// The file of a picture, and the statements behind its question mark.
+fn parts(path: &Path) -> Result<(&Path, Tone), SceneError> {
+    let Some(text) = path.to_str() else { return Ok((path, Tone::default())) };
+    let (file, query) = super::source::parts(text);
+    let options = Options::parse(query, false);
+    let options = options.map_err(|reason| SceneError::Options { scene: text.into(), reason })?;
+    Ok((file, options.tone()))
 }
 
 /// Values of a grey picture: rows, columns and values, row by row; and the range that they have by their kind, where it is not theirs to

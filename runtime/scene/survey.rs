@@ -124,7 +124,7 @@ impl LightField {
     }
 
     /// The brightest value of any view and colour.
-    fn brightest(&self) -> f32 {
+    pub(super) fn brightest(&self) -> f32 {
         let views: Vec<&Vec<f32>> = self.planes.iter().flatten().collect();
         views.par_iter().map(|v| v.iter().copied().fold(0.0, f32::max)).reduce(|| 0.0, f32::max)
     }

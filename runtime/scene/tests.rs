@@ -270,7 +270,7 @@ fn rows_and_columns_16_bits_grey_and_a_disparity_map_beside_them() {
     let request = Request::new(&display, &GREEN);
     let folder = tempfile::tempdir().unwrap();
     for (r, c) in [(3, 1), (3, 2), (3, 3), (4, 1), (4, 2), (4, 3)] {
-        let view = ImageBuffer::from_pixel(5, 4, Luma([(r * 1000 + c) as u16]));
+        let view = ImageBuffer::from_pixel(5, 4, Luma([(r * 10000 + c) as u16]));
         view.save(folder.path().join(format!("2067_{r:02}_{c:02}.png"))).unwrap();
     }
     let mut map = b"Pf\n5 4\n-1\n".to_vec();
@@ -278,7 +278,7 @@ fn rows_and_columns_16_bits_grey_and_a_disparity_map_beside_them() {
     fs::write(folder.path().join("gt_disp_lowres.pfm"), &map).unwrap();
     let field = get(folder.path().to_str().unwrap(), &request);
     assert_eq!(field.grid, [2, 3]);
-    assert_eq!(field.planes[0][4][0], srgb_to_linear(4002.0 / 65535.0) as f32);
+    assert_eq!(field.planes[0][4][0], srgb_to_linear(40002.0 / 65535.0) as f32);
     let [low, high] = field.disparity.unwrap();
     assert!((low + 0.5).abs() < 1e-6 && (high - 1.4).abs() < 1e-6);
     fs::write(folder.path().join("gt_disp_lowres.pfm"), &map[..40]).unwrap();
@@ -339,8 +339,14 @@ fn exr_is_linear_light_and_must_be_light() {
         view.save(&path).unwrap();
     };
     save(7.0);
+    assert!(matches!(load(folder.path().to_str().unwrap(), &request), Err(SceneError::FullScale { .. })));
+    fs::write(folder.path().join("lightfield.toml"), "full_scale = 8\n").unwrap();
     let field = get(folder.path().to_str().unwrap(), &request);
-    assert_eq!((field.planes[0][0][0], field.planes[1][0][0], field.planes[1][0][9]), (0.25, 1.5, 7.0));
+    assert_eq!(
+        (field.planes[0][0][0], field.planes[1][0][0], field.planes[1][0][9]),
+        (0.25 / 8.0, 1.5 / 8.0, 7.0 / 8.0)
+    );
+    fs::remove_file(folder.path().join("lightfield.toml")).unwrap();
     for bad in [f32::NAN, f32::INFINITY, -0.1] {
         save(bad);
         let error = fails(folder.path().to_str().unwrap(), &request);

@@ -1,10 +1,12 @@
 //! Frames of YUV4MPEG2 videos (`.y4m`), of colours or of depths: `clip.y4m?frame=12` is the thirteenth, `clip.y4m` alone the first.
 //!
-//! Y'CbCr of ITU-R BT.601, as films are written: limited range unless the file says `XCOLORRANGE=FULL`; 4:2:0, 4:2:2, 4:4:4 or grey,
-//! of 8 to 16 bits. What is decoded is sRGB.
+//! Y'CbCr of the matrix that is stated (`clip.y4m?matrix=bt709`, or `XCOLORMATRIX=BT709` in the file) or that of the format
+//! ([`Matrix::usual`]): limited range unless the file says `XCOLORRANGE=FULL`; 4:2:0, 4:2:2, 4:4:4 or gray, of 8 to 16 bits. The
+//! decoded values are sRGB.
 
 use super::light::Picture;
 use super::near::Kind;
+use super::video_color::{Matrix, check_aspect, check_interlacing};
 use super::{SceneError, srgb_to_linear};
 use crate::files::read;
 use crate::optics::Color;
@@ -25,13 +27,21 @@ pub(super) fn named(path: &Path) -> Option<(PathBuf, Option<usize>)> {
         return Some((path.into(), None));
     }
     let (file, query) = path.to_str()?.rsplit_once('?')?;
-    let frame = query.strip_prefix("frame=")?.parse().ok()?;
-    is_video(Path::new(file)).then(|| (file.into(), Some(frame)))
+    let mut frame = None;
+    for part in query.split('&') {
+        match part.split_once('=')? {
+            ("frame", number) => frame = Some(number.parse().ok()?),
+            ("matrix", name) => drop(Matrix::named(name).ok()?),
+            _ => return None,
+        }
+    }
+    is_video(Path::new(file)).then(|| (file.into(), frame))
 }
 
-/// A frame's name.
+/// A frame's name; `video` may state its matrix.
 pub(super) fn frame(video: &Path, frame: usize) -> String {
-    format!("{}?frame={frame}", video.display())
+    let next = if Matrix::stated(video).is_some() { '&' } else { '?' };
+    format!("{}{next}frame={frame}", video.display())
 }
 
 /// How many frames a video has.
@@ -55,18 +65,33 @@ pub(super) fn size(video: &Path) -> Result<[usize; 2], SceneError> {
     Ok(Video::open(video)?.size)
 }
 
-/// The planes of `colors` of a frame, linear light.
+/// The planes of `colors` of a frame, linear light; `matrix` if it is stated.
 ///
 /// # Errors
 /// As [`count`]; where there is no such frame.
-pub(super) fn read(video: &Path, frame: usize, colors: &[Color]) -> Result<Picture, SceneError> {
+pub(super) fn read(
+    video: &Path,
+    frame: usize,
+    colors: &[Color],
+    matrix: Option<Matrix>,
+) -> Result<Picture, SceneError> {
     let mut video = Video::open(video)?;
     let bytes = video.frame(frame)?;
     let [height, width] = video.size;
-    let row = |y: usize| -> Vec<[f32; 3]> { (0..width).map(|x| video.light(&bytes, y, x)).collect() };
+    let matrix = match matrix.or(video.matrix) {
+        Some(matrix) => matrix,
+        None if video.chroma.is_none() => Matrix::Bt601,
+        None => Matrix::usual(&video.name, video.size, video.of_ffmpeg)?,
+    };
+    let row = |y: usize| -> Vec<[f32; 3]> { (0..width).map(|x| video.light(&bytes, y, x, matrix)).collect() };
     let light: Vec<[f32; 3]> = (0..height).into_par_iter().flat_map_iter(row).collect();
     let planes = colors.iter().map(|color| light.iter().map(|pixel| pixel[color.channel()]).collect()).collect();
-    Ok(Picture { height, width, planes })
+    let range = if video.full { "full" } else { "limited" };
+    let read_as = match video.chroma {
+        Some(_) => format!("{matrix}, {range} range, sRGB"),
+        None => format!("gray, {range} range, sRGB"),
+    };
+    Ok(Picture { height, width, planes, read_as })
 }
 
 /// The luma of a frame, as values of 8 or of 16 bits, whose range is the same in every frame: rows, columns and values.
@@ -100,6 +125,10 @@ struct Video {
     left: bool,
     bits: u32,
     full: bool,
+    /// The matrix that its header states.
+    matrix: Option<Matrix>,
+    /// Whether ffmpeg wrote the header, which leaves the matrix as it was and does not state it.
+    of_ffmpeg: bool,
 }
 
 impl Video {
@@ -117,6 +146,8 @@ impl Video {
             left: false,
             bits: 8,
             full: false,
+            matrix: None,
+            of_ffmpeg: false,
         };
         let head = video.line()?;
         let words = head.strip_prefix("YUV4MPEG2 ").ok_or_else(|| video.corrupt("it does not start with YUV4MPEG2"))?;
@@ -127,7 +158,15 @@ impl Video {
                 "W" => video.size[1] = number().unwrap_or(0),
                 "H" => video.size[0] = number().unwrap_or(0),
                 "C" => video.space(value)?,
+                "I" => check_interlacing(value).map_err(|reason| video.corrupt(&reason))?,
+                "A" => check_aspect(value).map_err(|reason| video.corrupt(&reason))?,
                 "X" if value == "COLORRANGE=FULL" => video.full = true,
+                "X" if value.starts_with("YSCSS=") => video.of_ffmpeg = true,
+                "X" => {
+                    if let Some(name) = value.strip_prefix("COLORMATRIX=") {
+                        video.matrix = Some(Matrix::named(name).map_err(|reason| video.corrupt(&reason))?);
+                    }
+                }
                 _ => {}
             }
         }
@@ -275,12 +314,10 @@ impl Video {
     }
 
     /// Red, green and blue of a pixel, linear.
-    fn light(&self, bytes: &[u8], y: usize, x: usize) -> [f32; 3] {
+    fn light(&self, bytes: &[u8], y: usize, x: usize, matrix: Matrix) -> [f32; 3] {
         let luma = self.luma(bytes, y * self.size[1] + x);
-        let [cb, cr] = [0, 1].map(|which| self.difference(bytes, which, y, x));
-        let (red, blue) = (luma + 1.402 * cr, luma + 1.772 * cb);
-        let green = (luma - 0.299 * red - 0.114 * blue) / 0.587;
-        [red, green, blue].map(|v| srgb_to_linear(f64::from(v.clamp(0.0, 1.0))) as f32)
+        let differences = [0, 1].map(|which| self.difference(bytes, which, y, x));
+        matrix.rgb(luma, differences).map(|v| srgb_to_linear(f64::from(v.clamp(0.0, 1.0))) as f32)
     }
 }
 
@@ -324,7 +361,7 @@ mod tests {
             std::fs::write(&file, video(words, bits, samples)).unwrap();
             assert_eq!((count(&file).unwrap(), size(&file).unwrap()), (4, [3, 5]), "{words}");
             for (i, wanted) in [[1.0, 1.0, 1.0], [0.0; 3], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]].iter().enumerate() {
-                let read = read(&file, i, &[Color::Red, Color::Green, Color::Blue]).unwrap();
+                let read = read(&file, i, &[Color::Red, Color::Green, Color::Blue], None).unwrap();
                 for (plane, wanted) in read.planes.iter().zip(wanted) {
                     assert!(plane.iter().all(|v| (v - wanted).abs() < 0.02), "{words}, frame {i}: {plane:?}");
                 }
@@ -342,7 +379,7 @@ mod tests {
         let whole = video("", 8, [2, 3]);
         let says = |bytes: &[u8], frame: usize, what: &str| {
             std::fs::write(&file, bytes).unwrap();
-            let line = read(&file, frame, &[Color::Red]).map(|_| ()).unwrap_err().to_string();
+            let line = read(&file, frame, &[Color::Red], None).map(|_| ()).unwrap_err().to_string();
             assert!(line.contains(what) && !line.contains('\n'), "{line}");
         };
         says(&whole, 4, "it has 4 frames, and frame 4 is asked for");
@@ -357,7 +394,84 @@ mod tests {
             let mut bytes = whole.clone();
             bytes[at] ^= 0x15;
             std::fs::write(&file, &bytes).unwrap();
-            let _ = read(&file, 1, &[Color::Red]);
+            let _ = read(&file, 1, &[Color::Red], None);
+        }
+    }
+
+    /// A frame of red, green, blue and white in BT.709 or BT.601, limited range, after a header.
+    fn bars(header: &str, matrix: Matrix) -> Vec<u8> {
+        let [of_red, of_blue] = if matrix == Matrix::Bt709 { [0.2126, 0.0722] } else { [0.299, 0.114] };
+        let mut planes = [const { Vec::new() }; 3];
+        for [r, g, b] in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 1.0, 1.0f32]] {
+            let y = of_red * r + (1.0 - of_red - of_blue) * g + of_blue * b;
+            let differences = [(b - y) / (2.0 - 2.0 * of_blue), (r - y) / (2.0 - 2.0 * of_red)];
+            planes[0].push((16.0 + 219.0 * y).round() as u8);
+            (0..2).for_each(|i| planes[i + 1].push((128.0 + 224.0 * differences[i]).round() as u8));
+        }
+        [format!("YUV4MPEG2 {header}\nFRAME\n").into_bytes(), planes.concat()].concat()
+    }
+
+    /// Each video is read in its own colors, or refused until its matrix is stated; then in its own colors.
+    #[test]
+    fn matrices_are_known_or_refused_until_they_are_stated() {
+        use Matrix::{Bt601, Bt709};
+        let here = tempfile::tempdir().unwrap();
+        let file = here.path().join("a.y4m");
+        let colors = [Color::Red, Color::Green, Color::Blue];
+        let right = |picture: &Picture| {
+            let wanted = [[1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0]];
+            let errors =
+                picture.planes.iter().flatten().zip(wanted.iter().flatten()).map(|(a, b): (&f32, &f32)| (a - b).abs());
+            errors.fold(0.0, f32::max) < 0.03
+        };
+        let small = "W4 H1 F25:1 Ip A1:1 C444";
+        let cases = [
+            (small.to_owned(), Bt601, true),
+            (format!("{small} XCOLORMATRIX=BT709"), Bt709, true),
+            (format!("{small} XCOLORMATRIX=BT601"), Bt601, true),
+            (format!("{small} XCOLORMATRIX=smpte170m"), Bt601, true),
+            (format!("{small} XYSCSS=444 XCOLORMATRIX=bt709"), Bt709, true),
+            (format!("{small} XYSCSS=444"), Bt709, false),
+            (format!("{small} XYSCSS=444"), Bt601, false),
+            (format!("{small} XYSCSS=444 XCOLORRANGE=LIMITED"), Bt709, false),
+            ("W4 H1 F30000:1001 I? A0:0 C444".to_owned(), Bt601, true),
+            ("W4 H1 C444 XYSCSS=444".to_owned(), Bt709, false),
+        ];
+        for (header, matrix, known) in cases {
+            std::fs::write(&file, bars(&header, matrix)).unwrap();
+            let found = read(&file, 0, &colors, None);
+            assert_eq!(found.is_ok(), known, "{header}");
+            match found {
+                Ok(picture) => assert!(right(&picture), "{header}"),
+                Err(error) => assert!(matches!(error, SceneError::Matrix { .. }), "{header}: {error}"),
+            }
+            assert!(right(&read(&file, 0, &colors, Some(matrix)).unwrap()), "{header}");
+            let other = if matrix == Bt601 { Bt709 } else { Bt601 };
+            assert!(!right(&read(&file, 0, &colors, Some(other)).unwrap()), "{header}");
+        }
+        let high = format!("YUV4MPEG2 W2 H{} C444\nFRAME\n", HIGH);
+        std::fs::write(&file, [high.into_bytes(), vec![128; 2 * HIGH * 3]].concat()).unwrap();
+        assert!(matches!(read(&file, 0, &colors, None), Err(SceneError::Matrix { .. })));
+        read(&file, 0, &colors, Some(Bt709)).unwrap();
+    }
+
+    const HIGH: usize = 720;
+
+    #[test]
+    fn interlaced_films_other_matrices_and_pixels_that_are_not_square_are_refused() {
+        let here = tempfile::tempdir().unwrap();
+        let file = here.path().join("a.y4m");
+        for word in
+            ["It", "Ib", "Im", "A64:45", "A16:11", "A8:9", "A4:3", "XCOLORMATRIX=bt2020nc", "XCOLORMATRIX=ycgco"]
+        {
+            std::fs::write(&file, bars(&format!("W4 H1 C444 {word}"), Matrix::Bt601)).unwrap();
+            let refused = read(&file, 0, &[Color::Red], None);
+            assert!(matches!(refused, Err(SceneError::Corrupt { .. })), "{word}");
+            assert!(stored(&file, 0).is_err(), "{word}");
+        }
+        for word in ["Ip", "I?", "A1:1", "A0:0", "A2:2", "A128:128"] {
+            std::fs::write(&file, bars(&format!("W4 H1 C444 {word}"), Matrix::Bt601)).unwrap();
+            assert!(read(&file, 0, &[Color::Red], None).is_ok(), "{word}");
         }
     }
 
@@ -366,6 +480,13 @@ mod tests {
         let of = |name: &str| named(Path::new(name)).map(|(file, frame)| (file.display().to_string(), frame));
         assert_eq!(of("a/b.y4m"), Some(("a/b.y4m".into(), None)));
         assert_eq!(of(&frame(Path::new("a?b.Y4M"), 7)), Some(("a?b.Y4M".into(), Some(7))));
+        assert_eq!(of("a.y4m?matrix=bt709"), Some(("a.y4m".into(), None)));
+        let third = frame(Path::new("a.y4m?matrix=bt709"), 3);
+        assert_eq!(
+            (of(&third), Matrix::stated(Path::new(&third))),
+            (Some(("a.y4m".into(), Some(3))), Some(Matrix::Bt709))
+        );
+        assert!(of("a.y4m?matrix=x").is_none() && of("a.y4m?matrix").is_none());
         assert!(of("a.png?frame=1").is_none() && of("a.y4m?frame=x").is_none() && of("a.y4m.png").is_none());
     }
 }

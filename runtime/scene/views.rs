@@ -127,10 +127,14 @@ pub(super) fn ordered(
         order_found = order::by_depths(stated, measured);
     }
     let transfer = match (stated.transfer, linear) {
-        (Some(Transfer::Linear), _) => "linear, as stated".into(),
+        (Some(Transfer::Linear), _) => "linear, as stated".to_owned(),
         (Some(Transfer::Srgb), _) => "sRGB, as stated".into(),
         (None, Some(kind)) => format!("linear ({kind})"),
         (None, None) => "sRGB".into(),
+    };
+    let transfer = match stated.full_scale {
+        Some(white) => format!("{transfer}, white is {white}, as stated"),
+        None => transfer,
     };
     let (order, order_stated) = (asked.unwrap_or_default(), asked.is_some());
     Ok(Read { field, how, order, order_stated, order_found, parallax, size: own, transfer })

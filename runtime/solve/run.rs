@@ -221,7 +221,9 @@ impl Run<'_> {
         if (descent.observe)(&Progress { pilot: None, step, steps, seconds, loss, validation }) == Flow::Stop {
             return Ok(Some(Stop::Asked));
         }
-        let is_good = validation.zip(descent.wanted).is_some_and(|(v, wanted)| v.mean() >= wanted);
+        let is_good = validation
+            .zip(descent.wanted)
+            .is_some_and(|(v, wanted)| v.quality().is_some_and(|[mean, _]| mean >= wanted));
         Ok(is_good.then_some(Stop::Quality))
     }
 

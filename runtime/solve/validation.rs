@@ -40,6 +40,6 @@ impl Validator {
         let sums = evaluate::sums(engine, planner, &self.viewpoints)?;
         // Images that are black (or not finite) have no exposure: any will do, their PSNR says it.
         let exposure = Sums::fit_exposure(&sums).unwrap_or(1.0);
-        Ok(ValidationScore { psnr: sums.iter().map(|s| s.psnr(exposure)).collect(), exposure })
+        Ok(ValidationScore::at(&sums, exposure))
     }
 }

@@ -30,7 +30,7 @@ impl EyeboxPupil {
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct EyeboxScore {
-    /// PSNR over all colours, dB.
+    /// PSNR over all colors, dB; NaN if the target is black.
     pub psnr_db: f64,
     /// The most that any hologram could have there, dB; NaN where it is not known.
     pub ceiling_db: f64,
@@ -41,6 +41,6 @@ pub struct EyeboxScore {
 impl From<&PupilScore> for EyeboxScore {
     fn from(score: &PupilScore) -> Self {
         let known = |value: Option<f64>| value.unwrap_or(f64::NAN);
-        Self { psnr_db: score.psnr, ceiling_db: known(score.ceiling), ssim: known(score.ssim) }
+        Self { psnr_db: known(score.psnr), ceiling_db: known(score.ceiling), ssim: known(score.ssim) }
     }
 }

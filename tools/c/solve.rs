@@ -27,7 +27,7 @@ pub struct EyeboxStep {
     pub seconds: f64,
     /// Mean squared difference from the photographs over this step's pupils, in linear light.
     pub loss: f64,
-    /// Mean PSNR of the best state so far over validation pupils, dB; NaN before there is one.
+    /// Mean PSNR of the best state so far over validation pupils, dB; NaN before there is one, and for a black scene.
     pub psnr_db: f64,
 }
 
@@ -35,7 +35,7 @@ impl EyeboxStep {
     fn new(color: eyebox::optics::Color, progress: &Progress) -> Self {
         let [pilot_step, pilot_steps] = progress.pilot.unwrap_or_default();
         let Progress { step, steps, seconds, loss, .. } = *progress;
-        let psnr_db = progress.validation.map_or(f64::NAN, |score| score.mean());
+        let psnr_db = progress.validation.and_then(|score| score.quality()).map_or(f64::NAN, |[mean, _]| mean);
         Self { color: bit(color), step, steps, pilot_step, pilot_steps, seconds, loss, psnr_db }
     }
 }

@@ -109,8 +109,8 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
         let [x, y, d, z] = pupil.to_mm();
         let (ssim, focus) = (score::similarity(score), dioptres_in_words(pupil.depth, display.focal_length));
         println!(
-            "  {name:6} {x:7.1} {y:6.1} {d:6.1} {z:7.2} {focus:>10} {:9.2}  {ssim}   {}",
-            score.psnr,
+            "  {name:6} {x:7.1} {y:6.1} {d:6.1} {z:7.2} {focus:>10} {:>9}  {ssim}   {}",
+            score::decibels(score.psnr),
             args.out.join(format!("{name}.png")).display()
         );
     }

@@ -89,6 +89,16 @@ pub enum Failure {
 }
 
 impl Failure {
+    /// The option of the command that follows the remedy of an error of the library.
+    pub fn option(&self) -> Option<&'static str> {
+        let scene = match self {
+            Self::Scene(error) | Self::Produce(ProduceError::Scene(error)) => error,
+            Self::Hologram(HologramError::Scene(error)) | Self::Tiled(TiledError::Scene(error)) => error,
+            _ => return None,
+        };
+        matches!(scene, SceneError::Ambiguous { .. }).then_some("--near WHICH")
+    }
+
     /// The exit code.
     pub fn code(&self) -> u8 {
         let ended = matches!(self, Self::Calibrate(e) if e.is_ended());

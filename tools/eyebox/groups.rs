@@ -124,10 +124,10 @@ impl EyeArgs {
 
 /// Which values of a depth map are near.
 const NEAR: Names<Near, 4> = [
-    ("bright", "The bright ones of a picture", Near::Large),
-    ("dark", "The dark ones of a picture", Near::Small),
-    ("large", "The large ones, as of disparities", Near::Large),
-    ("small", "The small ones, as of distances", Near::Small),
+    ("bright", "Bright pixels of a picture; every value counts", Near::Bright),
+    ("dark", "Dark pixels of a picture; every value counts", Near::Dark),
+    ("large", "Large values, as in disparities", Near::Large),
+    ("small", "Small values, as in distances; 0 is unknown", Near::Small),
 ];
 
 /// Of which views photographs are made.
@@ -158,7 +158,7 @@ pub struct SceneOptions {
     /// Depth or disparity map of a picture (PNG, EXR, PFM or .npy): of several, one for each, or the folder of their maps
     #[arg(long, value_name = "FILE|FOLDER")]
     pub depth_map: Vec<PathBuf>,
-    /// Which values of the depth map are near [default: what its file tells; the bright ones of a picture]
+    /// Which values of the depth map are near [default: bright in 8 bits, else by the file's name]
     #[arg(long, value_parser = one_of(&NEAR), value_name = "WHICH")]
     pub near: Option<Near>,
     /// Distance of neighbouring views in the pupil plane, mm [default: what the scene says, else eyebox / views]

@@ -60,6 +60,9 @@ fn say(found: &Inspection) {
     let [high, wide] = found.size;
     let own = found.own_size.map_or(String::new(), |[h, w]| format!(", their own {h} x {w}"));
     line("pixels", format!("{high} x {wide} on the display{own}; {}", found.transfer));
+    if let Some(meaning) = &found.depth_map {
+        line("depth map", meaning.clone());
+    }
     let says = match found.order_confirmed {
         Some(true) => "; the pictures do not contradict it",
         Some(false) => "; the pictures contradict it",

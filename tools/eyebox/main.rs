@@ -107,7 +107,8 @@ fn main() -> ExitCode {
         Ok(()) if talk::finish() => ExitCode::SUCCESS,
         Ok(()) => ExitCode::from(2),
         Err(failure) => {
-            eprintln!("eyebox: {failure}");
+            let option = failure.option().map_or(String::new(), |option| format!(": {option}"));
+            eprintln!("eyebox: {failure}{option}");
             ExitCode::from(failure.code())
         }
     }

@@ -1,7 +1,7 @@
 //! The progress bar, the lines in its place where there is no terminal; and whether ctrl-C was pressed.
 
 pub use crate::signals::{catch_interrupt, interrupted, let_interrupt};
-use eyebox::solve::{Flow, Progress};
+use eyebox::solve::{Flow, Progress, ValidationScore};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
@@ -111,10 +111,11 @@ impl Bar {
 
     /// After a step. Until there is a validation, this step's own pupils stand for it.
     pub fn show(&self, progress: &Progress) -> Flow {
-        let psnr = progress.validation.map_or(-10.0 * progress.loss.log10(), |v| v.mean());
-        match progress.pilot {
-            Some([taken, all]) => self.say(0, &format!("exposure chosen in {taken} of {all} steps")),
-            None => self.at(progress.step, psnr),
+        match (progress.pilot, progress.validation.map(ValidationScore::quality)) {
+            (Some([taken, all]), _) => self.say(0, &format!("exposure chosen in {taken} of {all} steps")),
+            (None, None) => self.at(progress.step, -10.0 * progress.loss.log10()),
+            (None, Some(Some([mean, _]))) => self.at(progress.step, mean),
+            (None, Some(None)) => self.say(progress.step, "black"),
         }
         if interrupted() { Flow::Stop } else { Flow::Continue }
     }

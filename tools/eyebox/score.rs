@@ -59,10 +59,11 @@ pub fn run(args: &Score) -> Result<(), Failure> {
         bar.show(&format!("judging {judged} pupils"), done as f64 / judged.max(1) as f64);
     })?;
     bar.finish();
-    let psnr = scores.summary().ok_or_else(|| Failure::Asked("there is no pupil to score".into()))?;
+    let psnr = scores.summary();
     if args.json {
-        let summary =
-            json!({ "mean": psnr.mean, "median": psnr.median, "worst": psnr.worst, "best": psnr.best, "sd": psnr.sd });
+        let summary = psnr.map(|psnr| {
+            json!({ "mean": psnr.mean, "median": psnr.median, "worst": psnr.worst, "best": psnr.best, "sd": psnr.sd })
+        });
         let exposures: serde_json::Map<_, _> =
             colors.iter().zip(&scores.exposures).map(|(c, e)| (c.to_string(), json!(e))).collect();
         let rows: Vec<Value> = scores.pupils.iter().map(|score| row(score, &display)).collect();
@@ -76,14 +77,17 @@ pub fn run(args: &Score) -> Result<(), Failure> {
         return Ok(());
     }
     print_table(&scores, &display);
-    println!(
-        "PSNR over {} pupils: mean {:.2}, median {:.2}, worst {:.2}, spread {:.2} dB",
-        scores.pupils.len(),
-        psnr.mean,
-        psnr.median,
-        psnr.worst,
-        psnr.sd
-    );
+    match psnr {
+        Some(psnr) => println!(
+            "PSNR over {} pupils: mean {:.2}, median {:.2}, worst {:.2}, spread {:.2} dB",
+            scores.pupils.iter().filter(|score| score.psnr.is_some()).count(),
+            psnr.mean,
+            psnr.median,
+            psnr.worst,
+            psnr.sd
+        ),
+        None => println!("no PSNR: the scene is black through all {} pupils", scores.pupils.len()),
+    }
     if let Some(jod) = scores.jod_summary() {
         println!(
             "JOD over {judged} of them: mean {:.2}, median {:.2}, worst {:.2}; {}",
@@ -139,11 +143,17 @@ fn print_table(scores: &HologramScores, display: &Display) {
             score.ceiling.map_or("-".into(), |db| if db.is_finite() { format!("{db:.2}") } else { "none".into() });
         let (similarity, jod) = (similarity(score), score.jod.map_or("     -".into(), |jod| format!("{jod:6.2}")));
         println!(
-            "{x:7.2} {y:7.2} {d:7.2}   {z:8.2} {focus:>11} {:9.2}  {ceiling:>10}  {similarity} {jod}   {:20.0}",
-            score.psnr, score.finest_cycles_per_degree
+            "{x:7.2} {y:7.2} {d:7.2}   {z:8.2} {focus:>11} {:>9}  {ceiling:>10}  {similarity} {jod}   {:20.0}",
+            decibels(score.psnr),
+            score.finest_cycles_per_degree
         );
     }
     println!("ceiling: what diffraction at the pupil leaves of the photograph at most, whatever the hologram");
+}
+
+/// Returns a PSNR in words: "black" for a target without light.
+pub fn decibels(psnr: Option<f64>) -> String {
+    psnr.map_or("black".into(), |db| format!("{db:.2}"))
 }
 
 /// SSIM as a table has it.

@@ -7,6 +7,7 @@ use crate::Failure;
 use crate::args::Solve;
 use crate::common::{self, Form};
 use crate::model_terms;
+use crate::score::decibels;
 use crate::settings::{self, job_of};
 use eyebox::calibrate::CameraGain;
 use eyebox::engine::Engine;
@@ -129,8 +130,8 @@ fn say_hologram(
     if args.json {
         let report = |(color, s): &(Color, Solution)| {
             json!({
-                "color": color, "psnr_mean_db": s.validation.mean(), "psnr_worst_db": s.validation.worst(),
-                "exposure": s.exposure, "efficiency": s.efficiency, "steps": s.steps, "step_ms": s.step_seconds * 1e3,
+                "color": color, "psnr_mean_db": s.validation.quality().map(|q| q[0]),
+                "psnr_worst_db": s.validation.quality().map(|q| q[1]), "exposure": s.exposure, "efficiency": s.efficiency, "steps": s.steps, "step_ms": s.step_seconds * 1e3,
                 "seconds": s.seconds, "stopped_by": stop_name(s.stop), "fault": fault(s.stop),
             })
         };
@@ -155,10 +156,13 @@ fn say_hologram(
     }
     for (color, s) in &solved.solutions {
         println!(
-            "{color:6} {:.2} dB mean, {:.2} dB worst of {} validation pupils; exposure {:.3} (efficiency {:.0} %); {} steps in {:.1} s{}",
-            s.validation.mean(),
-            s.validation.worst(),
-            s.validation.psnr.len(),
+            "{color:6} {}; exposure {:.3} (efficiency {:.0} %); {} steps in {:.1} s{}",
+            match s.validation.quality() {
+                Some([mean, worst]) => {
+                    format!("{mean:.2} dB mean, {worst:.2} dB worst of {} validation pupils", s.validation.psnr.len())
+                }
+                None => "no PSNR, since the scene is black in this color".into(),
+            },
             s.exposure,
             100.0 * s.efficiency,
             s.steps,
@@ -214,10 +218,11 @@ fn say_sequence(
 
 fn say_tiles(args: &Solve, solved: &SolvedTiles, job: &SceneJob, engine: &dyn Engine, start: Instant) {
     let (plan, peak, display, colors) = (&solved.plan, common::peak_memory_mib(), job.display, job.colors.len());
-    let Some((scores, summary)) = solved.scores.as_ref().and_then(|s| Some((s, s.summary()?))) else {
+    let Some(scores) = &solved.scores else {
         eprintln!("interrupted; the same command goes on from here");
         return;
     };
+    let summary = scores.summary();
     let ([read, written], seconds) = (solved.moved, start.elapsed().as_secs_f64());
     if args.json {
         let focus = |s: &PupilScore| dioptres(s.pupil.depth, display.focal_length);
@@ -225,7 +230,7 @@ fn say_tiles(args: &Solve, solved: &SolvedTiles, job: &SceneJob, engine: &dyn En
             |s: &PupilScore| json!({ "pupil_mm": s.pupil.to_mm(), "focus_dioptres": focus(s), "psnr_db": s.psnr });
         let out = json!({
             "out": args.out.display().to_string(), "engine": engine.describe(), "solve_seconds": solved.seconds, "seconds": seconds,
-            "psnr_mean_db": summary.mean, "psnr_worst_db": summary.worst,
+            "psnr_mean_db": summary.map(|s| s.mean), "psnr_worst_db": summary.map(|s| s.worst),
             "pupils": scores.pupils.iter().map(row).collect::<Vec<_>>(), "visits": plan.visits * colors, "views": plan.views,
             "pupils_solved": solved.pupils, "region": [plan.region.rows, plan.region.columns],
             "planned_memory_mib": plan.bytes() >> 20, "peak_memory_mib": peak, "read_mib": read >> 20,
@@ -238,12 +243,12 @@ fn say_tiles(args: &Solve, solved: &SolvedTiles, job: &SceneJob, engine: &dyn En
     }
     for score in &scores.pupils {
         let ([x, y, d, _], focus) = (score.pupil.to_mm(), depth_in_words(score.pupil.depth, display.focal_length));
-        println!("({x:6.2}, {y:6.2}) mm, {d:.2} mm wide, focused at {focus}: {:.2} dB", score.psnr);
+        println!("({x:6.2}, {y:6.2}) mm, {d:.2} mm wide, focused at {focus}: {} dB", decibels(score.psnr));
     }
     println!(
-        "{:.2} dB mean, {:.2} dB worst of {} places; {} pupils in {:.1} s; read {} MiB, wrote {} MiB; peak {} MiB",
-        summary.mean,
-        summary.worst,
+        "{} dB mean, {} dB worst of {} places; {} pupils in {:.1} s; read {} MiB, wrote {} MiB; peak {} MiB",
+        decibels(summary.map(|s| s.mean)),
+        decibels(summary.map(|s| s.worst)),
         scores.pupils.len(),
         solved.pupils,
         solved.seconds,

@@ -7,14 +7,14 @@ use crate::engine::Engine;
 use crate::failure::{Answer, Failure};
 use crate::pupil::{Numbers, pupil};
 use crate::scene::Scene;
-use eyebox::hologram::{ColorHologram, Opening, SceneSource, wrap_phase};
+use eyebox::hologram::{ColorHologram, Opening, SceneSource, check_radians, wrap_phase};
 use eyebox::optics::Color;
 use numpy::{IntoPyArray, PyArray1, PyArray3, PyArray4, PyArrayMethods, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
 /// PSNR and the most that there can be (dB), SSIM.
-type Score = (f64, Option<f64>, Option<f64>);
+type Score = (Option<f64>, Option<f64>, Option<f64>);
 
 /// Phases, and what they were made for and by. It never changes.
 #[pyclass(frozen, module = "eyebox._eyebox")]
@@ -64,6 +64,7 @@ impl Hologram {
                     format!("phases of {color} is {} at sub-frame {frame}, row {row}, column {column}", phases[at]);
                 return Err(Failure::Argument(format!("{found}: it must be finite")).into());
             }
+            check_radians(phases).map_err(Failure::from)?;
             frames = own;
             made.push(ColorHologram {
                 color: Some(color),

@@ -25,6 +25,7 @@ mod sequence;
 mod session;
 mod solve;
 mod told;
+mod warn;
 
 use pyo3::prelude::*;
 
@@ -60,10 +61,13 @@ mod _eyebox {
     use crate::session::Session;
     #[pymodule_export]
     use crate::solve::{Unfinished, solve};
+    #[pymodule_export]
+    use crate::warn::take_warnings;
     use pyo3::prelude::*;
 
     #[pymodule_init]
     fn about(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        crate::warn::listen();
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }
 }

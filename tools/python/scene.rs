@@ -9,7 +9,7 @@ use crate::pupil::{Numbers, pupil};
 use eyebox::hologram::SceneSource;
 use eyebox::optics::Color;
 use eyebox::produce::SceneJob;
-use eyebox::scene::{Fit, LightField};
+use eyebox::scene::{Fit, LightField, Near};
 use numpy::{IntoPyArray, PyArray1, PyArray3, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -24,8 +24,8 @@ pub(crate) struct Scene {
     asked: Asked,
 }
 
-/// Views per axis, metres between them, a depth map, metres that its ends mean.
-type Options = (Option<usize>, Option<f64>, Option<PathBuf>, Option<[f64; 2]>);
+/// Views per axis, metres between them, a depth map, metres that its ends mean, which of its values are near.
+type Options = (Option<usize>, Option<f64>, Option<PathBuf>, Option<[f64; 2]>, Option<String>);
 
 #[derive(Default)]
 struct Asked {
@@ -33,6 +33,18 @@ struct Asked {
     views: Option<usize>,
     depth_map: Option<PathBuf>,
     depth: Option<[f64; 2]>,
+    near: Option<Near>,
+}
+
+/// Which values of a depth map are near, by its name.
+fn near_of(name: &str) -> Answer<Near> {
+    Ok(match name {
+        "small" => Near::Small,
+        "large" => Near::Large,
+        "bright" => Near::Bright,
+        "dark" => Near::Dark,
+        _ => return Err(Failure::Argument(format!("near is {name:?}: it must be small, large, bright or dark"))),
+    })
 }
 
 impl Scene {
@@ -49,6 +61,7 @@ fn job<'a>(source: &str, display: &'a eyebox::optics::Display, colors: Vec<Color
         views: asked.views,
         depth_maps: asked.depth_map.iter().cloned().collect(),
         depth: asked.depth,
+        near: asked.near,
         ..SceneJob::new(source, display)
     }
 }
@@ -64,8 +77,9 @@ impl Scene {
         color_names: Vec<String>,
         options: Options,
     ) -> PyResult<Self> {
-        let (views, view_pitch, depth_map, depth) = options;
-        let asked = Asked { view_pitch, views, depth_map, depth };
+        let (views, view_pitch, depth_map, depth, near) = options;
+        let near = near.as_deref().map(near_of).transpose()?;
+        let asked = Asked { view_pitch, views, depth_map, depth, near };
         run(py, false, move |_| {
             let display = &display.get().0;
             let field = job(&source, display, colors(display, &color_names)?, &asked).load(0)?;
@@ -117,7 +131,7 @@ impl Scene {
         };
         let (rows, columns) = display.0.picture_size();
         run(py, false, move |_| {
-            field.check()?;
+            let field = field.admit()?;
             let fits = (field.height, field.width) == (rows, columns);
             let field = if fits { field } else { field.fit(rows, columns, Fit::Contain) };
             Ok(Self { field, source, asked: Asked { view_pitch, ..Asked::default() } })

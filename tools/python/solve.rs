@@ -18,7 +18,15 @@ type Step = (String, usize, usize, Option<[usize; 2]>, f64, f64, Option<f64>);
 
 fn step(color: eyebox::optics::Color, progress: &Progress) -> Step {
     let Progress { step, steps, pilot, seconds, loss, .. } = *progress;
-    (color.to_string(), step, steps, pilot, seconds, loss, progress.validation.map(|score| score.mean()))
+    (
+        color.to_string(),
+        step,
+        steps,
+        pilot,
+        seconds,
+        loss,
+        progress.validation.and_then(|score| score.quality()).map(|[mean, _]| mean),
+    )
 }
 
 /// A hologram and why its solve ended: "steps", "seconds", "quality", "callback" or "interrupt".

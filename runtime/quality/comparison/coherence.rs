@@ -81,7 +81,7 @@ impl Sources<'_> {
         let hologram =
             Hologram::from_solutions(self.field, &lit.judging, self.settings, Padding::default(), &solutions)?;
         let scored = hologram.score(&SceneSource::from(vec![judging.clone()]), self.pupils, engine)?;
-        let scores: Vec<f64> = scored.pupils.iter().map(|pupil| pupil.psnr).collect();
+        let scores: Vec<f64> = scored.pupils.iter().filter_map(|pupil| pupil.psnr).collect();
         let summary = Summary::of(&scores);
         let [contrast, nyquist, half, depth] = match self.of_targets(&lit, engine, &mut observe)? {
             Some(found) if !stopped => found,

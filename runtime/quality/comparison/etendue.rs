@@ -101,7 +101,7 @@ impl Masks<'_> {
         let members = Pupils::new(eyebox, settings.diameter, settings.depth, 0).members;
         let pupils: Vec<Pupil> = members.iter().filter(|m| m.group == Group::Random).map(|m| m.pupil).collect();
         let scored = hologram.score(&SceneSource::from(vec![problem]), &pupils, engine)?;
-        let scores: Vec<f64> = scored.pupils.iter().map(|pupil| pupil.psnr).collect();
+        let scores: Vec<f64> = scored.pupils.iter().filter_map(|pupil| pupil.psnr).collect();
         let summary = Summary::of(&scores);
         let [low, high] = settings.diameter;
         let eye = Pupil { x: 0.0, y: 0.0, diameter: (low * high).sqrt(), depth: 0.0 };

@@ -153,7 +153,7 @@ impl Colors<'_> {
             hologram.metadata.joint_color = joint.clone();
             let scene = SceneSource::from(vec![problem.clone()]);
             let scored = hologram.score(&scene, self.pupils, engine)?;
-            let of_color: Vec<f64> = scored.pupils.iter().map(|p| p.psnr).collect();
+            let of_color: Vec<f64> = scored.pupils.iter().filter_map(|p| p.psnr).collect();
             by_color.extend(Summary::of(&of_color).map(|s| (*color, s.mean)));
             scores.extend(of_color);
             let seen = hologram.look(&middle, engine)?.remove(0);

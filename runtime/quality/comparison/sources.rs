@@ -180,7 +180,7 @@ impl Across<'_> {
             hologram.metadata.sources.light_only(*color, chosen);
             lit = lit.max(chosen.len());
             let scored = hologram.score(&SceneSource::from(vec![problem.clone()]), &pupils, engine)?;
-            scores.extend(scored.pupils.iter().map(|p| p.psnr));
+            scores.extend(scored.pupils.iter().filter_map(|p| p.psnr));
             let seen = hologram.look(&middle, engine)?.remove(0);
             planes.push(seen.values.iter().map(|v| v * scored.exposures[0] as f32).collect::<Vec<f32>>());
         }

@@ -1,6 +1,7 @@
 //! What a user sees of a solve while it runs.
 
 use crate::progress::{self, Bar};
+use crate::score::decibels;
 use eyebox::optics::{Color, Padding, depths_in_words};
 use eyebox::produce::{SceneEvent, SceneJob, TilesPlan};
 use eyebox::solve::{Flow, Solution};
@@ -65,7 +66,10 @@ impl<'a> Watch<'a> {
             }
             SceneEvent::Solved { solution, .. } => {
                 if let Some(bar) = self.bar.take() {
-                    bar.finish(format!("{:.1} dB", solution.validation.mean()));
+                    bar.finish(match solution.validation.quality() {
+                        Some([mean, _]) => format!("{mean:.1} dB"),
+                        None => "black".into(),
+                    });
                 }
                 self.shown = None;
             }
@@ -120,16 +124,19 @@ impl<'a> Watch<'a> {
 
     fn append(&mut self, hologram: usize, scene: &str, solutions: &[(Color, Solution)]) {
         let color = |(color, s): &(Color, Solution)| {
+            let quality = s.validation.quality();
             json!({
-                "color": color, "psnr_mean_db": s.validation.mean(), "psnr_worst_db": s.validation.worst(),
+                "color": color, "psnr_mean_db": quality.map(|q| q[0]), "psnr_worst_db": quality.map(|q| q[1]),
                 "exposure": s.exposure, "steps": s.steps, "seconds": s.seconds,
             })
         };
         let colors: Vec<Value> = solutions.iter().map(color).collect();
         self.frames.push(json!({ "frame": hologram, "scene": scene, "colors": colors }));
         if !self.quiet {
-            let mean: Vec<String> =
-                solutions.iter().map(|(c, s)| format!("{c} {:.2} dB", s.validation.mean())).collect();
+            let one = |(color, s): &(Color, Solution)| {
+                format!("{color} {} dB", decibels(s.validation.quality().map(|q| q[0])))
+            };
+            let mean: Vec<String> = solutions.iter().map(one).collect();
             println!("{hologram:4} {scene}: {}", mean.join(", "));
         }
     }

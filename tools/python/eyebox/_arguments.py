@@ -6,6 +6,7 @@ import json
 import math
 import operator
 import os
+import warnings
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,6 +31,12 @@ class Pupil(NamedTuple):
     y: float = 0.0
     diameter: float = 4e-3
     depth: float = 0.0
+
+
+def warn() -> None:
+    """Issues what the library warned of since the last call."""
+    for text in _eyebox.take_warnings():
+        warnings.warn(text, stacklevel=3)
 
 
 def number(value: Any, what: str) -> float:
@@ -177,11 +184,23 @@ def light_field(value: Any, what: str) -> tuple[list[np.ndarray], int]:
         planes = [plain]
     else:
         raise ValueError(f"{what} has the shape {plain.shape}: it must be {right}")
+    if plain.dtype == np.uint16:
+        _check_full_scale(plain, what)
     if plain.dtype.kind == "u":
         table = _eyebox.linear_light(int(np.iinfo(plain.dtype).max) + 1)
         planes = [table[plane] for plane in planes]
     planes = [_float32(plane if plane.ndim == 4 else plane[None, None]) for plane in planes]
     return planes, len(planes)
+
+
+def _check_full_scale(words: np.ndarray, what: str) -> None:
+    """Refuses 16 bits that hold 14 bits or fewer, or a dark picture; multiples of 257 are 8 bits that were stretched."""
+    most = int(words.max())
+    if 0 < most <= 16383 and (words % 257).any():
+        raise _eyebox.SceneError(
+            f"{what}: 16-bit values up to {most}, as of {max(most.bit_length(), 8)} bits or of a dark picture, and nothing says "
+            "which value is white: scale them, as by (array * (65535 / 1023)).astype(numpy.uint16)"
+        )
 
 
 def toml(settings: dict[str, Any]) -> str:

@@ -21,15 +21,15 @@ class Score(NamedTuple):
 
     Attributes
     ----------
-    psnr : float
-        PSNR over all colours, dB.
+    psnr : float or None
+        PSNR over all colors, dB; None if the target is black.
     ceiling : float or None
         The most that any hologram could have there, dB; None where it is not known.
     ssim : float or None
         Mean SSIM over the colours; None where the picture is smaller than SSIM's window.
     """
 
-    psnr: float
+    psnr: float | None
     ceiling: float | None
     ssim: float | None
 

@@ -36,6 +36,9 @@ class Scene:
         The depth map of a picture.
     depth : (float, float), optional
         What its ends mean, metres.
+    near : str, optional
+        Which values of the depth map are near: "small" (distances, 0 is unknown), "large" (disparities), "bright" or "dark" (a
+        picture, 0 is a value). By default the file decides, or the map is refused.
     name : str, optional
         What holograms of an array remember as their scene.
     variable : str, optional
@@ -59,6 +62,7 @@ class Scene:
         view_pitch: float | None = None,
         depth_map: Any = None,
         depth: tuple[float, float] | None = None,
+        near: str | None = None,
         name: str = "",
         variable: str | None = None,
     ) -> None:
@@ -79,11 +83,13 @@ class Scene:
             if depth is not None:
                 depth = tuple(_arguments.numbers(depth, "depth", "one end, the other"))
             source = _arguments.path(source, "scene")
-            self._native = _eyebox.Scene.load(source, native, names, (views, pitch, depth_map, depth))
+            near = None if near is None else str(near)
+            self._native = _eyebox.Scene.load(source, native, names, (views, pitch, depth_map, depth, near))
+            _arguments.warn()
             return
         if not _arguments.is_array(source):
             raise TypeError(f"scene is {source!r}: it must be an eyebox.Scene, a name, a path or an array of views")
-        for what, given in (("views", views), ("depth_map", depth_map), ("depth", depth)):
+        for what, given in (("views", views), ("depth_map", depth_map), ("depth", depth), ("near", near)):
             if given is not None:
                 raise TypeError(f"{what} belongs to scenes that are loaded: an array of views has its own")
         planes, has = _arguments.light_field(source, "scene")
@@ -95,6 +101,7 @@ class Scene:
         if not isinstance(name, str):
             raise TypeError(f"name is {name!r}: it must be a text")
         self._native = _eyebox.Scene.of_views(name, native, names, planes, pitch)
+        _arguments.warn()
 
     @property
     def display(self) -> Display:

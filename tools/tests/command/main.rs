@@ -28,6 +28,7 @@ mod kept;
 mod live;
 mod mask;
 mod model;
+mod numbers;
 mod odd_values;
 mod orders;
 mod phases;

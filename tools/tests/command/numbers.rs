@@ -1,0 +1,127 @@
+//! Numbers in files of people who do not say what they mean: right, or refused with a remedy that works.
+
+use crate::common::{done, eyebox, folder, text};
+use eyebox::files::read_npy;
+use image::{ImageBuffer, Luma, Rgb};
+use serde_json::Value;
+use std::path::Path;
+
+const SIZE: [u32; 2] = [40, 48];
+const SMALL: [&str; 10] = ["--size", "40x48", "--views", "3", "--steps", "2", "--frames", "1", "--color", "green"];
+
+fn photo(at: &Path) {
+    let pixel = |x: u32, y: u32| Rgb([(x * 5) as u8, (255 - y * 6) as u8, ((x * 7 + y * 11) % 200) as u8]);
+    ImageBuffer::from_fn(SIZE[1], SIZE[0], pixel).save(at.join("photo.png")).unwrap();
+}
+
+/// Runs a command that is to be refused; answers its line.
+fn refusal(at: &Path, args: &[&str]) -> String {
+    let answer = eyebox(at, args);
+    let said = text(&answer.stderr);
+    assert_eq!(answer.status.code(), Some(2), "{args:?}: {said}");
+    assert_eq!(said.lines().filter(|line| line.starts_with("eyebox: ")).count(), 1, "{said}");
+    said
+}
+
+fn solve<'a>(source: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    [&["solve", source, "--engine", "cpu", "--json", "-o", "h.zarr"][..], &SMALL, more].concat()
+}
+
+fn json(at: &Path, args: &[&str]) -> Value {
+    serde_json::from_str(&done(at, args)).expect("one JSON object")
+}
+
+/// 16-bit distances of a depth camera: refused, and after the remedy the hologram is that of the same depths in 8 bits.
+#[test]
+fn a_depth_camera_s_map_is_refused_until_near_is_stated() {
+    let temp = folder();
+    let at = temp.path();
+    photo(at);
+    let distance = |x: u32| 3500 + x * 700;
+    ImageBuffer::from_fn(SIZE[1], SIZE[0], |x, _| Luma([distance(x) as u16])).save(at.join("tum.png")).unwrap();
+    let closeness = |x: u32| (255.0 * f64::from(SIZE[1] - 1 - x) / f64::from(SIZE[1] - 1)).round() as u8;
+    ImageBuffer::from_fn(SIZE[1], SIZE[0], |x, _| Luma([closeness(x)])).save(at.join("near.png")).unwrap();
+    let said = refusal(at, &solve("photo.png", &["--depth-map", "tum.png"]));
+    assert!(said.contains("--near") && !at.join("h.zarr").exists(), "{said}");
+    done(at, &solve("photo.png", &["--depth-map", "tum.png", "--near", "small"]));
+    // From the side, near and far part.
+    let seen = |map: &str, near: &str| {
+        let words = ["photograph", "photo.png", "--size", "40x48", "--views", "5", "--color", "green", "--depth=-1..1"];
+        done(at, &[&words[..], &["--depth-map", map, "--near", near, "--pupil=6,0,2,0", "-o", "seen.npy"]].concat());
+        read_npy(&at.join("seen.npy")).unwrap().values
+    };
+    let own = seen("tum.png", "small");
+    let apart = |other: Vec<f32>| own.iter().zip(other).map(|(a, b)| (a - b).abs()).sum::<f32>();
+    let (same, inside_out) = (apart(seen("near.png", "bright")), apart(seen("tum.png", "large")));
+    assert!(same < 0.1 * inside_out, "{same} from the same depths in 8 bits, {inside_out} from those inside out");
+    let found =
+        json(at, &["inspect", "photo.png", "--size", "40x48", "--depth-map", "tum.png", "--near", "small", "--json"]);
+    assert!(found["depth_map"].as_str().unwrap().contains("distances"), "{found}");
+}
+
+/// A black scene has no PSNR: null for programs, a word for people.
+#[test]
+fn a_black_scene_has_no_psnr() {
+    let temp = folder();
+    let at = temp.path();
+    std::fs::create_dir(at.join("black")).unwrap();
+    for (name, level) in [("red", [200u8, 0, 0]), ("black", [0; 3])] {
+        std::fs::create_dir_all(at.join(name)).unwrap();
+        for view in 0..3 {
+            let pixel = |x: u32, y: u32| Rgb(if (x / 4 + y / 4) % 2 == 0 { level } else { [0; 3] });
+            ImageBuffer::from_fn(SIZE[1], SIZE[0], pixel).save(at.join(format!("{name}/v_0_{view}.png"))).unwrap();
+        }
+    }
+    let more = ["--depth=-0.1..0.1", "--order", "as-named"];
+    for scene in ["black", "red"] {
+        let solved = json(at, &solve(scene, &more));
+        assert!(solved["colors"][0]["psnr_mean_db"].is_null(), "{solved}");
+        assert!(solved["colors"][0]["psnr_worst_db"].is_null(), "{solved}");
+    }
+    let words = ["solve", "black", "--engine", "cpu", "-o", "h.zarr"];
+    let said = done(at, &[&words[..], &SMALL, &more].concat());
+    assert!(!said.contains("dB") && !said.contains("inf"), "{said}");
+    let score = ["score", "h.zarr", "black", "--pupils", "random:3"];
+    let scores = json(at, &[&score[..], &["--json"]].concat());
+    assert!(scores["psnr_db"].is_null() && scores["pupils"][0]["psnr_db"].is_null(), "{scores}");
+    let said = done(at, &score);
+    assert!(said.contains("black") && !said.contains("inf dB") && !said.contains("NaN"), "{said}");
+}
+
+/// View pitches and depths in meters, where millimeters are meant.
+#[test]
+fn lengths_in_another_unit_are_refused_with_what_was_probably_meant() {
+    let temp = folder();
+    let at = temp.path();
+    done(at, &solve("builtin:plane", &[]));
+    let cases: [(Vec<&str>, &str); 6] = [
+        (solve("builtin:plane", &["--view-pitch", "0.0022"]), "2.2 mm"),
+        (solve("builtin:plane", &["--view-pitch", "2200"]), "2.2 mm"),
+        (solve("builtin:plane", &["--depth=-3000..3000"]), "-3 mm"),
+        (vec!["view", "h.zarr", "--pupil=0,0,4,1000", "-o", "seen.png"], "1 mm"),
+        (vec!["photograph", "builtin:plane", "--size", "40x48", "--pupil=0,0,4,1000", "-o", "seen.png"], "1 mm"),
+        (
+            vec![
+                "photograph",
+                "builtin:plane",
+                "--size",
+                "40x48",
+                "--pupil=0,0,4,0",
+                "--view-pitch",
+                "0.002",
+                "-o",
+                "seen.png",
+            ],
+            "2 mm",
+        ),
+    ];
+    for (args, meant) in cases {
+        let said = refusal(at, &args);
+        assert!(said.contains(meant), "{said}");
+        assert!(!at.join("seen.png").exists());
+    }
+    // What is meant is taken, and so is what is confirmed.
+    done(at, &solve("builtin:plane", &["--view-pitch", "2.2"]));
+    done(at, &["view", "h.zarr", "--pupil=0,0,4,1", "-o", "seen.png"]);
+    done(at, &["view", "h.zarr", "--pupil=0,0,4,1000", "--force", "-o", "seen.png"]);
+}
