@@ -1,44 +1,14 @@
 //! The way from samples to the pupil's distribution at the time of light.
 
 use super::one_euro::OneEuro;
-use super::place::{Placed, Placer, Refusal};
-use super::saccade::{Flight, Jump, Point, slope};
+use super::place::{Counts, Placed, Placer, Refusal};
+use super::saccade::{Jump, Point, slope};
+use super::stages::{Phase, Stages};
 use super::{Calibration, GazeError, Settings};
 use crate::optics::{PupilDistribution, depth_of_dioptres};
 use crate::trackers::Sample;
 use serde::Serialize;
 use std::collections::VecDeque;
-
-/// What the eye does, as far as it is known.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Phase {
-    /// Nothing has been seen yet.
-    Unseen,
-    /// It rests, or follows something.
-    Steady,
-    /// It jumps.
-    Saccade,
-    /// It is not seen: a blink, or the tracker has lost it.
-    Lost,
-    /// It is seen again, the lid still moving.
-    Returning,
-}
-
-/// What each stage made of a sample.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Stages {
-    /// The place in the pupil plane, or why the sample is not believed.
-    pub placed: Result<Placed, Refusal>,
-    /// The filter, where the eye is steady.
-    pub filtered: Option<OneEuro>,
-    /// The saccade, where there is one.
-    pub saccade: Option<Flight>,
-    /// What the eye does.
-    pub phase: Phase,
-    /// Standard deviation of the tracker's coordinates, measured, metres.
-    pub noise: f64,
-}
 
 #[derive(Debug, Clone)]
 enum State {
@@ -88,6 +58,7 @@ pub struct Estimator {
     told_noise: f64,
     /// Of the last believed measurement.
     last_ns: u64,
+    counts: Counts,
 }
 
 const REMEMBERED_NS: u64 = 100_000_000;
@@ -140,12 +111,20 @@ impl Estimator {
             told: None,
             told_noise: 0.0,
             last_ns: 0,
+            counts: Counts::default(),
         })
     }
 
     /// Takes the next sample.
     pub fn update(&mut self, sample: &Sample) -> Stages {
         let placed = self.placer.place(sample, self.noise.sqrt());
+        self.counts.count(&placed);
+        if self.placer.begins_again() {
+            (self.state, self.told) = (State::Unseen, None);
+            self.recent.clear();
+            self.filters.clear();
+            self.course.clear();
+        }
         if let (Ok(_), Some(focus)) = (&placed, sample.focus_dioptres) {
             self.focus = Some(averaged(self.focus, focus));
         }
@@ -167,6 +146,11 @@ impl Estimator {
             phase: self.phase(),
             noise: self.noise.sqrt(),
         }
+    }
+
+    /// Counts the samples so far by what became of them.
+    pub fn counts(&self) -> Counts {
+        self.counts
     }
 
     /// What the eye does, as far as it is known.
@@ -471,23 +455,4 @@ fn mean<'a>(points: impl Iterator<Item = &'a Point>) -> Option<([f64; 2], u32)> 
         n += 1;
     }
     (n > 0).then(|| (sum.map(|v| v / f64::from(n)), n))
-}
-
-impl std::fmt::Display for Stages {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let mm = |p: &[f64; 2]| format!("({:.3}, {:.3}) mm", p[0] * 1e3, p[1] * 1e3);
-        match &self.placed {
-            Ok(placed) => write!(f, "placed {}", mm(&placed.position))?,
-            Err(refusal) => write!(f, "refused: {refusal}")?,
-        }
-        write!(f, "; noise {:.3} mm; {:?}", self.noise * 1e3, self.phase)?;
-        if let Some(filter) = &self.filtered {
-            let speed = filter.velocity[0].hypot(filter.velocity[1]);
-            write!(f, " at {}, {:.1} mm/s, {:.1} ms late", mm(&filter.position), speed * 1e3, filter.lag * 1e3)?;
-        }
-        if let Some(jump) = &self.saccade {
-            write!(f, " to {} +- {:.2} mm", mm(&jump.landing), jump.spread * 1e3)?;
-        }
-        Ok(())
-    }
 }

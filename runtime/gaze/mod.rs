@@ -19,14 +19,18 @@ pub mod saccade;
 mod calibration;
 mod estimator;
 mod settings;
+mod stages;
+#[cfg(test)]
+mod eyes_tests;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
 mod velocity_tests;
 
 pub use calibration::{Affine, Calibration, Fit, Pair};
-pub use estimator::{Estimator, EyeVelocity, Phase, Stages};
+pub use estimator::{Estimator, EyeVelocity};
 pub use settings::{Eye, Eyepiece, Settings};
+pub use stages::{Phase, Stages};
 
 /// What can be wrong with a calibration or a setting.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -41,6 +41,24 @@ pub enum Refusal {
     TooFast,
 }
 
+impl Refusal {
+    /// All of them, in the order of [`Counts::refused`].
+    pub const ALL: [Self; 7] = [
+        Self::NotSeen,
+        Self::Confidence,
+        Self::NoMap,
+        Self::OutOfReach,
+        Self::Time,
+        Self::BetweenEyes,
+        Self::TooFast,
+    ];
+
+    /// The key of its count in statistics.
+    pub fn key(self) -> &'static str {
+        ["not_seen", "confidence", "no_map", "out_of_reach", "time", "between_eyes", "too_fast"][self as usize]
+    }
+}
+
 impl std::fmt::Display for Refusal {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
@@ -48,15 +66,52 @@ impl std::fmt::Display for Refusal {
             Self::Confidence => "the eye is hardly seen",
             Self::NoMap => "what is measured needs a calibration",
             Self::OutOfReach => "outside the eyebox",
-            Self::Time => "its time is wrong",
+            Self::Time => "its time is wrong, or that of a sample before",
             Self::BetweenEyes => "the distance between the eyes is impossible",
             Self::TooFast => "no eye turns so fast",
         })
     }
 }
 
-/// Samples that agree among themselves after a jump that no eye makes: then the earlier ones were wrong.
+/// Samples by what became of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Counts {
+    /// Samples that show where the pupil is.
+    pub placed: u64,
+    /// The others by their reason, in the order of [`Refusal::ALL`].
+    pub refused: [u64; 7],
+}
+
+impl Counts {
+    pub(super) fn count(&mut self, placed: &Result<Placed, Refusal>) {
+        match placed {
+            Ok(_) => self.placed += 1,
+            Err(refusal) => self.refused[*refusal as usize] += 1,
+        }
+    }
+
+    /// All samples.
+    pub fn samples(&self) -> u64 {
+        self.placed + self.refused.iter().sum::<u64>()
+    }
+
+    /// The reasons of refusals with their counts, the most frequent first.
+    pub fn reasons(&self) -> Vec<(Refusal, u64)> {
+        let mut all: Vec<_> = Refusal::ALL.into_iter().zip(self.refused).filter(|(_, count)| *count > 0).collect();
+        all.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+        all
+    }
+}
+
+/// Samples that agree among themselves after a jump that no eye makes, or on a clock that was set: then the earlier ones
+/// were wrong.
 const AGREE: u32 = 3;
+/// Readings of the two eyes this near in time, nanoseconds, show how the eyes differ: cameras of 30 Hz take turns so.
+const TOGETHER_NS: u64 = 40_000_000;
+/// A time this far back is no sample out of order, nanoseconds.
+const SET_BACK_NS: u64 = 250_000_000;
+/// How far the eyes may differ before any difference was seen, metres.
+const UNKNOWN_OFFSET: f64 = 0.5e-3;
 
 /// Places samples; remembers how the eyes differ, and the last believed one.
 #[derive(Debug, Clone)]
@@ -67,8 +122,16 @@ pub struct Placer {
     offset: [f64; 2],
     offset_square: f64,
     offset_count: u32,
+    /// The newest reading of each eye: time, place.
+    eyes: [Option<(u64, [f64; 2])>; 2],
+    /// The last sample was one eye's, whose difference from the other was not known.
+    guessed: bool,
+    /// What was placed before does not belong to what is placed now.
+    begins_again: bool,
     last: Option<Placed>,
     last_time_ns: Option<u64>,
+    /// Samples of a clock that was set back: time and arrival of the newest, how many.
+    set_back: Option<([u64; 2], u32)>,
     suspect: Option<(Placed, u32)>,
     /// Confidence of left, right, combined as it usually is.
     usual: [f64; 3],
@@ -88,8 +151,12 @@ impl Placer {
             offset: [0.0; 2],
             offset_square: 0.0,
             offset_count: 0,
+            eyes: [None; 2],
+            guessed: false,
+            begins_again: false,
             last: None,
             last_time_ns: None,
+            set_back: None,
             suspect: None,
             usual: [0.0; 3],
         }
@@ -100,11 +167,7 @@ impl Placer {
     /// # Errors
     /// Why it is not believed.
     pub fn place(&mut self, sample: &Sample, noise: f64) -> Result<Placed, Refusal> {
-        let stale = self.last_time_ns.is_some_and(|last| sample.time_ns <= last);
-        if stale || sample.time_ns > sample.received_ns {
-            return Err(Refusal::Time);
-        }
-        self.last_time_ns = Some(sample.time_ns);
+        self.check_time(sample)?;
         self.between_eyes(sample)?;
         for (usual, reading) in self.usual.iter_mut().zip([&sample.left, &sample.right, &sample.combined]) {
             if let Some(r) = reading.filter(|r| r.valid && r.confidence >= self.settings.confidence) {
@@ -117,6 +180,36 @@ impl Placer {
             return Err(Refusal::OutOfReach);
         }
         self.believe(placed, noise)
+    }
+
+    /// Whether the sample placed last belongs to another clock, or was a guess from one eye: the next call says no.
+    pub(super) fn begins_again(&mut self) -> bool {
+        std::mem::take(&mut self.begins_again)
+    }
+
+    fn check_time(&mut self, sample: &Sample) -> Result<(), Refusal> {
+        if sample.time_ns > sample.received_ns {
+            return Err(Refusal::Time);
+        }
+        let Some(last) = self.last_time_ns.filter(|last| sample.time_ns <= *last) else {
+            (self.last_time_ns, self.set_back) = (Some(sample.time_ns), None);
+            return Ok(());
+        };
+        if last - sample.time_ns < SET_BACK_NS {
+            return Err(Refusal::Time);
+        }
+        let is = [sample.time_ns, sample.received_ns];
+        let count = match self.set_back {
+            Some((before, count)) if is[0] > before[0] && is[1] > before[1] => count + 1,
+            _ => 1,
+        };
+        self.set_back = Some((is, count));
+        if count < AGREE {
+            return Err(Refusal::Time);
+        }
+        (self.last_time_ns, self.set_back) = (Some(sample.time_ns), None);
+        (self.last, self.suspect, self.eyes, self.begins_again) = (None, None, [None; 2], true);
+        Ok(())
     }
 
     fn between_eyes(&self, sample: &Sample) -> Result<(), Refusal> {
@@ -134,16 +227,28 @@ impl Placer {
     fn one(&mut self, sample: &Sample) -> Result<Placed, Refusal> {
         let left = self.map(0, &sample.left, |c| c.left.as_ref(), sample);
         let right = self.map(1, &sample.right, |c| c.right.as_ref(), sample);
-        if let (Ok(l), Ok(r)) = (&left, &right) {
-            self.compare(l.position, r.position);
+        // Cameras may take turns: then each sample has one eye.
+        for (newest, found) in self.eyes.iter_mut().zip([&left, &right]) {
+            if let Ok(found) = found {
+                *newest = Some((found.time_ns, found.position));
+            }
         }
+        if let ([Some(l), Some(r)], true) = (self.eyes, left.is_ok() || right.is_ok())
+            && l.0.abs_diff(r.0) <= TOGETHER_NS
+        {
+            if std::mem::take(&mut self.guessed) && self.offset_count == 0 {
+                (self.last, self.suspect, self.begins_again) = (None, None, true);
+            }
+            self.compare(l.1, r.1);
+        }
+        let known = self.offset_count > 0;
         let shifted = |found: Placed, by: f64| {
-            let known = self.offset_count > 0;
             let position = [0, 1].map(|i| found.position[i] + by * self.offset[i]);
             // Vergence changes: the other eye is a witness, not the eye itself.
-            let bias = found.bias.hypot(if known { self.offset_square.sqrt().min(1e-3) } else { 0.5e-3 });
+            let bias = found.bias.hypot(if known { self.offset_square.sqrt().min(1e-3) } else { UNKNOWN_OFFSET });
             Placed { position, bias, ..found }
         };
+        self.guessed = !known && left.is_ok() != right.is_ok();
         match (self.settings.eye, left, right) {
             (Eye::Left, Ok(l), _) => Ok(l),
             (Eye::Right, _, Ok(r)) => Ok(r),
@@ -216,11 +321,15 @@ impl Placer {
     }
 
     fn compare(&mut self, left: [f64; 2], right: [f64; 2]) {
+        if self.offset_count == 0 {
+            (self.offset, self.offset_square) = ([0, 1].map(|i| right[i] - left[i]), UNKNOWN_OFFSET.powi(2));
+        }
         self.offset_count = self.offset_count.saturating_add(1);
         let share = (1.0 / f64::from(self.offset_count)).max(0.01);
         let difference = [0, 1].map(|i| right[i] - left[i] - self.offset[i]);
         self.offset = [0, 1].map(|i| self.offset[i] + share * difference[i]);
         let square = (difference[0].powi(2) + difference[1].powi(2)) / 2.0;
+        let share = (1.0 / (1.0 + f64::from(self.offset_count))).max(0.01);
         self.offset_square += share * (square.min(1e-4) - self.offset_square);
     }
 

@@ -484,8 +484,9 @@ impl Drop for Recorder {
         let (semaphores, values) = ([self.done.raw], [self.submitted]);
         let wait = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
         // SAFETY: what was submitted is over after the wait (or the device lost, when nothing runs either).
-        unsafe {
-            let _ = self.device.raw.wait_semaphores(&wait, u64::MAX);
+        if unsafe { self.device.raw.wait_semaphores(&wait, self.patience_ns) } == Err(vk::Result::TIMEOUT) {
+            // What it may still be at is not destroyed.
+            let _ = self.device.give_up("vkWaitSemaphores", "closing");
         }
     }
 }

@@ -110,7 +110,7 @@ impl Presenter for DisplayPresenter {
     }
 
     fn finish(&mut self) -> Result<(), PresentError> {
-        self.swapchain.wait();
-        Ok(())
+        let done = self.swapchain.wait();
+        self.explained(done)
     }
 }

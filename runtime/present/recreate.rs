@@ -61,7 +61,7 @@ impl Swapchain {
     }
 
     fn recreate_surface(&mut self) -> Result<(), EngineError> {
-        self.wait();
+        self.wait()?;
         // SAFETY: nothing of the swapchain is under way, and it goes before its surface.
         let made = unsafe {
             self.drop_swapchain();

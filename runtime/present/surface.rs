@@ -214,6 +214,13 @@ impl Surface {
     }
 }
 
+impl Surface {
+    /// Leaves the surface to the end of the process: a swapchain on it stays.
+    pub(super) fn leave(&mut self) {
+        self.raw = vk::SurfaceKHR::null();
+    }
+}
+
 impl Drop for Surface {
     fn drop(&mut self) {
         // SAFETY: swapchains on it are gone; a null handle is ignored.

@@ -34,6 +34,8 @@ pub struct Swapchain {
     pub(super) gpu: Gpu,
     policy: Policy,
     pool: vk::CommandPool,
+    /// Signalled once all that was handed over before is over.
+    idle: vk::Fence,
     slots: Vec<Slot>,
     next: usize,
     calls: khr::swapchain::Device,
@@ -88,6 +90,7 @@ impl Swapchain {
         let mut swapchain = Self {
             policy,
             pool: vk::CommandPool::null(),
+            idle: vk::Fence::null(),
             slots: Vec::new(),
             next: 0,
             calls: khr::swapchain::Device::new(&instance.raw, &device.raw),
@@ -140,6 +143,9 @@ impl Swapchain {
         // SAFETY: the device is valid; the pool is kept at once and destroyed with this.
         let pool = unsafe { device.raw.create_command_pool(&pool, None) };
         self.pool = pool.map_err(|e| self.error("vkCreateCommandPool", e))?;
+        // SAFETY: as above.
+        let idle = unsafe { device.raw.create_fence(&vk::FenceCreateInfo::default(), None) };
+        self.idle = idle.map_err(|e| self.error("vkCreateFence", e))?;
         Slot::make(&mut self.slots, count, &self.gpu.device, self.pool)
     }
 
@@ -309,7 +315,7 @@ impl Swapchain {
         self.taken = false;
         let submitted = self.submit_copy(image, id);
         if submitted.is_err() {
-            self.wait();
+            self.wait()?;
             // SAFETY: the queue is idle; the image that was acquired was given to nobody.
             unsafe { self.drop_swapchain() };
             self.stale = true;
@@ -392,23 +398,49 @@ impl Swapchain {
         self.times.next(self.raw)
     }
 
-    /// Waits until all that was handed over is with the display.
-    pub fn wait(&self) {
-        let queue = self.gpu.device.present().lock();
-        // SAFETY: the queue is the device's, and locked. A lost device ends the wait as well.
-        let _ = unsafe { self.gpu.device.raw.queue_wait_idle(*queue) };
+    /// Waits until everything that was handed over is with the display, but no longer than a device may take.
+    ///
+    /// # Errors
+    /// [`EngineError::DeviceLost`]: it did not answer in time, or was lost before. Nothing of it is under way on a lost
+    /// device; what one that does not answer may still use stays until the process ends.
+    pub fn wait(&mut self) -> Result<(), EngineError> {
+        let (call, during) = ("vkWaitForFences", "showing pictures");
+        let pretended = self.answered("idle", Ok(true));
+        let device = &self.gpu.device;
+        if device.is_stuck() {
+            return Err(device.give_up(call, during));
+        }
+        // vkQueueWaitIdle is a fence like this one, without a limit.
+        // SAFETY: the fence is the device's and no submission has it; the queue is locked.
+        let waited = unsafe {
+            device.raw.reset_fences(&[self.idle]).map_err(|e| device.error("vkResetFences", during, e))?;
+            let submitted = device.raw.queue_submit(*device.present().lock(), &[], self.idle);
+            submitted.map_err(|e| device.error("vkQueueSubmit", during, e))?;
+            let waited = device.raw.wait_for_fences(&[self.idle], true, device.patience_ns());
+            waited.and_then(|()| pretended.map(drop))
+        };
+        match waited {
+            Err(vk::Result::TIMEOUT) => Err(device.give_up(call, during)),
+            other => other.map_err(|e| device.error(call, during, e)),
+        }
     }
 }
 
 impl Drop for Swapchain {
     fn drop(&mut self) {
-        self.wait();
+        let _ = self.wait();
+        if self.gpu.device.is_stuck() {
+            // A device that may still be at work on it: all of it stays.
+            self.surface.leave();
+            return;
+        }
         // SAFETY: nothing of it is under way, and everything is destroyed once, before what it was made from.
         unsafe {
             self.times.destroy();
             self.drop_swapchain();
             self.slots.iter().for_each(|slot| slot.destroy(&self.gpu.device.raw));
             self.gpu.device.raw.destroy_command_pool(self.pool, None);
+            self.gpu.device.raw.destroy_fence(self.idle, None);
         }
     }
 }

@@ -222,6 +222,21 @@ fn a_picture_on_the_device_is_shown_without_the_host() {
     quiet(swapchain);
 }
 
+/// Waiting for what was handed over has a limit: beyond it the device is lost, and nothing that it may still use is destroyed.
+#[test]
+fn a_display_that_never_ends_is_lost_after_a_while() {
+    let desk = Desk::new();
+    let mut swapchain = desk.swapchain(false);
+    swapchain.upload(&picture(0)).and_then(|()| swapchain.present(0)).expect("shown");
+    swapchain.wait().expect("with the display");
+    swapchain.pretended.push_back(("idle", ash::vk::Result::TIMEOUT));
+    for _ in 0..2 {
+        let error = swapchain.wait().unwrap_err();
+        assert!(matches!(error, EngineError::DeviceLost { .. }), "{error}");
+    }
+    assert!(swapchain.gpu().device.is_stuck());
+}
+
 /// Presents until it no longer goes; what is said then.
 fn until_it_fails(swapchain: &mut Swapchain) -> EngineError {
     let since = Instant::now();

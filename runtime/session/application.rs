@@ -11,6 +11,7 @@ use crate::optics::{Color, Display, Padding, PupilDistribution, mean_light};
 use crate::scene::{Layer, LightField, Places, ViewGrid, views_of_depths, views_of_layers};
 use crate::solve::{BrightEnd, Problem, random_phases};
 use eyebox_live_input::{Content, Display as Ring, Frame, Kind, Latest, Offer, Pupil as AskedPupil, Request, Wanted};
+use std::sync::Arc;
 
 /// How many frames the ring holds.
 const SLOTS: u32 = 3;
@@ -154,7 +155,8 @@ impl LiveInput {
     }
 
     fn ask(&mut self, due: &Due) {
-        if self.asked_ns == Some(due.light_ns) {
+        // Two requests for one light differ by the rounding of a set's period, a nanosecond.
+        if self.asked_ns.is_some_and(|asked| due.light_ns.abs_diff(asked) < due.period_ns.unsigned_abs() / 2) {
             return;
         }
         self.asked_ns = Some(due.light_ns);
@@ -278,7 +280,8 @@ impl LiveInput {
 
     fn next_scene(&mut self, colors: Vec<SteeredColor>, shows_ns: i64, now_ns: i64) -> SceneFrame {
         self.frames += 1;
-        SceneFrame { number: self.frames, colors, arrived_ns: Some(now_ns), shows_ns: Some(shows_ns), piece: None }
+        let (colors, arrived_ns, shows_ns) = (Arc::new(colors), Some(now_ns), Some(shows_ns));
+        SceneFrame { number: self.frames, colors, arrived_ns, shows_ns, piece: None }
     }
 
     /// One exposure for each colour, by the first frame; it only ever rises, where there would not be enough light.

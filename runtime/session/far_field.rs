@@ -195,7 +195,7 @@ impl Scenes for FarField {
         self.piece = extent;
         Ok(Newest::New(SceneFrame {
             number: self.number,
-            colors,
+            colors: Arc::new(colors),
             arrived_ns: None,
             shows_ns: None,
             piece: Some(extent),

@@ -7,7 +7,7 @@ use super::latency::{Histogram, Latency, Stage};
 use super::notes::Notes;
 use super::output::OpenDisplay;
 use super::player::SetSource;
-use super::pupil_tracker::{Heard, PupilTracker};
+use super::pupil_tracker::{PupilTracker, TrackerCounts};
 use super::refine::Refinement;
 use super::set_timing::SetTiming;
 use super::sets::{FinishedSet, LiveSource};
@@ -70,6 +70,8 @@ pub(super) struct Following {
     pub(super) refinement: Refinement,
     /// A tracker on its thread; none where there is none, or time is simulated.
     pub(super) tracker: Option<Arc<PupilTracker>>,
+    /// What became of the tracker's samples.
+    pub(super) counts: Arc<AtomicCell<TrackerCounts>>,
     /// What there is to be seen, where that changes.
     pub(super) showing: Option<Showing>,
     /// What keeps what was decided.
@@ -255,15 +257,13 @@ impl Following {
 
     /// Why there was nothing to follow, where there was not, and should have been.
     pub(super) fn followed(&self) -> Result<(), SessionError> {
-        let Some(tracker) = &self.tracker else { return Ok(()) };
-        let reason = match tracker.heard() {
-            Heard { believed: 1.., .. } => return Ok(()),
-            _ if self.may_be_silent => return Ok(()),
-            Heard { samples: 0, .. } => "no sample came".to_string(),
-            Heard { samples, refusal, .. } => {
-                let why = refusal.map_or(String::new(), |refusal| format!(" ({refusal})"));
-                format!("none of {samples} samples told where the pupil is{why}")
-            }
+        let samples = self.counts.load().samples;
+        if self.tracker.is_none() || samples.placed > 0 || self.may_be_silent {
+            return Ok(());
+        }
+        let reason = match samples.reasons().first() {
+            None => "no sample came".to_string(),
+            Some((why, _)) => format!("none of {} samples told where the pupil is ({why})", samples.samples()),
         };
         Err(SessionError::NotFollowed { tracker: self.name.clone(), reason })
     }
@@ -295,6 +295,7 @@ impl Following {
             focus,
             latency,
             showing,
+            samples: self.counts.load(),
         };
         (live, tracks, self.keeping.map_or(Ok(()), Keeping::finish))
     }

@@ -10,7 +10,7 @@ use super::moments::Moments;
 use super::notes::Notes;
 use super::output::OpenDisplay;
 use super::play::encoder_of;
-use super::pupil_tracker::PupilTracker;
+use super::pupil_tracker::{PupilTracker, TrackerCounts};
 use super::refine::{Begin, Refinement, RefinementOptions};
 use super::replay::Replay;
 use super::running::{Running, Setup};
@@ -169,6 +169,8 @@ struct FollowedEye {
     name: String,
     /// Whether nothing need ever come of it: a mouse need not come over its window, nor a program push anything.
     may_be_silent: bool,
+    /// What becomes of its samples.
+    counts: Arc<AtomicCell<TrackerCounts>>,
 }
 
 impl FollowedEye {
@@ -180,18 +182,22 @@ impl FollowedEye {
     ) -> Result<Self, SessionError> {
         let Some(tracking) = tracking else {
             let name = "no eye tracker: pupils over the whole eyebox".into();
-            return Ok(Self { watch: Watch::Nobody(whole), tracker: None, truth: None, name, may_be_silent: false });
+            let (watch, counts) = (Watch::Nobody(whole), Arc::default());
+            return Ok(Self { watch, tracker: None, truth: None, name, may_be_silent: false, counts });
         };
+        let counts = Arc::<AtomicCell<TrackerCounts>>::default();
         let kind = tracking.source.about().kind;
         let (name, may_be_silent) = (tracking.describe(), matches!(kind, "mouse" | "program"));
         let Tracking { source, estimator, truth, real_time } = tracking;
         if !real_time {
-            let watch = Watch::Samples(Box::new(Samples::new(source, estimator)));
-            return Ok(Self { watch, tracker: None, truth, name, may_be_silent });
+            let watch = Watch::Samples(Box::new(Samples::new(source, estimator, Arc::clone(&counts))));
+            return Ok(Self { watch, tracker: None, truth, name, may_be_silent, counts });
         }
-        let tracker = PupilTracker::start(Stream::start(source)?, estimator, notes.clone(), trace.track("gaze"))?;
+        let (stream, track) = (Stream::start(source)?, trace.track("gaze"));
+        let tracker = PupilTracker::start(stream, estimator, Arc::clone(&counts), notes.clone(), track)?;
         let tracker = Arc::new(tracker);
-        Ok(Self { watch: Watch::Tracker(Arc::clone(&tracker)), tracker: Some(tracker), truth, name, may_be_silent })
+        let watch = Watch::Tracker(Arc::clone(&tracker));
+        Ok(Self { watch, tracker: Some(tracker), truth, name, may_be_silent, counts })
     }
 }
 
@@ -365,7 +371,7 @@ impl Live {
         };
         let set_ns = display.rate.time_of_ns(i64::try_from(set_frames).unwrap_or(i64::MAX));
         let sub_frames = sub_frames_of(&colors) as u64;
-        let FollowedEye { watch, tracker, truth, name, may_be_silent } =
+        let FollowedEye { watch, tracker, truth, name, may_be_silent, counts } =
             FollowedEye::start(tracking, whole, notes, &trace)?;
         let showing = scenes.as_ref().map(|scenes| Showing::new(scenes.describe()));
         let timing = Arc::new(AtomicCell::new(SetTiming::new(period_ns).rolling(if rolls { set_frames } else { 1 })));
@@ -413,6 +419,7 @@ impl Live {
             source,
             refinement,
             tracker,
+            counts,
             showing,
             keeping,
             first_is_to_come: whole_of_none.is_some(),

@@ -116,6 +116,7 @@ pub use output::{Output, SinkFile};
 pub use pattern_output::PatternOutput;
 pub use play::Play;
 pub use player::{Command, PresentedFrame};
+pub use pupil_tracker::TrackerCounts;
 pub use report::{Report, Timing};
 pub use scenes::{Due, Newest, SceneFrame, Scenes, Supply};
 pub use set_timing::{SetTiming, Target};

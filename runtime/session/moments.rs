@@ -13,6 +13,9 @@ const STEADY: f64 = 0.5;
 const STEADY_PIXELS: f64 = 1.0;
 /// Frames farther apart say nothing of each other, seconds.
 const APART: f64 = 0.15;
+/// Frames nearer in time than this show one moment: two answers to requests for one light differ by a nanosecond, and one
+/// pixel in that would be 16,666,666 pixels per set. Content has 480 frames per second at most.
+const ONE_MOMENT: f64 = 2e-3;
 /// So many intervals after its last frame content has stopped.
 const STOPPED: f64 = 2.5;
 /// Views from places farther apart than this show another parallax, metres.
@@ -38,6 +41,8 @@ pub(super) struct Moments {
     /// When the sub-frames of each colour are lit, and how long a set is, nanoseconds; none where that does not count.
     lit: Option<(Lighting, i64)>,
     seen: Option<Seen>,
+    /// Where the content was, radians, when the last displacement ended: at this time, nanoseconds.
+    since: Option<([f64; 2], i64)>,
     /// The last displacement, and the time between its frames, seconds; then, if the one before agrees, the velocity, radians a
     /// second.
     displaced: Option<([f64; 2], f64)>,
@@ -83,23 +88,36 @@ impl Moments {
         let Some(first) = colors.first().filter(|_| self.lit.is_some()) else { return };
         let new = view_of(&first.problem, shows_ns);
         let before = self.displaced.take();
-        let Some(last) = std::mem::replace(&mut self.seen, new) else { return };
+        let Some(last) = std::mem::replace(&mut self.seen, new) else {
+            self.since = Some((self.position, shows_ns));
+            return;
+        };
         let Some(new) = &self.seen else { return };
-        let elapsed = (new.shows_ns - last.shows_ns) as f64 * 1e-9;
+        let (from, since_ns) = self.since.unwrap_or((self.position, last.shows_ns));
+        let elapsed = new.shows_ns.saturating_sub(since_ns) as f64 * 1e-9;
         let near = (0..2).all(|i| (new.center[i] - last.center[i]).abs() <= SAME_PLACE);
         if !near && elapsed > 0.0 && elapsed <= APART {
             // The eye has moved, and the views with it: the content is taken to go on as it did.
-            self.position = [0, 1].map(|i| self.position[i] + self.velocity[i] * elapsed);
-            self.displaced = before;
+            self.position = [0, 1].map(|i| from[i] + self.velocity[i] * elapsed);
+            (self.displaced, self.since) = (before, Some((self.position, new.shows_ns)));
             return;
         }
-        let moved = Some(()).filter(|()| elapsed > 0.0 && elapsed <= APART && new.size == last.size);
+        let moved = Some(()).filter(|()| elapsed > -ONE_MOMENT && elapsed <= APART && new.size == last.size);
         let moved = moved.and_then(|()| displacement(&last.picture, &new.picture, new.size));
         let moved = moved.map(|pixels| pixels.map(|d| d * new.pixel));
         let Some(moved) = moved else {
             self.cut();
             return;
         };
+        // Phases go where the picture went.
+        self.position = [0, 1].map(|i| self.position[i] + moved[i]);
+        if elapsed < ONE_MOMENT {
+            // The same moment again, a little elsewhere. That is no velocity.
+            self.displaced = before;
+            return;
+        }
+        let moved = [0, 1].map(|i| self.position[i] - from[i]);
+        self.since = Some((self.position, new.shows_ns));
         let speed = |(d, s): ([f64; 2], f64)| d.map(|v| v / s);
         let steady = before.is_some_and(|before| {
             let (was, is) = (speed(before), speed((moved, elapsed)));
@@ -107,11 +125,9 @@ impl Moments {
             off <= STEADY * is[0].hypot(is[1]) + STEADY_PIXELS * self.pixel / elapsed
         });
         if steady {
-            self.position = [0, 1].map(|i| self.position[i] + moved[i]);
             self.velocity = speed((moved, elapsed));
         } else {
-            // A jump, or the beginning of a motion: phases go where the picture went, and nothing is foreseen.
-            self.position = [0, 1].map(|i| self.position[i] + moved[i]);
+            // A jump, or the beginning of a motion: nothing is foreseen.
             (self.velocity, self.trusted) = ([0.0; 2], false);
         }
         self.displaced = Some((moved, elapsed));
@@ -120,6 +136,7 @@ impl Moments {
     /// Other content, which begins where it is.
     fn cut(&mut self) {
         (self.displaced, self.velocity, self.trusted) = (None, [0.0; 2], false);
+        self.since = self.seen.as_ref().map(|seen| (self.position, seen.shows_ns));
         self.carried.fill(self.position);
     }
 
@@ -290,6 +307,35 @@ mod tests {
         // Another picture is another content.
         moments.follow(&frame(&display, 0, 2), 5 * frame_ns);
         assert!(moments.motion(5 * frame_ns, &eye(None)).is_still() && moments.carry(5 * frame_ns, 0).is_none());
+    }
+
+    /// Two answers to requests for one light, whose moments differ by nanoseconds: a pixel between them is no velocity, and the
+    /// motion of the content stays what it is.
+    #[test]
+    fn two_frames_of_one_light_are_no_motion() {
+        let display = display();
+        let encoder = Encoder::new(&display, &[Color::Green], 8).unwrap();
+        let frame_ns = 2 * SET_NS;
+        for gap_ns in [1, -1, 0, 2, 50, -50, 1000, 100_000, 1_000_000, -1_000_000, 1_999_000] {
+            for (apart, moving) in [(0, 4), (1, 4), (1, 0), (2, 0)] {
+                let mut moments = Moments::of(encoder.lighting(false), SET_NS, frame(&display, 0, 1)[0].problem.pixel());
+                for k in 0..6i64 {
+                    let shift = (moving * k) as usize;
+                    moments.follow(&frame(&display, shift, 1), k * frame_ns);
+                    for again in [false, true] {
+                        let [x, y] = moments.motion(k * frame_ns, &eye(None)).content;
+                        let want = if k < 2 { 0.0 } else { moving as f64 / 2.0 };
+                        // What the second answer shows elsewhere is taken back by the next frame.
+                        assert!((x - want).abs() < 0.1 && y.abs() < 0.1, "{gap_ns} ns, {apart} px, {k} {again}: {x}");
+                        moments.follow(&frame(&display, shift + apart, 1), k * frame_ns + gap_ns);
+                    }
+                    moments.carry(k * frame_ns, 0);
+                    moments.carried(true);
+                    let stands = (moments.carried[0][0] / moments.pixel).round() as i64;
+                    assert_eq!(stands, moving * k + apart as i64, "phases go where the picture went");
+                }
+            }
+        }
     }
 
     /// Of sets that roll, what was lit moves on by a set's motion for its next turn, and what is still to be lit stays.

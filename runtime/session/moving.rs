@@ -76,7 +76,8 @@ impl MovingSequence {
         };
         let shared = Arc::new(Shared::default());
         let state = Arc::clone(&shared);
-        let begun = first.clone();
+        let first = Arc::new(first);
+        let begun = Arc::clone(&first);
         let thread = std::thread::Builder::new()
             .name("eyebox reads scenes".into())
             .spawn(move || Reader { sequence, load, count, looped, out, shared: state }.run(begun))
@@ -87,7 +88,7 @@ impl MovingSequence {
         let (timeline, ahead, thread) = (None, None, Some(thread));
         let (first_light_ns, shown) = (0, 0);
         let all = Self { name, rate, count, looped, timeline, first_light_ns, shown, arriving, ahead, shared, thread };
-        Ok((all, first))
+        Ok((all, Arc::unwrap_or_clone(first)))
     }
 
     /// The next that is read, waiting for it where time waits.
@@ -196,7 +197,7 @@ struct Reader {
 }
 
 impl Reader {
-    fn run(mut self, first: Vec<SteeredColor>) {
+    fn run(mut self, first: Arc<Vec<SteeredColor>>) {
         let mut kept = HashMap::from([(0, first)]);
         let mut bytes = 0;
         let mut position = 0;
@@ -207,15 +208,15 @@ impl Reader {
             }
             let index = position % self.count;
             let read = match kept.get(&index) {
-                Some(colors) => Ok(colors.clone()),
-                None => self.load(index),
+                Some(colors) => Ok(Arc::clone(colors)),
+                None => self.load(index).map(Arc::new),
             };
             if let (Ok(colors), true) = (&read, self.looped && !kept.contains_key(&index)) {
                 let size = |c: &SteeredColor| c.problem.pyramid.bytes() + 4 * c.phases.len();
                 let more = colors.iter().map(size).sum::<usize>();
                 if bytes + more <= KEPT {
                     bytes += more;
-                    kept.insert(index, colors.clone());
+                    kept.insert(index, Arc::clone(colors));
                 }
             }
             let mut item = read.map(|colors| SceneFrame {

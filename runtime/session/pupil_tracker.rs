@@ -3,10 +3,12 @@
 use super::error::SessionError;
 use super::notes::Notes;
 use super::trace::Track;
-use crate::gaze::place::Refusal;
+use crate::gaze::place::{Counts, Refusal};
 use crate::gaze::{Estimator, EyeVelocity};
 use crate::optics::PupilDistribution;
-use crate::trackers::{Sample, Stream, now_ns};
+use crate::trackers::{Dropped, Sample, Stream, now_ns};
+use crossbeam_utils::atomic::AtomicCell;
+use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -31,20 +33,33 @@ impl PupilEstimate {
     }
 }
 
-/// What a tracker has said so far.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Heard {
-    /// How many samples.
-    pub samples: u64,
-    /// How many of them told where the pupil is.
-    pub believed: u64,
-    /// Why the newest of the others did not.
-    pub refusal: Option<Refusal>,
+/// The samples of a tracker so far.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub struct TrackerCounts {
+    /// Samples by what became of them.
+    pub samples: Counts,
+    /// What was dropped before it was a sample, or of one.
+    pub dropped: Dropped,
 }
+
+impl TrackerCounts {
+    /// The counts for statistics, by reason.
+    pub fn to_json(&self) -> Value {
+        let refused: Value = Refusal::ALL.iter().zip(self.samples.refused).map(|(r, n)| (r.key(), json!(n))).collect();
+        let (received, placed) = (self.samples.samples(), self.samples.placed);
+        json!({ "received": received, "placed": placed, "refused": refused, "dropped": self.dropped })
+    }
+}
+
+/// Refusals of one reason before it is said: blinks and single artefacts are usual.
+const SAY: u64 = 20;
 
 struct State {
     estimator: Estimator,
-    heard: Heard,
+    counts: Arc<AtomicCell<TrackerCounts>>,
+    /// Reasons that were said.
+    said: [bool; Refusal::ALL.len()],
     newest: Option<[u64; 3]>,
     /// Where the pupil was measured, for looking back: (time, position).
     places: VecDeque<(u64, [f64; 2])>,
@@ -68,18 +83,19 @@ fn locked(state: &Mutex<State>) -> MutexGuard<'_, State> {
 }
 
 impl PupilTracker {
-    /// Takes the samples of `stream` through `estimator`; `notes` are told what it says, `track` traces it.
+    /// Takes the samples of `stream` through `estimator` and counts them. `notes` receive its messages, `track` traces it.
     ///
     /// # Errors
     /// [`SessionError::Thread`].
     pub(super) fn start(
         stream: Stream,
         estimator: Estimator,
+        counts: Arc<AtomicCell<TrackerCounts>>,
         notes: Notes,
         mut track: Track,
     ) -> Result<Self, SessionError> {
         let places = VecDeque::with_capacity(REMEMBERED);
-        let state = Arc::new(Mutex::new(State { estimator, heard: Heard::default(), newest: None, places }));
+        let state = Arc::new(Mutex::new(State { estimator, counts, said: Default::default(), newest: None, places }));
         let stop = Arc::new(AtomicBool::new(false));
         let (theirs, stopped) = (Arc::clone(&state), Arc::clone(&stop));
         let thread = std::thread::Builder::new()
@@ -95,7 +111,9 @@ impl PupilTracker {
                     let status = stream.status();
                     if let Some(sample) = stream.next(PATIENCE) {
                         let begun = Instant::now();
-                        locked(&theirs).take(&sample);
+                        if let Some(note) = locked(&theirs).take(&sample, status.source) {
+                            notes.tell(note);
+                        }
                         track.span("filter", count, begun);
                         count += 1;
                         continue;
@@ -136,11 +154,6 @@ impl PupilTracker {
         })
     }
 
-    /// What the tracker has said so far.
-    pub(super) fn heard(&self) -> Heard {
-        locked(&self.state).heard
-    }
-
     /// Whether what was measured reaches this time.
     pub fn reaches(&self, time_ns: u64) -> bool {
         locked(&self.state).places.back().is_some_and(|p| p.0 >= time_ns)
@@ -160,13 +173,11 @@ impl Drop for PupilTracker {
 }
 
 impl State {
-    fn take(&mut self, sample: &Sample) {
+    /// Takes a sample; a note, if one reason has refused many.
+    fn take(&mut self, sample: &Sample, dropped: Dropped) -> Option<String> {
         let stages = self.estimator.update(sample);
-        self.heard.samples += 1;
-        match &stages.placed {
-            Ok(_) => self.heard.believed += 1,
-            Err(refusal) => self.heard.refusal = Some(*refusal),
-        }
+        let samples = self.estimator.counts();
+        self.counts.store(TrackerCounts { samples, dropped });
         if let Ok(placed) = &stages.placed {
             // A clock that went back begins a new memory.
             if self.places.back().is_some_and(|p| p.0 >= placed.time_ns) {
@@ -178,5 +189,12 @@ impl State {
             self.places.push_back((placed.time_ns, placed.position));
         }
         self.newest = Some([sample.time_ns, sample.received_ns, now_ns()]);
+        let refusal = stages.placed.err().filter(|r| !matches!(r, Refusal::NotSeen | Refusal::Confidence))?;
+        let count = samples.refused[refusal as usize];
+        if count < SAY || std::mem::replace(&mut self.said[refusal as usize], true) {
+            return None;
+        }
+        let which = sample.readings().find(|r| r.1.valid).map_or(String::new(), |(eye, r)| format!(", such as {eye} {r}"));
+        Some(format!("{count} of {} samples of the tracker are refused: {refusal}{which}", samples.samples()))
     }
 }

@@ -31,8 +31,11 @@ use std::time::{Duration, Instant};
 
 /// Slack before a set is decided on: handing over takes no time, but threads wake late.
 const SLACK: Duration = Duration::from_micros(500);
-/// A lost engine is made anew so often.
+/// A lost engine is made anew so often, with this pause after an attempt that failed: a driver takes seconds to reset.
 const ATTEMPTS: u32 = 3;
+const PAUSE: Duration = Duration::from_secs(1);
+/// After so many sets an engine has worked, and its loss is a new one.
+const WORKED_SETS: u64 = 16;
 
 #[derive(Default)]
 struct Shared {
@@ -176,35 +179,60 @@ impl Refining {
     fn live(mut self) -> Track {
         let notes = self.options.notes.clone();
         let _note = notes.on_panic("refinement has ended by a fault of its own; the picture stays");
-        for _ in 0..ATTEMPTS {
+        let mut left = ATTEMPTS;
+        loop {
+            let before = self.number;
             let Err(error) = self.run() else { return self.options.track };
             self.sender.does(Repeat::EngineLost);
-            // What was in a lost device's memory is gone: the next frame brings other views.
+            if self.number - before >= WORKED_SETS {
+                left = ATTEMPTS;
+            }
+            // The memory of a lost device is gone: the next frame brings other views.
             self.scene.take_if(|scene| scene.is_lost());
-            let again = (self.options.again)().and_then(|(mut steerer, gpu)| {
-                match &self.scene {
-                    Some(SceneFrame { piece: Some(piece), colors, .. }) => drop(steerer.move_to(*piece, colors)?),
-                    Some(scene) => drop(steerer.follow(&scene.colors)?),
-                    None => {}
+            let mut reason = error.to_string();
+            loop {
+                if left == 0 {
+                    notes.tell(format!("refinement has ended: {reason}; the picture stays"));
+                    return self.options.track;
                 }
-                let device = device_encoder(&steerer, gpu, &self.encoder)?;
-                Ok((steerer, device))
-            });
-            match again {
-                Ok((steerer, device)) => {
-                    self.options.journal.iter().for_each(Journal::break_off);
-                    notes.tell(format!("refinement begins anew: {error}"));
-                    (self.steerer, self.device) = (steerer, device);
-                    self.options.moments.begun_again();
+                left -= 1;
+                match self.open_again() {
+                    Ok(()) => break,
+                    Err(error) => reason = format!("{reason}; making its engine anew failed: {error}"),
                 }
-                Err(_) => {
-                    notes.tell(format!("refinement has ended: {error}; the picture stays"));
+                if left > 0 && !self.pause() {
                     return self.options.track;
                 }
             }
+            notes.tell(format!("refinement begins anew: {reason}"));
         }
-        notes.tell(format!("refinement has ended: it failed {ATTEMPTS} times; the picture stays"));
-        self.options.track
+    }
+
+    /// Makes the engines anew, with the scene that is to be seen.
+    fn open_again(&mut self) -> Result<(), SessionError> {
+        let (mut steerer, gpu) = (self.options.again)()?;
+        match &self.scene {
+            Some(SceneFrame { piece: Some(piece), colors, .. }) => drop(steerer.move_to(*piece, colors)?),
+            Some(scene) => drop(steerer.follow(&scene.colors)?),
+            None => {}
+        }
+        let device = device_encoder(&steerer, gpu, &self.encoder)?;
+        (self.steerer, self.device) = (steerer, device);
+        self.options.journal.iter().for_each(Journal::break_off);
+        self.options.moments.begun_again();
+        Ok(())
+    }
+
+    /// Waits before another attempt: whether there is to be one.
+    fn pause(&self) -> bool {
+        let begun = Instant::now();
+        while begun.elapsed() < PAUSE {
+            if self.shared.stop.load(Ordering::Acquire) {
+                return false;
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        true
     }
 
     /// Until it is stopped, on the system's clock.

@@ -107,7 +107,7 @@ impl Scripted {
 pub(super) fn samples(eye: EyeSettings) -> Watch {
     let source = SimulatedSource::starting(eye, false, 0).unwrap();
     let estimator = Estimator::new(GazeSettings::default(), None).unwrap();
-    Watch::Samples(Box::new(Samples::new(Box::new(source), estimator)))
+    Watch::Samples(Box::new(Samples::new(Box::new(source), estimator, Arc::default())))
 }
 
 /// An application that gives so many frames a second while it is alive, but for stalls: times in nanoseconds.
@@ -161,7 +161,7 @@ impl Scenes for Application {
         self.given = Some(number);
         let color = self.scenes[(number % LIFE) as usize % self.scenes.len()].clone();
         let (arrived_ns, shows_ns) = (Some(arrived_ns), Some(arrived_ns));
-        Ok(Newest::New(SceneFrame { number, colors: vec![color], arrived_ns, shows_ns, piece: None }))
+        Ok(Newest::New(SceneFrame { number, colors: Arc::new(vec![color]), arrived_ns, shows_ns, piece: None }))
     }
 
     fn begins_with_one(&self) -> bool {

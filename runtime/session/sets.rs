@@ -215,13 +215,20 @@ impl LiveSource {
     }
 }
 
+/// Whether there will be no more sets and none waits. The end is read first: a set that was handed over before it is then
+/// seen to wait.
+fn is_over(ended: impl FnOnce() -> bool, none_waits: impl FnOnce() -> bool) -> bool {
+    ended() && none_waits()
+}
+
 impl Content for LiveSource {
     fn readiness(&self, _position: u64) -> Readiness {
         if self.fresh.is_some() || self.on_screen.is_some() { Readiness::Ready } else { Readiness::Unread }
     }
 
     fn end(&self) -> Option<u64> {
-        (self.fresh.is_none() && self.newest.is_empty() && self.over.load(Ordering::Acquire)).then_some(0)
+        let over = || self.over.load(Ordering::Acquire);
+        is_over(over, || self.fresh.is_none() && self.newest.is_empty()).then_some(0)
     }
 }
 
@@ -263,4 +270,29 @@ impl SetSource for LiveSource {
     }
 
     fn seek(&mut self, _index: u64) {}
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::cell::Cell;
+
+    /// Whatever happens between two reads: a set that is handed over before the end is shown before it.
+    #[test]
+    fn a_set_handed_over_between_two_reads_is_not_lost() {
+        // Reads before the set is handed over, and before the end is said.
+        for (before_set, before_end) in (0..4).flat_map(|set| (set..4).map(move |end| (set, end))) {
+            let (reads, waits, over) = (Cell::new(0), Cell::new(false), Cell::new(false));
+            let read = |value: &dyn Fn() -> bool| {
+                waits.set(waits.get() || reads.get() >= before_set);
+                over.set(over.get() || reads.get() >= before_end);
+                let found = value();
+                reads.set(reads.get() + 1);
+                found
+            };
+            let ended = is_over(|| read(&|| over.get()), || read(&|| !waits.get()));
+            assert!(!ended, "the set after {before_set} reads, the end after {before_end}");
+        }
+        assert!(is_over(|| true, || true));
+    }
 }

@@ -2,6 +2,7 @@
 
 use super::account::Repeat;
 use super::latency::Latency;
+use super::pupil_tracker::TrackerCounts;
 use super::report::Report;
 use super::showing::Showing;
 use super::steerer::Policy;
@@ -92,6 +93,8 @@ impl Default for Statistics {
 pub struct LiveStatistics {
     /// The tracker, for people.
     pub tracker: String,
+    /// What became of its samples.
+    pub samples: TrackerCounts,
     /// How the hologram followed.
     pub policy: Policy,
     /// Sets that were new when they were decided on.
@@ -130,7 +133,7 @@ impl Statistics {
             let repeats: Value = Repeat::ALL.iter().zip(live.repeats).map(|(r, n)| (name(r), json!(n))).collect();
             let [first, again] = live.sub_frames;
             all = json!({
-                "playback": all, "tracker": live.tracker, "sets_new": live.sets_new,
+                "playback": all, "tracker": live.tracker, "samples": live.samples.to_json(), "sets_new": live.sets_new,
                 "sets_repeated": live.sets_repeated, "repeated_because": repeats, "sets_roll": live.rolls,
                 "sub_frames": { "first_light": first, "again": again }, "steps": live.steps, "restarts": live.restarts,
                 "sets_moving": live.sets_moving, "phases_moved": live.phases_moved,

@@ -23,7 +23,7 @@ use crate::trackers::{
 };
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 /// A tracker that says what a test wants.
@@ -64,7 +64,7 @@ fn late(received_ns: u64) -> Event {
 fn follow(notes: &Notes, script: impl FnMut(u64) -> Option<Event> + Send + 'static) -> PupilTracker {
     let stream = Stream::start(Box::new(Scripted(Box::new(script), 0))).unwrap();
     let estimator = Estimator::new(GazeSettings::default(), None).unwrap();
-    PupilTracker::start(stream, estimator, notes.clone(), Trace::none().track("gaze")).unwrap()
+    PupilTracker::start(stream, estimator, Arc::default(), notes.clone(), Trace::none().track("gaze")).unwrap()
 }
 
 fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
@@ -196,8 +196,10 @@ fn failing(calls: usize) -> Box<dyn Engine> {
 
 #[test]
 fn an_engine_that_is_lost_is_made_anew_and_then_given_up() {
-    let whole = part();
+    let (whole, opened) = (part(), Arc::new(AtomicU64::new(0)));
+    let count = Arc::clone(&opened);
     let short = move || {
+        count.fetch_add(1, Ordering::Relaxed);
         let steerer = Steerer::new(vec![whole.clone()], Policy::default(), || Ok(failing(4)))?;
         Ok((steerer, None))
     };
@@ -215,8 +217,83 @@ fn an_engine_that_is_lost_is_made_anew_and_then_given_up() {
     });
     let messages: Vec<String> = std::iter::from_fn(|| notes.take()).collect();
     let anew = messages.iter().filter(|m| m.contains("anew") && m.contains("a test was lost")).count();
-    assert!(anew >= 2 && messages.last().is_some_and(|m| m.contains("the picture stays")), "{messages:?}");
+    assert_eq!((anew, opened.load(Ordering::Relaxed)), (3, 4), "three times anew: {messages:?}");
+    assert!(messages.last().is_some_and(|m| m.contains("the picture stays")), "{messages:?}");
     assert!(source.on_screen().is_some());
+}
+
+/// Refines with engines of `again` until `done`, which gets the number of new sets since the beginning: the notes, and whether it
+/// still runs.
+fn refines_until(
+    again: impl FnMut() -> Result<(Steerer, Option<Gpu>), SessionError> + Send + 'static,
+    mut done: impl FnMut(u64, &[String]) -> bool,
+) -> (Vec<String>, bool) {
+    let tracker = Arc::new(follow(&Notes::default(), |_| None));
+    let clock = RealClock::start();
+    let timing = Arc::new(AtomicCell::new(SetTiming::new(16_666_667)));
+    let options = options(tracker, clock, &timing, again);
+    let notes = options.notes.clone();
+    let (refinement, mut source) = Refinement::start(encoder(), options).unwrap();
+    let (mut messages, mut sets) = (Vec::new(), 0);
+    wait_for("what refinement does with lost engines", || {
+        timing.store(timing.load().after(clock.now_ns() + 2_000_000, clock.now_ns()));
+        source.poll(0).unwrap();
+        source.show(0);
+        sets += u64::from(source.newly_shown().is_some());
+        messages.extend(std::iter::from_fn(|| notes.take()));
+        done(sets, &messages) || !refinement.is_running()
+    });
+    (messages, refinement.is_running())
+}
+
+/// An engine that has worked may be lost again: three times is for one loss, not for a lifetime.
+#[test]
+fn an_engine_that_has_worked_is_made_anew_any_number_of_times() {
+    let (whole, lose) = (part(), Arc::new(AtomicBool::new(false)));
+    let lost = Arc::clone(&lose);
+    let again = move || {
+        let lost = Arc::clone(&lost);
+        let fails = move || match lost.swap(false, Ordering::Relaxed) {
+            true => Err(EngineError::DeviceLost { device: "a test".into(), during: "compare".into() }),
+            false => Ok(()),
+        };
+        let engine = move || Ok(Box::new(Watched(CpuEngine::new(), fails.clone())) as Box<dyn Engine>);
+        Ok((Steerer::new(vec![whole.clone()], Policy::default(), engine)?, None))
+    };
+    let (mut losses, mut since) = (0, 0);
+    let (messages, runs) = refines_until(again, |sets, messages| {
+        // Only sets that a working engine made count: the first after a loss may be one of before.
+        if messages.len() == losses && sets > since + 24 {
+            if losses == 6 {
+                return true;
+            }
+            (losses, since) = (losses + 1, sets);
+            lose.store(true, Ordering::Relaxed);
+        }
+        since = if messages.len() < losses { sets } else { since };
+        false
+    });
+    assert!(runs && messages.len() == 6, "{messages:?}");
+}
+
+/// Opening an engine again may fail for a while: it is tried three times, and why it failed is said.
+#[test]
+fn a_failed_opening_is_tried_again_and_its_reason_is_said() {
+    for fail in [1, 2, 3] {
+        let (whole, opened) = (part(), Arc::new(AtomicU64::new(0)));
+        let count = Arc::clone(&opened);
+        let again = move || {
+            let nth = count.fetch_add(1, Ordering::Relaxed);
+            if (1..=fail).contains(&nth) {
+                return Err(SessionError::Setting(format!("no device at attempt {nth}")));
+            }
+            let engine = || Ok(if nth == 0 { failing(4) } else { Box::new(CpuEngine::new()) as Box<dyn Engine> });
+            Ok((Steerer::new(vec![whole.clone()], Policy::default(), engine)?, None))
+        };
+        let (messages, runs) = refines_until(again, |_, messages| !messages.is_empty());
+        assert_eq!((runs, opened.load(Ordering::Relaxed)), (fail < 3, 4.min(fail + 2)), "{messages:?}");
+        assert!((1..=fail).all(|n| messages[0].contains(&format!("attempt {n}"))), "{messages:?}");
+    }
 }
 
 /// Engines of three colours and the encoder share a device: sets come from phases that are never read back, and for a display

@@ -1,10 +1,11 @@
 //! Who is asked where the pupil will be.
 
 use super::error::SessionError;
-use super::pupil_tracker::{PupilEstimate, PupilTracker};
+use super::pupil_tracker::{PupilEstimate, PupilTracker, TrackerCounts};
 use crate::gaze::Estimator;
 use crate::optics::PupilDistribution;
 use crate::trackers::{Event, Sample, Source};
+use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -49,12 +50,17 @@ pub(super) struct Samples {
     waiting: Option<Sample>,
     /// When the newest was taken, had arrived and had gone through the filter.
     newest: Option<[u64; 3]>,
+    counts: Arc<AtomicCell<TrackerCounts>>,
 }
 
 impl Samples {
     /// From a source that does not wait for real time.
-    pub(super) fn new(source: Box<dyn Source>, estimator: Estimator) -> Self {
-        Self { source, estimator, waiting: None, newest: None }
+    pub(super) fn new(
+        source: Box<dyn Source>,
+        estimator: Estimator,
+        counts: Arc<AtomicCell<TrackerCounts>>,
+    ) -> Self {
+        Self { source, estimator, waiting: None, newest: None, counts }
     }
 
     /// Takes what has arrived by now.
@@ -75,6 +81,7 @@ impl Samples {
                 return Ok(());
             }
             self.estimator.update(&sample);
+            self.counts.store(TrackerCounts { samples: self.estimator.counts(), dropped: self.source.dropped() });
             self.newest = Some([sample.time_ns, sample.received_ns, sample.received_ns]);
         }
     }

@@ -31,6 +31,26 @@ pub enum TrackerError {
         /// What is wrong.
         reason: String,
     },
+    /// Times of a recording without a unit, of which no tracker's rate or several are plausible.
+    #[error(
+        "{file}: its times advance by {step} per sample, which does not show their unit. Add it to the first line, as in \"t_unit\": \"ms\" (s, ms, us or ns)"
+    )]
+    TimeUnit {
+        /// The file.
+        file: String,
+        /// The usual step from one time to the next, in their unit.
+        step: f64,
+    },
+    /// Positions that are plausible in another unit only.
+    #[error(
+        "{name}: its pupil moves within {largest_mm:.4} mm, which no eye does. If positions are in metres, add \"unit\": \"m\" to them; if they are in millimetres, \"unit\": \"mm\""
+    )]
+    PositionUnit {
+        /// The file or the address.
+        name: String,
+        /// The largest coordinate, in the unit that was taken.
+        largest_mm: f64,
+    },
     /// A setting of a source.
     #[error("{0}")]
     Setting(String),

@@ -1,4 +1,4 @@
-//! Samples as JSON, one object a line: what datagrams carry, and what is recorded of sources without reports.
+//! Samples as JSON, one object per line: the content of datagrams, and of recordings of sources without reports.
 //!
 //! ```json
 //! {"t": 12.345, "x": 1.5, "y": -0.2, "diameter": 4.1}
@@ -6,70 +6,73 @@
 //! {"t": 12.345, "left": {"x": 1.5, "y": -0.2, "confidence": 0.9}, "right": {"x": 1.4, "y": -0.2, "valid": false}}
 //! ```
 //!
-//! `t` is the sender's time in seconds, of any clock that is steady; without it the arrival counts. A position has `x`
-//! and `y`, and may have `z`, `unit` (`mm`, `deg`, `normalized`, `counts`; default `mm`), `what` (`pupil` or `gaze`;
-//! default `pupil`), `vx` and `vy` (how fast it moves, `unit` a second: both or none), `diameter` (mm), `confidence` (0 to 1)
-//! and `valid`. It stands at the top, or under `left`, `right`
-//! and `combined`. Beside it, at the top, `focus_d` is what the eyes focus at, dioptres; without it, `ipd_mm`, the distance
-//! between the eyes, makes a focus of where both look (`what` `gaze`, `unit` `deg`). What else an object has is ignored.
+//! `t` is the sender's time. Its clock may begin anywhere. `t_unit` is `s`, `ms`, `us` or `ns`. Without it, eyebox
+//! finds the unit from the clock's rate. A position has `x` and `y`, and may have `z`, `unit` (`mm`, `m`, `deg`,
+//! `normalized`, `counts`; default `mm`), `what` (`pupil` or `gaze`; default `pupil`), `vx` and `vy` (its velocity, `unit`
+//! per second: both or none), `diameter` (mm; with `unit` `m` also metres), `confidence` (0 to 1) and `valid`. It is at
+//! the top, or under `left`, `right` and `combined`. At the top, `focus_d` is the eyes' focus, diopters. Without it,
+//! `ipd_mm`, the distance between the eyes, gives the focus from both directions (`what` `gaze`, `unit` `deg`). A value
+//! of `null` or `NaN` is unknown. Other keys are ignored.
 
-use super::{About, Event, Quantity, Reading, Sample, Source, TrackerError, Unit, now_ns};
-use serde::{Deserialize, Serialize};
-use std::collections::VecDeque;
-use std::io::{BufRead, BufReader, Read};
-use std::path::Path;
-use std::time::Duration;
+use super::time_unit::TimeUnit;
+use super::{Quantity, Reading, Sample, Unit};
+use serde::{Deserialize, Deserializer, Serialize};
+
+mod replay;
+
+pub use replay::LineSource;
 
 /// Longest line, bytes.
 pub(crate) const LONGEST_LINE: usize = 2048;
 
-#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum UnitText {
-    #[default]
     Mm,
+    M,
     Deg,
     Normalized,
     Counts,
 }
 
-#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum WhatText {
-    #[default]
     Pupil,
     Gaze,
 }
 
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 struct ReadingText {
-    x: Option<f64>,
-    y: Option<f64>,
+    /// The outer option is whether the key is there, the inner one whether its value is known.
+    #[serde(default, deserialize_with = "present")]
+    x: Option<Option<f64>>,
+    #[serde(default, deserialize_with = "present")]
+    y: Option<Option<f64>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     z: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     vx: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     vy: Option<f64>,
-    #[serde(default)]
-    unit: UnitText,
-    #[serde(default)]
-    what: WhatText,
+    unit: Option<UnitText>,
+    what: Option<WhatText>,
     #[serde(skip_serializing_if = "Option::is_none")]
     diameter: Option<f64>,
-    #[serde(default = "one")]
-    confidence: f64,
-    #[serde(default = "yes")]
-    valid: bool,
+    confidence: Option<f64>,
+    #[serde(default, deserialize_with = "flag")]
+    valid: Option<bool>,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
 struct SampleText {
     t: Option<f64>,
+    #[serde(skip_serializing)]
+    t_unit: Option<TimeUnit>,
     #[serde(skip_serializing_if = "Option::is_none")]
     received: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    tracker_ns: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none", skip_deserializing)]
+    tracker_ns: Option<i64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     focus_d: Option<f64>,
     #[serde(skip_serializing)]
@@ -82,36 +85,51 @@ struct SampleText {
     combined: Option<ReadingText>,
 }
 
-fn one() -> f64 {
-    1.0
+fn present<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Option<f64>>, D::Error> {
+    Option::deserialize(from).map(Some)
 }
 
-fn yes() -> bool {
-    true
+/// A truth value, also as a number: trackers send their validity as 0 and 1.
+fn flag<'de, D: Deserializer<'de>>(from: D) -> Result<Option<bool>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Flag {
+        Truth(bool),
+        Number(f64),
+    }
+    Ok(Option::deserialize(from)?.map(|flag| match flag {
+        Flag::Truth(truth) => truth,
+        Flag::Number(number) => number != 0.0,
+    }))
 }
+
+/// Smaller diameters are metres where positions are.
+const SMALLEST_MM: f64 = 0.1;
 
 impl ReadingText {
     fn reading(self) -> Reading {
-        let (unit, scale) = match self.unit {
+        let (unit, scale) = match self.unit.unwrap_or(UnitText::Mm) {
             UnitText::Mm => (Unit::Metres, 1e-3),
+            UnitText::M => (Unit::Metres, 1.0),
             UnitText::Deg => (Unit::Radians, 1f64.to_radians()),
             UnitText::Normalized => (Unit::Normalized, 1.0),
             UnitText::Counts => (Unit::Counts, 1.0),
         };
-        let quantity = match self.what {
+        let quantity = match self.what.unwrap_or(WhatText::Pupil) {
             WhatText::Pupil => Quantity::Pupil,
             WhatText::Gaze => Quantity::Gaze,
         };
-        let position = [self.x, self.y].map(|v| v.map_or(f64::NAN, |v| v * scale));
+        let position = [self.x, self.y].map(|v| v.flatten().map_or(f64::NAN, |v| v * scale));
+        let in_metres = |d: f64| matches!(self.unit, Some(UnitText::M)) && d < SMALLEST_MM;
         Reading {
             quantity,
             unit,
             position,
             distance: self.z.map(|z| z * scale),
             velocity: self.vx.zip(self.vy).map(|(x, y)| [x * scale, y * scale]),
-            diameter: self.diameter.map(|d| d * 1e-3),
-            valid: self.valid,
-            confidence: self.confidence,
+            diameter: self.diameter.map(|d| if in_metres(d) { d } else { d * 1e-3 }),
+            valid: self.valid.unwrap_or(true),
+            confidence: self.confidence.unwrap_or(1.0),
         }
         .checked()
     }
@@ -125,7 +143,7 @@ impl ReadingText {
         };
         // To a billionth, so that 1.5 mm are not written as 1.5000000000000002.
         let scaled = |v: f64| (v * scale * 1e9).round() / 1e9;
-        let [x, y] = reading.position.map(|v| reading.valid.then(|| scaled(v)));
+        let [x, y] = reading.position.map(|v| Some(reading.valid.then(|| scaled(v))));
         let velocity = reading.velocity.filter(|_| reading.valid).map(|v| v.map(scaled));
         Self {
             x,
@@ -133,43 +151,49 @@ impl ReadingText {
             z: reading.distance.filter(|_| reading.valid).map(scaled),
             vx: velocity.map(|v| v[0]),
             vy: velocity.map(|v| v[1]),
-            unit,
-            what: if reading.quantity == Quantity::Gaze { WhatText::Gaze } else { WhatText::Pupil },
+            unit: Some(unit),
+            what: Some(if reading.quantity == Quantity::Gaze { WhatText::Gaze } else { WhatText::Pupil }),
             diameter: reading.diameter.map(|d| (d * 1e12).round() / 1e9),
-            confidence: reading.confidence,
-            valid: reading.valid,
+            confidence: Some(reading.confidence),
+            valid: Some(reading.valid),
         }
     }
 }
 
-/// A line, understood: the sender's time in seconds, when it says that it received it, and the readings.
+/// A line that was read: the sender's times, and the readings.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Line {
-    /// Seconds of the sender's clock.
-    pub seconds: Option<f64>,
-    /// Of the same clock, in recorded lines.
+    /// Time of the sender's clock, in its unit.
+    pub time: Option<f64>,
+    /// The unit of its times, if the line states one.
+    pub time_unit: Option<TimeUnit>,
+    /// When a recorded line arrived, in the same clock and unit.
     pub received: Option<f64>,
     /// Left, right, combined.
     pub readings: [Option<Reading>; 3],
-    /// What the eyes focus at, dioptres.
+    /// Whether any reading states the unit of its position.
+    pub states_unit: bool,
+    /// The eyes' focus, diopters.
     pub focus_dioptres: Option<f64>,
 }
 
 impl Line {
-    /// The sample that it is, with its times.
-    pub(super) fn sample(self, time_ns: u64, received_ns: u64, tracker_ns: Option<u64>) -> Sample {
+    /// The sample with these times.
+    pub(super) fn sample(self, time_ns: u64, received_ns: u64, tracker_ns: Option<i64>) -> Sample {
         let [left, right, combined] = self.readings;
         Sample { time_ns, received_ns, tracker_ns, left, right, combined, focus_dioptres: self.focus_dioptres }
     }
 }
 
-/// Dioptres that eyes focus at; what is beyond is a mistake of the tracker.
+/// Diopters that eyes focus at. Values beyond are mistakes of the tracker.
 const FOCUS: std::ops::RangeInclusive<f64> = -10.0..=30.0;
 /// Distances between eyes, mm.
 const BETWEEN_EYES: std::ops::RangeInclusive<f64> = 40.0..=85.0;
+/// Times beyond this are no times in any unit: 300 years of nanoseconds.
+const LATEST: f64 = 1e19;
 
-/// What two eyes that are so far apart (mm) focus at, dioptres, where they look at one point: the difference of the tangents
-/// of their directions, over their distance.
+/// The focus (diopters) of two eyes that are `apart_mm` apart and look at one point: the difference of the tangents of
+/// their directions, over their distance.
 fn vergence(left: Option<Reading>, right: Option<Reading>, apart_mm: f64) -> Option<f64> {
     let is_direction = |r: &Reading| r.valid && r.quantity == Quantity::Gaze && r.unit == Unit::Radians;
     let (left, right) = (left.filter(is_direction)?, right.filter(is_direction)?);
@@ -179,18 +203,27 @@ fn vergence(left: Option<Reading>, right: Option<Reading>, apart_mm: f64) -> Opt
 /// Reads one line.
 ///
 /// # Errors
-/// What is wrong with it.
+/// The reason, if it is no sample.
 pub fn parse(line: &[u8]) -> Result<Line, String> {
     if line.len() > LONGEST_LINE {
         return Err(format!("{} bytes: a line has {LONGEST_LINE} at most", line.len()));
     }
+    match read(line) {
+        // Python, C and others write numbers that JSON does not have.
+        Err(reason) => read(&without_nan(line).ok_or(reason)?),
+        read => read,
+    }
+}
+
+fn read(line: &[u8]) -> Result<Line, String> {
     let text: SampleText = serde_json::from_slice(line).map_err(|e| e.to_string())?;
     let mut combined = text.combined;
     if combined.is_none() && text.left.is_none() && text.right.is_none() {
         let top: ReadingText = serde_json::from_slice(line).map_err(|e| e.to_string())?;
-        combined = Some(top).filter(|t| t.x.is_some() || t.y.is_some() || !t.valid);
+        combined = Some(top).filter(|t| t.x.is_some() || t.y.is_some() || t.valid == Some(false));
     }
-    let readings = [text.left, text.right, combined].map(|r| r.map(ReadingText::reading));
+    let texts = [text.left, text.right, combined];
+    let readings = texts.map(|r| r.map(ReadingText::reading));
     if readings.iter().all(Option::is_none) {
         return Err("no position: expected x and y, at the top or under left, right or combined".into());
     }
@@ -199,8 +232,56 @@ pub fn parse(line: &[u8]) -> Result<Line, String> {
     }
     let focus = text.focus_d.or_else(|| vergence(readings[0], readings[1], text.ipd_mm?));
     let focus_dioptres = focus.filter(|focus| FOCUS.contains(focus));
-    let time = |t: Option<f64>| t.filter(|t| (0.0..1e10).contains(t));
-    Ok(Line { seconds: time(text.t), received: time(text.received), readings, focus_dioptres })
+    let time = |t: Option<f64>| t.filter(|t| t.abs() <= LATEST);
+    Ok(Line {
+        time: time(text.t),
+        time_unit: text.t_unit,
+        received: time(text.received),
+        readings,
+        states_unit: texts.iter().flatten().any(|t| t.unit.is_some()),
+        focus_dioptres,
+    })
+}
+
+/// The line with `null` for every NaN and infinity outside of its strings; none if it has neither.
+fn without_nan(line: &[u8]) -> Option<Vec<u8>> {
+    const WORDS: [&[u8]; 3] = [b"nan", b"inf", b"infinity"];
+    let (mut out, mut found, mut at) = (Vec::with_capacity(line.len() + 16), false, 0);
+    while let Some(byte) = line.get(at) {
+        let rest = &line[at..];
+        let length = match byte {
+            b'"' => {
+                let mut escaped = false;
+                let end = rest.iter().skip(1).position(|b| {
+                    let ends = *b == b'"' && !escaped;
+                    escaped = *b == b'\\' && !escaped;
+                    ends
+                });
+                end.map_or(rest.len(), |end| end + 2)
+            }
+            b if b.is_ascii_alphanumeric() => {
+                rest.iter().position(|b| !b.is_ascii_alphanumeric()).unwrap_or(rest.len())
+            }
+            _ => 1,
+        };
+        let word = &rest[..length];
+        if WORDS.iter().any(|w| word.eq_ignore_ascii_case(w)) {
+            if matches!(out.last(), Some(b'-' | b'+')) {
+                out.pop();
+            }
+            out.extend(b"null");
+            found = true;
+            at += length;
+            // C's libraries write nan(ind) and -nan(snan).
+            if line.get(at) == Some(&b'(') {
+                at += line[at..].iter().position(|b| *b == b')').map_or(0, |end| end + 1);
+            }
+        } else {
+            out.extend(word);
+            at += length;
+        }
+    }
+    found.then_some(out)
 }
 
 /// Writes a sample as one line, without its end.
@@ -208,6 +289,7 @@ pub fn write(sample: &Sample) -> String {
     let seconds = |ns: u64| ns as f64 * 1e-9;
     let text = SampleText {
         t: Some(seconds(sample.time_ns)),
+        t_unit: None,
         received: Some(seconds(sample.received_ns)),
         tracker_ns: sample.tracker_ns,
         focus_d: sample.focus_dioptres,
@@ -220,81 +302,6 @@ pub fn write(sample: &Sample) -> String {
     serde_json::to_string(&text).unwrap_or_default()
 }
 
-/// Replays recorded lines.
-#[derive(Debug)]
-pub struct LineSource {
-    name: String,
-    lines: VecDeque<Line>,
-    first: Option<f64>,
-    start_ns: u64,
-    real_time: bool,
-    latency_ns: u64,
-    notes: Vec<String>,
-}
-
-impl LineSource {
-    /// Reads a file of lines.
-    ///
-    /// # Errors
-    /// [`TrackerError::File`], naming file and line.
-    pub fn open(file: &Path, real_time: bool, latency_ns: u64) -> Result<Self, TrackerError> {
-        let wrong = |reason: String| TrackerError::file(file, reason);
-        let mut text = BufReader::new(crate::files::read::open(file).map_err(|e| wrong(e.to_string()))?);
-        let (mut lines, mut notes) = (VecDeque::new(), Vec::new());
-        let mut line = Vec::new();
-        for number in 1.. {
-            line.clear();
-            let most = LONGEST_LINE as u64 + 2;
-            if (&mut text).take(most).read_until(b'\n', &mut line).map_err(|e| wrong(e.to_string()))? == 0 {
-                break;
-            }
-            let (line, whole) = (line.trim_ascii(), line.ends_with(b"\n"));
-            match parse(line) {
-                _ if line.is_empty() => {}
-                Ok(line) => lines.push_back(line),
-                // What recorded it was ended by force, or its disk was full.
-                Err(_) if !whole && line.len() < LONGEST_LINE && !lines.is_empty() => {
-                    notes.push(format!("the recording is cut off in line {number}, which is left out"));
-                }
-                Err(e) => return Err(wrong(format!("line {number}: {e}"))),
-            }
-            if lines.len() > 10_000_000 {
-                return Err(wrong("more than ten million lines".into()));
-            }
-        }
-        if lines.is_empty() {
-            return Err(wrong("no samples".into()));
-        }
-        let (name, start_ns) = (file.display().to_string(), now_ns());
-        Ok(Self { name, lines, first: None, start_ns, real_time, latency_ns, notes })
-    }
-}
-
-impl Source for LineSource {
-    fn about(&self) -> About {
-        About { name: self.name.clone(), kind: "recording", rate_hz: None, notes: self.notes.clone() }
-    }
-
-    fn next(&mut self, timeout: Duration) -> Result<Event, TrackerError> {
-        let Some(line) = self.lines.front() else { return Ok(Event::End) };
-        let seen = line.seconds.unwrap_or(0.0);
-        let first = *self.first.get_or_insert(seen);
-        let at = |seconds: f64| self.start_ns.saturating_add(((seconds - first).max(0.0) * 1e9) as u64);
-        let (time, received) = (at(seen), at(line.received.unwrap_or(seen).max(seen)));
-        if self.real_time {
-            let until = now_ns().saturating_add(u64::try_from(timeout.as_nanos()).unwrap_or(u64::MAX));
-            let now = now_ns();
-            std::thread::sleep(Duration::from_nanos(received.min(until).saturating_sub(now)));
-            if received > until {
-                return Ok(Event::Nothing);
-            }
-        }
-        let sample = line.sample(time.saturating_sub(self.latency_ns), received, None);
-        self.lines.pop_front();
-        Ok(Event::Sample(sample, None))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -302,7 +309,7 @@ mod tests {
     #[test]
     fn lines_say_what_they_mean() {
         let line = parse(br#"{"t": 2.5, "x": 1.5, "y": -2, "diameter": 4, "mood": "fine"}"#).unwrap();
-        assert_eq!(line.seconds, Some(2.5));
+        assert_eq!(line.time, Some(2.5));
         let reading = line.readings[2].unwrap();
         assert_eq!((reading.position, reading.unit, reading.valid), ([1.5e-3, -2e-3], Unit::Metres, true));
         assert!((reading.diameter.unwrap() - 4e-3).abs() < 1e-12);
@@ -326,7 +333,7 @@ mod tests {
         assert!(!parse(br#"{"x": 1}"#).unwrap().readings[2].unwrap().valid, "half a position");
         assert!(!parse(br#"{"x": 1e999, "y": 0}"#).is_ok_and(|l| l.readings[2].unwrap().valid));
         assert!(!parse(br#"{"x": 1, "y": 0, "confidence": 7}"#).unwrap().readings[2].unwrap().valid);
-        assert_eq!(parse(br#"{"x": 1, "y": 0, "t": -5}"#).unwrap().seconds, None);
+        assert_eq!(parse(br#"{"x": 1, "y": 0, "t": -5}"#).unwrap().time, Some(-5.0));
     }
 
     #[test]
@@ -364,27 +371,37 @@ mod tests {
         let again = line.readings[0].unwrap();
         assert!((again.position[0] - 0.25).abs() < 1e-10 && (again.diameter.unwrap() - 3e-3).abs() < 1e-12);
         assert_eq!((again.confidence, again.quantity, line.received), (0.5, Quantity::Gaze, Some(5.0)));
-        assert!((line.seconds.unwrap() - 4.99).abs() < 1e-12);
+        assert!((line.time.unwrap() - 4.99).abs() < 1e-12);
     }
 
+    /// What is unknown, however a program writes it, takes nothing else with it: x and diameter in mm.
     #[test]
-    fn recorded_lines_are_replayed_with_their_times() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("a.jsonl");
-        std::fs::write(
-            &file,
-            "{\"t\": 1.0, \"received\": 1.01, \"x\": 1, \"y\": 2}\n\n{\"t\": 1.5, \"x\": 1, \"y\": 2}\n",
-        )
-        .unwrap();
-        let mut source = LineSource::open(&file, false, 0).unwrap();
-        let mut next = || match source.next(Duration::ZERO).unwrap() {
-            Event::Sample(sample, None) => Some(sample),
-            _ => None,
-        };
-        let (a, b) = (next().unwrap(), next().unwrap());
-        assert_eq!((b.time_ns - a.time_ns, a.received_ns - a.time_ns), (500_000_000, 10_000_000));
-        assert_eq!(next(), None);
-        std::fs::write(&file, "{\"t\": 1.0, \"x\": 1, \"y\": 2}\nx\n").unwrap();
-        assert!(LineSource::open(&file, false, 0).unwrap_err().to_string().contains("a.jsonl: line 2"));
+    fn unknown_parts_leave_the_known_ones() {
+        let numbers = ["NaN", "nan", "-nan", "NAN", "null", "Infinity", "-Infinity", "inf", "-inf", "nan(ind)", "-nan(snan)"];
+        for unknown in numbers {
+            let read = |text: String| parse(text.as_bytes()).unwrap_or_else(|e| panic!("{text}: {e}"));
+            let one = |line: Line| line.readings[2].unwrap();
+            let mm = |v: f64| (v * 1e6).round() / 1e3;
+            let reading = one(read(format!("{{\"t\": 1, \"x\": 1.5, \"y\": -2, \"diameter\": {unknown}}}")));
+            assert!(reading.valid && mm(reading.position[0]) == 1.5 && reading.diameter.is_none(), "{unknown}");
+            let line = read(format!("{{\"t\": {unknown}, \"x\": 1.5, \"y\": -2, \"diameter\": 4, \"focus_d\": {unknown}}}"));
+            let reading = one(line);
+            assert!(reading.valid && line.time.is_none() && line.focus_dioptres.is_none(), "{unknown}");
+            assert_eq!(mm(reading.diameter.unwrap()), 4.0, "{unknown}");
+            let shut = one(read(format!("{{\"t\": 1, \"x\": {unknown}, \"y\": {unknown}, \"diameter\": 4}}")));
+            assert!(!shut.valid, "{unknown}: an eye whose place is unknown is not seen");
+            let line = read(format!(
+                "{{\"t\": 1, \"left\": {{\"x\": {unknown}, \"y\": 0}}, \"right\": {{\"x\": 3, \"y\": 1, \"confidence\": {unknown}}}}}"
+            ));
+            assert!(!line.readings[0].unwrap().valid && line.readings[1].unwrap().valid, "{unknown}");
+            let moving = one(read(format!("{{\"x\": 1, \"y\": 0, \"vx\": {unknown}, \"vy\": 2, \"valid\": 1}}")));
+            assert!(moving.valid && moving.velocity.is_none(), "{unknown}");
+        }
+        let quoted = parse(br#"{"x": 1, "y": 0, "note": "a \" nan: inf", "diameter": NaN}"#).unwrap();
+        assert!(quoted.readings[2].unwrap().valid);
+        for bad in ["{\"x\": nanny, \"y\": 0}", "{\"x\": 1, \"y\": 0 NaN}", "NaN", "{\"x\": 1nan, \"y\": 0}"] {
+            assert!(parse(bad.as_bytes()).is_err(), "{bad}");
+        }
+        assert!(!parse(br#"{"x": 1, "y": 0, "valid": 0}"#).unwrap().readings[2].unwrap().valid);
     }
 }

@@ -29,15 +29,18 @@ pub mod udp;
 
 mod clock;
 mod error;
+mod guard;
 mod open;
 mod sample;
 mod source;
 mod stream;
+mod time_unit;
 
 pub use crate::steady::now_ns;
-pub use clock::{ClockOffset, Unwrap};
+pub use clock::Unwrap;
 pub use error::TrackerError;
 pub use open::{Options, Spec, open};
 pub use sample::{Quantity, Reading, Sample, Unit};
-pub use source::{About, Event, Head, Source};
+pub use source::{About, Dropped, Event, Head, Source};
 pub use stream::{Status, Stream};
+pub use time_unit::TimeUnit;

@@ -1,5 +1,6 @@
 //! Which source: from its name to a running one.
 
+use super::guard::Guard;
 use super::hid::{DeviceFile, HidSource, system_bus};
 use super::line::LineSource;
 #[cfg(feature = "trackers")]
@@ -115,12 +116,12 @@ impl Default for Options {
 /// Opens a source. One that has to wait for a device or a peer is opened all the same, and waits.
 ///
 /// # Errors
-/// A file that cannot be used, an address that cannot be had; [`TrackerError::Setting`] for the mouse, which a window
+/// A file that cannot be used, an address that cannot be had, numbers whose unit is not known; [`TrackerError::Setting`] for the mouse, which a window
 /// has to open ([`mouse::channel`](super::mouse::channel)).
 pub fn open(spec: &Spec, options: &Options) -> Result<Box<dyn Source>, TrackerError> {
     let latency_ns = u64::try_from(options.latency.as_nanos()).unwrap_or(u64::MAX);
     let file = options.device_file.as_deref().map(DeviceFile::load).transpose()?;
-    Ok(match spec {
+    let source: Box<dyn Source> = match spec {
         Spec::Hid => Box::new(HidSource::new(system_bus()?, file, latency_ns)),
         Spec::Recording(path) => {
             let recording = Recording::load(path)?;
@@ -143,5 +144,6 @@ pub fn open(spec: &Spec, options: &Options) -> Result<Box<dyn Source>, TrackerEr
             let settings = Settings { rate_hz: options.rate_hz, seed: *seed, ..Settings::default() };
             Box::new(SimulatedSource::new(settings, options.real_time)?)
         }
-    })
+    };
+    Ok(Box::new(Guard::new(source)))
 }

@@ -10,9 +10,10 @@
 //!
 //! Replayed in real time, or as fast as it is read with the recorded times, through the decoder of live devices.
 
+use super::time_unit::timeline;
 use super::hid::{Decoder, Descriptor, HidError, Layout};
 pub use super::source::Head;
-use super::source::{About, Event, Source};
+use super::source::{About, Dropped, Event, Source};
 use super::{TrackerError, now_ns};
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::Path;
@@ -190,13 +191,14 @@ fn hex(bytes: &[u8]) -> String {
 pub struct RecordingSource {
     name: String,
     head: Head,
-    device: usize,
     reports: std::vec::IntoIter<Recorded>,
+    /// When each report arrived, nanoseconds from the first.
+    arrivals: std::vec::IntoIter<u64>,
     decoder: Decoder,
     start_ns: u64,
     real_time: bool,
-    first_us: Option<u64>,
     notes: Vec<String>,
+    sets: u64,
 }
 
 impl RecordingSource {
@@ -226,17 +228,24 @@ impl RecordingSource {
                     continue;
                 }
             };
-            let notes = recording.notes.iter().chain(&layout.notes).cloned().collect();
+            let mut notes: Vec<String> = recording.notes.iter().chain(&layout.notes).cloned().collect();
+            let mut reports = recording.reports;
+            reports.retain(|report| report.device == device);
+            let times: Vec<i128> = reports.iter().map(|report| 1000 * i128::from(report.time_us)).collect();
+            let (arrivals, sets) = timeline(&times);
+            if sets > 0 {
+                notes.push(format!("its times were set {sets} times: there the recording goes on by its usual step"));
+            }
             return Ok(Self {
                 name: head.name.clone(),
                 head: head.clone(),
-                device,
-                reports: recording.reports.into_iter(),
+                reports: reports.into_iter(),
+                arrivals: arrivals.into_iter(),
                 decoder: Decoder::new(layout, latency_ns),
                 start_ns: now_ns(),
                 real_time,
-                first_us: None,
                 notes,
+                sets,
             });
         }
         Err(refused.unwrap_or(HidError::Port("the recording has no device".into())))
@@ -251,9 +260,11 @@ impl Source for RecordingSource {
     fn next(&mut self, timeout: Duration) -> Result<Event, TrackerError> {
         let until = now_ns().saturating_add(u64::try_from(timeout.as_nanos()).unwrap_or(u64::MAX));
         loop {
-            let Some(next) = self.reports.as_slice().first() else { return Ok(Event::End) };
-            let first = *self.first_us.get_or_insert(next.time_us);
-            let due = self.start_ns.saturating_add(next.time_us.saturating_sub(first).saturating_mul(1000));
+            if let Some(event) = self.decoder.clock_event() {
+                return Ok(Event::Note(format!("{}: {event}", self.name)));
+            }
+            let Some(arrival) = self.arrivals.as_slice().first() else { return Ok(Event::End) };
+            let due = self.start_ns.saturating_add(*arrival);
             if self.real_time {
                 let now = now_ns();
                 if due > now {
@@ -263,14 +274,16 @@ impl Source for RecordingSource {
                     return Ok(Event::Nothing);
                 }
             }
+            self.arrivals.next();
             let Some(next) = self.reports.next() else { return Ok(Event::End) };
-            if next.device != self.device {
-                continue;
-            }
             if let Some(sample) = self.decoder.sample(&next.report, due) {
                 return Ok(Event::Sample(sample, Some(next.report.into())));
             }
         }
+    }
+
+    fn dropped(&self) -> Dropped {
+        Dropped { clock_sets: self.sets + self.decoder.clock_sets(), ..Dropped::default() }
     }
 
     fn recording_head(&self) -> Option<Head> {

@@ -84,8 +84,8 @@ pub struct Sample {
     pub time_ns: u64,
     /// When the sample arrived, on the same clock.
     pub received_ns: u64,
-    /// The tracker's own time, of a clock of its own.
-    pub tracker_ns: Option<u64>,
+    /// The tracker's own time, nanoseconds of a clock of its own, which may begin anywhere.
+    pub tracker_ns: Option<i64>,
     /// The left eye.
     pub left: Option<Reading>,
     /// The right eye.

@@ -341,7 +341,7 @@ impl SimulatedSource {
         let late = self.settings.delay + self.settings.jitter * self.noise.f64();
         let mut sample = Sample::empty(time_ns + seconds(late));
         sample.time_ns = time_ns;
-        sample.tracker_ns = Some(time_ns - self.start_ns);
+        sample.tracker_ns = i64::try_from(time_ns - self.start_ns).ok();
         let mut eye = || {
             // Half covered, the pupil's visible part has its centre lower down.
             let covered = 1.0 - truth.lid;

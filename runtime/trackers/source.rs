@@ -30,6 +30,29 @@ pub struct About {
     pub notes: Vec<String>,
 }
 
+/// What a source dropped so far, by reason.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[non_exhaustive]
+pub struct Dropped {
+    /// Messages and lines that cannot be read.
+    pub messages: u64,
+    /// Pupil diameters outside of 0.5 to 12 mm: their samples are kept without them.
+    pub diameters: u64,
+    /// How often the tracker's clock was set.
+    pub clock_sets: u64,
+}
+
+impl Dropped {
+    /// The sum of both.
+    pub(super) fn and(self, other: Self) -> Self {
+        Self {
+            messages: self.messages + other.messages,
+            diameters: self.diameters + other.diameters,
+            clock_sets: self.clock_sets + other.clock_sets,
+        }
+    }
+}
+
 /// What a source answers when it is asked for the next sample.
 // Nearly all of them are samples: in a box each would cost an allocation.
 #[allow(clippy::large_enum_variant)]
@@ -58,6 +81,11 @@ pub trait Source: Send {
     /// # Errors
     /// What no waiting mends.
     fn next(&mut self, timeout: Duration) -> Result<Event, TrackerError>;
+
+    /// What it dropped so far.
+    fn dropped(&self) -> Dropped {
+        Dropped::default()
+    }
 
     /// The head of a recording of this source in the format of hid-recorder, once it is known; `None` from sources
     /// without reports.

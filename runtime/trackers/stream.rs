@@ -3,8 +3,9 @@
 //! The thread reads as fast as the source gives and never waits for who reads here: a mailbox holds the newest
 //! samples, and older ones make room. So memory stays flat when a tracker floods or a reader sleeps.
 
+use super::guard::Guard;
 use super::recording::Head;
-use super::{About, Event, Sample, Source, TrackerError};
+use super::{About, Dropped, Event, Sample, Source, TrackerError};
 use crate::mailbox::Mailbox;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -24,6 +25,8 @@ pub struct Status {
     pub samples: u64,
     /// Of these, dropped because the reader was slower than 256 samples.
     pub dropped: u64,
+    /// What the source itself dropped.
+    pub source: Dropped,
     /// Whether the source is at its end or failed for good.
     pub ended: bool,
     /// The failure.
@@ -38,6 +41,7 @@ struct Shared {
     ended: AtomicBool,
     failure: Mutex<Option<String>>,
     about: Mutex<(Option<About>, Option<Head>)>,
+    by_source: Mutex<Dropped>,
 }
 
 /// A sample with the report that it came in.
@@ -104,6 +108,7 @@ impl Stream {
         Status {
             samples: s.samples.load(Ordering::Relaxed),
             dropped: s.dropped.load(Ordering::Relaxed),
+            source: *s.by_source.lock().unwrap_or_else(PoisonError::into_inner),
             // After this, whoever sees an empty mailbox has seen everything.
             ended: s.ended.load(Ordering::Acquire),
             failure: s.failure.lock().unwrap_or_else(PoisonError::into_inner).clone(),
@@ -120,13 +125,17 @@ impl Drop for Stream {
     }
 }
 
-fn run(mut source: Box<dyn Source>, samples: &Mailbox<Arrival>, notes: &Mailbox<String>, shared: &Shared) {
+fn run(source: Box<dyn Source>, samples: &Mailbox<Arrival>, notes: &Mailbox<String>, shared: &Shared) {
     let tell = |source: &dyn Source| {
         *shared.about.lock().unwrap_or_else(PoisonError::into_inner) = (Some(source.about()), source.recording_head());
     };
-    tell(source.as_ref());
+    // A program's own source may measure in another unit as well.
+    let mut source = Guard::new(source);
+    tell(&source);
     while !shared.stop.load(Ordering::Relaxed) {
-        match source.next(PATIENCE) {
+        let next = source.next(PATIENCE);
+        *shared.by_source.lock().unwrap_or_else(PoisonError::into_inner) = source.dropped();
+        match next {
             Ok(Event::Sample(sample, report)) => {
                 shared.samples.fetch_add(1, Ordering::Relaxed);
                 if samples.push((sample, report)).is_some() {
@@ -135,7 +144,7 @@ fn run(mut source: Box<dyn Source>, samples: &Mailbox<Arrival>, notes: &Mailbox<
             }
             Ok(Event::Nothing) => {}
             Ok(Event::Note(text)) => {
-                tell(source.as_ref());
+                tell(&source);
                 let _ = notes.put(text);
             }
             Ok(Event::End) => break,

@@ -4,8 +4,10 @@
 //! is heard at a time: the first, until it has been silent for two seconds. A datagram carries one line or a few, 2048
 //! bytes at most; what makes no sense is counted, said once a second at most, and dropped.
 
-use super::line::{self, LONGEST_LINE};
-use super::{About, ClockOffset, Event, Sample, Source, TrackerError, now_ns};
+use super::clock::{ClockEvent, ForeignClock};
+use super::guard::Units;
+use super::line::{self, LONGEST_LINE, Line};
+use super::{About, Dropped, Event, Sample, Source, TrackerError, now_ns};
 use std::collections::VecDeque;
 use std::net::{SocketAddr, ToSocketAddrs, UdpSocket};
 use std::time::Duration;
@@ -22,8 +24,12 @@ pub struct UdpSource {
     latency_ns: u64,
     /// Who is heard, and when last.
     sender: Option<(SocketAddr, u64)>,
-    offset: ClockOffset,
+    clock: ForeignClock,
+    units: Units,
+    /// How often the clocks of earlier senders were set.
+    sets: u64,
     waiting: VecDeque<Sample>,
+    notes: VecDeque<String>,
     wrong: u64,
     said_ns: Option<u64>,
     buffer: Box<[u8; LONGEST_LINE + 1]>,
@@ -45,8 +51,11 @@ impl UdpSource {
             address,
             latency_ns,
             sender: None,
-            offset: ClockOffset::default(),
+            clock: ForeignClock::new(),
+            units: Units::default(),
+            sets: 0,
             waiting: VecDeque::new(),
+            notes: VecDeque::new(),
             wrong: 0,
             said_ns: None,
             buffer: Box::new([0; LONGEST_LINE + 1]),
@@ -75,7 +84,7 @@ impl UdpSource {
         if length > LONGEST_LINE {
             return Some(format!("a datagram of more than {LONGEST_LINE} bytes"));
         }
-        let mut wrong = None;
+        let (mut wrong, mut read) = (None, Vec::new());
         let lines = self.buffer[..length].split(|b| *b == b'\n').map(<[u8]>::trim_ascii).filter(|l| !l.is_empty());
         let mut empty = true;
         for (i, text) in lines.enumerate() {
@@ -85,16 +94,29 @@ impl UdpSource {
                 break;
             }
             match line::parse(text) {
-                Ok(line) => {
-                    let tracker_ns = line.seconds.map(|s| (s * 1e9) as u64);
-                    let arrival = tracker_ns.map_or(now, |t| self.offset.arrival(t, now));
-                    let time_ns = arrival.saturating_sub(self.latency_ns);
-                    self.waiting.push_back(line.sample(time_ns, now, tracker_ns));
-                }
+                Ok(line) => read.push(line),
                 Err(reason) => wrong = Some(format!("a line that makes no sense: {reason}")),
             }
         }
+        read.into_iter().for_each(|line| self.line(line, now));
         if empty { Some("an empty datagram".into()) } else { wrong }
+    }
+
+    fn line(&mut self, line: Line, now: u64) {
+        if let Some(unit) = line.time_unit {
+            self.clock.state(unit);
+        }
+        self.units.take(&line.readings, line.states_unit);
+        let stamp = line.time.map(|time| self.clock.place((time * 1e9).round() as i128, now));
+        let time_ns = stamp.map_or(now, |s| s.time_ns).saturating_sub(self.latency_ns);
+        self.waiting.push_back(line.sample(time_ns, now, stamp.map(|s| s.tracker_ns)));
+        while let Some(event) = self.clock.event() {
+            let remedy = match event {
+                ClockEvent::NoUnit(_) => ". Send seconds, or name the unit, as in \"t_unit\": \"ms\"",
+                _ => "",
+            };
+            self.notes.push_back(format!("{}: {event}{remedy}", self.address));
+        }
     }
 }
 
@@ -107,6 +129,12 @@ impl Source for UdpSource {
     fn next(&mut self, timeout: Duration) -> Result<Event, TrackerError> {
         if let Some(sample) = self.waiting.pop_front() {
             return Ok(Event::Sample(sample, None));
+        }
+        if let Some(note) = self.notes.pop_front() {
+            return Ok(Event::Note(note));
+        }
+        if let Some(largest) = self.units.in_doubt() {
+            return Err(TrackerError::PositionUnit { name: self.address.clone(), largest_mm: largest * 1e3 });
         }
         // A timeout of zero would mean for ever.
         let _ = self.socket.set_read_timeout(Some(timeout.max(Duration::from_micros(100))));
@@ -126,7 +154,8 @@ impl Source for UdpSource {
             None => true,
         };
         if fresh {
-            self.offset = ClockOffset::default();
+            self.sets += self.clock.sets();
+            (self.clock, self.units) = (ForeignClock::new(), Units::default());
         }
         let wrong = self.datagram(length, now);
         if !self.waiting.is_empty() {
@@ -139,6 +168,10 @@ impl Source for UdpSource {
             return Ok(Event::Note(format!("{}: hears {from}", self.address)));
         }
         Ok(self.waiting.pop_front().map_or(Event::Nothing, |s| Event::Sample(s, None)))
+    }
+
+    fn dropped(&self) -> Dropped {
+        Dropped { messages: self.wrong, clock_sets: self.sets + self.clock.sets(), ..Dropped::default() }
     }
 }
 
@@ -209,5 +242,55 @@ mod tests {
         assert!(notes <= 2 + start.elapsed().as_secs(), "one line a second: {notes}");
         sender.send(b"{\"x\": 1, \"y\": 2}").unwrap();
         assert_eq!(samples(&mut source).0.len(), 1);
+    }
+
+    /// What lines at 120 a second become, whose clock has this unit and first time: the largest error of their times after
+    /// half a second, nanoseconds, how many are placed, and the notes.
+    fn placed(unit: f64, origin_s: f64, more: &str) -> (u64, usize, Vec<String>) {
+        let (mut source, _) = pair();
+        let (mut worst, mut count) = (0, 0);
+        for i in 0..600u64 {
+            let since_ns = i * 8_333_333;
+            let time = (origin_s + since_ns as f64 * 1e-9) * unit;
+            let text = format!("{{\"t\": {time}, \"x\": 1.5, \"y\": -2, \"diameter\": 4{more}}}");
+            let received = 9_000_000_000 + since_ns + 2_000_000 + (i * 7919 % 10) * 1_000_000;
+            source.line(line::parse(text.as_bytes()).unwrap(), received);
+            let sample = source.waiting.pop_back().unwrap();
+            count += usize::from(sample.valid());
+            if since_ns > 500_000_000 {
+                worst = worst.max(sample.time_ns.abs_diff(9_000_000_000 + since_ns + 2_000_000));
+            }
+        }
+        (worst, count, source.notes.into())
+    }
+
+    /// Every origin, sign and unit over the network: placed to a fraction of the jitter of 9 ms, and said where it is no second.
+    #[test]
+    fn clocks_of_senders_are_followed() {
+        for (unit, name) in [(1.0, "s"), (1e3, "ms"), (1e6, "us"), (1e9, "ns")] {
+            for origin_s in [0.0, -323_801.0, -1.0, 98.4, 1.69e9] {
+                for stated in [String::new(), format!(", \"t_unit\": \"{name}\"")] {
+                    let (worst, count, notes) = placed(unit, origin_s, &stated);
+                    assert!(worst < 100_000, "{name} from {origin_s} s{stated}: {worst} ns");
+                    let said = usize::from(name != "s" && stated.is_empty());
+                    assert_eq!((count, notes.len()), (600, said), "{name} from {origin_s} s{stated}: {notes:?}");
+                }
+            }
+        }
+    }
+
+    /// What has no unit is placed at its arrival, and that is said; positions that no eye has end the source.
+    #[test]
+    fn what_has_no_unit_is_said() {
+        let (_, count, notes) = placed(120.0, 0.0, "");
+        assert_eq!((count, notes.len()), (600, 1), "{notes:?}");
+        let (mut source, _) = pair();
+        for i in 0..200u64 {
+            let x = 0.003 * (i as f64).sin();
+            let text = format!("{{\"t\": {}, \"x\": {x}, \"y\": 0}}", i as f64 / 120.0);
+            source.line(line::parse(text.as_bytes()).unwrap(), 9_000_000_000 + i * 8_333_333);
+        }
+        (source.waiting, source.notes) = Default::default();
+        assert!(matches!(source.next(Duration::ZERO), Err(TrackerError::PositionUnit { .. })));
     }
 }

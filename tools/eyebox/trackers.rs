@@ -6,10 +6,11 @@ use crate::talk;
 use crate::values::{Targets, not_negative, positive, targets};
 use clap::{Args, ValueEnum};
 use eyebox::files::{FileError, GrowingFile};
+use eyebox::gaze::place::Counts;
 use eyebox::gaze::{Calibration, Estimator, Eyepiece, Settings};
 use eyebox::trackers::hid::{self, Description, DeviceFile};
 use eyebox::trackers::recording::{self, Head, Recording};
-use eyebox::trackers::{Event, Options, Sample, Source, Spec, Stream, TrackerError, line, open};
+use eyebox::trackers::{Dropped, Event, Options, Sample, Source, Spec, Stream, TrackerError, line, open};
 use serde_json::json;
 use std::fmt::Write as _;
 use std::io::{self, Read, Write};
@@ -239,6 +240,13 @@ impl Feed {
         }
     }
 
+    fn dropped(&self) -> Dropped {
+        match self {
+            Self::Direct(source) => source.dropped(),
+            Self::Thread(stream) => stream.status().source,
+        }
+    }
+
     fn head(&self) -> Option<Head> {
         match self {
             Self::Direct(source) => source.recording_head(),
@@ -355,6 +363,21 @@ fn stages(estimator: &mut Estimator, sample: &Sample, ms: f64, as_json: bool) ->
     }
 }
 
+/// The samples that were refused and dropped, by reason; none if all of them were used.
+fn summary(dropped: Dropped, counts: Option<Counts>) -> Option<String> {
+    let mut parts = Vec::new();
+    for (reason, count) in counts.iter().flat_map(Counts::reasons) {
+        parts.push(format!("{count} of {} samples refused: {reason}", counts.map_or(0, |c| c.samples())));
+    }
+    let all = [
+        (dropped.messages, "messages without a sample dropped"),
+        (dropped.diameters, "impossible diameters dropped"),
+        (dropped.clock_sets, "times the clock was set"),
+    ];
+    parts.extend(all.into_iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}")));
+    (!parts.is_empty()).then(|| parts.join("; "))
+}
+
 /// The form that a recording's name asks for; says no before anything is opened.
 fn form(file: &Path, spec: &Spec) -> Result<Form, Failure> {
     match file.extension().and_then(|e| e.to_str()) {
@@ -406,6 +429,9 @@ fn show(args: &Trackers, feed: &mut Feed, stored: bool, mut recorder: Option<&mu
             }
             Event::End => break,
         }
+    }
+    if let Some(summary) = summary(feed.dropped(), estimator.map(|(estimator, _)| estimator.counts())) {
+        eprintln!("{summary}");
     }
     if first_ns.is_none() {
         let source = args.watch.as_deref().unwrap_or_default();

@@ -20,6 +20,7 @@
 #include <sys/mman.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/times.h>
 #include <sys/un.h>
 #include <unistd.h>
 
@@ -182,17 +183,36 @@ static inline int eyebox_live_request(const eyebox_live *live, eyebox_live_reque
     return 0;
 }
 
-/* Waits for a request that was not waited for before: 1, 0 where none came in time, -1 where the display is gone. */
+/* Milliseconds of a clock that is never set. times() is what C99 has of one: it counts 10 ms. */
+static inline int64_t eyebox_live_now_ms(void) {
+    struct tms used;
+    return (int64_t)times(&used) * 1000 / sysconf(_SC_CLK_TCK);
+}
+
+/* The end of a wait of `timeout_ms` that begins now, no sooner; -1, never, if it is below 0. */
+static inline int64_t eyebox_live_until(int timeout_ms) {
+    return timeout_ms < 0 ? -1 : eyebox_live_now_ms() + timeout_ms + (timeout_ms ? 10 : 0);
+}
+
+/* Milliseconds left until then; -1, for ever, if it is below 0. */
+static inline int eyebox_live_left(int64_t until_ms) {
+    int64_t left = until_ms < 0 ? -1 : until_ms - eyebox_live_now_ms();
+    return until_ms < 0 ? -1 : left < 0 ? 0 : left > 0x7fffffff ? 0x7fffffff : (int)left;
+}
+
+/* Waits for a request that was not waited for before, `timeout_ms` at most in all (for ever if below 0): 1, 0 if none came in time, -1 if
+ * the display is gone. */
 static inline int eyebox_live_wait(eyebox_live *live, int timeout_ms) {
-    for (int waited = 0;; waited = 1) {
+    for (int64_t until_ms = eyebox_live_until(timeout_ms);;) {
+        int left_ms = eyebox_live_left(until_ms);
         uint8_t bytes[256];
         eyebox_live_request_t request;
         struct pollfd waiting = {live->socket, POLLIN, 0};
         ssize_t got = recv(live->socket, bytes, sizeof bytes, MSG_DONTWAIT);
         if (got == 0 || (got < 0 && errno != EAGAIN && errno != EINTR)) return eyebox_live_failed(live, "the display is gone", "");
         if (eyebox_live_request(live, &request) && request.number != live->seen) return live->seen = request.number, 1;
-        if (waited && got < 0) return 0;
-        poll(&waiting, 1, timeout_ms);
+        if (!left_ms) return 0;
+        poll(&waiting, 1, left_ms);
     }
 }
 
@@ -212,7 +232,8 @@ static inline int eyebox_live_device(const eyebox_live *live, eyebox_live_memory
 static inline int eyebox_live_share(eyebox_live *live, eyebox_live_memory *memory, int timeout_ms) {
     __atomic_store_n(eyebox_live_word(live, 136), 1, __ATOMIC_RELEASE);
     send(live->socket, "", 1, MSG_DONTWAIT | MSG_NOSIGNAL);
-    for (;;) {
+    for (int64_t until_ms = eyebox_live_until(timeout_ms);;) {
+        int left_ms = eyebox_live_left(until_ms);
         uint8_t bytes[256];
         union { struct cmsghdr header; uint8_t space[CMSG_SPACE(sizeof(int))]; } control;
         struct iovec part = {bytes, sizeof bytes};
@@ -230,7 +251,8 @@ static inline int eyebox_live_share(eyebox_live *live, eyebox_live_memory *memor
             return live->shares = 1, fd;
         if (fd >= 0) close(fd);
         if (fd >= 0 || !there) return eyebox_live_failed(live, "the display shares no memory of a device that holds its slots", "");
-        if (got < 0 && poll(&waiting, 1, timeout_ms) != 1) return eyebox_live_failed(live, "the display does not answer", "");
+        if (!left_ms) return eyebox_live_failed(live, "the display does not answer", "");
+        if (got < 0) poll(&waiting, 1, left_ms);
     }
 }
 

@@ -7,7 +7,7 @@
 `samples` and `dioptres` are anything with a buffer: bytes, array.array, contiguous NumPy arrays.
 """
 
-import ctypes, fcntl, mmap, os, platform, select, socket, struct, sys, threading
+import ctypes, fcntl, mmap, os, platform, select, socket, struct, sys, threading, time
 from collections import namedtuple
 
 VIEWS, COLOR_AND_DEPTH, LAYERS = 1, 2, 4
@@ -128,8 +128,10 @@ class Live:
         return None
 
     def wait(self, seconds):
-        """A request that was not waited for before; None where none came in time. Raises Gone where the display is gone."""
-        for waited in (False, True):
+        """A request that was not waited for before; None if none came in `seconds`. Raises Gone if the display is gone."""
+        until = time.monotonic() + seconds
+        while True:
+            left = until - time.monotonic()
             try:
                 if self.socket.recv(4096) == b"":
                     raise Gone("the display is gone")
@@ -143,9 +145,9 @@ class Live:
             if request and request.number != self._seen:
                 self._seen = request.number
                 return request
-            if not waited:
-                select.select([self.socket], [], [], seconds)
-        return None
+            if left <= 0:
+                return None
+            select.select([self.socket], [], [], left)
 
     def views(self, rows, columns, pitch_mm, sample=U8, transfer=SRGB):
         """Frames of (view row, view column, row, column, colour)."""

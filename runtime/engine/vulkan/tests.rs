@@ -253,6 +253,26 @@ fn a_device_that_does_not_answer_is_lost() {
     assert!(engine.gpu().is_lost());
 }
 
+/// Closing waits for what was submitted, but not for ever: a device that does not answer is left as it is.
+#[test]
+fn closing_does_not_wait_for_ever_for_a_device_that_does_not_answer() {
+    unsafe extern "system" fn nothing(
+        _: ash::vk::Queue,
+        _: u32,
+        _: *const ash::vk::SubmitInfo<'_>,
+        _: ash::vk::Fence,
+    ) -> ash::vk::Result {
+        ash::vk::Result::SUCCESS
+    }
+    let mut commands = open();
+    (commands.recorder.queue_submit, commands.recorder.patience_ns) = (nothing, 1_000_000);
+    let shared = commands.shared.clone();
+    commands.recorder.begin(0).unwrap();
+    commands.recorder.send("a test").unwrap();
+    drop(commands);
+    assert!(shared.device.is_stuck() && shared.is_lost());
+}
+
 /// A device whose kernels see only a few sub-frames at once, and that has the old barriers only, encodes the same bytes.
 #[test]
 fn a_smaller_device_encodes_the_same() {

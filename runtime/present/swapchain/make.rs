@@ -75,7 +75,7 @@ impl Swapchain {
             .clipped(true)
             .old_swapchain(self.raw);
         (self.format, self.extent) = (format.format, extent);
-        self.wait();
+        self.wait()?;
         self.times.renewed();
         if let Err(error) = self.make_images(&info, 4 * u64::from(extent.width) * u64::from(extent.height)) {
             self.stale = true;

@@ -295,7 +295,7 @@ impl<'a> Showing<'a> {
         let source = Pursuing { source, speed: pursuit * study.eye.radius };
         let estimator = Estimator::new(study.gaze.clone(), None)?;
         let watch = match run.steered {
-            true => Watch::Samples(Box::new(Samples::new(Box::new(source), estimator))),
+            true => Watch::Samples(Box::new(Samples::new(Box::new(source), estimator, Arc::default()))),
             false => Watch::Nobody(whole_eyebox(first.problem.eyebox, [depth; 2])),
         };
         let moments = match run.moments {

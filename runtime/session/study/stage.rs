@@ -31,6 +31,7 @@ impl Stage {
             samples: Samples::new(
                 Box::new(SimulatedSource::starting(settings.eye.clone(), false, 0)?),
                 Estimator::new(settings.gaze.clone(), None).map_err(wrong)?,
+                std::sync::Arc::default(),
             ),
             now_ns: 0,
             watched_ns: 0,

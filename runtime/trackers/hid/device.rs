@@ -4,7 +4,7 @@ use super::layout::{MODE_GAZE_AND_EYES, Setting};
 use super::report::Decoder;
 use super::{Descriptor, DeviceFile, HidError, Layout};
 use crate::trackers::recording::Head;
-use crate::trackers::{About, Event, Source, TrackerError, now_ns};
+use crate::trackers::{About, Dropped, Event, Source, TrackerError, now_ns};
 use std::time::Duration;
 
 /// A HID device that is plugged in.
@@ -282,6 +282,9 @@ impl Source for HidSource {
             }
             return Ok(Event::Nothing);
         };
+        if let Some(event) = open.decoder.clock_event() {
+            return Ok(Event::Note(format!("{}: {event}", open.about.name)));
+        }
         let length = match open.port.read(&mut self.buffer, timeout) {
             Ok(length) => length.min(self.buffer.len()),
             Err(e) => return Ok(self.lost(&e)),
@@ -316,6 +319,11 @@ impl Source for HidSource {
             }
             None => Event::Nothing,
         })
+    }
+
+    fn dropped(&self) -> Dropped {
+        let clock_sets = self.open.as_ref().map_or(0, |open| open.decoder.clock_sets());
+        Dropped { clock_sets, ..Dropped::default() }
     }
 
     fn recording_head(&self) -> Option<Head> {

@@ -1,8 +1,8 @@
 //! Reports to samples: bits out of bytes, nothing read beyond their end, nothing believed out of its range.
 
 use super::layout::{InputReport, Layout, Place, Role, Setting, Slot};
-use crate::trackers::clock::{ClockOffset, Unwrap};
-use crate::trackers::{Reading, Sample};
+use crate::trackers::clock::{ClockEvent, ForeignClock, Unwrap};
+use crate::trackers::{Reading, Sample, TimeUnit};
 
 /// The `bits` (1 to 64) from `bit` on, the lowest first; `None` beyond the end.
 pub(crate) fn extract(payload: &[u8], bit: usize, bits: u32, signed: bool) -> Option<i64> {
@@ -64,19 +64,29 @@ impl Setting {
 pub struct Decoder {
     layout: Layout,
     latency_ns: u64,
-    offset: ClockOffset,
+    clock: ForeignClock,
     counter: Unwrap,
 }
 
 impl Decoder {
     /// A decoder; `latency_ns` lies between the eye and the arrival of its report.
     pub fn new(layout: Layout, latency_ns: u64) -> Self {
-        Self { layout, latency_ns, offset: ClockOffset::default(), counter: Unwrap::default() }
+        Self { layout, latency_ns, clock: ForeignClock::of(TimeUnit::Seconds), counter: Unwrap::default() }
     }
 
     /// The layout.
     pub fn layout(&self) -> &Layout {
         &self.layout
+    }
+
+    /// A change of the device's clock that a person may want to read.
+    pub(crate) fn clock_event(&mut self) -> Option<ClockEvent> {
+        self.clock.event()
+    }
+
+    /// How often the device's clock was set.
+    pub(crate) fn clock_sets(&self) -> u64 {
+        self.clock.sets()
     }
 
     /// A sample from a report that arrived at `received_ns`; `None` where the report has no tracking data, or is too
@@ -90,8 +100,8 @@ impl Decoder {
         let input = self.layout.inputs.iter().find(|r| r.id == id && report.len() >= r.bytes)?;
         let mut sample = Sample::empty(received_ns);
         if let Some(ns) = tracker_time(input, payload, &mut self.counter) {
-            sample.tracker_ns = Some(ns);
-            sample.time_ns = self.offset.arrival(ns, received_ns);
+            let stamp = self.clock.place(i128::from(ns), received_ns);
+            (sample.tracker_ns, sample.time_ns) = (Some(stamp.tracker_ns), stamp.time_ns);
         }
         sample.time_ns = sample.time_ns.saturating_sub(self.latency_ns);
         for place in &input.places {

@@ -1,12 +1,13 @@
 //! Pupil Core's network interface (docs.pupil-labs.com/core/developer/network-api): Pupil Remote answers questions at
 //! port 50020, and names the port at which pupil data is published as MessagePack.
 //!
-//! Sample times are those of Pupil's own clock, put on the steady clock by asking for the time and taking the quickest
-//! of several answers, every few seconds. Positions are shares of the eye camera's picture, so they need a calibration.
+//! Sample times are those of Pupil's own clock, which may begin anywhere, also below zero. Samples and the answers to
+//! questions for the time, every few seconds, show that clock on the steady one. Positions are shares of the eye camera's picture, so they need a calibration.
 
 mod zmtp;
 
-use super::{About, ClockOffset, Event, Quantity, Reading, Sample, Source, TrackerError, Unit, now_ns};
+use super::clock::{ForeignClock, Stamp};
+use super::{About, Dropped, Event, Quantity, Reading, Sample, Source, TimeUnit, TrackerError, Unit, now_ns};
 use serde::Deserialize;
 use std::collections::VecDeque;
 use std::io;
@@ -39,8 +40,6 @@ struct Datum {
 struct Link {
     remote: Socket,
     data: Socket,
-    /// Round trip, and what to add to Pupil's time, nanoseconds; the newest.
-    offsets: VecDeque<(u64, i128)>,
     asked_ns: u64,
 }
 
@@ -54,14 +53,13 @@ pub struct PupilSource {
     said: String,
     wrong: u64,
     said_wrong_ns: Option<u64>,
-    /// Without an answer for the time.
-    arrivals: ClockOffset,
-    /// The last reading of each eye: tracker time, arrival, reading; waiting for the other's.
-    waiting: Option<(usize, u64, Sample)>,
+    clock: ForeignClock,
+    /// The last reading, of the eye with this number, at this tracker time: it waits for the other eye's.
+    waiting: Option<(usize, i64, Sample)>,
     /// When each eye was last heard, and last heard in 3D.
     heard_ns: [Option<u64>; 2],
     /// Pupil's time of each eye's last picture, and the time between two; readings nearer than half of it are of a pair.
-    pictures: [(Option<u64>, u64); 2],
+    pictures: [(Option<i64>, u64); 2],
     heard_3d_ns: [Option<u64>; 2],
     ready: VecDeque<Sample>,
 }
@@ -78,7 +76,7 @@ impl PupilSource {
             said: String::new(),
             wrong: 0,
             said_wrong_ns: None,
-            arrivals: ClockOffset::default(),
+            clock: ForeignClock::of(TimeUnit::Seconds),
             waiting: None,
             heard_ns: [None; 2],
             pictures: [(None, 8_000_000); 2],
@@ -91,7 +89,7 @@ impl PupilSource {
         format!("pupil://{}:{}", self.host, self.port)
     }
 
-    fn connect(&self) -> io::Result<Link> {
+    fn connect(&mut self) -> io::Result<Link> {
         let wrong = |what: &str| io::Error::new(io::ErrorKind::InvalidData, what.to_owned());
         let mut remote = Socket::connect(&self.host, self.port, "REQ", CONNECT)?;
         let answer = remote.ask("SUB_PORT", ANSWER)?.ok_or_else(|| wrong("no answer to SUB_PORT"))?;
@@ -99,9 +97,9 @@ impl PupilSource {
         let port = port.ok_or_else(|| wrong("the answer to SUB_PORT is no port"))?;
         let mut data = Socket::connect(&self.host, port, "SUB", CONNECT)?;
         data.subscribe("pupil.")?;
-        let mut link = Link { remote, data, offsets: VecDeque::new(), asked_ns: now_ns() };
+        let mut link = Link { remote, data, asked_ns: now_ns() };
         for _ in 0..5 {
-            link.ask_time()?;
+            link.ask_time(&mut self.clock)?;
         }
         Ok(link)
     }
@@ -111,7 +109,7 @@ impl PupilSource {
         let [topic, payload, ..] = parts else { return Err("a message without a payload".into()) };
         let datum: Datum = rmp_serde::from_slice(payload).map_err(|e| e.to_string())?;
         let eye = usize::from(datum.id);
-        if eye > 1 || !(0.0..1e10).contains(&datum.timestamp) {
+        if eye > 1 || !is_time(datum.timestamp) {
             return Err(format!("eye {} at {} s", datum.id, datum.timestamp));
         }
         let in_3d = datum.diameter_3d.is_some() || topic.ends_with(b"3d");
@@ -122,9 +120,9 @@ impl PupilSource {
             return Ok(()); // The same picture again, by the other method.
         }
         self.heard_ns[eye] = Some(received_ns);
-        let tracker_ns = (datum.timestamp * 1e9) as u64;
+        let Stamp { tracker_ns, time_ns } = self.clock.place(nanoseconds(datum.timestamp), received_ns);
         let (last, period) = &mut self.pictures[eye];
-        if let Some(step) = last.replace(tracker_ns).and_then(|last| tracker_ns.checked_sub(last)) {
+        if let Some(step) = last.replace(tracker_ns).and_then(|last| u64::try_from(tracker_ns.checked_sub(last)?).ok()) {
             *period = (*period * 3 + step.clamp(PERIOD_NS[0], PERIOD_NS[1])) / 4;
         }
         let near = self.pictures[eye].1 / 2;
@@ -140,16 +138,15 @@ impl PupilSource {
         .checked();
         let mut sample = Sample::empty(received_ns);
         sample.tracker_ns = Some(tracker_ns);
-        sample.time_ns = self.steady(tracker_ns, received_ns).saturating_sub(self.latency_ns);
+        sample.time_ns = time_ns.saturating_sub(self.latency_ns);
         // Eye 0 is the right one.
         *if eye == 0 { &mut sample.right } else { &mut sample.left } = Some(reading);
         if let Some((other, at, mut first)) = self.waiting.take() {
             if other != eye && at.abs_diff(tracker_ns) <= near {
                 first.left = first.left.or(sample.left);
                 first.right = first.right.or(sample.right);
-                let middle = |a: u64, b: u64| a / 2 + b / 2;
-                first.time_ns = middle(first.time_ns, sample.time_ns);
-                first.tracker_ns = Some(middle(at, tracker_ns));
+                first.time_ns = first.time_ns.midpoint(sample.time_ns);
+                first.tracker_ns = Some(at.midpoint(tracker_ns));
                 first.received_ns = received_ns;
                 self.ready.push_back(first);
                 return Ok(());
@@ -162,15 +159,6 @@ impl PupilSource {
             self.ready.push_back(sample);
         }
         Ok(())
-    }
-
-    /// Pupil's time on the steady clock; never later than the arrival.
-    fn steady(&mut self, tracker_ns: u64, received_ns: u64) -> u64 {
-        let quickest = self.link.as_ref().and_then(|l| l.offsets.iter().min_by_key(|(trip, _)| *trip));
-        match quickest {
-            Some((_, offset)) => u64::try_from(i128::from(tracker_ns) + offset).unwrap_or(received_ns).min(received_ns),
-            None => self.arrivals.arrival(tracker_ns, received_ns),
-        }
     }
 
     fn lost(&mut self, reason: &io::Error) -> Event {
@@ -186,23 +174,27 @@ impl PupilSource {
 }
 
 impl Link {
-    fn ask_time(&mut self) -> io::Result<()> {
-        let before = now_ns();
-        self.asked_ns = before;
+    /// Asks for Pupil's time. The answer shows it as a sample does, at the moment at which it arrives.
+    fn ask_time(&mut self, clock: &mut ForeignClock) -> io::Result<()> {
+        self.asked_ns = now_ns();
         let answer = self.remote.ask("t", ANSWER)?;
-        let after = now_ns();
         let seconds = answer.and_then(|a| std::str::from_utf8(&a).ok()?.trim().parse::<f64>().ok());
-        let Some(seconds) = seconds.filter(|s| (0.0..1e10).contains(s)) else {
+        let Some(seconds) = seconds.filter(|s| is_time(*s)) else {
             // A late answer would be taken for the next one's.
             return Err(io::Error::new(io::ErrorKind::InvalidData, "no time in answer to t"));
         };
-        let middle = i128::from(before) + i128::from(after - before) / 2;
-        self.offsets.push_back((after - before, middle - (seconds * 1e9) as i128));
-        if self.offsets.len() > 8 {
-            self.offsets.pop_front();
-        }
+        clock.place(nanoseconds(seconds), now_ns());
         Ok(())
     }
+}
+
+/// Whether a number is a time, seconds: of any origin, within 300 years.
+fn is_time(seconds: f64) -> bool {
+    seconds.abs() < 9e9
+}
+
+fn nanoseconds(seconds: f64) -> i128 {
+    (seconds * 1e9).round() as i128
 }
 
 impl Source for PupilSource {
@@ -232,9 +224,12 @@ impl Source for PupilSource {
             });
         };
         if now.saturating_sub(link.asked_ns) > TIME_NS
-            && let Err(e) = link.ask_time()
+            && let Err(e) = link.ask_time(&mut self.clock)
         {
             return Ok(self.lost(&e));
+        }
+        if let Some(event) = self.clock.event() {
+            return Ok(Event::Note(format!("{}: {event}", self.name())));
         }
         let Some(link) = &mut self.link else { return Ok(Event::Nothing) };
         match link.data.message(timeout) {
@@ -261,6 +256,10 @@ impl Source for PupilSource {
             }
             Err(e) => Ok(self.lost(&e)),
         }
+    }
+
+    fn dropped(&self) -> Dropped {
+        Dropped { messages: self.wrong, clock_sets: self.clock.sets(), ..Dropped::default() }
     }
 }
 

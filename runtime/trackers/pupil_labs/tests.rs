@@ -54,7 +54,7 @@ fn shake(stream: &mut TcpStream, socket: &str) {
 }
 
 /// Pupil Remote and a publisher of `messages`; ends when its peer goes. Its clock runs `ahead` nanoseconds ahead.
-fn peer(messages: Vec<Vec<u8>>, ahead: u64) -> (u16, JoinHandle<()>) {
+fn peer(messages: Vec<Vec<u8>>, ahead: i64) -> (u16, JoinHandle<()>) {
     let remote = TcpListener::bind("127.0.0.1:0").unwrap();
     let data = TcpListener::bind("127.0.0.1:0").unwrap();
     let (port, data_port) = (remote.local_addr().unwrap().port(), data.local_addr().unwrap().port());
@@ -84,7 +84,7 @@ fn peer(messages: Vec<Vec<u8>>, ahead: u64) -> (u16, JoinHandle<()>) {
             while let Some(Arrival::Message(parts)) = frames.next().unwrap() {
                 let answer = match &parts[1][..] {
                     b"SUB_PORT" => data_port.to_string(),
-                    b"t" => format!("{:.9}", (now_ns() + ahead) as f64 * 1e-9),
+                    b"t" => format!("{:.9}", (now_ns() as i64 + ahead) as f64 * 1e-9),
                     other => panic!("{other:?}"),
                 };
                 stream.write_all(&[frame(b"", 1), frame(answer.as_bytes(), 0)].concat()).unwrap();
@@ -114,11 +114,17 @@ fn samples(source: &mut PupilSource, most: usize) -> (Vec<Sample>, Vec<String>) 
     (samples, notes)
 }
 
+/// Pupil's clock may begin anywhere: its maintainers allow it to be below zero, and a public recording begins at -323801 s.
 #[test]
 fn both_eyes_arrive_with_steady_times() {
-    let ahead = 777_000_000_000;
-    let seconds = |ns: u64| ns as f64 * 1e-9;
-    let seen = now_ns() - 30_000_000;
+    for ahead_s in [777, 0, -323_801, -1, -1_000_000_000, 1_690_000_000, 3600, -3600, 86_400, -40] {
+        both_eyes_arrive(ahead_s * 1_000_000_000);
+    }
+}
+
+fn both_eyes_arrive(ahead: i64) {
+    let seconds = |ns: i64| ns as f64 * 1e-9;
+    let seen = now_ns() as i64 - 30_000_000;
     let later = seen + 8_000_000;
     let messages = vec![
         message("pupil.0.3d", &datum(0, 0.75, 0.9, seconds(seen + ahead), Some(3.5))),
@@ -138,7 +144,7 @@ fn both_eyes_arrive_with_steady_times() {
     assert_eq!((first.position, first.unit, first.valid), ([0.75, 0.75], Unit::Normalized, true));
     assert!((first.diameter.unwrap() - 3.5e-3).abs() < 1e-12 && first.confidence == 0.9);
     // On one machine a round trip takes far less than 10 ms, so the clocks agree to that.
-    assert!(samples[0].time_ns.abs_diff(seen) < 10_000_000, "{} for {seen}", samples[0].time_ns);
+    assert!(samples[0].time_ns.abs_diff(seen as u64) < 10_000_000, "{} for {seen}", samples[0].time_ns);
     assert!(!samples[1].left.unwrap().valid, "no confidence");
     let both = samples[2];
     assert_eq!(both.left.unwrap().position, [0.51, 0.75]);

@@ -184,3 +184,50 @@ fn the_stripes_in_python() {
     drop(display);
     assert_eq!(ended(left), (Some(1), "stripes: the display is gone\n".into()));
 }
+
+/// A wait lasts as long as it says, however often the other side says 'look' without news.
+#[test]
+fn waits_end_in_their_time_in_c() {
+    let runtime = Runtime::new("waits");
+    let program = runtime.0.join("waits");
+    let mut cc = Command::new("cc");
+    cc.args(["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-O1", "-I"]);
+    let built = cc.arg(here("")).arg(here("tests/waits.c")).arg("-o").arg(&program).status().unwrap();
+    assert!(built.success());
+    assert_eq!(ended(runtime.start(&program, &[])), (Some(0), String::new()));
+}
+
+#[test]
+fn waits_end_in_their_time_in_python() {
+    if Command::new("python3").arg("--version").output().is_err() {
+        return eprintln!("no python3: the waits were not run");
+    }
+    let code = r#"
+import mmap, socket, sys, threading, time
+sys.path.insert(0, sys.argv[1])
+import eyebox_live
+live = object.__new__(eyebox_live.Live)
+live.socket, other = socket.socketpair()
+live.socket.setblocking(False)
+other.setblocking(False)
+live._map, live._seen = mmap.mmap(-1, 8192), 0
+done = threading.Event()
+def look():
+    while not done.wait(0.01):
+        try:
+            other.send(b"\0")
+        except BlockingIOError:
+            pass
+thread = threading.Thread(target=look)
+thread.start()
+for seconds in (0.3, 0.1, 0.0):
+    begun = time.monotonic()
+    assert live.wait(seconds) is None
+    assert time.monotonic() - begun >= seconds, "it ended before its time"
+done.set()
+thread.join()
+"#;
+    let mut python = Command::new("python3");
+    let output = python.args(["-c", code]).arg(here("")).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
