@@ -18,10 +18,10 @@ pub mod saccade;
 
 mod calibration;
 mod estimator;
-mod settings;
-mod stages;
 #[cfg(test)]
 mod eyes_tests;
+mod settings;
+mod stages;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]

@@ -43,15 +43,8 @@ pub enum Refusal {
 
 impl Refusal {
     /// All of them, in the order of [`Counts::refused`].
-    pub const ALL: [Self; 7] = [
-        Self::NotSeen,
-        Self::Confidence,
-        Self::NoMap,
-        Self::OutOfReach,
-        Self::Time,
-        Self::BetweenEyes,
-        Self::TooFast,
-    ];
+    pub const ALL: [Self; 7] =
+        [Self::NotSeen, Self::Confidence, Self::NoMap, Self::OutOfReach, Self::Time, Self::BetweenEyes, Self::TooFast];
 
     /// The key of its count in statistics.
     pub fn key(self) -> &'static str {

@@ -318,7 +318,8 @@ mod tests {
         let frame_ns = 2 * SET_NS;
         for gap_ns in [1, -1, 0, 2, 50, -50, 1000, 100_000, 1_000_000, -1_000_000, 1_999_000] {
             for (apart, moving) in [(0, 4), (1, 4), (1, 0), (2, 0)] {
-                let mut moments = Moments::of(encoder.lighting(false), SET_NS, frame(&display, 0, 1)[0].problem.pixel());
+                let mut moments =
+                    Moments::of(encoder.lighting(false), SET_NS, frame(&display, 0, 1)[0].problem.pixel());
                 for k in 0..6i64 {
                     let shift = (moving * k) as usize;
                     moments.follow(&frame(&display, shift, 1), k * frame_ns);

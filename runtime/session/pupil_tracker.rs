@@ -194,7 +194,8 @@ impl State {
         if count < SAY || std::mem::replace(&mut self.said[refusal as usize], true) {
             return None;
         }
-        let which = sample.readings().find(|r| r.1.valid).map_or(String::new(), |(eye, r)| format!(", such as {eye} {r}"));
+        let which =
+            sample.readings().find(|r| r.1.valid).map_or(String::new(), |(eye, r)| format!(", such as {eye} {r}"));
         Some(format!("{count} of {} samples of the tracker are refused: {refusal}{which}", samples.samples()))
     }
 }

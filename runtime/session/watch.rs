@@ -55,11 +55,7 @@ pub(super) struct Samples {
 
 impl Samples {
     /// From a source that does not wait for real time.
-    pub(super) fn new(
-        source: Box<dyn Source>,
-        estimator: Estimator,
-        counts: Arc<AtomicCell<TrackerCounts>>,
-    ) -> Self {
+    pub(super) fn new(source: Box<dyn Source>, estimator: Estimator, counts: Arc<AtomicCell<TrackerCounts>>) -> Self {
         Self { source, estimator, waiting: None, newest: None, counts }
     }
 

@@ -48,10 +48,9 @@ impl std::fmt::Display for ClockEvent {
             Self::Unit(unit) => write!(f, "its clock counts {unit}"),
             Self::Set(by) => write!(f, "its clock was set by {:.3} s", *by as f64 * 1e-9),
             Self::Stands => f.write_str("its clock stands still: arrival times are used"),
-            Self::NoUnit(rate) => write!(
-                f,
-                "its clock counts {rate:.4} per second, which is no unit of time: arrival times are used"
-            ),
+            Self::NoUnit(rate) => {
+                write!(f, "its clock counts {rate:.4} per second, which is no unit of time: arrival times are used")
+            }
         }
     }
 }

@@ -377,14 +377,16 @@ mod tests {
     /// What is unknown, however a program writes it, takes nothing else with it: x and diameter in mm.
     #[test]
     fn unknown_parts_leave_the_known_ones() {
-        let numbers = ["NaN", "nan", "-nan", "NAN", "null", "Infinity", "-Infinity", "inf", "-inf", "nan(ind)", "-nan(snan)"];
+        let numbers =
+            ["NaN", "nan", "-nan", "NAN", "null", "Infinity", "-Infinity", "inf", "-inf", "nan(ind)", "-nan(snan)"];
         for unknown in numbers {
             let read = |text: String| parse(text.as_bytes()).unwrap_or_else(|e| panic!("{text}: {e}"));
             let one = |line: Line| line.readings[2].unwrap();
             let mm = |v: f64| (v * 1e6).round() / 1e3;
             let reading = one(read(format!("{{\"t\": 1, \"x\": 1.5, \"y\": -2, \"diameter\": {unknown}}}")));
             assert!(reading.valid && mm(reading.position[0]) == 1.5 && reading.diameter.is_none(), "{unknown}");
-            let line = read(format!("{{\"t\": {unknown}, \"x\": 1.5, \"y\": -2, \"diameter\": 4, \"focus_d\": {unknown}}}"));
+            let line =
+                read(format!("{{\"t\": {unknown}, \"x\": 1.5, \"y\": -2, \"diameter\": 4, \"focus_d\": {unknown}}}"));
             let reading = one(line);
             assert!(reading.valid && line.time.is_none() && line.focus_dioptres.is_none(), "{unknown}");
             assert_eq!(mm(reading.diameter.unwrap()), 4.0, "{unknown}");

@@ -10,10 +10,10 @@
 //!
 //! Replayed in real time, or as fast as it is read with the recorded times, through the decoder of live devices.
 
-use super::time_unit::timeline;
 use super::hid::{Decoder, Descriptor, HidError, Layout};
 pub use super::source::Head;
 use super::source::{About, Dropped, Event, Source};
+use super::time_unit::timeline;
 use super::{TrackerError, now_ns};
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::Path;

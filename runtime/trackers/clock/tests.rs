@@ -50,9 +50,9 @@ fn worst(foreign: &mut Foreign, clock: &mut ForeignClock, seconds: f64, settled:
 #[test]
 fn times_are_placed_whatever_the_clock() {
     let mut cases = 0;
-    for (unit, origin_s) in TimeUnit::ALL.into_iter().flat_map(|unit| {
-        [0.0, -323_801.0, -0.25, 98.4, 1.69e9].map(|origin| (unit, origin))
-    }) {
+    for (unit, origin_s) in
+        TimeUnit::ALL.into_iter().flat_map(|unit| [0.0, -323_801.0, -0.25, 98.4, 1.69e9].map(|origin| (unit, origin)))
+    {
         for (rate_hz, drift_ppm) in [(30.0, 0.0), (120.0, 50.0), (1000.0, -50.0)] {
             let first = origin_s * unit.per_second() as f64;
             let rng = Rng::with_seed(cases);
@@ -122,7 +122,11 @@ fn delays_and_duplicates_are_told_from_clocks_that_were_set() {
             assert_eq!(times[0], times[1], "a duplicate is the same sample");
             if since_ns > 200_000_000 {
                 let true_ns = START_NS + since_ns + LEAST_NS;
-                assert!(times[0].abs_diff(true_ns) < 1000, "{held_ms} ms, sample {i}: {} off", times[0].abs_diff(true_ns));
+                assert!(
+                    times[0].abs_diff(true_ns) < 1000,
+                    "{held_ms} ms, sample {i}: {} off",
+                    times[0].abs_diff(true_ns)
+                );
             }
         }
         assert_eq!(clock.sets(), 0, "{held_ms} ms");

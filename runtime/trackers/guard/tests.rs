@@ -22,7 +22,9 @@ fn guarded(lines: &[String]) -> (Vec<Reading>, usize, Dropped) {
     let (mut readings, mut notes) = (Vec::new(), 0);
     loop {
         match guard.next(Duration::ZERO).unwrap() {
-            Event::Sample(sample, _) => readings.extend([sample.left, sample.right, sample.combined].into_iter().flatten()),
+            Event::Sample(sample, _) => {
+                readings.extend([sample.left, sample.right, sample.combined].into_iter().flatten())
+            }
             Event::Note(_) => notes += 1,
             _ => return (readings, notes, guard.dropped()),
         }

@@ -208,7 +208,8 @@ mod tests {
                     let scale = unit.per_second() as f64;
                     let time = |i: usize| (origin_s + i as f64 / rate_hz) * scale;
                     let lines: Vec<String> = (0..60).map(|i| line(time(i), "")).collect();
-                    let (times, sets) = replayed(&lines).unwrap_or_else(|e| panic!("{unit}, {origin_s}, {rate_hz}: {e}"));
+                    let (times, sets) =
+                        replayed(&lines).unwrap_or_else(|e| panic!("{unit}, {origin_s}, {rate_hz}: {e}"));
                     for (i, at) in times.iter().enumerate() {
                         let off = (*at as f64 - i as f64 / rate_hz * 1e9).abs();
                         assert!(off < 1000.0, "{unit} from {origin_s} s at {rate_hz} Hz, sample {i}: {off} ns");
@@ -258,7 +259,8 @@ mod tests {
         // Two cameras, out of order by less than a picture, and each line twice.
         let mut order: Vec<usize> = (0..60).collect();
         order.chunks_exact_mut(2).for_each(|two| two.swap(0, 1));
-        let lines: Vec<String> = order.iter().flat_map(|i| [line(*i as f64 * step, ""), line(*i as f64 * step, "")]).collect();
+        let lines: Vec<String> =
+            order.iter().flat_map(|i| [line(*i as f64 * step, ""), line(*i as f64 * step, "")]).collect();
         let (times, sets) = replayed(&lines).unwrap();
         assert!(times.is_sorted() && times.len() == 120 && sets == 0 && times[1] == times[0]);
         // Unknown times.
@@ -275,7 +277,9 @@ mod tests {
             let x = |i: i32| 0.003 * f64::from(i).sin();
             (0..200).map(|i| format!("{{\"t\": {}, \"x\": {}, \"y\": 0{more}}}", f64::from(i) / 120.0, x(i))).collect()
         };
-        assert!(matches!(replayed(&lines("")), Err(TrackerError::PositionUnit { largest_mm, .. }) if largest_mm < 0.0031));
+        assert!(
+            matches!(replayed(&lines("")), Err(TrackerError::PositionUnit { largest_mm, .. }) if largest_mm < 0.0031)
+        );
         for unit in ["m", "mm"] {
             assert_eq!(replayed(&lines(&format!(", \"unit\": \"{unit}\""))).unwrap().0.len(), 200);
         }

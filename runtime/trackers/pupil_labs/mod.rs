@@ -122,7 +122,8 @@ impl PupilSource {
         self.heard_ns[eye] = Some(received_ns);
         let Stamp { tracker_ns, time_ns } = self.clock.place(nanoseconds(datum.timestamp), received_ns);
         let (last, period) = &mut self.pictures[eye];
-        if let Some(step) = last.replace(tracker_ns).and_then(|last| u64::try_from(tracker_ns.checked_sub(last)?).ok()) {
+        if let Some(step) = last.replace(tracker_ns).and_then(|last| u64::try_from(tracker_ns.checked_sub(last)?).ok())
+        {
             *period = (*period * 3 + step.clamp(PERIOD_NS[0], PERIOD_NS[1])) / 4;
         }
         let near = self.pictures[eye].1 / 2;
