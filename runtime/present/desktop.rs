@@ -181,6 +181,9 @@ impl Desktop {
                     )));
                 }
             }
+            if self.handler.window.is_none() && since.elapsed() > PATIENCE {
+                return Err(no_desktop("a window was asked for and did not come".into()));
+            }
             std::thread::sleep(Duration::from_millis(5));
         };
         self.handler.under = Some((monitor.clone(), Instant::now()));
