@@ -11,11 +11,8 @@ use crate::session::marks::mark_corner;
 use crate::session::notes::Notes;
 use crate::session::trace::Track;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::{Duration, Instant};
-
-/// How long the threads of a pool wait for each other.
-const MEETING: Duration = Duration::from_millis(500);
+use std::sync::atomic::Ordering;
+use std::time::Instant;
 
 pub(super) struct Encoding {
     pub(super) shape: [usize; 4],
@@ -121,30 +118,11 @@ impl Encoding {
 }
 
 /// Has every thread of the pool take work from another once: what that needs is made the first time, which on a busy
-/// machine may be long after the first picture. It is worth a moment and no more: two sessions that begin together would
-/// otherwise wait for each other's threads for ever.
+/// machine may be long after the first picture.
 fn meet() {
-    let (all, met) = (rayon::current_num_threads(), AtomicUsize::new(0));
-    let until = Instant::now() + MEETING;
+    let all = std::sync::Barrier::new(rayon::current_num_threads());
     let wait = || {
-        met.fetch_add(1, Ordering::Relaxed);
-        while met.load(Ordering::Relaxed) < all && Instant::now() < until {
-            std::thread::sleep(Duration::from_micros(200));
-        }
+        all.wait();
     };
     rayon::scope(|scope| (0..rayon::current_num_threads()).for_each(|_| scope.spawn(|_| wait())));
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Two sessions that begin together on one pool have each other's threads: they end all the same.
-    #[test]
-    fn two_that_meet_on_one_pool_do_not_wait_for_ever() {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
-        for _ in 0..4 {
-            pool.install(|| rayon::join(meet, meet));
-        }
-    }
 }
