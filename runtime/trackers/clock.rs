@@ -67,8 +67,8 @@ pub(crate) struct ForeignClock {
     line: Option<Line>,
     /// Another setting of the clock, until it is certain.
     candidate: Option<Line>,
-    /// The newest tracker time, and when it first arrived.
-    last: Option<(i128, u64)>,
+    /// The newest tracker time, when it first arrived, and where it was placed.
+    last: Option<(i128, [u64; 2])>,
     stands: bool,
     sets: u64,
     events: VecDeque<ClockEvent>,
@@ -122,7 +122,10 @@ impl ForeignClock {
             None => {}
         }
         let tracker = self.unit.scaled(expected_ns);
-        let mapped = self.map(tracker, received_ns);
+        let mapped = self.map(tracker, received_ns).min(received_ns);
+        if let Some((_, [_, placed])) = &mut self.last {
+            *placed = mapped;
+        }
         let time_ns = if self.unit.is_certain() && !self.stands { mapped } else { received_ns };
         let tracker_ns = tracker.clamp(i128::from(i64::MIN), i128::from(i64::MAX)) as i64;
         Stamp { tracker_ns, time_ns }
@@ -137,15 +140,14 @@ impl ForeignClock {
     fn map(&mut self, x: i128, received_ns: u64) -> u64 {
         let before = self.last;
         match before {
-            Some((last, since)) if last == x => {
+            Some((last, [since, placed])) if last == x => {
                 if received_ns.saturating_sub(since) >= STANDS_NS && !self.stands {
                     self.stands = true;
                     self.say(ClockEvent::Stands);
                 }
-                let line = self.candidate.as_ref().or(self.line.as_ref());
-                return line.map_or(received_ns, |line| line.time(x, received_ns));
+                return placed;
             }
-            _ => (self.last, self.stands) = (Some((x, received_ns)), false),
+            _ => (self.last, self.stands) = (Some((x, [received_ns; 2])), false),
         }
         let y = i128::from(received_ns) - x;
         let Some(line) = &mut self.line else {
