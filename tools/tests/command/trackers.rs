@@ -111,6 +111,86 @@ fn a_recording_is_shown_and_recorded_again() {
     assert!(real.elapsed() >= Duration::from_millis(10));
 }
 
+/// Recordings as laboratories have them: how many of 60 samples are placed, and where the pupil is at the end, mm.
+#[test]
+fn recordings_of_other_trackers_are_placed() {
+    let temp = tempfile::tempdir().unwrap();
+    let at = temp.path();
+    let seconds = |i: u32| f64::from(i) / 120.0;
+    let x = |i: u32| 3.0 * (2.0 * seconds(i)).sin();
+    let end = x(59);
+    let eye = |i: u32, more: &str| format!("\"x\": {}, \"y\": 0{more}", x(i));
+    let kinds: [(&str, Box<dyn Fn(u32) -> String>, usize, f64); 12] = [
+        ("seconds", Box::new(|i| format!("\"t\": {}, {}", seconds(i), eye(i, ""))), 60, end),
+        ("below zero", Box::new(|i| format!("\"t\": {}, {}", seconds(i) - 323_801.0, eye(i, ""))), 60, end),
+        (
+            "us",
+            Box::new(|i| format!("\"t\": {}, {}", 1.69e15 + 1e6 * seconds(i), eye(i, ", \"diameter\": 4"))),
+            60,
+            end,
+        ),
+        ("ms", Box::new(|i| format!("\"t\": {}, {}", -5.0 + 1e3 * seconds(i), eye(i, ""))), 60, end),
+        ("ns", Box::new(|i| format!("\"t\": {}, {}", 1e9 * seconds(i), eye(i, ""))), 60, end),
+        ("NaN", Box::new(|i| format!("\"t\": {}, {}", seconds(i), eye(i, ", \"diameter\": NaN"))), 60, end),
+        ("set back", Box::new(|i| format!("\"t\": {}, {}", seconds(i) - f64::from(i / 30) * 2.0, eye(i, ""))), 60, end),
+        (
+            "metres",
+            Box::new(|i| format!("\"t\": {}, \"x\": {}, \"y\": 0, \"diameter\": 0.004", seconds(i), x(i) * 1e-3)),
+            60,
+            end,
+        ),
+        (
+            "stated metres",
+            Box::new(|i| format!("\"t\": {}, \"unit\": \"m\", \"x\": {}, \"y\": 0", seconds(i), x(i) * 1e-3)),
+            60,
+            end,
+        ),
+        ("pixels", Box::new(|i| format!("\"t\": {}, {}", seconds(i), eye(i, ", \"diameter\": 41"))), 60, end),
+        (
+            "one eye in turn",
+            Box::new(|i| {
+                let (eye, x) = if i % 2 == 0 { ("left", 0.40) } else { ("right", 0.44) };
+                format!("\"t\": {}, \"{eye}\": {{\"x\": {x}, \"y\": 0.5, \"unit\": \"normalized\"}}", seconds(i))
+            }),
+            60,
+            -1.92,
+        ),
+        ("twice", Box::new(|i| format!("\"t\": {}, {}", seconds(i / 2), eye(i / 2, ""))), 30, x(29)),
+    ];
+    for (name, line, placed, end) in kinds {
+        let text: String = (0..60).map(|i| format!("{{{}}}\n", line(i))).collect();
+        std::fs::write(at.join("a.jsonl"), text).unwrap();
+        let shown = done(at, &["--watch", "a.jsonl", "--pupil", "0", "--json"]);
+        let values: Vec<serde_json::Value> = shown.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
+        let count = values.iter().filter(|v| v["stages"]["placed"]["Ok"].is_object()).count();
+        assert_eq!((values.len(), count), (60, placed), "{name}: {}", shown.lines().last().unwrap());
+        let found = values.last().unwrap()["pupil"]["centre"][0].as_f64().unwrap() * 1e3;
+        assert!((found - end).abs() < 0.2, "{name}: {found} mm, not {end}");
+    }
+}
+
+/// What no unit makes plausible is refused, and the remedy that the line names works.
+#[test]
+fn numbers_of_an_unknown_unit_are_refused_until_it_is_stated() {
+    let temp = tempfile::tempdir().unwrap();
+    let at = temp.path();
+    let write = |more: &str, time: f64, size: f64| {
+        let line = |i: u32| {
+            let (t, x) = (f64::from(i) * time, size * (0.1 * f64::from(i)).sin());
+            format!("{{\"t\": {t}, \"x\": {x}, \"y\": 0{more}}}\n")
+        };
+        std::fs::write(at.join("a.jsonl"), (0..200).map(line).collect::<String>()).unwrap();
+    };
+    write("", 1.0, 3.0);
+    refused(at, &["--watch", "a.jsonl"], "\"t_unit\": \"ms\"");
+    write(", \"t_unit\": \"ms\"", 1.0, 3.0);
+    assert_eq!(done(at, &["--watch", "a.jsonl"]).lines().count(), 200);
+    write("", 1.0 / 120.0, 0.003);
+    refused(at, &["--watch", "a.jsonl"], "\"unit\": \"m\"");
+    write(", \"unit\": \"m\"", 1.0 / 120.0, 0.003);
+    assert!(done(at, &["--watch", "a.jsonl"]).lines().last().unwrap().contains("mm"));
+}
+
 #[test]
 fn a_simulated_eye_is_watched_and_its_pupil_found() {
     let temp = tempfile::tempdir().unwrap();
