@@ -1,6 +1,7 @@
 //! Samples that a program pushes: one that has a tracker of its own, or a window with a mouse ([`mouse`](super::mouse)).
 
-use super::{About, Event, Quantity, Reading, Sample, Source, TrackerError, Unit, now_ns};
+use super::clock::ForeignClock;
+use super::{About, Dropped, Event, Quantity, Reading, Sample, Source, TimeUnit, TrackerError, Unit, now_ns};
 use crate::mailbox::Mailbox;
 use std::time::Duration;
 
@@ -14,9 +15,13 @@ const OLDEST: Duration = Duration::from_secs(10);
 pub struct SampleSender(Mailbox<Sample>);
 
 impl SampleSender {
-    /// Gives a sample, whose time is of the [steady clock](now_ns).
+    /// Gives a sample, whose time is of the [steady clock](now_ns). A time ahead of the arrival, or 10 s behind it, is of
+    /// another clock (nanoseconds from any origin), and is placed by its arrivals.
     pub fn push(&self, sample: Sample) {
-        self.0.push(sample);
+        let now = now_ns();
+        // An arrival of another clock is this call.
+        let received_ns = if is_near(sample.received_ns, now) { sample.received_ns } else { now };
+        self.0.push(Sample { received_ns, ..sample });
     }
 
     /// The pupil was at a position in the pupil plane, metres (right, down), so long ago: 10 s at most. Where it is known, its
@@ -36,9 +41,15 @@ impl SampleSender {
     }
 }
 
+/// Whether a time is one of the same clock as an arrival.
+fn is_near(time_ns: u64, received_ns: u64) -> bool {
+    received_ns.checked_sub(time_ns).is_some_and(|age| u128::from(age) <= OLDEST.as_nanos())
+}
+
 /// The other end: a tracker.
 #[derive(Debug)]
 pub struct PushedSource {
+    clock: ForeignClock,
     samples: Mailbox<Sample>,
     name: &'static str,
     kind: &'static str,
@@ -51,7 +62,8 @@ pub fn channel() -> (SampleSender, PushedSource) {
 
 pub(super) fn named(name: &'static str, kind: &'static str) -> (SampleSender, PushedSource) {
     let samples = Mailbox::new(KEPT);
-    (SampleSender(samples.clone()), PushedSource { samples, name, kind })
+    let clock = ForeignClock::of(TimeUnit::Seconds);
+    (SampleSender(samples.clone()), PushedSource { clock, samples, name, kind })
 }
 
 impl Source for PushedSource {
@@ -60,14 +72,27 @@ impl Source for PushedSource {
     }
 
     fn next(&mut self, timeout: Duration) -> Result<Event, TrackerError> {
+        if let Some(event) = self.clock.event() {
+            return Ok(Event::Note(format!("{}: {event}", self.name)));
+        }
         // Asked before: what was pushed last is not missed.
         let closed = self.samples.is_alone();
         match self.samples.take_within(if closed { Duration::ZERO } else { timeout }) {
-            Some(sample) => Ok(Event::Sample(sample, None)),
+            Some(mut sample) => {
+                if !is_near(sample.time_ns, sample.received_ns) {
+                    let stamp = self.clock.place(i128::from(sample.time_ns), sample.received_ns);
+                    (sample.time_ns, sample.tracker_ns) = (stamp.time_ns, Some(stamp.tracker_ns));
+                }
+                Ok(Event::Sample(sample, None))
+            }
             // Whoever pushed is gone.
             None if closed => Ok(Event::End),
             None => Ok(Event::Nothing),
         }
+    }
+
+    fn dropped(&self) -> Dropped {
+        Dropped { clock_sets: self.clock.sets(), ..Dropped::default() }
     }
 }
 
@@ -97,5 +122,24 @@ mod tests {
         assert_eq!(source.about().kind, "program");
         drop(sender);
         assert_eq!(source.next(Duration::ZERO).unwrap(), Event::End);
+    }
+
+    /// Samples of another clock, ahead or far behind, are placed by their arrivals; those of the steady clock stay as they are.
+    #[test]
+    fn samples_of_another_clock_are_placed_by_their_arrivals() {
+        let now = now_ns();
+        let received = |i: u64| now - 9_000_000_000 + i * 8_333_333 + (i * 7 % 5) * 1_000_000;
+        for ahead in [0, 1_690_000_000, 3600, 20, 100_000, -100, -3600, 60, -11, 1_000_000_000i64] {
+            let (sender, mut source) = channel();
+            for i in 0..60u64 {
+                let taken = now - 9_000_000_000 + i * 8_333_333;
+                let time = i128::from(taken) + i128::from(ahead) * 1_000_000_000;
+                let Ok(time_ns) = u64::try_from(time) else { continue };
+                sender.push(Sample { time_ns, ..Sample::empty(received(i)) });
+                let Event::Sample(sample, _) = source.next(Duration::ZERO).unwrap() else { panic!("sample {i}") };
+                assert_eq!(sample.received_ns, received(i));
+                assert!(sample.time_ns.abs_diff(taken) < 1000 || (ahead != 0 && i < 6), "{ahead} s, {i}");
+            }
+        }
     }
 }
