@@ -229,6 +229,7 @@ impl Reading {
     }
 
     /// The meaning of such values, in words.
+    #[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use it"))]
     pub fn in_words(&self, stored: Stored<'_>, says: Transfer) -> String {
         let kind = match stored {
             Stored::Bytes(_) => "8 bits",

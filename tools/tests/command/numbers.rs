@@ -10,7 +10,8 @@ const SIZE: [u32; 2] = [40, 48];
 const SMALL: [&str; 10] = ["--size", "40x48", "--views", "3", "--steps", "2", "--frames", "1", "--color", "green"];
 
 fn photo(at: &Path) {
-    let pixel = |x: u32, y: u32| Rgb([(x * 5) as u8, (255 - y * 6) as u8, ((x * 7 + y * 11) % 200) as u8]);
+    let pixel =
+        |x: u32, y: u32| Rgb([(x * 5) as u8, ((x * x / 3 + y * 9) % 256) as u8, ((x * 7 + y * 11) % 200) as u8]);
     ImageBuffer::from_fn(SIZE[1], SIZE[0], pixel).save(at.join("photo.png")).unwrap();
 }
 
