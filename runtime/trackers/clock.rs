@@ -67,6 +67,8 @@ pub(crate) struct ForeignClock {
     line: Option<Line>,
     /// Another setting of the clock, until it is certain.
     candidate: Option<Line>,
+    /// Whether the candidate's first sample had a time before that of the sample before it.
+    ran_back: bool,
     /// The newest tracker time, when it first arrived, and where it was placed.
     last: Option<(i128, [u64; 2])>,
     stands: bool,
@@ -87,7 +89,7 @@ impl ForeignClock {
 
     fn with(unit: UnitFinder) -> Self {
         let (line, candidate, last, events) = (None, None, None, VecDeque::new());
-        Self { unit, line, candidate, last, stands: false, sets: 0, events }
+        Self { unit, line, candidate, ran_back: false, last, stands: false, sets: 0, events }
     }
 
     /// Uses this unit from now on.
@@ -162,7 +164,10 @@ impl ForeignClock {
         }
         match &mut self.candidate {
             Some(candidate) if (y - candidate.at(x)).abs() <= STEP_NS => candidate.add(x, y, received_ns),
-            candidate => *candidate = Some(Line::new(x, y, received_ns)),
+            candidate => {
+                *candidate = Some(Line::new(x, y, received_ns));
+                self.ran_back = before.is_some_and(|(last, _)| x < last);
+            }
         }
         if let Some(candidate) = self.candidate.take_if(|candidate| candidate.is_certain()) {
             let by = line.at(x) - candidate.at(x);
@@ -173,7 +178,7 @@ impl ForeignClock {
             return time;
         }
         // A sample that the way held up is as old as it says; a clock that runs back or arrives early was set.
-        let delayed = before.is_some_and(|(last, _)| x > last) && (0..=MOST_DELAY_NS).contains(&off);
+        let delayed = !self.ran_back && (0..=MOST_DELAY_NS).contains(&off);
         let line = if delayed { self.line.as_ref() } else { self.candidate.as_ref() };
         line.map_or(received_ns, |line| line.time(x, received_ns))
     }
