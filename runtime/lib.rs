@@ -61,7 +61,7 @@
 //! | `direct-display` | displays that no desktop drives |
 //! | `trackers` | HID eye trackers and Pupil Core |
 //! | `preview` | [`preview`]: what an eye sees, in a window |
-//! | `image-formats` | pictures in and out: PNG, JPEG, OpenEXR, BMP |
+//! | `image-formats` | pictures in and out: PNG, JPEG, OpenEXR, TIFF, BMP, PPM |
 //! | `reports` | [`report`]: methods compared, and pages and tables of what was measured |
 //!
 //! # Modules

@@ -1,8 +1,7 @@
 //! The phase of every level, from a table as laboratories write them.
 
 use super::EncodeError;
-use crate::files::FileError;
-use crate::files::read;
+use crate::files::{FileError, FileKind, Wanted, decode_text, read};
 use std::path::Path;
 
 /// Turns that a calibrated SLM reaches, at least and at most: what a named unit has to give.
@@ -118,8 +117,8 @@ impl Separator {
 /// [`EncodeError::File`]; [`EncodeError::Table`] naming the line that is wrong, and where phases fit no unit, or two.
 pub(super) fn read_table(file: &Path, levels: u32) -> Result<Vec<(u8, f64)>, EncodeError> {
     let bytes = read::bytes(file, read::TEXT).map_err(|e| FileError::read(file, e))?;
-    let text = String::from_utf8(bytes).or_else(|e| latin1(e.into_bytes()));
-    let text = text.map_err(|()| FileError::content(file, "is no text: a CSV table is wanted"))?;
+    let kind = FileKind::of_bytes(&bytes[..bytes.len().min(4096)]);
+    let text = decode_text(bytes).or_else(latin1).map_err(|()| FileError::of_kind(file, kind, Wanted::Table))?;
     parse(&text, levels).map_err(|(line, reason)| EncodeError::Table { file: file.display().to_string(), line, reason })
 }
 
@@ -130,7 +129,6 @@ fn latin1(bytes: Vec<u8>) -> Result<String, ()> {
 }
 
 fn parse(text: &str, levels: u32) -> Result<Vec<(u8, f64)>, (usize, String)> {
-    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let (mut head, mut separator) = (None, None);
     let mut rows: Vec<(usize, Vec<&str>)> = Vec::new();
     let data = text.lines().map(str::trim).find_map(|row| if is_comment(row) { None } else { Separator::of(row) });
@@ -234,6 +232,17 @@ fn unnamed(rows: &[(usize, Vec<&str>)], separator: Separator, levels: u32) -> Re
             |cells: &Vec<&str>| cells.get(column).is_none_or(|cell| level_of(separator, cell, levels).is_some());
         rows.iter().all(|(_, cells)| level(cells))
     };
+    // More than two and a half turns in degrees: no phase that an SLM of one turn reaches.
+    let driver = |column: usize| {
+        let values = rows.iter().map(|(_, cells)| cells.get(column).and_then(|cell| separator.number(cell)));
+        let values: Option<Vec<f64>> = values.collect();
+        values.is_some_and(|v| v.iter().all(|v| v.fract() == 0.0) && v.iter().any(|v| *v > 900.0))
+    };
+    if (whole(0) && driver(1)) || (whole(1) && driver(0)) {
+        let reason = "and those after it hold levels and other whole numbers, as the values of an SLM's driver (voltages) are: \
+                      give the phase that was measured at each level, under a first line such as 'level,phase_rad'";
+        return Err((line, reason.into()));
+    }
     match (whole(0), whole(1)) {
         (true, true) => Err((line, format!("and those after it could be levels in either column: name them; {FORMS}"))),
         (false, true) => Ok(Head { level: 1, phase: 0, unit: None }),

@@ -2,7 +2,7 @@
 //! and what is added and taken away again leaves nothing.
 
 use super::{EncodeError, turning::Turning};
-use crate::files::{FileError, read_grey, read_npy};
+use crate::files::{FileError, FileKind, read_grey, read_npy};
 use crate::optics::{Color, Correction, Display, Grating, Orientation};
 
 /// The sum of everything that the display adds to this colour, per pixel of the SLM; empty where it adds nothing.
@@ -71,7 +71,7 @@ fn read(correction: &Correction, [height, width]: [usize; 2]) -> Result<Vec<u32>
         };
         Err(FileError::content(file, format!("is {h}x{w} pixels, not {height}x{width}: {what}")).into())
     };
-    if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy")) {
+    if FileKind::of(file).map_err(|e| FileError::read(file, e))? == FileKind::Npy {
         let array = read_npy(file)?;
         let [h, w] = array.shape[..] else {
             let reason = format!("has the shape {:?}: (row, column) is wanted", array.shape);

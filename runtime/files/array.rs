@@ -1,7 +1,7 @@
 //! An array of a `.npy` or of an `.npz` (`numpy.savez`, `numpy.savez_compressed`), whose values are read a part at a time.
 
 use super::npy::{NpyReader, from_fortran};
-use super::{FileError, read, zip};
+use super::{FileError, FileKind, npz_line, read, zip};
 use crate::memory;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -24,19 +24,41 @@ impl NpyArray {
     /// # Errors
     /// As [`read_npy`](super::read_npy); [`FileError::Content`] for a damaged archive, and one with no such array or several.
     pub fn open(file: &Path, name: Option<&str>, wanted: impl Fn(&[usize]) -> bool) -> Result<Self, FileError> {
+        let remedy = |names: &[&str]| format!("name one of {}, as in FILE.npz?array=NAME", names.join(", "));
+        Self::open_or(file, name, wanted, remedy)
+    }
+
+    /// Opens the only array whose shape is `wanted`, of a file whose name takes no options.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open), with a line that keeps one of several arrays.
+    pub fn only(file: &Path, wanted: impl Fn(&[usize]) -> bool) -> Result<Self, FileError> {
+        let remedy = |names: &[&str]| {
+            let line = names.first().map_or_else(|| "put one into it".into(), |name| npz_line(file, name));
+            format!("it has {}; {line}", names.join(", "))
+        };
+        Self::open_or(file, None, wanted, remedy)
+    }
+
+    fn open_or(
+        file: &Path,
+        name: Option<&str>,
+        wanted: impl Fn(&[usize]) -> bool,
+        remedy: impl Fn(&[&str]) -> String,
+    ) -> Result<Self, FileError> {
         let unreadable = |e| FileError::read(file, e);
         let open = || read::open(file).map_err(unreadable);
         let length = open()?.metadata().map_err(unreadable)?.len();
-        if !file.extension().is_some_and(|e| e.eq_ignore_ascii_case("npz")) {
+        if !matches!(FileKind::of(file).map_err(unreadable)?, FileKind::Npz | FileKind::Zip) {
             return Self::new(file, Box::new(BufReader::new(open()?)), length);
         }
         let entries = zip::entries(&mut BufReader::new(open()?), length).map_err(unreadable)?;
         let arrays = || entries.iter().filter_map(|entry| Some((entry.name.strip_suffix(".npy")?, entry)));
         let array = |entry: &zip::Entry| Self::new(file, entry.open(open()?).map_err(unreadable)?, entry.length);
-        let all = || arrays().map(|(name, _)| name).collect::<Vec<_>>().join(", ");
+        let names = || arrays().map(|(name, _)| name).collect::<Vec<_>>();
         if let Some(name) = name {
             let found = arrays().find(|(its, _)| *its == name);
-            let none = || FileError::content(file, format!("has no array '{name}': it has {}", all()));
+            let none = || FileError::content(file, format!("has no array '{name}': it has {}", names().join(", ")));
             return array(found.ok_or_else(none)?.1);
         }
         let mut found = Vec::new();
@@ -49,7 +71,7 @@ impl NpyArray {
         let count = found.len();
         let which = || {
             let count = if count == 0 { "none of its arrays has" } else { "several of its arrays have" };
-            format!("{count} a shape that could be meant: name one of {}, as in FILE.npz?array=NAME", all())
+            format!("{count} a shape that could be meant: {}", remedy(&names()))
         };
         found.pop().filter(|_| count == 1).ok_or_else(|| FileError::content(file, which()))
     }

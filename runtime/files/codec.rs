@@ -1,6 +1,6 @@
 //! Pictures to bytes and back, by the crate `image`.
 
-use super::{FileError, Grey, read};
+use super::FileError;
 use image::{ExtendedColorType, ImageEncoder, ImageReader, codecs::jpeg::JpegEncoder, codecs::png::PngEncoder};
 use std::{
     fs::File,
@@ -37,21 +37,6 @@ fn plain(error: image::ImageError) -> io::Error {
     }
 }
 
-/// Reads an 8-bit grey PNG, `file`, that is open: (height, width, levels).
-///
-/// # Errors
-/// [`FileError::Read`]; [`FileError::Content`] for anything but a whole 8-bit grey PNG.
-pub(crate) fn read_grey8(opened: File, file: &Path) -> Result<(usize, usize, Vec<u8>), FileError> {
-    let reader = ImageReader::with_format(BufReader::new(opened), image::ImageFormat::Png);
-    match reader.decode() {
-        Ok(image::DynamicImage::ImageLuma8(image)) => {
-            Ok((image.height() as usize, image.width() as usize, image.into_raw()))
-        }
-        Ok(other) => Err(FileError::content(file, format!("holds {:?} pixels: 8-bit grey is wanted", other.color()))),
-        Err(e) => Err(FileError::content(file, format!("is no whole PNG: {e}"))),
-    }
-}
-
 /// Reads an 8-bit PNG, `file`, that is open, as it is stored, grey or coloured: (height, width, channels, bytes), 1 or 3 channels.
 ///
 /// # Errors
@@ -82,53 +67,4 @@ pub(crate) fn read_png8(opened: File, file: &Path) -> Result<(usize, usize, usiz
             Err(FileError::content(file, format!("holds {:?} pixels: 8 bits a channel are wanted", other.color())))
         }
     }
-}
-
-/// Reads the grey levels of an 8- or 16-bit PNG or BMP as they are stored, if the picture has this many rows and
-/// columns; else answers how many it has. A coloured format will do where all pixels are grey.
-///
-/// # Errors
-/// [`FileError::Read`]; [`FileError::Content`] for what is no whole PNG or BMP, and for colours.
-pub(crate) fn read_grey(file: &Path, size: [usize; 2]) -> Result<Result<Grey, [usize; 2]>, FileError> {
-    let reader = || {
-        let reader = read::open(file).and_then(|f| ImageReader::new(BufReader::new(f)).with_guessed_format());
-        let reader = reader.map_err(|e| FileError::read(file, e))?;
-        match reader.format() {
-            Some(image::ImageFormat::Png | image::ImageFormat::Bmp) => Ok(reader),
-            _ => Err(FileError::content(file, "is neither PNG nor BMP")),
-        }
-    };
-    let damaged = |e: image::ImageError| {
-        FileError::content(file, format!("is no whole picture: {}", e.to_string().replace('\n', " ")))
-    };
-    // The size is known before memory is taken for it.
-    let (width, height) = reader()?.into_dimensions().map_err(damaged)?;
-    let found = [height as usize, width as usize];
-    if found != size {
-        return Ok(Err(found));
-    }
-    let mut reader = reader()?;
-    reader.no_limits();
-    let image = reader.decode().map_err(damaged)?;
-    let deep = image.color().bytes_per_pixel() / image.color().channel_count() > 1;
-    let rgb = image.color().has_color();
-    let levels = if deep { 65536 } else { 256 };
-    if !rgb {
-        let values = if deep {
-            image.into_luma16().into_raw()
-        } else {
-            image.into_luma8().into_raw().into_iter().map(u16::from).collect()
-        };
-        return Ok(Ok(Grey { levels, values }));
-    }
-    let pixels = if deep {
-        image.into_rgb16().into_raw()
-    } else {
-        image.into_rgb8().into_raw().into_iter().map(u16::from).collect()
-    };
-    if let Some(at) = pixels.chunks_exact(3).position(|p| p[0] != p[1] || p[1] != p[2]) {
-        let (row, column) = (at / size[1], at % size[1]);
-        return Err(FileError::content(file, format!("is coloured at row {row}, column {column}: grey is wanted")));
-    }
-    Ok(Ok(Grey { levels, values: pixels.into_iter().step_by(3).collect() }))
 }

@@ -9,12 +9,17 @@ mod array;
 mod cache;
 #[cfg_attr(not(feature = "image-formats"), path = "no_codec.rs")]
 mod codec;
+mod convert;
 mod drafts;
 mod entry;
+#[cfg(feature = "image-formats")]
+mod exr_pixels;
 mod folder;
+mod grey;
 mod growing;
 #[cfg_attr(not(unix), path = "held_path.rs")]
 mod held;
+mod kind;
 mod made;
 mod npy;
 mod npy_header;
@@ -23,19 +28,30 @@ mod overlay;
 mod own;
 mod patient;
 mod picture;
+#[cfg_attr(not(feature = "image-formats"), path = "no_pixels.rs")]
+mod pixels;
 pub mod read;
+mod samples;
+mod sniff;
+mod text;
+#[cfg(feature = "image-formats")]
+mod tiff_pixels;
 mod whole;
 mod zip;
 
 pub(crate) use array::NpyArray;
 pub use cache::cache_folder;
 pub use codec::encode_jpeg8;
-pub(crate) use codec::{read_grey, read_grey8, read_png8};
+pub(crate) use codec::read_png8;
+pub use convert::Wanted;
+pub(crate) use convert::{npz_line, zarr_line};
 pub use drafts::end_without_drafts;
 pub(crate) use drafts::is_draft;
 pub(crate) use entry::Kind;
 pub(crate) use folder::Folder;
+pub(crate) use grey::read_grey;
 pub use growing::GrowingFile;
+pub use kind::FileKind;
 pub use made::MadeFolder;
 pub use npy::{Npy, read_npy, write_npy};
 pub(crate) use npy::{npy_header, read_npy_with_gaps};
@@ -47,7 +63,15 @@ pub(crate) use patient::Patient;
 pub use patient::asked_to_end;
 pub(crate) use picture::{encode_grey8, encode_rgb8};
 pub use picture::{encode_png, linear_to_srgb, write_png};
+pub(crate) use pixels::{holds_light, picture_orientation, picture_size, read_pixels};
+pub(crate) use samples::{Pixels, Samples};
+pub(crate) use text::decode as decode_text;
 pub use whole::{FolderDraft, check_place, write_file};
+
+#[cfg(test)]
+mod kind_tests;
+#[cfg(all(test, feature = "image-formats"))]
+mod pixels_tests;
 
 use std::{io, path::Path};
 
@@ -96,6 +120,18 @@ pub enum FileError {
         /// What is wrong, where, and what would be right.
         reason: String,
     },
+    /// It is a file of another kind than the one that is read here.
+    #[error("{file}: it is {}, which is not read as {}; {remedy}", found.describe(), wanted.describe())]
+    Kind {
+        /// The file.
+        file: String,
+        /// Its kind, from its content.
+        found: FileKind,
+        /// What the reader wanted.
+        wanted: Wanted,
+        /// A line that makes a file of it that is read.
+        remedy: String,
+    },
     /// The place is taken by something that must not be replaced.
     #[error("{path}: {reason}")]
     Taken {
@@ -121,6 +157,24 @@ impl FileError {
             }
             _ => Self::Write { file, source },
         }
+    }
+
+    /// What a decoder of `file` says, in one line.
+    #[cfg(feature = "image-formats")]
+    pub(crate) fn damaged(file: &Path, error: impl ToString) -> Self {
+        Self::content(file, error.to_string().replace('\n', " "))
+    }
+
+    /// `file` is of kind `found`, and `wanted` is read.
+    pub fn of_kind(file: &Path, found: FileKind, wanted: Wanted) -> Self {
+        let remedy = convert::remedy(file, found, wanted);
+        Self::Kind { file: file.display().to_string(), found, wanted, remedy }
+    }
+
+    /// All views in `folder`, of which `first` is one, are of kind `found`.
+    pub(crate) fn of_all(folder: &Path, first: &Path, found: FileKind) -> Self {
+        let remedy = convert::remedy_of_all(folder, first, found);
+        Self::Kind { file: first.display().to_string(), found, wanted: Wanted::Scene, remedy }
     }
 
     /// `file` does not hold what it should.

@@ -1,6 +1,6 @@
 //! A build without the feature `image-formats` neither reads nor writes pictures, and says so.
 
-use super::{FileError, Grey};
+use super::FileError;
 use std::{
     fs::File,
     io::{self, Write},
@@ -22,26 +22,10 @@ pub fn encode_jpeg8(_: &mut dyn Write, _: usize, _: usize, _: &[u8], _: u8) -> i
     Err(io::Error::new(io::ErrorKind::Unsupported, WHY))
 }
 
-/// Reads an 8-bit grey PNG: (height, width, levels).
-///
-/// # Errors
-/// [`FileError::Content`], always.
-pub fn read_grey8(_: File, file: &Path) -> Result<(usize, usize, Vec<u8>), FileError> {
-    Err(FileError::content(file, WHY))
-}
-
 /// Reads an 8-bit PNG: (height, width, channels, bytes).
 ///
 /// # Errors
 /// [`FileError::Content`], always.
 pub fn read_png8(_: File, file: &Path) -> Result<(usize, usize, usize, Vec<u8>), FileError> {
-    Err(FileError::content(file, WHY))
-}
-
-/// Reads the grey levels of an 8- or 16-bit PNG or BMP.
-///
-/// # Errors
-/// [`FileError::Content`], always.
-pub fn read_grey(file: &Path, _: [usize; 2]) -> Result<Result<Grey, [usize; 2]>, FileError> {
     Err(FileError::content(file, WHY))
 }

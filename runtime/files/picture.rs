@@ -61,11 +61,15 @@ pub(crate) fn encode_rgb8(out: &mut dyn Write, height: usize, width: usize, leve
 
 #[cfg(all(test, feature = "image-formats"))]
 mod tests {
-    use super::super::{encode_jpeg8, read_grey8};
+    use super::super::{encode_jpeg8, read_png8};
     use super::*;
 
     fn grey8(file: &Path) -> Result<(usize, usize, Vec<u8>), FileError> {
-        read_grey8(std::fs::File::open(file).map_err(|e| FileError::read(file, e))?, file)
+        let opened = std::fs::File::open(file).map_err(|e| FileError::read(file, e))?;
+        match read_png8(opened, file)? {
+            (height, width, 1, levels) => Ok((height, width, levels)),
+            _ => Err(FileError::content(file, "has colors")),
+        }
     }
 
     #[test]

@@ -3,9 +3,10 @@
 //! A pipe, a terminal or a device in the place of a file would block for ever or never end; a file of 3 GB in the place of a
 //! table would be read to its last byte. Both are answered before a byte is read.
 
+use super::{kind::FileKind, text::decode};
 use serde::de::DeserializeOwned;
 use std::fs::File;
-use std::io::{self, Read};
+use std::io::{self, BufRead, BufReader, Cursor, Read};
 use std::path::Path;
 
 /// Longest text that a person writes: displays, calibrations, light fields' settings; bytes.
@@ -14,6 +15,8 @@ pub const TEXT: u64 = 1 << 20;
 pub const TABLE: u64 = 16 << 20;
 /// Longest file that is kept to save time, and longest results; bytes.
 pub const RESULTS: u64 = 256 << 20;
+/// Bytes from which the encoding of a text is determined.
+const ENCODING: u64 = 8192;
 /// Longest picture or map, bytes.
 pub(crate) const PICTURE: u64 = 1 << 30;
 
@@ -66,13 +69,38 @@ pub(super) fn all(opened: File, most: u64) -> io::Result<Vec<u8>> {
     if read.len() as u64 > most { Err(too_long(read.len() as u64)) } else { Ok(read) }
 }
 
-/// The text of a regular file of at most `most` bytes.
+/// The text of a regular file of at most `most` bytes: UTF-8 or UTF-16, with any ends of lines.
 ///
 /// # Errors
-/// As [`bytes`]; [`io::ErrorKind::InvalidData`] for what is no UTF-8.
+/// As [`bytes`]; [`io::ErrorKind::InvalidData`] for what is no text.
 pub fn text(file: &Path, most: u64) -> io::Result<String> {
-    let no_text = || io::Error::new(io::ErrorKind::InvalidData, "it is no text (UTF-8)");
-    String::from_utf8(bytes(file, most)?).map_err(|_| no_text())
+    let no_text = |bytes: Vec<u8>| {
+        let why = match FileKind::of_bytes(&bytes[..bytes.len().min(4096)]) {
+            FileKind::Text => "its text is neither UTF-8 nor UTF-16: save it as UTF-8".into(),
+            other => format!("it is no text, but {}: give a text file (UTF-8)", other.describe()),
+        };
+        io::Error::new(io::ErrorKind::InvalidData, why)
+    };
+    decode(bytes(file, most)?).map_err(no_text)
+}
+
+/// Opens a text file whose lines are read one at a time. Another encoding than plain UTF-8 is decoded as a whole, up to `most`
+/// bytes.
+///
+/// # Errors
+/// As [`bytes`]; [`io::ErrorKind::InvalidData`] for what is no text in a known encoding.
+pub fn lines(file: &Path, most: u64) -> io::Result<Box<dyn BufRead>> {
+    let mut opened = open(file)?;
+    let mut head = Vec::new();
+    Read::by_ref(&mut opened).take(ENCODING).read_to_end(&mut head)?;
+    let marked =
+        head.starts_with(&[0xff, 0xfe]) || head.starts_with(&[0xfe, 0xff]) || head.starts_with(b"\xef\xbb\xbf");
+    let wide = head.iter().take(2).any(|b| *b == 0);
+    let by_cr = head.contains(&b'\r') && !head.contains(&b'\n');
+    if marked || wide || by_cr {
+        return Ok(Box::new(Cursor::new(text(file, most)?.into_bytes())));
+    }
+    Ok(Box::new(BufReader::new(Cursor::new(head).chain(opened))))
 }
 
 /// What a person wrote, as TOML; says which line is wrong, and what.

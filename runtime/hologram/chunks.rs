@@ -2,7 +2,7 @@
 
 use super::HologramError;
 use super::wrap_phase;
-use crate::files::{FileError, Folder, FolderDraft, Kind, is_draft};
+use crate::files::{FileError, FileKind, Folder, FolderDraft, Kind, Wanted, is_draft};
 use crate::memory;
 use std::fs::File;
 use std::hash::{BuildHasher, Hasher, RandomState};
@@ -35,11 +35,10 @@ pub(super) fn chunk_file(color: usize, frame: usize, row: usize, column: usize) 
 /// Opens a hologram's folder.
 pub(super) fn open_folder(path: &Path) -> Result<Folder, HologramError> {
     Folder::open(path).map_err(|e| match e.kind() {
-        io::ErrorKind::NotADirectory => {
-            let reason =
-                "it is a file, and a hologram is a .zarr folder; bare phases (.npy) need the optics too".into();
-            HologramError::NotAHologram { path: path.display().to_string(), reason }
-        }
+        io::ErrorKind::NotADirectory => match FileKind::of(path) {
+            Ok(kind) => FileError::of_kind(path, kind, Wanted::Hologram).into(),
+            Err(e) => FileError::read(path, e).into(),
+        },
         _ => FileError::read(path, e).into(),
     })
 }

@@ -30,10 +30,12 @@ mod chunks;
 mod document;
 mod exchange;
 mod exposure;
+mod foreign;
 mod jod;
 mod metadata;
 mod open;
 mod phase;
+mod phase_files;
 mod refine;
 mod scene_source;
 mod score;
@@ -50,17 +52,20 @@ mod unfinished;
 #[cfg(test)]
 mod damage_tests;
 #[cfg(test)]
+mod foreign_tests;
+#[cfg(test)]
 mod old_files_tests;
 #[cfg(all(test, target_os = "linux"))]
 mod replaced_tests;
 #[cfg(test)]
 mod sequence_tests;
 
-pub use exchange::{PhaseUnit, Phases, check_radians, load_phases, save_phases};
+pub use exchange::{PhaseUnit, Phases, save_phases};
 pub use jod::{FOVEA_DEGREES, JodSettings};
 pub use metadata::{Metadata, Refined, Start, TakenWithCamera};
 pub use open::{BareOptics, Opening};
 pub use phase::{level_of_phase, phase_of_level, wrap_phase};
+pub use phase_files::{check_radians, load_phases};
 pub use refine::Refinement;
 pub use scene_source::SceneSource;
 pub use score::{HologramScores, PupilScore};

@@ -126,9 +126,10 @@ impl Opening {
             let scene = || no(path, "it is a scene: a hologram is first solved of it".into());
             return Err(if is_scene { scene() } else { FileError::read(path, e).into() });
         }
+        // What are no phases lacks more than optics.
+        let phases = load_phases(path, self.unit)?;
         let missing = || HologramError::NoOptics { path: path.display().to_string() };
         let optics = self.bare.as_ref().ok_or_else(missing)?;
-        let phases = load_phases(path, self.unit)?;
         match optics {
             BareOptics::Display(display) => phases.on(display, self.color),
             BareOptics::Values { pitch, focal_length, geometry, wavelengths } => {

@@ -4,7 +4,7 @@ use super::chunks::{
     ARRAY, GROUP, check_is_one, chunk_name, damaged, open_folder, promise, read_document, read_whole, unreadable,
 };
 use super::document::{self, SequenceAttributes};
-use super::{Hologram, HologramError};
+use super::{Hologram, HologramError, foreign};
 use crate::files::Folder;
 use std::fmt::Write as _;
 use std::io::Read;
@@ -57,10 +57,12 @@ impl Sequence {
     fn open_in(folder: &Folder) -> Result<Self, HologramError> {
         let path = folder.path();
         let no = |reason: &str| HologramError::NotAHologram { path: path.display().to_string(), reason: reason.into() };
+        foreign::check_version(folder)?;
         check_is_one(folder)?;
         let file = path.join(GROUP);
         let group = read_document(folder, GROUP)?;
-        let (mut about, sequence) = document::read_any_group(&group).map_err(|e| damaged(&file, e))?;
+        let (mut about, sequence) =
+            document::read_any_group(&group).map_err(|e| foreign::of_group(folder, &group, e))?;
         if sequence.is_none() && !document::is_sealed(&group) {
             return Ok(Self::single(path, Hologram::load_from(folder)?));
         }

@@ -4,9 +4,9 @@ use super::chunks::{
     ARRAY, GROUP, check_is_one, check_length, chunk_name, damaged, draft, promise, read_chunk, read_document,
     read_whole, write_chunk,
 };
-use super::exchange::far_outside;
+use super::phase_files::far_outside;
 use super::tiles::Tiles;
-use super::{Hologram, HologramError, document, save_phases, wrap_phase};
+use super::{Hologram, HologramError, document, foreign, save_phases, wrap_phase};
 use crate::files::Folder;
 use std::path::Path;
 
@@ -55,14 +55,22 @@ impl Hologram {
     pub(super) fn load_from(folder: &Folder) -> Result<Self, HologramError> {
         let path = folder.path();
         let no = |reason: &str| HologramError::NotAHologram { path: path.display().to_string(), reason: reason.into() };
+        foreign::check_version(folder)?;
         check_is_one(folder)?;
-        let file = path.join(GROUP);
         let group = read_document(folder, GROUP)?;
         let sealed = document::is_sealed(&group);
-        let mut hologram = document::read_group(&group).map_err(|e| damaged(&file, e))?;
+        let mut hologram = document::read_group(&group).map_err(|e| foreign::of_group(folder, &group, e))?;
         let file = path.join(ARRAY);
-        let array = document::read_array(&read_document(folder, ARRAY)?, sealed).map_err(|e| damaged(&file, e))?;
-        let document::Array { shape, side, summed } = array;
+        let described = read_document(folder, ARRAY)?;
+        let array = document::read_array(&described, sealed);
+        // Another program's chunks are sub-frames, or anything else.
+        let foreign =
+            !sealed && !document::is_sealed(&described) && !array.as_ref().is_ok_and(|array| array.side.is_none());
+        let foreign = foreign.then(|| foreign::Stored::of(folder, &described)).transpose()?;
+        let document::Array { shape, side, summed } = match &foreign {
+            Some(stored) => document::Array { shape: stored.shape, side: None, summed: false },
+            None => array.map_err(|e| damaged(&file, e))?,
+        };
         if !(sealed && summed) {
             let path = path.display();
             tracing::debug!("{path}: another program wrote it, with no checksum of its documents or phases to check");
@@ -83,20 +91,14 @@ impl Hologram {
         }
         // Optics bound the size of a frame; that all chunks are there, and as long as they must be, is known before
         // memory is taken for any, so that a lying shape costs nothing.
-        let pixels = height * width;
-        for color in 0..colors {
-            for frame in 0..frames {
-                check_length(folder, &chunk_name(color, frame), pixels, summed)?;
+        if let Some(stored) = foreign {
+            for (c, phases) in hologram.colors.iter_mut().zip(stored.read(folder)?) {
+                c.phases = phases;
             }
+        } else {
+            hologram.read_chunks(folder, summed)?;
         }
-        promise(path, &shape)?;
-        for (color, c) in hologram.colors.iter_mut().enumerate() {
-            c.phases.reserve_exact(frames * pixels);
-            for frame in 0..frames {
-                read_chunk(folder, &chunk_name(color, frame), pixels, summed, &mut c.phases)?;
-            }
-        }
-        hologram.check().map_err(|e| damaged(path, e.to_string()))?;
+        hologram.check().map_err(|e| if sealed { damaged(path, e.to_string()) } else { no(&e.to_string()) })?;
         if !sealed {
             for c in &mut hologram.colors {
                 if let Some(found) = far_outside(&c.phases) {
@@ -106,5 +108,23 @@ impl Hologram {
             }
         }
         Ok(hologram)
+    }
+
+    /// Reads one chunk per color and sub-frame. That all are there, and as long as they must be, is known before memory is taken.
+    fn read_chunks(&mut self, folder: &Folder, summed: bool) -> Result<(), HologramError> {
+        let (frames, pixels) = (self.frames, self.height * self.width);
+        for color in 0..self.colors.len() {
+            for frame in 0..frames {
+                check_length(folder, &chunk_name(color, frame), pixels, summed)?;
+            }
+        }
+        promise(folder.path(), &[self.colors.len(), frames, self.height, self.width])?;
+        for (color, c) in self.colors.iter_mut().enumerate() {
+            c.phases.reserve_exact(frames * pixels);
+            for frame in 0..frames {
+                read_chunk(folder, &chunk_name(color, frame), pixels, summed, &mut c.phases)?;
+            }
+        }
+        Ok(())
     }
 }

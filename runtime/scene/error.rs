@@ -1,6 +1,7 @@
 //! What can be wrong with a scene.
 
 use super::tone::FullScale;
+use crate::files::{FileError, FileKind, Wanted};
 use crate::memory::TooLarge;
 use crate::optics::{OpticsError, depths_in_words};
 use std::{io, path::Path};
@@ -27,6 +28,18 @@ pub enum SceneError {
         path: String,
         /// What the system says.
         reason: String,
+    },
+    /// A file of another kind than those that are read here.
+    #[error("{file}: it is {}, which is not read as {}; {remedy}", found.describe(), wanted.describe())]
+    Kind {
+        /// The file.
+        file: String,
+        /// Its kind, from its content.
+        found: FileKind,
+        /// What was to be read.
+        wanted: Wanted,
+        /// A line that makes a file of it that is read.
+        remedy: String,
     },
     /// A folder without a numbered picture.
     #[error(
@@ -101,7 +114,10 @@ pub enum SceneError {
         cause: String,
     },
     /// Two pictures of one size were expected.
-    #[error("{file}: {height} x {width} pixels, but {other} has {other_height} x {other_width}")]
+    #[error(
+        "{file}: {height} x {width} pixels, but {other} has {other_height} x {other_width}{}",
+        if [height, width] == [other_width, other_height] && height != width { ": exchange its rows and columns" } else { "" }
+    )]
     Size {
         /// The file.
         file: String,
@@ -269,6 +285,18 @@ impl SceneError {
     /// A pixel at this row and column that is no light.
     pub(super) fn no_light(file: impl ToString, [row, column]: [usize; 2], value: f32) -> Self {
         Self::Value { file: file.to_string(), row, column, value, must: "finite and not negative" }
+    }
+
+    /// What is wrong with a file that a scene is read from.
+    pub(super) fn of_file(error: FileError) -> Self {
+        match error {
+            FileError::Kind { file, found, wanted, remedy } => Self::Kind { file, found, wanted, remedy },
+            FileError::Content { file, reason } => Self::Corrupt { file, reason },
+            FileError::Read { file, source } => Self::unreadable(Path::new(&file), &source),
+            FileError::Write { file, .. } | FileError::Full { file, .. } | FileError::Taken { path: file, .. } => {
+                Self::Unreadable { path: file, reason: "it cannot be read".into() }
+            }
+        }
     }
 
     /// What the system said of a file or folder.

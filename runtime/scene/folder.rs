@@ -3,7 +3,7 @@
 use super::shape::{is_serpentine, shape};
 use super::tone::{FullScale, Reading};
 use super::views::{self, Frame, Read};
-use super::{LightField, Request, SceneError, names, picture, settings};
+use super::{LightField, Request, SceneError, names, natural, picture, settings};
 use rayon::prelude::*;
 use std::{
     fs,
@@ -49,7 +49,7 @@ pub(super) fn read(folder: &Path, request: &Request) -> Result<Read, SceneError>
             folder.display()
         );
     }
-    let linear = views.files[0].to_lowercase().ends_with("exr").then_some("EXR");
+    let linear = picture::linear(&folder.join(&views.files[0]));
     views::ordered(folder, field, request, &stated, views.how, own, linear)
 }
 
@@ -121,8 +121,8 @@ fn files(folder: &Path, before: &str) -> Result<Vec<names::Named>, SceneError> {
     let mut files: Vec<names::Named> = Vec::new();
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let entry = entry.map_err(unreadable)?;
-        // Names that are not text cannot be views; links count as what they lead to.
-        let Ok(name) = entry.file_name().into_string() else { continue };
+        // Links count as what they lead to.
+        let Some(name) = natural::name(&entry)? else { continue };
         if let Some(found) = fs::metadata(entry.path()).ok().filter(fs::Metadata::is_file) {
             files.push((format!("{before}{name}"), found.len()));
         }

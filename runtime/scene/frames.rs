@@ -3,6 +3,7 @@
 use super::names::{is_auxiliary, is_picture, square};
 use super::natural::{files, natural};
 use super::{SceneError, folder, stack, video};
+use crate::files::{FileError, FileKind};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -58,11 +59,23 @@ pub fn frames(folder: &Path) -> Result<Option<Vec<String>>, SceneError> {
 fn folders(folder: &Path) -> Result<Vec<String>, SceneError> {
     let entries = fs::read_dir(folder).map_err(|e| SceneError::unreadable(folder, &e))?.flatten();
     let mut found: Vec<String> = entries
-        .filter(|e| e.path().is_dir() && !e.file_name().to_string_lossy().starts_with('.'))
+        .filter(|e| e.path().is_dir() && !e.file_name().to_string_lossy().starts_with(['.', '_']))
         .filter_map(|e| e.path().to_str().map(str::to_owned))
         .collect();
     found.sort_by_cached_key(|name| natural(name));
     Ok(found)
+}
+
+/// Refuses a folder whose first file is of a kind that holds views elsewhere, but is not read here.
+fn unread(folder: &Path) -> Option<SceneError> {
+    let first = files(folder).ok()?.into_iter().next()?;
+    let path = folder.join(first);
+    let found = FileKind::of(&path).ok()?;
+    let may_be_view = matches!(
+        found,
+        FileKind::OtherPicture(_) | FileKind::CameraRaw | FileKind::Gif | FileKind::Video(_) | FileKind::Npy
+    );
+    may_be_view.then(|| SceneError::of_file(FileError::of_all(folder, &path, found)))
 }
 
 /// What is wrong with a folder without views: its folders may be the rows of one light field, with as many views each, in one row by
@@ -70,6 +83,9 @@ fn folders(folder: &Path) -> Result<Vec<String>, SceneError> {
 pub(super) fn explain(folder: &Path, error: SceneError) -> SceneError {
     if !matches!(error, SceneError::Empty { .. }) {
         return error;
+    }
+    if let Some(other) = unread(folder) {
+        return other;
     }
     if folder.join("zarr.json").exists() {
         let reason =

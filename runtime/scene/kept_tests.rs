@@ -126,7 +126,7 @@ fn what_an_array_lacks_is_asked_for() {
     );
     says("<f4", &[65, 1, 1, 1], &[], "", "at most 64 x 64 views");
     fs::write(&file, [npy_header("<i8", &[1, 2, 1, 1]), vec![0; 16]].concat()).unwrap();
-    assert!(green(&name, 16).unwrap_err().contains("numpy.uint8(views)"));
+    assert!(green(&name, 16).unwrap_err().contains("astype('uint8')"));
     assert!(green(&format!("{name}s"), 16).unwrap_err().contains("no such folder, picture, array or built-in scene"));
     let folder = format!("{}?grid=9x9", here.path().display());
     assert!(green(&folder, 16).unwrap_err().contains("its lightfield.toml says"));

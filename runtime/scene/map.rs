@@ -1,8 +1,9 @@
 //! Depth and disparity maps of a single picture.
 
 use super::near::{self, Kind, Meaning, Stated};
-use super::{SceneError, pfm, still};
-use crate::files::{self, FileError};
+use super::{SceneError, pfm, still, video};
+use crate::files::{self, FileError, FileKind, NpyArray, Wanted};
+use crate::memory;
 use std::path::Path;
 
 /// A map, rows from the top; every value is finite.
@@ -24,28 +25,27 @@ pub(super) struct Map {
 /// # Errors
 /// [`SceneError::NotFound`], [`SceneError::Corrupt`], [`SceneError::Ambiguous`].
 pub(super) fn read(path: &Path, stated: Stated) -> Result<Map, SceneError> {
-    let name = path.file_name().map_or(String::new(), |n| n.to_string_lossy().to_lowercase());
     let corrupt = |reason: String| SceneError::Corrupt { file: path.display().to_string(), reason };
     if path.is_dir() {
         return Err(corrupt("a folder, not a depth map".into()));
     }
     let bytes = || files::read::bytes(path, files::read::PICTURE).map_err(|e| SceneError::unreadable(path, &e));
     let mut range = None;
-    let (height, width, kind, mut values) = if name.ends_with(".pfm") {
+    // A frame of a video is named, the rest is told by its content.
+    let found = if video::named(path).is_some() { FileKind::Y4m } else { kind_of(path)? };
+    let (height, width, kind, mut values) = if found == FileKind::Pfm {
         let map = pfm::parse(&bytes()?).map_err(corrupt)?;
         (map.height, map.width, Kind::Floats, map.values)
-    } else if name.ends_with(".npy") {
-        let array = files::read_npy_with_gaps(path).map_err(|e| match e {
-            FileError::Content { reason, .. } => corrupt(reason),
-            other => SceneError::Unreadable { path: path.display().to_string(), reason: other.to_string() },
-        })?;
-        let [height @ 1..=65536, width @ 1..=65536] = array.shape[..] else {
+    } else if matches!(found, FileKind::Npy | FileKind::Npz) {
+        let (shape, values) = array(path)?;
+        let [height @ 1..=65536, width @ 1..=65536] = shape[..] else {
+            let remedy =
+                if shape.len() > 2 { "; save one of several maps, as numpy.save('map.npy', maps[0])" } else { "" };
             return Err(corrupt(format!(
-                "has the shape {:?}: a depth map has rows and columns, 1 to 65536",
-                array.shape
+                "has the shape {shape:?}: a depth map has rows and columns, 1 to 65536{remedy}"
             )));
         };
-        (height, width, Kind::Floats, array.values)
+        (height, width, Kind::Floats, values)
     } else {
         let still::Stored { height, width, kind, values, range: fixed } = still::stored(path)?;
         range = fixed;
@@ -60,6 +60,32 @@ pub(super) fn read(path: &Path, stated: Stated) -> Result<Map, SceneError> {
         tracing::info!("{}: {read_as}", path.display());
     }
     Ok(Map { height, width, values, meaning, range, read_as })
+}
+
+/// The kind of a map's file.
+fn kind_of(path: &Path) -> Result<FileKind, SceneError> {
+    let found = FileKind::of(path).map_err(|e| SceneError::unreadable(path, &e))?;
+    let is_map = found.is_picture() || matches!(found, FileKind::Pfm | FileKind::Npy | FileKind::Npz);
+    if is_map { Ok(found) } else { Err(SceneError::of_file(FileError::of_kind(path, found, Wanted::DepthMap))) }
+}
+
+/// Shape and values of an array. Axes of length 1, as networks write them before or after rows and columns, are left out.
+fn array(path: &Path) -> Result<(Vec<usize>, Vec<f32>), SceneError> {
+    let mut array = NpyArray::only(path, |shape| axes(shape).len() == 2).map_err(SceneError::of_file)?;
+    let shape = axes(&array.shape);
+    let what = || format!("{}: a depth map of shape {shape:?}", path.display());
+    memory::promise(what, memory::bytes_of(&shape, 8), "take a smaller map")?;
+    let values = array.take(shape.iter().product()).map_err(SceneError::of_file)?;
+    Ok((shape, values))
+}
+
+/// The axes of an array of more than two that are longer than 1.
+fn axes(shape: &[usize]) -> Vec<usize> {
+    let mut axes = shape.to_vec();
+    while let (true, Some(at)) = (axes.len() > 2, axes.iter().position(|n| *n == 1)) {
+        axes.remove(at);
+    }
+    axes
 }
 
 impl Map {

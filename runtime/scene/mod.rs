@@ -7,7 +7,7 @@
 //!
 //! | source | what it is |
 //! |---|---|
-//! | a folder | views in PNG, JPEG or EXR files, named by a running number or by row and column |
+//! | a folder | views in PNG, JPEG, TIFF, BMP, PPM or EXR files, named by a running number or by row and column |
 //! | an array | `.npy` or `.npz`, (rows of views, columns, rows of pixels, columns, colours) |
 //! | a picture of many views | `FILE?grid=9x9`, `FILE?mosaic`, `FILE?lenslets` |
 //! | a picture, or a frame of a `.y4m` video | with a depth or disparity map ([`Request::depth_map`]): views by reprojection |
@@ -72,6 +72,7 @@ mod interpolate;
 #[cfg(test)]
 mod interpolate_tests;
 mod layers;
+mod layout;
 mod light;
 mod light_field;
 mod map;
@@ -93,9 +94,7 @@ mod parallax;
 mod pfm;
 mod photograph;
 mod photographs;
-#[cfg_attr(not(feature = "image-formats"), path = "no_picture.rs")]
 mod picture;
-#[cfg(feature = "image-formats")]
 mod png_tone;
 mod pyramid;
 mod range;
@@ -149,6 +148,7 @@ pub use layers::Layers;
 pub use light::srgb_to_linear;
 pub use light_field::LightField;
 pub use maps::depth_maps;
+pub(crate) use natural::natural;
 pub use near::Near;
 pub use order::{Order, OrderFound};
 pub use parallax::Parallax;

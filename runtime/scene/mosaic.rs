@@ -49,7 +49,7 @@ pub(super) fn read(file: &Path, tiling: Tiling, options: &Options, request: &Req
         Tiling::Views => format!("views beside each other in one picture, {found}"),
         Tiling::Lenslets => format!("pixels under each lens in one picture, {found}"),
     };
-    let linear = picture::is_linear(file).then_some("EXR");
+    let linear = picture::linear(file);
     views::ordered(file, field, request, &stated, how, own, linear)
 }
 

@@ -29,7 +29,7 @@ pub(super) struct Arrangement {
 /// Ends of names that can be views.
 pub(super) fn is_picture(name: &str) -> bool {
     let end = name.rsplit_once('.').map_or(String::new(), |(_, e)| e.to_ascii_lowercase());
-    matches!(end.as_str(), "png" | "jpg" | "jpeg" | "exr")
+    ["png", "jpg", "jpeg", "exr", "tif", "tiff", "bmp", "ppm", "pgm", "pnm"].contains(&end.as_str())
 }
 
 pub(super) fn is_auxiliary(name: &str) -> bool {

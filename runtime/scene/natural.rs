@@ -1,6 +1,7 @@
 //! The files of a folder in the order of the numbers in their names.
 
 use super::SceneError;
+use super::names::is_picture;
 use std::{fs, path::Path};
 
 /// The names of a folder's files, in the order of their numbers.
@@ -9,8 +10,7 @@ pub(super) fn files(folder: &Path) -> Result<Vec<String>, SceneError> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let entry = entry.map_err(unreadable)?;
-        let Ok(name) = entry.file_name().into_string() else { continue };
-        if !name.starts_with('.') && entry.path().is_file() {
+        if let Some(name) = name(&entry)?.filter(|_| entry.path().is_file()) {
             found.push(name);
         }
     }
@@ -18,8 +18,24 @@ pub(super) fn files(folder: &Path) -> Result<Vec<String>, SceneError> {
     Ok(found)
 }
 
+/// The name of an entry; none for hidden files, such as those that macOS leaves beside pictures (`._view.png`).
+///
+/// # Errors
+/// [`SceneError::Unreadable`] for a picture whose name is not UTF-8; other files with such names are none.
+pub(super) fn name(entry: &fs::DirEntry) -> Result<Option<String>, SceneError> {
+    let name = entry.file_name();
+    match name.to_str() {
+        Some(name) => Ok((!name.starts_with('.')).then(|| name.to_owned())),
+        None if is_picture(&name.to_string_lossy()) => Err(SceneError::Unreadable {
+            path: entry.path().display().to_string(),
+            reason: "its name is not UTF-8: rename it".into(),
+        }),
+        None => Ok(None),
+    }
+}
+
 /// A name as pieces of text and numbers: frame-9 comes before frame-10.
-pub(super) fn natural(name: &str) -> Vec<(String, u64)> {
+pub(crate) fn natural(name: &str) -> Vec<(String, u64)> {
     let mut pieces = vec![(String::new(), 0u64)];
     let mut in_number = false;
     for c in name.chars() {

@@ -367,7 +367,10 @@ fn the_page_says_what_is_read_and_what_is_refused() {
     // Found in whole light fields (`kept_tests`); here it is the words.
     let (scene, views, cause) = ("folder".into(), "the view of row 2, column 3 is".into(), "?".into());
     let odd = SceneError::OddViews { scene, views, found: 20.0, others: 40.0, cause };
+    let passwd = at.join("passwd");
+    fs::write(&passwd, "root:x:0:0:root:/root:/bin/bash\n").unwrap();
     let lines = [
+        said(&passwd, &request),
         said(&picture, &request),
         said(&picture, &Request { depth_map: Some(&map), ..request }),
         said(Path::new("builtin:none"), &request),

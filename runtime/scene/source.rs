@@ -2,7 +2,8 @@
 
 use super::options::{Options, Tiling};
 use super::views::Read;
-use super::{Request, SceneError, array, folder, frames, mosaic, stack, video};
+use super::{Request, SceneError, array, folder, frames, mosaic, stack, still, video};
+use crate::files::{FileError, FileKind, Wanted};
 use std::path::Path;
 
 /// What a source names. What is a file or folder is there.
@@ -61,7 +62,7 @@ impl<'a> Source<'a> {
     /// Of this text.
     ///
     /// # Errors
-    /// [`SceneError::NotFound`]; [`SceneError::Options`].
+    /// [`SceneError::NotFound`]; [`SceneError::Kind`] for a file of no kind that is read; [`SceneError::Options`].
     pub fn of(source: &'a str) -> Result<Self, SceneError> {
         if let Some(name) = source.strip_prefix("builtin:") {
             return Ok(Self::BuiltIn(name));
@@ -82,7 +83,15 @@ impl<'a> Source<'a> {
                 Err(wrong(format!("'{query}': {says}")))
             };
         }
-        let is_array = is_array(path);
+        let kind = FileKind::of(path).map_err(|e| SceneError::unreadable(path, &e))?;
+        let is_array = matches!(kind, FileKind::Npy | FileKind::Npz);
+        if !is_array && !kind.is_picture() {
+            return Err(SceneError::of_file(FileError::of_kind(path, kind, Wanted::Scene)));
+        }
+        if kind == FileKind::Gif {
+            // A still one has a size, an animation is refused.
+            still::size(path)?;
+        }
         let options = Options::parse(query, is_array).map_err(wrong)?;
         Ok(match options.tiling {
             _ if is_array => Self::Views(Kept::Array(path, options)),
@@ -94,11 +103,6 @@ impl<'a> Source<'a> {
             Some(tiling) => Self::Views(Kept::Mosaic(path, tiling, options)),
         })
     }
-}
-
-/// Whether a file is one of arrays, by its name.
-fn is_array(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy") || e.eq_ignore_ascii_case("npz"))
 }
 
 /// The path of a source that is no built-in scene, and its options; a file may have a question mark in its name.

@@ -139,8 +139,8 @@ impl Found {
             ..field
         };
         let parallax = Parallax::of(&field);
-        let transfer = if picture::is_linear(&self.paths[0]) { "linear (EXR)" } else { "sRGB" };
-        let transfer = self.stated.transfer.map_or(transfer, |_| "as stated").into();
+        let transfer = picture::linear(&self.paths[0]).map_or("sRGB".into(), |kind| format!("linear ({kind})"));
+        let transfer = self.stated.transfer.map_or(transfer, |_| "as stated".into());
         let (order, order_found) = (Order::default(), OrderFound::AsNamed);
         Ok(Read { field, how, order, order_stated: true, order_found, parallax, size: own, transfer })
     }

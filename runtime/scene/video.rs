@@ -8,7 +8,7 @@ use super::light::Picture;
 use super::near::Kind;
 use super::video_color::{Matrix, check_aspect, check_interlacing};
 use super::{SceneError, srgb_to_linear};
-use crate::files::read;
+use crate::files::{FileError, FileKind, Wanted, read};
 use crate::optics::Color;
 use rayon::prelude::*;
 use std::fs::File;
@@ -149,6 +149,10 @@ impl Video {
             matrix: None,
             of_ffmpeg: false,
         };
+        let kind = FileKind::of(path).map_err(unreadable)?;
+        if kind != FileKind::Y4m {
+            return Err(SceneError::of_file(FileError::of_kind(path, kind, Wanted::Scene)));
+        }
         let head = video.line()?;
         let words = head.strip_prefix("YUV4MPEG2 ").ok_or_else(|| video.corrupt("it does not start with YUV4MPEG2"))?;
         for word in words.split_ascii_whitespace() {

@@ -15,7 +15,7 @@ pub use super::source::Head;
 use super::source::{About, Dropped, Event, Source};
 use super::time_unit::timeline;
 use super::{TrackerError, now_ns};
-use std::io::{self, BufRead, BufReader, Read, Write};
+use std::io::{self, BufRead, Read, Write};
 use std::path::Path;
 use std::time::Duration;
 
@@ -52,8 +52,8 @@ impl Recording {
     /// # Errors
     /// [`TrackerError::File`], naming file and line.
     pub fn load(file: &Path) -> Result<Self, TrackerError> {
-        let open = crate::files::read::open(file).map_err(|e| TrackerError::file(file, e.to_string()))?;
-        Self::read(BufReader::new(open)).map_err(|reason| TrackerError::file(file, reason))
+        let open = crate::files::read::lines(file, LONGEST).map_err(|e| TrackerError::file(file, e.to_string()))?;
+        Self::read(open).map_err(|reason| TrackerError::file(file, reason))
     }
 
     /// Reads the text of one.

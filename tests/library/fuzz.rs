@@ -126,6 +126,31 @@ fn sound(field: &scene::LightField) -> Result<(), TestCaseError> {
     Ok(())
 }
 
+/// A TIFF of 10 x 12 pixels without compression: samples of `bits`, little-endian.
+fn tiff(channels: u16, bits: u16, format: u16) -> Vec<u8> {
+    let count = 120 * usize::from(channels) * usize::from(bits) / 8;
+    let bytes: Vec<u8> = (0..count).map(|i| if bits == 32 { [0, 0, 128, 62][i % 4] } else { (i * 7) as u8 }).collect();
+    let start = 8 + bytes.len() as u32;
+    let photometric = if channels == 3 { 2 } else { 1 };
+    let entries: [(u16, u16, u32, u32); 9] = [
+        (256, 4, 1, 10),
+        (257, 4, 1, 12),
+        (258, 3, 1, u32::from(bits)),
+        (259, 3, 1, 1),
+        (262, 3, 1, photometric),
+        (273, 4, 1, 8),
+        (277, 3, 1, u32::from(channels)),
+        (279, 4, 1, bytes.len() as u32),
+        (339, 3, 1, u32::from(format)),
+    ];
+    let mut out = [&b"II*\0"[..], &start.to_le_bytes(), &bytes, &9u16.to_le_bytes()].concat();
+    for (tag, kind, count, value) in entries {
+        out.extend([&tag.to_le_bytes()[..], &kind.to_le_bytes(), &count.to_le_bytes(), &value.to_le_bytes()].concat());
+    }
+    out.extend([0; 4]);
+    out
+}
+
 fn png(path: &Path, salt: u32) {
     let picture = image::RgbImage::from_fn(10, 12, |x, y| image::Rgb([(x * 20 + salt) as u8, (y * 17) as u8, 90]));
     picture.save(path).expect("a picture");
@@ -143,10 +168,19 @@ fn folders_of_views() {
     jpeg.save(views.join("view_0_3.jpg")).expect("a picture");
     let exr = image::Rgb32FImage::from_fn(10, 12, |x, y| image::Rgb([x as f32 * 0.1, y as f32 * 0.1, 0.5]));
     exr.save(views.join("view_0_4.exr")).expect("a picture");
-    let toml = "grid = [1, 5]\nview_pitch_mm = 2.4\ndisparity = [-1.8, 2.1]\ndepth_mm = [-3.0, 3.5]\n";
-    let cfg = "[intrinsics]\nimage_resolution_x_px = 10\nimage_resolution_y_px = 12\n[extrinsics]\nnum_cams_x = 5\nnum_cams_y = 1\n[meta]\ndisp_min = -1.8\ndisp_max = 2.1\n";
+    fs::write(views.join("view_0_5.tif"), tiff(3, 8, 1)).expect("a picture");
+    fs::write(views.join("view_0_6.tif"), tiff(1, 32, 3)).expect("a picture");
+    png(&views.join("view_0_7.bmp"), 3);
+    png(&views.join("view_0_8.ppm"), 4);
+    let toml = "grid = [1, 9]\nview_pitch_mm = 2.4\ndisparity = [-1.8, 2.1]\ndepth_mm = [-3.0, 3.5]\n";
+    let cfg = "[intrinsics]\nimage_resolution_x_px = 10\nimage_resolution_y_px = 12\n[extrinsics]\nnum_cams_x = 9\nnum_cams_y = 1\n[meta]\ndisp_min = -1.8\ndisp_max = 2.1\n";
     let pfm = [b"Pf\n10 12\n-1\n".to_vec(), (0..120).flat_map(|i| (i as f32 * 0.01).to_le_bytes()).collect()].concat();
+    let of = |name: &'static str| (name, fs::read(views.join(name)).expect("there"));
     let kinds = [
+        of("view_0_5.tif"),
+        of("view_0_6.tif"),
+        of("view_0_7.bmp"),
+        of("view_0_8.ppm"),
         ("view_0_0.png", fs::read(views.join("view_0_0.png")).expect("there")),
         ("view_0_3.jpg", fs::read(views.join("view_0_3.jpg")).expect("there")),
         ("view_0_4.exr", fs::read(views.join("view_0_4.exr")).expect("there")),
@@ -162,7 +196,7 @@ fn folders_of_views() {
         fs::write(&file, damage(whole.clone(), &edits)).expect("written");
         let loaded = scene::load(views.to_str().expect("a name"), &Request::new(&display, &[Color::Green]));
         // As it was, for the next case.
-        if which < 3 { fs::write(&file, whole) } else { fs::remove_file(&file) }.expect("restored");
+        if which < 7 { fs::write(&file, whole) } else { fs::remove_file(&file) }.expect("restored");
         match loaded {
             Ok(field) => sound(&field),
             Err(error) => {
@@ -245,7 +279,10 @@ fn pictures_with_maps() {
     eyebox::files::write_npy(&temp.path().join("disp.npy"), &[12, 10], &values).expect("a map");
     let pfm = [b"Pf\n10 12\n-1\n".to_vec(), values.iter().flat_map(|v| v.to_le_bytes()).collect()].concat();
     fs::write(temp.path().join("disp.pfm"), pfm).expect("a map");
-    let kinds = ["depth.png", "disp.npy", "disp.pfm", "picture.png"]
+    let exr = image::Rgb32FImage::from_fn(10, 12, |x, y| image::Rgb([(x * y) as f32; 3]));
+    exr.save(temp.path().join("depth.exr")).expect("a map");
+    fs::write(temp.path().join("depth.tif"), tiff(1, 16, 1)).expect("a map");
+    let kinds = ["depth.png", "disp.npy", "disp.pfm", "picture.png", "depth.exr", "depth.tif"]
         .map(|n| (n, fs::read(temp.path().join(n)).expect("there")));
     let display = display();
     fuzz("pictures with maps", (0..kinds.len(), prop::collection::vec(edit(), 1..6)), |(which, edits)| {

@@ -229,6 +229,11 @@ fn heading(command: &str, option: &str) -> &'static str {
 pub fn command<C: CommandFactory>() -> Command {
     C::command().mut_subcommands(|sub| {
         let name = sub.get_name().to_owned();
+        // A negative number is the value of its option, which refuses it: no unknown option.
+        let takes_none = |option: &clap::Arg| {
+            option.is_positional() || option.is_allow_hyphen_values_set() || !option.get_action().takes_values()
+        };
+        let sub = sub.mut_args(|option| if takes_none(&option) { option } else { option.allow_negative_numbers(true) });
         if sub.get_opts().count() < MANY {
             return sub;
         }

@@ -51,19 +51,21 @@ mod solve;
 mod tracker_calibration;
 mod trackers;
 mod tradeoff;
+mod usage;
 mod values;
 mod view;
 
 use clap::FromArgMatches;
-use clap::error::ErrorKind;
 use commands::{Cli, Command};
 use failure::Failure;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let cli = match headings::command::<Cli>().try_get_matches().and_then(|m| Cli::from_arg_matches(&m)) {
+    let arguments = usage::arguments(std::env::args_os().collect());
+    let parsed = headings::command::<Cli>().try_get_matches_from(arguments);
+    let cli = match parsed.and_then(|m| Cli::from_arg_matches(&m)) {
         Ok(cli) => cli,
-        Err(error) => return usage(&error),
+        Err(error) => return usage::print(&error),
     };
     log::listen(cli.verbose);
     signals::outlive_limits();
@@ -110,27 +112,6 @@ fn main() -> ExitCode {
             let option = failure.option().map_or(String::new(), |option| format!(": {option}"));
             eprintln!("eyebox: {failure}{option}");
             ExitCode::from(failure.code())
-        }
-    }
-}
-
-/// Help and version go out as they are; a mistake becomes one line.
-fn usage(error: &clap::Error) -> ExitCode {
-    match error.kind() {
-        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
-            let _ = error.print();
-            if error.exit_code() == 0 { ExitCode::SUCCESS } else { ExitCode::from(2) }
-        }
-        _ => {
-            let text = error.to_string();
-            let lines: Vec<&str> = text
-                .lines()
-                .map(str::trim)
-                .take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more information"))
-                .filter(|l| !l.is_empty())
-                .collect();
-            eprintln!("eyebox: {} (see --help)", lines.join(" ").trim_start_matches("error: "));
-            ExitCode::from(2)
         }
     }
 }

@@ -32,8 +32,13 @@ impl GivenPupil {
 
 pub fn pupil(text: &str) -> Result<GivenPupil, String> {
     let form = "x,y,diameter,focus in mm, such as 2,-1,4,1.5, or with the focus in dioptres, 2,-1,4,0.5D";
-    let (place, focus) = text.rsplit_once(',').ok_or_else(|| format!("expected {form}"))?;
-    let [x, y, diameter] = numbers::<3>(place.split(',').collect(), form)?;
+    let parts: Vec<&str> = text.split(',').collect();
+    let count = parts.len();
+    let [x, y, diameter, focus] = <[&str; 4]>::try_from(parts).map_err(|_| match count {
+        1 => format!("one value: expected four, {form}"),
+        _ => format!("{count} values: expected four, {form}"),
+    })?;
+    let [x, y, diameter] = numbers::<3>(vec![x, y, diameter], form)?;
     let place = Pupil::from_mm([x, y, diameter, 0.0]).check().map_err(|e| e.to_string())?;
     Ok(GivenPupil { place, focus: focus.parse()? })
 }

@@ -251,9 +251,9 @@ impl Published {
             what: file.display().to_string(),
             reason: reason.replace('\n', " "),
         };
-        let text = crate::files::read::bytes(file, crate::files::read::TABLE).map_err(|e| wrong(e.to_string()))?;
+        let text = crate::files::read::text(file, crate::files::read::TABLE).map_err(|e| wrong(e.to_string()))?;
         let rows: Result<Vec<Self>, _> =
-            csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(&text[..]).deserialize().collect();
+            csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes()).deserialize().collect();
         let rows =
             rows.map_err(|e| wrong(format!("{e}; the columns are method,category,n,mean,median,q25,q75,min,max,std")))?;
         let numbers = |r: &Self| [r.mean, r.median, r.q25, r.q75, r.min, r.max, r.std];

@@ -5,7 +5,7 @@ use crate::trackers::guard::Units;
 use crate::trackers::time_unit::{TimeUnit, timeline, unit_of_steps};
 use crate::trackers::{About, Dropped, Event, Source, TrackerError, now_ns};
 use std::collections::VecDeque;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, Read};
 use std::path::Path;
 use std::time::Duration;
 
@@ -102,7 +102,7 @@ impl LineSource {
 /// The lines of a file, and notes about it.
 fn lines_of(file: &Path) -> Result<(Vec<Line>, Vec<String>), TrackerError> {
     let wrong = |reason: String| TrackerError::file(file, reason);
-    let mut text = BufReader::new(crate::files::read::open(file).map_err(|e| wrong(e.to_string()))?);
+    let mut text = crate::files::read::lines(file, crate::files::read::RESULTS).map_err(|e| wrong(e.to_string()))?;
     let (mut lines, mut notes) = (Vec::new(), Vec::new());
     let mut line = Vec::new();
     for number in 1.. {

@@ -9,7 +9,7 @@ const SIDES: [u32; 10] = [0, 1, 17, 4096, 8191, 16000, 20000, 65535, 1 << 20, u3
 pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
     let (h, w) = (SIDES[rng.usize(..SIDES.len())], SIDES[rng.usize(..SIDES.len())]);
     let of = |name: &str| ground.files[&format!("base/{name}")].clone();
-    let (name, bytes) = match rng.u8(..8) {
+    let (name, bytes) = match rng.u8(..10) {
         0 => ("a.png", png(&of("photo.png"), h, w, 2)),
         1 => ("a.jpg", jpeg(of("photo.jpg"), h, w, false)),
         2 => ("a.jpg", scans(of("photo.jpg"), h, w, rng.usize(1..5000))),
@@ -17,6 +17,8 @@ pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
         4 => ("a.bmp", bmp(of("photo.bmp"), h, w)),
         5 => ("a.pfm", format!("PF\n{w} {h}\n-1.0\n").into_bytes()),
         6 => ("a.npy", npy(h, w)),
+        7 => ("a.tif", tiff(&of("photo.tif"), h, w)),
+        8 => ("a.ppm", format!("P6\n{w} {h}\n65535\n").into_bytes()),
         _ => ("a.png", deflated(h.min(12000), w.min(12000))),
     };
     let file = format!("in/{name}");
@@ -54,6 +56,16 @@ pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
         return case;
     }
     case.put(&file, Put::Bytes(bytes))
+}
+
+/// A TIFF whose table states other sides: its first two entries are columns and rows.
+fn tiff(of: &[u8], h: u32, w: u32) -> Vec<u8> {
+    let mut bytes = of.to_vec();
+    let at = u32::from_le_bytes([bytes[4], bytes[5], bytes[6], bytes[7]]) as usize + 2;
+    for (entry, side) in [(0, w), (1, h)] {
+        bytes[at + 12 * entry + 8..at + 12 * entry + 12].copy_from_slice(&side.to_le_bytes());
+    }
+    bytes
 }
 
 /// A chunk of a PNG.

@@ -189,6 +189,8 @@ fn pictures(base: &Path) {
     let mut exr = Cursor::new(Vec::new());
     DynamicImage::ImageRgb32F(light).write_to(&mut exr, ImageFormat::OpenExr).expect("a picture");
     fs::write(base.join("photo.exr"), exr.into_inner()).expect("a file");
+    fs::write(base.join("photo.tif"), tiff(rgb(3).as_raw())).expect("a file");
+    rgb(3).save_with_format(base.join("photo.ppm"), ImageFormat::Pnm).expect("a picture");
     let depth = GrayImage::from_fn(16, 16, |x, y| image::Luma([value(x, y, 5)]));
     depth.save_with_format(base.join("depth.png"), ImageFormat::Png).expect("a picture");
     depth.save_with_format(base.join("bench/flat.png"), ImageFormat::Png).expect("a picture");
@@ -198,6 +200,27 @@ fn pictures(base: &Path) {
     for file in ["depth.npy", "bench/flat.npy"] {
         eyebox::files::write_npy(&base.join(file), &[16, 16], &numbers).expect("a file");
     }
+}
+
+/// A TIFF of 16 x 16 pixels in color, without compression.
+fn tiff(bytes: &[u8]) -> Vec<u8> {
+    let start = 8 + bytes.len() as u32;
+    let entries: [(u16, u16, u32); 8] = [
+        (256, 4, 16),
+        (257, 4, 16),
+        (258, 3, 8),
+        (259, 3, 1),
+        (262, 3, 2),
+        (273, 4, 8),
+        (277, 3, 3),
+        (279, 4, bytes.len() as u32),
+    ];
+    let mut out = [&b"II*\0"[..], &start.to_le_bytes(), bytes, &8u16.to_le_bytes()].concat();
+    for (tag, kind, value) in entries {
+        out.extend([&tag.to_le_bytes()[..], &kind.to_le_bytes(), &1u32.to_le_bytes(), &value.to_le_bytes()].concat());
+    }
+    out.extend([0; 4]);
+    out
 }
 
 /// Tables and descriptions.

@@ -16,6 +16,7 @@ mod evaluate;
 mod eyes;
 #[cfg(target_os = "linux")]
 mod feed;
+mod files;
 mod generate;
 mod inspect;
 #[cfg(target_os = "linux")]
@@ -48,6 +49,7 @@ mod tiled;
 mod trackers;
 mod tradeoff;
 mod units;
+mod usage;
 #[cfg(target_os = "linux")]
 mod window;
 #[cfg(target_os = "linux")]

@@ -109,7 +109,7 @@ fn every_way_to_give_phases_is_read_right_or_refused() {
             ..plain
         },
         Way { shape: &[2 * one], read: Err("not (row, column), (sub-frame, row, column)"), ..plain },
-        Way { shape: &[64, 20, 2], read: Err("as if colours or sub-frames came last"), ..plain },
+        Way { shape: &[64, 20, 2], read: Err("sub-frames came last"), ..plain },
         Way { shape: &[w, h], read: Err("lie across the display"), ..plain },
         // What nothing says.
         Way { more: all, read: Err("--color"), ..plain },

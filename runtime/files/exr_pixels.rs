@@ -1,0 +1,179 @@
+//! Channels of OpenEXR files, as renderers write them: colors or depth, in one part or many, with layers in the names.
+
+use super::{FileError, Pixels, Samples, Wanted, read};
+use exr::block::reader::{ChunksReader, Reader};
+use exr::compression::Compression;
+use exr::meta::attribute::{ChannelDescription, SampleType};
+use exr::meta::header::Header;
+use std::{fs::File, io::BufReader, path::Path};
+
+/// Channels of one part, in the order of the pixel's values; none for one that is not there.
+struct Choice {
+    part: usize,
+    channels: Vec<usize>,
+}
+
+fn open(file: &Path) -> Result<Reader<BufReader<File>>, FileError> {
+    let opened = read::open(file).map_err(|e| FileError::read(file, e))?;
+    exr::block::read(BufReader::new(opened), false).map_err(|e| FileError::damaged(file, e))
+}
+
+/// Rows and columns of the display window, which all parts share.
+pub(super) fn size(file: &Path) -> Result<[usize; 2], FileError> {
+    size_of(file, open(file)?.headers())
+}
+
+fn size_of(file: &Path, headers: &[Header]) -> Result<[usize; 2], FileError> {
+    let window = headers.first().map(|header| header.shared_attributes.display_window.size);
+    match window {
+        Some(size) if (1..=65536).contains(&size.0) && (1..=65536).contains(&size.1) => Ok([size.1, size.0]),
+        _ => Err(FileError::content(file, "its display window must have 1 to 65536 rows and columns")),
+    }
+}
+
+/// Reads colors, or the depth of a depth map. A pixel outside the data window is black, or NaN in a depth map.
+pub(super) fn read(file: &Path, wanted: Wanted) -> Result<Pixels, FileError> {
+    let reader = open(file)?;
+    let [height, width] = size_of(file, reader.headers())?;
+    let is_depth = wanted == Wanted::DepthMap;
+    let choice = if is_depth { depth(reader.headers()) } else { colors(reader.headers()) };
+    let Choice { part, channels } = choice.map_err(|reason| FileError::content(file, reason))?;
+    let header = reader.headers()[part].clone();
+    let list = &header.channels.list;
+    if header.deep || channels.iter().any(|&i| list[i].sampling.0 != 1 || list[i].sampling.1 != 1) {
+        let reason = "it holds deep or subsampled pixels, which are not read: save it with plain R, G and B";
+        return Err(FileError::content(file, reason));
+    }
+    if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
+        return Err(FileError::content(file, "it is compressed by DWA, which is not read: save it with ZIP or PIZ"));
+    }
+    let offset = header.own_attributes.layer_position - header.shared_attributes.display_window.position;
+    let count = channels.len();
+    let mut values = vec![if is_depth { f32::NAN } else { 0.0 }; height * width * count];
+    let chosen = |meta: &exr::meta::MetaData, tile: exr::block::chunk::TileCoordinates, layer: usize| {
+        layer == part && !meta.headers[layer].deep && tile.is_largest_resolution_level()
+    };
+    let chunks = reader.filter_chunks(false, |meta, tile, block| chosen(meta, tile, block.layer));
+    let mut blocks = chunks.map_err(|e| FileError::damaged(file, e))?.sequential_decompressor(false);
+    while let Some(block) = blocks.decompress_next_block() {
+        let block = block.map_err(|e| FileError::damaged(file, e))?;
+        for line in block.lines(&header.channels) {
+            let (x, y) = (line.location.position.0 as i64, line.location.position.1 as i64 + i64::from(offset.1));
+            let places = channels.iter().enumerate().filter(|(_, c)| **c == line.location.channel);
+            for (k, &channel) in places {
+                if !(0..height as i64).contains(&y) {
+                    continue;
+                }
+                let samples = samples(line, list[channel].sample_type).map_err(|e| FileError::damaged(file, e))?;
+                for (x, value) in (x + i64::from(offset.0)..).zip(samples) {
+                    if (0..width as i64).contains(&x) {
+                        values[(y as usize * width + x as usize) * count + k] = value;
+                    }
+                }
+            }
+        }
+    }
+    Ok(Pixels { height, width, channels: count, premultiplied: true, orientation: 1, samples: Samples::F32(values) })
+}
+
+fn samples(line: exr::block::lines::LineRef<'_>, kind: SampleType) -> exr::error::Result<Vec<f32>> {
+    match kind {
+        SampleType::F16 => line.read_samples::<half::f16>().map(|v| v.map(half::f16::to_f32)).collect(),
+        SampleType::F32 => line.read_samples::<f32>().collect(),
+        SampleType::U32 => line.read_samples::<u32>().map(|v| v.map(|v| v as f32)).collect(),
+    }
+}
+
+/// A channel's full name: that of its part before it, in files of several parts.
+fn full_name(headers: &[Header], part: usize, channel: &ChannelDescription) -> String {
+    let name = channel.name.to_string();
+    match &headers[part].own_attributes.layer_name {
+        Some(layer) if headers.len() > 1 && !layer.to_string().is_empty() && !name.contains('.') => {
+            format!("{layer}.{name}")
+        }
+        _ => name,
+    }
+}
+
+/// All channels: part, number and full name in lower case.
+fn all(headers: &[Header]) -> Vec<(usize, usize, String)> {
+    let of = |(part, header): (usize, &Header)| {
+        let name = |(i, c): (usize, &ChannelDescription)| (part, i, full_name(headers, part, c).to_lowercase());
+        header.channels.list.iter().enumerate().map(name).collect::<Vec<_>>()
+    };
+    headers.iter().enumerate().flat_map(of).collect()
+}
+
+/// The layer of a channel's name, and what comes after it.
+fn split(name: &str) -> (&str, &str) {
+    name.rsplit_once('.').unwrap_or(("", name))
+}
+
+fn names(headers: &[Header]) -> String {
+    let all = headers
+        .iter()
+        .enumerate()
+        .flat_map(|(part, h)| h.channels.list.iter().map(move |c| full_name(headers, part, c)));
+    let names: Vec<String> = all.take(12).collect();
+    names.join(", ")
+}
+
+/// The channels of a picture: red, green, blue and alpha without a layer, of the one layer that has them, or of the one called
+/// Combined, beauty or rgba; otherwise the only channel.
+fn colors(headers: &[Header]) -> Result<Choice, String> {
+    let all = all(headers);
+    let get = |part: usize, layer: &str, last: &str| {
+        all.iter().find(|(p, _, name)| *p == part && split(name) == (layer, last)).map(|(_, i, _)| *i)
+    };
+    let mut layers: Vec<(usize, &str)> = all
+        .iter()
+        .filter(|(_, _, name)| split(name).1 == "r")
+        .map(|(part, _, name)| (*part, split(name).0))
+        .filter(|(part, layer)| ["g", "b"].iter().all(|c| get(*part, layer, c).is_some()))
+        .collect();
+    let is_beauty = |layer: &str| {
+        layer.is_empty() || ["combined", "beauty", "rgba", "rgb"].contains(&layer.rsplit('.').next().unwrap_or(layer))
+    };
+    if layers.len() > 1 {
+        let bare = layers.iter().any(|(_, layer)| layer.is_empty());
+        layers.retain(|(_, layer)| if bare { layer.is_empty() } else { is_beauty(layer) });
+    }
+    match layers[..] {
+        [(part, layer)] => {
+            let channels = ["r", "g", "b", "a"].iter().filter_map(|c| get(part, layer, c)).collect();
+            return Ok(Choice { part, channels });
+        }
+        [] => {}
+        _ => return Err(format!("its channels are {}: several layers have colors; save the one", names(headers))),
+    }
+    let gray: Vec<_> = all.iter().filter(|(_, _, name)| !["a", "z"].contains(&split(name).1)).collect();
+    match gray[..] {
+        [(part, channel, name)] if !name.contains("depth") => Ok(Choice { part: *part, channels: vec![*channel] }),
+        _ => Err(format!("its channels are {}: a picture has R, G and B, or one channel", names(headers))),
+    }
+}
+
+/// The channel of a depth map: Z or depth, alone or in a layer; the only channel; or colors, which must be alike.
+fn depth(headers: &[Header]) -> Result<Choice, String> {
+    let all = all(headers);
+    let one = |found: &[&(usize, usize, String)]| match found {
+        [] => None,
+        [(part, channel, _)] => Some(Ok(Choice { part: *part, channels: vec![*channel] })),
+        _ => {
+            let of = format!("its channels are {}", names(headers));
+            Some(Err(format!("{of}: several of them are depths; save the one that belongs to the picture")))
+        }
+    };
+    let by = |is: &dyn Fn(&str) -> bool| all.iter().filter(|(_, _, name)| is(name)).collect::<Vec<_>>();
+    // ZBack and the like end a deep sample: they are no depth of their own.
+    let last = |name: &str, known: &[&str]| known.contains(&split(name).1);
+    let in_depth_layer = |name: &str| split(name).0.rsplit('.').next().is_some_and(|l| l.contains("depth") || l == "z");
+    let named = by(&|name| last(name, &["z", "depth", "depthz", "distance"]));
+    let layered = by(&|name| in_depth_layer(name) && last(name, &["r", "x", "v", "y"]));
+    let alone = by(&|name| !last(name, &["a"]));
+    let found = one(&named).or_else(|| one(&layered)).or_else(|| (alone.len() == 1).then(|| one(&alone)).flatten());
+    found.unwrap_or_else(|| {
+        let colors = colors(headers)?;
+        Ok(Choice { channels: colors.channels.into_iter().take(3).collect(), ..colors })
+    })
+}

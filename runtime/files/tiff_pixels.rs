@@ -1,0 +1,109 @@
+//! TIFF pictures: gray or red, green, blue, with or without alpha; 8 or 16 bits, or floats.
+
+use super::{FileError, Pixels, Samples, read};
+use std::{fs::File, io::BufReader, path::Path};
+use tiff::ColorType;
+use tiff::decoder::{Decoder, DecodingResult, Limits};
+use tiff::tags::{SampleFormat, Tag};
+
+type Opened = Decoder<BufReader<File>>;
+
+fn open(file: &Path) -> Result<Opened, FileError> {
+    let opened = read::open(file).map_err(|e| FileError::read(file, e))?;
+    let mut limits = Limits::default();
+    limits.decoding_buffer_size = 1 << 30;
+    limits.intermediate_buffer_size = 1 << 30;
+    Ok(Decoder::new(BufReader::new(opened)).map_err(|e| FileError::damaged(file, e))?.with_limits(limits))
+}
+
+/// Rows and columns of the first page.
+pub(super) fn size(file: &Path) -> Result<[usize; 2], FileError> {
+    let (width, height) = open(file)?.dimensions().map_err(|e| FileError::damaged(file, e))?;
+    if (1..=65536).contains(&width) && (1..=65536).contains(&height) {
+        return Ok([height as usize, width as usize]);
+    }
+    Err(FileError::content(file, format!("it has {height} x {width} pixels: 1 to 65536 rows and columns are read")))
+}
+
+/// The EXIF orientation that its tag states; 1 without a sound one.
+pub(super) fn orientation(file: &Path) -> Result<u8, FileError> {
+    let found = open(file)?.find_tag_unsigned::<u8>(Tag::Orientation).ok().flatten();
+    Ok(found.filter(|n| (1..=8).contains(n)).unwrap_or(1))
+}
+
+/// Whether its values are floats.
+pub(super) fn is_float(file: &Path) -> bool {
+    let format = open(file).map(|mut tiff| tiff.find_tag_unsigned_vec::<u16>(Tag::SampleFormat));
+    let float = SampleFormat::IEEEFP.to_u16();
+    format.is_ok_and(|found| found.is_ok_and(|f| f.is_some_and(|f| f.contains(&float))))
+}
+
+/// Reads the only page.
+pub(super) fn read(file: &Path) -> Result<Pixels, FileError> {
+    let wrong = |reason: &str| Err(FileError::content(file, reason));
+    let [height, width] = size(file)?;
+    let mut tiff = open(file)?;
+    let kind = tiff.colortype().map_err(|e| FileError::damaged(file, e))?;
+    let extra = tiff.find_tag_unsigned_vec::<u16>(Tag::ExtraSamples).ok().flatten().unwrap_or_default();
+    let is_alpha = matches!(extra.first(), Some(1 | 2));
+    let channels = match kind {
+        ColorType::Gray(_) => 1,
+        ColorType::GrayA(_) => 2,
+        ColorType::Multiband { num_samples: 2, .. } if is_alpha => 2,
+        ColorType::RGB(_) => 3,
+        ColorType::RGBA(_) => 4,
+        ColorType::Multiband { num_samples, .. } => {
+            let n = num_samples;
+            return wrong(&format!("it has {n} channels that are no colors: save gray or red, green, blue"));
+        }
+        other => return wrong(&format!("its colors are {other:?}: save it as gray or RGB, as by magick -colorspace")),
+    };
+    if kind.bit_depth() < 8 {
+        return wrong(&format!("it has {} bits per value: save it with 8 or 16", kind.bit_depth()));
+    }
+    let mut decoded = DecodingResult::U8(Vec::new());
+    let layout = tiff.read_image_to_buffer(&mut decoded).map_err(|e| FileError::damaged(file, e))?;
+    let planes = if layout.complete_len > layout.len { channels } else { 1 };
+    if second_page(&mut tiff, [height, width]) {
+        return wrong("it has several pages: save each as a file of its own");
+    }
+    let samples = match decoded {
+        DecodingResult::U8(v) => Samples::U8(v),
+        DecodingResult::U16(v) => Samples::U16(v),
+        DecodingResult::F16(v) => Samples::F32(v.into_iter().map(|v| v.to_f32()).collect()),
+        DecodingResult::F32(v) => Samples::F32(v),
+        DecodingResult::F64(v) => Samples::F32(v.into_iter().map(|v| v as f32).collect()),
+        _ => return wrong("its values are signed or wider than 16 bits: save 8 or 16 bits without a sign, or floats"),
+    };
+    let samples = match samples {
+        Samples::U8(v) => Samples::U8(interleaved(v, planes)),
+        Samples::U16(v) => Samples::U16(interleaved(v, planes)),
+        Samples::F32(v) => Samples::F32(interleaved(v, planes)),
+    };
+    let found = match &samples {
+        Samples::U8(v) => v.len(),
+        Samples::U16(v) => v.len(),
+        Samples::F32(v) => v.len(),
+    };
+    if found != height * width * channels {
+        return wrong(&format!("{height} x {width} x {channels} values are stated, and {found} are there"));
+    }
+    Ok(Pixels { height, width, channels, premultiplied: extra.first() == Some(&1), orientation: 1, samples })
+}
+
+/// Whether another page of the same size follows; smaller copies and thumbnails do not count.
+fn second_page(tiff: &mut Opened, [height, width]: [usize; 2]) -> bool {
+    // A chain of pages may lead back to itself: what follows the second one does not matter.
+    tiff.more_images()
+        && tiff.next_image().is_ok()
+        && tiff.dimensions().is_ok_and(|(w, h)| (h as usize, w as usize) == (height, width))
+}
+
+/// Values of planes one after the other, pixel by pixel.
+fn interleaved<T: Copy>(values: Vec<T>, planes: usize) -> Vec<T> {
+    if planes == 1 || !values.len().is_multiple_of(planes) {
+        return values;
+    }
+    let one = values.len() / planes;
+    (0..one).flat_map(|i| (0..planes).map(move |p| p * one + i)).map(|i| values[i]).collect()
+}

@@ -1,0 +1,364 @@
+//! Reading bare phases: an array (`.npy`, `.npz`), a picture, or a folder of pictures.
+//!
+//! Pictures hold levels, of which 256 (8 bits) or 65536 (16 bits) are a full turn unless a [`PhaseUnit`] says otherwise; floats are
+//! radians. Their names give color and sub-frame (`green-00.png`, `0-00.png`), or a running number alone (`phase_000.png`): the
+//! sub-frames of one color, or of red, green and blue where the pictures have colors.
+
+use super::chunks::read_whole;
+use super::exchange::none;
+use super::{HologramError, PhaseUnit, Phases, phase_of_level};
+use crate::files::{FileError, FileKind, Folder, NpyArray, Pixels, Samples, Wanted, read_pixels};
+use crate::memory;
+use crate::optics::Color;
+use crate::scene::natural;
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// What decides what numbers mean.
+const UNITS: &str =
+    "say what its numbers are with --phase-unit: rad, turns, deg, or how many levels are a turn, such as 256";
+/// Turns beyond which numbers are hardly radians: levels, degrees.
+const MANY_TURNS: f32 = 8.0;
+/// Pixels of a picture of phases, at most: that of the largest display.
+const MOST_PIXELS: u64 = 1 << 28;
+
+/// Reads phases from an array (any phase is wrapped; (row, column) is one sub-frame), from a picture, or from a folder of pictures.
+/// Numbers mean what `unit` says; without it floats are radians, where they can be that, and 256 levels of a picture of 8 bits,
+/// or 65536 of one of 16, are a full turn.
+///
+/// # Errors
+/// [`HologramError::File`]; [`HologramError::NotAHologram`] for an array of other than two to four axes, an empty one,
+/// one whose last axis is no row of pixels, and a folder whose pictures are not one per color and sub-frame, all of one
+/// size; [`HologramError::Doubtful`] for numbers that may well be something else than radians, or than levels.
+pub fn load_phases(path: &Path, unit: Option<PhaseUnit>) -> Result<Phases, HologramError> {
+    if unit.is_some_and(|u| !(u.turn() > 0.0 && u.turn().is_finite())) {
+        return Err(none(path, "a turn must have a positive number of levels".into()));
+    }
+    let unreadable = |e| FileError::read(path, e);
+    if fs::metadata(path).map_err(unreadable)?.is_dir() {
+        return read_whole(path, |folder| of_folder(folder, unit));
+    }
+    match FileKind::of(path).map_err(unreadable)? {
+        FileKind::Npy | FileKind::Npz => of_array(path, unit),
+        found if found.is_picture() => of_pictures(path, &[path.to_path_buf()], unit),
+        other => Err(FileError::of_kind(path, other, Wanted::Phases).into()),
+    }
+}
+
+fn of_array(path: &Path, unit: Option<PhaseUnit>) -> Result<Phases, HologramError> {
+    let mut array = NpyArray::only(path, |shape| (2..=4).contains(&shape.len()))?;
+    let shape = array.shape.clone();
+    let (colors, frames, height, width) = match shape[..] {
+        [h, w] => (1, 1, h, w),
+        [f, h, w] => (1, f, h, w),
+        [c, f, h, w] => (c, f, h, w),
+        _ => (0, 0, 0, 0),
+    };
+    let wrong = |why: &str| {
+        let right = "(row, column), (sub-frame, row, column) or (colour, sub-frame, row, column)";
+        Err(none(path, format!("its shape is {shape:?}{why}, not {right}")))
+    };
+    let count = shape.iter().product();
+    if shape.len() == 5 {
+        return wrong(", as of views: a hologram is first solved of a scene");
+    }
+    if count == 0 || colors == 0 {
+        return wrong("");
+    }
+    if shape.len() == 4 && (width <= 4 && colors > 4) {
+        return wrong(", as if colors came last: save phases.transpose(3, 2, 0, 1)");
+    }
+    if shape.len() > 2 && width <= 4 && height >= 4 * width {
+        return wrong(
+            ", as if colors or sub-frames came last: save numpy.moveaxis(phases, -1, 0), and of colors that with [:, None]",
+        );
+    }
+    let what = || format!("{}: phases of shape {shape:?}", path.display());
+    memory::promise(what, memory::bytes_of(&[count, 2], 4), "read a part of it")?;
+    let values = array.take(count)?;
+    if let Some(at) = values.iter().position(|v| !v.is_finite()) {
+        let index = index_of(&shape, at);
+        let reason = format!("has {} at index {index:?}: every value must be a finite float32", values[at]);
+        return Err(FileError::content(path, reason).into());
+    }
+    let unit = match unit {
+        Some(unit) => unit,
+        None => match doubt(&values, !array.kind.starts_with('f')) {
+            Some(found) => return Err(HologramError::doubtful(path, found, UNITS)),
+            None => PhaseUnit::Radians,
+        },
+    };
+    let wrap = |part: &[f32]| (None, part.iter().map(|&p| unit.radians(p)).collect());
+    let colors = values.chunks(frames * height * width).map(wrap).collect();
+    Ok(Phases { file: path.into(), frames, height, width, colors })
+}
+
+fn index_of(shape: &[usize], mut at: usize) -> Vec<usize> {
+    let mut index = vec![0; shape.len()];
+    for (i, n) in index.iter_mut().zip(shape).rev() {
+        (*i, at) = (at % n, at / n);
+    }
+    index
+}
+
+fn ends(values: &[f32]) -> [f32; 2] {
+    values.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[l, h], &v| [l.min(v), h.max(v)])
+}
+
+/// Radians beyond which float32 keeps less than a hundredth of a turn.
+const MOST_RADIANS: f32 = 1e5;
+
+/// Refuses numbers that a program gives as radians and that are none: so large that nothing of a turn is left of them, or
+/// gray levels, which are whole numbers beyond a turn.
+///
+/// # Errors
+/// [`HologramError::NotRadians`].
+pub fn check_radians(phases: &[f32]) -> Result<(), HologramError> {
+    let [low, high] = ends(phases);
+    let most = low.abs().max(high.abs());
+    let are_levels = || high > low && most > TAU as f32 && phases.iter().all(|p| p.fract() == 0.0);
+    if most > MOST_RADIANS || are_levels() { Err(HologramError::NotRadians { low, high }) } else { Ok(()) }
+}
+
+/// Numbers that are hardly radians.
+pub(super) fn far_outside(values: &[f32]) -> Option<String> {
+    let [low, high] = ends(values);
+    let far = low.abs().max(high.abs()) > MANY_TURNS * TAU as f32;
+    far.then(|| format!("its values go from {low} to {high}, far outside a turn in radians"))
+}
+
+/// Why numbers may not be radians.
+fn doubt(values: &[f32], integers: bool) -> Option<String> {
+    let [low, high] = ends(values);
+    let from = format!("from {low} to {high}");
+    if integers || (high > low && values.iter().all(|v| v.fract() == 0.0)) {
+        return Some(format!("it holds whole numbers {from}"));
+    }
+    if let Some(found) = far_outside(values) {
+        return Some(found);
+    }
+    let fills = |a: f32, b: f32| low >= a && high <= b && high - low > 0.9 * (b - a) && values.len() >= 64;
+    (fills(0.0, 1.0) || fills(-0.5, 0.5)).then(|| format!("its values go {from}, which looks like turns, not radians"))
+}
+
+/// Colors by their name, or by their number: either way in the order of the array.
+type Key = (Option<Color>, usize);
+
+/// Endings of pictures that keep every level.
+fn is_lossless(name: &str) -> bool {
+    let ending = name.rsplit_once('.').map_or(String::new(), |(_, e)| e.to_ascii_lowercase());
+    ["png", "bmp", "tif", "tiff", "pgm", "ppm", "pnm", "exr"].contains(&ending.as_str())
+}
+
+/// The color and sub-frame that a name such as `green-00.png` or `0-00.png` says.
+fn parse_name(name: &str) -> Option<(Key, usize)> {
+    let (color, frame) = name.rsplit_once('.')?.0.split_once('-')?;
+    let key = match color {
+        "red" => (Some(Color::Red), 0),
+        "green" => (Some(Color::Green), 0),
+        "blue" => (Some(Color::Blue), 0),
+        number => (None, number.parse().ok()?),
+    };
+    Some((key, frame.parse().ok()?))
+}
+
+fn of_folder(opened: &Folder, unit: Option<PhaseUnit>) -> Result<Phases, HologramError> {
+    let folder = opened.path();
+    let mut names: Vec<String> = opened
+        .entries("")
+        .map_err(|e| FileError::read(folder, e))?
+        .into_iter()
+        .filter_map(|(name, _)| name.into_string().ok())
+        .filter(|name| !name.starts_with('.'))
+        .collect();
+    names.sort_by_cached_key(|name| natural(name));
+    let named = names.iter().any(|name| is_lossless(name) && parse_name(name).is_some());
+    let found = match (named, names.iter().any(|name| is_lossless(name))) {
+        (true, _) => of_named(folder, &names, unit),
+        (false, true) => numbered(folder, &names).and_then(|files| of_pictures(folder, &files, unit)),
+        (false, false) => Err(refuse(folder, &names)),
+    };
+    // Some may have been gone when they were read.
+    if opened.is_replaced() {
+        return Err(HologramError::Replaced { path: folder.display().to_string() });
+    }
+    found
+}
+
+/// Refuses a folder without pictures of phases by its first file.
+fn refuse(folder: &Path, names: &[String]) -> HologramError {
+    const FORMS: &str = "pictures of phases are called green-00.png, 0-00.png or phase_000.png (PNG, BMP, TIFF or PGM)";
+    let first = names.iter().map(|name| folder.join(name)).find(|path| path.is_file());
+    match first.and_then(|first| Some((FileKind::of(&first).ok()?, first))) {
+        Some((FileKind::Jpeg, first)) => {
+            let reason = "it is a JPEG picture, which changes levels: save phases as PNG, BMP or TIFF";
+            FileError::content(&first, reason).into()
+        }
+        Some((kind, first)) if !matches!(kind, FileKind::Text | FileKind::Unknown | FileKind::Empty) => {
+            none(folder, format!("its first file, {}, is {}: {FORMS}", first.display(), kind.describe()))
+        }
+        _ => none(folder, format!("it holds no pictures: {FORMS}")),
+    }
+}
+
+/// The pictures of a folder whose names differ in a running number alone, in its order.
+fn numbered(folder: &Path, names: &[String]) -> Result<Vec<PathBuf>, HologramError> {
+    let names: Vec<&String> = names.iter().filter(|name| is_lossless(name)).collect();
+    let parts: Vec<_> = names.iter().map(|name| natural(name)).collect();
+    let texts = |i: usize| parts[i].iter().map(|(text, _)| text).collect::<Vec<_>>();
+    if let Some(other) = (1..names.len()).find(|&i| texts(i) != texts(0)) {
+        let reason = format!(
+            "{} and {} are named in different ways: name sub-frames by a running number",
+            names[0], names[other]
+        );
+        return Err(none(folder, reason));
+    }
+    let changing = |k: usize| parts.iter().any(|p| p[k].1 != parts[0][k].1);
+    let numbers: Vec<usize> = (0..parts[0].len()).filter(|&k| changing(k)).collect();
+    if let [number, _, ..] = numbers[..] {
+        let reason = format!(
+            "names such as {} have several numbers that change, from {} on: views of a scene are solved first, and of phases one number \
+             counts sub-frames",
+            names[0], parts[0][number].1
+        );
+        return Err(none(folder, reason));
+    }
+    if let Some(&k) = numbers.first()
+        && let Some(i) = (1..parts.len()).find(|&i| parts[i][k].1 != parts[i - 1][k].1 + 1)
+    {
+        let reason = format!("sub-frames are counted one by one, and {} follows {}", names[i], names[i - 1]);
+        return Err(none(folder, reason));
+    }
+    Ok(names.into_iter().map(|name| folder.join(name)).collect())
+}
+
+/// Pictures of one color and sub-frame each, by their names.
+fn of_named(folder: &Path, names: &[String], unit: Option<PhaseUnit>) -> Result<Phases, HologramError> {
+    let mut found: BTreeMap<Key, BTreeMap<usize, &String>> = BTreeMap::new();
+    let pictures = names.iter().filter(|name| is_lossless(name));
+    for (name, (key, frame)) in pictures.filter_map(|name| Some((name, parse_name(name)?))) {
+        if let Some(other) = found.entry(key).or_default().insert(frame, name) {
+            return Err(none(folder, format!("{other} and {name} are the same sub-frame")));
+        }
+    }
+    let frames = found.values().map(BTreeMap::len).max().unwrap_or(0);
+    let mut size = None;
+    let mut colors = Vec::with_capacity(found.len());
+    for (&(color, number), pictures) in &found {
+        let mut phases = Vec::new();
+        for frame in 0..frames {
+            let Some(name) = pictures.get(&frame) else {
+                let color = color.map_or_else(|| number.to_string(), |c| c.to_string());
+                return Err(none(folder, format!("{color}-{frame:02}.png is missing of {frames} sub-frames a colour")));
+            };
+            let file = folder.join(name);
+            let levels = levels(&file, &mut size)?;
+            if levels.has_color {
+                return Err(FileError::content(&file, "has colors: its name says that it is of one").into());
+            }
+            phases.extend(levels.channel(0, unit, &file)?);
+        }
+        colors.push((color, phases));
+    }
+    let [height, width] = size.unwrap_or_default();
+    Ok(Phases { file: folder.into(), frames, height, width, colors })
+}
+
+/// Pictures of a sub-frame each: of one color, or of three.
+fn of_pictures(place: &Path, files: &[PathBuf], unit: Option<PhaseUnit>) -> Result<Phases, HologramError> {
+    let mut size = None;
+    let read = |file: &PathBuf| Ok((levels(file, &mut size)?, file.clone()));
+    let pictures = files.iter().map(read).collect::<Result<Vec<_>, HologramError>>()?;
+    let has_color = pictures.iter().any(|(levels, _)| levels.has_color);
+    if let Some((_, file)) = pictures.iter().find(|(levels, _)| has_color && levels.channels < 3) {
+        return Err(FileError::content(file, "is gray, and others have colors: give one kind").into());
+    }
+    let named = if has_color { vec![Some(Color::Red), Some(Color::Green), Some(Color::Blue)] } else { vec![None] };
+    let mut colors = Vec::new();
+    for (channel, color) in named.into_iter().enumerate() {
+        let mut phases = Vec::new();
+        for (levels, file) in &pictures {
+            phases.extend(levels.channel(channel, unit, file)?);
+        }
+        colors.push((color, phases));
+    }
+    let [height, width] = size.unwrap_or_default();
+    Ok(Phases { file: place.into(), frames: pictures.len(), height, width, colors })
+}
+
+/// Stored levels of one picture.
+struct Levels {
+    channels: usize,
+    has_color: bool,
+    samples: Samples,
+}
+
+/// Reads a picture, which must have the `size` of those before it.
+fn levels(file: &Path, size: &mut Option<[usize; 2]>) -> Result<Levels, HologramError> {
+    if FileKind::of(file).map_err(|e| FileError::read(file, e))? == FileKind::Jpeg {
+        let reason = "it is a JPEG picture, which changes levels: save phases as PNG, BMP or TIFF";
+        return Err(FileError::content(file, reason).into());
+    }
+    let picture = read_pixels(file, Wanted::Phases, MOST_PIXELS)?;
+    let [h, w] = *size.get_or_insert([picture.height, picture.width]);
+    if [h, w] != [picture.height, picture.width] {
+        return Err(none(file, format!("it is {}x{} pixels, the others {h}x{w}", picture.height, picture.width)));
+    }
+    let Pixels { channels, .. } = picture;
+    let has_alpha = picture.has_alpha();
+    let (opaque, gray) = match &picture.samples {
+        Samples::U8(v) => survey(v, channels, u8::MAX),
+        Samples::U16(v) => survey(v, channels, u16::MAX),
+        Samples::F32(v) => survey(v, channels, 1.0),
+    };
+    if has_alpha && !opaque {
+        return Err(FileError::content(file, "has pixels that are not opaque: save phases without transparency").into());
+    }
+    Ok(Levels { channels, has_color: picture.has_color() && !gray, samples: picture.samples })
+}
+
+/// Whether all pixels are opaque, and whether all are gray.
+fn survey<T: PartialEq + Copy>(values: &[T], channels: usize, full: T) -> (bool, bool) {
+    let pixels = values.chunks_exact(channels);
+    let opaque = pixels.clone().all(|p| p[channels - 1] == full);
+    (opaque, channels < 3 || pixels.clone().all(|p| p[0] == p[1] && p[0] == p[2]))
+}
+
+impl Levels {
+    /// The phases of one channel, radians.
+    fn channel(&self, channel: usize, unit: Option<PhaseUnit>, file: &Path) -> Result<Vec<f32>, HologramError> {
+        let step = |from: usize| (from + channel..).step_by(self.channels);
+        let (values, turn): (Vec<f32>, f64) = match &self.samples {
+            Samples::U8(v) => (step(0).map_while(|i| v.get(i)).map(|v| f32::from(*v)).collect(), 256.0),
+            Samples::U16(v) => (step(0).map_while(|i| v.get(i)).map(|v| f32::from(*v)).collect(), 65536.0),
+            Samples::F32(v) => {
+                let values: Vec<f32> = step(0).map_while(|i| v.get(i)).copied().collect();
+                if let Some(bad) = values.iter().find(|v| !v.is_finite()) {
+                    let reason = format!("has the value {bad}: every value must be a finite float32");
+                    return Err(FileError::content(file, reason).into());
+                }
+                let unit = match (unit, doubt(&values, false)) {
+                    (None, Some(found)) => return Err(HologramError::doubtful(file, found, UNITS)),
+                    (unit, _) => unit.unwrap_or(PhaseUnit::Radians),
+                };
+                return Ok(values.into_iter().map(|v| unit.radians(v)).collect());
+            }
+        };
+        if let Some(unit) = unit {
+            return Ok(values.into_iter().map(|v| unit.radians(v)).collect());
+        }
+        let full = turn as f32 - 1.0;
+        let ends = [0.0, full].map(|end| values.contains(&end));
+        if ends == [true, true] && values.len() >= 64 && values.iter().all(|v| *v == 0.0 || *v == full) {
+            let found = format!("it holds 0 and {full} alone, as a hologram of two phases does");
+            let decide =
+                format!("say how many levels are a turn with --phase-unit: {} for 0 and half a turn", 2.0 * full);
+            return Err(HologramError::doubtful(file, found, &decide));
+        }
+        let unit = PhaseUnit::Levels(turn);
+        let eight = turn == 256.0;
+        Ok(values.into_iter().map(|v| if eight { phase_of_level(v as u8) } else { unit.radians(v) }).collect())
+    }
+}

@@ -1,0 +1,67 @@
+//! Mistakes on the command line: one line each, with a remedy that works.
+
+use clap::Error;
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+/// Returns the arguments as clap takes them: `help --help` is `help help`, and `help solve --help` is `help solve`.
+pub fn arguments(mut given: Vec<OsString>) -> Vec<OsString> {
+    let count = given.len();
+    if given.get(1).is_some_and(|a| a == "help") {
+        given.retain(|a| a != "--help" && a != "-h");
+        if given.len() < count && given.len() == 2 {
+            given.push("help".into());
+        }
+    }
+    given
+}
+
+/// Prints help and version as they are, and a mistake as one line.
+pub fn print(error: &Error) -> ExitCode {
+    match error.kind() {
+        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
+            let _ = error.print();
+            if error.exit_code() == 0 { ExitCode::SUCCESS } else { ExitCode::from(2) }
+        }
+        _ => {
+            eprintln!("eyebox: {}", line(error));
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// What is wrong, and what would be right.
+fn line(error: &Error) -> String {
+    if error.kind() == ErrorKind::InvalidUtf8 {
+        let wrong = std::env::args_os().find(|a| a.to_str().is_none()).unwrap_or_default();
+        return format!("{}: the name is not UTF-8: rename the file", wrong.display());
+    }
+    let text = error.to_string();
+    let lines: Vec<&str> = text
+        .lines()
+        .map(str::trim)
+        .take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more information"))
+        // What begins with a hyphen is a value of nothing here.
+        .filter(|l| !l.is_empty() && !l.starts_with("tip: to pass '"))
+        .collect();
+    let said = lines.join(" ").trim_start_matches("error: ").replace("tip: ", "; ").replace(" ; ", "; ");
+    // What the standard library says of a number is no remedy.
+    let said = ["invalid digit found in string", "cannot parse integer from empty string"]
+        .iter()
+        .fold(said, |said, what| said.replace(what, "expected a whole number, 0 or more"))
+        .replace("number too large to fit in target type", "the number is too large")
+        .replace("invalid float literal", "expected a number");
+    format!("{said}{} (see --help)", advice(error))
+}
+
+/// A file where a name of a display is expected: it is meant for --out.
+fn advice(error: &Error) -> &'static str {
+    let context = |kind| match error.get(kind) {
+        Some(ContextValue::String(text)) => text.as_str(),
+        _ => "",
+    };
+    let is_output = context(ContextKind::InvalidArg).starts_with("--output");
+    let is_file = [".zarr", ".npy", ".png", "/"].iter().any(|end| context(ContextKind::InvalidValue).ends_with(end));
+    if is_output && is_file { "; the file to write is given by --out" } else { "" }
+}
