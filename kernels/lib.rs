@@ -48,6 +48,7 @@ pub mod regression;
 pub mod relay;
 pub mod resample;
 pub mod return_pupil;
+pub mod scattered;
 pub mod shared;
 mod simd;
 pub mod subpixels;

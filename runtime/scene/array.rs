@@ -1,5 +1,6 @@
 //! Light fields in one array: `.npy` and `.npz`, (rows of views, columns of views, rows of pixels, columns of pixels, colours).
 
+use super::cameras::Positions;
 use super::layout::Layout;
 use super::light::Transfer;
 use super::options::Options;
@@ -51,7 +52,9 @@ fn open(file: &Path, options: &Options) -> Result<Opened, SceneError> {
     let array = NpyArray::open(file, options.array.as_deref(), |shape| matches!(shape.len(), 4 | 5));
     let array = array.map_err(SceneError::of_file)?;
     let corrupt = |reason: String| SceneError::Corrupt { file: file.display().to_string(), reason };
-    let layout = Layout::of(&array.shape, stated.grid, file).map_err(corrupt)?;
+    let one_by_one = array.shape.len() == 3 || (array.shape.len() == 4 && matches!(array.shape[3], 1 | 3 | 4));
+    let in_a_row = stated.positions.as_ref().map(Positions::grid).filter(|_| one_by_one);
+    let layout = Layout::of(&array.shape, stated.grid.or(in_a_row), file).map_err(corrupt)?;
     let elements = Elements::of(&array.kind).map_err(corrupt)?;
     Ok(Opened { array, layout, stated, elements })
 }

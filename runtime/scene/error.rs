@@ -1,5 +1,6 @@
 //! What can be wrong with a scene.
 
+use super::CamerasFound;
 use super::tone::FullScale;
 use crate::files::{FileError, FileKind, Wanted};
 use crate::memory::TooLarge;
@@ -73,7 +74,10 @@ pub enum SceneError {
         first: String,
     },
     /// One view of the grid is not there.
-    #[error("{file}: this view is missing: the others make a grid of {rows} x {columns}")]
+    #[error(
+        "{file}: this view is missing: the others make a grid of {rows} x {columns}: add it, or state the `grid = [rows, columns]` of \
+         those that are there in lightfield.toml"
+    )]
     MissingView {
         /// The file that should exist.
         file: String,
@@ -82,16 +86,38 @@ pub enum SceneError {
         /// Columns of the grid.
         columns: usize,
     },
+    /// Views in rows and columns that are not evenly spaced, by the numbers in their names.
+    #[error(
+        "{folder}: by the numbers in the names the views are not evenly spaced: state `positions_mm = {{ x = {x:?}, y = {y:?} }}` in \
+         lightfield.toml if these are positions of cameras in millimeters, or `grid = [{rows}, {columns}]` if the views are evenly spaced",
+        rows = y.len(), columns = x.len()
+    )]
+    Uneven {
+        /// The folder.
+        folder: String,
+        /// Numbers of the columns,
+        x: Vec<f64>,
+        /// and of the rows.
+        y: Vec<f64>,
+    },
+    /// Views whose cameras do not stand as the views are read.
+    #[error("{scene}: {found}")]
+    Cameras {
+        /// The scene.
+        scene: String,
+        /// What the pictures show.
+        found: CamerasFound,
+    },
     /// Views that stand in another order than their names say.
     #[error(
-        "{folder}: {reason}: {flags} (or {keys} in lightfield.toml) reads them so, --order as-named leaves them as their names have them"
+        "{folder}: {reason}: {flags} (or {keys} in lightfield.toml) reads them so, `order` as-named leaves them as their names have them"
     )]
     Order {
         /// The folder.
         folder: String,
         /// What is seen.
         reason: String,
-        /// The flags that read them right.
+        /// The orders that read them right.
         flags: String,
         /// The keys that do.
         keys: String,
@@ -99,7 +125,7 @@ pub enum SceneError {
     /// Views that are unlike what all others say they should be.
     #[error(
         "{scene}: {views} not what the others predict ({found:.0} dB, the others {others:.0} dB): {cause}; mend it, or take the \
-         views as they are with --photographs cells"
+         views as they are with `photographs` cells"
     )]
     OddViews {
         /// The scene.
@@ -257,6 +283,17 @@ pub enum SceneError {
         /// Which option, and what would be right.
         reason: String,
     },
+    /// Depths that views show too little of.
+    #[error(
+        "the depth of the scene is measured as {measured}, though only {percent} % of its detail is found again in neighboring \
+         views: it must be given: by `depth`, or by depth_mm in lightfield.toml"
+    )]
+    Depth {
+        /// What was measured, for people.
+        measured: String,
+        /// The share of the detail that is sure, per cent.
+        percent: u8,
+    },
     /// A request that no scene can meet.
     #[error("{what} is {value}: it must be {must}")]
     Request {
@@ -272,14 +309,7 @@ pub enum SceneError {
 impl SceneError {
     /// Depths that were measured, and not to be trusted: so many per cent of the scene's detail are sure.
     pub(crate) fn doubtful_depth(depth: [f64; 2], percent: u8, focal_length: f64) -> Self {
-        let depth = depths_in_words(depth, focal_length);
-        Self::Request {
-            what: "the depth of the scene",
-            value: format!(
-                "measured as {depth}, though only {percent} % of its detail is found again in neighbouring views"
-            ),
-            must: "given: by --depth MIN..MAX, or by depth_mm in lightfield.toml",
-        }
+        Self::Depth { measured: depths_in_words(depth, focal_length), percent }
     }
 
     /// A pixel at this row and column that is no light.

@@ -1,5 +1,6 @@
 //! A folder of views.
 
+use super::cameras::Positions;
 use super::shape::{is_serpentine, shape};
 use super::tone::{FullScale, Reading};
 use super::views::{self, Frame, Read};
@@ -33,7 +34,7 @@ pub(super) fn read(folder: &Path, request: &Request) -> Result<Read, SceneError>
         None => settings::ground_truth(folder, &all, own)?,
     };
     let mut field = frame.field(folder, views.grid, read, request, &stated, disparity);
-    if views.running {
+    if views.running && stated.tiles.is_none() && stated.positions.is_none() {
         if stated.serpentine.is_none() && is_serpentine(&field, views.grid) {
             let reason = "every second row runs backwards: `serpentine = true` in lightfield.toml reads them so".into();
             return Err(SceneError::NotAGrid { folder: folder.display().to_string(), reason });
@@ -102,8 +103,12 @@ pub(super) fn find(folder: &Path) -> Result<Found, SceneError> {
             }
         }
     }
-    let mut views = names::arrange(folder, &files, stated.grid, stated.files.as_deref())?;
-    if stated.serpentine == Some(true) {
+    let mut views = match &stated.positions {
+        Some(Positions::Each(all)) => names::in_order(folder, &files, all.len(), stated.files.as_deref())?,
+        Some(lines) => names::arrange(folder, &files, Some(lines.grid()), stated.files.as_deref())?,
+        None => names::arrange(folder, &files, stated.grid.or(stated.tiles), stated.files.as_deref())?,
+    };
+    if stated.serpentine == Some(true) && stated.tiles.is_none() {
         if !(views.running && views.doubt.is_empty()) {
             let reason =
                 "serpentine = true is for views with a running number that fill a grid: state the `grid`".into();

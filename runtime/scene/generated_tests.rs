@@ -88,7 +88,7 @@ fn outcome(case: &Case) -> Outcome {
     let mut noted = false;
     if case.order != "as-named" {
         let line = refused(&found.doubt);
-        let flag = format!("--order {}", case.order);
+        let flag = format!("`order` {}", case.order);
         match found.order_confirmed {
             // Of two flags that are named one is right: the line says that the pictures tell no more.
             Some(false) if line.contains(&format!("{flag} ")) => {}
@@ -129,7 +129,7 @@ fn points_and_bars_are_read_right_or_refused() {
     for case in cases {
         match outcome(&case) {
             Outcome::Read => read += 1,
-            Outcome::Refused(line) if line.contains("--depth MIN..MAX") => {}
+            Outcome::Refused(line) if line.contains("`depth`") => {}
             other => panic!("{case}: {other:?}"),
         }
     }

@@ -1,10 +1,10 @@
 //! What a scene is, as it is read: for people who want to know before they compute.
 
-use super::order::{self, Order, OrderFound};
+use super::order::{Order, OrderFound};
 use super::resize::{Fit, Resize};
 use super::source::Source;
-use super::{DepthSource, Layers, LightField, Parallax, Reprojection, Request, SceneError};
-use crate::optics::{Color, Display, dioptres};
+use super::{DepthSource, Layers, LightField, Parallax, Reprojection, Request, SceneError, views};
+use crate::optics::{Color, Display, Geometry, dioptres};
 use serde::Serialize;
 
 /// A scene, as it is read. Lengths in metres unless the name says otherwise.
@@ -79,9 +79,20 @@ pub fn inspect(source: &str, request: &Request) -> Result<(Inspection, LightFiel
     let named = Source::of(source)?;
     let has_views = matches!(named, Source::Views(_));
     let mut depth_map = None;
+    let display = request.display;
+    // Views that are smaller than the display are looked at as they are: nothing is found in pixels that are made.
+    let (mut own_display, mut scale) = (display.clone(), 1.0);
+    if let (Source::Views(kept), Geometry::Relay) = (&named, display.geometry) {
+        let [height, width] = kept.size()?;
+        let times = (display.height as f64 / height as f64).min(display.width as f64 / width as f64);
+        if times > 1.0 {
+            (own_display.height, own_display.width, scale) = (height, width, times);
+        }
+    }
+    let request = &Request { display: &own_display, depth: request.depth.map(|d| d.map(|z| z / scale)), ..*request };
     let (field, found_by, own_size, transfer, order, says) = if let Source::Views(kept) = &named {
         let read = kept.read(request)?;
-        let doubt = order::check(source, &read.order_found).err().map(|e| e.to_string());
+        let doubt = views::decide(source, &read).err().map(|e| e.to_string());
         let confirmed = match read.order_found {
             OrderFound::AsNamed => Some(true),
             OrderFound::Unknown | OrderFound::AsNamedOrReversed => None,
@@ -102,16 +113,16 @@ pub fn inspect(source: &str, request: &Request) -> Result<(Inspection, LightFiel
         };
         (field, how.into(), super::native_size(source)?, transfer, Order::default(), (None, Some(true), parallax))
     };
-    let display = request.display;
-    let (depth, source) = match request.depth.filter(|_| request.depth_map.is_none()) {
+    let (own_depth, source) = match request.depth.filter(|_| request.depth_map.is_none()) {
         Some([a, b]) => ([a.min(b), a.max(b)], DepthSource::Stated),
-        None => field.reach(display),
+        None => field.reach(&own_display),
     };
+    let depth = own_depth.map(|z| z * scale);
     let per_pixel = display.focal_length * display.picture_pixel() / field.cell(display);
     let (doubt, order_confirmed, parallax) = says;
     let doubt = doubt.or_else(|| Some(source.sure(depth, display.focal_length).err()?.to_string()));
     let doubt = match doubt {
-        None if has_views => odd_views(&field, display, depth)?,
+        None if has_views => odd_views(&field, &own_display, own_depth)?,
         doubt => doubt,
     };
     let inspection = Inspection {
@@ -119,13 +130,13 @@ pub fn inspect(source: &str, request: &Request) -> Result<(Inspection, LightFiel
         grid: field.grid,
         found_by,
         own_size,
-        size: [field.height, field.width],
+        size: display.picture_size().into(),
         transfer,
         depth_map,
         order,
         doubt,
         order_confirmed,
-        parallax_px: parallax.map_or([None; 2], |p| p.movement),
+        parallax_px: parallax.map_or([None; 2], |p| p.movement.map(|range| range.map(|r| r.map(|px| px * scale)))),
         disparity_px: depth.map(|z| z / per_pixel),
         depth_mm: depth.map(|z| z * 1e3),
         depth_dioptres: depth.map(|z| dioptres(z, display.focal_length)),

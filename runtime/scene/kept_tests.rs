@@ -227,10 +227,10 @@ fn wrong_light_fields_are_found_however_they_are_kept() {
     let places = |at: &dyn Fn(usize, usize) -> usize| (0..25).map(|v| at(v / 5, v % 5)).collect::<Vec<_>>();
     let moved = |places: Vec<usize>| spoiled(&|views| *views = places.iter().map(|v| views[*v].clone()).collect());
     let cases = [
-        ("columns before rows", moved(places(&|r, c| c * 5 + r)), "--order transpose"),
-        ("mirrored columns", moved(places(&|r, c| r * 5 + 4 - c)), "--order flip-columns"),
-        ("mirrored rows", moved(places(&|r, c| (4 - r) * 5 + c)), "--order flip-rows"),
-        ("near is far", moved(places(&|r, c| (4 - r) * 5 + 4 - c)), "--order flip-rows,flip-columns"),
+        ("columns before rows", moved(places(&|r, c| c * 5 + r)), "`order` transpose"),
+        ("mirrored columns", moved(places(&|r, c| r * 5 + 4 - c)), "`order` flip-columns"),
+        ("mirrored rows", moved(places(&|r, c| (4 - r) * 5 + c)), "`order` flip-rows"),
+        ("near is far", moved(places(&|r, c| (4 - r) * 5 + 4 - c)), "`order` flip-rows,flip-columns"),
         (
             "a view darker than the others",
             spoiled(&|views| views[7].iter_mut().for_each(|v| *v *= 0.6)),

@@ -8,6 +8,7 @@ use crate::optics::{Display, fast_size};
 use eyebox_kernels::fft::{Columns, Direction, Plans};
 use eyebox_kernels::layers::seen;
 use eyebox_kernels::regression::{Defocus, Found, Regression};
+use eyebox_kernels::scattered::Scattered;
 use eyebox_kernels::{Complex32, Complex64, ZERO};
 use rayon::prelude::*;
 
@@ -63,8 +64,35 @@ impl Layers {
     /// [`SceneError`] where they do not fit the memory.
     pub fn new(field: &LightField, display: &Display, depth: [f64; 2]) -> Result<Self, SceneError> {
         let grid = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell: field.cell(display) };
-        let mut layers = Self::over(field, grid, display, depth)?;
+        let mut layers = Self::over(field, grid, display.eyebox_min(), display, depth)?;
         layers.add(field, display.eyebox_min());
+        Ok(layers)
+    }
+
+    /// Of views at `positions` (x, y) of the pupil plane, metres, around its middle, which span `span`.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub(super) fn at_positions(
+        field: &LightField,
+        positions: &[[f64; 2]],
+        span: f64,
+        display: &Display,
+        depth: [f64; 2],
+    ) -> Result<Self, SceneError> {
+        let span = span.max(display.eyebox_min());
+        let grid = ViewGrid { rows: 1, columns: positions.len(), cell: span / positions.len().max(1) as f64 };
+        let mut layers = Self::over(field, grid, span, display, depth)?;
+        let slopes = &layers.slopes;
+        let scattered = Scattered {
+            places: positions.iter().map(|[x, y]| [*y, *x]).collect(),
+            slope: slopes[0],
+            step: slopes[1] - slopes[0],
+            movement: slopes.iter().map(|s| s * span).collect(),
+            ridge: RIDGE,
+            smooth: SMOOTH,
+        };
+        layers.add_colors(field, |omega, views, found| scattered.solve(omega, views, found));
         Ok(layers)
     }
 
@@ -79,7 +107,7 @@ impl Layers {
         depth: [f64; 2],
     ) -> Result<Self, SceneError> {
         let grid = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell: stack.aperture };
-        let mut layers = Self::over(field, grid, display, depth)?;
+        let mut layers = Self::over(field, grid, display.eyebox_min(), display, depth)?;
         let per_pixel = display.focal_length * display.picture_pixel();
         let slopes = &layers.slopes;
         let blurs = stack.focus.iter().flat_map(|z| {
@@ -96,9 +124,14 @@ impl Layers {
         Ok(layers)
     }
 
-    /// None yet, of pictures like those of the field.
-    fn over(field: &LightField, grid: ViewGrid, display: &Display, depth: [f64; 2]) -> Result<Self, SceneError> {
-        let eyebox = display.eyebox_min();
+    /// None yet, of pictures like those of the field, for pupils within `eyebox`.
+    fn over(
+        field: &LightField,
+        grid: ViewGrid,
+        eyebox: f64,
+        display: &Display,
+        depth: [f64; 2],
+    ) -> Result<Self, SceneError> {
         let most = field.height.max(field.width) as f64;
         let (per_pixel, cell) = (display.focal_length * display.picture_pixel(), grid.cell);
         let [low, high] = depth.map(|z| (z / per_pixel * cell).clamp(-most, most) / cell * eyebox);

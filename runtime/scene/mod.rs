@@ -30,6 +30,9 @@
 //! depth_mm = [-3.0, 3.5]    # farthest, nearest
 //! transfer = "srgb"         # or "linear": how stored values become light
 //! keep = [9, 9]             # only so many rows and columns of views, in the middle
+//! tiles = [6, 8]            # one row of cameras is laid out in rows and columns of tiles
+//! first = "bottom-left"     # the tile of its leftmost camera
+//! positions_mm = [[0, 0], [10, 0], [40, 5]]   # (x, y) of each camera, in the pupil plane
 //! focus_mm = [-3, 0, 3]     # the pictures are a focal stack: at which depth each is sharp,
 //! aperture_mm = 12          # and how wide the pupil was that saw them
 //! ```
@@ -59,10 +62,12 @@
 
 mod array;
 mod builtin;
+mod cameras;
 mod closer;
 mod depth;
 mod displacement;
 mod error;
+mod flat;
 mod folder;
 mod frames;
 #[cfg(all(feature = "window", target_os = "linux"))]
@@ -87,6 +92,7 @@ mod natural;
 mod near;
 #[cfg(test)]
 mod near_tests;
+mod neighbors;
 mod numbers;
 mod options;
 mod order;
@@ -96,6 +102,7 @@ mod photograph;
 mod photographs;
 mod picture;
 mod png_tone;
+mod positions;
 mod pyramid;
 mod range;
 mod rays;
@@ -109,6 +116,7 @@ mod shape;
 mod single;
 mod source;
 mod stack;
+mod standing;
 mod still;
 mod subpixel;
 mod survey;
@@ -120,6 +128,10 @@ mod video;
 mod video_color;
 mod views;
 
+#[cfg(all(test, feature = "image-formats"))]
+mod cameras_tests;
+#[cfg(test)]
+mod drawn_tests;
 #[cfg(test)]
 mod generated_tests;
 #[cfg(all(test, feature = "image-formats"))]
@@ -134,6 +146,7 @@ mod sequence_tests;
 mod tests;
 
 pub use builtin::{BUILTINS, Builtin, Stage};
+pub use cameras::{FirstTile, Tiles};
 pub(crate) use closer::ENOUGH;
 pub use depth::central_depth;
 pub(crate) use depth::central_view;
@@ -161,6 +174,7 @@ pub use request::Request;
 pub use resize::Fit;
 pub(crate) use resize::{Enlarged, crop_share, shrink_to_share};
 pub use single::Reprojection;
+pub use standing::CamerasFound;
 pub use tone::FullScale;
 
 pub(crate) use survey::DARK;

@@ -1,28 +1,60 @@
 //! Light fields in one picture: views beside each other, or the pixels under each lens of an array of them.
 
+use super::cameras::{Positions, Quilt};
 use super::mosaic_grid::{Shown, shown};
 use super::options::{Options, Tiling};
+use super::resize::Resize;
 use super::settings::{self, Settings};
 use super::tone::{FullScale, Reading};
 use super::views::{self, Frame, Read};
-use super::{Request, SceneError, picture};
+use super::{Fit, Request, SceneError, picture};
 use crate::memory;
 use crate::optics::Color;
 use rayon::prelude::*;
 use std::path::Path;
+
+/// Pixels of a view are square if its sides differ from the aspect in the quilt's name by no more than this share: sides
+/// are whole pixels, and some quilts leave a few out.
+const SQUARE: f64 = 0.02;
+
+/// What the picture's name, its options and the file beside it state. The name of a quilt says where its cameras stand.
+fn stated(file: &Path, options: &Options) -> Result<(Settings, Option<Quilt>), SceneError> {
+    let stated = settings::beside(file, options)?;
+    match Quilt::of(file).filter(|_| options.tiling != Some(Tiling::Lenslets)) {
+        Some(quilt) => Ok((quilt.stated(file, stated)?, Some(quilt))),
+        None => Ok((stated, None)),
+    }
+}
+
+/// The grid of tiles that is stated.
+fn tiles(stated: &Settings) -> Option<[usize; 2]> {
+    let lines = stated.positions.as_ref().filter(|positions| matches!(positions, Positions::Lines(_)));
+    stated.tiles.or(stated.grid).or(lines.map(Positions::grid))
+}
 
 /// Rows and columns of each view.
 ///
 /// # Errors
 /// Those of [`read`].
 pub(super) fn size(file: &Path, tiling: Tiling, options: &Options) -> Result<[usize; 2], SceneError> {
-    let stated = settings::beside(file, options)?;
+    let (stated, quilt) = stated(file, options)?;
     let whole = picture::size_of_many(file)?;
-    let grid = match stated.grid {
+    let grid = match tiles(&stated) {
         Some(grid) => grid,
         None => find(file, &decoded(file, &[Color::Green], &stated, whole)?[0], whole, tiling)?.0,
     };
-    parts(file, whole, grid)
+    Ok(square(parts(file, whole, grid, quilt.is_some())?, quilt))
+}
+
+/// Rows and columns of square pixels of a view.
+fn square([height, width]: [usize; 2], quilt: Option<Quilt>) -> [usize; 2] {
+    let aspect = width as f64 / height as f64;
+    match quilt.and_then(|quilt| quilt.aspect) {
+        // No detail is lost: one of the sides grows.
+        Some(a) if a > aspect * (1.0 + SQUARE) => [height, (height as f64 * a).round() as usize],
+        Some(a) if a < aspect * (1.0 - SQUARE) => [(width as f64 / a).round() as usize, width],
+        _ => [height, width],
+    }
 }
 
 /// Reads the views of a picture, its grid stated or found.
@@ -30,18 +62,27 @@ pub(super) fn size(file: &Path, tiling: Tiling, options: &Options) -> Result<[us
 /// # Errors
 /// Every [`SceneError`] that a file can cause; it names the file.
 pub(super) fn read(file: &Path, tiling: Tiling, options: &Options, request: &Request) -> Result<Read, SceneError> {
-    let stated = settings::beside(file, options)?;
+    let (stated, quilt) = stated(file, options)?;
     let whole = picture::size_of_many(file)?;
     let planes = decoded(file, request.colors, &stated, whole)?;
-    let (grid, found) = match stated.grid {
-        Some(grid) => (grid, "as stated"),
-        None => find(file, &planes[0], whole, tiling)?,
+    let (grid, found) = match (tiles(&stated), quilt) {
+        (Some(grid), Some(_)) => (grid, "a quilt by its name"),
+        (Some(grid), None) => (grid, "as stated"),
+        (None, _) => find(file, &planes[0], whole, tiling)?,
     };
-    let own = parts(file, whole, grid)?;
+    let tile = parts(file, whole, grid, quilt.is_some())?;
+    // A quilt begins at the bottom left: lines that are no whole views are left over at the top and on the right.
+    let top = if quilt.is_some() { whole[0] - grid[0] * tile[0] } else { 0 };
+    let own = square(tile, quilt);
+    let squared = (own != tile).then(|| Resize::new(tile, own, Fit::Stretch));
     let frame = Frame::new(own, grid[0] * grid[1], request)?;
     let one = |view: usize| {
         let at = [view / grid[1], view % grid[1]];
-        frame.fit(planes.iter().map(|plane| cut(plane, whole[1], grid, own, at, tiling)).collect())
+        let view = planes.iter().map(|plane| {
+            let view = cut(&plane[top * whole[1]..], whole[1], grid, tile, at, tiling);
+            squared.as_ref().map_or_else(|| view.clone(), |resize| resize.apply(&view))
+        });
+        frame.fit(view.collect())
     };
     let fitted: Vec<_> = (0..grid[0] * grid[1]).into_par_iter().map(one).collect();
     let field = frame.field(file, grid, fitted, request, &stated, stated.disparity);
@@ -69,8 +110,11 @@ fn decoded(
     Ok(planes)
 }
 
-/// Rows and columns of each view of a picture.
-fn parts(file: &Path, whole: [usize; 2], grid: [usize; 2]) -> Result<[usize; 2], SceneError> {
+/// Rows and columns of each view of a picture. A quilt may have lines left over.
+fn parts(file: &Path, whole: [usize; 2], grid: [usize; 2], is_quilt: bool) -> Result<[usize; 2], SceneError> {
+    if is_quilt && [0, 1].iter().all(|&i| whole[i] / grid[i] >= 2 && whole[i] % grid[i] <= whole[i] / grid[i] / 8) {
+        return Ok([0, 1].map(|i| whole[i] / grid[i]));
+    }
     if [0, 1].iter().all(|&i| whole[i].is_multiple_of(grid[i])) {
         return Ok([0, 1].map(|i| whole[i] / grid[i]));
     }

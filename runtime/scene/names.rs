@@ -5,6 +5,7 @@
 //! with what was found.
 
 use super::SceneError;
+use super::natural;
 use super::numbers::{self, Name};
 use std::{collections::BTreeMap, path::Path};
 
@@ -77,11 +78,7 @@ pub(super) fn arrange(
     files: Option<&str>,
 ) -> Result<Arrangement, SceneError> {
     let not_a_grid = |reason| SceneError::NotAGrid { folder: folder.display().to_string(), reason };
-    let wanted = |(name, _): &&Named| is_picture(name) && files.is_none_or(|pattern| matches(pattern, name));
-    let mut pictures: Vec<&Named> = names.iter().filter(wanted).collect();
-    if pictures.iter().any(|(name, _)| !is_auxiliary(name)) && files.is_none() {
-        pictures.retain(|(name, _)| !is_auxiliary(name));
-    }
+    let pictures = pictures(names, files);
     if pictures.is_empty() && files.is_some() {
         return Err(not_a_grid(format!("no picture is called {}", files.unwrap_or_default())));
     }
@@ -95,6 +92,44 @@ pub(super) fn arrange(
         }
     }
     Err(first.unwrap_or(SceneError::Empty { folder: folder.display().to_string() }))
+}
+
+/// The pictures that may be views.
+fn pictures<'a>(names: &'a [Named], files: Option<&str>) -> Vec<&'a Named> {
+    let wanted = |(name, _): &&Named| is_picture(name) && files.is_none_or(|pattern| matches(pattern, name));
+    let mut pictures: Vec<&Named> = names.iter().filter(wanted).collect();
+    if pictures.iter().any(|(name, _)| !is_auxiliary(name)) && files.is_none() {
+        pictures.retain(|(name, _)| !is_auxiliary(name));
+    }
+    pictures
+}
+
+/// All pictures among `names` in the order of the numbers in their names, of which there must be `count`.
+///
+/// # Errors
+/// [`SceneError::NotAGrid`].
+pub(super) fn in_order(
+    folder: &Path,
+    names: &[Named],
+    count: usize,
+    files: Option<&str>,
+) -> Result<Arrangement, SceneError> {
+    let mut files: Vec<String> = pictures(names, files).into_iter().map(|(name, _)| name.clone()).collect();
+    if files.len() != count {
+        let reason = format!(
+            "positions_mm has {count} positions, but there are {} pictures: give one for each, in the order of the numbers in \
+             their names",
+            files.len()
+        );
+        return Err(SceneError::NotAGrid { folder: folder.display().to_string(), reason });
+    }
+    files.sort_by_cached_key(|name| natural::natural(name));
+    Ok(Arrangement {
+        grid: [1, count],
+        files,
+        how: "pictures in the order of their numbers".into(),
+        ..Arrangement::default()
+    })
 }
 
 /// The largest family; refused where others are as large, or where most pictures belong to none.
@@ -261,7 +296,12 @@ impl Family<'_> {
         changing: &[usize],
     ) -> Result<Arrangement, SceneError> {
         let grid = pair.grid();
-        for k in 0..2 {
+        // A grid that is stated takes the lines as evenly spaced, whatever their numbers are.
+        for k in 0..if stated.is_some() { 0 } else { 2 } {
+            if numbers::is_uneven(&pair.lines[k], pair.kind < 2) {
+                let [y, x] = [0, 1].map(|k| pair.lines[k].clone());
+                return Err(SceneError::Uneven { folder: folder.display().to_string(), x, y });
+            }
             if let Some(gap) = numbers::gap(&pair.lines[k], pair.kind < 2) {
                 let mut values = [pair.lines[0][0], pair.lines[1][0]];
                 values[k] = gap;
@@ -325,27 +365,38 @@ impl Family<'_> {
         let (count, numbers) = (files.len(), &running.lines[0]);
         let [first, last] = [numbers[0], numbers[count - 1]];
         let ends = format!("{} to {}", files[0], files[count - 1]);
-        let how = format!("a running number, {first} to {last}, row by row");
+        let stride = numbers::stride(numbers);
+        let how = match stride {
+            Some(n) if n > 1.0 => format!("a running number, {first} to {last} by {n}, row by row"),
+            _ => format!("a running number, {first} to {last}, row by row"),
+        };
         if let Some([rows, columns]) = stated {
             if rows.checked_mul(columns) == Some(count) {
                 return Ok(Arrangement { grid: [rows, columns], files, how, running: true, ..Arrangement::default() });
             }
             return Err(not_a_grid(format!("{count} views ({ends}), but a grid of {rows} x {columns} is stated")));
         }
-        if let Some(gap) = numbers.windows(2).find(|w| w[1] != w[0] + 1.0) {
-            let all = last - first + 1.0;
+        let (step, uneven) = (stride.unwrap_or(1.0), numbers::is_uneven(numbers, true));
+        if uneven {
+            return Err(not_a_grid(format!(
+                "the numbers of {count} views ({ends}) are not evenly spaced: state `grid = [rows, columns]` in \
+                 lightfield.toml if the views are, or `positions_mm`, the position of each camera"
+            )));
+        }
+        if let Some(gap) = numbers.windows(2).find(|w| w[1] != w[0] + step) {
+            let all = (last - first) / step + 1.0;
             let side = square(all as usize).map_or([1, count], |n| [n, n]);
             let lacking = if all < 1e6 { (all as usize).saturating_sub(count) } else { 1 };
-            return Err(self.missing(folder, &running.fields, &[gap[0] + 1.0], lacking, side));
+            return Err(self.missing(folder, &running.fields, &[gap[0] + step], lacking, side));
         }
         let side = (count as f64).sqrt().ceil() as usize;
         let name = |n: f64| self.names[0].with(&running.fields, &[n], &self.names);
-        let before = if first > 0.0 { format!("{} or ", name(first - 1.0)) } else { String::new() };
+        let before = if first >= step { format!("{} or ", name(first - step)) } else { String::new() };
         let doubt = format!(
             "{count} views ({ends}) are not a square; {side} x {side} would be {}: is {before}{} missing? \
              (a lightfield.toml can state `grid = [rows, columns]`)",
             side * side,
-            name(last + 1.0)
+            name(last + step)
         );
         let (grid, doubt) = square(count).map_or(([1, count], doubt), |n| ([n, n], String::new()));
         Ok(Arrangement { grid, files, how, running: true, doubt, proportion: None })

@@ -133,9 +133,34 @@ pub(super) fn lines(values: &[f64], whole: bool) -> (Vec<f64>, Vec<usize>) {
     (groups.iter().map(|g| g.iter().sum::<f64>() / g.len() as f64).collect(), at)
 }
 
+/// The step between whole numbers in ascending order: the largest that divides all differences. None if there are
+/// fewer than two.
+pub(super) fn stride(numbers: &[f64]) -> Option<f64> {
+    let divisor = |mut a: u64, mut b: u64| {
+        while b > 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    };
+    let step = numbers.windows(2).fold(0, |step, w| divisor(step, (w[1] - w[0]) as u64)) as f64;
+    (step >= 1.0 && numbers.len() > 1).then_some(step)
+}
+
+/// Whether values in ascending order lie apart by no common step: as many are missing as are there.
+pub(super) fn is_uneven(lines: &[f64], whole: bool) -> bool {
+    let least = lines.windows(2).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min);
+    let step = if whole { stride(lines).unwrap_or(1.0) } else { least };
+    let all = match lines {
+        [first, .., last] => (last - first) / step + 1.0,
+        _ => 1.0,
+    };
+    all >= 2.0 * lines.len() as f64
+}
+
 /// The first value that is missing among evenly spaced ones; coordinates are even within half a step.
 pub(super) fn gap(lines: &[f64], whole: bool) -> Option<f64> {
-    let step = lines.windows(2).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min);
+    let least = lines.windows(2).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min);
+    let step = if whole { stride(lines).unwrap_or(least) } else { least };
     let most = if whole { step } else { 1.5 * step };
     lines.windows(2).find(|w| w[1] - w[0] > most).map(|w| w[0] + step)
 }

@@ -167,10 +167,10 @@ pub(super) fn say(folder: &str, found: &OrderFound) {
     match found {
         OrderFound::AsNamed | OrderFound::Other { .. } => {}
         OrderFound::AsNamedOrReversed => tracing::info!(
-            "{folder}: the pictures do not tell near from far: the views stand as named (--order flip-rows,flip-columns if not)"
+            "{folder}: the pictures do not tell near from far: the views stand as named (state the order flip-rows,flip-columns if not)"
         ),
         OrderFound::Unknown => {
-            tracing::info!("{folder}: the pictures do not tell the order: as named (--order if not)")
+            tracing::info!("{folder}: the pictures do not tell the order: as named (state the order if not)")
         }
     }
 }
@@ -178,7 +178,7 @@ pub(super) fn say(folder: &str, found: &OrderFound) {
 /// Refuses views whose pictures clearly show another order than that of their names.
 pub(super) fn check(folder: &str, found: &OrderFound) -> Result<(), SceneError> {
     let OrderFound::Other { orders, reason } = found else { return Ok(()) };
-    let flags = orders.iter().map(|o| format!("--order {o}")).collect::<Vec<_>>().join(" or ");
+    let flags = orders.iter().map(|o| format!("`order` {o}")).collect::<Vec<_>>().join(" or ");
     let keys = orders.iter().map(|o| o.keys()).collect::<Vec<_>>().join(", or ");
     Err(SceneError::Order { folder: folder.into(), reason: reason.clone(), flags, keys })
 }

@@ -18,6 +18,8 @@ const REACH: f64 = 0.125;
 const FINE: usize = 2;
 /// Differences (square root of light, of the brightest) beyond this are occlusions.
 const OUTLIER: f32 = 0.25;
+/// What 8 bits round off, square root of light: views that differ by less tell nothing.
+const ROUNDED: f32 = 5e-4;
 /// Movement (pixels) below which farther views are compared.
 const STILL: f64 = 2.5;
 
@@ -236,8 +238,9 @@ impl Look {
         let middle = most * FINE;
         let found = ways.map(|(a, b, turned)| (both || !turned).then(|| best(a.as_ref(), b.as_ref(), turned, h * w)));
         let still = sum(&mut (0..h * w).map(|p| [&cx, &ry].into_iter().flatten().map(|v| v.costs[middle][p]).sum()));
+        let rounded = f64::from(ROUNDED) * detail.iter().map(|d| f64::from(*d)).sum::<f64>() + 1e-9;
         let apart = std::array::from_fn(|i| match &found[i] {
-            Some((_, costs)) => (sum(&mut costs.iter().copied()) + 1e-9) / (still + 1e-9),
+            Some((_, costs)) => (sum(&mut costs.iter().copied()) + rounded) / (still + rounded),
             None => f64::INFINITY,
         });
         let first = (0..4).min_by(|&a, &b| f64::total_cmp(&apart[a], &apart[b])).unwrap_or(0);

@@ -7,8 +7,8 @@
 
 use super::resize::Resize;
 use super::subpixel::Subpixel;
-use super::sweep::{Sweep, lowest, reach_within};
-use super::{DepthSource, Fit, LightField, SceneError};
+use super::sweep::{Arm, Sweep, lowest, reach_within};
+use super::{DepthSource, Fit, LightField, SceneError, flat};
 use crate::optics::Display;
 use rayon::prelude::*;
 
@@ -21,9 +21,9 @@ const FINE: usize = 256;
 /// Steps to the farthest view that the fine copies are compared with.
 const STEPS: usize = 3;
 /// Pixels from the middle of the windows that are compared to their edge.
-const WINDOW: usize = 2;
+pub(super) const WINDOW: usize = 2;
 /// A match is off by no more than this many pixels, as the light's slope tells.
-const OFF: f32 = 0.5;
+pub(super) const OFF: f32 = 0.5;
 /// Another disparity is as unlike as this many times its best match, and as this many pixels, at least.
 const UNLIKE: [f32; 2] = [2.0, 0.4];
 /// Windows whose slopes sum to this much may be sure (5 x 5 pixels of 8 bits that differ from their neighbours by one).
@@ -33,32 +33,105 @@ const ERROR: f64 = 0.06;
 /// The share of the sure pixels that is no accident where they lie within as many pixels of each other, and their number.
 const ENOUGH: f64 = 0.005;
 const LEAST: usize = 12;
+/// Pixels by which a disparity may lie beyond the range that explains it.
+pub(super) const OFF_RANGE: f64 = 0.6;
 const TOGETHER: f64 = 0.1;
 /// A range is trusted where so much of the detail is sure.
 const TRUSTED: f64 = 0.7;
+
+/// Detail whose disparity is not unique is explained if the range has one that is alike; a range is plausible that explains so much
+/// of it, of which so much is sure.
+const PLAUSIBLE: [f64; 2] = [0.9, 0.3];
+/// Pixels of the light field within which disparities are sought at least where they are not unique within more.
+const NARROWEST: f64 = 4.0;
+/// Light of views that differ by no more, square root of light, is the same.
+const SAME: f32 = 4e-3;
 
 /// What the views show.
 #[derive(Debug, Clone, Copy)]
 struct Found {
     /// Smallest and largest disparity, pixels between neighbouring views; none where nothing is sure.
     range: Option<[f64; 2]>,
+    /// The same with flat surfaces, which only their edges show.
+    beyond: [f64; 2],
     /// The share of detail whose disparity is sure; none where there is no detail.
     share: Option<f64>,
+    /// The share of detail that some disparity of the range explains.
+    explained: f64,
+}
+
+impl Found {
+    fn is_trusted(&self) -> bool {
+        self.share.is_none_or(|share| share >= TRUSTED)
+    }
 }
 
 /// Disparities that were not stated, pixels between neighbouring views at this resolution.
 pub(super) struct Measured {
     /// From the farthest to the nearest; none where the pictures show nothing.
     pub range: Option<[f64; 2]>,
-    /// The share of detail whose disparity is sure, where that is too little to trust the range.
-    pub doubt: Option<f64>,
+    /// How far the range is trusted.
+    pub trust: Trust,
+}
+
+/// How far measured disparities are trusted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Trust {
+    /// Detail shows them, or there is none.
+    Sure,
+    /// They explain the detail, of which this share is sure; the rest repeats itself.
+    Plausible(f64),
+    /// Too little of the detail is found again: this share.
+    Doubtful(f64),
 }
 
 impl LightField {
     /// What the views show of their disparities, whatever is stated.
     pub(super) fn measured(&self) -> Measured {
-        let Found { range, share } = found(self);
-        Measured { range, doubt: share.filter(|share| *share < TRUSTED) }
+        let first = look(self, None);
+        let shows_something = first.range.is_some() || !first.is_trusted();
+        if shows_something && self.stands_still() {
+            return Measured { range: Some([0.0; 2]), trust: Trust::Sure };
+        }
+        if first.is_trusted() {
+            return Measured { range: first.range, trust: Trust::Sure };
+        }
+        // What is drawn is flat, or repeats itself: windows as a whole, then within ever fewer pixels.
+        let mut within = self.height.max(self.width) as f64 / 9.0;
+        let mut best = first;
+        while within >= NARROWEST {
+            let found = look(self, Some(within));
+            let share = |found: &Found| found.share.filter(|_| found.range.is_some()).unwrap_or(0.0);
+            if found.range.is_some() && found.is_trusted() {
+                return Measured { range: found.range, trust: Trust::Plausible(share(&found)) };
+            }
+            if share(&found) > share(&best) {
+                best = found;
+            }
+            within /= 3.0;
+        }
+        let sure = best.share.unwrap_or(0.0);
+        let trust = match best.range {
+            Some(_) if best.explained >= PLAUSIBLE[0] && sure >= PLAUSIBLE[1] => Trust::Plausible(sure),
+            _ => Trust::Doubtful(first.share.unwrap_or(0.0)),
+        };
+        Measured { range: best.range.filter(|_| !matches!(trust, Trust::Doubtful(_))).or(first.range), trust }
+    }
+
+    /// Whether all views of the central row and column are the central one, but for rounding.
+    fn stands_still(&self) -> bool {
+        let [rows, columns] = self.grid;
+        let (r, c) = (rows / 2, columns / 2);
+        let mut others = (0..columns).map(|k| r * columns + k).chain((0..rows).map(|k| k * columns + c));
+        let brightest = self.planes.iter().flatten().flatten().copied().fold(f32::MIN_POSITIVE, f32::max);
+        let root = |v: f32| (v / brightest).max(0.0).sqrt();
+        others.all(|view| {
+            let same = |views: &Vec<Vec<f32>>| {
+                let both = views[view].iter().zip(&views[r * columns + c]);
+                both.map(|(a, b)| (root(*a) - root(*b)).abs()).fold(0.0, f32::max) <= SAME
+            };
+            self.planes.iter().all(same)
+        })
     }
 
     /// Where disparities are sought, pixels between neighbouring views at this resolution: in the range that the scene
@@ -113,8 +186,9 @@ pub(super) fn mean_light(field: &LightField) -> impl Fn(usize) -> Vec<f32> {
     }
 }
 
-/// What the views show, coarse and then fine.
-fn found(field: &LightField) -> Found {
+/// What the views show, coarse and then fine: within a third of the picture, or, with windows that are compared as a whole, within so
+/// many pixels.
+fn look(field: &LightField, by_window: Option<f64>) -> Found {
     let longer = field.height.max(field.width);
     let light = mean_light(field);
     let at = |pixels: usize| {
@@ -127,28 +201,38 @@ fn found(field: &LightField) -> Found {
         let range = range.map(|d| d * scale);
         let middle = field.grid.map(|n| n / 2);
         let sweep = Sweep::around(field.grid, middle, reach_within(range, most), size, |v| shrink.apply(&light(v)));
-        let found = ends(&sweep, range);
-        Found { range: found.range.map(|r| r.map(|d| d / scale)), ..found }
+        let found = ends(&sweep, range, by_window.is_some());
+        Found { range: found.range.map(|r| r.map(|d| d / scale)), beyond: found.beyond.map(|d| d / scale), ..found }
     };
-    let third = longer as f64 / 3.0;
+    let third = by_window.unwrap_or(longer as f64 / 3.0);
     let coarse = within(at(COARSE), [-third, third], 1);
     let Some([low, high]) = coarse.range else { return coarse };
     let margin = (longer as f64 / COARSE as f64).max(1.0) + 0.1 * (high - low);
     let fine = within(at(FINE), [low - margin, high + margin], STEPS);
-    if fine.range.is_some() { fine } else { coarse }
+    let found = if fine.range.is_some() { fine } else { coarse };
+    let [least, most] = coarse.beyond;
+    // What the coarse look finds beyond its own range is beyond that of the fine one.
+    let range = found
+        .range
+        .map(|[a, b]| [if least < low { a.min(least) } else { a }, if most > high { b.max(most) } else { b }]);
+    Found { range, ..found }
 }
 
 /// The smallest and the largest disparity that enough pixels surely have.
-fn ends(sweep: &Sweep, range: [f64; 2]) -> Found {
+fn ends(sweep: &Sweep, range: [f64; 2], by_window: bool) -> Found {
     let (h, w, reach) = (sweep.height, sweep.width, sweep.reach());
-    let nothing = Found { range: None, share: None };
+    let nothing = Found { range: None, beyond: [0.0; 2], share: None, explained: 0.0 };
     if reach == 0.0 || h.min(w) < 4 * WINDOW {
         return nothing;
     }
     let step = 0.5 / reach;
     let count = ((range[1] - range[0]) / step).ceil() as usize + 1;
     let slopes = windows(&sweep.slopes(), h, w, 1);
-    let costs = windows(&sweep.costs(count, 0.0, |d| range[0] + d as f64 * step), h, w, count);
+    let at = |d: usize| range[0] + d as f64 * step;
+    let costs = match by_window {
+        true => costs_by_window(sweep, count, at),
+        false => windows(&sweep.costs(count, 0.0, at), h, w, count),
+    };
     let mean = (slopes.iter().sum::<f32>() / slopes.len() as f32).max(1e-4);
     let detail = slopes.iter().filter(|slope| **slope > mean).count();
     // A match's own valley: a pixel and a half to each side.
@@ -174,7 +258,50 @@ fn ends(sweep: &Sweep, range: [f64; 2]) -> Found {
     // The middle one of the outermost that agree.
     let low = all.windows(enough).find(together).map(|run| run[enough / 2]);
     let high = all.windows(enough).rfind(together).map(|run| run[enough / 2]);
-    Found { range: low.zip(high).map(|(a, b)| [a, b]), share }
+    let Some((low, high)) = low.zip(high) else { return Found { range: None, share, ..nothing } };
+    let best = |p: usize| {
+        let costs = &costs[p * count..][..count];
+        (0..count).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).map_or(range[0], at)
+    };
+    // The coarse look finds flat surfaces; the fine one sees less than that.
+    let beyond = match sweep.reach() > 1.0 {
+        true => [low, high],
+        false => flat::extended(sweep, &slopes, mean.min(SLOPE), [range, [low, high]], step, best),
+    };
+    let range = [low, high];
+    let within: Vec<usize> =
+        (0..count).filter(|d| at(*d) >= range[0] - OFF_RANGE && at(*d) <= range[1] + OFF_RANGE).collect();
+    let is_explained = |p: &usize| within.iter().any(|d| costs[p * count + d] <= OFF * slopes[*p]);
+    let of_detail: Vec<usize> = (0..h * w).filter(|p| slopes[*p] > mean).collect();
+    let explained = of_detail.iter().filter(|p| is_explained(p)).count() as f64 / of_detail.len().max(1) as f64;
+    Found { range: Some(range), beyond, share, explained }
+}
+
+/// As [`Sweep::costs`] summed over windows, of which each is compared with one of two opposite arms as a whole: pixel by pixel flat
+/// surfaces are like one of them at any disparity.
+fn costs_by_window(sweep: &Sweep, count: usize, at: impl Fn(usize) -> f64 + Sync + Copy) -> Vec<f32> {
+    let (h, w) = (sweep.height, sweep.width);
+    let arm = |arm: usize| {
+        let mut arms: [Arm; 4] = Default::default();
+        arms[arm] = sweep.arms[arm].clone();
+        let alone = Sweep { height: h, width: w, center: sweep.center.clone(), arms };
+        windows(&alone.costs(count, 0.0, at), h, w, count)
+    };
+    let pair = |pair: usize| match [pair, pair + 1].map(|arm| !sweep.arms[arm].is_empty()) {
+        [true, true] => {
+            let mut least = arm(pair);
+            least.iter_mut().zip(arm(pair + 1)).for_each(|(a, b)| *a = a.min(b));
+            Some(least)
+        }
+        [first, second] => (first || second).then(|| arm(pair + usize::from(second))),
+    };
+    match (pair(0), pair(2)) {
+        (Some(mut all), Some(other)) => {
+            all.iter_mut().zip(other).for_each(|(a, b)| *a += b);
+            all
+        }
+        (one, other) => one.or(other).unwrap_or_default(),
+    }
 }
 
 /// Sums over windows of (height, width, depth).
@@ -256,7 +383,7 @@ mod tests {
         let (field, _, display) = silent("dense-grass?span=6", 5);
         assert!(matches!(field.reach(&display).1, DepthSource::Doubtful(1..65)));
         let line = field.depths(&display, None).unwrap_err().to_string();
-        assert!(line.contains("--depth MIN..MAX"), "{line}");
+        assert!(line.contains("`depth`"), "{line}");
         assert_eq!(field.depths(&display, Some([2e-3, -1e-3])), Ok([-1e-3, 2e-3]));
     }
 }

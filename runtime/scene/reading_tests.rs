@@ -224,7 +224,7 @@ fn ten_light_fields_are_none_of_them_inside_out() {
             Ok(field) => field,
             Err(SceneError::Order { flags, .. }) => {
                 assert!(order != "as-named", "{}: {flags}", name(0, 0));
-                let right = flags.split(" or ").any(|flag| flag == format!("--order {order}"));
+                let right = flags.split(" or ").any(|flag| flag == format!("`order` {order}"));
                 if !right {
                     wrong.push(format!("{order} {}: {flags}", name(0, 0)));
                 }
@@ -281,7 +281,7 @@ fn stated_depths_tell_near_from_far_where_nothing_is_covered() {
         assert_eq!(found.order_confirmed, wanted, "{order}, {toml}: {found:?}");
         if wanted == Some(false) {
             let line = load(source, &request).unwrap_err().to_string();
-            assert!(line.contains("--order flip-rows,flip-columns (or"), "{line}");
+            assert!(line.contains("`order` flip-rows,flip-columns (or"), "{line}");
         }
     }
 }
@@ -366,6 +366,7 @@ fn the_page_says_what_is_read_and_what_is_refused() {
     ImageBuffer::from_pixel(64, 64, Luma([90u8])).save(&plain).unwrap();
     // Found in whole light fields (`kept_tests`); here it is the words.
     let (scene, views, cause) = ("folder".into(), "the view of row 2, column 3 is".into(), "?".into());
+    let tiles = Tiles { grid: [6, 8], first: FirstTile::BottomLeft, serpentine: false };
     let odd = SceneError::OddViews { scene, views, found: 20.0, others: 40.0, cause };
     let passwd = at.join("passwd");
     fs::write(&passwd, "root:x:0:0:root:/root:/bin/bash\n").unwrap();
@@ -388,6 +389,13 @@ fn the_page_says_what_is_read_and_what_is_refused() {
         SceneError::FullScale { file: "a".into(), found: "?".into(), how: FullScale::Folder }.to_string(),
         SceneError::Matrix { file: "a.y4m".into() }.to_string(),
         SceneError::Turned { file: "a".into(), height: 1, width: 2, other: "b".into(), orientation: 6 }.to_string(),
+        SceneError::Uneven { folder: "folder".into(), x: vec![0.0, 1.0, 5.0], y: vec![0.0] }.to_string(),
+        CamerasFound::RowInTiles(tiles).of("folder").to_string(),
+        CamerasFound::Elsewhere(10).of("folder").to_string(),
+        CamerasFound::Uneven { columns: true, positions: vec![-1.0, 0.0, 2.0] }.of("folder").to_string(),
+        CamerasFound::Misplaced(10).of("folder").to_string(),
+        CamerasFound::OnePlace.of("folder").to_string(),
+        CamerasFound::Unlike(10).of("folder").to_string(),
     ];
     let table = page.split_once("| the line says | what to do |").unwrap().1;
     let rows: Vec<&str> = table.lines().filter_map(|row| row.strip_prefix("| `")?.split('`').next()).collect();

@@ -1,6 +1,7 @@
 //! What a folder says about its views: `lightfield.toml`, or the `parameters.cfg` of the 4D Light Field Benchmark, or
 //! a ground-truth disparity map.
 
+use super::cameras::{FirstTile, Positions, PositionsToml};
 use super::options::Options;
 use super::{Order, SceneError, light::Transfer, names, pfm, tone::Tone};
 use crate::files::read;
@@ -26,6 +27,12 @@ pub(super) struct Settings {
     pub full_scale: Option<f32>,
     /// Rows and columns of views in the middle that are kept.
     pub keep: Option<[usize; 2]>,
+    /// Rows and columns of the tiles in which one row of cameras is laid out,
+    pub tiles: Option<[usize; 2]>,
+    /// and the tile of the leftmost camera.
+    pub first: Option<FirstTile>,
+    /// Positions of the cameras.
+    pub positions: Option<Positions>,
     /// Of a focal stack, the depth at which each picture is sharp,
     pub focus: Option<Vec<f64>>,
     /// and the diameter of the aperture.
@@ -67,6 +74,12 @@ struct Toml {
     full_scale: Option<f32>,
     /// Rows and columns of views in the middle that are kept.
     keep: Option<[usize; 2]>,
+    /// Rows and columns of the tiles in which one row of cameras is laid out.
+    tiles: Option<[usize; 2]>,
+    /// The tile of the leftmost camera.
+    first: Option<FirstTile>,
+    /// Positions of the cameras in the pupil plane, millimetres.
+    positions_mm: Option<PositionsToml>,
     /// Of a focal stack, the depth at which each picture is sharp, millimetres.
     focus_mm: Option<Vec<f64>>,
     /// Of a focal stack, the diameter of the aperture, millimetres.
@@ -154,6 +167,26 @@ fn range(key: &str, value: Option<[f64; 2]>, unit: f64) -> Result<Option<[f64; 2
     }
 }
 
+/// The tiles that are stated, if nothing that is stated beside them contradicts them.
+fn cameras(read: &Toml) -> Result<Option<[usize; 2]>, String> {
+    if let (Some(_), Some(_)) = (&read.positions_mm, read.tiles.or(read.grid)) {
+        return Err("positions_mm says where each camera stands: leave out `grid` and `tiles`".into());
+    }
+    if read.positions_mm.is_some() && (read.view_pitch_mm.is_some() || read.disparity.is_some()) {
+        let reason = "positions_mm says how far apart cameras stand: leave out `view_pitch_mm` and `disparity`";
+        return Err(reason.into());
+    }
+    let Some([rows, columns]) = read.tiles else { return Ok(None) };
+    let count = rows.checked_mul(columns).filter(|count| *count > 1);
+    if count.is_none() || read.grid.is_some_and(|grid| Some(grid) != count.map(|count| [1, count])) {
+        return Err(format!(
+            "tiles is [{rows}, {columns}]: it must be rows and columns of the tiles of one row of cameras, \
+             without another `grid`"
+        ));
+    }
+    Ok(read.tiles)
+}
+
 fn from_toml(text: &str) -> Result<Settings, String> {
     let read: Toml = crate::files::read::toml(text)?;
     if let Some(pitch) = read.view_pitch_mm
@@ -172,6 +205,7 @@ fn from_toml(text: &str) -> Result<Settings, String> {
     if let Some(white) = read.full_scale.filter(|v| !(v.is_finite() && *v > 0.0)) {
         return Err(format!("full_scale is {white}: it must be a positive number, the stored value of white"));
     }
+    let tiles = cameras(&read)?;
     let says_order = [read.transpose, read.flip_rows, read.flip_columns].iter().any(Option::is_some);
     let order = Order {
         transpose: read.transpose.unwrap_or(false),
@@ -189,6 +223,9 @@ fn from_toml(text: &str) -> Result<Settings, String> {
         transfer: read.transfer,
         full_scale: read.full_scale,
         keep: read.keep,
+        tiles,
+        first: read.first,
+        positions: read.positions_mm.map(PositionsToml::metres).transpose()?,
         focus: focus(read.focus_mm)?,
         aperture: aperture(read.aperture_mm)?,
     })

@@ -1,5 +1,6 @@
 //! What a source is, by its text: a built-in scene, a folder, or a file, with options behind a question mark.
 
+use super::cameras::Quilt;
 use super::options::{Options, Tiling};
 use super::views::Read;
 use super::{Request, SceneError, array, folder, frames, mosaic, stack, still, video};
@@ -95,7 +96,8 @@ impl<'a> Source<'a> {
         let options = Options::parse(query, is_array).map_err(wrong)?;
         Ok(match options.tiling {
             _ if is_array => Self::Views(Kept::Array(path, options)),
-            None if query.is_empty() => Self::Picture(path),
+            None if query.is_empty() && Quilt::of(path).is_none() => Self::Picture(path),
+            None if Quilt::of(path).is_some() => Self::Views(Kept::Mosaic(path, Tiling::Views, options)),
             // A grid alone is one of views beside each other.
             None if options.grid.is_some() => Self::Views(Kept::Mosaic(path, Tiling::Views, options)),
             // The picture reads what is stated about its values.

@@ -142,6 +142,6 @@ impl Found {
         let transfer = picture::linear(&self.paths[0]).map_or("sRGB".into(), |kind| format!("linear ({kind})"));
         let transfer = self.stated.transfer.map_or(transfer, |_| "as stated".into());
         let (order, order_found) = (Order::default(), OrderFound::AsNamed);
-        Ok(Read { field, how, order, order_stated: true, order_found, parallax, size: own, transfer })
+        Ok(Read { field, how, order, order_stated: true, order_found, parallax, cameras: None, size: own, transfer })
     }
 }

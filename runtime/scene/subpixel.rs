@@ -109,7 +109,7 @@ impl Subpixel {
 }
 
 /// Means of a quarter, a half and a quarter of three neighbours, along both axes.
-fn soften(view: &[f32], height: usize, width: usize) -> Vec<f32> {
+pub(super) fn soften(view: &[f32], height: usize, width: usize) -> Vec<f32> {
     let blend = |a: f32, b: f32, c: f32| 0.25 * a + 0.5 * b + 0.25 * c;
     let rows = view
         .chunks_exact(width)

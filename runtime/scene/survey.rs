@@ -1,7 +1,8 @@
 //! What a scene holds: where its light is, and how deep it reaches.
 
+use super::range::Trust;
 use super::{LightField, SceneError};
-use crate::optics::{Color, Display};
+use crate::optics::{Color, Display, depths_in_words};
 use rayon::prelude::*;
 
 /// How much light one colour of a scene holds.
@@ -36,6 +37,8 @@ pub enum DepthSource {
     Stated,
     /// Measured in the central view.
     Measured,
+    /// Measured, and plausible: it explains the views, though only so many per cent of their detail have a disparity that is unique.
+    Plausible(u8),
     /// Measured, and not to be trusted: only so many per cent of its detail are found again for sure in the neighbouring views.
     Doubtful(u8),
 }
@@ -48,6 +51,14 @@ impl DepthSource {
     pub(crate) fn sure(self, depth: [f64; 2], focal_length: f64) -> Result<[f64; 2], SceneError> {
         match self {
             Self::Doubtful(percent) => Err(SceneError::doubtful_depth(depth, percent, focal_length)),
+            Self::Plausible(percent) => {
+                let words = depths_in_words(depth, focal_length);
+                tracing::warn!(
+                    "the depth of the scene is measured as {words}, of {percent} % of its detail; the rest is flat or repeats \
+                     itself: state the depths if they are others"
+                );
+                Ok(depth)
+            }
             Self::Stated | Self::Measured => Ok(depth),
         }
     }
@@ -170,7 +181,12 @@ impl LightField {
         }
         let per_pixel = display.focal_length * display.picture_pixel() / self.cell(display);
         let measured = self.measured();
-        let source = measured.doubt.map_or(DepthSource::Measured, |sure| DepthSource::Doubtful((100.0 * sure) as u8));
+        let percent = |share: f64| (100.0 * share) as u8;
+        let source = match measured.trust {
+            Trust::Sure => DepthSource::Measured,
+            Trust::Plausible(share) => DepthSource::Plausible(percent(share)),
+            Trust::Doubtful(share) => DepthSource::Doubtful(percent(share)),
+        };
         (measured.range.unwrap_or_default().map(|d| d * per_pixel), source)
     }
 }

@@ -10,7 +10,7 @@ pub(super) const MOST: usize = 96;
 const STEP: f32 = 0.02;
 const JUMP: f32 = 0.12;
 /// Differences beyond this are occlusions or highlights.
-const OUTLIER: f32 = 0.25;
+pub(super) const OUTLIER: f32 = 0.25;
 /// Of views that are compared as they are sampled, what the centre shows within so many pixels to each side is no difference: half a pixel,
 /// and a tenth more, for the straight line between two pixels of the other view softens it.
 const SAMPLED: f32 = 0.6;

@@ -1,10 +1,11 @@
 //! What is common to all ways in which views are kept: they are fitted to the display, and their order is asked of them.
 
+use super::cameras::Tiles;
 use super::light::Transfer;
-use super::range::Measured;
+use super::range::{Measured, Trust};
 use super::resize::{Fit, Resize};
 use super::settings::Settings;
-use super::{LightField, Order, OrderFound, Parallax, Request, SceneError, order};
+use super::{CamerasFound, LightField, Order, OrderFound, Parallax, Request, SceneError, order, positions, standing};
 use crate::memory;
 use std::path::Path;
 
@@ -20,6 +21,8 @@ pub(super) struct Read {
     /// What the pictures say of it.
     pub order_found: OrderFound,
     pub parallax: Option<Parallax>,
+    /// What the pictures show of cameras that do not stand as the views are read.
+    pub cameras: Option<CamerasFound>,
     /// Rows and columns of the pictures as they are.
     pub size: [usize; 2],
     /// How their values become light.
@@ -102,16 +105,24 @@ pub(super) fn ordered(
     field: LightField,
     request: &Request,
     stated: &Settings,
-    how: String,
+    mut how: String,
     own: [usize; 2],
     linear: Option<&str>,
 ) -> Result<Read, SceneError> {
+    let mut field = in_one_row(place, field, stated, &mut how)?;
+    let mut misplaced = None;
+    if let Some(positions) = &stated.positions {
+        let found = positions::resampled(place, field, positions, own, request)?;
+        how += &found.how;
+        (field, misplaced) = (found.field, found.cameras);
+    }
     let field = match stated.keep {
         Some(keep) => kept(place, field, keep)?,
         None => field,
     };
     let asked = request.order.or(stated.order);
     let field = asked.unwrap_or_default().apply(field);
+    let cameras = misplaced.or_else(|| stated.positions.is_none().then(|| standing::contradicted(&field))?);
     let parallax = Parallax::of(&field);
     let mut order_found = parallax.as_ref().map_or(OrderFound::Unknown, order::judge);
     if asked.is_some()
@@ -122,7 +133,7 @@ pub(super) fn ordered(
     }
     if let (OrderFound::AsNamedOrReversed, None) = (&order_found, asked)
         && let Some(stated) = stated_disparity(&field, request)
-        && let Measured { range: Some(measured), doubt: None } = field.measured()
+        && let Measured { range: Some(measured), trust: Trust::Sure | Trust::Plausible(_) } = field.measured()
     {
         order_found = order::by_depths(stated, measured);
     }
@@ -137,19 +148,61 @@ pub(super) fn ordered(
         None => transfer,
     };
     let (order, order_stated) = (asked.unwrap_or_default(), asked.is_some());
-    Ok(Read { field, how, order, order_stated, order_found, parallax, size: own, transfer })
+    Ok(Read { field, how, order, order_stated, order_found, parallax, cameras, size: own, transfer })
+}
+
+/// Refuses views whose pictures contradict where they stand, or the order in which they come.
+///
+/// # Errors
+/// [`SceneError::Cameras`], [`SceneError::Order`].
+pub(super) fn decide(name: &str, read: &Read) -> Result<(), SceneError> {
+    match &read.cameras {
+        Some(found) => Err(found.clone().of(name)),
+        None => order::check(name, &read.order_found),
+    }
 }
 
 /// The light field; where the pictures contradict the order in which the views come, and nothing else is stated, it is refused.
 ///
 /// # Errors
-/// [`SceneError::Order`].
+/// As [`decide`].
 pub(super) fn checked(name: &str, read: Read) -> Result<LightField, SceneError> {
-    order::check(name, &read.order_found)?;
+    decide(name, &read)?;
     if !read.order_stated && read.field.grid != [1, 1] {
         order::say(name, &read.order_found);
     }
     Ok(read.field)
+}
+
+/// Views in the tiles that are stated, as the one row of cameras that they are.
+fn in_one_row(
+    place: &Path,
+    mut field: LightField,
+    stated: &Settings,
+    how: &mut String,
+) -> Result<LightField, SceneError> {
+    let wrong = |reason: String| Err(SceneError::Settings { file: place.display().to_string(), reason });
+    let (grid, first) = match (stated.tiles, stated.first) {
+        (None, None) => return Ok(field),
+        (Some(grid), Some(first)) => (grid, first),
+        (Some(_), None) => {
+            return wrong("tiles needs first, the tile of the leftmost camera, as in first = \"bottom-left\"".into());
+        }
+        (None, Some(_)) => {
+            return wrong("first needs tiles, the rows and columns of tiles, as in tiles = [6, 8]".into());
+        }
+    };
+    let count = field.grid[0] * field.grid[1];
+    if grid[0] * grid[1] != count {
+        return wrong(format!("tiles is [{}, {}], but there are {count} views", grid[0], grid[1]));
+    }
+    let tiles = Tiles { grid, first, serpentine: stated.serpentine == Some(true) };
+    let order = tiles.order();
+    for views in &mut field.planes {
+        *views = order.iter().map(|&tile| std::mem::take(&mut views[tile])).collect();
+    }
+    *how += &format!("; {tiles}");
+    Ok(LightField { grid: [1, count], ..field })
 }
 
 /// The rows and columns of views in the middle.

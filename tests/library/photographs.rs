@@ -239,7 +239,7 @@ fn views_that_do_not_fit_the_others_are_named() {
     assert!(moved.contains("row 3, column 2") && moved.contains("moved"), "{moved}");
     let exchanged = spoiled(&|views| views.swap(0, 8));
     assert!(exchanged.contains("row 1, column 1") && exchanged.contains("row 3, column 3"), "{exchanged}");
-    assert!(exchanged.contains("exchanged") && exchanged.contains("--photographs cells"), "{exchanged}");
+    assert!(exchanged.contains("exchanged") && exchanged.contains("`photographs` cells"), "{exchanged}");
 }
 
 /// Numbers for a folder of 9 x 9 views in `EYEBOX_LIGHT_FIELD`, in green at 256 x 256: photographs of every second and every

@@ -112,6 +112,7 @@ pub unsafe extern "C" fn eyebox_scene_from_views(
                 made: None,
             };
             let field = field.admit()?;
+            field.check_cameras()?;
             field.colors.iter().try_for_each(|color| display.optics(*color).map(drop))?;
             let (rows, columns) = display.picture_size();
             Ok(EyeboxScene { field: field.fit(rows, columns, Fit::Contain), name })

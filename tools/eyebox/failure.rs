@@ -105,3 +105,10 @@ impl Failure {
         if ended || matches!(self, Self::Lost(_)) { 3 } else { 2 }
     }
 }
+
+/// A sentence of the library in the words of the command: its fields are options here.
+pub fn in_options(sentence: &str) -> String {
+    [("`depth`", "--depth MIN..MAX"), ("`order`", "--order"), ("`photographs`", "--photographs")]
+        .into_iter()
+        .fold(sentence.to_owned(), |text, (field, option)| text.replace(field, option))
+}

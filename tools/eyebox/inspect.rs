@@ -3,6 +3,7 @@
 use crate::Failure;
 use crate::args::{DisplayArgs, SceneArgs};
 use crate::common::{self, Form};
+use crate::failure::in_options;
 use clap::Args;
 use eyebox::evaluate::Plane;
 use eyebox::scene::{self, Inspection};
@@ -35,7 +36,8 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
     }
     let display = common::display(&args.display)?;
     let colors = common::colors(&args.display, &display)?;
-    let (found, field) = common::inspect(&args.scene, &display, &colors)?;
+    let (mut found, field) = common::inspect(&args.scene, &display, &colors)?;
+    found.doubt = found.doubt.map(|line| in_options(&line));
     if args.json {
         let text = serde_json::to_string(&found).map_err(|e| Failure::Asked(format!("no JSON: {e}")))?;
         println!("{text}");

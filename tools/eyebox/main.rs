@@ -110,7 +110,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::from(2),
         Err(failure) => {
             let option = failure.option().map_or(String::new(), |option| format!(": {option}"));
-            eprintln!("eyebox: {failure}{option}");
+            eprintln!("eyebox: {}{option}", failure::in_options(&failure.to_string()));
             ExitCode::from(failure.code())
         }
     }

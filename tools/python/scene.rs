@@ -132,6 +132,7 @@ impl Scene {
         let (rows, columns) = display.0.picture_size();
         run(py, false, move |_| {
             let field = field.admit()?;
+            field.check_cameras()?;
             let fits = (field.height, field.width) == (rows, columns);
             let field = if fits { field } else { field.fit(rows, columns, Fit::Contain) };
             Ok(Self { field, source, asked: Asked { view_pitch, ..Asked::default() } })
