@@ -105,7 +105,7 @@ impl Encoder {
             colors: self.colors().to_vec(),
             sub_frames: self.packed().sub_frames,
             frames: self.contents(),
-            hologram: of.map(Origin::of),
+            hologram: of.map(|hologram| Origin::of(hologram, folder)),
         };
         draft.write(DOCUMENT, |out| Ok(serde_json::to_writer_pretty(out, &document)?))?;
         (0..frames.count()).into_par_iter().try_for_each(|i| {
@@ -145,7 +145,8 @@ fn keep(draft: &FolderDraft, file: &Path, stem: &str) -> Result<PathBuf, EncodeE
 }
 
 impl Origin {
-    fn of(hologram: &Hologram) -> Self {
+    /// As it is kept in `folder`.
+    fn of(hologram: &Hologram, folder: &Path) -> Self {
         let each = |value: fn(&ColorHologram) -> f64| {
             hologram.colors.iter().filter_map(|c| Some((c.color?, value(c)))).collect()
         };
@@ -155,7 +156,7 @@ impl Origin {
             version: hologram.version.clone(),
             exposures: each(|c| c.exposure),
             efficiencies: each(|c| c.efficiency),
-            settings: hologram.metadata.clone(),
+            settings: hologram.metadata.written_at(&folder.join(DOCUMENT)),
         }
     }
 }
@@ -186,7 +187,7 @@ impl Encoded {
             let file = path.join(DOCUMENT);
             let bytes = read::bytes(&file, read::TABLE).map_err(|e| FileError::read(&file, e))?;
             let damaged = |e: serde_json::Error| FileError::content(&file, format!("is damaged: {e}"));
-            let Document { format, colors, sub_frames, frames, hologram } =
+            let Document { format, colors, sub_frames, frames, mut hologram } =
                 serde_json::from_slice(&bytes).map_err(damaged)?;
             if format != FORMAT {
                 return Err(FileError::content(&file, format!("has the format {format}: {FORMAT} is known")).into());
@@ -205,6 +206,7 @@ impl Encoded {
                 display.map_err(|e| EncodeError::from(FileError::content(&own, e.to_string())))
             };
             let display = display.map_or_else(own, |d| Ok(d.clone()))?;
+            hologram.iter_mut().for_each(|origin| origin.settings.read_at(&file));
             let files = frames.iter().map(|f| path.join(&f.file)).collect();
             return Ok(Self { display, colors, sub_frames, files, hologram, folder });
         }

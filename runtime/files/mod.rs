@@ -31,6 +31,7 @@ mod picture;
 #[cfg_attr(not(feature = "image-formats"), path = "no_pixels.rs")]
 mod pixels;
 pub mod read;
+mod record;
 mod samples;
 mod sniff;
 mod text;
@@ -64,6 +65,8 @@ pub use patient::asked_to_end;
 pub(crate) use picture::{encode_grey8, encode_rgb8};
 pub use picture::{encode_png, linear_to_srgb, write_png};
 pub(crate) use pixels::{holds_light, picture_orientation, picture_size, read_pixels};
+pub use record::FileRecord;
+pub(crate) use record::{Digester, digest_file};
 pub(crate) use samples::{Pixels, Samples};
 pub(crate) use text::decode as decode_text;
 pub use whole::{FolderDraft, check_place, write_file};

@@ -5,6 +5,7 @@ use crate::optics::{Color, Geometry, Wavelength};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use std::path::Path;
 
 /// Version of the layout of one hologram.
 const FORMAT: u64 = 1;
@@ -12,6 +13,9 @@ const FORMAT: u64 = 1;
 const SEQUENCE_FORMAT: u64 = 2;
 /// Version of what an older eyebox would take for something else: a hologram, or a sequence, that is not for a relay.
 const GEOMETRY_FORMAT: u64 = 3;
+/// What is wrong with a sequence where one hologram is wanted.
+pub(super) const IS_SEQUENCE: &str =
+    "it is a sequence of holograms, and one hologram is wanted: take one by its number, from 0 on";
 /// The last attribute of either document, with eight hexadecimal digits as its value.
 const SEAL: &str = "\"document_crc32c\": \"";
 const BLANK: &[u8; 8] = b"00000000";
@@ -79,13 +83,20 @@ pub(super) struct Array {
     pub(super) summed: bool,
 }
 
-/// The group's document of one hologram.
+/// The group's document of one hologram, as it is.
+#[cfg(test)]
 pub(super) fn group(hologram: &Hologram) -> Vec<u8> {
-    group_of(hologram, None)
+    group_with(hologram, hologram.metadata.clone(), None)
 }
 
-/// The group's document, of a sequence of holograms like this one if there are `sequence` attributes.
-pub(super) fn group_of(hologram: &Hologram, sequence: Option<SequenceAttributes>) -> Vec<u8> {
+/// The group's document as it is written at `path`, of a sequence of holograms like this one if there are `sequence`
+/// attributes.
+pub(super) fn group_at(path: &Path, hologram: &Hologram, sequence: Option<SequenceAttributes>) -> Vec<u8> {
+    group_with(hologram, hologram.metadata.written_at(path), sequence)
+}
+
+/// The same with other metadata.
+pub(super) fn group_with(hologram: &Hologram, metadata: Metadata, sequence: Option<SequenceAttributes>) -> Vec<u8> {
     let attributes = Attributes {
         format: match (hologram.geometry, sequence) {
             (Geometry::Relay, None) => FORMAT,
@@ -110,7 +121,7 @@ pub(super) fn group_of(hologram: &Hologram, sequence: Option<SequenceAttributes>
             .map(|w| (w.color, in_unit(w.wavelength, 1e9)))
             .collect(),
         scene: hologram.scene.clone(),
-        settings: Some(hologram.metadata.clone()).filter(|m| *m != Metadata::default()),
+        settings: Some(metadata).filter(|m| *m != Metadata::default()),
         sequence,
     };
     seal(json!({
@@ -169,11 +180,7 @@ pub(super) fn read_sequence_array(bytes: &[u8], shape: [usize; 4]) -> Result<(u6
 pub(super) fn read_group(bytes: &[u8]) -> Result<Hologram, String> {
     match read_any_group(bytes)? {
         (hologram, None) => Ok(hologram),
-        (_, Some(_)) => {
-            Err("it is a sequence of holograms, and one hologram is wanted: `eyebox export --at N` takes one \
-                             out of a sequence"
-                .into())
-        }
+        (_, Some(_)) => Err(IS_SEQUENCE.into()),
     }
 }
 

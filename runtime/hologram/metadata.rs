@@ -1,6 +1,7 @@
 //! How a hologram was made: what its file keeps beside the optics, typed.
 
-use super::HologramError;
+use super::{HologramError, SceneRecord};
+use crate::files::FileRecord;
 use crate::optics::{
     Color, JointColor, Mask, ModelSections, Padding, Picture, Prescription, PupilDistribution, SourceSections, Sources,
     Viewing,
@@ -9,6 +10,7 @@ use crate::scene::{Near, Order, Photographs};
 use crate::solve::{Settings, Steering};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 use serde_json::{Map, Value};
+use std::path::{Path, PathBuf};
 
 /// How a hologram was made (`attributes.eyebox.settings`), the same in formats 1 to 3. What a file does not say is `None`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -44,6 +46,13 @@ pub struct Metadata {
     /// Which values of the scene's depth map were said to be near.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub near: Option<Near>,
+    /// What identifies its scene, and where that was; of a sequence, of each of its holograms. Empty for built-in scenes, whose
+    /// names say all, and in files of older versions, which kept the name alone.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub scenes: Vec<SceneRecord>,
+    /// The file of the display that it was solved for; none for a preset.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub display_file: Option<FileRecord>,
     /// Where each hologram of a sequence began but the first.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub warm_start: Option<Start>,
@@ -162,6 +171,37 @@ impl Metadata {
         };
         let (is, wanted) = (keys(self), keys(wanted));
         wanted.into_iter().find(|(key, value)| is.get(key) != Some(value)).map(|(key, _)| key)
+    }
+}
+
+/// Files that a hologram's metadata names, which are looked for beside its folder.
+fn folder_of(hologram: &Path) -> PathBuf {
+    let parent = hologram.parent().filter(|parent| !parent.as_os_str().is_empty());
+    parent.unwrap_or(Path::new(".")).into()
+}
+
+impl Metadata {
+    fn files_mut(&mut self) -> impl Iterator<Item = &mut FileRecord> {
+        self.scenes.iter_mut().flat_map(SceneRecord::files_mut).chain(&mut self.display_file)
+    }
+
+    /// It was read from the hologram at `path`.
+    pub(crate) fn read_at(&mut self, path: &Path) {
+        self.files_mut().for_each(|file| file.read_in(&folder_of(path)));
+    }
+
+    /// The same as it is written to a hologram at `path`.
+    pub(crate) fn written_at(&self, path: &Path) -> Self {
+        let mut written = self.clone();
+        written.files_mut().for_each(|file| file.written_in(&folder_of(path)));
+        written
+    }
+
+    /// The same without the places of files: what two holograms that were made alike have in common.
+    pub(crate) fn without_places(&self) -> Self {
+        let mut anywhere = self.clone();
+        anywhere.files_mut().for_each(FileRecord::forget_places);
+        anywhere
     }
 }
 

@@ -31,18 +31,21 @@ mod document;
 mod exchange;
 mod exposure;
 mod foreign;
+mod input;
 mod jod;
 mod metadata;
 mod open;
 mod phase;
 mod phase_files;
 mod refine;
+mod scene_record;
 mod scene_source;
 mod score;
 mod seen;
 mod sequence;
 mod sequence_parts;
 mod sequence_writer;
+mod shown_on;
 mod solved;
 mod source;
 mod store;
@@ -61,12 +64,14 @@ mod replaced_tests;
 mod sequence_tests;
 
 pub use exchange::{PhaseUnit, Phases, save_phases};
+pub use input::{InputOptions, SceneReading, SolveInput};
 pub use jod::{FOVEA_DEGREES, JodSettings};
 pub use metadata::{Metadata, Refined, Start, TakenWithCamera};
 pub use open::{BareOptics, Opening};
 pub use phase::{level_of_phase, phase_of_level, wrap_phase};
 pub use phase_files::{check_radians, load_phases};
 pub use refine::Refinement;
+pub use scene_record::SceneRecord;
 pub use scene_source::SceneSource;
 pub use score::{HologramScores, PupilScore};
 pub use sequence::Sequence;
@@ -86,7 +91,6 @@ use crate::{
     solve::SolveError,
 };
 use std::borrow::Cow;
-use std::path::Path;
 
 /// What can be wrong with a hologram or its file.
 #[derive(Debug, thiserror::Error)]
@@ -201,12 +205,45 @@ pub enum HologramError {
     #[error("its colours are not named, or not those of its display: what it was made for is not known")]
     NoDisplay,
     /// It shows another scene than it is compared with.
-    #[error("it shows '{shows}', and '{given}' is another scene: give that one, or --other-scene if it is meant")]
+    #[error("it shows '{shows}', and '{given}' is another scene: give that one, or set other_scene if it is meant")]
     OtherScene {
         /// The scene that it names.
         shows: String,
         /// The one that was given.
         given: String,
+    },
+    /// Its scene is not what it was when it was solved.
+    #[error(
+        "{scene}: it is not what the hologram was solved from{}: give the scene as it was, or set other_scene to take this one",
+        why.as_ref().map_or(String::new(), |why| format!(" ({why})"))
+    )]
+    ChangedScene {
+        /// Where it was found.
+        scene: String,
+        /// Why it cannot be read, if it cannot.
+        why: Option<String>,
+    },
+    /// Its scene is at none of the places where it may be.
+    #[error("{scene}: the scene that the hologram was solved from is not there (looked at {looked}): give the scene")]
+    SceneNotFound {
+        /// The scene as it was named.
+        scene: String,
+        /// Where it was looked for.
+        looked: String,
+    },
+    /// It has no scene that can be found.
+    #[error("{}: give the scene", if *of_array { "it was solved from an array, which no file holds" } else { "it does not say of which scene it is" })]
+    NoScene {
+        /// Whether it was solved from an array.
+        of_array: bool,
+    },
+    /// The display that it was solved for cannot be found, or is another by now.
+    #[error("the display '{display}', which the hologram was solved for: {why}: give the display")]
+    DisplayNotFound {
+        /// Its name.
+        display: String,
+        /// Why.
+        why: String,
     },
     /// A scene of another size.
     #[error("the scene has {} x {} pixels, and {} x {} are seen of the hologram: load it for the hologram's display", given.0, given.1, shows.0, shows.1)]
@@ -227,12 +264,6 @@ pub enum HologramError {
         /// Why.
         source: OpticsError,
     },
-}
-
-impl HologramError {
-    fn doubtful(path: &Path, found: String, decide: &str) -> Self {
-        Self::Doubtful { path: path.display().to_string(), found, decide: decide.into() }
-    }
 }
 
 /// The phases of one colour.
@@ -307,6 +338,7 @@ impl Hologram {
                 picture: display.picture,
                 prescription: display.prescription.clone(),
                 viewing: display.viewing,
+                display_file: display.file.clone(),
                 ..Metadata::default()
             },
         }
@@ -342,18 +374,8 @@ impl Hologram {
             picture: self.metadata.picture,
             prescription: self.metadata.prescription.clone(),
             viewing: self.metadata.viewing,
+            file: self.metadata.display_file.clone(),
         })
-    }
-
-    /// Refuses another scene than the one that it shows, by their names; one that names none may show any.
-    ///
-    /// # Errors
-    /// [`HologramError::OtherScene`].
-    pub fn check_scene(&self, source: &str) -> Result<(), HologramError> {
-        if self.scene.is_empty() || crate::scene::is_named(source, &self.scene) {
-            return Ok(());
-        }
-        Err(HologramError::OtherScene { shows: self.scene.clone(), given: source.into() })
     }
 
     /// The names of its colours; those that have none are left out.

@@ -362,3 +362,9 @@ impl Levels {
         Ok(values.into_iter().map(|v| if eight { phase_of_level(v as u8) } else { unit.radians(v) }).collect())
     }
 }
+
+impl HologramError {
+    pub(super) fn doubtful(path: &Path, found: String, decide: &str) -> Self {
+        Self::Doubtful { path: path.display().to_string(), found, decide: decide.into() }
+    }
+}

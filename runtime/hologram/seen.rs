@@ -1,18 +1,26 @@
 //! What is asked of a hologram in memory by who has a scene and a pupil of its own: whether they fit it, and what the eye sees.
 
-use super::{Hologram, HologramError};
+use super::{Hologram, HologramError, SceneRecord};
 use crate::engine::Engine;
 use crate::evaluate::Plane;
 use crate::optics::{OpticsError, Pupil};
 use crate::scene::LightField;
 
 impl Hologram {
-    /// Refuses a scene, by its name and its light field, that is not the one that it shows or has not the size of what is seen of it.
+    /// Refuses a scene that is not the one that it shows, or whose light field has not the size of what is seen of it.
     ///
     /// # Errors
     /// [`HologramError::OtherScene`], [`HologramError::OtherSize`].
-    pub fn check_shows(&self, source: &str, field: &LightField) -> Result<(), HologramError> {
-        self.check_scene(source)?;
+    pub fn check_shows(&self, record: &SceneRecord, field: &LightField) -> Result<(), HologramError> {
+        self.check_is_of(record)?;
+        self.check_size(field)
+    }
+
+    /// Refuses a light field that has not the size of what is seen of it.
+    ///
+    /// # Errors
+    /// [`HologramError::OtherSize`].
+    pub fn check_size(&self, field: &LightField) -> Result<(), HologramError> {
         let (given, shows) = ((field.height, field.width), self.picture_size());
         if given != shows {
             return Err(HologramError::OtherSize { given, shows });
@@ -76,8 +84,9 @@ mod tests {
             let display = Display { height: side, ..display.clone() };
             scene::load("builtin:plane", &Request { views: 1, ..Request::new(&display, &[Color::Green]) }).unwrap()
         };
-        hologram.check_shows("builtin:plane", &field(16)).unwrap();
-        let refused = |source, side| hologram.check_shows(source, &field(side)).unwrap_err().to_string();
+        let record = |source| SceneRecord::of_source(source, None).unwrap();
+        hologram.check_shows(&record("builtin:plane"), &field(16)).unwrap();
+        let refused = |source, side| hologram.check_shows(&record(source), &field(side)).unwrap_err().to_string();
         assert!(refused("builtin:plane", 20).contains("20 x 24 pixels, and 16 x 24 are seen"));
         assert!(refused("builtin:point", 16).contains("another scene"));
 

@@ -63,6 +63,7 @@ impl Sequence {
         let group = read_document(folder, GROUP)?;
         let (mut about, sequence) =
             document::read_any_group(&group).map_err(|e| foreign::of_group(folder, &group, e))?;
+        about.metadata.read_at(path);
         if sequence.is_none() && !document::is_sealed(&group) {
             return Ok(Self::single(path, Hologram::load_from(folder)?));
         }
@@ -300,6 +301,9 @@ impl Sequence {
         let scenes: Vec<&str> = self.about.scene.split(", ").collect();
         if scenes.len() as u64 == self.attributes.planned.unwrap_or(self.count) {
             hologram.scene = scenes[index as usize].to_owned();
+        }
+        if let Some(record) = self.about.metadata.scenes.get(index as usize) {
+            hologram.set_scene(&record.source, record.clone());
         }
         let each = phases.len() / hologram.colors.len();
         for (c, part) in hologram.colors.iter_mut().zip(phases.chunks_exact(each)) {

@@ -217,7 +217,8 @@ fn a_consistent_lie_about_the_size_takes_no_memory_and_no_time() {
     for shape in [[2, 1 << 40, 3, 5], [2, usize::MAX, 65536, 65536], [2, 2, usize::MAX, 5], [0, 2, 3, 5], [3, 2, 3, 5]]
     {
         let attributes = document::SequenceAttributes { rate: RATE, shape, planned: None };
-        fs::write(path.join("zarr.json"), document::group_of(&small(0), Some(attributes))).unwrap();
+        fs::write(path.join("zarr.json"), document::group_with(&small(0), small(0).metadata, Some(attributes)))
+            .unwrap();
         if let Ok(mut sequence) = Sequence::open(&path) {
             assert!(sequence.count() == 0 && sequence.load(0).is_err(), "{shape:?}");
         }

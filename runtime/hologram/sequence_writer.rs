@@ -34,7 +34,7 @@ impl SequenceWriter {
         let shape = [like.colors.len(), like.frames, like.height, like.width];
         let attributes = SequenceAttributes { rate, shape, planned };
         let draft = draft_in_place_of(path, |_| false)?;
-        draft.write(GROUP, |out| out.write_all(&document::group_of(&about, Some(attributes))))?;
+        draft.write(GROUP, |out| out.write_all(&document::group_at(path, &about, Some(attributes))))?;
         draft.write(ARRAY, |out| out.write_all(&document::sequence_array(0, shape, false)))?;
         draft.put()?;
         let folder = open_folder(path)?;

@@ -41,6 +41,7 @@ impl Hologram {
                 picture: display.picture,
                 prescription: display.prescription.clone(),
                 viewing: display.viewing,
+                display_file: display.file.clone(),
                 ..Metadata::default()
             },
             ..Self::on(display, settings.frames, colors)

@@ -31,7 +31,7 @@ impl Hologram {
 
     fn save_zarr(&self, path: &Path) -> Result<(), HologramError> {
         let draft = draft(path)?;
-        draft.write(GROUP, |out| out.write_all(&document::group(self)))?;
+        draft.write(GROUP, |out| out.write_all(&document::group_at(path, self, None)))?;
         let shape = [self.colors.len(), self.frames, self.height, self.width];
         draft.write(ARRAY, |out| out.write_all(&document::array(shape, None)))?;
         for color in 0..self.colors.len() {
@@ -59,7 +59,12 @@ impl Hologram {
         check_is_one(folder)?;
         let group = read_document(folder, GROUP)?;
         let sealed = document::is_sealed(&group);
-        let mut hologram = document::read_group(&group).map_err(|e| foreign::of_group(folder, &group, e))?;
+        let (mut hologram, sequence) =
+            document::read_any_group(&group).map_err(|e| foreign::of_group(folder, &group, e))?;
+        if sequence.is_some() {
+            return Err(no(document::IS_SEQUENCE));
+        }
+        hologram.metadata.read_at(path);
         let file = path.join(ARRAY);
         let described = read_document(folder, ARRAY)?;
         let array = document::read_array(&described, sealed);

@@ -114,7 +114,7 @@ impl Tiles {
         for i in 0..about.colors.len() {
             about.optics(i).map_err(|e| HologramError::Inconsistent(e.to_string()))?;
         }
-        draft.write(GROUP, |out| out.write_all(&document::group(about)))?;
+        draft.write(GROUP, |out| out.write_all(&document::group_at(path, about, None)))?;
         draft.write(ARRAY, |out| out.write_all(&document::array(shape, Some(side))))?;
         draft.write(PROGRESS, |out| out.write_all(&to_json(&made)))?;
         draft.put()?;
@@ -156,6 +156,7 @@ impl Tiles {
         check_is_one(folder)?;
         let file = path.join(GROUP);
         let mut about = document::read_group(&read_document(folder, GROUP)?).map_err(|e| damaged(&file, e))?;
+        about.metadata.read_at(path);
         let file = path.join(ARRAY);
         let array = document::read_array(&read_document(folder, ARRAY)?, true).map_err(|e| damaged(&file, e))?;
         let (shape, Some(side)) = (array.shape, array.side) else {
@@ -314,7 +315,7 @@ impl Tiles {
         let about = Hologram { metadata: metadata.clone(), ..self.about.clone() };
         let draft = draft(path)?;
         let shape = [about.colors.len(), about.frames, about.height, about.width];
-        draft.write(GROUP, |out| out.write_all(&document::group(&about)))?;
+        draft.write(GROUP, |out| out.write_all(&document::group_at(path, &about, None)))?;
         draft.write(ARRAY, |out| out.write_all(&document::array(shape, Some(self.side))))?;
         let [rows, columns] = self.range([0, 0], [about.height, about.width]);
         for color in 0..about.colors.len() {

@@ -9,6 +9,7 @@ use super::{
     Geometry, Mask, Optics, OpticsError, Picture, PictureMap, Prescription, SourceSections, Sources, SourcesLit,
     SwitchedSource, Viewing,
 };
+use crate::files::FileRecord;
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::Path};
 
@@ -97,6 +98,8 @@ pub struct Display {
     pub prescription: Option<Prescription>,
     /// How bright and how fine its picture is seen.
     pub viewing: Viewing,
+    /// The file that it was read from; none for a preset.
+    pub file: Option<FileRecord>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -233,6 +236,7 @@ impl Display {
             picture: read.picture,
             prescription: read.prescription,
             viewing: read.viewing,
+            file: None,
         };
         display.check_mask().map_err(|reason| wrong(format!("[mask]: {reason}")))?;
         let sources = display.timed_sources();

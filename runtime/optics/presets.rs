@@ -1,7 +1,7 @@
 //! The built-in displays by name: models, and SLMs of makers as files with their sources.
 
 use super::{Color, Display, Encoding, Geometry, OpticsError, Wavelength};
-use crate::files::read;
+use crate::files::{FileRecord, read};
 use std::path::Path;
 
 /// The built-in displays, by name; the first is the default.
@@ -113,7 +113,9 @@ impl Display {
             presets: PRESETS.join(", "),
             reason: e.to_string(),
         })?;
-        Self::from_toml(&text, name)
+        let mut display = Self::from_toml(&text, name)?;
+        display.file = Some(FileRecord::of_text(Path::new(name), &text));
+        Ok(display)
     }
 
     /// A preset by name.
@@ -155,6 +157,7 @@ impl Display {
             picture: Default::default(),
             prescription: None,
             viewing: Default::default(),
+            file: None,
         })
     }
 }

@@ -7,11 +7,11 @@ use super::joint::solve_joint_colors;
 use super::sequence::{self, SolvedSequence};
 use super::tiles::{self, SolvedTiles};
 use crate::engine::{Engine, Memory};
-use crate::hologram::Hologram;
+use crate::hologram::{Hologram, SceneRecord};
 use crate::memory;
 use crate::optics::Color;
 use crate::quality::Subject;
-use crate::scene::{LightField, Photographs, SceneError};
+use crate::scene::{LightField, SceneError};
 use crate::solve::{Flow, Levels, ScenePlan, Settings, Solution, Stop};
 use std::path::Path;
 
@@ -120,7 +120,7 @@ fn one(
 ) -> Result<SolvedHologram, ProduceError> {
     // Before the scene is loaded, which takes long where it is large.
     promise(job, engine)?;
-    solve_field(job, job.load(0)?, engine, observe)
+    solve_field(job, job.load(0)?, job.record(0)?, engine, observe)
 }
 
 fn promise(job: &SceneJob, engine: &dyn Engine) -> Result<(), ProduceError> {
@@ -154,12 +154,14 @@ pub fn solve_light_field(
         )));
     }
     promise(job, engine)?;
-    solve_field(job, field, engine, observe)
+    let record = job.record.clone().unwrap_or_else(|| SceneRecord::of_views(&field.name, &field));
+    solve_field(job, field, record, engine, observe)
 }
 
 fn solve_field(
     job: &SceneJob,
     field: LightField,
+    record: SceneRecord,
     engine: &mut dyn Engine,
     observe: &mut dyn FnMut(&SceneEvent) -> Flow,
 ) -> Result<SolvedHologram, ProduceError> {
@@ -182,14 +184,10 @@ fn solve_field(
     };
     let mut hologram = Hologram::from_solutions(&field, display, &settings, plan.padding, &solutions)?;
     hologram.metadata.joint_color = joint_color;
+    let name = hologram.scene.clone();
+    hologram.set_scene(&name, record);
     hologram.metadata.views = Some(views);
-    hologram.metadata.order = job.order;
-    hologram.metadata.photographs = Some(job.photographs).filter(|how| *how != Photographs::Auto);
     hologram.metadata.view_pitch_mm = Some(cell * 1e3);
-    hologram.metadata.near = job.near;
-    if !job.depth_maps.is_empty() {
-        // In the order of the map's values, which the range of depths does not keep.
-        hologram.metadata.depth_map_mm = job.depth.map(|d| d.map(|metres| metres * 1e3));
-    }
+    job.describe_reading(&mut hologram.metadata);
     Ok(SolvedHologram { hologram, solutions, plan, settings, field })
 }

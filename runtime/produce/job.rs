@@ -1,7 +1,7 @@
 //! What is to be made, and what is told while it is.
 
 use super::ProduceError;
-use crate::hologram::Start;
+use crate::hologram::{Metadata, SceneRecord, Start};
 use crate::optics::{Color, Display, check_usual_diameters};
 use crate::scene::{self, LightField, Near, Order, Photographs, Request};
 use crate::solve::{Full, PlanRequest, Progress, PupilRange, ScenePlan, Settings, Solution};
@@ -47,6 +47,8 @@ pub struct SceneJob<'a> {
     pub sequence: SequenceRequest,
     /// Of a far field that is solved region by region into tiles on the disk; none for all at once.
     pub tiles: Option<TilesRequest>,
+    /// What identifies a light field that is given instead of the scene; none for what the scene's name says.
+    pub record: Option<SceneRecord>,
 }
 
 /// What a sequence has beside its holograms.
@@ -190,6 +192,7 @@ impl<'a> SceneJob<'a> {
             contrast: None,
             sequence: SequenceRequest { rate: [30, 1], start: Start::Warm(0.0) },
             tiles: None,
+            record: None,
         }
     }
 
@@ -239,6 +242,26 @@ impl<'a> SceneJob<'a> {
     pub fn load(&self, index: usize) -> Result<LightField, ProduceError> {
         let maps = scene::depth_maps(&self.scenes, &self.depth_maps)?;
         Ok(scene::load(&self.scenes[index], &self.request(maps.get(index).map(PathBuf::as_path)))?)
+    }
+
+    /// What identifies one of its scenes, by which a hologram finds it again.
+    ///
+    /// # Errors
+    /// Those of [`scene::digest`] and of [`scene::depth_maps`].
+    pub fn record(&self, index: usize) -> Result<SceneRecord, ProduceError> {
+        let maps = scene::depth_maps(&self.scenes, &self.depth_maps)?;
+        Ok(SceneRecord::of_source(&self.scenes[index], maps.get(index).map(PathBuf::as_path))?)
+    }
+
+    /// Keeps with a hologram what was stated of how its scene is read.
+    pub(super) fn describe_reading(&self, metadata: &mut Metadata) {
+        metadata.order = self.order;
+        metadata.photographs = Some(self.photographs).filter(|how| *how != Photographs::Auto);
+        metadata.near = self.near;
+        if !self.depth_maps.is_empty() {
+            // In the order of the map's values, which the range of depths does not keep.
+            metadata.depth_map_mm = self.depth.map(|both| both.map(|meters| meters * 1e3));
+        }
     }
 
     /// Decides what of a scene is solved.

@@ -3,7 +3,9 @@
 use super::job::warn_of_aliasing;
 use super::{ProduceError, SceneEvent, SceneJob};
 use crate::engine::Engine;
-use crate::hologram::{ColorHologram, Hologram, HologramError, Sequence, SequenceParts, SequenceWriter, Start};
+use crate::hologram::{
+    ColorHologram, Hologram, HologramError, SceneRecord, Sequence, SequenceParts, SequenceWriter, Start,
+};
 use crate::optics::{Color, Display, Padding};
 use crate::scene::LightField;
 use crate::solve::{Flow, Levels, Problem, Progress, Settings, Solution, Warm, solve_from};
@@ -44,10 +46,15 @@ pub(super) fn solve(
     let common = Common::new(job, &first)?;
     let mut writer = match out.exists() {
         false => None,
-        true => match SequenceWriter::resume(out, &common.like, rate, planned)? {
-            Some(writer) => Some(writer),
-            None => return Ok(SolvedSequence { done: count, count, solved: 0 }),
-        },
+        true => {
+            let resumed = SequenceWriter::resume(out, &common.like, rate, planned)?;
+            let about = Sequence::open(out)?.about().clone();
+            (0..count).try_for_each(|index| check_scene(job, out, &about, index))?;
+            match resumed {
+                Some(writer) => Some(writer),
+                None => return Ok(SolvedSequence { done: count, count, solved: 0 }),
+            }
+        }
     };
     let done = writer.as_ref().map_or(0, |w| w.count() as usize);
     observe(&SceneEvent::Sequence { done, count });
@@ -130,6 +137,7 @@ impl SequencePieces {
         if parts.has(index as u64) {
             return Ok(Some(false));
         }
+        check_scene(job, &self.out, parts.about(), index)?;
         // Where even hologram 0 is missing, its exposures are in the file already, which it begins with.
         let before = Some(parts.about()).filter(|_| index > 0);
         let made = self.common.hologram(job, index, job.load(index)?, before, engine, observe)?;
@@ -137,6 +145,20 @@ impl SequencePieces {
         parts.write(index as u64, &hologram)?;
         Ok(Some(true))
     }
+}
+
+/// Refuses to go on with a sequence, of which all this is true, for a scene that is not what it was when the sequence was begun.
+fn check_scene(job: &SceneJob, out: &Path, about: &Hologram, index: usize) -> Result<(), ProduceError> {
+    let Some(known) = about.metadata.scenes.get(index) else { return Ok(()) };
+    let now = job.record(index)?;
+    if (&known.file, &known.depth_map) == (&now.file, &now.depth_map) {
+        return Ok(());
+    }
+    let reason = format!(
+        "its scene {index}, {}, is not what it was when the sequence was begun: give it another name, or remove it",
+        job.scenes[index]
+    );
+    Err(HologramError::OtherSequence { path: out.display().to_string(), reason }.into())
 }
 
 fn check_pieces(job: &SceneJob) -> Result<(), ProduceError> {
@@ -174,14 +196,18 @@ impl Common {
         let mut like = Hologram::from_solutions(first, &display, &settings, padding, &[])?;
         like.colors = job.colors.iter().map(color).collect::<Result<_, ProduceError>>()?;
         like.scene = job.scenes.join(", ");
-        like.metadata.near = job.near;
+        job.describe_reading(&mut like.metadata);
         like.metadata.warm_start = Some(job.sequence.start);
         Ok(Self { settings, padding, display, like })
     }
 
     /// Begins the file with what the first hologram decided; it is appended next.
     fn begin(&self, job: &SceneJob, out: &Path, first: &Hologram) -> Result<SequenceWriter, ProduceError> {
-        let like = Hologram { colors: first.colors.clone(), ..self.like.clone() };
+        let mut like = Hologram { colors: first.colors.clone(), ..self.like.clone() };
+        let records = (0..job.scenes.len()).map(|index| job.record(index)).collect::<Result<Vec<_>, _>>()?;
+        if !records.iter().all(SceneRecord::is_only_named) {
+            like.metadata.scenes = records;
+        }
         // Nothing stood there when this began: who began at the same time was quicker.
         let busy = || HologramError::Busy { path: out.display().to_string() };
         let begun = SequenceWriter::create(out, &like, job.sequence.rate, Some(job.scenes.len() as u64));

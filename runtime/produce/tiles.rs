@@ -4,7 +4,10 @@ use super::ProduceError;
 use super::job::{SceneEvent, SceneJob, TilesPlan, TilesRequest};
 use crate::engine::Engine;
 use crate::evaluate::Views;
-use crate::hologram::{ColorHologram, Hologram, HologramScores, Metadata, PhaseSource, SceneSource, Tiles};
+use crate::files::FileRecord;
+use crate::hologram::{
+    ColorHologram, Hologram, HologramScores, Metadata, PhaseSource, SceneRecord, SceneSource, Tiles,
+};
 use crate::optics::{Color, Display, Geometry, Pupil};
 use crate::plan::ModelTables;
 use crate::scene::{self, Photographs, Request};
@@ -31,6 +34,8 @@ pub struct SolvedTiles {
     pub moved: [u64; 2],
 }
 
+/// The key of the digests of scene and depth map among what decides a file.
+const DIGESTS: &str = "digests";
 /// Most steps of a visit.
 const STEPS: usize = 1024;
 
@@ -110,6 +115,8 @@ pub(super) struct Prepared {
     schedule: Schedule,
     /// Pixels along each axis of the scene's views.
     picture: usize,
+    /// What identifies its scene.
+    record: SceneRecord,
 }
 
 impl Prepared {
@@ -120,12 +127,17 @@ impl Prepared {
         let views: Vec<Views> = views.into_iter().map(Views::once).collect();
         let models = models(job.display, &job.colors)?;
         let (plan, schedule) = plan(job, request, &views, &models)?;
-        Ok(Self { views, models, plan, schedule, picture })
+        Ok(Self { views, models, plan, schedule, picture, record: job.record(0)? })
     }
 
     /// Everything that decides a byte of the file.
     pub(super) fn work(&self, job: &SceneJob, request: &TilesRequest, engine: &dyn Engine) -> Value {
-        work(job, request, &self.plan, self.picture, engine)
+        let mut work = work(job, request, &self.plan, self.picture, engine);
+        let digest = |file: &Option<FileRecord>| file.as_ref().map(|file| file.digest.clone());
+        if let Some(scene) = digest(&self.record.file) {
+            work[DIGESTS] = json!([Some(scene), digest(&self.record.depth_map)]);
+        }
+        work
     }
 
     /// A new file, its exposures chosen.
@@ -137,7 +149,8 @@ impl Prepared {
         work: Value,
         engine: &mut dyn Engine,
     ) -> Result<Tiles, ProduceError> {
-        let about = about(job, request, &self.views, &self.models, &self.plan.settings, engine)?;
+        let (views, models) = (&self.views[..], &self.models[..]);
+        let about = about(job, request, &self.record, views, models, &self.plan.settings, engine)?;
         let total = (job.colors.len() * self.plan.visits) as u64;
         Ok(Tiles::create(out, &about, tile_side(job.display), work, total)?)
     }
@@ -234,6 +247,12 @@ fn tile_side(display: &Display) -> usize {
     (pixels / 16).next_power_of_two().clamp(32, 512)
 }
 
+/// Whether a job is the same, of an older eyebox, which did not keep the digests of its scene.
+fn is_older(job: &Value, work: &Value) -> bool {
+    let mut undigested = work.clone();
+    undigested.as_object_mut().is_some_and(|work| work.shift_remove(DIGESTS).is_some()) && *job == undigested
+}
+
 /// Whether a hologram in the making stands there that this job makes.
 pub(super) fn is_under_way(path: &Path, work: &Value) -> Result<bool, ProduceError> {
     if !Tiles::is_tiled(path) {
@@ -241,7 +260,7 @@ pub(super) fn is_under_way(path: &Path, work: &Value) -> Result<bool, ProduceErr
     }
     match Tiles::open(path)?.made() {
         None => Ok(false),
-        Some(made) if made.job == *work => Ok(true),
+        Some(made) if made.job == *work || is_older(&made.job, work) => Ok(true),
         Some(_) => Err(ProduceError::Job(format!(
             "{}: another job is under way there: repeat its command to go on, or remove it",
             path.display()
@@ -253,6 +272,7 @@ pub(super) fn is_under_way(path: &Path, work: &Value) -> Result<bool, ProduceErr
 fn about(
     job: &SceneJob,
     request: &TilesRequest,
+    record: &SceneRecord,
     views: &[Views],
     models: &[Option<Arc<ModelTables>>],
     settings: &Settings,
@@ -266,7 +286,7 @@ fn about(
         let (wavelength, efficiency) = (optics.wavelength, mean / exposure);
         solved.push(ColorHologram { color: Some(color), wavelength, exposure, efficiency, phases: Vec::new() });
     }
-    let metadata = Metadata {
+    let mut metadata = Metadata {
         solve: Some(settings.clone()),
         padded: Some([0, 0]),
         passes: Some(request.passes.max(1)),
@@ -274,21 +294,20 @@ fn about(
         // What was said of the scene, for those who compare with it.
         view_pitch_mm: job.view_pitch_mm,
         views: job.views.map(|views| [views, views]),
-        order: job.order,
-        photographs: Some(job.photographs).filter(|how| *how != Photographs::Auto),
-        near: job.near,
         model: display.model.clone(),
         viewing: display.viewing,
-        depth_map_mm: job.depth.filter(|_| !job.depth_maps.is_empty()).map(|d| d.map(|metres| metres * 1e3)),
+        display_file: display.file.clone(),
         ..Metadata::default()
     };
-    Ok(Hologram {
+    job.describe_reading(&mut metadata);
+    let mut hologram = Hologram {
         seed: settings.seed,
         version: env!("CARGO_PKG_VERSION").into(),
-        scene: job.scenes[0].clone(),
         metadata,
         ..Hologram::on(display, settings.frames, solved)
-    })
+    };
+    hologram.set_scene(&job.scenes[0], record.clone());
+    Ok(hologram)
 }
 
 /// Nine places: the middle, the sides and the corners, each pupil wholly inside; diameters and depths run through theirs.

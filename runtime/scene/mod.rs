@@ -72,6 +72,7 @@ mod folder;
 mod frames;
 #[cfg(all(feature = "window", target_os = "linux"))]
 mod given;
+mod identity;
 mod inspect;
 mod interpolate;
 #[cfg(test)]
@@ -155,6 +156,8 @@ pub use error::SceneError;
 pub use frames::{frames, sequence};
 #[cfg(all(feature = "window", target_os = "linux"))]
 pub(crate) use given::{Layer, Places, views_of_depths, views_of_layers};
+pub(crate) use identity::path_and_options;
+pub use identity::{digest, digest_of_picture};
 pub use inspect::{Exposure, Inspection, contact_sheet, inspect};
 pub use interpolate::Interpolator;
 pub use layers::Layers;

@@ -114,11 +114,20 @@ pub(super) fn beside(file: &Path, options: &Options) -> Result<Settings, SceneEr
     Ok(Settings { grid, transfer, full_scale: options.full_scale.or(stated.full_scale), ..stated })
 }
 
+/// The settings of a file of many views beside which nothing says how it is read.
+pub(super) fn beside_nothing(options: &Options) -> Settings {
+    Settings { grid: options.grid, transfer: options.transfer, ..Settings::default() }
+}
+
+/// Whether a file is a map of true disparities, by its name.
+pub(super) fn is_ground_truth(name: &str) -> bool {
+    name.starts_with("gt_disp") && name.ends_with(".pfm")
+}
+
 /// The disparity range of a `gt_disp*.pfm` beside views of `size`, the `lowres` one first. A map of another size tells
 /// nothing about the views' pixels and is passed over.
 pub(super) fn ground_truth(folder: &Path, names: &[String], size: [usize; 2]) -> Result<Option<[f64; 2]>, SceneError> {
-    let is_map = |n: &&String| n.starts_with("gt_disp") && n.ends_with(".pfm");
-    let mut maps: Vec<&String> = names.iter().filter(is_map).collect();
+    let mut maps: Vec<&String> = names.iter().filter(|name| is_ground_truth(name)).collect();
     maps.sort_by_key(|n| (!n.contains("lowres"), n.as_str()));
     for name in maps {
         let path = folder.join(name);

@@ -72,6 +72,11 @@ pub(super) fn find(folder: &Path) -> Result<Option<Found>, SceneError> {
 }
 
 impl Found {
+    /// The files that it is read from, the one with its settings first.
+    pub fn into_files(self, settings: PathBuf) -> Vec<PathBuf> {
+        [settings].into_iter().chain(self.paths).collect()
+    }
+
     /// Rows and columns of the pictures, which have one size.
     ///
     /// # Errors

@@ -107,6 +107,18 @@ pub(super) fn stored(video: &Path, frame: usize) -> Result<(usize, usize, Kind, 
     Ok((height, width, kind, values))
 }
 
+/// What a frame is decoded from: the first line of its file, and its samples.
+///
+/// # Errors
+/// As [`read`].
+pub(super) fn stored_parts(video: &Path, frame: usize) -> Result<(String, Vec<u8>), SceneError> {
+    let unreadable = |e: std::io::Error| SceneError::unreadable(video, &e);
+    let mut head = String::new();
+    let file = read::open(video).map_err(unreadable)?;
+    BufReader::new(file.take(LINE)).read_line(&mut head).map_err(unreadable)?;
+    Ok((head, Video::open(video)?.frame(frame)?))
+}
+
 /// The range of [`stored`] values of this kind.
 pub(super) fn range(kind: Kind) -> [f32; 2] {
     [0.0, if kind == Kind::Words { 65535.0 } else { 255.0 }]

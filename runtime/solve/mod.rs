@@ -8,6 +8,7 @@
 //! May import everything above it: `optics`, `scene`, `plan`, `engine`, `evaluate`.
 
 mod asking;
+mod best;
 mod carry;
 mod cost;
 mod dpac;
@@ -49,6 +50,7 @@ mod step;
 mod validation;
 mod viewpoints;
 
+pub use best::{BestState, JUDGED_PUPILS, is_judged};
 pub use cost::{Cost, Forecast, Loaded, forecast, model_work};
 pub use error::SolveError;
 pub(crate) use exposure::BrightEnd;

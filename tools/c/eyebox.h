@@ -335,6 +335,19 @@ EyeboxStatus eyebox_hologram_save(const EyeboxHologram *hologram,
 // The sizes of a hologram.
 EyeboxStatus eyebox_hologram_size(const EyeboxHologram *hologram, EyeboxSize *size);
 
+// Loads the scene that a hologram was solved from, read as it was then: wherever it is found, or at `source` where that is not
+// null. A scene that was changed since, and another scene, is refused unless `other_scene` is not 0.
+EyeboxStatus eyebox_scene_of_hologram(const EyeboxHologram *hologram,
+                                      const char *source,
+                                      int32_t other_scene,
+                                      EyeboxScene **scene);
+
+// The display that a name or file says, or, where `name` is null, the one that the hologram was solved for; that is cut to the
+// hologram's size, as it was then. Its encoding is that of today.
+EyeboxStatus eyebox_hologram_display(const EyeboxHologram *hologram,
+                                     const char *name,
+                                     EyeboxDisplay **display);
+
 // The phases of a colour, by its place: (sub-frame, row, column), radians, in the hologram's own memory. They stand as long as it
 // does. `count` is frames rows columns.
 EyeboxStatus eyebox_hologram_phases(const EyeboxHologram *hologram,
@@ -354,7 +367,8 @@ EyeboxStatus eyebox_view(const EyeboxHologram *hologram,
                          size_t count);
 
 // Compares what `count` pupils see with what they should see of the scene, with one exposure per colour for all of them, into
-// `scores`, which has room for as many. The scene was loaded for the hologram's display and has its colours.
+// `scores`, which has room for as many. The scene was loaded for the hologram's display and has its colours; null takes the one
+// that the hologram was solved from, read as it was then.
 EyeboxStatus eyebox_score(const EyeboxHologram *hologram,
                           const EyeboxScene *scene,
                           const EyeboxPupil *pupils,
@@ -366,7 +380,8 @@ EyeboxStatus eyebox_score(const EyeboxHologram *hologram,
 void eyebox_hologram_free(EyeboxHologram *hologram);
 
 // Begins to refine a hologram for where the pupil is: a copy, the hologram stays as it is. The scene was loaded for the hologram's
-// display, has its colours, and may be freed afterwards. `settings` is TOML, or null for the defaults: the fields of
+// display, has its colours, and may be freed afterwards; null takes the one that the hologram was solved from, read as it was
+// then. `settings` is TOML, or null for the defaults: the fields of
 // eyebox::solve::Steering by their names, such as "pupils = 2", "elsewhere = 0.5", "seed = 1". It computes where `engine` does,
 // beside it.
 EyeboxStatus eyebox_refiner_new(const EyeboxHologram *hologram,
@@ -383,6 +398,12 @@ EyeboxStatus eyebox_refiner_aim(const EyeboxRefiner *refiner, const EyeboxPupil 
 EyeboxStatus eyebox_refiner_step(const EyeboxRefiner *refiner,
                                  size_t steps,
                                  double *loss);
+
+// Takes at most so many steps as `eyebox_refiner_step` does and hands over the hologram in the best state that they reached, as a
+// new one. States are judged through pupils around the one that was aimed at, after steps 1, 2, 4, 8, ... and the last.
+EyeboxStatus eyebox_refiner_best(const EyeboxRefiner *refiner,
+                                 size_t steps,
+                                 EyeboxHologram **hologram);
 
 // The hologram as it is now, as a new one: to be looked at, encoded or saved while the refiner goes on.
 EyeboxStatus eyebox_refiner_hologram(const EyeboxRefiner *refiner, EyeboxHologram **hologram);
@@ -413,7 +434,8 @@ EyeboxStatus eyebox_session_play(const EyeboxHologram *hologram,
                                  EyeboxSession **session);
 
 // Shows a hologram that is refined for where the eye is, as `eyebox_session_look` says. The scene was loaded for the hologram's
-// display, has its colours, and may be freed afterwards; `display` is what is encoded for. `settings` is TOML, or null for the
+// display, has its colours, and may be freed afterwards; null takes the one that the hologram was solved from, read as it was
+// then. `display` is what is encoded for. `settings` is TOML, or null for the
 // defaults: the fields of eyebox::solve::Steering, as of `eyebox_refiner_new`. It computes where `engine` does, beside it.
 EyeboxStatus eyebox_session_follow(const EyeboxHologram *hologram,
                                    const EyeboxScene *scene,

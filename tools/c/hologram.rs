@@ -3,7 +3,8 @@
 use crate::arrays::{array, given, hand_over, put, room, text};
 use crate::display::bit;
 use crate::failure::{Failure, answer, free, lock};
-use crate::{EyeboxEngine, EyeboxPupil, EyeboxScene, EyeboxScore, EyeboxStatus};
+use crate::scene::scene_of;
+use crate::{EyeboxDisplay, EyeboxEngine, EyeboxPupil, EyeboxScene, EyeboxScore, EyeboxStatus};
 use eyebox::hologram::{Hologram, Opening, SceneSource};
 use std::ffi::{CString, c_char};
 use std::mem::MaybeUninit;
@@ -86,6 +87,45 @@ pub extern "C" fn eyebox_hologram_size(
     })
 }
 
+/// Loads the scene that a hologram was solved from, read as it was then: wherever it is found, or at `source` where that is not
+/// null. A scene that was changed since, and another scene, is refused unless `other_scene` is not 0.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn eyebox_scene_of_hologram(
+    hologram: Option<&EyeboxHologram>,
+    source: *const c_char,
+    other_scene: i32,
+    scene: Option<&mut MaybeUninit<*mut EyeboxScene>>,
+) -> EyeboxStatus {
+    answer(|| {
+        hand_over(scene, || {
+            let hologram = &given(hologram, "hologram")?.hologram;
+            let named = match source.is_null() {
+                true => None,
+                // SAFETY: the header asks callers for texts that end with zero.
+                false => Some(unsafe { text(source, "source") }?.to_owned()),
+            };
+            EyeboxScene::of(hologram, named, other_scene != 0)
+        })
+    })
+}
+
+/// The display that a name or file says, or, where `name` is null, the one that the hologram was solved for; that is cut to the
+/// hologram's size, as it was then. Its encoding is that of today.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn eyebox_hologram_display(
+    hologram: Option<&EyeboxHologram>,
+    name: *const c_char,
+    display: Option<&mut MaybeUninit<*mut EyeboxDisplay>>,
+) -> EyeboxStatus {
+    answer(|| {
+        hand_over(display, || {
+            // SAFETY: the header asks callers for texts that end with zero.
+            let name = if name.is_null() { None } else { Some(unsafe { text(name, "name") }?) };
+            Ok(EyeboxDisplay(given(hologram, "hologram")?.hologram.shown_on(name)?))
+        })
+    })
+}
+
 /// The phases of a colour, by its place: (sub-frame, row, column), radians, in the hologram's own memory. They stand as long as it
 /// does. `count` is frames rows columns.
 #[unsafe(no_mangle)]
@@ -151,7 +191,8 @@ pub unsafe extern "C" fn eyebox_view(
 }
 
 /// Compares what `count` pupils see with what they should see of the scene, with one exposure per colour for all of them, into
-/// `scores`, which has room for as many. The scene was loaded for the hologram's display and has its colours.
+/// `scores`, which has room for as many. The scene was loaded for the hologram's display and has its colours; null takes the one
+/// that the hologram was solved from, read as it was then.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eyebox_score(
     hologram: Option<&EyeboxHologram>,
@@ -162,7 +203,7 @@ pub unsafe extern "C" fn eyebox_score(
     scores: *mut EyeboxScore,
 ) -> EyeboxStatus {
     answer(|| {
-        let (hologram, scene) = (given(hologram, "hologram")?, given(scene, "scene")?);
+        let hologram = given(hologram, "hologram")?;
         if count == 0 {
             return Err(Failure::argument("count", count, "1 or more pupils"));
         }
@@ -170,9 +211,9 @@ pub unsafe extern "C" fn eyebox_score(
         let (pupils, scores) =
             unsafe { (array(pupils, count, None, "pupils")?, room(scores, count, count, "scores")?) };
         let pupils = pupils.iter().map(|p| p.before(&hologram.hologram)).collect::<Result<Vec<_>, _>>()?;
+        let field = scene_of(scene, &hologram.hologram)?;
         let mut engine = lock(&given(engine, "engine")?.engine)?;
-        hologram.hologram.check_shows(&scene.name, &scene.field)?;
-        let scene = SceneSource::from(hologram.hologram.problems(&scene.field)?);
+        let scene = SceneSource::from(hologram.hologram.problems(&field)?);
         let scored = hologram.hologram.score(&scene, &pupils, engine.as_mut())?;
         for (out, score) in scores.iter_mut().zip(&scored.pupils) {
             out.write(score.into());

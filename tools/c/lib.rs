@@ -32,14 +32,15 @@ pub use encoder::{
 pub use engine::{EyeboxEngine, eyebox_engine_free, eyebox_engine_open, eyebox_engine_reason};
 pub use failure::{EyeboxStatus, eyebox_last_error};
 pub use hologram::{
-    EyeboxHologram, EyeboxSize, eyebox_hologram_free, eyebox_hologram_metadata, eyebox_hologram_open,
-    eyebox_hologram_phases, eyebox_hologram_save, eyebox_hologram_size, eyebox_score, eyebox_view,
+    EyeboxHologram, EyeboxSize, eyebox_hologram_display, eyebox_hologram_free, eyebox_hologram_metadata,
+    eyebox_hologram_open, eyebox_hologram_phases, eyebox_hologram_save, eyebox_hologram_size, eyebox_scene_of_hologram,
+    eyebox_score, eyebox_view,
 };
 pub use interface::{EYEBOX_BLUE, EYEBOX_GREEN, EYEBOX_INTERFACE, EYEBOX_RED, eyebox_interface};
 pub use pupil::{EyeboxPupil, EyeboxScore};
 pub use refiner::{
-    EyeboxRefiner, eyebox_refiner_aim, eyebox_refiner_free, eyebox_refiner_hologram, eyebox_refiner_new,
-    eyebox_refiner_step,
+    EyeboxRefiner, eyebox_refiner_aim, eyebox_refiner_best, eyebox_refiner_free, eyebox_refiner_hologram,
+    eyebox_refiner_new, eyebox_refiner_step,
 };
 pub use scene::{EyeboxScene, EyeboxViews, eyebox_scene_free, eyebox_scene_from_views, eyebox_scene_load};
 pub use session::{

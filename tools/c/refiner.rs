@@ -2,10 +2,11 @@
 
 use crate::arrays::{given, hand_over, put, text};
 use crate::failure::{Failure, answer, free, lock};
+use crate::scene::scene_of;
 use crate::{EyeboxEngine, EyeboxHologram, EyeboxPupil, EyeboxScene, EyeboxStatus};
 use eyebox::hologram::{Hologram, Refinement};
 use eyebox::optics::PupilDistribution;
-use eyebox::solve::Steering;
+use eyebox::solve::{Flow, Steering};
 use std::ffi::c_char;
 use std::mem::MaybeUninit;
 use std::sync::Mutex;
@@ -18,7 +19,8 @@ pub struct EyeboxRefiner {
 }
 
 /// Begins to refine a hologram for where the pupil is: a copy, the hologram stays as it is. The scene was loaded for the hologram's
-/// display, has its colours, and may be freed afterwards. `settings` is TOML, or null for the defaults: the fields of
+/// display, has its colours, and may be freed afterwards; null takes the one that the hologram was solved from, read as it was
+/// then. `settings` is TOML, or null for the defaults: the fields of
 /// eyebox::solve::Steering by their names, such as "pupils = 2", "elsewhere = 0.5", "seed = 1". It computes where `engine` does,
 /// beside it.
 #[unsafe(no_mangle)]
@@ -31,14 +33,14 @@ pub unsafe extern "C" fn eyebox_refiner_new(
 ) -> EyeboxStatus {
     answer(|| {
         hand_over(refiner, || {
-            let (hologram, scene) = (given(hologram, "hologram")?, given(scene, "scene")?);
+            let hologram = given(hologram, "hologram")?;
             // SAFETY: the header asks callers for texts that end with zero.
             let settings = if settings.is_null() { "" } else { unsafe { text(settings, "settings") }? };
             let steering = Steering::from_toml(settings)?;
             let backend = given(engine, "engine")?.backend.clone();
-            hologram.hologram.check_shows(&scene.name, &scene.field)?;
+            let field = scene_of(scene, &hologram.hologram)?;
             let whole = hologram.hologram.clone();
-            let refinement = Mutex::new(whole.refine(&scene.field, steering, || backend.engine())?);
+            let refinement = Mutex::new(whole.refine(&field, steering, || backend.engine())?);
             let colors = hologram.hologram.colors.iter();
             let colors = colors.map(|c| eyebox::hologram::ColorHologram { phases: Vec::new(), ..c.clone() }).collect();
             Ok(EyeboxRefiner { refinement, about: Hologram { colors, ..hologram.hologram.clone() } })
@@ -85,6 +87,29 @@ pub extern "C" fn eyebox_refiner_step(
             }
         }
         loss.map_or(Ok(()), |loss| put(Some(loss), || Ok(last)))
+    })
+}
+
+/// Takes at most so many steps as `eyebox_refiner_step` does and hands over the hologram in the best state that they reached, as a
+/// new one. States are judged through pupils around the one that was aimed at, after steps 1, 2, 4, 8, ... and the last.
+#[unsafe(no_mangle)]
+pub extern "C" fn eyebox_refiner_best(
+    refiner: Option<&EyeboxRefiner>,
+    steps: usize,
+    hologram: Option<&mut MaybeUninit<*mut EyeboxHologram>>,
+) -> EyeboxStatus {
+    answer(|| {
+        hand_over(hologram, || {
+            if !(1..=1_000_000).contains(&steps) {
+                return Err(Failure::argument("steps", steps, "1 to 1000000"));
+            }
+            let mut refinement = lock(&given(refiner, "refiner")?.refinement)?;
+            let (_, taken) = refinement.refine(steps, &mut |_, _| Flow::Continue)?;
+            if taken < steps {
+                return Err(Failure::NotFinite { color: "a colour".into(), step: taken + 1 });
+            }
+            Ok(refinement.best()?.clone().into())
+        })
     })
 }
 

@@ -4,9 +4,11 @@ use crate::arrays::{array, given, hand_over, text};
 use crate::display::colors;
 use crate::failure::{Failure, answer, free, starts_threads};
 use crate::{EyeboxDisplay, EyeboxStatus};
+use eyebox::hologram::{Hologram, InputOptions, SceneRecord, SolveInput};
 use eyebox::optics::Color;
 use eyebox::produce::SceneJob;
 use eyebox::scene::{Fit, LightField};
+use std::borrow::Cow;
 use std::ffi::c_char;
 use std::mem::MaybeUninit;
 
@@ -15,6 +17,43 @@ pub struct EyeboxScene {
     pub(crate) field: LightField,
     /// By which name holograms know it.
     pub(crate) name: String,
+    /// What identifies it.
+    pub(crate) record: SceneRecord,
+    /// Whether it is taken for any hologram, though that was solved from another scene.
+    other: bool,
+}
+
+impl EyeboxScene {
+    /// Refuses a scene that is not a hologram's own, unless another was asked for, or that has another size.
+    pub(crate) fn check(&self, hologram: &Hologram) -> Result<(), Failure> {
+        match self.other {
+            true => Ok(hologram.check_size(&self.field)?),
+            false => Ok(hologram.check_shows(&self.record, &self.field)?),
+        }
+    }
+
+    /// The scene of a hologram, read as it was when that was solved.
+    pub(crate) fn of(hologram: &Hologram, named: Option<String>, other: bool) -> Result<Self, Failure> {
+        let options = InputOptions { scene: named, other_scene: other, ..InputOptions::default() };
+        let input = SolveInput::open(hologram, &options)?;
+        let (field, name) = (input.light_field()?, input.source().to_owned());
+        let record = SceneRecord::of_source(&name, input.request().depth_map)?;
+        Ok(Self { field, name, record, other })
+    }
+}
+
+/// The scene that is given, or else the one that a hologram was solved from.
+pub(crate) fn scene_of<'a>(
+    scene: Option<&'a EyeboxScene>,
+    hologram: &Hologram,
+) -> Result<Cow<'a, LightField>, Failure> {
+    match scene {
+        Some(scene) => {
+            scene.check(hologram)?;
+            Ok(Cow::Borrowed(&scene.field))
+        }
+        None => Ok(Cow::Owned(EyeboxScene::of(hologram, None, false)?.field)),
+    }
 }
 
 /// A light field of the caller's own. Each colour is an array (view row, view column, row, column) without gaps, of linear light
@@ -64,8 +103,9 @@ pub unsafe extern "C" fn eyebox_scene_load(
             let colors = self::colors(display, colors)?;
             let views = Some(views).filter(|views| *views != 0);
             // As the command loads it.
-            let field = SceneJob { colors, views, ..SceneJob::new(&name, display) }.load(0)?;
-            Ok(EyeboxScene { field, name })
+            let job = SceneJob { colors, views, ..SceneJob::new(&name, display) };
+            let (field, record) = (job.load(0)?, job.record(0)?);
+            Ok(EyeboxScene { field, name, record, other: false })
         })
     })
 }
@@ -115,7 +155,9 @@ pub unsafe extern "C" fn eyebox_scene_from_views(
             field.check_cameras()?;
             field.colors.iter().try_for_each(|color| display.optics(*color).map(drop))?;
             let (rows, columns) = display.picture_size();
-            Ok(EyeboxScene { field: field.fit(rows, columns, Fit::Contain), name })
+            // What is given identifies it, whatever becomes of it on a display.
+            let record = SceneRecord::of_views(&name, &field);
+            Ok(EyeboxScene { field: field.fit(rows, columns, Fit::Contain), name, record, other: false })
         })
     })
 }

@@ -3,6 +3,7 @@
 use crate::arrays::{given, hand_over, put, room, text};
 use crate::encoder::EyeboxVideo;
 use crate::failure::{Failure, answer, free, lock, starts_threads};
+use crate::scene::scene_of;
 use crate::{EyeboxDisplay, EyeboxEngine, EyeboxHologram, EyeboxScene, EyeboxStatus};
 use eyebox::encode::Encoder;
 use eyebox::gaze::{Estimator, Eyepiece, Settings};
@@ -119,7 +120,8 @@ pub extern "C" fn eyebox_session_play(
 }
 
 /// Shows a hologram that is refined for where the eye is, as `eyebox_session_look` says. The scene was loaded for the hologram's
-/// display, has its colours, and may be freed afterwards; `display` is what is encoded for. `settings` is TOML, or null for the
+/// display, has its colours, and may be freed afterwards; null takes the one that the hologram was solved from, read as it was
+/// then. `display` is what is encoded for. `settings` is TOML, or null for the
 /// defaults: the fields of eyebox::solve::Steering, as of `eyebox_refiner_new`. It computes where `engine` does, beside it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eyebox_session_follow(
@@ -133,18 +135,18 @@ pub unsafe extern "C" fn eyebox_session_follow(
 ) -> EyeboxStatus {
     answer(|| {
         hand_over(session, || {
-            let (hologram, scene) = (&given(hologram, "hologram")?.hologram, given(scene, "scene")?);
+            let hologram = &given(hologram, "hologram")?.hologram;
             let (display, engine) = (&given(display, "display")?.0, given(engine, "engine")?);
             // SAFETY: the header asks callers for texts that end with zero.
             let settings = if settings.is_null() { "" } else { unsafe { text(settings, "settings") }? };
             let steering = Steering::from_toml(settings)?;
-            hologram.check_shows(&scene.name, &scene.field)?;
+            let field = scene_of(scene, hologram)?;
             let depths = hologram.metadata.solve.as_ref().map_or([f64::NEG_INFINITY, f64::INFINITY], |s| s.depth);
             let eyepiece = Some(Eyepiece { focal_length: hologram.focal_length, depths });
             let estimator = Estimator::new(Settings { eyepiece, ..Settings::default() }, None);
             let (eye, tracking) = Tracking::pushed(estimator.map_err(SessionError::from)?);
             let backend = engine.backend.clone();
-            let mut live = Live::of_hologram(hologram, &scene.field, display, backend, Some(tracking))?;
+            let mut live = Live::of_hologram(hologram, &field, display, backend, Some(tracking))?;
             live.policy.steering = steering;
             let video = video(&live.encoder);
             let session = Mutex::new(TickedSession::start(live, options(rate_hz)?)?);

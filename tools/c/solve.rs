@@ -64,7 +64,8 @@ pub unsafe extern "C" fn eyebox_solve(
         hand_over(hologram, || {
             let (scene, display) = (given(scene, "scene")?, &given(display, "display")?.0);
             let mut engine = lock(&given(engine, "engine")?.engine)?;
-            let mut job = SceneJob { colors: scene.field.colors.clone(), ..SceneJob::new(&scene.name, display) };
+            let (colors, record) = (scene.field.colors.clone(), Some(scene.record.clone()));
+            let mut job = SceneJob { colors, record, ..SceneJob::new(&scene.name, display) };
             // SAFETY: the header asks callers for texts that end with zero.
             let settings = if settings.is_null() { "" } else { unsafe { text(settings, "settings") }? };
             job.take_settings(settings, engine.as_ref())?;

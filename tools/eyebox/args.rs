@@ -1,8 +1,8 @@
 //! The arguments of commands: millimetres, micrometres and nanometres in, metres out.
 
 pub use crate::groups::{
-    Colors, DeviceArgs, DisplayArgs, EngineArgs, EngineName, EyeArgs, OtherSceneArgs, OverwriteArgs, SceneArgs,
-    SceneOptions,
+    Colors, DeviceArgs, DisplayArgs, EngineArgs, EngineName, EyeArgs, OtherSceneArgs, OverwriteArgs, OwnSceneArgs,
+    SceneArgs, SceneOptions,
 };
 use crate::jod::{JodArgs, ViewingArgs};
 use crate::patterns::{PatternArgs, iris};
@@ -357,7 +357,7 @@ pub struct Score {
     pub hologram: PathBuf,
     /// Scene
     #[command(flatten)]
-    pub scene: SceneArgs,
+    pub scene: OwnSceneArgs,
     /// A scene that the hologram was not made of
     #[command(flatten)]
     pub other: OtherSceneArgs,

@@ -31,6 +31,22 @@ pub fn display_of_size(name: &str, size: Option<[usize; 2]>, force: bool) -> Res
     Ok(display)
 }
 
+/// The display that a hologram is sent to: the one that is chosen, or that it was solved for, cut to the hologram's size as it
+/// was then, unless another size is given.
+pub fn display_of(
+    name: Option<&str>,
+    size: Option<[usize; 2]>,
+    force: bool,
+    hologram: &Hologram,
+) -> Result<Display, Failure> {
+    let mut display = hologram.shown_on(name)?;
+    if let Some([height, width]) = size {
+        (display.height, display.width) = (height, width);
+    }
+    usual(force, display.check_usual())?;
+    Ok(display)
+}
+
 /// Refuses what is most likely a mistake, unless it is said to be meant.
 pub fn usual(force: bool, checked: Result<(), OpticsError>) -> Result<(), Failure> {
     match checked {

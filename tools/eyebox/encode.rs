@@ -1,12 +1,12 @@
 //! `eyebox encode`: what a display receives, as pictures.
 
 use crate::Failure;
-use crate::args::{Encode, EngineName};
+use crate::args::{DisplayArgs, Encode, EngineName};
 use crate::common;
 use eyebox::encode::{self, Encoder, PhaseSet, VideoFrames};
 use eyebox::engine::vulkan::VulkanEncoder;
 use eyebox::gpu::{Gpu, Options};
-use eyebox::hologram::{ColorHologram, Hologram, Opening};
+use eyebox::hologram::{ColorHologram, Hologram, Opening, Phases};
 use eyebox::optics::{Color, Display, USUAL_RATE_HZ};
 use serde_json::{Value, json};
 use std::borrow::Cow;
@@ -23,8 +23,7 @@ struct Input {
 
 /// Encodes one hologram and writes its video frames.
 pub fn run(args: &Encode) -> Result<(), Failure> {
-    let display = common::display(&args.display)?;
-    let input = load(args, &display)?;
+    let (input, display) = load(args)?;
     let colors: Vec<Color> = input.colors.iter().map(|c| c.0).collect();
     let encoder = Encoder::new(&display, &colors, input.frames)?;
     if encoder.hologram_size() != input.size {
@@ -65,11 +64,15 @@ pub fn run(args: &Encode) -> Result<(), Failure> {
 }
 
 /// The hologram's colours that were asked for, each with its name.
-fn load(args: &Encode, display: &Display) -> Result<Input, Failure> {
-    let opening = args.unit.opening(Some(display), args.display.color.one());
+fn load(args: &Encode) -> Result<(Input, Display), Failure> {
+    let display = Phases::are_at(&args.hologram).then(|| common::display(&args.display)).transpose()?;
+    let opening = args.unit.opening(display.as_ref(), args.display.color.one());
     let opening = Opening { unfinished: args.unfinished.unfinished, ..opening };
     let mut hologram = opening.hologram(&args.hologram).map_err(|e| args.unfinished.failure(e))?;
-    let notes = differences(&hologram, display);
+    let DisplayArgs { display: name, size, force, .. } = &args.display;
+    let solved_for = || common::display_of(name.as_deref(), *size, *force, &hologram);
+    let display = display.map_or_else(solved_for, Ok)?;
+    let notes = differences(&hologram, &display);
     let named = |c: &ColorHologram| {
         c.color.ok_or_else(|| Failure::Asked(format!("{}: its colours are not named", args.hologram.display())))
     };
@@ -78,7 +81,7 @@ fn load(args: &Encode, display: &Display) -> Result<Input, Failure> {
     let sent = hologram.sent_colors().into_iter().map(|i| names[i]);
     let colors = sent.zip(hologram.sent_phases().into_iter().map(Cow::into_owned)).collect();
     hologram.colors.iter_mut().for_each(|color| color.phases = Vec::new());
-    Ok(Input { frames, size, colors, notes, hologram })
+    Ok((Input { frames, size, colors, notes, hologram }, display))
 }
 
 /// Where the display is not the one that the hologram was made for.

@@ -1,16 +1,14 @@
 //! `eyebox film`.
 
-use crate::args::SceneArgs;
-use crate::common::{self, Engines};
+use crate::Failure;
+use crate::common::Engines;
 use crate::live::{SubjectOptions, is_hologram, solved};
 use crate::phases::tell_unfinished;
 use crate::progress::{self, JobBar};
-use crate::{Failure, score};
 use clap::Args;
 use eyebox::film::{self, Content, EyePath, FilmSettings};
 use eyebox::gpu::Options as VulkanOptions;
 use eyebox::hologram::{Hologram, Opening, SceneSource, Sequence};
-use eyebox::optics::Display;
 use std::path::{Path, PathBuf};
 
 /// `eyebox film`
@@ -132,22 +130,17 @@ impl<'a> Reel<'a> {
     fn content(&self, mut hologram: Hologram, file: &Path) -> Result<Content, Failure> {
         let how = &self.args.how;
         how.eye.replace(&mut hologram.metadata.prescription)?;
-        let name = how.scene.as_deref().unwrap_or(&hologram.scene);
-        if self.args.alone && (name.is_empty() || !hologram.metadata.exposure_assumed) {
+        let is_unnamed = how.scene.is_none() && hologram.scene_record().is_none() && hologram.scene.is_empty();
+        if self.args.alone && (is_unnamed || !hologram.metadata.exposure_assumed) {
             let exposures = hologram.colors.iter().map(|c| c.exposure).collect();
             return Ok(Content { source: hologram.into(), scene: None, exposures });
         }
-        if name.is_empty() {
-            let reason = "it does not say of which scene it is: give --scene, or --alone for the hologram by itself";
-            return Err(Failure::Asked(format!("{}: {reason}", file.display())));
-        }
-        how.other.check(file, &hologram, name)?;
+        let mut input = how.other.open(file, &hologram, how.scene.as_deref(), &how.options)?;
         // What should be seen, wherever the display has to show it.
-        let display = Display { picture: Default::default(), ..score::display_of(file, &hologram)? };
-        let scene = SceneArgs::new(name, &how.options);
-        let field = common::scene(&score::as_solved(&scene, &hologram), &display, &hologram.named_colors())?;
+        input.display.picture = Default::default();
+        let field = input.light_field()?;
         hologram.fit_exposure(&field, self.engines.open()?.as_mut())?;
         let exposures = hologram.colors.iter().map(|c| c.exposure).collect();
-        Ok(Content { source: hologram.into(), scene: Some(SceneSource::new(field, &display)?), exposures })
+        Ok(Content { source: hologram.into(), scene: Some(SceneSource::new(field, &input.display)?), exposures })
     }
 }

@@ -3,7 +3,7 @@
 use crate::Failure;
 use crate::values::{Names, depths, one_of, positive, prescription, size};
 use clap::{Args, ValueEnum};
-use eyebox::hologram::Hologram;
+use eyebox::hologram::{Hologram, HologramError, InputOptions, SceneReading, SolveInput};
 use eyebox::optics::{Depth, Display, Prescription};
 use eyebox::scene::{Near, Order, Photographs};
 use std::path::{Path, PathBuf};
@@ -70,7 +70,8 @@ impl DeviceArgs {
 /// The display, in every command that needs one.
 #[derive(Args)]
 pub struct DisplayArgs {
-    /// Display: a preset (eyebox displays lists them), or a TOML file [default: paper]
+    /// Display: a preset (eyebox displays lists them), or a TOML file [default: the one that a hologram was solved for, else
+    /// paper]
     #[arg(long, value_name = "PRESET|FILE")]
     pub display: Option<String>,
     /// Resolution instead of the display's own, rows x columns
@@ -190,11 +191,43 @@ pub struct OtherSceneArgs {
 }
 
 impl OtherSceneArgs {
-    /// Refuses another scene than the hologram's, unless it is meant.
-    pub fn check(self, file: &Path, hologram: &Hologram, scene: &str) -> Result<(), Failure> {
-        let checked = if self.other_scene { Ok(()) } else { hologram.check_scene(scene) };
-        checked.map_err(|e| Failure::Asked(format!("{}: {e}", file.display())))
+    /// Finds the scene of the hologram in `file`: the one that is named, or the one that it was solved from.
+    pub fn open(
+        self,
+        file: &Path,
+        hologram: &Hologram,
+        scene: Option<&str>,
+        options: &SceneOptions,
+    ) -> Result<SolveInput, Failure> {
+        let reading = SceneReading {
+            views: options.views,
+            view_pitch_mm: options.view_pitch,
+            depth_maps: options.depth_map.clone(),
+            near: options.near,
+            depth: options.depth.map(|both| both.map(|depth| depth.metres(hologram.focal_length))),
+            order: options.order,
+            photographs: options.photographs,
+        };
+        let asked = InputOptions { scene: scene.map(str::to_owned), other_scene: self.other_scene, reading };
+        SolveInput::open(hologram, &asked).map_err(|error| {
+            let how = match &error {
+                HologramError::OtherScene { .. } | HologramError::ChangedScene { .. } => " (--other-scene)",
+                HologramError::Scene(_) => return error.into(),
+                _ => "",
+            };
+            Failure::Asked(format!("{}: {error}{how}", file.display()))
+        })
     }
+}
+
+/// The scene of a hologram, in commands that compare the two.
+#[derive(Args, Clone)]
+pub struct OwnSceneArgs {
+    /// A folder of views, an array, a picture, or builtin:NAME [default: the scene that the hologram was solved from]
+    pub scene: Option<String>,
+    /// How it is read
+    #[command(flatten)]
+    pub options: SceneOptions,
 }
 
 impl SceneArgs {

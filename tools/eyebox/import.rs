@@ -6,7 +6,7 @@ use crate::phases::PhaseArgs;
 use crate::values::positive;
 use crate::{Failure, score};
 use clap::Args;
-use eyebox::hologram::Phases;
+use eyebox::hologram::{Phases, SceneRecord};
 use std::path::PathBuf;
 
 /// `eyebox import`
@@ -46,9 +46,12 @@ pub fn run(args: &Import) -> Result<(), Failure> {
     hologram.version = env!("CARGO_PKG_VERSION").into();
     let exposures = if let Some(scene) = &args.scene {
         let display = score::display_of(&args.file, &hologram)?;
-        let field = common::scene(&SceneArgs::new(scene, &args.options), &display, &hologram.named_colors())?;
+        let asked = SceneArgs::new(scene, &args.options);
+        let field = common::scene(&asked, &display, &hologram.named_colors())?;
         hologram.fit_exposure(&field, common::engine(&args.engine)?.as_mut())?;
-        hologram.scene.clone_from(&field.name);
+        let maps = common::maps_of(&asked)?;
+        let record = SceneRecord::of_source(scene, maps.first().map(PathBuf::as_path))?;
+        hologram.set_scene(&field.name, record);
         hologram.metadata.near = args.options.near;
         let depth = args.options.depth_before(&display).filter(|_| !args.options.depth_map.is_empty());
         hologram.metadata.depth_map_mm = depth.map(|both| both.map(|metres| metres * 1e3));

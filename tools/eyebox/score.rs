@@ -1,11 +1,11 @@
 //! `eyebox score`.
 
 use crate::Failure;
-use crate::args::{SceneArgs, Score};
+use crate::args::Score;
 use crate::common;
 use crate::progress::JobBar;
 use eyebox::files::MadeFolder;
-use eyebox::hologram::{FOVEA_DEGREES, Hologram, HologramScores, JodSettings, PhaseSource, PupilScore, SceneSource};
+use eyebox::hologram::{FOVEA_DEGREES, Hologram, HologramScores, JodSettings, PhaseSource, PupilScore};
 use eyebox::optics::{Color, Depth, Display, Pupil, dioptres, dioptres_in_words};
 use eyebox::solve::{Diameters, PupilRange, Sampler, Sequence};
 use serde_json::{Value, json};
@@ -14,31 +14,19 @@ use std::path::Path;
 /// Measures a hologram over many pupils.
 pub fn run(args: &Score) -> Result<(), Failure> {
     let (source, display) = load(args)?;
+    let input = args.other.open(&args.hologram, source.about(), args.scene.scene.as_deref(), &args.scene.options)?;
     let source = if args.ideal { source.on_ideal_display() } else { source };
     let source = match args.eye.given()? {
         Some(eye) => source.seen_by(Some(eye))?,
         None => source,
     };
     let about = source.about();
-    args.other.check(&args.hologram, about, &args.scene.scene)?;
     let colors = about.named_colors();
     let mut engine = common::engine(&args.engine)?;
-    let asked = as_solved(&args.scene, about);
-    let mut diameter = args.pupil_diameter;
-    let (scene, depth) = match &source {
-        PhaseSource::Whole(_) => {
-            let field = common::scene(&asked, &display, &colors)?;
-            let depth = common::depths(&asked, &field, &display)?;
-            (SceneSource::new(field, &display)?, depth)
-        }
-        PhaseSource::Tiled(_) => {
-            let views = common::scene_around(&asked, &display, &colors)?;
-            diameter = diameter.or(about.metadata.solve.as_ref().map(|s| s.diameter));
-            let asked = asked.options.depth_before(&display);
-            let depth = views.first().map_or(Ok([0.0; 2]), |views| views.depths(asked))?;
-            (SceneSource::Around(views), depth)
-        }
-    };
+    let tiled = matches!(source, PhaseSource::Tiled(_));
+    let (scene, depth) = input.scene(tiled)?;
+    let solved = about.metadata.solve.as_ref().filter(|_| tiled);
+    let diameter = args.pupil_diameter.or(solved.map(|settings| settings.diameter));
     let diameter = common::diameters(diameter, &display, args.phases.force)?;
     let pupils = pupils(args, &display, colors.first().copied(), diameter, depth)?;
     let bar = JobBar::new(true);
@@ -167,23 +155,6 @@ fn row(score: &PupilScore, display: &Display) -> Value {
         "psnr_db": score.psnr, "ceiling_db": score.ceiling, "ssim": score.ssim, "jod": score.jod, "jod_there": score.jod_there,
         "finest_cycles_per_degree": score.finest_cycles_per_degree,
     })
-}
-
-/// What was said of the scene when it was solved holds, where nothing else is said now.
-pub fn as_solved(args: &SceneArgs, hologram: &Hologram) -> SceneArgs {
-    let (mut asked, known) = (args.clone(), &hologram.metadata);
-    let args = &mut asked.options;
-    args.view_pitch = args.view_pitch.or(known.view_pitch_mm);
-    args.order = args.order.or(known.order);
-    args.photographs = args.photographs.or(known.photographs);
-    args.views = args.views.or(known.views.map(|v| v[0]));
-    args.near = args.near.or(known.near);
-    // What a depth map's values mean has an order; other scenes have a range.
-    args.depth = args.depth.or_else(|| match args.depth_map[..] {
-        [_, ..] => known.depth_map_mm.map(|d| d.map(|mm| Depth::Metres(mm * 1e-3))),
-        [] => known.solve.as_ref().map(|s| s.depth.map(Depth::Metres)),
-    });
-    asked
 }
 
 /// The display that a hologram, read from `file`, was made for.

@@ -9,7 +9,7 @@ use crate::play::{self, ClockName, OutputName, Playing, StreamArgs};
 use crate::solve::Watch;
 use crate::values::positive;
 use clap::Args;
-use eyebox::hologram::{Opening, Sequence};
+use eyebox::hologram::{Opening, Phases, Sequence};
 use eyebox::optics::Display;
 use eyebox::produce::{SceneJob, SceneSolution, solve_scene};
 use eyebox::scene;
@@ -139,11 +139,14 @@ fn is_phases(what: &str) -> bool {
 
 /// The display; of a file whose size nobody gave, with the size of its holograms.
 fn display(args: &Show, file: Option<&Path>) -> Result<Display, Failure> {
-    let mut display = common::display(&args.subject.display)?;
+    let asked = &args.subject.display;
+    let sequence = file.filter(|file| !Phases::are_at(file)).map(Sequence::open).and_then(Result::ok);
+    let mut display = match &sequence {
+        Some(shown) => common::display_of(asked.display.as_deref(), asked.size, asked.force, shown.about())?,
+        None => common::display(asked)?,
+    };
     args.subject.eye.replace(&mut display.prescription)?;
-    if let (Some(file), None) = (file, args.subject.display.size)
-        && let Ok(sequence) = Sequence::open(file)
-    {
+    if let (Some(sequence), None, Some(_)) = (&sequence, asked.size, &asked.display) {
         let [_, _, height, width] = sequence.shape();
         (display.height, display.width) = (height, width);
     }

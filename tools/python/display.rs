@@ -46,23 +46,38 @@ impl Display {
     fn new(py: Python<'_>, name: Option<&str>, fields: &str) -> PyResult<Self> {
         let make = || -> Answer<Self> {
             let base = name.map(eyebox::optics::Display::load).transpose()?;
+            let mut file = None;
             let over: Table = fields.parse().map_err(|e: toml::de::Error| Failure::Argument(e.message().into()))?;
             let base = match base {
                 Some(base) if over.is_empty() => return Ok(Self(base)),
-                Some(base) => base.to_toml(),
+                Some(base) => {
+                    file.clone_from(&base.file);
+                    base.to_toml()
+                }
                 None => String::new(),
             };
             let mut table: Table = base.parse().map_err(|e: toml::de::Error| Failure::Argument(e.message().into()))?;
             lay_over(&mut table, over);
-            Ok(Self(eyebox::optics::Display::from_toml(&table.to_string(), "Display")?))
+            let display = eyebox::optics::Display::from_toml(&table.to_string(), "Display")?;
+            Ok(Self(eyebox::optics::Display { file, ..display }))
         };
         Ok(py.detach(make)?)
     }
 
-    /// Of the text of a display file.
+    /// Of the text of a display file, and which file that was.
     #[staticmethod]
-    fn of_toml(text: &str) -> PyResult<Self> {
-        Ok(Self(eyebox::optics::Display::from_toml(text, "Display").map_err(Failure::from)?))
+    #[pyo3(signature = (text, file=None))]
+    fn of_toml(text: &str, file: Option<&str>) -> PyResult<Self> {
+        let display = eyebox::optics::Display::from_toml(text, "Display").map_err(Failure::from)?;
+        let file = file.map(serde_json::from_str).transpose().map_err(|e| Failure::Argument(e.to_string()))?;
+        Ok(Self(eyebox::optics::Display { file, ..display }))
+    }
+
+    /// Which file it was read from: JSON; none for a preset.
+    #[getter]
+    fn file(&self) -> PyResult<Option<String>> {
+        let text = self.0.file.as_ref().map(serde_json::to_string).transpose();
+        Ok(text.map_err(|e| Failure::Argument(e.to_string()))?)
     }
 
     /// The text of its display file.

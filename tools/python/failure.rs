@@ -80,12 +80,19 @@ impl From<Failure> for PyErr {
             Failure::Argument(_) => PyValueError::new_err(said),
             Failure::Optics(_)
             | Failure::Produce(ProduceError::Optics(_))
-            | Failure::Hologram(OfHologram::Optics(_) | OfHologram::NoDisplay) => DisplayError::new_err(said),
+            | Failure::Hologram(OfHologram::Optics(_) | OfHologram::NoDisplay | OfHologram::DisplayNotFound { .. }) => {
+                DisplayError::new_err(said)
+            }
             Failure::Scene(_)
             | Failure::Produce(ProduceError::Scene(_))
-            | Failure::Hologram(OfHologram::Scene(_) | OfHologram::OtherScene { .. } | OfHologram::OtherSize { .. }) => {
-                SceneError::new_err(said)
-            }
+            | Failure::Hologram(
+                OfHologram::Scene(_)
+                | OfHologram::OtherScene { .. }
+                | OfHologram::ChangedScene { .. }
+                | OfHologram::SceneNotFound { .. }
+                | OfHologram::NoScene { .. }
+                | OfHologram::OtherSize { .. },
+            ) => SceneError::new_err(said),
             Failure::Engine(_)
             | Failure::Forked { .. }
             | Failure::Produce(ProduceError::Engine(_))

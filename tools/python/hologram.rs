@@ -26,6 +26,14 @@ impl Hologram {
     }
 }
 
+/// Refuses a scene that is not a hologram's own, unless another is asked for, or has another size.
+pub(crate) fn check_scene(hologram: &eyebox::hologram::Hologram, scene: &Scene, other_scene: bool) -> Answer<()> {
+    match other_scene {
+        true => Ok(hologram.check_size(&scene.field)?),
+        false => Ok(hologram.check_shows(&scene.record, &scene.field)?),
+    }
+}
+
 #[pymethods]
 impl Hologram {
     /// A hologram that the command or `save` made.
@@ -80,9 +88,9 @@ impl Hologram {
         run(py, engine.get().on_device, move |_| {
             hologram.check()?;
             if let Some(scene) = scene.as_ref().map(Py::get) {
-                hologram.check_shows(&scene.source, &scene.field)?;
+                hologram.check_shows(&scene.record, &scene.field)?;
                 engine.get().lend(|engine| Ok(hologram.fit_exposure(&scene.field, engine)?))?;
-                hologram.scene.clone_from(&scene.source);
+                hologram.set_scene(&scene.source, scene.record.clone());
             }
             Ok(Self(hologram))
         })
@@ -183,14 +191,40 @@ impl Hologram {
         scene: Py<Scene>,
         at: Vec<Numbers>,
         engine: Py<Engine>,
+        other_scene: bool,
     ) -> PyResult<Vec<Score>> {
         run(py, engine.get().on_device, move |_| {
             let (hologram, scene) = (&slf.get().0, scene.get());
             let pupils = at.into_iter().map(|at| hologram.check_pupil(pupil(at))).collect::<Result<Vec<_>, _>>()?;
-            hologram.check_shows(&scene.source, &scene.field)?;
+            check_scene(hologram, scene, other_scene)?;
             let source = SceneSource::from(hologram.problems(&scene.field)?);
             let scores = engine.get().lend(|engine| Ok(hologram.score(&source, &pupils, engine)?))?;
             Ok(scores.pupils.iter().map(|score| (score.psnr, score.ceiling, score.ssim)).collect())
+        })
+    }
+
+    /// Its scene, read as it was when it was solved: the one that is named, or its own.
+    fn scene_as_solved(slf: Py<Self>, py: Python<'_>, named: Option<String>, other_scene: bool) -> PyResult<Scene> {
+        run(py, false, move |_| Scene::of(&slf.get().0, named, other_scene))
+    }
+
+    /// The display that a name or file says, or that it was solved for, cut to its size.
+    fn shown_on(slf: Py<Self>, py: Python<'_>, named: Option<String>) -> PyResult<Display> {
+        run(py, false, move |_| Ok(Display(slf.get().0.shown_on(named.as_deref())?)))
+    }
+
+    /// The same for the file of a hologram or a sequence.
+    #[staticmethod]
+    fn file_shown_on(py: Python<'_>, file: PathBuf, named: Option<String>) -> PyResult<Display> {
+        run(py, false, move |_| Ok(Display(Opening::default().sequence(&file)?.about().shown_on(named.as_deref())?)))
+    }
+
+    /// How many holograms the file of a sequence has; none for a single hologram.
+    #[staticmethod]
+    fn count(py: Python<'_>, file: PathBuf) -> PyResult<Option<u64>> {
+        run(py, false, move |_| {
+            let is_sequence = eyebox::hologram::Sequence::is_at(&file);
+            Ok(if is_sequence { Some(Opening::default().sequence(&file)?.count()) } else { None })
         })
     }
 

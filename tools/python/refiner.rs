@@ -4,7 +4,7 @@ use crate::call::run;
 use crate::engine::Engine;
 use crate::failure::{Answer, Failure};
 use crate::forked::OfProcess;
-use crate::hologram::Hologram;
+use crate::hologram::{Hologram, check_scene};
 use crate::pupil::{Numbers, pupil};
 use crate::scene::Scene;
 use crate::told::Told;
@@ -40,12 +40,13 @@ impl Refiner {
         scene: Py<Scene>,
         settings: String,
         engine: Py<Engine>,
+        other_scene: bool,
     ) -> PyResult<Self> {
         let on_device = engine.get().on_device;
         run(py, on_device, move |_| {
             let (hologram, scene) = (&hologram.get().0, scene.get());
             let steering = Steering::from_toml(&settings)?;
-            hologram.check_shows(&scene.source, &scene.field)?;
+            check_scene(hologram, scene, other_scene)?;
             let backend = engine.get().backend()?;
             let refinement = hologram.clone().refine(&scene.field, steering, || backend.engine())?;
             let bare = |c: &ColorHologram| ColorHologram { phases: Vec::new(), ..c.clone() };
@@ -97,6 +98,31 @@ impl Refiner {
             }
             Ok((loss, taken))
         })
+    }
+
+    /// Takes so many steps as `step` does, and judges what they reach; `best` has the best. The loss of the last, and how many.
+    fn refine(slf: Py<Self>, py: Python<'_>, steps: usize, callback: Option<Py<PyAny>>) -> PyResult<(f64, usize)> {
+        let on_device = slf.get().on_device;
+        let callback = callback.map(Arc::new);
+        run(py, on_device, move |caller| {
+            let mut refinement = slf.get().lock()?;
+            let (mut told, mut ended) = (Told::new(callback), false);
+            let (loss, taken) = refinement.refine(steps, &mut |taken, loss| {
+                let flow = told.step(caller, || (taken, loss));
+                ended |= flow == Flow::Stop;
+                flow
+            })?;
+            if taken < steps && !ended {
+                return Err(Failure::NotFinite(taken + 1));
+            }
+            Ok((loss, taken))
+        })
+    }
+
+    /// The hologram in the best state that `refine` found for the pupil.
+    fn best(slf: Py<Self>, py: Python<'_>) -> PyResult<Hologram> {
+        let on_device = slf.get().on_device;
+        run(py, on_device, move |_| Ok(Hologram(slf.get().lock()?.best()?.clone())))
     }
 
     /// The hologram as it is now.

@@ -6,7 +6,7 @@ use crate::display::{Display, colors};
 use crate::engine::Engine;
 use crate::failure::{Answer, Failure};
 use crate::pupil::{Numbers, pupil};
-use eyebox::hologram::SceneSource;
+use eyebox::hologram::{Hologram, InputOptions, SceneRecord, SceneSource, SolveInput};
 use eyebox::optics::Color;
 use eyebox::produce::SceneJob;
 use eyebox::scene::{Fit, LightField, Near};
@@ -20,6 +20,8 @@ pub(crate) struct Scene {
     pub(crate) field: LightField,
     /// By which name holograms know it.
     pub(crate) source: String,
+    /// What identifies it.
+    pub(crate) record: SceneRecord,
     /// How it was asked for, which holograms of it remember.
     asked: Asked,
 }
@@ -48,9 +50,19 @@ fn near_of(name: &str) -> Answer<Near> {
 }
 
 impl Scene {
+    /// The scene of a hologram, read as it was when that was solved: the one that is named, or its own.
+    pub(crate) fn of(hologram: &Hologram, named: Option<String>, other_scene: bool) -> Answer<Self> {
+        let options = InputOptions { scene: named, other_scene, ..InputOptions::default() };
+        let input = SolveInput::open(hologram, &options)?;
+        let (field, source) = (input.light_field()?, input.source().to_owned());
+        let record = SceneRecord::of_source(&source, input.request().depth_map)?;
+        Ok(Self { field, source, record, asked: Asked::default() })
+    }
+
     /// A job of its colours that remembers how it was loaded.
     pub(crate) fn job<'a>(&self, display: &'a eyebox::optics::Display) -> SceneJob<'a> {
-        job(&self.source, display, self.field.colors.clone(), &self.asked)
+        let job = job(&self.source, display, self.field.colors.clone(), &self.asked);
+        SceneJob { record: Some(self.record.clone()), ..job }
     }
 }
 
@@ -82,8 +94,9 @@ impl Scene {
         let asked = Asked { view_pitch, views, depth_map, depth, near };
         run(py, false, move |_| {
             let display = &display.get().0;
-            let field = job(&source, display, colors(display, &color_names)?, &asked).load(0)?;
-            Ok(Self { field, source, asked })
+            let job = job(&source, display, colors(display, &color_names)?, &asked);
+            let (field, record) = (job.load(0)?, job.record(0)?);
+            Ok(Self { field, source, record, asked })
         })
     }
 
@@ -133,9 +146,11 @@ impl Scene {
         run(py, false, move |_| {
             let field = field.admit()?;
             field.check_cameras()?;
+            // What is given identifies it, whatever becomes of it on a display.
+            let record = SceneRecord::of_views(&source, &field);
             let fits = (field.height, field.width) == (rows, columns);
             let field = if fits { field } else { field.fit(rows, columns, Fit::Contain) };
-            Ok(Self { field, source, asked: Asked { view_pitch, ..Asked::default() } })
+            Ok(Self { field, source, record, asked: Asked { view_pitch, ..Asked::default() } })
         })
     }
 

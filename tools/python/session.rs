@@ -6,7 +6,7 @@ use crate::engine::Engine;
 use crate::failure::{Answer, Failure};
 use crate::forked::{OfProcess, refuse_after_computing};
 use crate::frames::{Frames, Shown};
-use crate::hologram::Hologram;
+use crate::hologram::{Hologram, check_scene};
 use crate::scene::Scene;
 use eyebox::encode::Encoder;
 use eyebox::gaze::{self, Estimator, Eyepiece};
@@ -221,10 +221,11 @@ impl Session {
         engine: Py<Engine>,
         following: Following,
         shown: Where,
+        other_scene: bool,
     ) -> PyResult<Self> {
         run(py, engine.get().on_device, move |_| {
             let (hologram, scene, display, engine) = (hologram.get(), scene.get(), display.get(), engine.get());
-            hologram.0.check_shows(&scene.source, &scene.field)?;
+            check_scene(&hologram.0, scene, other_scene)?;
             let mut whole = hologram.0.clone();
             if whole.metadata.exposure_assumed {
                 engine.lend(|engine| Ok(whole.fit_exposure(&scene.field, engine)?))?;

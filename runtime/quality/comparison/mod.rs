@@ -352,8 +352,11 @@ impl<'a> OfScene<'a> {
                     ("", json!({ "settings": settings }))
                 }
                 Source::Given(_) => {
-                    let phases = candidate.given(index, frames).map(|h| h.colors.iter().map(|c| append(0, &c.phases)));
-                    ("given-", json!({ "phases": phases.into_iter().flatten().collect::<Vec<_>>() }))
+                    let given = candidate.given(index, frames);
+                    let phases = given.map(|h| h.colors.iter().map(|c| append(0, &c.phases)));
+                    let phases = phases.into_iter().flatten().collect::<Vec<_>>();
+                    // The same phases are seen otherwise behind another model, mask or padding.
+                    ("given-", json!({ "phases": phases, "metadata": given.map(|h| h.metadata.without_places()) }))
                 }
             };
             let name = format!("{scene}-{kind}{}-{frames}", slug(&candidate.name));

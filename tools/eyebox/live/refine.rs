@@ -2,7 +2,7 @@
 
 use super::args::SteeringArgs;
 use crate::Failure;
-use crate::args::{EngineArgs, EyeArgs, OtherSceneArgs, SceneArgs};
+use crate::args::{EngineArgs, EyeArgs, OtherSceneArgs, OwnSceneArgs};
 use crate::common::{self, Engines, Form};
 use crate::phases::{PhaseArgs, tell_unfinished};
 use crate::progress::{self, JobBar};
@@ -14,7 +14,10 @@ use eyebox::gpu::Options;
 use eyebox::hologram::{Hologram, Metadata, Patch, Refined, Tiles};
 use eyebox::optics::{Display, Pupil, PupilDistribution, depth_in_words, dioptres};
 use eyebox::scene::LightField;
-use eyebox::solve::{Diameters, Flow, JointRefiner, Problem, PupilRange, Refiner, Sampler, Sequence, pupils_of};
+use eyebox::solve::{
+    BestState, Diameters, Flow, JUDGED_PUPILS, JointRefiner, Problem, PupilRange, Refiner, Sampler, Sequence,
+    is_judged, pupils_of,
+};
 use eyebox::tiled::Piece;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -28,7 +31,7 @@ pub struct Refine {
     pub hologram: PathBuf,
     /// Scene
     #[command(flatten)]
-    pub scene: SceneArgs,
+    pub scene: OwnSceneArgs,
     /// Where the eye is: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
     #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true)]
     pub pupil: GivenPupil,
@@ -64,9 +67,6 @@ pub struct Refine {
     pub json: bool,
 }
 
-/// Pupils through which the eye's place, and the whole eyebox, are judged.
-const JUDGED: usize = 12;
-
 /// What had been reached after some steps.
 #[derive(Debug, Clone, Copy)]
 struct Row {
@@ -77,6 +77,9 @@ struct Row {
     /// and over the whole eyebox, or all of the piece that was refined.
     wide: f64,
 }
+
+/// What each step gained, color by color, the engine's name, and the steps after which colors were best.
+type Refinement = (Vec<Vec<Row>>, String, Vec<usize>);
 
 /// What [`Row::wide`] is about: as JSON's key, and in words.
 const EYEBOX: [&str; 2] = ["eyebox_db", "over the eyebox dB"];
@@ -96,22 +99,21 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
     let mut hologram = args.phases.opening(&args.hologram, None)?.hologram(&args.hologram)?;
     args.eye.replace(&mut hologram.metadata.prescription)?;
     let display = score::display_of(&args.hologram, &hologram)?;
-    args.other.check(&args.hologram, &hologram, &args.scene.scene)?;
-    let colors: Vec<_> = hologram.colors.iter().filter_map(|c| c.color).collect();
+    let input = args.other.open(&args.hologram, &hologram, args.scene.scene.as_deref(), &args.scene.options)?;
     common::pupil_of(&args.pupil, &hologram, args.phases.force)?;
-    let field = common::scene(&score::as_solved(&args.scene, &hologram), &display, &colors)?;
+    let field = input.light_field()?;
     hologram.fit_exposure(&field, common::engine(&args.engine)?.as_mut())?;
     let aim = args.aim(display.focal_length);
     progress::catch_interrupt();
-    let (all, described) = match hologram.metadata.joint_color {
+    let (all, described, best) = match hologram.metadata.joint_color {
         Some(_) => together(args, &mut hologram, &field, &aim)?,
         None => apart(args, &mut hologram, &field, &display, &aim)?,
     };
     if let Some(out) = &args.out {
-        hologram.metadata.refined = Some(args.refined(aim));
+        hologram.metadata.refined = Some(args.refined(aim, &best));
         hologram.save(out)?;
     }
-    report(args, &all, &hologram, &described, EYEBOX, &Value::Null);
+    report(args, (&all, &best), &hologram, &described, EYEBOX, &Value::Null);
     Ok(())
 }
 
@@ -122,22 +124,23 @@ fn apart(
     field: &LightField,
     display: &Display,
     aim: &PupilDistribution,
-) -> Result<(Vec<Vec<Row>>, String), Failure> {
+) -> Result<Refinement, Failure> {
     let padding = hologram.metadata.padding();
-    let (mut all, mut described) = (Vec::new(), String::new());
+    let (mut all, mut described, mut bests) = (Vec::new(), String::new(), Vec::new());
     for solved in &mut hologram.colors {
         let Some(color) = solved.color else { continue };
         let problem = Problem::new(field, color, display, padding)?;
         problem.check_blur(aim.diameter[1])?;
         let anywhere = PupilRange::over(problem.eyebox, aim.focus);
-        let RefinedColor { rows, phases, engine, sources } =
+        let RefinedColor { rows, best, engine, sources } =
             steps(args, problem, &solved.phases, solved.exposure, anywhere)?;
-        solved.phases = phases;
+        solved.phases = best.state;
+        bests.push(best.step);
         hologram.metadata.sources.light_only(color, &sources);
         described = engine;
         all.push(rows);
     }
-    Ok((all, described))
+    Ok((all, described, bests))
 }
 
 /// Refines the drives that all colours share, in the light of their lasers as it is: the same.
@@ -146,7 +149,7 @@ fn together(
     hologram: &mut Hologram,
     field: &LightField,
     aim: &PupilDistribution,
-) -> Result<(Vec<Vec<Row>>, String), Failure> {
+) -> Result<Refinement, Failure> {
     let (engines, steering) = (Engines::new(&args.engine, &Options::default())?, args.steering.steering());
     let problems = hologram.problems(field)?;
     problems.iter().try_for_each(|problem| problem.check_blur(aim.diameter[1]))?;
@@ -175,16 +178,22 @@ fn together(
     };
     let mut all =
         colors.clone().map(|c| Ok(vec![row(&mut refiner, c, 0, 0.0)?])).collect::<Result<Vec<_>, Failure>>()?;
+    let mean_at_eye = |all: &[Vec<Row>]| {
+        let last = all.iter().filter_map(|rows| rows.last());
+        last.map(|row| row.eye).sum::<f64>() / all.len().max(1) as f64
+    };
+    let mut best = BestState { step: 0, psnr: mean_at_eye(&all), state: refiner.phases().to_vec() };
     let (mut ms, bar) = (0.0, JobBar::new(args.json));
     for steps in 1..=args.steps {
         let start = Instant::now();
         refiner.step()?;
         // A step of each colour.
         ms += start.elapsed().as_secs_f64() * 1e3 / all.len() as f64;
-        if steps.is_power_of_two() || steps == args.steps || progress::interrupted() {
+        if is_judged(steps, args.steps) || progress::interrupted() {
             for (color, rows) in all.iter_mut().enumerate() {
                 rows.push(row(&mut refiner, color, steps, ms)?);
             }
+            best.offer(steps, mean_at_eye(&all), || Ok::<_, Failure>(refiner.phases().to_vec()))?;
         }
         let done = format!("{steps} of {} steps of all colours", args.steps);
         if bar.show(&done, steps as f64 / args.steps as f64) == Flow::Stop {
@@ -192,8 +201,8 @@ fn together(
         }
     }
     bar.finish();
-    hologram.colors.iter_mut().zip(refiner.phases()).for_each(|(color, phases)| color.phases.clone_from(phases));
-    Ok((all, described))
+    hologram.colors.iter_mut().zip(best.state).for_each(|(color, phases)| color.phases = phases);
+    Ok((all, described, vec![best.step]))
 }
 
 /// The same for a hologram in tiles: those around the eye are read, refined as a far field of their own, and put into a
@@ -213,13 +222,13 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
     }
     tell_unfinished(&args.hologram)?;
     let display = score::display_of(&args.hologram, about)?;
-    args.other.check(&args.hologram, about, &args.scene.scene)?;
-    let colors: Vec<_> = about.colors.iter().filter_map(|c| c.color).collect();
+    let input = args.other.open(&args.hologram, about, args.scene.scene.as_deref(), &args.scene.options)?;
     common::pupil_of(&args.pupil, about, args.phases.force)?;
-    let scene = common::scene_around(&score::as_solved(&args.scene, about), &display, &colors)?;
+    let scene = input.around()?;
     let aim = args.aim(display.focal_length);
     progress::catch_interrupt();
     let (mut all, mut patches, mut described, mut place) = (Vec::new(), Vec::new(), String::new(), Value::Null);
+    let mut bests = Vec::new();
     for (color, views) in scene.iter().enumerate() {
         let Piece { at, size, problem } = Piece::around(&tiles, color, views, &aim)?;
         place = json!({ "piece": { "first": at, "size": size }, "unfinished": tiles.unfinished() });
@@ -231,18 +240,19 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
         };
         let phases = tiles.read(color, at, size)?;
         let exposure = about.colors[color].exposure;
-        let RefinedColor { rows, phases, engine, .. } = steps(args, problem, &phases, exposure, anywhere)?;
+        let RefinedColor { rows, best, engine, .. } = steps(args, problem, &phases, exposure, anywhere)?;
+        bests.push(best.step);
         if args.out.is_some() {
-            patches.push(Patch { color, at, size, phases });
+            patches.push(Patch { color, at, size, phases: best.state });
         }
         described = engine;
         all.push(rows);
     }
     if let Some(out) = &args.out {
-        let metadata = Metadata { refined: Some(args.refined(aim)), ..about.metadata.clone() };
+        let metadata = Metadata { refined: Some(args.refined(aim, &bests)), ..about.metadata.clone() };
         tiles.copy(out, &metadata, &patches)?;
     }
-    report(args, &all, about, &described, PIECE, &place);
+    report(args, (&all, &bests), about, &described, PIECE, &place);
     Ok(())
 }
 
@@ -255,9 +265,9 @@ impl Refine {
         PupilDistribution { centre: [x, y], spread: self.spread * 1e-3, diameter, focus: [depth; 2], elsewhere: 0.0 }
     }
 
-    /// What the file says of it.
-    fn refined(&self, aim: PupilDistribution) -> Refined {
-        Refined { aim, steering: self.steering.steering(), steps: self.steps }
+    /// What the file says of it; `best` are the steps after which its colors were best.
+    fn refined(&self, aim: PupilDistribution, best: &[usize]) -> Refined {
+        Refined { aim, steering: self.steering.steering(), steps: best.iter().copied().max().unwrap_or(0) }
     }
 }
 
@@ -265,7 +275,8 @@ impl Refine {
 struct RefinedColor {
     /// What each step gained.
     rows: Vec<Row>,
-    phases: Vec<f32>,
+    /// The best of the states that were judged, which is kept.
+    best: BestState<Vec<f32>>,
     /// The engine's name.
     engine: String,
     /// The display's switchable sources that light it, by their places.
@@ -293,15 +304,17 @@ fn steps(
     let before = [refiner.look(&at_eye)?, refiner.look(&anywhere)?];
     let mean = |sums: &[Sums]| sums.iter().map(|s| s.psnr(exposure)).sum::<f64>() / sums.len() as f64;
     let mut rows = vec![Row { steps: 0, ms: 0.0, eye: mean(&before[0]), wide: mean(&before[1]) }];
+    let mut best = BestState { step: 0, psnr: rows[0].eye, state: phases.to_vec() };
     let mut ms = 0.0;
     let bar = JobBar::new(args.json);
     for steps in 1..=args.steps {
         let start = Instant::now();
         refiner.step()?;
         ms += start.elapsed().as_secs_f64() * 1e3;
-        if steps.is_power_of_two() || steps == args.steps || progress::interrupted() {
+        if is_judged(steps, args.steps) || progress::interrupted() {
             let (eye, wide) = (mean(&refiner.look(&at_eye)?), mean(&refiner.look(&anywhere)?));
             rows.push(Row { steps, ms, eye, wide });
+            best.offer(steps, eye, || refiner.phases())?;
         }
         let done = format!("{steps} of {} steps for this colour", args.steps);
         if bar.show(&done, steps as f64 / args.steps as f64) == Flow::Stop {
@@ -309,11 +322,18 @@ fn steps(
         }
     }
     bar.finish();
-    Ok(RefinedColor { rows, phases: refiner.phases()?, engine: described, sources: refiner.sources().to_vec() })
+    Ok(RefinedColor { rows, best, engine: described, sources: refiner.sources().to_vec() })
 }
 
 /// Says what each step gained, over all colours; `place`: the piece that was refined, and of what.
-fn report(args: &Refine, all: &[Vec<Row>], about: &Hologram, engine: &str, [key, words]: [&str; 2], place: &Value) {
+fn report(
+    args: &Refine,
+    (all, best): (&[Vec<Row>], &[usize]),
+    about: &Hologram,
+    engine: &str,
+    [key, words]: [&str; 2],
+    place: &Value,
+) {
     // Colours, side by side: an interruption may have left some with fewer rows.
     let count = all.iter().map(Vec::len).min().unwrap_or(0);
     let f = about.focal_length;
@@ -332,6 +352,7 @@ fn report(args: &Refine, all: &[Vec<Row>], about: &Hologram, engine: &str, [key,
         let mut said = json!({
             "engine": engine, "aim": args.aim(f), "focus_mm": focus * 1e3, "focus_dioptres": dioptres(focus, f),
             "steering": args.steering.steering(), "rows": rows.iter().map(row).collect::<Vec<_>>(),
+            "best_steps": best,
             "out": args.out.as_ref().map(|out| out.display().to_string()),
         });
         if !place.is_null() {
@@ -351,7 +372,8 @@ fn report(args: &Refine, all: &[Vec<Row>], about: &Hologram, engine: &str, [key,
         println!("  {:5} {:9.1}   {:14.2}   {:width$.2}", row.steps, row.ms, row.eye, row.wide, width = words.len());
     }
     if let Some(out) = &args.out {
-        println!("wrote {}", out.display());
+        let steps: Vec<String> = best.iter().map(usize::to_string).collect();
+        println!("wrote {}: the best state, after {} steps", out.display(), steps.join(", "));
     }
 }
 
@@ -361,6 +383,6 @@ fn judged(anywhere: PupilRange, problem: &Problem, aim: &PupilDistribution, seed
     let sampler = Sampler::new(anywhere, Sequence::Sobol, !seed ^ 0x616e_7977);
     let mut sampler = sampler.over(Arc::clone(&problem.regions));
     let moved = |p: Pupil| Pupil { x: p.x + center[0], y: p.y + center[1], ..p };
-    let anywhere = (0..JUDGED).map(|_| moved(sampler.draw())).collect();
-    (pupils_of(aim, JUDGED, !seed), anywhere)
+    let anywhere = (0..JUDGED_PUPILS).map(|_| moved(sampler.draw())).collect();
+    (pupils_of(aim, JUDGED_PUPILS, !seed), anywhere)
 }

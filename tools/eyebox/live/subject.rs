@@ -87,18 +87,11 @@ pub fn load(what: &str, args: &SubjectOptions, looped: bool, engines: &Engines) 
         return far_field(path, args, engines);
     }
     let (hologram, parts, unfinished) = if is_hologram(path) {
-        let scene = |scene: &str| SceneArgs::new(scene, &args.options);
         let unfinished = tell_unfinished(path)?;
         let mut hologram = Opening { unfinished: true, ..args.unit.chosen(&args.display)? }.hologram(path)?;
         args.eye.replace(&mut hologram.metadata.prescription)?;
         let optics = score::display_of(path, &hologram)?;
-        let name = args.scene.as_deref().unwrap_or(&hologram.scene);
-        if name.is_empty() {
-            return Err(Failure::Asked(format!("{what}: it does not say of which scene it is: give --scene")));
-        }
-        args.other.check(path, &hologram, name)?;
-        let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
-        let field = common::scene(&score::as_solved(&scene(name), &hologram), &optics, &colors)?;
+        let field = args.other.open(path, &hologram, args.scene.as_deref(), &args.options)?.light_field()?;
         hologram.fit_exposure(&field, engines.open()?.as_mut())?;
         let parts = SteeredColor::all_of(&hologram, &field, &optics)?;
         (hologram, parts, unfinished)
@@ -160,11 +153,11 @@ fn moving(path: &Path, args: &SubjectOptions, looped: bool, engines: &Engines) -
     let mut first = sequence.load(0)?;
     args.eye.replace(&mut first.metadata.prescription)?;
     let (options, eye) = (args.options.clone(), first.metadata.prescription.clone());
+    let (other, file) = (args.other, path.to_path_buf());
     let load = move |hologram: &Hologram| -> Result<(LightField, Display), String> {
-        let display = Display { prescription: eye.clone(), ..hologram.made_for().map_err(|e| e.to_string())? };
-        let scene = score::as_solved(&SceneArgs::new(&hologram.scene, &options), hologram);
-        let field = common::scene(&scene, &display, &hologram.named_colors()).map_err(|e| e.to_string())?;
-        Ok((field, display))
+        let mut input = other.open(&file, hologram, None, &options).map_err(|e| e.to_string())?;
+        input.display.prescription.clone_from(&eye);
+        Ok((input.light_field().map_err(|e| e.to_string())?, input.display))
     };
     let (scenes, parts) = MovingSequence::start(sequence, looped, Box::new(load))?;
     let steered = Steered::new(&what, args, first, parts, engines, unfinished)?;
@@ -186,13 +179,7 @@ fn far_field(path: &Path, args: &SubjectOptions, engines: &Engines) -> Result<St
     let tiles = Tiles::open(path)?;
     let hologram = tiles.about().clone();
     let optics = score::display_of(path, &hologram)?;
-    let name = args.scene.as_deref().unwrap_or(&hologram.scene);
-    if name.is_empty() {
-        return Err(Failure::Asked(format!("{what}: it does not say of which scene it is: give --scene")));
-    }
-    args.other.check(path, &hologram, name)?;
-    let scene = score::as_solved(&SceneArgs::new(name, &args.options), &hologram);
-    let views = common::scene_around(&scene, &optics, &hologram.named_colors())?;
+    let views = args.other.open(path, &hologram, args.scene.as_deref(), &args.options)?.around()?;
     // Until it is known where the eye is: the middle.
     let middle = whole_eyebox(optics.eyebox_min(), [0.0; 2]);
     let usual = middle.diameter.map(|d| d.min(USUAL_PUPIL));
@@ -211,8 +198,9 @@ impl Steered {
         engines: &Engines,
         unfinished: Option<Unfinished>,
     ) -> Result<Self, Failure> {
-        let mut shown = common::display(&args.display)?;
-        if args.display.size.is_none() {
+        let mut shown =
+            common::display_of(args.display.display.as_deref(), args.display.size, args.display.force, &hologram)?;
+        if args.display.size.is_none() && args.display.display.is_some() {
             (shown.height, shown.width) = (hologram.height, hologram.width);
         }
         let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();

@@ -76,9 +76,10 @@ impl OutputArgs {
 pub struct Play {
     /// NAME.zarr: a sequence, or a single hologram; or phases: NAME.npy or a folder of PNGs
     pub file: PathBuf,
-    /// Display: a preset (eyebox displays lists them), or a TOML file
-    #[arg(long, default_value = "paper", value_name = "PRESET|FILE")]
-    pub display: String,
+    /// Display: a preset (eyebox displays lists them), or a TOML file [default: the one that it was solved for; of bare
+    /// phases paper]
+    #[arg(long, value_name = "PRESET|FILE")]
+    pub display: Option<String>,
     /// Resolution instead of the display's own, rows x columns
     #[arg(long, value_name = "HxW", value_parser = size)]
     pub size: Option<[usize; 2]>,

@@ -10,7 +10,7 @@ use crate::args::{DeviceArgs, EngineName};
 use crate::session::{attend, conclude, ended_by, keep_powers};
 use crate::{Failure, common, progress};
 use eyebox::encode;
-use eyebox::hologram::{Opening, Sequence};
+use eyebox::hologram::{Opening, Phases, Sequence};
 use eyebox::optics::Display;
 use eyebox::session::{self, Output, Session, SessionOptions, Statistics, Status};
 use serde_json::json;
@@ -19,11 +19,16 @@ use std::time::{Duration, UNIX_EPOCH};
 
 /// Plays a hologram or a sequence, and says what was shown.
 pub fn run(args: &Play) -> Result<(), Failure> {
-    let display = common::display_of_size(&args.display, args.size, args.force)?;
+    let name = args.display.as_deref();
+    let bare = Phases::are_at(&args.file);
+    let usual = || common::display_of_size(name.unwrap_or("paper"), args.size, args.force);
+    let display = bare.then(usual).transpose()?;
     // Who waits for the rest takes what there is.
     let unfinished = args.unfinished.unfinished || args.stream.follow;
-    let opening = Opening { unfinished, ..args.unit.opening(Some(&display), args.color.one()) };
+    let opening = Opening { unfinished, ..args.unit.opening(display.as_ref(), args.color.one()) };
     let sequence = opening.sequence(&args.file).map_err(|e| args.unfinished.failure(e))?;
+    let solved_for = || common::display_of(name, args.size, args.force, sequence.about());
+    let display = display.map_or_else(solved_for, Ok)?;
     let mut options = args.shown.options();
     options.duration = args.duration.map(|s| Duration::from_secs_f64(s.min(1e9)));
     (options.record, options.trace) = (args.record.clone(), args.trace.clone());

@@ -5,10 +5,9 @@ mod sequence;
 
 pub use args::Preview;
 
-use crate::args::SceneArgs;
 use crate::common::{self, Form};
 use crate::phases::tell_unfinished;
-use crate::{Failure, progress, score, view};
+use crate::{Failure, progress, view};
 use eyebox::evaluate::Plane;
 use eyebox::hologram::{Hologram, Opening, PhaseSource, SceneSource, Sequence, Tiles};
 use eyebox::optics::{Color, Padding, Prescription, Pupil};
@@ -131,14 +130,11 @@ fn scene(args: &Preview, hologram: &Hologram, moves: bool, tiled: bool) -> Resul
             "--scene is the scene of one hologram, and a sequence has many: choose with --at".into(),
         ));
     }
-    args.other.check(&args.file, hologram, scene)?;
-    let display = score::display_of(&args.file, hologram)?;
-    let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
-    let asked = score::as_solved(&SceneArgs::new(scene, &args.options), hologram);
+    let input = args.other.open(&args.file, hologram, Some(scene), &args.options)?;
     if tiled {
-        return Ok(SceneSource::Around(common::scene_around(&asked, &display, &colors)?));
+        return Ok(SceneSource::Around(input.around()?));
     }
-    Ok(SceneSource::new(common::scene(&asked, &display, &colors)?, &display)?)
+    Ok(SceneSource::new(input.light_field()?, &input.display)?)
 }
 
 /// Rows and columns of the window's inside.

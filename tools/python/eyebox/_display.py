@@ -123,15 +123,15 @@ class Display:
         return hash(self.to_toml())
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _display_of_toml, (self.to_toml(),)
+        return _display_of_toml, (self.to_toml(), self._native.file)
 
     def __repr__(self) -> str:
         (rows, columns), colors = self.resolution, ", ".join(self.wavelengths)
         return f"<eyebox.Display {self.name}: {rows} x {columns}, {colors}, eyebox {self.eyebox * 1e3:.1f} mm>"
 
 
-def _display_of_toml(text: str) -> Display:
-    return Display._of(_eyebox.Display.of_toml(text))
+def _display_of_toml(text: str, file: str | None = None) -> Display:
+    return Display._of(_eyebox.Display.of_toml(text, file))
 
 
 def display_of(value: Any) -> Display:

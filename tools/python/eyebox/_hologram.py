@@ -213,23 +213,34 @@ class Hologram:
         """
         return self._native.view(_arguments.pupil(x, y, diameter, depth), engine_of(engine))
 
-    def score(self, scene: Any = None, pupils: Any = None, *, engine: Any = "auto") -> list[Score]:
+    def score(
+        self, scene: Any = None, pupils: Any = None, *, engine: Any = "auto", other_scene: bool = False
+    ) -> list[Score]:
         """Compares what pupils see with what they should see, with one exposure per colour for all of them.
 
         Parameters
         ----------
         scene : Scene, str, path or array, optional
-            Its scene; what it was solved from where none is given.
+            Its scene; the one that it was solved from where none is given, read as it was then. A hologram of an array takes
+            that array again.
         pupils : sequence of (x, y, diameter, depth), optional
             Metres. Where none are given, five of 4 mm, in the middle of the eyebox and around it.
         engine : Engine or str
             Where it is computed.
+        other_scene : bool
+            Take a scene that is not the one that the hologram was solved from.
+
+        Raises
+        ------
+        HologramError
+            A scene that is another, was changed or is not found.
         """
-        scene = self._scene_of(scene)
+        scene = self._scene_of(scene, other_scene)
         if pupils is None:
             side, wide = self.display.eyebox / 4, self._usual()
             pupils = [(x * side, y * side, wide, 0.0) for x, y in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))]
-        scores = self._native.score(scene._native, _arguments.pupils(pupils), engine_of(engine))
+        at = _arguments.pupils(pupils)
+        scores = self._native.score(scene._native, at, engine_of(engine), bool(other_scene))
         return [Score(*score) for score in scores]
 
     def refine(
@@ -241,49 +252,67 @@ class Hologram:
         spread: float = 0.0,
         engine: Any = "auto",
         callback: Callable[[int, float], Any] | None = None,
+        other_scene: bool = False,
         **steering: Any,
     ) -> Hologram:
-        """The same hologram, refined for where the pupil is.
+        """The same hologram, refined for where the pupil is, in the best state that the steps reached.
 
         Parameters
         ----------
         pupil : (x, y, diameter, depth)
             Where it is, metres; its centre is known to within ``spread``.
         steps : int
-            Steps that are taken.
-        scene, engine, callback, **steering
+            Steps that are taken at most.
+        scene, engine, callback, other_scene, **steering
             As of :class:`eyebox.Refiner` and its ``step``.
         """
         from ._refiner import Refiner
 
-        refiner = Refiner(self, scene, engine=engine, **steering)
+        refiner = Refiner(self, scene, engine=engine, other_scene=other_scene, **steering)
         [where] = _arguments.pupils([pupil])
         refiner.aim(*where, spread=spread)
-        refiner.step(steps, callback)
-        return refiner.hologram
+        refiner._native.refine(_arguments.count(steps, "steps"), callback)
+        return Hologram._of(refiner._native.best(), refiner._kept_scene, None)
 
-    def encode(self, display: Any) -> np.ndarray:
+    def encode(self, display: Any = None) -> np.ndarray:
         """The video frames that a display receives.
+
+        Parameters
+        ----------
+        display : Display, str or path, optional
+            The display; the one that it was solved for where none is given, cut to the hologram's size.
 
         Returns
         -------
         numpy.ndarray
             (frame, row, column, channel), uint8, in the order in which they are shown; 1 channel (grey) or 3.
         """
-        return self._native.encode(display_of(display)._native)
+        return self._native.encode(self._shown_on(display)._native)
 
     def _usual(self) -> float:
         return min(4e-3, self.display.eyebox)
 
-    def _scene_of(self, scene: Any) -> Scene:
-        if scene is None:
-            scene = self._scene
-        if scene is None:
-            known = self.scene.startswith("builtin:") or (self.scene != "" and os.path.exists(self.scene))
-            if not known:
-                raise ValueError(f"scene is None, and the hologram's own, {self.scene!r}, is not here: give it")
-            scene = self.scene
-        return scene if isinstance(scene, Scene) else Scene(scene, self.display, self.colors)
+    def _shown_on(self, display: Any) -> Display:
+        """The display that is given, or that it was solved for."""
+        if display is None or _arguments.is_path(display):
+            named = None if display is None else _arguments.path(display, "display")
+            return Display._of(self._native.shown_on(named))
+        return display_of(display)
+
+    def _scene_of(self, scene: Any, other_scene: bool = False) -> Scene:
+        """Its scene, read as it was solved, or the one that is given."""
+        if scene is None and self._scene is not None:
+            return self._scene
+        if isinstance(scene, Scene):
+            return scene
+        if scene is None or _arguments.is_path(scene):
+            named = None if scene is None else _arguments.path(scene, "scene")
+            return Scene._of(self._native.scene_as_solved(named, bool(other_scene)), self.display)
+        made = Scene(scene, self.display, self.colors)
+        known = self.metadata.get("view_pitch_mm")
+        if known is not None and not other_scene and abs(made.view_pitch * 1e3 / known - 1) > 1e-9:
+            made = Scene(scene, self.display, self.colors, view_pitch=known * 1e-3)
+        return made
 
     def _repr_png_(self) -> bytes | None:
         if self._png is None and self.exposures is not None:

@@ -18,9 +18,11 @@ class Refiner:
     hologram : Hologram
         What is refined.
     scene : Scene, str, path or array, optional
-        Its scene; what it was solved from where none is given.
+        Its scene; the one that it was solved from where none is given, read as it was then.
     engine : Engine or str
         Where is computed, on engines of the refiner's own.
+    other_scene : bool
+        Take a scene that is not the one that the hologram was solved from.
     **steering
         Fields of the library's ``solve::Steering``: ``pupils``, ``elsewhere``, ``strategy`` (a dict), ``seed``, ...
 
@@ -36,14 +38,25 @@ class Refiner:
     >>> steered = refiner.hologram
     """
 
-    __slots__ = ("_native", "_scene")
+    __slots__ = ("_kept_scene", "_native", "_scene")
 
-    def __init__(self, hologram: Hologram, scene: Any = None, *, engine: Any = "auto", **steering: Any) -> None:
+    def __init__(
+        self,
+        hologram: Hologram,
+        scene: Any = None,
+        *,
+        engine: Any = "auto",
+        other_scene: bool = False,
+        **steering: Any,
+    ) -> None:
         if not isinstance(hologram, Hologram):
             raise TypeError(f"hologram is {hologram!r}: it must be an eyebox.Hologram")
-        self._scene = hologram._scene_of(scene)
+        self._scene = hologram._scene_of(scene, other_scene)
+        # What comes of it still names the scene that it was solved from.
+        self._kept_scene = None if other_scene else self._scene
         text = _arguments.toml(steering)
-        self._native = _eyebox.Refiner(hologram._native, self._scene._native, text, engine_of(engine))
+        native, engine = self._scene._native, engine_of(engine)
+        self._native = _eyebox.Refiner(hologram._native, native, text, engine, bool(other_scene))
 
     def aim(
         self, x: float = 0.0, y: float = 0.0, diameter: float = 4e-3, depth: float = 0.0, *, spread: float = 0.0
@@ -83,4 +96,4 @@ class Refiner:
     @property
     def hologram(self) -> Hologram:
         """The hologram as it is now, a copy: the refiner goes on."""
-        return Hologram._of(self._native.hologram(), self._scene, None)
+        return Hologram._of(self._native.hologram(), self._kept_scene, None)

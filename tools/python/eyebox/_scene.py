@@ -103,6 +103,12 @@ class Scene:
         self._native = _eyebox.Scene.of_views(name, native, names, planes, pitch)
         _arguments.warn()
 
+    @classmethod
+    def _of(cls, native: _eyebox.Scene, display: Display) -> Scene:
+        made = object.__new__(cls)
+        made._native, made._display = native, display
+        return made
+
     @property
     def display(self) -> Display:
         """The display that is to show it."""

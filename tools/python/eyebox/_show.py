@@ -9,7 +9,7 @@ from typing import Any, Iterator, NamedTuple
 import numpy as np
 
 from . import _arguments, _eyebox
-from ._display import display_of, engine_of
+from ._display import Display, display_of, engine_of
 from ._hologram import Hologram
 
 
@@ -217,7 +217,7 @@ class Session:
 
 def show(
     what: Any,
-    display: Any,
+    display: Any = None,
     *,
     eye: str | None = None,
     scene: Any = None,
@@ -241,6 +241,7 @@ def show(
     ask: str = "views",
     views: int = 5,
     engine: Any = "auto",
+    other_scene: bool = False,
     **steering: Any,
 ) -> Session:
     """Shows a hologram, a sequence, or what another process gives; a context manager.
@@ -249,14 +250,15 @@ def show(
     ----------
     what : Hologram, path or "live:NAME"
         A hologram; a file of one, or of a sequence; or the frames of an application (:mod:`eyebox.live`).
-    display : Display, str or path
-        The display that it is encoded for.
+    display : Display, str or path, optional
+        The display that it is encoded for; of a hologram or a sequence the one that it was solved for where none is given,
+        cut to its size, and of an application "paper".
     eye : str, optional
         Who is followed: "own", whose samples come by :meth:`Session.look`; "simulated" or "simulated:SEED"; "hid",
         "pupil://HOST", "udp://:PORT" and files as of the command (docs/trackers.md). None shows what was solved; what an
         application gives is then refined for the whole eyebox.
     scene : Scene, str, path or array, optional
-        What a hologram that is refined shows; what it was solved from where none is given.
+        What a hologram that is refined shows; what it was solved from where none is given, read as it was then.
     output : {"offscreen", "window"}
         Memory, or a window over all of a monitor.
     monitor : str, optional
@@ -290,6 +292,8 @@ def show(
         axis at most.
     engine : Engine or str
         Where refinement is computed.
+    other_scene : bool
+        Take a scene that is not the one that the hologram was solved from.
     **steering
         As of :class:`eyebox.Refiner`.
 
@@ -313,7 +317,8 @@ def show(
     >>> first.pixels.shape
     (32, 32, 1)
     """
-    display = display_of(display)
+    application = isinstance(what, str) and what.startswith("live:")
+    display = _display_of(what, display, application)
     for name, value, known in (("output", output, ("offscreen", "window")), ("clock", clock, ("real", "simulated"))):
         if value not in known:
             raise ValueError(f"{name} is {value!r}: it must be {' or '.join(known)}")
@@ -341,7 +346,6 @@ def show(
         "restart": _arguments.number(restart, "restart"),
         "steering": _arguments.toml(steering),
     }
-    application = isinstance(what, str) and what.startswith("live:")
     if eye is None and not application and (steering or scene is not None or step_time is not None):
         raise TypeError("scene, step_time and steering are for what is refined: give eye")
     if application:
@@ -352,9 +356,9 @@ def show(
         native = _eyebox.Session.live(what[5:], display._native, content, engine_of(engine), following, where)
     elif eye is not None:
         hologram = what if isinstance(what, Hologram) else Hologram.load(what)
-        scene = hologram._scene_of(scene)
+        scene = hologram._scene_of(scene, other_scene)
         native = _eyebox.Session.follow(
-            hologram._native, scene._native, display._native, engine_of(engine), following, where
+            hologram._native, scene._native, display._native, engine_of(engine), following, where, bool(other_scene)
         )
     elif isinstance(what, Hologram):
         native = _eyebox.Session.play(what._native, display._native, where)
@@ -364,3 +368,13 @@ def show(
             file, display._native, _arguments.number(speed, "speed"), bool(loop), where
         )
     return Session._of(native)
+
+
+def _display_of(what: Any, display: Any, application: bool) -> Display:
+    """The display that is given, or that what is shown was solved for."""
+    if isinstance(what, Hologram):
+        return what._shown_on(display)
+    if application or not (display is None or _arguments.is_path(display)):
+        return display_of("paper" if display is None else display)
+    named = None if display is None else _arguments.path(display, "display")
+    return Display._of(_eyebox.Hologram.file_shown_on(os.path.abspath(_arguments.path(what, "what")), named))

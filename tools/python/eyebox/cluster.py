@@ -86,7 +86,7 @@ def solve_sequence(
     if not 0 < shown <= 100_000 or max(shown.as_integer_ratio()) >= 1 << 32:
         raise ValueError(f"rate is {rate!r}: it must be above 0, at most 100000, as a fraction of whole numbers")
     colors = _arguments.colors(color, list(display.wavelengths))
-    job = (tuple(names), display.to_toml(), tuple(colors), _arguments.toml(settings), shown.as_integer_ratio(), out, engine)
+    job = (tuple(names), _text(display), tuple(colors), _arguments.toml(settings), shown.as_integer_ratio(), out, engine)
     before = _eyebox.Sequence.there(out) if os.path.exists(out) else 0
     with _cluster(client, workers) as there:
         # The first gives the job to the others: each worker asks for it once, however many pieces there are.
@@ -153,7 +153,7 @@ def solve_far_field(
     text = _arguments.toml({"steps": _arguments.count(steps, "steps", 1024), **settings})
     most = 1 << 50
     request = (_arguments.count(passes, "passes"), _arguments.count(memory, "memory", most), _arguments.count(picture, "picture"))
-    job = (name, display.to_toml(), tuple(colors), text, request, out, engine)
+    job = (name, _text(display), tuple(colors), text, request, out, engine)
     with _cluster(client, workers) as there:
         first = there.submit(_far_field_begun, job, pure=False)
         _, done, after = first.result()
@@ -181,7 +181,7 @@ def evaluate(
     Parameters
     ----------
     holograms : sequence of path
-        Files of holograms, which all workers see.
+        Files of holograms, which all workers see. Each hologram of a sequence is scored.
     out : path
         Where the scores go: NAME.json. Of the same holograms, what is there is not done again.
     pupils : sequence of (x, y, diameter, depth), optional
@@ -196,12 +196,14 @@ def evaluate(
     Returns
     -------
     list of dict
-        For each, ``hologram`` (its path) and ``scores``: for each pupil ``psnr`` and ``ceiling`` (dB) and ``ssim``.
+        For each, ``hologram`` (its path), of a sequence ``at`` (its number in it, from 0), and ``scores``: for each pupil
+        ``psnr`` and ``ceiling`` (dB) and ``ssim``.
     """
     files = _paths(holograms, "holograms")
     scene = None if scene is None else _arguments.path(scene, "scene")
     at = None if pupils is None else _arguments.pupils(pupils)
-    return _pieces(_scored, [(file, scene, at, engine) for file in files], out, client, workers, keep_pieces)
+    jobs = [(file, index, _when(file), scene, at, engine) for file in files for index in _indices(file)]
+    return _pieces(_scored, jobs, out, client, workers, keep_pieces)
 
 
 def tradeoff(
@@ -249,8 +251,13 @@ def tradeoff(
     for one in settings:
         _arguments.toml(one)
     at = None if pupils is None else _arguments.pupils(pupils)
-    given = (name, display.to_toml(), colors)
+    given = (name, _text(display), colors)
     return _pieces(_traded, [(*given, one, at, engine) for one in settings], out, client, workers, keep_pieces)
+
+
+def _text(display: Display) -> tuple[str, str | None]:
+    """A display as workers get it: its text, and which file that is of."""
+    return display.to_toml(), display._native.file
 
 
 def _store(out: Any) -> str:
@@ -308,15 +315,34 @@ def _write(path: str, value: Any) -> None:
     os.replace(path + ".part", path)
 
 
-def _scored(file: str, scene: str | None, pupils: Any, engine: str) -> dict[str, Any]:
-    return {"hologram": file, "scores": _scores(Hologram.load(file), scene, pupils, engine)}
+def _indices(file: str) -> list[int | None]:
+    """The numbers of a sequence's holograms; None for a single hologram."""
+    try:
+        count = _eyebox.Hologram.count(os.path.abspath(file))
+    except _eyebox.EyeboxError:
+        # What is wrong with it is said by who opens it.
+        return [None]
+    return [None] if count is None else list(range(count))
+
+
+def _when(file: str) -> int | None:
+    """What changes when a hologram is written again."""
+    try:
+        return os.stat(os.path.join(file, "zarr.json")).st_mtime_ns
+    except OSError:
+        return None
+
+
+def _scored(file: str, index: int | None, _when: Any, scene: str | None, pupils: Any, engine: str) -> dict[str, Any]:
+    at = {} if index is None else {"at": index}
+    return {"hologram": file, **at, "scores": _scores(Hologram.load(file, index), scene, pupils, engine)}
 
 
 def _traded(
-    scene: str, display: str, colors: list[str], settings: dict[str, Any], pupils: Any, engine: str
+    scene: str, display: tuple[str, Any], colors: list[str], settings: dict[str, Any], pupils: Any, engine: str
 ) -> dict[str, Any]:
     begun = time.perf_counter()
-    made = solve(scene, Display._of(_eyebox.Display.of_toml(display)), colors, engine=engine, **settings)
+    made = solve(scene, Display._of(_eyebox.Display.of_toml(*display)), colors, engine=engine, **settings)
     seconds = time.perf_counter() - begun
     return {"settings": settings, "seconds": seconds, "scores": _scores(made, None, pupils, engine)}
 
@@ -341,7 +367,7 @@ def _same_job(file: str, job: str) -> None:
 def _sequence(job: Any) -> _eyebox.Sequence:
     """On a worker: the sequence that it works at, which keeps what its first scene decided."""
     names, display, colors, settings, rate, out, _ = job
-    return _eyebox.Sequence(list(names), _eyebox.Display.of_toml(display), list(colors), settings, rate, out)
+    return _eyebox.Sequence(list(names), _eyebox.Display.of_toml(*display), list(colors), settings, rate, out)
 
 
 def _begun(job: Any) -> Any:
@@ -359,7 +385,7 @@ def _piece(job: Any, index: int) -> None:
 def _far_field(job: Any) -> _eyebox.FarField:
     """On a worker: the far field that it works at, which keeps what was loaded of its scene."""
     scene, display, colors, settings, request, out, _ = job
-    return _eyebox.FarField(scene, _eyebox.Display.of_toml(display), list(colors), settings, request, out)
+    return _eyebox.FarField(scene, _eyebox.Display.of_toml(*display), list(colors), settings, request, out)
 
 
 def _far_field_begun(job: Any) -> tuple[Any, list[bool], list[list[int]]]:

@@ -32,6 +32,8 @@ mod model;
 mod numbers;
 mod odd_values;
 mod orders;
+mod own_display;
+mod own_scene;
 mod phases;
 mod plan;
 mod play;

@@ -5,6 +5,7 @@
 mod common;
 mod errors;
 mod fuzzed;
+mod own_scene;
 #[cfg(target_os = "linux")]
 mod programs;
 mod same;

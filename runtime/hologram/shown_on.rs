@@ -1,0 +1,86 @@
+//! Which display a hologram is sent to: the one that it was solved for, found again, unless another is named.
+
+use super::{Hologram, HologramError};
+use crate::optics::{Display, OpticsError};
+
+/// Wavelengths, pitches and focal lengths that differ by no more than this share are the same.
+const SAME: f64 = 1e-6;
+
+impl Hologram {
+    /// Returns the display that a preset or file names, or the one that the hologram was solved for, with its encoding as it is
+    /// today. The one that it was solved for is cut to the hologram's size, as it was then.
+    ///
+    /// # Errors
+    /// [`HologramError::DisplayNotFound`] for a display that is not there any more, or has other optics by now;
+    /// [`HologramError::Optics`] for one that cannot be read.
+    pub fn shown_on(&self, named: Option<&str>) -> Result<Display, HologramError> {
+        let display = match named {
+            Some(name) => Display::load(name)?,
+            None => self.own_display()?,
+        };
+        let is_own = display.name == self.display && self.was_made_for(&display).is_none();
+        Ok(if is_own { self.cut(display) } else { display })
+    }
+
+    /// A display with as many pixels as the hologram has, if it has no fewer.
+    fn cut(&self, display: Display) -> Display {
+        let is_turned = display.encoding.rotation_deg % 180 == 90;
+        let (height, width) = if is_turned { (self.width, self.height) } else { (self.height, self.width) };
+        if height > display.height || width > display.width {
+            return display;
+        }
+        Display { height, width, portrait: display.portrait || height > width, ..display }
+    }
+
+    /// The display that it was solved for, with its encoding.
+    fn own_display(&self) -> Result<Display, HologramError> {
+        let missing = |why: String| HologramError::DisplayNotFound { display: self.display.clone(), why };
+        let Some(file) = &self.metadata.display_file else {
+            let why = if self.display.is_empty() { "the hologram names none" } else { "it is no preset" };
+            let preset = Display::preset(&self.display).ok_or_else(|| missing(why.into()))?;
+            return self.was_made_for(&preset).map_or(Ok(preset), |why| Err(missing(why)));
+        };
+        let mut first = None;
+        for place in file.places() {
+            let looked = place.display().to_string();
+            let why = match Display::load(&looked) {
+                Ok(display) => match self.was_made_for(&display) {
+                    None => return Ok(display),
+                    Some(why) => format!("{looked}: {why}"),
+                },
+                Err(OpticsError::UnknownDisplay { .. }) => format!("{looked} cannot be read"),
+                Err(error) => error.to_string(),
+            };
+            first = first.or(Some(why));
+        }
+        Err(missing(first.unwrap_or_else(|| "where its file was is not known".into())))
+    }
+
+    /// How a display differs in its optics from the one that it was made for; none if it does not.
+    fn was_made_for(&self, display: &Display) -> Option<String> {
+        let differs = |a: f64, b: f64| (a / b - 1.0).abs() > SAME;
+        if self.geometry != display.geometry {
+            let (made, is) = (self.geometry.name(), display.geometry.name());
+            return Some(format!("the hologram was made for a {made} display, and it is {is}"));
+        }
+        for (what, made, is) in
+            [("pitch", self.pitch, display.pitch), ("focal length", self.focal_length, display.focal_length)]
+        {
+            if differs(made, is) {
+                let [made, is] = [made, is].map(|meters| meters * 1e3);
+                return Some(format!("the hologram was made for a {what} of {made:.4} mm, and it has {is:.4} mm"));
+            }
+        }
+        for color in &self.colors {
+            let of = display.wavelengths.iter().find(|w| Some(w.color) == color.color);
+            match of {
+                Some(w) if !differs(w.wavelength, color.wavelength) => {}
+                _ => {
+                    let nm = color.wavelength * 1e9;
+                    return Some(format!("the hologram was made for {nm:.1} nm, which it does not have"));
+                }
+            }
+        }
+        None
+    }
+}

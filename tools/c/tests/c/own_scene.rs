@@ -1,0 +1,123 @@
+//! A hologram finds its scene and display again, and takes no other for them.
+
+use crate::common::{handle, made};
+use eyebox_c::*;
+use std::ffi::{CStr, CString};
+use std::mem::MaybeUninit;
+use std::ptr::null;
+
+const PUPIL: EyeboxPupil = EyeboxPupil { x_m: 2e-3, y_m: 0.0, diameter_m: 4e-3, depth_m: 0.0 };
+
+struct Bench {
+    display: Box<EyeboxDisplay>,
+    engine: Box<EyeboxEngine>,
+}
+
+impl Bench {
+    fn new() -> Self {
+        // SAFETY: every text ends with zero.
+        unsafe {
+            let small = handle(|out| eyebox_display_load(c"small".as_ptr(), Some(out))).unwrap();
+            let display = handle(|out| eyebox_display_resized(Some(&small), 40, 48, Some(out))).unwrap();
+            let engine = handle(|out| eyebox_engine_open(c"cpu".as_ptr(), Some(out))).unwrap();
+            Self { display, engine }
+        }
+    }
+
+    fn scene(&self, source: &CStr, views: usize) -> Box<EyeboxScene> {
+        // SAFETY: the text ends with zero.
+        unsafe {
+            handle(|out| eyebox_scene_load(source.as_ptr(), Some(&self.display), EYEBOX_GREEN, views, Some(out)))
+                .unwrap()
+        }
+    }
+
+    /// A light field of 2 x 2 views of the caller's own.
+    fn views(&self, salt: usize) -> Box<EyeboxScene> {
+        let light: Vec<f32> = (0..4 * 40 * 48).map(|i| ((i * 37 + salt) % 97) as f32 / 97.0).collect();
+        let views = EyeboxViews {
+            name: null(),
+            view_rows: 2,
+            view_columns: 2,
+            rows: 40,
+            columns: 48,
+            view_pitch_m: 2e-3,
+            red: null(),
+            green: light.as_ptr(),
+            blue: null(),
+            count: light.len(),
+        };
+        // SAFETY: the array is as long as is said.
+        unsafe { handle(|out| eyebox_scene_from_views(Some(&views), Some(&self.display), Some(out))).unwrap() }
+    }
+
+    /// Solved, saved and opened again.
+    fn solved(&self, scene: &EyeboxScene, file: &CStr) -> Box<EyeboxHologram> {
+        let settings = c"steps = 3\nframes = 2\npupils = 4\ndepth = [0.0, 0.0]";
+        // SAFETY: every text ends with zero.
+        unsafe {
+            let solved = handle(|out| {
+                let (display, engine) = (Some(&*self.display), Some(&*self.engine));
+                let none = std::ptr::null_mut();
+                eyebox_solve(Some(scene), display, settings.as_ptr(), engine, None, none, Some(out))
+            });
+            let saved = eyebox_hologram_save(Some(&solved.unwrap()), file.as_ptr());
+            assert!(matches!(saved, EyeboxStatus::Ok));
+            handle(|out| eyebox_hologram_open(file.as_ptr(), Some(out))).unwrap()
+        }
+    }
+
+    fn psnr(&self, hologram: &EyeboxHologram, scene: Option<&EyeboxScene>) -> Result<f64, String> {
+        // SAFETY: one pupil, and room for one score.
+        let score = made(|score: &mut MaybeUninit<EyeboxScore>| unsafe {
+            eyebox_score(Some(hologram), scene, &PUPIL, 1, Some(&self.engine), score.as_mut_ptr())
+        })?;
+        Ok(score.psnr_db)
+    }
+}
+
+fn scene_of(hologram: &EyeboxHologram, source: Option<&CStr>, other: i32) -> Result<Box<EyeboxScene>, String> {
+    let source = source.map_or(null(), CStr::as_ptr);
+    // SAFETY: the text ends with zero.
+    handle(|out| unsafe { eyebox_scene_of_hologram(Some(hologram), source, other, Some(out)) })
+}
+
+#[test]
+fn a_scene_is_read_as_it_was_solved() {
+    let (bench, here) = (Bench::new(), tempfile::tempdir().unwrap());
+    let file = CString::new(here.path().join("h.zarr").to_str().unwrap()).unwrap();
+    let scene = bench.scene(c"builtin:still-life", 5);
+    let hologram = bench.solved(&scene, &file);
+    let right = bench.psnr(&hologram, Some(&scene)).unwrap();
+    assert!((bench.psnr(&hologram, None).unwrap() - right).abs() < 1e-6);
+    let again = scene_of(&hologram, Some(c"builtin:still-life"), 0).unwrap();
+    assert!((bench.psnr(&hologram, Some(&again)).unwrap() - right).abs() < 1e-6);
+    assert!(scene_of(&hologram, Some(c"builtin:plane"), 0).err().unwrap().contains("another scene"));
+    assert!(bench.psnr(&hologram, Some(&bench.scene(c"builtin:plane", 0))).is_err());
+    let other = scene_of(&hologram, Some(c"builtin:plane"), 1).unwrap();
+    assert!(bench.psnr(&hologram, Some(&other)).unwrap() < right - 1.0);
+    // Its display, cut to its size.
+    let own = handle(|out| unsafe { eyebox_hologram_display(Some(&hologram), null(), Some(out)) }).unwrap();
+    let encoder = handle(|out| eyebox_encoder_new(Some(&own), EYEBOX_GREEN, 2, Some(out))).unwrap();
+    let video = made(|out| eyebox_encoder_video(Some(&encoder), Some(out))).unwrap();
+    assert_eq!((video.rows, video.columns), (40, 48));
+    // Refined, in the best state.
+    let refiner =
+        handle(|out| unsafe { eyebox_refiner_new(Some(&hologram), None, null(), Some(&bench.engine), Some(out)) });
+    let refiner = refiner.unwrap();
+    let aimed = eyebox_refiner_aim(Some(&refiner), Some(&PUPIL), 0.2e-3);
+    assert!(matches!(aimed, EyeboxStatus::Ok));
+    let best = handle(|out| eyebox_refiner_best(Some(&refiner), 6, Some(out))).unwrap();
+    assert!(bench.psnr(&best, Some(&again)).unwrap() > right);
+}
+
+#[test]
+fn views_of_the_caller_s_are_known_by_their_light() {
+    let (bench, here) = (Bench::new(), tempfile::tempdir().unwrap());
+    let file = CString::new(here.path().join("h.zarr").to_str().unwrap()).unwrap();
+    let hologram = bench.solved(&bench.views(0), &file);
+    let right = bench.psnr(&hologram, Some(&bench.views(0))).unwrap();
+    assert!(right.is_finite());
+    assert!(bench.psnr(&hologram, Some(&bench.views(1))).unwrap_err().contains("another scene"));
+    assert!(bench.psnr(&hologram, None).unwrap_err().contains("array"));
+}

@@ -1,0 +1,238 @@
+//! A hologram finds its scene again, wherever both are, reads it as it was solved, and takes no other for it.
+
+use crate::common::{done, eyebox, folder, made, refused, text};
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+
+const SMALL: [&str; 10] = ["--size", "40x40", "--steps", "3", "--frames", "1", "--color", "green", "--engine", "cpu"];
+const PUPILS: [&str; 6] = ["--pupils", "random:3", "--no-jod", "--engine", "cpu", "--json"];
+
+/// Solves `scene` in a folder into `out` there.
+fn solve(at: &Path, scene: &str, out: &str, more: &[&str]) {
+    done(at, &[&["solve", scene, "-o", out][..], &SMALL, more].concat());
+}
+
+/// Mean PSNR by `score`, dB.
+fn psnr(at: &Path, words: &[&str]) -> f64 {
+    let said = done(at, &[&["score"][..], words, &PUPILS].concat());
+    serde_json::from_str::<Value>(&said).expect("JSON")["psnr_db"]["mean"].as_f64().expect("a number")
+}
+
+/// It is refused with one line that names another way, which works.
+fn refused_unless_asked(at: &Path, words: &[&str], what: &str) {
+    refused(at, &[&["score"][..], words, &PUPILS].concat(), "nothing", what);
+    refused(at, &[&["score"][..], words, &PUPILS].concat(), "nothing", "--other-scene");
+    psnr(at, &[words, &["--other-scene"]].concat());
+}
+
+/// A folder `a` with the light field `views` and its hologram `h.zarr`, and a folder `b` with another light field of that name.
+fn two_folders() -> (tempfile::TempDir, f64) {
+    let temp = folder();
+    let [a, b] = ["a", "b"].map(|name| temp.path().join(name));
+    made::views(&a.join("views"), "builtin:still-life", |r, c| [r, c]);
+    made::views(&b.join("views"), "builtin:dense-grass", |r, c| [r, c]);
+    solve(&a, "views", "h.zarr", &[]);
+    let right = psnr(&a, &["h.zarr", "views"]);
+    (temp, right)
+}
+
+#[test]
+fn its_scene_is_found_wherever_it_is_opened() {
+    let (temp, right) = two_folders();
+    let [a, b, c] = ["a", "b", "c"].map(|name| temp.path().join(name));
+    let is = |at: &Path, words: &[&str]| {
+        let found = psnr(at, words);
+        assert!((found - right).abs() < 1e-9, "{words:?} in {}: {found} dB, not {right}", at.display());
+    };
+    // Of itself; from elsewhere; from a folder that has another scene of its name.
+    is(&a, &["h.zarr"]);
+    is(temp.path(), &["a/h.zarr"]);
+    is(&b, &["../a/h.zarr"]);
+    // A copy of the hologram beside another scene of the name finds its own where that was.
+    fs::create_dir_all(&c).unwrap();
+    assert!(std::process::Command::new("cp").arg("-r").args([a.join("h.zarr"), b.clone()]).status().unwrap().success());
+    is(&b, &["h.zarr"]);
+    is(&c, &["../b/h.zarr"]);
+    // Refined and saved elsewhere, it still does.
+    let refine = ["refine", "../a/h.zarr", "--pupil=4,0,4,0", "--steps", "1", "--engine", "cpu", "-o", "refined.zarr"];
+    done(&c, &refine);
+    psnr(&b, &["../c/refined.zarr"]);
+    // Both moved together.
+    let moved = temp.path().join("moved/deep");
+    fs::create_dir_all(moved.parent().unwrap()).unwrap();
+    fs::rename(&a, &moved).unwrap();
+    is(&moved, &["h.zarr"]);
+    is(&b, &[&moved.join("h.zarr").display().to_string()]);
+    // The scene renamed, and named.
+    fs::rename(moved.join("views"), moved.join("still life")).unwrap();
+    is(&moved, &["h.zarr", "still life"]);
+    refused(&moved, &[&["score", "h.zarr"][..], &PUPILS].concat(), "nothing", "is not there");
+}
+
+#[test]
+fn another_scene_and_one_that_changed_are_refused_unless_asked_for() {
+    let (temp, right) = two_folders();
+    let [a, b] = ["a", "b"].map(|name| temp.path().join(name));
+    refused_unless_asked(&b, &["../a/h.zarr", "views"], "another scene");
+    refused_unless_asked(&a, &["h.zarr", "builtin:still-life"], "another scene");
+    assert!(right - psnr(&b, &["../a/h.zarr", "views", "--other-scene"]) > 1.0);
+    for command in ["refine", "study"] {
+        let pupil: &[&str] = if command == "refine" { &["--pupil=4,0,4,0"] } else { &["--scene"] };
+        let named = [
+            &[command, "../a/h.zarr"][..],
+            &if command == "refine" { [&["views"][..], pupil].concat() } else { [pupil, &["views"]].concat() },
+        ];
+        refused(
+            &b,
+            &[&named.concat()[..], &["--engine", "cpu", "-o", "out.zarr"]].concat(),
+            "out.zarr",
+            "another scene",
+        );
+    }
+    // One view of nine.
+    fs::copy(a.join("views/view_0_1.png"), a.join("views/view_0_0.png")).unwrap();
+    refused_unless_asked(&b, &["../a/h.zarr"], "not what the hologram was solved from");
+    refused_unless_asked(&a, &["h.zarr", "views"], "another scene");
+    refused(
+        &b,
+        &["study", "../a/h.zarr", "--engine", "cpu", "-o", "out"],
+        "out",
+        "not what the hologram was solved from",
+    );
+    // A view that is gone.
+    fs::remove_file(a.join("views/view_0_0.png")).unwrap();
+    refused(&a, &[&["score", "h.zarr"][..], &PUPILS].concat(), "nothing", "not what the hologram was solved from");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_link_may_come_to_lead_elsewhere() {
+    let (temp, right) = two_folders();
+    let at = temp.path();
+    let link = |to: &str| {
+        let _ = fs::remove_file(at.join("link"));
+        std::os::unix::fs::symlink(to, at.join("link")).unwrap();
+    };
+    link("a/views");
+    solve(at, "link", "linked.zarr", &[]);
+    assert!((psnr(&at.join("b"), &["../linked.zarr"]) - right).abs() < 1e-9);
+    // The folder that it led to was moved, and the link with it.
+    fs::rename(at.join("a/views"), at.join("a/kept")).unwrap();
+    link("a/kept");
+    assert!((psnr(&at.join("b"), &["../linked.zarr"]) - right).abs() < 1e-9);
+    link("b/views");
+    refused_unless_asked(at, &["linked.zarr"], "not what the hologram was solved from");
+}
+
+#[test]
+fn arrays_pictures_and_tiles_are_found_as_they_were_read() {
+    let temp = folder();
+    let [at, away] = ["at", "away"].map(|name| temp.path().join(name));
+    fs::create_dir_all(&away).unwrap();
+    made::views(&at.join("views"), "builtin:still-life", |r, c| [r, c]);
+    // Views one after the other, which need their grid, with another pitch than by default.
+    let light: Vec<f32> = (0..6 * 64).map(|i| ((i * 37) % 97) as f32 / 97.0).collect();
+    eyebox::files::write_npy(&at.join("array.npy"), &[6, 8, 8], &light).unwrap();
+    solve(&at, "array.npy?grid=2x3", "array.zarr", &["--view-pitch", "2", "--depth", "0..0"]);
+    let photograph = ["photograph", "builtin:still-life", "--size", "40x40", "--views", "3", "--pupil=0,0,2,0"];
+    done(&at, &[&photograph[..], &["-o", "photo.png"]].concat());
+    done(&at, &[&photograph[..], &["--color", "green", "-o", "depth.png"]].concat());
+    let with_map = ["--depth-map", "depth.png", "--near", "dark", "--depth=-1..1", "--views", "4"];
+    solve(&at, "photo.png", "photo.zarr", &with_map);
+    solve(&at, "builtin:plane?depth=0.5", "plane.zarr", &["--views", "3"]);
+    solve(&at, "views", "order.zarr", &["--order", "flip-rows,flip-columns", "--depth=-1..1"]);
+    fs::write(at.join("far.toml"), FAR).unwrap();
+    let tiled =
+        "--display far.toml --frames 1 --memory 200MiB --pupil-diameter 0.2..0.4 --picture 32 --passes 1 --steps 1";
+    let words: Vec<&str> = tiled.split_whitespace().collect();
+    done(&at, &[&["solve", "views", "-o", "tiles.zarr", "--engine", "cpu", "--depth=-1..1"][..], &words].concat());
+    for (hologram, named) in [
+        ("array.zarr", &["array.npy?grid=2x3"][..]),
+        ("array.zarr", &["array.npy"]),
+        ("photo.zarr", &["photo.png", "--depth-map", "depth.png"]),
+        ("photo.zarr", &["photo.png"]),
+        ("plane.zarr", &["builtin:plane?depth=0.5"]),
+        ("order.zarr", &["views"]),
+        ("tiles.zarr", &["views"]),
+    ] {
+        let right = psnr(&at, &[&[hologram][..], named].concat());
+        let found = psnr(&away, &[&format!("../at/{hologram}")]);
+        assert!((found - right).abs() < 1e-9, "{hologram}: {found} dB, not {right}");
+    }
+    // Another map is another scene; so is other content in the same array.
+    let other =
+        ["photograph", "builtin:plane", "--size", "40x40", "--views", "3", "--pupil=0,0,2,0", "--color", "green"];
+    done(&at, &[&other[..], &["-o", "other.png"]].concat());
+    refused_unless_asked(&at, &["photo.zarr", "--depth-map", "other.png"], "another scene");
+    refused_unless_asked(&at, &["photo.zarr", "photo.png", "--depth-map", "other.png"], "another scene");
+    fs::copy(at.join("other.png"), at.join("depth.png")).unwrap();
+    refused_unless_asked(&away, &["../at/photo.zarr"], "not what the hologram was solved from");
+    let light: Vec<f32> = light.iter().map(|v| 1.0 - v).collect();
+    eyebox::files::write_npy(&at.join("array.npy"), &[6, 8, 8], &light).unwrap();
+    refused_unless_asked(&at, &["array.zarr"], "not what the hologram was solved from");
+    refused_unless_asked(&at, &["plane.zarr", "builtin:plane?depth=0.6"], "another scene");
+    // What is under way in tiles is another job once the views have changed.
+    fs::copy(at.join("views/view_0_1.png"), at.join("views/view_0_0.png")).unwrap();
+    refused_unless_asked(&at, &["tiles.zarr"], "not what the hologram was solved from");
+}
+
+const FAR: &str = "name = \"far\"\nresolution = [192, 192]\npitch_um = 4.0\nfocal_length_mm = 400.0\n\
+                   wavelengths_nm = { green = 520 }\ngeometry = \"far-field\"\n";
+
+/// Each hologram of a sequence has a scene of its own, and a sequence under way is gone on with for the same scenes alone.
+#[test]
+fn a_sequence_knows_the_scene_of_each_hologram() {
+    let temp = folder();
+    let [at, away] = ["at", "away"].map(|name| temp.path().join(name));
+    fs::create_dir_all(&away).unwrap();
+    for (name, scene) in [("one, two", "builtin:still-life"), ("three", "builtin:dense-grass")] {
+        made::views(&at.join(name), scene, |r, c| [r, c]);
+    }
+    made::views(&away.join("three"), "builtin:chart", |r, c| [r, c]);
+    let solve = ["solve", "one, two", "three", "-o", "s.zarr", "--depth=-1..1"];
+    let solve = [&solve[..], &SMALL].concat();
+    done(&at, &solve);
+    let show = |from: &Path, what: &str| {
+        let words =
+            "--tracker simulated --output offscreen --clock simulated --step-time 2 --duration 0.2 --engine cpu";
+        let words: Vec<&str> = words.split_whitespace().collect();
+        eyebox(from, &[&["show", what][..], &words].concat())
+    };
+    let answer = show(&away, "../at/s.zarr");
+    assert!(answer.status.success(), "{}", text(&answer.stderr));
+    assert!(done(&at, &solve).contains("is complete"));
+    fs::copy(at.join("three/view_0_1.png"), at.join("three/view_0_0.png")).unwrap();
+    let answer = eyebox(&at, &solve);
+    let said = text(&answer.stderr);
+    assert_eq!(answer.status.code(), Some(2), "{said}");
+    assert!(said.contains("scene 1, three, is not what it was when the sequence was begun"), "{said}");
+    fs::copy(at.join("one, two/view_0_1.png"), at.join("one, two/view_0_0.png")).unwrap();
+    let answer = show(&away, "../at/s.zarr");
+    let said = text(&answer.stderr);
+    assert!(!answer.status.success() && said.contains("not what the hologram was solved from"), "{said}");
+}
+
+/// The state that is written is the best of those that were judged, not the last.
+#[test]
+fn refine_writes_the_best_state() {
+    let temp = folder();
+    let at = temp.path();
+    let solve = "solve builtin:still-life --size 128x128 --color green --frames 2 --steps 6 --engine cpu -o h.zarr";
+    done(at, &solve.split_whitespace().collect::<Vec<_>>());
+    let refine = |from: &str, more: &[&str]| -> Value {
+        let words = ["refine", from, "--pupil=4,0,4,1", "--engine", "cpu", "--json"];
+        serde_json::from_str(&done(at, &[&words[..], more].concat())).expect("JSON")
+    };
+    let said = refine("h.zarr", &["-o", "r.zarr"]);
+    let eye: Vec<f64> = said["rows"].as_array().unwrap().iter().map(|row| row["eye_db"].as_f64().unwrap()).collect();
+    let best = eye.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    assert!(best > eye[eye.len() - 1] + 0.3, "the case of issue 41: {eye:?}");
+    // It is the state after as many steps as the best took.
+    let at_best = eye.iter().position(|db| *db == best).unwrap();
+    let steps = said["rows"][at_best]["steps"].to_string();
+    refine("h.zarr", &["--steps", &steps, "-o", "best.zarr"]);
+    let phases = |name: &str| fs::read(at.join(name).join("phases/c/0/0/0/0")).unwrap();
+    assert!(phases("r.zarr") == phases("best.zarr") && phases("r.zarr") != phases("h.zarr"));
+    assert_eq!(said["best_steps"][0].to_string(), steps);
+}
