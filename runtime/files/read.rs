@@ -127,7 +127,7 @@ mod tests {
         std::fs::write(&file, "12345").unwrap();
         assert_eq!(text(&file, 5).unwrap(), "12345");
         assert!(bytes(&file, 4).unwrap_err().to_string().contains("5 bytes long"), "the limit holds");
-        std::fs::write(&file, [0xff, 0xfe]).unwrap();
+        std::fs::write(&file, [0xff, 0x80, 0xff]).unwrap();
         assert!(text(&file, 5).unwrap_err().to_string().contains("no text"));
         assert!(bytes(here.path(), 5).is_err());
         // A file that is longer than memory costs nothing.

@@ -44,14 +44,17 @@ pub(super) fn check_version(folder: &Folder) -> Result<(), HologramError> {
 
 /// What is wrong with a group's document that cannot be read.
 pub(super) fn of_group(folder: &Folder, bytes: &[u8], reason: String) -> HologramError {
+    let file = folder.path().join(GROUP);
+    // A document of this program states its version.
+    let others = serde_json::from_slice::<Value>(bytes)
+        .is_ok_and(|document| document["attributes"]["eyebox"]["version"].as_str().is_none_or(str::is_empty));
     match document::is_sealed(bytes) {
         true if is_rewritten(bytes) => rewritten(folder.path()),
-        true => damaged(&folder.path().join(GROUP), reason),
-        false => {
-            let path = folder.path().display().to_string();
-            let reason = format!("another program wrote its zarr.json, and {reason}");
-            HologramError::NotAHologram { path, reason }
+        false if others => {
+            let reason = format!("another program wrote it, and {reason}");
+            HologramError::NotAHologram { path: file.display().to_string(), reason }
         }
+        _ => damaged(&file, reason),
     }
 }
 

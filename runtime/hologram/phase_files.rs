@@ -21,6 +21,8 @@ const UNITS: &str =
     "say what its numbers are with --phase-unit: rad, turns, deg, or how many levels are a turn, such as 256";
 /// Turns beyond which numbers are hardly radians: levels, degrees.
 const MANY_TURNS: f32 = 8.0;
+/// The list in a folder of encoded video frames.
+const VIDEO_FRAMES: &str = "frames.json";
 /// Pixels of a picture of phases, at most: that of the largest display.
 const MOST_PIXELS: u64 = 1 << 28;
 
@@ -174,6 +176,10 @@ fn of_folder(opened: &Folder, unit: Option<PhaseUnit>) -> Result<Phases, Hologra
         .filter(|name| !name.starts_with('.'))
         .collect();
     names.sort_by_cached_key(|name| natural(name));
+    if names.iter().any(|name| name == VIDEO_FRAMES) {
+        let reason = "it holds encoded video frames, whose levels are those of an SLM: give the hologram of which they were made";
+        return Err(none(folder, reason.into()));
+    }
     let named = names.iter().any(|name| is_lossless(name) && parse_name(name).is_some());
     let found = match (named, names.iter().any(|name| is_lossless(name))) {
         (true, _) => of_named(folder, &names, unit),
@@ -275,7 +281,12 @@ fn of_pictures(place: &Path, files: &[PathBuf], unit: Option<PhaseUnit>) -> Resu
     if let Some((_, file)) = pictures.iter().find(|(levels, _)| has_color && levels.channels < 3) {
         return Err(FileError::content(file, "is gray, and others have colors: give one kind").into());
     }
-    let named = if has_color { vec![Some(Color::Red), Some(Color::Green), Some(Color::Blue)] } else { vec![None] };
+    // A picture by itself may be called green-00.png.
+    let color = match files {
+        [one] => one.file_name().and_then(|name| parse_name(&name.to_string_lossy())).and_then(|((color, _), _)| color),
+        _ => None,
+    };
+    let named = if has_color { vec![Some(Color::Red), Some(Color::Green), Some(Color::Blue)] } else { vec![color] };
     let mut colors = Vec::new();
     for (channel, color) in named.into_iter().enumerate() {
         let mut phases = Vec::new();

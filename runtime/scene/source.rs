@@ -3,7 +3,7 @@
 use super::cameras::Quilt;
 use super::options::{Options, Tiling};
 use super::views::Read;
-use super::{Request, SceneError, array, folder, frames, mosaic, stack, still, video};
+use super::{Request, SceneError, array, folder, frames, mosaic, picture, stack, video};
 use crate::files::{FileError, FileKind, Wanted};
 use std::path::Path;
 
@@ -85,13 +85,15 @@ impl<'a> Source<'a> {
             };
         }
         let kind = FileKind::of(path).map_err(|e| SceneError::unreadable(path, &e))?;
-        let is_array = matches!(kind, FileKind::Npy | FileKind::Npz);
+        // A damaged archive of arrays is an archive as any other.
+        let is_npz = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npz"));
+        let is_array = matches!(kind, FileKind::Npy | FileKind::Npz) || (kind == FileKind::Zip && is_npz);
         if !is_array && !kind.is_picture() {
             return Err(SceneError::of_file(FileError::of_kind(path, kind, Wanted::Scene)));
         }
         if kind == FileKind::Gif {
             // A still one has a size, an animation is refused.
-            still::size(path)?;
+            picture::size(path)?;
         }
         let options = Options::parse(query, is_array).map_err(wrong)?;
         Ok(match options.tiling {

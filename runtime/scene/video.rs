@@ -400,8 +400,9 @@ mod tests {
         };
         says(&whole, 4, "it has 4 frames, and frame 4 is asked for");
         says(&whole[..whole.len() - 1], 3, "cut short");
-        says(b"RIFF....", 0, "no end");
-        says(b"RIFF\n", 0, "YUV4MPEG2");
+        says(b"RIFF....", 0, "a RIFF file");
+        says(b"YUV4MPEG2", 0, "no end");
+        says(b"YUV4MPEG2\n", 0, "YUV4MPEG2");
         says(b"YUV4MPEG2 W5 C444\nFRAME\n", 0, "W and H");
         says(b"YUV4MPEG2 W5 H3 C411\nFRAME\n", 0, "C420, C422, C444 and Cmono");
         says(b"YUV4MPEG2 W5 H3 C420p99\nFRAME\n", 0, "8 to 16 bits");

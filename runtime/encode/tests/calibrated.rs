@@ -136,8 +136,8 @@ fn corrections_that_cannot_be_are_named() {
         ("c8.png", [12, 16], "12x17"),
         ("c.npy", [11, 17], "11x17"),
         ("colored.png", [12, 17], "row 2, column 3"),
-        ("text.png", [12, 17], "neither PNG nor BMP"),
-        ("short.png", [12, 17], "no whole picture"),
+        ("text.png", [12, 17], "a text file"),
+        ("short.png", [12, 17], "short.png"),
         ("none.bmp", [12, 17], "none.bmp"),
     ] {
         let display = with(&format!("[[encoding.correction]]\nfile = \"{file}\"\nsign = 1"), folder, size, 256);

@@ -268,7 +268,7 @@ fn phases_are_imported_with_what_is_known_of_them() {
     refused(at, &["import", "p.npy", "-o", "x.zarr"], "x.zarr", "--display");
     refused(at, &["import", "none.npy", "--display", "small", "-o", "x.zarr"], "x.zarr", "none.npy");
     let one = ["view", "frames/green-00.png", "--display", "small", "--pupil=0,0,5,0", "-o", "x.png"];
-    refused(at, &one, "x.png", "a folder of pictures named like green-00.png");
+    done(at, &[&one[..], &["--engine", "cpu"]].concat());
     refused(at, &["import", "p.npy", "--display", "small", "-o", "x.npy"], "x.npy", ".zarr");
 }
 
@@ -322,9 +322,9 @@ fn the_documents_python_writes_a_hologram() {
         refused(at, &["export", "grating.zarr", "-o", "x.npy"], "x.npy", what);
     };
     wrong("\"format\": 1, ", "", "it states no format");
-    wrong("\"float32\"", "\"float64\"", "data_type");
-    wrong("[1, 1, rows, columns]", "[1, 1, 1, columns]", "chunk");
-    wrong("{\"endian\": \"little\"}", "{\"endian\": \"big\"}", "codecs");
+    wrong("\"float32\"", "\"float64\"", "bytes long");
+    wrong("\"float32\"", "\"int32\"", "int32");
+    wrong("[1, 1, rows, columns]", "[1, 1, 1, columns]", "bytes long");
     wrong("\"wavelength_nm\": nm", "\"wavelength\": nm", "wavelength_nm");
     wrong("display=\"bench\"", "version=\"1.0\"", "document_crc32c");
     wrong("0.1 * column", "float(column)", "radians");
