@@ -4,8 +4,6 @@
 //! in rows of tiles from the bottom left: its name says so (`NAME_qs8x6a0.75.png`: 8 columns and 6 rows of tiles, each
 //! view 0.75 times as wide as it is high).
 
-use super::SceneError;
-use super::settings::Settings;
 use serde::Deserialize;
 use std::{fmt, path::Path};
 
@@ -181,25 +179,6 @@ impl Quilt {
             };
             (grid[0] * grid[1] > 1 && !rest.starts_with(char::is_alphanumeric)).then_some(Self { grid, aspect })
         })
-    }
-
-    /// What the file beside a quilt states, with what its name does.
-    ///
-    /// # Errors
-    /// [`SceneError::Settings`] if both contradict each other.
-    pub(super) fn stated(self, file: &Path, stated: Settings) -> Result<Settings, SceneError> {
-        let [rows, columns] = self.grid;
-        let count = rows * columns;
-        let other = stated.grid.is_some_and(|grid| grid != [1, count]) || stated.tiles.is_some_and(|t| t != self.grid);
-        if other || stated.positions.is_some() {
-            let reason = format!(
-                "the name says that it is a quilt, one row of {count} cameras in {rows} x {columns} tiles, and another \
-                 arrangement is stated: leave that out, or rename the file"
-            );
-            return Err(SceneError::Settings { file: file.display().to_string(), reason });
-        }
-        let first = stated.first.or(Some(FirstTile::BottomLeft));
-        Ok(Settings { grid: None, tiles: Some(self.grid), first, ..stated })
     }
 }
 

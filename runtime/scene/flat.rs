@@ -3,10 +3,15 @@
 //! A flat square before a textured background is like the background at the background's disparity, as long as each window may choose
 //! one of two opposite views: one of them shows it flat. In both views at once its edges are alike at its own disparity alone.
 
-use super::range::{OFF, OFF_RANGE, WINDOW};
 use super::sweep::{OUTLIER, Sweep, lowest};
 use rayon::prelude::*;
 
+/// Pixels from the middle of the windows that are compared to their edge.
+pub(super) const WINDOW: usize = 2;
+/// A match is off by no more than this many pixels, as the light's slope tells.
+pub(super) const OFF: f32 = 0.5;
+/// Pixels by which a disparity may lie beyond the range that explains it.
+pub(super) const OFF_RANGE: f64 = 0.6;
 /// A window is alike in all views if it differs by no more than this many pixels of movement would.
 const ALIKE: f32 = 0.25;
 /// Pixels of disparities at which a window may be alike: the edge of a surface is so within a window's width.

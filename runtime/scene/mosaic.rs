@@ -1,6 +1,6 @@
 //! Light fields in one picture: views beside each other, or the pixels under each lens of an array of them.
 
-use super::cameras::{Positions, Quilt};
+use super::cameras::{FirstTile, Positions, Quilt};
 use super::mosaic_grid::{Shown, shown};
 use super::options::{Options, Tiling};
 use super::resize::Resize;
@@ -21,9 +21,28 @@ const SQUARE: f64 = 0.02;
 fn stated(file: &Path, options: &Options) -> Result<(Settings, Option<Quilt>), SceneError> {
     let stated = settings::beside(file, options)?;
     match Quilt::of(file).filter(|_| options.tiling != Some(Tiling::Lenslets)) {
-        Some(quilt) => Ok((quilt.stated(file, stated)?, Some(quilt))),
+        Some(quilt) => Ok((of_quilt(quilt, file, stated)?, Some(quilt))),
         None => Ok((stated, None)),
     }
+}
+
+/// What the file beside a quilt states, with what its name does.
+///
+/// # Errors
+/// [`SceneError::Settings`] if both contradict each other.
+fn of_quilt(quilt: Quilt, file: &Path, stated: Settings) -> Result<Settings, SceneError> {
+    let [rows, columns] = quilt.grid;
+    let count = rows * columns;
+    let other = stated.grid.is_some_and(|grid| grid != [1, count]) || stated.tiles.is_some_and(|t| t != quilt.grid);
+    if other || stated.positions.is_some() {
+        let reason = format!(
+            "the name says that it is a quilt, one row of {count} cameras in {rows} x {columns} tiles, and another \
+             arrangement is stated: leave that out, or rename the file"
+        );
+        return Err(SceneError::Settings { file: file.display().to_string(), reason });
+    }
+    let first = stated.first.or(Some(FirstTile::BottomLeft));
+    Ok(Settings { grid: None, tiles: Some(quilt.grid), first, ..stated })
 }
 
 /// The grid of tiles that is stated.

@@ -5,6 +5,7 @@
 //! doubt: alike in the views of both axes, like at no other disparity, and with a small standard error (`subpixel`). The range
 //! ends where enough of them agree; it is doubted where too much of the detail is not among them, for that may lie anywhere.
 
+use super::flat::{OFF, OFF_RANGE, WINDOW};
 use super::resize::Resize;
 use super::subpixel::Subpixel;
 use super::sweep::{Arm, Sweep, lowest, reach_within};
@@ -20,10 +21,6 @@ const COARSE: usize = 128;
 const FINE: usize = 256;
 /// Steps to the farthest view that the fine copies are compared with.
 const STEPS: usize = 3;
-/// Pixels from the middle of the windows that are compared to their edge.
-pub(super) const WINDOW: usize = 2;
-/// A match is off by no more than this many pixels, as the light's slope tells.
-pub(super) const OFF: f32 = 0.5;
 /// Another disparity is as unlike as this many times its best match, and as this many pixels, at least.
 const UNLIKE: [f32; 2] = [2.0, 0.4];
 /// Windows whose slopes sum to this much may be sure (5 x 5 pixels of 8 bits that differ from their neighbours by one).
@@ -33,8 +30,6 @@ const ERROR: f64 = 0.06;
 /// The share of the sure pixels that is no accident where they lie within as many pixels of each other, and their number.
 const ENOUGH: f64 = 0.005;
 const LEAST: usize = 12;
-/// Pixels by which a disparity may lie beyond the range that explains it.
-pub(super) const OFF_RANGE: f64 = 0.6;
 const TOGETHER: f64 = 0.1;
 /// A range is trusted where so much of the detail is sure.
 const TRUSTED: f64 = 0.7;
