@@ -3,6 +3,7 @@
 use super::*;
 use serde_json::{Value, json};
 use std::fs;
+use std::path::Path;
 
 const SHAPE: [usize; 4] = [2, 3, 6, 8];
 
