@@ -29,7 +29,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
         let refined = refinement.hologram()?.score(&scene, &[pupil], engine.as_mut())?.pupils[0].psnr;
         let before = whole.score(&scene, &[pupil], engine.as_mut())?.pupils[0].psnr;
-        println!("pupil at {degrees:3} degrees: {before:.1} dB for the whole eyebox, {refined:.1} dB refined");
+        // A target that is black has no PSNR.
+        if let (Some(before), Some(refined)) = (before, refined) {
+            println!("pupil at {degrees:3} degrees: {before:.1} dB for the whole eyebox, {refined:.1} dB refined");
+        }
     }
     Ok(())
 }

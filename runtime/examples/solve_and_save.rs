@@ -36,7 +36,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let pupils = [-4e-3, 0.0, 4e-3].map(|x| Pupil { x, y: 0.0, diameter: 5e-3, depth: 0.0 });
     let scores = hologram.score(&scene, &pupils, engine.as_mut())?;
     for score in &scores.pupils {
-        println!("pupil at {:4.1} mm: {:.1} dB", score.pupil.x * 1e3, score.psnr);
+        // A target that is black has no PSNR.
+        if let Some(psnr) = score.psnr {
+            println!("pupil at {:4.1} mm: {psnr:.1} dB", score.pupil.x * 1e3);
+        }
     }
     println!("saved {file}");
     Ok(())
