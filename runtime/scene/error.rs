@@ -1,7 +1,7 @@
 //! What can be wrong with a scene.
 
 use super::CamerasFound;
-use super::tone::FullScale;
+use super::light::FullScale;
 use crate::files::{FileError, FileKind, Wanted};
 use crate::memory::TooLarge;
 use crate::optics::{OpticsError, depths_in_words};

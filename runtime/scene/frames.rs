@@ -1,7 +1,7 @@
 //! A folder of light fields: the frames of a sequence.
 
-use super::names::{is_auxiliary, is_picture, square};
-use super::natural::{files, natural};
+use super::names::{is_auxiliary, square};
+use super::natural::{files, is_picture, natural};
 use super::{SceneError, folder, stack, video};
 use crate::files::{FileError, FileKind};
 use std::fs;

@@ -22,6 +22,28 @@ pub(super) struct Picture {
     pub read_as: String,
 }
 
+/// The ways in which the value of white is stated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum FullScale {
+    /// Of a folder of pictures.
+    Folder,
+    /// Of a file.
+    File,
+    /// Of an array that a program gives.
+    Array,
+}
+
+impl std::fmt::Display for FullScale {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Folder => "state the value of white, as in full_scale = 1023 in lightfield.toml",
+            Self::File => "state the value of white, as in FILE?full_scale=1023",
+            Self::Array => "divide the array by the value of white",
+        })
+    }
+}
+
 /// The exact sRGB curve: stored value in 0..=1 to linear light.
 pub fn srgb_to_linear(v: f64) -> f64 {
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }

@@ -5,7 +5,7 @@
 //! with what was found.
 
 use super::SceneError;
-use super::natural;
+use super::natural::{self, is_picture};
 use super::numbers::{self, Name};
 use std::{collections::BTreeMap, path::Path};
 
@@ -25,12 +25,6 @@ pub(super) struct Arrangement {
     pub doubt: String,
     /// Distance of neighbouring rows over that of columns, where the names hold coordinates.
     pub proportion: Option<f64>,
-}
-
-/// Ends of names that can be views.
-pub(super) fn is_picture(name: &str) -> bool {
-    let end = name.rsplit_once('.').map_or(String::new(), |(_, e)| e.to_ascii_lowercase());
-    ["png", "jpg", "jpeg", "exr", "tif", "tiff", "bmp", "ppm", "pgm", "pnm"].contains(&end.as_str())
 }
 
 pub(super) fn is_auxiliary(name: &str) -> bool {

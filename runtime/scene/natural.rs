@@ -1,7 +1,6 @@
 //! The files of a folder in the order of the numbers in their names.
 
 use super::SceneError;
-use super::names::is_picture;
 use std::{fs, path::Path};
 
 /// The names of a folder's files, in the order of their numbers.
@@ -16,6 +15,12 @@ pub(super) fn files(folder: &Path) -> Result<Vec<String>, SceneError> {
     }
     found.sort_by_cached_key(|name| natural(name));
     Ok(found)
+}
+
+/// Ends of names that can be views.
+pub(super) fn is_picture(name: &str) -> bool {
+    let end = name.rsplit_once('.').map_or(String::new(), |(_, e)| e.to_ascii_lowercase());
+    ["png", "jpg", "jpeg", "exr", "tif", "tiff", "bmp", "ppm", "pgm", "pnm"].contains(&end.as_str())
 }
 
 /// The name of an entry; none for hidden files, such as those that macOS leaves beside pictures (`._view.png`).

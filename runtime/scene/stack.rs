@@ -59,7 +59,7 @@ pub(super) fn find(folder: &Path) -> Result<Option<Found>, SceneError> {
         None => !names::is_auxiliary(name),
     };
     let mut pictures = natural::files(folder)?;
-    pictures.retain(|name| names::is_picture(name) && is_one(name));
+    pictures.retain(|name| natural::is_picture(name) && is_one(name));
     if pictures.len() != focus.len() {
         return wrong(format!(
             "focus_mm has {} depths, and the folder {} pictures: one for each, in the order of the numbers in their names",

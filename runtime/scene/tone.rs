@@ -1,6 +1,7 @@
 //! The way from stored values to linear light: transfer function, full scale, and the values that are no light.
 
 use super::SceneError;
+pub use super::light::FullScale;
 use super::light::{Transfer, srgb_to_linear, table};
 use crate::optics::Color;
 use std::path::Path;
@@ -268,28 +269,6 @@ impl Stored<'_> {
             Self::Words(v) => v.iter().skip(channel).step_by(channels).map(|v| f32::from(*v) / full).collect(),
             Self::Floats(v) => v.iter().skip(channel).step_by(channels).map(|v| v / full).collect(),
         }
-    }
-}
-
-/// The ways in which the value of white is stated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum FullScale {
-    /// Of a folder of pictures.
-    Folder,
-    /// Of a file.
-    File,
-    /// Of an array that a program gives.
-    Array,
-}
-
-impl std::fmt::Display for FullScale {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Folder => "state the value of white, as in full_scale = 1023 in lightfield.toml",
-            Self::File => "state the value of white, as in FILE?full_scale=1023",
-            Self::Array => "divide the array by the value of white",
-        })
     }
 }
 
