@@ -93,11 +93,7 @@ pub(crate) fn read_pixels(file: &Path, wanted: Wanted, most: u64) -> Result<Pixe
                 return Err(FileError::content(file, "the file is cut short: a JPEG must reach its end marker"));
             }
             let image = open(file, format)?.decode().map_err(|e| FileError::damaged(file, e))?;
-            let mut pixels = of_image(file, image)?;
-            if format == ImageFormat::Pnm {
-                stretch(file, &mut pixels)?;
-            }
-            pixels
+            of_image(file, image)?
         }
     };
     let orientation = orientation(file, &format)?;
@@ -165,36 +161,4 @@ fn jpeg_ends(file: &Path) -> Result<bool, FileError> {
     // Inside a scan, 0xff is never followed by these.
     let last_scan = bytes.windows(2).rposition(|b| b == [0xff, 0xda]).unwrap_or(0);
     Ok(bytes[last_scan..].windows(2).any(|b| b == [0xff, 0xd9]))
-}
-
-/// A PGM or PPM states its largest value, which the decoder leaves as it is: values are stretched to all 8 or 16 bits.
-fn stretch(file: &Path, pixels: &mut Pixels) -> Result<(), FileError> {
-    let bytes = read::bytes(file, read::PICTURE).map_err(|e| FileError::read(file, e))?;
-    let Some(most) = largest_of_pnm(&bytes) else { return Ok(()) };
-    match &mut pixels.samples {
-        Samples::U8(values) if most < 255 => {
-            values.iter_mut().for_each(|v| *v = ((u32::from(*v) * 255 + most / 2) / most).min(255) as u8);
-        }
-        Samples::U16(values) if most < 65535 => {
-            values.iter_mut().for_each(|v| *v = ((u32::from(*v) * 65535 + most / 2) / most).min(65535) as u16);
-        }
-        _ => {}
-    }
-    Ok(())
-}
-
-/// The largest value that the header of a P2, P3, P5 or P6 states; none for bitmaps and PAM, whose decoder stretches bits itself.
-fn largest_of_pnm(bytes: &[u8]) -> Option<u32> {
-    let head = &bytes[..bytes.len().min(4096)];
-    if !matches!(head, [b'P', b'2' | b'3' | b'5' | b'6', ..]) {
-        return None;
-    }
-    // A comment runs from # to the end of its line.
-    let mut text = String::new();
-    let mut comment = false;
-    for b in &head[2..] {
-        comment = (comment || *b == b'#') && *b != b'\n';
-        text.push(if comment { ' ' } else { char::from(*b) });
-    }
-    text.split_ascii_whitespace().nth(2)?.parse().ok().filter(|most| (1..=65535).contains(most))
 }

@@ -260,7 +260,8 @@ mod tests {
         let (_, again) = shoot("b.y4m", &both);
         let bytes = std::fs::read(first).unwrap();
         assert_eq!(bytes, std::fs::read(again).unwrap());
-        let line = format!("YUV4MPEG2 W{} H24 F20:1 Ip A1:1 C444 XCOLORRANGE=LIMITED\n", made.size[1]);
+        let line =
+            format!("YUV4MPEG2 W{} H24 F20:1 Ip A1:1 C444 XCOLORRANGE=LIMITED XCOLORMATRIX=BT601\n", made.size[1]);
         assert!(bytes.starts_with(line.as_bytes()));
         let frame = 6 + 3 * made.size[0] * made.size[1];
         assert_eq!(bytes.len(), line.len() + 21 * frame);

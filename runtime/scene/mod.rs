@@ -147,7 +147,7 @@ mod sequence_tests;
 mod tests;
 
 pub use builtin::{BUILTINS, Builtin, Stage};
-pub use cameras::{FirstTile, Tiles};
+pub use cameras::{CamerasFound, FirstTile, Tiles};
 pub(crate) use closer::ENOUGH;
 pub use depth::central_depth;
 pub(crate) use depth::central_view;
@@ -177,7 +177,7 @@ pub use request::Request;
 pub use resize::Fit;
 pub(crate) use resize::{Enlarged, crop_share, shrink_to_share};
 pub use single::Reprojection;
-pub use standing::CamerasFound;
+
 pub use tone::FullScale;
 
 pub(crate) use survey::DARK;
@@ -206,7 +206,7 @@ pub(crate) fn is_named(source: &str, known: &str) -> bool {
         return builtin::same(source, known);
     }
     let last = |path: &Path| path.file_name().map(|n| n.to_string_lossy().into_owned());
-    let [own, other] = [source, known].map(|source| source::parts(source).0);
+    let [own, other] = [source, known].map(|source| options::parts(source).0);
     let whole = own.canonicalize().ok();
     let names = [last(own), whole.as_deref().and_then(last), own.file_stem().map(|n| n.to_string_lossy().into_owned())];
     source == known || names.iter().flatten().any(|name| name == known || Some(name) == last(other).as_ref())

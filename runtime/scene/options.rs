@@ -2,10 +2,20 @@
 
 use super::light::Transfer;
 use super::tone::Tone;
+use std::path::Path;
 
 /// What options there are, for people.
 const ARRAYS: &str = "an array takes grid=ROWSxCOLUMNS, srgb, linear, full_scale=NUMBER and array=NAME, with & between";
 pub(super) const PICTURES: &str = "a picture takes srgb, linear and full_scale=NUMBER, and one of many views grid=ROWSxCOLUMNS, mosaic or lenslets, with & between";
+
+/// The path of a source that is no built-in scene, and its options; a file may have a question mark in its name.
+pub(super) fn parts(source: &str) -> (&Path, &str) {
+    let whole = Path::new(source);
+    match source.rsplit_once('?') {
+        Some((path, query)) if !whole.exists() => (Path::new(path), query),
+        _ => (whole, ""),
+    }
+}
 
 /// How views lie in a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -8,6 +8,7 @@
 use super::flat::{OFF, OFF_RANGE, WINDOW};
 use super::resize::Resize;
 use super::subpixel::Subpixel;
+use super::survey::Trust;
 use super::sweep::{Arm, Sweep, lowest, reach_within};
 use super::{DepthSource, Fit, LightField, SceneError, flat};
 use crate::optics::Display;
@@ -67,17 +68,6 @@ pub(super) struct Measured {
     pub range: Option<[f64; 2]>,
     /// How far the range is trusted.
     pub trust: Trust,
-}
-
-/// How far measured disparities are trusted.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Trust {
-    /// Detail shows them, or there is none.
-    Sure,
-    /// They explain the detail, of which this share is sure; the rest repeats itself.
-    Plausible(f64),
-    /// Too little of the detail is found again: this share.
-    Doubtful(f64),
 }
 
 impl LightField {

@@ -1,7 +1,7 @@
 //! What a source is, by its text: a built-in scene, a folder, or a file, with options behind a question mark.
 
 use super::cameras::Quilt;
-use super::options::{Options, Tiling};
+use super::options::{Options, Tiling, parts};
 use super::views::Read;
 use super::{Request, SceneError, array, folder, frames, mosaic, picture, stack, video};
 use crate::files::{FileError, FileKind, Wanted};
@@ -106,14 +106,5 @@ impl<'a> Source<'a> {
             None => Self::Picture(Path::new(source)),
             Some(tiling) => Self::Views(Kept::Mosaic(path, tiling, options)),
         })
-    }
-}
-
-/// The path of a source that is no built-in scene, and its options; a file may have a question mark in its name.
-pub(super) fn parts(source: &str) -> (&Path, &str) {
-    let whole = Path::new(source);
-    match source.rsplit_once('?') {
-        Some((path, query)) if !whole.exists() => (Path::new(path), query),
-        _ => (whole, ""),
     }
 }

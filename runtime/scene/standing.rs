@@ -4,10 +4,9 @@
 //! far to the second neighbor as to the first. Views of one row that is laid out in tiles, of cameras that are unevenly spaced,
 //! and of cameras that stand anywhere do not.
 
-use super::cameras::{FirstTile, Tiles};
+use super::cameras::{CamerasFound, FirstTile, Tiles};
 use super::neighbors::{Found, Patches};
 use super::{LightField, SceneError};
-use std::fmt;
 
 /// Patches that decide, at least.
 const LEAST: usize = 8;
@@ -30,72 +29,6 @@ const UNEVEN: f64 = 1.7;
 const SPREAD: f64 = 2.0;
 /// Movements that are explained by a spacing leave no larger share of their squares.
 const EXPLAINED: f64 = 0.1;
-
-/// What the pictures show of cameras that do not stand as the views are read.
-#[derive(Debug, Clone, PartialEq)]
-#[non_exhaustive]
-pub enum CamerasFound {
-    /// They stand in one row, which is laid out in tiles.
-    RowInTiles(Tiles),
-    /// They are not evenly spaced: along rows of views, or along columns; positions around the central one, 1 is the mean spacing.
-    Uneven {
-        /// Whether the spacing is that of columns, along a row of views.
-        columns: bool,
-        /// Positions of the cameras that were compared.
-        positions: Vec<f64>,
-    },
-    /// From view to view content moves across the grid's axes: so many per cent of the patches that moved do so along them.
-    Elsewhere(u8),
-    /// Their stated positions explain only so many per cent of what moves.
-    Misplaced(u8),
-    /// They stand in one place: pictures differ in sharpness or exposure, and nothing moves.
-    OnePlace,
-    /// Hardly anything of a view is found again in its neighbors: so many per cent of its patches.
-    Unlike(u8),
-}
-
-impl fmt::Display for CamerasFound {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        match self {
-            Self::RowInTiles(tiles) => write!(
-                f,
-                "the pictures show {tiles}, and no grid of cameras: {} in lightfield.toml reads them so",
-                tiles.keys()
-            ),
-            Self::Uneven { columns, positions } => {
-                let what = if *columns { "columns" } else { "rows" };
-                let all: Vec<String> = positions.iter().map(|x| format!("{x:.1}")).collect();
-                write!(
-                    f,
-                    "the pictures show that {what} of cameras are not evenly spaced (about {}): state `positions_mm`, the \
-                     position of each camera, in lightfield.toml",
-                    all.join(", ")
-                )
-            }
-            Self::Elsewhere(percent) => write!(
-                f,
-                "the pictures show cameras that stand in no grid: from view to view only {percent} % of what moves does so along \
-                 its row or column. State `positions_mm`, the position (x, y) of each camera, in lightfield.toml; stated depths \
-                 do not help"
-            ),
-            Self::Misplaced(percent) => write!(
-                f,
-                "the pictures contradict `positions_mm`: only {percent} % of what moves does so as it says. Give x to the right and \
-                 y downwards, in millimeters, one position for each view in the order of the numbers in their names"
-            ),
-            Self::OnePlace => write!(
-                f,
-                "the pictures were taken from one position: nothing moves, and what is sharp in one is not in another. If they \
-                 are a focal stack, state `focus_mm` and `aperture_mm` in lightfield.toml"
-            ),
-            Self::Unlike(percent) => write!(
-                f,
-                "the views are no neighbors: only {percent} % of a view's detail is found again in the next one. Take views of \
-                 one scene from positions closer to each other; stated depths do not help"
-            ),
-        }
-    }
-}
 
 impl CamerasFound {
     /// The refusal of a scene.

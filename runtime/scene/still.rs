@@ -34,7 +34,7 @@ pub(super) fn orientation(path: &Path) -> Result<u8, SceneError> {
 /// The file of a picture, and the statements behind its question mark.
 fn parts(path: &Path) -> Result<(&Path, Tone), SceneError> {
     let Some(text) = path.to_str() else { return Ok((path, Tone::default())) };
-    let (file, query) = super::source::parts(text);
+    let (file, query) = super::options::parts(text);
     let options = Options::parse(query, false);
     let options = options.map_err(|reason| SceneError::Options { scene: text.into(), reason })?;
     Ok((file, options.tone()))

@@ -1,6 +1,5 @@
 //! What a scene holds: where its light is, and how deep it reaches.
 
-use super::range::Trust;
 use super::{LightField, SceneError};
 use crate::optics::{Color, Display, depths_in_words};
 use rayon::prelude::*;
@@ -41,6 +40,17 @@ pub enum DepthSource {
     Plausible(u8),
     /// Measured, and not to be trusted: only so many per cent of its detail are found again for sure in the neighbouring views.
     Doubtful(u8),
+}
+
+/// How far measured disparities are trusted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Trust {
+    /// Detail shows them, or there is none.
+    Sure,
+    /// They explain the detail, of which this share is sure; the rest repeats itself.
+    Plausible(f64),
+    /// Too little of the detail is found again: this share.
+    Doubtful(f64),
 }
 
 impl DepthSource {

@@ -2,9 +2,10 @@
 
 use super::cameras::Tiles;
 use super::light::Transfer;
-use super::range::{Measured, Trust};
+use super::range::Measured;
 use super::resize::{Fit, Resize};
 use super::settings::Settings;
+use super::survey::Trust;
 use super::{CamerasFound, LightField, Order, OrderFound, Parallax, Request, SceneError, order, positions, standing};
 use crate::memory;
 use std::path::Path;

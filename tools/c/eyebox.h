@@ -129,7 +129,7 @@ typedef struct {
   double seconds;
   // Mean squared difference from the photographs over this step's pupils, in linear light.
   double loss;
-  // Mean PSNR of the best state so far over validation pupils, dB; NaN before there is one.
+  // Mean PSNR of the best state so far over validation pupils, dB; NaN before there is one, and for a black scene.
   double psnr_db;
 } EyeboxStep;
 
@@ -170,7 +170,7 @@ typedef struct {
 
 // What a pupil sees, against what it should see.
 typedef struct {
-  // PSNR over all colours, dB.
+  // PSNR over all colors, dB; NaN if the target is black.
   double psnr_db;
   // The most that any hologram could have there, dB; NaN where it is not known.
   double ceiling_db;
