@@ -150,13 +150,13 @@ impl Stored {
             let Some(values) = self.chunk(folder, &name)? else { continue };
             let from = [0, 1, 2, 3].map(|i| index[i] * self.chunk[i]);
             let to = [0, 1, 2, 3].map(|i| (from[i] + self.chunk[i]).min(self.shape[i]));
-            for color in from[0]..to[0] {
+            for (color, phases) in (from[0]..to[0]).zip(&mut phases[from[0]..to[0]]) {
                 for frame in from[1]..to[1] {
                     for row in from[2]..to[2] {
                         let at = ((color - from[0]) * self.chunk[1] + frame - from[1]) * self.chunk[2] + row - from[2];
                         let line = &values[at * self.chunk[3]..][..to[3] - from[3]];
                         let place = (frame * height + row) * width + from[3];
-                        phases[color][place..place + line.len()].copy_from_slice(line);
+                        phases[place..place + line.len()].copy_from_slice(line);
                     }
                 }
             }

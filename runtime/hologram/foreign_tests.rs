@@ -104,7 +104,8 @@ fn what_is_not_read_is_named_with_the_line_that_copies_it() {
             array["codecs"].as_array_mut().unwrap().push(json!({"name": name, "configuration": {}}))
         }
     };
-    let cases: [(&str, Box<dyn Fn(&mut Value)>); 7] = [
+    type Change = Box<dyn Fn(&mut Value)>;
+    let cases: [(&str, Change); 7] = [
         ("zstd", Box::new(codec("zstd"))),
         ("gzip", Box::new(codec("gzip"))),
         ("blosc", Box::new(codec("blosc"))),

@@ -119,7 +119,7 @@ impl PositionsToml {
             }
         };
         let all = found.all();
-        if all.len() < 2 || all.iter().flatten().any(|v| !(v.abs() <= FARTHEST_MM * 1e-3)) {
+        if all.len() < 2 || all.iter().flatten().any(|v| v.is_nan() || v.abs() > FARTHEST_MM * 1e-3) {
             return Err(format!("positions_mm must be two or more positions within {FARTHEST_MM} mm of 0"));
         }
         if (1..all.len()).any(|i| all[..i].contains(&all[i])) {

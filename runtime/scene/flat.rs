@@ -60,7 +60,7 @@ pub(super) fn extended(
         let differs = |d: f64| over_all(sweep, [y, x], d);
         let likely = best(p);
         let is_alike = |d: &f64| differs(*d) <= OFF * slope;
-        if (within(likely) && is_alike(&likely)) || inside.iter().any(|d| is_alike(d)) {
+        if (within(likely) && is_alike(&likely)) || inside.iter().any(is_alike) {
             return None;
         }
         // What is alike nearly everywhere is dark, or flat with no edge.

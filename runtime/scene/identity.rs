@@ -71,7 +71,7 @@ fn in_folder(path: &Path) -> Result<Vec<PathBuf>, SceneError> {
     let found = folder::find(path).map_err(|error| frames::explain(path, error))?;
     let all = super::natural::files(path)?;
     let has = |name: &&str| all.iter().any(|file| file == name);
-    let said = SETTINGS.iter().copied().find(|name| has(&name));
+    let said = SETTINGS.iter().copied().find(has);
     let is_truth = |name: &&String| found.stated.disparity.is_none() && settings::is_ground_truth(name);
     let names =
         found.views.files.iter().map(String::as_str).chain(said).chain(all.iter().filter(is_truth).map(|s| &s[..]));

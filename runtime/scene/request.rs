@@ -55,8 +55,8 @@ impl<'a> Request<'a> {
 
     /// Refuses depths (meters) that most likely are in another unit.
     pub(super) fn check_depths(&self, depths: Option<[f64; 2]>) -> Result<(), SceneError> {
-        let all = depths.into_iter().flatten().filter(|_| !self.force);
-        Ok(all.map(|depth| check_usual_depth(depth, self.display.focal_length)).collect::<Result<(), _>>()?)
+        let mut all = depths.into_iter().flatten().filter(|_| !self.force);
+        Ok(all.try_for_each(|depth| check_usual_depth(depth, self.display.focal_length))?)
     }
 
     pub(super) fn check(&self) -> Result<(), SceneError> {

@@ -226,7 +226,8 @@ mod pictures {
         let gamma = |value: f64| ((value * 1e5).round() as u32).to_be_bytes();
         let (linear, srgb) = (pattern(), encoded());
         let (one, usual, old, wide) = (gamma(1.0), gamma(0.45455), gamma(0.5556), gamma(0.3));
-        let read: [(&[f32], &[(&[u8; 4], &[u8])]); 8] = [
+        type Chunks<'a> = &'a [(&'a [u8; 4], &'a [u8])];
+        let read: [(&[f32], Chunks); 8] = [
             (&srgb, &[]),
             (&linear, &[(b"gAMA", &one)]),
             (&srgb, &[(b"gAMA", &usual)]),

@@ -120,7 +120,12 @@ impl ForeignClock {
                     self.say(ClockEvent::Unit(unit));
                 }
             }
-            Some(Evidence::None(rate)) => self.say(ClockEvent::NoUnit(rate)),
+            Some(Evidence::None(rate)) => {
+                // A clock that runs at another rate than expected looks as if it were set again and again.
+                self.events.retain(|event| !matches!(event, ClockEvent::Set(_)));
+                self.sets = 0;
+                self.say(ClockEvent::NoUnit(rate));
+            }
             None => {}
         }
         let tracker = self.unit.scaled(expected_ns);

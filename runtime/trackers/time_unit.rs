@@ -184,7 +184,7 @@ pub(super) fn timeline(times: &[i128]) -> (Vec<u64>, u64) {
     let (mut at, mut sets, mut all) = (0i128, 0, Vec::with_capacity(times.len()));
     for (i, time) in times.iter().enumerate() {
         let step = i.checked_sub(1).map_or(0, |before| time - times[before]);
-        let is_set = step < -SET_BACK_NS || step > SET_FORWARD_NS;
+        let is_set = !(-SET_BACK_NS..=SET_FORWARD_NS).contains(&step);
         sets += u64::from(is_set);
         at += if is_set { usual_ns } else { step };
         all.push(at);

@@ -132,7 +132,7 @@ fn arrays_pictures_and_tiles_are_found_as_they_were_read() {
     fs::create_dir_all(&away).unwrap();
     made::views(&at.join("views"), "builtin:still-life", |r, c| [r, c]);
     // Views one after the other, which need their grid, with another pitch than by default.
-    let light: Vec<f32> = (0..6 * 64).map(|i| ((i * 37) % 97) as f32 / 97.0).collect();
+    let light: Vec<f32> = (0..6 * 64).map(|i| (i % 64 * 37 % 97) as f32 / 97.0).collect();
     eyebox::files::write_npy(&at.join("array.npy"), &[6, 8, 8], &light).unwrap();
     solve(&at, "array.npy?grid=2x3", "array.zarr", &["--view-pitch", "2", "--depth", "0..0"]);
     let photograph = ["photograph", "builtin:still-life", "--size", "40x40", "--views", "3", "--pupil=0,0,2,0"];

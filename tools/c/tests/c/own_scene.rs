@@ -97,11 +97,13 @@ fn a_scene_is_read_as_it_was_solved() {
     let other = scene_of(&hologram, Some(c"builtin:plane"), 1).unwrap();
     assert!(bench.psnr(&hologram, Some(&other)).unwrap() < right - 1.0);
     // Its display, cut to its size.
+    // SAFETY: the hologram lives, null is allowed for its path, and `out` is where the handle goes.
     let own = handle(|out| unsafe { eyebox_hologram_display(Some(&hologram), null(), Some(out)) }).unwrap();
     let encoder = handle(|out| eyebox_encoder_new(Some(&own), EYEBOX_GREEN, 2, Some(out))).unwrap();
     let video = made(|out| eyebox_encoder_video(Some(&encoder), Some(out))).unwrap();
     assert_eq!((video.rows, video.columns), (40, 48));
     // Refined, in the best state.
+    // SAFETY: hologram and engine live, null is allowed for the path, and `out` is where the handle goes.
     let refiner =
         handle(|out| unsafe { eyebox_refiner_new(Some(&hologram), None, null(), Some(&bench.engine), Some(out)) });
     let refiner = refiner.unwrap();
