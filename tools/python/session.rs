@@ -213,6 +213,7 @@ impl Session {
 
     /// Shows a hologram of a scene, refined for where the eye is.
     #[staticmethod]
+    #[allow(clippy::too_many_arguments, reason = "Python names them; `_show.py` is the interface")]
     fn follow(
         py: Python<'_>,
         hologram: Py<Hologram>,

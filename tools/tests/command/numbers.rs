@@ -69,7 +69,7 @@ fn a_black_scene_has_no_psnr() {
     for (name, level) in [("red", [200u8, 0, 0]), ("black", [0; 3])] {
         std::fs::create_dir_all(at.join(name)).unwrap();
         for view in 0..3 {
-            let pixel = |x: u32, y: u32| Rgb(if (x / 4 + y / 4) % 2 == 0 { level } else { [0; 3] });
+            let pixel = |x: u32, y: u32| Rgb(if (x / 4 + y / 4).is_multiple_of(2) { level } else { [0; 3] });
             ImageBuffer::from_fn(SIZE[1], SIZE[0], pixel).save(at.join(format!("{name}/v_0_{view}.png"))).unwrap();
         }
     }

@@ -120,7 +120,8 @@ fn recordings_of_other_trackers_are_placed() {
     let x = |i: u32| 3.0 * (2.0 * seconds(i)).sin();
     let end = x(59);
     let eye = |i: u32, more: &str| format!("\"x\": {}, \"y\": 0{more}", x(i));
-    let kinds: [(&str, Box<dyn Fn(u32) -> String>, usize, f64); 12] = [
+    type Line<'a> = Box<dyn Fn(u32) -> String + 'a>;
+    let kinds: [(&str, Line<'_>, usize, f64); 12] = [
         ("seconds", Box::new(|i| format!("\"t\": {}, {}", seconds(i), eye(i, ""))), 60, end),
         ("below zero", Box::new(|i| format!("\"t\": {}, {}", seconds(i) - 323_801.0, eye(i, ""))), 60, end),
         (
