@@ -145,7 +145,10 @@ impl Scene {
         let (rows, columns) = display.0.picture_size();
         run(py, false, move |_| {
             let field = field.admit()?;
-            field.check_cameras()?;
+            // Arrays that are tried out may hold anything; files of cameras are refused.
+            if let Err(error) = field.check_cameras() {
+                tracing::warn!("{error}");
+            }
             // What is given identifies it, whatever becomes of it on a display.
             let record = SceneRecord::of_views(&source, &field);
             let fits = (field.height, field.width) == (rows, columns);

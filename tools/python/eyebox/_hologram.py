@@ -13,6 +13,7 @@ import numpy as np
 
 from . import _arguments, _eyebox, _files
 from ._display import Display, display_of, engine_of
+from ._interrupted import interrupted
 from ._scene import Scene, scene_of
 
 
@@ -271,8 +272,12 @@ class Hologram:
         refiner = Refiner(self, scene, engine=engine, other_scene=other_scene, **steering)
         [where] = _arguments.pupils([pupil])
         refiner.aim(*where, spread=spread)
-        refiner._native.refine(_arguments.count(steps, "steps"), callback)
-        return Hologram._of(refiner._native.best(), refiner._kept_scene, None)
+        best = lambda: Hologram._of(refiner._native.best(), refiner._kept_scene, None)  # noqa: E731
+        try:
+            refiner._native.refine(_arguments.count(steps, "steps"), callback)
+        except KeyboardInterrupt as error:
+            raise interrupted(error, best) from None
+        return best()
 
     def encode(self, display: Any = None) -> np.ndarray:
         """The video frames that a display receives.

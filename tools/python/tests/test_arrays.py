@@ -175,7 +175,7 @@ def test_arguments_that_make_no_sense(display, call, says):
         ({"x": float("nan")}, "NaN|finite"),
         ({"x": 1.0}, "eyebox|pupil"),
         ({"diameter": 4}, "probably"),
-        ({"depth": 1e9}, "focus"),
+        ({"depth": 1e9}, "depth"),
     ],
 )
 def test_pupils_that_make_no_sense(hologram, pupil, says):

@@ -69,8 +69,7 @@ def test_view_pitches_in_another_unit_are_refused(display, pitch):
 
 @pytest.mark.parametrize("depth", [1.0, -3.0, 14.0])
 def test_depths_in_another_unit_are_refused(display, depth):
-    phases = np.full((1, *display.resolution), 0.5, np.float32)
-    hologram = eyebox.Hologram.from_phases(phases, display, "green")
+    hologram = eyebox.solve("builtin:plane", display, "green", frames=1, steps=1, engine="cpu")
     with pytest.raises(eyebox.EyeboxError):
         hologram.view(depth=depth)
     with pytest.raises(eyebox.EyeboxError):

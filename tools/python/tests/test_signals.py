@@ -53,7 +53,6 @@ LONG_CALLS = {
         "h = phases(); s = eyebox.Scene('builtin:still-life', large, 'green')",
         "[eyebox.show(h, large, eye='own', scene=s, engine='cpu').stop() for _ in range(99)]",
     ),
-    "waiting for a frame": ("s = eyebox.show(phases(), large, queue=0)", "time.sleep(0), eyebox.show(phases(), large).frame(1e3), s.frame(1e3)"),
 }
 
 PHASES = """
