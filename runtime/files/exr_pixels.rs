@@ -73,7 +73,8 @@ pub(super) fn read(file: &Path, wanted: Wanted) -> Result<Pixels, FileError> {
             }
         }
     }
-    Ok(Pixels { height, width, channels: count, premultiplied: true, orientation: 1, samples: Samples::F32(values) })
+    let samples = Samples::F32(values);
+    Ok(Pixels { height, width, channels: count, premultiplied: true, orientation: 1, profile: None, samples })
 }
 
 fn samples(line: exr::block::lines::LineRef<'_>, kind: SampleType) -> exr::error::Result<Vec<f32>> {

@@ -9,6 +9,8 @@ mod array;
 mod cache;
 #[cfg_attr(not(feature = "image-formats"), path = "no_codec.rs")]
 mod codec;
+#[cfg(feature = "image-formats")]
+mod color_profile;
 mod convert;
 mod drafts;
 mod entry;
@@ -44,6 +46,8 @@ pub(crate) use array::NpyArray;
 pub use cache::cache_folder;
 pub use codec::encode_jpeg8;
 pub(crate) use codec::read_png8;
+#[cfg(feature = "image-formats")]
+pub(crate) use color_profile::color_space;
 pub use convert::Wanted;
 pub(crate) use convert::{npz_line, zarr_line};
 pub use drafts::end_without_drafts;
@@ -64,10 +68,12 @@ pub(crate) use patient::Patient;
 pub use patient::asked_to_end;
 pub(crate) use picture::{encode_grey8, encode_rgb8};
 pub use picture::{encode_png, linear_to_srgb, write_png};
+#[cfg(not(feature = "image-formats"))]
+pub(crate) use pixels::color_space;
 pub(crate) use pixels::{holds_light, picture_orientation, picture_size, read_pixels};
 pub use record::FileRecord;
 pub(crate) use record::{Digester, digest_file};
-pub(crate) use samples::{Pixels, Samples};
+pub(crate) use samples::{ColorSpace, Pixels, Samples};
 pub(crate) use text::decode as decode_text;
 pub use whole::{FolderDraft, check_place, write_file};
 

@@ -1,6 +1,6 @@
 //! A build without the feature `image-formats` decodes no pictures.
 
-use super::{FileError, Pixels, Wanted};
+use super::{ColorSpace, FileError, Pixels, Wanted};
 use std::path::Path;
 
 fn absent<T>(file: &Path) -> Result<T, FileError> {
@@ -26,4 +26,9 @@ pub(crate) fn read_pixels(file: &Path, _: Wanted, _: u64) -> Result<Pixels, File
 /// Name of the kind of a file whose stored values are light.
 pub(crate) fn holds_light(_: &Path) -> Option<&'static str> {
     None
+}
+
+/// The color space of a picture.
+pub(crate) fn color_space(_: &Pixels, _: f32) -> Result<Option<ColorSpace>, String> {
+    Ok(None)
 }

@@ -93,7 +93,8 @@ pub(crate) fn read_pixels(file: &Path, wanted: Wanted, most: u64) -> Result<Pixe
                 return Err(FileError::content(file, "the file is cut short: a JPEG must reach its end marker"));
             }
             let image = open(file, format)?.decode().map_err(|e| FileError::damaged(file, e))?;
-            of_image(file, image)?
+            let profile = if format == ImageFormat::Pnm { None } else { profile(file, format)? };
+            Pixels { profile, ..of_image(file, image)? }
         }
     };
     let orientation = orientation(file, &format)?;
@@ -136,6 +137,13 @@ fn open(file: &Path, format: ImageFormat) -> Result<ImageReader<BufReader<File>>
     Ok(reader)
 }
 
+/// The ICC profile in a picture's metadata.
+fn profile(file: &Path, format: ImageFormat) -> Result<Option<Vec<u8>>, FileError> {
+    let mut decoder = open(file, format)?.into_decoder().map_err(|e| FileError::damaged(file, e))?;
+    // A profile that is cut short is none: `color_space` refuses it.
+    Ok(decoder.icc_profile().unwrap_or(Some(Vec::new())))
+}
+
 fn of_image(file: &Path, image: DynamicImage) -> Result<Pixels, FileError> {
     let (height, width) = (image.height() as usize, image.width() as usize);
     let channels = usize::from(image.color().channel_count());
@@ -152,7 +160,7 @@ fn of_image(file: &Path, image: DynamicImage) -> Result<Pixels, FileError> {
             return Err(FileError::content(file, format!("pixels of type {:?} are not supported", other.color())));
         }
     };
-    Ok(Pixels { height, width, channels, premultiplied: false, orientation: 1, samples })
+    Ok(Pixels { height, width, channels, premultiplied: false, orientation: 1, profile: None, samples })
 }
 
 /// Whether a JPEG's last scan is closed: decoders fill what is missing with gray and report nothing.

@@ -24,7 +24,26 @@ pub(crate) struct Pixels {
     pub premultiplied: bool,
     /// EXIF orientation by which it was turned, 1 to 8; 1 is as stored.
     pub orientation: u8,
+    /// ICC profile that the file holds.
+    pub profile: Option<Vec<u8>>,
     pub samples: Samples,
+}
+
+/// The color space that a picture's ICC profile states.
+#[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use all of it"))]
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum ColorSpace {
+    /// sRGB, within the differences of sRGB profiles.
+    Srgb,
+    /// Linear light with the primaries of sRGB.
+    Linear,
+    /// Another one, with its values converted to sRGB.
+    Other {
+        /// Name of the profile.
+        name: String,
+        /// sRGB values as shares of full scale, interleaved like the stored ones; alpha is unchanged.
+        values: Vec<f32>,
+    },
 }
 
 impl Pixels {

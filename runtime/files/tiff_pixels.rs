@@ -61,6 +61,7 @@ pub(super) fn read(file: &Path) -> Result<Pixels, FileError> {
     if kind.bit_depth() < 8 {
         return wrong(&format!("it has {} bits per value: save it with 8 or 16", kind.bit_depth()));
     }
+    let profile = tiff.get_tag_u8_vec(Tag::IccProfile).ok();
     let mut decoded = DecodingResult::U8(Vec::new());
     let layout = tiff.read_image_to_buffer(&mut decoded).map_err(|e| FileError::damaged(file, e))?;
     let planes = if layout.complete_len > layout.len { channels } else { 1 };
@@ -88,7 +89,8 @@ pub(super) fn read(file: &Path) -> Result<Pixels, FileError> {
     if found != height * width * channels {
         return wrong(&format!("{height} x {width} x {channels} values are stated, and {found} are there"));
     }
-    Ok(Pixels { height, width, channels, premultiplied: extra.first() == Some(&1), orientation: 1, samples })
+    let premultiplied = extra.first() == Some(&1);
+    Ok(Pixels { height, width, channels, premultiplied, orientation: 1, profile, samples })
 }
 
 /// Whether another page of the same size follows; smaller copies and thumbnails do not count.

@@ -4,6 +4,7 @@
 //! included, is computed again and replaced.
 
 use crate::files::{self, FileError};
+use crate::optics::Display;
 use crate::scene::LightField;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::path::{Path, PathBuf};
@@ -55,6 +56,12 @@ pub fn writable(folder: &Path) -> Result<files::MadeFolder, FileError> {
     Ok(made)
 }
 
+/// Everything that a display adds to a result, as text: its file without its name. Displays with the same text give the same
+/// results.
+pub(super) fn identity(display: &Display) -> String {
+    Display { name: String::new(), ..display.clone() }.to_toml()
+}
+
 /// Changes with any pixel of any view.
 pub(super) fn checksum(field: &LightField) -> u32 {
     field.planes.iter().flatten().fold(0, |sum, view| append(sum, view))
@@ -73,6 +80,7 @@ pub(super) fn append(sum: u32, values: &[f32]) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::optics::{Color, Geometry};
 
     #[test]
     fn only_what_was_made_the_same_way_is_used_again() {
@@ -88,6 +96,32 @@ mod tests {
         let whole = std::fs::read(&file).unwrap();
         std::fs::write(&file, &whole[..whole.len() - 3]).unwrap();
         assert_eq!(keep.load::<Vec<f64>>("a", made_by), None);
+    }
+
+    /// Results on one display are never taken for those on another that differs in one thing.
+    #[test]
+    fn every_part_of_a_display_decides_its_results_but_its_name() {
+        let paper = Display::preset("paper").unwrap();
+        let text = paper.to_toml();
+        assert_eq!(identity(&Display { name: "another".into(), ..paper.clone() }), identity(&paper));
+        let with = |section: &str| Display::from_toml(&format!("{text}\n{section}"), "other.toml").unwrap();
+        let others = [
+            Display { pitch: paper.pitch * 1.01, ..paper.clone() },
+            Display { focal_length: paper.focal_length * 1.01, ..paper.clone() },
+            Display { levels: 64, ..paper.clone() },
+            Display { height: paper.height / 2, ..paper.clone() },
+            Display { geometry: Geometry::FarField, ..paper.clone() },
+            Display { wavelengths: paper.wavelengths[..2].to_vec(), ..paper.clone() },
+            Display { dispersion: [(Color::Green, 1.3)].into(), ..paper.clone() },
+            with("[model.all]\ncrosstalk = [[1.2, 2.0], [1.2, 2.0], [1.2, 2.0], [1.2, 2.0]]"),
+            with("[source.all]\nkind = \"led\""),
+            with("[prescription]\nsphere = -2.0"),
+            with("[mask]\nfactor = 2\nseed = 1"),
+            with("[mask]\nfactor = 2\nseed = 2"),
+            with("[viewing]\nluminance_cd_m2 = 90.0"),
+        ];
+        let all: std::collections::HashSet<String> = others.iter().chain([&paper]).map(identity).collect();
+        assert_eq!(all.len(), others.len() + 1);
     }
 
     #[test]

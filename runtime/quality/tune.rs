@@ -1,7 +1,7 @@
 //! Measuring what quality costs on this machine: trials of a grid of recipes within a budget, each kept as soon as it is made.
 
 use super::grid::{Space, grid};
-use super::kept::{Keep, checksum};
+use super::kept::{Keep, checksum, identity};
 use super::tuned::{Checked, LevelRow, Tuned};
 use super::{Quality, QualityError, Recommended, Reference, Solved, Subject, Trial, recommend};
 use crate::engine::{Engine, Memory};
@@ -87,8 +87,7 @@ impl<'a> Tuning<'a> {
             "version": env!("CARGO_PKG_VERSION"), "format": 1, "device": device, "base": base, "levels": levels,
             "judged": [json!(self.judged), json!(display.viewing), json!(display.pixels_per_degree())],
             "scene": [json!(checksum(field)), json!(field.grid), json!(field.cell(display))], "color": color,
-            "display": [json!([display.height, display.width]), json!([display.pitch, display.focal_length]),
-                json!(display.wavelengths.iter().map(|w| w.wavelength).collect::<Vec<_>>())],
+            "display": identity(display),
         });
         let mut tuned = Tuned {
             version: env!("CARGO_PKG_VERSION").into(),

@@ -139,6 +139,8 @@ mod generated_tests;
 mod kept_tests;
 #[cfg(all(test, feature = "image-formats"))]
 mod orientation_tests;
+#[cfg(all(test, feature = "image-formats"))]
+mod profile_tests;
 #[cfg(test)]
 mod reading_tests;
 #[cfg(all(test, feature = "image-formats"))]

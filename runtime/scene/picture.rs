@@ -5,7 +5,8 @@ use super::light::{Picture, Transfer};
 use super::near::Kind;
 use super::png_tone;
 use super::tone::{Reading, Stored};
-use crate::files::{FileError, Pixels, Samples, Wanted, holds_light, picture_orientation, picture_size, read_pixels};
+use crate::files::{ColorSpace, FileError, Pixels, Samples, Wanted, color_space, holds_light};
+use crate::files::{picture_orientation, picture_size, read_pixels};
 use crate::optics::Color;
 use std::path::Path;
 
@@ -61,19 +62,36 @@ fn planes(path: &Path, image: &Pixels, colors: &[Color], reading: &Reading) -> R
         Samples::U16(v) => (Stored::Words(v), Transfer::Srgb),
         Samples::F32(v) => (Stored::Floats(v), Transfer::Linear),
     };
-    let says = match png_tone::transfer(path) {
-        Ok(stated) => stated.unwrap_or(says),
-        // The caller knows better.
-        Err(_) if reading.tone.transfer.is_some() => says,
-        Err(found) => return Err(SceneError::Transfer { file: path.display().to_string(), found }),
+    let unknown = |found| SceneError::Transfer { file: path.display().to_string(), found };
+    let space = match reading.tone.transfer {
+        // The caller knows better than the file.
+        Some(_) => None,
+        None => match png_tone::transfer(path).map_err(unknown)? {
+            Some(Transfer::Srgb) => Some(ColorSpace::Srgb),
+            Some(Transfer::Linear) => Some(ColorSpace::Linear),
+            None => color_space(image, reading.tone.full_scale.unwrap_or(stored.most())).map_err(unknown)?,
+        },
     };
-    let planes = reading.light(stored, channels, premultiplied, says, colors);
+    let (says, converted) = match &space {
+        None => (says, None),
+        Some(ColorSpace::Srgb) => (Transfer::Srgb, None),
+        Some(ColorSpace::Linear) => (Transfer::Linear, None),
+        Some(ColorSpace::Other { name, values }) => (Transfer::Srgb, Some((name, values))),
+    };
+    let planes = match converted {
+        None => reading.light(stored, channels, premultiplied, says, colors),
+        Some((_, values)) => {
+            reading.count_words(stored, channels);
+            reading.light(Stored::Shares(values), channels, premultiplied, says, colors)
+        }
+    };
     let planes = planes.map_err(|(i, value)| SceneError::no_light(path.display(), [i / width, i % width], value))?;
     let turned = match orientation {
         1 => String::new(),
         n => format!(", turned by its EXIF orientation {n}"),
     };
-    let read_as = format!("{}{turned}", reading.in_words(stored, says));
+    let profile = converted.map_or(String::new(), |(name, _)| format!(", converted from its ICC profile {name}"));
+    let read_as = format!("{}{profile}{turned}", reading.in_words(stored, says));
     Ok(Picture { height, width, planes, read_as })
 }
 

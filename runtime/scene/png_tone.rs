@@ -1,4 +1,5 @@
-//! The transfer function that a PNG states: chunks `cICP`, `iCCP`, `sRGB` and `gAMA`, the first of them that is there.
+//! The transfer function that a PNG states: chunks `cICP`, `sRGB` and `gAMA`, the first of them that is there. If it has a
+//! color profile (`iCCP`), that decides instead of `sRGB` and `gAMA`.
 
 use super::light::Transfer;
 use crate::files::read;
@@ -36,7 +37,8 @@ pub(super) fn transfer(path: &Path) -> Result<Option<Transfer>, String> {
         Chunks { code: Some([_, 16]), .. } => Err("the transfer function PQ of HDR".into()),
         Chunks { code: Some([_, 18]), .. } => Err("the transfer function HLG of HDR".into()),
         Chunks { code: Some([_, other]), .. } => Err(format!("the transfer function {other} of ITU-T H.273")),
-        Chunks { is_profiled: true, .. } | Chunks { is_srgb: true, .. } => Ok(Some(Transfer::Srgb)),
+        Chunks { is_profiled: true, .. } => Ok(None),
+        Chunks { is_srgb: true, .. } => Ok(Some(Transfer::Srgb)),
         Chunks { gamma: Some(gamma), .. } if SRGB_GAMMA.contains(&gamma) => Ok(Some(Transfer::Srgb)),
         Chunks { gamma: Some(gamma), .. } if LINEAR_GAMMA.contains(&gamma) => Ok(Some(Transfer::Linear)),
         Chunks { gamma: Some(gamma), .. } => Err(format!("a gamma of {gamma}")),

@@ -159,6 +159,8 @@ pub(super) enum Stored<'a> {
     Words(&'a [u16]),
     /// Floating point.
     Floats(&'a [f32]),
+    /// Shares of full scale, whatever full scale is stated.
+    Shares(&'a [f32]),
 }
 
 /// The conversion of the pictures of one scene to light: what is stated about all of them, and what was counted in them.
@@ -194,9 +196,6 @@ impl Reading {
         if let Some(alpha) = &alpha {
             tally.alpha(alpha.iter().copied());
         }
-        if let Stored::Words(values) = stored {
-            tally.words(values.chunks_exact(channels).flat_map(|p| &p[..channels.div_ceil(2) * 2 - 1]).copied());
-        }
         let plane = |color: &Color| {
             let channel = if channels >= 3 { color.channel() } else { 0 };
             let mut plane = match (stored, self.tone.full_scale) {
@@ -209,6 +208,7 @@ impl Reading {
                     v.iter().skip(channel).step_by(channels).map(|v| table[usize::from(*v)]).collect()
                 }
                 (_, full) => {
+                    let full = if matches!(stored, Stored::Shares(_)) { None } else { full };
                     let mut plane = stored.channel(channel, channels, full.unwrap_or(1.0));
                     let wrong = |i: usize| stored.channel(channel, channels, 1.0)[i];
                     tally.shares(&mut plane).map_err(|i| (i, wrong(i)))?;
@@ -224,9 +224,24 @@ impl Reading {
             Ok(plane)
         };
         let planes = colors.iter().map(plane).collect();
+        self.add(tally);
+        self.count_words(stored, channels);
+        planes
+    }
+
+    /// Counts the stored values of 16 bits. Those that were converted before [`light`](Self::light) are counted apart.
+    pub fn count_words(&self, stored: Stored<'_>, channels: usize) {
+        if let Stored::Words(values) = stored {
+            let colors = channels.div_ceil(2) * 2 - 1;
+            let mut tally = Tally::default();
+            tally.words(values.chunks_exact(channels).flat_map(|p| &p[..colors]).copied());
+            self.add(tally);
+        }
+    }
+
+    fn add(&self, tally: Tally) {
         let mut sum = self.tally.lock().unwrap_or_else(PoisonError::into_inner);
         *sum = sum.and(tally);
-        planes
     }
 
     /// The meaning of such values, in words.
@@ -235,7 +250,7 @@ impl Reading {
         let kind = match stored {
             Stored::Bytes(_) => "8 bits",
             Stored::Words(_) => "16 bits",
-            Stored::Floats(_) => "floats",
+            Stored::Floats(_) | Stored::Shares(_) => "floats",
         };
         let transfer = if self.tone.transfer.unwrap_or(says) == Transfer::Srgb { "sRGB" } else { "linear" };
         let stated = if self.tone.transfer.is_some() { ", as stated" } else { "" };
@@ -254,11 +269,12 @@ impl Reading {
 
 impl Stored<'_> {
     /// The largest value of the kind; of floats 1.
-    fn most(self) -> f32 {
+    #[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use it"))]
+    pub fn most(self) -> f32 {
         match self {
             Self::Bytes(_) => 255.0,
             Self::Words(_) => 65535.0,
-            Self::Floats(_) => 1.0,
+            Self::Floats(_) | Self::Shares(_) => 1.0,
         }
     }
 
@@ -267,7 +283,7 @@ impl Stored<'_> {
         match self {
             Self::Bytes(v) => v.iter().skip(channel).step_by(channels).map(|v| f32::from(*v) / full).collect(),
             Self::Words(v) => v.iter().skip(channel).step_by(channels).map(|v| f32::from(*v) / full).collect(),
-            Self::Floats(v) => v.iter().skip(channel).step_by(channels).map(|v| v / full).collect(),
+            Self::Floats(v) | Self::Shares(v) => v.iter().skip(channel).step_by(channels).map(|v| v / full).collect(),
         }
     }
 }

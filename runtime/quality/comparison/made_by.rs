@@ -1,19 +1,4 @@
-//! What results are kept under, and what decides them beside the settings.
-
-use crate::optics::Display;
-use serde_json::json;
-
-/// What results are of beside an ideal display and a perfect eye.
-pub(super) fn beyond_ideal(display: &Display) -> impl Iterator<Item = (&'static str, serde_json::Value)> {
-    let model = (!display.model.is_empty()).then(|| ("model", json!(display.model)));
-    let source = (!display.source.is_empty()).then(|| ("source", json!(display.source)));
-    let picture = (!display.picture.is_empty()).then(|| ("picture", json!(display.picture)));
-    let eye = display.prescription.as_ref().map(|eye| ("prescription", json!(eye)));
-    let mask = display.mask.as_ref().map(|mask| ("mask", json!(mask)));
-    let sources = (!display.sources.is_empty())
-        .then(|| ("sources", json!([json!(display.sources.each), json!(format!("{:?}", display.sources.lit))])));
-    model.into_iter().chain(source).chain(mask).chain(sources).chain(picture).chain(eye)
-}
+//! Names of the files in which results are kept.
 
 /// A name of letters, digits and dashes.
 pub(super) fn slug(text: &str) -> String {

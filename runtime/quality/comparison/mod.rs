@@ -32,7 +32,7 @@ pub use results::{
 pub use shown::{EnergyMap, Picture, Pictures};
 
 use super::QualityError;
-use super::kept::{Keep, append, checksum};
+use super::kept::{Keep, append, checksum, identity};
 use crate::engine::Engine;
 use crate::evaluate::Group;
 use crate::files::MadeFolder;
@@ -41,7 +41,7 @@ use crate::optics::{Color, Display, Padding, Pupil};
 use crate::scene::LightField;
 use crate::solve::{self, Flow, Method, Problem, Settings, Solution};
 use joint::{Colors, Lighting};
-use made_by::{beyond_ideal, slug};
+use made_by::slug;
 use measure::Wanted;
 use pupils::Pupils;
 use serde::{Serialize, de::DeserializeOwned};
@@ -214,14 +214,10 @@ impl Comparison {
         // Depths as built-in scenes have them on such a small display: the plane itself is at 0.
         let span = 0.5e-3;
         let settings = Settings { method, depth: [-span, span], ..self.settings.clone() };
-        let mut made_by = json!({
+        let made_by = json!({
             "version": env!("CARGO_PKG_VERSION"), "format": FORMAT, "views": views, "settings": settings,
-            "side": display.height.min(display.width), "pitch": display.pitch, "focal_length": display.focal_length,
-            "wavelengths": display.wavelengths.iter().map(|w| w.wavelength).collect::<Vec<_>>(),
+            "display": identity(display),
         });
-        for (key, value) in beyond_ideal(display) {
-            made_by[key] = value;
-        }
         let (name, made_by) = (format!("speckle-{}", method.name()), made_by.to_string());
         if let Some(kept) = work.results.load(&name, &made_by) {
             work.pass(SPECKLE);
@@ -329,18 +325,11 @@ struct OfScene<'a> {
 impl<'a> OfScene<'a> {
     fn new(job: &'a Comparison, index: usize, field: &'a LightField, depth: [f64; 2]) -> Self {
         let display = &job.display;
-        let mut shared = json!({
+        let shared = json!({
             "version": env!("CARGO_PKG_VERSION"), "format": FORMAT,
             "scene": [json!(checksum(field)), json!(field.grid), json!(field.cell(display)), json!(depth)],
-            "display": [
-                json!([display.height, display.width]), json!([display.pitch, display.focal_length]),
-                json!(display.wavelengths.iter().map(|w| w.wavelength).collect::<Vec<_>>()),
-            ],
-            "colors": job.colors, "diameter": job.settings.diameter,
+            "display": identity(display), "colors": job.colors, "diameter": job.settings.diameter,
         });
-        for (key, value) in beyond_ideal(display) {
-            shared[key] = value;
-        }
         // Scenes of one name are numbered.
         let slugs: Vec<String> = job.scenes.iter().map(|l| slug(l)).collect();
         let same = slugs[..index].iter().filter(|s| **s == slugs[index]).count();
