@@ -1,7 +1,7 @@
 //! Numbers that are possible and most likely a mistake: one unit taken for another, axes exchanged, a pupil that no eye has.
 //! What people give is checked before anything is computed of it; who means it can leave the check out.
 
-use super::units::{COMMON_DEPTH, DIAMETER, FOCAL_LENGTH, PITCH, VIEW_PITCH, WAVELENGTH, in_words, meant};
+use super::units::{APERTURE, COMMON_DEPTH, DIAMETER, FOCAL_LENGTH, PITCH, VIEW_PITCH, WAVELENGTH, in_words, meant};
 use super::{Color, Display, Optics, OpticsError, Pupil, depth_of_dioptres};
 
 /// Rows to columns above which a display is taken for one with its axes exchanged: the squarest SLMs are 5 to 4.
@@ -93,6 +93,38 @@ pub fn check_usual_view_pitch(pitch: f64) -> Result<(), OpticsError> {
     VIEW_PITCH.check(pitch * 1e3)
 }
 
+/// Refuses a stated range of depths (meters) that is not only the plane at 0, but is so shallow that no pupil of any display sees
+/// a difference: most likely it is in another unit.
+///
+/// # Errors
+/// [`OpticsError::Unusual`].
+pub fn check_usual_depths(depths: [f64; 2]) -> Result<(), OpticsError> {
+    let [a, b] = depths.map(|depth| depth * 1e3);
+    let most = a.abs().max(b.abs());
+    if most == 0.0 || most >= SHALLOWEST {
+        return Ok(());
+    }
+    let given = format!("the depths are {} to {} mm", in_words(a), in_words(b));
+    let probably = match meant(most, COMMON_DEPTH) {
+        Some(meant) => {
+            let [a, b] = [a, b].map(|depth| in_words(depth * meant / most));
+            format!("probably {a} to {b} mm are meant; a scene without depth has 0 to 0 mm")
+        }
+        None => "a scene without depth has 0 to 0 mm".into(),
+    };
+    Err(OpticsError::Unusual { given, probably })
+}
+
+/// Refuses a diameter (meters) of the aperture of a camera that most likely is in another unit.
+///
+/// # Errors
+/// [`OpticsError::Unusual`].
+pub fn check_usual_aperture(diameter: f64) -> Result<(), OpticsError> {
+    APERTURE.check(diameter * 1e3)
+}
+
+/// Depths below this (mm) are those of the plane at 0: pixels of 4 um put 0.1 waves of defocus over the whole eyebox.
+const SHALLOWEST: f64 = 0.02;
 /// Depths up to this (meters) are taken before any lens.
 const SHALLOW: f64 = 50e-3;
 /// Depths up to this (dioptres) are taken: closer than an eye reads.

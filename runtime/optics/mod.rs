@@ -54,7 +54,9 @@ pub(crate) use joint_color::drives_into;
 pub use joint_color::{JointColor, Laser, powers_in_sequence};
 pub(crate) use joint_color::{drive_of, drives_of, phase_of, reference_of, with_mean_of_one};
 pub use light::SourceSampling;
-pub use limits::{check_usual_depth, check_usual_diameters, check_usual_view_pitch};
+pub use limits::{
+    check_usual_aperture, check_usual_depth, check_usual_depths, check_usual_diameters, check_usual_view_pitch,
+};
 pub use mask::{Mask, MaskPhases};
 pub use model::{DisplayModel, Iris, Level, ModelOf, ModelSections, ModelTerms, Spread};
 pub use padding::Padding;

@@ -18,7 +18,8 @@ pub(super) const FOCAL_LENGTH: Usual =
     Usual { what: "the focal length", unit: "mm", common: [10.0, 2000.0], taken: [2.0, 5000.0] };
 pub(super) const DIAMETER: Usual =
     Usual { what: "the pupil's diameter", unit: "mm", common: [1.0, 30.0], taken: [0.1, f64::INFINITY] };
-
+pub(super) const APERTURE: Usual =
+    Usual { what: "the aperture", unit: "mm", common: [1.0, 200.0], taken: [0.1, 10000.0] };
 pub(super) const VIEW_PITCH: Usual =
     Usual { what: "the view pitch", unit: "mm", common: [0.05, 20.0], taken: [0.01, 100.0] };
 /// Depths that are common, mm, for guesses; those that are taken depend on the focal length.

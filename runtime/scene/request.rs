@@ -2,7 +2,7 @@
 
 use super::{Near, Order, Photographs, SceneError};
 use crate::memory;
-use crate::optics::{Color, Display, check_usual_depth, check_usual_view_pitch};
+use crate::optics::{Color, Display, check_usual_depth, check_usual_depths, check_usual_view_pitch};
 use std::path::Path;
 
 /// What is wanted of a scene.
@@ -78,6 +78,7 @@ impl<'a> Request<'a> {
         if !self.force {
             self.view_pitch.map_or(Ok(()), check_usual_view_pitch)?;
             self.check_depths(self.depth)?;
+            self.depth.map_or(Ok(()), check_usual_depths)?;
         }
         let [height, width] = [self.display.height, self.display.width];
         if !(1..=65536).contains(&height) || !(1..=65536).contains(&width) {

@@ -5,7 +5,7 @@ use super::cameras::{FirstTile, Positions, PositionsToml};
 use super::options::Options;
 use super::{Order, SceneError, light::Transfer, names, pfm, tone::Tone};
 use crate::files::read;
-use crate::optics::check_usual_view_pitch;
+use crate::optics::{check_usual_aperture, check_usual_depths, check_usual_view_pitch};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -155,16 +155,16 @@ fn focus(depths: Option<Vec<f64>>) -> Result<Option<Vec<f64>>, String> {
     if depths.iter().enumerate().any(|(i, z)| depths[..i].contains(z)) {
         return Err(format!("focus_mm is {depths:?}: every picture must have another depth"));
     }
-    Ok(Some(depths.into_iter().map(|z| z * 1e-3).collect()))
+    let depths: Vec<f64> = depths.into_iter().map(|z| z * 1e-3).collect();
+    let ends = depths.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], z| [a.min(*z), b.max(*z)]);
+    check_usual_depths(ends).map_err(|e| format!("focus_mm: {e}"))?;
+    Ok(Some(depths))
 }
 
 fn aperture(diameter: Option<f64>) -> Result<Option<f64>, String> {
-    match diameter {
-        Some(mm) if !(mm.is_finite() && mm > 0.0 && mm <= 1e4) => {
-            Err(format!("aperture_mm is {mm}: it must be above 0 and at most 10000"))
-        }
-        _ => Ok(diameter.map(|mm| mm * 1e-3)),
-    }
+    let diameter = diameter.map(|mm| mm * 1e-3);
+    diameter.map_or(Ok(()), check_usual_aperture).map_err(|e| format!("aperture_mm: {e}"))?;
+    Ok(diameter)
 }
 
 fn range(key: &str, value: Option<[f64; 2]>, unit: f64) -> Result<Option<[f64; 2]>, String> {
@@ -214,6 +214,8 @@ fn from_toml(text: &str) -> Result<Settings, String> {
     if let Some(white) = read.full_scale.filter(|v| !(v.is_finite() && *v > 0.0)) {
         return Err(format!("full_scale is {white}: it must be a positive number, the stored value of white"));
     }
+    let depth = range("depth_mm", read.depth_mm, 1e-3)?;
+    depth.map_or(Ok(()), check_usual_depths).map_err(|e| format!("depth_mm: {e}"))?;
     let tiles = cameras(&read)?;
     let says_order = [read.transpose, read.flip_rows, read.flip_columns].iter().any(Option::is_some);
     let order = Order {
@@ -228,7 +230,7 @@ fn from_toml(text: &str) -> Result<Settings, String> {
         order: says_order.then_some(order),
         view_pitch: read.view_pitch_mm.map(|p| p * 1e-3),
         disparity: range("disparity", read.disparity, 1.0)?,
-        depth: range("depth_mm", read.depth_mm, 1e-3)?,
+        depth,
         transfer: read.transfer,
         full_scale: read.full_scale,
         keep: read.keep,
@@ -289,6 +291,30 @@ mod tests {
         {
             let key = bad.split(' ').next().unwrap();
             assert!(from_toml(bad).unwrap_err().contains(key), "{bad}");
+        }
+    }
+
+    /// Millimeters as people write meters and micrometers.
+    #[test]
+    fn lengths_in_another_unit_are_refused_with_what_is_probably_meant() {
+        let cases = [
+            ("view_pitch_mm = 0.0022", "2.2"),
+            ("view_pitch_mm = 2200", "2.2"),
+            ("depth_mm = [-0.003, 0.005]", "-3 to 5 mm"),
+            ("depth_mm = [0, 0.0014]", "0 to 1.4 mm"),
+            ("depth_mm = [-6e-6, -2e-6]", "-6 to -2 mm"),
+            ("focus_mm = [-0.003, 0, 0.003]\naperture_mm = 12", "-3 to 3 mm"),
+            ("focus_mm = [-3, 0, 3]\naperture_mm = 0.012", "12"),
+            ("focus_mm = [-3, 0, 3]\naperture_mm = 12000", "12"),
+            ("focus_mm = [-3, 0, 3]\naperture_mm = 1.2e-5", "12"),
+            ("focus_mm = [-3, 0, 3]\naperture_mm = 0", "usual"),
+        ];
+        for (text, meant) in cases {
+            let error = from_toml(text).unwrap_err();
+            assert!(error.contains(meant), "{text}: {error}");
+        }
+        for text in ["depth_mm = [0, 0]", "depth_mm = [-0.1, 0.1]", "focus_mm = [0.5, 0]\naperture_mm = 3"] {
+            assert!(from_toml(text).is_ok(), "{text}");
         }
     }
 
