@@ -48,6 +48,9 @@ pub struct Fit {
 
 /// Fixations that are this far off together are no calibration, metres.
 const LIMIT: f64 = 1.5e-3;
+/// A map leaves no larger share of the distances of the pupils from their middle. A tracker that shows nothing of the eye leaves
+/// half of them with four fixations, and more with more.
+const LEFT: f64 = 0.4;
 /// An outlier is at least this far from what the others say, metres.
 const OUTLIER: f64 = 0.5e-3;
 
@@ -64,7 +67,11 @@ impl Fit {
         let most = kept.len() / 4;
         let mut given_up = 0;
         loop {
-            let map = solve(&kept).ok_or_else(|| GazeError::TooFew(format!(": there are {}", kept.len())))?;
+            // Three fixations fit any tracker exactly: nothing would show whether it follows the eye.
+            let enough = Some(&kept).filter(|kept| kept.len() > 3);
+            let map = enough
+                .and_then(|kept| solve(kept))
+                .ok_or_else(|| GazeError::TooFew(format!(": there are {}", kept.len())))?;
             // With four, every one agrees with a map of the other three but one's own.
             if given_up < most && kept.len() >= 5 {
                 let worst = (0..kept.len())
@@ -82,9 +89,9 @@ impl Fit {
                     continue;
                 }
             }
-            let residual = rms(&map, &kept);
-            if residual > LIMIT || !residual.is_finite() {
-                return Err(GazeError::Disagree { rms_mm: residual * 1e3, limit_mm: LIMIT * 1e3 });
+            let (residual, limit) = (rms(&map, &kept), LIMIT.min(LEFT * spread(&kept)));
+            if residual > limit || !residual.is_finite() {
+                return Err(GazeError::Disagree { rms_mm: residual * 1e3, limit_mm: limit * 1e3 });
             }
             left_out += given_up;
             return Ok(Self { map, unit, residual, used: [kept.len(), left_out] });
@@ -99,6 +106,13 @@ fn off(map: &Affine, pair: &Pair) -> f64 {
 
 fn rms(map: &Affine, pairs: &[Pair]) -> f64 {
     (pairs.iter().map(|p| off(map, p).powi(2)).sum::<f64>() / pairs.len().max(1) as f64).sqrt()
+}
+
+/// Root mean square distance of the pupils from their middle.
+fn spread(pairs: &[Pair]) -> f64 {
+    let n = pairs.len().max(1) as f64;
+    let middle = [0, 1].map(|i| pairs.iter().map(|p| p.pupil[i]).sum::<f64>() / n);
+    (pairs.iter().map(|p| (p.pupil[0] - middle[0]).powi(2) + (p.pupil[1] - middle[1]).powi(2)).sum::<f64>() / n).sqrt()
 }
 
 /// Least squares around the mean, so that no unit or origin spoils the numbers; `None` where the points are on a line.

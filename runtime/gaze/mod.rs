@@ -37,7 +37,7 @@ pub use stages::{Phase, Stages};
 #[non_exhaustive]
 pub enum GazeError {
     /// Too few fixations, or all on a line.
-    #[error("a calibration needs at least 3 fixations that are not on a line{0}")]
+    #[error("a calibration needs at least 4 fixations that are not on a line{0}")]
     TooFew(String),
     /// The fixations do not agree with each other.
     #[error(

@@ -399,11 +399,29 @@ fn a_calibration_that_cannot_be_is_refused() {
     let pairs = targets();
     assert!(matches!(Fit::new(&pairs[..2], Unit::Counts), Err(GazeError::TooFew(_))));
     assert!(matches!(Fit::new(&pairs[..3], Unit::Counts), Err(GazeError::TooFew(_))), "on a line");
+    let corners = [pairs[0], pairs[2], pairs[6]];
+    assert!(matches!(Fit::new(&corners, Unit::Counts), Err(GazeError::TooFew(_))), "they fit anything");
     let mut mixed = targets();
     for (i, pair) in mixed.iter_mut().enumerate() {
         pair.pupil = [(i * 7 % 9) as f64 * 1e-3, (i * 5 % 9) as f64 * 1e-3];
     }
     assert!(matches!(Fit::new(&mixed, Unit::Counts), Err(GazeError::Disagree { .. })));
+}
+
+/// A tracker that does not follow the eye has no calibration, however near each other the targets are.
+#[test]
+fn a_tracker_that_shows_nothing_of_the_eye_is_refused() {
+    for apart in [0.3, 1.0, 3.0] {
+        let near: Vec<Pair> =
+            targets().iter().map(|p| Pair { pupil: p.pupil.map(|v| v * apart / 3.0), ..*p }).collect();
+        assert!(Fit::new(&near, Unit::Counts).is_ok());
+        for seed in 0..20 {
+            let mut random = fastrand::Rng::with_seed(seed);
+            let blind = near.iter().map(|p| Pair { tracker: [random.f64() * 400.0, random.f64() * 300.0], ..*p });
+            let answer = Fit::new(&blind.collect::<Vec<_>>(), Unit::Counts);
+            assert!(matches!(answer, Err(GazeError::Disagree { .. })), "{apart} mm, {seed}: {answer:?}");
+        }
+    }
 }
 
 #[test]
