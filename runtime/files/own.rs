@@ -107,7 +107,7 @@ impl OwnFolder {
             return Ok(());
         }
         let reason =
-            "eyebox did not write it, or it was changed since: give another folder, or --overwrite to replace it";
+            "eyebox did not write it, or it was changed since: give another folder, or `overwrite` to replace it";
         Err(FileError::Taken { path: path.display().to_string(), reason: reason.into() })
     }
 
@@ -163,7 +163,7 @@ mod tests {
         assert_eq!(fs::read(at.join("figures/b.svg")).unwrap(), b"2");
         let refused = |what: &str| {
             let error = open(false).unwrap_err().to_string();
-            assert!(error.contains(what) && error.contains("--overwrite"), "{error}");
+            assert!(error.contains(what) && error.contains("`overwrite`"), "{error}");
         };
         fs::write(at.join("figures/mine.svg"), "mine").unwrap();
         refused("mine.svg");

@@ -71,7 +71,7 @@ impl Opening {
         match (source, self.color) {
             (PhaseSource::Whole(_), Some(_)) => Ok(self.hologram(path)?.into()),
             (PhaseSource::Tiled(tiles), Some(color)) if tiles.about().named_colors() != [color] => {
-                Err(no(path, "it is stored in tiles, all colours of which are read: leave out --color".into()))
+                Err(no(path, "it is stored in tiles, all colours of which are read: leave out `color`".into()))
             }
             (source, _) => Ok(source),
         }
@@ -94,7 +94,7 @@ impl Opening {
         match self.color {
             Some(color) if sequence.about().named_colors() != [color] => {
                 if !sequence.is_single() {
-                    return Err(no(path, "all colours of a sequence are shown: leave out --color".into()));
+                    return Err(no(path, "all colours of a sequence are shown: leave out `color`".into()));
                 }
                 Ok(Sequence::single(path, self.hologram(path)?))
             }
@@ -118,7 +118,7 @@ impl Opening {
 
     fn bare_hologram(&self, path: &Path) -> Result<Hologram, HologramError> {
         if self.at.is_some() {
-            return Err(no(path, "bare phases are one hologram, not a sequence: leave out --at".into()));
+            return Err(no(path, "bare phases are one hologram, not a sequence: leave out `at`".into()));
         }
         // What is not there is no phases that lack something.
         if let Err(e) = std::fs::metadata(path) {
