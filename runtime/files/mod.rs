@@ -142,8 +142,22 @@ impl FileError {
         Self::Read { file: file.display().to_string(), source }
     }
 
-    /// A failure to write `file`: [`FileError::Full`] where there was no room.
+    /// A failure to write `file`: [`FileError::Full`] where there was no room, [`FileError::Taken`] where a file is in the way or a
+    /// folder is missing.
     pub fn write(file: &Path, source: io::Error) -> Self {
+        let taken = |path: &Path, reason: &str| Self::Taken { path: path.display().to_string(), reason: reason.into() };
+        let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
+        match source.kind() {
+            io::ErrorKind::NotFound | io::ErrorKind::NotADirectory => {
+                if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
+                    return taken(folder, "there is no such folder to write into: make it, or give another place");
+                }
+            }
+            io::ErrorKind::AlreadyExists if file.is_file() => {
+                return taken(file, "is a file: a folder cannot replace it; give another place");
+            }
+            _ => {}
+        }
         let file = file.display().to_string();
         match source.kind() {
             io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge => {

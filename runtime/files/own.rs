@@ -30,6 +30,10 @@ impl OwnFolder {
     /// # Errors
     /// [`FileError::Taken`] for a file that is not this program's, or was changed since.
     pub fn open(folder: &Path, names: &[&str], overwrite: bool) -> Result<Self, FileError> {
+        if folder.is_file() {
+            let reason = "is a file: a folder cannot replace it; give another place".into();
+            return Err(FileError::Taken { path: folder.display().to_string(), reason });
+        }
         let list = read::bytes(&folder.join(LIST), read::TABLE).ok();
         let list = list.and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default();
         let own = Self { folder: folder.to_path_buf(), list, overwrite };

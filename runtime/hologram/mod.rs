@@ -100,7 +100,7 @@ pub enum HologramError {
     #[error(transparent)]
     File(#[from] FileError),
     /// A file of the hologram is missing, cut short or changed.
-    #[error("{file}: the hologram is damaged: {reason}")]
+    #[error("{file}: the hologram is damaged: {reason}; copy it again, or solve it again")]
     Damaged {
         /// The file.
         file: String,

@@ -73,7 +73,7 @@ pub(super) fn encoder_of(what: &str, about: &Hologram, display: &Display) -> Res
     if [eh, ew] != [h, w] {
         let name = &display.name;
         return Err(SessionError::Setting(format!(
-            "{what}: it is {h}x{w} pixels, and the display '{name}' takes {eh}x{ew}: give `size`, or the display that it \
+            "{what}: it is {h}x{w} pixels, and the display '{name}' takes {eh}x{ew}: give `size` {h}x{w}, or the display that it \
              was made for"
         )));
     }

@@ -19,6 +19,8 @@ mod results;
 mod shown;
 mod sources;
 mod speckle;
+#[cfg(test)]
+mod stop_tests;
 
 pub use candidate::{Candidate, Given, Source, candidates};
 pub use etendue::MaskKind;
