@@ -23,6 +23,8 @@ mod replay;
 
 pub use replay::LineSource;
 
+/// The form of a line, for those who wrote another one.
+pub(super) const EXAMPLE: &str = r#"each sample is a line such as {"t": 12.5, "x": 1.5, "y": -0.2, "diameter": 4}"#;
 /// Longest line, bytes.
 pub(crate) const LONGEST_LINE: usize = 2048;
 
@@ -106,7 +108,9 @@ fn eye<'de, D: Deserializer<'de>>(from: D) -> Result<Option<usize>, D::Error> {
         serde_json::Value::Number(number) => [1, 0].iter().position(|eye| number.as_u64() == Some(*eye)),
         _ => None,
     };
-    let wrong = || serde::de::Error::custom("eye: expected \"left\" or \"right\", or 0 (right) or 1 (left) as Pupil Core has it");
+    let wrong = || {
+        serde::de::Error::custom("eye: expected \"left\" or \"right\", or 0 (right) or 1 (left) as Pupil Core has it")
+    };
     place.map(Some).ok_or_else(wrong)
 }
 
@@ -238,7 +242,7 @@ pub fn parse(line: &[u8]) -> Result<Line, String> {
 
 fn read(line: &[u8]) -> Result<Line, String> {
     if !line.trim_ascii_start().starts_with(b"{") {
-        return Err(r#"not a JSON object: each sample is a line such as {"t": 12.5, "x": 1.5, "y": -0.2, "diameter": 4}"#.into());
+        return Err(format!("not a JSON object: {EXAMPLE}"));
     }
     let text: SampleText = serde_json::from_slice(line).map_err(|e| e.to_string())?;
     let mut texts = [text.left, text.right, text.combined];
@@ -351,8 +355,12 @@ mod tests {
         let none = ["\"vx\": 1", "\"vy\": 1", "\"vx\": null, \"vy\": 1", "\"vx\": 1, \"vy\": 0, \"valid\": false"];
         assert!(none.iter().all(|v| moves(&format!("{{\"x\": 1, \"y\": 0, {v}}}")).is_none()));
 
-        let of = |eye: &str| parse(format!(r#"{{"eye": {eye}, "x": 1, "y": 0}}"#).as_bytes()).unwrap().readings.map(|r| r.is_some());
-        for (eyes, slot) in [(["\"left\"", "\"L\"", "1"], 0), (["\"Right\"", "\"r\"", "0"], 1), (["null", "\"both\"", "\"mean\""], 2)] {
+        let of = |eye: &str| {
+            parse(format!(r#"{{"eye": {eye}, "x": 1, "y": 0}}"#).as_bytes()).unwrap().readings.map(|r| r.is_some())
+        };
+        for (eyes, slot) in
+            [(["\"left\"", "\"L\"", "1"], 0), (["\"Right\"", "\"r\"", "0"], 1), (["null", "\"both\"", "\"mean\""], 2)]
+        {
             for eye in eyes {
                 assert_eq!(of(eye), [0, 1, 2].map(|i| i == slot), "{eye}");
             }

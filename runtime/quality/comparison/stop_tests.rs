@@ -30,13 +30,13 @@ fn job() -> Comparison {
 fn run(folder: &Path, most: usize) -> (usize, Results) {
     let (job, ran) = (job(), AtomicUsize::new(0));
     let request = Request { views: 3, ..Request::new(&job.display, &COLORS) };
-    let mut load = |_| -> Result<_, QualityError> { Ok((scene::load("builtin:plane", &request).unwrap(), [-1e-3, 1e-3])) };
+    let mut load =
+        |_| -> Result<_, QualityError> { Ok((scene::load("builtin:plane", &request).unwrap(), [-1e-3, 1e-3])) };
     let mut engine = Watched(CpuEngine::new(), || {
         ran.fetch_add(1, Ordering::SeqCst);
         Ok(())
     });
-    let mut observe =
-        |_: &str, _: f64| if ran.load(Ordering::SeqCst) >= most { Flow::Stop } else { Flow::Continue };
+    let mut observe = |_: &str, _: f64| if ran.load(Ordering::SeqCst) >= most { Flow::Stop } else { Flow::Continue };
     let results = job.run(folder, &mut load, &mut engine, &mut observe).unwrap();
     (ran.load(Ordering::SeqCst), results)
 }

@@ -12,11 +12,18 @@
 #[path = "../command/common/mod.rs"]
 mod common;
 
+mod displays;
 mod folders;
 mod frame;
+mod holograms;
 mod judge;
 mod made;
+mod outputs;
 mod page;
+mod phases;
+mod recordings;
+mod tables;
+mod write;
 
 /// Makes one test of each chapter, and the list of all chapters in the order of the page.
 macro_rules! chapters {
@@ -36,4 +43,10 @@ macro_rules! chapters {
 
 chapters! {
     folders
+    holograms
+    phases
+    displays
+    tables
+    recordings
+    outputs
 }

@@ -164,10 +164,8 @@ pub fn chapter() -> Chapter {
 /// Numbers that are no radians.
 fn units() -> Vec<Situation> {
     let of_levels = |have, count: u32, unit: &'static str| {
-        array(have, "<i8", &SHAPE, move || {
-            levels(count).iter().flat_map(|v| i64::from(*v).to_le_bytes()).collect()
-        })
-        .refused("whole numbers", Remedy::As("--phase-unit", " -o out.zarr", unit), EIGHT_BITS)
+        array(have, "<i8", &SHAPE, move || levels(count).iter().flat_map(|v| i64::from(*v).to_le_bytes()).collect())
+            .refused("whole numbers", Remedy::As("--phase-unit", " -o out.zarr", unit), EIGHT_BITS)
     };
     vec![
         array("Degrees.", "<f4", &SHAPE, || floats(&turns().iter().map(|v| 360.0 * v).collect::<Vec<_>>())).refused(
@@ -226,12 +224,8 @@ fn axes() -> Vec<Situation> {
             change("(sub-frame, row, column)", saved),
             EXACT,
         ),
-        case(
-            "Phases for a display of another size.",
-            "import p.npy --display small --color green -o out.zarr",
-            saved,
-        )
-        .refused("24", Remedy::Add("--size 24x32"), EXACT),
+        case("Phases for a display of another size.", "import p.npy --display small --color green -o out.zarr", saved)
+            .refused("24", Remedy::Add("--size 24x32"), EXACT),
         case("Phases without the optics that they are for.", "import p.npy -o out.zarr", saved).refused(
             "do not say their optics",
             Remedy::As(
