@@ -129,7 +129,7 @@ pub(super) fn take(
         Some(shot) => {
             if shot.iris_mm.or(iris_mm).is_none() {
                 let reason = "its iris does not move, and nothing says where it stands: answer iris_mm, or give \
-                              --iris X,Y,DIAMETER in mm";
+                              `iris` X,Y,DIAMETER in mm";
                 return Err(CalibrateError::Bench { display: display.name.clone(), reason: reason.into() });
             }
             shots.push(shot);

@@ -176,7 +176,7 @@ impl Sorted {
     ) -> Result<usize, CalibrateError> {
         let optics: Optics = self.pictures.optics;
         let Some([x, y, d]) = pattern_shot.shot.iris_mm else {
-            let reason = "has no iris_mm: give --iris X,Y,DIAMETER in mm of an iris that stands still".into();
+            let reason = "has no iris_mm: give `iris` X,Y,DIAMETER in mm of an iris that stands still".into();
             return Err(CalibrateError::Captures { file: pattern_shot.shot.file.display().to_string(), reason });
         };
         let pupil = Pupil::from_mm([x, y, d, pattern_shot.shot.focus_mm]).check()?;

@@ -154,7 +154,7 @@ impl Decoder {
         let (color, display) = (self.encoder.colors()[slot.color], &self.encoder.display);
         format!(
             "{color} sub-frame {} holds {code} at the SLM's row {y}, column {x}, which is no level of the display '{}': give \
-             the display that it was encoded for with --display",
+             the display that it was encoded for with `display`",
             slot.sub_frame, display.name
         )
     }
@@ -197,7 +197,7 @@ impl Decoder {
         let (row, column) = (at / frames.width, at % frames.width);
         Err(format!(
             "bit {} of {channel} is lit at row {row}, column {column}, and the packing of the display '{}' leaves it black: \
-             give the display that it was encoded for with --display",
+             give the display that it was encoded for with `display`",
             bits.trailing_zeros(),
             self.encoder.display.name
         ))

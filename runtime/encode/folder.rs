@@ -194,7 +194,7 @@ impl Encoded {
             }
             if let Some(asked) = color.filter(|c| colors != [*c]) {
                 let has: Vec<_> = colors.iter().map(Color::to_string).collect();
-                return Err(wrong(format!("it holds {}, not {asked} alone: leave out --color", has.join(", "))));
+                return Err(wrong(format!("it holds {}, not {asked} alone: leave out `color`", has.join(", "))));
             }
             if let Some(outside) = frames.iter().find(|f| Path::new(&f.file).components().count() != 1) {
                 return Err(FileError::content(&file, format!("names {}, which is not beside it", outside.file)).into());
@@ -215,7 +215,7 @@ impl Encoded {
             return Err(wrong("it holds no PNG: video frames are wanted".into()));
         }
         let display = display.ok_or_else(|| {
-            wrong(format!("it does not say for which display its frames are (it has no {DOCUMENT}): give --display"))
+            wrong(format!("it does not say for which display its frames are (it has no {DOCUMENT}): give `display`"))
         })?;
         let colors = color.map_or_else(|| display.wavelengths.iter().map(|w| w.color).collect(), |c| vec![c]);
         let packed = Packed::of_video_frames(&display.encoding, &colors, files.len()).map_err(wrong)?;
@@ -311,7 +311,7 @@ impl Encoded {
             let [cell_rows, cell_columns] = [height / self.display.height, width / self.display.width];
             let (name, [sh, sw]) = (&self.display.name, [h / cell_rows.max(1), w / cell_columns.max(1)]);
             return wrong(format!(
-                "it is {h}x{w} pixels, and a video frame of the display '{name}' is {height}x{width}: give --size {sh}x{sw}, or \
+                "it is {h}x{w} pixels, and a video frame of the display '{name}' is {height}x{width}: give `size` {sh}x{sw}, or \
                  the display that it was made for"
             ));
         }

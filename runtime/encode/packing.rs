@@ -88,7 +88,7 @@ impl Packed {
         if video_frames == 0 || !video_frames.is_multiple_of(one.video_frames) {
             let names: Vec<_> = colors.iter().map(Color::to_string).collect();
             return Err(format!(
-                "there are {video_frames} video frames, and a set of {} takes {}: give whole sets, or say with --color \
+                "there are {video_frames} video frames, and a set of {} takes {}: give whole sets, or say with `color` \
                  which colour they are",
                 names.join(", "),
                 one.video_frames

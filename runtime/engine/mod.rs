@@ -9,6 +9,7 @@
 mod choose;
 pub mod cpu;
 mod handover;
+mod stoppable;
 mod taking;
 mod threads;
 #[cfg(feature = "vulkan")]
@@ -23,6 +24,7 @@ pub use crate::plan::{
 };
 pub use choose::{Backend, Choice, open, reason};
 pub use handover::{At, Handover};
+pub(crate) use stoppable::Stoppable;
 pub use taking::{Begun, Taken};
 #[cfg(feature = "window")]
 pub(crate) use threads::pool;

@@ -12,7 +12,8 @@ use serde::{Deserialize, Serialize};
 /// in the dark: there it is fitted through the widest pupil, as a photographer would, and given ([`at`](Self::at)).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scores {
-    /// PSNR per pupil, dB, after 2 x 2 averaging.
+    /// PSNR of each pupil whose target is not black, dB, after 2 x 2 averaging. If all are black, of each pupil: only to compare
+    /// states, since [`quality`](Self::quality) is `None`.
     pub psnr: Vec<f64>,
     /// The exposure.
     pub exposure: f64,
@@ -32,7 +33,9 @@ impl Scores {
     /// At this exposure.
     pub fn at(sums: &[Sums], exposure: f64) -> Self {
         let target_power = sums.iter().map(Sums::target_power).sum::<f64>() / sums.len().max(1) as f64;
-        Self { psnr: sums.iter().map(|s| s.psnr(exposure)).collect(), exposure, target_power }
+        let lit: Vec<f64> = sums.iter().filter_map(|s| s.quality(exposure)).collect();
+        let psnr = if lit.is_empty() { sums.iter().map(|s| s.psnr(exposure)).collect() } else { lit };
+        Self { psnr, exposure, target_power }
     }
 
     /// Mean and worst PSNR over pupils as a quality, dB. `None` if all targets are black, since a black hologram of them would
@@ -63,8 +66,8 @@ impl Scores {
 /// What one pupil scored in one colour.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Score {
-    /// dB, peak 1.
-    pub psnr: f64,
+    /// dB, peak 1; `None` if the photograph is black.
+    pub psnr: Option<f64>,
     /// None where the picture is smaller than SSIM's window.
     pub ssim: Option<f64>,
 }
@@ -85,7 +88,7 @@ pub fn compare(
         return Err(EvaluateError::Sizes { one: seen.len(), other: wanted.len() });
     }
     let score = |(seen, wanted): (&Vec<f32>, &Vec<f32>)| {
-        let psnr = Sums::of_images(seen, wanted)?.psnr(exposure);
+        let psnr = Sums::of_images(seen, wanted)?.quality(exposure);
         let exposed: Vec<f32> = seen.iter().map(|v| v * exposure as f32).collect();
         let ssim = match ssim(&exposed, wanted, height, width) {
             Ok(value) => Some(value),
@@ -106,9 +109,9 @@ mod tests {
         let target: Vec<f32> = (0..256).map(|i| 0.2 + (i % 7) as f32 * 0.05).collect();
         let bright: Vec<f32> = target.iter().map(|t| 2.0 * t).collect();
         let scores = compare(&[bright, target.clone()], &[target.clone(), target], 0.5, 16, 16).unwrap();
-        assert!(scores[0].psnr > 100.0 && (scores[0].ssim.unwrap() - 1.0).abs() < 1e-6);
+        assert!(scores[0].psnr.unwrap() > 100.0 && (scores[0].ssim.unwrap() - 1.0).abs() < 1e-6);
         // Half of 0.35, give or take.
-        assert!((14.0..16.0).contains(&scores[1].psnr) && scores[1].ssim.unwrap() < 0.9, "{scores:?}");
+        assert!((14.0..16.0).contains(&scores[1].psnr.unwrap()) && scores[1].ssim.unwrap() < 0.9, "{scores:?}");
     }
 
     /// A black target has no quality, however small the error is; a target with one lit pixel has one.
@@ -125,6 +128,13 @@ mod tests {
             assert_eq!(Sums::quality_of_colors(&[(sums(image, 0.0), 1.0)]), None);
             let lit = Scores::at(&[sums(image, 0.0), sums(image, 0.5)], 1.0);
             assert_eq!(lit.quality(), Some([lit.mean(), lit.worst()]));
+            // The black pupil is no part of the mean.
+            assert_eq!(lit.psnr, [sums(image, 0.5).psnr(1.0)]);
+            let [black, wanted] =
+                [0.0, 0.5].map(|t| (0..256).map(|i| if i == 7 { t } else { 0.0 }).collect::<Vec<f32>>());
+            let seen = vec![vec![image; 256]; 2];
+            let compared = compare(&seen, &[black, wanted], 1.0, 16, 16).unwrap();
+            assert!(compared[0].psnr.is_none() && compared[1].psnr.is_some_and(f64::is_finite));
             let colors = [(sums(image, 0.0), 1.0), (sums(image, 0.5), 1.0)];
             assert_eq!(Sums::quality_of_colors(&colors), Some(Sums::psnr_of_colors(&colors)));
         }
@@ -135,7 +145,7 @@ mod tests {
     #[test]
     fn small_pictures_have_no_ssim() {
         let small = compare(&[vec![0.5; 4]], &[vec![0.25; 4]], 0.5, 2, 2).unwrap();
-        assert!(small[0].ssim.is_none() && small[0].psnr.is_infinite());
+        assert!(small[0].ssim.is_none() && small[0].psnr == Some(f64::INFINITY));
         assert!(compare(&[vec![0.0; 4]], &[], 1.0, 2, 2).is_err());
         assert!(compare(&[vec![0.0; 4]], &[vec![0.0; 6]], 1.0, 2, 2).is_err());
     }

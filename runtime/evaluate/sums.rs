@@ -82,6 +82,11 @@ impl Sums {
         Self::psnr_of_colors(&[(*self, exposure)])
     }
 
+    /// [`psnr`](Self::psnr) as a quality, dB: `None` if the target is black.
+    pub fn quality(&self, exposure: f64) -> Option<f64> {
+        Self::quality_of_colors(&[(*self, exposure)])
+    }
+
     /// [`psnr_of_colors`](Self::psnr_of_colors) as a quality: `None` if the target is black in all colors, since a black
     /// picture of it would be perfect.
     pub fn quality_of_colors(colors: &[(Self, f64)]) -> Option<f64> {

@@ -90,7 +90,9 @@ fn every_kind_has_a_remedy_in_one_line_whatever_is_wanted() {
             let line = remedy(Path::new(name), kind, wanted);
             assert!(line.len() > 10 && !line.contains('\n'), "{kind:?}, {wanted:?}: {line}");
             let error = FileError::of_kind(Path::new(name), kind, wanted);
-            assert!(matches!(error, FileError::Kind { found, wanted: w, .. } if found == kind && w == wanted));
+            assert!(
+                matches!(error, FileError::Kind(OtherKind { found, wanted: w, .. }) if found == kind && w == wanted)
+            );
         }
     }
 }

@@ -56,7 +56,7 @@ pub(crate) use entry::Kind;
 pub(crate) use folder::Folder;
 pub(crate) use grey::read_grey;
 pub use growing::GrowingFile;
-pub use kind::FileKind;
+pub use kind::{FileKind, OtherKind};
 pub use made::MadeFolder;
 pub use npy::{Npy, read_npy, write_npy};
 pub(crate) use npy::{npy_header, read_npy_with_gaps};
@@ -130,17 +130,8 @@ pub enum FileError {
         reason: String,
     },
     /// It is a file of another kind than the one that is read here.
-    #[error("{file}: it is {}, which is not read as {}; {remedy}", found.describe(), wanted.describe())]
-    Kind {
-        /// The file.
-        file: String,
-        /// Its kind, from its content.
-        found: FileKind,
-        /// What the reader wanted.
-        wanted: Wanted,
-        /// A line that makes a file of it that is read.
-        remedy: String,
-    },
+    #[error(transparent)]
+    Kind(#[from] OtherKind),
     /// The place is taken by something that must not be replaced.
     #[error("{path}: {reason}")]
     Taken {
@@ -157,8 +148,22 @@ impl FileError {
         Self::Read { file: file.display().to_string(), source }
     }
 
-    /// A failure to write `file`: [`FileError::Full`] where there was no room.
+    /// A failure to write `file`: [`FileError::Full`] where there was no room, [`FileError::Taken`] where a file is in the way or a
+    /// folder is missing.
     pub fn write(file: &Path, source: io::Error) -> Self {
+        let taken = |path: &Path, reason: &str| Self::Taken { path: path.display().to_string(), reason: reason.into() };
+        let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
+        match source.kind() {
+            io::ErrorKind::NotFound | io::ErrorKind::NotADirectory => {
+                if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
+                    return taken(folder, "there is no such folder to write into: make it, or give another place");
+                }
+            }
+            io::ErrorKind::AlreadyExists if file.is_file() => {
+                return taken(file, "is a file: a folder cannot replace it; give another place");
+            }
+            _ => {}
+        }
         let file = file.display().to_string();
         match source.kind() {
             io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge => {
@@ -177,13 +182,13 @@ impl FileError {
     /// `file` is of kind `found`, and `wanted` is read.
     pub fn of_kind(file: &Path, found: FileKind, wanted: Wanted) -> Self {
         let remedy = convert::remedy(file, found, wanted);
-        Self::Kind { file: file.display().to_string(), found, wanted, remedy }
+        Self::Kind(OtherKind { file: file.display().to_string(), found, wanted, remedy })
     }
 
     /// All views in `folder`, of which `first` is one, are of kind `found`.
     pub(crate) fn of_all(folder: &Path, first: &Path, found: FileKind) -> Self {
         let remedy = convert::remedy_of_all(folder, first, found);
-        Self::Kind { file: first.display().to_string(), found, wanted: Wanted::Scene, remedy }
+        Self::Kind(OtherKind { file: first.display().to_string(), found, wanted: Wanted::Scene, remedy })
     }
 
     /// `file` does not hold what it should.

@@ -30,6 +30,10 @@ impl OwnFolder {
     /// # Errors
     /// [`FileError::Taken`] for a file that is not this program's, or was changed since.
     pub fn open(folder: &Path, names: &[&str], overwrite: bool) -> Result<Self, FileError> {
+        if folder.is_file() {
+            let reason = "is a file: a folder cannot replace it; give another place".into();
+            return Err(FileError::Taken { path: folder.display().to_string(), reason });
+        }
         let list = read::bytes(&folder.join(LIST), read::TABLE).ok();
         let list = list.and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default();
         let own = Self { folder: folder.to_path_buf(), list, overwrite };
@@ -107,7 +111,7 @@ impl OwnFolder {
             return Ok(());
         }
         let reason =
-            "eyebox did not write it, or it was changed since: give another folder, or --overwrite to replace it";
+            "eyebox did not write it, or it was changed since: give another folder, or `overwrite` to replace it";
         Err(FileError::Taken { path: path.display().to_string(), reason: reason.into() })
     }
 
@@ -163,7 +167,7 @@ mod tests {
         assert_eq!(fs::read(at.join("figures/b.svg")).unwrap(), b"2");
         let refused = |what: &str| {
             let error = open(false).unwrap_err().to_string();
-            assert!(error.contains(what) && error.contains("--overwrite"), "{error}");
+            assert!(error.contains(what) && error.contains("`overwrite`"), "{error}");
         };
         fs::write(at.join("figures/mine.svg"), "mine").unwrap();
         refused("mine.svg");

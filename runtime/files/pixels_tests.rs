@@ -220,7 +220,7 @@ fn an_animated_gif_is_refused_and_a_still_one_is_read() {
         drop(encoder);
         match read_pixels(&file, Wanted::Scene, MOST) {
             Ok(found) => assert!(read && found.height == H),
-            Err(FileError::Kind { found, remedy, .. }) => {
+            Err(FileError::Kind(OtherKind { found, remedy, .. })) => {
                 assert!(!read && found == FileKind::Gif && remedy.contains("ffmpeg"), "{remedy}");
             }
             Err(other) => panic!("{other}"),

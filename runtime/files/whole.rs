@@ -73,7 +73,9 @@ impl FolderDraft {
         // A link is followed, so that the folder it points to is replaced and not the link.
         let place = canonical(place).unwrap_or_else(|_| place.to_path_buf());
         match fs::metadata(&place) {
-            Ok(there) if !there.is_dir() => return Err(taken(&place, "is a file: a folder cannot replace it")),
+            Ok(there) if !there.is_dir() => {
+                return Err(taken(&place, "is a file: a folder cannot replace it; give another place"));
+            }
             Ok(_) if !is_empty(&place) && !ours(&place) => {
                 return Err(taken(&place, "holds something else: it is left alone; give another place or remove it"));
             }

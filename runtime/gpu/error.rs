@@ -24,7 +24,7 @@ pub enum EngineError {
     /// A device that computes something else than it should.
     #[error(
         "{device} computes {what} wrongly: {error:.1e} of the power is error, {allowed:.0e} at most is right; update its driver \
-         ({driver}), choose another device with --device, or take the CPU with --engine cpu"
+         ({driver}), choose another device with `device`, or take the CPU with `engine` cpu"
     )]
     WrongResults {
         /// Its name.
@@ -77,6 +77,9 @@ pub enum EngineError {
         /// The code.
         result: String,
     },
+    /// The job that it worked for was stopped.
+    #[error("the job was stopped")]
+    Stopped,
     /// A step that does not fit what was loaded.
     #[error("the step does not fit the engine: {reason}")]
     Mismatch {

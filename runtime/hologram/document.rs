@@ -15,7 +15,7 @@ const SEQUENCE_FORMAT: u64 = 2;
 const GEOMETRY_FORMAT: u64 = 3;
 /// What is wrong with a sequence where one hologram is wanted.
 pub(super) const IS_SEQUENCE: &str =
-    "it is a sequence of holograms, and one hologram is wanted: take one by its number, from 0 on";
+    "it is a sequence of holograms, and one hologram is wanted: take one by its number, such as `at` 0 for the first";
 /// The last attribute of either document, with eight hexadecimal digits as its value.
 const SEAL: &str = "\"document_crc32c\": \"";
 const BLANK: &[u8; 8] = b"00000000";

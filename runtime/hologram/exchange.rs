@@ -124,7 +124,7 @@ impl Phases {
             let (h, w) = (self.height, self.width);
             let found = format!("its {h} rows and {w} columns lie across the display '{}'", display.name);
             let decide = format!(
-                "if its axes are exchanged, give numpy.swapaxes(phases, -1, -2); otherwise --size {h}x{w} takes it as it is"
+                "if its axes are exchanged, give numpy.swapaxes(phases, -1, -2); otherwise `size` {h}x{w} takes it as it is"
             );
             return Err(HologramError::doubtful(&self.file, found, &decide));
         }
@@ -180,7 +180,7 @@ impl Phases {
                     _ => format!("it has {has} colours, and the display '{name}' has {all}"),
                 };
                 let n = known.len();
-                let decide = format!("say which one with --color, or give ({n}, sub-frame, {h}, {w}) for all of them");
+                let decide = format!("say which one with `color`, or give ({n}, sub-frame, {h}, {w}) for all of them");
                 Err(HologramError::doubtful(&self.file, found, &decide))
             }
         }

@@ -100,7 +100,7 @@ pub enum HologramError {
     #[error(transparent)]
     File(#[from] FileError),
     /// A file of the hologram is missing, cut short or changed.
-    #[error("{file}: the hologram is damaged: {reason}")]
+    #[error("{file}: the hologram is damaged: {reason}; copy it again, or solve it again")]
     Damaged {
         /// The file.
         file: String,
@@ -138,7 +138,7 @@ pub enum HologramError {
     },
     /// Phases without optics.
     #[error(
-        "{path}: bare phases do not say their optics: give --display and --color, or --pitch, --wavelength and --focal-length"
+        "{path}: bare phases do not say their optics: give `display` and `color`, or `pitch`, `wavelength` and `focal_length`"
     )]
     NoOptics {
         /// The place.
@@ -254,7 +254,7 @@ pub enum HologramError {
         shows: (usize, usize),
     },
     /// How bright it is meant to be is not known: bare phases do not say.
-    #[error("how bright it is meant to be is not known: `eyebox import --scene` fits it to its scene")]
+    #[error("how bright it is meant to be is not known: `fit_exposure` fits it to its scene")]
     NoExposure,
     /// Its file's optics cannot be.
     #[error("{file}: {source}")]

@@ -4,7 +4,7 @@ use super::chunks::GROUP;
 use super::{Hologram, HologramError, PhaseSource, PhaseUnit, Phases, Sequence, Tiles, Unfinished, load_phases};
 use crate::files::FileError;
 use crate::optics::{Color, Display, Geometry};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// What is said beside a file of phases. Where it is a hologram, `bare` and `unit` say nothing.
 #[derive(Debug, Clone, Default)]
@@ -71,7 +71,7 @@ impl Opening {
         match (source, self.color) {
             (PhaseSource::Whole(_), Some(_)) => Ok(self.hologram(path)?.into()),
             (PhaseSource::Tiled(tiles), Some(color)) if tiles.about().named_colors() != [color] => {
-                Err(no(path, "it is stored in tiles, all colours of which are read: leave out --color".into()))
+                Err(no(path, "it is stored in tiles, all colours of which are read: leave out `color`".into()))
             }
             (source, _) => Ok(source),
         }
@@ -94,7 +94,7 @@ impl Opening {
         match self.color {
             Some(color) if sequence.about().named_colors() != [color] => {
                 if !sequence.is_single() {
-                    return Err(no(path, "all colours of a sequence are shown: leave out --color".into()));
+                    return Err(no(path, "all colours of a sequence are shown: leave out `color`".into()));
                 }
                 Ok(Sequence::single(path, self.hologram(path)?))
             }
@@ -118,16 +118,30 @@ impl Opening {
 
     fn bare_hologram(&self, path: &Path) -> Result<Hologram, HologramError> {
         if self.at.is_some() {
-            return Err(no(path, "bare phases are one hologram, not a sequence: leave out --at".into()));
+            return Err(no(path, "bare phases are one hologram, not a sequence: leave out `at`".into()));
         }
         // What is not there is no phases that lack something.
         if let Err(e) = std::fs::metadata(path) {
             let is_scene = path.to_string_lossy().starts_with("builtin:");
-            let scene = || no(path, "it is a scene: a hologram is first solved of it".into());
-            return Err(if is_scene { scene() } else { FileError::read(path, e).into() });
+            if is_scene {
+                return Err(no(path, "it is a scene: a hologram is first solved of it".into()));
+            }
+            let with_ending = path.with_added_extension("zarr");
+            if with_ending.join(GROUP).exists() {
+                return Err(no(path, format!("nothing is there; {} is one", with_ending.display())));
+            }
+            return Err(FileError::read(path, e).into());
+        }
+        // A hologram is a folder.
+        if path.file_name().is_some_and(|name| name == GROUP) {
+            let whole = path.parent().unwrap_or(path).display();
+            return Err(no(path, format!("it is one file of a hologram: give its folder {whole}")));
         }
         // What are no phases lacks more than optics.
-        let phases = load_phases(path, self.unit)?;
+        let phases = load_phases(path, self.unit).map_err(|error| match only_hologram_in(path) {
+            Some(inside) => no(path, format!("it is a folder that holds one: {}", inside.display())),
+            None => error,
+        })?;
         let missing = || HologramError::NoOptics { path: path.display().to_string() };
         let optics = self.bare.as_ref().ok_or_else(missing)?;
         match optics {
@@ -145,6 +159,13 @@ impl Phases {
         let named = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("zarr"));
         !named && !path.join(GROUP).exists()
     }
+}
+
+/// The hologram in a folder that holds one.
+fn only_hologram_in(folder: &Path) -> Option<PathBuf> {
+    let entries = std::fs::read_dir(folder).ok()?.flatten().map(|entry| entry.path());
+    let mut holograms = entries.filter(|path| path.join(GROUP).exists());
+    holograms.next().filter(|_| holograms.next().is_none())
 }
 
 fn no(path: &Path, reason: String) -> HologramError {

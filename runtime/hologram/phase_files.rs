@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 
 /// What decides what numbers mean.
 const UNITS: &str =
-    "say what its numbers are with --phase-unit: rad, turns, deg, or how many levels are a turn, such as 256";
+    "say what its numbers are with `phase_unit`: rad, turns, deg, or how many levels are a turn, such as 256";
 /// Turns beyond which numbers are hardly radians: levels, degrees.
 const MANY_TURNS: f32 = 8.0;
 /// The list in a folder of encoded video frames.
@@ -365,7 +365,7 @@ impl Levels {
         if ends == [true, true] && values.len() >= 64 && values.iter().all(|v| *v == 0.0 || *v == full) {
             let found = format!("it holds 0 and {full} alone, as a hologram of two phases does");
             let decide =
-                format!("say how many levels are a turn with --phase-unit: {} for 0 and half a turn", 2.0 * full);
+                format!("say how many levels are a turn with `phase_unit`: {} for 0 and half a turn", 2.0 * full);
             return Err(HologramError::doubtful(file, found, &decide));
         }
         let unit = PhaseUnit::Levels(turn);

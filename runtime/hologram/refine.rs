@@ -2,22 +2,18 @@
 
 use super::{Hologram, HologramError};
 use crate::engine::{Engine, EngineError};
-use crate::evaluate::Sums;
 use crate::optics::PupilDistribution;
 use crate::scene::LightField;
 use crate::solve::{
-    BestState, Flow, JUDGED_PUPILS, JointPart, JointRefiner, Problem, Refiner, Steering, is_judged, pupils_of,
+    BestKeeper, Flow, JointPart, JointRefiner, Problem, Refinable, RefinedStep, Refiner, Steering, refine,
 };
 
 /// All colours of a hologram under refinement, each on an engine of its own.
 pub struct Refinement {
     hologram: Hologram,
     refiners: Refiners,
-    seed: u64,
-    /// The pupil that it is refined for.
-    aim: Option<PupilDistribution>,
-    /// Of each color that has phases of its own, or of all together: the best state since the pupil was set.
-    best: Vec<BestState<Vec<Vec<f32>>>>,
+    /// The best state of each color that has phases of its own, or of all together, since the pupil was set.
+    best: Vec<BestKeeper>,
 }
 
 /// Who refines it.
@@ -65,19 +61,19 @@ impl Hologram {
             let drives = self.sent_phases().swap_remove(0);
             let refiner = JointRefiner::new(parts, &drives, steering, open)?;
             drop(drives);
-            return Ok(Refinement::new(self, Refiners::Together(Box::new(refiner)), steering));
+            return Ok(Refinement::new(self, Refiners::Together(Box::new(refiner))));
         }
         let begin = |(problem, color): (Problem, &super::ColorHologram)| {
             Ok(Refiner::new(problem, &color.phases, color.exposure, steering, open()?)?)
         };
         let refiners = problems.into_iter().zip(&self.colors).map(begin).collect::<Result<_, HologramError>>()?;
-        Ok(Refinement::new(self, Refiners::Apart(refiners), steering))
+        Ok(Refinement::new(self, Refiners::Apart(refiners)))
     }
 }
 
 impl Refinement {
-    fn new(hologram: Hologram, refiners: Refiners, steering: Steering) -> Self {
-        Self { hologram, refiners, seed: steering.seed, aim: None, best: Vec::new() }
+    fn new(hologram: Hologram, refiners: Refiners) -> Self {
+        Self { hologram, refiners, best: Vec::new() }
     }
 
     /// The pupil is there from now on, as far as is known.
@@ -85,7 +81,7 @@ impl Refinement {
     /// # Errors
     /// Those of the engines.
     pub fn set_pupil(&mut self, pupil: PupilDistribution) -> Result<(), EngineError> {
-        (self.aim, self.best) = (Some(pupil), Vec::new());
+        self.best.clear();
         match &mut self.refiners {
             Refiners::Apart(refiners) => refiners.iter_mut().try_for_each(|r| r.aim(pupil)),
             Refiners::Together(refiner) => refiner.aim(pupil),
@@ -106,73 +102,35 @@ impl Refinement {
         Ok(losses.iter().sum::<f64>() / losses.len().max(1) as f64)
     }
 
-    /// Takes so many steps for the pupil that was set, unless `observe`, called with each step's number and loss, stops it or a
-    /// loss is no finite number, and judges what they reach; [`best`](Self::best) has the best. Returns the last loss and the
-    /// number of steps.
+    /// Takes at most `steps` steps for the pupil that was set and judges each; [`best`](Self::best) has the best state. Ends earlier
+    /// if `observe` stops it or if a loss is not a finite number. Returns the last loss and the number of steps.
     ///
     /// # Errors
-    /// Those of the engines; [`HologramError::Evaluate`] for a scene without light.
+    /// Those of the engines.
     pub fn refine(
         &mut self,
         steps: usize,
-        observe: &mut dyn FnMut(usize, f64) -> Flow,
-    ) -> Result<(f64, usize), HologramError> {
-        self.judge(0)?;
-        let (mut loss, mut taken) = (f64::NAN, 0);
-        while taken < steps {
-            loss = self.step()?;
-            if !loss.is_finite() {
-                break;
-            }
-            taken += 1;
-            let flow = observe(taken, loss);
-            if is_judged(taken, steps) || flow == Flow::Stop {
-                self.judge(taken)?;
-            }
-            if flow == Flow::Stop {
-                break;
-            }
-        }
-        Ok((loss, taken))
-    }
-
-    /// Keeps the state after a step if it is the best for the pupil.
-    fn judge(&mut self, step: usize) -> Result<(), HologramError> {
-        let Some(aim) = self.aim else { return Ok(()) };
-        let pupils = pupils_of(&aim, JUDGED_PUPILS, !self.seed);
-        let mean = |sums: &[Sums], exposure: f64| {
-            sums.iter().map(|sums| sums.psnr(exposure)).sum::<f64>() / sums.len().max(1) as f64
+        observe: &mut dyn FnMut(RefinedStep) -> Flow,
+    ) -> Result<(f64, usize), EngineError> {
+        let mut refined: Vec<&mut dyn Refinable> = match &mut self.refiners {
+            Refiners::Apart(refiners) => refiners.iter_mut().map(|refiner| refiner as _).collect(),
+            Refiners::Together(refiner) => vec![refiner.as_mut()],
         };
-        let unknown = || BestState { step, psnr: f64::NEG_INFINITY, state: Vec::new() };
-        match &mut self.refiners {
-            Refiners::Apart(refiners) => {
-                self.best.resize_with(refiners.len(), unknown);
-                for (refiner, best) in refiners.iter_mut().zip(&mut self.best) {
-                    let psnr = mean(&refiner.look(&pupils)?, refiner.exposure());
-                    best.offer(step, psnr, || Ok::<_, EngineError>(vec![refiner.phases()?]))?;
-                }
-            }
-            Refiners::Together(refiner) => {
-                self.best.resize_with(1, unknown);
-                let mut psnr = 0.0;
-                for (at, color) in self.hologram.colors.iter().enumerate() {
-                    psnr += mean(&refiner.look(at, &pupils)?, color.exposure);
-                }
-                let psnr = psnr / self.hologram.colors.len().max(1) as f64;
-                self.best[0].offer(step, psnr, || Ok::<_, EngineError>(refiner.phases().to_vec()))?;
-            }
+        if self.best.is_empty() {
+            self.best = refined.iter().map(|refined| BestKeeper::new(refined.aimed_at().middle())).collect();
         }
-        Ok(())
+        let mut parts: Vec<_> = refined.iter_mut().map(|refined| &mut **refined).zip(&mut self.best).collect();
+        refine(&mut parts, steps, observe)
     }
 
-    /// The hologram in the best state that [`refine`](Self::refine) found since the pupil was set; as it is now where it has not
-    /// been called.
+    /// The hologram in the best state that [`refine`](Self::refine) found since the pupil was set; as it is now if `refine` was not
+    /// called.
     ///
     /// # Errors
     /// Those of the engines.
     pub fn best(&mut self) -> Result<&Hologram, EngineError> {
         self.hologram()?;
-        let states = self.best.iter().flat_map(|best| &best.state);
+        let states = self.best.iter().filter_map(BestKeeper::best).flat_map(|best| &best.phases);
         for (color, phases) in self.hologram.colors.iter_mut().zip(states) {
             color.phases.clone_from(phases);
         }
@@ -199,5 +157,61 @@ impl Refinement {
             }
         }
         Ok(&self.hologram)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::cpu::CpuEngine;
+    use crate::hologram::SceneSource;
+    use crate::optics::{Color, Display, Padding, Pupil};
+    use crate::scene::{self, Request};
+    use crate::solve::{self, Settings};
+
+    /// PSNR of a hologram at one pupil.
+    fn score(hologram: &Hologram, field: &LightField, pupil: Pupil) -> f64 {
+        let scene = SceneSource::from(hologram.problems(field).unwrap());
+        hologram.score(&scene, &[pupil], &mut CpuEngine::new()).unwrap().pupils[0].psnr.unwrap()
+    }
+
+    /// The case of issue 41 and the golden one, smaller: by its score at the pupil the best state is never worse than that of fewer
+    /// steps, nor than the last one, however wide the pupils of the steps are spread.
+    #[test]
+    fn more_steps_are_never_worse_at_the_pupil_by_score() {
+        let (display, colors) =
+            (Display { height: 40, width: 48, ..Display::preset("paper").unwrap() }, [Color::Red, Color::Blue]);
+        let field =
+            scene::load("builtin:still-life", &Request { views: 5, ..Request::new(&display, &colors) }).unwrap();
+        let settings = Settings { frames: 2, steps: 3, pupils: 4, ..Settings::default() };
+        let solve = |color: Color| {
+            let problem = Problem::new(&field, color, &display, Padding::default()).unwrap();
+            let solved = solve::solve(&problem, &settings, &mut CpuEngine::new(), &mut |_| Flow::Continue).unwrap();
+            (color, solved)
+        };
+        let solved = colors.map(solve);
+        let hologram = Hologram::from_solutions(&field, &display, &settings, Padding::default(), &solved).unwrap();
+        let mut fell = 0.0f64;
+        for (pupil, spread) in
+            [([4.0, 0.0, 4.0, 1.0], 0.25e-3), ([4.0, -2.0, 4.0, 1.5], 0.25e-3), ([-3.0, 1.0, 3.0, 0.0], 1e-3)]
+        {
+            let pupil = Pupil::from_mm(pupil);
+            let mut before = score(&hologram, &field, pupil);
+            for steps in [1, 2, 3, 6, 8, 12] {
+                let engine = || Ok(Box::new(CpuEngine::new()) as Box<dyn Engine>);
+                let mut refinement = hologram.clone().refine(&field, Steering::default(), engine).unwrap();
+                refinement.set_pupil(PupilDistribution::around(&pupil, spread)).unwrap();
+                let (_, taken) = refinement.refine(steps, &mut |_| Flow::Continue).unwrap();
+                assert_eq!(taken, steps);
+                let last = score(refinement.hologram().unwrap(), &field, pupil);
+                let best = score(refinement.best().unwrap(), &field, pupil);
+                assert!(best >= before - 0.01, "{steps} steps: {best} dB, {before} dB with fewer");
+                assert!(best >= last - 0.01, "{steps} steps: {best} dB, but {last} dB at last");
+                fell = fell.max(best - last);
+                before = best;
+            }
+            assert!(before > score(&hologram, &field, pupil) + 1.0, "{before} dB");
+        }
+        assert!(fell > 0.1, "no last state was worse than the best, so nothing was shown: {fell} dB");
     }
 }

@@ -36,6 +36,11 @@ impl PupilDistribution {
         Self { centre: [x, y], spread, diameter, focus: [depth; 2], elsewhere: 0.0 }
     }
 
+    /// The pupil in the middle of all that it describes.
+    pub fn middle(&self) -> Pupil {
+        self.pupil([0.0, 0.0, 0.5, 0.5])
+    }
+
     /// The pupil at a point of the unit cube: two numbers for the centre (Box and Muller), one for the diameter, one for
     /// the focus. No centre is drawn farther out than three spreads.
     pub fn pupil(&self, [u, v, d, z]: [f64; 4]) -> Pupil {

@@ -39,6 +39,8 @@ mod swapchain_tests;
 #[cfg_attr(target_vendor = "apple", path = "system_other.rs")]
 mod system;
 mod timing;
+#[cfg(not(all(unix, not(target_vendor = "apple"))))]
+mod unobserved;
 mod window;
 #[cfg(all(unix, not(target_vendor = "apple")))]
 mod x_observer;

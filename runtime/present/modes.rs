@@ -49,7 +49,7 @@ pub(super) fn choose(
     if list.is_empty() {
         return Err(
             "no driver here shows on a display by itself: it takes a graphics card with a display plugged in that \
-                    no desktop drives, or --output window"
+                    no desktop drives, or `output` window"
                 .into(),
         );
     }

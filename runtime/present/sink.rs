@@ -125,7 +125,7 @@ impl Sink {
     pub fn shared(file: &Path, [rows, columns, channels]: [usize; 3]) -> Result<Self, PresentError> {
         let failed = |e| FileError::write(file, e);
         if cfg!(windows) {
-            let reason = "Windows does not share memory through files: take `--raw` into a file or a pipe";
+            let reason = "Windows does not share memory through files: take `raw` into a file or a pipe";
             return Err(failed(io::Error::new(io::ErrorKind::Unsupported, reason)).into());
         }
         let length = HEADER + (rows * columns * channels) as u64;
@@ -201,7 +201,7 @@ mod tests {
     fn shared_memory_is_refused() {
         let here = tempfile::tempdir().unwrap();
         let error = Sink::shared(&here.path().join("s"), [2, 3, 1]).unwrap_err().to_string();
-        assert!(error.contains("--raw") && !here.path().join("s").exists(), "{error}");
+        assert!(error.contains("`raw`") && !here.path().join("s").exists(), "{error}");
     }
 
     #[cfg(unix)]

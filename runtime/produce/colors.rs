@@ -12,7 +12,7 @@ use crate::solve::{Flow, Progress, Settings, Solution};
 pub(super) fn promise(subject: &Subject, settings: &Settings, memory: Memory) -> Result<(), ProduceError> {
     let bytes = subject.cost(settings, memory)?.bytes();
     let what = || format!("{} sub-frames of {} x {}", settings.frames, subject.display.height, subject.display.width);
-    let remedy = "take fewer --frames, --views or --pupils, or a smaller --size";
+    let remedy = "take fewer `frames`, `views` or `pupils`, or a smaller `size`";
     Ok(memory::promise(what, bytes, remedy).map_err(SceneError::from)?)
 }
 

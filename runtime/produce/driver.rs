@@ -128,7 +128,7 @@ fn promise(job: &SceneJob, engine: &dyn Engine) -> Result<(), ProduceError> {
     if engine.memory() != Memory::Device {
         let bytes = memory::bytes_of(&[job.settings.frames, display.height, display.width, 6], 4);
         let what = || format!("{} sub-frames of {} x {}", job.settings.frames, display.height, display.width);
-        memory::promise(what, bytes, "take fewer --frames or a smaller --size").map_err(SceneError::from)?;
+        memory::promise(what, bytes, "take fewer `frames` or a smaller `size`").map_err(SceneError::from)?;
     }
     Ok(())
 }

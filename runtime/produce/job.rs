@@ -285,7 +285,7 @@ impl<'a> SceneJob<'a> {
 pub(super) fn warn_of_aliasing(field: &LightField, display: &Display, settings: &Settings) {
     if let ([pixels, why], true) = field.aliasing_in_words(display, settings.depth, settings.diameter[1]) {
         tracing::warn!(
-            "near and far content part by {pixels}: {why} (--views, where they are rendered or made from a depth map)"
+            "near and far content part by {pixels}: {why} (`views`, where they are rendered or made from a depth map)"
         );
     }
 }

@@ -202,7 +202,7 @@ fn plan(
     settings.check()?;
     if !(1..=STEPS).contains(&settings.steps) {
         return Err(ProduceError::Job(format!(
-            "--steps {}: a visit to a region takes 1 to {STEPS}, for it is done whole or not at all; take more --passes",
+            "`steps` {}: a visit to a region takes 1 to {STEPS}, for it is done whole or not at all; take more `passes`",
             settings.steps
         )));
     }

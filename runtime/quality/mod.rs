@@ -22,6 +22,7 @@ mod reference;
 mod subject;
 mod tune;
 mod tuned;
+mod watch;
 
 pub use choice::{Recommended, recommend, within};
 pub(crate) use front::short_of;

@@ -47,8 +47,8 @@ impl ModelWorth {
         Display { height: side(display.height), width: side(display.width), ..display.clone() }
     }
 
-    /// Measures it: `subject` is of [this](Self::display) display. What is not measured within `limit` is not; none where the
-    /// display is ideal in this colour.
+    /// Measures it: `subject` is of [this](Self::display) display. What is not measured within `limit` is not; `None` if the
+    /// display is ideal in this color, or if the scene is black.
     ///
     /// # Errors
     /// Those of a solve.
@@ -61,6 +61,9 @@ impl ModelWorth {
         let trials = Trials { subject, end: Instant::now() + limit };
         let truth = trials.truth(display, engine)?;
         let db = trials.decibels(display, &truth, engine)?;
+        if db.is_nan() {
+            return Ok(None);
+        }
         let mut lost_db = Vec::with_capacity(terms.len());
         for term in terms {
             let without = display.with_model_of(color, |model| model.keep(&|name| name != term));
@@ -112,13 +115,13 @@ impl Trials<'_> {
         Reference::new(&self.subject(display), !self.subject.base.seed, engine)
     }
 
-    /// Mean PSNR of what is solved for a display and seen on another; NaN where there is no time left.
+    /// Mean PSNR of what is solved for a display and seen on another; NaN if no time is left or if the scene is black.
     fn decibels(&self, display: &Display, truth: &Reference, engine: &mut dyn Engine) -> Result<f64, QualityError> {
         if asked_to_end().load(Ordering::SeqCst) || Instant::now() > self.end {
             return Ok(f64::NAN);
         }
         let quality = Settings { steps: STEPS, ..Settings::default() };
         let solved = self.subject(display).solve(&quality, engine, &mut |_| Flow::Continue)?;
-        Ok(truth.score(&solved.solution.phases, engine)?.mean())
+        Ok(truth.score(&solved.solution.phases, engine)?.quality().map_or(f64::NAN, |[mean, _]| mean))
     }
 }

@@ -3,8 +3,9 @@
 use super::grid::{Space, grid};
 use super::kept::{Keep, checksum, identity};
 use super::tuned::{Checked, LevelRow, Tuned};
+use super::watch::Watch;
 use super::{Quality, QualityError, Recommended, Reference, Solved, Subject, Trial, recommend};
-use crate::engine::{Engine, Memory};
+use crate::engine::{Engine, Memory, Stoppable};
 use crate::evaluate::JodMetric;
 use crate::optics::{Padding, WindowFactor};
 use crate::solve::{Cost, Flow, Levels, Settings, ValidationScore, even_levels};
@@ -40,9 +41,9 @@ pub struct Tuning<'a> {
     pub begun: Instant,
 }
 
-/// What is told while recipes are tried: what is being done, and how much of the time is spent, 0 to 1. [`Flow::Stop`] ends
-/// it with what is measured.
-pub type Observe<'a> = dyn FnMut(&str, f64) -> Flow + 'a;
+/// Observer of a long job: it gets what is being done and how much of all is done, 0 to 1. [`Flow::Stop`] ends the job with the
+/// results that are there. It is called before each list of the engine, too, so that a stop is heard within it.
+pub type Observe<'a> = dyn FnMut(&str, f64) -> Flow + Send + 'a;
 
 /// What is kept between runs.
 #[derive(Default, Serialize, Deserialize)]
@@ -56,16 +57,16 @@ struct State {
     levels_recipe: String,
 }
 
-struct Work<'a, 'b> {
+struct Work<'a, 'b, 'w> {
     tuning: Tuning<'a>,
     engine: &'b mut dyn Engine,
-    observe: &'b mut Observe<'b>,
+    watch: &'b Watch<'w>,
     keep: Keep,
     made_by: String,
     /// Spent before this run, seconds.
     before: f64,
     what: String,
-    stopped: bool,
+    ceiling: Option<[f64; 2]>,
     state: State,
 }
 
@@ -75,12 +76,7 @@ impl<'a> Tuning<'a> {
     ///
     /// # Errors
     /// [`QualityError`].
-    pub fn run<'b>(
-        self,
-        folder: &Path,
-        engine: &'b mut dyn Engine,
-        observe: &'b mut Observe<'b>,
-    ) -> Result<Tuned, QualityError> {
+    pub fn run(self, folder: &Path, engine: &mut dyn Engine, observe: &mut Observe) -> Result<Tuned, QualityError> {
         let Subject { field, color, display, ref base, ref levels } = self.subject;
         let device = engine.describe();
         let made_by = json!({
@@ -112,9 +108,13 @@ impl<'a> Tuning<'a> {
         let (keep, made_by) = (Keep::new(folder.into())?, made_by.to_string());
         let state: State = keep.load("trials", &made_by).unwrap_or_default();
         let (before, what) = (state.spent_s, String::new());
-        let mut work = Work { tuning: self, engine, observe, keep, made_by, before, what, stopped: false, state };
-        tuned.ceiling = work.all()?;
-        tuned.interrupted = work.stopped;
+        let watch = Watch::new(observe);
+        let stops = || watch.stops();
+        let engine = &mut Stoppable { engine, stops: &stops };
+        let mut work = Work { tuning: self, engine, watch: &watch, keep, made_by, before, what, ceiling: None, state };
+        QualityError::unless_stopped(work.all())?;
+        work.save()?;
+        (tuned.ceiling, tuned.interrupted) = (work.ceiling, watch.is_stopped());
         let State { spent_s, trials, levels, levels_recipe, .. } = work.state;
         (tuned.spent_s, tuned.trials, tuned.levels, tuned.levels_recipe) = (spent_s, trials, levels, levels_recipe);
         tuned.settle();
@@ -122,7 +122,7 @@ impl<'a> Tuning<'a> {
     }
 }
 
-impl Work<'_, '_> {
+impl Work<'_, '_, '_> {
     /// Seconds spent in all.
     fn spent(&self) -> f64 {
         self.before + self.tuning.begun.elapsed().as_secs_f64()
@@ -131,8 +131,7 @@ impl Work<'_, '_> {
     /// Whether to go on.
     fn goes_on(&mut self) -> bool {
         let share = self.spent() / (ALL * self.tuning.budget);
-        self.stopped |= (self.observe)(&self.what, share.min(1.0)) == Flow::Stop;
-        !self.stopped
+        self.watch.say(&self.what, share.min(1.0))
     }
 
     fn save(&mut self) -> Result<(), QualityError> {
@@ -140,11 +139,12 @@ impl Work<'_, '_> {
         Ok(self.keep.save("trials", &self.made_by, &self.state)?)
     }
 
-    /// Tries everything; says the ceiling of the scores.
-    fn all(&mut self) -> Result<Option<[f64; 2]>, QualityError> {
+    /// Tries everything.
+    fn all(&mut self) -> Result<(), QualityError> {
         self.what = "photographs".into();
+        self.goes_on();
         let reference = Reference::new(&self.tuning.subject, self.tuning.seed, self.engine)?;
-        let ceiling = reference.ceiling(self.engine)?;
+        self.ceiling = reference.ceiling(self.engine)?;
         let warm = self.warm_up()?;
         let checked: Vec<Settings> = self.tuning.check.iter().map(|c| c.trial.recipe.clone()).collect();
         for recipe in checked.into_iter().filter(|r| !self.tried(r)).collect::<Vec<_>>() {
@@ -156,9 +156,7 @@ impl Work<'_, '_> {
             self.state.done_s = self.tuning.budget;
         }
         self.levels(reference)?;
-        self.time_again()?;
-        self.save()?;
-        Ok(ceiling)
+        self.time_again()
     }
 
     fn tried(&self, recipe: &Settings) -> bool {
@@ -197,7 +195,7 @@ impl Work<'_, '_> {
                 rates.push(milliseconds / work);
             }
         }
-        Ok(!self.stopped)
+        Ok(!self.watch.is_stopped())
     }
 
     fn cost(&self, recipe: &Settings) -> Result<Cost, QualityError> {
@@ -229,16 +227,15 @@ impl Work<'_, '_> {
 
     /// Solves a recipe; nothing where it was interrupted, or takes far longer than it may (milliseconds).
     fn solve(&mut self, recipe: &Settings, longest: f64) -> Result<Option<Solved>, QualityError> {
-        let (start, mut late, mut stopped) = (Instant::now(), false, false);
-        let Self { tuning, engine, observe, before, what, .. } = self;
+        let (start, mut late) = (Instant::now(), false);
+        let Self { tuning, engine, watch, before, what, .. } = self;
         let solved = tuning.subject.solve(recipe, *engine, &mut |_| {
             let spent = *before + tuning.begun.elapsed().as_secs_f64();
             late |= start.elapsed().as_secs_f64() * 1e3 > PATIENCE * longest;
-            stopped |= observe(what, (spent / (ALL * tuning.budget)).min(1.0)) == Flow::Stop;
-            if late || stopped { Flow::Stop } else { Flow::Continue }
+            let goes_on = watch.say(what, (spent / (ALL * tuning.budget)).min(1.0));
+            if late || !goes_on { Flow::Stop } else { Flow::Continue }
         })?;
-        self.stopped |= stopped;
-        Ok((!late && !self.stopped).then_some(solved))
+        Ok((!late && !self.watch.is_stopped()).then_some(solved))
     }
 
     /// Measures a recipe: its time (milliseconds), of short ones several times, and once its quality, which the same seed
@@ -247,6 +244,11 @@ impl Work<'_, '_> {
         self.what = format!("trial {}: {recipe}", self.state.trials.len() + 1);
         let Some(solved) = self.solve(recipe, longest)? else { return Ok(None) };
         let score = self.score(&solved, reference)?;
+        if score.quality().is_none() {
+            let what = self.tuning.subject.field.name.clone();
+            let reason = "it is black through all pupils that judge, so no setting is better than another: give a scene with light";
+            return Err(QualityError::Input { what, reason: reason.into() });
+        }
         let jod = self.judge(&solved, score.exposure, reference)?;
         let mut trial = Trial::new(recipe.clone(), solved.milliseconds, score.psnr, self.cost(recipe)?.bytes());
         trial.jod = jod;

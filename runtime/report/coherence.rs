@@ -1,7 +1,7 @@
 //! Coherence against quality, in the page of a comparison.
 
 use super::page::{self, figure, row, table};
-use super::pictures::{columns, img};
+use super::pictures::{columns, decibels, img, in_decibels};
 use super::plot::{Axis, Plot};
 use crate::quality::comparison::{CoherenceFigures, Results};
 use maud::{Markup, html};
@@ -34,13 +34,13 @@ fn frames(results: &Results, scene: &str) -> Vec<usize> {
 }
 
 /// A plot over the source's size, a line for each of these.
-type Line<'a> = (String, usize, &'a dyn Fn(&CoherenceFigures) -> f64);
+type Line<'a> = (String, usize, &'a dyn Fn(&CoherenceFigures) -> Option<f64>);
 
 fn plot(results: &Results, scene: &str, title: &str, y: Axis, lines: &[Line], legend: bool) -> Plot {
     let mut plot = Plot::new(title, Axis::linear("image of the source in the eyebox, mm"), y);
     for (i, (name, frames, value)) in lines.iter().enumerate() {
         let of_frames = of(results, scene).filter(|c| c.frames == *frames);
-        let points: Vec<[f64; 2]> = of_frames.map(|c| [c.image_mm, value(c)]).collect();
+        let points: Vec<[f64; 2]> = of_frames.filter_map(|c| Some([c.image_mm, value(c)?])).collect();
         plot.series(&format!("m{i}"), name, &points);
         if legend {
             plot.legend(&format!("m{i}"), name);
@@ -50,7 +50,7 @@ fn plot(results: &Results, scene: &str, title: &str, y: Axis, lines: &[Line], le
 }
 
 fn quality_lines(results: &Results, scene: &str) -> Vec<Line<'static>> {
-    let line = |f| (format!("{f} sub-frames"), f, &(|c: &CoherenceFigures| c.mean_db) as &dyn Fn(&_) -> f64);
+    let line = |f| (format!("{f} sub-frames"), f, &(|c: &CoherenceFigures| c.mean_db) as &dyn Fn(&_) -> Option<f64>);
     frames(results, scene).into_iter().map(line).collect()
 }
 
@@ -64,9 +64,9 @@ fn quality(results: &Results, scene: &str, legend: bool) -> Plot {
 fn resolution_lines(results: &Results, scene: &str) -> Vec<Line<'static>> {
     let Some(most) = frames(results, scene).into_iter().max() else { return Vec::new() };
     vec![
-        ("modulation at the picture's Nyquist frequency".into(), most, &|c| c.modulation[0]),
-        ("modulation at half of it".into(), most, &|c| c.modulation[1]),
-        ("contrast of speckle".into(), most, &|c| c.contrast),
+        ("modulation at the picture's Nyquist frequency".into(), most, &|c| Some(c.modulation[0])),
+        ("modulation at half of it".into(), most, &|c| Some(c.modulation[1])),
+        ("contrast of speckle".into(), most, &|c| Some(c.contrast)),
     ]
 }
 
@@ -117,8 +117,8 @@ fn of_scene(results: &Results, scene: &str) -> Markup {
         let cells = [
             c.modes.to_string(),
             format!("{} / {}", c.pupil_modes[0], c.pupil_modes[1]),
-            format!("{:.2}", c.mean_db),
-            format!("{:.2}", c.worst_db),
+            decibels(c.mean_db, 2),
+            decibels(c.worst_db, 2),
             format!("{:.3}", c.contrast),
             format!("{nyquist:.2}"),
             format!("{half:.2}"),
@@ -145,7 +145,7 @@ fn of_scene(results: &Results, scene: &str) -> Markup {
         div.shots style=(columns(shown.len())) {
             @for one in &shown {
                 @if let Some(picture) = &one.picture {
-                    @let words = format!("a source of {} mm, {} sub-frames: {:.1} dB", one.image_mm, one.frames, one.mean_db);
+                    @let words = format!("a source of {} mm, {} sub-frames: {}", one.image_mm, one.frames, in_decibels(one.mean_db));
                     figure { (img(picture, &format!("{scene}, {words}"), None)) figcaption { (words) } }
                 }
             }

@@ -91,7 +91,7 @@ fn summary(results: &Results) -> Markup {
     };
     let random = |s: &Series, of: fn(Summary) -> f64| results.psnr(s, None, Group::Random).map(of);
     let (means, worst) = (ranked(&|s| random(s, |r| r.mean)), ranked(&|s| random(s, |r| r.worst)));
-    let uneven = ranked(&|s| results.mean_of(s, |c| c.variation));
+    let uneven = ranked(&|s| results.mean_of(s, |c| Some(c.variation)));
     let name = |s: &Series| html! { b { (results.title(&s.method)) } };
     let db = |v: f64| format!("{v:.1} dB");
     html! {
@@ -358,7 +358,7 @@ fn costs(results: &Results) -> Markup {
     let rows = series.iter().map(|series| {
         let [edges, elsewhere] = results.color_error(series);
         let cells = vec![
-            show(results.mean_of(series, |c| c.variation), 3),
+            show(results.mean_of(series, |c| Some(c.variation)), 3),
             show(results.mean_of(series, |c| c.epipolar[0]), 1),
             show(results.mean_of(series, |c| c.epipolar[1]), 1),
             show(edges, 2),

@@ -1,7 +1,7 @@
 //! Masks of finer pixels against eyebox, in the page of a comparison.
 
 use super::page::{self, figure, row, table};
-use super::pictures::{columns, img};
+use super::pictures::{columns, decibels, img, in_decibels};
 use super::plot::{Axis, Plot};
 use crate::quality::comparison::{EtendueFigures, Results};
 use maud::{Markup, html};
@@ -40,7 +40,7 @@ fn plot(results: &Results, scene: &str, legend: bool) -> Plot {
     let mut plot = Plot::new(&title, Axis::linear("side of the eyebox, mm"), Axis::linear("dB"));
     for (i, line) in lines(results).into_iter().enumerate() {
         let own = of(results, scene).filter(|e| (e.frames, e.designed) == line);
-        let points: Vec<[f64; 2]> = own.map(|e| [e.eyebox_mm, e.mean_db]).collect();
+        let points: Vec<[f64; 2]> = own.filter_map(|e| Some([e.eyebox_mm, e.mean_db?])).collect();
         plot.series(&format!("m{i}"), &name(line), &points);
         if legend {
             plot.legend(&format!("m{i}"), &name(line));
@@ -78,8 +78,8 @@ fn of_scene(results: &Results, scene: &str) -> Markup {
         let numbers = [
             format!("{:.1}", e.eyebox_mm),
             format!("{:.3}", e.etendue_mm2_sr),
-            format!("{:.2}", e.mean_db),
-            format!("{:.2}", e.worst_db),
+            decibels(e.mean_db, 2),
+            decibels(e.worst_db, 2),
             format!("{:.3}", e.contrast),
         ];
         row(&format!("{} sub-frames, {}", e.frames, e.mask), numbers)
@@ -90,7 +90,7 @@ fn of_scene(results: &Results, scene: &str) -> Markup {
         div.shots style=(columns(4)) {
             @for e in of(results, scene) {
                 @if let Some(picture) = &e.picture {
-                    @let words = format!("{}, {} sub-frames: {:.1} dB", e.mask, e.frames, e.mean_db);
+                    @let words = format!("{}, {} sub-frames: {}", e.mask, e.frames, in_decibels(e.mean_db));
                     figure { (img(picture, &format!("{scene}, {words}"), None)) figcaption { (words) } }
                 }
             }

@@ -1,7 +1,7 @@
 //! All colours at once against one colour after another, in the page of a comparison.
 
 use super::page::{self, figure, row, table};
-use super::pictures::{columns, img};
+use super::pictures::{columns, decibels, img, in_decibels};
 use super::plot::{Axis, Plot};
 use super::plots::counts;
 use crate::quality::comparison::{JointFigures, Results};
@@ -42,7 +42,7 @@ fn plot(results: &Results, scene: &str, legend: bool) -> Plot {
     let mut plot = Plot::new(&title, Axis::log("sub-frames in all").ticks(counts(frames)), Axis::linear("dB"));
     for (i, way) in ways(results).into_iter().enumerate() {
         let points: Vec<[f64; 2]> =
-            of(results, scene).filter(|j| j.way == way).map(|j| [j.frames as f64, j.mean_db]).collect();
+            of(results, scene).filter(|j| j.way == way).filter_map(|j| Some([j.frames as f64, j.mean_db?])).collect();
         plot.series(&format!("m{i}"), way, &points);
         if legend {
             plot.legend(&format!("m{i}"), way);
@@ -77,12 +77,8 @@ pub fn section(results: &Results) -> Markup {
 fn of_scene(results: &Results, scene: &str) -> Markup {
     let line = |j: &JointFigures| {
         let colors: Vec<String> = j.colors_db.iter().map(|(color, db)| format!("{color} {db:.1}")).collect();
-        let cells = [
-            format!("{:.2}", j.brightness),
-            format!("{:.2}", j.mean_db),
-            format!("{:.2}", j.worst_db),
-            colors.join(", "),
-        ];
+        let cells =
+            [format!("{:.2}", j.brightness), decibels(j.mean_db, 2), decibels(j.worst_db, 2), colors.join(", ")];
         row(&format!("{} sub-frames, {}", j.frames, j.way), cells)
     };
     // Few sub-frames are where the ways differ most.
@@ -93,10 +89,10 @@ fn of_scene(results: &Results, scene: &str) -> Markup {
         div.shots style=(columns(shown.len())) {
             @for joint in &shown {
                 @if let Some(picture) = &joint.picture {
-                    @let alt = format!("{scene}, {} sub-frames, {}: {:.1} dB", joint.frames, joint.way, joint.mean_db);
+                    @let alt = format!("{scene}, {} sub-frames, {}: {}", joint.frames, joint.way, in_decibels(joint.mean_db));
                     figure {
                         (img(picture, &alt, None))
-                        figcaption { b { (joint.way) } (format!(" {} sub-frames, {:.1}\u{a0}dB", joint.frames, joint.mean_db)) }
+                        figcaption { b { (joint.way) } (format!(" {} sub-frames, {}", joint.frames, in_decibels(joint.mean_db))) }
                     }
                 }
             }

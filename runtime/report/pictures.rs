@@ -13,8 +13,14 @@ fn shot(class: Option<&str>, images: Markup, name: &str, under: Markup) -> Marku
     html! { figure class=[class] { (images) figcaption { b { (name) } (under) } } }
 }
 
-fn decibels(psnr: Option<f64>) -> String {
-    psnr.map_or(String::new(), |p| format!(" {p:.1}\u{a0}dB"))
+/// A PSNR in a cell of a table. A black picture has none.
+pub(crate) fn decibels(psnr: Option<f64>, digits: usize) -> String {
+    psnr.map_or("black".into(), |p| format!("{p:.digits$}"))
+}
+
+/// A PSNR with its unit.
+pub(crate) fn in_decibels(psnr: Option<f64>) -> String {
+    psnr.map_or("black".into(), |p| format!("{p:.1}\u{a0}dB"))
 }
 
 /// Where a ramp of colours begins and ends.
@@ -60,7 +66,7 @@ pub fn views(results: &Results, scene: &SceneFigures) -> Markup {
                 }
                 @for (series, run) in &runs {
                     @if let (Some(view), Some(error)) = (run.pictures.views.get(i), run.pictures.errors.get(i)) {
-                        @let (name, psnr) = (results.title(&series.method), decibels(view.psnr));
+                        @let (name, psnr) = (results.title(&series.method), format!(" {}", in_decibels(view.psnr)));
                         @let images = html! {
                             (img(view, &format!("{name}, {about}:{psnr}"), None))
                             (img(error, &format!("error of {name}, {about}"), Some("error")))
@@ -126,8 +132,8 @@ pub(crate) fn epipolar(results: &Results, scene: &SceneFigures) -> Markup {
                 }
                 @for (series, run) in runs(results, scene) {
                     @if let Some(picture) = run.pictures.epipolar.get(i) {
-                        @let psnr = mean(run.colors.iter().map(|c| c.epipolar[i]));
-                        (slice(picture, &results.title(&series.method), decibels(psnr), end))
+                        @let psnr = mean(run.colors.iter().filter_map(|c| c.epipolar[i]));
+                        (slice(picture, &results.title(&series.method), format!(" {}", in_decibels(psnr)), end))
                     }
                 }
             }

@@ -101,22 +101,22 @@ pub(crate) fn scatter(results: &Results) -> Plot {
         let (middle, color) = (i as f64 + 0.5, color(results, &series.method));
         let title = results.title(&series.method);
         let rows: Vec<_> = results.rows(series, None, Group::Random).collect();
-        let Some(summary) = Summary::of(&rows.iter().map(|r| r.psnr).collect::<Vec<_>>()) else { continue };
+        let Some(summary) = Summary::of(&rows.iter().filter_map(|r| r.psnr).collect::<Vec<_>>()) else { continue };
         let worst = format!("worst {:.1}", summary.worst);
         plot.text("small", [f64::NEG_INFINITY, middle], [-10.0, 16.0], "end", &worst);
-        for (k, r) in rows.iter().enumerate() {
+        for (k, (r, psnr)) in rows.iter().filter_map(|r| Some((r, r.psnr?))).enumerate() {
             // Golden ratio: even, and the same on every run.
-            let at = [r.psnr, middle + ((k as f64 * 0.618_034).fract() - 0.5) * 0.62];
+            let at = [psnr, middle + ((k as f64 * 0.618_034).fract() - 0.5) * 0.62];
             let [x, y, d, z] = r.pupil_mm;
             let hover = format!(
                 "{title}: {:.1} dB of {}, {}, pupil at ({x:.1}, {y:.1}) mm, {d:.1} mm wide, focus {z:.2} mm ({:.3} D)",
-                r.psnr,
+                psnr,
                 r.ceiling.map_or("no ceiling".into(), |db| format!("{db:.1} at most")),
                 r.color,
                 r.focus_dioptres
             );
             plot.dot(&format!("{color} speck"), at, 2.1, &hover);
-            if r.psnr == summary.worst {
+            if psnr == summary.worst {
                 plot.dot(&format!("{color} ring"), at, 5.0, &hover);
             }
         }
@@ -267,7 +267,7 @@ pub fn jod(results: &Results) -> Option<Plot> {
 
 /// How uneven the light is over the eyebox, mean over colours and scenes.
 pub fn variation(results: &Results) -> Plot {
-    let with_value = |s: Series| results.mean_of(&s, |c| c.variation).map(|v| (s, v));
+    let with_value = |s: Series| results.mean_of(&s, |c| Some(c.variation)).map(|v| (s, v));
     let all: Vec<(Series, f64)> = results.leading().into_iter().filter_map(with_value).collect();
     let names = Axis::rows(all.iter().map(|(s, _)| results.title(&s.method)));
     let least = all.iter().map(|a| a.1).fold(1.0, f64::min).max(1e-3);

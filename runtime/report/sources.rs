@@ -1,7 +1,7 @@
 //! What an eye sees across the eyebox of a display's switchable sources, in the page of a comparison.
 
 use super::page::{self, figure, row, table};
-use super::pictures::{columns, img};
+use super::pictures::{columns, decibels, img, in_decibels};
 use super::plot::{Axis, Plot};
 use crate::quality::comparison::{Results, SourcesFigures};
 use maud::{Markup, html};
@@ -48,7 +48,7 @@ fn plot(results: &Results, scene: &str, legend: bool) -> Plot {
     let mut plot = Plot::new(&title, Axis::linear("mm from the middle along x"), Axis::linear("dB"));
     for (i, line) in lines(results).into_iter().enumerate() {
         let own = of(results, scene).filter(|s| s.way == line.0 && is_diagonal(s) == line.1);
-        let points: Vec<[f64; 2]> = own.map(|s| [s.place_mm[0], s.mean_db]).collect();
+        let points: Vec<[f64; 2]> = own.filter_map(|s| Some([s.place_mm[0], s.mean_db?])).collect();
         plot.series(&format!("m{i}"), &name(line), &points);
         if legend {
             plot.legend(&format!("m{i}"), &name(line));
@@ -84,10 +84,7 @@ fn of_scene(results: &Results, scene: &str) -> Markup {
     let line = |s: &SourcesFigures| {
         let lit = if s.lit > 0 { s.lit.to_string() } else { "all".into() };
         let [x, y] = s.place_mm;
-        row(
-            &format!("{}, ({x:.1}, {y:.1}) mm", s.way),
-            [lit, format!("{:.2}", s.mean_db), format!("{:.2}", s.worst_db)],
-        )
+        row(&format!("{}, ({x:.1}, {y:.1}) mm", s.way), [lit, decibels(s.mean_db, 2), decibels(s.worst_db, 2)])
     };
     // Along x: what each way shows in the middle, halfway and at the rim.
     let own = |way: &str| of(results, scene).filter(|s| s.way == way && !is_diagonal(s)).collect::<Vec<_>>();
@@ -103,7 +100,7 @@ fn of_scene(results: &Results, scene: &str) -> Markup {
         div.shots style=(columns(3)) {
             @for s in &shown {
                 @if let Some(picture) = &s.picture {
-                    @let what = format!("{} at {:.0} mm, {:.1}\u{a0}dB", s.way, s.place_mm[0], s.mean_db);
+                    @let what = format!("{} at {:.0} mm, {}", s.way, s.place_mm[0], in_decibels(s.mean_db));
                     figure { (img(picture, &format!("{scene}, {what}"), None)) figcaption { (what) } }
                 }
             }

@@ -28,7 +28,7 @@ pub(super) fn page(title: &str, engine: &str, study: &Study) -> String {
         ("seen there unsteered", jod[1].clone()),
         ("Within 50 ms of a landing", soon[0].clone()),
         ("at least", soon[1].clone()),
-        ("At any time at least", format!("{:+.2} dB", study.worst_db())),
+        ("At any time at least", study.worst_db().map_or("-".into(), |db| format!("{db:+.2} dB"))),
         ("A step of one colour", format!("{:.2} ms", study.step_ms)),
         ("Engine", engine.into()),
     ];

@@ -29,7 +29,7 @@ pub fn scores(results: &Results) -> Vec<u8> {
             row.index.to_string(),
         ];
         line.extend(row.pupil_mm.map(|v| format!("{v:.6}")));
-        line.push(format!("{:.4}", row.psnr));
+        line.push(row.psnr.map_or(String::new(), |db| format!("{db:.4}")));
         line.push(row.ssim.map_or(String::new(), |s| format!("{s:.6}")));
         line.push(format!("{:.6}", row.focus_dioptres));
         line.push(row.ceiling.map_or(String::new(), |db| format!("{db:.4}")));
@@ -72,6 +72,11 @@ pub fn summary(results: &Results) -> Vec<u8> {
     csv(&head.iter().map(|h| &h[..]).collect::<Vec<_>>(), lines)
 }
 
+/// A number in a table; nothing if there is none.
+fn cell(value: Option<f64>) -> String {
+    value.map_or(String::new(), |v| format!("{v:.4}"))
+}
+
 /// One way of lighting, without its picture.
 fn joint(figures: &JointFigures) -> Value {
     let JointFigures { scene, frames, way, brightness, mean_db, worst_db, colors_db, powers, .. } = figures;
@@ -84,7 +89,7 @@ fn joint(figures: &JointFigures) -> Value {
 /// All colours at once against one colour after another: one line per scene, number of sub-frames and way of lighting them.
 pub fn joint_table(results: &Results) -> Vec<u8> {
     let lines = results.joint.iter().map(|j| {
-        let numbers = [j.brightness, j.mean_db, j.worst_db].map(|v| format!("{v:.4}"));
+        let numbers = [Some(j.brightness), j.mean_db, j.worst_db].map(cell);
         [vec![j.scene.clone(), j.frames.to_string(), j.way.clone()], numbers.to_vec()].concat()
     });
     csv(&["scene", "frames", "way", "brightness", "psnr_mean_db", "psnr_worst_db"], lines)
@@ -99,10 +104,11 @@ fn coherence(figures: &CoherenceFigures) -> Value {
 pub fn coherence_table(results: &Results) -> Vec<u8> {
     let lines = results.coherence.iter().map(|c| {
         let [nyquist, half] = c.modulation;
-        let numbers = [c.mean_db, c.worst_db, c.contrast, nyquist, half, c.depth_of_field_mm];
+        let others = [c.contrast, nyquist, half, c.depth_of_field_mm].map(Some);
+        let numbers = [c.mean_db, c.worst_db].into_iter().chain(others).map(cell);
         let counts = [c.modes, c.pupil_modes[0], c.pupil_modes[1], c.judged_modes].map(|n| n.to_string());
         let about = [c.scene.clone(), c.frames.to_string(), c.image_mm.to_string()].into_iter().chain(counts);
-        about.chain(numbers.map(|v| format!("{v:.4}"))).collect::<Vec<_>>()
+        about.chain(numbers).collect::<Vec<_>>()
     });
     let modes = ["modes", "modes_narrowest", "modes_widest", "modes_judging"];
     let measured = ["psnr_mean_db", "psnr_worst_db", "speckle_contrast", "modulation_nyquist", "modulation_half"];
@@ -117,7 +123,7 @@ fn etendue(figures: &EtendueFigures) -> Value {
 /// Masks against eyebox: one line per scene, number of sub-frames and mask.
 pub fn etendue_table(results: &Results) -> Vec<u8> {
     let lines = results.etendue.iter().map(|e| {
-        let numbers = [e.eyebox_mm, e.etendue_mm2_sr, e.mean_db, e.worst_db, e.contrast].map(|v| format!("{v:.4}"));
+        let numbers = [Some(e.eyebox_mm), Some(e.etendue_mm2_sr), e.mean_db, e.worst_db, Some(e.contrast)].map(cell);
         let about = [e.scene.clone(), e.frames.to_string(), e.mask.clone(), e.factor.to_string()];
         about.into_iter().chain(numbers).collect::<Vec<_>>()
     });

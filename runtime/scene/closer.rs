@@ -47,7 +47,7 @@ impl LightField {
                 _ => {
                     tracing::warn!(
                         "{}: content moves by {aliasing:.1} pixels from view to view, and layers show views in between to {db:.1} dB \
-                         only: photographs are of cells, with ghosts; --photographs layers or between makes closer views all the same",
+                         only: photographs are of cells, with ghosts; `photographs` layers or between makes closer views all the same",
                         self.name
                     );
                     return Ok(self);
@@ -62,7 +62,7 @@ impl LightField {
         let places: Vec<(f64, f64)> = (0..grid.rows * grid.columns).map(|i| grid.position(i)).collect();
         let counts = [places.len(), self.colors.len(), self.height, self.width];
         let what = || format!("{} views of {} x {} pixels", places.len(), self.height, self.width);
-        memory::promise(what, memory::bytes_of(&counts, 4), "take a smaller --size, or --photographs cells")?;
+        memory::promise(what, memory::bytes_of(&counts, 4), "take a smaller `size`, or `photographs` cells")?;
         let made = MadeViews {
             by,
             grid: self.grid,

@@ -2,7 +2,7 @@
 
 use super::CamerasFound;
 use super::light::FullScale;
-use crate::files::{FileError, FileKind, Wanted};
+use crate::files::{FileError, OtherKind};
 use crate::memory::TooLarge;
 use crate::optics::{OpticsError, depths_in_words};
 use std::{io, path::Path};
@@ -31,17 +31,8 @@ pub enum SceneError {
         reason: String,
     },
     /// A file of another kind than those that are read here.
-    #[error("{file}: it is {}, which is not read as {}; {remedy}", found.describe(), wanted.describe())]
-    Kind {
-        /// The file.
-        file: String,
-        /// Its kind, from its content.
-        found: FileKind,
-        /// What was to be read.
-        wanted: Wanted,
-        /// A line that makes a file of it that is read.
-        remedy: String,
-    },
+    #[error(transparent)]
+    Kind(#[from] OtherKind),
     /// A folder without a numbered picture.
     #[error(
         "{folder}: no views here: expected numbered PNG, JPEG or EXR files such as input_Cam000.png or view_3_7.png"
@@ -256,7 +247,7 @@ pub enum SceneError {
     },
     /// Depth maps that do not belong to the pictures one by one.
     #[error(
-        "{what}: give --depth-map once for each picture, in their order, or a folder of maps with their names or numbers"
+        "{what}: give `depth_map` once for each picture, in their order, or a folder of maps with their names or numbers"
     )]
     Maps {
         /// What was found.
@@ -320,7 +311,7 @@ impl SceneError {
     /// What is wrong with a file that a scene is read from.
     pub(super) fn of_file(error: FileError) -> Self {
         match error {
-            FileError::Kind { file, found, wanted, remedy } => Self::Kind { file, found, wanted, remedy },
+            FileError::Kind(other) => Self::Kind(other),
             FileError::Content { file, reason } => Self::Corrupt { file, reason },
             FileError::Read { file, source } => Self::unreadable(Path::new(&file), &source),
             FileError::Write { file, .. } | FileError::Full { file, .. } | FileError::Taken { path: file, .. } => {

@@ -147,7 +147,7 @@ impl Layers {
         let views = grid.rows * grid.columns;
         let counts = [padded[0], padded[1] / 2 + 1, (slopes.len() + 2 * views) * 2];
         let what = || format!("{} layers of {} x {} pixels", slopes.len(), padded[0], padded[1]);
-        memory::promise(what, memory::bytes_of(&counts, 8), "take a smaller --size, or --photographs cells")?;
+        memory::promise(what, memory::bytes_of(&counts, 8), "take a smaller `size`, or `photographs` cells")?;
         let products = vec![[0.0; 3]; views];
         Ok(Self { size, padded, grid, slopes, planes: Vec::new(), products, brightest: 0.0, colors: 0 })
     }

@@ -122,7 +122,7 @@ fn decoded(
 ) -> Result<Vec<Vec<f32>>, SceneError> {
     let what = || format!("a picture of {height} x {width} pixels");
     let bytes = memory::bytes_of(&[colors.len() + 2, height, width], 4);
-    memory::promise(what, bytes, "save its views as files of their own, or take --color")?;
+    memory::promise(what, bytes, "save its views as files of their own, or take `color`")?;
     let reading = Reading::new(stated.tone());
     let planes = picture::read_of_many(file, colors, &reading)?.planes;
     reading.judge(file, FullScale::File)?;

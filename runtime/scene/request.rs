@@ -87,6 +87,6 @@ impl<'a> Request<'a> {
         // Of one colour they are held twice more: as levels of detail, and while these are made.
         let counts = [self.views, self.views, self.colors.len() + 2, height, width];
         let what = || format!("{0} x {0} views of {height} x {width} pixels", self.views);
-        Ok(memory::promise(what, memory::bytes_of(&counts, 4), "take a smaller --size or fewer --views")?)
+        Ok(memory::promise(what, memory::bytes_of(&counts, 4), "take a smaller `size` or fewer `views`")?)
     }
 }

@@ -104,7 +104,7 @@ impl Reprojection {
                 must: match map.meaning {
                     Meaning::Disparity => {
                         "at most a quarter of the picture: disparities of cameras that are far apart need the depth range that they \
-                         are scaled to, as in --depth=-3..3"
+                         are scaled to, as in `depth`=-3..3"
                     }
                     Meaning::Relative(_) => {
                         "at most a quarter of the picture: take a smaller depth range, or fewer or closer views"
@@ -210,7 +210,7 @@ fn enough_views(path: &Path, request: &Request, [far, near]: [f64; 2]) -> usize 
     let views = needed.min(fit).min(64).max(request.views);
     let why =
         if views < needed { "as many as a share of the memory holds" } else { "neighbours part by a pixel at most" };
-    tracing::info!("{}: {views} x {views} views: {why} (--views takes another number)", path.display());
+    tracing::info!("{}: {views} x {views} views: {why} (`views` takes another number)", path.display());
     views
 }
 

@@ -7,13 +7,20 @@ use super::output::Output;
 use super::player::Command;
 use super::present_thread::PresentThread;
 use super::statistics::Statistics;
+use crate::files::asked_to_end;
 use crate::mailbox::Mailbox;
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::sync_channel;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
+
+/// The longest that a display may take to open. A driver compiles its kernels in this time, and a software device takes tens of
+/// seconds on a busy machine. A driver that hangs would otherwise hold the program for ever.
+const STARTED: Duration = Duration::from_secs(300);
+/// How often a wait looks whether the program was asked to end.
+const LOOK: Duration = Duration::from_millis(100);
 
 /// Content on a display, on threads of its own. Dropped, it stops.
 ///
@@ -40,7 +47,7 @@ impl Session {
         if let Some(rate) = options.display_rate.filter(|rate| !(1.0..=100_000.0).contains(&rate.hz())) {
             let hz = rate.hz();
             return Err(SessionError::Setting(format!(
-                "--display-rate {hz}: it must be 1 to 100000 video frames a second"
+                "`display_rate` {hz}: it must be 1 to 100000 video frames a second"
             )));
         }
         let steered = matches!(&content, Content::Live(live) if live.steered);
@@ -70,7 +77,11 @@ impl Session {
                 }
             })
             .map_err(|e| failed(format!("could not be started ({e})")))?;
-        let about = started.recv().map_err(|_| failed("failed, which is a fault of eyebox".into()))??;
+        let gone = |why| {
+            shared.stop.store(true, Ordering::Release);
+            failed(why)
+        };
+        let about = wait_for_start(&started, STARTED, asked_to_end()).map_err(gone)??;
         Ok(Self { shared, about, thread: Some(thread) })
     }
 
@@ -125,5 +136,42 @@ impl Drop for Session {
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
+    }
+}
+
+/// Waits for the thread that presents until it has opened the display, `patience` passes or the program is asked to end. Says why
+/// nothing came.
+fn wait_for_start<T>(started: &Receiver<T>, patience: Duration, ends: &AtomicBool) -> Result<T, String> {
+    let begun = Instant::now();
+    loop {
+        match started.recv_timeout(LOOK.min(patience)) {
+            Ok(about) => return Ok(about),
+            Err(RecvTimeoutError::Disconnected) => return Err("failed, which is a fault of eyebox".into()),
+            Err(RecvTimeoutError::Timeout) if ends.load(Ordering::Acquire) => {
+                return Err("was asked to end before it had opened the display".into());
+            }
+            Err(RecvTimeoutError::Timeout) if begun.elapsed() >= patience => {
+                return Err(format!("did not open the display within {} s", patience.as_secs()));
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_display_that_never_opens_is_not_waited_for() {
+        let (tell, started) = sync_channel::<u8>(1);
+        let ends = AtomicBool::new(false);
+        assert!(wait_for_start(&started, Duration::from_millis(1), &ends).unwrap_err().contains("within"));
+        ends.store(true, Ordering::Release);
+        assert!(wait_for_start(&started, STARTED, &ends).unwrap_err().contains("asked to end"));
+        tell.send(7).unwrap();
+        assert_eq!(wait_for_start(&started, STARTED, &ends), Ok(7));
+        drop(tell);
+        assert!(wait_for_start(&started, STARTED, &ends).is_err());
     }
 }

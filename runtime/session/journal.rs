@@ -247,7 +247,14 @@ impl Keeping {
     /// # Errors
     /// [`SessionError::File`]; [`SessionError::Setting`] where there is a gap.
     pub(super) fn finish(self) -> Result<(), SessionError> {
-        let _ = self.journal.out.put_within(Entry::End, Duration::from_secs(60));
+        // Until it arrives: the thread waits for it.
+        let mut end = Entry::End;
+        while let Err(back) = self.journal.out.put_within(end, PATIENCE) {
+            if self.thread.is_finished() {
+                break;
+            }
+            end = back;
+        }
         let failed = |_| SessionError::Thread { what: "keeps", reason: "failed, which is a fault of eyebox".into() };
         self.thread.join().map_err(failed)??;
         match self.journal.gap.load(Ordering::Acquire) {

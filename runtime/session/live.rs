@@ -68,7 +68,7 @@ impl Tracking {
         let Spec::Simulated(seed) = *spec else {
             if !options.real_time {
                 return Err(SessionError::Setting(format!(
-                    "a simulated clock takes a simulated eye alone (--tracker simulated), and {spec:?} lives in real time"
+                    "a simulated clock takes a simulated eye alone (`tracker` simulated), and {spec:?} lives in real time"
                 )));
             }
             return Ok(Self::new(trackers::open(spec, options)?, estimator));
@@ -329,7 +329,7 @@ impl Live {
         }
         match self.cost {
             Cost::Measured if !is_real => {
-                wrong("a simulated clock has to be told what work takes: --step-time, or leave out --clock simulated")
+                wrong("a simulated clock has to be told what work takes: `step_time`, or leave out `clock` simulated")
             }
             Cost::Fixed { .. } if is_real => wrong("what work takes is said to a simulated clock alone"),
             _ if self.tracking.as_ref().is_some_and(|tracking| tracking.real_time != is_real) => {

@@ -73,7 +73,7 @@ pub(super) fn encoder_of(what: &str, about: &Hologram, display: &Display) -> Res
     if [eh, ew] != [h, w] {
         let name = &display.name;
         return Err(SessionError::Setting(format!(
-            "{what}: it is {h}x{w} pixels, and the display '{name}' takes {eh}x{ew}: give --size, or the display that it \
+            "{what}: it is {h}x{w} pixels, and the display '{name}' takes {eh}x{ew}: give `size` {h}x{w}, or the display that it \
              was made for"
         )));
     }
@@ -126,20 +126,20 @@ impl Play {
         let wrong = |why: String| Err(SessionError::Setting(why));
         let (what, count, first) = (self.sequence.path().display(), self.sequence.count(), self.first);
         if first >= count.max(1) && !self.follow {
-            return wrong(format!("{what}: it has {count} holograms, the first is 0: --first {first}"));
+            return wrong(format!("{what}: it has {count} holograms, the first is 0: `first` {first}"));
         }
         if Speed::new(self.speed).is_none() {
-            return wrong(format!("--speed {}: it must be 0.001 to 1000", self.speed));
+            return wrong(format!("`speed` {}: it must be 0.001 to 1000", self.speed));
         }
         if !(0.0..=LONGEST_SYNC_S).contains(&self.sync_s) {
-            return wrong(format!("--sync {}: it must be 0 to {LONGEST_SYNC_S} seconds", self.sync_s));
+            return wrong(format!("`sync` {}: it must be 0 to {LONGEST_SYNC_S} seconds", self.sync_s));
         }
         if !(1..=MOST_AHEAD).contains(&self.ahead) {
-            return wrong(format!("--ahead {}: it must be 1 to {MOST_AHEAD} sets", self.ahead));
+            return wrong(format!("`ahead` {}: it must be 1 to {MOST_AHEAD} sets", self.ahead));
         }
         if let Some(left) = self.start_at.map(seconds_until).filter(|left| left.abs() > FARTHEST_START_S) {
             let (days, when) = (left.abs() / 86400.0, if left > 0.0 { "from now" } else { "ago" });
-            return wrong(format!("--start-at is {days:.0} days {when}: a year at most, in seconds since 1970"));
+            return wrong(format!("`start_at` is {days:.0} days {when}: a year at most, in seconds since 1970"));
         }
         Ok(())
     }
@@ -160,7 +160,7 @@ impl Play {
             }
         };
         let speed = Speed::new(self.speed)
-            .ok_or_else(|| SessionError::Setting(format!("--speed {}: it must be 0.001 to 1000", self.speed)))?;
+            .ok_or_else(|| SessionError::Setting(format!("`speed` {}: it must be 0.001 to 1000", self.speed)))?;
         let schedule = Schedule {
             rolls: false,
             display_rate: display.rate,

@@ -31,11 +31,11 @@ use stage::Stage;
 /// What handing over is allowed beside encoding, nanoseconds.
 const SLACK_NS: i64 = 500_000;
 
-/// Of all colours, dB: the mean.
-fn psnr(colors: &mut [SeenColor], pupil: Pupil) -> Result<f64, EngineError> {
-    let count = colors.len() as f64;
-    let all: Vec<f64> = colors.iter_mut().map(|c| c.psnr(pupil)).collect::<Result<_, _>>()?;
-    Ok(all.iter().sum::<f64>() / count)
+/// Mean PSNR of the colors whose photographs are not black, dB.
+fn psnr(colors: &mut [SeenColor], pupil: Pupil) -> Result<Option<f64>, EngineError> {
+    let all: Vec<Option<f64>> = colors.iter_mut().map(|c| c.psnr(pupil)).collect::<Result<_, _>>()?;
+    let lit: Vec<f64> = all.into_iter().flatten().collect();
+    Ok((!lit.is_empty()).then(|| lit.iter().sum::<f64>() / lit.len() as f64))
 }
 
 /// Sees every set at its light, with the phases that were lit, colour by colour, and which share of the study is done; ends
@@ -202,6 +202,9 @@ impl Studying<'_> {
                 Some(judge) => judge.both([&mut self.lit, &mut self.whole], pupil)?,
                 None => None,
             };
+            let [steered, whole] = [&mut self.lit, &mut self.whole].map(|colors| psnr(colors, pupil));
+            // Before black nothing is compared.
+            let (Some(steered_db), Some(whole_db)) = (steered?, whole?) else { continue };
             let sample = StudySample {
                 time_s: light_ns as f64 * 1e-9,
                 since_landing_ms: landed.map(|l| (light_ns as f64 - l as f64) * 1e-6),
@@ -209,8 +212,8 @@ impl Studying<'_> {
                 position: truth.position,
                 diameter: truth.diameter,
                 error: self.shown.pupil.map(|p| (p[0] - x).hypot(p[1] - y)),
-                steered_db: psnr(&mut self.lit, pupil)?,
-                whole_db: psnr(&mut self.whole, pupil)?,
+                steered_db,
+                whole_db,
                 jod,
                 steps: self.shown.steps,
                 served: self.served(pupil),

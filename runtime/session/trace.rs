@@ -114,7 +114,14 @@ impl Written {
     /// [`SessionError::File`], of any time; what was written before is whole.
     pub fn finish(self) -> Result<(), SessionError> {
         if let Some(out) = &self.trace.out {
-            let _ = out.put_within(Entry::End, Duration::from_secs(5));
+            // Until it arrives: the thread waits for it.
+            let mut end = Entry::End;
+            while let Err(back) = out.put_within(end, PATIENCE) {
+                if self.thread.is_finished() {
+                    break;
+                }
+                end = back;
+            }
         }
         let failed = |_| SessionError::Thread { what: "traces", reason: "failed, which is a fault of eyebox".into() };
         Ok(self.thread.join().map_err(failed)??)

@@ -1,50 +1,244 @@
-//! The best state of a refinement: refinement for one pupil can get worse again, and its last state is not the best.
+//! The best state of a refinement. Refinement for one pupil can get worse again, so its last state is often not its best.
+//!
+//! Every step is judged, at the pupil that was asked for, as [`Hologram::score`](crate::hologram::Hologram::score) judges it: at
+//! the exposure that suits the state best. Only so is the result of more steps never worse. Looking through one pupil takes
+//! about as long as a step.
 
-/// Pupils around the eye through which states are judged, other than those that steps draw.
-pub const JUDGED_PUPILS: usize = 12;
+use super::outcome::Flow;
+use super::steer::Refiner;
+use crate::engine::EngineError;
+use crate::evaluate::Sums;
+use crate::optics::{Pupil, PupilDistribution};
+use std::time::Instant;
 
-/// Whether the state after a step is judged: after steps 1, 2, 4, 8, ..., and the last.
-///
-/// Looking through pupils takes about as long as a step, so states in between are not judged.
-pub fn is_judged(step: usize, steps: usize) -> bool {
-    step.is_power_of_two() || step == steps
-}
-
-/// The best state so far.
-#[derive(Debug, Clone, PartialEq)]
-pub struct BestState<T> {
-    /// The step after which it was reached; 0 for the state before the first.
-    pub step: usize,
-    /// Mean PSNR of the judged pupils, dB.
-    pub psnr: f64,
-    /// The state, such as phases.
-    pub state: T,
-}
-
-impl<T> BestState<T> {
-    /// Takes over the state of a step if it is better.
+/// One color under refinement, or all colors that share their drives.
+pub trait Refinable {
+    /// Takes a step. Returns its loss; with one that is NaN or infinite the phases stay as they were.
     ///
     /// # Errors
-    /// Those of `state`.
-    pub fn offer<E>(&mut self, step: usize, psnr: f64, state: impl FnOnce() -> Result<T, E>) -> Result<(), E> {
-        if psnr > self.psnr {
-            *self = Self { step, psnr, state: state()? };
+    /// Those of the engine.
+    fn step(&mut self) -> Result<f64, EngineError>;
+
+    /// Looks through pupils. Returns, color by color, the sums of each pupil.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    fn look_at_colors(&mut self, pupils: &[Pupil]) -> Result<Vec<Vec<Sums>>, EngineError>;
+
+    /// The pupils that steps are taken for.
+    fn aimed_at(&self) -> PupilDistribution;
+
+    /// Reads the phases of each color: (frames, height, width), radians.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    fn state(&mut self) -> Result<Vec<Vec<f32>>, EngineError>;
+}
+
+impl Refinable for Refiner {
+    fn step(&mut self) -> Result<f64, EngineError> {
+        Refiner::step(self)
+    }
+
+    fn look_at_colors(&mut self, pupils: &[Pupil]) -> Result<Vec<Vec<Sums>>, EngineError> {
+        Ok(vec![self.look(pupils)?])
+    }
+
+    fn aimed_at(&self) -> PupilDistribution {
+        self.aim
+    }
+
+    fn state(&mut self) -> Result<Vec<Vec<f32>>, EngineError> {
+        Ok(vec![self.phases()?])
+    }
+}
+
+/// A step of a refinement, with all steps before it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RefinedStep {
+    /// Steps since the pupil was set.
+    pub step: usize,
+    /// Loss of this step, the mean over the colors.
+    pub loss: f64,
+    /// Time of the steps of this call, without that of judging them, seconds.
+    pub seconds: f64,
+}
+
+/// A state of a refinement.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BestState {
+    /// The step after which it was reached; 0 for the state before the first.
+    pub step: usize,
+    /// PSNR at the pupil over all of its colors, dB; `None` if the target is black.
+    pub psnr: Option<f64>,
+    /// Phases of each color: (frames, height, width), radians.
+    pub phases: Vec<Vec<f32>>,
+}
+
+/// Keeps the best state of a refinement for one pupil.
+#[derive(Debug, Clone)]
+pub struct BestKeeper {
+    pupil: Pupil,
+    taken: usize,
+    /// PSNR of each color after the last step, dB; empty before the first judgment.
+    last: Vec<Option<f64>>,
+    best: Option<BestState>,
+}
+
+impl BestKeeper {
+    /// Begins for a pupil, metres.
+    pub fn new(pupil: Pupil) -> Self {
+        Self { pupil, taken: 0, last: Vec::new(), best: None }
+    }
+
+    /// The best state so far; `None` before the first judgment.
+    pub fn best(&self) -> Option<&BestState> {
+        self.best.as_ref()
+    }
+
+    /// The best state so far; `None` before the first judgment.
+    pub fn into_best(self) -> Option<BestState> {
+        self.best
+    }
+
+    /// PSNR at the pupil of each color as it is now, dB; `None` for a black target.
+    pub fn psnr_of_colors(&self) -> &[Option<f64>] {
+        &self.last
+    }
+
+    /// Judges the state as it is, and keeps it if it is the best.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    pub fn judge(&mut self, refined: &mut dyn Refinable) -> Result<(), EngineError> {
+        // Without light each exposure is as bad.
+        let exposed = |sums: Sums| (sums, Sums::fit_exposure(&[sums]).unwrap_or(0.0));
+        let looks = refined.look_at_colors(&[self.pupil])?;
+        let colors: Vec<(Sums, f64)> = looks.into_iter().flatten().map(exposed).collect();
+        self.last = colors.iter().map(|(sums, exposure)| sums.quality(*exposure)).collect();
+        let psnr = Sums::quality_of_colors(&colors);
+        if self.best.as_ref().is_none_or(|best| is_better(psnr, best.psnr)) {
+            self.best = Some(BestState { step: self.taken, psnr, phases: refined.state()? });
         }
         Ok(())
     }
+}
+
+/// Whether a PSNR beats the best before it. Before a black target nothing can be judged, and the last state is kept.
+fn is_better(psnr: Option<f64>, best: Option<f64>) -> bool {
+    match (psnr, best) {
+        (Some(psnr), Some(best)) => psnr > best,
+        (None, _) => true,
+        (Some(_), None) => true,
+    }
+}
+
+/// Takes at most `steps` steps of all that is refined together, and judges each. Ends earlier if `observe` stops it or if a loss is
+/// not a finite number. Returns the last loss and the number of steps.
+///
+/// # Errors
+/// Those of the engines.
+pub fn refine(
+    parts: &mut [(&mut dyn Refinable, &mut BestKeeper)],
+    steps: usize,
+    observe: &mut dyn FnMut(RefinedStep) -> Flow,
+) -> Result<(f64, usize), EngineError> {
+    for (refined, keeper) in parts.iter_mut().filter(|(_, keeper)| keeper.best.is_none()) {
+        keeper.judge(*refined)?;
+    }
+    let (mut loss, mut taken, mut seconds) = (f64::NAN, 0, 0.0);
+    while taken < steps {
+        let (start, mut sum) = (Instant::now(), 0.0);
+        for (refined, _) in parts.iter_mut() {
+            sum += refined.step()?;
+        }
+        seconds += start.elapsed().as_secs_f64();
+        loss = sum / parts.len().max(1) as f64;
+        if !loss.is_finite() {
+            break;
+        }
+        taken += 1;
+        let mut step = taken;
+        for (refined, keeper) in parts.iter_mut() {
+            keeper.taken += 1;
+            step = keeper.taken;
+            keeper.judge(*refined)?;
+        }
+        if observe(RefinedStep { step, loss, seconds }) == Flow::Stop {
+            break;
+        }
+    }
+    Ok((loss, taken))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    #[test]
-    fn a_worse_state_is_not_taken() {
-        let mut best = BestState { step: 0, psnr: 18.0, state: 'a' };
-        for (step, psnr, state) in [(1, 17.0, 'b'), (8, 20.95, 'c'), (16, 19.9, 'd'), (32, f64::NAN, 'e')] {
-            best.offer(step, psnr, || Ok::<_, ()>(state)).unwrap();
+    /// A refinement whose PSNR after each step is known.
+    struct Scripted {
+        decibels: Vec<f64>,
+        at: usize,
+    }
+
+    impl Refinable for Scripted {
+        fn step(&mut self) -> Result<f64, EngineError> {
+            self.at += 1;
+            Ok(if self.at < self.decibels.len() { 0.1 } else { f64::NAN })
         }
-        assert_eq!(best, BestState { step: 8, psnr: 20.95, state: 'c' });
-        assert_eq!((1..=20).filter(|step| is_judged(*step, 20)).collect::<Vec<_>>(), [1, 2, 4, 8, 16, 20]);
+
+        fn look_at_colors(&mut self, _: &[Pupil]) -> Result<Vec<Vec<Sums>>, EngineError> {
+            // At the exposure 1/2 the error is orthogonal to the image.
+            let error = 10f64.powf(-self.decibels[self.at] / 10.0);
+            Ok(vec![vec![Sums { with_target: 1.0, with_itself: 2.0, of_target: 0.5 + error, pixels: 1 }]])
+        }
+
+        fn aimed_at(&self) -> PupilDistribution {
+            PupilDistribution::around(&Pupil::from_mm([4.0, 0.0, 4.0, 1.0]), 0.0)
+        }
+
+        fn state(&mut self) -> Result<Vec<Vec<f32>>, EngineError> {
+            Ok(vec![vec![self.at as f32]])
+        }
+    }
+
+    fn scripted(decibels: &[f64]) -> (Scripted, BestKeeper) {
+        (Scripted { decibels: decibels.to_vec(), at: 0 }, BestKeeper::new(Pupil::from_mm([4.0, 0.0, 4.0, 1.0])))
+    }
+
+    #[test]
+    fn a_worse_state_is_not_taken_and_more_steps_are_never_worse() {
+        let decibels = [18.0, 17.0, 19.0, 20.95, 20.5, 19.9, 21.0, 20.0];
+        let mut before = f64::NEG_INFINITY;
+        for steps in 0..decibels.len() {
+            let (mut refined, mut keeper) = scripted(&decibels);
+            // In one call and in two.
+            for part in [steps / 2, steps - steps / 2] {
+                let (_, taken) = refine(&mut [(&mut refined, &mut keeper)], part, &mut |_| Flow::Continue).unwrap();
+                assert_eq!(taken, part);
+            }
+            let best = keeper.into_best().unwrap();
+            let psnr = best.psnr.unwrap();
+            let wanted = decibels[..=steps].iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            assert!((psnr - wanted).abs() < 1e-9 && psnr >= before, "{steps}: {psnr}");
+            assert_eq!(decibels[best.step], wanted);
+            assert_eq!(best.phases, [[best.step as f32]]);
+            before = psnr;
+        }
+    }
+
+    #[test]
+    fn a_loss_that_is_no_number_and_an_observer_end_it() {
+        let (mut refined, mut keeper) = scripted(&[18.0, 19.0]);
+        let (loss, taken) = refine(&mut [(&mut refined, &mut keeper)], 9, &mut |_| Flow::Continue).unwrap();
+        assert!(loss.is_nan() && taken == 1 && keeper.best().unwrap().step == 1);
+        let (mut refined, mut keeper) = scripted(&[18.0; 9]);
+        let mut stop = |at: RefinedStep| if at.step == 3 { Flow::Stop } else { Flow::Continue };
+        assert_eq!(refine(&mut [(&mut refined, &mut keeper)], 8, &mut stop).unwrap().1, 3);
+    }
+
+    #[test]
+    fn a_black_target_has_no_best_state_but_the_last() {
+        assert!(is_better(None, None) && is_better(Some(20.0), None) && !is_better(Some(f64::NAN), Some(20.0)));
     }
 }

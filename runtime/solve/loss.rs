@@ -35,7 +35,7 @@ impl Loss {
             return wrong(format!("{:?}", gaze.map(f64::to_degrees)), "within 90 of the picture's middle");
         }
         if self == Self::Light {
-            return wrong("given".into(), "none for the loss of light, or the loss of contrast (--loss contrast)");
+            return wrong("given".into(), "none for the loss of light, or the loss of contrast (`loss` contrast)");
         }
         Ok(())
     }

@@ -50,7 +50,7 @@ mod step;
 mod validation;
 mod viewpoints;
 
-pub use best::{BestState, JUDGED_PUPILS, is_judged};
+pub use best::{BestKeeper, BestState, Refinable, RefinedStep, refine};
 pub use cost::{Cost, Forecast, Loaded, forecast, model_work};
 pub use error::SolveError;
 pub(crate) use exposure::BrightEnd;

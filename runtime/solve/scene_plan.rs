@@ -350,7 +350,7 @@ impl ScenePlan {
             self.padding = slow;
             self.say("padding", format!("{} rows, {} columns", slow.rows, slow.columns), slow_sides(&optics));
         } else {
-            let why = if loss > TOLERANCE { format!("{walks}: --padding keeps it out") } else { walks };
+            let why = if loss > TOLERANCE { format!("{walks}: `padding` keeps it out") } else { walks };
             self.say("padding", "none", why);
         }
         let padded = self.padding == required && required != Padding::default();

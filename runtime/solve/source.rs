@@ -13,7 +13,7 @@ pub(super) fn check(modes: &[SourceMode], settings: &Settings) -> Result<(), Sol
     let turns = modes.iter().map(|mode| mode.turn[1]).max().unwrap_or(0);
     if turns > 1 && frames < turns {
         let right =
-            "as many as sources that take turns at least (--frames), or sources_lit = \"together\" or \"steered\"";
+            "as many as sources that take turns at least (`frames`), or sources_lit = \"together\" or \"steered\"";
         return Err(SolveError::Setting { what: "the number of sub-frames", value: frames.to_string(), right });
     }
     let solved = settings.solved_frames();

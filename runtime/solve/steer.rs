@@ -36,7 +36,7 @@ pub struct Refiner {
     steering: Steering,
     engine: Box<dyn Engine>,
     exposure: f64,
-    aim: PupilDistribution,
+    pub(super) aim: PupilDistribution,
     /// What the pupils of the last step were drawn for.
     drawn_for: PupilDistribution,
     points: Points,

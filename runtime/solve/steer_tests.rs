@@ -88,7 +88,7 @@ fn the_gaze_is_where_the_pupil_says() {
         made.err().expect("a refusal").to_string()
     };
     let given = Steering { gaze_radius: Some(11e-3), ..contrast };
-    assert!(refused(Steering { loss: Loss::Light, ..given }).contains("--loss contrast"));
+    assert!(refused(Steering { loss: Loss::Light, ..given }).contains("`loss` contrast"));
     assert!(refused(Steering { gaze: Some([0.0; 2]), ..given }).contains("given twice"));
     assert!(refused(Steering { gaze_radius: Some(0.0), ..given }).contains("behind its pupil"));
 }

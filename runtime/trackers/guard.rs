@@ -40,7 +40,7 @@ impl Guard {
             self.notes.push_back(match factor {
                 1.0 => format!("{name}: positions are taken in their stated unit again"),
                 1e3 => format!("{name}: positions and diameters are in metres, as the diameters show"),
-                _ => format!("{name}: positions and diameters are in millimetres, as the diameters show"),
+                _ => format!("{name}: positions and diameters are divided by 1000, as the diameters show (micrometers, or millimeters that are stated as meters)"),
             });
         }
         for reading in [&mut sample.left, &mut sample.right, &mut sample.combined].into_iter().flatten() {

@@ -10,7 +10,8 @@
 //! finds the unit from the clock's rate. A position has `x` and `y`, and may have `z`, `unit` (`mm`, `m`, `deg`,
 //! `normalized`, `counts`; default `mm`), `what` (`pupil` or `gaze`; default `pupil`), `vx` and `vy` (its velocity, `unit`
 //! per second: both or none), `diameter` (mm; with `unit` `m` also metres), `confidence` (0 to 1) and `valid`. It is at
-//! the top, or under `left`, `right` and `combined`. At the top, `focus_d` is the eyes' focus, diopters. Without it,
+//! the top, where `eye` (`left`, `right`, or Pupil Core's 0 and 1) may state whose it is, or under `left`, `right` and
+//! `combined`. At the top, `focus_d` is the eyes' focus, diopters. Without it,
 //! `ipd_mm`, the distance between the eyes, gives the focus from both directions (`what` `gaze`, `unit` `deg`). A value
 //! of `null` or `NaN` is unknown. Other keys are ignored.
 
@@ -22,6 +23,8 @@ mod replay;
 
 pub use replay::LineSource;
 
+/// The form of a line, for those who wrote another one.
+pub(super) const EXAMPLE: &str = r#"each sample is a line such as {"t": 12.5, "x": 1.5, "y": -0.2, "diameter": 4}"#;
 /// Longest line, bytes.
 pub(crate) const LONGEST_LINE: usize = 2048;
 
@@ -66,6 +69,9 @@ struct ReadingText {
 
 #[derive(Debug, Serialize, Deserialize)]
 struct SampleText {
+    /// Place among left, right and combined of the position at the top.
+    #[serde(skip_serializing, default, deserialize_with = "eye")]
+    eye: Option<usize>,
     t: Option<f64>,
     #[serde(skip_serializing)]
     t_unit: Option<TimeUnit>,
@@ -87,6 +93,25 @@ struct SampleText {
 
 fn present<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Option<f64>>, D::Error> {
     Option::deserialize(from).map(Some)
+}
+
+/// Which eye a position at the top is of. Pupil Core counts eyes: 0 is the right one.
+fn eye<'de, D: Deserializer<'de>>(from: D) -> Result<Option<usize>, D::Error> {
+    let place = match serde_json::Value::deserialize(from)? {
+        serde_json::Value::Null => return Ok(None),
+        serde_json::Value::String(name) => match &name.to_ascii_lowercase()[..] {
+            "left" | "l" | "eye1" => Some(0),
+            "right" | "r" | "eye0" => Some(1),
+            "combined" | "both" | "mean" => Some(2),
+            _ => None,
+        },
+        serde_json::Value::Number(number) => [1, 0].iter().position(|eye| number.as_u64() == Some(*eye)),
+        _ => None,
+    };
+    let wrong = || {
+        serde::de::Error::custom("eye: expected \"left\" or \"right\", or 0 (right) or 1 (left) as Pupil Core has it")
+    };
+    place.map(Some).ok_or_else(wrong)
 }
 
 /// A truth value, also as a number: trackers send their validity as 0 and 1.
@@ -216,13 +241,15 @@ pub fn parse(line: &[u8]) -> Result<Line, String> {
 }
 
 fn read(line: &[u8]) -> Result<Line, String> {
-    let text: SampleText = serde_json::from_slice(line).map_err(|e| e.to_string())?;
-    let mut combined = text.combined;
-    if combined.is_none() && text.left.is_none() && text.right.is_none() {
-        let top: ReadingText = serde_json::from_slice(line).map_err(|e| e.to_string())?;
-        combined = Some(top).filter(|t| t.x.is_some() || t.y.is_some() || t.valid == Some(false));
+    if !line.trim_ascii_start().starts_with(b"{") {
+        return Err(format!("not a JSON object: {EXAMPLE}"));
     }
-    let texts = [text.left, text.right, combined];
+    let text: SampleText = serde_json::from_slice(line).map_err(|e| e.to_string())?;
+    let mut texts = [text.left, text.right, text.combined];
+    if texts.iter().all(Option::is_none) {
+        let top: ReadingText = serde_json::from_slice(line).map_err(|e| e.to_string())?;
+        texts[text.eye.unwrap_or(2)] = Some(top).filter(|t| t.x.is_some() || t.y.is_some() || t.valid == Some(false));
+    }
     let readings = texts.map(|r| r.map(ReadingText::reading));
     if readings.iter().all(Option::is_none) {
         return Err("no position: expected x and y, at the top or under left, right or combined".into());
@@ -288,6 +315,7 @@ fn without_nan(line: &[u8]) -> Option<Vec<u8>> {
 pub fn write(sample: &Sample) -> String {
     let seconds = |ns: u64| ns as f64 * 1e-9;
     let text = SampleText {
+        eye: None,
         t: Some(seconds(sample.time_ns)),
         t_unit: None,
         received: Some(seconds(sample.received_ns)),
@@ -327,6 +355,18 @@ mod tests {
         let none = ["\"vx\": 1", "\"vy\": 1", "\"vx\": null, \"vy\": 1", "\"vx\": 1, \"vy\": 0, \"valid\": false"];
         assert!(none.iter().all(|v| moves(&format!("{{\"x\": 1, \"y\": 0, {v}}}")).is_none()));
 
+        let of = |eye: &str| {
+            parse(format!(r#"{{"eye": {eye}, "x": 1, "y": 0}}"#).as_bytes()).unwrap().readings.map(|r| r.is_some())
+        };
+        for (eyes, slot) in
+            [(["\"left\"", "\"L\"", "1"], 0), (["\"Right\"", "\"r\"", "0"], 1), (["null", "\"both\"", "\"mean\""], 2)]
+        {
+            for eye in eyes {
+                assert_eq!(of(eye), [0, 1, 2].map(|i| i == slot), "{eye}");
+            }
+        }
+        assert!(parse(br#"{"eye": "third", "x": 1, "y": 0}"#).unwrap_err().contains("left"));
+        assert!(parse(b"timestamp,x,y").unwrap_err().contains("JSON object"));
         for bad in ["", "{}", "[]", "null", "{\"x\": \"1\"}", "{\"x\": 1", "{\"t\": 1}", "{\"left\": 3}", "\u{1}"] {
             assert!(parse(bad.as_bytes()).is_err(), "{bad}");
         }

@@ -31,6 +31,7 @@ mod clock;
 mod error;
 mod guard;
 mod open;
+mod resolve;
 mod sample;
 mod source;
 mod stream;

@@ -7,12 +7,15 @@
 use super::clock::{ClockEvent, ForeignClock};
 use super::guard::Units;
 use super::line::{self, LONGEST_LINE, Line};
+use super::resolve::resolve;
 use super::{About, Dropped, Event, Sample, Source, TrackerError, now_ns};
 use std::collections::VecDeque;
-use std::net::{SocketAddr, ToSocketAddrs, UdpSocket};
+use std::net::{SocketAddr, UdpSocket};
 use std::time::Duration;
 
 const MOST_LINES: usize = 16;
+/// The longest that a name may take to be resolved.
+const RESOLVED: Duration = Duration::from_secs(5);
 const SILENT_NS: u64 = 2_000_000_000;
 const SAY_NS: u64 = 1_000_000_000;
 
@@ -43,7 +46,7 @@ impl UdpSource {
     pub fn bind(host: &str, port: u16, latency_ns: u64) -> Result<Self, TrackerError> {
         let address = format!("udp://{host}:{port}");
         let wrong = |reason: String| TrackerError::Network { address: address.clone(), reason };
-        let found = (host, port).to_socket_addrs().map_err(|e| wrong(e.to_string()))?.next();
+        let found = resolve(host, port, RESOLVED).map_err(|e| wrong(e.to_string()))?.into_iter().next();
         let found = found.ok_or_else(|| wrong("no such address".into()))?;
         let socket = UdpSocket::bind(found).map_err(|e| wrong(format!("cannot listen: {e}")))?;
         Ok(Self {

@@ -400,7 +400,7 @@ EyeboxStatus eyebox_refiner_step(const EyeboxRefiner *refiner,
                                  double *loss);
 
 // Takes at most so many steps as `eyebox_refiner_step` does and hands over the hologram in the best state that they reached, as a
-// new one. States are judged through pupils around the one that was aimed at, after steps 1, 2, 4, 8, ... and the last.
+// new one. The state after each step is judged at the pupil that was aimed at, as a score is: more steps are never worse there.
 EyeboxStatus eyebox_refiner_best(const EyeboxRefiner *refiner,
                                  size_t steps,
                                  EyeboxHologram **hologram);

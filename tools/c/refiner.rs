@@ -91,7 +91,7 @@ pub extern "C" fn eyebox_refiner_step(
 }
 
 /// Takes at most so many steps as `eyebox_refiner_step` does and hands over the hologram in the best state that they reached, as a
-/// new one. States are judged through pupils around the one that was aimed at, after steps 1, 2, 4, 8, ... and the last.
+/// new one. The state after each step is judged at the pupil that was aimed at, as a score is: more steps are never worse there.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_refiner_best(
     refiner: Option<&EyeboxRefiner>,
@@ -104,7 +104,7 @@ pub extern "C" fn eyebox_refiner_best(
                 return Err(Failure::argument("steps", steps, "1 to 1000000"));
             }
             let mut refinement = lock(&given(refiner, "refiner")?.refinement)?;
-            let (_, taken) = refinement.refine(steps, &mut |_, _| Flow::Continue)?;
+            let (_, taken) = refinement.refine(steps, &mut |_| Flow::Continue)?;
             if taken < steps {
                 return Err(Failure::NotFinite { color: "a colour".into(), step: taken + 1 });
             }

@@ -247,7 +247,7 @@ pub fn form(out: &Path, allowed: &[Form]) -> Result<Form, Failure> {
     })?;
     match out.parent().filter(|p| !p.as_os_str().is_empty()) {
         Some(folder) if !folder.is_dir() => {
-            Err(Failure::Asked(format!("{}: there is no such folder to write into", folder.display())))
+            Err(Failure::Asked(format!("{}: there is no such folder to write into: make it, or give another place", folder.display())))
         }
         _ => Ok(form),
     }

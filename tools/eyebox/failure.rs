@@ -106,9 +106,73 @@ impl Failure {
     }
 }
 
+/// Fields and arguments of the library that a sentence may name and the command's options say: all but a few have the same name.
+const FIELDS: [&str; 36] = [
+    "ahead",
+    "at",
+    "clock",
+    "color",
+    "depth_map",
+    "device",
+    "display",
+    "display_rate",
+    "engine",
+    "first",
+    "focal_length",
+    "frames",
+    "iris",
+    "loss",
+    "model_terms",
+    "order",
+    "output",
+    "overwrite",
+    "padding",
+    "passes",
+    "phase_unit",
+    "photographs",
+    "pitch",
+    "prescription",
+    "pupils",
+    "raw",
+    "size",
+    "speed",
+    "start_at",
+    "step_time",
+    "steps",
+    "sync",
+    "tracker",
+    "unfinished",
+    "views",
+    "wavelength",
+];
+
 /// A sentence of the library in the words of the command: its fields are options here.
 pub fn in_options(sentence: &str) -> String {
-    [("`depth`", "--depth MIN..MAX"), ("`order`", "--order"), ("`photographs`", "--photographs")]
-        .into_iter()
-        .fold(sentence.to_owned(), |text, (field, option)| text.replace(field, option))
+    let others =
+        [("`depth`=", "--depth="), ("`depth`", "--depth MIN..MAX"), ("`fit_exposure`", "`eyebox import --scene`")];
+    let text = others.iter().fold(sentence.to_owned(), |text, (field, option)| text.replace(field, option));
+    FIELDS
+        .iter()
+        .fold(text, |text, field| text.replace(&format!("`{field}`"), &format!("--{}", field.replace('_', "-"))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::commands::Cli;
+    use clap::CommandFactory;
+
+    /// An option that no command has would be a remedy that does not work.
+    #[test]
+    fn fields_of_the_library_are_options_of_a_command() {
+        let cli = Cli::command();
+        let has = |option: &str| cli.get_subcommands().any(|c| c.get_arguments().any(|a| a.get_long() == Some(option)));
+        for field in FIELDS {
+            let line = in_options(&format!("give `{field}` 1"));
+            let option = line.strip_prefix("give --").and_then(|rest| rest.strip_suffix(" 1")).expect("an option");
+            assert!(has(option), "{line}");
+        }
+        assert_eq!(in_options("by `depth`, as in `depth`=-3..3"), "by --depth MIN..MAX, as in --depth=-3..3");
+        assert_eq!(in_options("`disparity` in its lightfield.toml"), "`disparity` in its lightfield.toml");
+    }
 }

@@ -1,5 +1,7 @@
 //! What the library says while it works, on standard error: a line each.
 
+use crate::failure::in_options;
+use std::io::{self, Stderr, Write};
 use tracing::level_filters::LevelFilter;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::prelude::*;
@@ -16,7 +18,7 @@ pub fn listen(verbose: u8) {
     let wrong = stated.as_ref().and_then(|parsed| parsed.as_ref().err()).map(ToString::to_string);
     let targets = stated.and_then(Result::ok).unwrap_or_else(|| Targets::new().with_target("eyebox", level));
     let lines = tracing_subscriber::fmt::layer()
-        .with_writer(std::io::stderr)
+        .with_writer(|| InOptions(std::io::stderr()))
         // Nobody is left to be told that nobody listens.
         .log_internal_errors(false)
         .with_ansi(false)
@@ -26,5 +28,19 @@ pub fn listen(verbose: u8) {
     tracing_subscriber::registry().with(lines.with_filter(targets)).init();
     if let Some(wrong) = wrong {
         tracing::warn!("RUST_LOG is not understood ({wrong}): give targets and levels, such as eyebox=debug");
+    }
+}
+
+/// Standard error, with the fields of the library as options of the command. Each line comes in one piece.
+struct InOptions(Stderr);
+
+impl Write for InOptions {
+    fn write(&mut self, line: &[u8]) -> io::Result<usize> {
+        self.0.write_all(in_options(&String::from_utf8_lossy(line)).as_bytes())?;
+        Ok(line.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.0.flush()
     }
 }

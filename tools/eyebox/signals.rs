@@ -55,10 +55,8 @@ pub fn end_without_drafts() {
     let Ok(mut arriving) = Signals::new(&heard) else { return };
     let wait = move || {
         for signal in arriving.forever() {
-            let asked = ASKED.load(Ordering::SeqCst);
             if CAUGHT.load(Ordering::SeqCst) {
-                std::thread::sleep(SILENCE);
-                if ASKED.load(Ordering::SeqCst) == asked {
+                if is_silent(&ASKED, || std::thread::sleep(SILENCE)) {
                     eprintln!("eyebox: it ends after the work that is under way; press ctrl-C again to end it at once");
                 }
                 continue;
@@ -74,6 +72,14 @@ pub fn end_without_drafts() {
             let _ = flag::register_conditional_default(signal, Arc::clone(&uncaught));
         }
     }
+}
+
+/// Whether what runs did not ask during a pause.
+#[cfg(unix)]
+fn is_silent(asked: &AtomicU64, pause: impl FnOnce()) -> bool {
+    let before = asked.load(Ordering::SeqCst);
+    pause();
+    asked.load(Ordering::SeqCst) == before
 }
 
 /// Whether ctrl-C was pressed.
@@ -111,5 +117,17 @@ pub fn outlive_limits() {
         let _ = flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
         let always = Arc::new(AtomicBool::new(true));
         let _ = flag::register_conditional_shutdown(signal_hook::consts::SIGABRT, FAILED, always);
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn work_that_does_not_ask_is_reported() {
+        let asked = AtomicU64::new(7);
+        assert!(is_silent(&asked, || ()));
+        assert!(!is_silent(&asked, || drop(asked.fetch_add(1, Ordering::SeqCst))));
     }
 }

@@ -100,15 +100,17 @@ impl Refiner {
         })
     }
 
-    /// Takes so many steps as `step` does, and judges what they reach; `best` has the best. The loss of the last, and how many.
+    /// Takes as many steps as `step` does and judges each at the pupil; `best` has the best state. The loss of the last, and how many.
     fn refine(slf: Py<Self>, py: Python<'_>, steps: usize, callback: Option<Py<PyAny>>) -> PyResult<(f64, usize)> {
         let on_device = slf.get().on_device;
         let callback = callback.map(Arc::new);
         run(py, on_device, move |caller| {
             let mut refinement = slf.get().lock()?;
             let (mut told, mut ended) = (Told::new(callback), false);
-            let (loss, taken) = refinement.refine(steps, &mut |taken, loss| {
-                let flow = told.step(caller, || (taken, loss));
+            let mut taken_here = 0;
+            let (loss, taken) = refinement.refine(steps, &mut |at| {
+                taken_here += 1;
+                let flow = told.step(caller, || (taken_here, at.loss));
                 ended |= flow == Flow::Stop;
                 flow
             })?;

@@ -69,7 +69,7 @@ impl<'a> CameraBench<'a> {
         say: &'a mut dyn FnMut(&str),
     ) -> Result<Self, CalibrateError> {
         if display.prescription.as_ref().is_some_and(|eye| !eye.is_perfect()) {
-            let reason = "a camera has no eye's prescription: solve with --prescription none".into();
+            let reason = "a camera has no eye's prescription: solve with `prescription` none".into();
             return Err(CalibrateError::Bench { display: display.name.clone(), reason });
         }
         if colors.iter().any(|color| !display.modes(*color).is_empty()) {
@@ -202,7 +202,7 @@ impl Camera<'_> {
             let light = of.light(&shot, &picture)?;
             let Some([x, y, d]) = shot.iris_mm.or(self.iris_mm) else {
                 let reason = "its answer has no iris_mm: of a fixed iris the camera's command has to say where it is, or \
-                              --iris X,Y,DIAMETER in mm";
+                              `iris` X,Y,DIAMETER in mm";
                 return Err(CalibrateError::Captures { file: shot.file.display().to_string(), reason: reason.into() });
             };
             let pupil = Pupil::from_mm([x, y, d, shot.focus_mm]).check()?;

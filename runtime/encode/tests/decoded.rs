@@ -193,11 +193,11 @@ fn pictures_of_any_origin_are_decoded() {
         let seen = Encoded::open(path, display, color).and_then(|e| e.decode(AsShown::default()));
         seen.expect_err("refused").to_string()
     };
-    assert!(said(&folder, None, None).contains("give --display"));
+    assert!(said(&folder, None, None).contains("give `display`"));
     assert!(said(here.path(), Some(&slm), None).contains("no PNG"));
-    assert!(said(&folder, Some(&display("grey8", 4, 6)), None).contains("--size 2x3"));
+    assert!(said(&folder, Some(&display("grey8", 4, 6)), None).contains("`size` 2x3"));
     std::fs::copy(folder.join("h_9.png"), folder.join("h_12.png")).unwrap();
-    assert!(said(&folder, Some(&slm), None).contains("say with --color"));
+    assert!(said(&folder, Some(&slm), None).contains("say with `color`"));
     image::RgbImage::from_pixel(3, 2, image::Rgb([1, 2, 1])).save(folder.join("h_12.png")).unwrap();
     assert!(said(&folder, Some(&slm), Some(Color::Red)).contains("coloured at row 0, column 0"));
     image::RgbaImage::from_pixel(3, 2, image::Rgba([1, 1, 1, 9])).save(folder.join("h_12.png")).unwrap();

@@ -114,7 +114,7 @@ impl Given {
         if self.hologram.named_colors() != colors || h.colors.len() != colors.len() {
             let list = |c: &[Color]| c.iter().map(Color::to_string).collect::<Vec<_>>().join(", ");
             let (has, wanted) = (list(&self.hologram.named_colors()), list(colors));
-            return wrong(format!("its colours are {has}, not {wanted}: choose with --color"));
+            return wrong(format!("its colours are {has}, not {wanted}: choose with `color`"));
         }
         if h.geometry != display.geometry {
             let (made, is) = (h.geometry.name(), display.geometry.name());
@@ -124,7 +124,7 @@ impl Given {
             let in_words = |eye: &Option<Prescription>| eye.as_ref().map_or("none".into(), Prescription::to_string);
             let (made, looks) = (in_words(&h.metadata.prescription), in_words(&display.prescription));
             return wrong(format!(
-                "its prescription is {made}, and that of the eye that looks {looks}: --prescription decides"
+                "its prescription is {made}, and that of the eye that looks {looks}: `prescription` decides"
             ));
         }
         let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * b.abs();

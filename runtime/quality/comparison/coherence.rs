@@ -101,8 +101,8 @@ impl Sources<'_> {
             pupil_modes: self.pupil_modes(&solved),
             judged_modes: judging.modes.len().max(1),
             diameter_mm: self.settings.diameter.map(|d| d * 1e3),
-            mean_db: summary.map_or(f64::NAN, |s| s.mean),
-            worst_db: summary.map_or(f64::NAN, |s| s.worst),
+            mean_db: summary.map(|s| s.mean),
+            worst_db: summary.map(|s| s.worst),
             contrast,
             modulation: [nyquist, half],
             bars_mm: self.farthest() * 1e3,
@@ -318,7 +318,7 @@ mod tests {
         assert!(wide.pupil_modes[0] <= wide.modes && wide.pupil_modes[1] <= wide.pupil_modes[0], "{wide:?}");
         assert_eq!(wide.judged_modes, 25);
         assert!(wide.modes > 1 && wide.contrast < 0.9 * point.contrast, "{point:?} {wide:?}");
-        assert!(wide.mean_db > point.mean_db, "{} {}", point.mean_db, wide.mean_db);
+        assert!(wide.mean_db > point.mean_db, "{:?} {:?}", point.mean_db, wide.mean_db);
         assert!(wide.modulation[0] < point.modulation[0], "{:?} {:?}", point.modulation, wide.modulation);
         for found in [&point, &wide] {
             let most = 4e3 * 520e-9 * (0.4 / found.eye_mm * 1e3).powi(2);

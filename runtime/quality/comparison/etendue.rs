@@ -122,8 +122,8 @@ impl Masks<'_> {
             designed: kind.designed,
             eyebox_mm: eyebox * 1e3,
             etendue_mm2_sr: display.reach().etendue_mm2_sr,
-            mean_db: summary.map_or(f64::NAN, |s| s.mean),
-            worst_db: summary.map_or(f64::NAN, |s| s.worst),
+            mean_db: summary.map(|s| s.mean),
+            worst_db: summary.map(|s| s.worst),
             contrast,
             eye_mm: eye.diameter * 1e3,
             picture: Some(picture::light(&[(self.color, &shown)], height, width, self.longest, psnr)),
@@ -198,7 +198,8 @@ mod tests {
         assert!((three.eyebox_mm / none.eyebox_mm - 3.0).abs() < 1e-9);
         assert!((three.etendue_mm2_sr / none.etendue_mm2_sr - 9.0).abs() < 1e-6);
         // As many phases serve nine times as many pupils: eight sub-frames can no longer be made to leave out so much of their speckle.
-        assert!(three.mean_db < none.mean_db - 0.5, "{} {}", none.mean_db, three.mean_db);
+        let [three_db, none_db] = [three.mean_db, none.mean_db].map(Option::unwrap);
+        assert!(three_db < none_db - 0.5, "{none_db} {three_db}");
         let own = measure(&MaskKind { factor: 2, designed: false }.before(&display).unwrap(), "1");
         assert!((own.eyebox_mm - none.eyebox_mm).abs() < 1e-9);
     }

@@ -169,8 +169,8 @@ impl Colors<'_> {
             way: way.name(),
             // What is brighter by so much and led elsewhere is as bright.
             brightness: joint.as_ref().map_or(1.0, |j| if undimmed { 1.0 } else { j.brightness() }),
-            mean_db: summary.map_or(f64::NAN, |s| s.mean),
-            worst_db: summary.map_or(f64::NAN, |s| s.worst),
+            mean_db: summary.map(|s| s.mean),
+            worst_db: summary.map(|s| s.worst),
             colors_db: by_color,
             powers: joint.map(|joint| joint.lasers.into_iter().map(|(color, laser)| (color, laser.powers)).collect()),
             picture: Some(picture::light(&shown, height, width, self.longest, summary.map(|s| s.mean))),

@@ -25,14 +25,14 @@ pub fn judged(members: &[Member], most: usize) -> Vec<usize> {
     Group::ALL.into_iter().flat_map(of_group).collect()
 }
 
-/// Puts JOD to the rows of the members at `places`: the same to those of all colours, of which all are seen at once.
+/// Puts JOD to the rows of the members at `places`: the same to those of all colours, of which all are seen at once. `went` is
+/// called before each, and ends it with its error.
 pub fn judge(
     [seen, wanted]: [&[Whole]; 2],
-    places: &[usize],
-    members: &[Member],
-    display: &Display,
-    [height, width]: [usize; 2],
+    (places, members): (&[usize], &[Member]),
+    (display, [height, width]): (&Display, [usize; 2]),
     rows: &mut [Row],
+    went: &mut dyn FnMut() -> Result<(), QualityError>,
 ) -> Result<(), QualityError> {
     if places.is_empty() {
         return Ok(());
@@ -40,6 +40,7 @@ pub fn judge(
     let metric = JodMetric::new(&display.viewing, display.pixels_per_degree(), false)?;
     let black = vec![0.0; height * width];
     for (at, place) in places.iter().enumerate() {
+        went()?;
         let exposed = |of: &[Whole]| -> Vec<Vec<f32>> {
             of.iter().map(|w| w.pictures[at].iter().map(|v| v * w.exposure as f32).collect()).collect()
         };
@@ -86,7 +87,7 @@ mod tests {
             index,
             pupil_mm: [0.0; 4],
             focus_dioptres: 0.0,
-            psnr: 30.0,
+            psnr: Some(30.0),
             ceiling: None,
             ssim: None,
             jod: None,
@@ -94,7 +95,7 @@ mod tests {
         let mut rows: Vec<Row> =
             [Color::Red, Color::Green].into_iter().flat_map(|c| (0..3).map(move |i| row(c, i))).collect();
         let display = Display { viewing: display.viewing.with(None, None, Some(20.0)).unwrap(), ..display };
-        judge([&seen, &wanted], &[0, 2], &all, &display, [16, 16], &mut rows).unwrap();
+        judge([&seen, &wanted], (&[0, 2], &all), (&display, [16, 16]), &mut rows, &mut || Ok(())).unwrap();
         let of = |i: usize| rows[i].jod;
         assert!(of(0) == Some(10.0) && of(3) == of(0) && of(1).is_none() && of(4).is_none());
         assert!(of(2).unwrap() < 9.0 && of(5) == of(2), "{:?}", of(2));

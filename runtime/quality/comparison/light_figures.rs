@@ -24,9 +24,9 @@ pub struct CoherenceFigures {
     /// Diameters of those pupils, mm.
     pub diameter_mm: [f64; 2],
     /// PSNR over random pupils, dB: mean,
-    pub mean_db: f64,
+    pub mean_db: Option<f64>,
     /// and worst.
-    pub worst_db: f64,
+    pub worst_db: Option<f64>,
     /// Contrast of an even plane through the eye's pupil, standard deviation over mean.
     pub contrast: f64,
     /// Modulation that bars at the picture's Nyquist frequency keep, and at half of it, of theirs.
@@ -66,9 +66,9 @@ pub struct EtendueFigures {
     /// Area of the eyebox times the solid angle of the picture, mm2 sr.
     pub etendue_mm2_sr: f64,
     /// PSNR over random pupils in all of the eyebox, dB: mean,
-    pub mean_db: f64,
+    pub mean_db: Option<f64>,
     /// and worst.
-    pub worst_db: f64,
+    pub worst_db: Option<f64>,
     /// Contrast of an even plane through the eye's pupil, standard deviation over mean.
     pub contrast: f64,
     /// Diameter of that pupil, mm.

@@ -3,14 +3,15 @@
 use super::judged::{Whole, judge};
 use super::picture;
 use super::pupils::{Pupils, SHOWN};
-use super::results::{ColorError, ColorFigures, Row, Run, SceneFigures};
+use super::results::{ColorError, ColorFigures, Row, Run, SceneFigures, mean};
 use super::shown::{EnergyMap, Picture, Pictures};
 use crate::engine::{Buffer, Engine};
-use crate::evaluate::{self, Ceiling, Group, Member, Plane, RowFinder};
+use crate::evaluate::{self, Ceiling, Group, Member, Plane, RowFinder, Sums};
 use crate::hologram::Hologram;
 use crate::optics::{Color, Display, Padding, Pupil, WindowFactor, dioptres};
 use crate::plan::{ModelTables, Planner, Purpose};
 use crate::quality::QualityError;
+use crate::quality::watch::Watch;
 use crate::scene::{LightField, central_depth};
 use crate::solve::Problem;
 use std::sync::Arc;
@@ -106,6 +107,7 @@ pub fn wanted(
     depth: [f64; 2],
     longest: usize,
     engine: &mut dyn Engine,
+    watch: &Watch,
 ) -> Result<Wanted, QualityError> {
     let size = display.picture_size().into();
     let pooled = halved(size);
@@ -124,7 +126,7 @@ pub fn wanted(
         let planner = load_views(field, color, display, engine)?;
         let mut take = |some: &[Pupil]| Ok(evaluate::photographs(engine, &planner, some)?);
         let mut look = Looks::of(color, pupils, size, row, &mut take)?;
-        look.ceilings = ceilings(&look, display, pupils, pooled)?;
+        look.ceilings = ceilings(&look, display, pupils, pooled, watch)?;
         looks.push(look);
     }
     let step = EDGE_STEP * (depth[1] - depth[0]);
@@ -142,15 +144,17 @@ fn ceilings(
     display: &Display,
     pupils: &Pupils,
     [rows, columns]: [usize; 2],
+    watch: &Watch,
 ) -> Result<Vec<Ceiling>, QualityError> {
     let optics = display.optics(look.color)?;
     if display.picture_share(optics.wavelength) < 1.0 {
         return Ok(Vec::new());
     }
     let of = |(member, values): (&Member, &Vec<f32>)| {
-        Ceiling::new(&optics, &member.pupil, &Plane { rows, columns, values: values.clone() })
+        watch.check()?;
+        Ok(Ceiling::new(&optics, &member.pupil, &Plane { rows, columns, values: values.clone() }))
     };
-    Ok(pupils.members.iter().zip(&look.pooled).map(of).collect())
+    pupils.members.iter().zip(&look.pooled).map(of).collect()
 }
 
 fn load_views(
@@ -241,6 +245,7 @@ pub fn measure(
     pupils: &Pupils,
     wanted: &Wanted,
     engine: &mut dyn Engine,
+    watch: &Watch,
 ) -> Result<Run, QualityError> {
     let (mut looks, mut energies) = (Vec::new(), Vec::new());
     for (i, solved) in hologram.colors.iter().enumerate() {
@@ -261,22 +266,26 @@ pub fn measure(
     }
     let (mut rows, mut colors) = (Vec::new(), Vec::new());
     for ((look, wanted_look), energy) in looks.iter().zip(&wanted.looks).zip(&energies) {
-        let exposure = score(look, wanted_look, pupils, display, wanted.pooled, &mut rows)?;
+        let exposure = score(look, wanted_look, (pupils, display, wanted.pooled), &mut rows, watch)?;
         let exposed = |s: &Vec<f32>| s.iter().map(|v| v * exposure as f32).collect::<Vec<_>>();
-        let slice = |i: usize| finite(evaluate::psnr(&exposed(&look.slices[i]), &wanted_look.slices[i])?);
+        let slice = |i: usize| finite(Sums::of_images(&exposed(&look.slices[i]), &wanted_look.slices[i])?.quality(1.0));
         let epipolar = [slice(0)?, slice(1)?];
         colors.push(ColorFigures { color: look.color, exposure, variation: energy.variation, epipolar });
     }
     let exposures: Vec<f64> = colors.iter().map(|c| c.exposure).collect();
     let seen = wholes(&looks, &exposures);
     let photographs = wholes(&wanted.looks, &vec![1.0; looks.len()]);
-    judge([&seen, &photographs], &pupils.judged, &pupils.members, display, wanted.size, &mut rows)?;
+    let judged = (&pupils.judged[..], &pupils.members[..]);
+    judge([&seen, &photographs], judged, (display, wanted.size), &mut rows, &mut || watch.check())?;
     Ok(Run {
         scene: String::new(),
         method: String::new(),
         frames: hologram.frames,
         seconds: None,
-        color_error: wanted.edges.as_ref().and_then(|e| color_error(&looks, &exposures, wanted, pupils, e)),
+        color_error: match &wanted.edges {
+            Some(edges) => color_error(&looks, &exposures, wanted, (pupils, edges), watch)?,
+            None => None,
+        },
         pictures: pictures(&looks, &exposures, &energies, wanted, pupils, &rows),
         colors,
         rows,
@@ -293,16 +302,19 @@ fn wholes<'a>(looks: &'a [Looks], exposures: &[f64]) -> Vec<Whole<'a>> {
 fn score(
     look: &Looks,
     wanted: &Looks,
-    pupils: &Pupils,
-    display: &Display,
-    [h, w]: [usize; 2],
+    (pupils, display, [h, w]): (&Pupils, &Display, [usize; 2]),
     rows: &mut Vec<Row>,
+    watch: &Watch,
 ) -> Result<f64, QualityError> {
     // One exposure, set as a photographer sets it: through the widest pupil, over the focal stack.
     let widest = pupils.members.iter().zip(look.pooled.iter().zip(&wanted.pooled));
     let widest = widest.filter(|(m, _)| m.group == Group::FocalStack);
     let exposure = evaluate::fit_exposure(widest.map(|(_, (s, w))| (&s[..], &w[..])))?;
-    let scores = evaluate::compare(&look.pooled, &wanted.pooled, exposure, h, w)?;
+    let mut scores = Vec::with_capacity(look.pooled.len());
+    for (seen, wanted) in look.pooled.chunks(TOGETHER).zip(wanted.pooled.chunks(TOGETHER)) {
+        watch.check()?;
+        scores.extend(evaluate::compare(seen, wanted, exposure, h, w)?);
+    }
     let mut index = 0;
     for (i, (member, score)) in pupils.members.iter().zip(&scores).enumerate() {
         index = if i > 0 && pupils.members[i - 1].group == member.group { index + 1 } else { 0 };
@@ -331,9 +343,9 @@ fn pictures(
     };
     for (i, shown) in SHOWN.iter().enumerate() {
         let of_pupil = rows.iter().filter(|r| r.group == shown.group && r.index == shown.index);
-        let psnr = of_pupil.clone().map(|r| r.psnr).sum::<f64>() / of_pupil.count() as f64;
+        let psnr = mean(of_pupil.filter_map(|r| r.psnr));
         let seen = planes(looks, exposures, |l| &l.chosen[i]);
-        pictures.views.push(picture::light(&borrow(&seen), height, width, wanted.longest, Some(psnr)));
+        pictures.views.push(picture::light(&borrow(&seen), height, width, wanted.longest, psnr));
         let at = pupils.place(shown);
         let seen = planes(looks, exposures, |l| &l.pooled[at]);
         let pairs: Vec<(&[f32], &[f32])> =
@@ -350,8 +362,8 @@ fn pictures(
     pictures
 }
 
-fn finite(psnr: f64) -> Result<f64, QualityError> {
-    if psnr.is_nan() { Err(QualityError::NotFinite) } else { Ok(psnr.min(HIGHEST_DB)) }
+fn finite(psnr: Option<f64>) -> Result<Option<f64>, QualityError> {
+    if psnr.is_some_and(f64::is_nan) { Err(QualityError::NotFinite) } else { Ok(psnr.map(|db| db.min(HIGHEST_DB))) }
 }
 
 /// CIEDE2000 over the random pupils, after 2 x 2 averaging.
@@ -359,13 +371,15 @@ fn color_error(
     looks: &[Looks],
     exposures: &[f64],
     wanted: &Wanted,
-    pupils: &Pupils,
-    edges: &[bool],
-) -> Option<ColorError> {
+    (pupils, edges): (&Pupils, &[bool]),
+    watch: &Watch,
+) -> Result<Option<ColorError>, QualityError> {
     let channel = |c: usize| looks.iter().position(|l| l.color.channel() == c);
-    let order = [channel(0)?, channel(1)?, channel(2)?];
+    let [Some(red), Some(green), Some(blue)] = [0, 1, 2].map(channel) else { return Ok(None) };
+    let order = [red, green, blue];
     let (mut sums, mut counts) = ([0.0f64; 2], [0usize; 2]);
     for (at, _) in pupils.members.iter().enumerate().filter(|(_, m)| m.group == Group::Random) {
+        watch.check()?;
         let seen = order.map(|i| looks[i].pooled[at].iter().map(|v| v * exposures[i] as f32).collect::<Vec<_>>());
         let target = order.map(|i| &wanted.looks[i].pooled[at][..]);
         let difference = evaluate::color_difference([&seen[0], &seen[1], &seen[2]], target);
@@ -375,9 +389,6 @@ fn color_error(
         }
     }
     let mean = |i: usize| (counts[i] > 0).then(|| sums[i] / counts[i] as f64);
-    Some(ColorError {
-        edges: mean(0),
-        elsewhere: mean(1),
-        share: counts[0] as f64 / (counts[0] + counts[1]).max(1) as f64,
-    })
+    let share = counts[0] as f64 / (counts[0] + counts[1]).max(1) as f64;
+    Ok(Some(ColorError { edges: mean(0), elsewhere: mean(1), share }))
 }

@@ -19,6 +19,8 @@ mod results;
 mod shown;
 mod sources;
 mod speckle;
+#[cfg(test)]
+mod stop_tests;
 
 pub use candidate::{Candidate, Given, Source, candidates};
 pub use etendue::MaskKind;
@@ -31,9 +33,11 @@ pub use results::{
 };
 pub use shown::{EnergyMap, Picture, Pictures};
 
+pub use super::Observe;
 use super::QualityError;
 use super::kept::{Keep, append, checksum, identity};
-use crate::engine::Engine;
+use super::watch::Watch;
+use crate::engine::{Engine, Stoppable};
 use crate::evaluate::Group;
 use crate::files::MadeFolder;
 use crate::hologram::Hologram;
@@ -89,10 +93,6 @@ pub struct Comparison {
 /// Pupils of each group that are judged in JOD where nothing else is asked for.
 pub const JUDGED: usize = 4;
 
-/// What is told while a comparison runs: what is being done, and how much of all is done, 0 to 1. [`Flow::Stop`] ends it
-/// with the results that are there.
-pub type Observe<'a> = dyn FnMut(&str, f64) -> Flow + 'a;
-
 impl Comparison {
     /// Does all of it, or as much as there is time for. `load` gives a scene by its number, with its farthest and nearest
     /// depth (metres); `folder` holds results and holograms: what is there and was made by the same is not computed again.
@@ -106,8 +106,11 @@ impl Comparison {
         engine: &mut dyn Engine,
         observe: &mut Observe,
     ) -> Result<Results, E> {
-        let mut work = Work::new(self, folder, observe)?;
         let mut results = self.nothing_yet(engine);
+        let watch = Watch::new(observe);
+        let stops = || watch.stops();
+        let engine = &mut Stoppable { engine, stops: &stops };
+        let mut work = Work::new(self, folder, &watch)?;
         let mut views = None;
         for (index, label) in self.scenes.iter().enumerate() {
             let before = results.runs.len();
@@ -118,6 +121,7 @@ impl Comparison {
                 if !self.candidates.is_empty() {
                     scene.run(&mut work, engine, &mut results)?;
                 }
+                // Each part keeps its own results, and the parts after a stop count theirs as missing.
                 scene.colors_at_once(&mut work, engine, &mut results)?;
                 scene.across_sources(&mut work, engine, &mut results)?;
                 scene.sources(&mut work, engine, &mut results)?;
@@ -228,7 +232,8 @@ impl Comparison {
             work.pass(SPECKLE / speckle::SOLVES as f64);
             work.say(&what)
         };
-        let found = speckle::speckle(method, &settings, display, views, engine, &mut went)?;
+        let found = speckle::speckle(method, &settings, display, views, engine, &mut went);
+        let found = QualityError::unless_stopped(found)?.flatten();
         if let Some(found) = &found {
             work.results.save(&name, &made_by, found)?;
         }
@@ -242,14 +247,13 @@ struct Work<'a, 'b> {
     _made: MadeFolder,
     results: Keep,
     holograms: PathBuf,
-    observe: &'a mut Observe<'b>,
+    watch: &'a Watch<'b>,
     done: f64,
     all: f64,
-    stopped: bool,
 }
 
 impl<'a, 'b> Work<'a, 'b> {
-    fn new(job: &Comparison, folder: &Path, observe: &'a mut Observe<'b>) -> Result<Self, QualityError> {
+    fn new(job: &Comparison, folder: &Path, watch: &'a Watch<'b>) -> Result<Self, QualityError> {
         let results = Keep::new(folder.join("results"))?;
         let holograms = folder.join("holograms");
         let _made = MadeFolder::new(&holograms)?;
@@ -261,7 +265,7 @@ impl<'a, 'b> Work<'a, 'b> {
             + (SOLVE + LOOK) * (job.source_solves() * job.scenes.len()) as f64
             + etendue::EFFORT * (job.masks.len() * job.frames.len() * job.scenes.len()) as f64
             + SPECKLE * job.speckled().count() as f64;
-        Ok(Self { results, holograms, _made, observe, done: 0.0, all: all.max(1.0), stopped: false })
+        Ok(Self { results, holograms, _made, watch, done: 0.0, all: all.max(1.0) })
     }
 
     /// What is kept under this name and was made by this, else what `measure` finds, which is kept; none where it was stopped, which
@@ -277,7 +281,7 @@ impl<'a, 'b> Work<'a, 'b> {
         if let Some(kept) = self.results.load(name, &made_by) {
             return Ok(Some(kept));
         }
-        let found = measure(self)?;
+        let found = QualityError::unless_stopped(measure(self))?.flatten();
         match &found {
             Some(found) => self.results.save(name, &made_by, found)?,
             None => *missing += 1,
@@ -297,8 +301,7 @@ impl<'a, 'b> Work<'a, 'b> {
 
     /// The same, with so much of the next part done.
     fn within(&mut self, what: &str, effort: f64) -> bool {
-        self.stopped |= (self.observe)(what, ((self.done + effort) / self.all).min(1.0)) == Flow::Stop;
-        !self.stopped
+        self.watch.say(what, ((self.done + effort) / self.all).min(1.0))
     }
 }
 
@@ -379,18 +382,24 @@ impl<'a> OfScene<'a> {
         if done.iter().any(Option::is_none) || figures.is_none() {
             work.say(&format!("{}: photographs", self.label()));
             let longest = self.job.longest();
-            let taken = measure::wanted(self.field, display, &self.pupils, self.depth, longest, engine)?;
-            let made = measure::scene_figures(self.label(), self.field, self.depth, display, &taken);
-            work.results.save(&self.name, &self.shown(&self.made_by), &made)?;
-            (figures, wanted) = (Some(made), Some(taken));
+            let taken = measure::wanted(self.field, display, &self.pupils, self.depth, longest, engine, work.watch);
+            // Without the photographs what is there is shown all the same.
+            wanted = QualityError::unless_stopped(taken)?;
+            if let Some(taken) = &wanted {
+                let made = measure::scene_figures(self.label(), self.field, self.depth, display, taken);
+                work.results.save(&self.name, &self.shown(&self.made_by), &made)?;
+                figures = Some(made);
+            }
         }
         work.pass(PHOTOGRAPHS);
         for (task, done) in self.tasks.iter().zip(&mut done).filter(|(_, done)| done.is_none()) {
             let Some(wanted) = wanted.as_ref().filter(|_| work.say(self.label())) else { break };
-            let Some((hologram, seconds)) = self.hologram(task, work, engine)? else { break };
+            let solved = QualityError::unless_stopped(self.hologram(task, work, engine))?.flatten();
+            let Some((hologram, seconds)) = solved else { break };
             work.pass(SOLVE);
             work.say(&format!("{}: looking at {}", self.label(), task.candidate.name));
-            let mut run = measure::measure(&hologram, display, &self.pupils, wanted, engine)?;
+            let run = measure::measure(&hologram, display, &self.pupils, wanted, engine, work.watch);
+            let Some(mut run) = QualityError::unless_stopped(run)? else { break };
             work.pass(LOOK);
             (run.scene, run.method, run.seconds) = (self.label().into(), task.candidate.name.clone(), seconds);
             work.results.save(&task.name, &self.shown(&task.made_by), &run)?;
@@ -465,7 +474,7 @@ impl<'a> OfScene<'a> {
                 let part = (i as f64 + p.step as f64 / p.steps.max(1) as f64) / job.colors.len() as f64;
                 if work.within(&what, SOLVE * part) { Flow::Continue } else { Flow::Stop }
             })?;
-            if work.stopped {
+            if work.watch.is_stopped() {
                 return Ok(None);
             }
             solved.push((color, solution));

@@ -22,8 +22,8 @@ pub struct Row {
     pub pupil_mm: [f64; 4],
     /// The focus, dioptres.
     pub focus_dioptres: f64,
-    /// dB.
-    pub psnr: f64,
+    /// dB; `None` if the photograph is black.
+    pub psnr: Option<f64>,
     /// The most that any hologram could have there, dB; none where diffraction takes nothing, or where it is not known.
     pub ceiling: Option<f64>,
     /// None for pictures smaller than its window.
@@ -42,8 +42,8 @@ pub struct ColorFigures {
     pub exposure: f64,
     /// Coefficient of variation of the light through a small pupil over the eyebox.
     pub variation: f64,
-    /// PSNR of the epipolar slices at near and at far focus, dB.
-    pub epipolar: [f64; 2],
+    /// PSNR of the epipolar slices at near and at far focus, dB; `None` if those of the photographs are black.
+    pub epipolar: [Option<f64>; 2],
 }
 
 /// Colour error over the random pupils, mean CIEDE2000.
@@ -140,9 +140,9 @@ pub struct JointFigures {
     /// How bright white is, times that of one colour after another by lasers of the same peak power.
     pub brightness: f64,
     /// PSNR over random pupils and colours, dB: mean,
-    pub mean_db: f64,
+    pub mean_db: Option<f64>,
     /// and worst.
-    pub worst_db: f64,
+    pub worst_db: Option<f64>,
     /// The mean of each colour, dB.
     pub colors_db: Vec<(Color, f64)>,
     /// Powers of the lasers in each sub-frame, over their mean; none in sequence.
@@ -165,9 +165,9 @@ pub struct SourcesFigures {
     /// Sources that are lit for it, at most in any colour; 0 where they do not follow it.
     pub lit: usize,
     /// PSNR over pupils there and colours, dB: mean,
-    pub mean_db: f64,
+    pub mean_db: Option<f64>,
     /// and worst.
-    pub worst_db: f64,
+    pub worst_db: Option<f64>,
     /// What is seen there.
     pub picture: Option<Picture>,
 }
@@ -361,7 +361,7 @@ impl Results {
 
     /// PSNR of a series, dB.
     pub fn psnr(&self, series: &Series, scene: Option<&str>, group: Group) -> Option<Summary> {
-        Summary::of(&self.rows(series, scene, group).map(|r| r.psnr).collect::<Vec<_>>())
+        Summary::of(&self.rows(series, scene, group).filter_map(|r| r.psnr).collect::<Vec<_>>())
     }
 
     /// SSIM of a series, where there is one.
@@ -383,7 +383,7 @@ impl Results {
 
     /// Mean PSNR of the pupil at one place of a group, over colours and scenes, dB.
     pub fn at(&self, series: &Series, scene: Option<&str>, group: Group, index: usize) -> Option<f64> {
-        mean(self.rows(series, scene, group).filter(|r| r.index == index).map(|r| r.psnr))
+        mean(self.rows(series, scene, group).filter(|r| r.index == index).filter_map(|r| r.psnr))
     }
 
     /// Mean ceiling of the pupil at one place of a group, over colours and scenes, dB; none where any has none.
@@ -395,8 +395,8 @@ impl Results {
     }
 
     /// Mean over colours and scenes of a figure of the colours.
-    pub(crate) fn mean_of(&self, series: &Series, figure: impl Fn(&ColorFigures) -> f64) -> Option<f64> {
-        mean(self.runs_of(series, None).flat_map(|r| &r.colors).map(figure))
+    pub(crate) fn mean_of(&self, series: &Series, figure: impl Fn(&ColorFigures) -> Option<f64>) -> Option<f64> {
+        mean(self.runs_of(series, None).flat_map(|r| &r.colors).filter_map(figure))
     }
 
     /// Mean colour error near edges in depth, and elsewhere, over scenes.

@@ -193,8 +193,8 @@ impl Across<'_> {
             way: way.into(),
             place_mm: aim.centre.map(|v| v * 1e3),
             lit,
-            mean_db: summary.map_or(f64::NAN, |s| s.mean),
-            worst_db: summary.map_or(f64::NAN, |s| s.worst),
+            mean_db: summary.map(|s| s.mean),
+            worst_db: summary.map(|s| s.worst),
             picture: Some(picture::light(&shown, height, width, self.longest, summary.map(|s| s.mean))),
         })
     }

@@ -184,7 +184,7 @@ pub fn study_content(
         let mut showing = Showing::new(&frames, &run, steerer, study, depth)?;
         let decisions = u64::from(sets) * settings.lighting.turns() as u64;
         for decision in 0..decisions {
-            run.samples.push(showing.decide(decision, &mut seen)?);
+            run.samples.extend(showing.decide(decision, &mut seen)?);
             let share = (i as f64 + (decision + 1) as f64 / decisions as f64) / runs.len() as f64;
             if observe(share) == Flow::Stop {
                 all.push(run);
@@ -324,7 +324,7 @@ impl<'a> Showing<'a> {
     }
 
     /// Refines for a set, or for a video frame of sets that roll, and sees what was lit in a set's time until then.
-    fn decide(&mut self, decision: u64, seen: &mut [SeenColor]) -> Result<ContentSample, SessionError> {
+    fn decide(&mut self, decision: u64, seen: &mut [SeenColor]) -> Result<Option<ContentSample>, SessionError> {
         let StudySettings { period_ns, lead_ns, light_after_ns, .. } = *self.study;
         let ContentSettings { lighting, steps, .. } = self.frames.settings;
         let turns = lighting.turns() as u64;
@@ -375,7 +375,8 @@ impl<'a> Showing<'a> {
         let db = self.seen(pupil, (turn, middle_ns), seen)?;
         let saccade = matches!(truth.doing, Doing::Saccade { .. });
         let (time_s, since_jump, jumped) = (middle_ns as f64 * 1e-9, set - self.jumped, set > 0 && self.jumped == set);
-        Ok(ContentSample { time_s, db, turn: turn as u32, since_jump, jumped, saccade })
+        // A black photograph has no PSNR.
+        Ok(db.map(|db| ContentSample { time_s, db, turn: turn as u32, since_jump, jumped, saccade }))
     }
 
     /// The content frame of a set, which shows the middle of its light.
@@ -394,12 +395,12 @@ impl<'a> Showing<'a> {
     }
 
     /// What was lit in a set's time that had its middle then, and ended with this turn.
-    fn seen(&mut self, pupil: Pupil, lit: (usize, i64), seen: &mut [SeenColor]) -> Result<f64, SessionError> {
-        let (turn, middle_ns) = lit;
+    fn seen(&mut self, pupil: Pupil, at: (usize, i64), seen: &mut [SeenColor]) -> Result<Option<f64>, SessionError> {
+        let (turn, middle_ns) = at;
         let ContentSettings { lighting, speed, .. } = self.frames.settings;
         let first = self.frames.colors.first().map_or(1.0, |c| c.problem.pixel());
         let before = 0.5 - 0.5 / lighting.turns() as f64;
-        let mut sum = 0.0;
+        let mut lit = Vec::new();
         for (i, (color, phases)) in seen.iter_mut().zip(&self.lit).enumerate() {
             let SteeredColor { problem, exposure, .. } = &self.scene[i];
             let velocity = [f64::from(*speed) * first / problem.pixel(), 0.0];
@@ -416,9 +417,9 @@ impl<'a> Showing<'a> {
             color.seen.restart(phases)?;
             color.seen.follow(problem.clone(), *exposure)?;
             let sums = color.seen.look_through(&[motion.seen_through(pupil, self.frames.colors[i].frames())])?;
-            sum += sums.iter().map(|s| s.psnr(color.exposure)).sum::<f64>();
+            lit.extend(sums.iter().filter_map(|s| s.quality(color.exposure)));
         }
-        Ok(sum / seen.len().max(1) as f64)
+        Ok((!lit.is_empty()).then(|| lit.iter().sum::<f64>() / lit.len() as f64))
     }
 }
 

@@ -145,8 +145,8 @@ impl Study {
         [dark(false), dark(true)]
     }
 
-    /// The worst that steering did at any time, dB.
-    pub fn worst_db(&self) -> f64 {
-        self.moments.iter().map(StudySample::gain_db).fold(f64::INFINITY, f64::min)
+    /// The worst that steering did at any time, dB; `None` if nothing was compared.
+    pub fn worst_db(&self) -> Option<f64> {
+        self.moments.iter().map(StudySample::gain_db).reduce(f64::min)
     }
 }

@@ -39,8 +39,8 @@ impl SeenColor {
         Ok(Self { seen, exposure })
     }
 
-    /// Through this pupil, dB.
-    pub(super) fn psnr(&mut self, pupil: Pupil) -> Result<f64, EngineError> {
-        Ok(self.seen.look(&[pupil])?.iter().map(|s| s.psnr(self.exposure)).sum())
+    /// PSNR through this pupil, dB; `None` if its photograph is black.
+    pub(super) fn psnr(&mut self, pupil: Pupil) -> Result<Option<f64>, EngineError> {
+        Ok(self.seen.look(&[pupil])?.first().and_then(|sums| sums.quality(self.exposure)))
     }
 }

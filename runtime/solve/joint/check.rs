@@ -18,12 +18,12 @@ pub(super) fn colors(colors: &[&Problem], slopes: &[f64]) -> Result<(), SolveErr
         return wrong(
             "the padding of the colours",
             "of several sizes".into(),
-            "one for all colours at once (--padding exact)",
+            "one for all colours at once (`padding` exact)",
         );
     }
     let model = |problem: &Problem| problem.model.as_ref().map(|model| model.parts()).unwrap_or_default();
     if colors.iter().any(|p| model(p).drives || model(p).more_subpixels > 0 || model(p) != model(first)) {
-        let right = "one without look-up table, lag, crosstalk, fill, sub-pixels and mask for all colours at once (--model-terms)";
+        let right = "one without look-up table, lag, crosstalk, fill, sub-pixels and mask for all colours at once (`model_terms`)";
         return wrong("the display's model", "one that changes drives".into(), right);
     }
     if colors.iter().any(|problem| !problem.modes.is_empty()) {

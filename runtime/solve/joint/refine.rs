@@ -4,6 +4,7 @@ use super::shared::SharedDrives;
 use crate::engine::{Engine, EngineError, Storage};
 use crate::evaluate::Sums;
 use crate::optics::{Laser, Pupil, PupilDistribution};
+use crate::solve::best::Refinable;
 use crate::solve::error::SolveError;
 use crate::solve::motion::Motion;
 use crate::solve::problem::Problem;
@@ -108,6 +109,24 @@ impl JointRefiner {
         let count = self.colors.len();
         let missing = || EngineError::Mismatch { reason: format!("colour {color} of {count}: the first is 0") };
         self.colors.get_mut(color).ok_or_else(missing)?.look(pupils)
+    }
+}
+
+impl Refinable for JointRefiner {
+    fn step(&mut self) -> Result<f64, EngineError> {
+        JointRefiner::step(self)
+    }
+
+    fn look_at_colors(&mut self, pupils: &[Pupil]) -> Result<Vec<Vec<Sums>>, EngineError> {
+        (0..self.colors.len()).map(|color| self.look(color, pupils)).collect()
+    }
+
+    fn aimed_at(&self) -> PupilDistribution {
+        self.colors[0].aim
+    }
+
+    fn state(&mut self) -> Result<Vec<Vec<f32>>, EngineError> {
+        Ok(self.phases().to_vec())
     }
 }
 

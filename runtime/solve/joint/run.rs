@@ -39,6 +39,8 @@ pub(super) struct Lit<'a> {
 struct Best {
     /// Mean over the colours, dB.
     score: f64,
+    /// Mean PSNR of the colors that are not black, dB.
+    quality: Option<f64>,
     step: usize,
     /// Per colour.
     phases: Vec<Vec<f32>>,
@@ -144,7 +146,12 @@ impl<'a> JointRun<'a> {
             if observe(&Progress { pilot: None, step, steps, seconds, loss, validation }) == Flow::Stop {
                 break Stop::Asked;
             }
-            if self.best.as_ref().zip(settings.psnr).is_some_and(|(best, wanted)| best.score >= wanted) {
+            if self
+                .best
+                .as_ref()
+                .zip(settings.psnr)
+                .is_some_and(|(best, wanted)| best.quality.is_some_and(|db| db >= wanted))
+            {
                 break Stop::Quality;
             }
         };
@@ -224,9 +231,14 @@ impl<'a> JointRun<'a> {
             validation.push(l.validator.score(engine, &planner)?.in_units_of(l.unit));
             kept.push(phases);
         }
-        let score = validation.iter().map(ValidationScore::mean).sum::<f64>() / lit.len() as f64;
+        // Colors without light have no quality. If none has light, what is left of it decides which state is kept.
+        let lit_colors: Vec<f64> =
+            validation.iter().filter_map(ValidationScore::quality).map(|[mean, _]| mean).collect();
+        let mean = |all: &[f64]| all.iter().sum::<f64>() / all.len() as f64;
+        let quality = (!lit_colors.is_empty()).then(|| mean(&lit_colors));
+        let score = quality.unwrap_or_else(|| mean(&validation.iter().map(ValidationScore::mean).collect::<Vec<_>>()));
         if self.best.as_ref().is_none_or(|best| score >= best.score || best.score.is_nan()) {
-            self.best = Some(Best { score, step, phases: kept, powers: self.powers.clone(), validation });
+            self.best = Some(Best { score, quality, step, phases: kept, powers: self.powers.clone(), validation });
         }
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! Replays recorded lines.
 
-use super::{LONGEST_LINE, Line, parse};
+use super::{EXAMPLE, LONGEST_LINE, Line, parse};
 use crate::trackers::guard::Units;
 use crate::trackers::time_unit::{TimeUnit, timeline, unit_of_steps};
 use crate::trackers::{About, Dropped, Event, Source, TrackerError, now_ns};
@@ -125,7 +125,7 @@ fn lines_of(file: &Path) -> Result<(Vec<Line>, Vec<String>), TrackerError> {
             return Err(wrong("more than ten million lines".into()));
         }
     }
-    if lines.is_empty() { Err(wrong("no samples".into())) } else { Ok((lines, notes)) }
+    if lines.is_empty() { Err(wrong(format!("no samples: {EXAMPLE}"))) } else { Ok((lines, notes)) }
 }
 
 impl Source for LineSource {

@@ -1,8 +1,9 @@
 //! As much of ZeroMQ's wire protocol as two client sockets need: ZMTP 3.0 (rfc.zeromq.org/spec/23), mechanism NULL, over
 //! TCP. What arrives is bounded; a peer that breaks the protocol is an error, after which the connection is given up.
 
+use crate::trackers::resolve::resolve;
 use std::io::{self, ErrorKind, Read, Write};
-use std::net::{TcpStream, ToSocketAddrs};
+use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
 /// Longest message, all its parts together, bytes.
@@ -122,7 +123,7 @@ impl Socket {
         let until = Instant::now() + timeout;
         let mut last = io::Error::new(ErrorKind::NotFound, "no such address");
         let mut connected = None;
-        for address in (host, port).to_socket_addrs()?.take(4) {
+        for address in resolve(host, port, timeout)?.into_iter().take(4) {
             match TcpStream::connect_timeout(&address, timeout) {
                 Ok(stream) => {
                     connected = Some(stream);
@@ -204,6 +205,10 @@ impl Socket {
                     if let Some(context) = body.strip_prefix(b"\x04PING").and_then(|rest| rest.get(2..)) {
                         let pong = [b"\x04PONG", &context[..context.len().min(16)]].concat();
                         self.stream.write_all(&frame(&pong, COMMAND))?;
+                    }
+                    // A peer that sends commands alone does not hold up the caller.
+                    if Instant::now() >= until {
+                        return Ok(None);
                     }
                 }
                 None => return Ok(None),

@@ -8,6 +8,7 @@ use crate::Failure;
 use crate::common;
 use crate::progress::{self, JobBar};
 use crate::quality::Chosen;
+use crate::score::decibels as db;
 use eyebox::engine::Engine;
 use eyebox::evaluate::Group;
 use eyebox::files::OwnFolder;
@@ -111,25 +112,26 @@ fn with_quality(job: &mut Comparison, args: &Evaluate, engine: &dyn Engine) -> R
 fn print_table(results: &Results) {
     println!("PSNR over random pupils, dB:      mean  median   worst  spread     JOD   worst");
     results.joint.iter().for_each(|j| {
-        let (name, mean, worst) = (format!("{}, {} sub-frames, {}", j.scene, j.frames, j.way), j.mean_db, j.worst_db);
-        println!("  {name:72} {mean:6.2}{worst:8.2}  {:.2} times as bright", j.brightness);
+        let (name, mean, worst) =
+            (format!("{}, {} sub-frames, {}", j.scene, j.frames, j.way), db(j.mean_db), db(j.worst_db));
+        println!("  {name:72} {mean:>6}{worst:>8}  {:.2} times as bright", j.brightness);
     });
     results.sources.iter().for_each(|s| {
         let name =
             format!("{}, sources {}, the eye at ({:.1}, {:.1}) mm", s.scene, s.way, s.place_mm[0], s.place_mm[1]);
-        println!("  {name:72} {:6.2}{:8.2}", s.mean_db, s.worst_db);
+        println!("  {name:72} {:>6}{:>8}", db(s.mean_db), db(s.worst_db));
     });
     results.coherence.iter().for_each(|c| {
         let name = format!("{}, {} sub-frames, a source of {} mm ({} modes)", c.scene, c.frames, c.image_mm, c.modes);
         let ([nyquist, half], contrast, depth) = (c.modulation, c.contrast, c.depth_of_field_mm);
-        let (mean, worst) = (c.mean_db, c.worst_db);
-        print!("  {name:60} {mean:6.2}{worst:8.2}  speckle {contrast:.2}, modulation {nyquist:.2} {half:.2}, ");
+        let (mean, worst) = (db(c.mean_db), db(c.worst_db));
+        print!("  {name:60} {mean:>6}{worst:>8}  speckle {contrast:.2}, modulation {nyquist:.2} {half:.2}, ");
         println!("depth of field {depth:.1} mm; pupils need {} to {} modes", c.pupil_modes[1], c.pupil_modes[0]);
     });
     results.etendue.iter().for_each(|e| {
         let name = format!("{}, {} sub-frames, {}, an eyebox of {:.1} mm", e.scene, e.frames, e.mask, e.eyebox_mm);
-        let (mean, worst, etendue) = (e.mean_db, e.worst_db, e.etendue_mm2_sr);
-        println!("  {name:72} {mean:6.2}{worst:8.2}  speckle {:.2}, {etendue:.3} mm2 sr", e.contrast);
+        let (mean, worst, etendue) = (db(e.mean_db), db(e.worst_db), e.etendue_mm2_sr);
+        println!("  {name:72} {mean:>6}{worst:>8}  speckle {:.2}, {etendue:.3} mm2 sr", e.contrast);
     });
     for series in results.series() {
         if let Some(s) = results.psnr(&series, None, Group::Random) {

@@ -15,14 +15,12 @@ use eyebox::hologram::{Hologram, Metadata, Patch, Refined, Tiles};
 use eyebox::optics::{Display, Pupil, PupilDistribution, depth_in_words, dioptres};
 use eyebox::scene::LightField;
 use eyebox::solve::{
-    BestState, Diameters, Flow, JUDGED_PUPILS, JointRefiner, Problem, PupilRange, Refiner, Sampler, Sequence,
-    is_judged, pupils_of,
+    BestKeeper, BestState, Diameters, Flow, JointRefiner, Problem, PupilRange, Refinable, Refiner, Sampler, Sequence,
 };
 use eyebox::tiled::Piece;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Instant;
 
 /// `eyebox refine`
 #[derive(Args)]
@@ -67,19 +65,25 @@ pub struct Refine {
     pub json: bool,
 }
 
-/// What had been reached after some steps.
+/// Pupils anywhere in the eyebox through which a row is measured.
+const WIDE_PUPILS: usize = 12;
+
+/// PSNR after some steps, dB; `None` if the target is black.
 #[derive(Debug, Clone, Copy)]
 struct Row {
     steps: usize,
     ms: f64,
-    /// At the eye,
-    eye: f64,
-    /// and over the whole eyebox, or all of the piece that was refined.
-    wide: f64,
+    /// At the pupil, as `eyebox score` finds it.
+    eye: Option<f64>,
+    /// The mean over the whole eyebox, or all of the piece that was refined, at one exposure.
+    wide: Option<f64>,
 }
 
-/// What each step gained, color by color, the engine's name, and the steps after which colors were best.
-type Refinement = (Vec<Vec<Row>>, String, Vec<usize>);
+/// The rows of each color, the engine's name, and the best states.
+type Refinement = (Vec<Vec<Row>>, String, Vec<Best>);
+
+/// The best state of one color, or of all together: its step, and its PSNR at the pupil.
+type Best = (usize, Option<f64>);
 
 /// What [`Row::wide`] is about: as JSON's key, and in words.
 const EYEBOX: [&str; 2] = ["eyebox_db", "over the eyebox dB"];
@@ -134,8 +138,8 @@ fn apart(
         let anywhere = PupilRange::over(problem.eyebox, aim.focus);
         let RefinedColor { rows, best, engine, sources } =
             steps(args, problem, &solved.phases, solved.exposure, anywhere)?;
-        solved.phases = best.state;
-        bests.push(best.step);
+        bests.push((best.step, best.psnr));
+        solved.phases = best.phases.into_iter().flatten().collect();
         hologram.metadata.sources.light_only(color, &sources);
         described = engine;
         all.push(rows);
@@ -156,7 +160,7 @@ fn together(
     let (Some(first), Some(parts)) = (problems.first(), hologram.joint_parts(problems.clone())) else {
         return Err(Failure::Asked(format!("{}: its colours are not those of its lasers", args.hologram.display())));
     };
-    let (at_eye, anywhere) = judged(PupilRange::over(first.eyebox, aim.focus), first, aim, steering.seed);
+    let anywhere = wide_pupils(PupilRange::over(first.eyebox, aim.focus), first, steering.seed);
     let drives = hologram.sent_phases().swap_remove(0);
     let mut described = String::new();
     let mut refiner = JointRefiner::new(parts, &drives, steering, || {
@@ -164,45 +168,13 @@ fn together(
         described = engine.describe();
         Ok(engine)
     })?;
-    let colors = 0..problems.len();
     // At the exposures of the hologram as it was: lasers stay as they are.
     let exposed = |color| Ok(Sums::fit_exposure(&refiner.look(color, &anywhere)?)?);
-    let exposures = colors.clone().map(exposed).collect::<Result<Vec<f64>, Failure>>()?;
+    let exposures = (0..problems.len()).map(exposed).collect::<Result<Vec<f64>, Failure>>()?;
     refiner.aim(*aim)?;
-    let row = |refiner: &mut JointRefiner, color: usize, steps: usize, ms: f64| -> Result<Row, Failure> {
-        let mut mean = |pupils: &[Pupil]| -> Result<f64, Failure> {
-            let sums = refiner.look(color, pupils)?;
-            Ok(sums.iter().map(|s| s.psnr(exposures[color])).sum::<f64>() / sums.len() as f64)
-        };
-        Ok(Row { steps, ms, eye: mean(&at_eye)?, wide: mean(&anywhere)? })
-    };
-    let mut all =
-        colors.clone().map(|c| Ok(vec![row(&mut refiner, c, 0, 0.0)?])).collect::<Result<Vec<_>, Failure>>()?;
-    let mean_at_eye = |all: &[Vec<Row>]| {
-        let last = all.iter().filter_map(|rows| rows.last());
-        last.map(|row| row.eye).sum::<f64>() / all.len().max(1) as f64
-    };
-    let mut best = BestState { step: 0, psnr: mean_at_eye(&all), state: refiner.phases().to_vec() };
-    let (mut ms, bar) = (0.0, JobBar::new(args.json));
-    for steps in 1..=args.steps {
-        let start = Instant::now();
-        refiner.step()?;
-        // A step of each colour.
-        ms += start.elapsed().as_secs_f64() * 1e3 / all.len() as f64;
-        if is_judged(steps, args.steps) || progress::interrupted() {
-            for (color, rows) in all.iter_mut().enumerate() {
-                rows.push(row(&mut refiner, color, steps, ms)?);
-            }
-            best.offer(steps, mean_at_eye(&all), || Ok::<_, Failure>(refiner.phases().to_vec()))?;
-        }
-        let done = format!("{steps} of {} steps of all colours", args.steps);
-        if bar.show(&done, steps as f64 / args.steps as f64) == Flow::Stop {
-            break;
-        }
-    }
-    bar.finish();
-    hologram.colors.iter_mut().zip(best.state).for_each(|(color, phases)| color.phases = phases);
-    Ok((all, described, vec![best.step]))
+    let (all, best) = follow(args, &mut refiner, (&anywhere, &exposures), "of all colors")?;
+    hologram.colors.iter_mut().zip(best.phases).for_each(|(color, phases)| color.phases = phases);
+    Ok((all, described, vec![(best.step, best.psnr)]))
 }
 
 /// The same for a hologram in tiles: those around the eye are read, refined as a far field of their own, and put into a
@@ -241,9 +213,9 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
         let phases = tiles.read(color, at, size)?;
         let exposure = about.colors[color].exposure;
         let RefinedColor { rows, best, engine, .. } = steps(args, problem, &phases, exposure, anywhere)?;
-        bests.push(best.step);
+        bests.push((best.step, best.psnr));
         if args.out.is_some() {
-            patches.push(Patch { color, at, size, phases: best.state });
+            patches.push(Patch { color, at, size, phases: best.phases.into_iter().flatten().collect() });
         }
         described = engine;
         all.push(rows);
@@ -265,18 +237,17 @@ impl Refine {
         PupilDistribution { centre: [x, y], spread: self.spread * 1e-3, diameter, focus: [depth; 2], elsewhere: 0.0 }
     }
 
-    /// What the file says of it; `best` are the steps after which its colors were best.
-    fn refined(&self, aim: PupilDistribution, best: &[usize]) -> Refined {
-        Refined { aim, steering: self.steering.steering(), steps: best.iter().copied().max().unwrap_or(0) }
+    /// The entry of the file about it.
+    fn refined(&self, aim: PupilDistribution, best: &[Best]) -> Refined {
+        let steps = best.iter().map(|(step, _)| *step).max().unwrap_or(0);
+        Refined { aim, steering: self.steering.steering(), steps }
     }
 }
 
 /// One colour, refined.
 struct RefinedColor {
-    /// What each step gained.
     rows: Vec<Row>,
-    /// The best of the states that were judged, which is kept.
-    best: BestState<Vec<f32>>,
+    best: BestState,
     /// The engine's name.
     engine: String,
     /// The display's switchable sources that light it, by their places.
@@ -294,41 +265,69 @@ fn steps(
     let (engine, steering) = (common::engine(&args.engine)?, args.steering.steering());
     let aim = args.aim(problem.optics.focal_length);
     let described = engine.describe();
-    let (at_eye, everywhere) = judged(anywhere, &problem, &aim, steering.seed);
+    let everywhere = wide_pupils(anywhere, &problem, steering.seed);
     let mut refiner = Refiner::new(problem, phases, exposure, steering, engine)?;
-    // What is seen is compared at the exposure of the hologram as it was, in the light that it was made for: lasers stay as they are.
+    // The eyebox is compared at the exposure of the hologram as it was, in the light that it was made for: lasers stay as they are.
     let exposure = Sums::fit_exposure(&refiner.look(&everywhere)?)?;
     refiner.aim(aim)?;
     // Where other sources are lit now, anywhere is in their eyeboxes.
-    let (_, anywhere) = judged(anywhere, refiner.problem(), &aim, steering.seed);
-    let before = [refiner.look(&at_eye)?, refiner.look(&anywhere)?];
-    let mean = |sums: &[Sums]| sums.iter().map(|s| s.psnr(exposure)).sum::<f64>() / sums.len() as f64;
-    let mut rows = vec![Row { steps: 0, ms: 0.0, eye: mean(&before[0]), wide: mean(&before[1]) }];
-    let mut best = BestState { step: 0, psnr: rows[0].eye, state: phases.to_vec() };
-    let mut ms = 0.0;
-    let bar = JobBar::new(args.json);
-    for steps in 1..=args.steps {
-        let start = Instant::now();
-        refiner.step()?;
-        ms += start.elapsed().as_secs_f64() * 1e3;
-        if is_judged(steps, args.steps) || progress::interrupted() {
-            let (eye, wide) = (mean(&refiner.look(&at_eye)?), mean(&refiner.look(&anywhere)?));
-            rows.push(Row { steps, ms, eye, wide });
-            best.offer(steps, eye, || refiner.phases())?;
+    let anywhere = wide_pupils(anywhere, refiner.problem(), steering.seed);
+    let (mut rows, best) = follow(args, &mut refiner, (&anywhere, &[exposure]), "for this color")?;
+    Ok(RefinedColor { rows: rows.remove(0), best, engine: described, sources: refiner.sources().to_vec() })
+}
+
+/// Takes the steps until ctrl-C, and measures after 1, 2, 4, 8, ... of them and the last: rows of each color, and the best state.
+/// `wide` are pupils anywhere in the eyebox, with each color's exposure.
+fn follow(
+    args: &Refine,
+    refined: &mut dyn Refinable,
+    wide: (&[Pupil], &[f64]),
+    what: &str,
+) -> Result<(Vec<Vec<Row>>, BestState), Failure> {
+    let aim = refined.aimed_at();
+    let mut keeper = BestKeeper::new(Pupil { diameter: args.pupil.before(0.0).diameter, ..aim.middle() });
+    let (mut rows, bar) = (vec![Vec::new(); wide.1.len()], JobBar::new(args.json));
+    let (mut taken, mut ms, mut goes_on) = (0, 0.0, true);
+    keeper.judge(refined)?;
+    loop {
+        let sums = refined.look_at_colors(wide.0)?;
+        let measured = sums.iter().zip(wide.1).zip(keeper.psnr_of_colors());
+        for (rows, ((sums, exposure), eye)) in rows.iter_mut().zip(measured) {
+            let wide = mean(sums.iter().map(|sums| sums.quality(*exposure)));
+            rows.push(Row { steps: taken, ms, eye: *eye, wide });
         }
-        let done = format!("{steps} of {} steps for this colour", args.steps);
-        if bar.show(&done, steps as f64 / args.steps as f64) == Flow::Stop {
+        let more = (2 * taken).clamp(1, args.steps.max(1)).min(args.steps) - taken;
+        if more == 0 || !goes_on {
             break;
         }
+        let mut seconds = 0.0;
+        let (loss, count) = eyebox::solve::refine(&mut [(&mut *refined, &mut keeper)], more, &mut |at| {
+            seconds = at.seconds;
+            let done = format!("{} of {} steps {what}", at.step, args.steps);
+            let flow = bar.show(&done, at.step as f64 / args.steps as f64);
+            goes_on &= flow == Flow::Continue;
+            flow
+        })?;
+        goes_on &= loss.is_finite();
+        // A step of each color.
+        ms += seconds * 1e3 / wide.1.len() as f64;
+        taken += count;
     }
     bar.finish();
-    Ok(RefinedColor { rows, best, engine: described, sources: refiner.sources().to_vec() })
+    let best = keeper.into_best().expect("judged before the first step");
+    Ok((rows, best))
+}
+
+/// Mean of the PSNRs that there are.
+fn mean(each: impl Iterator<Item = Option<f64>>) -> Option<f64> {
+    let known: Vec<f64> = each.flatten().collect();
+    (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
 }
 
 /// Says what each step gained, over all colours; `place`: the piece that was refined, and of what.
 fn report(
     args: &Refine,
-    (all, best): (&[Vec<Row>], &[usize]),
+    (all, best): (&[Vec<Row>], &[Best]),
     about: &Hologram,
     engine: &str,
     [key, words]: [&str; 2],
@@ -338,13 +337,12 @@ fn report(
     let count = all.iter().map(Vec::len).min().unwrap_or(0);
     let f = about.focal_length;
     let focus = args.pupil.before(f).depth;
-    let mean = |i: usize, of: &dyn Fn(&Row) -> f64| all.iter().map(|r| of(&r[i])).sum::<f64>() / all.len() as f64;
     let rows: Vec<Row> = (0..count)
         .map(|i| Row {
             steps: all[0][i].steps,
             ms: all.iter().map(|r| r[i].ms).sum(),
-            eye: mean(i, &|r| r.eye),
-            wide: mean(i, &|r| r.wide),
+            eye: mean(all.iter().map(|r| r[i].eye)),
+            wide: mean(all.iter().map(|r| r[i].wide)),
         })
         .collect();
     if args.json {
@@ -352,7 +350,8 @@ fn report(
         let mut said = json!({
             "engine": engine, "aim": args.aim(f), "focus_mm": focus * 1e3, "focus_dioptres": dioptres(focus, f),
             "steering": args.steering.steering(), "rows": rows.iter().map(row).collect::<Vec<_>>(),
-            "best_steps": best,
+            "best_steps": best.iter().map(|(step, _)| step).collect::<Vec<_>>(),
+            "best_db": best.iter().map(|(_, psnr)| psnr).collect::<Vec<_>>(),
             "out": args.out.as_ref().map(|out| out.display().to_string()),
         });
         if !place.is_null() {
@@ -369,20 +368,26 @@ fn report(
     }
     println!("  steps        ms    at the eye dB   {words}");
     for row in &rows {
-        println!("  {:5} {:9.1}   {:14.2}   {:width$.2}", row.steps, row.ms, row.eye, row.wide, width = words.len());
+        let [eye, wide] = [row.eye, row.wide].map(score::decibels);
+        println!("  {:5} {:9.1}   {eye:>14}   {wide:>width$}", row.steps, row.ms, width = words.len());
     }
     if let Some(out) = &args.out {
-        let steps: Vec<String> = best.iter().map(usize::to_string).collect();
-        println!("wrote {}: the best state, after {} steps", out.display(), steps.join(", "));
+        let each: Vec<String> = best
+            .iter()
+            .map(|(step, psnr)| match psnr {
+                Some(psnr) => format!("{step} ({psnr:.2} dB)"),
+                None => format!("{step} (black)"),
+            })
+            .collect();
+        println!("wrote {}: the best state, after steps: {}", out.display(), each.join(", "));
     }
 }
 
-/// Pupils of other seeds than the refinement's: around the eye, and anywhere that the problem's light goes.
-fn judged(anywhere: PupilRange, problem: &Problem, aim: &PupilDistribution, seed: u64) -> (Vec<Pupil>, Vec<Pupil>) {
+/// Pupils of another seed than the refinement's, anywhere that the problem's light goes.
+fn wide_pupils(anywhere: PupilRange, problem: &Problem, seed: u64) -> Vec<Pupil> {
     let center = problem.optics.center();
     let sampler = Sampler::new(anywhere, Sequence::Sobol, !seed ^ 0x616e_7977);
     let mut sampler = sampler.over(Arc::clone(&problem.regions));
     let moved = |p: Pupil| Pupil { x: p.x + center[0], y: p.y + center[1], ..p };
-    let anywhere = (0..JUDGED_PUPILS).map(|_| moved(sampler.draw())).collect();
-    (pupils_of(aim, JUDGED_PUPILS, !seed), anywhere)
+    (0..WIDE_PUPILS).map(|_| moved(sampler.draw())).collect()
 }

@@ -249,7 +249,7 @@ fn print(study: &Result_) {
         println!("                             {steered:.2} JOD, unsteered {whole:.2}");
     }
     println!("  within 50 ms of a landing  {} dB, at least {} dB", db(mean(&soon)), db(least(&soon)));
-    println!("  at any time                at least {} dB", db(Some(study.worst_db())));
+    println!("  at any time                at least {} dB", db(study.worst_db()));
     let most = most_sources(study);
     if most > 0 {
         let ([moves, rests], sets) = (study.dark_sets(), study.moments.len());

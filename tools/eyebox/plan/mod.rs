@@ -6,6 +6,7 @@ mod tiled;
 
 pub use args::Plan;
 
+use crate::failure::in_options;
 use crate::settings::{plan_of, settings_of};
 use crate::solve::{scenes_of, tiles_of};
 use crate::{Failure, common, model_terms};
@@ -138,7 +139,7 @@ fn forecasts(
 fn say(plan: &ScenePlan, forecasts: &[(Color, Forecast)]) {
     let widest = plan.choices.iter().map(|c| c.value.len()).max().unwrap_or(0).min(28);
     for c in &plan.choices {
-        println!("  {:13}  {:widest$}  {}", c.what, c.value, c.why);
+        println!("  {:13}  {:widest$}  {}", c.what, c.value, in_options(&c.why));
     }
     let s = &plan.settings;
     println!();

@@ -1,5 +1,6 @@
 //! What a user sees of a solve while it runs.
 
+use crate::failure::in_options;
 use crate::progress::{self, Bar};
 use crate::score::decibels;
 use eyebox::optics::{Color, Padding, depths_in_words};
@@ -107,7 +108,7 @@ impl<'a> Watch<'a> {
                 eprintln!("{}: {rows} x {columns} views, {height}x{width}, depth {depth}", field.name);
                 let padded = plan.padding != Padding::default();
                 for choice in plan.choices.iter().filter(|c| c.saves || (c.what == "padding" && padded)) {
-                    eprintln!("{}: {} ({})", choice.what, choice.value, choice.why);
+                    eprintln!("{}: {} ({})", choice.what, choice.value, in_options(&choice.why));
                 }
             }
             SceneEvent::Sequence { done, count } => {

@@ -21,7 +21,7 @@ mod generate;
 mod inspect;
 #[cfg(target_os = "linux")]
 mod interference;
-#[cfg(unix)]
+#[cfg(target_os = "linux")]
 mod interrupted;
 mod joint_color;
 mod kept;

@@ -1,0 +1,81 @@
+//! The observer of a long job, who may stop it between any two lists of its engine.
+
+use super::{Observe, QualityError};
+use crate::engine::EngineError;
+use crate::solve::Flow;
+use std::sync::{Mutex, PoisonError};
+
+/// Calls the observer for the job and for its engine.
+pub(crate) struct Watch<'a>(Mutex<Watched<'a>>);
+
+struct Watched<'a> {
+    observe: &'a mut Observe<'a>,
+    what: String,
+    share: f64,
+    stopped: bool,
+}
+
+impl Watched<'_> {
+    fn goes_on(&mut self) -> bool {
+        // An observer that stopped it is not called again.
+        self.stopped = self.stopped || (self.observe)(&self.what, self.share) == Flow::Stop;
+        !self.stopped
+    }
+}
+
+impl<'a> Watch<'a> {
+    pub(crate) fn new(observe: &'a mut Observe<'a>) -> Self {
+        Self(Mutex::new(Watched { observe, what: String::new(), share: 0.0, stopped: false }))
+    }
+
+    /// Reports what is being done and the share of all that is done, 0 to 1. Returns false once the job is stopped.
+    pub(crate) fn say(&self, what: &str, share: f64) -> bool {
+        let mut watched = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if watched.what != what {
+            watched.what = what.to_owned();
+        }
+        watched.share = share;
+        watched.goes_on()
+    }
+
+    /// Reports the same again. Returns true once the job is stopped.
+    pub(crate) fn stops(&self) -> bool {
+        !self.0.lock().unwrap_or_else(PoisonError::into_inner).goes_on()
+    }
+
+    /// Refuses more work once the job is stopped: for loops that use no engine.
+    ///
+    /// # Errors
+    /// [`EngineError::Stopped`].
+    pub(crate) fn check(&self) -> Result<(), QualityError> {
+        if self.stops() { Err(EngineError::Stopped.into()) } else { Ok(()) }
+    }
+
+    /// Whether the job was stopped.
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).stopped
+    }
+}
+
+impl QualityError {
+    /// Nothing instead of the error of a job that its observer stopped.
+    pub(crate) fn unless_stopped<T>(result: Result<T, Self>) -> Result<Option<T>, Self> {
+        match result {
+            Ok(found) => Ok(Some(found)),
+            Err(error) if error.is_stop() => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
+    fn is_stop(&self) -> bool {
+        use crate::hologram::HologramError;
+        use crate::solve::SolveError;
+        let engine = match self {
+            Self::Engine(engine) | Self::Solve(SolveError::Engine(engine)) => engine,
+            Self::Hologram(HologramError::Engine(engine)) => engine,
+            Self::Hologram(HologramError::Solve(SolveError::Engine(engine))) => engine,
+            _ => return false,
+        };
+        matches!(engine, EngineError::Stopped)
+    }
+}

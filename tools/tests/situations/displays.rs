@@ -1,0 +1,135 @@
+//! Files of displays.
+
+use crate::common::done;
+use crate::frame::{Case, Chapter, Outcome, case, change};
+use crate::judge::Judge;
+use crate::write::file;
+use eyebox::files::read_npy;
+use std::path::Path;
+use std::sync::OnceLock;
+
+const RIGHT: &str = "name = \"bench\"\nresolution = [24, 32]\npitch_um = 8.0\nfocal_length_mm = 200.0\n\
+                     wavelengths_nm = { red = 640, green = 520, blue = 450 }\n";
+const SEEN: &str = "photograph builtin:still-life --display bench.toml --color green --views 3 --pupil=1,0,1,0.2 --engine cpu -o p.npy";
+
+/// The photograph is that of the right file.
+const SAME: Judge = Judge::By(same);
+
+fn same(outcome: &Outcome) -> Result<(), String> {
+    static RIGHTLY: OnceLock<Vec<f32>> = OnceLock::new();
+    let right = RIGHTLY.get_or_init(|| {
+        let temp = crate::common::folder();
+        bench(temp.path());
+        done(temp.path(), &SEEN.split(' ').collect::<Vec<_>>());
+        read_npy(&temp.path().join("p.npy")).expect("a photograph").values
+    });
+    let found = read_npy(&outcome.folder.join("p.npy")).map_err(|e| e.to_string())?.values;
+    if &found == right { Ok(()) } else { Err("the photograph is another one".into()) }
+}
+
+/// The right file in the place of a wrong one.
+fn bench(at: &Path) {
+    file(&at.join("bench.toml"), RIGHT);
+}
+
+/// The right file with `from` written as `to`.
+fn with(have: &str, from: &'static str, to: &'static str) -> Case {
+    case(have, SEEN, move |at| {
+        assert!(RIGHT.contains(from));
+        file(&at.join("bench.toml"), RIGHT.replace(from, to));
+    })
+}
+
+fn bytes(have: &str, bytes: impl Fn() -> Vec<u8> + Send + Sync + 'static) -> Case {
+    case(have, SEEN, move |at| file(&at.join("bench.toml"), bytes()))
+}
+
+pub fn chapter() -> Chapter {
+    let situations = vec![
+        bytes("A display file of Windows, with CR and LF.", || RIGHT.replace('\n', "\r\n").into()).right(SAME),
+        bytes("A display file of an old Mac, with CR alone.", || RIGHT.replace('\n', "\r").into()).right(SAME),
+        bytes("A display file that Notepad saved with a byte order mark.", || format!("\u{feff}{RIGHT}").into())
+            .right(SAME),
+        bytes("A display file in UTF-16.", || {
+            [0xfeff].into_iter().chain(RIGHT.encode_utf16()).flat_map(u16::to_le_bytes).collect()
+        })
+        .right(SAME),
+        with("The pitch is in meters.", "pitch_um = 8.0", "pitch_um = 8e-6").refused(
+            "the pitch (um) is 8e-6",
+            change("probably 8 is meant", bench),
+            SAME,
+        ),
+        with("The focal length is in meters.", "200.0", "0.2").refused(
+            "0.2 mm",
+            change("probably 200 mm is meant", bench),
+            SAME,
+        ),
+        with("A wavelength is in micrometers.", "520", "0.52").refused(
+            "the wavelength (nm)",
+            change("probably 520 is meant", bench),
+            SAME,
+        ),
+        with("A wavelength is in meters.", "520", "5.2e-7").refused(
+            "the wavelength (nm)",
+            change("probably 520 is meant", bench),
+            SAME,
+        ),
+        with("The pitch has a key of another unit.", "pitch_um = 8.0", "pitch_mm = 0.008").refused(
+            "unknown field `pitch_mm`",
+            change("`pitch_um`", bench),
+            SAME,
+        ),
+        with("A key is misspelled.", "focal_length_mm", "focal_lenght_mm").refused(
+            "unknown field `focal_lenght_mm`",
+            change("`focal_length_mm`", bench),
+            SAME,
+        ),
+        with("The focal length is missing.", "focal_length_mm = 200.0\n", "").refused(
+            "missing field",
+            change("`focal_length_mm`", bench),
+            SAME,
+        ),
+        with("A key of another program's file is left.", "name =", "vendor = \"x\"\nname =").refused(
+            "unknown field `vendor`",
+            change("line 1", bench),
+            SAME,
+        ),
+        with("A number is in quotes.", "8.0", "\"8.0\"").refused("string \"8.0\"", change("line 3", bench), SAME),
+        with("The resolution is a text.", "[24, 32]", "\"24x32\"").refused(
+            "string \"24x32\"",
+            change("an array of length 2", bench),
+            SAME,
+        ),
+        with("A color has a name of its own.", "green = 520", "amber = 520").refused(
+            "unknown variant `amber`",
+            change("`green`", bench),
+            SAME,
+        ),
+        with("A color has two wavelengths.", "green = 520", "green = [520, 532]").refused(
+            "sequence",
+            change("line 5", bench),
+            SAME,
+        ),
+        with(
+            "The wavelengths of red and blue are exchanged.",
+            "red = 640, green = 520, blue = 450",
+            "red = 450, green = 520, blue = 640",
+        )
+        .refused("probably they are exchanged", change("red is the longer wavelength", bench), SAME),
+        with("A key is there twice.", "name =", "pitch_um = 9.0\nname =").refused(
+            "duplicate key",
+            change("line 4", bench),
+            SAME,
+        ),
+        with("The pitch is negative.", "8.0", "-8.0").refused(
+            "the pitch (um) is -8",
+            change("a positive, finite number", bench),
+            SAME,
+        ),
+    ];
+    Chapter {
+        title: "Files of displays",
+        about: "The file `bench.toml` describes an SLM of 24 x 32 pixels.",
+        situations,
+    }
+}

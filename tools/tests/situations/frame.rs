@@ -1,0 +1,283 @@
+//! The frame: one situation, how the command is run, and how a remedy is followed.
+
+use crate::common::{command, folder, text};
+use crate::judge::Judge;
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::fs;
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// The words that every photograph ends in, unless the situation states a pupil of its own. The pupil is off the axis, so that
+/// views in another order and depths inside out give another picture. Of cells, because that is quick.
+pub const PHOTOGRAPH: &str = "--pupil=9,-4,2,0.5 --size 48x64 --photographs cells --engine cpu -o out.npy";
+
+/// Makes files in a folder.
+type Maker = Box<dyn Fn(&Path) + Send + Sync>;
+
+/// The situations of one kind.
+pub struct Chapter {
+    /// The heading on the page.
+    pub title: &'static str,
+    /// One sentence or more below the heading.
+    pub about: &'static str,
+    pub situations: Vec<Situation>,
+}
+
+/// Files, a command, and its answer.
+pub struct Situation {
+    /// What people have: one plain sentence of at most 160 characters, the same in no other situation.
+    pub have: String,
+    /// The words of the command, without `eyebox`. Single quotes keep a space, and `\xE9` is a byte.
+    pub words: String,
+    files: Maker,
+    pub answer: Answer,
+}
+
+/// What the command does.
+pub enum Answer {
+    /// It ends with exit code 0, and the result is right.
+    Right(Judge),
+    /// It ends with exit code 2 and one line that contains the words of the cause and the remedy. After the remedy the result is right.
+    Refused { cause: &'static str, remedy: Remedy, then: Judge },
+}
+
+/// What the line of a refusal advises. Every text must occur in the line.
+pub enum Remedy {
+    /// Words to add to the command.
+    Add(&'static str),
+    /// A word of the command, and another to write instead. Only the other must occur in the line.
+    Replace(&'static str, &'static str),
+    /// A form that the line names, a word of the command, and what that form makes of it.
+    As(&'static str, &'static str, &'static str),
+    /// Another command, without `eyebox`.
+    Instead(&'static str),
+    /// A text file in the folder, and lines to add to it, separated by `\n`. Every line must occur in the line of the refusal.
+    State(&'static str, &'static str),
+    /// A conversion of a file that these words of the line name, the word of the command for the file, and the one for the result.
+    Convert(&'static str, Maker, &'static str, &'static str),
+    /// A change of the files: words of the line that name it, and a function that does it.
+    Change(&'static str, Maker),
+}
+
+/// A change of the files, done by `how`, that these words of the line name.
+pub fn change(named: &'static str, how: impl Fn(&Path) + Send + Sync + 'static) -> Remedy {
+    Remedy::Change(named, Box::new(how))
+}
+
+/// A conversion, done by `how`, that these words of the line name: `to` is the word of the command for its result.
+pub fn convert(
+    named: &'static str,
+    from: &'static str,
+    to: &'static str,
+    how: impl Fn(&Path) + Send + Sync + 'static,
+) -> Remedy {
+    Remedy::Convert(named, Box::new(how), from, to)
+}
+
+/// A situation that lacks its answer.
+pub struct Case {
+    have: String,
+    words: String,
+    files: Maker,
+}
+
+/// What people have, the words of the command, and a function that makes the files.
+pub fn case(have: impl Into<String>, words: impl Into<String>, files: impl Fn(&Path) + Send + Sync + 'static) -> Case {
+    Case { have: have.into(), words: words.into(), files: Box::new(files) }
+}
+
+impl Case {
+    /// The command ends well, and the result is right.
+    pub fn right(self, judge: Judge) -> Situation {
+        self.with(Answer::Right(judge))
+    }
+
+    /// The command refuses with words of the cause. After the remedy the result is right.
+    pub fn refused(self, cause: &'static str, remedy: Remedy, then: Judge) -> Situation {
+        self.with(Answer::Refused { cause, remedy, then })
+    }
+
+    fn with(self, answer: Answer) -> Situation {
+        Situation { have: self.have, words: self.words, files: self.files, answer }
+    }
+}
+
+/// What a command left, for those who judge it.
+pub struct Outcome<'a> {
+    /// The folder of the situation, in which the command ran.
+    pub folder: &'a Path,
+    pub stdout: String,
+    pub stderr: String,
+}
+
+impl Chapter {
+    /// Follows all situations, several at a time.
+    ///
+    /// # Panics
+    /// Lists every situation whose answer is another one.
+    pub fn follow(&self) {
+        let only = std::env::var("EYEBOX_SITUATION").unwrap_or_default();
+        let asked = |s: &&Situation| s.have.contains(&only) || s.words.contains(&only);
+        let situations: Vec<&Situation> = self.situations.iter().filter(asked).collect();
+        let (next, bad) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
+        std::thread::scope(|scope| {
+            for _ in 0..2 {
+                scope.spawn(|| {
+                    while let Some(situation) = situations.get(next.fetch_add(1, Ordering::Relaxed)) {
+                        let followed = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| situation.follow()));
+                        if let Err(why) = followed.unwrap_or_else(|_| Err("the situation's own code panics".into())) {
+                            bad.lock().unwrap().push(format!("{}\n  {}\n  {why}", situation.have, situation.words));
+                        }
+                    }
+                });
+            }
+        });
+        let bad = bad.into_inner().unwrap();
+        let all = situations.len();
+        assert!(bad.is_empty(), "{}: {} of {all} have another answer:\n{}", self.title, bad.len(), bad.join("\n"));
+    }
+}
+
+impl Situation {
+    fn follow(&self) -> Result<(), String> {
+        let temp = folder();
+        let at = temp.path();
+        (self.files)(at);
+        let (cause, remedy, then) = match &self.answer {
+            Answer::Right(judge) => return judge.judge(&run(at, &self.words)?),
+            Answer::Refused { cause, remedy, then } => (*cause, remedy, then),
+        };
+        let before = contents(at);
+        let line = refusal(at, &self.words)?;
+        if contents(at) != before {
+            return Err(format!("the refusal leaves something behind: {:?} from {before:?}", contents(at)));
+        }
+        let named = |text: &str| match line.contains(text) {
+            true => Ok(()),
+            false => Err(format!("the line lacks '{text}': {line}")),
+        };
+        named(cause)?;
+        let words = match remedy {
+            Remedy::Add(words) => {
+                named(words)?;
+                format!("{} {words}", self.words)
+            }
+            Remedy::Replace(from, to) => {
+                named(to)?;
+                self.words.replace(from, to)
+            }
+            Remedy::As(form, from, to) => {
+                named(form)?;
+                self.words.replace(from, to)
+            }
+            Remedy::Instead(words) => {
+                named(words)?;
+                (*words).to_owned()
+            }
+            Remedy::State(file, lines) => {
+                lines.lines().try_for_each(named)?;
+                let old = fs::read_to_string(at.join(file)).unwrap_or_default();
+                fs::write(at.join(file), format!("{old}{lines}\n")).map_err(|e| e.to_string())?;
+                self.words.clone()
+            }
+            Remedy::Convert(words, how, from, to) => {
+                named(words)?;
+                how(at);
+                self.words.replace(from, to)
+            }
+            Remedy::Change(words, how) => {
+                named(words)?;
+                how(at);
+                self.words.clone()
+            }
+        };
+        let after = run(at, &words).map_err(|why| format!("the remedy does not work: {why}\n  of: {line}"))?;
+        then.judge(&after).map_err(|why| format!("wrong after the remedy: {why}"))
+    }
+}
+
+/// Runs a command that ends well.
+fn run<'a>(at: &'a Path, words: &str) -> Result<Outcome<'a>, String> {
+    let answer = command(at, &[]).args(split(&complete(words))).output().expect("the command starts");
+    let [stdout, stderr] = [&answer.stdout, &answer.stderr].map(|bytes| text(bytes));
+    match answer.status.code() {
+        Some(0) => Ok(Outcome { folder: at, stdout, stderr }),
+        code => Err(format!("exit code {code:?}: {stderr}")),
+    }
+}
+
+/// Runs a command that refuses, and returns its line.
+fn refusal(at: &Path, words: &str) -> Result<String, String> {
+    let answer = command(at, &[]).args(split(&complete(words))).output().expect("the command starts");
+    let said = text(&answer.stderr);
+    match (answer.status.code(), said.trim().lines().count()) {
+        (Some(2), 1) => Ok(said.trim().to_owned()),
+        (Some(2), _) => Err(format!("not one line: {said}")),
+        (code, _) => Err(format!("exit code {code:?} instead of a refusal: {said}")),
+    }
+}
+
+/// The words of a command with those that every photograph ends in.
+fn complete(words: &str) -> String {
+    let photograph = words.starts_with("photograph ") && !words.contains("--pupil");
+    if photograph { format!("{words} {PHOTOGRAPH}") } else { words.to_owned() }
+}
+
+/// Splits words as a shell does: at spaces that no single quotes enclose. `\xE9` becomes one byte.
+fn split(words: &str) -> Vec<OsString> {
+    let (mut out, mut word, mut quoted, mut begun) = (Vec::new(), Vec::new(), false, false);
+    let bytes = words.as_bytes();
+    let mut i = 0;
+    while i < bytes.len() {
+        match bytes[i] {
+            b'\'' => (quoted, begun) = (!quoted, true),
+            b' ' if !quoted => {
+                if begun {
+                    out.push(std::mem::take(&mut word));
+                }
+                begun = false;
+            }
+            b'\\' if bytes.get(i + 1) == Some(&b'x') => {
+                word.push(u8::from_str_radix(&words[i + 2..i + 4], 16).expect("two hexadecimal digits"));
+                (i, begun) = (i + 3, true);
+            }
+            byte => {
+                word.push(byte);
+                begun = true;
+            }
+        }
+        i += 1;
+    }
+    if begun {
+        out.push(word);
+    }
+    out.into_iter().map(word_of).collect()
+}
+
+#[cfg(unix)]
+pub fn word_of(bytes: Vec<u8>) -> OsString {
+    std::os::unix::ffi::OsStringExt::from_vec(bytes)
+}
+
+#[cfg(not(unix))]
+pub fn word_of(bytes: Vec<u8>) -> OsString {
+    String::from_utf8_lossy(&bytes).into_owned().into()
+}
+
+/// Every file below a folder, with its length.
+fn contents(folder: &Path) -> BTreeMap<std::path::PathBuf, u64> {
+    let mut found = BTreeMap::new();
+    let mut open = vec![folder.to_owned()];
+    while let Some(folder) = open.pop() {
+        for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+            let kind = entry.file_type().expect("a kind");
+            found.insert(entry.path(), if kind.is_file() { entry.metadata().map_or(0, |m| m.len()) } else { 0 });
+            if kind.is_dir() {
+                open.push(entry.path());
+            }
+        }
+    }
+    found
+}

@@ -1,0 +1,211 @@
+//! Holograms that are looked for, moved and damaged.
+
+use crate::common::done;
+use crate::frame::{Case, Chapter, Outcome, Remedy, case, change};
+use crate::judge::Judge;
+use crate::made::save;
+use crate::write::file;
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+use std::sync::OnceLock;
+
+const SOLVE: &str = "--size 48x64 --color green --frames 1 --steps 1 --engine cpu";
+
+/// The hologram was scored against its own scene.
+const SCORED: Judge = Judge::By(|outcome| scored(outcome, |own, found| (own - found).abs() < 1e-6));
+/// It was scored against another one.
+const OTHER: Judge = Judge::By(|outcome| scored(outcome, |own, found| (own - found).abs() > 0.1));
+/// The phases of the first hologram were written.
+const FIRST: Judge = Judge::By(|outcome| {
+    let phases = eyebox::files::read_npy(&outcome.folder.join("p.npy")).map_err(|e| e.to_string())?;
+    let right = phases.values.len() == 48 * 64 && phases.values.iter().any(|v| *v != 0.0);
+    if right { Ok(()) } else { Err(format!("phases of shape {:?}", phases.shape)) }
+});
+
+/// Runs a command that must work.
+fn run(at: &Path, words: &str) -> String {
+    done(at, &words.split_whitespace().collect::<Vec<_>>())
+}
+
+/// A folder of views, and the hologram beside it.
+fn solved(at: &Path) {
+    save(&at.join("a/scene"), |row, column| format!("v_{row}_{column}.png"));
+    file(&at.join("pupils.json"), "[[4, -2, 4, 0.5]]");
+    run(at, &format!("solve a/scene {SOLVE} -o a/h.zarr"));
+}
+
+/// Views of another scene under the same names: the colors of this one are inverted.
+fn other(folder: &Path) {
+    save(folder, |row, column| format!("v_{row}_{column}.png"));
+    for entry in fs::read_dir(folder).expect("a folder").flatten() {
+        let mut view = image::open(entry.path()).expect("a view");
+        view.invert();
+        view.save(entry.path()).expect("a view");
+    }
+}
+
+fn psnr(said: &str) -> Option<f64> {
+    serde_json::from_str::<Value>(said).ok()?["psnr_db"]["mean"].as_f64()
+}
+
+/// Compares a score with that of the hologram beside its scene.
+fn scored(outcome: &Outcome, right: impl Fn(f64, f64) -> bool) -> Result<(), String> {
+    static OWN: OnceLock<f64> = OnceLock::new();
+    let own = *OWN.get_or_init(|| {
+        let temp = crate::common::folder();
+        solved(temp.path());
+        psnr(&run(temp.path(), "score a/h.zarr --pupils pupils.json --engine cpu --json")).expect("a score")
+    });
+    match psnr(&outcome.stdout) {
+        Some(found) if right(own, found) => Ok(()),
+        found => Err(format!("{found:?} dB, its own scene gives {own} dB")),
+    }
+}
+
+/// The usual hologram, changed by `how`, and scored.
+fn score(have: &str, words: &str, how: impl Fn(&Path) + Send + Sync + 'static) -> Case {
+    case(have, format!("score {words} --pupils pupils.json --engine cpu --json"), move |at| {
+        solved(at);
+        how(at);
+    })
+}
+
+fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to).expect("a folder");
+    for entry in fs::read_dir(from).expect("a folder").flatten() {
+        let to = to.join(entry.file_name());
+        match entry.path().is_dir() {
+            true => copy(&entry.path(), &to),
+            false => drop(fs::copy(entry.path(), to).expect("a copy")),
+        }
+    }
+}
+
+const CHUNK: &str = "a/h.zarr/phases/c/0/0/0/0";
+
+/// The hologram is solved again in its place.
+fn again(at: &Path) {
+    fs::remove_dir_all(at.join("a/h.zarr")).expect("a hologram");
+    run(at, &format!("solve a/scene {SOLVE} -o a/h.zarr"));
+}
+
+pub fn chapter() -> Chapter {
+    let mut situations = vec![
+        score("A hologram lies beside its scene in another folder.", "a/h.zarr", |_| ()).right(SCORED),
+        score("A hologram and its scene were moved together.", "b/h.zarr", |at| {
+            fs::rename(at.join("a"), at.join("b")).expect("a move");
+        })
+        .right(SCORED),
+        score("A hologram was renamed.", "'a/my hologram.zarr'", |at| {
+            fs::rename(at.join("a/h.zarr"), at.join("a/my hologram.zarr")).expect("a move");
+        })
+        .right(SCORED),
+        score("A hologram was copied away from its scene, which is still there.", "c/h.zarr", |at| {
+            copy(&at.join("a/h.zarr"), &at.join("c/h.zarr"));
+        })
+        .right(SCORED),
+        score("A hologram was copied beside another folder of its scene's name.", "c/h.zarr", |at| {
+            copy(&at.join("a/h.zarr"), &at.join("c/h.zarr"));
+            other(&at.join("c/scene"));
+        })
+        .right(SCORED),
+        score("The command runs in a folder with another scene of that name.", "a/h.zarr", |at| {
+            other(&at.join("scene"));
+        })
+        .right(SCORED),
+        score("A hologram is named with dots and a slash at the end.", "./a/../a/h.zarr/", |_| ()).right(SCORED),
+        score("The scene of a hologram was moved alone.", "a/h.zarr", |at| {
+            fs::rename(at.join("a/scene"), at.join("kept")).expect("a move");
+        })
+        .refused("is not there", Remedy::As("give the scene", "a/h.zarr", "a/h.zarr kept"), SCORED),
+        score("The scene of a hologram was changed, and its pictures are still elsewhere.", "a/h.zarr", |at| {
+            other(&at.join("a/scene"));
+        })
+        .refused(
+            "it is not what the hologram was solved from",
+            change("give the scene as it was", |at| {
+                save(&at.join("a/scene"), |row, column| format!("v_{row}_{column}.png"));
+            }),
+            SCORED,
+        ),
+        score("The scene of a hologram was changed on purpose.", "a/h.zarr", |at| other(&at.join("a/scene"))).refused(
+            "it is not what the hologram was solved from",
+            Remedy::Add("--other-scene"),
+            OTHER,
+        ),
+        score("A hologram is to be scored against a scene that it does not show.", "a/h.zarr builtin:plane", |_| ())
+            .refused("another scene", Remedy::Add("--other-scene"), OTHER),
+        score("The name of a hologram lacks its ending.", "a/h", |_| ()).refused(
+            "nothing is there",
+            Remedy::As("a/h.zarr is one", "a/h", "a/h.zarr"),
+            SCORED,
+        ),
+        score("A file inside of a hologram is named.", "a/h.zarr/zarr.json", |_| ()).refused(
+            "it is one file of a hologram",
+            Remedy::As("give its folder a/h.zarr", "a/h.zarr/zarr.json", "a/h.zarr"),
+            SCORED,
+        ),
+        score("The folder around a hologram is named.", "c", |at| {
+            copy(&at.join("a/h.zarr"), &at.join("c/h.zarr"));
+        })
+        .refused("a folder that holds one", Remedy::As("c/h.zarr", "score c ", "score c/h.zarr "), SCORED),
+        score("A file of phases was lost in a copy.", "a/h.zarr", |at| {
+            fs::remove_file(at.join(CHUNK)).expect("a file");
+        })
+        .refused("it is missing", change("solve it again", again), SCORED),
+        score("A file of phases was cut off.", "a/h.zarr", |at| {
+            let bytes = fs::read(at.join(CHUNK)).expect("a file");
+            file(&at.join(CHUNK), &bytes[..100]);
+        })
+        .refused("it is 100 bytes long", change("solve it again", again), SCORED),
+        score("The document of a hologram was cut off.", "a/h.zarr", |at| {
+            let bytes = fs::read(at.join("a/h.zarr/zarr.json")).expect("a file");
+            file(&at.join("a/h.zarr/zarr.json"), &bytes[..200]);
+        })
+        .refused("it is no JSON", change("solve it again", again), SCORED),
+        score("One byte of a hologram's phases was changed.", "a/h.zarr", |at| {
+            let mut bytes = fs::read(at.join(CHUNK)).expect("a file");
+            bytes[1234] ^= 4;
+            file(&at.join(CHUNK), &bytes);
+        })
+        .refused("damaged", change("solve it again", again), SCORED),
+        case("One hologram of a sequence is wanted.", "export s.zarr -o p.npy", |at| {
+            run(at, &format!("solve builtin:plane builtin:plane?depth=0.5 {SOLVE} -o s.zarr"));
+        })
+        .refused("a sequence", Remedy::Add("--at 0"), FIRST),
+        case("A hologram beyond the end of a sequence is wanted.", "export s.zarr --at 2 -o p.npy", |at| {
+            run(at, &format!("solve builtin:plane builtin:plane?depth=0.5 {SOLVE} -o s.zarr"));
+        })
+        .refused("no hologram 2", Remedy::As("its last is 1", "--at 2", "--at 1"), FIRST),
+        score("Views of a scene are given for a hologram.", "a/scene", |_| ()).refused(
+            "views of a scene are solved first",
+            Remedy::As("solved first", "a/scene", "a/h.zarr"),
+            SCORED,
+        ),
+        case("A hologram is given for a scene.", format!("solve a/h.zarr {SOLVE} -o p.npy"), solved).refused(
+            "a hologram, and no scene",
+            Remedy::As("that is a folder of views", "a/h.zarr", "a/scene"),
+            FIRST,
+        ),
+    ];
+    if cfg!(unix) {
+        situations.push(
+            score("A link leads to a hologram.", "link.zarr", |at| link(&at.join("a/h.zarr"), &at.join("link.zarr")))
+                .right(SCORED),
+        );
+    }
+    Chapter {
+        title: "Holograms",
+        about: "The hologram `a/h.zarr` was solved from the folder `a/scene`, and is scored against it.",
+        situations,
+    }
+}
+
+#[cfg(unix)]
+fn link(to: &Path, at: &Path) {
+    std::os::unix::fs::symlink(to, at).expect("a link");
+}
+
+#[cfg(not(unix))]
+fn link(_: &Path, _: &Path) {}

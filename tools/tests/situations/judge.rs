@@ -1,0 +1,85 @@
+//! How a result is judged: by its values, never by wording.
+
+use crate::common::eyebox;
+use crate::frame::{Outcome, PHOTOGRAPH};
+use eyebox::files::read_npy;
+use std::path::Path;
+use std::sync::OnceLock;
+
+/// A result is farther from every misreading than from the right picture by this factor.
+const CLEARLY: f32 = 2.0;
+
+/// Judges what a command left.
+pub enum Judge {
+    /// `out.npy` is the photograph of this scene within an error [1 is white], as the format's bits leave it.
+    Like(&'static Canon, f32),
+    /// A function of its own judges.
+    By(fn(&Outcome) -> Result<(), String>),
+}
+
+/// A scene in its plainest form, and the same scene misread in every way that must show.
+pub struct Canon {
+    /// Makes the files in a folder, and returns the words of the command behind `photograph`.
+    pub right: fn(&Path) -> String,
+    /// Each fault, and how its files are made.
+    pub wrong: &'static [(&'static str, fn(&Path) -> String)],
+    pub seen: OnceLock<Photographs>,
+}
+
+/// The photograph of a scene, and of all its misreadings.
+pub struct Photographs {
+    right: Vec<f32>,
+    wrong: Vec<(&'static str, Vec<f32>)>,
+}
+
+impl Canon {
+    pub const fn new(right: fn(&Path) -> String, wrong: &'static [(&'static str, fn(&Path) -> String)]) -> Self {
+        Self { right, wrong, seen: OnceLock::new() }
+    }
+
+    fn seen(&self) -> &Photographs {
+        self.seen.get_or_init(|| {
+            let right = photograph(self.right).expect("the plainest form is read");
+            let wrong = self.wrong.iter().filter_map(|(fault, make)| Some((*fault, photograph(*make)?))).collect();
+            Photographs { right, wrong }
+        })
+    }
+}
+
+/// None if the command refuses the scene: nobody takes that for the right picture.
+fn photograph(make: fn(&Path) -> String) -> Option<Vec<f32>> {
+    let temp = crate::common::folder();
+    let words = format!("photograph {} {PHOTOGRAPH}", make(temp.path()));
+    let answer = eyebox(temp.path(), &words.split_whitespace().collect::<Vec<_>>());
+    let read = || read_npy(&temp.path().join("out.npy")).expect("a photograph").values;
+    answer.status.success().then(read)
+}
+
+fn rms(a: &[f32], b: &[f32]) -> f32 {
+    (a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f32>() / a.len() as f32).sqrt()
+}
+
+impl Judge {
+    pub fn judge(&self, outcome: &Outcome) -> Result<(), String> {
+        match self {
+            Self::By(judge) => judge(outcome),
+            Self::Like(canon, error) => like(outcome, canon.seen(), *error),
+        }
+    }
+}
+
+fn like(outcome: &Outcome, canon: &Photographs, error: f32) -> Result<(), String> {
+    let found = read_npy(&outcome.folder.join("out.npy")).map_err(|e| e.to_string())?.values;
+    if found.len() != canon.right.len() {
+        return Err(format!("{} values instead of {}", found.len(), canon.right.len()));
+    }
+    let off = rms(&found, &canon.right);
+    let most = found.iter().zip(&canon.right).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    let far: Vec<_> = canon.wrong.iter().map(|(fault, wrong)| (*fault, rms(&found, wrong))).collect();
+    // A single pixel may be off by more than most are: an edge of a depth map.
+    if off <= error && most <= 20.0 * error && far.iter().all(|(_, away)| *away > CLEARLY * off.max(1e-6)) {
+        return Ok(());
+    }
+    let said = outcome.stderr.trim();
+    Err(format!("off by {off:.6} and {most:.6} at most, {error} is allowed; from others by {far:.4?}: {said}"))
+}

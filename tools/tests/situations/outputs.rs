@@ -1,0 +1,218 @@
+//! Numbers on the command line, places of results, and displays that holograms are shown on.
+
+use crate::common::done;
+use crate::frame::{Case, Chapter, Outcome, Remedy, Situation, case, change};
+use crate::judge::Judge;
+use crate::write::file;
+use eyebox::files::read_npy;
+use std::path::Path;
+use std::sync::OnceLock;
+
+const SOLVE: &str = "solve builtin:still-life --views 3 --size 24x32 --color green --frames 1 --steps 1 --engine cpu";
+
+fn run(at: &Path, words: &str) {
+    done(at, &words.split_whitespace().collect::<Vec<_>>());
+}
+
+fn hologram(at: &Path) {
+    run(at, &format!("{SOLVE} -o h.zarr"));
+}
+
+/// The view is that of the hologram through the right pupil.
+const VIEW: Judge = Judge::By(|outcome| {
+    static RIGHT: OnceLock<Vec<f32>> = OnceLock::new();
+    let right = RIGHT.get_or_init(|| {
+        let temp = crate::common::folder();
+        hologram(temp.path());
+        run(temp.path(), "view h.zarr --pupil=2,-1,4,1.5 --engine cpu -o v.npy");
+        read_npy(&temp.path().join("v.npy")).expect("a view").values
+    });
+    let places = ["v.npy", "out/v.npy"].map(|name| outcome.folder.join(name));
+    let place = places.iter().find(|place| place.exists()).ok_or("no view was written")?;
+    let found = read_npy(place).map_err(|e| e.to_string())?.values;
+    if &found == right { Ok(()) } else { Err("the view is another one".into()) }
+});
+
+/// One video frame of the hologram's size was written.
+const FRAMES: Judge = Judge::By(|outcome| {
+    let frames = ["frames", "out/frames"].map(|name| outcome.folder.join(name).join("frame-00000.png"));
+    let place = frames.iter().find(|place| place.exists()).ok_or("no video frame was written")?;
+    let size = image::image_dimensions(place).map_err(|e| e.to_string())?;
+    if size == (32, 24) { Ok(()) } else { Err(format!("a video frame of {size:?}")) }
+});
+
+/// A hologram of this size and number of sub-frames was written.
+fn solved(outcome: &Outcome, frames: usize) -> Result<(), String> {
+    run(outcome.folder, "export y.zarr -o y.npy");
+    let values = read_npy(&outcome.folder.join("y.npy")).map_err(|e| e.to_string())?.values.len();
+    if values == frames * 24 * 32 { Ok(()) } else { Err(format!("{values} phases")) }
+}
+
+const SOLVED: Judge = Judge::By(|outcome| solved(outcome, 1));
+
+fn view(have: &str, words: &str) -> Case {
+    case(have, format!("view h.zarr {words} --engine cpu"), hologram)
+}
+
+fn encode(have: &str, words: &str) -> Case {
+    case(have, format!("encode h.zarr {words} --engine cpu"), |at| {
+        hologram(at);
+        file(&at.join("f"), "text");
+        file(&at.join("mine/thesis.tex"), "text");
+    })
+}
+
+fn solve(have: &str, words: &str) -> Case {
+    case(have, format!("{SOLVE} {words} -o y.zarr"), |_| ())
+}
+
+pub fn chapter() -> Chapter {
+    let mut situations = numbers();
+    situations.extend(places());
+    situations.extend(displays());
+    Chapter {
+        title: "Numbers, places and displays",
+        about: "The hologram `h.zarr` has one sub-frame of 24 x 32 phases for the display `paper`.",
+        situations,
+    }
+}
+
+fn numbers() -> Vec<Situation> {
+    let pupil = |have, pupil: &str, cause, form, from, to| {
+        view(have, &format!("--pupil={pupil} -o v.npy")).refused(cause, Remedy::As(form, from, to), VIEW)
+    };
+    let form = "such as 2,-1,4,1.5";
+    vec![
+        pupil("A pupil lacks its focus.", "2,-1,4", "3 values", form, "2,-1,4", "2,-1,4,1.5"),
+        pupil("A pupil has a fifth number.", "2,-1,4,1.5,0", "5 values", form, "1.5,0", "1.5"),
+        pupil("A pupil has semicolons.", "'2;-1;4;1.5'", "one value", form, "'2;-1;4;1.5'", "2,-1,4,1.5"),
+        pupil("A pupil has a word.", "two,-1,4,1.5", "not numbers", form, "two", "2"),
+        pupil("A pupil is in meters.", "2,-1,0.004,1.5", "0.004 mm", "probably 4 mm is meant", "0.004", "4"),
+        pupil("A pupil is outside of the eyebox.", "200,-1,4,1.5", "outside", "within 13.00 mm", "200", "2"),
+        solve("A negative number of steps.", "--steps -2").refused(
+            "'-2'",
+            Remedy::As("a whole number, 0 or more", "--steps -2", ""),
+            SOLVED,
+        ),
+        solve("The range of diameters is the wrong way around.", "--pupil-diameter 8..2").refused(
+            "'8..2'",
+            Remedy::As("smallest first", "8..2", "2..8"),
+            SOLVED,
+        ),
+        solve("The efficiency is in percent.", "--efficiency 40").refused(
+            "the efficiency is 40",
+            Remedy::As("at most 1", "40", "0.4"),
+            SOLVED,
+        ),
+        solve("The pitch of views is in meters.", "--view-pitch 0.002").refused(
+            "0.002 mm",
+            Remedy::As("probably 2 mm is meant", "0.002", "2"),
+            SOLVED,
+        ),
+        solve("A time has a unit.", "--seconds 60s").refused(
+            "'60s'",
+            Remedy::As("a positive number", "60s", "60"),
+            SOLVED,
+        ),
+        solve("The name of a display is misspelled.", "--display papr").refused(
+            "'papr'",
+            Remedy::As("paper", "papr", "paper"),
+            SOLVED,
+        ),
+    ]
+}
+
+fn places() -> Vec<Situation> {
+    vec![
+        view("A view is to become a JPEG file.", "--pupil=2,-1,4,1.5 -o v.jpg").refused(
+            "v.jpg",
+            Remedy::As(".png or .npy", "v.jpg", "v.npy"),
+            VIEW,
+        ),
+        view("The name of a view has no ending.", "--pupil=2,-1,4,1.5 -o v").refused(
+            "v: the name must end",
+            Remedy::As(".png or .npy", "-o v", "-o v.npy"),
+            VIEW,
+        ),
+        view("A view goes to a folder that is not there.", "--pupil=2,-1,4,1.5 -o out/v.npy").refused(
+            "out: there is no such folder",
+            change("make it", |at| std::fs::create_dir(at.join("out")).expect("a folder")),
+            VIEW,
+        ),
+        case("A view goes into a file as if that were a folder.", "view h.zarr --pupil=2,-1,4,1.5 -o f/v.npy", |at| {
+            hologram(at);
+            file(&at.join("f"), "text");
+        })
+        .refused("f: there is no such folder", Remedy::As("give another place", "f/v.npy", "v.npy"), VIEW),
+        encode("Video frames go to a folder inside of one that is not there.", "-o out/frames").refused(
+            "out: there is no such folder",
+            change("make it", |at| std::fs::create_dir(at.join("out")).expect("a folder")),
+            FRAMES,
+        ),
+        encode("Video frames go to a place where a file is.", "-o f").refused(
+            "is a file",
+            Remedy::As("give another place", "-o f", "-o frames"),
+            FRAMES,
+        ),
+        encode("Video frames go to a folder of other files.", "-o mine").refused(
+            "holds something else",
+            Remedy::As("give another place", "-o mine", "-o frames"),
+            FRAMES,
+        ),
+        encode("Video frames go into a file as if that were a folder.", "-o f/frames").refused(
+            "f: there is no such folder",
+            Remedy::As("give another place", "f/frames", "frames"),
+            FRAMES,
+        ),
+        case("A hologram is to become a picture.", format!("{SOLVE} -o y.png"), |_| ()).refused(
+            "y.png",
+            Remedy::As(".zarr", "y.png", "y.zarr"),
+            SOLVED,
+        ),
+        case("The place of a hologram is given as an output of `show`.", format!("{SOLVE} --output y.zarr"), |_| ())
+            .refused("'y.zarr'", Remedy::As("--out", "--output", "--out"), SOLVED),
+    ]
+}
+
+fn displays() -> Vec<Situation> {
+    vec![
+        encode("A hologram of one size is encoded without any word about it.", "-o frames").right(FRAMES),
+        encode("A hologram is encoded for another size.", "--size 48x64 -o frames").refused(
+            "it is 24x32 pixels",
+            Remedy::Replace("--size 48x64", "--size 24x32"),
+            FRAMES,
+        ),
+        encode("A hologram of 8 bits is encoded for 8 bit-planes.", "--display planes8 -o frames").refused(
+            "it has 1 sub-frames",
+            change("8 sub-frames would be right", |at| {
+                run(at, &format!("{} -o h.zarr", SOLVE.replace("--frames 1", "--frames 8")));
+            }),
+            FRAMES,
+        ),
+        case(
+            "A hologram is played on a display of another size.",
+            "play h.zarr --size 48x64 --clock simulated --duration 0.1 --record frames --engine cpu",
+            hologram,
+        )
+        .refused("it is 24x32 pixels", Remedy::Replace("--size 48x64", "--size 24x32"), Judge::By(|_| Ok(()))),
+        case(
+            "A hologram is recorded into a place where a file is.",
+            "play h.zarr --clock simulated --duration 0.1 --record f --engine cpu",
+            |at| {
+                hologram(at);
+                file(&at.join("f"), "text");
+            },
+        )
+        .refused(
+            "is a file",
+            Remedy::As("give another place", "--record f", "--record g"),
+            Judge::By(recorded),
+        ),
+    ]
+}
+
+/// The pictures that were shown were recorded.
+fn recorded(outcome: &Outcome) -> Result<(), String> {
+    let shown = std::fs::read_to_string(outcome.folder.join("g/shown.csv")).map_err(|e| e.to_string())?;
+    if shown.lines().count() > 2 { Ok(()) } else { Err(format!("recorded: {shown}")) }
+}

@@ -1,0 +1,277 @@
+//! Phases of other programs.
+
+use crate::common::done;
+use crate::frame::{Case, Chapter, Outcome, Remedy, Situation, case, change, convert};
+use crate::judge::Judge;
+use crate::write::{file, npy, png, zip};
+use eyebox::files::{read_npy, write_npy};
+use image::{ImageBuffer, Luma, Rgb};
+use std::f32::consts::TAU;
+use std::path::Path;
+
+/// Sub-frames, rows and columns.
+const SHAPE: [usize; 3] = [3, 24, 32];
+
+/// A phase [radians].
+fn phase([frame, row, column]: [usize; 3]) -> f32 {
+    let [f, y, x] = [frame, row, column].map(|n| n as f32);
+    let all = 0.7 * f + 0.31 * x + 0.17 * y + 0.01 * x * y;
+    all - TAU * (all / TAU).round()
+}
+
+/// All phases in the order of these axes.
+fn phases([a, b, c]: [usize; 3]) -> Vec<f32> {
+    let mut out = Vec::new();
+    for i in 0..SHAPE[a] {
+        for j in 0..SHAPE[b] {
+            for k in 0..SHAPE[c] {
+                let mut place = [0; 3];
+                (place[a], place[b], place[c]) = (i, j, k);
+                out.push(phase(place));
+            }
+        }
+    }
+    out
+}
+
+fn usual() -> Vec<f32> {
+    phases([0, 1, 2])
+}
+
+/// A turn as a share of one, from 0.
+fn turns() -> Vec<f32> {
+    usual().into_iter().map(|v| (v / TAU).rem_euclid(1.0)).collect()
+}
+
+/// Levels of `count` to a turn.
+fn levels(count: u32) -> Vec<u32> {
+    turns().into_iter().map(|v| (v * count as f32).round() as u32 % count).collect()
+}
+
+/// The hologram has the usual phases within an error [radians], at least the first sub-frames that it has.
+fn has_phases(outcome: &Outcome, error: f32) -> Result<(), String> {
+    done(outcome.folder, &["export", "out.zarr", "-o", "back.npy"]);
+    let found = read_npy(&outcome.folder.join("back.npy")).map_err(|e| e.to_string())?.values;
+    let off = |(found, right): (&f32, &f32)| ((found - right + TAU / 2.0).rem_euclid(TAU) - TAU / 2.0).abs();
+    let most = found.iter().zip(&usual()).map(off).fold(0.0, f32::max);
+    let frames = found.len() / (SHAPE[1] * SHAPE[2]);
+    match frames > 0 && found.len() % (SHAPE[1] * SHAPE[2]) == 0 && most <= error {
+        true => Ok(()),
+        false => Err(format!("{} phases are off by {most} radians", found.len())),
+    }
+}
+
+const EXACT: Judge = Judge::By(|outcome| has_phases(outcome, 2e-5));
+/// Half of a level of 256.
+const EIGHT_BITS: Judge = Judge::By(|outcome| has_phases(outcome, 0.0125));
+
+/// Files that are imported for a small display.
+fn import(have: &str, name: &'static str, files: impl Fn(&Path) + Send + Sync + 'static) -> Case {
+    case(have, format!("import {name} --display small --size 24x32 --color green -o out.zarr"), files)
+}
+
+fn floats(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|v| v.to_le_bytes()).collect()
+}
+
+/// An array of a type and shape.
+fn array(
+    have: &str,
+    descr: &'static str,
+    shape: &'static [usize],
+    bytes: impl Fn() -> Vec<u8> + Send + Sync + 'static,
+) -> Case {
+    import(have, "p.npy", move |at| file(&at.join("p.npy"), npy(descr, false, shape, &bytes())))
+}
+
+/// Pictures of each sub-frame.
+fn pictures(have: &str, picture: impl Fn(usize) -> Vec<u8> + Send + Sync + 'static) -> Case {
+    import(have, "slm", move |at| {
+        (0..SHAPE[0]).for_each(|frame| file(&at.join(format!("slm/slm_{frame:02}.png")), picture(frame)));
+    })
+}
+
+fn of_frame<T: Copy>(all: &[T], frame: usize) -> Vec<T> {
+    let pixels = SHAPE[1] * SHAPE[2];
+    all[frame * pixels..][..pixels].to_vec()
+}
+
+fn gray(frame: usize) -> Vec<u8> {
+    let values = of_frame(&levels(256), frame).into_iter().map(|v| v as u8).collect();
+    png(ImageBuffer::<Luma<u8>, _>::from_raw(32, 24, values).expect("a picture"))
+}
+
+/// The usual array is written in the place of what was there.
+fn saved(at: &Path) {
+    write_npy(&at.join("p.npy"), &SHAPE, &usual()).expect("an array");
+}
+
+pub fn chapter() -> Chapter {
+    let mut situations = vec![
+        array("Radians from -pi to pi as float32.", "<f4", &SHAPE, || floats(&usual())).right(EXACT),
+        array("Radians from 0 to 2 pi as float64.", "<f8", &SHAPE, || {
+            usual().iter().flat_map(|v| f64::from(v.rem_euclid(TAU)).to_le_bytes()).collect()
+        })
+        .right(EXACT),
+        array("Radians of a machine that writes the highest byte first.", ">f4", &SHAPE, || {
+            usual().iter().flat_map(|v| v.to_be_bytes()).collect()
+        })
+        .right(EXACT),
+        import("Radians in MATLAB's order of axes, as numpy.asfortranarray saves them.", "p.npy", |at| {
+            file(&at.join("p.npy"), npy("<f4", true, &SHAPE, &floats(&phases([2, 1, 0]))));
+        })
+        .right(EXACT),
+        array("Phases that were unwrapped.", "<f4", &SHAPE, || {
+            let all = |i: usize| [i / 768, i / 32 % 24, i % 32].map(|n| n as f32);
+            let value = |[f, y, x]: [f32; 3]| 0.7 * f + 0.31 * x + 0.17 * y + 0.01 * x * y;
+            floats(&(0..usual().len()).map(|i| value(all(i))).collect::<Vec<_>>())
+        })
+        .right(EXACT),
+        array("One sub-frame without an axis for it.", "<f4", &[24, 32], || floats(&usual()[..768])).right(EXACT),
+        import("An archive of one array, as numpy.savez writes it.", "p.npz", |at| {
+            file(&at.join("p.npz"), zip(&[("phases.npy", npy("<f4", false, &SHAPE, &floats(&usual())))]));
+        })
+        .right(EXACT),
+        pictures("Gray pictures of 8 bits, numbered from 0.", gray).right(EIGHT_BITS),
+        pictures("Gray pictures of 16 bits.", |frame| {
+            let values = of_frame(&levels(65536), frame).into_iter().map(|v| v as u16).collect();
+            png(ImageBuffer::<Luma<u16>, _>::from_raw(32, 24, values).expect("a picture"))
+        })
+        .right(Judge::By(|outcome| has_phases(outcome, 1e-4))),
+        pictures("Gray pictures that were saved as RGB.", |frame| {
+            let values = of_frame(&levels(256), frame).into_iter().flat_map(|v| [v as u8; 3]).collect();
+            png(ImageBuffer::<Rgb<u8>, _>::from_raw(32, 24, values).expect("a picture"))
+        })
+        .right(EIGHT_BITS),
+        import("One gray picture.", "one.png", |at| file(&at.join("one.png"), gray(0))).right(EIGHT_BITS),
+        import("Gray pictures, and the hidden files of macOS beside them.", "slm", |at| {
+            (0..SHAPE[0]).for_each(|frame| file(&at.join(format!("slm/slm_{frame:02}.png")), gray(frame)));
+            file(&at.join("slm/._slm_00.png"), [0u8; 64]);
+            file(&at.join("slm/.DS_Store"), [0u8; 64]);
+        })
+        .right(EIGHT_BITS),
+    ];
+    situations.extend(units());
+    situations.extend(axes());
+    situations.extend(other_files());
+    Chapter {
+        title: "Phases of other programs",
+        about: "Three sub-frames of 24 x 32 phases for one color of a small display.",
+        situations,
+    }
+}
+
+/// Numbers that are no radians.
+fn units() -> Vec<Situation> {
+    let of_levels = |have, count: u32, unit: &'static str| {
+        array(have, "<i8", &SHAPE, move || levels(count).iter().flat_map(|v| i64::from(*v).to_le_bytes()).collect())
+            .refused("whole numbers", Remedy::As("--phase-unit", " -o out.zarr", unit), EIGHT_BITS)
+    };
+    vec![
+        array("Degrees.", "<f4", &SHAPE, || floats(&turns().iter().map(|v| 360.0 * v).collect::<Vec<_>>())).refused(
+            "outside a turn in radians",
+            Remedy::As("--phase-unit: rad, turns, deg", " -o out.zarr", " -o out.zarr --phase-unit deg"),
+            EXACT,
+        ),
+        array("Turns from 0 to 1.", "<f4", &SHAPE, || floats(&turns())).refused(
+            "looks like turns",
+            Remedy::As("--phase-unit: rad, turns", " -o out.zarr", " -o out.zarr --phase-unit turns"),
+            EXACT,
+        ),
+        array("Gray levels as uint8.", "|u1", &SHAPE, || levels(256).iter().map(|v| *v as u8).collect()).refused(
+            "whole numbers from 0 to 255",
+            Remedy::As("such as 256", " -o out.zarr", " -o out.zarr --phase-unit 256"),
+            EIGHT_BITS,
+        ),
+        of_levels("Gray levels as int64.", 256, " -o out.zarr --phase-unit 256"),
+        of_levels("Levels of an SLM of 10 bits.", 1024, " -o out.zarr --phase-unit 1024"),
+        array("Gray levels as float32.", "<f4", &SHAPE, || {
+            floats(&levels(256).iter().map(|v| *v as f32).collect::<Vec<_>>())
+        })
+        .refused(
+            "p.npy",
+            Remedy::As("how many levels are a turn", " -o out.zarr", " -o out.zarr --phase-unit 256"),
+            EIGHT_BITS,
+        ),
+        array("Complex fields instead of phases.", "<c8", &SHAPE, || {
+            usual().iter().flat_map(|v| [v.cos().to_le_bytes(), v.sin().to_le_bytes()]).flatten().collect()
+        })
+        .refused("'<c8'", change("numpy.angle", saved), EXACT),
+        array("One phase is NaN.", "<f4", &SHAPE, || {
+            let mut all = usual();
+            all[777] = f32::NAN;
+            floats(&all)
+        })
+        .refused("NaN at index [1, 0, 9]", change("must be a finite float32", saved), EXACT),
+    ]
+}
+
+/// Axes in another order.
+fn axes() -> Vec<Situation> {
+    vec![
+        array("Sub-frames are the last axis.", "<f4", &[24, 32, 3], || floats(&phases([1, 2, 0]))).refused(
+            "came last",
+            change("numpy.moveaxis(phases, -1, 0)", saved),
+            EXACT,
+        ),
+        array("Rows and columns are exchanged.", "<f4", &[3, 32, 24], || floats(&phases([0, 2, 1]))).refused(
+            "lie across the display",
+            change("numpy.swapaxes(phases, -1, -2)", saved),
+            EXACT,
+        ),
+        array("An array without any sub-frame.", "<f4", &[0, 24, 32], Vec::new).refused(
+            "its shape is [0, 24, 32]",
+            change("(sub-frame, row, column)", saved),
+            EXACT,
+        ),
+        case("Phases for a display of another size.", "import p.npy --display small --color green -o out.zarr", saved)
+            .refused("24", Remedy::Add("--size 24x32"), EXACT),
+        case("Phases without the optics that they are for.", "import p.npy -o out.zarr", saved).refused(
+            "do not say their optics",
+            Remedy::As(
+                "--display and --color",
+                " -o out.zarr",
+                " -o out.zarr --display small --size 24x32 --color green",
+            ),
+            EXACT,
+        ),
+    ]
+}
+
+/// Files of other programs, and the lines that convert them.
+fn other_files() -> Vec<Situation> {
+    let foreign = |have, name: &'static str, bytes: &'static [u8], cause, named, from: &'static str| {
+        import(have, name, move |at| {
+            let mut all = bytes.to_vec();
+            all.resize(200, 0);
+            file(&at.join(name), all);
+        })
+        .refused(cause, convert(named, from, "p.npy", saved), EXACT)
+    };
+    vec![
+        foreign(
+            "A MATLAB file.",
+            "p.mat",
+            b"MATLAB 5.0 MAT-file, Platform: GLNXA64",
+            "a MATLAB file",
+            "scipy.io.loadmat",
+            "p.mat",
+        ),
+        foreign("An HDF5 file.", "p.h5", b"\x89HDF\r\n\x1a\n", "an HDF5 file", "h5py.File", "p.h5"),
+        import("A table of numbers.", "p.csv", |at| {
+            let row = |y: usize| (0..32).map(|x| format!("{:.4}", phase([0, y, x]))).collect::<Vec<_>>().join(",");
+            file(&at.join("p.csv"), (0..24).map(row).collect::<Vec<_>>().join("\n"));
+        })
+        .refused("a text file", convert("numpy.genfromtxt", "p.csv", "p.npy", saved), EXACT),
+        import("A file that is not there.", "none.npy", |at| saved(at)).refused(
+            "No such file",
+            Remedy::As("none.npy", "none.npy", "p.npy"),
+            EXACT,
+        ),
+        import("An array that was cut off.", "p.npy", |at| {
+            let all = npy("<f4", false, &SHAPE, &floats(&usual()));
+            file(&at.join("p.npy"), &all[..4000]);
+        })
+        .refused("p.npy", change("bytes", saved), EXACT),
+    ]
+}
