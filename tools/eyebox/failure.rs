@@ -89,16 +89,6 @@ pub enum Failure {
 }
 
 impl Failure {
-    /// The option of the command that follows the remedy of an error of the library.
-    pub fn option(&self) -> Option<&'static str> {
-        let scene = match self {
-            Self::Scene(error) | Self::Produce(ProduceError::Scene(error)) => error,
-            Self::Hologram(HologramError::Scene(error)) | Self::Tiled(TiledError::Scene(error)) => error,
-            _ => return None,
-        };
-        matches!(scene, SceneError::Ambiguous { .. }).then_some("--near WHICH")
-    }
-
     /// The exit code.
     pub fn code(&self) -> u8 {
         let ended = matches!(self, Self::Calibrate(e) if e.is_ended());
@@ -108,7 +98,13 @@ impl Failure {
 
 /// A sentence of the library in the words of the command: its fields are options here.
 pub fn in_options(sentence: &str) -> String {
-    [("`depth`", "--depth MIN..MAX"), ("`order`", "--order"), ("`photographs`", "--photographs")]
-        .into_iter()
-        .fold(sentence.to_owned(), |text, (field, option)| text.replace(field, option))
+    [
+        ("`depth`", "--depth MIN..MAX"),
+        ("`depth_map`", "--depth-map FILE"),
+        ("`near`", "--near"),
+        ("`order`", "--order"),
+        ("`photographs`", "--photographs"),
+    ]
+    .into_iter()
+    .fold(sentence.to_owned(), |text, (field, option)| text.replace(field, option))
 }

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// The words that every photograph ends in, unless the situation states a pupil of its own. The pupil is off the axis, so that
 /// views in another order and depths inside out give another picture. Of cells, because that is quick.
-pub const PHOTOGRAPH: &str = "--pupil=8,-4,2,0.5 --size 48x64 --photographs cells --engine cpu -o out.npy";
+pub const PHOTOGRAPH: &str = "--pupil=9,-4,2,0.5 --size 48x64 --photographs cells --engine cpu -o out.npy";
 
 /// Makes files in a folder.
 type Maker = Box<dyn Fn(&Path) + Send + Sync>;
@@ -49,10 +49,14 @@ pub enum Remedy {
     Add(&'static str),
     /// A word of the command, and another to write instead. Only the other must occur in the line.
     Replace(&'static str, &'static str),
+    /// A form that the line names, a word of the command, and what that form makes of it.
+    As(&'static str, &'static str, &'static str),
     /// Another command, without `eyebox`.
     Instead(&'static str),
     /// A text file in the folder, and lines to add to it, separated by `\n`. Every line must occur in the line of the refusal.
     State(&'static str, &'static str),
+    /// A conversion of a file that these words of the line name, the word of the command for the file, and the one for the result.
+    Convert(&'static str, Maker, &'static str, &'static str),
     /// A change of the files: words of the line that name it, and a function that does it.
     Change(&'static str, Maker),
 }
@@ -60,6 +64,16 @@ pub enum Remedy {
 /// A change of the files, done by `how`, that these words of the line name.
 pub fn change(named: &'static str, how: impl Fn(&Path) + Send + Sync + 'static) -> Remedy {
     Remedy::Change(named, Box::new(how))
+}
+
+/// A conversion, done by `how`, that these words of the line name: `to` is the word of the command for its result.
+pub fn convert(
+    named: &'static str,
+    from: &'static str,
+    to: &'static str,
+    how: impl Fn(&Path) + Send + Sync + 'static,
+) -> Remedy {
+    Remedy::Convert(named, Box::new(how), from, to)
 }
 
 /// A situation that lacks its answer.
@@ -154,6 +168,10 @@ impl Situation {
                 named(to)?;
                 self.words.replace(from, to)
             }
+            Remedy::As(form, from, to) => {
+                named(form)?;
+                self.words.replace(from, to)
+            }
             Remedy::Instead(words) => {
                 named(words)?;
                 (*words).to_owned()
@@ -163,6 +181,11 @@ impl Situation {
                 let old = fs::read_to_string(at.join(file)).unwrap_or_default();
                 fs::write(at.join(file), format!("{old}{lines}\n")).map_err(|e| e.to_string())?;
                 self.words.clone()
+            }
+            Remedy::Convert(words, how, from, to) => {
+                named(words)?;
+                how(at);
+                self.words.replace(from, to)
             }
             Remedy::Change(words, how) => {
                 named(words)?;

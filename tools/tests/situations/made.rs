@@ -1,6 +1,6 @@
 //! The scenes that situations bring, and how they are written.
 
-use crate::judge::Canon;
+use crate::judge::{Canon, Judge};
 use eyebox::files::write_npy;
 use image::{Rgb, RgbImage};
 use std::fs;
@@ -64,44 +64,48 @@ pub fn light(value: u8) -> f32 {
     (if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }) as f32
 }
 
-/// The views in another place: `from` has the view that stands in a row and column.
-fn array(at: &Path, from: impl Fn(usize, usize) -> RgbImage, value: impl Fn(u8) -> f32) -> String {
-    let views = (0..GRID[0] * GRID[1]).map(|i| from(i / GRID[1], i % GRID[1]));
-    let values: Vec<f32> = views.flat_map(|view| view.into_raw()).map(value).collect();
-    write_npy(&at.join("v.npy"), &[GRID[0], GRID[1], SIZE[0], SIZE[1], 3], &values).expect("an array");
+/// Words for the views of a grid as one array, each value of 8 bits as `value` makes light of it.
+pub fn array(at: &Path, [rows, columns]: [usize; 2], views: &[RgbImage], value: impl Fn(u8) -> f32) -> String {
+    let values: Vec<f32> = views.iter().flat_map(|view| view.as_raw()).map(|v| value(*v)).collect();
+    write_npy(&at.join("v.npy"), &[rows, columns, SIZE[0], SIZE[1], 3], &values).expect("an array");
     "v.npy --order as-named --depth=-1..1".into()
 }
 
-fn right(at: &Path) -> String {
-    array(at, |r, c| view_of(GRID, r, c), light)
+/// The usual views in another place: `from` has the view that stands in a row and column.
+fn places(at: &Path, from: impl Fn(usize, usize) -> RgbImage) -> String {
+    let views: Vec<_> = (0..GRID[0] * GRID[1]).map(|i| from(i / GRID[1], i % GRID[1])).collect();
+    array(at, GRID, &views, light)
 }
+
+fn right(at: &Path) -> String {
+    array(at, GRID, &all(), light)
+}
+
+/// 8 bits leave no error: all formats without loss hold the same numbers.
+pub const EXACT: Judge = Judge::Like(&VIEWS, 2e-6);
 
 /// The views of the usual grid, and every way in which they may be misread.
 pub static VIEWS: Canon = Canon::new(
     right,
     &[
-        ("rows reversed", |at| array(at, |r, c| view_of(GRID, GRID[0] - 1 - r, c), light)),
-        ("columns reversed", |at| array(at, |r, c| view_of(GRID, r, GRID[1] - 1 - c), light)),
-        ("inside out", |at| array(at, |r, c| view_of(GRID, GRID[0] - 1 - r, GRID[1] - 1 - c), light)),
+        ("rows reversed", |at| places(at, |r, c| view_of(GRID, GRID[0] - 1 - r, c))),
+        ("columns reversed", |at| places(at, |r, c| view_of(GRID, r, GRID[1] - 1 - c))),
+        ("inside out", |at| places(at, |r, c| view_of(GRID, GRID[0] - 1 - r, GRID[1] - 1 - c))),
         ("every second row backwards", |at| {
-            array(at, |r, c| view_of(GRID, r, if r % 2 == 0 { GRID[1] - 1 - c } else { c }), light)
+            places(at, |r, c| view_of(GRID, r, if r % 2 == 0 { GRID[1] - 1 - c } else { c }))
         }),
         ("columns first", |at| {
-            array(at, |r, c| view_of(GRID, (r * GRID[1] + c) % GRID[0], (r * GRID[1] + c) / GRID[0]), light)
+            places(at, |r, c| view_of(GRID, (r * GRID[1] + c) % GRID[0], (r * GRID[1] + c) / GRID[0]))
         }),
-        ("mirrored", |at| array(at, |r, c| image::imageops::flip_horizontal(&view_of(GRID, r, c)), light)),
-        ("upside down", |at| array(at, |r, c| image::imageops::flip_vertical(&view_of(GRID, r, c)), light)),
+        ("mirrored", |at| places(at, |r, c| image::imageops::flip_horizontal(&view_of(GRID, r, c)))),
+        ("upside down", |at| places(at, |r, c| image::imageops::flip_vertical(&view_of(GRID, r, c)))),
         ("with red and blue exchanged", |at| {
-            array(
-                at,
-                |r, c| {
-                    let mut view = view_of(GRID, r, c);
-                    view.pixels_mut().for_each(|p| p.0.reverse());
-                    view
-                },
-                light,
-            )
+            places(at, |r, c| {
+                let mut view = view_of(GRID, r, c);
+                view.pixels_mut().for_each(|p| p.0.reverse());
+                view
+            })
         }),
-        ("without the sRGB curve", |at| array(at, |r, c| view_of(GRID, r, c), |v| f32::from(v) / 255.0)),
+        ("without the sRGB curve", |at| array(at, GRID, &all(), |v| f32::from(v) / 255.0)),
     ],
 );

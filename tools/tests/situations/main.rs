@@ -12,11 +12,20 @@
 #[path = "../command/common/mod.rs"]
 mod common;
 
+mod arrays;
+mod depths;
 mod folders;
+mod formats;
 mod frame;
 mod judge;
 mod made;
 mod page;
+mod paths;
+mod tiled;
+mod videos;
+mod write;
+
+use videos::others;
 
 /// Makes one test of each chapter, and the list of all chapters in the order of the page.
 macro_rules! chapters {
@@ -36,4 +45,11 @@ macro_rules! chapters {
 
 chapters! {
     folders
+    formats
+    arrays
+    tiled
+    depths
+    videos
+    others
+    paths
 }

@@ -10,7 +10,7 @@ const HEAD: &str = "# Situations
 
 Find your files here if you do not know how eyebox reads them, or why it refuses them.
 
-    eyebox photograph views --pupil=8,-4,2,0.5 --size 48x64 --photographs cells -o out.npy
+    eyebox photograph views --pupil=9,-4,2,0.5 --size 48x64 --photographs cells -o out.npy
 
 Each row is a test. The command either gives the right result, or stops with exit code 2 and one line that names the cause and a remedy.
 The test follows the remedy and judges the result by its values. `photograph` has a pupil and an output file in every test, as above.
@@ -54,12 +54,13 @@ fn answer(situation: &Situation) -> String {
     let Answer::Refused { cause, remedy, .. } = &situation.answer else { return "right".into() };
     let remedy = match remedy {
         Remedy::Add(words) => format!("add {}", code(words)),
-        Remedy::Replace(_, word) => format!("write {}", code(word)),
+        Remedy::Replace(_, word) | Remedy::As(_, _, word) => format!("write {}", code(word)),
         Remedy::Instead(words) => format!("run {}", code(words)),
         Remedy::State(file, lines) => {
             let name = file.rsplit('/').next().unwrap_or(file);
             format!("{name}: {}", code(&lines.replace('\n', "; ")))
         }
+        Remedy::Convert(words, ..) => format!("run {}", code(words)),
         Remedy::Change(words, _) => format!("\"{}\"", plain(words)),
     };
     format!("refused: {}. Remedy: {remedy}", plain(cause))

@@ -33,3 +33,37 @@ pub fn views(folder: &Path, scene: &str, place: impl Fn(usize, usize) -> [usize;
         write_png(&folder.join(format!("view_{r}_{c}.png")), 64, 64, &[view]).expect("written");
     }
 }
+
+/// A TIFF without compression, written by hand: interleaved samples of so many channels and bits, little-endian. Format 1 is
+/// unsigned, 3 is floating point.
+pub fn tiff(file: &Path, [height, width]: [u32; 2], [channels, bits, format]: [u16; 3], bytes: &[u8]) {
+    let photometric = if channels >= 3 { 2 } else { 1 };
+    let entries: [(u16, u16, u32); 9] = [
+        (256, 4, width),
+        (257, 4, height),
+        (258, 3, u32::from(bits)),
+        (259, 3, 1),
+        (262, 3, photometric),
+        (273, 4, 8),
+        (277, 3, u32::from(channels)),
+        (279, 4, bytes.len() as u32),
+        (339, 3, u32::from(format)),
+    ];
+    let start = 8 + bytes.len() as u32;
+    let beyond = start + 2 + 12 * 9 + 4;
+    let mut out = [&b"II*\0"[..], &start.to_le_bytes(), bytes, &9u16.to_le_bytes()].concat();
+    for (tag, kind, value) in entries {
+        // Bits and format are said per channel; more than two lie behind the table.
+        let count = if (tag == 258 || tag == 339) && channels > 1 { u32::from(channels) } else { 1 };
+        let value = match (tag, count > 1) {
+            (258, true) => beyond,
+            (339, true) => beyond + 2 * u32::from(channels),
+            _ => value,
+        };
+        out.extend([&tag.to_le_bytes()[..], &kind.to_le_bytes(), &count.to_le_bytes(), &value.to_le_bytes()].concat());
+    }
+    out.extend([0; 4]);
+    (0..channels).for_each(|_| out.extend(bits.to_le_bytes()));
+    (0..channels).for_each(|_| out.extend(format.to_le_bytes()));
+    std::fs::write(file, out).expect("written");
+}
