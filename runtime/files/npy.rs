@@ -222,7 +222,11 @@ fn element(descr: &str) -> Result<(usize, Value), String> {
         kind => {
             let known = "floats ('<f2', '<f4', '<f8') or integers ('|u1', '<u2', '<i8' and the like)";
             let complex = kind.is_some_and(|k| k.starts_with('c'));
-            let hint = if complex { "; of complex numbers save numpy.angle(...)" } else { "" };
+            let hint = if complex {
+                "; of complex numbers save numpy.angle(a), the phase, or numpy.abs(a) ** 2, the light"
+            } else {
+                ""
+            };
             return Err(format!("holds '{descr}': {known} are read{hint}"));
         }
     })

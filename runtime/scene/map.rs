@@ -17,6 +17,8 @@ pub(super) struct Map {
     pub range: Option<[f32; 2]>,
     /// The reason for the meaning, and the number of pixels that had no value, in words.
     pub read_as: String,
+    /// Whether the caller does not know that yet.
+    pub is_news: bool,
 }
 
 /// Reads a map: `.pfm`, `.npy` (two axes), or any picture (its first channel). Which values are near is `stated`, or decided
@@ -56,10 +58,8 @@ pub(super) fn read(path: &Path, stated: Stated) -> Result<Map, SceneError> {
     if filled > 0 {
         read_as += &format!("; {filled} pixels without a value take the farther of their neighbors'");
     }
-    if filled > 0 || stated.near.is_none() {
-        tracing::info!("{}: {read_as}", path.display());
-    }
-    Ok(Map { height, width, values, meaning, range, read_as })
+    let is_news = filled > 0 || stated.near.is_none();
+    Ok(Map { height, width, values, meaning, range, read_as, is_news })
 }
 
 /// The kind of a map's file.

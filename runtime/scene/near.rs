@@ -65,8 +65,7 @@ impl Stated {
 }
 
 /// The remedy for a map that does not show which values are near.
-const DECIDES: &str =
-    "small (distances, 0 is unknown), large (disparities), or bright or dark (a picture, 0 is a value)";
+const DECIDES: &str = "`near` small (distances, 0 is unknown), `near` large (disparities), or `near` bright or `near` dark (a picture, 0 is a value)";
 /// Renderers write such values for infinitely far; no value beyond them is a distance or a disparity.
 const NOTHING: f32 = 1e9;
 /// The largest half float.
@@ -149,7 +148,7 @@ pub(super) fn meaning(
         (_, Some(Near::Small | Near::Dark)) if is_disparity => Err(SceneError::Ambiguous {
             file: file.display().to_string(),
             found: "its name says disparities, of which the larger are near".into(),
-            decides: "large, or give the file another name",
+            decides: "`near` large, or give the file another name",
         }),
         (_, near) if is_disparity && stated.depth.is_none() => {
             let reason = "disparities by its name: pixels between neighboring views, larger is nearer".to_owned();

@@ -246,9 +246,10 @@ pub fn form(out: &Path, allowed: &[Form]) -> Result<Form, Failure> {
         Failure::Asked(format!("{}: the name must end in {ends}", out.display()))
     })?;
     match out.parent().filter(|p| !p.as_os_str().is_empty()) {
-        Some(folder) if !folder.is_dir() => {
-            Err(Failure::Asked(format!("{}: there is no such folder to write into: make it, or give another place", folder.display())))
-        }
+        Some(folder) if !folder.is_dir() => Err(Failure::Asked(format!(
+            "{}: there is no such folder to write into: make it, or give another place",
+            folder.display()
+        ))),
         _ => Ok(form),
     }
 }

@@ -89,16 +89,6 @@ pub enum Failure {
 }
 
 impl Failure {
-    /// The option of the command that follows the remedy of an error of the library.
-    pub fn option(&self) -> Option<&'static str> {
-        let scene = match self {
-            Self::Scene(error) | Self::Produce(ProduceError::Scene(error)) => error,
-            Self::Hologram(HologramError::Scene(error)) | Self::Tiled(TiledError::Scene(error)) => error,
-            _ => return None,
-        };
-        matches!(scene, SceneError::Ambiguous { .. }).then_some("--near WHICH")
-    }
-
     /// The exit code.
     pub fn code(&self) -> u8 {
         let ended = matches!(self, Self::Calibrate(e) if e.is_ended());
@@ -107,7 +97,7 @@ impl Failure {
 }
 
 /// Fields and arguments of the library that a sentence may name and the command's options say: all but a few have the same name.
-const FIELDS: [&str; 36] = [
+const FIELDS: [&str; 37] = [
     "ahead",
     "at",
     "clock",
@@ -123,6 +113,7 @@ const FIELDS: [&str; 36] = [
     "iris",
     "loss",
     "model_terms",
+    "near",
     "order",
     "output",
     "overwrite",

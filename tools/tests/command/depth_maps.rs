@@ -42,7 +42,7 @@ fn what_is_near_is_said_and_remembered() {
     for name in ["map.npy", "depth.npy"] {
         std::fs::write(at.join(name), &npy).unwrap();
     }
-    refused(at, &solve("x.zarr", &["--depth-map", "map.npy"]), "x.zarr", "--near WHICH");
+    refused(at, &solve("x.zarr", &["--depth-map", "map.npy"]), "x.zarr", "--near small");
     let answer = eyebox(at, &solve("x.zarr", &["--depth-map", "depth.npy"]));
     let said = text(&answer.stderr);
     assert!(answer.status.success() && said.contains("smaller is nearer"), "{said}");
