@@ -13,6 +13,7 @@
 mod common;
 
 mod arrays;
+mod cameras;
 mod depths;
 mod folders;
 mod formats;
@@ -51,5 +52,6 @@ chapters! {
     depths
     videos
     others
+    cameras
     paths
 }
