@@ -180,7 +180,9 @@ impl<R: Read> NpyReader<R> {
         let bytes = count.and_then(|n| n.checked_mul(element.0 as u64)).and_then(|n| n.checked_add(before));
         if bytes != Some(length) {
             let wanted = bytes.map_or("more than any file holds".into(), |n| format!("{n} bytes"));
-            return Err(format!("is {length} bytes long, but its shape {:?} needs {wanted}", header.shape).into());
+            let remedy = if bytes.is_some_and(|n| n > length) { ": it is cut short, copy it again" } else { "" };
+            let reason = format!("is {length} bytes long, but its shape {:?} needs {wanted}{remedy}", header.shape);
+            return Err(reason.into());
         }
         Ok(Self { element, big, left: (length - before) as usize / element.0, header, from })
     }

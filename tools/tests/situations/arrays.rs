@@ -191,7 +191,7 @@ fn refused() -> Vec<Situation> {
         .refused("NaN", change("finite", rewrite), EXACT),
         case("An array is cut off.", "photograph v.npy", |at| file(&at.join("v.npy"), &plain()[..100_000])).refused(
             "v.npy",
-            change("is cut short", rewrite),
+            change("copy it again", rewrite),
             EXACT,
         ),
         case("An array was pickled.", "photograph v.npy", |at| file(&at.join("v.npy"), b"\x80\x04\x95rest")).refused(

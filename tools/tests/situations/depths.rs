@@ -7,6 +7,7 @@ use crate::made::{SIZE, view};
 use crate::write::{exr, file, jpeg, npy, pfm, png};
 use image::{GrayImage, ImageBuffer, Luma, Rgb, RgbImage, Rgba, imageops};
 use std::path::Path;
+use std::sync::LazyLock;
 
 const H: usize = SIZE[0];
 const W: usize = SIZE[1];
@@ -30,7 +31,8 @@ fn is_hole(i: usize) -> bool {
 }
 
 pub fn photo() -> RgbImage {
-    view([0.0, 0.0])
+    static PHOTO: LazyLock<RgbImage> = LazyLock::new(|| view([0.0, 0.0]));
+    PHOTO.clone()
 }
 
 /// Words of the command behind the picture, for maps whose depths are stated.
@@ -228,6 +230,10 @@ pub fn chapter() -> Chapter {
             },
         )
         .right(EXACT),
+        with("A network's map of 8 bits is an array with the name depth.", "depth.npy", "", || {
+            npy("|u1", false, &SIZE, &codes())
+        })
+        .refused("an array of 8 bits", Remedy::Add("--near bright"), EXACT),
         with("Disparities of Middlebury 2003 have 8 bits and zeros where nothing is known.", "disp2.png", "", || {
             png(of_bytes(|v, i| if is_hole(i) { 0 } else { v }))
         })
@@ -434,10 +440,11 @@ fn refused() -> Vec<Situation> {
             "The picture is transparent everywhere, as some programs save color and depth.",
             format!("photograph photo.png --depth-map depth.png {STATED}"),
             |at| {
+                let photo = photo();
                 let clear = |p: &Rgb<u8>| Rgba([p.0[0], p.0[1], p.0[2], 0]);
                 file(
                     &at.join("photo.png"),
-                    png(ImageBuffer::from_fn(W as u32, H as u32, |x, y| clear(photo().get_pixel(x, y)))),
+                    png(ImageBuffer::from_fn(W as u32, H as u32, |x, y| clear(photo.get_pixel(x, y)))),
                 );
                 file(&at.join("depth.png"), png(of_bytes(|v, _| v)));
             },

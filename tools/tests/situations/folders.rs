@@ -1,6 +1,7 @@
 //! Folders of views: their names and numbers, and what lies beside them.
 
 use crate::frame::{Case, Chapter, Remedy, case, change};
+use crate::judge::Judge;
 use crate::made::{EXACT, GRID, all, save, view_of};
 use crate::write::file;
 use std::fs;
@@ -109,6 +110,16 @@ pub fn chapter() -> Chapter {
         })
         .right(EXACT),
     ];
+    situations.push(
+        case("One wants to see how eyebox reads a folder.", "inspect views --size 48x64 --json", |at| {
+            save(&at.join("views"), usual);
+        })
+        .right(Judge::By(|outcome| {
+            let found: serde_json::Value = serde_json::from_str(&outcome.stdout).map_err(|e| e.to_string())?;
+            let is_right = found["grid"] == serde_json::json!(GRID);
+            is_right.then_some(()).ok_or_else(|| format!("another grid: {found}"))
+        })),
+    );
     situations.extend(stated());
     situations.extend(refused());
     Chapter {

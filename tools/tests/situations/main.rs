@@ -13,6 +13,7 @@
 mod common;
 
 mod arrays;
+mod cameras;
 mod depths;
 mod displays;
 mod folders;
@@ -57,6 +58,7 @@ chapters! {
     depths
     videos
     others
+    cameras
     paths
     holograms
     phases

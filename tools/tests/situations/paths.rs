@@ -83,7 +83,7 @@ pub fn chapter() -> Chapter {
         case("The name of the folder is not UTF-8.", "photograph caf\\xE9", move |at| save(&at.join(bytes()), usual))
             .refused(
                 "not UTF-8",
-                convert("rename it", "caf\\xE9", "cafe", move |at| {
+                convert("rename", "caf\\xE9", "cafe", move |at| {
                     fs::rename(at.join(bytes()), at.join("cafe")).expect("renamed")
                 }),
                 EXACT,

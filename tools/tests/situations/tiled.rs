@@ -7,6 +7,7 @@ use crate::made::{EXACT, GRID, SIZE, VIEWS, all, array, light, view};
 use crate::write::{exr_of, file, jpeg, png};
 use image::{ImageBuffer, RgbImage, imageops};
 use std::path::Path;
+use std::sync::LazyLock;
 
 const H: u32 = SIZE[0] as u32;
 const W: u32 = SIZE[1] as u32;
@@ -34,8 +35,10 @@ fn lenslets() -> RgbImage {
 }
 
 /// One row of 15 cameras, of which less moves from one to the next.
-fn row() -> Vec<RgbImage> {
-    (0..15).map(|i| view([0.0, (i as f32 - 7.0) / 3.0])).collect()
+pub fn row() -> Vec<RgbImage> {
+    static ROW: LazyLock<Vec<RgbImage>> =
+        LazyLock::new(|| (0..15).map(|i| view([0.0, (i as f32 - 7.0) / 3.0])).collect());
+    ROW.clone()
 }
 
 fn row_of(at: &Path, views: &[RgbImage]) -> String {
@@ -73,7 +76,7 @@ fn quilt() -> RgbImage {
     mosaic(&views, 5, 0)
 }
 
-const OF_ROW: Judge = Judge::Like(&ROW, 2e-6);
+pub const OF_ROW: Judge = Judge::Like(&ROW, 2e-6);
 
 fn one(
     have: &str,
