@@ -7,7 +7,7 @@ use crate::made::save;
 use crate::write::file;
 use serde_json::Value;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 const SOLVE: &str = "--size 48x64 --color green --frames 1 --steps 1 --engine cpu";
@@ -28,8 +28,27 @@ fn run(at: &Path, words: &str) -> String {
     done(at, &words.split_whitespace().collect::<Vec<_>>())
 }
 
-/// A folder of views, and the hologram beside it.
+/// A folder of views, and the hologram beside it, which was solved in another place.
 fn solved(at: &Path) {
+    copy(kept(), at);
+}
+
+/// What `solved` copies. The folder was renamed after the solve, so that nothing is where the hologram was solved.
+fn kept() -> &'static Path {
+    static KEPT: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
+    let make = || {
+        let temp = crate::common::folder();
+        let [first, kept] = ["first", "kept"].map(|name| temp.path().join(name));
+        fs::create_dir(&first).expect("a folder");
+        solved_here(&first);
+        fs::rename(first, &kept).expect("a move");
+        (temp, kept)
+    };
+    &KEPT.get_or_init(make).1
+}
+
+/// A folder of views, and the hologram that was solved beside it.
+fn solved_here(at: &Path) {
     save(&at.join("a/scene"), |row, column| format!("v_{row}_{column}.png"));
     file(&at.join("pupils.json"), "[[4, -2, 4, 0.5]]");
     run(at, &format!("solve a/scene {SOLVE} -o a/h.zarr"));
@@ -55,7 +74,7 @@ fn scored(outcome: &Outcome, right: impl Fn(f64, f64) -> bool) -> Result<(), Str
     let own = *OWN.get_or_init(|| {
         let temp = crate::common::folder();
         solved(temp.path());
-        psnr(&run(temp.path(), "score a/h.zarr --pupils pupils.json --engine cpu --json")).expect("a score")
+        psnr(&run(temp.path(), "score a/h.zarr --pupils pupils.json --no-jod --engine cpu --json")).expect("a score")
     });
     match psnr(&outcome.stdout) {
         Some(found) if right(own, found) => Ok(()),
@@ -65,8 +84,12 @@ fn scored(outcome: &Outcome, right: impl Fn(f64, f64) -> bool) -> Result<(), Str
 
 /// The usual hologram, changed by `how`, and scored.
 fn score(have: &str, words: &str, how: impl Fn(&Path) + Send + Sync + 'static) -> Case {
-    case(have, format!("score {words} --pupils pupils.json --engine cpu --json"), move |at| {
-        solved(at);
+    from(solved, have, words, how)
+}
+
+fn from(make: fn(&Path), have: &str, words: &str, how: impl Fn(&Path) + Send + Sync + 'static) -> Case {
+    case(have, format!("score {words} --pupils pupils.json --no-jod --engine cpu --json"), move |at| {
+        make(at);
         how(at);
     })
 }
@@ -84,10 +107,10 @@ fn copy(from: &Path, to: &Path) {
 
 const CHUNK: &str = "a/h.zarr/phases/c/0/0/0/0";
 
-/// The hologram is solved again in its place.
+/// The hologram is copied again into its place.
 fn again(at: &Path) {
     fs::remove_dir_all(at.join("a/h.zarr")).expect("a hologram");
-    run(at, &format!("solve a/scene {SOLVE} -o a/h.zarr"));
+    copy(&kept().join("a/h.zarr"), &at.join("a/h.zarr"));
 }
 
 pub fn chapter() -> Chapter {
@@ -101,11 +124,11 @@ pub fn chapter() -> Chapter {
             fs::rename(at.join("a/h.zarr"), at.join("a/my hologram.zarr")).expect("a move");
         })
         .right(SCORED),
-        score("A hologram was copied away from its scene, which is still there.", "c/h.zarr", |at| {
+        from(solved_here, "A hologram was copied away from its scene, which is still there.", "c/h.zarr", |at| {
             copy(&at.join("a/h.zarr"), &at.join("c/h.zarr"));
         })
         .right(SCORED),
-        score("A hologram was copied beside another folder of its scene's name.", "c/h.zarr", |at| {
+        from(solved_here, "A hologram was copied beside another folder of its scene's name.", "c/h.zarr", |at| {
             copy(&at.join("a/h.zarr"), &at.join("c/h.zarr"));
             other(&at.join("c/scene"));
         })
@@ -153,23 +176,23 @@ pub fn chapter() -> Chapter {
         score("A file of phases was lost in a copy.", "a/h.zarr", |at| {
             fs::remove_file(at.join(CHUNK)).expect("a file");
         })
-        .refused("it is missing", change("solve it again", again), SCORED),
+        .refused("it is missing", change("copy it again", again), SCORED),
         score("A file of phases was cut off.", "a/h.zarr", |at| {
             let bytes = fs::read(at.join(CHUNK)).expect("a file");
             file(&at.join(CHUNK), &bytes[..100]);
         })
-        .refused("it is 100 bytes long", change("solve it again", again), SCORED),
+        .refused("it is 100 bytes long", change("copy it again", again), SCORED),
         score("The document of a hologram was cut off.", "a/h.zarr", |at| {
             let bytes = fs::read(at.join("a/h.zarr/zarr.json")).expect("a file");
             file(&at.join("a/h.zarr/zarr.json"), &bytes[..200]);
         })
-        .refused("it is no JSON", change("solve it again", again), SCORED),
+        .refused("it is no JSON", change("copy it again", again), SCORED),
         score("One byte of a hologram's phases was changed.", "a/h.zarr", |at| {
             let mut bytes = fs::read(at.join(CHUNK)).expect("a file");
             bytes[1234] ^= 4;
             file(&at.join(CHUNK), &bytes);
         })
-        .refused("damaged", change("solve it again", again), SCORED),
+        .refused("damaged", change("copy it again", again), SCORED),
         case("One hologram of a sequence is wanted.", "export s.zarr -o p.npy", |at| {
             run(at, &format!("solve builtin:plane builtin:plane?depth=0.5 {SOLVE} -o s.zarr"));
         })

@@ -89,9 +89,9 @@ fn numbers() -> Vec<Situation> {
         pupil("A pupil has a word.", "two,-1,4,1.5", "not numbers", form, "two", "2"),
         pupil("A pupil is in meters.", "2,-1,0.004,1.5", "0.004 mm", "probably 4 mm is meant", "0.004", "4"),
         pupil("A pupil is outside of the eyebox.", "200,-1,4,1.5", "outside", "within 13.00 mm", "200", "2"),
-        solve("A negative number of steps.", "--steps -2").refused(
+        case("A negative number of steps.", SOLVE.replace("--steps 1", "--steps -2") + " -o y.zarr", |_| ()).refused(
             "'-2'",
-            Remedy::As("a whole number, 0 or more", "--steps -2", ""),
+            Remedy::As("a whole number, 0 or more", "--steps -2", "--steps 2"),
             SOLVED,
         ),
         solve("The range of diameters is the wrong way around.", "--pupil-diameter 8..2").refused(
@@ -182,13 +182,14 @@ fn displays() -> Vec<Situation> {
             Remedy::Replace("--size 48x64", "--size 24x32"),
             FRAMES,
         ),
-        encode("A hologram of 8 bits is encoded for 8 bit-planes.", "--display planes8 -o frames").refused(
-            "it has 1 sub-frames",
-            change("8 sub-frames would be right", |at| {
-                run(at, &format!("{} -o h.zarr", SOLVE.replace("--frames 1", "--frames 8")));
-            }),
-            FRAMES,
-        ),
+        encode("A hologram of 8 bits is encoded for 8 bit-planes.", "--display planes8 --size 24x32 -o frames")
+            .refused(
+                "it has 1 sub-frames",
+                change("8 sub-frames would be right", |at| {
+                    run(at, &format!("{} -o h.zarr", SOLVE.replace("--frames 1", "--frames 8")));
+                }),
+                FRAMES,
+            ),
         case(
             "A hologram is played on a display of another size.",
             "play h.zarr --size 48x64 --clock simulated --duration 0.1 --record frames --engine cpu",

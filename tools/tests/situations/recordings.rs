@@ -155,7 +155,9 @@ pub fn chapter() -> Chapter {
         })
         .refused("r.jsonl", change("t_unit", mended), ALL),
         recording("Positions are in meters, and no diameter shows it.", || {
-            lines(|i| json!({ "t": place(i).1, "x": 1e-3 * place(i).0, "y": -1e-3 }))
+            // An eye that looks around for three seconds.
+            let x = |i: usize| 3e-3 * (0.1 * i as f64).sin();
+            (0..300).map(|i| json!({ "t": place(i).1, "x": x(i), "y": -1e-3 }).to_string() + "\n").collect()
         })
         .refused("r.jsonl", change("unit", mended), ALL),
         recording("An eye has a name of its own.", || {
