@@ -30,9 +30,8 @@ const SPREAD: f64 = 2.0;
 /// Movements that are explained by a spacing leave no larger share of their squares.
 const EXPLAINED: f64 = 0.1;
 
-/// An arrangement in tiles explains this share of the movements, and another one explains as many times as much to be preferred.
+/// An arrangement in tiles explains this share of the movements.
 const MOST: f64 = 0.7;
-const BETTER: f64 = 1.03;
 
 /// Whether a movement is along x (0) or y (1).
 fn along(axis: usize, by: &[f64; 2]) -> bool {
@@ -94,12 +93,6 @@ impl Line {
 
     fn count(&self) -> usize {
         self.movements(0).count()
-    }
-
-    /// Patches that are found again, whether they moved or not.
-    fn found(&self) -> usize {
-        let found = self.views.iter().flat_map(|(_, seen)| &seen.found);
-        found.filter(|found| matches!(found, Found::Moved(_))).count()
     }
 
     /// Share of the movements that are along x (0) or y (1), and how many there are.
@@ -225,8 +218,7 @@ pub(super) fn contradicted(field: &LightField) -> Option<CamerasFound> {
 fn in_one_place(field: &LightField, patches: &Patches, lines: &[Line; 2]) -> bool {
     let [rows, columns] = field.grid;
     let far = |(by, _): &([f64; 2], bool)| by[0].hypot(by[1]) >= 1.0;
-    let moves = |line: &Line| 4 * line.movements(0).filter(far).count() > line.found();
-    if lines.iter().any(moves) {
+    if rows.min(columns) > 1 || lines.iter().any(|line| 4 * line.movements(0).filter(far).count() > patches.count()) {
         return false;
     }
     let changed = |view: usize| {
@@ -234,7 +226,7 @@ fn in_one_place(field: &LightField, patches: &Patches, lines: &[Line; 2]) -> boo
         let other = ratios.iter().filter(|ratio| !(1.0 / CONTRAST..=CONTRAST).contains(*ratio)).count();
         other >= LEAST && 3 * other >= ratios.len()
     };
-    [0, columns - 1, (rows - 1) * columns, rows * columns - 1].into_iter().any(changed)
+    changed(0) || changed(rows * columns - 1)
 }
 
 /// The view so many rows and columns from the central one, and its patches of that.
@@ -301,7 +293,7 @@ fn row_in_tiles(field: &LightField, patches: &Patches, lines: &[Line; 2]) -> Opt
     for (first, serpentine) in plain.into_iter().chain(serpentine) {
         let tiles = Tiles { grid: field.grid, first, serpentine };
         let right = explained(&tiles);
-        if right >= MOST && best.as_ref().is_none_or(|(most, _)| right > BETTER * most) {
+        if right >= MOST && best.as_ref().is_none_or(|(most, _)| right > *most) {
             best = Some((right, tiles));
         }
     }
