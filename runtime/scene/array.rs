@@ -1,7 +1,7 @@
 //! Light fields in one array: `.npy` and `.npz`, (rows of views, columns of views, rows of pixels, columns of pixels, colours).
 
 use super::cameras::Positions;
-use super::layout::Layout;
+use super::layout::{self, Layout};
 use super::light::Transfer;
 use super::options::Options;
 use super::settings::{self, Settings};
@@ -9,6 +9,7 @@ use super::tone::{FullScale, Reading, Stored};
 use super::views::{self, Frame, Read};
 use super::{Request, SceneError};
 use crate::files::NpyArray;
+use crate::memory;
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -54,9 +55,20 @@ fn open(file: &Path, options: &Options) -> Result<Opened, SceneError> {
     let corrupt = |reason: String| SceneError::Corrupt { file: file.display().to_string(), reason };
     let one_by_one = array.shape.len() == 3 || (array.shape.len() == 4 && matches!(array.shape[3], 1 | 3 | 4));
     let in_a_row = stated.positions.as_ref().map(Positions::grid).filter(|_| one_by_one);
-    let layout = Layout::of(&array.shape, stated.grid.or(in_a_row), file).map_err(corrupt)?;
+    let color = if layout::needs_contents(&array.shape) { color_axis(file, options, &array.shape)? } else { None };
+    let layout = Layout::of(&array.shape, stated.grid.or(in_a_row), color, file).map_err(corrupt)?;
     let elements = Elements::of(&array.kind).map_err(corrupt)?;
     Ok(Opened { array, layout, stated, elements })
+}
+
+/// The axis of colors that the contents of an array of this shape show.
+fn color_axis(file: &Path, options: &Options, shape: &[usize]) -> Result<Option<usize>, SceneError> {
+    let what = || format!("an array of the shape {shape:?}");
+    memory::promise(what, memory::bytes_of(shape, 4), "save fewer views")?;
+    let array = NpyArray::open(file, options.array.as_deref(), |shape| matches!(shape.len(), 4 | 5));
+    let mut array = array.map_err(SceneError::of_file)?;
+    let values = array.take(shape.iter().product()).map_err(SceneError::of_file)?;
+    Ok(layout::color_axis(shape, &values))
 }
 
 /// Rows and columns of the views of an array.

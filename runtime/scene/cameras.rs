@@ -58,6 +58,15 @@ impl Tiles {
         (0..rows * columns).map(tile).collect()
     }
 
+    /// The same row from the other end.
+    fn reversed(self) -> Self {
+        let mut order = self.order();
+        order.reverse();
+        let corners = [FirstTile::BottomLeft, FirstTile::TopLeft, FirstTile::BottomRight, FirstTile::TopRight];
+        let tiles = corners.map(|first| Self { first, ..self });
+        tiles.into_iter().find(|tiles| tiles.order() == order).unwrap_or(self)
+    }
+
     /// The keys of `lightfield.toml` that state it.
     pub(super) fn keys(self) -> String {
         let [rows, columns] = self.grid;
@@ -210,8 +219,10 @@ impl fmt::Display for CamerasFound {
         match self {
             Self::RowInTiles(tiles) => write!(
                 f,
-                "the pictures show {tiles}, and no grid of cameras: {} in lightfield.toml reads them so",
-                tiles.keys()
+                "the pictures show {tiles}, and no grid of cameras: {} in lightfield.toml reads them so, `first = \"{}\"` if that \
+                 camera is the rightmost",
+                tiles.keys(),
+                tiles.reversed().first
             ),
             Self::Uneven { columns, positions } => {
                 let what = if *columns { "columns" } else { "rows" };
@@ -244,6 +255,11 @@ impl fmt::Display for CamerasFound {
                 "the views are no neighbors: only {percent} % of a view's detail is found again in the next one. Take views of \
                  one scene from positions closer to each other; stated depths do not help"
             ),
+        }?;
+        if matches!(self, Self::Misplaced(_)) {
+            Ok(())
+        } else {
+            f.write_str(". `order` as-named takes them as a grid all the same")
         }
     }
 }
@@ -261,6 +277,12 @@ mod tests {
         assert_eq!(of(FirstTile::TopRight, false), [2, 1, 0, 5, 4, 3]);
         assert_eq!(of(FirstTile::TopLeft, true), [0, 1, 2, 5, 4, 3]);
         assert_eq!(of(FirstTile::BottomRight, true), [5, 4, 3, 0, 1, 2]);
+        for (grid, serpentine) in [([2, 3], false), ([2, 3], true), ([3, 4], true), ([3, 4], false)] {
+            for first in [FirstTile::BottomLeft, FirstTile::TopLeft, FirstTile::BottomRight, FirstTile::TopRight] {
+                let tiles = Tiles { grid, first, serpentine };
+                assert!(tiles.reversed().order().into_iter().rev().eq(tiles.order()), "{tiles}");
+            }
+        }
     }
 
     #[test]

@@ -71,7 +71,7 @@ fn state(folder: &Path, toml: &str) {
 fn refusal(source: &Path, display: &Display) -> SceneError {
     let source = source.to_str().unwrap();
     let request = Request::new(display, &GREEN);
-    let error = load(source, &request).unwrap_err();
+    let error = load(source, &request).map(|field| field.grid).expect_err(source);
     let (found, _) = inspect(source, &request).unwrap();
     assert_eq!(found.doubt, Some(error.to_string()), "inspect and load decide alike");
     // Stated depths do not make a wrong arrangement right.
@@ -152,6 +152,13 @@ fn tiles_of_one_row_are_no_grid_of_cameras_and_the_remedy_works() {
         ([6, 8], BottomRight, false, [-0.15, 0.12]),
         ([3, 6], BottomLeft, false, [-0.4, 0.5]),
         ([4, 4], TopLeft, false, [-0.6, 0.4]),
+        ([4, 6], BottomLeft, true, [-0.3, 0.3]),
+        ([5, 4], TopLeft, true, [-0.3, 0.4]),
+        ([4, 6], TopLeft, true, [-0.2, 0.3]),
+        ([6, 8], BottomRight, true, [-0.1, 0.15]),
+        ([5, 5], TopRight, true, [-0.3, 0.2]),
+        ([3, 6], BottomRight, true, [-0.4, 0.3]),
+        ([6, 5], TopRight, true, [0.1, 0.3]),
         ([7, 7], BottomLeft, false, [0.05, 0.2]),
         ([3, 5], TopLeft, false, [-0.5, 0.5]),
     ];
@@ -168,8 +175,8 @@ fn tiles_of_one_row_are_no_grid_of_cameras_and_the_remedy_works() {
             panic!("{tiles}: {error}")
         };
         // From right to left is the same row, near and far exchanged.
-        let reversed = matches!(first, TopRight | BottomRight);
-        assert_eq!((found.grid, found.serpentine), (grid, serpentine), "{tiles}: {found}");
+        let reversed = found.order() != tiles.order();
+        assert!(!reversed || found.order().into_iter().rev().eq(tiles.order()), "{tiles}: {found}");
         let lines: String = found.keys().replace("`, `", "\n").replace('`', "");
         state(temp.path(), &lines);
         let source = temp.path().join("scene.png?mosaic");
@@ -272,7 +279,7 @@ fn handheld_photographs_are_no_grid_until_their_positions_are_stated() {
             Err(error) => panic!("{error}"),
         }
     }
-    assert!(taken.len() <= 1, "mirrored positions are taken: {taken:?}");
+    assert!(taken.is_empty(), "mirrored positions are taken: {taken:?}");
 }
 
 #[test]
@@ -292,6 +299,7 @@ fn uneven_cameras_are_read_at_their_positions() {
         (&[0.0, 1.0, 30.0, 41.0, 60.0, 61.0], &[0.0, 15.0, 30.0, 45.0]),
         (&[0.0, 31.0, 35.0, 60.0], &[0.0, 22.0, 25.0, 60.0]),
     ];
+    let mut refused = Vec::new();
     for (i, (x, y)) in cases.into_iter().enumerate() {
         let unit = 0.9 * eyebox / 60.0;
         let positions: Vec<[f64; 2]> = y.iter().flat_map(|y| x.iter().map(move |x| [x * unit, y * unit])).collect();
@@ -311,12 +319,38 @@ fn uneven_cameras_are_read_at_their_positions() {
         state(temp.path(), &format!("grid = [{}, {}]", y.len(), x.len()));
         match load(source, &Request::new(&display, &GREEN)) {
             Ok(field) => assert_eq!(field.grid, [y.len(), x.len()]),
-            Err(SceneError::Cameras { found: CamerasFound::Uneven { .. }, .. }) => {}
+            Err(SceneError::Cameras { found: CamerasFound::Uneven { .. }, .. }) => refused.push(i),
             Err(error) => panic!("{x:?}, stated: {error}"),
         }
         let scaled = |all: &[f64]| all.iter().map(|v| v * unit).collect::<Vec<_>>();
         state(temp.path(), &format!("positions_mm = {{ x = {:?}, y = {:?} }}", scaled(x), scaled(y)));
         scene.is_read(temp.path(), &display, 20.0);
+    }
+    println!("refused as even grids: {refused:?}");
+    assert!(refused.len() >= 3, "the pictures contradict an even grid, but only {refused:?} are refused");
+}
+
+/// What an inspection takes follows from the views, and not from the display.
+#[test]
+fn small_views_are_inspected_at_their_own_size() {
+    let world = World::new(9, [48, 64], [-0.7, 0.9]);
+    let temp = tempfile::tempdir().unwrap();
+    for i in 0..9 {
+        write(
+            temp.path(),
+            &format!("v_{}_{}.png", i / 3, i % 3),
+            world.size,
+            &world.view([(i % 3) as f32 - 1.0, (i / 3) as f32 - 1.0]),
+        );
+    }
+    let source = temp.path().to_str().unwrap();
+    let [(own, field), (large, seen)] =
+        [[48, 64], [480, 640]].map(|size| inspect(source, &Request::new(&display(size), &GREEN)).unwrap());
+    assert_eq!(([field.height, field.width], [seen.height, seen.width]), ([48, 64], [48, 64]));
+    assert_eq!((own.size, large.size), ([48, 64], [480, 640]));
+    // In pixels of the display.
+    for (a, b) in own.disparity_px.into_iter().zip(large.disparity_px) {
+        assert!((10.0 * a - b).abs() < 1e-6, "{a} {b}");
     }
 }
 

@@ -84,6 +84,13 @@ fn what_is_drawn_has_the_depths_that_it_was_drawn_with() {
         (Clouds, [64, 64], [5, 5], [-1, 2]),
         (Clouds, [64, 64], [7, 7], [-1, 1]),
         (Clouds, [80, 80], [1, 7], [-1, 2]),
+        (Checkered(8), [96, 96], [5, 5], [-1, 2]),
+        (Checkered(8), [64, 80], [3, 3], [-1, 2]),
+        (Checkered(8), [80, 80], [1, 7], [-1, 2]),
+        (Checkered(8), [64, 64], [7, 7], [0, -2]),
+        (Random, [80, 80], [1, 7], [-1, 2]),
+        (Random, [80, 80], [1, 7], [-1, 1]),
+        (Random, [64, 64], [7, 7], [-1, 2]),
     ] {
         let field = drawn(background, size, grid, disparity);
         assert_eq!(standing::contradicted(&field), None, "{background:?}");
@@ -121,15 +128,49 @@ fn views_that_are_all_the_same_have_no_depth() {
 /// Pictures of one place through another focus each are no views.
 #[test]
 fn a_focal_stack_is_not_taken_for_views() {
-    let sharp = drawn(Clouds, [96, 128], [1, 1], [0, 0]);
-    let mut near = sharp.planes[0][0].clone();
-    let mut views = vec![near.clone()];
-    for _ in 0..4 {
-        for _ in 0..4 {
-            near = subpixel::soften(&near, 96, 128);
+    for grid in [[1, 5]] {
+        let sharp = drawn(Clouds, [96, 128], [1, 1], [0, 0]);
+        let mut near = sharp.planes[0][0].clone();
+        let mut views = vec![near.clone()];
+        while views.len() < grid[0] * grid[1] {
+            for _ in 0..4 {
+                near = subpixel::soften(&near, 96, 128);
+            }
+            views.push(near.clone());
         }
-        views.push(near.clone());
+        let field = LightField { grid, planes: vec![views], ..sharp };
+        assert_eq!(standing::contradicted(&field), Some(CamerasFound::OnePlace), "{grid:?}");
     }
-    let field = LightField { grid: [1, 5], planes: vec![views], ..sharp };
-    assert_eq!(standing::contradicted(&field), Some(CamerasFound::OnePlace));
+}
+
+/// The notebook's: stripes that stand still behind a hole that moves by a pixel and a half, and stripes that move with it. Where they end,
+/// they seem to move along themselves.
+#[test]
+fn a_disc_that_moves_over_stripes_is_a_grid_of_views() {
+    for (grid, moves, across) in [
+        ([5, 5], false, [1, -1]),
+        ([5, 5], true, [1, -1]),
+        ([1, 5], false, [1, -1]),
+        ([7, 7], false, [1, -1]),
+        ([5, 5], false, [1, 2]),
+    ] {
+        let view = |v: usize| {
+            let [down, right] = [0, 1].map(|i| [v / grid[1], v % grid[1]][i] as f64 - (grid[i] / 2) as f64);
+            let pixel = |i: usize| {
+                let [x, y] = [i % 128, i / 128].map(|at| at as f64);
+                let (u, w) = (x + 1.5 * right, y + 1.5 * down);
+                let [a, b] = if moves { [u, w] } else { [x, y] };
+                let stripe = ((across[0] as f64 * a + across[1] as f64 * b) / 6.0).floor().rem_euclid(2.0);
+                let floor = 0.1 + 0.3 * ((x / 16.0).floor() + (y / 16.0).floor()).rem_euclid(2.0);
+                (if (u - 64.0).hypot(w - 64.0) < 24.0 { 0.5 + 0.5 * stripe } else { floor }) as f32
+            };
+            (0..128 * 128).map(pixel).collect()
+        };
+        let planes = vec![(0..grid[0] * grid[1]).map(view).collect()];
+        let field = LightField { grid, height: 128, width: 128, planes, ..drawn(Plain, [8, 8], [1, 1], [0, 0]) };
+        assert_eq!(standing::contradicted(&field), None, "{grid:?} {moves} {across:?}");
+        let [low, high] = measured(&field).unwrap();
+        // Edges are drawn in whole pixels.
+        assert!(low.abs() < 0.25 && (high - 1.5).abs() < 0.55, "{grid:?} {moves} {across:?}: {low} to {high}");
+    }
 }

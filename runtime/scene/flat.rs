@@ -3,7 +3,7 @@
 //! A flat square before a textured background is like the background at the background's disparity, as long as each window may choose
 //! one of two opposite views: one of them shows it flat. In both views at once its edges are alike at its own disparity alone.
 
-use super::sweep::{OUTLIER, Sweep, lowest};
+use super::sweep::{OUTLIER, Sweep};
 use rayon::prelude::*;
 
 /// Pixels from the middle of the windows that are compared to their edge.
@@ -18,6 +18,10 @@ const ALIKE: f32 = 0.25;
 const WIDEST: f64 = 6.0;
 /// Pixels beyond the range that was found in which surfaces are sought.
 const FARTHEST: f64 = 8.0;
+/// Disparities that are compared between two candidates.
+const BETWEEN: u32 = 5;
+/// Disparities are as likely as the likeliest if no more pixels of movement are between them.
+const LIKEST: f32 = 0.02;
 /// Mean light of a window, square root of the brightest: between points on black, darkness is alike at many disparities.
 const LIT: f32 = 0.25;
 /// Windows that agree within so many pixels show a surface.
@@ -66,8 +70,17 @@ pub(super) fn extended(
         // What is alike nearly everywhere is dark, or flat with no edge.
         let alike: Vec<f64> = outside.iter().copied().filter(|d| differs(*d) <= ALIKE * slope).collect();
         let found = *alike.first().filter(|_| alike.len() as f64 * step <= WIDEST)?;
-        let around = [found - step, found, found + step].map(differs);
-        Some(found + lowest(&around, 1) * step)
+        // The middle of the likest, between candidates, too: an edge that is drawn in whole pixels is alike from one to the next.
+        let ends = alike.iter().fold([found; 2], |[a, b], d| [a.min(*d), b.max(*d)]);
+        let count = (f64::from(BETWEEN) * ((ends[1] - ends[0]) / step + 2.0)).round() as usize;
+        let fine: Vec<(f64, f32)> = (0..=count)
+            .map(|k| ends[0] - step + k as f64 * step / f64::from(BETWEEN))
+            .map(|d| (d, differs(d)))
+            .collect();
+        let least = fine.iter().map(|(_, differs)| *differs).fold(f32::INFINITY, f32::min);
+        let mut likest = fine.iter().filter(|(_, differs)| *differs <= least + LIKEST * slope).map(|(d, _)| *d);
+        let first = likest.next()?;
+        Some(0.5 * (first + likest.next_back().unwrap_or(first)))
     };
     let mut votes: Vec<f64> = (0..h * w).into_par_iter().filter_map(shown).collect();
     votes.sort_by(f64::total_cmp);

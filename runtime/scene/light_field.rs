@@ -1,11 +1,9 @@
 //! A light field: views on a grid of pupil positions.
 
 use super::resize::{Fit, Resize};
-use super::tone::{FullScale, Tally, Tone};
 use super::{MadeViews, SceneError};
-use crate::optics::{Color, Display, check_usual_view_pitch};
+use crate::optics::{Color, Display};
 use rayon::prelude::*;
-use std::path::Path;
 
 /// Views of a scene from a grid of positions in the pupil plane (OPTICS 3).
 ///
@@ -38,31 +36,6 @@ pub struct LightField {
 }
 
 impl LightField {
-    /// Takes over views that a program made itself. Rounding errors below 0 become black, and a few highlights above 1 white;
-    /// a warning says so.
-    ///
-    /// # Errors
-    /// Those of [`check`](Self::check); [`SceneError::FullScale`] if 1 is clearly not their full scale; [`SceneError::Optics`] for
-    /// a view pitch in another unit.
-    pub fn admit(mut self) -> Result<Self, SceneError> {
-        self.check_shape()?;
-        self.view_pitch.map_or(Ok(()), check_usual_view_pitch)?;
-        let mut tally = Tally::default();
-        for views in &mut self.planes {
-            let one = |view: &mut Vec<f32>| {
-                let mut tally = Tally::default();
-                // The first value that is no light stays, and is refused below.
-                let _ = tally.shares(view);
-                tally
-            };
-            tally = views.par_iter_mut().map(one).reduce(Tally::default, Tally::and).and(tally);
-        }
-        self.check()?;
-        let name = if self.name.is_empty() { "the views" } else { &self.name };
-        tally.judge(Path::new(name), Tone::default(), FullScale::Array)?;
-        Ok(self)
-    }
-
     /// Refuses views that are not as [`planes`](Self::planes) says.
     ///
     /// # Errors
@@ -84,7 +57,7 @@ impl LightField {
         Ok(())
     }
 
-    fn check_shape(&self) -> Result<(), SceneError> {
+    pub(super) fn check_shape(&self) -> Result<(), SceneError> {
         let wrong = |what, value: String, must| Err(SceneError::Request { what, value, must });
         let ([rows, columns], height, width) = (self.grid, self.height, self.width);
         if !(1..=64).contains(&rows) || !(1..=64).contains(&columns) {
@@ -150,48 +123,6 @@ impl LightField {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn views_of_a_program_s_own_are_looked_at() {
-        let field = LightField {
-            name: String::new(),
-            grid: [2, 1],
-            height: 2,
-            width: 3,
-            colors: vec![Color::Red],
-            planes: vec![vec![vec![0.5; 6]; 2]],
-            view_pitch: None,
-            disparity: None,
-            depth: None,
-            made: None,
-        };
-        field.clone().admit().unwrap();
-        let says = |change: &dyn Fn(&mut LightField)| {
-            let mut field = field.clone();
-            change(&mut field);
-            field.admit().unwrap_err().to_string()
-        };
-        let nan = says(&|f| f.planes[0][1][4] = f32::NAN);
-        assert!(nan.contains("NaN in red, view 1, row 1, column 1"), "{nan}");
-        assert!(says(&|f| f.planes[0][1][4] = -0.1).contains("not negative"));
-        assert!(says(&|f| f.planes[0][1].truncate(5)).contains("one plane a colour"));
-        assert!(says(&|f| f.grid = [0, 1]).contains("0 x 1") && says(&|f| f.width = 0).contains("2 x 0"));
-        assert!(says(&|f| f.view_pitch = Some(0.0)).contains("view pitch"));
-        let wrong = |change: &dyn Fn(&mut LightField)| {
-            let mut field = field.clone();
-            change(&mut field);
-            field.admit()
-        };
-        for full in [2.0, 100.0, 255.0, 1023.0, 65535.0] {
-            let bright = wrong(&|f| f.planes.iter_mut().flatten().flatten().for_each(|v| *v *= full * 2.0));
-            assert!(matches!(bright, Err(SceneError::FullScale { how: FullScale::Array, .. })), "{full}: {bright:?}");
-        }
-        let mut large = field.clone();
-        (large.width, large.planes) = (300, vec![vec![vec![0.5; 600]; 2]]);
-        (large.planes[0][1][4], large.planes[0][0][7]) = (30.0, -1e-6);
-        let large = large.admit().unwrap();
-        assert_eq!((large.planes[0][1][4], large.planes[0][0][7], large.planes[0][0][8]), (1.0, 0.0, 0.5));
-    }
 
     #[test]
     fn fitting_scales_what_is_measured_in_pixels() {

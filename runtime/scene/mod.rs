@@ -60,6 +60,7 @@
 //!
 //! Signs (OPTICS 3): columns of views follow +x of the pupil, rows +y; content of positive disparity is near.
 
+mod admit;
 mod array;
 mod builtin;
 mod cameras;

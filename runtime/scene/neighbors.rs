@@ -26,6 +26,13 @@ const UNLIKE: f32 = 0.5;
 /// Any other place differs by as many times as much, and by as much more.
 const UNIQUE: [f32; 2] = [2.0, 0.1];
 
+/// A patch is alike in two opposite views if this share of its pixels differs from one of them by no more than this share of the
+/// patch's standard deviation.
+const ONE_OF_TWO: [f32; 2] = [0.65, 0.12];
+
+/// A small copy of a view: square root of light.
+pub(super) type Small = Vec<f32>;
+
 /// Small copies of views, and patches of one of them.
 pub(super) struct Patches {
     size: [usize; 2],
@@ -34,7 +41,7 @@ pub(super) struct Patches {
     reach: i64,
     /// Pixels of the light field per pixel of the copies.
     scale: f64,
-    center: Vec<f32>,
+    center: Small,
     /// Middle (row, column) of each patch.
     at: Vec<[usize; 2]>,
 }
@@ -82,7 +89,7 @@ impl Patches {
     }
 
     /// A view, small and softened: square root of light.
-    fn small(&self, field: &LightField, view: usize) -> Vec<f32> {
+    pub(super) fn small(&self, field: &LightField, view: usize) -> Small {
         let resize = Resize::new([field.height, field.width], self.size, Fit::Stretch);
         let mut sum = vec![0.0f32; self.size[0] * self.size[1]];
         for plane in &field.planes {
@@ -153,9 +160,37 @@ impl Patches {
     }
 
     /// What became of each patch in another view.
-    pub(super) fn found(&self, field: &LightField, view: usize) -> Vec<Found> {
-        let other = self.small(field, view);
-        self.at.par_iter().map(|at| self.find(&other, *at)).collect()
+    pub(super) fn found(&self, other: &Small) -> Vec<Found> {
+        self.at.par_iter().map(|at| self.find(other, *at)).collect()
+    }
+
+    /// Whether a patch is alike in two opposite views that moved along x (0) or y (1), each of its pixels in one of them: where surfaces
+    /// end, content that moves covers other content, and the corners of both seem to move elsewhere.
+    pub(super) fn alike_along(&self, patch: usize, axis: usize, [there, opposite]: [&Small; 2]) -> bool {
+        let ([y, x], width) = (self.at[patch], self.size[1]);
+        let (at, step) = if axis == 0 { (x, 1) } else { (y, width) };
+        let lit = &self.lit[1 - axis];
+        let middle = y * width + x;
+        let rows =
+            || (0..=2 * HALF).flat_map(|j| (0..=2 * HALF).map(move |i| middle + j * width + i - HALF * (width + 1)));
+        let count = (2 * HALF + 1).pow(2) as f32;
+        let mean = rows().map(|i| self.center[i]).sum::<f32>() / count;
+        let variance = rows().map(|i| (self.center[i] - mean).powi(2)).sum::<f32>() / count;
+        let tolerance = ONE_OF_TWO[1] * variance.sqrt();
+        // Half pixels by which no pixel leaves the picture on either side.
+        let most = (at - lit.start - HALF).min(lit.end - 1 - HALF - at).min(self.reach as usize) as isize;
+        let moved = |small: &Small, i: usize, half: isize| {
+            let [a, b] = [half.div_euclid(2), half.div_euclid(2) + half.rem_euclid(2)];
+            let value = |by: isize| small[i.saturating_add_signed(by * step as isize)];
+            0.5 * (value(a) + value(b))
+        };
+        (-2 * most..=2 * most).any(|half| {
+            let is_alike = |i: &usize| {
+                let [a, b] = [moved(there, *i, half), moved(opposite, *i, -half)].map(|v| (v - self.center[*i]).abs());
+                a.min(b) <= tolerance
+            };
+            rows().filter(is_alike).count() as f32 >= ONE_OF_TWO[0] * count
+        })
     }
 
     fn find(&self, other: &[f32], [y, x]: [usize; 2]) -> Found {

@@ -328,23 +328,25 @@ impl Small {
     fn sharp(&self, step: usize, most: f64, transposed: bool, turned: bool) -> Vec<f32> {
         let there =
             |axis: usize, d: isize| self.arms[axis].iter().find(|(at, _)| *at == d * step as isize).map(|(_, v)| v);
+        // A side without views says nothing: a copy of the central view in its place would say that nothing moves.
+        let turn = |axis: usize| if turned && axis == 1 { -1 } else { 1 };
+        let side = |axis: usize, d: isize| usize::from(there(axis, d * turn(axis)).is_some());
+        let axes = if transposed { [0, 1] } else { [1, 0] };
+        let [rows, columns] = axes.map(|axis| side(axis, -1) + 1 + side(axis, 1));
+        let [row, column] = axes.map(|axis| side(axis, -1));
         let light = |index: usize| {
-            let (mut d, mut e) = (index as isize / 3 - 1, index as isize % 3 - 1);
-            if transposed {
-                (d, e) = (e, d);
-            }
-            if turned {
-                d = -d;
-            }
+            let away = [index / columns, index % columns];
+            let [d, e] = [(away[0], row), (away[1], column)].map(|(at, middle)| at as isize - middle as isize);
             let view = match (d, e) {
                 (0, 0) => Some(&self.center),
-                (d, 0) => there(1, d),
-                (_, e) => there(0, e),
+                (d, 0) => there(axes[0], d * turn(axes[0])),
+                (_, e) => there(axes[1], e * turn(axes[1])),
             };
             view.unwrap_or(&self.center).iter().map(|v| v * v).collect()
         };
-        let grid = super::ViewGrid { rows: 3, columns: 3, cell: 1.0 };
-        super::depth::view_disparities(&grid, 4, self.size, [-most, most], super::sweep::Compared::Exactly, light)
+        let grid = super::ViewGrid { rows, columns, cell: 1.0 };
+        let center = row * columns + column;
+        super::depth::view_disparities(&grid, center, self.size, [-most, most], super::sweep::Compared::Exactly, light)
     }
 }
 

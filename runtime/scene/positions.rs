@@ -15,13 +15,16 @@ const VIEWS: [usize; 2] = [3, 9];
 /// Patches that decide, at least, and those that agree at an end of the depths.
 const LEAST: usize = 8;
 const ENDS: usize = 2;
-/// Views around the one in the middle that patches are sought in.
-const AROUND: usize = 8;
+/// Views around the one in the middle that patches are sought in, and the nearest of them, by which their movement is measured.
+const AROUND: usize = 24;
+const NEAREST: usize = 8;
 /// The movement of a patch is explained by its camera's position if it leaves no larger share of its squares, or pixels.
 const EXPLAINED: f64 = 0.1;
 const PIXELS: f64 = 0.75;
 /// Positions are right if they explain this share of the patches that move.
 const RIGHT: f64 = 0.6;
+/// A patch moves as other positions say if these leave no larger share of what the stated ones leave, which is more than as many pixels.
+const CLEARLY: [f64; 2] = [0.5, 0.25];
 /// A view that is left out should be shown so well, dB.
 const ENOUGH: f64 = 25.0;
 
@@ -60,6 +63,12 @@ pub(super) fn resampled(
     let display = request.display;
     let per_pixel = display.focal_length * display.picture_pixel();
     let measured = rates(&field, &all);
+    let misplaced = measured.explained < RIGHT || measured.otherwise;
+    let cameras = misplaced.then_some(CamerasFound::Misplaced((100.0 * measured.explained) as u8));
+    if cameras.is_some() {
+        let how = format!("; {count} cameras at positions of their own, which the pictures contradict");
+        return Ok(Resampled { field, how, cameras });
+    }
     let depth = match request.depth.or(field.depth) {
         Some([a, b]) => [a.min(b), a.max(b)],
         None => match measured.range {
@@ -91,8 +100,7 @@ pub(super) fn resampled(
         grid.rows,
         grid.columns
     );
-    let cameras = (measured.explained < RIGHT).then_some(CamerasFound::Misplaced((100.0 * measured.explained) as u8));
-    if cameras.is_none() && shown < ENOUGH {
+    if shown < ENOUGH {
         tracing::warn!(
             "{}: the other views show one that is left out to {shown:.1} dB only: positions_mm or the depths may be wrong, or cameras \
              stand too far apart",
@@ -116,13 +124,41 @@ struct Rates {
     range: Option<[f64; 2]>,
     /// Share of the patches that move as the positions say, 1 where nothing moves.
     explained: f64,
+    /// Whether mirrored or exchanged axes explain the movements clearly better.
+    otherwise: bool,
     /// Per cent of the patches that are found again.
     percent: u8,
 }
 
+/// A camera's place beside the one in the middle, meters, and by how many pixels a patch moves there.
+type Move = ([f64; 2], [f64; 2]);
+
+/// The movement per meter that fits best, and the squares that it leaves. Content that is near moves against the camera.
+fn fitted(moves: &[Move]) -> (f64, f64) {
+    let squares: f64 = moves.iter().map(|(q, _)| q[0] * q[0] + q[1] * q[1]).sum();
+    let rate = -moves.iter().map(|(q, m)| q[0] * m[0] + q[1] * m[1]).sum::<f64>() / squares.max(1e-18);
+    (rate, moves.iter().map(|(q, m)| (m[0] + rate * q[0]).powi(2) + (m[1] + rate * q[1]).powi(2)).sum())
+}
+
+/// Positions as they would be if an axis were mirrored, both were exchanged, or both. All of them reversed are the same, near and far
+/// exchanged.
+const OTHERWISE: [fn([f64; 2]) -> [f64; 2]; 3] = [|[x, y]| [x, -y], |[x, y]| [y, x], |[x, y]| [y, -x]];
+
+/// Patches whose movements these positions explain clearly better than the stated ones do, and the other way round.
+fn votes(patches: &[Vec<Move>], otherwise: fn([f64; 2]) -> [f64; 2]) -> [usize; 2] {
+    let vote = |moves: &Vec<Move>| {
+        let other: Vec<Move> = moves.iter().map(|(q, m)| (otherwise(*q), *m)).collect();
+        let [stated, other] = [moves, &other].map(|moves| fitted(moves).1);
+        let noise = CLEARLY[1].powi(2) * moves.len() as f64;
+        let clearly = |less: f64, more: f64| usize::from(more > noise && less < CLEARLY[0] * more);
+        [clearly(other, stated), clearly(stated, other)]
+    };
+    patches.iter().map(vote).fold([0, 0], |sum, vote| [sum[0] + vote[0], sum[1] + vote[1]])
+}
+
 /// Movements of the patches of the view in the middle.
 fn rates(field: &LightField, all: &[[f64; 2]]) -> Rates {
-    let nothing = Rates { range: None, explained: 1.0, percent: 0 };
+    let nothing = Rates { range: None, explained: 1.0, otherwise: false, percent: 0 };
     let far = |p: &[f64; 2], q: &[f64; 2]| (p[0] - q[0]).hypot(p[1] - q[1]);
     let Some(center) = (0..all.len()).min_by(|&a, &b| far(&all[a], &[0.0; 2]).total_cmp(&far(&all[b], &[0.0; 2])))
     else {
@@ -132,24 +168,19 @@ fn rates(field: &LightField, all: &[[f64; 2]]) -> Rates {
     let mut others: Vec<usize> = (0..all.len()).filter(|v| *v != center).collect();
     others.sort_by(|&a, &b| far(&all[a], &all[center]).total_cmp(&far(&all[b], &all[center])));
     others.truncate(AROUND);
-    let found: Vec<Vec<Found>> = others.iter().map(|v| patches.found(field, *v)).collect();
+    let found: Vec<Vec<Found>> = others.iter().map(|v| patches.found(&patches.small(field, *v))).collect();
+    let moves = |p: usize, views: usize| -> Vec<Move> {
+        let moved = |(v, found): (&usize, &Vec<Found>)| match found[p] {
+            Found::Moved(by) => Some(([0, 1].map(|k| all[*v][k] - all[center][k]), by)),
+            _ => None,
+        };
+        others.iter().zip(&found).take(views).filter_map(moved).collect()
+    };
     let (mut rates, mut moving, mut right, mut seen) = (Vec::new(), 0, 0, 0);
-    for p in 0..patches.count() {
-        let moves: Vec<([f64; 2], [f64; 2])> = (others.iter().zip(&found))
-            .filter_map(|(v, found)| match found[p] {
-                Found::Moved(by) => Some(([0, 1].map(|k| all[*v][k] - all[center][k]), by)),
-                _ => None,
-            })
-            .collect();
-        if moves.len() < 2 {
-            continue;
-        }
+    for moves in (0..patches.count()).map(|p| moves(p, NEAREST)).filter(|moves| moves.len() >= 2) {
         seen += 1;
-        let squares: f64 = moves.iter().map(|(q, _)| q[0] * q[0] + q[1] * q[1]).sum();
-        // Content that is near moves against the camera.
-        let rate = -moves.iter().map(|(q, m)| q[0] * m[0] + q[1] * m[1]).sum::<f64>() / squares.max(1e-18);
+        let (rate, left) = fitted(&moves);
         let size: f64 = moves.iter().map(|(_, m)| m[0] * m[0] + m[1] * m[1]).sum();
-        let left: f64 = moves.iter().map(|(q, m)| (m[0] + rate * q[0]).powi(2) + (m[1] + rate * q[1]).powi(2)).sum();
         let is_right = left <= (EXPLAINED * size).max(PIXELS.powi(2) * moves.len() as f64);
         if size > moves.len() as f64 {
             moving += 1;
@@ -161,6 +192,15 @@ fn rates(field: &LightField, all: &[[f64; 2]]) -> Rates {
     }
     rates.sort_by(f64::total_cmp);
     let range = (rates.len() >= LEAST).then(|| [rates[ENDS - 1], rates[rates.len() - ENDS]]);
-    let explained = if moving < LEAST { 1.0 } else { right as f64 / moving as f64 };
-    Rates { range, explained, percent: (100 * seen / patches.count().max(1)) as u8 }
+    let every: Vec<Vec<Move>> = (0..patches.count()).map(|p| moves(p, AROUND)).collect();
+    let counts = OTHERWISE.map(|otherwise| votes(&every, otherwise));
+    let otherwise = counts.into_iter().any(|[other, stated]| other >= LEAST.max(2 * stated));
+    let explained = match moving {
+        _ if otherwise => {
+            counts.iter().map(|[other, stated]| *stated as f64 / (stated + other).max(1) as f64).fold(1.0, f64::min)
+        }
+        moving if moving < LEAST => 1.0,
+        moving => right as f64 / moving as f64,
+    };
+    Rates { range, explained, otherwise, percent: (100 * seen / patches.count().max(1)) as u8 }
 }

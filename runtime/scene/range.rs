@@ -40,6 +40,8 @@ const TRUSTED: f64 = 0.7;
 const PLAUSIBLE: [f64; 2] = [0.9, 0.3];
 /// Pixels of the light field within which disparities are sought at least where they are not unique within more.
 const NARROWEST: f64 = 4.0;
+/// What is drawn lies at an end of the coarse look if the fine one ends by more pixels before.
+const LOST: f64 = 0.4;
 /// Light of views that differ by no more, square root of light, is the same.
 const SAME: f32 = 4e-3;
 
@@ -194,7 +196,11 @@ fn look(field: &LightField, by_window: Option<f64>) -> Found {
     let Some([low, high]) = coarse.range else { return coarse };
     let margin = (longer as f64 / COARSE as f64).max(1.0) + 0.1 * (high - low);
     let fine = within(at(FINE), [low - margin, high + margin], STEPS);
-    let found = if fine.range.is_some() { fine } else { coarse };
+    let mut found = if fine.range.is_some() { fine } else { coarse };
+    // Windows that cover the end of a flat surface see it in the nearest views alone.
+    if let (Some([a, b]), true) = (found.range, by_window.is_some()) {
+        found.range = Some([if low < a - LOST { low } else { a }, if high > b + LOST { high } else { b }]);
+    }
     let [least, most] = coarse.beyond;
     // What the coarse look finds beyond its own range is beyond that of the fine one.
     let range = found

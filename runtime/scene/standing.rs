@@ -5,8 +5,9 @@
 //! and of cameras that stand anywhere do not.
 
 use super::cameras::{CamerasFound, FirstTile, Tiles};
-use super::neighbors::{Found, Patches};
-use super::{LightField, SceneError};
+use super::neighbors::{Found, Patches, Small};
+use super::{LightField, Order, SceneError};
+use rayon::prelude::*;
 
 /// Patches that decide, at least.
 const LEAST: usize = 8;
@@ -16,8 +17,7 @@ const SEEN_AGAIN: f64 = 0.15;
 const MOVED: f64 = 0.4;
 /// It moved along an axis if it moved across it by no more pixels, and by no larger share.
 const ACROSS: [f64; 2] = [0.3, 0.2];
-/// Shares of the patches that move along an axis: most, and too few.
-const MOST: f64 = 0.7;
+/// Too small a share of the patches that move along an axis.
 const FEW: f64 = 0.5;
 /// The variance of a patch that differs by more times is that of another focus.
 const CONTRAST: f32 = 2.0;
@@ -30,6 +30,14 @@ const SPREAD: f64 = 2.0;
 /// Movements that are explained by a spacing leave no larger share of their squares.
 const EXPLAINED: f64 = 0.1;
 
+/// An arrangement in tiles explains this share of the movements.
+const MOST: f64 = 0.7;
+
+/// Whether a movement is along x (0) or y (1).
+fn along(axis: usize, by: &[f64; 2]) -> bool {
+    by[1 - axis].abs() <= ACROSS[0] + ACROSS[1] * by[axis].abs()
+}
+
 impl CamerasFound {
     /// The refusal of a scene.
     pub(super) fn of(self, scene: &str) -> SceneError {
@@ -37,32 +45,69 @@ impl CamerasFound {
     }
 }
 
+/// A view, and its patches of the central one.
+struct Seen {
+    /// Steps from the central view, rows and columns.
+    at: [isize; 2],
+    small: Small,
+    found: Vec<Found>,
+}
+
 /// Views of the central row, or of the central column.
 struct Line {
-    /// Steps from the central view, and what became of its patches there.
-    views: Vec<(isize, Vec<Found>)>,
+    /// Steps from the central view, and the view.
+    views: Vec<(isize, Seen)>,
+    /// For each of them, the patches that moved across x, across y, and that are alike along it all the same, in the opposite view or here.
+    covered: [Vec<Vec<bool>>; 2],
 }
 
 impl Line {
-    fn movements(&self) -> impl Iterator<Item = [f64; 2]> {
-        let moved = |found: &Found| match found {
-            Found::Moved(by) if by[0].hypot(by[1]) >= MOVED => Some(*by),
-            _ => None,
+    fn of(patches: &Patches, views: Vec<(isize, Seen)>) -> Self {
+        let covered = [0, 1].map(|axis| {
+            let of_view = |(step, seen): &(isize, Seen)| {
+                let opposite = views.iter().find(|(other, _)| *other == -step);
+                let alike = |(p, found): (usize, &Found)| match (found, opposite) {
+                    (Found::Moved(by), Some((_, other))) if !along(axis, by) => {
+                        patches.alike_along(p, axis, [&seen.small, &other.small])
+                    }
+                    _ => false,
+                };
+                seen.found.par_iter().enumerate().map(alike).collect()
+            };
+            views.iter().map(of_view).collect()
+        });
+        Self { views, covered }
+    }
+
+    /// Movements, and whether they are along x (0) or y (1), or are none: what one view covers may be alike in the opposite one.
+    fn movements(&self, axis: usize) -> impl Iterator<Item = ([f64; 2], bool)> {
+        let of_view = move |((_, seen), covered): (&'_ (isize, Seen), &'_ Vec<bool>)| {
+            let moved = |(found, covered): (&Found, &bool)| match found {
+                Found::Moved(by) if by[0].hypot(by[1]) >= MOVED => Some((*by, *covered || along(axis, by))),
+                _ => None,
+            };
+            seen.found.iter().zip(covered).filter_map(moved).collect::<Vec<_>>()
         };
-        self.views.iter().flat_map(|(_, found)| found).filter_map(moved)
+        self.views.iter().zip(&self.covered[axis]).flat_map(of_view)
+    }
+
+    fn count(&self) -> usize {
+        self.movements(0).count()
     }
 
     /// Share of the movements that are along x (0) or y (1), and how many there are.
     fn along(&self, axis: usize) -> (f64, usize) {
-        let along = |by: &[f64; 2]| by[1 - axis].abs() <= ACROSS[0] + ACROSS[1] * by[axis].abs();
-        let count = self.movements().count();
-        (self.movements().filter(along).count() as f64 / count.max(1) as f64, count)
+        let count = self.count();
+        (self.movements(axis).filter(|(_, along)| *along).count() as f64 / count.max(1) as f64, count)
     }
 
     /// Share of the patches that are found again in the nearest views, and how many patches are or are not.
     fn again(&self) -> (f64, usize) {
         let nearest = self.views.iter().map(|(step, _)| step.unsigned_abs()).min().unwrap_or(0);
-        let near = || self.views.iter().filter(|(step, _)| step.unsigned_abs() == nearest).flat_map(|(_, found)| found);
+        let near = || {
+            let is_near = |(step, _): &&(isize, Seen)| step.unsigned_abs() == nearest;
+            self.views.iter().filter(is_near).flat_map(|(_, seen)| &seen.found)
+        };
         let seen = near().filter(|found| matches!(found, Found::Moved(_))).count();
         let all = seen + near().filter(|found| matches!(found, Found::Nowhere)).count();
         (seen as f64 / all.max(1) as f64, all)
@@ -75,13 +120,13 @@ impl Line {
             return None;
         }
         // Patches that are found in all views, and movements of each.
-        let patches: Vec<Vec<f64>> = (0..self.views[0].1.len())
+        let patches: Vec<Vec<f64>> = (0..self.views[0].1.found.len())
             .filter_map(|p| {
                 let by = |found: &Found| match found {
                     Found::Moved(by) => Some(by[axis]),
                     _ => None,
                 };
-                self.views.iter().map(|(_, found)| by(&found[p])).collect::<Option<Vec<f64>>>()
+                self.views.iter().map(|(_, seen)| by(&seen.found[p])).collect::<Option<Vec<f64>>>()
             })
             .filter(|moves| moves.iter().any(|by| by.abs() >= SPREAD))
             .collect();
@@ -115,14 +160,14 @@ impl Line {
     }
 }
 
-impl LightField {
-    /// Refuses views whose pictures show that their cameras do not stand on the grid of the views.
-    ///
-    /// # Errors
-    /// [`SceneError::Cameras`].
-    pub fn check_cameras(&self) -> Result<(), SceneError> {
-        contradicted(self).map_or(Ok(()), |found| Err(found.of(&self.name)))
+/// What the pictures show against the grid in which views are read, unless that is `stated` as the order in which they come.
+pub(super) fn refused(field: &LightField, stated: Option<Order>) -> Option<CamerasFound> {
+    let found = contradicted(field)?;
+    if stated == Some(Order::default()) {
+        tracing::warn!("{}: the views are a grid as stated, though {found}", field.name);
+        return None;
     }
+    Some(found)
 }
 
 /// What the pictures show against the grid in which views are read; none where they do not contradict it.
@@ -136,10 +181,7 @@ pub(super) fn contradicted(field: &LightField) -> Option<CamerasFound> {
     if patches.count() < LEAST {
         return None;
     }
-    let lines = [
-        line(field, &patches, columns, c, |column| r * columns + column),
-        line(field, &patches, rows, r, |row| row * columns + c),
-    ];
+    let lines = [line(field, &patches, columns, c, |step| [0, step]), line(field, &patches, rows, r, |step| [step, 0])];
     for line in lines.iter().filter(|line| !line.views.is_empty()) {
         let (share, count) = line.again();
         if count >= LEAST && share < SEEN_AGAIN {
@@ -156,12 +198,12 @@ pub(super) fn contradicted(field: &LightField) -> Option<CamerasFound> {
     };
     let [named, transposed] = [share([0, 1]), share([1, 0])];
     // Rows that move alone along the columns' axis are no transposed grid: that moves along both axes alike.
-    let both = lines.iter().all(|line| line.views.is_empty() || line.movements().count() >= LEAST);
+    let both = lines.iter().all(|line| line.views.is_empty() || line.count() >= LEAST);
     let (axes, all) = if named.0 >= transposed.0 || !both { ([0, 1], named) } else { ([1, 0], transposed) };
-    let poor = all.1.iter().any(|(share, count)| *count >= LEAST && *share < FEW);
-    if poor {
-        let tiles = row_in_tiles(field, &lines);
-        return Some(tiles.map_or(CamerasFound::Elsewhere((100.0 * all.0) as u8), CamerasFound::RowInTiles));
+    let poor = all.1.iter().filter(|(share, count)| *count >= LEAST && *share < FEW).map(|(share, _)| *share);
+    if let Some(share) = poor.reduce(f64::min) {
+        let tiles = row_in_tiles(field, &patches, &lines);
+        return Some(tiles.map_or(CamerasFound::Elsewhere((100.0 * share) as u8), CamerasFound::RowInTiles));
     }
     let uneven = |(i, axis): (usize, usize)| {
         let positions = lines[i].positions(axis)?;
@@ -172,75 +214,88 @@ pub(super) fn contradicted(field: &LightField) -> Option<CamerasFound> {
     [(0, axes[0]), (1, axes[1])].into_iter().find_map(uneven)
 }
 
-/// Whether nothing moves to the outermost views, whose contrast changes from place to place.
+/// Whether nothing moves to the nearest views, and contrast changes from place to place to one of the outermost.
 fn in_one_place(field: &LightField, patches: &Patches, lines: &[Line; 2]) -> bool {
     let [rows, columns] = field.grid;
-    let far = |by: &[f64; 2]| by[0].hypot(by[1]) >= 1.0;
-    if rows.min(columns) > 1 || lines.iter().any(|line| 4 * line.movements().filter(far).count() > patches.count()) {
+    let far = |(by, _): &([f64; 2], bool)| by[0].hypot(by[1]) >= 1.0;
+    if rows.min(columns) > 1 || lines.iter().any(|line| 4 * line.movements(0).filter(far).count() > patches.count()) {
         return false;
     }
-    let count = rows * columns;
     let changed = |view: usize| {
         let ratios = patches.contrast(field, view);
         let other = ratios.iter().filter(|ratio| !(1.0 / CONTRAST..=CONTRAST).contains(*ratio)).count();
         other >= LEAST && 3 * other >= ratios.len()
     };
-    changed(0) || changed(count - 1)
+    changed(0) || changed(rows * columns - 1)
+}
+
+/// The view so many rows and columns from the central one, and its patches of that.
+fn seen(field: &LightField, patches: &Patches, at: [isize; 2]) -> Option<Seen> {
+    let [rows, columns] = field.grid;
+    let place = |n: usize, step: isize| (n / 2).checked_add_signed(step).filter(|i| *i < n);
+    let view = place(rows, at[0])? * columns + place(columns, at[1])?;
+    let small = patches.small(field, view);
+    let found = patches.found(&small);
+    (at != [0, 0]).then_some(Seen { at, small, found })
 }
 
 /// The nearest views of a line of `n` around that at `middle`; the farthest where nothing moves to the nearest.
-fn line(field: &LightField, patches: &Patches, n: usize, middle: usize, view: impl Fn(usize) -> usize) -> Line {
-    let found = |step: isize| {
-        let at = middle.checked_add_signed(step).filter(|at| *at < n && step != 0)?;
-        Some((step, patches.found(field, view(at))))
-    };
-    let near = Line { views: (-SPACED..=SPACED).filter_map(found).collect() };
+fn line(field: &LightField, patches: &Patches, n: usize, middle: usize, at: impl Fn(isize) -> [isize; 2]) -> Line {
+    let found = |step: isize| Some((step, seen(field, patches, at(step))?));
+    let near = Line::of(patches, (-SPACED..=SPACED).filter_map(found).collect());
     let far = [-(middle as isize), (n - 1 - middle) as isize];
-    if near.movements().count() >= LEAST || far.iter().all(|step| step.abs() <= SPACED) {
+    if near.count() >= LEAST || far.iter().all(|step| step.abs() <= SPACED) {
         return near;
     }
-    Line { views: far.into_iter().filter_map(found).collect() }
+    Line::of(patches, far.into_iter().filter_map(found).collect())
 }
 
 /// One row of cameras in tiles, if content moves along x from column to column and from row to row, as far as it does there.
-fn row_in_tiles(field: &LightField, lines: &[Line; 2]) -> Option<Tiles> {
+fn row_in_tiles(field: &LightField, patches: &Patches, lines: &[Line; 2]) -> Option<Tiles> {
+    use FirstTile::{BottomLeft, BottomRight, TopLeft, TopRight};
     let [rows, columns] = field.grid;
-    let across = |line: &Line| line.along(0).1 >= LEAST && line.along(0).0 < MOST;
-    if rows < 2 || columns < 2 || lines.iter().any(across) {
+    if rows < 2 || columns < 2 {
         return None;
     }
-    let (r, c) = (rows / 2, columns / 2);
-    let views: Vec<(usize, &Vec<Found>)> = (lines[0].views.iter())
-        .map(|(step, found)| (r * columns + c.saturating_add_signed(*step), found))
-        .chain(lines[1].views.iter().map(|(step, found)| (r.saturating_add_signed(*step) * columns + c, found)))
-        .collect();
-    let left = |tiles: &Tiles| {
+    // Rows of tiles that run backwards differ from others beside the central column.
+    let beside = [[-1, -1], [-1, 1], [1, -1], [1, 1]].map(|at| seen(field, patches, at));
+    let views: Vec<&Seen> =
+        lines.iter().flat_map(|line| &line.views).map(|(_, seen)| seen).chain(beside.iter().flatten()).collect();
+    // The share of the movements that some movement from camera to camera of their patch explains.
+    let explained = |tiles: &Tiles| {
         let mut camera = vec![0.0; rows * columns];
         tiles.order().into_iter().enumerate().for_each(|(k, tile)| camera[tile] = k as f64);
-        let (mut left, mut all) = (0.0, 1e-9);
-        for p in 0..views.first().map_or(0, |(_, found)| found.len()) {
-            let moves: Vec<(f64, f64)> = views
-                .iter()
-                .filter_map(|(view, found)| match found[p] {
-                    Found::Moved(by) => Some((camera[*view] - camera[r * columns + c], by[0])),
-                    _ => None,
-                })
-                .collect();
-            let squares: f64 = moves.iter().map(|(k, _)| k * k).sum();
-            let rate = moves.iter().map(|(k, m)| k * m).sum::<f64>() / squares.max(1e-9);
-            left += moves.iter().map(|(k, m)| (m - k * rate).powi(2)).sum::<f64>();
-            all += moves.iter().map(|(_, m)| m * m).sum::<f64>();
+        let central = camera[rows / 2 * columns + columns / 2];
+        let away = |[down, right]: [isize; 2]| {
+            let [row, column] = [rows / 2, columns / 2];
+            camera[row.saturating_add_signed(down) * columns + column.saturating_add_signed(right)] - central
+        };
+        let (mut right, mut count) = (0, 0);
+        for p in 0..patches.count() {
+            let moved = |seen: &&Seen| match seen.found[p] {
+                Found::Moved(by) => Some((away(seen.at), by)),
+                _ => None,
+            };
+            let moves: Vec<(f64, [f64; 2])> = views.iter().filter_map(moved).collect();
+            let explained = |rate: f64| {
+                let near = |(k, [x, y]): &&(f64, [f64; 2])| (x - k * rate).hypot(*y) <= ACROSS[0] + ACROSS[1] * x.abs();
+                moves.iter().filter(near).count()
+            };
+            right += moves.iter().map(|(k, [x, _])| explained(x / k)).max().unwrap_or(0);
+            count += moves.len();
         }
-        left / all
+        right as f64 / count.max(1) as f64
     };
     // The row from right to left is the same row, near and far exchanged: what covers what tells, once it is read.
-    let best = |serpentine: bool| {
-        let all =
-            [FirstTile::BottomLeft, FirstTile::TopLeft].map(|first| Tiles { grid: field.grid, first, serpentine });
-        let all = all.map(|tiles| (left(&tiles), tiles));
-        let best = all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
-        best.filter(|(left, _)| *left < EXPLAINED).map(|(_, tiles)| tiles)
-    };
-    // The central row and column of an odd number of tiles are the same in both.
-    best(false).or_else(|| best(true))
+    let plain = [BottomLeft, TopLeft].map(|first| (first, false));
+    let serpentine = [BottomLeft, TopLeft, BottomRight, TopRight].map(|first| (first, true));
+    let mut best: Option<(f64, Tiles)> = None;
+    for (first, serpentine) in plain.into_iter().chain(serpentine) {
+        let tiles = Tiles { grid: field.grid, first, serpentine };
+        let right = explained(&tiles);
+        if right >= MOST && best.as_ref().is_none_or(|(most, _)| right > *most) {
+            best = Some((right, tiles));
+        }
+    }
+    best.map(|(_, tiles)| tiles)
 }

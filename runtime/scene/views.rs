@@ -123,7 +123,7 @@ pub(super) fn ordered(
     };
     let asked = request.order.or(stated.order);
     let field = asked.unwrap_or_default().apply(field);
-    let cameras = misplaced.or_else(|| stated.positions.is_none().then(|| standing::contradicted(&field))?);
+    let cameras = misplaced.or_else(|| stated.positions.is_none().then(|| standing::refused(&field, asked))?);
     let parallax = Parallax::of(&field);
     let mut order_found = parallax.as_ref().map_or(OrderFound::Unknown, order::judge);
     if asked.is_some()

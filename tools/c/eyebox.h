@@ -111,6 +111,9 @@ typedef struct {
   const float *blue;
   // Values of each of these arrays: view_rows view_columns rows columns.
   size_t count;
+  // How views stand that do not stand as the arrays have them: "transpose", "flip-rows", "flip-columns", with commas between;
+  // "as-named" takes them as a grid whatever their pictures show. Null for none of it.
+  const char *order;
 } EyeboxViews;
 
 // How far a solve is. Colours are solved one after the other.

@@ -7,7 +7,7 @@ use crate::{EyeboxDisplay, EyeboxStatus};
 use eyebox::hologram::{Hologram, InputOptions, SceneRecord, SolveInput};
 use eyebox::optics::Color;
 use eyebox::produce::SceneJob;
-use eyebox::scene::{Fit, LightField};
+use eyebox::scene::{Fit, LightField, Order};
 use std::borrow::Cow;
 use std::ffi::c_char;
 use std::mem::MaybeUninit;
@@ -81,6 +81,9 @@ pub struct EyeboxViews {
     pub blue: *const f32,
     /// Values of each of these arrays: view_rows view_columns rows columns.
     pub count: usize,
+    /// How views stand that do not stand as the arrays have them: "transpose", "flip-rows", "flip-columns", with commas between;
+    /// "as-named" takes them as a grid whatever their pictures show. Null for none of it.
+    pub order: *const c_char,
 }
 
 /// Loads a scene for a display: "builtin:NAME", a folder of views, or a picture (docs/scenes.md), in the `colors` that are asked for
@@ -110,6 +113,11 @@ pub unsafe extern "C" fn eyebox_scene_load(
     })
 }
 
+/// The order in which views stand, by its name.
+fn order(name: &str) -> Result<Order, Failure> {
+    name.parse().map_err(|right: String| Failure::argument("views.order", format!("{name:?}"), right))
+}
+
 /// Takes over a light field of the caller's own for a display. The views are copied.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eyebox_scene_from_views(
@@ -125,6 +133,11 @@ pub unsafe extern "C" fn eyebox_scene_from_views(
                 true => String::new(),
                 // SAFETY: the header asks callers for texts that end with zero.
                 false => unsafe { text(views.name, "views.name") }?.to_owned(),
+            };
+            let order = match views.order.is_null() {
+                true => None,
+                // SAFETY: the header asks callers for texts that end with zero.
+                false => Some(order(unsafe { text(views.order, "views.order") }?)?),
             };
             let sizes = [views.view_rows, views.view_columns, views.rows, views.columns];
             let wanted = sizes.iter().try_fold(1usize, |n, size| n.checked_mul(*size)).filter(|n| *n > 0);
@@ -151,8 +164,7 @@ pub unsafe extern "C" fn eyebox_scene_from_views(
                 depth: None,
                 made: None,
             };
-            let field = field.admit()?;
-            field.check_cameras()?;
+            let field = field.admit(order)?;
             field.colors.iter().try_for_each(|color| display.optics(*color).map(drop))?;
             let (rows, columns) = display.picture_size();
             // What is given identifies it, whatever becomes of it on a display.

@@ -9,7 +9,7 @@ use crate::pupil::{Numbers, pupil};
 use eyebox::hologram::{Hologram, InputOptions, SceneRecord, SceneSource, SolveInput};
 use eyebox::optics::Color;
 use eyebox::produce::SceneJob;
-use eyebox::scene::{Fit, LightField, Near};
+use eyebox::scene::{Fit, LightField, Near, Order};
 use numpy::{IntoPyArray, PyArray1, PyArray3, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -26,8 +26,8 @@ pub(crate) struct Scene {
     asked: Asked,
 }
 
-/// Views per axis, metres between them, a depth map, metres that its ends mean, which of its values are near.
-type Options = (Option<usize>, Option<f64>, Option<PathBuf>, Option<[f64; 2]>, Option<String>);
+/// Views per axis, metres between them, a depth map, metres that its ends mean, which of its values are near, the order of the views.
+type Options = (Option<usize>, Option<f64>, Option<PathBuf>, Option<[f64; 2]>, Option<String>, Option<String>);
 
 #[derive(Default)]
 struct Asked {
@@ -36,6 +36,12 @@ struct Asked {
     depth_map: Option<PathBuf>,
     depth: Option<[f64; 2]>,
     near: Option<Near>,
+    order: Option<Order>,
+}
+
+/// The order in which views stand, by its name.
+fn order_of(name: &str) -> Answer<Order> {
+    name.parse().map_err(|must| Failure::Argument(format!("order is {name:?}: {must}")))
 }
 
 /// Which values of a depth map are near, by its name.
@@ -74,6 +80,7 @@ fn job<'a>(source: &str, display: &'a eyebox::optics::Display, colors: Vec<Color
         depth_maps: asked.depth_map.iter().cloned().collect(),
         depth: asked.depth,
         near: asked.near,
+        order: asked.order,
         ..SceneJob::new(source, display)
     }
 }
@@ -89,9 +96,10 @@ impl Scene {
         color_names: Vec<String>,
         options: Options,
     ) -> PyResult<Self> {
-        let (views, view_pitch, depth_map, depth, near) = options;
+        let (views, view_pitch, depth_map, depth, near, order) = options;
         let near = near.as_deref().map(near_of).transpose()?;
-        let asked = Asked { view_pitch, views, depth_map, depth, near };
+        let order = order.as_deref().map(order_of).transpose()?;
+        let asked = Asked { view_pitch, views, depth_map, depth, near, order };
         run(py, false, move |_| {
             let display = &display.get().0;
             let job = job(&source, display, colors(display, &color_names)?, &asked);
@@ -109,8 +117,10 @@ impl Scene {
         color_names: Vec<String>,
         arrays: Vec<PyReadonlyArrayDyn<'_, f32>>,
         view_pitch: Option<f64>,
+        order: Option<String>,
     ) -> PyResult<Self> {
         let colors = colors(&display.0, &color_names)?;
+        let order = order.as_deref().map(order_of).transpose()?;
         let mut shape = [0; 4];
         let mut planes = Vec::with_capacity(arrays.len());
         for array in &arrays {
@@ -144,11 +154,7 @@ impl Scene {
         };
         let (rows, columns) = display.0.picture_size();
         run(py, false, move |_| {
-            let field = field.admit()?;
-            // Arrays that are tried out may hold anything; files of cameras are refused.
-            if let Err(error) = field.check_cameras() {
-                tracing::warn!("{error}");
-            }
+            let field = field.admit(order)?;
             // What is given identifies it, whatever becomes of it on a display.
             let record = SceneRecord::of_views(&source, &field);
             let fits = (field.height, field.width) == (rows, columns);

@@ -60,7 +60,7 @@ class Scene:
         source: str,
         display: Display,
         color_names: list[str],
-        options: tuple[int | None, float | None, str | None, tuple[float, float] | None, str | None],
+        options: tuple[int | None, float | None, str | None, tuple[float, float] | None, str | None, str | None],
     ) -> Scene: ...
     @staticmethod
     def of_views(
@@ -69,6 +69,7 @@ class Scene:
         color_names: list[str],
         arrays: list[NDArray[np.float32]],
         view_pitch: float | None,
+        order: str | None,
     ) -> Scene: ...
     @property
     def source(self) -> str: ...

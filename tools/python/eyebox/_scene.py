@@ -39,6 +39,9 @@ class Scene:
     near : str, optional
         Which values of the depth map are near: "small" (distances, 0 is unknown), "large" (disparities), "bright" or "dark" (a
         picture, 0 is a value). By default the file decides, or the map is refused.
+    order : str, optional
+        How views stand that do not stand as their names or axes say: "transpose", "flip-rows", "flip-columns", with commas between;
+        "as-named" takes them as a grid whatever their pictures show.
     name : str, optional
         What holograms of an array remember as their scene.
     variable : str, optional
@@ -63,6 +66,7 @@ class Scene:
         depth_map: Any = None,
         depth: tuple[float, float] | None = None,
         near: str | None = None,
+        order: str | None = None,
         name: str = "",
         variable: str | None = None,
     ) -> None:
@@ -77,6 +81,7 @@ class Scene:
             # The name finds the scene again.
             name = name or _arguments.path(source, "scene")
             source = _files.views(source, variable)
+        order = None if order is None else str(order)
         if _arguments.is_path(source):
             views = None if views is None else _arguments.count(views, "views", 64)
             depth_map = None if depth_map is None else _arguments.path(depth_map, "depth_map")
@@ -84,7 +89,7 @@ class Scene:
                 depth = tuple(_arguments.numbers(depth, "depth", "one end, the other"))
             source = _arguments.path(source, "scene")
             near = None if near is None else str(near)
-            self._native = _eyebox.Scene.load(source, native, names, (views, pitch, depth_map, depth, near))
+            self._native = _eyebox.Scene.load(source, native, names, (views, pitch, depth_map, depth, near, order))
             _arguments.warn()
             return
         if not _arguments.is_array(source):
@@ -100,7 +105,7 @@ class Scene:
             planes = planes * len(names)
         if not isinstance(name, str):
             raise TypeError(f"name is {name!r}: it must be a text")
-        self._native = _eyebox.Scene.of_views(name, native, names, planes, pitch)
+        self._native = _eyebox.Scene.of_views(name, native, names, planes, pitch, order)
         _arguments.warn()
 
     @classmethod

@@ -3,10 +3,19 @@
 import os
 
 import eyebox
+import numpy as np
 import pytest
 
 #: Minutes instead of seconds.
 LONG = bool(os.environ.get("EYEBOX_PYTHON_LONG"))
+
+
+
+
+def light_field(rows, columns, seed, *colors):
+    """Views of one random picture, which moves by a pixel from view to view: (view row, view column, 40, 48) and colors."""
+    picture = np.random.default_rng(seed).random((40 + rows, 48 + columns, *colors), dtype=np.float32)
+    return np.array([[picture[r : r + 40, c : c + 48] for c in range(columns)] for r in range(rows)])
 
 
 @pytest.fixture(scope="session")

@@ -3,9 +3,9 @@
 import eyebox
 import numpy as np
 import pytest
+from conftest import light_field
 
-RNG = np.random.default_rng(3)
-VIEWS = RNG.random((2, 3, 40, 48), dtype=np.float32)
+VIEWS = light_field(2, 3, 3)
 
 
 class Exported:
@@ -59,7 +59,7 @@ def test_read_only_and_views_of_one_place(display):
 
 def test_colours_are_last_and_integers_are_srgb(display):
     paper = eyebox.Display("paper", size=(40, 48))
-    light = RNG.random((2, 2, 40, 48, 3), dtype=np.float32)
+    light = light_field(2, 2, 4, 3)
     both = eyebox.Scene(light, paper, ["blue", "red"])
     np.testing.assert_array_equal(both.views, light[..., [2, 0]])
     assert both.colors == ["blue", "red"] and eyebox.Scene(VIEWS, paper).shape[-1] == 3
@@ -181,3 +181,13 @@ def test_arguments_that_make_no_sense(display, call, says):
 def test_pupils_that_make_no_sense(hologram, pupil, says):
     with pytest.raises((ValueError, TypeError), match=says):
         hologram.view(**pupil)
+
+
+def test_views_that_are_no_neighbors_are_refused_unless_a_grid_is_stated(display):
+    light = np.random.default_rng(3).random((3, 3, 40, 48), dtype=np.float32)
+    with pytest.raises(eyebox.SceneError, match="no neighbors.*`order` as-named"):
+        scene(light, display)
+    assert scene(light, display, order="as-named").shape == (3, 3, 40, 48, 1)
+    assert (scene(VIEWS, display, order="flip-rows").views == scene(VIEWS[::-1], display).views).all()
+    with pytest.raises(ValueError, match="as-named"):
+        scene(VIEWS, display, order="backwards")

@@ -6,6 +6,7 @@ import mmap
 import eyebox
 import numpy as np
 import pytest
+from conftest import light_field
 
 
 def by_pointer(array):
@@ -118,7 +119,7 @@ def test_what_is_written_changes_nothing(display, hologram, what, writer):
 @pytest.mark.parametrize("writer", WRITERS, ids=lambda writer: writer.__name__)
 def test_what_is_written_into_what_was_given_changes_nothing(display, writer):
     phases = np.random.default_rng(1).uniform(-3, 3, (1, 40, 48)).astype(np.float32)
-    light = np.random.default_rng(2).random((3, 3, 40, 48), np.float32)
+    light = light_field(3, 3, 2)
     hologram = eyebox.Hologram.from_phases(phases, display, "green", exposure=1.0)
     scene = eyebox.Scene(light, display, "green")
     before = hologram.phases["green"].tobytes(), scene.views.tobytes()

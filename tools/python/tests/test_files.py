@@ -3,12 +3,13 @@
 import eyebox
 import numpy as np
 import pytest
+from conftest import light_field
 
 RNG = np.random.default_rng(5)
 #: (sub-frame, row, column), and in MATLAB's order.
 PHASES = RNG.uniform(-3, 3, (4, 40, 48)).astype(np.float32)
 LAST = np.moveaxis(PHASES, 0, 2)
-VIEWS = RNG.random((3, 5, 40, 48), np.float32)
+VIEWS = light_field(3, 5, 5)
 
 
 def npz(path, **arrays):

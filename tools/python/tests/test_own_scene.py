@@ -6,6 +6,7 @@ import shutil
 import eyebox
 import numpy as np
 import pytest
+from conftest import light_field
 
 PUPILS = [(0, 0, 4e-3, 0), (2e-3, 0, 4e-3, 1e-3)]
 HOW = dict(frames=8, steps=3, pupils=2, seed=7, engine="cpu")
@@ -67,7 +68,7 @@ def test_another_scene_is_refused_unless_it_is_asked_for(files):
 
 
 def test_an_array_is_its_own_name(tmp_path, display):
-    light = np.random.default_rng(4).random((3, 3, 40, 48), dtype=np.float32)
+    light = light_field(3, 3, 4)
     solved = eyebox.solve(light, display, "green", depth=(0, 0), view_pitch=1.5e-3, **HOW)
     right = psnr(solved)
     solved.save(tmp_path / "h.zarr")

@@ -38,7 +38,7 @@ def program(body, timeout=120, **environment):
 #: A call that takes seconds, after what it needs.
 LONG_CALLS = {
     "Scene of a name": ("", "eyebox.Scene('builtin:still-life', large, views=15)"),
-    "Scene of views": ("views = np.random.default_rng(1).random((9, 9, 600, 800), np.float32)", "eyebox.Scene(views, large)"),
+    "Scene of views": ("views = np.random.default_rng(1).random((9, 9, 600, 800), np.float32)", "eyebox.Scene(views, large, order='as-named')"),
     "photograph": ("s = eyebox.Scene('builtin:still-life', large, 'green')", "[s.photograph(engine='cpu') for _ in range(99)]"),
     "solve": ("s = eyebox.Scene('builtin:still-life', large, 'green')", "eyebox.solve(s, large, steps=999, engine='cpu')"),
     "solve by name": ("", "eyebox.solve('builtin:still-life', large, steps=999, engine='cpu')"),

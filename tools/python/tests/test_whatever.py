@@ -5,7 +5,7 @@ import random
 
 import eyebox
 import numpy as np
-from conftest import LONG
+from conftest import LONG, light_field
 
 CALLS = 10_000
 SIDE = 8
@@ -117,7 +117,7 @@ def resident_kib():
 
 def test_solves_leave_memory_flat(display):
     """A leak of the phases alone would be 60 KiB a solve."""
-    views = np.random.default_rng(0).random((3, 3, 40, 48), dtype=np.float32)
+    views = light_field(3, 3, 0)
 
     def solves(count):
         for seed in range(count):

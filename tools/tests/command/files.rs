@@ -132,6 +132,8 @@ fn arrays_of_other_programs_are_turned_by_the_line_that_the_refusal_gives() {
         ([2, 3, 4, 0, 1], "numpy.moveaxis(views, (3, 4), (0, 1))", [3, 4, 0, 1, 2]),
         ([4, 3, 2, 1, 0], "numpy.transpose(views)", [4, 3, 2, 1, 0]),
         ([0, 1, 4, 2, 3], "numpy.moveaxis(views, 2, -1)", [0, 1, 3, 4, 2]),
+        ([2, 3, 0, 1, 4], "numpy.moveaxis(views, (2, 3), (0, 1))", [2, 3, 0, 1, 4]),
+        ([4, 0, 1, 2, 3], "numpy.moveaxis(views, 0, -1)", [1, 2, 3, 4, 0]),
     ] {
         let (stored, its) = transposed(&pixels, &shape, &order);
         write_npy(&at.join("other.npy"), &its, &stored).unwrap();

@@ -177,6 +177,11 @@ unsafe fn call(given: &Given, chance: &mut Chance, memory: &mut [f32]) -> Eyebox
                     green: if chance.0.u8(..4) == 0 { null() } else { at },
                     blue: null(),
                     count: if lie || chance.0.u8(..4) == 0 { length.min(VALUES - 1) } else { product },
+                    order: if chance.0.bool() {
+                        null()
+                    } else {
+                        chance.maybe(&c"as-named").map_or(text, |order| order.as_ptr())
+                    },
                 };
                 let views = chance.maybe(&views);
                 freed(chance, |out| eyebox_scene_from_views(views, display, out))

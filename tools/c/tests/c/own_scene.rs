@@ -46,6 +46,7 @@ impl Bench {
             green: light.as_ptr(),
             blue: null(),
             count: light.len(),
+            order: null(),
         };
         // SAFETY: the array is as long as is said.
         unsafe { handle(|out| eyebox_scene_from_views(Some(&views), Some(&self.display), Some(out))).unwrap() }
@@ -122,4 +123,37 @@ fn views_of_the_caller_s_are_known_by_their_light() {
     assert!(right.is_finite());
     assert!(bench.psnr(&hologram, Some(&bench.views(1))).unwrap_err().contains("another scene"));
     assert!(bench.psnr(&hologram, None).unwrap_err().contains("array"));
+}
+
+/// As files and Python's arrays are.
+#[test]
+fn views_that_are_no_neighbors_are_refused_unless_a_grid_is_stated() {
+    let bench = Bench::new();
+    let mut random = 1u32;
+    let mut light = || {
+        random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (random >> 8) as f32 / (1 << 24) as f32
+    };
+    let light: Vec<f32> = (0..9 * 40 * 48).map(|_| light()).collect();
+    let scene = |order: Option<&CStr>| {
+        let views = EyeboxViews {
+            name: null(),
+            view_rows: 3,
+            view_columns: 3,
+            rows: 40,
+            columns: 48,
+            view_pitch_m: 0.0,
+            red: null(),
+            green: light.as_ptr(),
+            blue: null(),
+            count: light.len(),
+            order: order.map_or(null(), CStr::as_ptr),
+        };
+        // SAFETY: the array is as long as is said, and the text ends with zero.
+        handle(|out| unsafe { eyebox_scene_from_views(Some(&views), Some(&bench.display), Some(out)) })
+    };
+    assert!(scene(None).err().unwrap().contains("no neighbors"));
+    assert!(scene(Some(c"flip-rows")).err().unwrap().contains("no neighbors"));
+    assert!(scene(Some(c"backwards")).err().unwrap().contains("views.order"));
+    scene(Some(c"as-named")).unwrap();
 }

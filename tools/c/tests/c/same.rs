@@ -127,6 +127,7 @@ fn a_solve_is_ended_by_its_caller_and_views_may_be_the_caller_s() {
         green: views.as_ptr(),
         blue: null(),
         count: views.len(),
+        order: null(),
     };
     // SAFETY: arrays as long as they say, texts that end with zero; the callback takes what it is given.
     unsafe {
