@@ -377,8 +377,8 @@ impl Family<'_> {
         let (step, uneven) = (stride.unwrap_or(1.0), numbers::is_uneven(numbers, true));
         if uneven {
             return Err(not_a_grid(format!(
-                "the numbers of {count} views ({ends}) are not evenly spaced: state `grid = [rows, columns]` in \
-                 lightfield.toml if the views are, or `positions_mm`, the position of each camera"
+                "the numbers of {count} views ({ends}) are not evenly spaced: state `grid = [rows, columns]` in lightfield.toml \
+                 if the views are, or `positions_mm = {numbers:?}` if the numbers are positions in millimeters of cameras in a row"
             )));
         }
         if let Some(gap) = numbers.windows(2).find(|w| w[1] != w[0] + step) {
@@ -392,7 +392,7 @@ impl Family<'_> {
         let before = if first >= step { format!("{} or ", name(first - step)) } else { String::new() };
         let doubt = format!(
             "{count} views ({ends}) are not a square; {side} x {side} would be {}: is {before}{} missing? \
-             (a lightfield.toml can state `grid = [rows, columns]`)",
+             (a lightfield.toml can state `grid = [rows, columns]`, or `focus_mm` and `aperture_mm` of a focal stack)",
             side * side,
             name(last + step)
         );

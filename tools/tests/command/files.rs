@@ -302,7 +302,7 @@ fn phases_as_pictures_are_imported_by_the_documented_rule() {
             .save(at.join(format!("eight/phase_{k:03}.bmp")))
             .unwrap();
         let wide = (0..N * N).flat_map(|i| (u16::from(level(i % N, i / N, k)) * 256).to_le_bytes()).collect::<Vec<_>>();
-        tiff(&at.join(format!("sixteen/frame{k}.tif")), 1, 16, 1, &wide);
+        tiff(&at.join(format!("sixteen/frame{k}.tif")), [N, N], [1, 16, 1], &wide);
         let rgb = RgbImage::from_fn(N, N, |x, y| Rgb([level(x, y, k), level(x, y, k + 3), level(x, y, k + 6)]));
         rgb.save(at.join(format!("three/{k}.png"))).unwrap();
     }

@@ -93,7 +93,7 @@ pub fn chapter() -> Chapter {
         })
         .refused(
             "not evenly spaced",
-            Remedy::State("views/lightfield.toml", "positions_mm = { x = [0.0, 2.0, 9.0, 11.0, 16.0], y = [0.0] }"),
+            Remedy::State("views/lightfield.toml", "positions_mm = [0.0, 2.0, 9.0, 11.0, 16.0]"),
             OF_LAYERS,
         ),
         uneven("lightfield.toml has a position too few.", "positions_mm = [-8, -6, 1, 3]\n", |i| format!("{i}.png"))
@@ -122,8 +122,8 @@ pub fn chapter() -> Chapter {
         })
         .right(OF_STACK),
         case("A focal stack states nothing.", format!("photograph stack {WITHIN}"), stack).refused(
-            "one position",
-            change("state `focus_mm` and `aperture_mm`", move |at| file(&at.join("stack/lightfield.toml"), stated)),
+            "not a square",
+            change("`focus_mm` and `aperture_mm`", move |at| file(&at.join("stack/lightfield.toml"), stated)),
             OF_STACK,
         ),
         case("A focal stack states a depth too few.", format!("photograph stack {WITHIN}"), |at| {

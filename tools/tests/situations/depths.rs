@@ -164,6 +164,21 @@ pub fn chapter() -> Chapter {
             floats(&map(|v, i| if is_hole(i) { f32::NAN } else { distance(v) / 1000.0 }))
         })
         .right(EXACT),
+    ];
+    situations.extend(read());
+    situations.extend(ambiguous());
+    situations.extend(refused());
+    situations.extend(refused_files());
+    Chapter {
+        title: "Pictures with a depth map",
+        about: "One picture, and a map of its distances, disparities or nearness.",
+        situations,
+    }
+}
+
+/// Maps whose names or words say what they hold.
+fn read() -> Vec<Situation> {
+    vec![
         with("Disparities of Middlebury are a PFM file with infinity where nothing is known.", "disp0.pfm", "", || {
             pfm(SIZE, &map(|v, i| if is_hole(i) { f32::INFINITY } else { 10.0 + f32::from(v) / 4.0 }), false)
         })
@@ -238,14 +253,7 @@ pub fn chapter() -> Chapter {
             png(of_bytes(|v, i| if is_hole(i) { 0 } else { v }))
         })
         .right(EXACT),
-    ];
-    situations.extend(ambiguous());
-    situations.extend(refused());
-    Chapter {
-        title: "Pictures with a depth map",
-        about: "One picture, and a map of its distances, disparities or nearness.",
-        situations,
-    }
+    ]
 }
 
 /// Maps that do not say which values are near.
@@ -367,6 +375,12 @@ fn refused() -> Vec<Situation> {
             }),
             EXACT,
         ),
+    ]
+}
+
+/// Maps in files of other kinds, and with more in them than one map.
+fn refused_files() -> Vec<Situation> {
+    vec![
         with("The map is a table of comma-separated values.", "depth.csv", "", || {
             codes()
                 .chunks(W)

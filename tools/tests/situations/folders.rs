@@ -122,6 +122,7 @@ pub fn chapter() -> Chapter {
     );
     situations.extend(stated());
     situations.extend(refused());
+    situations.extend(orders());
     Chapter {
         title: "Folders of views",
         about: "The pictures show one scene from a grid of 3 rows and 5 columns of cameras.",
@@ -228,6 +229,12 @@ fn refused() -> Vec<crate::frame::Situation> {
             image::imageops::thumbnail(&view_of(GRID, 1, 3), 32, 24).save(name).expect("a picture");
         })
         .refused("view_1_3.png: 24 x 32 pixels", change("give both one size", to_upright), EXACT),
+    ]
+}
+
+/// Orders of views that names do not say, or say in another way.
+fn orders() -> Vec<crate::frame::Situation> {
+    vec![
         named("Rows are counted upwards.", |r, c| usual(GRID[0] - 1 - r, c), nothing).refused(
             "contradict each other",
             Remedy::Add("--order flip-rows"),
