@@ -24,7 +24,10 @@ impl NpyArray {
     /// # Errors
     /// As [`read_npy`](super::read_npy); [`FileError::Content`] for a damaged archive, and one with no such array or several.
     pub fn open(file: &Path, name: Option<&str>, wanted: impl Fn(&[usize]) -> bool) -> Result<Self, FileError> {
-        let remedy = |names: &[&str]| format!("name one of {}, as in FILE.npz?array=NAME", names.join(", "));
+        let remedy = |names: &[&str]| {
+            let one = names.first().copied().unwrap_or("NAME");
+            format!("name one of {}, as in {}?array={one}", names.join(", "), file.display())
+        };
         Self::open_or(file, name, wanted, remedy)
     }
 
@@ -126,7 +129,7 @@ mod tests {
         assert_eq!((&views.shape[..], &views.kind[..]), (&[2, 3, 4][..], "f4"));
         assert_eq!(parts(&mut views), values);
         assert_eq!(open(Some("x"), 3).unwrap().kind, "u1");
-        for (name, axes, says) in [(Some("y"), 3, "no array 'y': it has x, views"), (None, 2, "?array=NAME")] {
+        for (name, axes, says) in [(Some("y"), 3, "no array 'y': it has x, views"), (None, 2, "?array=x")] {
             let error = open(name, axes).err().unwrap().to_string();
             assert!(error.contains(says), "{error}");
         }

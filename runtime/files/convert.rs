@@ -173,8 +173,9 @@ pub(crate) fn remedy_of_all(folder: &Path, first: &Path, found: FileKind) -> Str
         FileKind::Npy => {
             let list = "sorted(pathlib.Path(sys.argv[1]).glob('*.npy'))";
             format!(
-                "put all of them into one array by: python -c \"import sys, numpy, pathlib; numpy.save(sys.argv[2], \
+                "put all of them into one array, and give it as {}?grid=ROWSxCOLUMNS, by: python -c \"import sys, numpy, pathlib; numpy.save(sys.argv[2], \
                  numpy.stack([numpy.load(f) for f in {list}]))\" {} {}",
+                beside(folder, "npy"),
                 word(folder),
                 beside(folder, "npy")
             )

@@ -33,6 +33,7 @@ mod pixels;
 pub mod read;
 mod record;
 mod samples;
+mod similar;
 mod sniff;
 mod text;
 #[cfg(feature = "image-formats")]
@@ -68,6 +69,7 @@ pub(crate) use pixels::{holds_light, picture_orientation, picture_size, read_pix
 pub use record::FileRecord;
 pub(crate) use record::{Digester, digest_file};
 pub(crate) use samples::{Pixels, Samples};
+pub(crate) use similar::similar;
 pub(crate) use text::decode as decode_text;
 pub use whole::{FolderDraft, check_place, write_file};
 
@@ -167,10 +169,14 @@ impl FileError {
         }
     }
 
-    /// What a decoder of `file` says, in one line.
+    /// What a decoder of `file` says, in one line, with the remedy.
     #[cfg(feature = "image-formats")]
     pub(crate) fn damaged(file: &Path, error: impl ToString) -> Self {
-        Self::content(file, error.to_string().replace('\n', " "))
+        let reason = error.to_string().replace('\n', " ");
+        Self::content(
+            file,
+            format!("{reason}: the file is damaged or of a kind that is not read; copy it again or save it anew"),
+        )
     }
 
     /// `file` is of kind `found`, and `wanted` is read.

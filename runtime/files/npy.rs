@@ -180,7 +180,9 @@ impl<R: Read> NpyReader<R> {
         let bytes = count.and_then(|n| n.checked_mul(element.0 as u64)).and_then(|n| n.checked_add(before));
         if bytes != Some(length) {
             let wanted = bytes.map_or("more than any file holds".into(), |n| format!("{n} bytes"));
-            return Err(format!("is {length} bytes long, but its shape {:?} needs {wanted}", header.shape).into());
+            let remedy = if bytes.is_some_and(|n| n > length) { ": it is cut short, copy it again" } else { "" };
+            let reason = format!("is {length} bytes long, but its shape {:?} needs {wanted}{remedy}", header.shape);
+            return Err(reason.into());
         }
         Ok(Self { element, big, left: (length - before) as usize / element.0, header, from })
     }
@@ -222,7 +224,11 @@ fn element(descr: &str) -> Result<(usize, Value), String> {
         kind => {
             let known = "floats ('<f2', '<f4', '<f8') or integers ('|u1', '<u2', '<i8' and the like)";
             let complex = kind.is_some_and(|k| k.starts_with('c'));
-            let hint = if complex { "; of complex numbers save numpy.angle(...)" } else { "" };
+            let hint = if complex {
+                "; of complex numbers save numpy.angle(a), the phase, or numpy.abs(a) ** 2, the light"
+            } else {
+                ""
+            };
             return Err(format!("holds '{descr}': {known} are read{hint}"));
         }
     })

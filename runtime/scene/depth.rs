@@ -82,7 +82,8 @@ pub(super) fn view_disparities(
         Sweep::around(counts, at, reach_within(range, NEAR), [rows, columns], |view| shrink.apply(&light(view)));
     let found = sweep.disparities(range, compared);
     let values = found.into_iter().map(|d| (f64::from(d) / scale) as f32).collect();
-    Map { height: rows, width: columns, values, meaning: Meaning::Disparity, range: None, read_as: String::new() }
+    let (meaning, read_as) = (Meaning::Disparity, String::new());
+    Map { height: rows, width: columns, values, meaning, range: None, read_as, is_news: false }
         .resize(height, width, 1.0)
 }
 

@@ -15,7 +15,7 @@ pub enum SceneError {
     #[error(transparent)]
     Memory(#[from] TooLarge),
     /// Neither a file nor a folder.
-    #[error("{path}: no such {what}")]
+    #[error("{path}: no such {what}{}", crate::files::similar(path).map_or(String::new(), |name| format!("; there is {name}")))]
     NotFound {
         /// The path.
         path: String,
@@ -40,6 +40,14 @@ pub enum SceneError {
     Empty {
         /// The folder.
         folder: String,
+    },
+    /// A folder whose views are in folders of its own.
+    #[error("{folder}: no views here, but in its folders: give one of them, as {inner}")]
+    Deeper {
+        /// The folder.
+        folder: String,
+        /// The first folder in it that has views.
+        inner: String,
     },
     /// Numbered pictures that do not fill a grid.
     #[error("{folder}: the views are not a grid: {reason}")]
@@ -133,7 +141,11 @@ pub enum SceneError {
     /// Two pictures of one size were expected.
     #[error(
         "{file}: {height} x {width} pixels, but {other} has {other_height} x {other_width}{}",
-        if [height, width] == [other_width, other_height] && height != width { ": exchange its rows and columns" } else { "" }
+        if [height, width] == [other_width, other_height] && height != width {
+            ": exchange its rows and columns"
+        } else {
+            ": give both one size"
+        }
     )]
     Size {
         /// The file.
@@ -206,12 +218,14 @@ pub enum SceneError {
         found: String,
     },
     /// Pictures whose value of white is not known.
-    #[error("{file}: {found}, and nothing says which value is white: {how}")]
+    #[error("{file}: {found}, and nothing says which value is white: {}", how.states(file, *white))]
     FullScale {
         /// The file or folder.
         file: String,
         /// The values, in words.
         found: String,
+        /// The value that is likely.
+        white: f32,
         /// The way to state it.
         how: FullScale,
     },
@@ -230,7 +244,10 @@ pub enum SceneError {
         reason: String,
     },
     /// A picture alone has no depth.
-    #[error("{file}: a single picture needs a depth map: give one (PNG, PFM or NPY), or a folder of views")]
+    #[error(
+        "{file}: a single picture needs a depth map: give one by `depth_map`, or a folder of views, or {file}?mosaic if the picture \
+         shows views beside each other"
+    )]
     NoDepthMap {
         /// The picture.
         file: String,

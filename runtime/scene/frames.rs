@@ -50,7 +50,9 @@ fn pictures(folder: &Path) -> Result<Vec<String>, SceneError> {
 /// [`SceneError::Rows`] where they may as well be the rows of one light field; those of reading folders.
 pub fn frames(folder: &Path) -> Result<Option<Vec<String>>, SceneError> {
     match folder::find(folder).map_err(|error| explain(folder, error)) {
-        Err(SceneError::Empty { .. }) => Ok(Some(folders(folder)?).filter(|found| !found.is_empty())),
+        Err(SceneError::Empty { .. } | SceneError::Deeper { .. }) => {
+            Ok(Some(folders(folder)?).filter(|found| !found.is_empty()))
+        }
         Ok(_) => Ok(None),
         Err(error) => Err(error),
     }
@@ -110,6 +112,9 @@ pub(super) fn explain(folder: &Path, error: SceneError) -> SceneError {
             let name = folder.display().to_string();
             SceneError::Rows { folder: name, rows: found.len(), columns: *first, first: found[0].clone() }
         }
-        _ => error,
+        _ => match found.iter().find(|inner| folder::find(Path::new(inner)).is_ok()) {
+            Some(inner) => SceneError::Deeper { folder: folder.display().to_string(), inner: inner.clone() },
+            None => error,
+        },
     }
 }

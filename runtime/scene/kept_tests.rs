@@ -110,7 +110,7 @@ fn what_an_array_lacks_is_asked_for() {
         assert!(line.contains(what) && !line.contains('\n'), "{line}");
     };
     says("<f4", &[9, 8, 8, 3], &[], "", "9 views one after the other need their rows and columns, as in ");
-    says("<f4", &[10, 8, 8], &[], "", "views.npy?grid=1x10");
+    says("<f4", &[10, 8, 8], &[], "", "views.npy?grid=2x5");
     says("<f4", &[3, 3, 3, 8, 8], &[], "", "numpy.moveaxis(views, 2, -1)");
     says("<f4", &[3, 3, 8, 8, 2], &[], "", "without the last where they are grey");
     says("<f4", &[3, 3, 8, 8, 3], &[], "?grid=2x3", "has 3 x 3 views, but a grid of 2 x 3 is stated");

@@ -56,14 +56,16 @@ impl Layout {
                 ));
             }
             [n, _, _, 3 | 4] | [n, _, _] => {
-                let side = (n as f64).sqrt().round() as usize;
-                let example = if side * side == n && n > 0 { format!("{side}x{side}") } else { format!("1x{n}") };
+                // The most even grid.
+                let rows = (1..=MOST_VIEWS).rev().find(|rows| rows * rows <= n && n.is_multiple_of(*rows)).unwrap_or(1);
+                let example = format!("{rows}x{}", n / rows);
                 return Err(format!(
                     "has the shape {shape:?}: {n} views one after the other need their rows and columns, as in {}?grid={example}",
                     file.display()
                 ));
             }
             [rows, columns, height, width] => ([rows, columns], [height, width], 1),
+            [1, ref inner @ ..] if inner.len() >= 5 => return Self::of(inner, grid, file),
             _ => {
                 return Err(format!(
                     "has the shape {shape:?}: views are (rows of views, columns of views, rows of pixels, columns of pixels, \

@@ -34,13 +34,14 @@ pub enum FullScale {
     Array,
 }
 
-impl std::fmt::Display for FullScale {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Folder => "state the value of white, as in full_scale = 1023 in lightfield.toml",
-            Self::File => "state the value of white, as in FILE?full_scale=1023",
-            Self::Array => "divide the array by the value of white",
-        })
+impl FullScale {
+    /// The remedy for a file or folder whose value of white is likely `white`, in words.
+    pub(super) fn states(self, file: &str, white: f32) -> String {
+        match self {
+            Self::Folder => format!("state the value of white, as in full_scale = {white} in lightfield.toml"),
+            Self::File => format!("state the value of white, as in {file}?full_scale={white}"),
+            Self::Array => format!("divide the array by the value of white, as by {white}"),
+        }
     }
 }
 

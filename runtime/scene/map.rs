@@ -17,6 +17,8 @@ pub(super) struct Map {
     pub range: Option<[f32; 2]>,
     /// The reason for the meaning, and the number of pixels that had no value, in words.
     pub read_as: String,
+    /// Whether the caller does not know that yet.
+    pub is_news: bool,
 }
 
 /// Reads a map: `.pfm`, `.npy` (two axes), or any picture (its first channel). Which values are near is `stated`, or decided
@@ -37,7 +39,7 @@ pub(super) fn read(path: &Path, stated: Stated) -> Result<Map, SceneError> {
         let map = pfm::parse(&bytes()?).map_err(corrupt)?;
         (map.height, map.width, Kind::Floats, map.values)
     } else if matches!(found, FileKind::Npy | FileKind::Npz) {
-        let (shape, values) = array(path)?;
+        let (shape, values) = array(path, stated)?;
         let [height @ 1..=65536, width @ 1..=65536] = shape[..] else {
             let remedy =
                 if shape.len() > 2 { "; save one of several maps, as numpy.save('map.npy', maps[0])" } else { "" };
@@ -56,10 +58,8 @@ pub(super) fn read(path: &Path, stated: Stated) -> Result<Map, SceneError> {
     if filled > 0 {
         read_as += &format!("; {filled} pixels without a value take the farther of their neighbors'");
     }
-    if filled > 0 || stated.near.is_none() {
-        tracing::info!("{}: {read_as}", path.display());
-    }
-    Ok(Map { height, width, values, meaning, range, read_as })
+    let is_news = filled > 0 || stated.near.is_none();
+    Ok(Map { height, width, values, meaning, range, read_as, is_news })
 }
 
 /// The kind of a map's file.
@@ -70,8 +70,11 @@ fn kind_of(path: &Path) -> Result<FileKind, SceneError> {
 }
 
 /// Shape and values of an array. Axes of length 1, as networks write them before or after rows and columns, are left out.
-fn array(path: &Path) -> Result<(Vec<usize>, Vec<f32>), SceneError> {
+fn array(path: &Path, stated: Stated) -> Result<(Vec<usize>, Vec<f32>), SceneError> {
     let mut array = NpyArray::only(path, |shape| axes(shape).len() == 2).map_err(SceneError::of_file)?;
+    if array.kind == "u1" {
+        near::check_bytes(path, stated)?;
+    }
     let shape = axes(&array.shape);
     let what = || format!("{}: a depth map of shape {shape:?}", path.display());
     memory::promise(what, memory::bytes_of(&shape, 8), "take a smaller map")?;

@@ -11,6 +11,13 @@ use std::path::{Path, PathBuf};
 /// [`SceneError::Maps`] where the maps do not belong to the pictures one by one; those of reading a folder.
 pub fn depth_maps(pictures: &[String], given: &[PathBuf]) -> Result<Vec<PathBuf>, SceneError> {
     let wrong = |what: String| Err(SceneError::Maps { what });
+    if let Some(folder) = pictures.iter().find(|picture| !given.is_empty() && Path::new(picture).is_dir()) {
+        return Err(SceneError::Request {
+            what: "the picture of the depth map",
+            value: format!("the folder {folder}"),
+            must: "one picture of it, because every picture has a map of its own; views in a folder need no map",
+        });
+    }
     match given {
         [] => Ok(Vec::new()),
         [folder] if folder.is_dir() => {

@@ -146,9 +146,11 @@ fn family<'a>(pictures: &[&'a Named], signed: bool) -> Result<Option<Family<'a>>
     if 2 * others > first.names.len() {
         let second = families.next().map_or("", |f| f.names[0].name);
         let (count, one) = (first.names.len(), first.names[0].name);
+        let start = &first.names[0].texts[0];
+        let pattern = if start.is_empty() { "PATTERN*".into() } else { format!("{start}*") };
         return Err(format!(
             "{} pictures are named in several ways, {count} like {one}, others like {second}: \
-             `files = \"PATTERN*\"` in lightfield.toml says which are the views",
+             `files = \"{pattern}\"` in lightfield.toml says which are the views; if all are views, rename them, as in view_0_0.png",
             count + others
         ));
     }
@@ -196,7 +198,7 @@ impl Family<'_> {
     fn why_not(&self, changing: &[usize]) -> String {
         let count = self.names.len();
         let [first, last] = [&self.names[0], &self.names[count - 1]].map(|n| n.name);
-        let says = "`files = \"PATTERN*\"` in lightfield.toml says which are the views";
+        let says = |pattern: &str| format!("`files = \"{pattern}\"` in lightfield.toml says which are the views");
         for (i, one) in self.names.iter().enumerate() {
             if let Some(other) = self.names[..i].iter().find(|other| one.same(other)) {
                 return format!("{} and {} have the same number", other.name, one.name);
@@ -209,12 +211,14 @@ impl Family<'_> {
             let size = sets.values().next().copied().unwrap_or(0);
             (size > 1 && sets.values().all(|n| *n == size)).then_some((sets.len(), size))
         };
-        if let Some((sets, size)) = changing.iter().find_map(sets) {
+        if let Some((k, (sets, size))) = changing.iter().find_map(|k| Some((*k, sets(k)?))) {
+            let says = says(&self.names[0].with_same(k, changing));
             return format!("{count} pictures ({first} to {last}) are {sets} sets of {size}: {says}");
         }
         format!(
             "the numbers in the names of {count} pictures ({first} to {last}) fill none, neither as row and column nor as a \
-             running number: {says}, `grid` their rows and columns"
+             running number: {}, `grid` their rows and columns",
+            says("PATTERN*")
         )
     }
 

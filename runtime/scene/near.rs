@@ -65,8 +65,7 @@ impl Stated {
 }
 
 /// The remedy for a map that does not show which values are near.
-const DECIDES: &str =
-    "small (distances, 0 is unknown), large (disparities), or bright or dark (a picture, 0 is a value)";
+const DECIDES: &str = "`near` small (distances, 0 is unknown), `near` large (disparities), or `near` bright or `near` dark (a picture, 0 is a value)";
 /// Renderers write such values for infinitely far; no value beyond them is a distance or a disparity.
 const NOTHING: f32 = 1e9;
 /// The largest half float.
@@ -81,6 +80,8 @@ const DEEPEST: f32 = 200.0;
 const NORMALIZED: [f32; 3] = [1.0, 255.0, WORD_MOST];
 /// Zeros are unknown disparities if no other value is below this share of the largest.
 const GAP: f32 = 0.05;
+/// Maps of at most so many values are drawn by hand, as layers.
+const LAYERS: usize = 32;
 /// Parts of the range of values in which gaps between them are sought.
 const BINS: usize = 4096;
 
@@ -96,6 +97,8 @@ struct Extent {
     is_signed: bool,
     /// Whether zero is clearly farther from the smallest value than any values are from each other.
     zero_is_apart: bool,
+    /// Whether the values are those of a few layers.
+    is_layered: bool,
 }
 
 impl Extent {
@@ -113,7 +116,14 @@ impl Extent {
         bins.for_each(|v| filled[((v - low) / (most - low).max(f32::MIN_POSITIVE) * BINS as f32) as usize] = true);
         let longest = filled.split(|bin| *bin).map(<[bool]>::len).max().unwrap_or(0) + 1;
         let zero_is_apart = most > low && low > 2.0 * longest as f32 * (most - low) / BINS as f32;
-        Self { low, high, most, has_zero: values.contains(&0.0), is_signed, zero_is_apart }
+        let mut layers: Vec<f32> = Vec::new();
+        for v in known().filter(counts) {
+            if layers.len() <= LAYERS && !layers.contains(&v) {
+                layers.push(v);
+            }
+        }
+        let is_layered = layers.len() <= LAYERS;
+        Self { low, high, most, has_zero: values.contains(&0.0), is_signed, zero_is_apart, is_layered }
     }
 }
 
@@ -134,7 +144,7 @@ pub(super) fn meaning(
     stated: Stated,
 ) -> Result<(Meaning, String), SceneError> {
     let name = file.file_stem().map_or(String::new(), |n| n.to_string_lossy().to_lowercase());
-    let Extent { low, high, most, has_zero, is_signed, zero_is_apart } = Extent::of(values);
+    let Extent { low, high, most, has_zero, is_signed, zero_is_apart, .. } = Extent::of(values);
     let ambiguous =
         |found: String| Err(SceneError::Ambiguous { file: file.display().to_string(), found, decides: DECIDES });
     let is_disparity = kind == Kind::Floats && name.contains("disp");
@@ -149,7 +159,7 @@ pub(super) fn meaning(
         (_, Some(Near::Small | Near::Dark)) if is_disparity => Err(SceneError::Ambiguous {
             file: file.display().to_string(),
             found: "its name says disparities, of which the larger are near".into(),
-            decides: "large, or give the file another name",
+            decides: "`near` large, or give the file another name",
         }),
         (_, near) if is_disparity && stated.depth.is_none() => {
             let reason = "disparities by its name: pixels between neighboring views, larger is nearer".to_owned();
@@ -181,8 +191,25 @@ pub(super) fn meaning(
             "16 bits with values from {} to {high}, and nothing says whether small or large is near",
             if has_zero { 0.0 } else { low }
         )),
+        (Kind::Bytes, None) if name.contains("disp") => {
+            relative(Near::Large, "disparities by its name, of 8 bits: larger is nearer")
+        }
         (Kind::Bytes, None) => relative(Near::Bright, "a picture of 8 bits: bright is near"),
     }
+}
+
+/// Refuses an array of 8 bits that says neither by its name nor by words what it is: networks write pictures so, and others
+/// distances.
+///
+/// # Errors
+/// [`SceneError::Ambiguous`].
+pub(super) fn check_bytes(file: &Path, stated: Stated) -> Result<(), SceneError> {
+    let is_disparity = file.file_stem().is_some_and(|name| name.to_string_lossy().to_lowercase().contains("disp"));
+    if is_disparity || stated.near(Kind::Floats).is_some() {
+        return Ok(());
+    }
+    let found = "an array of 8 bits, and nothing says whether small or large is near".into();
+    Err(SceneError::Ambiguous { file: file.display().to_string(), found, decides: DECIDES })
 }
 
 fn in_words(near: Near) -> &'static str {
@@ -197,10 +224,11 @@ fn in_words(near: Near) -> &'static str {
 /// Returns the test for values that are unknown. NaN, infinity, 1e9 or more and the largest half float always are. Of
 /// distances also 0, 65535 in integers, a negative value, and a value far beyond all others are.
 fn unknown(kind: Kind, meaning: Meaning, values: &[f32]) -> impl Fn(f32) -> bool + use<> {
-    let Extent { low, high, most, is_signed, zero_is_apart, .. } = Extent::of(values);
+    let Extent { low, high, most, is_signed, zero_is_apart, is_layered, .. } = Extent::of(values);
     let is_distance = meaning == Meaning::Relative(Near::Small) && !is_signed;
     let is_integer = kind != Kind::Floats || values.iter().all(|v| v.fract() == 0.0);
-    let has_gap = low >= GAP * high && zero_is_apart && !values.iter().any(|v| *v < 0.0);
+    // Of a few layers the farthest may be at zero.
+    let has_gap = low >= GAP * high && (zero_is_apart || !is_layered) && !values.iter().any(|v| *v < 0.0);
     let is_picture = matches!(meaning, Meaning::Relative(Near::Bright | Near::Dark));
     let no_zero = is_distance || has_gap && !is_picture;
     move |v: f32| {

@@ -149,6 +149,14 @@ fn unknown_disparities_are_filled_with_the_farther_neighbor() {
             }
         }
     }
+    // Between the values of a scene there may be wider gaps than below them.
+    let near_and_far: Vec<f32> = (0..N * N).map(|i| if i % N < 5 { 200.0 } else { 20.0 + i as f32 / 8.0 }).collect();
+    for name in ["kitti.npy", "disp2-8bit.png"] {
+        let values = with_hole(near_and_far.iter().map(|v| v.round()).collect(), 0.0);
+        let stated = Stated { near: name.starts_with("kitti").then_some(Near::Large), depth: DEPTHS };
+        let map = map::read(&write(folder.path(), name, &values), stated).unwrap();
+        assert!(map.values.iter().all(|v| *v >= 20.0), "{name}");
+    }
     // Zero is the farthest of several layers.
     for layers in [4, 2] {
         let values: Vec<f32> = (0..N * N).map(|i| (i % N * layers / N) as f32).collect();

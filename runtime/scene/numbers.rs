@@ -10,6 +10,8 @@ pub(super) struct Number {
     pub plus: bool,
     /// Whether it has no point.
     pub whole: bool,
+    /// Its letters in the name.
+    pub place: std::ops::Range<usize>,
 }
 
 /// A file's name: numbers, and the text around them.
@@ -70,6 +72,7 @@ impl<'a> Name<'a> {
                 digits,
                 plus: bytes[from] == b'+',
                 whole: !point,
+                place: from..i,
             });
             start = i;
         }
@@ -80,6 +83,17 @@ impl<'a> Name<'a> {
     /// Whether the numbers are all the same.
     pub fn same(&self, other: &Self) -> bool {
         self.numbers.iter().zip(&other.numbers).all(|(a, b)| a.value == b.value)
+    }
+
+    /// A pattern for the names that have the same number `k`, whatever those of the others that are `changing`.
+    pub fn with_same(&self, k: usize, changing: &[usize]) -> String {
+        let mut pattern = String::new();
+        for (i, number) in self.numbers[..=k].iter().enumerate() {
+            pattern += &self.texts[i];
+            pattern += if i < k && changing.contains(&i) { "*" } else { &self.name[number.place.clone()] };
+        }
+        let is_last = k + 1 == self.numbers.len();
+        pattern + &self.name[self.numbers[k].place.end..][..self.texts[k + 1].len()] + if is_last { ".*" } else { "*" }
     }
 
     /// The name with these values for these numbers, as `family` writes them; a star for others that change.

@@ -378,6 +378,8 @@ impl Parallax {
         }
         // (pixels, views apart, pixels of movement sought).
         let (mut pixels, mut step, mut most) = (longest.min(SMALL), 1, None::<f64>);
+        // Farther views may stand along one axis alone, as of 3 x 9 views. Then what nearer ones showed of both axes counts.
+        let mut of_both = None;
         loop {
             let small = Small::new(field, pixels);
             if small.size.iter().any(|n| *n < 8) {
@@ -387,7 +389,12 @@ impl Parallax {
             let usual = (REACH * pixels as f64).max(2.0);
             loop {
                 let sought = most.map_or(usual, |m| m.min(usual)).ceil() as usize;
-                let (look, volumes) = Look::at(&small, step, &detail, sought)?;
+                let (mut look, volumes) = Look::at(&small, step, &detail, sought)?;
+                if look.sees_both() {
+                    of_both = Some(look.apart);
+                } else if let Some(apart) = of_both.filter(|apart| Look::verdict(apart)[1].is_some()) {
+                    look.apart = apart;
+                }
                 let far = f64::from(share(&look.movement, &detail, f32::abs, 0.99));
                 let farther = small.steps().min(step * (STILL / look.moved.max(0.1)).ceil().clamp(2.0, 8.0) as usize);
                 if look.moved < STILL && farther > step {
@@ -412,15 +419,25 @@ impl Look {
         self.apart.into_iter().fold(f64::INFINITY, f64::min)
     }
 
-    fn says(&self, small: &Small, volumes: &[Option<Volume>; 4], detail: &[f32], step: usize) -> Parallax {
-        let [as_named, turned, crossed, both] = self.apart;
+    /// Whether views along both axes of the grid were compared.
+    fn sees_both(&self) -> bool {
+        self.apart.iter().all(|a| a.is_finite())
+    }
+
+    /// Whether the views are transposed, and whether columns and rows disagree, as far as it is clear.
+    fn verdict(apart: &[f64; 4]) -> [Option<bool>; 2] {
+        let [as_named, turned, crossed, both] = *apart;
         let pairs = [as_named.min(turned), crossed.min(both)];
         let clearly = |a: f64, b: f64, times: f64| (a.max(b) >= times * a.min(b)).then_some(b < a);
-        let moves = self.best_apart() < MOVES;
+        let moves = pairs[0].min(pairs[1]) < MOVES;
         let transposed = clearly(pairs[0], pairs[1], CLEARLY).filter(|_| moves);
         let [a, b] = if transposed == Some(true) { [crossed, both] } else { [as_named, turned] };
-        let disagree = clearly(a, b, CLEARLY_REVERSED).filter(|_| transposed.is_some() && b.is_finite());
-        let one_axis = !(a.is_finite() && b.is_finite());
+        [transposed, clearly(a, b, CLEARLY_REVERSED).filter(|_| transposed.is_some() && b.is_finite())]
+    }
+
+    fn says(&self, small: &Small, volumes: &[Option<Volume>; 4], detail: &[f32], step: usize) -> Parallax {
+        let [transposed, disagree] = Self::verdict(&self.apart);
+        let one_axis = !self.sees_both();
         let mut found = Parallax {
             transposed,
             disagree,

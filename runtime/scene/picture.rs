@@ -87,7 +87,7 @@ pub(super) fn stored(path: &Path) -> Result<(usize, usize, Kind, Vec<f32>), Scen
         Samples::F32(v) => (Kind::Floats, grey(v, channels, has_color, |a, b| a.to_bits() == b.to_bits() || b == 0.0)),
     };
     if values.is_empty() {
-        let reason = "its pixels have colours, and nothing says what depth a colour means: a map is grey";
+        let reason = "its pixels have colors, and nothing says what depth a color means: save its values as a gray picture or as an array (.npy)";
         return Err(SceneError::of_file(FileError::content(path, reason)));
     }
     Ok((image.height, image.width, kind, values))

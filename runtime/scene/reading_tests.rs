@@ -386,7 +386,8 @@ fn the_page_says_what_is_read_and_what_is_refused() {
         said(&PathBuf::from(format!("{}?mosaic", plain.display())), &request),
         said(&PathBuf::from(format!("{}?grid=3x3", plain.display())), &request),
         odd.to_string(),
-        SceneError::FullScale { file: "a".into(), found: "?".into(), how: FullScale::Folder }.to_string(),
+        SceneError::FullScale { file: "a".into(), found: "?".into(), white: 1023.0, how: FullScale::Folder }
+            .to_string(),
         SceneError::Matrix { file: "a.y4m".into() }.to_string(),
         SceneError::Turned { file: "a".into(), height: 1, width: 2, other: "b".into(), orientation: 6 }.to_string(),
         SceneError::Uneven { folder: "folder".into(), x: vec![0.0, 1.0, 5.0], y: vec![0.0] }.to_string(),

@@ -75,6 +75,9 @@ impl Reprojection {
                 other_width: picture.width,
             });
         }
+        if map.is_news {
+            tracing::info!("{}: {}", map_path.display(), map.read_as);
+        }
         let display = request.display;
         // The picture at its size on the display, without the letterbox: that is laid around the finished views.
         let (rows, columns) = display.picture_size();

@@ -72,6 +72,11 @@ impl<'a> Source<'a> {
             return Ok(Self::Picture(Path::new(source)));
         }
         let (path, query) = parts(source);
+        let is_video = |path: &Path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("y4m"));
+        if !query.is_empty() && is_video(path) && path.is_file() {
+            let takes = "a video takes matrix=bt601 or matrix=bt709, and frame=NUMBER, with & between";
+            return Err(SceneError::Options { scene: source.into(), reason: format!("'{query}': {takes}") });
+        }
         if !path.exists() {
             return Err(SceneError::NotFound { path: source.into(), what: "folder, picture, array or built-in scene" });
         }

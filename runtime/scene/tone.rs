@@ -118,29 +118,28 @@ impl Tally {
         if self.has_alpha && !self.opaque {
             return Err(SceneError::Transparent { file: file() });
         }
-        let refuse = |found: String| Err(SceneError::FullScale { file: file(), found, how });
+        let refuse = |found: String, white: f32| Err(SceneError::FullScale { file: file(), found, white, how });
         if let Some(most) = self.word.filter(|most| (1..=FOURTEEN_BITS).contains(most))
             && tone.full_scale.is_none()
             && !self.stretched
         {
             let bits = (16 - most.leading_zeros()).max(8);
-            return refuse(format!("16-bit values up to {most}, as of {bits} bits or of a dark picture"));
+            let white = f32::from(u16::MAX >> (16 - bits));
+            return refuse(format!("16-bit values up to {most}, as of {bits} bits or of a dark picture"), white);
         }
         let full = tone.full_scale.unwrap_or(1.0);
         let share = self.above as f64 / self.lit.max(1) as f64;
         if share > HIGHLIGHTS {
-            return refuse(format!(
-                "{:.0} % of its values are above {full}, up to {}",
-                100.0 * share,
-                self.most * full
-            ));
+            let most = self.most * full;
+            return refuse(format!("{:.0} % of its values are above {full}, up to {most}", 100.0 * share), white(most));
         }
         if self.above > 0 {
             tracing::warn!(
-                "{}: {} values above full scale, up to {} times, are shown as white ({how})",
+                "{}: {} values above full scale, up to {} times, are shown as white ({})",
                 place.display(),
                 self.above,
-                self.most
+                self.most,
+                how.states(&file(), white(self.most * full))
             );
         }
         if self.negative > 0 {
@@ -148,6 +147,12 @@ impl Tally {
         }
         Ok(())
     }
+}
+
+/// The likely value of white of floats up to `most`: that of integers that became floats, or the largest.
+fn white(most: f32) -> f32 {
+    let of_bits = [8, 10, 12, 14, 16].map(|bits| ((1u32 << bits) - 1) as f32);
+    of_bits.into_iter().find(|white| (0.125 * white..=*white).contains(&most)).unwrap_or(most.ceil())
 }
 
 /// The stored values of a picture, interleaved.

@@ -265,7 +265,9 @@ impl Video {
         }
         let at = self.from.stream_position().map_err(|e| self.failed(&e))?;
         if at + self.bytes() as u64 > self.length {
-            return Err(self.corrupt("its last frame is cut short"));
+            return Err(
+                self.corrupt("its last frame is cut short: copy it again, or take an earlier frame by ?frame=N")
+            );
         }
         Ok(true)
     }

@@ -89,16 +89,6 @@ pub enum Failure {
 }
 
 impl Failure {
-    /// The option of the command that follows the remedy of an error of the library.
-    pub fn option(&self) -> Option<&'static str> {
-        let scene = match self {
-            Self::Scene(error) | Self::Produce(ProduceError::Scene(error)) => error,
-            Self::Hologram(HologramError::Scene(error)) | Self::Tiled(TiledError::Scene(error)) => error,
-            _ => return None,
-        };
-        matches!(scene, SceneError::Ambiguous { .. }).then_some("--near WHICH")
-    }
-
     /// The exit code.
     pub fn code(&self) -> u8 {
         let ended = matches!(self, Self::Calibrate(e) if e.is_ended());
@@ -112,7 +102,6 @@ const FIELDS: [&str; 36] = [
     "at",
     "clock",
     "color",
-    "depth_map",
     "device",
     "display",
     "display_rate",
@@ -123,6 +112,7 @@ const FIELDS: [&str; 36] = [
     "iris",
     "loss",
     "model_terms",
+    "near",
     "order",
     "output",
     "overwrite",
@@ -148,8 +138,12 @@ const FIELDS: [&str; 36] = [
 
 /// A sentence of the library in the words of the command: its fields are options here.
 pub fn in_options(sentence: &str) -> String {
-    let others =
-        [("`depth`=", "--depth="), ("`depth`", "--depth MIN..MAX"), ("`fit_exposure`", "`eyebox import --scene`")];
+    let others = [
+        ("`depth`=", "--depth="),
+        ("`depth`", "--depth MIN..MAX"),
+        ("`depth_map`", "--depth-map FILE"),
+        ("`fit_exposure`", "`eyebox import --scene`"),
+    ];
     let text = others.iter().fold(sentence.to_owned(), |text, (field, option)| text.replace(field, option));
     FIELDS
         .iter()

@@ -109,8 +109,7 @@ fn main() -> ExitCode {
         Ok(()) if talk::finish() => ExitCode::SUCCESS,
         Ok(()) => ExitCode::from(2),
         Err(failure) => {
-            let option = failure.option().map_or(String::new(), |option| format!(": {option}"));
-            eprintln!("eyebox: {}{option}", failure::in_options(&failure.to_string()));
+            eprintln!("eyebox: {}", failure::in_options(&failure.to_string()));
             ExitCode::from(failure.code())
         }
     }

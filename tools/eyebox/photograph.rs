@@ -27,7 +27,8 @@ pub fn run(args: &Photograph) -> Result<(), Failure> {
     }
     let names: Vec<_> = colors.iter().map(|c| Some(*c)).collect();
     common::write_image(&args.out, form, &planes, &names, &vec![1.0; planes.len()])?;
-    let ([x, y, d, _], focus) = (pupil.to_mm(), depth_in_words(pupil.depth, display.focal_length));
+    let ([x, y, d, _], focus) =
+        (pupil.to_mm().map(|mm| (mm * 1e6).round() / 1e6), depth_in_words(pupil.depth, display.focal_length));
     eprintln!("wrote {}: the photograph from ({x}, {y}) mm through {d} mm, focused at {focus}", args.out.display());
     Ok(())
 }

@@ -3,6 +3,7 @@
 use clap::Error;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use std::ffi::OsString;
+use std::path::Path;
 use std::process::ExitCode;
 
 /// Returns the arguments as clap takes them: `help --help` is `help help`, and `help solve --help` is `help solve`.
@@ -55,13 +56,17 @@ fn line(error: &Error) -> String {
     format!("{said}{} (see --help)", advice(error))
 }
 
-/// A file where a name of a display is expected: it is meant for --out.
-fn advice(error: &Error) -> &'static str {
+/// What may be meant: a file whose name looks like options, or --out where a name of a display is expected.
+fn advice(error: &Error) -> String {
+    let hyphened = |word: &OsString| word.to_str().is_some_and(|w| w.starts_with('-')) && Path::new(word).exists();
+    if let Some(file) = std::env::args_os().skip(1).find(hyphened) {
+        return format!("; the file or folder of that name is given as ./{}", file.display());
+    }
     let context = |kind| match error.get(kind) {
         Some(ContextValue::String(text)) => text.as_str(),
         _ => "",
     };
     let is_output = context(ContextKind::InvalidArg).starts_with("--output");
     let is_file = [".zarr", ".npy", ".png", "/"].iter().any(|end| context(ContextKind::InvalidValue).ends_with(end));
-    if is_output && is_file { "; the file to write is given by --out" } else { "" }
+    if is_output && is_file { "; the file to write is given by --out".into() } else { String::new() }
 }

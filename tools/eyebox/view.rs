@@ -23,7 +23,8 @@ pub fn run(args: &View) -> Result<(), Failure> {
     let exposures = exposures(about, args.exposure, &planes);
     let colors: Vec<_> = about.colors.iter().map(|c| c.color).collect();
     common::write_image(&args.out, form, &planes, &colors, &exposures)?;
-    let ([x, y, d, _], focus) = (pupil.to_mm(), depth_in_words(pupil.depth, about.focal_length));
+    let ([x, y, d, _], focus) =
+        (pupil.to_mm().map(|mm| (mm * 1e6).round() / 1e6), depth_in_words(pupil.depth, about.focal_length));
     let cost = match &source {
         PhaseSource::Whole(_) => String::new(),
         PhaseSource::Tiled(tiles) => {

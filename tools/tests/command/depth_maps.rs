@@ -39,13 +39,11 @@ fn what_is_near_is_said_and_remembered() {
     let mut npy = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
     npy.extend(format!("{header:<117}\n").bytes());
     npy.extend((0..40 * 48).map(|i| (i % 48) as u8 + 1));
+    // An array of 8 bits may be a network's picture, or hold distances.
     for name in ["map.npy", "depth.npy"] {
         std::fs::write(at.join(name), &npy).unwrap();
+        refused(at, &solve("x.zarr", &["--depth-map", name]), "x.zarr", "--near small");
     }
-    refused(at, &solve("x.zarr", &["--depth-map", "map.npy"]), "x.zarr", "--near WHICH");
-    let answer = eyebox(at, &solve("x.zarr", &["--depth-map", "depth.npy"]));
-    let said = text(&answer.stderr);
-    assert!(answer.status.success() && said.contains("smaller is nearer"), "{said}");
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Files as laboratories have them: each is read with the right values, or refused with one line whose remedy works.
 
+use crate::common::made::tiff;
 use crate::common::{done, eyebox, folder, refused, text};
 use eyebox::files::{read_npy, write_npy};
 use image::{GrayImage, ImageBuffer, Luma, Rgb, RgbImage};
@@ -39,39 +40,6 @@ fn near(a: &[f32], b: &[f32], most: f32) -> bool {
     a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() <= most)
 }
 
-/// A TIFF without compression, written by hand: samples of `bits`, interleaved, little-endian.
-fn tiff(file: &Path, channels: u16, bits: u16, format: u16, bytes: &[u8]) {
-    let photometric = if channels >= 3 { 2 } else { 1 };
-    let entries: [(u16, u16, u32); 9] = [
-        (256, 4, N),
-        (257, 4, N),
-        (258, 3, u32::from(bits)),
-        (259, 3, 1),
-        (262, 3, photometric),
-        (273, 4, 8),
-        (277, 3, u32::from(channels)),
-        (279, 4, bytes.len() as u32),
-        (339, 3, u32::from(format)),
-    ];
-    let start = 8 + bytes.len() as u32;
-    let beyond = start + 2 + 12 * 9 + 4;
-    let mut out = [&b"II*\0"[..], &start.to_le_bytes(), bytes, &9u16.to_le_bytes()].concat();
-    for (tag, kind, value) in entries {
-        // Bits and format are said per channel; more than two lie behind the table.
-        let count = if (tag == 258 || tag == 339) && channels > 1 { u32::from(channels) } else { 1 };
-        let value = match (tag, count > 1) {
-            (258, true) => beyond,
-            (339, true) => beyond + 2 * u32::from(channels),
-            _ => value,
-        };
-        out.extend([&tag.to_le_bytes()[..], &kind.to_le_bytes(), &count.to_le_bytes(), &value.to_le_bytes()].concat());
-    }
-    out.extend([0; 4]);
-    (0..channels).for_each(|_| out.extend(bits.to_le_bytes()));
-    (0..channels).for_each(|_| out.extend(format.to_le_bytes()));
-    fs::write(file, out).unwrap();
-}
-
 fn words(values: &[u8]) -> Vec<u8> {
     values.iter().flat_map(|v| (u16::from(*v) * 257).to_le_bytes()).collect()
 }
@@ -85,14 +53,14 @@ fn views_in_every_format_show_the_same() {
     views(&at.join("bmp"), "bmp", by_image);
     views(&at.join("ppm"), "ppm", by_image);
     views(&at.join("upper"), "BMP", by_image);
-    views(&at.join("tif8"), "tif", |picture, file| tiff(file, 3, 8, 1, picture.as_raw()));
-    views(&at.join("tif16"), "tiff", |picture, file| tiff(file, 3, 16, 1, &words(picture.as_raw())));
+    views(&at.join("tif8"), "tif", |picture, file| tiff(file, [N, N], [3, 8, 1], picture.as_raw()));
+    views(&at.join("tif16"), "tiff", |picture, file| tiff(file, [N, N], [3, 16, 1], &words(picture.as_raw())));
     let light = |v: u8| -> [u8; 4] {
         let v = f64::from(v) / 255.0;
         (if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) } as f32).to_le_bytes()
     };
     views(&at.join("tif32"), "tif", |picture, file| {
-        tiff(file, 3, 32, 3, &picture.as_raw().iter().flat_map(|v| light(*v)).collect::<Vec<_>>());
+        tiff(file, [N, N], [3, 32, 3], &picture.as_raw().iter().flat_map(|v| light(*v)).collect::<Vec<_>>());
     });
     // What macOS, Windows and Linux leave beside pictures.
     views(&at.join("beside"), "png", |picture, file| {
@@ -202,9 +170,9 @@ fn depth_maps_in_every_format_show_the_same() {
     let word = |x: u32, y: u32| depth[(y * N + x) as usize] as u16;
     ImageBuffer::<Luma<u16>, _>::from_fn(N, N, |x, y| Luma([word(x, y)])).save(at.join("f.png")).unwrap();
     let bytes: Vec<u8> = depth.iter().flat_map(|v| (*v as u16).to_le_bytes()).collect();
-    tiff(&at.join("g.tif"), 1, 16, 1, &bytes);
+    tiff(&at.join("g.tif"), [N, N], [1, 16, 1], &bytes);
     let bytes: Vec<u8> = depth.iter().flat_map(|v| v.to_le_bytes()).collect();
-    tiff(&at.join("h.tiff"), 1, 32, 3, &bytes);
+    tiff(&at.join("h.tiff"), [N, N], [1, 32, 3], &bytes);
     ImageBuffer::<Luma<u16>, _>::from_fn(N, N, |x, y| Luma([word(x, y)])).save(at.join("i.pgm")).unwrap();
     let exr = image::Rgb32FImage::from_fn(N, N, |x, y| Rgb([f32::from(word(x, y)); 3]));
     exr.save(at.join("j.exr")).unwrap();

@@ -44,6 +44,7 @@ pub enum Answer {
 }
 
 /// What the line of a refusal advises. Every text must occur in the line.
+#[allow(dead_code, reason = "not every form is needed at any time")]
 pub enum Remedy {
     /// Words to add to the command.
     Add(&'static str),

@@ -23,7 +23,9 @@ pub struct Canon {
     pub right: fn(&Path) -> String,
     /// Each fault, and how its files are made.
     pub wrong: &'static [(&'static str, fn(&Path) -> String)],
-    pub seen: OnceLock<Photographs>,
+    /// The words that the photograph ends in.
+    words: &'static str,
+    seen: OnceLock<Photographs>,
 }
 
 /// The photograph of a scene, and of all its misreadings.
@@ -34,25 +36,34 @@ pub struct Photographs {
 
 impl Canon {
     pub const fn new(right: fn(&Path) -> String, wrong: &'static [(&'static str, fn(&Path) -> String)]) -> Self {
-        Self { right, wrong, seen: OnceLock::new() }
+        Self::through(PHOTOGRAPH, right, wrong)
+    }
+
+    /// A scene that is photographed with other words than most.
+    pub const fn through(
+        words: &'static str,
+        right: fn(&Path) -> String,
+        wrong: &'static [(&'static str, fn(&Path) -> String)],
+    ) -> Self {
+        Self { right, wrong, words, seen: OnceLock::new() }
     }
 
     fn seen(&self) -> &Photographs {
         self.seen.get_or_init(|| {
-            let right = photograph(self.right).expect("the plainest form is read");
-            let wrong = self.wrong.iter().filter_map(|(fault, make)| Some((*fault, photograph(*make)?))).collect();
+            let right = self.photograph(self.right).expect("the plainest form is read");
+            let wrong = self.wrong.iter().filter_map(|(fault, make)| Some((*fault, self.photograph(*make)?))).collect();
             Photographs { right, wrong }
         })
     }
-}
 
-/// None if the command refuses the scene: nobody takes that for the right picture.
-fn photograph(make: fn(&Path) -> String) -> Option<Vec<f32>> {
-    let temp = crate::common::folder();
-    let words = format!("photograph {} {PHOTOGRAPH}", make(temp.path()));
-    let answer = eyebox(temp.path(), &words.split_whitespace().collect::<Vec<_>>());
-    let read = || read_npy(&temp.path().join("out.npy")).expect("a photograph").values;
-    answer.status.success().then(read)
+    /// None if the command refuses the scene: nobody takes that for the right picture.
+    fn photograph(&self, make: fn(&Path) -> String) -> Option<Vec<f32>> {
+        let temp = crate::common::folder();
+        let words = format!("photograph {} {}", make(temp.path()), self.words);
+        let answer = eyebox(temp.path(), &words.split_whitespace().collect::<Vec<_>>());
+        let read = || read_npy(&temp.path().join("out.npy")).expect("a photograph").values;
+        answer.status.success().then(read)
+    }
 }
 
 fn rms(a: &[f32], b: &[f32]) -> f32 {

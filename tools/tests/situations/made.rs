@@ -5,6 +5,7 @@ use eyebox::files::write_npy;
 use image::{Rgb, RgbImage};
 use std::fs;
 use std::path::Path;
+use std::sync::LazyLock;
 
 /// Rows and columns of views, and of their pixels.
 pub const GRID: [usize; 2] = [3, 5];
@@ -44,9 +45,11 @@ pub fn view_of([rows, columns]: [usize; 2], row: usize, column: usize) -> RgbIma
     view([off(row, rows), off(column, columns)])
 }
 
-/// All views of the usual grid, row by row.
+/// All views of the usual grid, row by row. They are rendered once.
 pub fn all() -> Vec<RgbImage> {
-    (0..GRID[0] * GRID[1]).map(|i| view_of(GRID, i / GRID[1], i % GRID[1])).collect()
+    static ALL: LazyLock<Vec<RgbImage>> =
+        LazyLock::new(|| (0..GRID[0] * GRID[1]).map(|i| view_of(GRID, i / GRID[1], i % GRID[1])).collect());
+    ALL.clone()
 }
 
 /// Saves the views of the usual grid in `folder` under names of their row and column.
@@ -71,6 +74,10 @@ pub fn array(at: &Path, [rows, columns]: [usize; 2], views: &[RgbImage], value: 
     "v.npy --order as-named --depth=-1..1".into()
 }
 
+fn one(row: usize, column: usize) -> RgbImage {
+    all().swap_remove(row * GRID[1] + column)
+}
+
 /// The usual views in another place: `from` has the view that stands in a row and column.
 fn places(at: &Path, from: impl Fn(usize, usize) -> RgbImage) -> String {
     let views: Vec<_> = (0..GRID[0] * GRID[1]).map(|i| from(i / GRID[1], i % GRID[1])).collect();
@@ -88,20 +95,16 @@ pub const EXACT: Judge = Judge::Like(&VIEWS, 2e-6);
 pub static VIEWS: Canon = Canon::new(
     right,
     &[
-        ("rows reversed", |at| places(at, |r, c| view_of(GRID, GRID[0] - 1 - r, c))),
-        ("columns reversed", |at| places(at, |r, c| view_of(GRID, r, GRID[1] - 1 - c))),
-        ("inside out", |at| places(at, |r, c| view_of(GRID, GRID[0] - 1 - r, GRID[1] - 1 - c))),
-        ("every second row backwards", |at| {
-            places(at, |r, c| view_of(GRID, r, if r % 2 == 0 { GRID[1] - 1 - c } else { c }))
-        }),
-        ("columns first", |at| {
-            places(at, |r, c| view_of(GRID, (r * GRID[1] + c) % GRID[0], (r * GRID[1] + c) / GRID[0]))
-        }),
-        ("mirrored", |at| places(at, |r, c| image::imageops::flip_horizontal(&view_of(GRID, r, c)))),
-        ("upside down", |at| places(at, |r, c| image::imageops::flip_vertical(&view_of(GRID, r, c)))),
+        ("rows reversed", |at| places(at, |r, c| one(GRID[0] - 1 - r, c))),
+        ("columns reversed", |at| places(at, |r, c| one(r, GRID[1] - 1 - c))),
+        ("inside out", |at| places(at, |r, c| one(GRID[0] - 1 - r, GRID[1] - 1 - c))),
+        ("every second row backwards", |at| places(at, |r, c| one(r, if r % 2 == 0 { GRID[1] - 1 - c } else { c }))),
+        ("columns first", |at| places(at, |r, c| one((r * GRID[1] + c) % GRID[0], (r * GRID[1] + c) / GRID[0]))),
+        ("mirrored", |at| places(at, |r, c| image::imageops::flip_horizontal(&one(r, c)))),
+        ("upside down", |at| places(at, |r, c| image::imageops::flip_vertical(&one(r, c)))),
         ("with red and blue exchanged", |at| {
             places(at, |r, c| {
-                let mut view = view_of(GRID, r, c);
+                let mut view = one(r, c);
                 view.pixels_mut().for_each(|p| p.0.reverse());
                 view
             })

@@ -12,18 +12,27 @@
 #[path = "../command/common/mod.rs"]
 mod common;
 
+mod arrays;
+mod cameras;
+mod depths;
 mod displays;
 mod folders;
+mod formats;
 mod frame;
 mod holograms;
 mod judge;
 mod made;
 mod outputs;
 mod page;
+mod paths;
 mod phases;
 mod recordings;
 mod tables;
+mod tiled;
+mod videos;
 mod write;
+
+use videos::others;
 
 /// Makes one test of each chapter, and the list of all chapters in the order of the page.
 macro_rules! chapters {
@@ -43,6 +52,14 @@ macro_rules! chapters {
 
 chapters! {
     folders
+    formats
+    arrays
+    tiled
+    depths
+    videos
+    others
+    cameras
+    paths
     holograms
     phases
     displays

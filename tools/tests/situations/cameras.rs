@@ -1,0 +1,153 @@
+//! Cameras that stand in no even grid, and focal stacks.
+
+use crate::common::done;
+use crate::frame::{Case, Chapter, Remedy, case, change};
+use crate::judge::{Canon, Judge};
+use crate::made::{GRID, array, light, view};
+use crate::tiled::{OF_ROW, row};
+use crate::write::{file, png};
+use image::RgbImage;
+use std::path::Path;
+
+/// Through a small pupil 4 mm left of the middle.
+const ASIDE: &str = "--pupil=-4,0,2,0 --size 48x64 --engine cpu -o out.npy";
+/// Millimeters of the pupil plane for one step of the scene.
+const STEP: f32 = 4.0;
+/// Columns of cameras that are not evenly spaced [mm].
+const UNEVEN: [f32; 5] = [-8.0, -6.0, 1.0, 3.0, 8.0];
+
+fn from([x, y]: [f32; 2]) -> RgbImage {
+    view([y / STEP, x / STEP])
+}
+
+/// Cameras at every millimeter of one row, each of which looks from where `x` says.
+fn dense(at: &Path, x: impl Fn(f32) -> f32) -> String {
+    let views: Vec<_> = (-8..=8).map(|mm| from([x(mm as f32), 0.0])).collect();
+    format!("{} --view-pitch 1", array(at, [1, 17], &views, light))
+}
+
+static ROW: Canon = Canon::through(
+    ASIDE,
+    |at| dense(at, |x| x),
+    &[
+        ("mirrored", |at| dense(at, |x| -x)),
+        ("from the middle", |at| dense(at, |_| 0.0)),
+        // The second of five cameras stands at -6 mm.
+        ("as if it were evenly spaced", |at| dense(at, |_| -6.0)),
+    ],
+);
+
+/// Layers that are made of few views leave an error.
+const OF_LAYERS: Judge = Judge::Like(&ROW, 0.06);
+
+fn uneven(have: &str, toml: &'static str, name: impl Fn(usize) -> String + Send + Sync + 'static) -> Case {
+    case(have, format!("photograph views {ASIDE}"), move |at| {
+        for (i, x) in UNEVEN.into_iter().enumerate() {
+            file(&at.join("views").join(name(i)), png(from([x, 0.0])));
+        }
+        if !toml.is_empty() {
+            file(&at.join("views/lightfield.toml"), toml);
+        }
+    })
+}
+
+const STILL_LIFE: &str = "builtin:still-life?span=1";
+
+/// Photographs through a wide pupil, each focused at another depth.
+fn stack(at: &Path) {
+    for (i, z) in DEPTHS.into_iter().enumerate() {
+        let (pupil, out) = (format!("--pupil=0,0,12,{z}"), format!("stack/focus_{i}.png"));
+        std::fs::create_dir_all(at.join("stack")).expect("a folder");
+        done(at, &["photograph", STILL_LIFE, &pupil, "--size", "48x64", "--engine", "cpu", "-o", &out]);
+    }
+}
+
+const DEPTHS: [f32; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
+const WITHIN: &str = "--pupil=3,1,4,0.5 --size 48x64 --engine cpu -o out.npy";
+
+static FOCUSED: Canon = Canon::through(WITHIN, |_| STILL_LIFE.into(), &[("another scene", |_| "builtin:plane".into())]);
+const OF_STACK: Judge = Judge::Like(&FOCUSED, 0.05);
+
+static FLAT: Canon = Canon::new(
+    |at| array(at, GRID, &vec![view([0.0, 0.0]); 15], light),
+    &[("upside down", |at| array(at, GRID, &vec![image::imageops::flip_vertical(&view([0.0, 0.0])); 15], light))],
+);
+
+pub fn chapter() -> Chapter {
+    let stated = "focus_mm = [-1, -0.5, 0, 0.5, 1]\naperture_mm = 12\n";
+    let situations = vec![
+        uneven(
+            "lightfield.toml states where each camera of a row stands.",
+            "positions_mm = [-8, -6, 1, 3, 8]\n",
+            |i| format!("IMG_{}.png", 4026 + i),
+        )
+        .right(OF_LAYERS),
+        uneven(
+            "lightfield.toml states x and y of each camera.",
+            "positions_mm = [[-8, 0], [-6, 0], [1, 0], [3, 0], [8, 0]]\n",
+            |i| format!("{i}.png"),
+        )
+        .right(OF_LAYERS),
+        uneven("Names have the positions of cameras, which are uneven.", "", |i| {
+            format!("y0_x{:02}.png", UNEVEN[i] as i32 + 8)
+        })
+        .refused(
+            "not evenly spaced",
+            Remedy::State("views/lightfield.toml", "positions_mm = { x = [0.0, 2.0, 9.0, 11.0, 16.0], y = [0.0] }"),
+            OF_LAYERS,
+        ),
+        uneven("lightfield.toml has a position too few.", "positions_mm = [-8, -6, 1, 3]\n", |i| format!("{i}.png"))
+            .refused(
+                "positions_mm has 4 positions",
+                change("give one for each", |at| {
+                    file(&at.join("views/lightfield.toml"), "positions_mm = [-8, -6, 1, 3, 8]\n");
+                }),
+                OF_LAYERS,
+            ),
+        case("One row of 15 cameras has a running number.", "photograph views", |at| {
+            row().into_iter().enumerate().for_each(|(i, view)| file(&at.join(format!("views/{i:02}.png")), png(view)));
+        })
+        .right(OF_ROW),
+        case("One row of 15 cameras is named by row and column.", "photograph views", |at| {
+            row().into_iter().enumerate().for_each(|(i, view)| file(&at.join(format!("views/v_0_{i}.png")), png(view)));
+        })
+        .right(OF_ROW),
+        case("All views are the same picture.", "photograph views", |at| {
+            (0..15).for_each(|i| file(&at.join(format!("views/v_{}_{}.png", i / 5, i % 5)), png(view([0.0, 0.0]))));
+        })
+        .right(Judge::Like(&FLAT, 2e-6)),
+        case("A focal stack states its depths and its aperture.", format!("photograph stack {WITHIN}"), move |at| {
+            stack(at);
+            file(&at.join("stack/lightfield.toml"), stated);
+        })
+        .right(OF_STACK),
+        case("A focal stack states nothing.", format!("photograph stack {WITHIN}"), stack).refused(
+            "one position",
+            change("state `focus_mm` and `aperture_mm`", move |at| file(&at.join("stack/lightfield.toml"), stated)),
+            OF_STACK,
+        ),
+        case("A focal stack states a depth too few.", format!("photograph stack {WITHIN}"), |at| {
+            stack(at);
+            file(&at.join("stack/lightfield.toml"), "focus_mm = [-1, -0.5, 0, 0.5]\naperture_mm = 12\n");
+        })
+        .refused(
+            "focus_mm has 4 depths",
+            change("one for each", move |at| file(&at.join("stack/lightfield.toml"), stated)),
+            OF_STACK,
+        ),
+        case("A focal stack does not state its aperture.", format!("photograph stack {WITHIN}"), |at| {
+            stack(at);
+            file(&at.join("stack/lightfield.toml"), "focus_mm = [-1, -0.5, 0, 0.5, 1]\n");
+        })
+        .refused(
+            "focus_mm needs aperture_mm",
+            Remedy::State("stack/lightfield.toml", "aperture_mm = 12"),
+            OF_STACK,
+        ),
+    ];
+    Chapter {
+        title: "Cameras and focal stacks",
+        about: "Rows of cameras that are uneven, and pictures of one camera.",
+        situations,
+    }
+}

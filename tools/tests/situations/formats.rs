@@ -1,0 +1,160 @@
+//! Formats of views, and what their values mean.
+
+use crate::common::made::tiff;
+use crate::frame::{Case, Chapter, Remedy, Situation, case, change};
+use crate::judge::Judge;
+use crate::made::{EXACT, GRID, SIZE, VIEWS, all, light};
+use crate::write::{exr_of, file, jpeg, png, with_chunk};
+use image::buffer::ConvertBuffer;
+use image::{DynamicImage, ImageBuffer, Rgb, RgbImage, Rgba, RgbaImage};
+use std::path::Path;
+
+/// JPEG files of the best quality.
+const JPEG: Judge = Judge::Like(&VIEWS, 0.015);
+
+/// The usual views, each as `bytes` makes a file of it.
+fn written(folder: &Path, ending: &str, bytes: impl Fn(&RgbImage) -> Vec<u8>) {
+    for (i, view) in all().iter().enumerate() {
+        file(&folder.join(format!("v_{}_{}.{ending}", i / GRID[1], i % GRID[1])), bytes(view));
+    }
+}
+
+fn views(have: &str, ending: &'static str, bytes: impl Fn(&RgbImage) -> Vec<u8> + Send + Sync + 'static) -> Case {
+    case(have, "photograph views", move |at| written(&at.join("views"), ending, &bytes))
+}
+
+/// What the `image` crate writes for an ending.
+fn saved(picture: impl Into<DynamicImage>, format: image::ImageFormat) -> Vec<u8> {
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    picture.into().write_to(&mut bytes, format).expect("a picture");
+    bytes.into_inner()
+}
+
+fn tiff_of(channels_bits_format: [u16; 3], bytes: &[u8]) -> Vec<u8> {
+    let temp = crate::common::folder();
+    let path = temp.path().join("a.tif");
+    tiff(&path, SIZE.map(|n| n as u32), channels_bits_format, bytes);
+    std::fs::read(path).expect("a TIFF")
+}
+
+/// 16 bits, each value as `value` makes it.
+fn words(view: &RgbImage, value: impl Fn(u8) -> u16) -> ImageBuffer<Rgb<u16>, Vec<u16>> {
+    ImageBuffer::from_fn(view.width(), view.height(), |x, y| Rgb(view.get_pixel(x, y).0.map(&value)))
+}
+
+/// Stored values of `white` at most.
+fn of_white(view: &RgbImage, white: f32) -> ImageBuffer<Rgb<u16>, Vec<u16>> {
+    words(view, |v| (f32::from(v) / 255.0 * white).round() as u16)
+}
+
+/// The rounding of values of 10, 12 or 14 bits.
+const ROUNDED: Judge = Judge::Like(&VIEWS, 1e-3);
+
+pub fn chapter() -> Chapter {
+    let mut situations = vec![
+        views("Views are JPEG files of the best quality.", "jpg", |v| jpeg(v, 1)).right(JPEG),
+        views("Views are BMP files.", "bmp", |v| saved(v.clone(), image::ImageFormat::Bmp)).right(EXACT),
+        views("Views are PPM files.", "ppm", |v| saved(v.clone(), image::ImageFormat::Pnm)).right(EXACT),
+        views("Views are TIFF files of 8 bits.", "tif", |v| tiff_of([3, 8, 1], v.as_raw())).right(EXACT),
+        views("Views are PNG files of 16 bits, made from 8 bits.", "png", |v| png(words(v, |v| u16::from(v) * 257)))
+            .right(EXACT),
+        views("Views are TIFF files of floats, which are linear light.", "tiff", |v| {
+            tiff_of([3, 32, 3], &v.as_raw().iter().flat_map(|v| light(*v).to_le_bytes()).collect::<Vec<_>>())
+        })
+        .right(EXACT),
+        views("Views are EXR files of a renderer.", "exr", |v| exr_of(v, light)).right(EXACT),
+        views("Views are PNG files with an opaque alpha channel.", "png", |v| {
+            let opaque: RgbaImage = v.convert();
+            png(opaque)
+        })
+        .right(EXACT),
+        views("Views are PNG files with the gamma value 0.45455 of old programs.", "png", |v| {
+            with_chunk(&png(v.clone()), b"gAMA", &45455u32.to_be_bytes())
+        })
+        .right(EXACT),
+        views("Views are PNG files of linear light, and say so by a gamma of 1.", "png", |v| {
+            let linear = words(v, |v| (light(v) * 65535.0).round() as u16);
+            with_chunk(&png(linear), b"gAMA", &100_000u32.to_be_bytes())
+        })
+        .right(Judge::Like(&VIEWS, 1e-4)),
+        views("A phone took the views upright and stores them lying, with an EXIF orientation.", "jpg", |v| {
+            jpeg(&image::imageops::rotate270(v), 6)
+        })
+        .right(JPEG),
+        views("EXR views have values slightly below zero, as denoisers leave them.", "exr", |v| {
+            exr_of(v, |v| if light(v) < 0.002 { -1e-6 } else { light(v) })
+        })
+        .right(Judge::Like(&VIEWS, 1e-3)),
+        views("PNG files have the ending .jpg.", "jpg", |v| png(v.clone())).right(EXACT),
+        views("Names end in .png, and the files are JPEG.", "png", |v| jpeg(v, 1)).right(JPEG),
+    ];
+    situations.extend(refused());
+    Chapter { title: "Formats and values of views", about: "The views are those of the chapter above.", situations }
+}
+
+fn refused() -> Vec<Situation> {
+    vec![
+        views("A camera of 10 bits stores its values in PNG files of 16 bits.", "png", |v| png(of_white(v, 1023.0)))
+            .refused("10 bits", Remedy::State("views/lightfield.toml", "full_scale = 1023"), ROUNDED),
+        views("A camera of 12 bits stores its values in PNG files of 16 bits.", "png", |v| png(of_white(v, 4095.0)))
+            .refused("12 bits", Remedy::State("views/lightfield.toml", "full_scale = 4095"), ROUNDED),
+        views("A camera of 14 bits stores its values in TIFF files of 16 bits.", "tif", |v| {
+            tiff_of([3, 16, 1], &of_white(v, 16383.0).iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>())
+        })
+        .refused("14 bits", Remedy::State("views/lightfield.toml", "full_scale = 16383"), ROUNDED),
+        views("EXR views hold 0 to 255 instead of 0 to 1.", "exr", |v| exr_of(v, |v| 255.0 * light(v))).refused(
+            "above 1",
+            Remedy::State("views/lightfield.toml", "full_scale = 255"),
+            Judge::Like(&VIEWS, 1e-5),
+        ),
+        views("Views are transparent everywhere.", "png", |v| {
+            png(ImageBuffer::from_fn(v.width(), v.height(), |x, y| {
+                let [r, g, b] = v.get_pixel(x, y).0;
+                Rgba([r, g, b, 0])
+            }))
+        })
+        .refused(
+            "transparent",
+            change("without its alpha channel", |at| written(&at.join("views"), "png", |v| png(v.clone()))),
+            EXACT,
+        ),
+        views("One pixel of an EXR view is NaN.", "exr", |v| exr_of(v, |v| if v == 77 { f32::NAN } else { light(v) }))
+            .refused("NaN", change("finite", |at| written(&at.join("views"), "exr", |v| exr_of(v, light))), EXACT),
+        views("EXR views have values far below zero.", "exr", |v| exr_of(v, |v| if v == 77 { -0.5 } else { light(v) }))
+            .refused(
+                "-0.5",
+                change("not negative", |at| written(&at.join("views"), "exr", |v| exr_of(v, light))),
+                EXACT,
+            ),
+        views("Views are PNG files with a gamma of 1.8.", "png", |v| {
+            with_chunk(&png(v.clone()), b"gAMA", &55556u32.to_be_bytes())
+        })
+        .refused(
+            "gamma",
+            change("convert it to sRGB", |at| written(&at.join("views"), "png", |v| png(v.clone()))),
+            EXACT,
+        ),
+        views("Views are HDR pictures with the PQ curve.", "png", |v| {
+            with_chunk(&png(v.clone()), b"cICP", &[9, 16, 0, 1])
+        })
+        .refused(
+            "PQ",
+            change("convert it to sRGB", |at| written(&at.join("views"), "png", |v| png(v.clone()))),
+            EXACT,
+        ),
+        views("Views are WebP files.", "webp", |_| b"RIFF\x20\0\0\0WEBPVP8 ".to_vec()).refused(
+            "WebP",
+            change("magick mogrify -format png views/*.webp", |at| {
+                written(&at.join("views"), "png", |v| png(v.clone()))
+            }),
+            EXACT,
+        ),
+        views("Views are raw pictures of a camera.", "dng", |_| b"II*\0\x08\0\0\0".to_vec()).refused(
+            "raw picture",
+            change("darktable-cli", |at| {
+                written(&at.join("views"), "tif", |v| tiff_of([3, 8, 1], v.as_raw()));
+            }),
+            EXACT,
+        ),
+    ]
+}

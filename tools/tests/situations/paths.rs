@@ -1,0 +1,109 @@
+//! Names and paths of scenes.
+
+use crate::frame::{Case, Chapter, Remedy, case, convert, word_of};
+use crate::made::{EXACT, save};
+use std::fs;
+use std::path::Path;
+
+fn usual(r: usize, c: usize) -> String {
+    format!("view_{r}_{c}.png")
+}
+
+/// The usual views in a folder of this name, given by these words.
+fn at_path(have: &str, words: &str, folder: &'static str) -> Case {
+    case(have, format!("photograph {words}"), move |at| save(&at.join(folder), usual))
+}
+
+#[cfg(unix)]
+fn link(to: &Path, from: &Path) {
+    std::os::unix::fs::symlink(to, from).expect("a link");
+}
+
+/// Where there are no links, a copy.
+#[cfg(not(unix))]
+fn link(to: &Path, from: &Path) {
+    fs::create_dir_all(from).expect("a folder");
+    fs::read_dir(to).expect("a folder").flatten().for_each(|e| drop(fs::copy(e.path(), from.join(e.file_name()))));
+}
+
+pub fn chapter() -> Chapter {
+    let bytes = || std::path::PathBuf::from(word_of(b"caf\xe9".to_vec()));
+    let mut situations = vec![
+        at_path("The folder has a space in its name.", "'my views'", "my views").right(EXACT),
+        at_path("The folder has letters of other scripts in its name.", "场景-Ü", "场景-Ü").right(EXACT),
+        at_path("The path ends in a slash.", "views/", "views").right(EXACT),
+        at_path("The path goes up and down again.", "a/../views/.", "views/../a/../views").right(EXACT),
+        at_path("The folder is deep in others.", "data/2024/05/scene/views", "data/2024/05/scene/views").right(EXACT),
+        at_path("The name of the folder has 200 letters.", &"v".repeat(120), "vvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvv").right(EXACT),
+        at_path("The name of the folder has brackets and a percent sign.", "'views [50%]'", "views [50%]").right(EXACT),
+        at_path("The name of the folder has a point and looks like a file.", "views.v2", "views.v2").right(EXACT),
+        at_path("The name of the folder has a question mark.", "'which?'", "which?").right(EXACT),
+    ];
+    situations.push(
+        case("The folder is a link to another.", "photograph link", |at| {
+            save(&at.join("far/views"), usual);
+            link(&at.join("far/views"), &at.join("link"));
+        })
+        .right(EXACT),
+    );
+    #[cfg(unix)]
+    situations.push(
+        case("Views are links to files of other names.", "photograph views", |at| {
+            save(&at.join("store"), |r, c| format!("{}.png", 100 + 17 * r + c));
+            fs::create_dir(at.join("views")).expect("a folder");
+            for (r, c) in (0..3).flat_map(|r| (0..5).map(move |c| (r, c))) {
+                link(&at.join(format!("store/{}.png", 100 + 17 * r + c)), &at.join("views").join(usual(r, c)));
+            }
+        })
+        .right(EXACT),
+    );
+    #[cfg(unix)]
+    situations.push(
+        case("A view is a link to a file that is gone.", "photograph views", |at| {
+            save(&at.join("views"), usual);
+            fs::rename(at.join("views/view_2_2.png"), at.join("gone.png")).expect("moved");
+            link(&at.join("nothing.png"), &at.join("views/view_2_2.png"));
+        })
+        .refused(
+            "view_2_2.png: this view is missing",
+            crate::frame::change("add it", |at| {
+                fs::remove_file(at.join("views/view_2_2.png")).expect("removed");
+                fs::rename(at.join("gone.png"), at.join("views/view_2_2.png")).expect("moved");
+            }),
+            EXACT,
+        ),
+    );
+    situations.push(at_path("The name of the folder begins with a minus sign.", "-views", "-views").refused(
+        "-v",
+        Remedy::Replace("-views", "./-views"),
+        EXACT,
+    ));
+    #[cfg(target_os = "linux")]
+    situations.push(
+        case("The name of the folder is not UTF-8.", "photograph caf\\xE9", move |at| save(&at.join(bytes()), usual))
+            .refused(
+                "not UTF-8",
+                convert("rename", "caf\\xE9", "cafe", move |at| {
+                    fs::rename(at.join(bytes()), at.join("cafe")).expect("renamed")
+                }),
+                EXACT,
+            ),
+    );
+    #[cfg(target_os = "linux")]
+    situations.push(
+        case("The name of one view is not UTF-8.", "photograph views", |at| {
+            save(&at.join("views"), usual);
+            let wrong = std::path::PathBuf::from(word_of(b"view_2_2\xff.png".to_vec()));
+            fs::rename(at.join("views/view_2_2.png"), at.join("views").join(wrong)).expect("renamed");
+        })
+        .refused(
+            "not UTF-8",
+            crate::frame::change("rename it", |at| {
+                let wrong = std::path::PathBuf::from(word_of(b"view_2_2\xff.png".to_vec()));
+                fs::rename(at.join("views").join(wrong), at.join("views/view_2_2.png")).expect("renamed");
+            }),
+            EXACT,
+        ),
+    );
+    Chapter { title: "Names and paths", about: "The usual views, in folders with other names.", situations }
+}
