@@ -66,7 +66,7 @@ impl Layout {
                 ));
             }
             [rows, columns, height, width] => ([rows, columns], [height, width], 1),
-            [1, ref inner @ ..] if inner.len() >= 5 => return Self::of(inner, grid, file),
+            [1, ref inner @ ..] if inner.len() >= 5 => return Self::of(inner, grid, None, file),
             _ => {
                 return Err(format!(
                     "has the shape {shape:?}: views are (rows of views, columns of views, rows of pixels, columns of pixels, \
