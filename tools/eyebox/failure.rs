@@ -97,7 +97,7 @@ impl Failure {
 }
 
 /// Fields and arguments of the library that a sentence may name and the command's options say: all but a few have the same name.
-const FIELDS: [&str; 37] = [
+const FIELDS: [&str; 36] = [
     "ahead",
     "at",
     "clock",
@@ -138,17 +138,12 @@ const FIELDS: [&str; 37] = [
 
 /// A sentence of the library in the words of the command: its fields are options here.
 pub fn in_options(sentence: &str) -> String {
-<<<<<<< HEAD
-    let others =
-        [("`depth`=", "--depth="), ("`depth`", "--depth MIN..MAX"), ("`fit_exposure`", "`eyebox import --scene`")];
-=======
     let others = [
         ("`depth`=", "--depth="),
         ("`depth`", "--depth MIN..MAX"),
         ("`depth_map`", "--depth-map FILE"),
         ("`fit_exposure`", "`eyebox import --scene`"),
     ];
->>>>>>> 44fba50c70525106d3ed0aceb1be0266fd8ae846
     let text = others.iter().fold(sentence.to_owned(), |text, (field, option)| text.replace(field, option));
     FIELDS
         .iter()
