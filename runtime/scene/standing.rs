@@ -257,8 +257,13 @@ fn row_in_tiles(field: &LightField, patches: &Patches, lines: &[Line; 2]) -> Opt
     if rows < 2 || columns < 2 {
         return None;
     }
-    // Rows of tiles that run backwards differ from others beside the central column.
-    let beside = [[-1, -1], [-1, 1], [1, -1], [1, 1]].map(|at| seen(field, patches, at));
+    // Rows of tiles that run backwards differ from others beside the central column, and most at the ends of the rows.
+    let ends = [-((columns / 2) as isize), -1, 1, (columns - 1 - columns / 2) as isize];
+    let beside: Vec<Option<Seen>> = [-1, 1]
+        .into_iter()
+        .flat_map(|down| ends.map(|right| [down, right]))
+        .map(|at| seen(field, patches, at))
+        .collect();
     let views: Vec<&Seen> =
         lines.iter().flat_map(|line| &line.views).map(|(_, seen)| seen).chain(beside.iter().flatten()).collect();
     // The share of the movements that some movement from camera to camera of their patch explains.
