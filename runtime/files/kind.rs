@@ -1,21 +1,5 @@
 //! What a file is, from its first bytes. Every reader asks here before it refuses a file, so that the refusal names the file's real kind.
 
-use super::Wanted;
-
-/// A file of another kind than the one that is read.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{file}: it is {}, which is not read as {}; {remedy}", found.describe(), wanted.describe())]
-pub struct OtherKind {
-    /// The file.
-    pub file: String,
-    /// Its kind, from its content.
-    pub found: FileKind,
-    /// What the reader wanted.
-    pub wanted: Wanted,
-    /// A line that makes a file of it that is read.
-    pub remedy: String,
-}
-
 /// Kind of a file, determined from its content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]

@@ -17,6 +17,8 @@ pub mod place;
 pub mod saccade;
 
 mod calibration;
+#[cfg(test)]
+mod calibration_tests;
 mod estimator;
 #[cfg(test)]
 mod eyes_tests;

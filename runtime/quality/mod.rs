@@ -32,8 +32,9 @@ pub use measured::{Measured, MeasuredError};
 pub use model_worth::ModelWorth;
 pub use reference::{PUPILS as REFERENCE_PUPILS, Reference};
 pub use subject::{Prepared, Solved, Subject};
-pub use tune::{Observe, Tuning};
+pub use tune::Tuning;
 pub use tuned::{Checked, LevelRow, NEAR_DB, Tuned};
+pub use watch::Observe;
 
 use crate::engine::EngineError;
 use crate::evaluate::EvaluateError;

@@ -3,7 +3,7 @@
 use super::grid::{Space, grid};
 use super::kept::{Keep, checksum, identity};
 use super::tuned::{Checked, LevelRow, Tuned};
-use super::watch::Watch;
+use super::watch::{Observe, Watch};
 use super::{Quality, QualityError, Recommended, Reference, Solved, Subject, Trial, recommend};
 use crate::engine::{Engine, Memory, Stoppable};
 use crate::evaluate::JodMetric;
@@ -40,10 +40,6 @@ pub struct Tuning<'a> {
     /// When this run began.
     pub begun: Instant,
 }
-
-/// Observer of a long job: it gets what is being done and how much of all is done, 0 to 1. [`Flow::Stop`] ends the job with the
-/// results that are there. It is called before each list of the engine, too, so that a stop is heard within it.
-pub type Observe<'a> = dyn FnMut(&str, f64) -> Flow + Send + 'a;
 
 /// What is kept between runs.
 #[derive(Default, Serialize, Deserialize)]

@@ -1,9 +1,13 @@
 //! The observer of a long job, who may stop it between any two lists of its engine.
 
-use super::{Observe, QualityError};
+use super::QualityError;
 use crate::engine::EngineError;
 use crate::solve::Flow;
 use std::sync::{Mutex, PoisonError};
+
+/// Observer of a long job: it gets what is being done and how much of all is done, 0 to 1. [`Flow::Stop`] ends the job with the
+/// results that are there. It is called before each list of the engine, too, so that a stop is heard within it.
+pub type Observe<'a> = dyn FnMut(&str, f64) -> Flow + Send + 'a;
 
 /// Calls the observer for the job and for its engine.
 pub(crate) struct Watch<'a>(Mutex<Watched<'a>>);
