@@ -1,7 +1,7 @@
 //! Holograms that are looked for, moved and damaged.
 
 use crate::common::done;
-use crate::frame::{Case, Chapter, Outcome, Remedy, case, change};
+use crate::frame::{Case, Chapter, Outcome, Remedy, Situation, case, change};
 use crate::judge::Judge;
 use crate::made::save;
 use crate::write::file;
@@ -113,8 +113,9 @@ fn again(at: &Path) {
     copy(&kept().join("a/h.zarr"), &at.join("a/h.zarr"));
 }
 
-pub fn chapter() -> Chapter {
-    let mut situations = vec![
+/// Holograms and scenes that were moved, renamed or changed.
+fn moved() -> Vec<Situation> {
+    vec![
         score("A hologram lies beside its scene in another folder.", "a/h.zarr", |_| ()).right(SCORED),
         score("A hologram and its scene were moved together.", "b/h.zarr", |at| {
             fs::rename(at.join("a"), at.join("b")).expect("a move");
@@ -173,6 +174,12 @@ pub fn chapter() -> Chapter {
             copy(&at.join("a/h.zarr"), &at.join("c/h.zarr"));
         })
         .refused("a folder that holds one", Remedy::As("c/h.zarr", "score c ", "score c/h.zarr "), SCORED),
+    ]
+}
+
+/// Holograms that were damaged, and other files in their place.
+fn damaged() -> Vec<Situation> {
+    vec![
         score("A file of phases was lost in a copy.", "a/h.zarr", |at| {
             fs::remove_file(at.join(CHUNK)).expect("a file");
         })
@@ -211,7 +218,12 @@ pub fn chapter() -> Chapter {
             Remedy::As("that is a folder of views", "a/h.zarr", "a/scene"),
             FIRST,
         ),
-    ];
+    ]
+}
+
+pub fn chapter() -> Chapter {
+    let mut situations = moved();
+    situations.extend(damaged());
     if cfg!(unix) {
         situations.push(
             score("A link leads to a hologram.", "link.zarr", |at| link(&at.join("a/h.zarr"), &at.join("link.zarr")))

@@ -17,12 +17,15 @@ pub enum Judge {
     By(fn(&Outcome) -> Result<(), String>),
 }
 
+/// A fault, and how the files are made that a reader with it would see.
+pub type Misreading = (&'static str, fn(&Path) -> String);
+
 /// A scene in its plainest form, and the same scene misread in every way that must show.
 pub struct Canon {
     /// Makes the files in a folder, and returns the words of the command behind `photograph`.
     pub right: fn(&Path) -> String,
     /// Each fault, and how its files are made.
-    pub wrong: &'static [(&'static str, fn(&Path) -> String)],
+    pub wrong: &'static [Misreading],
     /// The words that the photograph ends in.
     words: &'static str,
     seen: OnceLock<Photographs>,
@@ -35,16 +38,12 @@ pub struct Photographs {
 }
 
 impl Canon {
-    pub const fn new(right: fn(&Path) -> String, wrong: &'static [(&'static str, fn(&Path) -> String)]) -> Self {
+    pub const fn new(right: fn(&Path) -> String, wrong: &'static [Misreading]) -> Self {
         Self::through(PHOTOGRAPH, right, wrong)
     }
 
     /// A scene that is photographed with other words than most.
-    pub const fn through(
-        words: &'static str,
-        right: fn(&Path) -> String,
-        wrong: &'static [(&'static str, fn(&Path) -> String)],
-    ) -> Self {
+    pub const fn through(words: &'static str, right: fn(&Path) -> String, wrong: &'static [Misreading]) -> Self {
         Self { right, wrong, words, seen: OnceLock::new() }
     }
 

@@ -263,7 +263,7 @@ fn other_files() -> Vec<Situation> {
             file(&at.join("p.csv"), (0..24).map(row).collect::<Vec<_>>().join("\n"));
         })
         .refused("a text file", convert("numpy.genfromtxt", "p.csv", "p.npy", saved), EXACT),
-        import("A file that is not there.", "none.npy", |at| saved(at)).refused(
+        import("A file that is not there.", "none.npy", saved).refused(
             "No such file",
             Remedy::As("none.npy", "none.npy", "p.npy"),
             EXACT,

@@ -1,6 +1,6 @@
 //! Recordings of eye trackers.
 
-use crate::frame::{Case, Chapter, Outcome, Remedy, case, change, convert};
+use crate::frame::{Case, Chapter, Outcome, Remedy, Situation, case, change, convert};
 use crate::judge::Judge;
 use crate::write::file;
 use serde_json::{Value, json};
@@ -63,8 +63,9 @@ fn mended(at: &Path) {
     file(&at.join("r.jsonl"), lines(usual));
 }
 
-pub fn chapter() -> Chapter {
-    let mut situations = vec![
+/// Recordings that are read.
+fn read() -> Vec<Situation> {
+    vec![
         recording("Seconds and millimeters.", || lines(usual)).right(ALL),
         recording("The clock is below zero, as Pupil Core's may be.", || at_time(|t| t - 323_801.0)).right(ALL),
         recording("The clock counts seconds since 1970.", || at_time(|t| t + 1.75e9)).right(ALL),
@@ -125,8 +126,12 @@ pub fn chapter() -> Chapter {
             [0xfeff].into_iter().chain(lines(usual).encode_utf16()).flat_map(u16::to_le_bytes).collect()
         })
         .right(ALL),
-    ];
-    situations.extend([
+    ]
+}
+
+/// Recordings that are refused.
+fn refused() -> Vec<Situation> {
+    vec![
         recording("A table of another tracker was renamed.", || {
             let row = |i| format!("{},{},-1,4\n", place(i).1, place(i).0);
             format!("timestamp,pupil_x,pupil_y,diameter\n{}", (0..COUNT).map(row).collect::<String>())
@@ -173,7 +178,12 @@ pub fn chapter() -> Chapter {
             Remedy::As("s.jsonl", "s.jsonl", "r.jsonl"),
             ALL,
         ),
-    ]);
+    ]
+}
+
+pub fn chapter() -> Chapter {
+    let mut situations = read();
+    situations.extend(refused());
     Chapter {
         title: "Recordings of eye trackers",
         about: "Twenty samples, 10 ms apart. `trackers --watch` prints them as eyebox reads them.",
