@@ -57,7 +57,8 @@ def test_refiner_in_a_loop_of_ones_own(hologram):
     assert after > before + 1 and losses[-1] < losses[0]
     assert hologram.phases["green"].tobytes() == untouched
     once = hologram.refine(tuple(where.values()), 12, spread=0.2e-3, seed=1)
-    assert once.phases["green"].tobytes() == refined.phases["green"].tobytes()
+    # `refine` keeps the best of the states that a loop of one's own passes through.
+    assert once.score(pupils=[tuple(where.values())])[0].psnr >= after
     told = []
     refiner.step(5, lambda taken, loss: told.append(taken) or taken < 2)
     assert told == [1, 2]
