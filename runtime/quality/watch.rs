@@ -51,6 +51,7 @@ impl<'a> Watch<'a> {
     ///
     /// # Errors
     /// [`EngineError::Stopped`].
+    #[cfg(feature = "reports")]
     pub(crate) fn check(&self) -> Result<(), QualityError> {
         if self.stops() { Err(EngineError::Stopped.into()) } else { Ok(()) }
     }
