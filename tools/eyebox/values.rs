@@ -171,7 +171,7 @@ pub fn targets(text: &str) -> Result<Targets, String> {
     if all.iter().flatten().any(|v| !(-60.0..=60.0).contains(v)) {
         return Err("an eye turns 60 degrees at most".into());
     }
-    if (3..=64).contains(&all.len()) { Ok(Targets(all)) } else { Err(format!("expected 3 to 64 targets: {form}")) }
+    if (4..=64).contains(&all.len()) { Ok(Targets(all)) } else { Err(format!("expected 4 to 64 targets: {form}")) }
 }
 
 /// What numbers of bare phases are.

@@ -85,15 +85,6 @@ fn jobs() -> Vec<Job> {
             ..job("evaluate", &[&evaluate, &SMALL[..6]], "out", &[])
         },
         Job { same: |_| false, ..job("tradeoff", &[&tradeoff, &SMALL[..6]], "out", &[]) },
-        Job {
-            same: |_| false,
-            ..job(
-                "calibration",
-                &[&["trackers", "--watch", "simulated:3", "--calibrate", "out.toml", "--targets=-3,-3;3,-3;0,3"]],
-                "out.toml",
-                &["trackers", "--watch", "simulated:3", "--duration", "0.05", "--pupil", "--calibration", "out.toml"],
-            )
-        },
         Job { endless: true, ..job("record", &[&record], "out.jsonl", &["trackers", "--watch", "out.jsonl"]) },
     ]
 }
@@ -101,8 +92,7 @@ fn jobs() -> Vec<Job> {
 fn command(at: &Path, args: &[&str]) -> Command {
     let mut command = Command::new(program());
     command.args(args).current_dir(at).env("XDG_CACHE_HOME", at.join("cache"));
-    // Whoever is asked to press Enter has done so.
-    command.stdin(fs::File::open(at.join("enter")).expect("what is typed"));
+    command.stdin(Stdio::null());
     command
 }
 
@@ -133,7 +123,6 @@ impl Job {
     fn place(&self) -> tempfile::TempDir {
         let here = tempfile::tempdir().expect("a folder");
         fs::write(here.path().join("far.toml"), FAR).expect("written");
-        fs::write(here.path().join("enter"), "\n".repeat(16)).expect("written");
         if self.name == "encode" {
             let args =
                 [&["solve", "builtin:plane", "--steps", "2", "-o", "kept.zarr"], &SMALL[..8], &["--frames", "8"]];

@@ -347,7 +347,7 @@ fn mistakes_are_one_line() {
     refused(at, &["--watch", "a.hid", "--pupil", "--calibration", "bad.toml"], "bad.toml: line 1");
     refused(at, &["--watch", "simulated", "--rate", "1e9", "--duration", "1"], "1 to 20000 Hz");
     refused(at, &["--watch", "a.hid", "--duration=-1"], "positive");
-    refused(at, &["--watch", "simulated", "--calibrate", "x.toml", "--targets", "0,0;1,1"], "3 to 64 targets");
+    refused(at, &["--watch", "simulated", "--calibrate", "x.toml", "--targets", "0,0;1,1"], "4 to 64 targets");
     refused(at, &["--watch", "simulated", "--calibrate", "x.toml", "--targets", "0,0;1,1;90,0"], "60 degrees");
     refused(at, &["--watch", "hid", "--record", "c.hid", "--duration", "0.2"], "no sample came");
     assert!(
