@@ -47,8 +47,8 @@ impl ModelWorth {
         Display { height: side(display.height), width: side(display.width), ..display.clone() }
     }
 
-    /// Measures it: `subject` is of [this](Self::display) display. What is not measured within `limit` is not; `None` if the
-    /// display is ideal in this color, or if the scene is black.
+    /// Measures it: `subject` is of [this](Self::display) display. Numbers that are not measured within `limit`, or of a black
+    /// scene, are NaN. Returns `None` if the display is ideal in this color.
     ///
     /// # Errors
     /// Those of a solve.
@@ -61,9 +61,6 @@ impl ModelWorth {
         let trials = Trials { subject, end: Instant::now() + limit };
         let truth = trials.truth(display, engine)?;
         let db = trials.decibels(display, &truth, engine)?;
-        if db.is_nan() {
-            return Ok(None);
-        }
         let mut lost_db = Vec::with_capacity(terms.len());
         for term in terms {
             let without = display.with_model_of(color, |model| model.keep(&|name| name != term));

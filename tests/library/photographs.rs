@@ -180,7 +180,7 @@ fn a_focal_stack_is_photographed_through_other_pupils() {
         (format!("aperture_mm = {aperture}"), "needs focus_mm"),
         (format!("aperture_mm = {aperture}\nfocus_mm = [0, 1]"), "has 2 depths, and the folder 6 pictures"),
         (format!("aperture_mm = {aperture}\nfocus_mm = [0, 0]"), "every picture must have another depth"),
-        ("aperture_mm = -1".into(), "must be above 0"),
+        ("aperture_mm = -1".into(), "the aperture is -1 mm"),
     ] {
         state(text);
         let line = load().map(|_| ()).unwrap_err();
