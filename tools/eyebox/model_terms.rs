@@ -73,6 +73,7 @@ pub fn in_words(worth: &ModelWorth) -> String {
     } else {
         format!("--model-terms auto leaves out {}", out.join(", "))
     };
+    let all = if worth.db.is_nan() { "not measured".into() } else { format!("{:.2} dB", worth.db) };
     let [height, width] = worth.size;
     let subpixels = worth
         .subpixels_db
@@ -80,10 +81,9 @@ pub fn in_words(worth: &ModelWorth) -> String {
         .map_or(String::new(), |(gain, count)| format!("; 2 x 2 sub-pixels {gain:+.2} dB, {count} will do"));
     format!(
         "{}: without a term it loses, dB: {}{subpixels} (solved for {height} x {width} pixels in {} steps each, looked at \
-         through all terms: {:.2} dB with all); {out}",
+         through all terms: {all} with all); {out}",
         worth.color,
         terms.join(", "),
-        worth.steps,
-        worth.db
+        worth.steps
     )
 }
