@@ -1,7 +1,7 @@
 //! Light fields of a program's own: arrays, for which no file says anything.
 
 use super::tone::{FullScale, Tally, Tone};
-use super::{LightField, Order, SceneError, standing};
+use super::{LightField, Order, Parallax, SceneError, order, standing};
 use crate::optics::check_usual_view_pitch;
 use rayon::prelude::*;
 use std::path::Path;
@@ -12,7 +12,8 @@ impl LightField {
     ///
     /// # Errors
     /// Those of [`check`](Self::check); [`SceneError::FullScale`] if 1 is clearly not their full scale; [`SceneError::Optics`] for
-    /// a view pitch in another unit; [`SceneError::Cameras`] if the pictures show cameras that stand in no grid.
+    /// a view pitch in another unit; [`SceneError::Cameras`] if the pictures show cameras that stand in no grid,
+    /// [`SceneError::Order`] if they show another order and none is stated.
     pub fn admit(mut self, order: Option<Order>) -> Result<Self, SceneError> {
         self.check_shape()?;
         self.view_pitch.map_or(Ok(()), check_usual_view_pitch)?;
@@ -30,7 +31,12 @@ impl LightField {
         let name = if self.name.is_empty() { "the views".to_owned() } else { self.name.clone() };
         tally.judge(Path::new(&name), Tone::default(), FullScale::Array)?;
         let field = order.unwrap_or_default().apply(self);
-        standing::refused(&field, order).map_or(Ok(field), |found| Err(found.of(&name)))
+        if let Some(found) = standing::refused(&field, order) {
+            return Err(found.of(&name));
+        }
+        let parallax = Parallax::of(&field);
+        order::check(&name, &order::found(&name, parallax.as_ref(), order.is_some()), false)?;
+        Ok(field)
     }
 }
 
@@ -103,5 +109,25 @@ mod tests {
             assert!(matches!(refused, Err(SceneError::Cameras { .. })), "{order:?}");
         }
         assert_eq!(field.clone().admit(Some(Order::default())), Ok(field));
+    }
+
+    /// Arrays of views in another order are refused as files are, and read in the order that the refusal names.
+    #[test]
+    fn views_in_another_order_are_refused_until_it_is_stated() {
+        let display =
+            crate::optics::Display { height: 96, width: 96, ..crate::optics::Display::preset("paper").unwrap() };
+        let request = crate::scene::Request { views: 5, ..crate::scene::Request::new(&display, &[Color::Green]) };
+        let field = crate::scene::load("builtin:still-life?span=1.1", &request).unwrap();
+        let right = LightField { made: None, depth: None, ..field };
+        let right = right.admit(None).unwrap();
+        for order in ["flip-rows", "flip-columns", "flip-rows,flip-columns", "transpose"] {
+            let order: Order = order.parse().unwrap();
+            let other = order.apply(right.clone());
+            let Err(SceneError::Order { flags, keys: None, .. }) = other.clone().admit(None) else {
+                panic!("{order} is taken");
+            };
+            assert!(flags.split(" or ").any(|flag| flag == format!("`order` {order}")), "{order}: {flags}");
+            assert_eq!(other.admit(Some(order)).as_ref(), Ok(&right), "{order}");
+        }
     }
 }

@@ -190,7 +190,7 @@ fn tiles_of_one_row_are_no_grid_of_cameras_and_the_remedy_works() {
             }
             // What covers what tells: that remedy is followed, too.
             (Err(SceneError::Order { keys, .. }), true) => {
-                let keys = keys.split("` and `").map(|k| k.trim_matches('`')).collect::<Vec<_>>().join("\n");
+                let keys = keys.unwrap().split("` and `").map(|k| k.trim_matches('`')).collect::<Vec<_>>().join("\n");
                 state(temp.path(), &format!("{lines}\n{keys}\n"));
                 load(source.to_str().unwrap(), &Request::new(&display, &GREEN)).unwrap()
             }

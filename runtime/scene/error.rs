@@ -74,8 +74,8 @@ pub enum SceneError {
     },
     /// One view of the grid is not there.
     #[error(
-        "{file}: this view is missing: the others make a grid of {rows} x {columns}: add it, or state the `grid = [rows, columns]` of \
-         those that are there in lightfield.toml"
+        "{file}: this view is missing: the others make a grid of {rows} x {columns}: add it, or state in lightfield.toml the \
+         `grid = [rows, columns]` of those that are there if they are evenly spaced, or `positions_mm` if they are not"
     )]
     MissingView {
         /// The file that should exist.
@@ -109,7 +109,8 @@ pub enum SceneError {
     },
     /// Views that stand in another order than their names say.
     #[error(
-        "{folder}: {reason}: {flags} (or {keys} in lightfield.toml) reads them so, `order` as-named leaves them as their names have them"
+        "{folder}: {reason}: {flags}{} reads them so, `order` as-named leaves them as they come",
+        keys.as_ref().map_or(String::new(), |keys| format!(" (or {keys} in lightfield.toml)"))
     )]
     Order {
         /// The folder.
@@ -118,8 +119,8 @@ pub enum SceneError {
         reason: String,
         /// The orders that read them right.
         flags: String,
-        /// The keys that do.
-        keys: String,
+        /// The keys of lightfield.toml that do; none where there is no such file.
+        keys: Option<String>,
     },
     /// Views that are unlike what all others say they should be.
     #[error(
@@ -228,6 +229,15 @@ pub enum SceneError {
         white: f32,
         /// The way to state it.
         how: FullScale,
+    },
+    /// Pictures of several kinds, and a full scale that is not that of all of them.
+    #[error(
+        "{file}: its pictures have different numbers of bits, so that no full scale is right for all of them: save them alike, each \
+         with white as the largest value"
+    )]
+    MixedScales {
+        /// The scene.
+        file: String,
     },
     /// Pictures that are transparent all over.
     #[error("{file}: every pixel is fully transparent, so that nothing is seen: save it without its alpha channel")]

@@ -7,7 +7,7 @@
 use super::SceneError;
 use super::natural::{self, is_picture};
 use super::numbers::{self, Name};
-use std::{collections::BTreeMap, path::Path};
+use std::{cmp::Ordering, collections::BTreeMap, path::Path};
 
 /// A file name and its size in bytes.
 pub(super) type Named = (String, u64);
@@ -79,10 +79,11 @@ pub(super) fn arrange(
     // Numbers with sign and point first; where they make no grid, digits alone.
     let mut first = None;
     for signed in [true, false] {
-        match family(&pictures, signed).map_err(&not_a_grid)?.map(|f| f.arrange(folder, stated)) {
-            Some(Ok(found)) => return Ok(found),
-            Some(Err(error)) => first = first.or(Some(error)),
-            None => {}
+        match family(&pictures, signed).map(|family| family.map(|f| f.arrange(folder, stated))) {
+            Ok(Some(Ok(found))) => return Ok(found),
+            Ok(Some(Err(error))) => first = first.or(Some(error)),
+            Ok(None) => {}
+            Err(reason) => first = first.or(Some(not_a_grid(reason))),
         }
     }
     Err(first.unwrap_or(SceneError::Empty { folder: folder.display().to_string() }))
@@ -118,6 +119,15 @@ pub(super) fn in_order(
         return Err(SceneError::NotAGrid { folder: folder.display().to_string(), reason });
     }
     files.sort_by_cached_key(|name| natural::natural(name));
+    // Numbers below zero come first, the largest of them at the very front.
+    let mut read: Vec<Name> = files.iter().filter_map(|name| Name::read(name, true)).collect();
+    numbers::take_signs(&mut read);
+    let are_alike = read.len() == count && read.iter().all(|name| name.texts == read[0].texts);
+    if are_alike && read.iter().any(|name| name.numbers.iter().any(|n| n.value < 0.0)) {
+        let values = |name: &Name| name.numbers.iter().map(|n| n.value).collect::<Vec<_>>();
+        read.sort_by(|a, b| values(a).partial_cmp(&values(b)).unwrap_or(Ordering::Equal));
+        files = read.iter().map(|name| name.name.to_owned()).collect();
+    }
     Ok(Arrangement {
         grid: [1, count],
         files,
@@ -129,12 +139,16 @@ pub(super) fn in_order(
 /// The largest family; refused where others are as large, or where most pictures belong to none.
 fn family<'a>(pictures: &[&'a Named], signed: bool) -> Result<Option<Family<'a>>, String> {
     let mut families: BTreeMap<String, BTreeMap<String, Family>> = BTreeMap::new();
-    for (name, bytes) in pictures.iter().copied() {
-        let Some(read) = Name::read(name, signed) else { continue };
+    let (mut read, bytes): (Vec<Name>, Vec<u64>) =
+        pictures.iter().filter_map(|(name, bytes)| Some((Name::read(name, signed)?, *bytes))).unzip();
+    if signed {
+        numbers::take_signs(&mut read);
+    }
+    for (read, bytes) in read.into_iter().zip(bytes) {
         let ends = families.entry(read.texts.join("\0")).or_default();
         let family = ends.entry(read.end.clone()).or_insert(Family { names: Vec::new(), bytes: 0 });
         family.names.push(read);
-        family.bytes = family.bytes.saturating_add(*bytes);
+        family.bytes = family.bytes.saturating_add(bytes);
     }
     // The same views as PNG and as JPEG: the larger files are the better ones.
     let best = |ends: BTreeMap<String, Family<'a>>| ends.into_values().max_by_key(|f| (f.names.len(), f.bytes));
@@ -173,6 +187,11 @@ impl Family<'_> {
         }
         if let Some(running) = self.running(&changing) {
             return self.row_major(folder, &running, stated);
+        }
+        if let [only] = changing[..]
+            && let Some(row) = self.reading(vec![only])
+        {
+            return self.row(folder, &row, stated);
         }
         let holes = pairs.iter().find(|r| r.fill(count) >= 0.5);
         if let Some(pair) = holes {
@@ -259,7 +278,9 @@ impl Family<'_> {
     fn reading(&self, fields: Vec<usize>) -> Option<Reading> {
         let values = |&k: &usize| self.names.iter().map(|n| n.numbers[k].value).collect::<Vec<_>>();
         let whole = fields.iter().all(|&k| self.names.iter().all(|n| n.numbers[k].whole));
-        let (lines, places): (Vec<_>, Vec<_>) = fields.iter().map(|k| numbers::lines(&values(k), whole)).unzip();
+        // Coordinates scatter around the lines of a grid, not along a row.
+        let exact = whole || fields.len() == 1;
+        let (lines, places): (Vec<_>, Vec<_>) = fields.iter().map(|k| numbers::lines(&values(k), exact)).unzip();
         let at: Vec<Vec<usize>> =
             (0..self.names.len()).map(|i| places.iter().map(|p: &Vec<usize>| p[i]).collect()).collect();
         let mut seen: Vec<&Vec<usize>> = at.iter().collect();
@@ -350,6 +371,24 @@ impl Family<'_> {
         Some(rows? / columns?)
     }
 
+    /// One row of cameras by the coordinates in the names.
+    fn row(&self, folder: &Path, row: &Reading, stated: Option<[usize; 2]>) -> Result<Arrangement, SceneError> {
+        let mut order: Vec<usize> = (0..self.names.len()).collect();
+        order.sort_by_key(|&i| row.at[i][0]);
+        let files: Vec<String> = order.into_iter().map(|i| self.names[i].name.to_owned()).collect();
+        let (count, numbers) = (files.len(), &row.lines[0]);
+        let grid = stated.unwrap_or([1, count]);
+        let not_a_grid = |reason| Err(SceneError::NotAGrid { folder: folder.display().to_string(), reason });
+        if grid[0].checked_mul(grid[1]) != Some(count) {
+            return not_a_grid(format!("{count} views, but a grid of {} x {} is stated", grid[0], grid[1]));
+        }
+        if stated.is_none() && (numbers::is_uneven(numbers, false) || numbers::gap(numbers, false).is_some()) {
+            return not_a_grid(uneven(count, &format!("{} to {}", files[0], files[count - 1]), numbers));
+        }
+        let how = format!("coordinates, {} to {}", numbers[0], numbers[count - 1]);
+        Ok(Arrangement { grid, files, how, ..Arrangement::default() })
+    }
+
     fn row_major(
         &self,
         folder: &Path,
@@ -376,10 +415,7 @@ impl Family<'_> {
         }
         let (step, uneven) = (stride.unwrap_or(1.0), numbers::is_uneven(numbers, true));
         if uneven {
-            return Err(not_a_grid(format!(
-                "the numbers of {count} views ({ends}) are not evenly spaced: state `grid = [rows, columns]` in lightfield.toml \
-                 if the views are, or `positions_mm = {numbers:?}` if the numbers are positions in millimeters of cameras in a row"
-            )));
+            return Err(not_a_grid(self::uneven(count, &ends, numbers)));
         }
         if let Some(gap) = numbers.windows(2).find(|w| w[1] != w[0] + step) {
             let all = (last - first) / step + 1.0;
@@ -410,6 +446,14 @@ impl Reading {
     fn fill(&self, count: usize) -> f64 {
         count as f64 / self.lines.iter().map(|l| l.len() as f64).product::<f64>()
     }
+}
+
+/// The refusal of views in a row whose numbers are not evenly spaced.
+fn uneven(count: usize, ends: &str, numbers: &[f64]) -> String {
+    format!(
+        "the numbers of {count} views ({ends}) are not evenly spaced: state `grid = [rows, columns]` in lightfield.toml if the \
+         views are, or `positions_mm = {numbers:?}` if the numbers are positions in millimeters of cameras in a row"
+    )
 }
 
 pub(super) fn square(count: usize) -> Option<usize> {

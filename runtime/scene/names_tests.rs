@@ -72,6 +72,26 @@ fn what_is_missing_is_named() {
     assert!(found(&twice).unwrap_err().to_string().contains("same number"));
 }
 
+/// A minus between a letter and a number is a sign beside names that have none there, and else separates.
+#[test]
+fn signs_behind_letters_are_read() {
+    let at = [-20, -10, 0, 10, 20];
+    for names in [
+        grid_of(5, 5, |r, c| format!("cam_y{}_x{}.png", at[r], at[c])),
+        grid_of(1, 5, |_, c| format!("cam_y0_x{}.png", at[c])),
+        grid_of(5, 5, |r, c| format!("r{}c{:+}.png", at[r] / 10, at[c] / 10)),
+        grid_of(1, 5, |_, c| format!("x{:.2}.png", f64::from(at[c]) / 8.0)),
+    ] {
+        let rows = names.len() / 5;
+        assert_eq!(placed(&names), ([rows, 5], names));
+    }
+    assert_eq!(placed(&grid_of(1, 4, |_, c| format!("view-{c}.png"))).1[0], "view-0.png");
+    // Cameras in the order of their numbers, as positions are.
+    let names = ["x-8.png", "x-6.png", "x1.png", "x3.png", "x10.png"].map(String::from);
+    let named: Vec<Named> = names.iter().rev().map(|name| (name.clone(), 1)).collect();
+    assert_eq!(in_order(Path::new("f"), &named, 5, None).unwrap().files, names);
+}
+
 #[test]
 fn a_stated_grid_decides() {
     let names: Vec<Named> = (0..6).map(|i| (format!("v{i}.png"), 1)).collect();

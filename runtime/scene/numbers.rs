@@ -1,5 +1,7 @@
 //! The numbers in a file's name, and the lines of a grid that such numbers fall into.
 
+use std::collections::BTreeMap;
+
 /// A number as a name has it.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Number {
@@ -113,6 +115,37 @@ impl<'a> Name<'a> {
             name += &self.texts[k + 1];
         }
         format!("{name}.{}", self.name.rsplit_once('.').map_or("", |(_, end)| end))
+    }
+}
+
+/// Takes a minus or plus between a letter and a number for its sign if other names have another or none in that place: beside x10,
+/// x-20 is -20. Where every name has the same, it separates.
+pub(super) fn take_signs(names: &mut [Name]) {
+    const SIGNS: [char; 2] = ['-', '+'];
+    let is_after_letter = |text: &str| text.strip_suffix(SIGNS).is_some_and(|rest| rest.ends_with(char::is_alphabetic));
+    let bare = |text: &String| if is_after_letter(text) { text[..text.len() - 1].to_owned() } else { text.clone() };
+    let mut alike: BTreeMap<Vec<String>, Vec<usize>> = BTreeMap::new();
+    for (i, name) in names.iter().enumerate() {
+        alike.entry(name.texts.iter().map(bare).collect()).or_default().push(i);
+    }
+    for (texts, group) in alike {
+        for slot in 0..texts.len() - 1 {
+            let sign =
+                |i: &usize| names[*i].texts[slot].chars().last().filter(|_| is_after_letter(&names[*i].texts[slot]));
+            let first = sign(&group[0]);
+            if group.iter().all(|i| sign(i) == first) {
+                continue;
+            }
+            for &i in &group {
+                let Name { texts, numbers, .. } = &mut names[i];
+                let number = &mut numbers[slot];
+                if is_after_letter(&texts[slot]) {
+                    number.plus = texts[slot].pop() == Some('+');
+                    number.value = if number.plus { number.value } else { -number.value };
+                    number.place.start -= 1;
+                }
+            }
+        }
     }
 }
 

@@ -175,12 +175,24 @@ pub(super) fn say(folder: &str, found: &OrderFound) {
     }
 }
 
-/// Refuses views whose pictures clearly show another order than that of their names.
-pub(super) fn check(folder: &str, found: &OrderFound) -> Result<(), SceneError> {
+/// Refuses views whose pictures clearly show another order than that in which they come: `in_a_folder`, or in an array.
+pub(super) fn check(scene: &str, found: &OrderFound, in_a_folder: bool) -> Result<(), SceneError> {
     let OrderFound::Other { orders, reason } = found else { return Ok(()) };
     let flags = orders.iter().map(|o| format!("`order` {o}")).collect::<Vec<_>>().join(" or ");
-    let keys = orders.iter().map(|o| o.keys()).collect::<Vec<_>>().join(", or ");
-    Err(SceneError::Order { folder: folder.into(), reason: reason.clone(), flags, keys })
+    let keys = in_a_folder.then(|| orders.iter().map(|o| o.keys()).collect::<Vec<_>>().join(", or "));
+    Err(SceneError::Order { folder: scene.into(), reason: reason.clone(), flags, keys })
+}
+
+/// What the pictures say of the order that is stated, or in which they come. A stated one stays: a warning says where the pictures
+/// contradict it.
+pub(super) fn found(name: &str, parallax: Option<&Parallax>, is_stated: bool) -> OrderFound {
+    match parallax.map_or(OrderFound::Unknown, judge) {
+        OrderFound::Other { reason, .. } if is_stated => {
+            tracing::warn!("{name}: the order of the views is as stated, though in it {reason}");
+            OrderFound::Unknown
+        }
+        found => found,
+    }
 }
 
 #[cfg(test)]

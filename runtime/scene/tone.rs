@@ -45,6 +45,8 @@ pub(super) struct Tally {
     above: u64,
     /// Negative values that were set to zero.
     negative: u64,
+    /// Whether there are 8 bits, 16 bits, floats.
+    kinds: [bool; 3],
     /// Whether there is transparency, and whether any pixel is not fully transparent.
     has_alpha: bool,
     opaque: bool,
@@ -52,7 +54,8 @@ pub(super) struct Tally {
 
 impl Default for Tally {
     fn default() -> Self {
-        Self { word: None, stretched: true, most: 0.0, lit: 0, above: 0, negative: 0, has_alpha: false, opaque: false }
+        let (lit, above, negative, kinds) = (0, 0, 0, [false; 3]);
+        Self { word: None, stretched: true, most: 0.0, lit, above, negative, kinds, has_alpha: false, opaque: false }
     }
 }
 
@@ -66,6 +69,7 @@ impl Tally {
             lit: self.lit + other.lit,
             above: self.above + other.above,
             negative: self.negative + other.negative,
+            kinds: [0, 1, 2].map(|i| self.kinds[i] || other.kinds[i]),
             has_alpha: self.has_alpha || other.has_alpha,
             opaque: self.opaque || other.opaque,
         }
@@ -119,10 +123,13 @@ impl Tally {
             return Err(SceneError::Transparent { file: file() });
         }
         let refuse = |found: String, white: f32| Err(SceneError::FullScale { file: file(), found, white, how });
-        if let Some(most) = self.word.filter(|most| (1..=FOURTEEN_BITS).contains(most))
-            && tone.full_scale.is_none()
-            && !self.stretched
-        {
+        let may_be_fewer =
+            self.word.filter(|most| (1..=FOURTEEN_BITS).contains(most) && tone.full_scale.is_none() && !self.stretched);
+        let is_mixed = self.kinds.iter().filter(|is_there| **is_there).count() > 1;
+        if is_mixed && (tone.full_scale.is_some() || may_be_fewer.is_some()) {
+            return Err(SceneError::MixedScales { file: file() });
+        }
+        if let Some(most) = may_be_fewer {
             let bits = (16 - most.leading_zeros()).max(8);
             let white = f32::from(u16::MAX >> (16 - bits));
             return refuse(format!("16-bit values up to {most}, as of {bits} bits or of a dark picture"), white);
@@ -195,7 +202,7 @@ impl Reading {
         colors: &[Color],
     ) -> Result<Vec<Vec<f32>>, (usize, f32)> {
         let transfer = self.tone.transfer.unwrap_or(says);
-        let mut tally = Tally::default();
+        let mut tally = Tally { kinds: stored.kinds(), ..Tally::default() };
         let alpha = (channels.is_multiple_of(2) && !premultiplied).then_some(channels - 1);
         let alpha = alpha.map(|channel| stored.channel(channel, channels, stored.most()));
         if let Some(alpha) = &alpha {
@@ -273,6 +280,11 @@ impl Reading {
 }
 
 impl Stored<'_> {
+    /// Whether they are 8 bits, 16 bits, floats.
+    fn kinds(self) -> [bool; 3] {
+        [matches!(self, Self::Bytes(_)), matches!(self, Self::Words(_)), matches!(self, Self::Floats(_))]
+    }
+
     /// The largest value of the kind; of floats 1.
     #[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use it"))]
     pub fn most(self) -> f32 {

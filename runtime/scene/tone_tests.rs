@@ -266,3 +266,23 @@ mod pictures {
         assert!(save(&|_| 255).unwrap().iter().all(|v| *v == 1.0));
     }
 }
+
+/// Views of 8 bits beside views of 10 bits in 16: no full scale is right for both, whatever is stated.
+#[test]
+fn one_full_scale_is_not_taken_for_pictures_of_different_bits() {
+    for (white, may_be) in [(1023.0, false), (4095.0, false), (65535.0, true)] {
+        let folder = tempfile::tempdir().unwrap();
+        let bytes = encoded().iter().map(|v| (v * 255.0).round() as u8).collect();
+        let words: Vec<u16> = encoded().iter().map(|v| (v * white).round() as u16).collect();
+        image::GrayImage::from_raw(N as u32, N as u32, bytes).unwrap().save(folder.path().join("v_0_0.png")).unwrap();
+        let words: image::ImageBuffer<image::Luma<u16>, _> =
+            image::ImageBuffer::from_raw(N as u32, N as u32, words).unwrap();
+        words.save(folder.path().join("v_0_1.png")).unwrap();
+        let source = folder.path().to_str().unwrap();
+        let read = green(source);
+        assert_eq!(read.is_ok(), may_be, "{white}: {read:?}");
+        assert!(may_be || matches!(read, Err(SceneError::MixedScales { .. })), "{white}: {read:?}");
+        fs::write(folder.path().join("lightfield.toml"), format!("full_scale = {white}\n")).unwrap();
+        assert!(matches!(green(source), Err(SceneError::MixedScales { .. })), "{white}");
+    }
+}

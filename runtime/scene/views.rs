@@ -125,13 +125,7 @@ pub(super) fn ordered(
     let field = asked.unwrap_or_default().apply(field);
     let cameras = misplaced.or_else(|| stated.positions.is_none().then(|| standing::refused(&field, asked))?);
     let parallax = Parallax::of(&field);
-    let mut order_found = parallax.as_ref().map_or(OrderFound::Unknown, order::judge);
-    if asked.is_some()
-        && let OrderFound::Other { reason, .. } = &order_found
-    {
-        tracing::warn!("{}: the order of the views is as stated, though in it {reason}", place.display());
-        order_found = OrderFound::Unknown;
-    }
+    let mut order_found = order::found(&place.display().to_string(), parallax.as_ref(), asked.is_some());
     if let (OrderFound::AsNamedOrReversed, None) = (&order_found, asked)
         && let Some(stated) = stated_disparity(&field, request)
         && let Measured { range: Some(measured), trust: Trust::Sure | Trust::Plausible(_) } = field.measured()
@@ -159,7 +153,7 @@ pub(super) fn ordered(
 pub(super) fn decide(name: &str, read: &Read) -> Result<(), SceneError> {
     match &read.cameras {
         Some(found) => Err(found.clone().of(name)),
-        None => order::check(name, &read.order_found),
+        None => order::check(name, &read.order_found, true),
     }
 }
 

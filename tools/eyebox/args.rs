@@ -6,7 +6,7 @@ pub use crate::groups::{
 };
 use crate::jod::{JodArgs, ViewingArgs};
 use crate::patterns::{PatternArgs, iris};
-use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs, UnfinishedArgs};
+use crate::phases::{AtArgs, EncodedArgs, PhaseArgs, PhaseUnitArgs, UnfinishedArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
     GivenPupil, Names, TermsOfModel, contrast, decibels, diameters, full, gaze, loss, memory, method, model_terms,
@@ -234,9 +234,9 @@ pub struct Solve {
 pub struct Export {
     /// NAME.zarr, or phases: NAME.npy or a folder of PNGs
     pub hologram: PathBuf,
-    /// Which hologram of a sequence, from 0
-    #[arg(long, value_name = "N")]
-    pub at: Option<u64>,
+    /// Of a sequence
+    #[command(flatten)]
+    pub which: AtArgs,
     /// NAME.npy (float32 radians), or a folder for one 8-bit grey PNG per colour and sub-frame
     #[arg(short, long, value_name = "OUT.npy|OUT_DIR")]
     pub out: PathBuf,
@@ -253,6 +253,9 @@ pub struct Export {
 pub struct Encode {
     /// NAME.zarr, or phases: NAME.npy or a folder of PNGs
     pub hologram: PathBuf,
+    /// Of a sequence
+    #[command(flatten)]
+    pub which: AtArgs,
     /// Where the video frames go; the folder appears whole
     #[arg(short, long, value_name = "OUT_DIR")]
     pub out: PathBuf,
@@ -301,9 +304,9 @@ pub struct Bench {
 pub struct View {
     /// NAME.zarr; phases: NAME.npy or a folder of PNGs; or the folder of encode
     pub hologram: PathBuf,
-    /// Which hologram of a sequence, from 0
-    #[arg(long, value_name = "N")]
-    pub at: Option<u64>,
+    /// Of a sequence
+    #[command(flatten)]
+    pub which: AtArgs,
     /// Pupil: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
     #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true)]
     pub pupil: GivenPupil,
@@ -355,6 +358,9 @@ pub struct Photograph {
 pub struct Score {
     /// NAME.zarr; phases: NAME.npy or a folder of PNGs (with --display); or the folder of encode
     pub hologram: PathBuf,
+    /// Of a sequence
+    #[command(flatten)]
+    pub which: AtArgs,
     /// Scene
     #[command(flatten)]
     pub scene: OwnSceneArgs,

@@ -67,7 +67,7 @@ pub fn run(args: &Encode) -> Result<(), Failure> {
 fn load(args: &Encode) -> Result<(Input, Display), Failure> {
     let display = Phases::are_at(&args.hologram).then(|| common::display(&args.display)).transpose()?;
     let opening = args.unit.opening(display.as_ref(), args.display.color.one());
-    let opening = Opening { unfinished: args.unfinished.unfinished, ..opening };
+    let opening = Opening { at: args.which.at, unfinished: args.unfinished.unfinished, ..opening };
     let mut hologram = opening.hologram(&args.hologram).map_err(|e| args.unfinished.failure(e))?;
     let DisplayArgs { display: name, size, force, .. } = &args.display;
     let solved_for = || common::display_of(name.as_deref(), *size, *force, &hologram);

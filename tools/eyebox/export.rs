@@ -7,7 +7,7 @@ use eyebox::hologram::{self, Opening};
 
 /// Writes the phases as one array, or as a folder of grey pictures.
 pub fn run(args: &Export) -> Result<(), Failure> {
-    let opening = args.phases.opening(&args.hologram, args.at)?;
+    let opening = args.phases.opening(&args.hologram, args.which.at)?;
     let opening = Opening { unfinished: args.unfinished.unfinished, ..opening };
     let hologram = opening.hologram(&args.hologram).map_err(|e| args.unfinished.failure(e))?;
     let count = hologram.colors.len() * hologram.frames;

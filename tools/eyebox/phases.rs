@@ -60,6 +60,14 @@ pub struct PhaseArgs {
     pub force: bool,
 }
 
+/// Which hologram of a sequence is taken.
+#[derive(Args, Clone, Copy)]
+pub struct AtArgs {
+    /// Which hologram of a sequence, from 0
+    #[arg(long, value_name = "N")]
+    pub at: Option<u64>,
+}
+
 /// What is made of a hologram that is not finished.
 #[derive(Args, Clone, Copy)]
 pub struct UnfinishedArgs {

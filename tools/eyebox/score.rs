@@ -164,7 +164,7 @@ pub fn display_of(file: &Path, hologram: &Hologram) -> Result<Display, Failure> 
 
 /// The hologram, and the display that it is for.
 fn load(args: &Score) -> Result<(PhaseSource<'static>, Display), Failure> {
-    let source = args.encoded.source(&args.phases, &args.hologram, None)?;
+    let source = args.encoded.source(&args.phases, &args.hologram, args.which.at)?;
     let display = display_of(&args.hologram, source.about())?;
     Ok((source, display))
 }

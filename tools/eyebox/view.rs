@@ -10,7 +10,7 @@ use eyebox::optics::depth_in_words;
 /// Shows one pupil.
 pub fn run(args: &View) -> Result<(), Failure> {
     let form = common::form(&args.out, &[Form::Png, Form::Npy])?;
-    let source = args.encoded.source(&args.phases, &args.hologram, args.at)?;
+    let source = args.encoded.source(&args.phases, &args.hologram, args.which.at)?;
     let source = if args.ideal { source.on_ideal_display() } else { source };
     let source = match args.eye.given()? {
         Some(eye) => source.seen_by(Some(eye))?,

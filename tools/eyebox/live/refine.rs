@@ -4,7 +4,7 @@ use super::args::SteeringArgs;
 use crate::Failure;
 use crate::args::{EngineArgs, EyeArgs, OtherSceneArgs, OwnSceneArgs};
 use crate::common::{self, Engines, Form};
-use crate::phases::{PhaseArgs, tell_unfinished};
+use crate::phases::{AtArgs, PhaseArgs, tell_unfinished};
 use crate::progress::{self, JobBar};
 use crate::score;
 use crate::values::{GivenPupil, diameters, not_negative, pupil};
@@ -27,6 +27,9 @@ use std::sync::Arc;
 pub struct Refine {
     /// NAME.zarr, solved for the whole eyebox; or phases: NAME.npy or a folder of PNGs
     pub hologram: PathBuf,
+    /// Of a sequence
+    #[command(flatten)]
+    pub which: AtArgs,
     /// Scene
     #[command(flatten)]
     pub scene: OwnSceneArgs,
@@ -97,10 +100,10 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
     }
     if Tiles::is_tiled(&args.hologram) {
         // It holds its own optics.
-        args.phases.opening(&args.hologram, None)?;
+        args.phases.opening(&args.hologram, args.which.at)?;
         return tiled(args);
     }
-    let mut hologram = args.phases.opening(&args.hologram, None)?.hologram(&args.hologram)?;
+    let mut hologram = args.phases.opening(&args.hologram, args.which.at)?.hologram(&args.hologram)?;
     args.eye.replace(&mut hologram.metadata.prescription)?;
     let display = score::display_of(&args.hologram, &hologram)?;
     let input = args.other.open(&args.hologram, &hologram, args.scene.scene.as_deref(), &args.scene.options)?;

@@ -1,7 +1,7 @@
 //! The arguments of `eyebox preview`.
 
 use crate::args::{EngineArgs, EyeArgs, OtherSceneArgs, SceneOptions};
-use crate::phases::{EncodedArgs, PhaseArgs};
+use crate::phases::{AtArgs, EncodedArgs, PhaseArgs};
 use crate::values::{GivenPupil, positive, pupil, rate, size};
 use clap::Args;
 use eyebox::present::Rate;
@@ -12,9 +12,9 @@ use std::path::PathBuf;
 pub struct Preview {
     /// NAME.zarr, a hologram or a sequence; or phases: NAME.npy or a folder of PNGs
     pub file: PathBuf,
-    /// This hologram of a sequence alone, from 0
-    #[arg(long, visible_alias = "frame", value_name = "N")]
-    pub at: Option<u64>,
+    /// Of a sequence
+    #[command(flatten)]
+    pub which: AtArgs,
     /// Pupil to begin with: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
     #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true, default_value = "0,0,4,0")]
     pub pupil: GivenPupil,

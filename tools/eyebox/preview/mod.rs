@@ -85,9 +85,9 @@ struct Opened {
 }
 
 fn open(args: &Preview) -> Result<Opened, Failure> {
-    if args.at.is_none() && !args.encoded.encoded && Sequence::is_at(&args.file) {
+    if args.which.at.is_none() && !args.encoded.encoded && Sequence::is_at(&args.file) {
         tell_unfinished(&args.file)?;
-        let opening = Opening { unfinished: true, ..args.phases.opening(&args.file, args.at)? };
+        let opening = Opening { unfinished: true, ..args.phases.opening(&args.file, args.which.at)? };
         let mut sequence = opening.sequence(&args.file)?;
         let [numerator, denominator] = sequence.rate();
         let hz = args.rate.map_or(f64::from(numerator) / f64::from(denominator), |rate| rate.hz());
@@ -95,7 +95,7 @@ fn open(args: &Preview) -> Result<Opened, Failure> {
         args.eye.replace(&mut hologram.metadata.prescription)?;
         return Ok(Opened { hologram, playing: Some((Playing::new(sequence, hz)?, hz)), tiles: None });
     }
-    let source = args.encoded.source(&args.phases, &args.file, args.at)?;
+    let source = args.encoded.source(&args.phases, &args.file, args.which.at)?;
     let source = match args.eye.given()? {
         Some(eye) => source.seen_by(Some(eye))?,
         None => source,

@@ -96,6 +96,32 @@ pub fn chapter() -> Chapter {
             Remedy::State("views/lightfield.toml", "positions_mm = [0.0, 2.0, 9.0, 11.0, 16.0]"),
             OF_LAYERS,
         ),
+        uneven("Names have the positions of cameras, some of them below zero.", "", |i| {
+            format!("cam_y0_x{}.png", UNEVEN[i] as i32)
+        })
+        .refused(
+            "not evenly spaced",
+            Remedy::State("views/lightfield.toml", "positions_mm = { x = [-8.0, -6.0, 1.0, 3.0, 8.0], y = [0.0] }"),
+            OF_LAYERS,
+        ),
+        uneven("Names have the positions of cameras with decimals, and two cameras stand far apart.", "", |i| {
+            format!("cam_x{:.1}.png", UNEVEN[i] + 8.0)
+        })
+        .refused(
+            "not evenly spaced",
+            Remedy::State("views/lightfield.toml", "positions_mm = [0.0, 2.0, 9.0, 11.0, 16.0]"),
+            OF_LAYERS,
+        ),
+        case("One row of 15 cameras is named by the seconds at which pictures were taken.", "photograph views", |at| {
+            for (i, view) in row().into_iter().enumerate() {
+                file(&at.join(format!("views/IMG_20240501_1000{:02}.png", 1 + i * 5 / 3)), png(view));
+            }
+        })
+        .refused(
+            "view is missing",
+            change("`grid = [rows, columns]`", |at| file(&at.join("views/lightfield.toml"), "grid = [1, 15]\n")),
+            OF_ROW,
+        ),
         uneven("lightfield.toml has a position too few.", "positions_mm = [-8, -6, 1, 3]\n", |i| format!("{i}.png"))
             .refused(
                 "positions_mm has 4 positions",
