@@ -53,6 +53,7 @@ pub mod shared;
 mod simd;
 pub mod subpixels;
 mod table;
+pub mod table_start;
 pub mod taper;
 pub mod transfer;
 pub mod trig;

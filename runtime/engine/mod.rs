@@ -60,7 +60,7 @@ fn misfit(buffer: Buffer, has: usize, given: usize) -> EngineError {
 }
 
 /// Views for an engine that has none of a device's memory.
-fn on_host(views: &Arc<Pyramid>) -> Result<Arc<Pyramid>, EngineError> {
+pub(crate) fn on_host(views: &Arc<Pyramid>) -> Result<Arc<Pyramid>, EngineError> {
     views.on_host().map_err(|reason| EngineError::Mismatch { reason: format!("the views are on a device: {reason}") })
 }
 

@@ -18,7 +18,7 @@ use super::scenes::Scenes;
 use super::scheduler::{Schedule, Start};
 use super::set_timing::{SetTiming, as_ns};
 use super::showing::Showing;
-use super::steerer::retrieval::fixed_phases;
+use super::steerer::look_up::start_tables;
 use super::steerer::together::{lighting_of, sub_frames_of};
 use super::steerer::{EngineOpener, Policy, SteeredColor, Steerer};
 use super::timeline::Speed;
@@ -32,7 +32,7 @@ use crate::gpu::Gpu;
 use crate::hologram::Hologram;
 use crate::optics::{Display, PupilDistribution};
 use crate::scene::LightField;
-use crate::solve::PupilRange;
+use crate::solve::{PupilRange, StartTable};
 use crate::trackers::mouse::{self, MouseHandle};
 use crate::trackers::pushed::{self, SampleSender};
 use crate::trackers::simulated::{self, SimulatedSource};
@@ -215,9 +215,8 @@ pub struct Live {
     pub scenes: Option<Box<dyn Scenes>>,
     /// Of a far field in tiles, all of it: what is refined is a piece, and `scenes` its [`FarField`](super::FarField).
     pub field: Option<Field>,
-    /// For content that jumps: the phases of each colour that every picture can begin with
-    /// ([`fixed_phases`](crate::solve::fixed_phases)); empty where they are not to be taken.
-    pub fixed_phases: Vec<Vec<f32>>,
+    /// For content that jumps: the table of each color from which a picture's first phases are looked up; empty where none is to be used.
+    pub start_tables: Vec<Option<Arc<StartTable>>>,
     /// Whose eye; none where nobody is tracked: pupils are then drawn over the whole eyebox.
     pub tracking: Option<Tracking>,
     /// Where nobody is tracked: where the pupil may be.
@@ -261,7 +260,7 @@ impl Live {
             engines,
             scenes: None,
             field: None,
-            fixed_phases: Vec::new(),
+            start_tables: Vec::new(),
             tracking: tracking.into(),
             whole,
             whole_sets: false,
@@ -296,17 +295,20 @@ impl Live {
         Ok(live)
     }
 
-    /// Content that jumps, and the first frame of an application, begin with the phases that any picture can begin with: those of
-    /// the user's cache, or fitted now, in seconds; `fitting` is told. Eyes are taken to focus as [`whole`](Self::whole) does.
+    /// Content that jumps, and the first frame of an application, begin with phases of a table ([`StartTable`]): that of the user's cache,
+    /// or one that is fitted now, in seconds. `observe` is told the share that is fitted, and ends it by answering false.
     ///
     /// # Errors
     /// Those of the fit.
-    pub fn with_fixed_phases(mut self, fitting: impl Fn()) -> Result<Self, SessionError> {
-        self.fixed_phases = fixed_phases(&self.colors, self.whole.focus, fitting)?;
-        let nothing_yet = self.scenes.as_ref().is_none_or(|scenes| !scenes.begins_with_one());
-        let begun =
-            self.colors.iter_mut().zip(&self.fixed_phases).filter(|(_, fixed)| nothing_yet && !fixed.is_empty());
-        begun.for_each(|(color, fixed)| color.phases.clone_from(fixed));
+    pub fn with_start_tables(mut self, observe: &mut dyn FnMut(f64) -> bool) -> Result<Self, SessionError> {
+        self.start_tables = start_tables(&self.colors, observe)?;
+        if self.scenes.as_ref().is_none_or(|scenes| !scenes.begins_with_one()) {
+            for (color, table) in self.colors.iter_mut().zip(&self.start_tables) {
+                if let Some(table) = table {
+                    color.phases = table.phases(&color.problem, color.exposure)?;
+                }
+            }
+        }
         Ok(self)
     }
 
@@ -388,7 +390,7 @@ impl Live {
             _ => None,
         };
         let keeping = self.journal.as_deref().map(Journal::start).transpose()?;
-        let mut again = begin(colors.clone(), policy, engines, field, self.fixed_phases);
+        let mut again = begin(colors.clone(), policy, engines, field, self.start_tables);
         let idle = encoder.frames();
         let (refinement, source) = if let Some(folder) = &self.replay {
             let (steerer, _) = again()?;
@@ -458,14 +460,14 @@ fn begin(
     policy: Policy,
     engines: EngineSource,
     field: Option<Field>,
-    fixed: Vec<Vec<f32>>,
+    tables: Vec<Option<Arc<StartTable>>>,
 ) -> Begin {
     fn lock(engines: &Mutex<EngineSource>) -> MutexGuard<'_, EngineSource> {
         engines.lock().unwrap_or_else(PoisonError::into_inner)
     }
     let engines = Arc::new(Mutex::new(engines));
     Box::new(move || {
-        let steerer = Steerer::new(colors.clone(), policy, || lock(&engines).open())?.with_fixed_phases(fixed.clone());
+        let steerer = Steerer::new(colors.clone(), policy, || lock(&engines).open())?.with_start_tables(tables.clone());
         let gpu = lock(&engines).gpu()?;
         let Some(field) = field.clone() else { return Ok((steerer, gpu)) };
         let more = Arc::clone(&engines);

@@ -73,9 +73,9 @@ mod work_time;
 #[cfg(all(test, target_os = "linux"))]
 mod device_views_tests;
 #[cfg(test)]
-mod moments_tests;
+mod look_up_tests;
 #[cfg(test)]
-mod retrieval_tests;
+mod moments_tests;
 #[cfg(test)]
 mod rolling_tests;
 #[cfg(test)]
@@ -123,7 +123,7 @@ pub use set_timing::{SetTiming, Target};
 pub use sets::FinishedSet;
 pub use showing::Showing;
 pub use statistics::{Ending, LiveStatistics, Statistics};
-pub use steerer::retrieval::fixed_phases;
+pub use steerer::look_up::start_tables;
 pub use steerer::{EngineOpener, Followed, PhasesOfColors, Policy, SteeredColor, Steerer};
 pub use study::{ContentRun, ContentSample, ContentSettings, JumpStart, StudiedContent, StudiedEye, study_content};
 pub use study::{Judging, Observer, Study, StudySample, StudySettings, study};

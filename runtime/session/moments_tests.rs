@@ -31,7 +31,7 @@ fn what_moves_is_seen_as_well_as_what_stands_still() {
         speed: 10,
         jumps_every: 16,
         start: JumpStart::Last,
-        fixed_phases: Vec::new(),
+        start_tables: Vec::new(),
         lighting: stage.encoder().lighting(false),
     };
     let eye =
@@ -80,7 +80,7 @@ fn windows_of_sets_that_roll_are_as_good_as_each_other() {
         speed: 10,
         jumps_every: 16,
         start: JumpStart::Last,
-        fixed_phases: Vec::new(),
+        start_tables: Vec::new(),
         lighting: stage.encoder().lighting(true),
     };
     let eye =

@@ -401,7 +401,7 @@ impl Refining {
         taken.scenes += 1;
         taken.own_starts += u64::from(followed.own);
         taken.kept_starts += u64::from(followed.kept);
-        taken.retrieved_starts += u64::from(followed.retrieved);
+        taken.looked_up_starts += u64::from(followed.looked_up);
         self.shared.taken.store(taken);
         self.looked_ns = self.options.cost.round_ns(followed.looks as usize, || Duration::ZERO);
         self.options.track.span("scene", scene.number, begun);

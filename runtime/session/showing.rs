@@ -17,7 +17,7 @@ pub(super) struct Taken {
     pub own_starts: u64,
     pub kept_starts: u64,
     /// Of those that brought none and were other pictures altogether: colours that began with the phases for every picture.
-    pub retrieved_starts: u64,
+    pub looked_up_starts: u64,
 }
 
 /// The account of content that changes.
@@ -94,8 +94,8 @@ impl Showing {
 
     /// With what the side that makes sets has counted.
     pub(super) fn with(mut self, taken: Taken) -> Self {
-        let Taken { scenes, refused, own_starts, kept_starts, retrieved_starts } = taken;
-        (self.scenes, self.refused, self.starts) = (scenes, refused, [own_starts, kept_starts, retrieved_starts]);
+        let Taken { scenes, refused, own_starts, kept_starts, looked_up_starts } = taken;
+        (self.scenes, self.refused, self.starts) = (scenes, refused, [own_starts, kept_starts, looked_up_starts]);
         self
     }
 
@@ -107,7 +107,7 @@ impl Showing {
         json!({
             "source": self.source, "scenes": self.scenes, "shown": self.shown, "replaced_or_pending": replaced,
             "refused": self.refused, "began_with_own_phases": self.starts[0], "went_on_with_phases_before": self.starts[1],
-            "began_with_retrieval": self.starts[2], "sets": sets, "arrival_to_light_ms": self.arrival_to_light.to_json(),
+            "began_with_table": self.starts[2], "sets": sets, "arrival_to_light_ms": self.arrival_to_light.to_json(),
             "estimated_psnr_db": self.estimated.to_json(), "steps_per_set": self.steps.to_json(),
         })
     }

@@ -1,6 +1,6 @@
 //! All colours of a hologram under refinement, without threads: where to aim, when to begin again, what to do next.
 
-pub(super) mod retrieval;
+pub(super) mod look_up;
 pub(super) mod together;
 
 use super::error::SessionError;
@@ -9,10 +9,11 @@ use super::likeness;
 use crate::encode::{Lighting, LitTimes};
 use crate::engine::{Engine, EngineError, PhasesOnDevice};
 use crate::optics::{Laser, PupilDistribution};
-use crate::solve::{Motion, Problem, Refiner, SharedDrives, Steering};
+use crate::solve::{Motion, Problem, Refiner, SharedDrives, StartTable, Steering};
 use crate::tiled::Extent;
 use serde::{Deserialize, Serialize};
 use std::ops::Deref;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// No eye is known better than this, metres: its spread as a solver takes it.
@@ -67,8 +68,8 @@ struct OneColor {
     loss: Option<f64>,
     /// Of a piece of a far field: its middle, and how far it goes from there, metres.
     piece: Option<([f64; 2], [f64; 2])>,
-    /// Phases that every picture can begin with; empty where there are none.
-    fixed: Vec<f32>,
+    /// What pictures begin with that bring no phases.
+    table: Option<Arc<StartTable>>,
     /// The scene is another picture altogether, and nothing was begun with for it yet.
     unfit: bool,
 }
@@ -107,7 +108,7 @@ pub struct Followed {
     /// Colours that went on with the phases before, though there were others to begin with.
     pub kept: u32,
     /// Colours that began with the phases that every picture can begin with.
-    pub retrieved: u32,
+    pub looked_up: u32,
     /// Losses that were looked at to decide.
     pub looks: u32,
 }
@@ -179,7 +180,7 @@ impl Steerer {
                 }
                 None => Refiner::new(problem, &phases, exposure, steering, engine()?)?,
             };
-            Ok(OneColor { refiner, phases: Vec::new(), loss: None, piece: None, fixed: Vec::new(), unfit: false })
+            Ok(OneColor { refiner, phases: Vec::new(), loss: None, piece: None, table: None, unfit: false })
         };
         let mut colors = colors.into_iter().map(one).collect::<Result<Vec<_>, _>>()?;
         let shared = lasers.map(|lasers| SharedDrives::new(&drives, lasers, &mut colors)).transpose()?;
@@ -342,7 +343,7 @@ impl Steerer {
         let mut followed = Followed::default();
         for (color, new) in self.colors.iter_mut().zip(scene) {
             let refiner = &mut color.refiner;
-            let other = !color.fixed.is_empty() && likeness::differ(refiner.problem(), &new.problem);
+            let other = color.table.is_some() && likeness::differ(refiner.problem(), &new.problem);
             refiner.follow(new.problem.clone(), new.exposure)?;
             color.loss = None;
             color.unfit = new.phases.is_empty() && (color.unfit || other);

@@ -30,6 +30,8 @@ pub struct Progress<'a> {
     /// Steps of the short solves that choose the exposure, taken and in all, while they run; the numbers below are of the
     /// solve that follows them, but for the loss.
     pub pilot: Option<[usize; 2]>,
+    /// Share of the table of first phases that is fitted, while it is: once for a display, before the first step.
+    pub fitting: Option<f64>,
     /// Steps taken.
     pub step: usize,
     /// Steps asked for.

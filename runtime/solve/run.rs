@@ -105,7 +105,7 @@ impl Run<'_> {
         let (start, steps, all) = (self.start, self.settings.steps, PILOT_STEPS * candidates.len());
         let at = |taken: usize, loss: f64| {
             let seconds = start.elapsed().as_secs_f64();
-            Progress { pilot: Some([taken, all]), step: 0, steps, seconds, loss, validation: None }
+            Progress { pilot: Some([taken, all]), fitting: None, step: 0, steps, seconds, loss, validation: None }
         };
         // Who was asked to stop at an earlier colour tries nothing.
         if observe(&at(0, f64::NAN)) == Flow::Stop {
@@ -218,7 +218,9 @@ impl Run<'_> {
         }
         let (steps, seconds) = (descent.steps, self.start.elapsed().as_secs_f64());
         let validation = descent.best.as_ref().map(|b| &b.score);
-        if (descent.observe)(&Progress { pilot: None, step, steps, seconds, loss, validation }) == Flow::Stop {
+        if (descent.observe)(&Progress { pilot: None, fitting: None, step, steps, seconds, loss, validation })
+            == Flow::Stop
+        {
             return Ok(Some(Stop::Asked));
         }
         let is_good = validation

@@ -30,6 +30,18 @@ pub enum PaddingRule {
     Exact,
 }
 
+/// What a solve begins with, if no phases are given.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[non_exhaustive]
+pub enum FirstPhases {
+    /// Phases that a table has for the picture ([`StartTable`](super::StartTable)), where the display has one.
+    #[default]
+    Table,
+    /// Random phases, as in the paper.
+    Random,
+}
+
 /// No length of an eye or a scene is larger, metres: what is computed of one stays a number.
 const FARTHEST: f64 = 1e3;
 /// Least share of the velocity that is kept where colours share their drives: what they ask for differs, and evens out over several steps
@@ -55,6 +67,9 @@ pub struct Settings {
     /// less the farther from there they are. None: that is not known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gaze: Option<[f64; 2]>,
+    /// What it begins with, if no phases are given: a table's phases where the display has one.
+    #[serde(skip_serializing_if = "is_table")]
+    pub first_phases: FirstPhases,
     /// How phases are moved.
     pub optimizer: Optimizer,
     /// Steps, at most.
@@ -127,6 +142,7 @@ impl Default for Settings {
             method: Method::Slfh,
             loss: Loss::Light,
             gaze: None,
+            first_phases: FirstPhases::Table,
             optimizer: Optimizer::projection(),
             steps: 60,
             pupils: 16,
@@ -303,6 +319,10 @@ impl Settings {
 // What is as by default is left out: files stay those of earlier versions, which go on where they were cut off.
 fn is_one(n: &usize) -> bool {
     *n == 1
+}
+
+fn is_table(first_phases: &FirstPhases) -> bool {
+    *first_phases == FirstPhases::Table
 }
 
 fn is_never(rule: &PaddingRule) -> bool {

@@ -8,6 +8,7 @@ use super::problem::Problem;
 use super::run::Run;
 use super::sampling::Diameters;
 use super::settings::Settings;
+use super::start_table::StartTable;
 use super::validation::Validator;
 use super::viewpoints::Viewpoints;
 use crate::engine::{Buffer, Engine};
@@ -99,6 +100,7 @@ pub fn solve_from(
             stop: Stop::Steps,
         });
     }
+    let looked_up: Vec<f32>;
     let mut run = Run {
         problem,
         planner: &planner,
@@ -117,6 +119,19 @@ pub fn solve_from(
         Some(efficiency) if problem.mean > 0.0 => problem.mean / efficiency / unit,
         _ => run.choose_exposure(validator.bright_end(), observe)?,
     };
+    if from.is_none() && settings.may_begin_by_table(problem) {
+        let steps = settings.steps;
+        let mut fitted = |share: f64| {
+            let (fitting, seconds) = (Some(share), start.elapsed().as_secs_f64());
+            let progress = Progress { pilot: None, fitting, step: 0, steps, seconds, loss: f64::NAN, validation: None };
+            observe(&progress) == Flow::Continue
+        };
+        if let Some(table) = StartTable::of(problem, frames, &mut fitted)? {
+            run.exposure = settings.exposure_by_table(run.exposure);
+            looked_up = table.phases(problem, run.exposure * unit)?;
+            run.from = Some(Warm { phases: &looked_up, progress: settings.progress_by_table() });
+        }
+    }
     let exposure = run.exposure * unit;
     let (best, steps, stop) = run.descend(settings.steps, observe)?;
     let mut durations = run.durations;

@@ -3,7 +3,6 @@
 
 mod draw;
 mod drawing;
-mod retrieve;
 mod sharing;
 mod sources;
 
@@ -13,6 +12,7 @@ use super::motion::Motion;
 use super::pace::Pace;
 use super::problem::Problem;
 use super::sampling::{Points, Sequence};
+use super::start_table::StartTable;
 use super::steering::{Steering, Strategy};
 use crate::engine::{Begun, Buffer, Engine, EngineError, PhasesOnDevice};
 use crate::evaluate::{self, Sums};
@@ -169,6 +169,24 @@ impl Refiner {
         let (choice, regions) = (self.problem.choice.take(), Arc::clone(&self.problem.regions));
         (self.problem, self.exposure) = (Problem { choice, regions, ..problem }, exposure);
         Ok(())
+    }
+
+    /// Goes on with phases that it had before, for the same eye: the steps since it came there still count, velocities do not.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    pub fn go_on_with(&mut self, phases: &[f32]) -> Result<(), EngineError> {
+        self.settle()?;
+        self.engine.write(Buffer::Phases, phases)?;
+        self.engine.clear_moments()
+    }
+
+    /// The phases that a table has for the scene.
+    ///
+    /// # Errors
+    /// Those of [`StartTable::phases`].
+    pub fn looked_up(&self, table: &StartTable) -> Result<Vec<f32>, EngineError> {
+        table.phases(&self.problem, self.exposure)
     }
 
     /// Other phases of the same hologram, which [`begin_again`](Self::begin_again) comes back to from now on.

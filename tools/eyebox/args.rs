@@ -18,7 +18,7 @@ use eyebox::hologram::Start;
 use eyebox::optics::{Color, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::present::Rate;
-use eyebox::solve::{Diameters, Full, Loss, Method, Optimizer, PaddingRule, Sequence};
+use eyebox::solve::{Diameters, FirstPhases, Full, Loss, Method, Optimizer, PaddingRule, Sequence};
 use std::path::PathBuf;
 
 /// `eyebox demo`
@@ -40,6 +40,12 @@ pub struct Demo {
     #[command(flatten)]
     pub engine: EngineArgs,
 }
+
+/// How phases are moved.
+const FIRST_PHASES: Names<FirstPhases, 2> = [
+    ("table", "Of a table, on an SLM of 256 x 256 pixels or more and with 4 sub-frames or more", FirstPhases::Table),
+    ("random", "The paper's", FirstPhases::Random),
+];
 
 /// How phases are moved.
 const OPTIMIZERS: Names<Optimizer, 2> = [
@@ -138,6 +144,9 @@ pub struct Solve {
     /// How it is seen, for --loss contrast
     #[command(flatten)]
     pub viewing: ViewingArgs,
+    /// What it begins with: phases that a table has for the picture, which is fitted once for a display and kept, or random ones
+    #[arg(long, value_parser = one_of(&FIRST_PHASES), value_name = "table|random", default_value = "table")]
+    pub first_phases: FirstPhases,
     /// How phases are moved [default: projection]
     #[arg(long, value_parser = one_of(&OPTIMIZERS))]
     pub optimizer: Option<Optimizer>,

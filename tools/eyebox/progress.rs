@@ -112,6 +112,10 @@ impl Bar {
     /// After a step. Until there is a validation, this step's own pupils stand for it.
     pub fn show(&self, progress: &Progress) -> Flow {
         match (progress.pilot, progress.validation.map(ValidationScore::quality)) {
+            _ if progress.fitting.is_some() => {
+                let share = 100.0 * progress.fitting.unwrap_or_default();
+                self.say(0, &format!("first phases fitted, once for this display: {share:.0} %"));
+            }
             (Some([taken, all]), _) => self.say(0, &format!("exposure chosen in {taken} of {all} steps")),
             (None, None) => self.at(progress.step, -10.0 * progress.loss.log10()),
             (None, Some(Some([mean, _]))) => self.at(progress.step, mean),

@@ -105,6 +105,7 @@ pub fn base_of(args: &Solve, display: &Display, depth: [f64; 2]) -> Result<Setti
         joint: args.joint_color.map(|brightness| Joint { brightness }),
         method: args.method,
         loss: args.loss,
+        first_phases: args.first_phases,
         gaze: args.gaze,
         stft_filter: args.stft_filter,
         stft_samples: args.stft_samples,

@@ -278,7 +278,7 @@ impl Session {
             // What a device cannot decode the host does.
             input.decode_with(&backend)?;
             live.scenes = Some(Box::new(input));
-            let live = live.with_fixed_phases(|| {})?;
+            let live = live.with_start_tables(&mut |_| true)?;
             shown.start(live.into(), eye, shape, true)
         })
     }

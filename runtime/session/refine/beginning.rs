@@ -40,14 +40,14 @@ impl Refining {
             journal.keep(Decision::Fit {});
         }
         let fitted = self.steerer.fit()?;
-        if fitted.retrieved > 0 {
+        if fitted.looked_up > 0 {
             self.options.moments.begun_again();
         }
         let mut taken = self.shared.taken.load();
         taken.kept_starts += u64::from(fitted.kept);
-        taken.retrieved_starts += u64::from(fitted.retrieved);
+        taken.looked_up_starts += u64::from(fitted.looked_up);
         self.shared.taken.store(taken);
-        let what = if fitted.retrieved > 0 { "retrieval" } else { "no retrieval" };
+        let what = if fitted.looked_up > 0 { "look-up" } else { "no look-up" };
         self.options.track.span(what, self.scene.as_ref().map_or(0, |scene| scene.number), begun);
         Ok(fitted.looks)
     }

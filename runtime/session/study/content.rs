@@ -23,7 +23,7 @@ use crate::session::set_timing::SetTiming;
 use crate::session::steerer::together::{lighting_of, share};
 use crate::session::steerer::{Policy, SteeredColor, Steerer};
 use crate::session::watch::{Samples, Watch};
-use crate::solve::{Flow, Motion, Problem};
+use crate::solve::{Flow, Motion, Problem, StartTable};
 use crate::trackers::simulated::{Doing, Eye, SimulatedSource};
 use crate::trackers::{About, Event, Source, TrackerError};
 use serde::Serialize;
@@ -67,8 +67,8 @@ pub struct ContentSettings {
     pub jumps_every: u32,
     /// What is begun with after a jump.
     pub start: JumpStart,
-    /// The phases of each colour that every picture can begin with.
-    pub fixed_phases: Vec<Vec<f32>>,
+    /// The table of each color; empty where none is used.
+    pub start_tables: Vec<Option<Arc<StartTable>>>,
     /// When the sub-frames of each colour are lit: of sets that are shown whole, or that roll.
     pub lighting: Lighting,
 }
@@ -179,7 +179,7 @@ pub fn study_content(
     let mut all: Vec<ContentRun> = Vec::with_capacity(runs.len());
     for (i, (content, eye, (steered, moments))) in runs.iter().copied().enumerate() {
         let steerer = Steerer::new(colors.to_vec(), policy, &mut *engine)?;
-        let steerer = steerer.with_fixed_phases(frames.starts());
+        let steerer = steerer.with_start_tables(settings.start_tables.clone());
         let mut run = ContentRun { content, eye, steered, moments, samples: Vec::new() };
         let mut showing = Showing::new(&frames, &run, steerer, study, depth)?;
         let decisions = u64::from(sets) * settings.lighting.turns() as u64;

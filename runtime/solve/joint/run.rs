@@ -143,7 +143,7 @@ impl<'a> JointRun<'a> {
             let reference = reference_of(lit.iter().map(|l| l.slope)).unwrap_or(0);
             let validation = self.best.as_ref().map(|best| &best.validation[reference]);
             let (steps, seconds) = (settings.steps, self.start.elapsed().as_secs_f64());
-            if observe(&Progress { pilot: None, step, steps, seconds, loss, validation }) == Flow::Stop {
+            if observe(&Progress { pilot: None, fitting: None, step, steps, seconds, loss, validation }) == Flow::Stop {
                 break Stop::Asked;
             }
             if self

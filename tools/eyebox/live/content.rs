@@ -9,7 +9,7 @@ use clap::{Args, ValueEnum};
 use eyebox::files::OwnFolder;
 use eyebox::report;
 use eyebox::session::{
-    self, ContentRun, ContentSettings, JumpStart, StudiedContent, StudiedEye, StudySettings, fixed_phases,
+    self, ContentRun, ContentSettings, JumpStart, StudiedContent, StudiedEye, StudySettings, start_tables,
 };
 use serde_json::{Value, json};
 
@@ -32,13 +32,7 @@ pub struct ContentArgs {
     #[arg(long, default_value_t = 15, value_name = "N", requires = "content", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     jumps_every: u32,
     /// With --content: what is begun with after a jump
-    #[arg(
-        long,
-        value_enum,
-        default_value = "best",
-        value_name = "best|last|random|retrieval|unfitted",
-        requires = "content"
-    )]
+    #[arg(long, value_enum, default_value = "best", value_name = "best|last|random|table", requires = "content")]
     jumps_from: StartName,
     /// With --content: show sets whole, though the display takes several video frames for one, as they else roll there
     #[arg(long, requires = "content")]
@@ -48,16 +42,14 @@ pub struct ContentArgs {
 /// What is begun with after a jump.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum StartName {
-    /// The last phases or those of the retrieval, whichever lose less
+    /// The last phases or those of the table, whichever lose less
     Best,
     /// The last phases
     Last,
     /// Random phases
     Random,
-    /// A retrieval in one step from phases that are fitted once for this display
-    Retrieval,
-    /// The same from random phases
-    Unfitted,
+    /// Those of a table that is fitted once for this display
+    Table,
 }
 
 /// What content does.
@@ -82,7 +74,7 @@ impl ContentArgs {
         !self.content.is_empty()
     }
 
-    fn settings(&self, subject: &Steered, focus: [f64; 2]) -> Result<ContentSettings, Failure> {
+    fn settings(&self, subject: &Steered) -> Result<ContentSettings, Failure> {
         let of = |name: &ContentName| match name {
             ContentName::Still => StudiedContent::Still,
             ContentName::Moving => StudiedContent::Moving,
@@ -92,17 +84,16 @@ impl ContentArgs {
             StartName::Best => JumpStart::Best,
             StartName::Last => JumpStart::Last,
             StartName::Random => JumpStart::Random,
-            StartName::Retrieval => JumpStart::Retrieval,
-            StartName::Unfitted => JumpStart::Unfitted,
+            StartName::Table => JumpStart::Table,
         };
         // Colours that share their sub-frames go on with the phases that they have.
         let apart = subject.parts.iter().all(|color| color.laser.is_none());
         let jumps = self.content.contains(&ContentName::Jumping) && apart;
-        let wanted = jumps && matches!(start, JumpStart::Best | JumpStart::Retrieval);
-        let fixed_phases = if wanted { fixed_phases(&subject.parts, focus, super::live::fitting)? } else { Vec::new() };
+        let wanted = jumps && matches!(start, JumpStart::Best | JumpStart::Table);
+        let start_tables = if wanted { start_tables(&subject.parts, &mut super::live::fitting())? } else { Vec::new() };
         Ok(ContentSettings {
             start,
-            fixed_phases,
+            start_tables,
             contents: self.content.iter().map(of).collect(),
             sets: self.sets,
             steps: self.steps_per_set,
@@ -123,7 +114,7 @@ pub fn run(
     (title, mut about, own): (&str, Value, &mut OwnFolder),
 ) -> Result<(), Failure> {
     progress::catch_interrupt();
-    let settings = args.settings(subject, study.gaze.focus)?;
+    let settings = args.settings(subject)?;
     let bar = JobBar::new(quiet);
     let mut open = || engines.open();
     let mut observe = |share| bar.show("content", share);

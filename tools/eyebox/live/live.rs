@@ -6,6 +6,7 @@ use super::tracking::{TrackerArgs, tracking};
 use super::viewing::Viewing;
 use crate::common::Engines;
 use crate::play::{OutputArgs, OutputName};
+use crate::progress::JobBar;
 use crate::session::{attend, conclude, ended_by, keep_powers};
 use crate::values::{not_negative, positive};
 use crate::{Failure, common, progress};
@@ -18,6 +19,7 @@ use eyebox::session::{
     self, Cost, Histogram, LitSources, LiveStatistics, Repeat, Session, SinkFile, SourceSwitch, Stage as Part,
     Statistics, Status, Supply, Tracking,
 };
+use eyebox::solve::Flow;
 use serde_json::{Map, Value, json};
 use std::fs::File;
 use std::io::Write;
@@ -194,7 +196,7 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: Showing<'_>, stage: S
     live.whole.focus = depths.unwrap_or(live.whole.focus);
     // An application's frames bring no phases.
     if live.replay.is_some() || live.scenes.as_ref().is_some_and(|scenes| !scenes.begins_with_one()) {
-        live = live.with_fixed_phases(fitting)?;
+        live = live.with_start_tables(&mut fitting())?;
     }
     let mut options = args.shown.options();
     options.gpu = gpu;
@@ -241,9 +243,10 @@ fn switch(file: &Path, colors: &[Color]) -> Result<SourceSwitch, Failure> {
     }))
 }
 
-/// Says that phases are fitted.
-pub fn fitting() {
-    eprintln!("fitting the phases that any picture can begin with, once for this display");
+/// Shows how much of the tables of first phases is fitted.
+pub fn fitting() -> impl FnMut(f64) -> bool {
+    let bar = JobBar::new(true);
+    move |share| bar.show("fitting first phases, once for this display", share) == Flow::Continue
 }
 
 /// What a tracker's dioptres are before the hologram that is shown.

@@ -1,6 +1,6 @@
 //! What is begun with after content has jumped, and what the eye sees then.
 
-use super::{ContentRun, ContentSample, Frames, Showing, SteeredColor};
+use super::{ContentRun, ContentSample, Showing, SteeredColor};
 use crate::session::error::SessionError;
 use crate::session::study::jump_start::JumpStart;
 use crate::solve::random_phases;
@@ -15,38 +15,26 @@ impl ContentRun {
     }
 }
 
-impl Frames<'_> {
-    /// What may be begun with after a jump, colour by colour.
-    pub(super) fn starts(&self) -> Vec<Vec<f32>> {
-        match self.settings.start {
-            JumpStart::Last => Vec::new(),
-            JumpStart::Random | JumpStart::Unfitted => {
-                let one = |(i, color): (usize, &SteeredColor)| random_phases(color.phases.len(), i as u64);
-                self.colors.iter().enumerate().map(one).collect()
-            }
-            JumpStart::Best | JumpStart::Retrieval => self.settings.fixed_phases.clone(),
-        }
-    }
-}
-
 impl Showing<'_> {
     /// Begins with what is studied, where the content has jumped: how many steps that takes.
     pub(super) fn begin(&mut self) -> Result<u32, SessionError> {
         let jumped = std::mem::take(&mut self.begins);
         match self.frames.settings.start {
             JumpStart::Best if self.steerer.wants_fit() => {
-                if self.steerer.fit()?.retrieved > 0 {
+                if self.steerer.fit()?.looked_up > 0 {
                     self.moments.begun_again();
                 }
                 // Two losses that are looked at take a step's time.
                 Ok(2)
             }
-            JumpStart::Retrieval | JumpStart::Unfitted if jumped => {
-                self.steerer.retrieve()?;
-                Ok(1)
+            JumpStart::Table if jumped => {
+                self.steerer.look_up()?;
+                Ok(0)
             }
             JumpStart::Random if jumped => {
-                self.steerer.begin_fixed()?;
+                let one = |(i, color): (usize, &SteeredColor)| random_phases(color.phases.len(), i as u64);
+                let random: Vec<_> = self.frames.colors.iter().enumerate().map(one).collect();
+                self.steerer.begin_with(&random)?;
                 Ok(0)
             }
             _ => Ok(0),

@@ -1,0 +1,96 @@
+//! What a scene begins with that brings no phases and that the phases before do not fit: those that a table has for it
+//! ([`StartTable`]).
+
+use super::{Followed, SteeredColor, Steerer};
+use crate::engine::EngineError;
+use crate::session::error::SessionError;
+use crate::solve::StartTable;
+use std::sync::Arc;
+
+/// The table of each color, from the user's cache or fitted, of which `observe` is told: the share of all that is fitted. None for colors
+/// that have none.
+///
+/// # Errors
+/// Those of the fit.
+pub fn start_tables(
+    colors: &[SteeredColor],
+    observe: &mut dyn FnMut(f64) -> bool,
+) -> Result<Vec<Option<Arc<StartTable>>>, SessionError> {
+    let count = colors.len() as f64;
+    let one = |(at, color): (usize, &SteeredColor)| {
+        let mut observe = |share: f64| observe((at as f64 + share) / count);
+        Ok(StartTable::of(&color.problem, color.frames(), &mut observe)?.map(Arc::new))
+    };
+    colors.iter().enumerate().map(one).collect()
+}
+
+impl Steerer {
+    /// With the table of each color; none where there is none. Colors that share their sub-frames have no use for them: phases of one
+    /// color are not those of another.
+    #[must_use]
+    pub fn with_start_tables(mut self, tables: Vec<Option<Arc<StartTable>>>) -> Self {
+        if self.shared.is_some() {
+            return self;
+        }
+        for (color, table) in self.colors.iter_mut().zip(tables) {
+            color.table = table;
+        }
+        self
+    }
+
+    /// Whether [`fit`](Self::fit) has something to look at: a scene came that is another picture altogether, and brought no phases.
+    pub fn wants_fit(&self) -> bool {
+        self.colors.iter().any(|color| color.unfit)
+    }
+
+    /// Colors whose scene is another picture altogether go on with the phases as they are, or with those of the table, whichever lose
+    /// less through the same pupils.
+    ///
+    /// # Errors
+    /// Those of the engines.
+    pub fn fit(&mut self) -> Result<Followed, EngineError> {
+        let mut followed = Followed::default();
+        for color in self.colors.iter_mut().filter(|color| color.unfit) {
+            color.unfit = false;
+            let Some(table) = &color.table else { continue };
+            let refiner = &mut color.refiner;
+            let looked_up = refiner.looked_up(table)?;
+            let (kept, before) = (refiner.loss()?, refiner.phases()?);
+            refiner.restart(&looked_up)?;
+            followed.looks += 2;
+            if kept < refiner.loss()? {
+                refiner.go_on_with(&before)?;
+                followed.kept += 1;
+            } else {
+                followed.looked_up += 1;
+            }
+        }
+        Ok(followed)
+    }
+
+    /// Begins with the phases of the table, whatever is lost.
+    ///
+    /// # Errors
+    /// Those of the engines.
+    pub fn look_up(&mut self) -> Result<(), EngineError> {
+        for color in &mut self.colors {
+            color.unfit = false;
+            let Some(table) = &color.table else { continue };
+            let looked_up = color.refiner.looked_up(table)?;
+            color.refiner.restart(&looked_up)?;
+        }
+        Ok(())
+    }
+
+    /// Begins with phases that are given, color by color, whatever is lost.
+    ///
+    /// # Errors
+    /// Those of the engines.
+    pub fn begin_with(&mut self, phases: &[Vec<f32>]) -> Result<(), EngineError> {
+        for (color, phases) in self.colors.iter_mut().zip(phases) {
+            color.unfit = false;
+            color.refiner.restart(phases)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,146 @@
+//! First phases of any picture, by a table: for a brightness, a place in a tile and a sub-frame the phase to begin with.
+//!
+//! A phase-only SLM makes a place dark by sending its light where no pupil looks, and even by choosing the phases of all sub-frames
+//! together. Both depend on the display and on how bright the place is, not on the scene: they are solved once, for seventeen
+//! brightnesses, on a tile that repeats over the SLM. A picture's phases are then looked up ([`table_start`]) without a transform, and
+//! every pupil in the eyebox sees the picture at once. For one plane and one brightness these are optimized random phases (A.
+//! Velez-Zea, J. F. Barrera-Ramirez and R. Torroba, Optics Letters 43, 2018).
+
+mod fit;
+mod kept;
+#[cfg(test)]
+mod tests;
+
+use super::error::SolveError;
+use super::method::Method;
+use super::problem::Problem;
+use super::settings::{FirstPhases, Settings};
+use crate::engine::{EngineError, on_host};
+use crate::optics::Geometry;
+use eyebox_kernels::table_start::{self, LEVELS, table_start};
+use fit::MadeBy;
+use rayon::prelude::*;
+
+/// Sub-frames from which on a solve begins by a table: the light of fewer is not even, whatever its phases (measured with one: 18 dB,
+/// and steps add little).
+const FEWEST_FRAMES: usize = 4;
+/// Tiles along each side of an SLM from which on a solve begins by a table: a smaller one is solved sooner than its table is fitted.
+const FEWEST_TILES: usize = 4;
+/// Exposure of phases from a table that no step follows, over the one of a solve: light to spare hides their unevenness (measured).
+const UNSTEPPED: f64 = 1.3;
+/// Place in its schedule at which a solve begins from a table: its phases are nearly right and want smaller steps (measured).
+const PROGRESS: f64 = 0.4;
+
+/// The table of one color of a display.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StartTable {
+    frames: usize,
+    side: usize,
+    /// (sub-frames, side, side, levels), binary angles.
+    angles: Vec<u16>,
+}
+
+impl StartTable {
+    /// Whether a display has tables. In the far field no tile of the SLM is like another, and a mask's pixels are not the SLM's.
+    pub fn fits(problem: &Problem) -> bool {
+        problem.optics.geometry == Geometry::Relay && problem.optics.mask_factor <= 1
+    }
+
+    /// The table of a display's color for so many sub-frames: the one that the user's cache keeps, or else fitted and kept. `observe`
+    /// is told the share that is fitted; if it answers false, the fit ends, what it has is kept, and goes on from there the next time.
+    /// None if no table [fits](Self::fits), or the fit was ended.
+    ///
+    /// The same display has the same table, whatever engine uses it.
+    ///
+    /// # Errors
+    /// Those of [`solve`](super::solve).
+    pub fn of(
+        problem: &Problem,
+        frames: usize,
+        observe: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<Option<Self>, SolveError> {
+        if !Self::fits(problem) {
+            return Ok(None);
+        }
+        let made_by = MadeBy::of(problem, frames);
+        let mut levels = made_by.load();
+        if !levels.are_all() {
+            made_by.fit(problem, &mut levels, observe)?;
+            made_by.save(&levels);
+        }
+        Ok(levels.are_all().then(|| levels.table(&made_by)))
+    }
+
+    /// First phases (sub-frames, height, width) of the scene of `problem` for an exposure, radians in -pi .. pi.
+    ///
+    /// # Errors
+    /// [`EngineError`] if the scene's light is on a device that does not answer.
+    pub fn phases(&self, problem: &Problem, exposure: f64) -> Result<Vec<f32>, EngineError> {
+        let (height, width) = (problem.optics.height, problem.optics.width);
+        let light = mean_view(problem)?;
+        let [rows, columns, side] = [height, width, self.side].map(|n| n as u32);
+        let args = table_start::Args { height: rows, width: columns, side, share: (1.0 / exposure) as f32 };
+        let mut phases = vec![0.0; self.frames * height * width];
+        let tile = self.side * self.side * LEVELS;
+        let frames = phases.par_chunks_mut(height * width).zip(self.angles.par_chunks(tile));
+        frames.for_each(|(phases, angles)| table_start(&args, angles, &light, phases));
+        Ok(phases)
+    }
+}
+
+impl Settings {
+    /// Whether a solve by these settings begins by a table. It is one for pupils anywhere in the eyebox, and for a display as its file
+    /// has it: what its panel, its source or the eye add is not in a table.
+    pub(super) fn may_begin_by_table(&self, problem: &Problem) -> bool {
+        let Problem { optics, model, eye, modes, choice, regions, .. } = problem;
+        let is_plain = model.is_none() && eye.is_none() && choice.is_none() && modes.is_empty() && regions.is_empty();
+        let is_large = optics.height.min(optics.width) >= FEWEST_TILES * fit::SIDE;
+        let is_own = self.method == Method::Slfh && self.joint.is_none() && self.motion.is_still();
+        self.first_phases == FirstPhases::Table && is_plain && is_large && is_own && self.frames >= FEWEST_FRAMES
+    }
+
+    /// The exposure of a solve from a table that has this one from random phases.
+    pub(super) fn exposure_by_table(&self, exposure: f64) -> f64 {
+        if self.steps == 0 { UNSTEPPED * exposure } else { exposure }
+    }
+
+    /// Where in its schedule a solve from a table begins.
+    pub(super) fn progress_by_table(&self) -> f64 {
+        PROGRESS
+    }
+}
+
+/// What a pupil as wide as the eyebox sees in focus: the mean of all views on the SLM's pixels, linear light.
+fn mean_view(problem: &Problem) -> Result<Vec<f32>, EngineError> {
+    let pyramid = on_host(&problem.pyramid)?;
+    let (optics, grid) = (problem.optics, problem.padding.grid(problem.optics));
+    let level = &pyramid.levels[0];
+    let [top, left] = [(grid.height - optics.height) / 2, (grid.width - optics.width) / 2];
+    let unit = pyramid.scale / 65535.0 / pyramid.count as f32;
+    let mut light = vec![0.0; optics.height * optics.width];
+    light.par_chunks_exact_mut(optics.width).enumerate().for_each(|(y, line)| {
+        let mut sums = vec![0u32; line.len()];
+        for view in level.views.chunks_exact(level.height * level.width) {
+            let values = &view[(top + y) * level.width + left..][..line.len()];
+            sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += u32::from(*value));
+        }
+        line.iter_mut().zip(sums).for_each(|(light, sum)| *light = sum as f32 * unit);
+    });
+    Ok(light)
+}
+
+#[cfg(test)]
+impl StartTable {
+    /// A table of fewer steps than usual.
+    pub(crate) fn quick(problem: &Problem, frames: usize) -> Self {
+        let made_by = MadeBy::of(problem, frames).sized(fit::SIDE, [48, 8]);
+        let mut levels = kept::Levels::default();
+        made_by.fit(problem, &mut levels, &mut |_| true).expect("a table");
+        levels.table(&made_by)
+    }
+
+    /// The table of a tile whose phases are all zero.
+    pub(crate) fn even(frames: usize) -> Self {
+        Self { frames, side: 1, angles: vec![0; frames * LEVELS] }
+    }
+}

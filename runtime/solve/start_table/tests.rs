@@ -1,0 +1,148 @@
+//! Tests of first phases by a table.
+
+use super::fit::MadeBy;
+use super::kept::Levels;
+use super::{StartTable, mean_view};
+use crate::engine::cpu::CpuEngine;
+use crate::optics::{Color, Display, Geometry, Optics, Padding, Pupil};
+use crate::scene::{self, Pyramid, Request, ViewGrid};
+use crate::solve::{FirstPhases, Method, Problem, Refiner, Settings, Steering, random_phases};
+use eyebox_kernels::table_start::{LEVELS, level};
+use std::sync::{Arc, LazyLock};
+
+const FRAMES: usize = 8;
+
+fn problem([height, width]: [usize; 2]) -> Problem {
+    let display = Display { height, width, ..Display::preset("paper").unwrap() };
+    let request = Request { views: 5, ..Request::new(&display, &[Color::Green]) };
+    let field = scene::load("builtin:still-life", &request).unwrap();
+    Problem::new(&field, Color::Green, &display, Padding::default()).unwrap()
+}
+
+static TABLE: LazyLock<(Problem, StartTable)> = LazyLock::new(|| {
+    let problem = problem([96, 128]);
+    let table = StartTable::quick(&problem, FRAMES);
+    (problem, table)
+});
+
+fn refiner(problem: &Problem, phases: &[f32], exposure: f64) -> Refiner {
+    Refiner::new(problem.clone(), phases, exposure, Steering::default(), Box::new(CpuEngine::new())).unwrap()
+}
+
+fn pupils() -> Vec<Pupil> {
+    [[0.0, 0.0, 4.0, 0.0], [4.0, -2.0, 4.0, 1.0], [-5.0, 3.0, 3.0, -1.0], [-2.0, -6.0, 5.0, 0.5], [0.5, 1.0, 12.0, 0.0]]
+        .map(Pupil::from_mm)
+        .to_vec()
+}
+
+/// An even picture of a brightness.
+fn even(problem: &Problem, light: f32) -> Problem {
+    let (height, width) = (problem.optics.height, problem.optics.width);
+    let views = ViewGrid { rows: 1, columns: 1, cell: problem.eyebox };
+    Problem { views, pyramid: Arc::new(Pyramid::new(&[vec![light; height * width]], height, width)), ..problem.clone() }
+}
+
+/// Through every pupil an even picture is seen in its brightness; between two levels, too, and what is black stays so.
+#[test]
+fn even_pictures_are_seen_in_their_brightness_through_every_pupil() {
+    let (problem, table) = &*TABLE;
+    let seen = |light: f32| {
+        let even = even(problem, light);
+        let phases = table.phases(&even, 1.0).unwrap();
+        let mut refiner = refiner(&even, &phases, 1.0);
+        let mean = |picture: &[f32]| picture.iter().map(|v| f64::from(*v)).sum::<f64>() / picture.len() as f64;
+        pupils().into_iter().map(|pupil| mean(&refiner.pictures(pupil).unwrap()[0])).collect::<Vec<f64>>()
+    };
+    for light in [0.1, 0.25, 0.35, 0.5, 0.9] {
+        for mean in seen(light) {
+            assert!((mean / f64::from(light) - 1.0).abs() < 0.2, "{light} is seen as {mean}");
+        }
+    }
+    assert!(seen(0.0).iter().all(|mean| *mean < 0.02), "black is {:?}", seen(0.0));
+}
+
+/// A picture that nothing was solved for is seen at once, better than after ten steps from random phases through the worst pupil.
+#[test]
+fn a_scene_is_seen_before_the_first_step() {
+    let (problem, table) = &*TABLE;
+    let exposure = 0.45;
+    let after = |phases: &[f32], steps: usize| {
+        let mut refiner = refiner(problem, phases, exposure);
+        (0..steps).for_each(|_| assert!(refiner.step().unwrap().is_finite()));
+        let sums = refiner.look(&pupils()).unwrap();
+        let all: Vec<f64> = sums.iter().map(|s| s.psnr(exposure)).collect();
+        [all.iter().sum::<f64>() / all.len() as f64, all.iter().copied().fold(f64::INFINITY, f64::min)]
+    };
+    let looked_up = table.phases(problem, exposure).unwrap();
+    let random = random_phases(looked_up.len(), 1);
+    let (at_once, one, ten) = (after(&looked_up, 0), after(&random, 1), after(&random, 10));
+    println!("{at_once:.2?} at once, from random phases {one:.2?} after one step, {ten:.2?} after ten");
+    assert!(at_once[0] > one[0] + 4.0 && at_once[1] > ten[1] + 1.0);
+}
+
+/// A solve begins by the table that the display has, and without a step it is that.
+#[test]
+fn solves_begin_by_a_table_where_one_fits() {
+    let (problem, _) = &*TABLE;
+    let settings = Settings::default();
+    assert!(!settings.may_begin_by_table(problem), "an SLM of fewer tiles");
+    let large = Problem { optics: Optics { height: 256, width: 300, ..problem.optics }, ..problem.clone() };
+    assert!(settings.may_begin_by_table(&large));
+    for other in [
+        Settings { frames: 2, ..Settings::default() },
+        Settings { first_phases: FirstPhases::Random, ..Settings::default() },
+        Settings { method: Method::Smooth, ..Settings::default() },
+    ] {
+        assert!(!other.may_begin_by_table(&large), "{other:?}");
+    }
+    let far = Problem { optics: Optics { geometry: Geometry::FarField, ..large.optics }, ..large };
+    assert!(!StartTable::fits(&far));
+}
+
+/// A fit that is ended goes on where it was, to the same table; a file that is damaged or another display's is none.
+#[test]
+fn a_fit_goes_on_where_it_was_ended_and_its_file_is_checked() {
+    let problem = problem([48, 48]);
+    let made_by = MadeBy::of(&problem, 2).sized(16, [4, 2]);
+    let (mut whole, mut parts) = (Levels::default(), Levels::default());
+    made_by.fit(&problem, &mut whole, &mut |_| true).unwrap();
+    assert!(whole.are_all());
+    for end in [0.0, 0.3, 0.7] {
+        made_by.fit(&problem, &mut parts, &mut |share| share < end).unwrap();
+        assert!(!parts.are_all());
+        parts = made_by.parse(&made_by.bytes(&parts)).unwrap();
+    }
+    made_by.fit(&problem, &mut parts, &mut |_| true).unwrap();
+    assert_eq!(parts, whole);
+    let bytes = made_by.bytes(&whole);
+    assert_eq!(made_by.parse(&bytes).as_ref(), Some(&whole));
+    let other = MadeBy::of(&problem, 4).sized(16, [4, 2]);
+    assert_eq!(other.parse(&bytes), None, "another number of sub-frames");
+    assert_eq!(made_by.parse(&bytes[..bytes.len() - 2]), None, "cut short");
+    let mut turned = bytes.clone();
+    *turned.last_mut().unwrap() ^= 1;
+    assert_eq!(made_by.parse(&turned), None, "damaged");
+    assert_eq!(made_by.parse(b"no table"), None);
+    let table = whole.table(&made_by);
+    let at = |frame: usize, pixel: usize, level: usize| table.angles[(frame * 256 + pixel) * LEVELS + level];
+    assert_eq!(at(1, 37, 5), whole.0[5].as_ref().unwrap()[256 + 37]);
+    assert!((level(4) - 0.2).abs() < 1e-6);
+}
+
+/// The light is that of all views together, on the SLM's pixels.
+#[test]
+fn the_light_is_the_mean_of_all_views() {
+    let problem = problem([48, 64]);
+    let padding = Padding { rows: 3, columns: 5 };
+    let display = Display { height: 48, width: 64, ..Display::preset("paper").unwrap() };
+    let field =
+        scene::load("builtin:still-life", &Request { views: 5, ..Request::new(&display, &[Color::Green]) }).unwrap();
+    let padded = Problem::new(&field, Color::Green, &display, padding).unwrap();
+    for problem in [problem, padded] {
+        let light = mean_view(&problem).unwrap();
+        for at in [0, 700, 48 * 64 - 1] {
+            let mean = field.planes[0].iter().map(|view| view[at]).sum::<f32>() / 25.0;
+            assert!((light[at] - mean).abs() < 1e-3, "{at}: {} {mean}", light[at]);
+        }
+    }
+}
