@@ -41,7 +41,7 @@ pub struct Demo {
     pub engine: EngineArgs,
 }
 
-/// How phases are moved.
+/// What a solve begins with.
 const FIRST_PHASES: Names<FirstPhases, 2> = [
     ("table", "Of a table, on an SLM of 256 x 256 pixels or more and with 4 sub-frames or more", FirstPhases::Table),
     ("random", "The paper's", FirstPhases::Random),
