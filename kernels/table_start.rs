@@ -65,6 +65,7 @@ pub fn table_start(args: &Args, table: &[u16], light: &[f32], phases: &mut [f32]
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f32::consts::PI;
     use std::f64::consts::TAU;
 
     /// Against float64: levels, the way from one to the next across the turn's end, the tile, and what is too dark or too bright.
@@ -95,7 +96,7 @@ mod tests {
             };
             let off = (turns[0] + part * step) - f64::from(*phase) / TAU;
             assert!((off - off.round()).abs() < 2e-5, "{i}: {off}");
-            assert!((-3.1416..3.1416).contains(phase));
+            assert!((-PI..=PI).contains(phase));
         }
     }
 }

@@ -8,7 +8,7 @@ use super::problem::Problem;
 use super::run::Run;
 use super::sampling::Diameters;
 use super::settings::Settings;
-use super::start_table::StartTable;
+use super::start_table::{self, PROGRESS};
 use super::validation::Validator;
 use super::viewpoints::Viewpoints;
 use crate::engine::{Buffer, Engine};
@@ -119,18 +119,10 @@ pub fn solve_from(
         Some(efficiency) if problem.mean > 0.0 => problem.mean / efficiency / unit,
         _ => run.choose_exposure(validator.bright_end(), observe)?,
     };
-    if from.is_none() && settings.may_begin_by_table(problem) {
-        let steps = settings.steps;
-        let mut fitted = |share: f64| {
-            let (fitting, seconds) = (Some(share), start.elapsed().as_secs_f64());
-            let progress = Progress { pilot: None, fitting, step: 0, steps, seconds, loss: f64::NAN, validation: None };
-            observe(&progress) == Flow::Continue
-        };
-        if let Some(table) = StartTable::of(problem, frames, &mut fitted)? {
-            run.exposure = settings.exposure_by_table(run.exposure);
-            looked_up = table.phases(problem, run.exposure * unit)?;
-            run.from = Some(Warm { phases: &looked_up, progress: settings.progress_by_table() });
-        }
+    if let Some(table) = start_table::of_solve(problem, settings, from, start, observe)? {
+        run.exposure = settings.exposure_by_table(run.exposure);
+        looked_up = table.phases(problem, run.exposure * unit)?;
+        run.from = Some(Warm { phases: &looked_up, progress: PROGRESS });
     }
     let exposure = run.exposure * unit;
     let (best, steps, stop) = run.descend(settings.steps, observe)?;

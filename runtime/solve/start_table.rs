@@ -13,6 +13,7 @@ mod tests;
 
 use super::error::SolveError;
 use super::method::Method;
+use super::outcome::{Flow, Progress, Warm};
 use super::problem::Problem;
 use super::settings::{FirstPhases, Settings};
 use crate::engine::{EngineError, on_host};
@@ -20,6 +21,7 @@ use crate::optics::Geometry;
 use eyebox_kernels::table_start::{self, LEVELS, table_start};
 use fit::MadeBy;
 use rayon::prelude::*;
+use std::time::Instant;
 
 /// Sub-frames from which on a solve begins by a table: the light of fewer is not even, whatever its phases (measured with one: 18 dB,
 /// and steps add little).
@@ -29,7 +31,7 @@ const FEWEST_TILES: usize = 4;
 /// Exposure of phases from a table that no step follows, over the one of a solve: light to spare hides their unevenness (measured).
 const UNSTEPPED: f64 = 1.3;
 /// Place in its schedule at which a solve begins from a table: its phases are nearly right and want smaller steps (measured).
-const PROGRESS: f64 = 0.4;
+pub(super) const PROGRESS: f64 = 0.4;
 
 /// The table of one color of a display.
 #[derive(Debug, Clone, PartialEq)]
@@ -103,11 +105,25 @@ impl Settings {
     pub(super) fn exposure_by_table(&self, exposure: f64) -> f64 {
         if self.steps == 0 { UNSTEPPED * exposure } else { exposure }
     }
+}
 
-    /// Where in its schedule a solve from a table begins.
-    pub(super) fn progress_by_table(&self) -> f64 {
-        PROGRESS
+/// The table of a solve that is to begin by one and from no other phases; `observe` is told how much of it is fitted.
+pub(super) fn of_solve(
+    problem: &Problem,
+    settings: &Settings,
+    from: Option<Warm<'_>>,
+    start: Instant,
+    observe: &mut dyn FnMut(&Progress) -> Flow,
+) -> Result<Option<StartTable>, SolveError> {
+    if from.is_some() || !settings.may_begin_by_table(problem) {
+        return Ok(None);
     }
+    let steps = settings.steps;
+    StartTable::of(problem, settings.frames, &mut |share| {
+        let (fitting, seconds) = (Some(share), start.elapsed().as_secs_f64());
+        let progress = Progress { pilot: None, fitting, step: 0, steps, seconds, loss: f64::NAN, validation: None };
+        observe(&progress) == Flow::Continue
+    })
 }
 
 /// What a pupil as wide as the eyebox sees in focus: the mean of all views on the SLM's pixels, linear light.

@@ -1,7 +1,7 @@
 //! Cameras that stand in no even grid, and focal stacks.
 
 use crate::common::done;
-use crate::frame::{Case, Chapter, Remedy, case, change};
+use crate::frame::{Case, Chapter, Remedy, Situation, case, change};
 use crate::judge::{Canon, Judge};
 use crate::made::{GRID, array, light, view};
 use crate::tiled::{OF_ROW, row};
@@ -73,9 +73,9 @@ static FLAT: Canon = Canon::new(
     &[("upside down", |at| array(at, GRID, &vec![image::imageops::flip_vertical(&view([0.0, 0.0])); 15], light))],
 );
 
-pub fn chapter() -> Chapter {
-    let stated = "focus_mm = [-1, -0.5, 0, 0.5, 1]\naperture_mm = 12\n";
-    let situations = vec![
+/// Rows of cameras whose names or positions are not evenly spaced.
+fn uneven_rows() -> Vec<Situation> {
+    vec![
         uneven(
             "lightfield.toml states where each camera of a row stands.",
             "positions_mm = [-8, -6, 1, 3, 8]\n",
@@ -130,6 +130,13 @@ pub fn chapter() -> Chapter {
                 }),
                 OF_LAYERS,
             ),
+    ]
+}
+
+pub fn chapter() -> Chapter {
+    let stated = "focus_mm = [-1, -0.5, 0, 0.5, 1]\naperture_mm = 12\n";
+    let mut situations = uneven_rows();
+    situations.extend([
         case("One row of 15 cameras has a running number.", "photograph views", |at| {
             row().into_iter().enumerate().for_each(|(i, view)| file(&at.join(format!("views/{i:02}.png")), png(view)));
         })
@@ -170,7 +177,7 @@ pub fn chapter() -> Chapter {
             Remedy::State("stack/lightfield.toml", "aperture_mm = 12"),
             OF_STACK,
         ),
-    ];
+    ]);
     Chapter {
         title: "Cameras and focal stacks",
         about: "Rows of cameras that are uneven, and pictures of one camera.",
