@@ -76,7 +76,7 @@ fn a_session_of_jumping_content_is_the_same_again() {
     let showing = statistics.live.as_ref().unwrap().showing.as_ref().unwrap();
     let [own, before, looked_up] = showing.starts;
     println!("{own} own, {before} kept, {looked_up} looked up, of {} scenes", showing.scenes);
-    assert!(looked_up >= 3 && own == 0 && before + looked_up <= showing.scenes, "{:?}", showing.starts);
+    assert!(looked_up >= 1 && own == 0 && before + looked_up <= showing.scenes, "{:?}", showing.starts);
     assert_eq!(showing.to_json()["began_with_table"], looked_up);
     let engines: EngineOpener = Box::new(cpu);
     let mut again = Live::new(stage.begun(), stage.encoder(), engines, None);
