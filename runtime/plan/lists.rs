@@ -22,6 +22,10 @@ const THROUGH_A_WINDOW: [Kernel; 10] = [
     Kernel::MotionBack,
 ];
 
+/// Crosstalk that leaves this share of the variance of random drives is so weak that phases may wrap: a bound would cost 0.1 dB
+/// (docs/results/solver-and-model.json).
+const WEAK_CROSSTALK: f64 = 0.9;
+
 /// The lists that a step is made of: of its pupil passes, and room for that of its kernels. A step that is over gives both.
 #[derive(Debug, Default)]
 pub(crate) struct StepLists {
@@ -308,12 +312,17 @@ impl Planner {
     }
 
     /// Whether the projection keeps drives from wrapping. Crosstalk blurs the edge between the two ends of the range: a phase that
-    /// jumps over it makes its neighbours' light worse, of which no turn knows.
+    /// jumps over it makes its neighbors' light worse, and the turns do not contain that.
     pub(crate) fn bounds_phases(&self) -> bool {
-        self.parts().crosstalk.is_some()
+        self.variance_left() < WEAK_CROSSTALK
     }
 
-    /// The drive that no phase goes beyond, radians; 0 where phases wrap.
+    /// Share of the variance of random drives that crosstalk leaves; 1 without crosstalk.
+    pub(crate) fn variance_left(&self) -> f64 {
+        self.model.as_ref().map_or(1.0, |model| model.variance_left())
+    }
+
+    /// The drive that no phase goes beyond, radians; 0 if phases wrap.
     fn bound(&self) -> f32 {
         let model = self.model.as_ref().filter(|_| self.bounds_phases());
         model.map_or(0.0, |model| model.highest_drive() as f32)

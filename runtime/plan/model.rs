@@ -27,6 +27,8 @@ pub struct ModelTables {
     at: [i64; 2],
     /// The source's root mean square over the whole SLM, for all pieces of it.
     root: Arc<OnceLock<f64>>,
+    /// [`variance_left`](Self::variance_left) on the whole SLM.
+    variance_left: OnceLock<f64>,
     /// Power of the error of the field, over the field's, at which crosstalk is cut.
     error: f64,
     reach: Option<[usize; 2]>,
@@ -107,6 +109,7 @@ impl ModelTables {
             model: self.model.clone(),
             crosstalk: self.crosstalk.clone(),
             root: Arc::clone(&self.root),
+            variance_left: OnceLock::from(self.variance_left()),
             slm: piece,
             grid: piece,
             modes: self.modes.clone(),
@@ -151,7 +154,7 @@ impl ModelTables {
         let weights = model.crosstalk_weights(rows, columns, model.subpixels, error);
         let reach = weights.as_ref().map(|axes| [axes[0].reach, axes[1].reach]);
         let crosstalk = weights.iter().flatten().flat_map(|axis| &axis.values).map(|v| *v as f32).collect();
-        let (pixels, offsets, relay, root) = Default::default();
+        let (pixels, offsets, relay, root, variance_left) = Default::default();
         let (whole, at) = ([slm.height, slm.width], [0, 0]);
         Self {
             model,
@@ -164,6 +167,7 @@ impl ModelTables {
             whole,
             at,
             root,
+            variance_left,
             error,
             reach,
             pixels,
@@ -205,10 +209,12 @@ impl ModelTables {
 
     /// The sum of the squares of crosstalk's kernel, 1 without: how much of the variance of random drives it leaves.
     pub(crate) fn variance_left(&self) -> f64 {
-        let squares = |kernel: &Vec<f64>| kernel.iter().map(|v| v * v).sum::<f64>();
-        let [rows, columns] = [self.grid.height, self.grid.width].map(|n| n / self.slm.mask_factor);
-        let kernels = self.model.crosstalk_kernels(rows, columns, 1);
-        kernels.map_or(1.0, |axes| axes.iter().map(squares).product::<f64>())
+        *self.variance_left.get_or_init(|| {
+            let squares = |kernel: &Vec<f64>| kernel.iter().map(|v| v * v).sum::<f64>();
+            let [rows, columns] = [self.grid.height, self.grid.width].map(|n| n / self.slm.mask_factor);
+            let kernels = self.model.crosstalk_kernels(rows, columns, 1);
+            kernels.map_or(1.0, |axes| axes.iter().map(squares).product::<f64>())
+        })
     }
 
     /// The model.

@@ -76,5 +76,5 @@ pub use solver::{solve, solve_from};
 pub use start_table::StartTable;
 pub use steer::Refiner;
 pub use steering::{Steering, Strategy};
-pub(crate) use step::{Update, strides, take, take_seen};
+pub(crate) use step::{Update, release_early, strides, take, take_seen};
 pub use validation::{ValidationScore, Validator};

@@ -22,8 +22,6 @@ use std::time::Instant;
 /// Phases that were validated: the engine keeps them.
 pub(super) struct Validated {
     pub(super) score: ValidationScore,
-    /// The step after which they were.
-    step: usize,
 }
 
 /// From first phases to the best.
@@ -36,6 +34,10 @@ struct Descent<'o> {
     /// Steps that have ended.
     step: usize,
     best: Option<Validated>,
+    /// The step after which phases were validated last.
+    judged: usize,
+    /// Whether the last validation sent the phases back to the best ones.
+    sent_back: bool,
     /// Steps that were begun and have not ended.
     under_way: VecDeque<(Step, Begun)>,
     observe: &'o mut dyn FnMut(&Progress) -> Flow,
@@ -74,6 +76,8 @@ pub(super) struct Run<'a> {
 
 /// Steps of a pilot solve.
 const PILOT_STEPS: usize = 24;
+/// A state that is worse than the best one by more, dB, is given up: steps continue from the best one, and are shorter.
+const FALL_DB: f64 = 0.1;
 /// A longer solve wants more light than its pilot (docs/measurements.md).
 const PILOT_RISE: f64 = 1.25;
 /// Adam does best with less light to spare than the projection (docs/measurements.md).
@@ -154,7 +158,17 @@ impl Run<'_> {
         let begun = self.start.elapsed().as_secs_f64();
         let every = interval(steps, wanted.is_some());
         self.durations.clear();
-        let mut descent = Descent { steps, every, wanted, step: 0, best: None, under_way: VecDeque::new(), observe };
+        let mut descent = Descent {
+            steps,
+            every,
+            wanted,
+            step: 0,
+            best: None,
+            judged: 0,
+            sent_back: false,
+            under_way: VecDeque::new(),
+            observe,
+        };
         let (mut begun_steps, mut mark) = (0, Instant::now());
         let stop = loop {
             let seconds = self.start.elapsed().as_secs_f64();
@@ -175,15 +189,17 @@ impl Run<'_> {
             while let Some((next, taken)) = descent.next(waits || stop.is_some()) {
                 stop = self.end(&mut descent, &next, taken, &mut mark, stop)?;
             }
+            if std::mem::take(&mut descent.sent_back) {
+                schedule.shorten();
+            }
             if let Some(stop) = stop.or(end) {
                 break stop;
             }
         };
-        let Descent { step, mut best, .. } = descent;
-        if best.as_ref().is_none_or(|b| b.step != step) {
-            self.validate(step, &mut best)?;
+        if descent.best.is_none() || descent.judged != descent.step {
+            self.validate(&mut descent)?;
         }
-        Ok((best.expect("it was just validated"), step, stop))
+        Ok((descent.best.expect("it was just validated"), descent.step, stop))
     }
 
     /// Ends a step, and says whether the descent stops with it; one that was under way when it was to `stop` is taken as well.
@@ -210,7 +226,7 @@ impl Run<'_> {
         }
         self.durations.push(mark.elapsed().as_secs_f64());
         if descent.is_verdict(step) {
-            self.validate(step, &mut descent.best)?;
+            self.validate(descent)?;
         }
         *mark = Instant::now();
         if stop.is_some() {
@@ -239,8 +255,10 @@ impl Run<'_> {
     }
 
     /// Scores the engine's phases, which keeps them if they are the best so far. Phases that are not finite never are: what
-    /// they show has no score.
-    fn validate(&mut self, step: usize, best: &mut Option<Validated>) -> Result<(), EngineError> {
+    /// they show has no score. Phases that are much worse than the best become the best again, if steps are left.
+    fn validate(&mut self, descent: &mut Descent<'_>) -> Result<(), EngineError> {
+        let (step, best) = (descent.step, &mut descent.best);
+        descent.judged = step;
         let planner = Planner { factor: WindowFactor::Full, ..self.planner.clone() };
         let score = self.validator.score(self.engine, &planner)?.in_units_of(self.unit);
         // What is made small is not what is scored, where it is contrast: the last state is the best.
@@ -252,8 +270,15 @@ impl Run<'_> {
             let finite = |engine: &mut dyn Engine| Ok(engine.read(shown)?.iter().all(|p| p.is_finite()));
             if best.is_none() || !score.mean().is_nan() || finite(self.engine)? {
                 self.engine.keep(shown)?;
-                *best = Some(Validated { score, step });
+                *best = Some(Validated { score });
             }
+            return Ok(());
+        }
+        let fell = best.as_ref().is_some_and(|b| score.mean() < b.score.mean() - FALL_DB);
+        // Shown levels are no place to continue from: they have lost the phases between them.
+        if fell && step < descent.steps && self.planner.levels == 0 {
+            self.engine.restore()?;
+            descent.sent_back = true;
         }
         Ok(())
     }

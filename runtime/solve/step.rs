@@ -95,7 +95,14 @@ pub(super) struct Steps<'a> {
     /// Values of windows at a time.
     in_flight: usize,
     taken: usize,
+    /// Steps since the moments were zero.
+    since: usize,
+    /// Factor on the length of steps.
+    stride: f64,
 }
+
+/// Factor on the length of steps after each state that was worse than one before.
+const SHORTER: f64 = 0.5;
 
 impl<'a> Steps<'a> {
     /// From the first, for this exposure, on an engine whose buffers lie in `memory`.
@@ -107,7 +114,17 @@ impl<'a> Steps<'a> {
         memory: Memory,
     ) -> Self {
         let viewpoints = Viewpoints::new(problem, settings, settings.seed);
-        Self { problem, planner, settings, exposure, viewpoints, in_flight: settings.in_flight(memory), taken: 0 }
+        Self {
+            problem,
+            planner,
+            settings,
+            exposure,
+            viewpoints,
+            in_flight: settings.in_flight(memory),
+            taken: 0,
+            since: 0,
+            stride: 1.0,
+        }
     }
 
     /// Makes what `count` steps from the first on ask a device for, all at once: nothing is made while they are taken. Pupils
@@ -124,10 +141,17 @@ impl<'a> Steps<'a> {
         engine.prepare(&mut (0..count).map(|_| self.next(0.0)), None)
     }
 
+    /// Steps are shorter from now on; the engine has made its moments zero.
+    pub(super) fn shorten(&mut self) {
+        self.stride *= SHORTER;
+        self.since = 0;
+    }
+
     /// The next step, over the next viewpoints, so far along the schedule (0 to 1).
     pub(super) fn next(&mut self, progress: f64) -> Step {
         let Self { settings, planner, .. } = *self;
         self.taken += 1;
+        self.since += 1;
         let update = self.update(progress);
         let viewpoints: Vec<Viewpoint> = (0..settings.pupils).map(|_| self.viewpoints.draw()).collect();
         let pupil_passes = update.pupil_passes(planner, &viewpoints, self.exposure);
@@ -135,6 +159,7 @@ impl<'a> Steps<'a> {
         // Levels come on softly: a phase that is thrown from level to level from the start finds no good one.
         step.quantise.hardness = progress.powi(2) as f32;
         step.project.step = self.taken as u32;
+        release_early(planner, progress, &mut step);
         if settings.method == Method::PupilAware {
             return planner.with_equalised_eyebox(step, self.problem.eyebox, settings.patches, settings.evenness);
         }
@@ -149,20 +174,49 @@ impl<'a> Steps<'a> {
                 let share = (batch as f64 / 10.0).powf(1.0 - overlap_power);
                 let overlap = self.viewpoints.overlap(batch).map_or(1.0, |n| n.powf(overlap_power));
                 let (gain, momentum) = strides(self.planner, gain, momentum);
-                let gain = cosine(gain, progress) / (share * overlap);
+                let gain = self.stride * cosine(gain, progress) / (share * overlap);
                 Update::Projection { gain, momentum, overlap_power }
             }
             Optimizer::Adam { rate, amplitude } => {
-                Update::Adam { rate: cosine(rate, progress), amplitude, step: self.taken }
+                Update::Adam { rate: self.stride * cosine(rate, progress), amplitude, step: self.since }
             }
         }
     }
 }
 
-/// Gain, first and last, and momentum of the projection on this display: phases that are kept from wrapping come nowhere by
-/// jumping, and take longer strides.
+/// Shares of the variance of random drives that crosstalk leaves. Below the first, phases are bounded from the first step on. From
+/// the second on they are bounded in the last part of the schedule only; it begins at [`LAST_PART`].
+const RELEASED: [f64; 2] = [0.55, 0.65];
+const LAST_PART: f64 = 0.7;
+/// Shares of the variance between which the first gain falls from [`LONGER`] times as large to the ordinary one. The way back
+/// through strong crosstalk shortens turns. Under weaker crosstalk such strides diverge if the source is uneven or light is
+/// undiffracted.
+const LENGTHENED: [f64; 2] = [0.45, 0.6];
+const LONGER: f64 = 1.6;
+/// Momentum under a bound, at least.
+const BOUND_MOMENTUM: f64 = 0.7;
+
+/// Where the share of the variance that the display's crosstalk leaves is between these two, 0 to 1.
+fn weakness(planner: &Planner, [low, high]: [f64; 2]) -> f64 {
+    ((planner.variance_left() - low) / (high - low)).clamp(0.0, 1.0)
+}
+
+/// Gain, first and last, and momentum of the projection on this display.
 pub(crate) fn strides(planner: &Planner, gain: [f64; 2], momentum: f64) -> ([f64; 2], f64) {
-    if planner.bounds_phases() { ([1.6 * gain[0], gain[1]], momentum.max(0.7)) } else { (gain, momentum) }
+    if !planner.bounds_phases() {
+        return (gain, momentum);
+    }
+    let longer = LONGER + (1.0 - LONGER) * weakness(planner, LENGTHENED);
+    ([longer * gain[0], gain[1]], momentum.max(BOUND_MOMENTUM))
+}
+
+/// Lets the phases of a projection step wrap in the early part of the schedule, although the display's crosstalk bounds them later.
+/// While strides are long, a bounded phase is caught at an end of the range. While they are short, few phases try to cross it,
+/// and each crossing puts light in the wrong place (docs/results/solver-and-model.json).
+pub(crate) fn release_early(planner: &Planner, progress: f64, step: &mut Step) {
+    if progress < LAST_PART * weakness(planner, RELEASED) {
+        step.project.bound = 0.0;
+    }
 }
 
 /// Takes a step, or these parts of its list, in order; its [loss](Step::mean_loss). All losses are known before phases may

@@ -9,7 +9,8 @@ use crate::optics::{Optics, Pupil, WindowFactor};
 use crate::plan::{ContrastLoss, Kernel, ModelTables, Planner, Step, Viewpoint};
 use crate::scene::Pyramid;
 use crate::solve::{
-    BrightEnd, Flow, Loss, Optimizer, PupilRange, Sampler, Settings, Update, cosine, exposure_under, strides, take,
+    BrightEnd, Flow, Loss, Optimizer, PupilRange, Sampler, Settings, Update, cosine, exposure_under, release_early,
+    strides, take,
 };
 use std::slice;
 use std::sync::Arc;
@@ -251,8 +252,9 @@ impl<'a> Region<'a> {
         for step in 0..steps {
             let pupils = self.draw(&mut sampler);
             count += pupils.len();
-            let progress = (k as f64 + step as f64 / steps as f64) / visits as f64;
-            loss = self.step(&pupils, progress, phases, engine)?;
+            let in_visit = step as f64 / steps as f64;
+            let progress = (k as f64 + in_visit) / visits as f64;
+            loss = self.step(&pupils, progress, in_visit, phases, engine)?;
         }
         Ok((count, loss))
     }
@@ -277,11 +279,13 @@ impl<'a> Region<'a> {
 
     /// One step of the projection (OPTICS 6b). A single sub-frame takes the ordinary list, and so do several that the liquid
     /// crystal mixes. Others go through the same kernels one after the other, twice, for what they lack is known when all of
-    /// them have been seen: memory is one sub-frame's.
+    /// them have been seen: memory is one sub-frame's. `progress` is that of the solve, `in_visit` that of the visit: it may be the
+    /// last to this region, so each visit ends with phases that crosstalk bounds.
     fn step(
         &self,
         pupils: &[Pupil],
         progress: f64,
+        in_visit: f64,
         phases: &mut [f32],
         engine: &mut dyn Engine,
     ) -> Result<f64, TiledError> {
@@ -301,7 +305,8 @@ impl<'a> Region<'a> {
         if !together {
             pupil_passes.iter_mut().for_each(|pupil_pass| pupil_pass.intensity.frames = 1);
         }
-        let whole = update.step(&self.one, pupil_passes, usize::MAX);
+        let mut whole = update.step(&self.one, pupil_passes, usize::MAX);
+        release_early(&self.all, in_visit, &mut whole);
         if together {
             engine.write(Buffer::Phases, phases)?;
             let found = take(engine, &whole, slice::from_ref(&(0..whole.list.len())))?;

@@ -14,6 +14,7 @@ mod motion;
 mod photographs;
 mod picture;
 mod reference;
+mod solver_and_model;
 mod source;
 mod sources;
 mod steering;

@@ -363,7 +363,7 @@ fn terms_that_show_nothing_are_found() {
 }
 
 /// Mean PSNR of what twelve pupils see of these phases, with the exposure that fits all of them.
-fn seen_on(problem: &Problem, phases: &[f32]) -> f64 {
+pub(crate) fn seen_on(problem: &Problem, phases: &[f32]) -> f64 {
     let planner = problem.planner(8, WindowFactor::Full);
     let mut engine = CpuEngine::new();
     engine.load(&planner.shape(Purpose::View), Some(problem.pyramid.clone())).unwrap();
