@@ -310,7 +310,7 @@ impl Planner {
     /// Whether the projection keeps drives from wrapping. Crosstalk blurs the edge between the two ends of the range: a phase that
     /// jumps over it makes its neighbours' light worse, of which no turn knows.
     pub(crate) fn bounds_phases(&self) -> bool {
-        self.parts().crosstalk.is_some()
+        self.model.as_ref().is_some_and(|model| model.variance_left() < 0.75)
     }
 
     /// The drive that no phase goes beyond, radians; 0 where phases wrap.
