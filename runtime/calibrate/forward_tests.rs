@@ -42,7 +42,7 @@ fn pictures(at: &Parameters, pixels: Vec<[f64; 2]>) -> Pictures {
 /// A camera whose pixels are points, on the SLM's own.
 fn plain(model: DisplayModel) -> Parameters {
     let map = CameraMap { numbers: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0], slm: SIZE, camera: SIZE };
-    Parameters { model, map, camera_pixel: 0.0 }
+    Parameters { model, map, camera_pixel: 0.0, soft_edge: false }
 }
 
 #[test]

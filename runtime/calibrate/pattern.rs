@@ -1,4 +1,4 @@
-//! What is shown: dots, smooth patterns that never wrap, and random ones; through which irises, and in which order.
+//! The patterns: dots, even drives, smooth ones that never wrap, and random ones; their irises, and their order.
 
 use super::message::Hello;
 use crate::files::{self, FileError, write_file};
@@ -38,6 +38,12 @@ impl Pattern {
     pub(super) fn is_like(&self, other: &Self) -> bool {
         let close = |(a, b): (&f32, &f32)| (a - b).abs() < 1e-4;
         self.drive.len() == other.drive.len() && self.drive.iter().zip(&other.drive).all(close)
+    }
+
+    /// The drive of all pixels, if it is one.
+    pub(super) fn even_drive(&self) -> Option<f64> {
+        let first = self.drive.first()?;
+        self.drive.iter().all(|w| (w - first).abs() < 1e-4).then_some(f64::from(*first))
     }
 
     /// Whether neighbours differ so little that it excites no crosstalk.
@@ -170,6 +176,12 @@ pub(super) struct Show {
 
 /// Random patterns through an iris that stands still.
 const STILL: usize = 12;
+/// Even drives: with four of them the light that is not modulated has a closed form ([`super::even`]).
+const EVEN: usize = 4;
+/// Diameter of the small irises, share of the eyebox: speckles are 5 pixels wide, and a slope of the wavefront moves them.
+const SMALL: f64 = 0.2;
+/// The order of the pictures: small irises, larger ones, smooth patterns, sets (`t`).
+const ORDER: &str = "sssslstssmslssltsslssmlsl";
 
 /// What is shown, in this order. At most `most` pictures, two of which are the dots and the dark.
 pub(super) fn plan(hello: &Hello, optics: &Optics, two_pi_level: f64, most: usize, quick: bool) -> Vec<Show> {
@@ -205,17 +217,22 @@ pub(super) fn plan(hello: &Hello, optics: &Optics, two_pi_level: f64, most: usiz
         }
         return shows;
     }
-    // What tells the fit from the noise comes first: it is seen twice, and never fitted.
+    // Pictures that judge the fit come first: they are taken twice, and never fitted.
     let tests = if most >= 30 { 3 } else { 1 };
     for i in 0..tests {
         let pattern = random(size, two_pi_level, if i == 1 { frames } else { 1 }, 1000 + i as u64);
         add(format!("held-out-{i}"), pattern, vec![held_out(i)], 2);
     }
+    for i in 0..EVEN {
+        let phase = TAU * i as f64 / EVEN as f64;
+        let pattern = Pattern::new(size, two_pi_level, &vec![phase; size[0] * size[1]]);
+        add(format!("even-{i}"), pattern, vec![iris([0.0, 0.0, SMALL])], 1);
+    }
     if hello.iris.is_none() {
-        // What irises do not tell more patterns do.
+        // More patterns show what more irises would.
         for i in 0..STILL {
             add(format!("random-{i}"), random(size, two_pi_level, 1, i as u64), vec![[0.0; 3]], 1);
-            if i % 2 == 0 {
+            if i % 3 == 0 {
                 add(format!("smooth-{i}"), smooth(size, two_pi_level, i as u64), vec![[0.0; 3]], 1);
             }
             if i < 2 && frames > 1 {
@@ -224,30 +241,59 @@ pub(super) fn plan(hello: &Hello, optics: &Optics, two_pi_level: f64, most: usiz
         }
         return shows;
     }
-    // Several irises a pattern: what leaves the SLM is computed once for them. By turns, so that fewer pictures are fewer of all.
-    for i in 0..5 {
-        let irises = (0..4).map(|j| {
-            let ([x, y], wide) = (ring(4 * i + j), [0.25, 0.32, 0.28, 0.2][(i + j) % 4]);
-            let far = 0.48 - 0.5 * wide - 0.05 * (i % 2) as f64;
-            iris([x * far, y * far, wide])
-        });
-        add(format!("random-{i}"), random(size, two_pi_level, 1, i as u64), irises.collect(), 1);
-        if i < 4 {
-            let irises = [0, 1].map(|j| {
-                let [x, y] = ring(2 * i + j).map(|v| v * 0.06);
-                iris([x, y, 0.3])
-            });
-            add(format!("smooth-{i}"), smooth(size, two_pi_level, i as u64), irises.to_vec(), 1);
-        }
-        if i == 0 && frames > 1 {
-            let irises = [0, 2, 5].map(|j| {
-                let [x, y] = ring(j).map(|v| v * 0.2);
-                iris([x, y, 0.3])
-            });
-            add("set".into(), random(size, two_pi_level, frames, 500), irises.to_vec(), 1);
+    // By turns, so that fewer pictures are fewer of all.
+    let (mut small, mut large) = (small_irises().into_iter(), large_irises().into_iter());
+    for (i, kind) in ORDER.chars().enumerate() {
+        let (name, pattern, place) = match kind {
+            's' => {
+                let number = i as u64 % 2;
+                (format!("random-{number}"), random(size, two_pi_level, 1, number), small.next())
+            }
+            'l' => {
+                let number = 2 + i as u64 % 2;
+                (format!("random-{number}"), random(size, two_pi_level, 1, number), large.next())
+            }
+            'm' => (format!("smooth-{i}"), smooth(size, two_pi_level, i as u64), Some([0.0, 0.0, 0.3])),
+            _ if frames > 1 => {
+                let place = if i < ORDER.len() / 2 { [0.0, 0.0, 0.3] } else { [0.13, -0.15, 0.3] };
+                ("set".into(), random(size, two_pi_level, frames, 500), Some(place))
+            }
+            _ => continue,
+        };
+        if let Some(place) = place {
+            add(name, pattern, vec![iris(place)], 1);
         }
     }
     shows
+}
+
+/// Places of the small irises (x, y, diameter, shares of the eyebox): one in the middle, 5 and 9 on rings about it. Any few
+/// of them that follow each other lie on different sides.
+fn small_irises() -> Vec<[f64; 3]> {
+    let on_ring = |i: usize, count: usize, radius: f64| {
+        let turn = TAU * ((i * 2 % count) as f64 + 0.25) / count as f64;
+        [radius * turn.cos(), radius * turn.sin(), SMALL]
+    };
+    let inner = (0..5).map(|i| on_ring(i, 5, 0.16));
+    let mut outer = (0..9).map(|i| on_ring(i, 9, 0.33));
+    let mut all = vec![[0.0, 0.0, SMALL]];
+    for place in inner {
+        all.push(place);
+        all.extend(outer.by_ref().take(2));
+    }
+    all
+}
+
+/// Places of the larger irises, which reach the corners of the eyebox.
+fn large_irises() -> [[f64; 3]; 6] {
+    [
+        [0.2, 0.18, 0.36],
+        [-0.25, 0.21, 0.32],
+        [-0.15, -0.24, 0.4],
+        [0.29, -0.26, 0.3],
+        [0.0, 0.02, 0.45],
+        [-0.3, -0.3, 0.3],
+    ]
 }
 
 /// The iris that dots are seen through, mm.

@@ -5,7 +5,7 @@ use super::gain::Gain;
 use super::left::{LEFT_OUT, LeftMap, PictureLeft, left};
 use super::parameters::{Parameter, Parameters};
 use super::sorted::Sorted;
-use super::unseen::{self, exposed, unseen};
+use super::unseen::{self, unseen};
 use serde::Serialize;
 
 /// A number of the model.
@@ -103,15 +103,14 @@ impl Report {
         // Without pictures that were taken twice those that were fitted are judged, by the noise of an ordinary camera.
         let few = sorted.pairs.is_empty();
         let after = match few {
-            true => unseen::fitted(&sorted.pictures, &fit.at, fit.exposure, fitted_views, subpixels),
-            false => unseen(sorted, &fit.at, fit.exposure, subpixels),
+            true => unseen::fitted(&sorted.pictures, &fit.at, fitted_views, subpixels),
+            false => unseen(sorted, &fit.at, subpixels),
         };
         let left = after.left - after.noise;
         let unexplained = left.is_finite().then_some(left.max(0.0));
         if !few {
             let old = Parameters { model: start.model.clone(), ..fit.at.clone() };
-            let exposure = exposed(&sorted.pictures, &old, &sorted.fitted, subpixels);
-            before = Some(unseen(sorted, &old, exposure, subpixels).left);
+            before = Some(unseen(sorted, &old, subpixels).left);
             noise = Some(after.noise);
         }
         let most = TOO_MUCH * after.noise.max(if few { LEAST_FITTED } else { LEAST });

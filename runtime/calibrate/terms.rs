@@ -2,7 +2,7 @@
 
 use super::error::CalibrateError;
 use super::fit::{Effort, Fit, Pictures};
-use super::parameters::{Parameter, Parameters, WAVEFRONT};
+use super::parameters::{ORDERS, Parameter, Parameters, of_order};
 use super::report::Report;
 use crate::optics::linear::solve;
 use crate::optics::{Color, Display, DisplayModel, Level, ModelTerms, Spread};
@@ -24,7 +24,7 @@ fn terms() -> Vec<Vec<Parameter>> {
         vec![Parameter::Fill],
         counted(Parameter::Iris, 3),
     ];
-    terms.extend(WAVEFRONT.map(|j| vec![Parameter::Wavefront(j)]));
+    terms.extend(ORDERS.flat_map(of_order).map(|p| vec![p]));
     terms
 }
 
@@ -114,6 +114,7 @@ pub(super) fn settle(
         if hidden.is_empty() {
             break;
         }
+        tracing::debug!("left out: {hidden:?}");
         let mut at = fit.at.clone();
         at.model = with_terms_of(&at.model, &start.model, &hidden);
         let shown = |p: &Parameter| !hidden.contains(p) && !matches!(p, Parameter::Iris(_));

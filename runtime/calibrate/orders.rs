@@ -1,0 +1,143 @@
+//! The relay's wavefront, from small orders to large: each is added where the one before it has come near enough.
+
+use super::error::CalibrateError;
+use super::fit::{Effort, Fit};
+use super::parameters::{ORDERS, Parameter, Parameters, of_order};
+use super::sorted::Sorted;
+use super::unseen::unseen;
+
+/// Irises up to this share of the eyebox are small: they see a slope of the wavefront as a shift of the picture.
+const SMALL: f64 = 0.24;
+/// The lowest orders, by slopes alone, and those that are added at once after them.
+const LOWEST: u32 = 3;
+const NEXT: u32 = 5;
+/// The small irises leave more than this share where the slopes of the wavefront are out of reach.
+const FAR: f64 = 0.5;
+/// Strengths of defocus that are tried then, waves.
+const DEFOCUS: [f64; 4] = [0.15, -0.15, 0.35, -0.35];
+/// An order is kept if what is left of the pictures that were not fitted falls by this share,
+const GAINS: f64 = 0.02;
+/// or if a term of it is this many standard errors from nothing.
+const SURE: f64 = 5.0;
+/// Random patterns are seen with one sub-pixel until lag is fitted.
+pub(super) const COARSE: Effort = Effort { subpixels: 1, slopes: 1, rounds: 4, enough: 0.02 };
+
+/// The pictures of single random patterns: through small irises, and all.
+pub(super) struct Random {
+    pub(super) small: Vec<usize>,
+    pub(super) all: Vec<usize>,
+}
+
+impl Random {
+    pub(super) fn new(sorted: &Sorted) -> Self {
+        let pictures = &sorted.pictures;
+        let pattern = |v: &usize| &pictures.sets[pictures.views[*v].set].pattern;
+        let single = |v: &usize| pattern(v).frames == 1 && pattern(v).even_drive().is_none();
+        let all: Vec<usize> = sorted.fitted.iter().copied().filter(single).collect();
+        let narrow = |v: &usize| pictures.views[*v].look.pupil.diameter <= SMALL * pictures.optics.eyebox();
+        let small: Vec<usize> = all.iter().copied().filter(|v| narrow(v) && !pattern(v).is_smooth()).collect();
+        // A bench whose irises are all wide has nothing better than these.
+        let small = if small.len() < 3 { all.clone() } else { small };
+        Self { small, all }
+    }
+}
+
+/// The wavefront's terms of these orders.
+fn terms(orders: std::ops::RangeInclusive<u32>) -> Vec<Parameter> {
+    orders.flat_map(of_order).collect()
+}
+
+/// Where the small irises lead: the wavefront to the fifth order, crosstalk and source, held near what is `known`.
+pub(super) fn slopes(
+    sorted: &Sorted,
+    random: &Random,
+    [known, start]: [&Parameters; 2],
+    observe: &mut dyn FnMut(f64),
+) -> Result<Parameters, CalibrateError> {
+    let pictures = &sorted.pictures;
+    let share = |at: &Parameters| mean_left(sorted, at, &random.small);
+    let mut lowest = terms(*ORDERS.start()..=LOWEST);
+    lowest.extend([2, 5].map(Parameter::Map));
+    let mut fit = |start: &Parameters, part: f64| {
+        pictures.fit_near(known, start, &lowest, &random.small, COARSE, &mut |p| observe(part + 0.1 * p))
+    };
+    let mut best = fit(start, 0.0)?.at;
+    let mut left = share(&best);
+    tracing::debug!("small irises, lowest orders: {left:.4} is left");
+    for (i, defocus) in DEFOCUS.into_iter().enumerate() {
+        if left < FAR {
+            break;
+        }
+        let mut other = start.clone();
+        *other.model.wavefront.entry(4).or_insert(0.0) += defocus;
+        let there = fit(&other, 0.1 * (i + 1) as f64)?.at;
+        let now = share(&there);
+        tracing::debug!("small irises from a defocus of {defocus}: {now:.4} is left");
+        if now < left {
+            (best, left) = (there, now);
+        }
+    }
+    let mut free = terms(*ORDERS.start()..=NEXT);
+    free.extend(Parameter::all().into_iter().filter(|p| {
+        matches!(p, Parameter::Crosstalk(_) | Parameter::Source(_) | Parameter::Map(_) | Parameter::Undiffracted(_))
+            || matches!(p, Parameter::Level(_) | Parameter::Bend(_))
+    }));
+    let which: Vec<usize> = sorted.even.iter().chain(&random.small).copied().collect();
+    let fit = pictures.fit_near(known, &best, &free, &which, COARSE, &mut |p| observe(0.5 + 0.5 * p))?;
+    tracing::debug!("small irises, fifth order: {:.4} is left", share(&fit.at));
+    Ok(fit.at)
+}
+
+/// Adds orders of the wavefront to a fit while they gain; the last fit, with its orders among the free numbers.
+pub(super) fn more(
+    sorted: &Sorted,
+    which: &[usize],
+    known: &Parameters,
+    mut best: Fit,
+    effort: Effort,
+) -> Result<Fit, CalibrateError> {
+    let judge = |at: &Parameters| match sorted.pairs.is_empty() {
+        true => mean_left(sorted, at, which),
+        false => unseen(sorted, at, effort.subpixels).left,
+    };
+    let mut left = judge(&best.at);
+    for order in NEXT + 1..=*ORDERS.end() {
+        let added: Vec<Parameter> = of_order(order).collect();
+        let free: Vec<Parameter> = best.free.iter().chain(&added).copied().collect();
+        let fit = sorted.pictures.fit_near(known, &best.at, &free, which, effort, &mut |_| ())?;
+        let now = judge(&fit.at);
+        let surest = added.iter().filter_map(|p| Some(fit.at.get(*p).abs() / fit.error(*p)?)).fold(0.0, f64::max);
+        tracing::debug!("order {order}: {now:.4} after {left:.4} is left, at most {surest:.1} standard errors");
+        if !gains(left, now, surest) {
+            break;
+        }
+        (best, left) = (fit, now);
+    }
+    Ok(best)
+}
+
+/// Whether an order is kept: by the share that is left of the pictures that were not fitted, before and now, and by its surest term.
+fn gains(before: f64, now: f64, surest: f64) -> bool {
+    now < (1.0 - GAINS) * before || surest > SURE && now < before
+}
+
+/// The mean share that a model leaves of these pictures.
+pub(super) fn mean_left(sorted: &Sorted, at: &Parameters, which: &[usize]) -> f64 {
+    let seen = sorted.pictures.see(at, COARSE.subpixels, which, &[]);
+    let left = sorted.pictures.left(which, &seen);
+    left.iter().map(|l| l[0]).sum::<f64>() / left.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_order_stays_while_pictures_gain_or_its_terms_are_sure() {
+        assert!(gains(0.10, 0.09, 0.0));
+        assert!(!gains(0.10, 0.099, 3.0));
+        assert!(gains(0.10, 0.099, 8.0));
+        // However sure its terms are, it does not stay if the pictures that judge it lose.
+        assert!(!gains(0.10, 0.101, 8.0));
+    }
+}
