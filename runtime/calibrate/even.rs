@@ -13,6 +13,8 @@ use std::f64::consts::PI;
 
 /// Components of unmodulated light that are searched for.
 const PEAKS: usize = 3;
+/// Components of less than this share of the strongest amplitude are no start of a fit.
+const WEAK: f64 = 0.3;
 /// A fit that leaves this share of the even drives is in the right minimum.
 const EXPLAINED: f64 = 0.01;
 /// Places along a side at which the pictures are compared, at most.
@@ -20,7 +22,7 @@ const PLACES: usize = 512;
 /// Curvatures that are tried, from -2 to 2 rad.
 const CURVATURES: std::ops::RangeInclusive<i32> = -8..=8;
 /// An even drive shows this and nothing of crosstalk.
-const EVEN: Effort = Effort { subpixels: 1, slopes: 1, rounds: 4, enough: 0.01 };
+const EVEN: Effort = Effort { subpixels: 1, slopes: 1, rounds: 12, enough: 0.02 };
 
 /// A complex image over the SLM.
 struct Image {
@@ -103,7 +105,8 @@ fn unmodulated(drives: &[f64], images: &[Vec<f64>]) -> Option<Vec<Complex64>> {
         return None;
     }
     let value = |place: usize| {
-        let right = [0, 1, 2].map(|i| waves.iter().zip(images).map(|(wave, image)| wave[i] * image[place]).sum::<f64>());
+        let right =
+            [0, 1, 2].map(|i| waves.iter().zip(images).map(|(wave, image)| wave[i] * image[place]).sum::<f64>());
         let [a, b, c] = [0, 1, 2].map(|i| (0..3).map(|j| back[i][j] * right[j]).sum::<f64>());
         if a > 0.0 { Complex64::new(b, c) / (2.0 * a) } else { Complex64::default() }
     };
@@ -123,6 +126,9 @@ fn strongest(mut image: Image, limit: [f64; 2]) -> Vec<Component> {
         for (i, value) in image.values.iter_mut().enumerate() {
             let at = place(i, image.rows, image.columns);
             *value -= amplitude * wave(at, [x, y, curvature]);
+        }
+        if found.first().is_some_and(|first: &Component| amplitude.norm() < WEAK * first[0].hypot(first[1])) {
+            break;
         }
         // The ratio to all light is half the sine of twice the angle whose sine is the amplitude.
         let size = ((2.0 * amplitude.norm()).min(1.0).asin() / 2.0).sin();
@@ -150,7 +156,8 @@ fn peak(image: &Image, limit: [f64; 2]) -> Option<[f64; 3]> {
     for curvature in CURVATURES.map(|c| f64::from(c) / 4.0) {
         let mut lines = vec![Complex64::default(); rows * wide];
         for (i, value) in values.iter().enumerate() {
-            lines[i / columns * wide + i % columns] = value * wave(place(i, *rows, *columns), [0.0, 0.0, curvature]).conj();
+            lines[i / columns * wide + i % columns] =
+                value * wave(place(i, *rows, *columns), [0.0, 0.0, curvature]).conj();
         }
         fft::transform_f64(&mut lines, wide, fft::Direction::Forward);
         let turned = transposed(&lines, wide);

@@ -35,10 +35,12 @@ mod picture;
 mod report;
 mod rim;
 mod seen;
+mod slopes;
 mod sorted;
 mod stages;
 mod terms;
 mod unseen;
+mod verdict;
 
 pub use acquire::TAKING;
 pub use bench::{Bench, Event, FEWEST, ShowsPatterns};
@@ -47,6 +49,7 @@ pub use error::CalibrateError;
 pub use gain::Gain;
 pub use left::{LeftMap, PictureLeft, Shown};
 pub use report::{Confused, Fitted, Report};
+pub use verdict::Verdict;
 
 use crate::engine::Engine;
 use crate::optics::{Color, Display};

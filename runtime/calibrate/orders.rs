@@ -3,24 +3,20 @@
 use super::error::CalibrateError;
 use super::fit::{Effort, Fit};
 use super::parameters::{ORDERS, Parameter, Parameters, of_order};
+use super::slopes::from_shifts;
 use super::sorted::Sorted;
 use super::unseen::unseen;
 
 /// Irises up to this share of the eyebox are small: they see a slope of the wavefront as a shift of the picture.
 const SMALL: f64 = 0.24;
-/// The lowest orders, by slopes alone, and those that are added at once after them.
-const LOWEST: u32 = 3;
+/// The highest order that the slopes start and that is fitted at once.
 const NEXT: u32 = 5;
-/// The small irises leave more than this share where the slopes of the wavefront are out of reach.
-const FAR: f64 = 0.5;
-/// Strengths of defocus that are tried then, waves.
-const DEFOCUS: [f64; 4] = [0.15, -0.15, 0.35, -0.35];
 /// An order is kept if what is left of the pictures that were not fitted falls by this share,
 const GAINS: f64 = 0.02;
 /// or if a term of it is this many standard errors from nothing.
 const SURE: f64 = 5.0;
 /// Random patterns are seen with one sub-pixel until lag is fitted.
-pub(super) const COARSE: Effort = Effort { subpixels: 1, slopes: 1, rounds: 4, enough: 0.02 };
+pub(super) const COARSE: Effort = Effort { subpixels: 1, slopes: 1, rounds: 5, enough: 0.02 };
 
 /// The pictures of single random patterns: through small irises, and all.
 pub(super) struct Random {
@@ -56,26 +52,12 @@ pub(super) fn slopes(
 ) -> Result<Parameters, CalibrateError> {
     let pictures = &sorted.pictures;
     let share = |at: &Parameters| mean_left(sorted, at, &random.small);
-    let mut lowest = terms(*ORDERS.start()..=LOWEST);
-    lowest.extend([2, 5].map(Parameter::Map));
-    let mut fit = |start: &Parameters, part: f64| {
-        pictures.fit_near(known, start, &lowest, &random.small, COARSE, &mut |p| observe(part + 0.1 * p))
-    };
-    let mut best = fit(start, 0.0)?.at;
-    let mut left = share(&best);
-    tracing::debug!("small irises, lowest orders: {left:.4} is left");
-    for (i, defocus) in DEFOCUS.into_iter().enumerate() {
-        if left < FAR {
-            break;
-        }
-        let mut other = start.clone();
-        *other.model.wavefront.entry(4).or_insert(0.0) += defocus;
-        let there = fit(&other, 0.1 * (i + 1) as f64)?.at;
-        let now = share(&there);
-        tracing::debug!("small irises from a defocus of {defocus}: {now:.4} is left");
-        if now < left {
-            (best, left) = (there, now);
-        }
+    let named: Vec<u32> = terms(*ORDERS.start()..=NEXT).iter().filter_map(|p| p.wavefront()).collect();
+    let mut best = from_shifts(pictures, start, &random.small, &named);
+    let left = share(&best);
+    tracing::debug!("small irises: {:.4} is left, {left:.4} with the slopes of their shifts", share(start));
+    if left > share(start) {
+        best = start.clone();
     }
     let mut free = terms(*ORDERS.start()..=NEXT);
     free.extend(Parameter::all().into_iter().filter(|p| {
@@ -83,7 +65,7 @@ pub(super) fn slopes(
             || matches!(p, Parameter::Level(_) | Parameter::Bend(_))
     }));
     let which: Vec<usize> = sorted.even.iter().chain(&random.small).copied().collect();
-    let fit = pictures.fit_near(known, &best, &free, &which, COARSE, &mut |p| observe(0.5 + 0.5 * p))?;
+    let fit = pictures.fit_near(known, &best, &free, &which, COARSE, &mut |p| observe(p))?;
     tracing::debug!("small irises, fifth order: {:.4} is left", share(&fit.at));
     Ok(fit.at)
 }

@@ -70,6 +70,14 @@ impl Parameter {
         matches!(self, Self::Level(_) | Self::Bend(_) | Self::Lag)
     }
 
+    /// The ANSI index of a term of the wavefront.
+    pub(super) fn wavefront(self) -> Option<u32> {
+        match self {
+            Self::Wavefront(j) => Some(j),
+            _ => None,
+        }
+    }
+
     /// The step of differences.
     pub(super) fn step(self) -> f64 {
         match self {

@@ -46,6 +46,16 @@ impl Pattern {
         self.drive.iter().all(|w| (w - first).abs() < 1e-4).then_some(f64::from(*first))
     }
 
+    /// Its kind, in a word.
+    pub(super) fn kind(&self) -> &'static str {
+        match self.even_drive() {
+            Some(_) => "even",
+            None if self.frames > 1 => "set",
+            None if self.is_smooth() => "smooth",
+            None => "random",
+        }
+    }
+
     /// Whether neighbours differ so little that it excites no crosstalk.
     pub(super) fn is_smooth(&self) -> bool {
         let rows = self.frame(0).chunks_exact(self.width);
@@ -176,6 +186,8 @@ pub(super) struct Show {
 
 /// Random patterns through an iris that stands still.
 const STILL: usize = 12;
+/// Irises of the pictures that judge a fit: nowhere that a fitted one stands.
+const HELD_OUT: [[f64; 3]; 3] = [[0.21, -0.1, 0.26], [-0.09, 0.14, 0.3], [-0.26, -0.22, 0.34]];
 /// Even drives: with four of them the light that is not modulated has a closed form ([`super::even`]).
 const EVEN: usize = 4;
 /// Diameter of the small irises, share of the eyebox: speckles are 5 pixels wide, and a slope of the wavefront moves them.
@@ -206,10 +218,7 @@ pub(super) fn plan(hello: &Hello, optics: &Optics, two_pi_level: f64, most: usiz
         }
     };
     let frames = hello.slm.sub_frames.min(4);
-    let held_out = |i: usize| {
-        let [x, y] = ring(3 * i + 1).map(|v| v * 0.17);
-        iris([x + 0.04, y - 0.03, 0.2 + 0.05 * i as f64])
-    };
+    let held_out = |i: usize| iris(HELD_OUT[i % HELD_OUT.len()]);
     if quick {
         for i in 0..3 {
             let [x, y] = ring(4 * i).map(|v| v * 0.25);
@@ -242,7 +251,7 @@ pub(super) fn plan(hello: &Hello, optics: &Optics, two_pi_level: f64, most: usiz
         return shows;
     }
     // By turns, so that fewer pictures are fewer of all.
-    let (mut small, mut large) = (small_irises().into_iter(), large_irises().into_iter());
+    let (mut small, mut large) = (small_irises().into_iter(), LARGE.into_iter());
     for (i, kind) in ORDER.chars().enumerate() {
         let (name, pattern, place) = match kind {
             's' => {
@@ -267,34 +276,32 @@ pub(super) fn plan(hello: &Hello, optics: &Optics, two_pi_level: f64, most: usiz
     shows
 }
 
-/// Places of the small irises (x, y, diameter, shares of the eyebox): one in the middle, 5 and 9 on rings about it. Any few
-/// of them that follow each other lie on different sides.
+/// Places of the small irises (x, y, diameter, shares of the eyebox): the middle, a ring about it, and the sides and corners, because
+/// a wavefront that no iris saw there is extrapolated. Any few of them that follow each other lie on different sides.
 fn small_irises() -> Vec<[f64; 3]> {
-    let on_ring = |i: usize, count: usize, radius: f64| {
-        let turn = TAU * ((i * 2 % count) as f64 + 0.25) / count as f64;
-        [radius * turn.cos(), radius * turn.sin(), SMALL]
+    let inner = |i: usize| {
+        let turn = TAU * ((i * 5 % 6) as f64 + 0.25) / 6.0;
+        [0.18 * turn.cos(), 0.18 * turn.sin(), SMALL]
     };
-    let inner = (0..5).map(|i| on_ring(i, 5, 0.16));
-    let mut outer = (0..9).map(|i| on_ring(i, 9, 0.33));
+    let corner = |i: usize| [0.36 * [1.0, -1.0, 1.0, -1.0][i], 0.36 * [1.0, -1.0, -1.0, 1.0][i], SMALL];
+    let side = |i: usize| [0.37 * [1.0, -1.0, 0.0, 0.0][i], 0.37 * [0.0, 0.0, 1.0, -1.0][i], SMALL];
     let mut all = vec![[0.0, 0.0, SMALL]];
-    for place in inner {
-        all.push(place);
-        all.extend(outer.by_ref().take(2));
+    for i in 0..6 {
+        all.push(inner(i));
+        all.extend((i < 4).then(|| [corner(i), side(i)]).into_iter().flatten());
     }
     all
 }
 
-/// Places of the larger irises, which reach the corners of the eyebox.
-fn large_irises() -> [[f64; 3]; 6] {
-    [
-        [0.2, 0.18, 0.36],
-        [-0.25, 0.21, 0.32],
-        [-0.15, -0.24, 0.4],
-        [0.29, -0.26, 0.3],
-        [0.0, 0.02, 0.45],
-        [-0.3, -0.3, 0.3],
-    ]
-}
+/// Places of the larger irises: the corners of the eyebox, the middle, and a side.
+const LARGE: [[f64; 3]; 6] = [
+    [0.27, 0.26, 0.4],
+    [-0.27, -0.27, 0.38],
+    [0.0, 0.02, 0.45],
+    [-0.29, 0.28, 0.36],
+    [0.28, -0.29, 0.34],
+    [0.05, -0.3, 0.36],
+];
 
 /// The iris that dots are seen through, mm.
 pub(super) fn dots_iris(optics: &Optics) -> [f64; 3] {

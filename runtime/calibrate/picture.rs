@@ -52,7 +52,8 @@ impl Picture {
         };
         let ((x, right, dx), (y, below, dy)) = (axis(x, self.width), axis(y, self.height));
         let at = |y: usize, x: usize| f64::from(self.values[y * self.width + x]);
-        (1.0 - dy) * ((1.0 - dx) * at(y, x) + dx * at(y, right)) + dy * ((1.0 - dx) * at(below, x) + dx * at(below, right))
+        (1.0 - dy) * ((1.0 - dx) * at(y, x) + dx * at(y, right))
+            + dy * ((1.0 - dx) * at(below, x) + dx * at(below, right))
     }
 
     /// Whether a pixel may have been saturated.

@@ -106,7 +106,8 @@ impl Sorted {
         pattern_shots: &[PatternShot],
         dark: Option<f64>,
     ) -> Result<(), CalibrateError> {
-        let at = Parameters { model: display.model(color), map: self.map, camera_pixel: CAMERA_PIXEL, soft_edge: false };
+        let at =
+            Parameters { model: display.model(color), map: self.map, camera_pixel: CAMERA_PIXEL, soft_edge: false };
         let twin = |i: usize| {
             let same = |a: &PatternShot, b: &PatternShot| {
                 a.set == b.set && a.shot.iris_mm == b.shot.iris_mm && a.shot.focus_mm == b.shot.focus_mm
@@ -146,7 +147,8 @@ impl Sorted {
             view.variance = view.counts.iter().map(|c| noise.variance(*c)).collect();
             let mean = view.counts.iter().sum::<f64>() / view.counts.len() as f64 - noise.dark;
             let shot = view.variance.iter().sum::<f64>() / view.variance.len() as f64;
-            view.signal = (variance_of(&view.counts) - shot).max((LEAST_CONTRAST * mean).powi(2)).max(f64::MIN_POSITIVE);
+            view.signal =
+                (variance_of(&view.counts) - shot).max((LEAST_CONTRAST * mean).powi(2)).max(f64::MIN_POSITIVE);
         }
         Ok(())
     }

@@ -17,10 +17,10 @@ const FINE: usize = 5;
 /// The display as its file has it.
 const PLAIN: Effort = Effort { subpixels: 1, slopes: 1, rounds: 12, enough: 0.01 };
 /// Fits of all pictures, and the last ones.
-const ALL: Effort = Effort { subpixels: 2, slopes: 1, rounds: 4, enough: 0.01 };
+const ALL: Effort = Effort { subpixels: 2, slopes: 1, rounds: 6, enough: 0.02 };
 const END: Effort = Effort { subpixels: FINE, slopes: 2, rounds: 6, enough: 1e-4 };
 /// A fit that leaves this share of the pictures lacks no term: sub-pixels and the iris's hard edge are worth fitting.
-const INSIDE: f64 = 0.02;
+const INSIDE: f64 = 0.04;
 /// Terms that do not show are left out unless that leaves this much more of the pictures that were not fitted.
 const SETTLED: f64 = 1.02;
 /// A display whose own model leaves so many times the noise's squares is as its file says.
@@ -76,7 +76,7 @@ pub(super) fn run(
     let own = pictures.fit(&start, &camera, &sorted.fitted, Effort { subpixels: FINE, ..PLAIN }, &mut looking)?;
     let captures = taken.shots.len();
     if own.squares < AT_THE_NOISE {
-        let report = Report::new(&sorted, &start, &own, &sorted.fitted, captures, warnings, FINE);
+        let report = Report::new(&sorted, &start, &own, &sorted.fitted, captures, warnings, FINE, quick);
         return Ok((display.clone(), report, shown(&sorted, &own, FINE)?));
     }
     let known = known(&start);
@@ -100,22 +100,22 @@ pub(super) fn run(
     let fit = if judged(&settled) < SETTLED * judged(&fit) { settled } else { fit };
     let fit = if own.squares < NO_BETTER * fit.squares { own } else { fit };
     at_share("looking at pictures that were not fitted", 0.95, 0.95, 0.0);
-    let mut report = Report::new(&sorted, &start, &fit, &fitted, captures, warnings, effort.subpixels);
+    let mut report = Report::new(&sorted, &start, &fit, &fitted, captures, warnings, effort.subpixels, quick);
     report.untold = untold;
     report.add_confused(pairs);
     if !report.calibrated && has_other_sign(pictures, &start, &camera, &fitted, fit.squares)? {
         report.warnings.push(OTHER_SIGN.into());
     }
-    let display = terms::written(display, color, &start, &fit, &report);
+    // A fit that is no calibration is not written as if it were one.
+    let display = match report.calibrated {
+        true => terms::written(display, color, &start, &fit, &report),
+        false => display.clone(),
+    };
     Ok((display, report, shown(&sorted, &fit, effort.subpixels)?))
 }
 
 /// What changes from day to day, fitted to all pictures.
-fn drifted(
-    sorted: &Sorted,
-    start: &Parameters,
-    observe: &mut dyn FnMut(&str, f64),
-) -> Result<Fit, CalibrateError> {
+fn drifted(sorted: &Sorted, start: &Parameters, observe: &mut dyn FnMut(&str, f64)) -> Result<Fit, CalibrateError> {
     let mut free: Vec<Parameter> = Parameter::all().into_iter().filter(|p| p.drifts()).collect();
     free.extend(of_order(2));
     free.retain(|p| *p != K2);
@@ -142,10 +142,10 @@ fn from_small_to_large(
     let mut known = known.clone();
     known.model.undiffracted = at.model.undiffracted;
     let random = Random::new(sorted);
-    at = orders::slopes(sorted, &random, [&known, &at], &mut |part| observe("fitting small irises", 0.05 + 0.2 * part))?;
+    at =
+        orders::slopes(sorted, &random, [&known, &at], &mut |part| observe("fitting small irises", 0.05 + 0.2 * part))?;
     // Near the end k2 shows; before, it leads astray.
-    let mut free: Vec<Parameter> =
-        Parameter::all().into_iter().filter(|p| ![Parameter::Lag, K2].contains(p)).collect();
+    let mut free: Vec<Parameter> = Parameter::all().into_iter().filter(|p| ![Parameter::Lag, K2].contains(p)).collect();
     free.extend((*ORDERS.start()..=5).flat_map(of_order));
     let single: Vec<usize> = sorted.even.iter().chain(&random.all).copied().collect();
     let mut fit = pictures.fit_near(&known, &at, &free, &single, COARSE, &mut |part| {

@@ -4,6 +4,7 @@ use super::error::CalibrateError;
 use super::fit::{Effort, Fit, Pictures};
 use super::parameters::{ORDERS, Parameter, Parameters, of_order};
 use super::report::Report;
+use super::verdict::Verdict;
 use crate::optics::linear::solve;
 use crate::optics::{Color, Display, DisplayModel, Level, ModelTerms, Spread};
 use std::time::SystemTime;
@@ -219,8 +220,8 @@ pub(super) fn written(display: &Display, color: Color, start: &Parameters, fit: 
     let named = terms.wavefront.keys().filter(|j| fitted(Parameter::Wavefront(**j)));
     errors.wavefront = named.map(|j| (*j, about(Parameter::Wavefront(*j)))).collect();
     terms.from = format!("eyebox calibrate, {} pictures", report.captures);
-    if let (false, Some(share)) = (report.calibrated, report.unexplained) {
-        terms.from += &format!(", not a calibration: {:.2} % unexplained", 100.0 * share);
+    if let (Verdict::WithFaults, Some(share)) = (report.verdict, report.unexplained) {
+        terms.from += &format!(", {:.2} % unexplained", 100.0 * share);
     }
     terms.date = today();
     let section = display.model.entry(color.into()).or_default();
