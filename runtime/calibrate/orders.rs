@@ -11,6 +11,8 @@ use super::unseen::unseen;
 const SMALL: f64 = 0.24;
 /// The highest order that the slopes start and that is fitted at once.
 const NEXT: u32 = 5;
+/// Widths of crosstalk that are tried, shares of the usual one.
+const SIGMAS: [f64; 4] = [1.0, 1.7, 3.0, 6.0];
 /// An order is kept if what is left of the pictures that were not fitted falls by this share,
 const GAINS: f64 = 0.02;
 /// or if a term of it is this many standard errors from nothing.
@@ -59,6 +61,15 @@ pub(super) fn slopes(
     if left > share(start) {
         best = start.clone();
     }
+    // Too much crosstalk is slow to go, and too little slow to come: the fit starts with the width that explains most.
+    let wider = |factor: f64| {
+        let mut at = best.clone();
+        at.model.crosstalk.iter_mut().flatten().for_each(|side| side.sigma *= factor);
+        at
+    };
+    let widths = SIGMAS.map(wider).map(|at| (share(&at), at));
+    let Some((least, best)) = widths.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { return Ok(start.clone()) };
+    tracing::debug!("small irises: {least:.4} is left with the best width of crosstalk");
     let mut free = terms(*ORDERS.start()..=NEXT);
     free.extend(Parameter::all().into_iter().filter(|p| {
         matches!(p, Parameter::Crosstalk(_) | Parameter::Source(_) | Parameter::Map(_) | Parameter::Undiffracted(_))

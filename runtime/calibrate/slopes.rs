@@ -7,7 +7,7 @@ use crate::optics::linear::solve;
 use crate::optics::zernike;
 
 /// Shifts that are tried in each round, SLM pixels: reach and step. A speckle of a small iris is 5 pixels wide.
-const ROUNDS: [(i32, f64); 2] = [(4, 2.0), (2, 1.0)];
+const ROUNDS: [(i32, f64); 2] = [(3, 2.5), (2, 1.0)];
 /// A picture that leaves more than this share at its best shift shows no slope.
 const LOST: f64 = 0.9;
 /// Error of a shift, SLM pixels, and spread of the wavefront's terms, waves: the fewer slopes, the smoother the wavefront.
