@@ -307,3 +307,55 @@ const LARGE: [[f64; 3]; 6] = [
 pub(super) fn dots_iris(optics: &Optics) -> [f64; 3] {
     [0.0, 0.0, 0.23 * optics.eyebox() * 1e3]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    /// What a bench is asked for, of this many pictures at most.
+    fn asked(iris: bool, sub_frames: usize, most: usize) -> Vec<Show> {
+        let mut hello = json!({
+            "protocol": 1, "colors": {"green": 520.0}, "slm": {"resolution": [32, 32], "sub_frames": sub_frames},
+            "camera": {"resolution": [64, 64], "bits": 12},
+        });
+        if iris {
+            hello["iris"] = json!({"x_mm": [-13, 13], "y_mm": [-13, 13], "diameter_mm": [0.5, 26]});
+        }
+        let optics = Optics::new(32, 32, 8e-6, 520e-9, 0.4).unwrap();
+        plan(&Hello::read(&hello).unwrap(), &optics, 256.0, most, false)
+    }
+
+    fn count(shows: &[Show], name: &str) -> usize {
+        shows.iter().filter(|s| s.name.starts_with(name)).map(|s| s.irises_mm.len() * s.times).sum()
+    }
+
+    #[test]
+    fn a_bench_that_offers_less_is_asked_for_less() {
+        let all = asked(true, 8, 40);
+        assert_eq!([count(&all, "held-out"), count(&all, "even"), count(&all, "random")], [6, 4, 21]);
+        assert_eq!([count(&all, "smooth"), count(&all, "set")], [2, 2]);
+        for iris in [true, false] {
+            for frames in [1, 4] {
+                for most in [12, 20, 40] {
+                    let shows = asked(iris, frames, most);
+                    assert!(count(&shows, "") <= most - 2, "{iris} {frames} {most}: {}", count(&shows, ""));
+                    assert_eq!(count(&shows, "even"), 4);
+                    assert!(count(&shows, "random") >= 3, "{iris} {frames} {most}");
+                    assert!(frames > 1 || shows.iter().all(|s| s.pattern.frames == 1));
+                    assert!(shows.iter().flat_map(|s| &s.irises_mm).all(|place| place.is_some() == iris));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn small_irises_reach_every_corner_of_the_eyebox() {
+        let all = small_irises();
+        assert_eq!(all.len(), 15);
+        for [sx, sy] in [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]] {
+            assert!(all.iter().any(|[x, y, _]| sx * x > 0.3 && sy * y > 0.3), "{sx} {sy}");
+        }
+        assert!(all.iter().all(|[x, y, d]| x.abs().max(y.abs()) + d / 2.0 <= 0.5));
+    }
+}
