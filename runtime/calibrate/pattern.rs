@@ -341,7 +341,7 @@ mod tests {
                     let shows = asked(iris, frames, most);
                     assert!(count(&shows, "") <= most - 2, "{iris} {frames} {most}: {}", count(&shows, ""));
                     assert_eq!(count(&shows, "even"), 4);
-                    assert!(count(&shows, "random") >= 3, "{iris} {frames} {most}");
+                    assert!(count(&shows, "random") >= 2, "{iris} {frames} {most}");
                     assert!(frames > 1 || shows.iter().all(|s| s.pattern.frames == 1));
                     assert!(shows.iter().flat_map(|s| &s.irises_mm).all(|place| place.is_some() == iris));
                 }
