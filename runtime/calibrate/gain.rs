@@ -8,6 +8,7 @@ use crate::quality::{ModelWorth, Reference, Subject};
 use crate::scene::{self, Request};
 use crate::solve::{Flow, Levels, PupilRange, Settings};
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// The scene.
 const SCENE: &str = "builtin:still-life";
@@ -26,6 +27,8 @@ pub struct Gain {
     pub before_db: [f64; 2],
     /// and for the fitted one.
     pub after_db: [f64; 2],
+    /// What each term of the fitted model gains of the mean, dB: a solve with it less one without it.
+    pub terms_db: BTreeMap<&'static str, f64>,
 }
 
 /// Measures it; of one colour.
@@ -52,5 +55,10 @@ pub(super) fn measure(
     };
     let after_db = decibels(&of(&after))?;
     let before_db = if before == after { after_db } else { decibels(&of(&before))? };
-    Ok(Gain { size: [after.height, after.width], steps: STEPS, before_db, after_db })
+    let mut terms_db = BTreeMap::new();
+    for term in after.model(color).terms() {
+        let without = after.with_model_of(color, |model| model.keep(&|name| name != term));
+        terms_db.insert(term, after_db[0] - decibels(&of(&without))?[0]);
+    }
+    Ok(Gain { size: [after.height, after.width], steps: STEPS, before_db, after_db, terms_db })
 }
