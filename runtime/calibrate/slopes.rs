@@ -91,7 +91,7 @@ fn wavefront(slopes: &[([f64; 2], [f64; 2])], pixels: f64, terms: &[u32]) -> Opt
     let count = terms.len() + 2;
     let (mut normal, mut right) = (vec![vec![0.0; count]; count], vec![0.0; count]);
     for ([x, y], shift) in slopes {
-        for axis in 0..2 {
+        for (axis, shift) in shift.iter().enumerate() {
             let step = if axis == 0 { [STEP, 0.0] } else { [0.0, STEP] };
             let slope = |j: &u32| {
                 let [after, before] = [1.0, -1.0].map(|s| zernike(*j, x + s * step[0], y + s * step[1]));
@@ -100,7 +100,7 @@ fn wavefront(slopes: &[([f64; 2], [f64; 2])], pixels: f64, terms: &[u32]) -> Opt
             let mut row: Vec<f64> = terms.iter().map(slope).collect();
             row.extend([f64::from(axis == 0), f64::from(axis == 1)]);
             for i in 0..count {
-                right[i] += row[i] * shift[axis];
+                right[i] += row[i] * shift;
                 (0..count).for_each(|j| normal[i][j] += row[i] * row[j]);
             }
         }
