@@ -17,7 +17,7 @@ use super::outcome::{Flow, Progress, Warm};
 use super::problem::Problem;
 use super::settings::{FirstPhases, Settings};
 use crate::engine::{EngineError, on_host};
-use crate::optics::Geometry;
+use crate::optics::{Geometry, Optics};
 use eyebox_kernels::table_start::{self, LEVELS, table_start};
 use fit::MadeBy;
 use rayon::prelude::*;
@@ -26,7 +26,7 @@ use std::time::Instant;
 /// Sub-frames from which on a solve begins by a table: the light of fewer is not even, whatever its phases (measured with one: 18 dB,
 /// and steps add little).
 const FEWEST_FRAMES: usize = 4;
-/// Tiles along each side of an SLM from which on a solve begins by a table: a smaller one is solved sooner than its table is fitted.
+/// Tiles along each side of an SLM from which on it has a table: a smaller one is solved sooner than its table is fitted.
 const FEWEST_TILES: usize = 4;
 /// Exposure of phases from a table that no step follows, over the one of a solve: light to spare hides their unevenness (measured).
 const UNSTEPPED: f64 = 1.3;
@@ -44,8 +44,10 @@ pub struct StartTable {
 
 impl StartTable {
     /// Whether a display has tables. In the far field no tile of the SLM is like another, and a mask's pixels are not the SLM's.
+    /// A small SLM needs none.
     pub fn fits(problem: &Problem) -> bool {
-        problem.optics.geometry == Geometry::Relay && problem.optics.mask_factor <= 1
+        let Optics { geometry, mask_factor, height, width, .. } = problem.optics;
+        geometry == Geometry::Relay && mask_factor <= 1 && height.min(width) >= FEWEST_TILES * fit::SIDE
     }
 
     /// The table of a display's color for so many sub-frames: the one that the user's cache keeps, or else fitted and kept. `observe`
@@ -94,11 +96,11 @@ impl Settings {
     /// Whether a solve by these settings begins by a table. It is one for pupils anywhere in the eyebox, and for a display as its file
     /// has it: what its panel, its source or the eye add is not in a table.
     pub(super) fn may_begin_by_table(&self, problem: &Problem) -> bool {
-        let Problem { optics, model, eye, modes, choice, regions, .. } = problem;
+        let Problem { model, eye, modes, choice, regions, .. } = problem;
         let is_plain = model.is_none() && eye.is_none() && choice.is_none() && modes.is_empty() && regions.is_empty();
-        let is_large = optics.height.min(optics.width) >= FEWEST_TILES * fit::SIDE;
         let is_own = self.method == Method::Slfh && self.joint.is_none() && self.motion.is_still();
-        self.first_phases == FirstPhases::Table && is_plain && is_large && is_own && self.frames >= FEWEST_FRAMES
+        let by_table = self.first_phases == FirstPhases::Table && StartTable::fits(problem);
+        by_table && is_plain && is_own && self.frames >= FEWEST_FRAMES
     }
 
     /// The exposure of a solve from a table that has this one from random phases.
