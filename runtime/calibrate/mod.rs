@@ -18,7 +18,6 @@ mod captures;
 mod device;
 mod dots;
 mod error;
-mod even;
 mod fit;
 #[cfg(test)]
 mod forward_tests;
@@ -28,19 +27,17 @@ mod link;
 mod map;
 mod message;
 mod noise;
-mod orders;
 mod parameters;
 mod pattern;
 mod picture;
 mod report;
 mod rim;
 mod seen;
-mod slopes;
+mod smooth;
 mod sorted;
 mod stages;
 mod terms;
 mod unseen;
-mod verdict;
 
 pub use acquire::TAKING;
 pub use bench::{Bench, Event, FEWEST, ShowsPatterns};
@@ -49,7 +46,6 @@ pub use error::CalibrateError;
 pub use gain::Gain;
 pub use left::{LeftMap, PictureLeft, Shown};
 pub use report::{Confused, Fitted, Report};
-pub use verdict::Verdict;
 
 use crate::engine::Engine;
 use crate::optics::{Color, Display};
