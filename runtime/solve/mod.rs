@@ -8,6 +8,7 @@
 //! May import everything above it: `optics`, `scene`, `plan`, `engine`, `evaluate`.
 
 mod asking;
+mod begin;
 mod best;
 mod carry;
 mod cost;
@@ -50,6 +51,7 @@ mod step;
 mod validation;
 mod viewpoints;
 
+pub use begin::{solve, solve_from};
 pub use best::{BestKeeper, BestState, Refinable, RefinedStep, refine};
 pub use cost::{Cost, Forecast, Loaded, forecast, model_work};
 pub use error::SolveError;
@@ -72,7 +74,6 @@ pub(crate) use run::exposure_under;
 pub use sampling::{Diameters, PupilRange, Sampler, Sequence, SplitMix, pupils_of, random_phases};
 pub use scene_plan::{Decision, Full, PlanRequest, ScenePlan};
 pub use settings::{FirstPhases, PaddingRule, Settings};
-pub use solver::{solve, solve_from};
 pub use start_table::StartTable;
 pub use steer::Refiner;
 pub use steering::{Steering, Strategy};

@@ -8,7 +8,6 @@ use super::problem::Problem;
 use super::run::Run;
 use super::sampling::Diameters;
 use super::settings::Settings;
-use super::start_table::{self, PROGRESS};
 use super::validation::Validator;
 use super::viewpoints::Viewpoints;
 use crate::engine::{Buffer, Engine};
@@ -16,29 +15,23 @@ use crate::plan::Purpose;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Solves one colour. `observe` is called after every step.
-///
-/// The same seed gives the same phases, bit for bit, on one engine.
-///
-/// # Errors
-/// [`SolveError`]; where the engine fails, the best state so far is lost with this call.
-pub fn solve(
-    problem: &Problem,
-    settings: &Settings,
-    engine: &mut dyn Engine,
-    observe: &mut dyn FnMut(&Progress) -> Flow,
-) -> Result<Solution, SolveError> {
-    solve_from(problem, settings, None, engine, observe)
+/// Phases to begin with that follow from the exposure, linear light, and the exposure and the place in the schedule to begin at with them.
+pub(super) struct Beginning {
+    pub phases: Vec<f32>,
+    pub exposure: f64,
+    pub progress: f64,
 }
 
-/// [`solve`] from phases that are given. Methods in closed form have no use for them.
-///
-/// # Errors
-/// Those of [`solve`]; [`SolveError::Setting`] for another number of phases.
-pub fn solve_from(
+/// Says for an exposure what a solve begins with; none for random phases.
+pub(super) type Begin<'a> =
+    dyn FnMut(f64, &mut dyn FnMut(&Progress) -> Flow) -> Result<Option<Beginning>, SolveError> + 'a;
+
+/// [`solve_from`](super::solve_from), begun by `begin` if no phases are given.
+pub(super) fn solve_begun_by(
     problem: &Problem,
     settings: &Settings,
     from: Option<Warm<'_>>,
+    begin: &mut Begin<'_>,
     engine: &mut dyn Engine,
     observe: &mut dyn FnMut(&Progress) -> Flow,
 ) -> Result<Solution, SolveError> {
@@ -119,10 +112,12 @@ pub fn solve_from(
         Some(efficiency) if problem.mean > 0.0 => problem.mean / efficiency / unit,
         _ => run.choose_exposure(validator.bright_end(), observe)?,
     };
-    if let Some(table) = start_table::of_solve(problem, settings, from, start, observe)? {
-        run.exposure = settings.exposure_by_table(run.exposure);
-        looked_up = table.phases(problem, run.exposure * unit)?;
-        run.from = Some(Warm { phases: &looked_up, progress: PROGRESS });
+    if from.is_none()
+        && let Some(Beginning { phases, exposure, progress }) = begin(run.exposure * unit, observe)?
+    {
+        run.exposure = exposure / unit;
+        looked_up = phases;
+        run.from = Some(Warm { phases: &looked_up, progress });
     }
     let exposure = run.exposure * unit;
     let (best, steps, stop) = run.descend(settings.steps, observe)?;

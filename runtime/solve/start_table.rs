@@ -8,18 +8,21 @@
 
 mod fit;
 mod kept;
+mod made_by;
 #[cfg(test)]
 mod tests;
 
 use super::error::SolveError;
 use super::method::Method;
-use super::outcome::{Flow, Progress, Warm};
+use super::outcome::{Flow, Progress};
 use super::problem::Problem;
 use super::settings::{FirstPhases, Settings};
+use super::solver::Beginning;
 use crate::engine::{EngineError, on_host};
 use crate::optics::{Geometry, Optics};
 use eyebox_kernels::table_start::{self, LEVELS, table_start};
-use fit::MadeBy;
+use kept::Levels;
+use made_by::{MadeBy, SIDE};
 use rayon::prelude::*;
 use std::time::Instant;
 
@@ -31,7 +34,7 @@ const FEWEST_TILES: usize = 4;
 /// Exposure of phases from a table that no step follows, over the one of a solve: light to spare hides their unevenness (measured).
 const UNSTEPPED: f64 = 1.3;
 /// Place in its schedule at which a solve begins from a table: its phases are nearly right and want smaller steps (measured).
-pub(super) const PROGRESS: f64 = 0.4;
+const PROGRESS: f64 = 0.4;
 
 /// The table of one color of a display.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,7 +50,7 @@ impl StartTable {
     /// A small SLM needs none.
     pub fn fits(problem: &Problem) -> bool {
         let Optics { geometry, mask_factor, height, width, .. } = problem.optics;
-        geometry == Geometry::Relay && mask_factor <= 1 && height.min(width) >= FEWEST_TILES * fit::SIDE
+        geometry == Geometry::Relay && mask_factor <= 1 && height.min(width) >= FEWEST_TILES * SIDE
     }
 
     /// The table of a display's color for so many sub-frames: the one that the user's cache keeps, or else fitted and kept. `observe`
@@ -72,7 +75,18 @@ impl StartTable {
             made_by.fit(problem, &mut levels, observe)?;
             made_by.save(&levels);
         }
-        Ok(levels.are_all().then(|| levels.table(&made_by)))
+        Ok(levels.are_all().then(|| Self::made(&made_by, &levels)))
+    }
+
+    /// Of fitted levels, innermost. Levels that are not there are zero.
+    fn made(made_by: &MadeBy, levels: &Levels) -> Self {
+        let (frames, side) = (made_by.frames, made_by.side);
+        let mut angles = vec![0; frames * side * side * LEVELS];
+        for (at, level) in levels.0.iter().enumerate() {
+            let of_level = angles.iter_mut().skip(at).step_by(LEVELS);
+            of_level.zip(level.iter().flatten()).for_each(|(to, angle)| *to = *angle);
+        }
+        Self { frames, side, angles }
     }
 
     /// First phases (sub-frames, height, width) of the scene of `problem` for an exposure, radians in -pi .. pi.
@@ -102,30 +116,29 @@ impl Settings {
         let by_table = self.first_phases == FirstPhases::Table && StartTable::fits(problem);
         by_table && is_plain && is_own && self.frames >= FEWEST_FRAMES
     }
-
-    /// The exposure of a solve from a table that has this one from random phases.
-    pub(super) fn exposure_by_table(&self, exposure: f64) -> f64 {
-        if self.steps == 0 { UNSTEPPED * exposure } else { exposure }
-    }
 }
 
-/// The table of a solve that is to begin by one and from no other phases; `observe` is told how much of it is fitted.
-pub(super) fn of_solve(
+/// What a solve begins with that would have this exposure from random phases; none where no table is for it. `observe` is told how much
+/// of the table is fitted.
+pub(super) fn beginning(
     problem: &Problem,
     settings: &Settings,
-    from: Option<Warm<'_>>,
+    exposure: f64,
     start: Instant,
     observe: &mut dyn FnMut(&Progress) -> Flow,
-) -> Result<Option<StartTable>, SolveError> {
-    if from.is_some() || !settings.may_begin_by_table(problem) {
+) -> Result<Option<Beginning>, SolveError> {
+    if !settings.may_begin_by_table(problem) {
         return Ok(None);
     }
     let steps = settings.steps;
-    StartTable::of(problem, settings.frames, &mut |share| {
+    let table = StartTable::of(problem, settings.frames, &mut |share| {
         let (fitting, seconds) = (Some(share), start.elapsed().as_secs_f64());
         let progress = Progress { pilot: None, fitting, step: 0, steps, seconds, loss: f64::NAN, validation: None };
         observe(&progress) == Flow::Continue
-    })
+    })?;
+    let Some(table) = table else { return Ok(None) };
+    let exposure = if steps == 0 { UNSTEPPED * exposure } else { exposure };
+    Ok(Some(Beginning { phases: table.phases(problem, exposure)?, exposure, progress: PROGRESS }))
 }
 
 /// What a pupil as wide as the eyebox sees in focus: the mean of all views on the SLM's pixels, linear light.
@@ -151,10 +164,10 @@ fn mean_view(problem: &Problem) -> Result<Vec<f32>, EngineError> {
 impl StartTable {
     /// A table of fewer steps than usual.
     pub(crate) fn quick(problem: &Problem, frames: usize) -> Self {
-        let made_by = MadeBy::of(problem, frames).sized(fit::SIDE, [48, 8]);
-        let mut levels = kept::Levels::default();
+        let made_by = MadeBy::of(problem, frames).sized(SIDE, [48, 8]);
+        let mut levels = Levels::default();
         made_by.fit(problem, &mut levels, &mut |_| true).expect("a table");
-        levels.table(&made_by)
+        Self::made(&made_by, &levels)
     }
 
     /// The table of a tile whose phases are all zero.

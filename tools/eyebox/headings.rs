@@ -90,6 +90,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "steps",
             "seconds",
             "psnr",
+            "first_phases",
             "optimizer",
             "strategy",
             "gain",

@@ -1,6 +1,7 @@
 //! The fit of a table: one even picture after another on a tile that repeats, each from the phases of its neighbor.
 
 use super::kept::Levels;
+use super::made_by::MadeBy;
 use crate::engine::cpu::CpuEngine;
 use crate::optics::{Optics, Padding};
 use crate::scene::{Pyramid, ViewGrid};
@@ -9,71 +10,17 @@ use crate::solve::optimizer::Optimizer;
 use crate::solve::outcome::{Flow, Progress, Warm};
 use crate::solve::problem::Problem;
 use crate::solve::settings::{FirstPhases, Settings};
-use crate::solve::solver::solve_from;
+use crate::solve::solver::solve_begun_by;
 use eyebox_kernels::binary_angle;
 use eyebox_kernels::table_start::{LEVELS, level};
-use serde::Serialize;
 use std::sync::Arc;
 
-/// Side of the tile, pixels: a smaller one makes narrow pupils uneven, a larger one takes more steps to the same noise.
-pub(super) const SIDE: usize = 64;
 /// The level that is fitted from random phases; all others follow from their neighbors'.
 const FIRST: usize = 7;
-/// Steps of the first level, and of each other.
-const STEPS: [usize; 2] = [800, 100];
-/// Pupils of a step.
-const PUPILS: usize = 32;
-/// Diameters of the pupils that see an even picture, meters.
-const DIAMETERS: [f64; 2] = [2.2e-3, 12e-3];
-/// Depths on which they focus, meters.
-const DEPTH: [f64; 2] = [-2e-3, 2e-3];
 /// Gain of the first and the last step of the first level, and of the others.
 const GAINS: [[f64; 2]; 2] = [[2.5, 0.3], [1.5, 0.3]];
 
-/// Everything that decides a table.
-#[derive(Debug, Clone, Serialize)]
-pub(super) struct MadeBy {
-    version: String,
-    pub side: usize,
-    pub frames: usize,
-    wavelength: f64,
-    pitch: f64,
-    focal_length: f64,
-    eyebox: f64,
-    depth: [f64; 2],
-    diameters: [f64; 2],
-    steps: [usize; 2],
-    pupils: usize,
-}
-
 impl MadeBy {
-    pub(super) fn of(problem: &Problem, frames: usize) -> Self {
-        let Optics { wavelength, pitch, focal_length, .. } = problem.optics;
-        Self {
-            version: env!("CARGO_PKG_VERSION").into(),
-            side: SIDE,
-            frames,
-            wavelength,
-            pitch,
-            focal_length,
-            eyebox: problem.eyebox,
-            depth: DEPTH,
-            diameters: DIAMETERS.map(|d| d.min(problem.eyebox)),
-            steps: STEPS,
-            pupils: PUPILS,
-        }
-    }
-
-    /// Of another tile and other steps.
-    #[cfg(test)]
-    pub(super) fn sized(self, side: usize, steps: [usize; 2]) -> Self {
-        Self { side, steps, ..self }
-    }
-
-    pub(super) fn text(&self) -> String {
-        serde_json::to_string(self).unwrap_or_default()
-    }
-
     /// Fits the levels that are not there: the first, then those above it, then those below it. Ends where `observe` answers false.
     pub(super) fn fit(
         &self,
@@ -145,6 +92,7 @@ impl MadeBy {
         let mut observe = |progress: &Progress| {
             if tell(progress.step) { Flow::Continue } else { Flow::Stop }
         };
-        Ok(solve_from(&tile, &settings, from, &mut CpuEngine::new(), &mut observe)?.phases)
+        let mut at_random = |_: f64, _: &mut dyn FnMut(&Progress) -> Flow| Ok(None);
+        Ok(solve_begun_by(&tile, &settings, from, &mut at_random, &mut CpuEngine::new(), &mut observe)?.phases)
     }
 }

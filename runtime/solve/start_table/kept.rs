@@ -1,7 +1,6 @@
 //! Tables on the disk: a line of JSON that says what decided them, then the angles of the levels that are fitted.
 
-use super::StartTable;
-use super::fit::MadeBy;
+use super::made_by::MadeBy;
 use crate::files::{cache_folder, read, write_file};
 use eyebox_kernels::table_start::LEVELS;
 use serde::{Deserialize, Serialize};
@@ -14,17 +13,6 @@ pub(super) struct Levels(pub [Option<Vec<u16>>; LEVELS]);
 impl Levels {
     pub(super) fn are_all(&self) -> bool {
         self.0.iter().all(Option::is_some)
-    }
-
-    /// The table, levels innermost. Levels that are not there are zero.
-    pub(super) fn table(&self, made_by: &MadeBy) -> StartTable {
-        let (frames, side) = (made_by.frames, made_by.side);
-        let mut angles = vec![0; frames * side * side * LEVELS];
-        for (at, level) in self.0.iter().enumerate() {
-            let of_level = angles.iter_mut().skip(at).step_by(LEVELS);
-            of_level.zip(level.iter().flatten()).for_each(|(to, angle)| *to = *angle);
-        }
-        StartTable { frames, side, angles }
     }
 }
 

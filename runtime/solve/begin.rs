@@ -1,0 +1,43 @@
+//! A solve: what it begins with, and then its steps.
+
+use super::error::SolveError;
+use super::outcome::{Flow, Progress, Solution, Warm};
+use super::problem::Problem;
+use super::settings::Settings;
+use super::solver::solve_begun_by;
+use super::start_table;
+use crate::engine::Engine;
+use std::time::Instant;
+
+/// Solves one colour. `observe` is called after every step.
+///
+/// The same seed gives the same phases, bit for bit, on one engine.
+///
+/// # Errors
+/// [`SolveError`]; where the engine fails, the best state so far is lost with this call.
+pub fn solve(
+    problem: &Problem,
+    settings: &Settings,
+    engine: &mut dyn Engine,
+    observe: &mut dyn FnMut(&Progress) -> Flow,
+) -> Result<Solution, SolveError> {
+    solve_from(problem, settings, None, engine, observe)
+}
+
+/// [`solve`] from phases that are given. Methods in closed form have no use for them.
+///
+/// # Errors
+/// Those of [`solve`]; [`SolveError::Setting`] for another number of phases.
+pub fn solve_from(
+    problem: &Problem,
+    settings: &Settings,
+    from: Option<Warm<'_>>,
+    engine: &mut dyn Engine,
+    observe: &mut dyn FnMut(&Progress) -> Flow,
+) -> Result<Solution, SolveError> {
+    let start = Instant::now();
+    let mut begin = |exposure: f64, observe: &mut dyn FnMut(&Progress) -> Flow| {
+        start_table::beginning(problem, &settings.as_computed(), exposure, start, observe)
+    };
+    solve_begun_by(problem, settings, from, &mut begin, engine, observe)
+}
