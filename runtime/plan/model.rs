@@ -87,6 +87,24 @@ impl ModelTables {
         Self { mask: self.mask.clone(), ..plain }
     }
 
+    /// Of a tile that repeats over the SLM: everywhere as the SLM is in the mean, lit evenly. Light that no pixel modulates is left out,
+    /// because its fringes repeat with no tile. None where nothing else is left.
+    pub(crate) fn tile(&self, tile: Optics) -> Option<Arc<Self>> {
+        let ideal = DisplayModel::default();
+        let level = self.model.level.as_flattened().iter().sum::<f64>() / 9.0;
+        let (source, undiffracted) = (ideal.source, ideal.undiffracted);
+        let model = DisplayModel { level: [[level; 3]; 3], source, undiffracted, ..self.model.clone() };
+        let modes = self.modes.clone();
+        let whole = Self { modes, ..Self::cut(model, self.radius, self.highest_drive, self.error, tile, tile) };
+        (!whole.model.is_ideal()).then(|| Arc::new(whole))
+    }
+
+    /// The amplitude of the light that each pixel modulates, over an SLM's that is lit evenly and modulates all; none where it is 1.
+    pub(crate) fn modulated(&self) -> Option<&[f32]> {
+        let count = self.slm.height * self.slm.width;
+        self.parts().drives.then(|| &self.pixels()[count..2 * count])
+    }
+
     /// How many modes that is.
     pub(crate) fn mode_count(&self) -> usize {
         self.modes.len().max(1)

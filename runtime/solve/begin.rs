@@ -35,6 +35,8 @@ pub fn solve_from(
     engine: &mut dyn Engine,
     observe: &mut dyn FnMut(&Progress) -> Flow,
 ) -> Result<Solution, SolveError> {
+    settings.check()?;
+    problem.check_eye(settings)?;
     let start = Instant::now();
     let mut begin = |exposure: f64, observe: &mut dyn FnMut(&Progress) -> Flow| {
         start_table::beginning(problem, &settings.as_computed(), exposure, start, observe)

@@ -35,8 +35,6 @@ pub(super) fn solve_begun_by(
     engine: &mut dyn Engine,
     observe: &mut dyn FnMut(&Progress) -> Flow,
 ) -> Result<Solution, SolveError> {
-    settings.check()?;
-    problem.check_eye(settings)?;
     settings.loss.of(settings.gaze, problem.contrast)?;
     super::source::check(&problem.modes, settings)?;
     super::mask::check(problem.has_mask(), settings.method)?;

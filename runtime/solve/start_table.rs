@@ -26,13 +26,12 @@ use made_by::{MadeBy, SIDE};
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// Sub-frames from which on a solve begins by a table: the light of fewer is not even, whatever its phases (measured with one: 18 dB,
-/// and steps add little).
-const FEWEST_FRAMES: usize = 4;
 /// Tiles along each side of an SLM from which on it has a table: a smaller one is solved sooner than its table is fitted.
 const FEWEST_TILES: usize = 4;
 /// Exposure of phases from a table that no step follows, over the one of a solve: light to spare hides their unevenness (measured).
 const UNSTEPPED: f64 = 1.3;
+/// Least light of the source at a pixel, over its mean, that a picture is divided by.
+const DARKEST: f32 = 1e-3;
 /// Place in its schedule at which a solve begins from a table: its phases are nearly right and want smaller steps (measured).
 const PROGRESS: f64 = 0.4;
 
@@ -46,11 +45,12 @@ pub struct StartTable {
 }
 
 impl StartTable {
-    /// Whether a display has tables. In the far field no tile of the SLM is like another, and a mask's pixels are not the SLM's.
-    /// A small SLM needs none.
+    /// Whether a display has tables. In the far field no tile of the SLM is like another, a mask's pixels are not the SLM's, and sources
+    /// that are switched serve a part of the eyebox each. A small SLM needs none.
     pub fn fits(problem: &Problem) -> bool {
         let Optics { geometry, mask_factor, height, width, .. } = problem.optics;
-        geometry == Geometry::Relay && mask_factor <= 1 && height.min(width) >= FEWEST_TILES * SIDE
+        let is_whole = problem.choice.is_none() && problem.regions.is_empty();
+        geometry == Geometry::Relay && mask_factor <= 1 && is_whole && height.min(width) >= FEWEST_TILES * SIDE
     }
 
     /// The table of a display's color for so many sub-frames: the one that the user's cache keeps, or else fitted and kept. `observe`
@@ -107,14 +107,11 @@ impl StartTable {
 }
 
 impl Settings {
-    /// Whether a solve by these settings begins by a table. It is one for pupils anywhere in the eyebox, and for a display as its file
-    /// has it: what its panel, its source or the eye add is not in a table.
+    /// Whether a solve by these settings begins by a table, which is for pupils anywhere in the eyebox and for phases of one color.
     pub(super) fn may_begin_by_table(&self, problem: &Problem) -> bool {
-        let Problem { model, eye, modes, choice, regions, .. } = problem;
-        let is_plain = model.is_none() && eye.is_none() && choice.is_none() && modes.is_empty() && regions.is_empty();
         let is_own = self.method == Method::Slfh && self.joint.is_none() && self.motion.is_still();
         let by_table = self.first_phases == FirstPhases::Table && StartTable::fits(problem);
-        by_table && is_plain && is_own && self.frames >= FEWEST_FRAMES
+        by_table && is_own
     }
 }
 
@@ -141,7 +138,8 @@ pub(super) fn beginning(
     Ok(Some(Beginning { phases: table.phases(problem, exposure)?, exposure, progress: PROGRESS }))
 }
 
-/// What a pupil as wide as the eyebox sees in focus: the mean of all views on the SLM's pixels, linear light.
+/// What a pupil as wide as the eyebox sees in focus, over the light that the SLM has there: the mean of all views on its pixels, linear
+/// light.
 fn mean_view(problem: &Problem) -> Result<Vec<f32>, EngineError> {
     let pyramid = on_host(&problem.pyramid)?;
     let (optics, grid) = (problem.optics, problem.padding.grid(problem.optics));
@@ -157,6 +155,10 @@ fn mean_view(problem: &Problem) -> Result<Vec<f32>, EngineError> {
         }
         line.iter_mut().zip(sums).for_each(|(light, sum)| *light = sum as f32 * unit);
     });
+    if let Some(modulated) = problem.model.as_ref().and_then(|model| model.modulated()) {
+        let lit = modulated.iter().map(|amplitude| (amplitude * amplitude).max(DARKEST));
+        light.iter_mut().zip(lit).for_each(|(light, lit)| *light /= lit);
+    }
     Ok(light)
 }
 

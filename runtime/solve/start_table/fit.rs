@@ -60,8 +60,9 @@ impl MadeBy {
         tell: &mut dyn FnMut(usize) -> bool,
     ) -> Result<Vec<f32>, SolveError> {
         let (side, which) = (self.side, usize::from(from.is_some()));
+        let optics = Optics { height: side, width: side, ..problem.optics };
         let tile = Problem {
-            optics: Optics { height: side, width: side, ..problem.optics },
+            optics,
             padding: Padding::default(),
             views: ViewGrid { rows: 1, columns: 1, cell: problem.eyebox },
             center: [0.0; 2],
@@ -69,9 +70,7 @@ impl MadeBy {
             // With an efficiency of one the exposure is 1, whatever the picture.
             mean: 1.0,
             share: 1.0,
-            model: None,
-            eye: None,
-            modes: Arc::new([]),
+            model: problem.model.as_ref().and_then(|model| model.tile(optics)),
             regions: Arc::new([]),
             choice: None,
             ..problem.clone()

@@ -29,11 +29,17 @@ pub(super) struct MadeBy {
     pub diameters: [f64; 2],
     pub steps: [usize; 2],
     pub pupils: usize,
+    /// The display's faults, its source and the eye, where the table is fitted through them.
+    through: String,
 }
 
 impl MadeBy {
     pub(super) fn of(problem: &Problem, frames: usize) -> Self {
         let Optics { wavelength, pitch, focal_length, .. } = problem.optics;
+        let tile = Optics { height: SIDE, width: SIDE, ..problem.optics };
+        let model = problem.model.as_ref().and_then(|model| model.tile(tile));
+        let model = model.as_ref().map(|model| model.model());
+        let eye = problem.eye.as_ref().map(|eye| eye.prescription());
         Self {
             version: env!("CARGO_PKG_VERSION").into(),
             side: SIDE,
@@ -46,6 +52,8 @@ impl MadeBy {
             diameters: DIAMETERS.map(|d| d.min(problem.eyebox)),
             steps: STEPS,
             pupils: PUPILS,
+            // Every digit of every number.
+            through: format!("{model:?} {eye:?} {:?}", problem.modes),
         }
     }
 

@@ -89,7 +89,6 @@ fn solves_begin_by_a_table_where_one_fits() {
     let large = Problem { optics: Optics { height: 256, width: 300, ..problem.optics }, ..problem.clone() };
     assert!(settings.may_begin_by_table(&large));
     for other in [
-        Settings { frames: 2, ..Settings::default() },
         Settings { first_phases: FirstPhases::Random, ..Settings::default() },
         Settings { method: Method::Smooth, ..Settings::default() },
     ] {
