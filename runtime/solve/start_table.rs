@@ -19,7 +19,7 @@ use super::problem::Problem;
 use super::settings::{FirstPhases, Settings};
 use super::solver::Beginning;
 use crate::engine::{EngineError, on_host};
-use crate::optics::{Geometry, Optics};
+use crate::optics::{Geometry, Optics, Pupil};
 use eyebox_kernels::table_start::{self, LEVELS, table_start};
 use kept::Levels;
 use made_by::{MadeBy, SIDE};
@@ -30,6 +30,9 @@ use std::time::Instant;
 const FEWEST_TILES: usize = 4;
 /// Exposure of phases from a table that no step follows, over the one of a solve: light to spare hides their unevenness (measured).
 const UNSTEPPED: f64 = 1.3;
+/// Diameter of the pupil whose picture is looked up, over the eyebox: a wider one blurs what is off the SLM's plane, a narrower one shows
+/// all others its own perspective (measured).
+const PUPIL: f64 = 0.7;
 /// Least light of the source at a pixel, over its mean, that a picture is divided by.
 const DARKEST: f32 = 1e-3;
 /// Place in its schedule at which a solve begins from a table: its phases are nearly right and want smaller steps (measured).
@@ -95,7 +98,7 @@ impl StartTable {
     /// [`EngineError`] if the scene's light is on a device that does not answer.
     pub fn phases(&self, problem: &Problem, exposure: f64) -> Result<Vec<f32>, EngineError> {
         let (height, width) = (problem.optics.height, problem.optics.width);
-        let light = mean_view(problem)?;
+        let light = central_picture(problem)?;
         let [rows, columns, side] = [height, width, self.side].map(|n| n as u32);
         let args = table_start::Args { height: rows, width: columns, side, share: (1.0 / exposure) as f32 };
         let mut phases = vec![0.0; self.frames * height * width];
@@ -138,22 +141,23 @@ pub(super) fn beginning(
     Ok(Some(Beginning { phases: table.phases(problem, exposure)?, exposure, progress: PROGRESS }))
 }
 
-/// What a pupil as wide as the eyebox sees in focus, over the light that the SLM has there: the mean of all views on its pixels, linear
-/// light.
-fn mean_view(problem: &Problem) -> Result<Vec<f32>, EngineError> {
+/// What a pupil in the middle of the eyebox sees in focus, over the light that the SLM has there: on its pixels, linear light.
+fn central_picture(problem: &Problem) -> Result<Vec<f32>, EngineError> {
     let pyramid = on_host(&problem.pyramid)?;
     let (optics, grid) = (problem.optics, problem.padding.grid(problem.optics));
     let level = &pyramid.levels[0];
     let [top, left] = [(grid.height - optics.height) / 2, (grid.width - optics.width) / 2];
-    let unit = pyramid.scale / 65535.0 / pyramid.count as f32;
+    let [x, y] = problem.center.map(|at| -at);
+    let seen = problem.views.coverage(&Pupil { x, y, diameter: PUPIL * problem.eyebox, depth: 0.0 });
+    let unit = f64::from(pyramid.scale) / 65535.0;
     let mut light = vec![0.0; optics.height * optics.width];
-    light.par_chunks_exact_mut(optics.width).enumerate().for_each(|(y, line)| {
-        let mut sums = vec![0u32; line.len()];
-        for view in level.views.chunks_exact(level.height * level.width) {
-            let values = &view[(top + y) * level.width + left..][..line.len()];
-            sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += u32::from(*value));
+    light.par_chunks_exact_mut(optics.width).enumerate().for_each(|(row, line)| {
+        for (view, share) in &seen {
+            let of_view = &level.views[view * level.height * level.width..][..level.height * level.width];
+            let values = &of_view[(top + row) * level.width + left..][..line.len()];
+            let share = (share * unit) as f32;
+            line.iter_mut().zip(values).for_each(|(sum, value)| *sum += share * f32::from(*value));
         }
-        line.iter_mut().zip(sums).for_each(|(light, sum)| *light = sum as f32 * unit);
     });
     if let Some(modulated) = problem.model.as_ref().and_then(|model| model.modulated()) {
         let lit = modulated.iter().map(|amplitude| (amplitude * amplitude).max(DARKEST));
