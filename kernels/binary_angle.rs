@@ -28,13 +28,6 @@ fn value(bits: u16) -> f32 {
     f32::from(bits as i16) * UNIT
 }
 
-/// The phase of the angle that lies so far (0 to 1) between two others, the shorter way round.
-#[inline(always)]
-pub(crate) fn between([from, to]: [u16; 2], part: f32) -> f32 {
-    let turn = f32::from(to.wrapping_sub(from) as i16);
-    value(from.wrapping_add((part * turn).round_ties_even() as i16 as u16))
-}
-
 /// The angles nearest to these phases.
 pub fn pack(phases: &[f32]) -> Vec<u16> {
     phases.iter().map(|phase| bits(*phase)).collect()

@@ -23,6 +23,9 @@
 #define CHIRP_BEGIN 0
 #define CHIRP_FILTER 1
 #define CHIRP_END 2
+#define START_LEVELS 17
+#define START_BEND 4
+#define START_COARSER 2
 #define ENCODE_POWER 0
 #define ENCODE_EVEN 1
 #define ENCODE_ROWS 0

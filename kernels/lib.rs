@@ -7,7 +7,8 @@
 //!
 //! This room imports nothing from the runtime.
 //! [`kernels!`] lists them. [`encode`] and [`pixels`], which belong to a display and not to a step, stand beside the list, and so do
-//! [`decode_views`] and [`halve_views`], which belong to what an application gives.
+//! [`decode_views`] and [`halve_views`], which belong to what an application gives, and [`pupil_light`] and [`table_start`], which belong
+//! to what a solve begins with.
 
 pub mod adam;
 pub mod apply_factor;
@@ -43,6 +44,7 @@ pub mod pass_pupil;
 pub mod photograph;
 pub mod pixels;
 pub mod project;
+pub mod pupil_light;
 pub mod quantise;
 pub mod regression;
 pub mod relay;

@@ -3,7 +3,7 @@
 
 use crate::{
     BATCH, SUM_WIDTH, TILE, TILE_THREADS, WIDTH, binary_angle, compare, decode_views, encode, energy, equalise_eyebox,
-    exposure, fft_plan, photograph, trig,
+    exposure, fft_plan, photograph, table_start, trig,
 };
 use std::fmt::Write;
 
@@ -34,6 +34,9 @@ pub fn glsl() -> String {
         ("CHIRP_BEGIN", fft_plan::CHIRP_BEGIN),
         ("CHIRP_FILTER", fft_plan::CHIRP_FILTER),
         ("CHIRP_END", fft_plan::CHIRP_END),
+        ("START_LEVELS", table_start::LEVELS as u32),
+        ("START_BEND", table_start::BEND as u32),
+        ("START_COARSER", table_start::COARSER as u32),
         ("ENCODE_POWER", encode::POWER),
         ("ENCODE_EVEN", encode::EVEN),
         ("ENCODE_ROWS", encode::ROWS),

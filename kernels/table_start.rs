@@ -1,21 +1,23 @@
 //! First phases by a table: for each pixel and sub-frame the phase that the table has for the pixel's brightness, between two of its
-//! levels, and for the pixel's place in a tile that repeats over the SLM. Nothing is transformed.
+//! levels, and for the pixel's place in a tile that repeats over the SLM. Nothing is transformed. In whole numbers, so that every
+//! engine has the same.
 
-use crate::{binary_angle, simd};
 use bytemuck::{Pod, Zeroable};
 
 /// Brightnesses that a table has phases for. 1 is the light that every place of the eyebox has if the SLM's is spread evenly.
 pub const LEVELS: usize = 17;
-/// The last of them; what is brighter is shown so.
-pub const BRIGHTEST: f32 = 1.4;
-/// Below `BEND` levels are `1 / FINE` apart, above it `1 / COARSE`.
-const BEND: f32 = 0.2;
-const FINE: f32 = 20.0;
-const COARSE: f32 = 10.0;
+/// Where levels part: below this one they are 0.05 apart, from it on
+pub const BEND: usize = 4;
+/// so many times that. What is brighter than the last is shown as that.
+pub const COARSER: usize = 2;
+/// Brightness from one level to the next below the bend.
+const FINE: f64 = 0.05;
+/// Units of a level.
+const UNIT: u32 = 65_536;
 
-/// Sizes, and what brings a picture to the table's brightness.
+/// Sizes, and what brings light to levels.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct Args {
     /// Rows of the SLM.
     pub height: u32,
@@ -23,80 +25,110 @@ pub struct Args {
     pub width: u32,
     /// Pixels along a side of the tile.
     pub side: u32,
-    /// Brightness of the light 1: one over the exposure.
-    pub share: f32,
+    /// The first sub-frame that is looked up, of those that the table has,
+    pub first: u32,
+    /// and how many are.
+    pub frames: u32,
+    /// Light times this,
+    pub factor: u32,
+    /// moved down by so many bits (1 to 63), is its place among levels that are all as fine, in units of 1 / 65536.
+    pub shift: u32,
+    /// Whether all pixels have the same light.
+    pub evenly_lit: u32,
+    /// Values from one sub-frame to the next where the phases are written.
+    pub stride: u32,
+    /// Whether they are binary angles there.
+    pub angles: u32,
+}
+
+impl Args {
+    /// The same for pictures whose light of 2^32 is so bright.
+    #[must_use]
+    pub fn brightness(self, of_all: f64) -> Self {
+        // A positive number of ordinary size, so that its exponent is one.
+        let factor = (of_all / FINE * f64::from(UNIT) / 2f64.powi(32)).clamp(2f64.powi(-30), 2f64.powi(29));
+        let exponent = factor.log2().floor() as i32 + 1;
+        let mantissa = (factor * 2f64.powi(32 - exponent)).min(f64::from(u32::MAX));
+        Self { factor: mantissa as u32, shift: (32 - exponent) as u32, ..self }
+    }
 }
 
 /// The brightness of a level.
-pub fn level(at: usize) -> f32 {
-    let bend = (BEND * FINE) as usize;
-    if at < bend { at as f32 / FINE } else { BEND + (at - bend) as f32 / COARSE }
+pub fn level(at: usize) -> f64 {
+    let coarse = at.saturating_sub(BEND);
+    FINE * (at + (COARSER - 1) * coarse) as f64
 }
 
-/// The level below a brightness, and how far it is from there to the next, 0 to 1.
+/// What a pixel needs more of light because it has so much, over an even SLM's: in units of 1 / 65536, at most 65535.
+pub fn need(lit: f32) -> u32 {
+    (UNIT as f32 / lit).min(u32::MAX as f32) as u32
+}
+
+/// `a * b`, moved down by so many bits, at most 2^31.
 #[inline(always)]
-fn place(light: f32, share: f32) -> (usize, f32) {
-    let brightness = (light * share).clamp(0.0, BRIGHTEST);
-    let at = if brightness < BEND { brightness * FINE } else { BEND * FINE + (brightness - BEND) * COARSE };
-    let below = (at as usize).min(LEVELS - 2);
-    (below, at - below as f32)
+fn product(a: u32, b: u32, shift: u32) -> u32 {
+    ((u64::from(a) * u64::from(b)) >> shift).min(1 << 31) as u32
 }
 
-/// From `table` (side, side, levels), binary angles, and `light` (height, width) to `phases` (height, width), radians in -pi .. pi:
-/// whole binary angles. One sub-frame.
-pub fn table_start(args: &Args, table: &[u16], light: &[f32], phases: &mut [f32]) {
+/// The level below a light, and how far it is from there to the next.
+#[inline(always)]
+fn place(args: &Args, light: u32, need: Option<&u32>) -> (usize, u32) {
+    let (bend, end) = (BEND as u32 * UNIT, (LEVELS as u32 - 1) * UNIT);
+    let even = product(light, args.factor, args.shift);
+    let at = need.map_or(even, |need| product(even, *need, 16));
+    let at = if at < bend { at } else { bend + (at - bend) / COARSER as u32 }.min(end);
+    let below = (at / UNIT).min(LEVELS as u32 - 2);
+    (below as usize, at - below * UNIT)
+}
+
+/// From `light` (height, width), [`need`]s (the same, or none) and `table` (side, side, levels), binary angles, to `angles` (height,
+/// width), binary angles. One sub-frame.
+pub fn table_start(args: &Args, light: &[u32], needs: Option<&[u32]>, table: &[u16], angles: &mut [u16]) {
     let [width, side] = [args.width, args.side].map(|n| n as usize);
-    let lines = light.chunks_exact(width).zip(phases.chunks_exact_mut(width));
-    for (y, (light, phases)) in lines.enumerate() {
+    for (y, (light, angles)) in light.chunks_exact(width).zip(angles.chunks_exact_mut(width)).enumerate() {
         let row = &table[y % side * side * LEVELS..][..side * LEVELS];
-        simd(
-            #[inline(always)]
-            || {
-                for (x, (light, phase)) in light.iter().zip(phases).enumerate() {
-                    let (below, part) = place(*light, args.share);
-                    let angles = &row[x % side * LEVELS + below..][..2];
-                    *phase = binary_angle::between([angles[0], angles[1]], part);
-                }
-            },
-        );
+        let needs = needs.map(|needs| &needs[y * width..][..width]);
+        for (x, (light, angle)) in light.iter().zip(angles).enumerate() {
+            let (below, part) = place(args, *light, needs.map(|needs| &needs[x]));
+            let both = &row[x % side * LEVELS + below..][..2];
+            let turn = i32::from(both[1].wrapping_sub(both[0]) as i16);
+            let by = (turn * part as i32 + 32_768) >> 16;
+            *angle = both[0].wrapping_add(by as u16);
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::f32::consts::PI;
-    use std::f64::consts::TAU;
 
-    /// Against float64: levels, the way from one to the next across the turn's end, the tile, and what is too dark or too bright.
+    /// Against float64: levels, the way from one to the next across the turn's end, the tile, what is too dark or too bright, and pixels
+    /// with less light.
     #[test]
-    fn phases_lie_between_those_of_two_levels() {
+    fn angles_lie_between_those_of_two_levels() {
         let (height, width, side) = (7, 9, 4);
         let table: Vec<u16> = (0..side * side * LEVELS).map(|i| (i * 26_881 % 65_536) as u16).collect();
-        let light: Vec<f32> = (0..height * width).map(|i| (i * 37 % 97) as f32 / 97.0 * 1.2 - 0.05).collect();
-        let args = Args { height: height as u32, width: width as u32, side: side as u32, share: 1.6 };
-        let mut phases = vec![0.0; height * width];
-        table_start(&args, &table, &light, &mut phases);
-        let levels: Vec<f64> = (0..LEVELS).map(|at| f64::from(level(at))).collect();
-        assert!((levels[4] - 0.2).abs() < 1e-6 && (levels[16] - 1.4).abs() < 1e-6, "{levels:?}");
-        for (i, (light, phase)) in light.iter().zip(&phases).enumerate() {
-            let (y, x) = (i / width, i % width);
-            let wanted = (f64::from(*light) * 1.6).clamp(0.0, 1.4);
-            let below = (0..LEVELS - 1).rev().find(|at| levels[*at] <= wanted + 1e-7).unwrap();
-            let part = (wanted - levels[below]) / (levels[below + 1] - levels[below]);
-            let at = (y % side * side + x % side) * LEVELS + below;
-            let turns = [table[at], table[at + 1]].map(|angle| f64::from(angle) / 65_536.0);
-            let step = turns[1] - turns[0];
-            let step = if step >= 0.5 {
-                step - 1.0
-            } else if step < -0.5 {
-                step + 1.0
-            } else {
-                step
-            };
-            let off = (turns[0] + part * step) - f64::from(*phase) / TAU;
-            assert!((off - off.round()).abs() < 2e-5, "{i}: {off}");
-            assert!((-PI..=PI).contains(phase));
+        let light: Vec<u32> = (0..height * width).map(|i| (i * 37 % 97) as u32 * 44_278_013).collect();
+        let needs: Vec<u32> = (0..height * width).map(|i| need(0.2 + (i % 5) as f32 / 4.0)).collect();
+        let sizes = Args { height: height as u32, width: width as u32, side: side as u32, ..Args::zeroed() };
+        let levels: Vec<f64> = (0..LEVELS).map(level).collect();
+        assert!((levels[4] - 0.2).abs() < 1e-9 && (levels[16] - 1.4).abs() < 1e-9, "{levels:?}");
+        for (bright, needs) in [(1.9, None), (1e-3, None), (700.0, None), (1e9, None), (1.0, Some(&needs[..]))] {
+            let args = sizes.brightness(bright);
+            let mut angles = vec![0; height * width];
+            table_start(&args, &light, needs, &table, &mut angles);
+            for (i, (light, angle)) in light.iter().zip(&angles).enumerate() {
+                let (y, x) = (i / width, i % width);
+                let lit = needs.map_or(1.0, |needs| 65_536.0 / f64::from(needs[i]));
+                let wanted = (f64::from(*light) / 2f64.powi(32) * bright / lit).min(1.4);
+                let below = (0..LEVELS - 1).rev().find(|at| levels[*at] <= wanted + 1e-9).unwrap();
+                let part = (wanted - levels[below]) / (levels[below + 1] - levels[below]);
+                let at = (y % side * side + x % side) * LEVELS + below;
+                let step = f64::from(table[at + 1].wrapping_sub(table[at]) as i16);
+                let off = f64::from(table[at]) + part * step - f64::from(*angle);
+                let off = off - 65_536.0 * (off / 65_536.0).round();
+                assert!(off.abs() < 1.6, "{bright}, {i}: {off}");
+            }
         }
     }
 }

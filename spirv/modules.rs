@@ -43,11 +43,13 @@ modules! {
     PROJECT = "project", PROJECT_HALF = "project_half";
     PROJECT_ROWS = "project_rows", PROJECT_ROWS_HALF = "project_rows_half";
     PROJECT_TILES = "project_tiles", PROJECT_TILES_HALF = "project_tiles_half";
+    PUPIL_LIGHT = "pupil_light";
     QUANTISE = "quantise";
     RELAY = "relay";
     RESAMPLE = "resample";
     RETURN_PUPIL = "return_pupil", RETURN_PUPIL_HALF = "return_pupil_half";
     SUBPIXELS = "subpixels", SUBPIXELS_HALF = "subpixels_half";
+    TABLE_START = "table_start";
     TAPER = "taper";
     TRANSFER = "transfer";
     TURN = "turn", TURN_HALF = "turn_half";

@@ -1,44 +1,70 @@
 #!/usr/bin/env python3
-"""Measures what a solve gains by beginning from a table's phases: mean and worst PSNR over 24 random pupils by number of steps.
+"""Measures what a solve gains by beginning from a table's phases: mean and worst PSNR over 24 random pupils by number of steps, for
+several scenes, then for one scene on displays with faults, with a source and with few sub-frames.
 
     cargo build --release && tools/first_phases.py target/release/eyebox docs/results/first-phases.json
 """
 import json
+import pathlib
 import re
 import subprocess
 import sys
 import tempfile
 
+from solver_and_model import HEAD, TERMS, WEAK, model
+
 SCENES = ["still-life", "still-life-bright", "dense-grass", "chart", "points", "plane?depth=6"]
 STEPS = [0, 1, 5, 10, 60]
 SIZE = "256x256"
+SCENE = SCENES[0]
+HEAD_256 = HEAD.replace("[128, 128]", "[256, 256]")
+DISPLAYS = {
+    "no fault": "",
+    "weak crosstalk": model({"crosstalk": WEAK}),
+    **{name: model({name: TERMS[name]}) for name in ["crosstalk", "fill", "source", "undiffracted", "wavefront"]},
+    "all faults": model(TERMS),
+    "light-emitting diode": '\n[source.green]\nkind = "led"\n',
+    "eye of -0.1 D": "\n[prescription]\nsphere = -0.1\n",
+}
+FEW = [1, 2, 4]
 
 
-def measure(program, folder, scene, first_phases, steps):
+def measure(program, scene, how):
     """Solves and scores one hologram: [mean, worst], dB."""
-    out = f"{folder}/{first_phases}-{steps}.zarr"
-    how = ["--size", SIZE, "--color", "green", "--engine", "cpu", "--steps", str(steps), "--first-phases", first_phases]
-    subprocess.run([program, "solve", scene, *how, "-o", out], check=True, capture_output=True)
-    score = [program, "score", out, "--pupils", "random:24", "--engine", "cpu", "--json"]
-    found = json.loads(subprocess.run(score, check=True, capture_output=True, text=True).stdout)["psnr_db"]
+    with tempfile.TemporaryDirectory() as folder:
+        out = f"{folder}/solved.zarr"
+        solve = [program, "solve", scene, "--color", "green", "--engine", "cpu", *map(str, how), "-o", out]
+        subprocess.run(solve, check=True, capture_output=True)
+        score = [program, "score", out, "--pupils", "random:24", "--engine", "cpu", "--json"]
+        found = json.loads(subprocess.run(score, check=True, capture_output=True, text=True).stdout)["psnr_db"]
     return [round(found["mean"], 2), round(found["worst"], 2)]
+
+
+def compare(program, about, scene, how):
+    """One row: both beginnings, by number of steps."""
+    row = {**about}
+    for begin in ["random", "table"]:
+        row[begin] = {str(n): measure(program, scene, [*how, "--steps", n, "--first-phases", begin]) for n in STEPS}
+        print(*about.values(), begin, row[begin], flush=True)
+    return row
 
 
 def main():
     program, file = sys.argv[1:]
-    rows = []
-    for name in SCENES:
-        scene = f"builtin:{name}"
-        with tempfile.TemporaryDirectory() as folder:
-            row = {"scene": scene}
-            for first_phases in ["random", "table"]:
-                row[first_phases] = {str(n): measure(program, folder, scene, first_phases, n) for n in STEPS}
-                print(scene, first_phases, row[first_phases], flush=True)
-            rows.append(row)
+    rows = [compare(program, {"scene": f"builtin:{name}"}, f"builtin:{name}", ["--size", SIZE]) for name in SCENES]
+    scene = f"builtin:{SCENE}"
+    with tempfile.TemporaryDirectory() as folder:
+        display = pathlib.Path(folder, "display.toml")
+        for name, faults in DISPLAYS.items():
+            display.write_text(HEAD_256 + faults)
+            rows.append(compare(program, {"display": name}, scene, ["--display", display]))
+        display.write_text(HEAD_256)
+        for frames in FEW:
+            rows.append(compare(program, {"frames": frames}, scene, ["--display", display, "--frames", frames]))
     about = {"size": SIZE, "frames": 8, "color": "green", "pupils": "random:24", "db": "mean and worst PSNR by steps"}
-    text = json.dumps({"about": about, "rows": rows})
+    text = json.dumps({"about": {**about, "scene": scene}, "rows": rows})
     with open(file, "w", encoding="utf-8") as out:
-        out.write(re.sub(r', "rows": \[|(?<=\}), (?=\{"scene)', lambda m: m.group(0).strip() + "\n  ", text) + "\n")
+        out.write(re.sub(r', "rows": \[|(?<=\}), (?=\{"(scene|display|frames))', lambda m: m.group(0).strip() + "\n  ", text) + "\n")
 
 
 if __name__ == "__main__":

@@ -35,11 +35,16 @@ FULL = {"bench, weak crosstalk": {**TERMS, "crosstalk": WEAK}, "bench": TERMS}
 SIGMAS = (1, 1.5, 2.03, 3, 5, 10, 50)
 
 
+def model(terms):
+    """The section of a display file that has these terms."""
+    value = lambda v: "{ %s }" % ", ".join(f"{k} = {n}" for k, n in v.items()) if isinstance(v, dict) else json.dumps(v)
+    lines = "".join(f"{name} = {value(v)}\n" for name, v in terms.items())
+    return f"\n[model.green]\n{lines}" if terms else ""
+
+
 def display(terms):
     """A display file with these terms."""
-    value = lambda v: "{ %s }" % ", ".join(f"{k} = {n}" for k, n in v.items()) if isinstance(v, dict) else json.dumps(v)
-    model = "".join(f"{name} = {value(v)}\n" for name, v in terms.items())
-    return HEAD + (f"\n[model.green]\n{model}" if terms else "")
+    return HEAD + model(terms)
 
 
 def run(*words):

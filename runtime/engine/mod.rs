@@ -9,6 +9,7 @@
 mod choose;
 pub mod cpu;
 mod handover;
+mod look_up;
 mod stoppable;
 mod taking;
 mod threads;
@@ -24,6 +25,7 @@ pub use crate::plan::{
 };
 pub use choose::{Backend, Choice, open, reason};
 pub use handover::{At, Handover};
+pub use look_up::LookUp;
 pub(crate) use stoppable::Stoppable;
 pub use taking::{Begun, Taken};
 #[cfg(feature = "window")]
@@ -31,6 +33,7 @@ pub(crate) use threads::pool;
 pub use threads::prepare_threads;
 
 use crate::scene::Pyramid;
+use eyebox_kernels::binary_angle;
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
@@ -154,6 +157,14 @@ pub trait Engine: Send {
     /// # Errors
     /// Nothing was kept; a lost device.
     fn restore(&mut self) -> Result<(), EngineError>;
+
+    /// Fills the phases by a table, from the views that were taken last.
+    ///
+    /// # Errors
+    /// Another number of phases; a lost device.
+    fn look_up(&mut self, of: &LookUp) -> Result<(), EngineError> {
+        self.write(Buffer::Phases, &binary_angle::unpack(&of.angles()?))
+    }
 
     /// Makes [`Buffer::Momentum`] and [`Buffer::Second`] zero, as far as the shape has them.
     ///

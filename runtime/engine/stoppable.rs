@@ -1,6 +1,6 @@
 //! An engine that takes no more work once its user stops: long jobs end at their next list, wherever they are.
 
-use super::{Begun, Buffer, Engine, EngineError, Memory, PhasesOnDevice, Shape, Step, Storage, Taken, Timing};
+use super::{Begun, Buffer, Engine, EngineError, LookUp, Memory, PhasesOnDevice, Shape, Step, Storage, Taken, Timing};
 use crate::scene::Pyramid;
 use std::ops::Range;
 use std::sync::Arc;
@@ -65,6 +65,10 @@ impl Engine for Stoppable<'_> {
 
     fn restore(&mut self) -> Result<(), EngineError> {
         self.engine.restore()
+    }
+
+    fn look_up(&mut self, of: &LookUp) -> Result<(), EngineError> {
+        self.engine.look_up(of)
     }
 
     fn clear_moments(&mut self) -> Result<(), EngineError> {

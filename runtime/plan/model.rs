@@ -3,7 +3,7 @@
 use super::mask::MaskTables;
 use super::{Buffer, ModelParts};
 use crate::optics::{Color, Display, DisplayModel, Geometry, Optics, Pupil, SourceMode};
-use eyebox_kernels::{Complex32, modulate_mask};
+use eyebox_kernels::{Complex32, modulate_mask, table_start};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::{Arc, OnceLock};
@@ -36,6 +36,7 @@ pub struct ModelTables {
     crosstalk: Vec<f32>,
     offsets: OnceLock<Vec<f32>>,
     relay: OnceLock<Vec<f32>>,
+    needs: OnceLock<Arc<[u32]>>,
 }
 
 /// Of what is looked at: less than float32 does.
@@ -100,9 +101,15 @@ impl ModelTables {
     }
 
     /// The amplitude of the light that each pixel modulates, over an SLM's that is lit evenly and modulates all; none where it is 1.
-    pub(crate) fn modulated(&self) -> Option<&[f32]> {
+    fn modulated(&self) -> Option<&[f32]> {
         let count = self.slm.height * self.slm.width;
         self.parts().drives.then(|| &self.pixels()[count..2 * count])
+    }
+
+    /// What each pixel needs more of light because it has so much ([`table_start::need`]); none where all have the same.
+    pub(crate) fn needs(&self) -> Option<Arc<[u32]>> {
+        let all = self.modulated()?.iter().map(|amplitude| table_start::need(amplitude * amplitude));
+        Some(Arc::clone(self.needs.get_or_init(|| all.collect())))
     }
 
     /// How many modes that is.
@@ -136,6 +143,7 @@ impl ModelTables {
             pixels: OnceLock::new(),
             offsets: OnceLock::new(),
             relay: OnceLock::new(),
+            needs: OnceLock::new(),
             ..*self
         })
     }
@@ -172,7 +180,7 @@ impl ModelTables {
         let weights = model.crosstalk_weights(rows, columns, model.subpixels, error);
         let reach = weights.as_ref().map(|axes| [axes[0].reach, axes[1].reach]);
         let crosstalk = weights.iter().flatten().flat_map(|axis| &axis.values).map(|v| *v as f32).collect();
-        let (pixels, offsets, relay, root, variance_left) = Default::default();
+        let (pixels, offsets, relay, needs, root, variance_left) = Default::default();
         let (whole, at) = ([slm.height, slm.width], [0, 0]);
         Self {
             model,
@@ -192,6 +200,7 @@ impl ModelTables {
             crosstalk,
             offsets,
             relay,
+            needs,
         }
     }
 

@@ -2,7 +2,7 @@
 //!
 //! A phase-only SLM makes a place dark by sending its light where no pupil looks, and even by choosing the phases of all sub-frames
 //! together. Both depend on the display and on how bright the place is, not on the scene: they are solved once, for seventeen
-//! brightnesses, on a tile that repeats over the SLM. A picture's phases are then looked up ([`table_start`]) without a transform, and
+//! brightnesses, on a tile that repeats over the SLM. A picture's phases are then looked up ([`table_start`](eyebox_kernels::table_start)) without a transform, and
 //! every pupil in the eyebox sees the picture at once. For one plane and one brightness these are optimized random phases (A.
 //! Velez-Zea, J. F. Barrera-Ramirez and R. Torroba, Optics Letters 43, 2018).
 
@@ -18,12 +18,13 @@ use super::outcome::{Flow, Progress};
 use super::problem::Problem;
 use super::settings::{FirstPhases, Settings};
 use super::solver::Beginning;
-use crate::engine::{EngineError, on_host};
+use crate::engine::{EngineError, LookUp};
 use crate::optics::{Geometry, Optics, Pupil};
-use eyebox_kernels::table_start::{self, LEVELS, table_start};
+use eyebox_kernels::table_start::{self, LEVELS};
+use eyebox_kernels::{binary_angle, pupil_light};
 use kept::Levels;
 use made_by::{MadeBy, SIDE};
-use rayon::prelude::*;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Tiles along each side of an SLM from which on it has a table: a smaller one is solved sooner than its table is fitted.
@@ -33,8 +34,6 @@ const UNSTEPPED: f64 = 1.3;
 /// Diameter of the pupil whose picture is looked up, over the eyebox: a wider one blurs what is off the SLM's plane, a narrower one shows
 /// all others its own perspective (measured).
 const PUPIL: f64 = 0.7;
-/// Least light of the source at a pixel, over its mean, that a picture is divided by.
-const DARKEST: f32 = 1e-3;
 /// Place in its schedule at which a solve begins from a table: its phases are nearly right and want smaller steps (measured).
 const PROGRESS: f64 = 0.4;
 
@@ -44,7 +43,7 @@ pub struct StartTable {
     frames: usize,
     side: usize,
     /// (sub-frames, side, side, levels), binary angles.
-    angles: Vec<u16>,
+    angles: Arc<[u16]>,
 }
 
 impl StartTable {
@@ -89,7 +88,49 @@ impl StartTable {
             let of_level = angles.iter_mut().skip(at).step_by(LEVELS);
             of_level.zip(level.iter().flatten()).for_each(|(to, angle)| *to = *angle);
         }
-        Self { frames, side, angles }
+        Self { frames, side, angles: angles.into() }
+    }
+
+    /// Looks the first phases of the scene of `problem` up for an exposure.
+    pub(super) fn look_up(&self, problem: &Problem, exposure: f64) -> LookUp {
+        let (optics, grid) = (problem.optics, problem.padding.grid(problem.optics));
+        let [top, left] = [(grid.height - optics.height) / 2, (grid.width - optics.width) / 2];
+        let [height, width, line] = [optics.height, optics.width, grid.width].map(|n| n as u32);
+        let [x, y] = problem.center.map(|at| -at);
+        let seen = problem.views.coverage(&Pupil { x, y, diameter: PUPIL * problem.eyebox, depth: 0.0 });
+        let place = pupil_light::Args {
+            height,
+            width,
+            line,
+            first: (top * grid.width + left) as u32,
+            stride: (grid.height * grid.width) as u32,
+            from: 0,
+            begin: 0,
+            end: seen.len() as u32,
+            adds: 0,
+        };
+        let args = table_start::Args {
+            height,
+            width,
+            side: self.side as u32,
+            first: 0,
+            frames: self.frames as u32,
+            factor: 0,
+            shift: 0,
+            evenly_lit: 1,
+            stride: height * width,
+            angles: 1,
+        };
+        // Light of all views at full scale, over the 2^32 that the factor is for.
+        let full = f64::from(problem.pyramid.scale) / 65_535.0 * 65_536.0;
+        LookUp {
+            table: Arc::clone(&self.angles),
+            views: Arc::clone(&problem.pyramid),
+            shares: pupil_light::shares(&seen),
+            place,
+            args: args.brightness(full / exposure),
+            needs: problem.model.as_ref().and_then(|model| model.needs()),
+        }
     }
 
     /// First phases (sub-frames, height, width) of the scene of `problem` for an exposure, radians in -pi .. pi.
@@ -97,15 +138,7 @@ impl StartTable {
     /// # Errors
     /// [`EngineError`] if the scene's light is on a device that does not answer.
     pub fn phases(&self, problem: &Problem, exposure: f64) -> Result<Vec<f32>, EngineError> {
-        let (height, width) = (problem.optics.height, problem.optics.width);
-        let light = central_picture(problem)?;
-        let [rows, columns, side] = [height, width, self.side].map(|n| n as u32);
-        let args = table_start::Args { height: rows, width: columns, side, share: (1.0 / exposure) as f32 };
-        let mut phases = vec![0.0; self.frames * height * width];
-        let tile = self.side * self.side * LEVELS;
-        let frames = phases.par_chunks_mut(height * width).zip(self.angles.par_chunks(tile));
-        frames.for_each(|(phases, angles)| table_start(&args, angles, &light, phases));
-        Ok(phases)
+        Ok(binary_angle::unpack(&self.look_up(problem, exposure).angles()?))
     }
 }
 
@@ -141,31 +174,6 @@ pub(super) fn beginning(
     Ok(Some(Beginning { phases: table.phases(problem, exposure)?, exposure, progress: PROGRESS }))
 }
 
-/// What a pupil in the middle of the eyebox sees in focus, over the light that the SLM has there: on its pixels, linear light.
-fn central_picture(problem: &Problem) -> Result<Vec<f32>, EngineError> {
-    let pyramid = on_host(&problem.pyramid)?;
-    let (optics, grid) = (problem.optics, problem.padding.grid(problem.optics));
-    let level = &pyramid.levels[0];
-    let [top, left] = [(grid.height - optics.height) / 2, (grid.width - optics.width) / 2];
-    let [x, y] = problem.center.map(|at| -at);
-    let seen = problem.views.coverage(&Pupil { x, y, diameter: PUPIL * problem.eyebox, depth: 0.0 });
-    let unit = f64::from(pyramid.scale) / 65535.0;
-    let mut light = vec![0.0; optics.height * optics.width];
-    light.par_chunks_exact_mut(optics.width).enumerate().for_each(|(row, line)| {
-        for (view, share) in &seen {
-            let of_view = &level.views[view * level.height * level.width..][..level.height * level.width];
-            let values = &of_view[(top + row) * level.width + left..][..line.len()];
-            let share = (share * unit) as f32;
-            line.iter_mut().zip(values).for_each(|(sum, value)| *sum += share * f32::from(*value));
-        }
-    });
-    if let Some(modulated) = problem.model.as_ref().and_then(|model| model.modulated()) {
-        let lit = modulated.iter().map(|amplitude| (amplitude * amplitude).max(DARKEST));
-        light.iter_mut().zip(lit).for_each(|(light, lit)| *light /= lit);
-    }
-    Ok(light)
-}
-
 #[cfg(test)]
 impl StartTable {
     /// A table of fewer steps than usual.
@@ -178,6 +186,6 @@ impl StartTable {
 
     /// The table of a tile whose phases are all zero.
     pub(crate) fn even(frames: usize) -> Self {
-        Self { frames, side: 1, angles: vec![0; frames * LEVELS] }
+        Self { frames, side: 1, angles: vec![0; frames * LEVELS].into() }
     }
 }

@@ -181,12 +181,14 @@ impl Refiner {
         self.engine.clear_moments()
     }
 
-    /// The phases that a table has for the scene.
+    /// Goes on with the phases that a table has for the scene, as [`restart`](Self::restart) does.
     ///
     /// # Errors
-    /// Those of [`StartTable::phases`].
-    pub fn looked_up(&self, table: &StartTable) -> Result<Vec<f32>, EngineError> {
-        table.phases(&self.problem, self.exposure)
+    /// Those of the engine.
+    pub fn look_up(&mut self, table: &StartTable) -> Result<(), EngineError> {
+        self.settle()?;
+        self.engine.look_up(&table.look_up(&self.problem, self.exposure))?;
+        self.forget()
     }
 
     /// Other phases of the same hologram, which [`begin_again`](Self::begin_again) comes back to from now on.

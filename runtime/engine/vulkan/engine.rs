@@ -2,13 +2,14 @@
 
 use super::super::taking::State;
 use super::super::{
-    Begun, Buffer, Dispatch, Engine, EngineError, Kernel, Memory, Purpose, Resource, Shape, Step, Storage, Taken,
-    Timing, misfit, not_kept, not_under_way, nothing_kept, promise,
+    Begun, Buffer, Dispatch, Engine, EngineError, Kernel, LookUp, Memory, Purpose, Resource, Shape, Step, Storage,
+    Taken, Timing, misfit, not_kept, not_under_way, nothing_kept, promise,
 };
 use super::check::check;
 use super::fft::Transform;
 use super::flight::{Flight, Guarded, Verdict};
 use super::layout::{Arenas, Layout, Slot, Value, pupil_pass_buffer, slots};
+use super::look_up::Tables;
 use super::record::{Hazards, Stack, Stacks, Work};
 use super::views::Views;
 use crate::gpu::{Block, Commands, DeviceKind, Gpu, IN_FLIGHT, PhasesOnDevice, add};
@@ -24,9 +25,11 @@ use std::time::Instant;
 /// Runs lists of kernels on a Vulkan device.
 pub struct VulkanEngine {
     // Dropped in this order: the device last.
-    stacks: Stacks,
+    pub(super) stacks: Stacks,
     /// Phases that are kept.
     kept: Option<Stack>,
+    /// Of the first phases that were looked up last.
+    pub(super) tables: Option<Tables>,
     pub(super) arenas: Arenas,
     /// Lists in flight, in turn, and the last of them.
     pub(super) flights: [Flight; IN_FLIGHT],
@@ -55,6 +58,7 @@ impl VulkanEngine {
         Ok(Self {
             stacks: Stacks::default(),
             kept: None,
+            tables: None,
             arenas: Arenas::default(),
             flights: Default::default(),
             at: 0,
@@ -343,7 +347,7 @@ impl Engine for VulkanEngine {
         }
         // What was there goes first: both may not fit.
         self.gpu.recorder.idle()?;
-        (self.stacks, self.kept) = (Stacks::default(), None);
+        (self.stacks, self.kept, self.tables) = (Stacks::default(), None, None);
         (self.arenas, self.views) = (Arenas::default(), None);
         self.slots.clear();
         self.written.clear();
@@ -437,6 +441,10 @@ impl Engine for VulkanEngine {
         self.gpu.recorder.copy(&kept.block, &phases.block, [(0, 0, phases.layout.bytes())]);
         self.fill_moments();
         self.gpu.recorder.submit("beginning again").map(drop)
+    }
+
+    fn look_up(&mut self, of: &LookUp) -> Result<(), EngineError> {
+        self.look_up_here(of)
     }
 
     fn clear_moments(&mut self) -> Result<(), EngineError> {

@@ -21,6 +21,7 @@ mod flight;
 #[cfg(test)]
 mod guard_tests;
 mod layout;
+mod look_up;
 mod prepare;
 #[cfg(test)]
 mod pretend;

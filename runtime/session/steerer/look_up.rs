@@ -54,9 +54,8 @@ impl Steerer {
             color.unfit = false;
             let Some(table) = &color.table else { continue };
             let refiner = &mut color.refiner;
-            let looked_up = refiner.looked_up(table)?;
             let (kept, before) = (refiner.loss()?, refiner.phases()?);
-            refiner.restart(&looked_up)?;
+            refiner.look_up(table)?;
             followed.looks += 2;
             if kept < refiner.loss()? {
                 refiner.go_on_with(&before)?;
@@ -76,8 +75,7 @@ impl Steerer {
         for color in &mut self.colors {
             color.unfit = false;
             let Some(table) = &color.table else { continue };
-            let looked_up = color.refiner.looked_up(table)?;
-            color.refiner.restart(&looked_up)?;
+            color.refiner.look_up(table)?;
         }
         Ok(())
     }

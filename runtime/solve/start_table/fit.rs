@@ -66,7 +66,7 @@ impl MadeBy {
             padding: Padding::default(),
             views: ViewGrid { rows: 1, columns: 1, cell: problem.eyebox },
             center: [0.0; 2],
-            pyramid: Arc::new(Pyramid::new(&[vec![level(at); side * side]], side, side)),
+            pyramid: Arc::new(Pyramid::new(&[vec![level(at) as f32; side * side]], side, side)),
             // With an efficiency of one the exposure is 1, whatever the picture.
             mean: 1.0,
             share: 1.0,

@@ -1,0 +1,105 @@
+//! What a pupil sees in focus, on the SLM's pixels: the views in it, each by its share. In whole numbers, so that every engine has the
+//! same.
+
+use bytemuck::{Pod, Zeroable};
+use rayon::prelude::*;
+
+/// What the shares of all views in a pupil add up to: full light in all of them fits 32 bits.
+pub const WHOLE: u32 = 65_536;
+
+/// A view and its share.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+pub struct Share {
+    /// Which one.
+    pub view: u32,
+    /// Of [`WHOLE`].
+    pub weight: u32,
+}
+
+/// Where the SLM lies in the views.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+pub struct Args {
+    /// Rows of the SLM.
+    pub height: u32,
+    /// Columns of the SLM.
+    pub width: u32,
+    /// Values from one row of a view to the next.
+    pub line: u32,
+    /// Where the SLM's first pixel lies in a view.
+    pub first: u32,
+    /// Values from one view to the next.
+    pub stride: u32,
+    /// The view that those that are bound begin with.
+    pub from: u32,
+    /// The first share that counts.
+    pub begin: u32,
+    /// The one behind the last.
+    pub end: u32,
+    /// Whether light is added to what is there.
+    pub adds: u32,
+}
+
+/// Shares of [`WHOLE`] by shares of 1: rounded, and the largest takes what that leaves.
+pub fn shares(parts: &[(usize, f64)]) -> Vec<Share> {
+    let whole = |part: f64| (part * f64::from(WHOLE)).round() as u32;
+    let mut all: Vec<Share> =
+        parts.iter().map(|(view, part)| Share { view: *view as u32, weight: whole(*part) }).collect();
+    let sum: i64 = all.iter().map(|share| i64::from(share.weight)).sum();
+    if let Some(largest) = all.iter_mut().max_by_key(|share| share.weight) {
+        largest.weight = (i64::from(largest.weight) + i64::from(WHOLE) - sum).clamp(0, i64::from(WHOLE)) as u32;
+    }
+    all
+}
+
+/// `views` to `light` (height, width).
+pub fn pupil_light(args: &Args, views: &[u16], shares: &[Share], light: &mut [u32]) {
+    let width = args.width as usize;
+    light.par_chunks_exact_mut(width).enumerate().for_each(|(row, light)| {
+        if args.adds == 0 {
+            light.fill(0);
+        }
+        for share in &shares[args.begin as usize..args.end as usize] {
+            let at = args.first as usize
+                + row * args.line as usize
+                + (share.view - args.from) as usize * args.stride as usize;
+            let values = &views[at..][..width];
+            light.iter_mut().zip(values).for_each(|(sum, v)| *sum = sum.wrapping_add(share.weight * u32::from(*v)));
+        }
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Shares add up to the whole, whatever they round to, and each view is seen by its own.
+    #[test]
+    fn is_the_mean_of_the_views_by_their_shares() {
+        for count in [1, 3, 7, 81] {
+            let parts: Vec<(usize, f64)> = (0..count).map(|i| (i, 1.0 / count as f64)).collect();
+            assert_eq!(shares(&parts).iter().map(|share| share.weight).sum::<u32>(), WHOLE);
+        }
+        let shares = shares(&[(0, 0.3), (2, 0.7)]);
+        let (height, width, line) = (3, 4, 6);
+        let views: Vec<u16> = (0..3 * 5 * line).map(|i| (i * 7919 % 65_536) as u16).collect();
+        let args = Args { height, width, line, first: line + 1, stride: 5 * line, from: 0, begin: 0, end: 2, adds: 0 };
+        let mut light = vec![7; (height * width) as usize];
+        pupil_light(&args, &views, &shares, &mut light);
+        for (i, sum) in light.iter().enumerate() {
+            let at = (i as u32 / width + 1) * line + i as u32 % width + 1;
+            let value = |view: u32| f64::from(views[(view * 5 * line + at) as usize]);
+            let wanted = 0.3 * value(0) + 0.7 * value(2);
+            assert!((f64::from(*sum) / f64::from(WHOLE) - wanted).abs() < 1.1, "{i}");
+        }
+        let once = light.clone();
+        pupil_light(&Args { begin: 1, adds: 1, ..args }, &views, &shares, &mut light);
+        pupil_light(&Args { end: 1, ..args }, &views, &shares, &mut light);
+        pupil_light(&Args { begin: 1, adds: 1, ..args }, &views, &shares, &mut light);
+        assert_eq!(light, once);
+        let full = vec![u16::MAX; views.len()];
+        pupil_light(&args, &full, &shares, &mut light);
+        assert!(light.iter().all(|sum| *sum == u32::from(u16::MAX) * WHOLE));
+    }
+}

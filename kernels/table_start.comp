@@ -1,0 +1,72 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+#include "constants.glsl"
+#include "binary_angle.glsl"
+
+// First phases by a table: see table_start.rs. Whole numbers but for the last product, which is exact: every device has the same.
+// x: words of two pixels (strided), y: sub-frames (strided).
+
+layout(local_size_x = WIDTH) in;
+layout(std430, binding = 0) readonly buffer Light { uint light[]; };
+// Of each pixel one over the light that it has, in units of 1 / 65536; anything where evenly_lit is not 0.
+layout(std430, binding = 1) readonly buffer Needs { uint needs[]; };
+// Binary angles (sub-frames, side, side, levels), two in a word.
+layout(std430, binding = 2) readonly buffer Table { uint table[]; };
+layout(std430, binding = 3) writeonly buffer Phases { uint phases[]; };
+
+layout(push_constant) uniform Args {
+    // The first sub-frame of the dispatch in the table, and how many it has.
+    uint height, width, side, first, frames;
+    // What brings light to levels: light * factor >> shift, in units of 1 / 65536 of a fine level.
+    uint factor, shift;
+    uint evenly_lit;
+    // Values from one sub-frame to the next, an even number; whether they are binary angles.
+    uint stride, angles;
+};
+
+const uint BEND = START_BEND << 16, END = (START_LEVELS - 1) << 16;
+
+// (high, low) >> by, for by from 1 to 63, at most 2^31.
+uint shifted(uint high, uint low, uint by) {
+    uint shifted = by >= 32 ? high >> (by - 32) : high << (32 - by) | low >> by;
+    bool is_more = by < 32 && (high >> by) != 0;
+    return is_more ? 0x80000000u : min(shifted, 0x80000000u);
+}
+
+// The place of a pixel's light among the levels.
+uint place(uint i) {
+    uint high, low;
+    umulExtended(light[i], factor, high, low);
+    uint at = shifted(high, low, shift);
+    if (evenly_lit == 0) {
+        umulExtended(at, needs[i], high, low);
+        at = shifted(high, low, 16);
+    }
+    return min(at < BEND ? at : BEND + (at - BEND) / START_COARSER, END);
+}
+
+uint angle_of(uint frame, uint i) {
+    uint at = place(i), below = min(at >> 16, START_LEVELS - 2);
+    uint entry = (((first + frame) * side + i / width % side) * side + i % width % side) * START_LEVELS + below;
+    int from = int((table[entry >> 1] >> ((entry & 1u) << 4)) & 0xffffu);
+    uint next = entry + 1;
+    int to = int((table[next >> 1] >> ((next & 1u) << 4)) & 0xffffu);
+    int turn = ((to - from) << 16) >> 16;
+    return uint(from + ((turn * int(at - (below << 16)) + 32768) >> 16)) & 0xffffu;
+}
+
+void main() {
+    uint pixels = height * width, step_size = gl_NumWorkGroups.x * WIDTH;
+    for (uint frame = gl_WorkGroupID.y; frame < frames; frame += gl_NumWorkGroups.y) {
+        for (uint word = gl_GlobalInvocationID.x; word < (pixels + 1) / 2; word += step_size) {
+            uint i = 2 * word, at = frame * stride + i;
+            uint low = angle_of(frame, i), high = i + 1 < pixels ? angle_of(frame, i + 1) : 0;
+            if (angles != 0) {
+                phases[at / 2] = low | high << 16;
+                continue;
+            }
+            phases[at] = floatBitsToUint(angle_value(low));
+            if (i + 1 < pixels) phases[at + 1] = floatBitsToUint(angle_value(high));
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! First phases by a table, on whatever engine holds the phases.
+
+use super::EngineError;
+use crate::scene::Pyramid;
+use eyebox_kernels::pupil_light::{self, Share, pupil_light};
+use eyebox_kernels::table_start::{self, LEVELS, table_start};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// A table, and the picture whose phases are looked up in it.
+#[derive(Debug, Clone)]
+pub struct LookUp {
+    /// Binary angles (sub-frames, side, side, levels).
+    pub table: Arc<[u16]>,
+    /// The views, which an engine that runs them has already.
+    pub views: Arc<Pyramid>,
+    /// Which of them are seen, each by its share.
+    pub shares: Vec<Share>,
+    /// Where the SLM lies in the views, as the host has them.
+    pub place: pupil_light::Args,
+    /// Sizes and brightness, of phases as the host has them.
+    pub args: table_start::Args,
+    /// What each pixel [needs](table_start::need) because it has other light; none where all have the same.
+    pub needs: Option<Arc<[u32]>>,
+}
+
+impl LookUp {
+    /// The phases (sub-frames, height, width), binary angles, on the host.
+    ///
+    /// # Errors
+    /// Views on a device that does not answer.
+    pub fn angles(&self) -> Result<Vec<u16>, EngineError> {
+        let views = super::on_host(&self.views)?;
+        let pixels = (self.args.height * self.args.width) as usize;
+        let mut light = vec![0; pixels];
+        pupil_light(&self.place, &views.levels[0].views, &self.shares, &mut light);
+        let mut angles = vec![0; self.args.frames as usize * pixels];
+        let tile = (self.args.side * self.args.side) as usize * LEVELS;
+        let frames = angles.par_chunks_mut(pixels).zip(self.table.par_chunks(tile));
+        frames.for_each(|(angles, table)| table_start(&self.args, &light, self.needs.as_deref(), table, angles));
+        Ok(angles)
+    }
+}
