@@ -24,7 +24,7 @@ fn bits(phase: f32) -> u16 {
 
 /// The phase of an angle, -pi .. pi.
 #[inline(always)]
-fn value(bits: u16) -> f32 {
+pub(crate) fn value(bits: u16) -> f32 {
     f32::from(bits as i16) * UNIT
 }
 

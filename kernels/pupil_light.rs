@@ -1,6 +1,7 @@
 //! What a pupil sees in focus, on the SLM's pixels: the views in it, each by its share. In whole numbers, so that every engine has the
 //! same.
 
+use crate::simd;
 use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
 
@@ -65,7 +66,15 @@ pub fn pupil_light(args: &Args, views: &[u16], shares: &[Share], light: &mut [u3
                 + row * args.line as usize
                 + (share.view - args.from) as usize * args.stride as usize;
             let values = &views[at..][..width];
-            light.iter_mut().zip(values).for_each(|(sum, v)| *sum = sum.wrapping_add(share.weight * u32::from(*v)));
+            simd(
+                #[inline(always)]
+                || {
+                    light
+                        .iter_mut()
+                        .zip(values)
+                        .for_each(|(sum, v)| *sum = sum.wrapping_add(share.weight * u32::from(*v)))
+                },
+            );
         }
     });
 }

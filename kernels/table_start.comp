@@ -24,7 +24,7 @@ layout(push_constant) uniform Args {
     uint stride, angles;
 };
 
-const uint BEND = START_BEND << 16, END = (START_LEVELS - 1) << 16;
+const uint BEND = START_BEND << 16, END = ((START_LEVELS - 1) << 16) - 1;
 
 // (high, low) >> by, for by from 1 to 63, at most 2^31.
 uint shifted(uint high, uint low, uint by) {
@@ -46,13 +46,13 @@ uint place(uint i) {
 }
 
 uint angle_of(uint frame, uint i) {
-    uint at = place(i), below = min(at >> 16, START_LEVELS - 2);
-    uint entry = (((first + frame) * side + i / width % side) * side + i % width % side) * START_LEVELS + below;
+    uint at = place(i);
+    uint entry = (((first + frame) * side + i / width % side) * side + i % width % side) * START_LEVELS + (at >> 16);
     int from = int((table[entry >> 1] >> ((entry & 1u) << 4)) & 0xffffu);
     uint next = entry + 1;
     int to = int((table[next >> 1] >> ((next & 1u) << 4)) & 0xffffu);
     int turn = ((to - from) << 16) >> 16;
-    return uint(from + ((turn * int(at - (below << 16)) + 32768) >> 16)) & 0xffffu;
+    return uint(from + ((turn * int(at & 0xffffu) + 32768) >> 16)) & 0xffffu;
 }
 
 void main() {

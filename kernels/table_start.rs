@@ -2,6 +2,7 @@
 //! levels, and for the pixel's place in a tile that repeats over the SLM. Nothing is transformed. In whole numbers, so that every
 //! engine has the same.
 
+use crate::{binary_angle, simd};
 use bytemuck::{Pod, Zeroable};
 
 /// Brightnesses that a table has phases for. 1 is the light that every place of the eyebox has if the SLM's is spread evenly.
@@ -70,30 +71,44 @@ fn product(a: u32, b: u32, shift: u32) -> u32 {
     ((u64::from(a) * u64::from(b)) >> shift).min(1 << 31) as u32
 }
 
-/// The level below a light, and how far it is from there to the next.
+/// Where a light lies among the levels: in the high half the level below, in the low half the way from there to the next.
 #[inline(always)]
-fn place(args: &Args, light: u32, need: Option<&u32>) -> (usize, u32) {
+fn place(args: &Args, light: u32, need: Option<u32>) -> u32 {
     let (bend, end) = (BEND as u32 * UNIT, (LEVELS as u32 - 1) * UNIT);
     let even = product(light, args.factor, args.shift);
-    let at = need.map_or(even, |need| product(even, *need, 16));
-    let at = if at < bend { at } else { bend + (at - bend) / COARSER as u32 }.min(end);
-    let below = (at / UNIT).min(LEVELS as u32 - 2);
-    (below as usize, at - below * UNIT)
+    let at = need.map_or(even, |need| product(even, need, 16));
+    let at = if at < bend { at } else { bend + (at - bend) / COARSER as u32 };
+    at.min(end - 1)
 }
 
-/// From `light` (height, width), [`need`]s (the same, or none) and `table` (side, side, levels), binary angles, to `angles` (height,
-/// width), binary angles. One sub-frame.
-pub fn table_start(args: &Args, light: &[u32], needs: Option<&[u32]>, table: &[u16], angles: &mut [u16]) {
+/// Where each pixel's light lies among the levels, for [`table_start`]: from `light` (height, width) and [`need`]s (the same, or none).
+/// It is the same in all sub-frames.
+pub fn places(args: &Args, light: &[u32], needs: Option<&[u32]>, places: &mut [u32]) {
+    simd(
+        #[inline(always)]
+        || match needs {
+            Some(needs) => {
+                let both = light.iter().zip(needs).zip(places);
+                both.for_each(|((light, need), at)| *at = place(args, *light, Some(*need)));
+            }
+            None => light.iter().zip(places).for_each(|(light, at)| *at = place(args, *light, None)),
+        },
+    );
+}
+
+/// From [`places`] (height, width) and `table` (side, side, levels), binary angles, to `phases` (height, width), radians in -pi .. pi:
+/// whole binary angles. One sub-frame.
+pub fn table_start(args: &Args, places: &[u32], table: &[u16], phases: &mut [f32]) {
     let [width, side] = [args.width, args.side].map(|n| n as usize);
-    for (y, (light, angles)) in light.chunks_exact(width).zip(angles.chunks_exact_mut(width)).enumerate() {
+    for (y, (places, phases)) in places.chunks_exact(width).zip(phases.chunks_exact_mut(width)).enumerate() {
         let row = &table[y % side * side * LEVELS..][..side * LEVELS];
-        let needs = needs.map(|needs| &needs[y * width..][..width]);
-        for (x, (light, angle)) in light.iter().zip(angles).enumerate() {
-            let (below, part) = place(args, *light, needs.map(|needs| &needs[x]));
-            let both = &row[x % side * LEVELS + below..][..2];
-            let turn = i32::from(both[1].wrapping_sub(both[0]) as i16);
-            let by = (turn * part as i32 + 32_768) >> 16;
-            *angle = both[0].wrapping_add(by as u16);
+        for (places, phases) in places.chunks(side).zip(phases.chunks_mut(side)) {
+            for ((at, phase), levels) in places.iter().zip(phases).zip(row.chunks_exact(LEVELS)) {
+                let (below, part) = ((at >> 16) as usize, at & 0xffff);
+                let turn = i32::from(levels[below + 1].wrapping_sub(levels[below]) as i16);
+                let by = (turn * part as i32 + 32_768) >> 16;
+                *phase = binary_angle::value(levels[below].wrapping_add(by as u16));
+            }
         }
     }
 }
@@ -105,7 +120,7 @@ mod tests {
     /// Against float64: levels, the way from one to the next across the turn's end, the tile, what is too dark or too bright, and pixels
     /// with less light.
     #[test]
-    fn angles_lie_between_those_of_two_levels() {
+    fn phases_lie_between_those_of_two_levels() {
         let (height, width, side) = (7, 9, 4);
         let table: Vec<u16> = (0..side * side * LEVELS).map(|i| (i * 26_881 % 65_536) as u16).collect();
         let light: Vec<u32> = (0..height * width).map(|i| (i * 37 % 97) as u32 * 44_278_013).collect();
@@ -115,9 +130,10 @@ mod tests {
         assert!((levels[4] - 0.2).abs() < 1e-9 && (levels[16] - 1.4).abs() < 1e-9, "{levels:?}");
         for (bright, needs) in [(1.9, None), (1e-3, None), (700.0, None), (1e9, None), (1.0, Some(&needs[..]))] {
             let args = sizes.brightness(bright);
-            let mut angles = vec![0; height * width];
-            table_start(&args, &light, needs, &table, &mut angles);
-            for (i, (light, angle)) in light.iter().zip(&angles).enumerate() {
+            let (mut at, mut phases) = (vec![0; height * width], vec![0.0; height * width]);
+            places(&args, &light, needs, &mut at);
+            table_start(&args, &at, &table, &mut phases);
+            for (i, (light, phase)) in light.iter().zip(&phases).enumerate() {
                 let (y, x) = (i / width, i % width);
                 let lit = needs.map_or(1.0, |needs| 65_536.0 / f64::from(needs[i]));
                 let wanted = (f64::from(*light) / 2f64.powi(32) * bright / lit).min(1.4);
@@ -125,7 +141,7 @@ mod tests {
                 let part = (wanted - levels[below]) / (levels[below + 1] - levels[below]);
                 let at = (y % side * side + x % side) * LEVELS + below;
                 let step = f64::from(table[at + 1].wrapping_sub(table[at]) as i16);
-                let off = f64::from(table[at]) + part * step - f64::from(*angle);
+                let off = f64::from(table[at]) + part * step - f64::from(*phase) / std::f64::consts::TAU * 65_536.0;
                 let off = off - 65_536.0 * (off / 65_536.0).round();
                 assert!(off.abs() < 1.6, "{bright}, {i}: {off}");
             }

@@ -25,19 +25,20 @@ pub struct LookUp {
 }
 
 impl LookUp {
-    /// The phases (sub-frames, height, width), binary angles, on the host.
+    /// The phases (sub-frames, height, width), radians in -pi .. pi: whole binary angles, computed on the host.
     ///
     /// # Errors
     /// Views on a device that does not answer.
-    pub fn angles(&self) -> Result<Vec<u16>, EngineError> {
+    pub fn phases(&self) -> Result<Vec<f32>, EngineError> {
         let views = super::on_host(&self.views)?;
         let pixels = (self.args.height * self.args.width) as usize;
-        let mut light = vec![0; pixels];
+        let (mut light, mut places) = (vec![0; pixels], vec![0; pixels]);
         pupil_light(&self.place, &views.levels[0].views, &self.shares, &mut light);
-        let mut angles = vec![0; self.args.frames as usize * pixels];
+        table_start::places(&self.args, &light, self.needs.as_deref(), &mut places);
+        let mut phases = vec![0.0; self.args.frames as usize * pixels];
         let tile = (self.args.side * self.args.side) as usize * LEVELS;
-        let frames = angles.par_chunks_mut(pixels).zip(self.table.par_chunks(tile));
-        frames.for_each(|(angles, table)| table_start(&self.args, &light, self.needs.as_deref(), table, angles));
-        Ok(angles)
+        let frames = phases.par_chunks_mut(pixels).zip(self.table.par_chunks(tile));
+        frames.for_each(|(phases, table)| table_start(&self.args, &places, table, phases));
+        Ok(phases)
     }
 }

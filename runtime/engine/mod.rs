@@ -33,7 +33,6 @@ pub(crate) use threads::pool;
 pub use threads::prepare_threads;
 
 use crate::scene::Pyramid;
-use eyebox_kernels::binary_angle;
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
@@ -163,7 +162,7 @@ pub trait Engine: Send {
     /// # Errors
     /// Another number of phases; a lost device.
     fn look_up(&mut self, of: &LookUp) -> Result<(), EngineError> {
-        self.write(Buffer::Phases, &binary_angle::unpack(&of.angles()?))
+        self.write(Buffer::Phases, &of.phases()?)
     }
 
     /// Makes [`Buffer::Momentum`] and [`Buffer::Second`] zero, as far as the shape has them.

@@ -1,6 +1,7 @@
 //! A solve: what it begins with, and then its steps.
 
 use super::error::SolveError;
+use super::method::Method;
 use super::outcome::{Flow, Progress, Solution, Warm};
 use super::problem::Problem;
 use super::settings::Settings;
@@ -37,6 +38,9 @@ pub fn solve_from(
 ) -> Result<Solution, SolveError> {
     settings.check()?;
     problem.check_eye(settings)?;
+    let of_table = (settings.method == Method::Table).then(|| settings.as_of_table(problem)).transpose()?;
+    let settings = of_table.as_ref().unwrap_or(settings);
+    let from = from.filter(|_| of_table.is_none());
     let start = Instant::now();
     let mut begin = |exposure: f64, observe: &mut dyn FnMut(&Progress) -> Flow| {
         start_table::beginning(problem, &settings.as_computed(), exposure, start, observe)

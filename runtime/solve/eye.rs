@@ -25,9 +25,8 @@ impl Problem {
             return Ok(());
         }
         let method = settings.method;
-        if method.is_stft() || !method.is_iterative() {
-            let right =
-                "one that looks through pupils (slfh, lf2fs, stft-exact, smooth, pupil-aware) to serve a prescription";
+        if !method.looks_through_pupils() {
+            let right = "one that looks through pupils (slfh, lf2fs, stft-exact, smooth, pupil-aware, table) to serve a prescription";
             return Err(SolveError::Setting { what: "the method", value: method.name().into(), right });
         }
         let whole = matches!(method, Method::Lf2fs | Method::Smooth | Method::PupilAware);

@@ -7,7 +7,7 @@ use crate::optics::Display;
 
 /// Refuses a mask that the method knows nothing of.
 pub(super) fn check(has_mask: bool, method: Method) -> Result<(), SolveError> {
-    if has_mask && (method.is_stft() || !method.is_iterative()) {
+    if has_mask && !method.looks_through_pupils() {
         let right = "one that looks through pupils (slfh, lf2fs, stft-exact, smooth, pupil-aware) for a mask in front of the SLM";
         return Err(SolveError::Setting { what: "the method", value: method.name().into(), right });
     }

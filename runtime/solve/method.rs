@@ -26,11 +26,13 @@ pub enum Method {
     Dpac,
     /// A focal stack, and light evened out over the eyebox (Chakravarthula et al. 2022).
     PupilAware,
+    /// The first phases of [`Slfh`](Self::Slfh), from a table, and no step ([`StartTable`](super::StartTable)).
+    Table,
 }
 
 impl Method {
     /// All of them, the runtime's own first.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Slfh,
         Self::Lf2fs,
         Self::Stft,
@@ -39,11 +41,13 @@ impl Method {
         Self::Smooth,
         Self::Dpac,
         Self::PupilAware,
+        Self::Table,
     ];
 
     /// The name by which it is chosen.
     pub fn name(self) -> &'static str {
-        ["slfh", "lf2fs", "stft", "stft-unfiltered", "stft-exact", "smooth", "dpac", "pupil-aware"][self as usize]
+        ["slfh", "lf2fs", "stft", "stft-unfiltered", "stft-exact", "smooth", "dpac", "pupil-aware", "table"]
+            [self as usize]
     }
 
     /// The method of this name.
@@ -62,6 +66,7 @@ impl Method {
             "Smooth phase",
             "Double phase",
             "Pupil-aware",
+            "Table",
         ][self as usize]
     }
 
@@ -78,6 +83,9 @@ impl Method {
             Self::Smooth => "Photographs through the whole eyebox at random focus, from constant phase.",
             Self::Dpac => "The central view with its depth, each complex value written as two phases; closed form.",
             Self::PupilAware => "Photographs through the whole eyebox, and light evened out over the eyebox.",
+            Self::Table => {
+                "Phases that a table of the display has for each pixel's brightness: no step, for pupils anywhere in the eyebox."
+            }
         }
     }
 
@@ -102,15 +110,24 @@ impl Method {
             Self::Dpac => {
                 "Maimone, Georgiou, Kollin: Holographic Near-eye Displays for Virtual and Augmented Reality, SIGGRAPH 2017"
             }
+            Self::Table => {
+                "For one plane and brightness: Velez-Zea, Barrera-Ramirez, Torroba: Optimized random phase only holograms, Optics Letters 2018"
+            }
             Self::PupilAware => {
                 "Chakravarthula, Baek, Schiffers, Tseng, Kuo, Maimone, Matsuda, Cossairt, Lanman, Heide: Pupil-aware Holography, SIGGRAPH Asia 2022"
             }
         }
     }
 
-    /// Whether it takes steps; the others are closed forms.
+    /// Whether it takes steps; the others have their phases at once.
     pub fn is_iterative(self) -> bool {
-        self != Self::Dpac
+        !matches!(self, Self::Dpac | Self::Table)
+    }
+
+    /// Whether what it solves for are pupils, whatever light fills them: of a source of several modes, through a mask, behind a
+    /// prescription.
+    pub(super) fn looks_through_pupils(self) -> bool {
+        !matches!(self, Self::Stft | Self::StftUnfiltered | Self::Dpac)
     }
 
     /// Whether all sub-frames come out alike, so that one is enough to compute.

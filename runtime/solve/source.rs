@@ -21,8 +21,8 @@ pub(super) fn check(modes: &[SourceMode], settings: &Settings) -> Result<(), Sol
         let right = "a number that sources which take turns divide, where sub-frames repeat";
         return Err(SolveError::Setting { what: "the number of solved sub-frames", value: solved.to_string(), right });
     }
-    if !modes.is_empty() && (method.is_stft() || !method.is_iterative()) {
-        let right = "one that looks through pupils (slfh, lf2fs, stft-exact, smooth, pupil-aware) for a source of several modes";
+    if !modes.is_empty() && !method.looks_through_pupils() {
+        let right = "one that looks through pupils (slfh, lf2fs, stft-exact, smooth, pupil-aware, table) for a source of several modes";
         return Err(SolveError::Setting { what: "the method", value: method.name().into(), right });
     }
     Ok(())

@@ -20,8 +20,8 @@ use super::settings::{FirstPhases, Settings};
 use super::solver::Beginning;
 use crate::engine::{EngineError, LookUp};
 use crate::optics::{Geometry, Optics, Pupil};
+use eyebox_kernels::pupil_light;
 use eyebox_kernels::table_start::{self, LEVELS};
-use eyebox_kernels::{binary_angle, pupil_light};
 use kept::Levels;
 use made_by::{MadeBy, SIDE};
 use std::sync::Arc;
@@ -48,16 +48,21 @@ pub struct StartTable {
 
 impl StartTable {
     /// Whether a display has tables. In the far field no tile of the SLM is like another, a mask's pixels are not the SLM's, and sources
-    /// that are switched serve a part of the eyebox each. A small SLM needs none.
+    /// that are switched serve a part of the eyebox each.
+    fn exists(problem: &Problem) -> bool {
+        let Optics { geometry, mask_factor, .. } = problem.optics;
+        geometry == Geometry::Relay && mask_factor <= 1 && problem.choice.is_none() && problem.regions.is_empty()
+    }
+
+    /// Whether what is solved for a display begins by a table if nothing else is asked for: it has one, and is not so small that
+    /// it needs none.
     pub fn fits(problem: &Problem) -> bool {
-        let Optics { geometry, mask_factor, height, width, .. } = problem.optics;
-        let is_whole = problem.choice.is_none() && problem.regions.is_empty();
-        geometry == Geometry::Relay && mask_factor <= 1 && is_whole && height.min(width) >= FEWEST_TILES * SIDE
+        Self::exists(problem) && problem.optics.height.min(problem.optics.width) >= FEWEST_TILES * SIDE
     }
 
     /// The table of a display's color for so many sub-frames: the one that the user's cache keeps, or else fitted and kept. `observe`
     /// is told the share that is fitted; if it answers false, the fit ends, what it has is kept, and goes on from there the next time.
-    /// None if no table [fits](Self::fits), or the fit was ended.
+    /// None if the display has no table, or the fit was ended.
     ///
     /// The same display has the same table, whatever engine uses it.
     ///
@@ -68,7 +73,7 @@ impl StartTable {
         frames: usize,
         observe: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Option<Self>, SolveError> {
-        if !Self::fits(problem) {
+        if !Self::exists(problem) {
             return Ok(None);
         }
         let made_by = MadeBy::of(problem, frames);
@@ -91,8 +96,8 @@ impl StartTable {
         Self { frames, side, angles: angles.into() }
     }
 
-    /// Looks the first phases of the scene of `problem` up for an exposure.
-    pub(super) fn look_up(&self, problem: &Problem, exposure: f64) -> LookUp {
+    /// The look-up of the first phases of the scene of `problem` for an exposure, which an [engine](crate::engine::Engine::look_up) makes.
+    pub fn look_up(&self, problem: &Problem, exposure: f64) -> LookUp {
         let (optics, grid) = (problem.optics, problem.padding.grid(problem.optics));
         let [top, left] = [(grid.height - optics.height) / 2, (grid.width - optics.width) / 2];
         let [height, width, line] = [optics.height, optics.width, grid.width].map(|n| n as u32);
@@ -138,7 +143,7 @@ impl StartTable {
     /// # Errors
     /// [`EngineError`] if the scene's light is on a device that does not answer.
     pub fn phases(&self, problem: &Problem, exposure: f64) -> Result<Vec<f32>, EngineError> {
-        Ok(binary_angle::unpack(&self.look_up(problem, exposure).angles()?))
+        self.look_up(problem, exposure).phases()
     }
 }
 
@@ -146,8 +151,21 @@ impl Settings {
     /// Whether a solve by these settings begins by a table, which is for pupils anywhere in the eyebox and for phases of one color.
     pub(super) fn may_begin_by_table(&self, problem: &Problem) -> bool {
         let is_own = self.method == Method::Slfh && self.joint.is_none() && self.motion.is_still();
-        let by_table = self.first_phases == FirstPhases::Table && StartTable::fits(problem);
-        by_table && is_own
+        match self.first_phases {
+            FirstPhases::Table if self.steps == 0 => is_own && StartTable::exists(problem),
+            FirstPhases::Table => is_own && StartTable::fits(problem),
+            FirstPhases::Random => false,
+        }
+    }
+
+    /// These for phases of the table alone ([`Method::Table`]).
+    pub(super) fn as_of_table(&self, problem: &Problem) -> Result<Self, SolveError> {
+        let of_table = Self { method: Method::Slfh, first_phases: FirstPhases::Table, steps: 0, ..self.clone() };
+        if !of_table.may_begin_by_table(problem) {
+            let right = "another for the far field, for colors that share their sub-frames, for switched sources, and behind a mask";
+            return Err(SolveError::Setting { what: "the method", value: self.method.name().into(), right });
+        }
+        Ok(of_table)
     }
 }
 
@@ -169,7 +187,10 @@ pub(super) fn beginning(
         let progress = Progress { pilot: None, fitting, step: 0, steps, seconds, loss: f64::NAN, validation: None };
         observe(&progress) == Flow::Continue
     })?;
-    let Some(table) = table else { return Ok(None) };
+    let Some(table) = table else {
+        // Its fit was ended. Steps would go on from random phases; without any those are no hologram.
+        return if steps == 0 { Err(EngineError::Stopped.into()) } else { Ok(None) };
+    };
     let exposure = if steps == 0 { UNSTEPPED * exposure } else { exposure };
     Ok(Some(Beginning { phases: table.phases(problem, exposure)?, exposure, progress: PROGRESS }))
 }

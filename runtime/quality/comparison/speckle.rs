@@ -27,9 +27,9 @@ pub(super) const EFFICIENCY: f64 = 0.4;
 /// Solves that one method takes.
 pub(crate) const SOLVES: usize = GROUPS * COUNTS[COUNTS.len() - 1] + REPEATS * COUNTS.len();
 
-/// Whether a method's frames differ from seed to seed: smooth phase has no speckle to average.
+/// Whether a method's frames differ from seed to seed: smooth phase has no speckle to average, a table no seed.
 pub(crate) fn has_speckle(method: Method) -> bool {
-    !matches!(method, Method::Smooth | Method::Dpac)
+    !matches!(method, Method::Smooth | Method::Dpac | Method::Table)
 }
 
 /// Measures one method; none once `went`, which is called after every solve, says no.

@@ -18,6 +18,9 @@ pub fn start_tables(
 ) -> Result<Vec<Option<Arc<StartTable>>>, SessionError> {
     let count = colors.len() as f64;
     let one = |(at, color): (usize, &SteeredColor)| {
+        if !StartTable::fits(&color.problem) {
+            return Ok(None);
+        }
         let mut observe = |share: f64| observe((at as f64 + share) / count);
         Ok(StartTable::of(&color.problem, color.frames(), &mut observe)?.map(Arc::new))
     };

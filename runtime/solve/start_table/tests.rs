@@ -7,7 +7,7 @@ use crate::engine::cpu::CpuEngine;
 use crate::optics::{Color, Display, DisplayModel, Geometry, Optics, Padding, Pupil, Spread};
 use crate::plan::ModelTables;
 use crate::scene::{self, Pyramid, Request, ViewGrid};
-use crate::solve::{FirstPhases, Method, Problem, Refiner, Settings, Steering, random_phases};
+use crate::solve::{FirstPhases, Method, Problem, Refiner, Settings, SolveError, Steering, random_phases};
 use eyebox_kernels::pupil_light::pupil_light;
 use eyebox_kernels::table_start::{LEVELS, level};
 use std::sync::{Arc, LazyLock};
@@ -96,8 +96,14 @@ fn solves_begin_by_a_table_where_one_fits() {
     ] {
         assert!(!other.may_begin_by_table(&large), "{other:?}");
     }
+    // By itself it is a method, whatever the size.
+    let alone = Settings { method: Method::Table, ..Settings::default() };
+    let asked = alone.as_of_table(problem).unwrap();
+    assert_eq!((asked.method, asked.steps), (Method::Slfh, 0));
+    assert!(asked.may_begin_by_table(problem));
     let far = Problem { optics: Optics { geometry: Geometry::FarField, ..large.optics }, ..large };
     assert!(!StartTable::fits(&far));
+    assert!(matches!(alone.as_of_table(&far), Err(SolveError::Setting { what: "the method", .. })));
 }
 
 /// A fit that is ended goes on where it was, to the same table; a file that is damaged or another display's is none.
