@@ -170,6 +170,20 @@ impl DisplayModel {
         sinc(self.fill * k)
     }
 
+    /// What the pixels' aperture leaves of the light through `pupil`, over that of points, on an SLM with eyeboxes of `eyebox` meters.
+    pub(crate) fn aperture_light(&self, pupil: &Pupil, eyebox: f64) -> f64 {
+        if self.fill == 0.0 {
+            return 1.0;
+        }
+        // A square as wide as the disc's root mean square will do, where light falls off so smoothly.
+        let half = 3f64.sqrt() / 4.0 * pupil.diameter;
+        let along = |center: f64| {
+            let at = |i: i32| self.pixel_sinc((center + half * f64::from(i) / 4.0) / eyebox).powi(2);
+            (-4..=4).map(at).sum::<f64>() / 9.0
+        };
+        along(pupil.x) * along(pupil.y)
+    }
+
     /// The relay's wavefront at (x, y) metres of the pupil plane, in turns of the model's wavelength; `radius` is half the
     /// eyebox of the display's shortest wavelength, metres.
     pub fn wavefront_turns(&self, x: f64, y: f64, radius: f64) -> f64 {

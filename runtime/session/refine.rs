@@ -401,7 +401,6 @@ impl Refining {
         taken.scenes += 1;
         taken.own_starts += u64::from(followed.own);
         taken.kept_starts += u64::from(followed.kept);
-        taken.looked_up_starts += u64::from(followed.looked_up);
         self.shared.taken.store(taken);
         self.looked_ns = self.options.cost.round_ns(followed.looks as usize, || Duration::ZERO);
         self.options.track.span("scene", scene.number, begun);
@@ -447,7 +446,7 @@ impl Refining {
             let moves = Moves { motion: self.options.moments.motion(light_ns, &expected), turn };
             self.steerer.moves(&moves.motion, self.options.moments.times(turn))?;
             time.looked(self.carry(light_ns, &expected.pupil, &moves)?);
-            time.looked(self.fit(&expected.pupil, &moves)?);
+            self.fit(&expected.pupil, &moves)?;
             let taken = self.steerer.round_while(|steps, expected| time.steps_before(deadline_ns, steps, expected))?;
             steps += taken;
             self.options.journal.iter().for_each(|journal| journal.steps(&expected.pupil, &moves, taken));

@@ -107,8 +107,6 @@ pub struct Followed {
     pub own: u32,
     /// Colours that went on with the phases before, though there were others to begin with.
     pub kept: u32,
-    /// Colours that began with the phases that every picture can begin with.
-    pub looked_up: u32,
     /// Losses that were looked at to decide.
     pub looks: u32,
 }

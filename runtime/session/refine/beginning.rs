@@ -29,26 +29,22 @@ impl Refining {
         Ok(looks)
     }
 
-    /// Begins anew where the content is another picture altogether and that loses less: how many losses were looked at.
-    pub(super) fn fit(&mut self, pupil: &PupilDistribution, moves: &Moves) -> Result<u32, SessionError> {
+    /// Begins anew where the content is another picture altogether.
+    pub(super) fn fit(&mut self, pupil: &PupilDistribution, moves: &Moves) -> Result<(), SessionError> {
         if !self.steerer.wants_fit() {
-            return Ok(0);
+            return Ok(());
         }
         let begun = Instant::now();
         if let Some(journal) = &self.options.journal {
             journal.steps(pupil, moves, 0);
             journal.keep(Decision::Fit {});
         }
-        let fitted = self.steerer.fit()?;
-        if fitted.looked_up > 0 {
-            self.options.moments.begun_again();
-        }
+        let looked_up = self.steerer.fit()?;
+        self.options.moments.begun_again();
         let mut taken = self.shared.taken.load();
-        taken.kept_starts += u64::from(fitted.kept);
-        taken.looked_up_starts += u64::from(fitted.looked_up);
+        taken.looked_up_starts += u64::from(looked_up);
         self.shared.taken.store(taken);
-        let what = if fitted.looked_up > 0 { "look-up" } else { "no look-up" };
-        self.options.track.span(what, self.scene.as_ref().map_or(0, |scene| scene.number), begun);
-        Ok(fitted.looks)
+        self.options.track.span("look-up", self.scene.as_ref().map_or(0, |scene| scene.number), begun);
+        Ok(())
     }
 }

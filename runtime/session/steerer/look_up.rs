@@ -1,7 +1,7 @@
 //! What a scene begins with that brings no phases and that the phases before do not fit: those that a table has for it
 //! ([`StartTable`]).
 
-use super::{Followed, SteeredColor, Steerer};
+use super::{SteeredColor, Steerer};
 use crate::engine::EngineError;
 use crate::session::error::SessionError;
 use crate::solve::StartTable;
@@ -46,28 +46,20 @@ impl Steerer {
         self.colors.iter().any(|color| color.unfit)
     }
 
-    /// Colors whose scene is another picture altogether go on with the phases as they are, or with those of the table, whichever lose
-    /// less through the same pupils.
+    /// Colors whose scene is another picture altogether go on with the phases of the table: how many that are. The phases before are not
+    /// compared with them, because two losses take longer than the one step that is worth more (measured).
     ///
     /// # Errors
     /// Those of the engines.
-    pub fn fit(&mut self) -> Result<Followed, EngineError> {
-        let mut followed = Followed::default();
+    pub fn fit(&mut self) -> Result<u32, EngineError> {
+        let mut looked_up = 0;
         for color in self.colors.iter_mut().filter(|color| color.unfit) {
             color.unfit = false;
             let Some(table) = &color.table else { continue };
-            let refiner = &mut color.refiner;
-            let (kept, before) = (refiner.loss()?, refiner.phases()?);
-            refiner.look_up(table)?;
-            followed.looks += 2;
-            if kept < refiner.loss()? {
-                refiner.go_on_with(&before)?;
-                followed.kept += 1;
-            } else {
-                followed.looked_up += 1;
-            }
+            color.refiner.look_up(table)?;
+            looked_up += 1;
         }
-        Ok(followed)
+        Ok(looked_up)
     }
 
     /// Begins with the phases of the table, whatever is lost.

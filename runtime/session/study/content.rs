@@ -151,7 +151,7 @@ pub fn study_content(
     if sets == 0 || steps == 0 || jumps_every == 0 || study.period_ns <= 0 || study.lead_ns < 0 {
         return Err(SessionError::Setting("a study of content has a set, a step and a period at least".into()));
     }
-    let fits = matches!(settings.start, JumpStart::Best | JumpStart::Last);
+    let fits = matches!(settings.start, JumpStart::Table | JumpStart::Last);
     if share(colors) && settings.contents.contains(&StudiedContent::Jumping) && !fits {
         let line = "colours that share their sub-frames have no phases that every picture can begin with: study them from the last ones";
         return Err(SessionError::Setting(line.into()));
@@ -351,8 +351,8 @@ impl<'a> Showing<'a> {
                 let (moved, _) = self.steerer.carry(pixels, lighting, look)?;
                 self.moments.carried(moved);
             }
-            let spent = u64::from(self.begin()?);
-            for _ in spent..rounds {
+            self.begin()?;
+            for _ in 0..rounds {
                 self.steerer.round_while(|_, _| true)?;
             }
             self.steerer.settle()?;

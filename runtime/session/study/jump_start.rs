@@ -7,12 +7,10 @@ use serde::Serialize;
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum JumpStart {
-    /// As a session does: the phases as they are, or those of the table, whichever lose less. Two steps are spent on that.
-    Best,
+    /// As a session does: the phases that a table has for the picture, those as they are where there is none.
+    Table,
     /// The phases as they are.
     Last,
     /// Random phases.
     Random,
-    /// The phases that a table has for the picture.
-    Table,
 }

@@ -32,7 +32,7 @@ pub struct ContentArgs {
     #[arg(long, default_value_t = 15, value_name = "N", requires = "content", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     jumps_every: u32,
     /// With --content: what is begun with after a jump
-    #[arg(long, value_enum, default_value = "best", value_name = "best|last|random|table", requires = "content")]
+    #[arg(long, value_enum, default_value = "table", value_name = "table|last|random", requires = "content")]
     jumps_from: StartName,
     /// With --content: show sets whole, though the display takes several video frames for one, as they else roll there
     #[arg(long, requires = "content")]
@@ -42,14 +42,12 @@ pub struct ContentArgs {
 /// What is begun with after a jump.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum StartName {
-    /// The last phases or those of the table, whichever lose less
-    Best,
+    /// Those of a table that is fitted once for this display, as a session does
+    Table,
     /// The last phases
     Last,
     /// Random phases
     Random,
-    /// Those of a table that is fitted once for this display
-    Table,
 }
 
 /// What content does.
@@ -81,7 +79,6 @@ impl ContentArgs {
             ContentName::Jumping => StudiedContent::Jumping,
         };
         let start = match self.jumps_from {
-            StartName::Best => JumpStart::Best,
             StartName::Last => JumpStart::Last,
             StartName::Random => JumpStart::Random,
             StartName::Table => JumpStart::Table,
@@ -89,7 +86,7 @@ impl ContentArgs {
         // Colours that share their sub-frames go on with the phases that they have.
         let apart = subject.parts.iter().all(|color| color.laser.is_none());
         let jumps = self.content.contains(&ContentName::Jumping) && apart;
-        let wanted = jumps && matches!(start, JumpStart::Best | JumpStart::Table);
+        let wanted = jumps && start == JumpStart::Table;
         let start_tables = if wanted { start_tables(&subject.parts, &mut super::live::fitting())? } else { Vec::new() };
         Ok(ContentSettings {
             start,

@@ -16,28 +16,21 @@ impl ContentRun {
 }
 
 impl Showing<'_> {
-    /// Begins with what is studied, where the content has jumped: how many steps that takes.
-    pub(super) fn begin(&mut self) -> Result<u32, SessionError> {
+    /// Begins with what is studied, where the content has jumped.
+    pub(super) fn begin(&mut self) -> Result<(), SessionError> {
         let jumped = std::mem::take(&mut self.begins);
         match self.frames.settings.start {
-            JumpStart::Best if self.steerer.wants_fit() => {
-                if self.steerer.fit()?.looked_up > 0 {
-                    self.moments.begun_again();
-                }
-                // Two losses that are looked at take a step's time.
-                Ok(2)
-            }
-            JumpStart::Table if jumped => {
-                self.steerer.look_up()?;
-                Ok(0)
+            JumpStart::Table if self.steerer.wants_fit() => {
+                self.steerer.fit()?;
+                self.moments.begun_again();
             }
             JumpStart::Random if jumped => {
                 let one = |(i, color): (usize, &SteeredColor)| random_phases(color.phases.len(), i as u64);
                 let random: Vec<_> = self.frames.colors.iter().enumerate().map(one).collect();
                 self.steerer.begin_with(&random)?;
-                Ok(0)
             }
-            _ => Ok(0),
+            _ => {}
         }
+        Ok(())
     }
 }
