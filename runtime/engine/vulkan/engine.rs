@@ -9,7 +9,7 @@ use super::check::check;
 use super::fft::Transform;
 use super::flight::{Flight, Guarded, Verdict};
 use super::layout::{Arenas, Layout, Slot, Value, pupil_pass_buffer, slots};
-use super::look_up::Tables;
+use super::look_up::{Tables, look_up};
 use super::record::{Hazards, Stack, Stacks, Work};
 use super::views::Views;
 use crate::gpu::{Block, Commands, DeviceKind, Gpu, IN_FLIGHT, PhasesOnDevice, add};
@@ -25,11 +25,11 @@ use std::time::Instant;
 /// Runs lists of kernels on a Vulkan device.
 pub struct VulkanEngine {
     // Dropped in this order: the device last.
-    pub(super) stacks: Stacks,
+    stacks: Stacks,
     /// Phases that are kept.
     kept: Option<Stack>,
     /// Of the first phases that were looked up last.
-    pub(super) tables: Option<Tables>,
+    tables: Option<Tables>,
     pub(super) arenas: Arenas,
     /// Lists in flight, in turn, and the last of them.
     pub(super) flights: [Flight; IN_FLIGHT],
@@ -38,8 +38,8 @@ pub struct VulkanEngine {
     begun: u64,
     pub(super) views: Option<Arc<Views>>,
     /// Sums of the loss on the device.
-    losses: Option<Block>,
-    verdict: Option<Verdict>,
+    pub(super) losses: Option<Block>,
+    pub(super) verdict: Option<Verdict>,
     transforms: Box<dyn Transform + Send>,
     pub(super) shape: Shape,
     /// Where the pupil pass buffers of the last step lie.
@@ -119,25 +119,6 @@ impl VulkanEngine {
             if let Some(block) = self.arenas.block(resource).filter(|_| !data.is_empty()) {
                 layout.write(&mut self.gpu, block, &data)?;
             }
-        }
-        Ok(())
-    }
-
-    /// Makes the losses on the device, what the host sees of them, and the tables large enough for the list that is next; for
-    /// those in flight as well, whose turn comes.
-    pub(super) fn fit_flights(&mut self) -> Result<(), EngineError> {
-        let end = self.flights[self.at].end;
-        if end > self.losses.as_ref().map_or(0, |l| l.size) {
-            self.gpu.recorder.idle()?;
-            self.losses = None;
-            self.losses = Some(self.gpu.block(end.next_power_of_two(), "losses")?);
-        }
-        let size = self.losses.as_ref().map_or(0, |l| l.size);
-        let groups = self.verdict.as_ref().map_or(0, |v| v.groups().size);
-        let tables = self.flights[self.at].tables.need();
-        if self.flights.iter().any(|flight| !flight.fits(size, groups, tables)) {
-            self.gpu.recorder.idle()?;
-            self.flights.iter_mut().try_for_each(|flight| flight.fit(&self.gpu, size, groups, tables))?;
         }
         Ok(())
     }
@@ -444,7 +425,10 @@ impl Engine for VulkanEngine {
     }
 
     fn look_up(&mut self, of: &LookUp) -> Result<(), EngineError> {
-        self.look_up_here(of)
+        let nothing = || EngineError::Mismatch { reason: "no views were loaded".into() };
+        let views = self.views.clone().ok_or_else(nothing)?;
+        let phases = self.stacks.get(Buffer::Phases)?;
+        look_up(&mut self.gpu, &mut self.tables, &views, phases, of)
     }
 
     fn clear_moments(&mut self) -> Result<(), EngineError> {

@@ -22,6 +22,8 @@ mod flight;
 mod guard_tests;
 mod layout;
 mod look_up;
+#[cfg(test)]
+mod look_up_tests;
 mod prepare;
 #[cfg(test)]
 mod pretend;

@@ -6,6 +6,25 @@ use crate::engine::{EngineError, Step};
 use std::collections::HashSet;
 
 impl VulkanEngine {
+    /// Makes the losses on the device, what the host sees of them, and the tables large enough for the list that is next; for
+    /// those in flight as well, whose turn comes.
+    pub(super) fn fit_flights(&mut self) -> Result<(), EngineError> {
+        let end = self.flights[self.at].end;
+        if end > self.losses.as_ref().map_or(0, |l| l.size) {
+            self.gpu.recorder.idle()?;
+            self.losses = None;
+            self.losses = Some(self.gpu.block(end.next_power_of_two(), "losses")?);
+        }
+        let size = self.losses.as_ref().map_or(0, |l| l.size);
+        let groups = self.verdict.as_ref().map_or(0, |v| v.groups().size);
+        let tables = self.flights[self.at].tables.need();
+        if self.flights.iter().any(|flight| !flight.fits(size, groups, tables)) {
+            self.gpu.recorder.idle()?;
+            self.flights.iter_mut().try_for_each(|flight| flight.fit(&self.gpu, size, groups, tables))?;
+        }
+        Ok(())
+    }
+
     /// Makes memory, pipelines and tables of these steps: see [`Engine::prepare`](crate::engine::Engine::prepare).
     pub(super) fn prepare_steps(
         &mut self,
