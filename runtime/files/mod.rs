@@ -33,6 +33,7 @@ mod patient;
 mod picture;
 #[cfg_attr(not(feature = "image-formats"), path = "no_pixels.rs")]
 mod pixels;
+mod primaries;
 pub mod read;
 mod record;
 mod samples;
@@ -74,6 +75,7 @@ pub use picture::{encode_png, linear_to_srgb, write_png};
 #[cfg(not(feature = "image-formats"))]
 pub(crate) use pixels::color_space;
 pub(crate) use pixels::{holds_light, picture_orientation, picture_size, read_pixels};
+pub(crate) use primaries::Primaries;
 pub use record::FileRecord;
 pub(crate) use record::{Digester, digest_file};
 pub(crate) use samples::{ColorSpace, Pixels, Samples};
