@@ -188,6 +188,8 @@ def test_views_that_are_no_neighbors_are_refused_unless_a_grid_is_stated(display
     with pytest.raises(eyebox.SceneError, match="no neighbors.*`order` as-named"):
         scene(light, display)
     assert scene(light, display, order="as-named").shape == (3, 3, 40, 48, 1)
-    assert (scene(VIEWS, display, order="flip-rows").views == scene(VIEWS[::-1], display).views).all()
+    with pytest.raises(eyebox.SceneError, match="contradict each other.*flip-rows"):
+        scene(VIEWS[::-1], display)
+    assert (scene(VIEWS[::-1], display, order="flip-rows").views == scene(VIEWS, display).views).all()
     with pytest.raises(ValueError, match="as-named"):
         scene(VIEWS, display, order="backwards")
