@@ -75,7 +75,16 @@ pub(super) fn read(file: &Path, wanted: Wanted) -> Result<Pixels, FileError> {
     }
     let samples = Samples::F32(values);
     let primaries = header.shared_attributes.chromaticities.map(primaries);
-    Ok(Pixels { height, width, channels: count, premultiplied: true, orientation: 1, profile: None, primaries, samples })
+    Ok(Pixels {
+        height,
+        width,
+        channels: count,
+        premultiplied: true,
+        orientation: 1,
+        profile: None,
+        primaries,
+        samples,
+    })
 }
 
 fn primaries(stated: Chromaticities) -> Primaries {
