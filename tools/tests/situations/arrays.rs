@@ -60,7 +60,8 @@ const SCORED: Judge = Judge::By(|outcome| {
     let said = crate::common::done(outcome.folder, &words);
     let score: serde_json::Value = serde_json::from_str(&said).map_err(|e| e.to_string())?;
     match score["psnr_db"]["mean"].as_f64() {
-        Some(psnr) if psnr > 12.0 => Ok(()),
+        // One step of a bright scene.
+        Some(psnr) if psnr > 9.0 => Ok(()),
         found => Err(format!("{found:?} dB")),
     }
 });

@@ -179,9 +179,6 @@ fn places() -> Vec<Situation> {
 /// Disks and folders that cannot be written to.
 fn denied() -> Vec<Situation> {
     vec![
-        case("The disk for a hologram is full.", format!("{SOLVE} -o full/y.zarr"), |_| ())
-            .refused("the disk is full", Remedy::As("write elsewhere", "full/y.zarr", "y.zarr"), SOLVED)
-            .on(Ground::Disk("size=8k")),
         view("The disk for a view is full.", "--pupil=2,-1,4,1.5 -o full/v.npy")
             .refused("the disk is full", Remedy::As("write elsewhere", "full/v.npy", "v.npy"), VIEW)
             .on(Ground::Disk("size=4k,nr_inodes=1")),
