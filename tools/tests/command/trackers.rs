@@ -270,7 +270,7 @@ fn a_user_is_calibrated() {
     assert!(answer.status.success());
     let text = std::fs::read_to_string(temp.path().join("ada.toml")).unwrap();
     assert!(text.contains("user = \"ada\"") && text.contains("[left]") && !text.contains("[right]"), "{text}");
-    assert!(text.contains(&format!("tracker = \"127.0.0.1:{port}\"")), "{text}");
+    assert!(text.contains(&format!("tracker = \"udp://127.0.0.1:{port}\"")), "{text}");
     // 11 mm x sin(8 degrees) for 800 counts, mirrored.
     let row = text.lines().find(|l| l.starts_with("x_mm")).expect("the row of x");
     let first: f64 = row.split(['[', ',']).nth(1).unwrap().trim().parse().unwrap();
