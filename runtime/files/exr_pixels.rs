@@ -1,9 +1,9 @@
 //! Channels of OpenEXR files, as renderers write them: colors or depth, in one part or many, with layers in the names.
 
-use super::{FileError, Pixels, Samples, Wanted, read};
+use super::{FileError, Pixels, Primaries, Samples, Wanted, read};
 use exr::block::reader::{ChunksReader, Reader};
 use exr::compression::Compression;
-use exr::meta::attribute::{ChannelDescription, SampleType};
+use exr::meta::attribute::{ChannelDescription, Chromaticities, SampleType};
 use exr::meta::header::Header;
 use std::{fs::File, io::BufReader, path::Path};
 
@@ -74,7 +74,21 @@ pub(super) fn read(file: &Path, wanted: Wanted) -> Result<Pixels, FileError> {
         }
     }
     let samples = Samples::F32(values);
-    Ok(Pixels { height, width, channels: count, premultiplied: true, orientation: 1, profile: None, samples })
+    let primaries = header.shared_attributes.chromaticities.map(primaries);
+    Ok(Pixels {
+        height,
+        width,
+        channels: count,
+        premultiplied: true,
+        orientation: 1,
+        profile: None,
+        primaries,
+        samples,
+    })
+}
+
+fn primaries(stated: Chromaticities) -> Primaries {
+    Primaries([stated.red, stated.green, stated.blue, stated.white].map(|at| [at.0, at.1].map(f64::from)))
 }
 
 fn samples(line: exr::block::lines::LineRef<'_>, kind: SampleType) -> exr::error::Result<Vec<f32>> {

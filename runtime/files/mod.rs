@@ -33,6 +33,7 @@ mod patient;
 mod picture;
 #[cfg_attr(not(feature = "image-formats"), path = "no_pixels.rs")]
 mod pixels;
+mod primaries;
 pub mod read;
 mod record;
 mod samples;
@@ -74,6 +75,7 @@ pub use picture::{encode_png, linear_to_srgb, write_png};
 #[cfg(not(feature = "image-formats"))]
 pub(crate) use pixels::color_space;
 pub(crate) use pixels::{holds_light, picture_orientation, picture_size, read_pixels};
+pub(crate) use primaries::Primaries;
 pub use record::FileRecord;
 pub(crate) use record::{Digester, digest_file};
 pub(crate) use samples::{ColorSpace, Pixels, Samples};
@@ -97,6 +99,17 @@ pub struct Grey {
     pub values: Vec<u16>,
 }
 
+/// Why a file cannot be read, with the remedy if there is one.
+pub(crate) fn reason_to_read(error: &io::Error) -> String {
+    match error.kind() {
+        // One that has the remedy already is no error of the system itself.
+        io::ErrorKind::PermissionDenied if error.raw_os_error().is_some() => {
+            format!("{error}: allow reading it, as by chmod")
+        }
+        _ => error.to_string(),
+    }
+}
+
 /// What can be wrong with a file.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -115,6 +128,14 @@ pub enum FileError {
         /// The file.
         file: String,
         /// Why.
+        source: io::Error,
+    },
+    /// The system denies it: the folder or the disk is read-only for whoever runs this; nothing was left behind.
+    #[error("{file}: cannot be written: {source}: give another place, or allow writing there")]
+    Denied {
+        /// The file.
+        file: String,
+        /// What the system said.
         source: io::Error,
     },
     /// The disk, the quota or the file size limit is exhausted; nothing was left behind.
@@ -149,12 +170,21 @@ pub enum FileError {
 impl FileError {
     /// A failure to read `file`.
     pub fn read(file: &Path, source: io::Error) -> Self {
+        let source = match source.kind() {
+            io::ErrorKind::PermissionDenied => io::Error::new(source.kind(), reason_to_read(&source)),
+            _ => source,
+        };
         Self::Read { file: file.display().to_string(), source }
     }
 
-    /// A failure to write `file`: [`FileError::Full`] where there was no room, [`FileError::Taken`] where a file is in the way or a
-    /// folder is missing.
+    /// A failure to write `file`: [`FileError::Full`] if there was no room, [`FileError::Denied`] without the right to write,
+    /// [`FileError::Taken`] if a file is in the way or a folder is missing.
     pub fn write(file: &Path, source: io::Error) -> Self {
+        // Errors of temporary files name a path that nobody has seen.
+        let source = match source.to_string().split_once(" at path \"") {
+            Some((reason, _)) => io::Error::new(source.kind(), reason),
+            None => source,
+        };
         let taken = |path: &Path, reason: &str| Self::Taken { path: path.display().to_string(), reason: reason.into() };
         let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
         match source.kind() {
@@ -173,6 +203,7 @@ impl FileError {
             io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge => {
                 Self::Full { file, source }
             }
+            io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => Self::Denied { file, source },
             _ => Self::Write { file, source },
         }
     }

@@ -160,7 +160,16 @@ fn of_image(file: &Path, image: DynamicImage) -> Result<Pixels, FileError> {
             return Err(FileError::content(file, format!("pixels of type {:?} are not supported", other.color())));
         }
     };
-    Ok(Pixels { height, width, channels, premultiplied: false, orientation: 1, profile: None, samples })
+    Ok(Pixels {
+        height,
+        width,
+        channels,
+        premultiplied: false,
+        orientation: 1,
+        profile: None,
+        primaries: None,
+        samples,
+    })
 }
 
 /// Whether a JPEG's last scan is closed: decoders fill what is missing with gray and report nothing.

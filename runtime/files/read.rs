@@ -108,7 +108,10 @@ pub(crate) fn toml<T: DeserializeOwned>(text: &str) -> Result<T, String> {
     let one_line = |message: &str| message.trim().replace('\n', " ");
     let read = toml::from_str(text).map_err(|e| {
         let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
-        format!("line {line}: {}", one_line(e.message()))
+        match text.lines().nth(line.saturating_sub(1)).and_then(decimal_comma) {
+            Some(number) => format!("line {line}: {number} has a decimal comma: write {}", number.replace(',', ".")),
+            None => format!("line {line}: {}", one_line(e.message())),
+        }
     })?;
     // A list that is too long for its key is noticed on this way alone.
     let table: toml::Value = toml::from_str(text).map_err(|e| one_line(e.message()))?;
@@ -116,9 +119,52 @@ pub(crate) fn toml<T: DeserializeOwned>(text: &str) -> Result<T, String> {
     Ok(read)
 }
 
+/// The first number with a decimal comma in a line of TOML, where no list separates numbers by commas.
+fn decimal_comma(line: &str) -> Option<&str> {
+    let is_part = |c: char| c.is_ascii_digit() || matches!(c, '+' | '-' | '_');
+    let (mut depth, mut quote) = (0, None);
+    for (at, c) in line.char_indices() {
+        match (quote, c) {
+            (Some(open), c) if open == c => quote = None,
+            (Some(_), _) => {}
+            (None, '"' | '\'') => quote = Some(c),
+            (None, '#') => return None,
+            (None, '[') => depth += 1,
+            (None, ']') => depth -= 1,
+            (None, ',') if depth == 0 => {
+                let start = line[..at].trim_end_matches(is_part).len();
+                let end = line.len() - line[at + 1..].trim_start_matches(is_part).len();
+                let digits = |part: &str| part.contains(|c: char| c.is_ascii_digit());
+                if digits(&line[start..at]) && digits(&line[at + 1..end]) {
+                    return Some(&line[start..end]);
+                }
+            }
+            _ => {}
+        }
+    }
+    None
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_decimal_comma_is_named_and_lists_are_not() {
+        for (line, number) in [
+            ("pitch_um = 3,74", Some("3,74")),
+            ("  focal_length_mm =-20,5 # mm", Some("-20,5")),
+            ("a = { red = 640,5 }", Some("640,5")),
+            ("a = [1,2]", None),
+            ("a = { b = 1, c = 2 }", None),
+            ("name = \"3,74\"", None),
+            ("# 3,74", None),
+        ] {
+            assert_eq!(decimal_comma(line), number, "{line}");
+        }
+        let answer = toml::<std::collections::BTreeMap<String, f64>>("a = 1.5\nb = 3,74\n").unwrap_err();
+        assert_eq!(answer, "line 2: 3,74 has a decimal comma: write 3.74");
+    }
 
     #[test]
     fn only_regular_files_of_bounded_length_are_read() {

@@ -1,5 +1,7 @@
 //! Stored values of a decoded picture.
 
+use super::Primaries;
+
 /// Stored values of a picture, interleaved.
 #[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use all of it"))]
 #[derive(Debug, Clone, PartialEq)]
@@ -26,6 +28,8 @@ pub(crate) struct Pixels {
     pub orientation: u8,
     /// ICC profile that the file holds.
     pub profile: Option<Vec<u8>>,
+    /// Color primaries that the file states beside a profile.
+    pub primaries: Option<Primaries>,
     pub samples: Samples,
 }
 

@@ -1,8 +1,9 @@
 //! TIFF pictures: gray or red, green, blue, with or without alpha; 8 or 16 bits, or floats.
 
-use super::{FileError, Pixels, Samples, read};
+use super::{FileError, Pixels, Primaries, Samples, read};
 use std::{fs::File, io::BufReader, path::Path};
 use tiff::ColorType;
+use tiff::decoder::ifd::Value;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::{SampleFormat, Tag};
 
@@ -38,6 +39,35 @@ pub(super) fn is_float(file: &Path) -> bool {
     format.is_ok_and(|found| found.is_ok_and(|f| f.is_some_and(|f| f.contains(&float))))
 }
 
+/// Tags of the chromaticities of white and of red, green and blue.
+const WHITE_POINT: Tag = Tag::Unknown(318);
+const PRIMARIES: Tag = Tag::Unknown(319);
+
+/// The color primaries that its tags state. Either of the two is that of sRGB if only the other is there.
+fn primaries(tiff: &mut Opened) -> Option<Primaries> {
+    let mut rationals = |tag: Tag| match tiff.find_tag(tag) {
+        Ok(Some(Value::List(all))) => all.iter().map(rational).collect::<Option<Vec<f64>>>(),
+        _ => None,
+    };
+    let (white, colors) = (rationals(WHITE_POINT), rationals(PRIMARIES));
+    let [red, green, blue, usual] = Primaries::SRGB.0;
+    let white = white.as_deref().and_then(|v| <[f64; 2]>::try_from(v).ok());
+    let colors = colors.as_deref().and_then(|v| <[f64; 6]>::try_from(v).ok());
+    if white.is_none() && colors.is_none() {
+        return None;
+    }
+    let [red, green, blue] = colors.map_or([red, green, blue], |[a, b, c, d, e, f]| [[a, b], [c, d], [e, f]]);
+    Some(Primaries([red, green, blue, white.unwrap_or(usual)]))
+}
+
+fn rational(value: &Value) -> Option<f64> {
+    match value {
+        Value::Rational(above, below) => Some(f64::from(*above) / f64::from(*below)),
+        Value::Float(v) => Some(f64::from(*v)),
+        _ => None,
+    }
+}
+
 /// Reads the only page.
 pub(super) fn read(file: &Path) -> Result<Pixels, FileError> {
     let wrong = |reason: &str| Err(FileError::content(file, reason));
@@ -62,6 +92,7 @@ pub(super) fn read(file: &Path) -> Result<Pixels, FileError> {
         return wrong(&format!("it has {} bits per value: save it with 8 or 16", kind.bit_depth()));
     }
     let profile = tiff.get_tag_u8_vec(Tag::IccProfile).ok();
+    let primaries = primaries(&mut tiff);
     let mut decoded = DecodingResult::U8(Vec::new());
     let layout = tiff.read_image_to_buffer(&mut decoded).map_err(|e| FileError::damaged(file, e))?;
     let planes = if layout.complete_len > layout.len { channels } else { 1 };
@@ -90,7 +121,7 @@ pub(super) fn read(file: &Path) -> Result<Pixels, FileError> {
         return wrong(&format!("{height} x {width} x {channels} values are stated, and {found} are there"));
     }
     let premultiplied = extra.first() == Some(&1);
-    Ok(Pixels { height, width, channels, premultiplied, orientation: 1, profile, samples })
+    Ok(Pixels { height, width, channels, premultiplied, orientation: 1, profile, primaries, samples })
 }
 
 /// Whether another page of the same size follows; smaller copies and thumbnails do not count.

@@ -150,6 +150,8 @@ fn solve(pairs: &[Pair]) -> Option<Affine> {
 pub struct Calibration {
     /// Whose.
     pub user: String,
+    /// Name of the tracker that it was made with ([`Source::tracker`](crate::trackers::Source::tracker)), if it states one.
+    pub tracker: Option<String>,
     /// Of the left eye.
     pub left: Option<Fit>,
     /// Of the right eye.
@@ -163,6 +165,9 @@ pub struct Calibration {
 struct File {
     /// Whose eyes.
     user: String,
+    /// The tracker's name.
+    #[serde(default)]
+    tracker: Option<String>,
     /// Of the left eye: below.
     left: Option<FitText>,
     /// Of the right one.
@@ -256,7 +261,18 @@ impl Calibration {
         if left.is_none() && right.is_none() && combined.is_none() {
             return Err("no map: give [left], [right] or [combined]".into());
         }
-        Ok(Self { user: file.user, left, right, combined })
+        Ok(Self { user: file.user, tracker: file.tracker, left, right, combined })
+    }
+
+    /// A note for people if it was made with another tracker than the one of this name. Two trackers of one unit place the same
+    /// reading differently, which nothing in a sample shows.
+    pub fn note_on(&self, tracker: &str) -> Option<String> {
+        let made_with = self.tracker.as_deref().filter(|made_with| *made_with != tracker)?;
+        Some(format!(
+            "the calibration of {} was made with the tracker {made_with}, and this one is {tracker}: its pupils are in wrong \
+             places unless it is the same; calibrate it anew",
+            self.user
+        ))
     }
 
     /// The TOML text: millimetres of the pupil plane for each unit of the tracker, and for none.
@@ -275,6 +291,7 @@ impl Calibration {
         };
         let file = File {
             user: self.user.clone(),
+            tracker: self.tracker.clone(),
             left: self.left.as_ref().map(text),
             right: self.right.as_ref().map(text),
             combined: self.combined.as_ref().map(text),

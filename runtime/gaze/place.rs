@@ -155,6 +155,11 @@ impl Placer {
         }
     }
 
+    /// The user's calibration, if there is one.
+    pub fn calibration(&self) -> Option<&Calibration> {
+        self.calibration.as_ref()
+    }
+
     /// Where a sample says that the pupil is; `noise` is the standard deviation of its coordinates.
     ///
     /// # Errors

@@ -364,7 +364,11 @@ fn a_calibration_is_stored_and_used() {
     let fit = Fit::new(&targets(), Unit::Radians).unwrap();
     let calibration = Calibration { user: "ada".into(), left: Some(fit), ..Calibration::default() };
     calibration.save(&file).unwrap();
+    assert_eq!(Calibration::load(&file).unwrap().note_on("B"), None, "it does not state its tracker");
+    Calibration { tracker: Some("A".into()), ..calibration }.save(&file).unwrap();
     let again = Calibration::load(&file).unwrap();
+    assert_eq!(again.note_on("A"), None);
+    assert!(again.note_on("B").is_some_and(|note| ["ada", "A", "B"].iter().all(|name| note.contains(name))));
     let point = [0.7, -0.3];
     assert!(off(again.left.unwrap().map.apply(point), fit.map.apply(point)) < 1e-12);
     assert_eq!((again.user.as_str(), again.left.unwrap().used, again.right), ("ada", [9, 0], None));

@@ -88,6 +88,7 @@ proptest! {
         ][kind];
         let calibration = Calibration {
             user: "u".into(),
+            tracker: None,
             left: None,
             right: None,
             combined: Some(Fit {

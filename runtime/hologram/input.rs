@@ -49,6 +49,8 @@ pub struct SolveInput {
     depth_map: Option<PathBuf>,
     colors: Vec<Color>,
     reading: SceneReading,
+    /// Its distances are those of the solve, which took them.
+    is_as_solved: bool,
 }
 
 impl SolveInput {
@@ -79,7 +81,8 @@ impl SolveInput {
             Some(_) => known.depth_map_mm.map(|both| both.map(|mm| mm * 1e-3)),
             None => known.solve.as_ref().map(|settings| settings.depth),
         });
-        Ok(Self { display, source, depth_map, colors: hologram.named_colors(), reading })
+        let is_as_solved = options.reading.depth.is_none() && options.reading.view_pitch_mm.is_none();
+        Ok(Self { display, source, depth_map, colors: hologram.named_colors(), reading, is_as_solved })
     }
 
     /// The source that is read.
@@ -99,6 +102,7 @@ impl SolveInput {
             depth: reading.depth,
             order: reading.order,
             photographs: reading.photographs.unwrap_or_default(),
+            force: self.is_as_solved,
             ..default
         }
     }

@@ -109,7 +109,7 @@ const STATEMENTS: [Statement; 5] = [
         sign: 1.0,
         gap: 1e-9,
         note: "PSNR through the whole eyebox, focused at the middle of the scene. Their sub-frames are alike, so that averaging \
-               over them gains nothing: with one sub-frame (--frames 1) these two are ahead, or nearly so.",
+               over them gains nothing: with a single sub-frame these two are ahead, or nearly so.",
     },
 ];
 

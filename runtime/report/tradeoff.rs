@@ -94,7 +94,7 @@ fn recommended(tuned: &Tuned) -> Markup {
         ))
         @if tuned.recommended.iter().any(|r| !r.met) {
             p.warn {
-                "* No trial is what this name promises; it is the nearest there is. More time finds more: --budget."
+                "* No trial has what this name promises; this one comes nearest. A larger budget of time finds more."
             }
         }
         @if !tuned.check.is_empty() {

@@ -2,7 +2,7 @@
 
 use super::CamerasFound;
 use super::light::FullScale;
-use crate::files::{FileError, OtherKind};
+use crate::files::{FileError, OtherKind, reason_to_read};
 use crate::memory::TooLarge;
 use crate::optics::{OpticsError, depths_in_words};
 use std::{io, path::Path};
@@ -341,7 +341,10 @@ impl SceneError {
             FileError::Kind(other) => Self::Kind(other),
             FileError::Content { file, reason } => Self::Corrupt { file, reason },
             FileError::Read { file, source } => Self::unreadable(Path::new(&file), &source),
-            FileError::Write { file, .. } | FileError::Full { file, .. } | FileError::Taken { path: file, .. } => {
+            FileError::Write { file, .. }
+            | FileError::Denied { file, .. }
+            | FileError::Full { file, .. }
+            | FileError::Taken { path: file, .. } => {
                 Self::Unreadable { path: file, reason: "it cannot be read".into() }
             }
         }
@@ -352,7 +355,7 @@ impl SceneError {
         let path = path.display().to_string();
         match error.kind() {
             io::ErrorKind::NotFound => Self::NotFound { path, what: "file" },
-            _ => Self::Unreadable { path, reason: error.to_string() },
+            _ => Self::Unreadable { path, reason: reason_to_read(error) },
         }
     }
 }

@@ -160,6 +160,11 @@ mod tests {
         assert_eq!(of(&one), of(&two));
         fs::write(here.path().join("lightfield.toml"), "files = \"one.npy\"\nview_pitch_mm = 2.0").unwrap();
         assert_ne!(of(&one), of(&two), "settings are for the file that they name");
+        fs::remove_file(here.path().join("lightfield.toml")).unwrap();
+        let as_stated = |options: &str| digest(&format!("{}?{options}", one.display())).unwrap().unwrap();
+        for options in ["full_scale=255", "linear", "grid=2x2&full_scale=1"] {
+            assert_eq!(as_stated(options), of(&one), "{options}: nothing lies beside it");
+        }
         assert_eq!(digest("builtin:plane?depth=1").unwrap(), None);
         assert!(digest("no such scene").is_err());
         let frame = |value: u8| [&b"FRAME\n"[..], &[value; 16]].concat();

@@ -169,6 +169,14 @@ fn find(
             let reason = format!("it repeats as {rows} x {columns} views do, but {}", not_whole(whole, grid));
             Err(SceneError::Corrupt { file: name, reason })
         }
+        Shown::Either(one, other) => {
+            let [[a, b], [c, d]] = [one, other];
+            let lenslets = if tiling == Tiling::Lenslets { "lenslets&" } else { "" };
+            let reason = format!(
+                "the picture may be {a} x {b} views or {c} x {d}: state which, as in {name}?{lenslets}grid={c}x{d}"
+            );
+            Err(SceneError::NotAGrid { folder: name, reason })
+        }
         Shown::Nothing => {
             let lenslets = if tiling == Tiling::Lenslets { "lenslets&" } else { "" };
             let reason =

@@ -26,6 +26,8 @@ pub(super) enum Shown {
     Repeats([usize; 2]),
     /// The same, but its lines are no whole views.
     Parts([usize; 2]),
+    /// It repeats along one axis, and perhaps along the other: the grids that it may be.
+    Either([usize; 2], [usize; 2]),
     Nothing,
 }
 
@@ -51,6 +53,16 @@ pub(super) fn shown(plane: &[f32], [height, width]: [usize; 2], tiling: Tiling) 
     });
     // One row or one column of views is as good; none is not.
     let grid = counts.map(|count| count.unwrap_or(1));
+    let doubtful = |i: usize| lines[i].doubtful(MOST_VIEWS.min(axes[i].1 / LEAST_PIXELS));
+    // One row is no row of many if their pictures differ so much that it is not sure.
+    let perhaps = match counts {
+        [None, Some(columns)] => doubtful(0).map(|rows| [rows, columns]),
+        [Some(rows), None] => doubtful(1).map(|columns| [rows, columns]),
+        _ => None,
+    };
+    if let Some(other) = perhaps {
+        return Shown::Either(grid, other);
+    }
     match counts {
         [None, None] => Shown::Nothing,
         _ if [0, 1].iter().any(|&i| !axes[i].1.is_multiple_of(grid[i])) => Shown::Parts(grid),

@@ -63,15 +63,25 @@ fn planes(path: &Path, image: &Pixels, colors: &[Color], reading: &Reading) -> R
         Samples::F32(v) => (Stored::Floats(v), Transfer::Linear),
     };
     let unknown = |found| SceneError::Transfer { file: path.display().to_string(), found };
+    let mut primaries = None;
     let space = match reading.tone.transfer {
         // The caller knows better than the file.
         Some(_) => None,
-        None => match png_tone::transfer(path).map_err(unknown)? {
-            Some(Transfer::Srgb) => Some(ColorSpace::Srgb),
-            Some(Transfer::Linear) => Some(ColorSpace::Linear),
-            None => color_space(image, reading.tone.full_scale.unwrap_or(stored.most())).map_err(unknown)?,
-        },
+        None => {
+            let stated = png_tone::stated(path).map_err(unknown)?;
+            primaries = image.primaries.or(stated.primaries);
+            match stated.transfer {
+                Some(Transfer::Srgb) => Some(ColorSpace::Srgb),
+                Some(Transfer::Linear) => Some(ColorSpace::Linear),
+                None => color_space(image, reading.tone.full_scale.unwrap_or(stored.most())).map_err(unknown)?,
+            }
+        }
     };
+    // A profile has primaries of its own.
+    let primaries = primaries.filter(|_| image.has_color() && image.profile.is_none());
+    let mix = primaries.map(|stated| stated.to_srgb().map_err(unknown)).transpose()?.flatten();
+    // All three colors of the file take part in each color of the light.
+    let read = if mix.is_some() { &[Color::Red, Color::Green, Color::Blue][..] } else { colors };
     let (says, converted) = match &space {
         None => (says, None),
         Some(ColorSpace::Srgb) => (Transfer::Srgb, None),
@@ -79,20 +89,33 @@ fn planes(path: &Path, image: &Pixels, colors: &[Color], reading: &Reading) -> R
         Some(ColorSpace::Other { name, values }) => (Transfer::Srgb, Some((name, values))),
     };
     let planes = match converted {
-        None => reading.light(stored, channels, premultiplied, says, colors),
+        None => reading.light(stored, channels, premultiplied, says, read),
         Some((_, values)) => {
             reading.count_words(stored, channels);
-            reading.light(Stored::Shares(values), channels, premultiplied, says, colors)
+            reading.light(Stored::Shares(values), channels, premultiplied, says, read)
         }
     };
     let planes = planes.map_err(|(i, value)| SceneError::no_light(path.display(), [i / width, i % width], value))?;
+    let planes = match &mix {
+        Some(mix) => colors.iter().map(|color| mixed(&planes, mix[color.channel()])).collect(),
+        None => planes,
+    };
     let turned = match orientation {
         1 => String::new(),
         n => format!(", turned by its EXIF orientation {n}"),
     };
     let profile = converted.map_or(String::new(), |(name, _)| format!(", converted from its ICC profile {name}"));
-    let read_as = format!("{}{profile}{turned}", reading.in_words(stored, says));
+    let from = primaries.filter(|_| mix.is_some());
+    let from = from.map_or(String::new(), |from| format!(", converted from its color primaries ({})", from.in_words()));
+    let read_as = format!("{}{profile}{from}{turned}", reading.in_words(stored, says));
     Ok(Picture { height, width, planes, read_as })
+}
+
+/// One color of the light of sRGB's primaries. What lies outside of them is clipped.
+fn mixed(planes: &[Vec<f32>], shares: [f64; 3]) -> Vec<f32> {
+    let [r, g, b] = shares.map(|v| v as f32);
+    let pixels = planes[0].iter().zip(&planes[1]).zip(&planes[2]);
+    pixels.map(|((red, green), blue)| (r * red + g * green + b * blue).max(0.0)).collect()
 }
 
 /// Reads the stored values of a grey picture, row by row; its rows and columns. In floats, one channel in three may hold them.

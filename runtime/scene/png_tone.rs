@@ -1,8 +1,8 @@
-//! The transfer function that a PNG states: chunks `cICP`, `sRGB` and `gAMA`, the first of them that is there. If it has a
-//! color profile (`iCCP`), that decides instead of `sRGB` and `gAMA`.
+//! The transfer function and the color primaries that a PNG states: chunks `cICP`, `sRGB`, and `gAMA` with `cHRM`, the first of
+//! them that is there. If it has a color profile (`iCCP`), that decides instead of all but `cICP`.
 
 use super::light::Transfer;
-use crate::files::read;
+use crate::files::{Primaries, read};
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
@@ -22,28 +22,56 @@ struct Chunks {
     is_profiled: bool,
     is_srgb: bool,
     gamma: Option<f64>,
+    primaries: Option<Primaries>,
 }
 
-/// Returns the transfer function that a picture states. `None` for other files than PNG, and for those that state none.
+/// What a PNG states about its colors.
+#[derive(Default)]
+pub(super) struct Stated {
+    pub transfer: Option<Transfer>,
+    pub primaries: Option<Primaries>,
+}
+
+/// Returns what a picture states. It is nothing for other files than PNG.
 ///
 /// # Errors
-/// The statement in words, if it is neither sRGB nor linear light.
-pub(super) fn transfer(path: &Path) -> Result<Option<Transfer>, String> {
+/// The statement in words, if the transfer function is neither sRGB nor linear light, or the primaries are unknown.
+pub(super) fn stated(path: &Path) -> Result<Stated, String> {
     // A file that cannot be read is refused by its decoder.
-    let Ok(Some(chunks)) = chunks(path) else { return Ok(None) };
-    match chunks {
-        Chunks { code: Some([_, 1 | 4 | 6 | 13..=15]), .. } => Ok(Some(Transfer::Srgb)),
-        Chunks { code: Some([_, 8]), .. } => Ok(Some(Transfer::Linear)),
-        Chunks { code: Some([_, 16]), .. } => Err("the transfer function PQ of HDR".into()),
-        Chunks { code: Some([_, 18]), .. } => Err("the transfer function HLG of HDR".into()),
-        Chunks { code: Some([_, other]), .. } => Err(format!("the transfer function {other} of ITU-T H.273")),
-        Chunks { is_profiled: true, .. } => Ok(None),
-        Chunks { is_srgb: true, .. } => Ok(Some(Transfer::Srgb)),
-        Chunks { gamma: Some(gamma), .. } if SRGB_GAMMA.contains(&gamma) => Ok(Some(Transfer::Srgb)),
-        Chunks { gamma: Some(gamma), .. } if LINEAR_GAMMA.contains(&gamma) => Ok(Some(Transfer::Linear)),
-        Chunks { gamma: Some(gamma), .. } => Err(format!("a gamma of {gamma}")),
-        _ => Ok(None),
-    }
+    let Ok(Some(chunks)) = chunks(path) else { return Ok(Stated::default()) };
+    let transfer = match chunks {
+        Chunks { code: Some([_, 1 | 4 | 6 | 13..=15]), .. } => Some(Transfer::Srgb),
+        Chunks { code: Some([_, 8]), .. } => Some(Transfer::Linear),
+        Chunks { code: Some([_, 16]), .. } => return Err("the transfer function PQ of HDR".into()),
+        Chunks { code: Some([_, 18]), .. } => return Err("the transfer function HLG of HDR".into()),
+        Chunks { code: Some([_, other]), .. } => return Err(format!("the transfer function {other} of ITU-T H.273")),
+        Chunks { is_profiled: true, .. } => None,
+        Chunks { is_srgb: true, .. } => Some(Transfer::Srgb),
+        Chunks { gamma: Some(gamma), .. } if SRGB_GAMMA.contains(&gamma) => Some(Transfer::Srgb),
+        Chunks { gamma: Some(gamma), .. } if LINEAR_GAMMA.contains(&gamma) => Some(Transfer::Linear),
+        Chunks { gamma: Some(gamma), .. } => return Err(format!("a gamma of {gamma}")),
+        _ => None,
+    };
+    let primaries = match chunks {
+        // 2 leaves them open.
+        Chunks { code: Some([2, _]), .. } => None,
+        Chunks { code: Some([code, _]), .. } => match Primaries::of_code(code) {
+            None => return Err(format!("the color primaries {code} of ITU-T H.273")),
+            known => known,
+        },
+        Chunks { is_profiled: false, is_srgb: false, primaries, .. } => primaries,
+        _ => None,
+    };
+    Ok(Stated { transfer, primaries })
+}
+
+/// The chromaticities of the chunk `cHRM`: white first, in steps of 1/100,000.
+fn chromaticities(bytes: [u8; 32]) -> Primaries {
+    let at = |i: usize| {
+        let [x, y] = [8 * i, 8 * i + 4].map(|i| [bytes[i], bytes[i + 1], bytes[i + 2], bytes[i + 3]]);
+        [x, y].map(|v| f64::from(u32::from_be_bytes(v)) / 1e5)
+    };
+    Primaries([at(1), at(2), at(3), at(0)])
 }
 
 fn chunks(path: &Path) -> io::Result<Option<Chunks>> {
@@ -73,6 +101,12 @@ fn chunks(path: &Path) -> io::Result<Option<Chunks>> {
                 } else {
                     found.gamma = Some(f64::from(u32::from_be_bytes(value)) / 1e5);
                 }
+            }
+            b"cHRM" if length == 32 => {
+                let mut bytes = [0; 32];
+                from.read_exact(&mut bytes)?;
+                skipped = 4;
+                found.primaries = Some(chromaticities(bytes));
             }
             _ => {}
         }

@@ -8,6 +8,9 @@ const ACROSS: usize = 64;
 const ALONG: usize = 8;
 /// What repeats differs from one time to the next by at most this share of what it does half as far apart.
 const REPEATS: f64 = 0.3;
+/// What differs by at most this share may repeat, if it does so far less than one time more or less does.
+const MAY_REPEAT: f64 = 0.5;
+const CLEARLY: f64 = 0.6;
 /// Means that differ by less show nothing; full scale is 1.
 const FLAT: f64 = 1e-3;
 
@@ -67,5 +70,12 @@ impl Lines {
         let unlike: Vec<f64> = (0..=most + 1).map(|count| self.unlike(count)).collect();
         // What repeats nine times does so three times as well; ten times it does less than nine and more than eleven.
         (2..=most).rev().find(|&i| unlike[i] < REPEATS && unlike[i] <= unlike[i - 1].min(unlike[i + 1]))
+    }
+
+    /// How often the picture may repeat, at most `most` times, though too much differs to be sure; none if nothing suggests it.
+    pub(super) fn doubtful(&self, most: usize) -> Option<usize> {
+        let unlike: Vec<f64> = (0..=most + 1).map(|count| self.unlike(count)).collect();
+        let is_clear = |&i: &usize| unlike[i] <= CLEARLY * unlike[i - 1].min(unlike[i + 1]);
+        (2..=most).rev().filter(|&i| unlike[i] < MAY_REPEAT).find(is_clear)
     }
 }

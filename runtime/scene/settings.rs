@@ -110,13 +110,18 @@ pub(super) fn beside(file: &Path, options: &Options) -> Result<Settings, SceneEr
     let its = file.file_name().map(|name| name.to_string_lossy());
     let others = stated.files.as_ref().is_some_and(|files| its.is_none_or(|name| !names::matches(files, &name)));
     let stated = if others { Settings::default() } else { stated };
+    Ok(with(options, stated))
+}
+
+/// Settings, where what stands behind the name of a file wins.
+fn with(options: &Options, stated: Settings) -> Settings {
     let (grid, transfer) = (options.grid.or(stated.grid), options.transfer.or(stated.transfer));
-    Ok(Settings { grid, transfer, full_scale: options.full_scale.or(stated.full_scale), ..stated })
+    Settings { grid, transfer, full_scale: options.full_scale.or(stated.full_scale), ..stated }
 }
 
 /// The settings of a file of many views beside which nothing says how it is read.
 pub(super) fn beside_nothing(options: &Options) -> Settings {
-    Settings { grid: options.grid, transfer: options.transfer, ..Settings::default() }
+    with(options, Settings::default())
 }
 
 /// Whether a file is a map of true disparities, by its name.

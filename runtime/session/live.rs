@@ -190,6 +190,8 @@ impl FollowedEye {
         let (name, may_be_silent) = (tracking.describe(), matches!(kind, "mouse" | "program"));
         let Tracking { source, estimator, truth, real_time } = tracking;
         if !real_time {
+            let note = source.tracker().and_then(|name| estimator.note_on(&name));
+            note.into_iter().for_each(|note| notes.tell(note));
             let watch = Watch::Samples(Box::new(Samples::new(source, estimator, Arc::clone(&counts))));
             return Ok(Self { watch, tracker: None, truth, name, may_be_silent, counts });
         }

@@ -110,6 +110,11 @@ impl PupilTracker {
                     // Asked before: what came before the end is still taken.
                     let status = stream.status();
                     if let Some(sample) = stream.next(PATIENCE) {
+                        if count == 0 {
+                            // A device is known once it has sent something.
+                            let note = stream.tracker().and_then(|name| locked(&theirs).estimator.note_on(&name));
+                            note.into_iter().for_each(|note| notes.tell(note));
+                        }
                         let begun = Instant::now();
                         if let Some(note) = locked(&theirs).take(&sample, status.source) {
                             notes.tell(note);

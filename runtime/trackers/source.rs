@@ -92,4 +92,12 @@ pub trait Source: Send {
     fn recording_head(&self) -> Option<Head> {
         None
     }
+
+    /// The name of the tracker that the samples come from: the device's, or an address. `None` from sources that do not state it,
+    /// such as recorded lines and programs, and before a device was found.
+    fn tracker(&self) -> Option<String> {
+        let (head, about) = (self.recording_head(), self.about());
+        let states = matches!(about.kind, "network" | "simulated");
+        head.map(|head| head.name).or_else(|| states.then_some(about.name))
+    }
 }

@@ -41,6 +41,7 @@ struct Shared {
     ended: AtomicBool,
     failure: Mutex<Option<String>>,
     about: Mutex<(Option<About>, Option<Head>)>,
+    tracker: Mutex<Option<String>>,
     by_source: Mutex<Dropped>,
 }
 
@@ -102,6 +103,11 @@ impl Stream {
         self.shared.about.lock().unwrap_or_else(PoisonError::into_inner).1.clone()
     }
 
+    /// The name of the tracker, once it is known ([`Source::tracker`]).
+    pub fn tracker(&self) -> Option<String> {
+        self.shared.tracker.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
     /// How it is doing.
     pub fn status(&self) -> Status {
         let s = &self.shared;
@@ -128,6 +134,7 @@ impl Drop for Stream {
 fn run(source: Box<dyn Source>, samples: &Mailbox<Arrival>, notes: &Mailbox<String>, shared: &Shared) {
     let tell = |source: &dyn Source| {
         *shared.about.lock().unwrap_or_else(PoisonError::into_inner) = (Some(source.about()), source.recording_head());
+        *shared.tracker.lock().unwrap_or_else(PoisonError::into_inner) = source.tracker();
     };
     // A program's own source may measure in another unit as well.
     let mut source = Guard::new(source);

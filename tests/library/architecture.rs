@@ -403,6 +403,25 @@ fn no_file_is_too_long() {
     assert!(long.is_empty(), "of more than {LINES} lines: {long:?}");
 }
 
+/// A program that embeds the library has no options: the command adds them to what the library says.
+#[test]
+fn the_library_names_no_option_of_the_command() {
+    let mut paths = Vec::new();
+    rust_files(&root().join("runtime"), &mut paths);
+    for path in paths.iter().filter(|path| !path.display().to_string().contains("test")) {
+        let text = std::fs::read_to_string(path).expect("a file");
+        let code = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();
+        for line in code.lines().filter(|line| !line.trim_start().starts_with("//")) {
+            // Variables of style sheets have a name before a colon or a bracket.
+            let option = line.split("--").skip(1).find(|rest| {
+                let name = rest.trim_start_matches(|c: char| c.is_ascii_lowercase() || c == '-');
+                name.len() + 1 < rest.len() && !name.starts_with([':', ')'])
+            });
+            assert!(option.is_none(), "{}: {line}", path.display());
+        }
+    }
+}
+
 /// Where there is `unsafe`: at Vulkan's edge, where a window's handle is handed over, where memory is shared with an
 /// application, where C calls, and where phases are lent to NumPy.
 /// Each block says why it holds, which clippy sees to. Nothing else is mapped into memory.

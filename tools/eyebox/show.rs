@@ -216,7 +216,7 @@ fn follow(args: &Show, what: &str) -> Result<(), Failure> {
     let endless = !Sequence::is_at(Path::new(what)) || args.stream.looped;
     endless_needs_duration(args, cost, endless)?;
     let stage = Stage::open(&args.subject, &args.live)?;
-    let steered = live::load(what, &args.subject, args.stream.looped, &stage.engines)?;
+    let steered = live::load(what, &args.subject, (None, args.stream.looped), &stage.engines)?;
     show(args, steered, cost, stage)
 }
 

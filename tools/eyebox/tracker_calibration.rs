@@ -49,8 +49,8 @@ pub fn run(args: &Trackers, file: &Path) -> Result<(), Failure> {
         (all.len() == args.targets.0.len()).then(|| Fit::new(&all, unit))
     });
     let user = file.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-    let calibration =
-        Calibration { user, left: left.transpose()?, right: right.transpose()?, combined: combined.transpose()? };
+    let [left, right, combined] = [left.transpose()?, right.transpose()?, combined.transpose()?];
+    let calibration = Calibration { user, tracker: stream.tracker(), left, right, combined };
     let fits = [("left", &calibration.left), ("right", &calibration.right), ("combined", &calibration.combined)];
     if fits.iter().all(|(_, fit)| fit.is_none()) {
         return Err(Failure::Asked("no eye was seen at every target: nothing is written".into()));

@@ -247,6 +247,13 @@ impl Feed {
         }
     }
 
+    fn tracker(&self) -> Option<String> {
+        match self {
+            Self::Direct(source) => source.tracker(),
+            Self::Thread(stream) => stream.tracker(),
+        }
+    }
+
     fn head(&self) -> Option<Head> {
         match self {
             Self::Direct(source) => source.recording_head(),
@@ -403,6 +410,12 @@ fn show(args: &Trackers, feed: &mut Feed, stored: bool, mut recorder: Option<&mu
         }
         match feed.next(Duration::from_millis(50))? {
             Event::Sample(sample, report) => {
+                if first_ns.is_none()
+                    && let (Some((estimator, _)), Some(name)) = (&estimator, feed.tracker())
+                    && let Some(note) = estimator.note_on(&name)
+                {
+                    eprintln!("note: {note} (--watch with --calibrate)");
+                }
                 // What is not waited for lasts as long as its own times say.
                 let passed = sample.received_ns.saturating_sub(*first_ns.get_or_insert(sample.received_ns));
                 if stored && duration.is_some_and(|d| u128::from(passed) >= d.as_nanos()) {

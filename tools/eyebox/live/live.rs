@@ -120,7 +120,7 @@ pub struct Showing<'a> {
 /// Shows, follows, and says how it went.
 pub fn run(args: &Live) -> Result<(), Failure> {
     let stage = Stage::open(&args.subject.how, &args.how)?;
-    let steered = subject::load(&args.subject.what, &args.subject.how, true, &stage.engines)?;
+    let steered = subject::load(&args.subject.what, &args.subject.how, (None, true), &stage.engines)?;
     let tracker = args.how.tracker.tracker.as_deref().unwrap_or("simulated");
     show(steered, &args.how, Showing { tracker: Some(tracker), ..Showing::default() }, stage)
 }

@@ -7,18 +7,20 @@ use crate::Failure;
 use crate::args::OverwriteArgs;
 use crate::common::Engines;
 use crate::jod::ViewingArgs;
+use crate::phases::AtArgs;
 use crate::progress::{self, JobBar};
 use crate::values::{depth, not_negative, positive, share};
 use clap::Args;
 use eyebox::files::{self, OwnFolder};
 use eyebox::gpu::Options as VulkanOptions;
+use eyebox::hologram::Sequence;
 use eyebox::optics::{Depth, Display, depth_in_words, dioptres};
 use eyebox::report;
 use eyebox::session::{self, Cost, Judging, SetTiming, Study as Result_, StudySettings};
 use eyebox::solve::Flow;
 use eyebox::trackers::simulated;
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// `eyebox study`
@@ -27,6 +29,9 @@ pub struct Study {
     /// What is steered
     #[command(flatten)]
     pub subject: SubjectArgs,
+    /// Of a sequence
+    #[command(flatten)]
+    pub which: AtArgs,
     /// Where the plot and the numbers go
     #[arg(short, long, default_value = "study", value_name = "OUT_DIR")]
     pub out: PathBuf,
@@ -115,10 +120,16 @@ impl Study {
 pub fn run(args: &Study) -> Result<(), Failure> {
     let mut own = OwnFolder::open(&args.out, &report::STUDY, args.overwrite.overwrite)?;
     let engines = Engines::new(&args.subject.how.engine, &VulkanOptions::default())?;
-    let subject = subject::load(&args.subject.what, &args.subject.how, true, &engines)?;
+    let subject = subject::load(&args.subject.what, &args.subject.how, (args.which.at, true), &engines)?;
     if subject.scenes.is_some() {
         let what = &args.subject.what;
-        return Err(Failure::Asked(format!("{what} is a sequence: study takes one hologram, or a scene")));
+        return Err(Failure::Asked(if Sequence::is_at(Path::new(what)) {
+            format!("{what} is a sequence: study takes one of its holograms, as by --at 0")
+        } else {
+            format!(
+                "{what} is a far field in tiles, which study does not take: give a hologram that is not in tiles, or a scene"
+            )
+        }));
     }
     let focal_length = subject.hologram.focal_length;
     let mut settings = args.settings(focal_length);

@@ -77,10 +77,15 @@ pub struct Steered {
     pub unfinished: Option<Unfinished>,
 }
 
-/// Loads or solves it; a sequence that is `looped` begins again at its end.
-pub fn load(what: &str, args: &SubjectOptions, looped: bool, engines: &Engines) -> Result<Steered, Failure> {
+/// Loads or solves it; a sequence that is `looped` begins again at its end. `at` takes one hologram of it.
+pub fn load(
+    what: &str,
+    args: &SubjectOptions,
+    (at, looped): (Option<u64>, bool),
+    engines: &Engines,
+) -> Result<Steered, Failure> {
     let path = Path::new(what);
-    if Sequence::is_at(path) {
+    if at.is_none() && Sequence::is_at(path) {
         return moving(path, args, looped, engines);
     }
     if Tiles::is_tiled(path) {
@@ -88,7 +93,7 @@ pub fn load(what: &str, args: &SubjectOptions, looped: bool, engines: &Engines) 
     }
     let (hologram, parts, unfinished) = if is_hologram(path) {
         let unfinished = tell_unfinished(path)?;
-        let mut hologram = Opening { unfinished: true, ..args.unit.chosen(&args.display)? }.hologram(path)?;
+        let mut hologram = Opening { at, unfinished: true, ..args.unit.chosen(&args.display)? }.hologram(path)?;
         args.eye.replace(&mut hologram.metadata.prescription)?;
         let optics = score::display_of(path, &hologram)?;
         let field = args.other.open(path, &hologram, args.scene.as_deref(), &args.options)?.light_field()?;
@@ -96,6 +101,11 @@ pub fn load(what: &str, args: &SubjectOptions, looped: bool, engines: &Engines) 
         let parts = SteeredColor::all_of(&hologram, &field, &optics)?;
         (hologram, parts, unfinished)
     } else {
+        if at.is_some() {
+            return Err(Failure::Asked(format!(
+                "{what} is a scene, and --at takes a hologram of a sequence: leave it out"
+            )));
+        }
         let (hologram, field, display) = solved(what, args, engines)?;
         let parts = SteeredColor::all_of(&hologram, &field, &display)?;
         (hologram, parts, None)

@@ -1,5 +1,6 @@
 //! The command `eyebox` as a user runs it, a module for each of its commands. One binary: it is linked once.
 
+mod at;
 mod basics;
 #[cfg(target_os = "linux")]
 mod calibrate;

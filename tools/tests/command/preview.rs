@@ -183,6 +183,13 @@ fn a_sequence_is_played_and_stepped_through_and_ctrl_c_ends_it() {
     let killed = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
     assert!(killed.success());
     ends(child);
+    // One of them alone.
+    let mut child = start(folder, &desk, &["moving.zarr", "--at", "2", "--pupil=0,0,4,0", "--zoom", "1"]);
+    let window = desk.window("moving.zarr");
+    let expected = view(folder, "moving.zarr", &["--at", "2"], "0,0,4,0");
+    until("the third", &mut child, || desk.part(window) == expected);
+    desk.press(window, 'q'.into());
+    ends(child);
 }
 
 #[test]

@@ -270,10 +270,31 @@ fn a_user_is_calibrated() {
     assert!(answer.status.success());
     let text = std::fs::read_to_string(temp.path().join("ada.toml")).unwrap();
     assert!(text.contains("user = \"ada\"") && text.contains("[left]") && !text.contains("[right]"), "{text}");
+    assert!(text.contains(&format!("tracker = \"udp://127.0.0.1:{port}\"")), "{text}");
     // 11 mm x sin(8 degrees) for 800 counts, mirrored.
     let row = text.lines().find(|l| l.starts_with("x_mm")).expect("the row of x");
     let first: f64 = row.split(['[', ',']).nth(1).unwrap().trim().parse().unwrap();
     assert!((first + 11.0 * 8f64.to_radians().sin() / 800.0).abs() < 1e-6, "{row}");
+}
+
+/// Two trackers of one unit place the same reading differently.
+#[test]
+fn a_calibration_made_with_another_tracker_is_reported() {
+    let temp = tempfile::tempdir().unwrap();
+    let at = temp.path();
+    let map = "[combined]\nunit = \"mm\"\nx_mm = [1.0, 0.0, 0.0]\ny_mm = [0.0, 1.0, 0.0]\nresidual_mm = 0.1\n";
+    std::fs::write(at.join("r.hid"), recording(TRACKER)).unwrap();
+    let said = |tracker: &str| {
+        std::fs::write(at.join("me.toml"), format!("user = \"ada\"\n{tracker}{map}")).unwrap();
+        let answer = eyebox(at, &["--watch", "r.hid", "--pupil", "--calibration", "me.toml"]);
+        assert!(answer.status.success());
+        String::from_utf8_lossy(&answer.stderr).into_owned()
+    };
+    let other = said("tracker = \"Tower 3\"\n");
+    assert!(other.contains("Tower 3") && other.contains("By Hand") && other.contains("--calibrate"), "{other}");
+    for same in ["tracker = \"By Hand\"\n", ""] {
+        assert!(!said(same).contains("By Hand"), "{same}");
+    }
 }
 
 #[test]

@@ -54,6 +54,43 @@ fn half(v: f32) -> [u8; 2] {
     (if exponent <= 0 { 0 } else { ((exponent as u32) << 10 | (bits >> 13 & 0x3ff)) as u16 }).to_le_bytes()
 }
 
+/// The hologram was scored against the array that it was solved from.
+const SCORED: Judge = Judge::By(|outcome| {
+    let words = ["score", "h.zarr", "--no-jod", "--engine", "cpu", "--json"];
+    let said = crate::common::done(outcome.folder, &words);
+    let score: serde_json::Value = serde_json::from_str(&said).map_err(|e| e.to_string())?;
+    match score["psnr_db"]["mean"].as_f64() {
+        // One step of a bright scene.
+        Some(psnr) if psnr > 9.0 => Ok(()),
+        found => Err(format!("{found:?} dB")),
+    }
+});
+
+const SOLVED: &str =
+    "--order as-named --depth=-1..1 --size 48x64 --color green --frames 1 --steps 1 --engine cpu -o h.zarr";
+
+/// Holograms of arrays whose white is stated.
+fn solved() -> Vec<Situation> {
+    let of = |have: &str, scene: &str, descr: &'static str, bytes: fn(u8) -> Vec<u8>| {
+        case(have, format!("solve {scene} {SOLVED}"), move |at| {
+            let values: Vec<u8> = all().iter().flat_map(|view| view.as_raw()).flat_map(|v| bytes(*v)).collect();
+            let [rows, columns] = GRID;
+            file(&at.join("a/v.npy"), npy(descr, false, &[rows, columns, SIZE[0], SIZE[1], 3], &values));
+        })
+    };
+    vec![
+        of("Floats of 0 to 255 are solved.", "a/v.npy", "<f4", |v| f32::from(v).to_le_bytes().into()).refused(
+            "above 1",
+            Remedy::As("?full_scale=255", "a/v.npy", "a/v.npy?full_scale=255"),
+            SCORED,
+        ),
+        of("Values of 10 bits are solved.", "a/v.npy?full_scale=1020", "<u2", |v| {
+            (4 * u16::from(v)).to_le_bytes().into()
+        })
+        .right(SCORED),
+    ]
+}
+
 pub fn chapter() -> Chapter {
     let mut situations = vec![
         array("An array has 8 bits and the axes (3, 5, 48, 64, 3).", "|u1", <[u8]>::to_vec).right(EXACT),
@@ -113,6 +150,7 @@ pub fn chapter() -> Chapter {
         case("An array has the ending .dat.", "photograph v.dat", |at| file(&at.join("v.dat"), plain())).right(EXACT),
     ];
     situations.extend(refused());
+    situations.extend(solved());
     Chapter {
         title: "Arrays",
         about: "The same views in one file. The axes are rows and columns of views, rows and columns of pixels, and colors.",

@@ -54,6 +54,16 @@ pub fn chapter() -> Chapter {
             [0xfeff].into_iter().chain(RIGHT.encode_utf16()).flat_map(u16::to_le_bytes).collect()
         })
         .right(SAME),
+        with("The pitch has a decimal comma.", "pitch_um = 8.0", "pitch_um = 8,0").refused(
+            "8,0 has a decimal comma",
+            change("write 8.0", bench),
+            SAME,
+        ),
+        with("A wavelength has a decimal comma.", "green = 520,", "green = 520,0,").refused(
+            "520,0 has a decimal comma",
+            change("write 520.0", bench),
+            SAME,
+        ),
         with("The pitch is in meters.", "pitch_um = 8.0", "pitch_um = 8e-6").refused(
             "the pitch (um) is 8e-6",
             change("probably 8 is meant", bench),

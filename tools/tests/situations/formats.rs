@@ -4,7 +4,7 @@ use crate::common::made::tiff;
 use crate::frame::{Case, Chapter, Remedy, Situation, case, change};
 use crate::judge::Judge;
 use crate::made::{EXACT, GRID, SIZE, VIEWS, all, light};
-use crate::write::{exr_of, file, jpeg, png, with_chunk};
+use crate::write::{exr_in, exr_of, file, jpeg, png, with_chunk};
 use image::buffer::ConvertBuffer;
 use image::{DynamicImage, ImageBuffer, Rgb, RgbImage, Rgba, RgbaImage};
 use std::path::Path;
@@ -47,6 +47,52 @@ fn of_white(view: &RgbImage, white: f32) -> ImageBuffer<Rgb<u16>, Vec<u16>> {
     words(view, |v| (f32::from(v) / 255.0 * white).round() as u16)
 }
 
+/// Chromaticities of BT.2020 and of ACES2065-1, and the light of sRGB's red, green and blue in each, by float64.
+const WIDE: ([f32; 8], [[f64; 3]; 3]) = (
+    [0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290],
+    [
+        [0.6274038959, 0.3292830384, 0.0433130657],
+        [0.0690972894, 0.9195403951, 0.0113623156],
+        [0.0163914389, 0.0880133079, 0.8955952532],
+    ],
+);
+const ACES: ([f32; 8], [[f64; 3]; 3]) = (
+    [0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767],
+    [
+        [0.4396329819, 0.3829886982, 0.1773783199],
+        [0.089776443, 0.8134394287, 0.0967841283],
+        [0.0175411704, 0.1115465533, 0.8709122763],
+    ],
+);
+
+/// The light of a pixel in other primaries.
+fn light_in(mix: [[f64; 3]; 3], pixel: [u8; 3]) -> [f64; 3] {
+    let [r, g, b] = pixel.map(|v| f64::from(light(v)));
+    mix.map(|row| row[0] * r + row[1] * g + row[2] * b)
+}
+
+/// A view as EXR in other primaries, and 16 bits of linear light in them.
+fn exr_of_primaries(view: &RgbImage, (at, mix): ([f32; 8], [[f64; 3]; 3])) -> Vec<u8> {
+    let plane = |c: usize| view.pixels().map(|p| light_in(mix, p.0)[c] as f32).collect::<Vec<f32>>();
+    exr_in(SIZE, Some(at), &[("B", plane(2)), ("G", plane(1)), ("R", plane(0))])
+}
+
+fn words_of_primaries(view: &RgbImage, mix: [[f64; 3]; 3]) -> Vec<u8> {
+    let words: ImageBuffer<Rgb<u16>, Vec<u16>> = ImageBuffer::from_fn(view.width(), view.height(), |x, y| {
+        Rgb(light_in(mix, view.get_pixel(x, y).0).map(|v| (v * 65535.0).round() as u16))
+    });
+    png(words)
+}
+
+/// The chunk `cHRM`: white first.
+fn chrm(at: [f32; 8]) -> Vec<u8> {
+    let steps = |v: &f32| ((v * 1e5).round() as u32).to_be_bytes();
+    at[6..].iter().chain(&at[..6]).flat_map(steps).collect()
+}
+
+/// The rounding of linear light to 16 bits.
+const LINEAR: Judge = Judge::Like(&VIEWS, 1e-4);
+
 /// The rounding of values of 10, 12 or 14 bits.
 const ROUNDED: Judge = Judge::Like(&VIEWS, 1e-3);
 
@@ -63,6 +109,18 @@ pub fn chapter() -> Chapter {
         })
         .right(EXACT),
         views("Views are EXR files of a renderer.", "exr", |v| exr_of(v, light)).right(EXACT),
+        views("EXR views have the primaries of BT.2020, and state them.", "exr", |v| exr_of_primaries(v, WIDE))
+            .right(EXACT),
+        views("EXR views are in ACES2065-1, and state it.", "exr", |v| exr_of_primaries(v, ACES)).right(EXACT),
+        views("PNG views of linear light have the primaries of BT.2020 in `cICP`.", "png", |v| {
+            with_chunk(&words_of_primaries(v, WIDE.1), b"cICP", &[9, 8, 0, 1])
+        })
+        .right(LINEAR),
+        views("PNG views of linear light have the primaries of BT.2020 in `cHRM`.", "png", |v| {
+            let stated = with_chunk(&words_of_primaries(v, WIDE.1), b"gAMA", &100_000u32.to_be_bytes());
+            with_chunk(&stated, b"cHRM", &chrm(WIDE.0))
+        })
+        .right(LINEAR),
         views("Views are PNG files with an opaque alpha channel.", "png", |v| {
             let opaque: RgbaImage = v.convert();
             png(opaque)
@@ -131,6 +189,27 @@ fn refused() -> Vec<Situation> {
         })
         .refused(
             "gamma",
+            change("convert it to sRGB", |at| written(&at.join("views"), "png", |v| png(v.clone()))),
+            EXACT,
+        ),
+        views("EXR views state primaries that no colors lie between.", "exr", |v| {
+            exr_of_primaries(
+                v,
+                ([0.2, 0.2, 0.3, 0.3, 0.4, 0.4, 0.3127, 0.3290], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
+            )
+        })
+        .refused(
+            "primaries",
+            change("transfer in lightfield.toml", |at| {
+                file(&at.join("views/lightfield.toml"), "transfer = \"linear\"\n")
+            }),
+            EXACT,
+        ),
+        views("PNG views have color primaries that have no name.", "png", |v| {
+            with_chunk(&png(v.clone()), b"cICP", &[77, 13, 0, 1])
+        })
+        .refused(
+            "color primaries 77",
             change("convert it to sRGB", |at| written(&at.join("views"), "png", |v| png(v.clone()))),
             EXACT,
         ),

@@ -1,6 +1,7 @@
 //! The frame: one situation, how the command is run, and how a remedy is followed.
 
-use crate::common::{command, folder, text};
+use crate::common::{folder, text};
+use crate::ground::{self, Ground};
 use crate::judge::Judge;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -25,6 +26,13 @@ pub struct Chapter {
     pub situations: Vec<Situation>,
 }
 
+impl Situation {
+    /// Has the command run on this ground.
+    pub fn on(self, ground: Ground) -> Self {
+        Self { ground, ..self }
+    }
+}
+
 /// Files, a command, and its answer.
 pub struct Situation {
     /// What people have: one plain sentence of at most 160 characters, the same in no other situation.
@@ -33,6 +41,7 @@ pub struct Situation {
     pub words: String,
     files: Maker,
     pub answer: Answer,
+    ground: Ground,
 }
 
 /// What the command does.
@@ -101,7 +110,7 @@ impl Case {
     }
 
     fn with(self, answer: Answer) -> Situation {
-        Situation { have: self.have, words: self.words, files: self.files, answer }
+        Situation { have: self.have, words: self.words, files: self.files, answer, ground: Ground::Usual }
     }
 }
 
@@ -145,13 +154,20 @@ impl Situation {
     fn follow(&self) -> Result<(), String> {
         let temp = folder();
         let at = temp.path();
+        let ground = match self.ground.prefix(at) {
+            Ok(ground) => ground,
+            Err(why) => {
+                eprintln!("not tried, because {why}: {}", self.have);
+                return Ok(());
+            }
+        };
         (self.files)(at);
         let (cause, remedy, then) = match &self.answer {
-            Answer::Right(judge) => return judge.judge(&run(at, &self.words)?),
+            Answer::Right(judge) => return judge.judge(&run(at, &ground, &self.words)?),
             Answer::Refused { cause, remedy, then } => (*cause, remedy, then),
         };
         let before = contents(at);
-        let line = refusal(at, &self.words)?;
+        let line = refusal(at, &ground, &self.words)?;
         if contents(at) != before {
             return Err(format!("the refusal leaves something behind: {:?} from {before:?}", contents(at)));
         }
@@ -194,14 +210,14 @@ impl Situation {
                 self.words.clone()
             }
         };
-        let after = run(at, &words).map_err(|why| format!("the remedy does not work: {why}\n  of: {line}"))?;
+        let after = run(at, &ground, &words).map_err(|why| format!("the remedy does not work: {why}\n  of: {line}"))?;
         then.judge(&after).map_err(|why| format!("wrong after the remedy: {why}"))
     }
 }
 
 /// Runs a command that ends well.
-fn run<'a>(at: &'a Path, words: &str) -> Result<Outcome<'a>, String> {
-    let answer = command(at, &[]).args(split(&complete(words))).output().expect("the command starts");
+fn run<'a>(at: &'a Path, ground: &[String], words: &str) -> Result<Outcome<'a>, String> {
+    let answer = ground::command(at, ground, &split(&complete(words))).output().expect("the command starts");
     let [stdout, stderr] = [&answer.stdout, &answer.stderr].map(|bytes| text(bytes));
     match answer.status.code() {
         Some(0) => Ok(Outcome { folder: at, stdout, stderr }),
@@ -210,8 +226,8 @@ fn run<'a>(at: &'a Path, words: &str) -> Result<Outcome<'a>, String> {
 }
 
 /// Runs a command that refuses, and returns its line.
-fn refusal(at: &Path, words: &str) -> Result<String, String> {
-    let answer = command(at, &[]).args(split(&complete(words))).output().expect("the command starts");
+fn refusal(at: &Path, ground: &[String], words: &str) -> Result<String, String> {
+    let answer = ground::command(at, ground, &split(&complete(words))).output().expect("the command starts");
     let said = text(&answer.stderr);
     match (answer.status.code(), said.trim().lines().count()) {
         (Some(2), 1) => Ok(said.trim().to_owned()),

@@ -221,9 +221,77 @@ fn damaged() -> Vec<Situation> {
     ]
 }
 
+/// Copies a hologram that version 0.1.0 wrote.
+fn from_old(name: &'static str, have: &str, words: &str) -> Case {
+    case(have, words, move |at| {
+        copy(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/old_holograms").join(name), &at.join("old.zarr"));
+    })
+}
+
+/// The phases are those that the old file has in these chunks.
+fn are_phases(outcome: &Outcome, chunks: &[&str]) -> Result<(), String> {
+    let found = eyebox::files::read_npy(&outcome.folder.join("p.npy")).map_err(|e| e.to_string())?.values;
+    let stored = |chunk: &&str| {
+        let bytes = fs::read(outcome.folder.join("old.zarr/phases/c").join(chunk)).expect("a chunk");
+        let values = bytes[..bytes.len() - 4].chunks_exact(4);
+        values.map(|v| f32::from_le_bytes([v[0], v[1], v[2], v[3]])).collect::<Vec<_>>()
+    };
+    let right: Vec<f32> = chunks.iter().flat_map(stored).collect();
+    if found == right { Ok(()) } else { Err(format!("{} phases, which are others", found.len())) }
+}
+
+/// The PSNR of `tests/old_holograms/relay`, which is 15.7 dB against a scene that it does not show.
+const OLD: Judge = Judge::By(|outcome| match psnr(&outcome.stdout) {
+    Some(found) if (19.5..21.5).contains(&found) => Ok(()),
+    found => Err(format!("{found:?} dB")),
+});
+
+/// Holograms of version 0.1.0, sequences, and scenes with unusual numbers.
+fn old() -> Vec<Situation> {
+    let score = "score old.zarr --no-jod --engine cpu --json";
+    let unusual = "score u.zarr --no-jod --engine cpu --json";
+    vec![
+        from_old("relay", "A hologram of version 0.1.0 is scored.", score).right(OLD),
+        from_old("refined", "A refined hologram of version 0.1.0 is exported.", "export old.zarr -o p.npy")
+            .right(Judge::By(|outcome| are_phases(outcome, &["0/0/0/0", "0/1/0/0"]))),
+        from_old("far-field", "A far field of version 0.1.0 is exported.", "export old.zarr -o p.npy")
+            .right(Judge::By(|outcome| are_phases(outcome, &["0/0/0/0", "1/0/0/0"]))),
+        from_old("sequence", "A sequence of version 0.1.0 is exported.", "export old.zarr -o p.npy").refused(
+            "a sequence",
+            Remedy::Add("--at 0"),
+            Judge::By(|outcome| are_phases(outcome, &["0/0/0/0/0"])),
+        ),
+        case("A hologram was solved with depths that `--force` took.", unusual, |at| {
+            crate::made::all()[0].save(at.join("photo.png")).expect("a picture");
+            image::GrayImage::from_fn(64, 48, |x, _| image::Luma([4 * x as u8])).save(at.join("d.png")).expect("a map");
+            let scene = "photo.png --depth-map d.png --near bright --depth=-0.003..0.003 --views 3";
+            run(at, &format!("solve {scene} --force {SOLVE} -o u.zarr"));
+        })
+        .right(Judge::By(|outcome| match psnr(&outcome.stdout) {
+            Some(found) if found > 10.0 => Ok(()),
+            found => Err(format!("{found:?} dB")),
+        })),
+        case("A sequence is to be studied.", STUDY, |at| {
+            run(at, &format!("solve builtin:plane builtin:plane?depth=0.5 {SOLVE} -o s.zarr"));
+        })
+        .refused(
+            "a sequence",
+            Remedy::Add("--at 0"),
+            Judge::By(|outcome| {
+                let text = fs::read_to_string(outcome.folder.join("study/study.json")).map_err(|e| e.to_string())?;
+                if text.contains("builtin:plane") { Ok(()) } else { Err(text) }
+            }),
+        ),
+    ]
+}
+
+const STUDY: &str =
+    "study s.zarr --duration 0.1 --rate 20 --step-time 10 --encode-time 1 --no-jod --engine cpu -o study";
+
 pub fn chapter() -> Chapter {
     let mut situations = moved();
     situations.extend(damaged());
+    situations.extend(old());
     if cfg!(unix) {
         situations.push(
             score("A link leads to a hologram.", "link.zarr", |at| link(&at.join("a/h.zarr"), &at.join("link.zarr")))

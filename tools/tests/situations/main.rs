@@ -19,6 +19,7 @@ mod displays;
 mod folders;
 mod formats;
 mod frame;
+mod ground;
 mod holograms;
 mod judge;
 mod made;

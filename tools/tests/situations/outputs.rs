@@ -2,6 +2,7 @@
 
 use crate::common::done;
 use crate::frame::{Case, Chapter, Outcome, Remedy, Situation, case, change};
+use crate::ground::{Ground, open};
 use crate::judge::Judge;
 use crate::write::file;
 use eyebox::files::read_npy;
@@ -68,6 +69,7 @@ fn solve(have: &str, words: &str) -> Case {
 
 pub fn chapter() -> Chapter {
     let mut situations = numbers();
+    situations.extend(denied());
     situations.extend(places());
     situations.extend(displays());
     Chapter {
@@ -171,6 +173,39 @@ fn places() -> Vec<Situation> {
         ),
         case("The place of a hologram is given as an output of `show`.", format!("{SOLVE} --output y.zarr"), |_| ())
             .refused("'y.zarr'", Remedy::As("--out", "--output", "--out"), SOLVED),
+    ]
+}
+
+/// Disks and folders that cannot be written to.
+fn denied() -> Vec<Situation> {
+    vec![
+        view("The disk for a view is full.", "--pupil=2,-1,4,1.5 -o full/v.npy")
+            .refused("the disk is full", Remedy::As("write elsewhere", "full/v.npy", "v.npy"), VIEW)
+            .on(Ground::Disk("size=4k,nr_inodes=1")),
+        view("A view goes to a disk that may only be read.", "--pupil=2,-1,4,1.5 -o full/v.npy")
+            .refused("Read-only file system", Remedy::As("give another place", "full/v.npy", "v.npy"), VIEW)
+            .on(Ground::Disk("ro")),
+        case(
+            "A view goes to a folder of somebody else.",
+            "view h.zarr --pupil=2,-1,4,1.5 --engine cpu -o theirs/v.npy",
+            |at| {
+                hologram(at);
+                for (name, mode) in [("theirs", 0o555), ("out", 0o777)] {
+                    std::fs::create_dir(at.join(name)).expect("a folder");
+                    open(&at.join(name), mode);
+                }
+            },
+        )
+        .refused("Permission denied", Remedy::As("give another place", "theirs/v.npy", "out/v.npy"), VIEW)
+        .on(Ground::Stranger),
+        case("A hologram may not be read.", "view h.zarr --pupil=2,-1,4,1.5 --engine cpu -o out/v.npy", |at| {
+            hologram(at);
+            std::fs::create_dir(at.join("out")).expect("a folder");
+            open(&at.join("out"), 0o777);
+            open(&at.join("h.zarr"), 0);
+        })
+        .refused("Permission denied", change("chmod", |at| open(&at.join("h.zarr"), 0o755)), VIEW)
+        .on(Ground::Stranger),
     ]
 }
 

@@ -161,6 +161,17 @@ fn refused() -> Vec<Situation> {
             change("scale it to 144 x 320", |at| file(&at.join("all.png"), png(usual()))),
             EXACT,
         ),
+        one(
+            "The picture of all views was scaled so that their rows differ more than usual.",
+            "all.png?mosaic",
+            "all.png",
+            || png(imageops::resize(&usual(), 322, 145, imageops::FilterType::Nearest)),
+        )
+        .refused(
+            "may be 1 x 5 views or 3 x 5",
+            change("?grid=3x5", |at| file(&at.join("all.png"), png(usual()))),
+            EXACT,
+        ),
         one("A quilt has a name that says nothing.", "quilt.png?mosaic", "quilt.png", || png(quilt())).refused(
             "one row of 15 cameras",
             Remedy::State("lightfield.toml", "tiles = [3, 5]\nfirst = \"bottom-left\""),

@@ -62,7 +62,12 @@ pub fn pfm([height, width]: [usize; 2], values: &[f32], big: bool) -> Vec<u8> {
 }
 
 /// An EXR of floats without compression: names of channels in alphabetic order, and their values.
-pub fn exr([height, width]: [usize; 2], channels: &[(&str, Vec<f32>)]) -> Vec<u8> {
+pub fn exr(size: [usize; 2], channels: &[(&str, Vec<f32>)]) -> Vec<u8> {
+    exr_in(size, None, channels)
+}
+
+/// The same with chromaticities: x and y of red, green, blue and white.
+pub fn exr_in([height, width]: [usize; 2], primaries: Option<[f32; 8]>, channels: &[(&str, Vec<f32>)]) -> Vec<u8> {
     let int = |v: usize| (v as u32).to_le_bytes();
     let attribute = |name: &str, kind: &str, value: &[u8]| {
         [name.as_bytes(), b"\0", kind.as_bytes(), b"\0", &int(value.len()), value].concat()
@@ -74,6 +79,9 @@ pub fn exr([height, width]: [usize; 2], channels: &[(&str, Vec<f32>)]) -> Vec<u8
     let mut out = [
         &b"v/1\x01\x02\0\0\0"[..],
         &attribute("channels", "chlist", &list),
+        &primaries
+            .map(|at| attribute("chromaticities", "chromaticities", &at.map(f32::to_le_bytes).concat()))
+            .unwrap_or_default(),
         &attribute("compression", "compression", &[0]),
         &attribute("dataWindow", "box2i", &window),
         &attribute("displayWindow", "box2i", &window),

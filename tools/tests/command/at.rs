@@ -1,0 +1,62 @@
+//! One hologram of a sequence, in every command that takes `--at`.
+
+use crate::common::{done, folder};
+use serde_json::Value;
+use std::path::Path;
+
+const SMALL: &str = "--size 48x64 --color green --frames 1 --steps 1 --views 3 --engine cpu";
+
+fn run(at: &Path, line: &str) -> String {
+    done(at, &line.split_whitespace().collect::<Vec<_>>())
+}
+
+/// A sequence of two scenes, and each of the two by itself.
+fn sequence(at: &Path) {
+    run(at, &format!("solve builtin:plane builtin:still-life {SMALL} -o s.zarr"));
+    for i in 0..2 {
+        run(at, &format!("export s.zarr --at {i} -o {i}.npy"));
+    }
+}
+
+#[test]
+fn every_command_takes_the_hologram_that_is_named() {
+    let temp = folder();
+    let at = temp.path();
+    sequence(at);
+    let read = |name: &str| std::fs::read(at.join(name)).expect("a file");
+    assert_ne!(read("0.npy"), read("1.npy"));
+    for (i, scene) in ["builtin:plane", "builtin:still-life"].into_iter().enumerate() {
+        // Video frames and views are those of the same phases.
+        let how = "--display paper --size 48x64 --color green --engine cpu";
+        run(at, &format!("encode {i}.npy {how} -o bare{i}"));
+        run(at, &format!("encode s.zarr --at {i} --engine cpu -o frames{i}"));
+        let frame =
+            |folder: &str| image::open(at.join(folder).join("frame-00000.png")).expect("a video frame").to_luma8();
+        assert_eq!(frame(&format!("frames{i}")), frame(&format!("bare{i}")), "{i}");
+        run(
+            at,
+            &format!(
+                "view {i}.npy --display paper --size 48x64 --color green --pupil=1,2,4,0 --engine cpu -o bare{i}.npy"
+            ),
+        );
+        run(at, &format!("view s.zarr --at {i} --pupil=1,2,4,0 --engine cpu -o view{i}.npy"));
+        let light = |name: &str| eyebox::files::read_npy(&at.join(name)).expect("a view").values;
+        let [bare, own] = [light(&format!("bare{i}.npy")), light(&format!("view{i}.npy"))];
+        // Bare phases have no exposure: the views are the same but for a factor.
+        let sums = [&bare, &own].map(|v| v.iter().sum::<f32>());
+        let off = bare.iter().zip(&own).map(|(a, b)| (a / sums[0] - b / sums[1]).abs()).fold(0.0, f32::max);
+        assert!(off < 1e-6, "{i}: {off}");
+        // Each is refined and scored for its own scene.
+        run(at, &format!("refine s.zarr --at {i} --pupil=0,0,4,0 --steps 1 --engine cpu -o refined{i}.zarr"));
+        let group: Value = serde_json::from_slice(&read(&format!("refined{i}.zarr/zarr.json"))).expect("JSON");
+        assert_eq!(group["attributes"]["eyebox"]["scene"], scene);
+    }
+    let psnr = |words: &str| {
+        let said = run(at, &format!("score {words} --pupils random:4 --no-jod --engine cpu --json"));
+        serde_json::from_str::<Value>(&said).expect("JSON")["psnr_db"]["mean"].as_f64().expect("a number")
+    };
+    let own = [0, 1].map(|i| psnr(&format!("s.zarr --at {i}")));
+    let named = [("0", "builtin:plane"), ("1", "builtin:still-life")]
+        .map(|(i, scene)| psnr(&format!("s.zarr {scene} --at {i}")));
+    assert!(own == named && own[0] != own[1], "{own:?} {named:?}");
+}
