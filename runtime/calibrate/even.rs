@@ -2,7 +2,7 @@
 //! that the result depends on nothing that is unknown yet, and a tilt of any size is found.
 
 use super::error::CalibrateError;
-use super::fit::{Effort, Fit};
+use super::fit::Effort;
 use super::parameters::{Parameter, Parameters};
 use super::pattern::transposed;
 use super::picture;
@@ -17,12 +17,15 @@ const PEAKS: usize = 3;
 const WEAK: f64 = 0.3;
 /// A fit that leaves this share of the even drives is in the right minimum.
 const EXPLAINED: f64 = 0.01;
+/// A picture is not believed if all leave more than this share, and the others less than that share of it.
+const CONTRADICT: f64 = 0.05;
+const ALONE: f64 = 0.2;
 /// Places along a side at which the pictures are compared, at most.
 const PLACES: usize = 512;
 /// Curvatures that are tried, from -2 to 2 rad.
 const CURVATURES: std::ops::RangeInclusive<i32> = -8..=8;
 /// An even drive shows this and nothing of crosstalk.
-const EVEN: Effort = Effort { subpixels: 1, slopes: 1, rounds: 12, enough: 0.02 };
+const EVEN: Effort = Effort { subpixels: 1, slopes: 1, rounds: 20, enough: 0.01 };
 
 /// A complex image over the SLM.
 struct Image {
@@ -34,46 +37,89 @@ struct Image {
 /// Light that is not modulated: Re, Im of its amplitude, its tilts and its curvature, radians.
 pub(super) type Component = [f64; 5];
 
-/// Fits source, table and the light that is not modulated to the even drives; the share that is left of them. Without even
-/// drives all stays as it is.
-pub(super) fn fit(sorted: &Sorted, start: &Parameters) -> Result<(Parameters, Option<f64>), CalibrateError> {
-    if sorted.even.is_empty() {
-        return Ok((start.clone(), None));
+/// What even drives tell.
+pub(super) struct Even {
+    pub(super) at: Parameters,
+    /// The share that is left of them; none without even drives.
+    pub(super) left: Option<f64>,
+    /// A picture that contradicts the others, and the share of it that these leave.
+    pub(super) strange: Option<(usize, f64)>,
+}
+
+/// Fits source, table and the light that is not modulated to the even drives. Without even drives all stays as it is. Four are one
+/// more than the closed form needs: where they contradict each other, and three do not, the fourth is not believed.
+pub(super) fn fit(sorted: &Sorted, start: &Parameters) -> Result<Even, CalibrateError> {
+    let even = &sorted.even;
+    let Some((left, at)) = fit_to(sorted, start, even)? else {
+        return Ok(Even { at: start.clone(), left: None, strange: None });
+    };
+    let mut best = Even { at, left: Some(left), strange: None };
+    if left < CONTRADICT || even.len() < 4 {
+        return Ok(best);
+    }
+    let mut least = ALONE * left;
+    for strange in even {
+        let others: Vec<usize> = even.iter().copied().filter(|v| v != strange).collect();
+        let Some((left, at)) = fit_to(sorted, start, &others)? else { continue };
+        let of_strange = left_of(sorted, &at, &[*strange]);
+        tracing::debug!(
+            "without {}: {left:.4} is left, and {of_strange:.4} of it",
+            sorted.pictures.views[*strange].file.display()
+        );
+        if left < least {
+            least = left;
+            best = Even { at, left: Some(left), strange: Some((*strange, of_strange)) };
+        }
+    }
+    Ok(best)
+}
+
+/// The share that is left of some even drives and the fit to them, from the start that leaves least.
+fn fit_to(sorted: &Sorted, start: &Parameters, which: &[usize]) -> Result<Option<(f64, Parameters)>, CalibrateError> {
+    if which.is_empty() {
+        return Ok(None);
     }
     let mut free: Vec<Parameter> = (0..5).map(Parameter::Undiffracted).collect();
     free.extend((0..5).map(Parameter::Source));
+    let light = free.len();
     free.extend((0..9).map(Parameter::Level));
     free.extend((0..2).map(Parameter::Bend));
-    let mut starts = components(sorted, start)?;
+    let mut starts = components(sorted, start, which)?;
     if start.model.undiffracted != [0.0; 5] || starts.is_empty() {
         starts.insert(0, start.model.undiffracted);
     }
-    let pictures = &sorted.pictures;
-    let mut best: Option<(f64, Fit)> = None;
+    let mut best: Option<(f64, Parameters)> = None;
     for undiffracted in starts {
         let mut at = start.clone();
         at.model.undiffracted = undiffracted;
-        let fit = pictures.fit(&at, &free, &sorted.even, EVEN, &mut |_| {})?;
-        let left = pictures.left(&sorted.even, &pictures.see(&fit.at, 1, &sorted.even, &[]));
-        let left = left.iter().map(|l| l[0]).sum::<f64>() / left.len() as f64;
+        // Three turns are three numbers, and a table far from its file explains them with other light: the light is fitted first.
+        let near = sorted.pictures.fit(&at, &free[..light], which, EVEN, &mut |_| {})?;
+        let fit = sorted.pictures.fit_near(&at, &near.at, &free, which, EVEN, &mut |_| {})?;
+        let left = left_of(sorted, &fit.at, which);
         tracing::debug!("light that is not modulated, {undiffracted:.3?}: {left:.4} of the even drives is left");
         if best.as_ref().is_none_or(|(least, _)| left < *least) {
-            best = Some((left, fit));
+            best = Some((left, fit.at));
         }
         if left < EXPLAINED {
             break;
         }
     }
-    Ok(best.map_or((start.clone(), None), |(left, fit)| (fit.at, Some(left))))
+    Ok(best)
+}
+
+/// The mean share that is left of some even drives.
+fn left_of(sorted: &Sorted, at: &Parameters, which: &[usize]) -> f64 {
+    let left = sorted.pictures.left(which, &sorted.pictures.see(at, 1, which, &[]));
+    left.iter().map(|l| l[0]).sum::<f64>() / left.len() as f64
 }
 
 /// The strongest components of the light that is not modulated.
-fn components(sorted: &Sorted, at: &Parameters) -> Result<Vec<Component>, CalibrateError> {
+fn components(sorted: &Sorted, at: &Parameters, which: &[usize]) -> Result<Vec<Component>, CalibrateError> {
     let pictures = &sorted.pictures;
     let [height, width] = at.map.slm;
     let [rows, columns] = [height, width].map(|n| n.min(PLACES));
     let (mut drives, mut images) = (Vec::new(), Vec::new());
-    for v in &sorted.even {
+    for v in which {
         let view = &pictures.views[*v];
         let Some(drive) = pictures.sets[view.set].pattern.even_drive() else { continue };
         let wrong = |reason| CalibrateError::Captures { file: view.file.display().to_string(), reason };
@@ -89,7 +135,7 @@ fn components(sorted: &Sorted, at: &Parameters) -> Result<Vec<Component>, Calibr
     let Some(values) = unmodulated(&drives, &images) else { return Ok(Vec::new()) };
     // Light beyond the iris is not in the pictures.
     let widest = |v: &usize| pictures.views[*v].look.pupil.diameter / pictures.optics.eyebox();
-    let reach = PI * sorted.even.iter().map(widest).fold(0.0, f64::max) / 2.0;
+    let reach = PI * which.iter().map(widest).fold(0.0, f64::max) / 2.0;
     let limit = [reach * width as f64, reach * height as f64];
     Ok(strongest(Image { rows, columns, values }, limit))
 }

@@ -66,7 +66,8 @@ const SHOWN: usize = 160;
 /// What the model leaves of each picture, and where.
 pub(super) fn left(sorted: &Sorted, fit: &Fit, fitted: &[usize], subpixels: usize) -> (Vec<PictureLeft>, LeftMap) {
     let pictures = &sorted.pictures;
-    let which: Vec<usize> = sorted.fitted.iter().copied().chain(sorted.pairs.iter().map(|p| p[0])).collect();
+    let held_out: Vec<usize> = sorted.pairs.iter().map(|p| p[0]).collect();
+    let which: Vec<usize> = sorted.fitted.iter().chain(&sorted.strange).chain(&held_out).copied().collect();
     let seen = pictures.see(&fit.at, subpixels, &which, &[]);
     let [height, width] = sorted.camera;
     let tile_px = height.max(width).div_ceil(TILES);
@@ -77,7 +78,7 @@ pub(super) fn left(sorted: &Sorted, fit: &Fit, fitted: &[usize], subpixels: usiz
     for ((v, seen), [left, squares]) in which.iter().zip(&seen).zip(lefts) {
         let view = &pictures.views[*v];
         let residuals = pictures.residuals(*v, seen);
-        let role = match (fitted.contains(v), sorted.fitted.contains(v)) {
+        let role = match (fitted.contains(v), !held_out.contains(v)) {
             (true, _) => "fitted",
             (false, false) => "held out",
             (false, true) => LEFT_OUT,

@@ -29,6 +29,8 @@ pub(super) struct Sorted {
     /// Pictures of even drives; they are fitted, too.
     pub(super) even: Vec<usize>,
     pub(super) fitted: Vec<usize>,
+    /// Pictures that contradict the others.
+    pub(super) strange: Vec<usize>,
     /// Pictures of the same, taken twice.
     pub(super) pairs: Vec<[usize; 2]>,
     pub(super) map: CameraMap,
@@ -91,14 +93,21 @@ pub(super) fn sort(display: &Display, color: Color, taken: &Taken) -> Result<Sor
     }
     let radius = display.source_eyebox_min() / 2.0;
     let pictures = Pictures { optics, sets, views: Vec::new(), dark: dark.unwrap_or(0.0) };
-    let (even, fitted, pairs) = (Vec::new(), Vec::new(), Vec::new());
+    let (even, fitted, strange, pairs) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut sorted =
-        Sorted { pictures, even, fitted, pairs, map, map_rms, radius, camera, bits: taken.hello.camera.bits };
+        Sorted { pictures, even, fitted, strange, pairs, map, map_rms, radius, camera, bits: taken.hello.camera.bits };
     sorted.add(display, color, &pattern_shots, dark)?;
     Ok(sorted)
 }
 
 impl Sorted {
+    /// A picture that is not fitted any more.
+    pub(super) fn leave_out(&mut self, view: usize) {
+        self.even.retain(|v| *v != view);
+        self.fitted.retain(|v| *v != view);
+        self.strange.push(view);
+    }
+
     fn add(
         &mut self,
         display: &Display,

@@ -57,13 +57,12 @@ pub(super) fn run(
     };
     at_share("looking for the dots", 0.0, 0.0, 0.0);
     let model = display.model(color);
-    let sorted = sort(display, color, &taken)?;
+    let mut sorted = sort(display, color, &taken)?;
     let mut warnings = taken.warnings.clone();
     if sorted.pairs.is_empty() {
         warnings.push("no picture was taken twice: how large the camera's noise is was not measured".into());
     }
-    let pictures = &sorted.pictures;
-    if pictures.signal(&sorted.fitted) < DARK {
+    if sorted.pictures.signal(&sorted.fitted) < DARK {
         return Err(CalibrateError::Pictures(
             "the pictures show nothing but the camera's noise: is the light on, and the exposure long enough?".into(),
         ));
@@ -73,7 +72,8 @@ pub(super) fn run(
     let mut camera: Vec<Parameter> = (0..10).map(Parameter::Map).collect();
     camera.push(Parameter::CameraPixel);
     let mut looking = |part| at_share("fitting where the camera looks", 0.0, 0.05, part);
-    let own = pictures.fit(&start, &camera, &sorted.fitted, Effort { subpixels: FINE, ..PLAIN }, &mut looking)?;
+    let own =
+        sorted.pictures.fit(&start, &camera, &sorted.fitted, Effort { subpixels: FINE, ..PLAIN }, &mut looking)?;
     let captures = taken.shots.len();
     if own.squares < AT_THE_NOISE {
         let report = Report::new(&sorted, &start, &own, &sorted.fitted, captures, warnings, FINE, quick);
@@ -83,8 +83,17 @@ pub(super) fn run(
     let mut observe = |what: &str, part: f64| at_share(what, 0.05, 0.7, part);
     let fit = match quick {
         true => drifted(&sorted, &start, &mut observe)?,
-        false => from_small_to_large(&sorted, [&known, &start], &mut observe)?,
+        false => {
+            observe("fitting even drives", 0.0);
+            let even = even::fit(&sorted, &start)?;
+            if let Some((view, left)) = even.strange {
+                warnings.push(strange(&sorted, view, left));
+                sorted.leave_out(view);
+            }
+            from_small_to_large(&sorted, [&known, &even.at], &mut observe)?
+        }
     };
+    let pictures = &sorted.pictures;
     let fitted = believed(&sorted, &fit, &mut warnings);
     let (fit, effort) = finest(&sorted, &fitted, &known, fit, &mut |part| {
         at_share("fitting all pictures finely", 0.7, 0.9, part);
@@ -131,9 +140,7 @@ fn from_small_to_large(
     observe: &mut dyn FnMut(&str, f64),
 ) -> Result<Fit, CalibrateError> {
     let pictures = &sorted.pictures;
-    observe("fitting even drives", 0.0);
-    let (mut at, _) = even::fit(sorted, start)?;
-    at.soft_edge = true;
+    let mut at = Parameters { soft_edge: true, ..start.clone() };
     at.model.crosstalk = at.model.crosstalk.or(known.model.crosstalk);
     if at.model.fill == 0.0 {
         at.model.fill = known.model.fill;
@@ -182,10 +189,17 @@ fn finest(
     let pictures = &sorted.pictures;
     let left = judge(sorted, which, &fit.at, ALL.subpixels);
     tracing::debug!("all pictures: {left:.5} is left");
-    if left > INSIDE {
-        return Ok((fit, ALL));
-    }
     let hard = Parameters { soft_edge: false, ..fit.at.clone() };
+    // The fewer bins an iris has, the more a soft edge leaves: whether a hard one explains more is cheap to ask.
+    if left > INSIDE {
+        let moves = fit.free.contains(&Parameter::Iris(0));
+        let rim = if moves { pictures.rim(&hard, ALL.subpixels, which).at } else { hard.clone() };
+        let now = judge(sorted, which, &rim, ALL.subpixels);
+        tracing::debug!("with a hard edge: {now:.5} is left");
+        if now > left {
+            return Ok((fit, ALL));
+        }
+    }
     let finer = fine(pictures, which, [known, &hard], &fit.free, observe)?;
     let now = judge(sorted, which, &finer.at, FINE);
     tracing::debug!("with sub-pixels and a hard edge: {now:.5} is left");
@@ -286,16 +300,21 @@ fn believed(sorted: &Sorted, fit: &Fit, warnings: &mut Vec<String>) -> Vec<usize
         if *left < most || sorted.even.contains(v) {
             believed.push(*v);
         } else {
-            warnings.push(format!(
-                "{}: {:.0} % of its variance is not explained by the model fitted to the other pictures: excluded; was the \
-                 iris where it should be?",
-                view.file.display(),
-                100.0 * left
-            ));
+            warnings.push(strange(sorted, *v, *left));
         }
     }
     // Where most are strange none is.
     if 2 * believed.len() < which.len() { which.clone() } else { believed }
+}
+
+/// The warning of a picture that contradicts the others.
+fn strange(sorted: &Sorted, view: usize, left: f64) -> String {
+    format!(
+        "{}: {:.0} % of its variance is not explained by the model fitted to the other pictures: excluded; was the iris where it \
+         should be?",
+        sorted.pictures.views[view].file.display(),
+        100.0 * left
+    )
 }
 
 impl Parameter {
