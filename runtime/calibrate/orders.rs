@@ -11,6 +11,11 @@ use super::unseen::unseen;
 const SMALL: f64 = 0.24;
 /// The highest order that the slopes start and that is fitted at once.
 const NEXT: u32 = 5;
+/// Small irises of which more than this share is left are in a wrong minimum; they are looked for so often.
+const LOST: f64 = 0.3;
+const RESCUES: usize = 3;
+/// Where no more than this share of them is left, the slopes are right.
+const RIGHT: f64 = 0.15;
 /// Widths of crosstalk that are tried, shares of the usual one.
 const SIGMAS: [f64; 4] = [1.0, 1.7, 3.0, 6.0];
 /// An order is kept if what is left of the pictures that were not fitted falls by this share,
@@ -54,13 +59,14 @@ pub(super) fn slopes(
 ) -> Result<Parameters, CalibrateError> {
     let pictures = &sorted.pictures;
     let share = |at: &Parameters| mean_left(sorted, at, &random.small);
-    let named: Vec<u32> = terms(*ORDERS.start()..=NEXT).iter().filter_map(|p| p.wavefront()).collect();
-    let mut best = from_shifts(pictures, start, &random.small, &named);
-    let left = share(&best);
-    tracing::debug!("small irises: {:.4} is left, {left:.4} with the slopes of their shifts", share(start));
-    if left > share(start) {
-        best = start.clone();
-    }
+    let shifted = |at: Parameters, highest: u32| {
+        let named: Vec<u32> = terms(*ORDERS.start()..=highest).iter().filter_map(|p| p.wavefront()).collect();
+        let trial = from_shifts(pictures, &at, &random.small, &named);
+        let [before, after] = [share(&at), share(&trial)];
+        tracing::debug!("small irises: {before:.4} is left, {after:.4} with the slopes of their shifts");
+        if after < before { (trial, true) } else { (at, false) }
+    };
+    let best = shifted(start.clone(), NEXT).0;
     // Too much crosstalk is slow to go, and too little slow to come: the fit starts with the width that explains most.
     let wider = |factor: f64| {
         let mut at = best.clone();
@@ -70,15 +76,35 @@ pub(super) fn slopes(
     let widths = SIGMAS.map(wider).map(|at| (share(&at), at));
     let Some((least, best)) = widths.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { return Ok(start.clone()) };
     tracing::debug!("small irises: {least:.4} is left with the best width of crosstalk");
+    // Pictures far from the middle show no shift before crosstalk is about right.
+    let best = if least > RIGHT { shifted(best, NEXT).0 } else { best };
     let mut free = terms(*ORDERS.start()..=NEXT);
     free.extend(Parameter::all().into_iter().filter(|p| {
         matches!(p, Parameter::Crosstalk(_) | Parameter::Source(_) | Parameter::Map(_) | Parameter::Undiffracted(_))
             || matches!(p, Parameter::Level(_) | Parameter::Bend(_))
     }));
     let which: Vec<usize> = sorted.even.iter().chain(&random.small).copied().collect();
-    let fit = pictures.fit_near(known, &best, &free, &which, COARSE, &mut |p| observe(p))?;
-    tracing::debug!("small irises, fifth order: {:.4} is left", share(&fit.at));
-    Ok(fit.at)
+    let mut at = pictures.fit_near(known, &best, &free, &which, COARSE, &mut |p| observe(p))?.at;
+    tracing::debug!("small irises, fifth order: {:.4} is left", share(&at));
+    // A picture in a wrong minimum pulls at the others and is excluded in the end: nothing would tell of its part of the wavefront.
+    free.extend(terms(NEXT + 1..=*ORDERS.end()));
+    for _ in 0..RESCUES {
+        let left = pictures.left(&random.small, &pictures.see(&at, COARSE.subpixels, &random.small, &[]));
+        if left.iter().all(|[left, _]| *left < LOST) {
+            break;
+        }
+        let (trial, better) = shifted(at.clone(), *ORDERS.end());
+        if !better {
+            break;
+        }
+        let trial = pictures.fit_near(known, &trial, &free, &which, COARSE, &mut |p| observe(p))?.at;
+        tracing::debug!("small irises, lost ones found: {:.4} is left", share(&trial));
+        if share(&trial) > share(&at) {
+            break;
+        }
+        at = trial;
+    }
+    Ok(at)
 }
 
 /// Adds orders of the wavefront to a fit while they gain; the last fit, with its orders among the free numbers.

@@ -283,8 +283,8 @@ fn small_irises() -> Vec<[f64; 3]> {
         let turn = TAU * ((i * 5 % 6) as f64 + 0.25) / 6.0;
         [0.18 * turn.cos(), 0.18 * turn.sin(), SMALL]
     };
-    let corner = |i: usize| [0.36 * [1.0, -1.0, 1.0, -1.0][i], 0.36 * [1.0, -1.0, -1.0, 1.0][i], SMALL];
-    let side = |i: usize| [0.37 * [1.0, -1.0, 0.0, 0.0][i], 0.37 * [0.0, 0.0, 1.0, -1.0][i], SMALL];
+    let corner = |i: usize| [0.38 * [1.0, -1.0, 1.0, -1.0][i], 0.38 * [1.0, -1.0, -1.0, 1.0][i], SMALL];
+    let side = |i: usize| [0.4 * [1.0, -1.0, 0.0, 0.0][i], 0.4 * [0.0, 0.0, 1.0, -1.0][i], SMALL];
     let mut all = vec![[0.0, 0.0, SMALL]];
     for i in 0..6 {
         all.push(inner(i));
