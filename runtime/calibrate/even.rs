@@ -40,8 +40,6 @@ pub(super) type Component = [f64; 5];
 /// What even drives tell.
 pub(super) struct Even {
     pub(super) at: Parameters,
-    /// The share that is left of them; none without even drives.
-    pub(super) left: Option<f64>,
     /// A picture that contradicts the others, and the share of it that these leave.
     pub(super) strange: Option<(usize, f64)>,
 }
@@ -51,9 +49,9 @@ pub(super) struct Even {
 pub(super) fn fit(sorted: &Sorted, start: &Parameters) -> Result<Even, CalibrateError> {
     let even = &sorted.even;
     let Some((left, at)) = fit_to(sorted, start, even)? else {
-        return Ok(Even { at: start.clone(), left: None, strange: None });
+        return Ok(Even { at: start.clone(), strange: None });
     };
-    let mut best = Even { at, left: Some(left), strange: None };
+    let mut best = Even { at, strange: None };
     if left < CONTRADICT || even.len() < 4 {
         return Ok(best);
     }
@@ -68,7 +66,7 @@ pub(super) fn fit(sorted: &Sorted, start: &Parameters) -> Result<Even, Calibrate
         );
         if left < least {
             least = left;
-            best = Even { at, left: Some(left), strange: Some((*strange, of_strange)) };
+            best = Even { at, strange: Some((*strange, of_strange)) };
         }
     }
     Ok(best)
