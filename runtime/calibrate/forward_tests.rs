@@ -3,7 +3,7 @@
 use super::device::Set;
 use super::fit::{Pictures, View};
 use super::map::CameraMap;
-use super::parameters::{Parameter, Parameters};
+use super::parameters::{Parameter, Parameters, of_order};
 use super::pattern;
 use super::seen::Look;
 use crate::optics::{DisplayModel, Iris, Optics, Pupil, Spread, transfer};
@@ -35,14 +35,24 @@ fn pictures(at: &Parameters, pixels: Vec<[f64; 2]>) -> Pictures {
     let sets = vec![Set { pattern, windows: vec![look.window.clone()] }];
     let n = look.pixels.len();
     let (counts, variance) = (vec![0.0; n], vec![1.0; n]);
-    let view = View { set: 0, window: 0, look, counts, variance, exposure_ms: 1.0, full_scale: 1.0, file: "a".into() };
-    Pictures { optics, sets, views: vec![view] }
+    let view = View {
+        set: 0,
+        window: 0,
+        look,
+        counts,
+        variance,
+        signal: 1.0,
+        exposure_ms: 1.0,
+        full_scale: 1.0,
+        file: "a".into(),
+    };
+    Pictures { optics, sets, views: vec![view], dark: 0.0 }
 }
 
 /// A camera whose pixels are points, on the SLM's own.
 fn plain(model: DisplayModel) -> Parameters {
     let map = CameraMap { numbers: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0], slm: SIZE, camera: SIZE };
-    Parameters { model, map, camera_pixel: 0.0 }
+    Parameters { model, map, camera_pixel: 0.0, soft_edge: false }
 }
 
 #[test]
@@ -103,7 +113,8 @@ fn slopes_agree_with_differences() {
     let at = Parameters { map, camera_pixel: 0.8, ..plain(everything()) };
     let pictures = pictures(&at, vec![[20.0, 20.0], [9.0, 12.0], [30.0, 25.0], [22.0, 8.0]]);
     // The iris's edge jumps from bin to bin: its slope is smoothed, and no difference is like it.
-    let free: Vec<Parameter> = Parameter::all().into_iter().filter(|p| !matches!(p, Parameter::Iris(_))).collect();
+    let mut free: Vec<Parameter> = Parameter::all().into_iter().filter(|p| !matches!(p, Parameter::Iris(_))).collect();
+    free.extend((2..=4).flat_map(of_order));
     let seen = &pictures.see(&at, 2, &[0], &free)[0];
     for (p, slopes) in free.iter().zip(&seen.slopes) {
         let step = 1e-4;
@@ -114,4 +125,45 @@ fn slopes_agree_with_differences() {
             assert!((slope - want).abs() < 3e-3 * size, "{p:?}: {slope}, not {want}");
         }
     }
+}
+
+#[test]
+fn a_soft_edge_has_slopes_that_agree_with_differences() {
+    let at = Parameters { soft_edge: true, ..plain(everything()) };
+    let pictures = pictures(&at, vec![[2.0, 3.0], [9.0, 12.0], [17.0, 5.0]]);
+    let free = [0, 1, 2].map(Parameter::Iris);
+    let seen = &pictures.see(&at, 1, &[0], &free)[0];
+    for (p, slopes) in free.iter().zip(&seen.slopes) {
+        // The model's own step, a quarter of a bin: coverage has bends.
+        let (bin_y, bin_x) = pictures.optics.bin_size();
+        let (far, reach) = (0.25e3 * bin_y.min(bin_x), 4.5 + 3f64.hypot(2.0));
+        let step = if *p == Parameter::Iris(2) { far / reach } else { far };
+        let [after, before] = [step, -step].map(|s| pictures.see(&at.moved(*p, s), 1, &[0], &[]).remove(0).intensity);
+        let size = slopes.iter().map(|s| s.abs()).fold(0.0, f64::max);
+        assert!(size > 0.0, "{p:?} has no slope");
+        for ((a, b), slope) in after.iter().zip(&before).zip(slopes) {
+            let want = (a - b) / (2.0 * step);
+            assert!((slope - want).abs() < 0.3 * size, "{p:?}: {slope}, not {want}");
+        }
+    }
+}
+
+#[test]
+fn each_picture_has_a_gain_and_an_offset_of_its_own() {
+    let at = plain(DisplayModel { crosstalk: None, ..everything() });
+    let pixels: Vec<[f64; 2]> = (0..40).map(|i| [f64::from(i % 8) * 2.5, f64::from(i / 8) * 3.5]).collect();
+    let mut pictures = pictures(&at, pixels);
+    let seen = pictures.see(&at, 1, &[0], &[]);
+    let most = seen[0].intensity.iter().copied().fold(0.0, f64::max);
+    pictures.views[0].counts = seen[0].intensity.iter().map(|i| 0.1 + 0.7 * i / most).collect();
+    pictures.views[0].signal = 0.01;
+    let exposure = pictures.exposure(0, &seen[0]);
+    assert!((exposure.gain * most / 0.7 - 1.0).abs() < 1e-2 && (exposure.dark - 0.1).abs() < 1e-2, "{exposure:?}");
+    assert!(pictures.left(&[0], &seen)[0][0] < 1e-4);
+    // A picture without contrast keeps the camera's dark level.
+    let even = super::seen::Seen { intensity: vec![2.0; 40], slopes: Vec::new() };
+    pictures.dark = 0.05;
+    pictures.views[0].counts = vec![0.45; 40];
+    let exposure = pictures.exposure(0, &even);
+    assert!((exposure.dark - 0.05).abs() < 1e-6 && (exposure.gain - 0.2).abs() < 1e-6, "{exposure:?}");
 }

@@ -5,9 +5,10 @@ use super::error::CalibrateError;
 use crate::engine::Engine;
 use crate::optics::{Color, Display, Picture};
 use crate::quality::{ModelWorth, Reference, Subject};
-use crate::scene::{self, Request};
+use crate::scene::{self, LightField, Request};
 use crate::solve::{Flow, Levels, PupilRange, Settings};
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// The scene.
 const SCENE: &str = "builtin:still-life";
@@ -26,6 +27,8 @@ pub struct Gain {
     pub before_db: [f64; 2],
     /// and for the fitted one.
     pub after_db: [f64; 2],
+    /// What each term of the fitted model gains of the mean, dB: a solve with it less one without it.
+    pub terms_db: BTreeMap<&'static str, f64>,
 }
 
 /// Measures it; of one colour.
@@ -43,14 +46,21 @@ pub(super) fn measure(
     let diameter = PupilRange::usual_diameter(after.eyebox_min());
     let base = Settings { depth, diameter, ..Settings::default() };
     let quality = Settings { steps: STEPS, ..Settings::default() };
-    let of = |display| Subject { field: &field, color, display, base: base.clone(), levels: Levels::of(display) };
-    let truth = Reference::new(&of(&after), !base.seed, engine)?;
+    fn of<'a>(field: &'a LightField, color: Color, display: &'a Display, base: &Settings) -> Subject<'a> {
+        Subject { field, color, display, base: base.clone(), levels: Levels::of(display) }
+    }
+    let truth = Reference::new(&of(&field, color, &after, &base), !base.seed, engine)?;
     let mut decibels = |subject: &Subject| -> Result<[f64; 2], CalibrateError> {
         let solved = subject.solve(&quality, engine, &mut |_| Flow::Continue)?;
         let score = truth.score(&solved.solution.phases, engine).map_err(CalibrateError::Gain)?;
         Ok([score.mean(), score.worst()])
     };
-    let after_db = decibels(&of(&after))?;
-    let before_db = if before == after { after_db } else { decibels(&of(&before))? };
-    Ok(Gain { size: [after.height, after.width], steps: STEPS, before_db, after_db })
+    let after_db = decibels(&of(&field, color, &after, &base))?;
+    let before_db = if before == after { after_db } else { decibels(&of(&field, color, &before, &base))? };
+    let mut terms_db = BTreeMap::new();
+    for term in after.model(color).terms() {
+        let without = after.with_model_of(color, |model| model.keep(&|name| name != term));
+        terms_db.insert(term, after_db[0] - decibels(&of(&field, color, &without, &base))?[0]);
+    }
+    Ok(Gain { size: [after.height, after.width], steps: STEPS, before_db, after_db, terms_db })
 }

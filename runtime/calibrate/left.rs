@@ -12,6 +12,8 @@ use serde::Serialize;
 pub struct PictureLeft {
     /// Its file.
     pub file: String,
+    /// What was shown: `even`, `smooth`, `random`, or `set` (several sub-frames).
+    pub kind: &'static str,
     /// The iris that was asked for: x, y, diameter.
     pub iris_mm: [f64; 3],
     /// `fitted`, `held out` (taken twice), or `left out` (it contradicts the others).
@@ -64,18 +66,19 @@ const SHOWN: usize = 160;
 /// What the model leaves of each picture, and where.
 pub(super) fn left(sorted: &Sorted, fit: &Fit, fitted: &[usize], subpixels: usize) -> (Vec<PictureLeft>, LeftMap) {
     let pictures = &sorted.pictures;
-    let which: Vec<usize> = sorted.fitted.iter().copied().chain(sorted.pairs.iter().map(|p| p[0])).collect();
+    let held_out: Vec<usize> = sorted.pairs.iter().map(|p| p[0]).collect();
+    let which: Vec<usize> = sorted.fitted.iter().chain(&sorted.strange).chain(&held_out).copied().collect();
     let seen = pictures.see(&fit.at, subpixels, &which, &[]);
     let [height, width] = sorted.camera;
     let tile_px = height.max(width).div_ceil(TILES);
     let (rows, columns) = (height.div_ceil(tile_px), width.div_ceil(tile_px));
     let mut tiles = vec![(0.0, 0usize); rows * columns];
     let mut all = Vec::new();
-    let lefts = pictures.left(&which, &seen, fit.exposure);
+    let lefts = pictures.left(&which, &seen);
     for ((v, seen), [left, squares]) in which.iter().zip(&seen).zip(lefts) {
         let view = &pictures.views[*v];
-        let residuals = pictures.residuals(*v, seen, fit.exposure);
-        let role = match (fitted.contains(v), sorted.fitted.contains(v)) {
+        let residuals = pictures.residuals(*v, seen);
+        let role = match (fitted.contains(v), !held_out.contains(v)) {
             (true, _) => "fitted",
             (false, false) => "held out",
             (false, true) => LEFT_OUT,
@@ -88,7 +91,8 @@ pub(super) fn left(sorted: &Sorted, fit: &Fit, fitted: &[usize], subpixels: usiz
         let p = view.look.pupil;
         let file = view.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let iris_mm = [p.x, p.y, p.diameter].map(|v| v * 1e3);
-        all.push(PictureLeft { file, iris_mm, role, left, squares });
+        let kind = pictures.sets[view.set].pattern.kind();
+        all.push(PictureLeft { file, kind, iris_mm, role, left, squares });
     }
     let squares = tiles.into_iter().map(|(sum, n)| (n >= FEWEST).then(|| sum / n as f64)).collect();
     (all, LeftMap { tile_px, rows, columns, squares })
@@ -116,14 +120,15 @@ pub(super) fn shown(sorted: &Sorted, fit: &Fit, subpixels: usize) -> Result<Vec<
         let wrong = |reason| CalibrateError::Captures { file: file.clone(), reason };
         let picture = picture::load(&view.file, sorted.camera, view.full_scale).map_err(wrong)?;
         let seen = sorted.pictures.see_places(&fit.at, subpixels, pair[0], &places);
-        let gain = fit.exposure.gain * view.exposure_ms;
+        let at_pixels = sorted.pictures.see(&fit.at, subpixels, &pair[..1], &[]);
+        let exposure = sorted.pictures.exposure(pair[0], &at_pixels[0]);
+        let gain = exposure.gain * view.exposure_ms;
         let [rows, columns] = sorted.map.slm.map(|n| n as f64);
         let inside = |at: &[f64; 2], margin: f64| {
             let [x, y] = fit.at.map.to_slm(*at);
             (margin - 0.5..columns - 0.5 - margin).contains(&x) && (margin - 0.5..rows - 0.5 - margin).contains(&y)
         };
-        let light =
-            |(at, i): (&[f64; 2], f64)| (fit.exposure.dark + if inside(at, 0.0) { gain * i } else { 0.0 }) as f32;
+        let light = |(at, i): (&[f64; 2], f64)| (exposure.dark + if inside(at, 0.0) { gain * i } else { 0.0 }) as f32;
         let prediction: Vec<f32> = places.iter().zip(seen.intensity).map(light).collect();
         let picture: Vec<f32> = (0..places.len()).map(|i| picture.values[pixel(i)[1] * width + pixel(i)[0]]).collect();
         let apart = |(at, (a, b)): (&[f64; 2], (&f32, &f32))| if inside(at, 2.5) { (a - b).abs() } else { 0.0 };

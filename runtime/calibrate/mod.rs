@@ -18,6 +18,7 @@ mod captures;
 mod device;
 mod dots;
 mod error;
+mod even;
 mod fit;
 #[cfg(test)]
 mod forward_tests;
@@ -27,17 +28,19 @@ mod link;
 mod map;
 mod message;
 mod noise;
+mod orders;
 mod parameters;
 mod pattern;
 mod picture;
 mod report;
 mod rim;
 mod seen;
-mod smooth;
+mod slopes;
 mod sorted;
 mod stages;
 mod terms;
 mod unseen;
+mod verdict;
 
 pub use acquire::TAKING;
 pub use bench::{Bench, Event, FEWEST, ShowsPatterns};
@@ -46,6 +49,7 @@ pub use error::CalibrateError;
 pub use gain::Gain;
 pub use left::{LeftMap, PictureLeft, Shown};
 pub use report::{Confused, Fitted, Report};
+pub use verdict::Verdict;
 
 use crate::engine::Engine;
 use crate::optics::{Color, Display};

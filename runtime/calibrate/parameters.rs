@@ -24,8 +24,8 @@ pub(super) enum Parameter {
     CameraPixel,
 }
 
-/// Zernike polynomials that are fitted.
-pub(super) const WAVEFRONT: std::ops::RangeInclusive<u32> = 3..=14;
+/// Orders of the wavefront that are fitted at most: 15 small irises show 30 slopes.
+pub(super) const ORDERS: std::ops::RangeInclusive<u32> = 2..=7;
 
 /// The display, and the camera's map.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,10 +33,18 @@ pub(super) struct Parameters {
     pub(super) model: DisplayModel,
     pub(super) map: CameraMap,
     pub(super) camera_pixel: f64,
+    /// Whether the iris passes a share of the bins at its edge, so that pictures change smoothly with its place. A hard edge
+    /// jumps from bin to bin: it is right where the model is, and no slope shows it.
+    pub(super) soft_edge: bool,
+}
+
+/// The wavefront's polynomials of an order.
+pub(super) fn of_order(n: u32) -> impl Iterator<Item = Parameter> {
+    (n * (n + 1) / 2..=n * (n + 3) / 2).map(Parameter::Wavefront)
 }
 
 impl Parameter {
-    /// All of them.
+    /// All of them but the wavefront.
     pub(super) fn all() -> Vec<Self> {
         let counted = |make: fn(usize) -> Self, count: usize| (0..count).map(make).collect::<Vec<_>>();
         let mut all = counted(Self::Crosstalk, 8);
@@ -46,7 +54,6 @@ impl Parameter {
         all.extend(counted(Self::Source, 5));
         all.extend(counted(Self::Undiffracted, 5));
         all.push(Self::Fill);
-        all.extend(WAVEFRONT.map(Self::Wavefront));
         all.extend(counted(Self::Iris, 3));
         all.extend(counted(Self::Map, 10));
         all.push(Self::CameraPixel);
@@ -61,6 +68,14 @@ impl Parameter {
     /// Whether it changes the phases before crosstalk.
     pub(super) fn is_of_drive(self) -> bool {
         matches!(self, Self::Level(_) | Self::Bend(_) | Self::Lag)
+    }
+
+    /// The ANSI index of a term of the wavefront.
+    pub(super) fn wavefront(self) -> Option<u32> {
+        match self {
+            Self::Wavefront(j) => Some(j),
+            _ => None,
+        }
     }
 
     /// The step of differences.
@@ -82,7 +97,7 @@ impl Parameter {
             Self::Lag => (-0.1, 0.8, 0.2),
             Self::Source(_) => (-3.0, 3.0, 0.5),
             Self::Undiffracted(0 | 1) => (-0.5, 0.5, 0.3),
-            Self::Undiffracted(_) => (-30.0, 30.0, 4.0),
+            Self::Undiffracted(_) => (-2000.0, 2000.0, 4.0),
             Self::Fill => (0.02, 1.0, 0.3),
             Self::Wavefront(_) => (-3.0, 3.0, 0.2),
             Self::Iris(2) => (0.8, 1.25, 0.05),

@@ -1,4 +1,4 @@
-//! What is shown: dots, smooth patterns that never wrap, and random ones; through which irises, and in which order.
+//! The patterns: dots, even drives, smooth ones that never wrap, and random ones; their irises, and their order.
 
 use super::message::Hello;
 use crate::files::{self, FileError, write_file};
@@ -38,6 +38,22 @@ impl Pattern {
     pub(super) fn is_like(&self, other: &Self) -> bool {
         let close = |(a, b): (&f32, &f32)| (a - b).abs() < 1e-4;
         self.drive.len() == other.drive.len() && self.drive.iter().zip(&other.drive).all(close)
+    }
+
+    /// The drive of all pixels, if it is one.
+    pub(super) fn even_drive(&self) -> Option<f64> {
+        let first = self.drive.first()?;
+        self.drive.iter().all(|w| (w - first).abs() < 1e-4).then_some(f64::from(*first))
+    }
+
+    /// Its kind, in a word.
+    pub(super) fn kind(&self) -> &'static str {
+        match self.even_drive() {
+            Some(_) => "even",
+            None if self.frames > 1 => "set",
+            None if self.is_smooth() => "smooth",
+            None => "random",
+        }
     }
 
     /// Whether neighbours differ so little that it excites no crosstalk.
@@ -170,6 +186,14 @@ pub(super) struct Show {
 
 /// Random patterns through an iris that stands still.
 const STILL: usize = 12;
+/// Irises of the pictures that judge a fit: nowhere that a fitted one stands.
+const HELD_OUT: [[f64; 3]; 3] = [[0.21, -0.1, 0.26], [-0.09, 0.14, 0.3], [-0.26, -0.22, 0.34]];
+/// Even drives: with four of them the light that is not modulated has a closed form ([`super::even`]).
+const EVEN: usize = 4;
+/// Diameter of the small irises, share of the eyebox: speckles are 5 pixels wide, and a slope of the wavefront moves them.
+const SMALL: f64 = 0.2;
+/// The order of the pictures: small irises, larger ones, smooth patterns, sets (`t`).
+const ORDER: &str = "sssslstssmslssltsslssmlsl";
 
 /// What is shown, in this order. At most `most` pictures, two of which are the dots and the dark.
 pub(super) fn plan(hello: &Hello, optics: &Optics, two_pi_level: f64, most: usize, quick: bool) -> Vec<Show> {
@@ -194,10 +218,7 @@ pub(super) fn plan(hello: &Hello, optics: &Optics, two_pi_level: f64, most: usiz
         }
     };
     let frames = hello.slm.sub_frames.min(4);
-    let held_out = |i: usize| {
-        let [x, y] = ring(3 * i + 1).map(|v| v * 0.17);
-        iris([x + 0.04, y - 0.03, 0.2 + 0.05 * i as f64])
-    };
+    let held_out = |i: usize| iris(HELD_OUT[i % HELD_OUT.len()]);
     if quick {
         for i in 0..3 {
             let [x, y] = ring(4 * i).map(|v| v * 0.25);
@@ -205,17 +226,22 @@ pub(super) fn plan(hello: &Hello, optics: &Optics, two_pi_level: f64, most: usiz
         }
         return shows;
     }
-    // What tells the fit from the noise comes first: it is seen twice, and never fitted.
+    // Pictures that judge the fit come first: they are taken twice, and never fitted.
     let tests = if most >= 30 { 3 } else { 1 };
     for i in 0..tests {
         let pattern = random(size, two_pi_level, if i == 1 { frames } else { 1 }, 1000 + i as u64);
         add(format!("held-out-{i}"), pattern, vec![held_out(i)], 2);
     }
+    for i in 0..EVEN {
+        let phase = TAU * i as f64 / EVEN as f64;
+        let pattern = Pattern::new(size, two_pi_level, &vec![phase; size[0] * size[1]]);
+        add(format!("even-{i}"), pattern, vec![iris([0.0, 0.0, SMALL])], 1);
+    }
     if hello.iris.is_none() {
-        // What irises do not tell more patterns do.
+        // More patterns show what more irises would.
         for i in 0..STILL {
             add(format!("random-{i}"), random(size, two_pi_level, 1, i as u64), vec![[0.0; 3]], 1);
-            if i % 2 == 0 {
+            if i % 3 == 0 {
                 add(format!("smooth-{i}"), smooth(size, two_pi_level, i as u64), vec![[0.0; 3]], 1);
             }
             if i < 2 && frames > 1 {
@@ -224,33 +250,112 @@ pub(super) fn plan(hello: &Hello, optics: &Optics, two_pi_level: f64, most: usiz
         }
         return shows;
     }
-    // Several irises a pattern: what leaves the SLM is computed once for them. By turns, so that fewer pictures are fewer of all.
-    for i in 0..5 {
-        let irises = (0..4).map(|j| {
-            let ([x, y], wide) = (ring(4 * i + j), [0.25, 0.32, 0.28, 0.2][(i + j) % 4]);
-            let far = 0.48 - 0.5 * wide - 0.05 * (i % 2) as f64;
-            iris([x * far, y * far, wide])
-        });
-        add(format!("random-{i}"), random(size, two_pi_level, 1, i as u64), irises.collect(), 1);
-        if i < 4 {
-            let irises = [0, 1].map(|j| {
-                let [x, y] = ring(2 * i + j).map(|v| v * 0.06);
-                iris([x, y, 0.3])
-            });
-            add(format!("smooth-{i}"), smooth(size, two_pi_level, i as u64), irises.to_vec(), 1);
-        }
-        if i == 0 && frames > 1 {
-            let irises = [0, 2, 5].map(|j| {
-                let [x, y] = ring(j).map(|v| v * 0.2);
-                iris([x, y, 0.3])
-            });
-            add("set".into(), random(size, two_pi_level, frames, 500), irises.to_vec(), 1);
+    // By turns, so that fewer pictures are fewer of all.
+    let (mut small, mut large) = (small_irises().into_iter(), LARGE.into_iter());
+    for (i, kind) in ORDER.chars().enumerate() {
+        let (name, pattern, place) = match kind {
+            's' => {
+                let number = i as u64 % 2;
+                (format!("random-{number}"), random(size, two_pi_level, 1, number), small.next())
+            }
+            'l' => {
+                let number = 2 + i as u64 % 2;
+                (format!("random-{number}"), random(size, two_pi_level, 1, number), large.next())
+            }
+            'm' => (format!("smooth-{i}"), smooth(size, two_pi_level, i as u64), Some([0.0, 0.0, 0.3])),
+            _ if frames > 1 => {
+                let place = if i < ORDER.len() / 2 { [0.0, 0.0, 0.3] } else { [0.13, -0.15, 0.3] };
+                ("set".into(), random(size, two_pi_level, frames, 500), Some(place))
+            }
+            _ => continue,
+        };
+        if let Some(place) = place {
+            add(name, pattern, vec![iris(place)], 1);
         }
     }
     shows
 }
 
+/// Places of the small irises (x, y, diameter, shares of the eyebox): the middle, a ring about it, and the sides and corners, because
+/// a wavefront that no iris saw there is extrapolated. Any few of them that follow each other lie on different sides.
+fn small_irises() -> Vec<[f64; 3]> {
+    let inner = |i: usize| {
+        let turn = TAU * ((i * 5 % 6) as f64 + 0.25) / 6.0;
+        [0.18 * turn.cos(), 0.18 * turn.sin(), SMALL]
+    };
+    let corner = |i: usize| [0.38 * [1.0, -1.0, 1.0, -1.0][i], 0.38 * [1.0, -1.0, -1.0, 1.0][i], SMALL];
+    let side = |i: usize| [0.4 * [1.0, -1.0, 0.0, 0.0][i], 0.4 * [0.0, 0.0, 1.0, -1.0][i], SMALL];
+    let mut all = vec![[0.0, 0.0, SMALL]];
+    for i in 0..6 {
+        all.push(inner(i));
+        all.extend((i < 4).then(|| [corner(i), side(i)]).into_iter().flatten());
+    }
+    all
+}
+
+/// Places of the larger irises: the corners of the eyebox, the middle, and a side.
+const LARGE: [[f64; 3]; 6] = [
+    [0.27, 0.26, 0.4],
+    [-0.27, -0.27, 0.38],
+    [0.0, 0.02, 0.45],
+    [-0.29, 0.28, 0.36],
+    [0.28, -0.29, 0.34],
+    [0.05, -0.3, 0.36],
+];
+
 /// The iris that dots are seen through, mm.
 pub(super) fn dots_iris(optics: &Optics) -> [f64; 3] {
     [0.0, 0.0, 0.23 * optics.eyebox() * 1e3]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    /// What a bench is asked for, of this many pictures at most.
+    fn asked(iris: bool, sub_frames: usize, most: usize) -> Vec<Show> {
+        let mut hello = json!({
+            "protocol": 1, "colors": {"green": 520.0}, "slm": {"resolution": [32, 32], "sub_frames": sub_frames},
+            "camera": {"resolution": [64, 64], "bits": 12},
+        });
+        if iris {
+            hello["iris"] = json!({"x_mm": [-13, 13], "y_mm": [-13, 13], "diameter_mm": [0.5, 26]});
+        }
+        let optics = Optics::new(32, 32, 8e-6, 520e-9, 0.4).unwrap();
+        plan(&Hello::read(&hello).unwrap(), &optics, 256.0, most, false)
+    }
+
+    fn count(shows: &[Show], name: &str) -> usize {
+        shows.iter().filter(|s| s.name.starts_with(name)).map(|s| s.irises_mm.len() * s.times).sum()
+    }
+
+    #[test]
+    fn a_bench_that_offers_less_is_asked_for_less() {
+        let all = asked(true, 8, 40);
+        assert_eq!([count(&all, "held-out"), count(&all, "even"), count(&all, "random")], [6, 4, 21]);
+        assert_eq!([count(&all, "smooth"), count(&all, "set")], [2, 2]);
+        for iris in [true, false] {
+            for frames in [1, 4] {
+                for most in [12, 20, 40] {
+                    let shows = asked(iris, frames, most);
+                    assert!(count(&shows, "") <= most - 2, "{iris} {frames} {most}: {}", count(&shows, ""));
+                    assert_eq!(count(&shows, "even"), 4);
+                    assert!(count(&shows, "random") >= 2, "{iris} {frames} {most}");
+                    assert!(frames > 1 || shows.iter().all(|s| s.pattern.frames == 1));
+                    assert!(shows.iter().flat_map(|s| &s.irises_mm).all(|place| place.is_some() == iris));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn small_irises_reach_every_corner_of_the_eyebox() {
+        let all = small_irises();
+        assert_eq!(all.len(), 15);
+        for [sx, sy] in [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]] {
+            assert!(all.iter().any(|[x, y, _]| sx * x > 0.3 && sy * y > 0.3), "{sx} {sy}");
+        }
+        assert!(all.iter().all(|[x, y, d]| x.abs().max(y.abs()) + d / 2.0 <= 0.5));
+    }
 }

@@ -43,6 +43,19 @@ pub(super) fn load(file: &Path, [height, width]: [usize; 2], full_scale: f64) ->
 }
 
 impl Picture {
+    /// The value at a place (x, y) between pixels, that of the nearest edge outside.
+    pub(super) fn between(&self, [x, y]: [f64; 2]) -> f64 {
+        let axis = |v: f64, n: usize| {
+            let v = v.clamp(0.0, (n - 1) as f64);
+            let low = (v as usize).min(n.saturating_sub(2));
+            (low, (low + 1).min(n - 1), v - low as f64)
+        };
+        let ((x, right, dx), (y, below, dy)) = (axis(x, self.width), axis(y, self.height));
+        let at = |y: usize, x: usize| f64::from(self.values[y * self.width + x]);
+        (1.0 - dy) * ((1.0 - dx) * at(y, x) + dx * at(y, right))
+            + dy * ((1.0 - dx) * at(below, x) + dx * at(below, right))
+    }
+
     /// Whether a pixel may have been saturated.
     pub(super) fn is_full(&self, at: usize) -> bool {
         self.values[at] >= FULL

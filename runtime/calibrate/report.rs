@@ -2,10 +2,11 @@
 
 use super::fit::Fit;
 use super::gain::Gain;
-use super::left::{LEFT_OUT, LeftMap, PictureLeft, left};
+use super::left::{LeftMap, PictureLeft, left};
 use super::parameters::{Parameter, Parameters};
 use super::sorted::Sorted;
-use super::unseen::{self, exposed, unseen};
+use super::unseen::{self, unseen};
+use super::verdict::{self, Verdict};
 use serde::Serialize;
 
 /// A number of the model.
@@ -58,7 +59,9 @@ pub struct Report {
     pub unexplained: Option<f64>,
     /// and the camera's noise; none if no picture was taken twice.
     pub noise: Option<f64>,
-    /// Whether what is unexplained is at most twice the noise, or 1 % if the noise was not measured.
+    /// The answer,
+    pub verdict: Verdict,
+    /// and whether the display has a model by it.
     pub calibrated: bool,
     /// What is left of each picture,
     pub pictures: Vec<PictureLeft>,
@@ -68,15 +71,8 @@ pub struct Report {
     pub warnings: Vec<String>,
 }
 
-/// Unexplained light of so many times the noise is no fit.
-const TOO_MUCH: f64 = 2.0;
-/// So too of pictures that were fitted, whose noise is that of an ordinary camera and not measured: a percent of the variance is
-/// what a fit of an ordinary bench leaves (docs/calibrate.md).
-const LEAST_FITTED: f64 = 5e-3;
-/// Less noise than this share of the variance is not counted: it is what the prediction itself is good for.
-const LEAST: f64 = 1e-5;
-
 impl Report {
+    #[allow(clippy::too_many_arguments, reason = "each is a part of the report")]
     pub(super) fn new(
         sorted: &Sorted,
         start: &Parameters,
@@ -85,6 +81,7 @@ impl Report {
         captures: usize,
         mut warnings: Vec<String>,
         subpixels: usize,
+        quick: bool,
     ) -> Self {
         let fitted = |p: &Parameter| {
             let (name, unit) = p.name();
@@ -103,22 +100,18 @@ impl Report {
         // Without pictures that were taken twice those that were fitted are judged, by the noise of an ordinary camera.
         let few = sorted.pairs.is_empty();
         let after = match few {
-            true => unseen::fitted(&sorted.pictures, &fit.at, fit.exposure, fitted_views, subpixels),
-            false => unseen(sorted, &fit.at, fit.exposure, subpixels),
+            true => unseen::fitted(&sorted.pictures, &fit.at, fitted_views, subpixels),
+            false => unseen(sorted, &fit.at, subpixels),
         };
         let left = after.left - after.noise;
         let unexplained = left.is_finite().then_some(left.max(0.0));
         if !few {
             let old = Parameters { model: start.model.clone(), ..fit.at.clone() };
-            let exposure = exposed(&sorted.pictures, &old, &sorted.fitted, subpixels);
-            before = Some(unseen(sorted, &old, exposure, subpixels).left);
+            before = Some(unseen(sorted, &old, subpixels).left);
             noise = Some(after.noise);
         }
-        let most = TOO_MUCH * after.noise.max(if few { LEAST_FITTED } else { LEAST });
-        let calibrated = unexplained.is_some_and(|share| share <= most);
-        if !calibrated {
-            warnings.push(not_calibrated(left, after.noise, &pictures, &map));
-        }
+        let verdict = Verdict::of(after, few, quick);
+        warnings.extend(verdict::said(verdict, after, &pictures, &map));
         tracing::debug!("squares of the fit: {:.3} times the noise's", fit.squares);
         let outside = sorted.pictures.views.iter().filter(|v| !v.look.holds(&fit.at)).count();
         if outside > 0 {
@@ -140,7 +133,8 @@ impl Report {
             before,
             unexplained,
             noise,
-            calibrated,
+            verdict,
+            calibrated: verdict != Verdict::NotCalibrated,
             pictures,
             map,
             warnings,
@@ -155,24 +149,6 @@ impl Report {
             }
         }
     }
-}
-
-/// The warning of a fit that leaves too much of the pictures.
-fn not_calibrated(left: f64, noise: f64, pictures: &[PictureLeft], map: &LeftMap) -> String {
-    let counted = pictures.iter().filter(|p| p.role != LEFT_OUT);
-    let whole = counted.max_by(|a, b| a.squares.total_cmp(&b.squares));
-    let place = whole.zip(map.most()).map_or_else(String::new, |(whole, ([x, y], squares))| {
-        format!(
-            "; most is left of {} ({:.1} times the noise) and about x {x}, y {y} of the camera's pixels ({squares:.1} times)",
-            whole.file, whole.squares
-        )
-    });
-    format!(
-        "not calibrated: {:.2} % of the pictures' variance is unexplained, and the camera's noise is {:.2} %: the bench has a fault \
-         that the model has no term for{place}",
-        100.0 * left,
-        100.0 * noise
-    )
 }
 
 fn named(pairs: Vec<(Parameter, Parameter, f64)>) -> Vec<Confused> {

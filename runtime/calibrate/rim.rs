@@ -109,18 +109,17 @@ impl Pictures {
         };
         let mut rim = Rim { at: at.clone(), errors: [f64::INFINITY; 3] };
         let mut seen = see(at);
-        let mut squares = self.squares(which, &seen, f64::INFINITY).0;
+        let mut squares = self.squares(which, &seen);
         let count: usize = which.iter().map(|v| self.views[*v].counts.len()).sum();
         for _ in 0..3 {
-            let exposure = self.exposure(which, &seen);
             let bins: Vec<(Pupil, Vec<RimBin>)> = which
                 .par_iter()
                 .zip(&seen)
                 .map(|(v, seen)| {
                     let view = &self.views[*v];
                     let weights: Vec<f64> = view.variance.iter().map(|v| v.recip()).collect();
-                    let residuals = self.residuals(*v, seen, exposure);
-                    let gain = exposure.gain * view.exposure_ms;
+                    let residuals = self.residuals(*v, seen);
+                    let gain = self.exposure(*v, seen).gain * view.exposure_ms;
                     (view.look.pupil, view.look.judged(&rim.at, &entering(*v), (&residuals, &weights, gain)))
                 })
                 .collect();
@@ -129,7 +128,7 @@ impl Pictures {
             let mut trial = rim.at.clone();
             (0..3).for_each(|i| trial = trial.moved(Parameter::Iris(i), off[i]));
             let now = see(&trial);
-            let left = self.squares(which, &now, f64::INFINITY).0;
+            let left = self.squares(which, &now);
             tracing::debug!("the iris by its edge: {off:?} +- {errors:?}, squares {squares:.1} to {left:.1}");
             rim.errors = errors;
             if left >= squares {

@@ -127,13 +127,21 @@ impl Look {
 
     /// K R of an iris as it really stands, at one bin.
     pub(super) fn kernel_at(&self, at: &Parameters, iris: &Pupil, (ky, kx): (i64, i64)) -> Complex64 {
-        let (re, im) = transfer(&self.optics, iris, ky, kx);
+        let (bin_y, bin_x) = self.optics.bin_size();
+        let (covered, iris) = match at.soft_edge {
+            true => {
+                let bin = bin_y.min(bin_x);
+                let off = (kx as f64 * bin_x - iris.x).hypot(ky as f64 * bin_y - iris.y) - iris.diameter / 2.0;
+                ((0.5 - off / bin).clamp(0.0, 1.0), Pupil { diameter: iris.diameter + 2.0 * bin, ..*iris })
+            }
+            false => (1.0, *iris),
+        };
+        let (re, im) = if covered > 0.0 { transfer(&self.optics, &iris, ky, kx) } else { (0.0, 0.0) };
         if (re, im) == (0.0, 0.0) {
             return Complex64::default();
         }
-        let (bin_y, bin_x) = self.optics.bin_size();
         let turns = at.model.wavefront_turns(kx as f64 * bin_x, ky as f64 * bin_y, self.radius);
-        Complex64::new(re, im) * Complex64::cis(TAU * turns)
+        Complex64::new(re, im) * Complex64::cis(TAU * turns) * covered
     }
 
     /// How K R changes with a parameter; none where it does not.
@@ -148,8 +156,8 @@ impl Look {
                 Some(self.window.bins().zip(kernel).map(|(bin, k)| k * factor(bin)).collect())
             }
             Parameter::Iris(i) => {
-                // The disc's edge jumps from bin to bin: a step of a bin and a half smooths it.
-                let far = 1.5 * bin_y.min(bin_x) * 1e3;
+                // A hard edge jumps from bin to bin: a step of a bin and a half smooths it.
+                let far = if at.soft_edge { 0.25 } else { 1.5 } * bin_y.min(bin_x) * 1e3;
                 let reach = self.pupil.diameter / 2.0 + self.pupil.x.hypot(self.pupil.y);
                 let step = if i == 2 { far / (reach * 1e3) } else { far };
                 let [after, before] = [step, -step].map(|step| self.kernel(&at.moved(parameter, step)));

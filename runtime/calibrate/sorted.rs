@@ -4,7 +4,7 @@ use super::acquire::Taken;
 use super::captures::{Shot, shown};
 use super::device::Set;
 use super::error::CalibrateError;
-use super::fit::{Pictures, View};
+use super::fit::{Pictures, View, variance_of};
 use super::map::CameraMap;
 use super::noise::Noise;
 use super::parameters::Parameters;
@@ -18,14 +18,19 @@ use std::path::PathBuf;
 /// Camera pixels of a picture that are fitted, and of one that is held out.
 const FITTED: usize = 1500;
 const HELD_OUT: usize = 6000;
+/// Contrast of a picture at least: errors of an even one are not measured by its contrast.
+const LEAST_CONTRAST: f64 = 0.1;
 /// A camera pixel's sensitive share, where a fit begins.
 pub(super) const CAMERA_PIXEL: f64 = 0.9;
 
 /// The pictures, sorted by what they are for.
 pub(super) struct Sorted {
     pub(super) pictures: Pictures,
-    pub(super) smooth: Vec<usize>,
+    /// Pictures of even drives; they are fitted, too.
+    pub(super) even: Vec<usize>,
     pub(super) fitted: Vec<usize>,
+    /// Pictures that contradict the others.
+    pub(super) strange: Vec<usize>,
     /// Pictures of the same, taken twice.
     pub(super) pairs: Vec<[usize; 2]>,
     pub(super) map: CameraMap,
@@ -87,15 +92,22 @@ pub(super) fn sort(display: &Display, color: Color, taken: &Taken) -> Result<Sor
         )));
     }
     let radius = display.source_eyebox_min() / 2.0;
-    let pictures = Pictures { optics, sets, views: Vec::new() };
-    let (smooth, fitted, pairs) = (Vec::new(), Vec::new(), Vec::new());
+    let pictures = Pictures { optics, sets, views: Vec::new(), dark: dark.unwrap_or(0.0) };
+    let (even, fitted, strange, pairs) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut sorted =
-        Sorted { pictures, smooth, fitted, pairs, map, map_rms, radius, camera, bits: taken.hello.camera.bits };
+        Sorted { pictures, even, fitted, strange, pairs, map, map_rms, radius, camera, bits: taken.hello.camera.bits };
     sorted.add(display, color, &pattern_shots, dark)?;
     Ok(sorted)
 }
 
 impl Sorted {
+    /// A picture that is not fitted any more.
+    pub(super) fn leave_out(&mut self, view: usize) {
+        self.even.retain(|v| *v != view);
+        self.fitted.retain(|v| *v != view);
+        self.strange.push(view);
+    }
+
     fn add(
         &mut self,
         display: &Display,
@@ -103,7 +115,8 @@ impl Sorted {
         pattern_shots: &[PatternShot],
         dark: Option<f64>,
     ) -> Result<(), CalibrateError> {
-        let at = Parameters { model: display.model(color), map: self.map, camera_pixel: CAMERA_PIXEL };
+        let at =
+            Parameters { model: display.model(color), map: self.map, camera_pixel: CAMERA_PIXEL, soft_edge: false };
         let twin = |i: usize| {
             let same = |a: &PatternShot, b: &PatternShot| {
                 a.set == b.set && a.shot.iris_mm == b.shot.iris_mm && a.shot.focus_mm == b.shot.focus_mm
@@ -131,15 +144,20 @@ impl Sorted {
                 _ => {
                     self.fitted.push(view);
                     let pattern = &self.pictures.sets[pattern_shot.set].pattern;
-                    if pattern.frames == 1 && pattern.is_smooth() {
-                        self.smooth.push(view);
+                    if pattern.frames == 1 && pattern.even_drive().is_some() {
+                        self.even.push(view);
                     }
                 }
             }
         }
         let noise = self.noise(dark);
+        self.pictures.dark = noise.dark;
         for view in &mut self.pictures.views {
             view.variance = view.counts.iter().map(|c| noise.variance(*c)).collect();
+            let mean = view.counts.iter().sum::<f64>() / view.counts.len() as f64 - noise.dark;
+            let shot = view.variance.iter().sum::<f64>() / view.variance.len() as f64;
+            view.signal =
+                (variance_of(&view.counts) - shot).max((LEAST_CONTRAST * mean).powi(2)).max(f64::MIN_POSITIVE);
         }
         Ok(())
     }
@@ -201,6 +219,7 @@ impl Sorted {
             look,
             counts,
             variance: Vec::new(),
+            signal: 0.0,
             exposure_ms,
             full_scale: pattern_shot.shot.full_scale,
             file: pattern_shot.shot.file.clone(),

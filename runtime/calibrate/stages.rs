@@ -1,22 +1,28 @@
-//! The fit in its order (OPTICS 10): where the camera looks, what smooth patterns tell, what random ones tell, all of it.
+//! The fit in its order: where the camera looks, even drives, small irises, all single patterns, sets, and the last details.
 
 use super::acquire::{TAKING, Taken};
 use super::bench::Event;
 use super::error::CalibrateError;
 use super::fit::{Effort, Fit, Pictures};
 use super::left::{Shown, shown};
-use super::parameters::{Parameter, Parameters};
+use super::orders::{self, COARSE, Random};
+use super::parameters::{ORDERS, Parameter, Parameters, of_order};
 use super::report::Report;
-use super::smooth::{PLAIN, smooth};
-use super::sorted::{CAMERA_PIXEL, sort};
-use super::terms;
+use super::sorted::{CAMERA_PIXEL, Sorted, sort};
+use super::{even, terms, unseen};
 use crate::optics::{Color, Display, Spread};
 
-/// Sub-pixels along an axis at the end of the fit.
+/// Sub-pixels along an axis at the end of a fit that reaches the noise.
 const FINE: usize = 5;
-/// What fits that search cost, and the last ones.
-const SEARCH: Effort = Effort { subpixels: 2, slopes: 1, rounds: 10, enough: 0.02 };
+/// The display as its file has it.
+const PLAIN: Effort = Effort { subpixels: 1, slopes: 1, rounds: 12, enough: 0.01 };
+/// Fits of all pictures, and the last ones.
+const ALL: Effort = Effort { subpixels: 2, slopes: 1, rounds: 6, enough: 0.02 };
 const END: Effort = Effort { subpixels: FINE, slopes: 2, rounds: 6, enough: 1e-4 };
+/// A fit that leaves this share of the pictures lacks no term: sub-pixels and the iris's hard edge are worth fitting.
+const INSIDE: f64 = 0.04;
+/// Terms that do not show are left out unless that leaves this much more of the pictures that were not fitted.
+const SETTLED: f64 = 1.02;
 /// A display whose own model leaves so many times the noise's squares is as its file says.
 const AT_THE_NOISE: f64 = 1.3;
 /// Pictures that vary by less than so many times the noise are dark.
@@ -46,89 +52,158 @@ pub(super) fn run(
     quick: bool,
     tell: &dyn Fn(Event),
 ) -> Result<(Display, Report, Vec<Shown>), CalibrateError> {
-    let share = |from: f64, to: f64, part: f64| TAKING + (1.0 - TAKING) * (from + (to - from) * part);
-    tell(Event::At("looking for the dots", TAKING));
+    let at_share = |what: &str, from: f64, to: f64, part: f64| {
+        tell(Event::At(what, TAKING + (1.0 - TAKING) * (from + (to - from) * part)));
+    };
+    at_share("looking for the dots", 0.0, 0.0, 0.0);
     let model = display.model(color);
-    let sorted = sort(display, color, &taken)?;
+    let mut sorted = sort(display, color, &taken)?;
     let mut warnings = taken.warnings.clone();
     if sorted.pairs.is_empty() {
         warnings.push("no picture was taken twice: how large the camera's noise is was not measured".into());
     }
-    let pictures = &sorted.pictures;
-    if pictures.signal(&sorted.fitted) < DARK {
+    if sorted.pictures.signal(&sorted.fitted) < DARK {
         return Err(CalibrateError::Pictures(
             "the pictures show nothing but the camera's noise: is the light on, and the exposure long enough?".into(),
         ));
     }
-    let start = Parameters { model: model.clone(), map: sorted.map, camera_pixel: CAMERA_PIXEL };
-    let map: Vec<Parameter> = (0..10).map(Parameter::Map).collect();
+    let start = Parameters { model, map: sorted.map, camera_pixel: CAMERA_PIXEL, soft_edge: false };
     // The display as its file has it, and nothing but where the camera looks.
-    let mut camera = map.clone();
+    let mut camera: Vec<Parameter> = (0..10).map(Parameter::Map).collect();
     camera.push(Parameter::CameraPixel);
-    let mut looking = |part| tell(Event::At("fitting where the camera looks", share(0.0, 0.05, part)));
-    let own = pictures.fit(&start, &camera, &sorted.fitted, Effort { subpixels: FINE, ..PLAIN }, &mut looking)?;
+    let mut looking = |part| at_share("fitting where the camera looks", 0.0, 0.05, part);
+    let own =
+        sorted.pictures.fit(&start, &camera, &sorted.fitted, Effort { subpixels: FINE, ..PLAIN }, &mut looking)?;
     let captures = taken.shots.len();
     if own.squares < AT_THE_NOISE {
-        let report = Report::new(&sorted, &start, &own, &sorted.fitted, captures, warnings, FINE);
+        let report = Report::new(&sorted, &start, &own, &sorted.fitted, captures, warnings, FINE, quick);
         return Ok((display.clone(), report, shown(&sorted, &own, FINE)?));
     }
-    let mut at = start.clone();
-    if !quick && !sorted.smooth.is_empty() {
-        at = smooth(&sorted, &at, &map[..9], &mut |part| {
-            tell(Event::At("fitting smooth patterns", share(0.05, 0.25, part)))
-        })?;
-    }
-    let has_sets = sorted.fitted.iter().any(|v| pictures.sets[pictures.views[*v].set].pattern.frames > 1);
-    let mut free = Parameter::all();
-    // Near the end k2 is told; before, it leads astray.
-    free.retain(|p| *p != K2);
-    if quick {
-        free.retain(|p| p.drifts());
-    }
-    free.retain(|p| has_sets || *p != Parameter::Lag);
-    let plain: Vec<Parameter> = free.iter().copied().filter(|p| !matches!(p, Parameter::Crosstalk(_))).collect();
-    // A part of the pictures is enough to come near.
-    let some: Vec<usize> =
-        sorted.fitted.iter().copied().enumerate().filter(|(i, _)| i % 2 == 0).map(|(_, v)| v).collect();
-    let some = if quick { &sorted.fitted } else { &some };
-    let mut fitting = |part| tell(Event::At("fitting some pictures", share(0.25, 0.6, part)));
-    let mut fit = if quick || at.model.crosstalk.is_some() {
-        pictures.fit(&at, &free, some, SEARCH, &mut fitting)?
-    } else {
-        // Where there is none, crosstalk is slow to go.
-        if at.model.fill == 0.0 {
-            at.model.fill = FILL;
-        }
-        let without = pictures.fit(&at, &plain, some, Effort { subpixels: 1, ..SEARCH }, &mut fitting)?;
-        at.model.crosstalk = Some([CROSSTALK; 4]);
-        let with = pictures.fit(&at, &free, some, SEARCH, &mut fitting)?;
-        if with.squares < 0.95 * without.squares { with } else { without }
-    };
-    if fit.at.model.crosstalk.is_none() {
-        free = plain;
-    }
-    free.push(K2);
-    let fitted = believed(pictures, &sorted.fitted, &fit, &mut warnings);
-    let mut fitting = |part| tell(Event::At("fitting all pictures finely", share(0.6, 0.9, part)));
     let known = known(&start);
-    fit = fine(pictures, &fitted, [&known, &fit.at], &free, &mut fitting)?;
+    let mut observe = |what: &str, part: f64| at_share(what, 0.05, 0.7, part);
+    let fit = match quick {
+        true => drifted(&sorted, &start, &mut observe)?,
+        false => {
+            observe("fitting even drives", 0.0);
+            let even = even::fit(&sorted, &start)?;
+            if let Some((view, left)) = even.strange {
+                warnings.push(strange(&sorted, view, left));
+                sorted.leave_out(view);
+            }
+            from_small_to_large(&sorted, [&known, &even.at], &mut observe)?
+        }
+    };
+    let pictures = &sorted.pictures;
+    let fitted = believed(&sorted, &fit, &mut warnings);
+    let (fit, effort) = finest(&sorted, &fitted, &known, fit, &mut |part| {
+        at_share("fitting all pictures finely", 0.7, 0.9, part);
+    })?;
     let untold = untold(&fit);
     let pairs = if taken.hello.iris.is_none() { fit.confused() } else { Vec::new() };
     if taken.hello.iris.is_none() {
         warnings.push(through_one_iris(&untold, &pairs));
     }
-    tell(Event::At("leaving out what does not show", share(0.0, 1.0, 0.9)));
-    let fit = terms::settle(pictures, &fitted, [&start, &known], fit, END)?;
+    at_share("leaving out what does not show", 0.9, 0.9, 0.0);
+    let settled = terms::settle(pictures, &fitted, [&start, &known], fit.clone(), effort)?;
+    let judged = |fit: &Fit| judge(&sorted, &fitted, &fit.at, effort.subpixels);
+    let fit = if judged(&settled) < SETTLED * judged(&fit) { settled } else { fit };
     let fit = if own.squares < NO_BETTER * fit.squares { own } else { fit };
-    tell(Event::At("looking at pictures that were not fitted", share(0.0, 1.0, 0.95)));
-    let mut report = Report::new(&sorted, &start, &fit, &fitted, captures, warnings, FINE);
+    at_share("looking at pictures that were not fitted", 0.95, 0.95, 0.0);
+    let mut report = Report::new(&sorted, &start, &fit, &fitted, captures, warnings, effort.subpixels, quick);
     report.untold = untold;
     report.add_confused(pairs);
     if !report.calibrated && has_other_sign(pictures, &start, &camera, &fitted, fit.squares)? {
         report.warnings.push(OTHER_SIGN.into());
     }
-    let display = terms::written(display, color, &start, &fit, &report);
-    Ok((display, report, shown(&sorted, &fit, FINE)?))
+    // A fit that is no calibration is not written as if it were one.
+    let display = match report.calibrated {
+        true => terms::written(display, color, &start, &fit, &report),
+        false => display.clone(),
+    };
+    Ok((display, report, shown(&sorted, &fit, effort.subpixels)?))
+}
+
+/// What changes from day to day, fitted to all pictures.
+fn drifted(sorted: &Sorted, start: &Parameters, observe: &mut dyn FnMut(&str, f64)) -> Result<Fit, CalibrateError> {
+    let mut free: Vec<Parameter> = Parameter::all().into_iter().filter(|p| p.drifts()).collect();
+    free.extend(of_order(2));
+    free.retain(|p| *p != K2);
+    let effort = Effort { rounds: 10, ..ALL };
+    let start = Parameters { soft_edge: true, ..start.clone() };
+    sorted.pictures.fit(&start, &free, &sorted.fitted, effort, &mut |part| observe("fitting what drifts", part))
+}
+
+/// A whole model: each step starts within the reach of the one before.
+fn from_small_to_large(
+    sorted: &Sorted,
+    [known, start]: [&Parameters; 2],
+    observe: &mut dyn FnMut(&str, f64),
+) -> Result<Fit, CalibrateError> {
+    let pictures = &sorted.pictures;
+    let mut at = Parameters { soft_edge: true, ..start.clone() };
+    at.model.crosstalk = at.model.crosstalk.or(known.model.crosstalk);
+    if at.model.fill == 0.0 {
+        at.model.fill = known.model.fill;
+    }
+    // The light that is not modulated is known from here on; what is expected of any display says nothing of its tilt.
+    let mut known = known.clone();
+    known.model.undiffracted = at.model.undiffracted;
+    let random = Random::new(sorted);
+    at =
+        orders::slopes(sorted, &random, [&known, &at], &mut |part| observe("fitting small irises", 0.05 + 0.2 * part))?;
+    // Near the end k2 shows; before, it leads astray.
+    let mut free: Vec<Parameter> = Parameter::all().into_iter().filter(|p| ![Parameter::Lag, K2].contains(p)).collect();
+    free.extend((*ORDERS.start()..=5).flat_map(of_order));
+    let single: Vec<usize> = sorted.even.iter().chain(&random.all).copied().collect();
+    let mut fit = pictures.fit_near(&known, &at, &free, &single, COARSE, &mut |part| {
+        observe("fitting single patterns", 0.25 + 0.25 * part);
+    })?;
+    observe("adding orders of the wavefront", 0.5);
+    fit = orders::more(sorted, &single, &known, fit, COARSE)?;
+    let has_sets = sorted.fitted.iter().any(|v| pictures.sets[pictures.views[*v].set].pattern.frames > 1);
+    let mut free = fit.free.clone();
+    free.extend(has_sets.then_some(Parameter::Lag));
+    free.push(K2);
+    pictures.fit_near(&known, &fit.at, &free, &sorted.fitted, ALL, &mut |part| {
+        observe("fitting all pictures", 0.7 + 0.3 * part);
+    })
+}
+
+/// The share that a model leaves of the pictures that were taken twice, or of those that were fitted if none was.
+fn judge(sorted: &Sorted, fitted: &[usize], at: &Parameters, subpixels: usize) -> f64 {
+    match sorted.pairs.is_empty() {
+        true => unseen::fitted(&sorted.pictures, at, fitted, subpixels).left,
+        false => unseen::unseen(sorted, at, subpixels).left,
+    }
+}
+
+/// The last details of a fit that leaves next to nothing: sub-pixels, and the hard edge of the iris. They stay if the pictures that
+/// were not fitted gain by them.
+fn finest(
+    sorted: &Sorted,
+    which: &[usize],
+    known: &Parameters,
+    fit: Fit,
+    observe: &mut dyn FnMut(f64),
+) -> Result<(Fit, Effort), CalibrateError> {
+    let pictures = &sorted.pictures;
+    let left = judge(sorted, which, &fit.at, ALL.subpixels);
+    tracing::debug!("all pictures: {left:.5} is left");
+    let hard = Parameters { soft_edge: false, ..fit.at.clone() };
+    // The fewer bins an iris has, the more a soft edge leaves: whether a hard one explains more is cheap to ask.
+    if left > INSIDE {
+        let moves = fit.free.contains(&Parameter::Iris(0));
+        let rim = if moves { pictures.rim(&hard, ALL.subpixels, which).at } else { hard.clone() };
+        let now = judge(sorted, which, &rim, ALL.subpixels);
+        tracing::debug!("with a hard edge: {now:.5} is left");
+        if now > left {
+            return Ok((fit, ALL));
+        }
+    }
+    let finer = fine(pictures, which, [known, &hard], &fit.free, observe)?;
+    let now = judge(sorted, which, &finer.at, FINE);
+    tracing::debug!("with sub-pixels and a hard edge: {now:.5} is left");
+    Ok(if now < left { (finer, END) } else { (fit, ALL) })
 }
 
 /// Whether phases of the other sign predict the pictures of a bench far better than what was fitted.
@@ -211,28 +286,35 @@ fn untold(fit: &Fit) -> Vec<String> {
 }
 
 /// Pictures that the model predicts about as well as the others: one that was taken through another iris, or of another pattern,
-/// is not.
-fn believed(pictures: &Pictures, which: &[usize], fit: &Fit, warnings: &mut Vec<String>) -> Vec<usize> {
-    let left = pictures.left(which, &pictures.see(&fit.at, SEARCH.subpixels, which, &[]), fit.exposure);
-    let mut sorted: Vec<f64> = left.iter().map(|l| l[0]).collect();
-    sorted.sort_by(f64::total_cmp);
-    let most = STRANGE.0.max(STRANGE.1 * sorted.get(sorted.len() / 2).copied().unwrap_or(0.0));
+/// is not. Even drives have so little contrast that their shares do not compare.
+fn believed(sorted: &Sorted, fit: &Fit, warnings: &mut Vec<String>) -> Vec<usize> {
+    let (pictures, which) = (&sorted.pictures, &sorted.fitted);
+    let left = pictures.left(which, &pictures.see(&fit.at, ALL.subpixels, which, &[]));
+    let mut shares: Vec<f64> = left.iter().map(|l| l[0]).collect();
+    shares.sort_by(f64::total_cmp);
+    let most = STRANGE.0.max(STRANGE.1 * shares.get(shares.len() / 2).copied().unwrap_or(0.0));
     let mut believed = Vec::new();
     for (v, [left, squares]) in which.iter().zip(&left) {
         let view = &pictures.views[*v];
         tracing::debug!("{}: {left:.5} of its variance is left, {squares:.2} of the noise", view.file.display());
-        if *left < most {
+        if *left < most || sorted.even.contains(v) {
             believed.push(*v);
         } else {
-            warnings.push(format!(
-                "{}: {:.0} % of its variance is not what the others tell: it is left out; was the iris where it should be?",
-                view.file.display(),
-                100.0 * left
-            ));
+            warnings.push(strange(sorted, *v, *left));
         }
     }
     // Where most are strange none is.
-    if 2 * believed.len() < which.len() { which.to_vec() } else { believed }
+    if 2 * believed.len() < which.len() { which.clone() } else { believed }
+}
+
+/// The warning of a picture that contradicts the others.
+fn strange(sorted: &Sorted, view: usize, left: f64) -> String {
+    format!(
+        "{}: {:.0} % of its variance is not explained by the model fitted to the other pictures: excluded; was the iris where it \
+         should be?",
+        sorted.pictures.views[view].file.display(),
+        100.0 * left
+    )
 }
 
 impl Parameter {
@@ -244,7 +326,6 @@ impl Parameter {
 
 #[cfg(test)]
 mod tests {
-    use super::super::fit::Exposure;
     use super::super::map::CameraMap;
     use super::*;
     use crate::optics::DisplayModel;
@@ -252,13 +333,13 @@ mod tests {
     #[test]
     fn what_the_pictures_say_nothing_of_is_named() {
         let map = CameraMap { numbers: [0.0; 10], slm: [8, 8], camera: [8, 8] };
-        let at = Parameters { model: DisplayModel::default(), map, camera_pixel: CAMERA_PIXEL };
+        let at = Parameters { model: DisplayModel::default(), map, camera_pixel: CAMERA_PIXEL, soft_edge: false };
         let free = vec![Parameter::Fill, Parameter::Wavefront(12), Parameter::Undiffracted(3), Parameter::Crosstalk(1)];
         // Errors in shares of what is expected of any display.
         let error = |p: &Parameter| p.usual() * if *p == Parameter::Fill { 0.1 } else { 0.9 };
         let row = |i: usize| (0..free.len()).map(|j| if i == j { error(&free[i]).powi(2) } else { 0.0 }).collect();
         let covariance = (0..free.len()).map(row).collect();
-        let fit = Fit { at, free: free.clone(), exposure: Exposure { gain: 1.0, dark: 0.0 }, squares: 1.0, covariance };
+        let fit = Fit { at, free: free.clone(), squares: 1.0, covariance };
         assert_eq!(untold(&fit), ["wavefront 12"]);
         let pairs =
             [(Parameter::Wavefront(3), Parameter::Wavefront(11), 0.998), (Parameter::Map(8), Parameter::Map(9), -0.96)];

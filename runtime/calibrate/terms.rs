@@ -2,8 +2,9 @@
 
 use super::error::CalibrateError;
 use super::fit::{Effort, Fit, Pictures};
-use super::parameters::{Parameter, Parameters, WAVEFRONT};
+use super::parameters::{ORDERS, Parameter, Parameters, of_order};
 use super::report::Report;
+use super::verdict::Verdict;
 use crate::optics::linear::solve;
 use crate::optics::{Color, Display, DisplayModel, Level, ModelTerms, Spread};
 use std::time::SystemTime;
@@ -24,7 +25,7 @@ fn terms() -> Vec<Vec<Parameter>> {
         vec![Parameter::Fill],
         counted(Parameter::Iris, 3),
     ];
-    terms.extend(WAVEFRONT.map(|j| vec![Parameter::Wavefront(j)]));
+    terms.extend(ORDERS.flat_map(of_order).map(|p| vec![p]));
     terms
 }
 
@@ -114,6 +115,7 @@ pub(super) fn settle(
         if hidden.is_empty() {
             break;
         }
+        tracing::debug!("left out: {hidden:?}");
         let mut at = fit.at.clone();
         at.model = with_terms_of(&at.model, &start.model, &hidden);
         let shown = |p: &Parameter| !hidden.contains(p) && !matches!(p, Parameter::Iris(_));
@@ -218,8 +220,8 @@ pub(super) fn written(display: &Display, color: Color, start: &Parameters, fit: 
     let named = terms.wavefront.keys().filter(|j| fitted(Parameter::Wavefront(**j)));
     errors.wavefront = named.map(|j| (*j, about(Parameter::Wavefront(*j)))).collect();
     terms.from = format!("eyebox calibrate, {} pictures", report.captures);
-    if let (false, Some(share)) = (report.calibrated, report.unexplained) {
-        terms.from += &format!(", not a calibration: {:.2} % unexplained", 100.0 * share);
+    if let (Verdict::WithFaults, Some(share)) = (report.verdict, report.unexplained) {
+        terms.from += &format!(", {:.2} % unexplained", 100.0 * share);
     }
     terms.date = today();
     let section = display.model.entry(color.into()).or_default();

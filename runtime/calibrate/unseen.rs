@@ -1,59 +1,49 @@
-//! What a model leaves of pictures that it was not fitted to.
+//! The share that a model leaves of pictures that it was not fitted to.
 
-use super::fit::{Exposure, Pictures};
+use super::fit::{Pictures, mean_square, variance_of};
 use super::parameters::Parameters;
+use super::seen::Seen;
 use super::sorted::Sorted;
 
-/// Shares of the variance of pictures that were not fitted.
+/// Shares of the variance of pictures about their means.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Unseen {
     pub(super) left: f64,
     pub(super) noise: f64,
 }
 
-/// Gain and dark level for a model that was not fitted to these pictures.
-pub(super) fn exposed(pictures: &Pictures, at: &Parameters, which: &[usize], subpixels: usize) -> Exposure {
-    pictures.exposure(which, &pictures.see(at, subpixels, which, &[]))
-}
-
-/// Squares that a model leaves of pictures that were taken twice, as shares of their variance about each picture's mean.
-pub(super) fn unseen(sorted: &Sorted, at: &Parameters, exposure: Exposure, subpixels: usize) -> Unseen {
+/// The share that a model leaves of the pictures that were taken twice.
+pub(super) fn unseen(sorted: &Sorted, at: &Parameters, subpixels: usize) -> Unseen {
     let pictures = &sorted.pictures;
-    let which: Vec<usize> = sorted.pairs.iter().flatten().copied().collect();
+    let which: Vec<usize> = sorted.pairs.iter().map(|pair| pair[0]).collect();
     let seen = pictures.see(at, subpixels, &which, &[]);
     let mut sums = [0.0; 3];
-    for (pair, seen) in sorted.pairs.iter().zip(seen.chunks_exact(2)) {
-        let counts = pair.map(|v| &pictures.views[v].counts);
-        let scale = pictures.views[pair[0]].exposure_ms / pictures.views[pair[1]].exposure_ms;
-        let noise: f64 = counts[0]
-            .iter()
-            .zip(counts[1])
-            .map(|(a, b)| (a - exposure.dark - (b - exposure.dark) * scale).powi(2) / 2.0)
-            .sum();
-        let mean = counts[0].iter().sum::<f64>() / counts[0].len() as f64;
-        let variance: f64 = counts[0].iter().map(|c| (c - mean).powi(2)).sum();
-        let left: f64 = pictures.residuals(pair[0], &seen[0], exposure).iter().map(|r| r * r).sum();
-        sums = [sums[0] + left, sums[1] + noise, sums[2] + variance];
+    for (pair, seen) in sorted.pairs.iter().zip(&seen) {
+        let [first, second] = pair.map(|v| &pictures.views[v]);
+        let scale = first.exposure_ms / second.exposure_ms;
+        let dark = pictures.dark;
+        let apart = |(a, b): (&f64, &f64)| a - dark - (b - dark) * scale;
+        let noise: Vec<f64> = first.counts.iter().zip(&second.counts).map(apart).collect();
+        sums[1] += mean_square(&noise) / 2.0;
+        add_left(pictures, pair[0], seen, &mut sums);
     }
     Unseen { left: sums[0] / sums[2], noise: sums[1] / sums[2] }
 }
 
-/// Squares that a fit leaves of the pictures that it was fitted to, and the camera's noise, as shares of their variance about each
-/// picture's mean.
-pub(super) fn fitted(
-    pictures: &Pictures,
-    at: &Parameters,
-    exposure: Exposure,
-    which: &[usize],
-    subpixels: usize,
-) -> Unseen {
+/// The share that a fit leaves of the pictures that it was fitted to, with the noise of an ordinary camera.
+pub(super) fn fitted(pictures: &Pictures, at: &Parameters, which: &[usize], subpixels: usize) -> Unseen {
     let seen = pictures.see(at, subpixels, which, &[]);
     let mut sums = [0.0; 3];
     for (v, seen) in which.iter().zip(&seen) {
-        let view = &pictures.views[*v];
-        let mean = view.counts.iter().sum::<f64>() / view.counts.len() as f64;
-        let left: f64 = pictures.residuals(*v, seen, exposure).iter().map(|r| r * r).sum();
-        let variance: f64 = view.counts.iter().map(|c| (c - mean).powi(2)).sum();
-        sums = [sums[0] + left, sums[1] + view.variance.iter().sum::<f64>(), sums[2] + variance];
+        let variance = &pictures.views[*v].variance;
+        sums[1] += variance.iter().sum::<f64>() / variance.len() as f64;
+        add_left(pictures, *v, seen, &mut sums);
     }
     Unseen { left: sums[0] / sums[2], noise: sums[1] / sums[2] }
+}
+
+/// Adds the squares that are left of a view, and its variance.
+fn add_left(pictures: &Pictures, view: usize, seen: &Seen, sums: &mut [f64; 3]) {
+    sums[0] += mean_square(&pictures.residuals(view, seen));
+    sums[2] += variance_of(&pictures.views[view].counts);
 }

@@ -1,7 +1,7 @@
 //! The page of a calibration: what was seen beside what the model says, the model's numbers, and what is left.
 
 use super::page::{bare, row, section, table};
-use crate::calibrate::{Calibration, LeftMap, Report, Shown};
+use crate::calibrate::{Calibration, LeftMap, Report, Shown, Verdict};
 use crate::optics::Color;
 use crate::quality::comparison::{Picture, light_exact, map};
 use maud::{Markup, html};
@@ -26,12 +26,15 @@ pub fn page(calibration: &Calibration, color: Color) -> String {
             }),
         ),
     ];
-    let lead = match report.calibrated {
-        true => {
+    let lead = match report.verdict {
+        Verdict::Calibrated => {
             "The model of the display that its pictures tell. Shares are of the variance of pictures that were not fitted."
         }
-        false => {
-            "Not calibrated: the pictures show what the model has no term for. Shares are of the variance of pictures that were not fitted."
+        Verdict::WithFaults => {
+            "Calibrated, with faults that the model lacks. Shares are of the variance of pictures that were not fitted."
+        }
+        _ => {
+            "Not calibrated: the model does not explain the pictures. Shares are of the variance of pictures that were not fitted."
         }
     };
     let body = html! {

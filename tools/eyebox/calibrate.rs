@@ -5,7 +5,7 @@ use crate::patterns::{self, PatternArgs, iris};
 use crate::progress::{self, JobBar};
 use crate::values::positive;
 use clap::Args;
-use eyebox::calibrate::{Bench, Event, FEWEST, Report, TAKING, calibrate};
+use eyebox::calibrate::{Bench, Event, FEWEST, Report, TAKING, Verdict, calibrate};
 use eyebox::engine;
 use eyebox::files;
 use eyebox::optics::{Color, Display, Seen};
@@ -144,9 +144,12 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
         eprintln!("eyebox: {warning}");
     }
     let out = args.out.display();
-    match calibrated.report.calibrated {
-        true => eprintln!("wrote {out}: give it as --display {out}"),
-        false => eprintln!("wrote {out}, which is no calibration: it is what comes nearest"),
+    match calibrated.report.verdict {
+        Verdict::Calibrated => eprintln!("calibrated; wrote {out}: give it as --display {out}"),
+        Verdict::WithFaults => {
+            eprintln!("calibrated, with faults that the model lacks; wrote {out}: give it as --display {out}");
+        }
+        _ => eprintln!("not calibrated; wrote {out} with the model that the display's file had"),
     }
     Ok(())
 }
@@ -179,5 +182,9 @@ fn say(report: &Report) {
              display as its file was (worst pupil {before_worst:.2}), {after:.2} for the fitted one ({after_worst:.2})",
             gain.size[0], gain.size[1], gain.steps
         );
+        let terms: Vec<String> = gain.terms_db.iter().map(|(term, db)| format!("{term} {db:.2}")).collect();
+        if !terms.is_empty() {
+            println!("gained by each term of the model, dB: {}", terms.join(", "));
+        }
     }
 }

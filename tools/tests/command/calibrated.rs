@@ -132,16 +132,13 @@ fn a_perfect_bench_stays_as_it_is() {
 }
 
 #[test]
-fn what_no_term_describes_is_not_called_a_calibration() {
+fn a_fault_that_no_term_describes_is_named_with_its_size_and_place() {
     let here = common::folder();
     let at = here.path();
     let bench = [("BENCH_IDEAL", "1"), ("BENCH_GHOST", "0.1")];
     let (report, said) = report(&mut calibrate(at, &["--captures-max", "20", "-o", "out.toml"], &bench));
-    assert_eq!(report["calibrated"], false, "{said}");
-    assert!(
-        said.contains("not calibrated: ") && said.contains("unexplained") && said.contains("of the camera's pixels"),
-        "{said}"
-    );
+    assert_eq!(report["verdict"], "with-faults", "{said}");
+    assert!(said.contains("unexplained") && said.contains("of the camera's pixels"), "{said}");
     let tiles = report["map"]["squares"].as_array().expect("a map");
     assert!(tiles.iter().filter_map(Value::as_f64).any(|s| s > 3.0), "{tiles:?}");
 }
@@ -154,7 +151,11 @@ fn a_phase_of_the_other_sign_is_named_and_no_calibration() {
         let bench = [("BENCH_IDEAL", "1"), ("BENCH_SIGN", "-1")];
         let (report, said) = report(&mut calibrate(at, &[more, &["-o", "out.toml"]].concat(), &bench));
         assert_eq!(report["calibrated"], false, "{more:?}: {said}");
+        assert_eq!(report["verdict"], "not-calibrated", "{more:?}: {said}");
         assert!(report["unexplained"].as_f64().is_some_and(|share| share > 0.1), "{more:?}: {report}");
+        // It is not written as if it were a calibration.
+        let written = fs::read_to_string(here.path().join("out.toml")).expect("a display");
+        assert!(!written.contains("[model"), "{more:?}: {written}");
         let named = |warning: &Value| warning.as_str().is_some_and(|text| text.contains("other sign"));
         assert!(report["warnings"].as_array().is_some_and(|all| all.iter().any(named)), "{more:?}: {said}");
     }

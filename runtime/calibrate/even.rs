@@ -1,0 +1,296 @@
+//! Light that the SLM does not modulate, in closed form from even drives: they excite no crosstalk, no lag and no fly-back, so
+//! that the result depends on nothing that is unknown yet, and a tilt of any size is found.
+
+use super::error::CalibrateError;
+use super::fit::Effort;
+use super::parameters::{Parameter, Parameters};
+use super::pattern::transposed;
+use super::picture;
+use super::sorted::Sorted;
+use crate::optics::linear::inverse;
+use eyebox_kernels::{Complex64, fft};
+use std::f64::consts::PI;
+
+/// Components of unmodulated light that are searched for.
+const PEAKS: usize = 3;
+/// Components of less than this share of the strongest amplitude are no start of a fit.
+const WEAK: f64 = 0.3;
+/// A fit that leaves this share of the even drives is in the right minimum.
+const EXPLAINED: f64 = 0.01;
+/// A picture is not believed if all leave more than this share, and the others less than that share of it.
+const CONTRADICT: f64 = 0.05;
+const ALONE: f64 = 0.2;
+/// Places along a side at which the pictures are compared, at most.
+const PLACES: usize = 512;
+/// Curvatures that are tried, from -2 to 2 rad.
+const CURVATURES: std::ops::RangeInclusive<i32> = -8..=8;
+/// An even drive shows this and nothing of crosstalk.
+const EVEN: Effort = Effort { subpixels: 1, slopes: 1, rounds: 20, enough: 0.01 };
+
+/// A complex image over the SLM.
+struct Image {
+    rows: usize,
+    columns: usize,
+    values: Vec<Complex64>,
+}
+
+/// Light that is not modulated: Re, Im of its amplitude, its tilts and its curvature, radians.
+pub(super) type Component = [f64; 5];
+
+/// What even drives tell.
+pub(super) struct Even {
+    pub(super) at: Parameters,
+    /// A picture that contradicts the others, and the share of it that these leave.
+    pub(super) strange: Option<(usize, f64)>,
+}
+
+/// Fits source, table and the light that is not modulated to the even drives. Without even drives all stays as it is. Four are one
+/// more than the closed form needs: where they contradict each other, and three do not, the fourth is not believed.
+pub(super) fn fit(sorted: &Sorted, start: &Parameters) -> Result<Even, CalibrateError> {
+    let even = &sorted.even;
+    let Some((left, at)) = fit_to(sorted, start, even)? else {
+        return Ok(Even { at: start.clone(), strange: None });
+    };
+    let mut best = Even { at, strange: None };
+    if left < CONTRADICT || even.len() < 4 {
+        return Ok(best);
+    }
+    let mut least = ALONE * left;
+    for strange in even {
+        let others: Vec<usize> = even.iter().copied().filter(|v| v != strange).collect();
+        let Some((left, at)) = fit_to(sorted, start, &others)? else { continue };
+        let of_strange = left_of(sorted, &at, &[*strange]);
+        tracing::debug!(
+            "without {}: {left:.4} is left, and {of_strange:.4} of it",
+            sorted.pictures.views[*strange].file.display()
+        );
+        if left < least {
+            least = left;
+            best = Even { at, strange: Some((*strange, of_strange)) };
+        }
+    }
+    Ok(best)
+}
+
+/// The share that is left of some even drives and the fit to them, from the start that leaves least.
+fn fit_to(sorted: &Sorted, start: &Parameters, which: &[usize]) -> Result<Option<(f64, Parameters)>, CalibrateError> {
+    if which.is_empty() {
+        return Ok(None);
+    }
+    let mut free: Vec<Parameter> = (0..5).map(Parameter::Undiffracted).collect();
+    free.extend((0..5).map(Parameter::Source));
+    let light = free.len();
+    free.extend((0..9).map(Parameter::Level));
+    free.extend((0..2).map(Parameter::Bend));
+    let mut starts = components(sorted, start, which)?;
+    if start.model.undiffracted != [0.0; 5] || starts.is_empty() {
+        starts.insert(0, start.model.undiffracted);
+    }
+    let mut best: Option<(f64, Parameters)> = None;
+    for undiffracted in starts {
+        let mut at = start.clone();
+        at.model.undiffracted = undiffracted;
+        // Three turns are three numbers, and a table far from its file explains them with other light: the light is fitted first.
+        let near = sorted.pictures.fit(&at, &free[..light], which, EVEN, &mut |_| {})?;
+        let fit = sorted.pictures.fit_near(&at, &near.at, &free, which, EVEN, &mut |_| {})?;
+        let left = left_of(sorted, &fit.at, which);
+        tracing::debug!("light that is not modulated, {undiffracted:.3?}: {left:.4} of the even drives is left");
+        if best.as_ref().is_none_or(|(least, _)| left < *least) {
+            best = Some((left, fit.at));
+        }
+        if left < EXPLAINED {
+            break;
+        }
+    }
+    Ok(best)
+}
+
+/// The mean share that is left of some even drives.
+fn left_of(sorted: &Sorted, at: &Parameters, which: &[usize]) -> f64 {
+    let left = sorted.pictures.left(which, &sorted.pictures.see(at, 1, which, &[]));
+    left.iter().map(|l| l[0]).sum::<f64>() / left.len() as f64
+}
+
+/// The strongest components of the light that is not modulated.
+fn components(sorted: &Sorted, at: &Parameters, which: &[usize]) -> Result<Vec<Component>, CalibrateError> {
+    let pictures = &sorted.pictures;
+    let [height, width] = at.map.slm;
+    let [rows, columns] = [height, width].map(|n| n.min(PLACES));
+    let (mut drives, mut images) = (Vec::new(), Vec::new());
+    for v in which {
+        let view = &pictures.views[*v];
+        let Some(drive) = pictures.sets[view.set].pattern.even_drive() else { continue };
+        let wrong = |reason| CalibrateError::Captures { file: view.file.display().to_string(), reason };
+        let picture = picture::load(&view.file, sorted.camera, view.full_scale).map_err(wrong)?;
+        let at_place = |i: usize| {
+            let [x, y] = [(i % columns, width, columns), (i / columns, height, rows)]
+                .map(|(i, pixels, places)| (i as f64 + 0.5) * pixels as f64 / places as f64 - 0.5);
+            (picture.between(at.map.to_camera([x, y])) - pictures.dark) / view.exposure_ms
+        };
+        drives.push(drive);
+        images.push((0..rows * columns).map(at_place).collect::<Vec<f64>>());
+    }
+    let Some(values) = unmodulated(&drives, &images) else { return Ok(Vec::new()) };
+    // Light beyond the iris is not in the pictures.
+    let widest = |v: &usize| pictures.views[*v].look.pupil.diameter / pictures.optics.eyebox();
+    let reach = PI * which.iter().map(widest).fold(0.0, f64::max) / 2.0;
+    let limit = [reach * width as f64, reach * height as f64];
+    Ok(strongest(Image { rows, columns, values }, limit))
+}
+
+/// The amplitude of the light that is not modulated over that of all light, place by place, if the drives tell it.
+fn unmodulated(drives: &[f64], images: &[Vec<f64>]) -> Option<Vec<Complex64>> {
+    // Each place sees an offset and one turn of a wave: a + b cos w + c sin w.
+    let waves: Vec<[f64; 3]> = drives.iter().map(|w| [1.0, w.cos(), w.sin()]).collect();
+    let sum = |i: usize, j: usize| waves.iter().map(|wave| wave[i] * wave[j]).sum::<f64>();
+    let normal: Vec<Vec<f64>> = (0..3).map(|i| (0..3).map(|j| sum(i, j)).collect()).collect();
+    let back = inverse(&normal)?;
+    if (0..3).any(|i| back[i][i] > 10.0) {
+        return None;
+    }
+    let value = |place: usize| {
+        let right =
+            [0, 1, 2].map(|i| waves.iter().zip(images).map(|(wave, image)| wave[i] * image[place]).sum::<f64>());
+        let [a, b, c] = [0, 1, 2].map(|i| (0..3).map(|j| back[i][j] * right[j]).sum::<f64>());
+        if a > 0.0 { Complex64::new(b, c) / (2.0 * a) } else { Complex64::default() }
+    };
+    Some((0..images.first()?.len()).map(value).collect())
+}
+
+/// The strongest plane or curved waves of an image, each searched for in the rest that the ones before leave. `limit`: tilts
+/// along x and y, radians.
+fn strongest(mut image: Image, limit: [f64; 2]) -> Vec<Component> {
+    let mut found = Vec::new();
+    for _ in 0..PEAKS {
+        let Some(start) = peak(&image, limit) else { break };
+        let (amplitude, [x, y, curvature]) = refined(&image, start);
+        if amplitude.norm() < 1e-3 {
+            break;
+        }
+        for (i, value) in image.values.iter_mut().enumerate() {
+            let at = place(i, image.rows, image.columns);
+            *value -= amplitude * wave(at, [x, y, curvature]);
+        }
+        if found.first().is_some_and(|first: &Component| amplitude.norm() < WEAK * first[0].hypot(first[1])) {
+            break;
+        }
+        // The ratio to all light is half the sine of twice the angle whose sine is the amplitude.
+        let size = ((2.0 * amplitude.norm()).min(1.0).asin() / 2.0).sin();
+        let eta = amplitude / amplitude.norm() * size;
+        found.push([eta.re, eta.im, x, y, curvature]);
+    }
+    found
+}
+
+/// A place of the image, from -1 to 1.
+fn place(i: usize, rows: usize, columns: usize) -> [f64; 2] {
+    [((2 * (i % columns) + 1) as f64 / columns as f64) - 1.0, ((2 * (i / columns) + 1) as f64 / rows as f64) - 1.0]
+}
+
+fn wave([x, y]: [f64; 2], [tilt_x, tilt_y, curvature]: [f64; 3]) -> Complex64 {
+    Complex64::cis(tilt_x * x + tilt_y * y + curvature * (x * x + y * y))
+}
+
+/// Tilts and curvature of the strongest wave, to half a cell of the search.
+fn peak(image: &Image, limit: [f64; 2]) -> Option<[f64; 3]> {
+    let Image { rows, columns, values } = image;
+    let finer = if rows.max(columns) > &256 { 2 } else { 4 };
+    let (tall, wide) = (finer * rows, finer * columns);
+    let mut best: Option<(f64, [f64; 3])> = None;
+    for curvature in CURVATURES.map(|c| f64::from(c) / 4.0) {
+        let mut lines = vec![Complex64::default(); rows * wide];
+        for (i, value) in values.iter().enumerate() {
+            lines[i / columns * wide + i % columns] =
+                value * wave(place(i, *rows, *columns), [0.0, 0.0, curvature]).conj();
+        }
+        fft::transform_f64(&mut lines, wide, fft::Direction::Forward);
+        let turned = transposed(&lines, wide);
+        let mut all = vec![Complex64::default(); tall * wide];
+        for (to, from) in all.chunks_exact_mut(tall).zip(turned.chunks_exact(*rows)) {
+            to[..*rows].copy_from_slice(from);
+        }
+        fft::transform_f64(&mut all, tall, fft::Direction::Forward);
+        for (i, value) in all.iter().enumerate() {
+            let tilt = |k: usize, n: usize| {
+                let k = if 2 * k < n { k as f64 } else { k as f64 - n as f64 };
+                PI * k / finer as f64
+            };
+            let tilts = [tilt(i / tall, wide), tilt(i % tall, tall)];
+            let inside = tilts[0].abs() <= limit[0] && tilts[1].abs() <= limit[1];
+            if inside && best.is_none_or(|(most, _)| value.norm_sqr() > most) {
+                best = Some((value.norm_sqr(), [tilts[0], tilts[1], curvature]));
+            }
+        }
+    }
+    best.map(|(_, at)| at)
+}
+
+/// The wave's amplitude, and its tilts and curvature where the amplitude is highest.
+fn refined(image: &Image, start: [f64; 3]) -> (Complex64, [f64; 3]) {
+    let of = |numbers: [f64; 3]| {
+        let term = |(i, v): (usize, &Complex64)| v * wave(place(i, image.rows, image.columns), numbers).conj();
+        image.values.iter().enumerate().map(term).sum::<Complex64>() / image.values.len() as f64
+    };
+    let (mut at, mut step) = (start, [0.4, 0.4, 0.12]);
+    let mut amplitude = of(at);
+    for _ in 0..6 {
+        for i in 0..3 {
+            for sign in [1.0, -1.0] {
+                let mut trial = at;
+                trial[i] += sign * step[i];
+                let there = of(trial);
+                if there.norm() > amplitude.norm() {
+                    (at, amplitude) = (trial, there);
+                }
+            }
+        }
+        step = step.map(|s| s / 2.0);
+    }
+    (amplitude, at)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::solve::SplitMix;
+    use std::f64::consts::TAU;
+
+    /// Pictures of even drives with light that is not modulated, a source that falls off, and a table that is off.
+    fn pictures(eta: Complex64, numbers: [f64; 3], [rows, columns]: [usize; 2]) -> (Vec<f64>, Vec<Vec<f64>>) {
+        let mut random = SplitMix(7);
+        let drives: Vec<f64> = (0..4).map(|i| TAU * f64::from(i) / 4.0).collect();
+        let image = |drive: &f64| {
+            let light = |i: usize| {
+                let [x, y] = place(i, rows, columns);
+                let modulated = Complex64::cis(1.05 * drive) * (1.0 - eta.norm_sqr()).sqrt();
+                let source = (-0.3 * x * x - 0.2 * y).exp();
+                source * (modulated + eta * wave([x, y], numbers)).norm_sqr() * (1.0 + 0.02 * (random.unit() - 0.5))
+            };
+            (0..rows * columns).map(light).collect()
+        };
+        let images = drives.iter().map(image).collect();
+        (drives, images)
+    }
+
+    #[test]
+    fn a_tilt_of_30_radians_is_found_to_a_tenth() {
+        let (rows, columns) = (48, 64);
+        for numbers in [[30.0, -12.3, 0.6], [0.4, 1.1, -0.5]] {
+            let eta = Complex64::new(0.12, -0.1);
+            let (drives, images) = pictures(eta, numbers, [rows, columns]);
+            let values = unmodulated(&drives, &images).expect("four drives tell it");
+            let found = strongest(Image { rows, columns, values }, [40.0, 40.0])[0];
+            for i in 0..3 {
+                assert!((found[i + 2] - numbers[i]).abs() < 0.1, "{found:?} instead of {numbers:?}");
+            }
+            assert!((found[0] - eta.re).hypot(found[1] - eta.im) < 0.03, "{found:?} instead of {eta}");
+        }
+    }
+
+    #[test]
+    fn two_drives_do_not_tell_it() {
+        let images = vec![vec![1.0; 4]; 3];
+        assert!(unmodulated(&[0.0, PI, 0.0], &images).is_none());
+        assert!(unmodulated(&[0.0, 2.0, 4.0], &images).is_some());
+    }
+}
