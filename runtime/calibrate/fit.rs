@@ -104,6 +104,9 @@ pub(super) struct Effort {
     pub(super) enough: f64,
 }
 
+/// Of random patterns, which are seen with one sub-pixel until lag is fitted.
+pub(super) const COARSE: Effort = Effort { subpixels: 1, slopes: 1, rounds: 5, enough: 0.02 };
+
 /// Slopes are computed again if a step gains less or more than these shares of what they promise.
 const KEPT: std::ops::Range<f64> = 0.5..1.3;
 /// Steps that fail are damped so often before a fit ends.

@@ -1,7 +1,7 @@
 //! The relay's wavefront, from small orders to large: each is added where the one before it has come near enough.
 
 use super::error::CalibrateError;
-use super::fit::{Effort, Fit};
+use super::fit::{COARSE, Effort, Fit};
 use super::parameters::{ORDERS, Parameter, Parameters, of_order};
 use super::slopes::from_shifts;
 use super::sorted::Sorted;
@@ -22,8 +22,6 @@ const SIGMAS: [f64; 4] = [1.0, 1.7, 3.0, 6.0];
 const GAINS: f64 = 0.02;
 /// or if a term of it is this many standard errors from nothing.
 const SURE: f64 = 5.0;
-/// Random patterns are seen with one sub-pixel until lag is fitted.
-pub(super) const COARSE: Effort = Effort { subpixels: 1, slopes: 1, rounds: 5, enough: 0.02 };
 
 /// The pictures of single random patterns: through small irises, and all.
 pub(super) struct Random {

@@ -1,7 +1,6 @@
 //! The start of the wavefront, without a guess: a small iris sees the local slope of the wavefront as a shift of its picture.
 
-use super::fit::Pictures;
-use super::orders::COARSE;
+use super::fit::{COARSE, Pictures};
 use super::parameters::{Parameter, Parameters};
 use crate::optics::linear::solve;
 use crate::optics::zernike;

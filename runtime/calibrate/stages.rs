@@ -3,9 +3,9 @@
 use super::acquire::{TAKING, Taken};
 use super::bench::Event;
 use super::error::CalibrateError;
-use super::fit::{Effort, Fit, Pictures};
+use super::fit::{COARSE, Effort, Fit, Pictures};
 use super::left::{Shown, shown};
-use super::orders::{self, COARSE, Random};
+use super::orders::{self, Random};
 use super::parameters::{ORDERS, Parameter, Parameters, of_order};
 use super::report::Report;
 use super::sorted::{CAMERA_PIXEL, Sorted, sort};
