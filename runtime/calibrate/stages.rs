@@ -37,6 +37,8 @@ const UNTOLD: f64 = 0.3;
 const OTHER_SIGN: &str = "the phase has the other sign: the pictures are far closer to the negatives of the phases that were asked for. \
     Have the bench show them with the sign of the display's file (a level that is twice as high delays the light twice as much), \
     or turn the table of the SLM's levels around";
+/// Levels of the other sign that are tried, over the display file's: a table may have drifted, too, and no fit changes a level's sign.
+const NEGATIVES: [f64; 4] = [-1.0, -1.15, -0.87, -1.3];
 /// The second term of the camera's distortion.
 const K2: Parameter = Parameter::Map(9);
 /// Crosstalk of a real device, where a fit begins (Schroff et al. 2024).
@@ -214,10 +216,15 @@ fn has_other_sign(
     which: &[usize],
     squares: f64,
 ) -> Result<bool, CalibrateError> {
-    let mut other = start.clone();
-    other.model.level.iter_mut().flatten().for_each(|level| *level = -*level);
-    let fit = pictures.fit(&other, camera, which, PLAIN, &mut |_| {})?;
-    Ok(2.0 * fit.squares < squares)
+    for times in NEGATIVES {
+        let mut other = start.clone();
+        other.model.level.iter_mut().flatten().for_each(|level| *level *= times);
+        let fit = pictures.fit(&other, camera, which, PLAIN, &mut |_| {})?;
+        if 2.0 * fit.squares < squares {
+            return Ok(true);
+        }
+    }
+    Ok(false)
 }
 
 /// Where the numbers are that no picture tells: where the display's file has them, and crosstalk and pixels of which it says
