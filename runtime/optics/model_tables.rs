@@ -175,11 +175,10 @@ impl DisplayModel {
         if self.fill == 0.0 {
             return 1.0;
         }
-        // A square as wide as the disc's root mean square will do, where light falls off so smoothly.
-        let half = 3f64.sqrt() / 4.0 * pupil.diameter;
+        // Light falls off so smoothly that four points will do, each at the disc's root mean square along both axes.
         let along = |center: f64| {
-            let at = |i: i32| self.pixel_sinc((center + half * f64::from(i) / 4.0) / eyebox).powi(2);
-            (-4..=4).map(at).sum::<f64>() / 9.0
+            let at = |side: f64| self.pixel_sinc((center + side * pupil.diameter / 4.0) / eyebox).powi(2);
+            (at(-1.0) + at(1.0)) / 2.0
         };
         along(pupil.x) * along(pupil.y)
     }
@@ -302,6 +301,26 @@ mod tests {
         let count = line.len();
         fft::transform_f64(&mut line, count, fft::Direction::Forward);
         line
+    }
+
+    /// What the aperture leaves through a disc, against the mean over its points.
+    #[test]
+    fn an_aperture_leaves_less_light_to_the_edge_of_the_eyebox() {
+        let (eyebox, model) = (26e-3, DisplayModel { fill: 0.94, ..DisplayModel::default() });
+        for [x, y, diameter] in [[0.0, 0.0, 20.0], [9.0, -4.0, 6.0], [-11.0, 10.0, 3.0]] {
+            let pupil = Pupil::from_mm([x, y, diameter, 0.0]);
+            let light = |[u, v]: [f64; 2]| {
+                let at = [pupil.x + u, pupil.y + v].map(|at| model.pixel_sinc(at / eyebox).powi(2));
+                at[0] * at[1]
+            };
+            let steps = (-100..=100).map(|i| pupil.diameter / 2.0 * f64::from(i) / 100.0);
+            let points = steps.clone().flat_map(|v| steps.clone().map(move |u| [u, v]));
+            let inside: Vec<f64> = points.filter(|[u, v]| u.hypot(*v) <= pupil.diameter / 2.0).map(light).collect();
+            let wanted = inside.iter().sum::<f64>() / inside.len() as f64;
+            let found = model.aperture_light(&pupil, eyebox);
+            assert!((found / wanted - 1.0).abs() < 0.01, "{pupil:?}: {found}, not {wanted}");
+        }
+        assert_eq!(DisplayModel::default().aperture_light(&Pupil::from_mm([9.0, 9.0, 4.0, 0.0]), eyebox), 1.0);
     }
 
     /// Numbers of the same definitions in float64 NumPy.

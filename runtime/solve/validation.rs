@@ -59,3 +59,35 @@ fn light_left(planner: &Planner, viewpoints: &[Viewpoint]) -> f64 {
     });
     (through.sum::<f64>() / viewpoints.len().max(1) as f64).sqrt()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::cpu::CpuEngine;
+    use crate::optics::{Color, Display, DisplayModel, Padding, Pupil};
+    use crate::plan::{ModelTables, Purpose};
+    use crate::scene::{self, Request};
+    use crate::solve::{Problem, Settings};
+    use std::sync::Arc;
+
+    /// Where pixels have an aperture, the exposure rises by the root of what it leaves through the pupils.
+    #[test]
+    fn an_exposure_follows_the_light_that_the_aperture_leaves() {
+        let display = Display { height: 48, width: 64, ..Display::preset("paper").unwrap() };
+        let field = scene::load("builtin:still-life", &Request::new(&display, &[Color::Green])).unwrap();
+        let plain = Problem::new(&field, Color::Green, &display, Padding::default()).unwrap();
+        let pupils = [[6.0, 0.0, 8.0, 0.0], [-7.0, 7.0, 5.0, 0.0]].map(Pupil::from_mm);
+        let exposure = |problem: &Problem| {
+            let planner = problem.planner_of(&Settings { frames: 1, ..Settings::default() });
+            let mut engine = CpuEngine::new();
+            engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&problem.pyramid))).unwrap();
+            let viewpoints = pupils.map(Viewpoint::Pupil).to_vec();
+            Validator::new(&mut engine, &planner, viewpoints).unwrap().bright_end().guess()
+        };
+        let model = DisplayModel { fill: 0.95, ..DisplayModel::default() };
+        let left = pupils.iter().map(|pupil| model.aperture_light(pupil, plain.optics.eyebox())).sum::<f64>() / 2.0;
+        let filled = ModelTables::new(model, 11e-3, 256, plain.optics, plain.optics);
+        let ratio = exposure(&Problem { model: filled, ..plain.clone() }) / exposure(&plain);
+        assert!(left < 0.8 && (ratio * left.sqrt() - 1.0).abs() < 1e-9, "{left} is left, {ratio} times the exposure");
+    }
+}
