@@ -59,7 +59,7 @@ pub(super) fn fit(sorted: &Sorted, start: &Parameters) -> Result<Even, Calibrate
     for strange in even {
         let others: Vec<usize> = even.iter().copied().filter(|v| v != strange).collect();
         let Some((left, at)) = fit_to(sorted, start, &others)? else { continue };
-        let of_strange = left_of(sorted, &at, &[*strange]);
+        let of_strange = sorted.mean_left(&at, &[*strange]);
         tracing::debug!(
             "without {}: {left:.4} is left, and {of_strange:.4} of it",
             sorted.pictures.views[*strange].file.display()
@@ -93,7 +93,7 @@ fn fit_to(sorted: &Sorted, start: &Parameters, which: &[usize]) -> Result<Option
         // Three turns are three numbers, and a table far from its file explains them with other light: the light is fitted first.
         let near = sorted.pictures.fit(&at, &free[..light], which, EVEN, &mut |_| {})?;
         let fit = sorted.pictures.fit_near(&at, &near.at, &free, which, EVEN, &mut |_| {})?;
-        let left = left_of(sorted, &fit.at, which);
+        let left = sorted.mean_left(&fit.at, which);
         tracing::debug!("light that is not modulated, {undiffracted:.3?}: {left:.4} of the even drives is left");
         if best.as_ref().is_none_or(|(least, _)| left < *least) {
             best = Some((left, fit.at));
@@ -103,12 +103,6 @@ fn fit_to(sorted: &Sorted, start: &Parameters, which: &[usize]) -> Result<Option
         }
     }
     Ok(best)
-}
-
-/// The mean share that is left of some even drives.
-fn left_of(sorted: &Sorted, at: &Parameters, which: &[usize]) -> f64 {
-    let left = sorted.pictures.left(which, &sorted.pictures.see(at, 1, which, &[]));
-    left.iter().map(|l| l[0]).sum::<f64>() / left.len() as f64
 }
 
 /// The strongest components of the light that is not modulated.

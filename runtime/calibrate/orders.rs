@@ -56,7 +56,7 @@ pub(super) fn slopes(
     observe: &mut dyn FnMut(f64),
 ) -> Result<Parameters, CalibrateError> {
     let pictures = &sorted.pictures;
-    let share = |at: &Parameters| mean_left(sorted, at, &random.small);
+    let share = |at: &Parameters| sorted.mean_left(at, &random.small);
     let shifted = |at: Parameters, highest: u32| {
         let named: Vec<u32> = terms(*ORDERS.start()..=highest).iter().filter_map(|p| p.wavefront()).collect();
         let trial = from_shifts(pictures, &at, &random.small, &named);
@@ -114,7 +114,7 @@ pub(super) fn more(
     effort: Effort,
 ) -> Result<Fit, CalibrateError> {
     let judge = |at: &Parameters| match sorted.pairs.is_empty() {
-        true => mean_left(sorted, at, which),
+        true => sorted.mean_left(at, which),
         false => unseen(sorted, at, effort.subpixels).left,
     };
     let mut left = judge(&best.at);
@@ -136,13 +136,6 @@ pub(super) fn more(
 /// Whether an order is kept: by the share that is left of the pictures that were not fitted, before and now, and by its surest term.
 fn gains(before: f64, now: f64, surest: f64) -> bool {
     now < (1.0 - GAINS) * before || surest > SURE && now < before
-}
-
-/// The mean share that a model leaves of these pictures.
-pub(super) fn mean_left(sorted: &Sorted, at: &Parameters, which: &[usize]) -> f64 {
-    let seen = sorted.pictures.see(at, COARSE.subpixels, which, &[]);
-    let left = sorted.pictures.left(which, &seen);
-    left.iter().map(|l| l[0]).sum::<f64>() / left.len().max(1) as f64
 }
 
 #[cfg(test)]

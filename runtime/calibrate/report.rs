@@ -5,7 +5,7 @@ use super::gain::Gain;
 use super::left::{LeftMap, PictureLeft, left};
 use super::parameters::{Parameter, Parameters};
 use super::sorted::Sorted;
-use super::unseen::{self, unseen};
+use super::unseen::{judged, unseen};
 use super::verdict::{self, Verdict};
 use serde::Serialize;
 
@@ -99,10 +99,7 @@ impl Report {
         let (pictures, map) = left(sorted, fit, fitted_views, subpixels);
         // Without pictures that were taken twice those that were fitted are judged, by the noise of an ordinary camera.
         let few = sorted.pairs.is_empty();
-        let after = match few {
-            true => unseen::fitted(&sorted.pictures, &fit.at, fitted_views, subpixels),
-            false => unseen(sorted, &fit.at, subpixels),
-        };
+        let after = judged(sorted, &fit.at, fitted_views, subpixels);
         let left = after.left - after.noise;
         let unexplained = left.is_finite().then_some(left.max(0.0));
         if !few {

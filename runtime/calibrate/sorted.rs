@@ -4,7 +4,7 @@ use super::acquire::Taken;
 use super::captures::{Shot, shown};
 use super::device::Set;
 use super::error::CalibrateError;
-use super::fit::{Pictures, View, variance_of};
+use super::fit::{COARSE, Pictures, View, variance_of};
 use super::map::CameraMap;
 use super::noise::Noise;
 use super::parameters::Parameters;
@@ -101,6 +101,12 @@ pub(super) fn sort(display: &Display, color: Color, taken: &Taken) -> Result<Sor
 }
 
 impl Sorted {
+    /// The mean share that a model leaves of these pictures, with one sub-pixel.
+    pub(super) fn mean_left(&self, at: &Parameters, which: &[usize]) -> f64 {
+        let left = self.pictures.left(which, &self.pictures.see(at, COARSE.subpixels, which, &[]));
+        left.iter().map(|l| l[0]).sum::<f64>() / left.len().max(1) as f64
+    }
+
     /// A picture that is not fitted any more.
     pub(super) fn leave_out(&mut self, view: usize) {
         self.even.retain(|v| *v != view);

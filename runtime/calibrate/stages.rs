@@ -9,7 +9,8 @@ use super::orders::{self, Random};
 use super::parameters::{ORDERS, Parameter, Parameters, of_order};
 use super::report::Report;
 use super::sorted::{CAMERA_PIXEL, Sorted, sort};
-use super::{even, terms, unseen};
+use super::unseen::judged;
+use super::{even, terms};
 use crate::optics::{Color, Display, Spread};
 
 /// Sub-pixels along an axis at the end of a fit that reaches the noise.
@@ -107,8 +108,8 @@ pub(super) fn run(
     }
     at_share("leaving out what does not show", 0.9, 0.9, 0.0);
     let settled = terms::settle(pictures, &fitted, [&start, &known], fit.clone(), effort)?;
-    let judged = |fit: &Fit| judge(&sorted, &fitted, &fit.at, effort.subpixels);
-    let fit = if judged(&settled) < SETTLED * judged(&fit) { settled } else { fit };
+    let judge = |fit: &Fit| judged(&sorted, &fit.at, &fitted, effort.subpixels).left;
+    let fit = if judge(&settled) < SETTLED * judge(&fit) { settled } else { fit };
     let fit = if own.squares < NO_BETTER * fit.squares { own } else { fit };
     at_share("looking at pictures that were not fitted", 0.95, 0.95, 0.0);
     let mut report = Report::new(&sorted, &start, &fit, &fitted, captures, warnings, effort.subpixels, quick);
@@ -171,14 +172,6 @@ fn from_small_to_large(
     })
 }
 
-/// The share that a model leaves of the pictures that were taken twice, or of those that were fitted if none was.
-fn judge(sorted: &Sorted, fitted: &[usize], at: &Parameters, subpixels: usize) -> f64 {
-    match sorted.pairs.is_empty() {
-        true => unseen::fitted(&sorted.pictures, at, fitted, subpixels).left,
-        false => unseen::unseen(sorted, at, subpixels).left,
-    }
-}
-
 /// The last details of a fit that leaves next to nothing: sub-pixels, and the hard edge of the iris. They stay if the pictures that
 /// were not fitted gain by them.
 fn finest(
@@ -189,21 +182,21 @@ fn finest(
     observe: &mut dyn FnMut(f64),
 ) -> Result<(Fit, Effort), CalibrateError> {
     let pictures = &sorted.pictures;
-    let left = judge(sorted, which, &fit.at, ALL.subpixels);
+    let left = judged(sorted, &fit.at, which, ALL.subpixels).left;
     tracing::debug!("all pictures: {left:.5} is left");
     let hard = Parameters { soft_edge: false, ..fit.at.clone() };
     // The fewer bins an iris has, the more a soft edge leaves: whether a hard one explains more is cheap to ask.
     if left > INSIDE {
         let moves = fit.free.contains(&Parameter::Iris(0));
         let rim = if moves { pictures.rim(&hard, ALL.subpixels, which).at } else { hard.clone() };
-        let now = judge(sorted, which, &rim, ALL.subpixels);
+        let now = judged(sorted, &rim, which, ALL.subpixels).left;
         tracing::debug!("with a hard edge: {now:.5} is left");
         if now > left {
             return Ok((fit, ALL));
         }
     }
     let finer = fine(pictures, which, [known, &hard], &fit.free, observe)?;
-    let now = judge(sorted, which, &finer.at, FINE);
+    let now = judged(sorted, &finer.at, which, FINE).left;
     tracing::debug!("with sub-pixels and a hard edge: {now:.5} is left");
     Ok(if now < left { (finer, END) } else { (fit, ALL) })
 }

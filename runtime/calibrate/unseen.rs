@@ -30,8 +30,16 @@ pub(super) fn unseen(sorted: &Sorted, at: &Parameters, subpixels: usize) -> Unse
     Unseen { left: sums[0] / sums[2], noise: sums[1] / sums[2] }
 }
 
+/// What judges a model: the pictures that were taken twice, or those that were `fitted` if none was.
+pub(super) fn judged(sorted: &Sorted, at: &Parameters, fitted: &[usize], subpixels: usize) -> Unseen {
+    match sorted.pairs.is_empty() {
+        true => of_fitted(&sorted.pictures, at, fitted, subpixels),
+        false => unseen(sorted, at, subpixels),
+    }
+}
+
 /// The share that a fit leaves of the pictures that it was fitted to, with the noise of an ordinary camera.
-pub(super) fn fitted(pictures: &Pictures, at: &Parameters, which: &[usize], subpixels: usize) -> Unseen {
+fn of_fitted(pictures: &Pictures, at: &Parameters, which: &[usize], subpixels: usize) -> Unseen {
     let seen = pictures.see(at, subpixels, which, &[]);
     let mut sums = [0.0; 3];
     for (v, seen) in which.iter().zip(&seen) {

@@ -180,11 +180,10 @@ impl FileError {
     /// A failure to write `file`: [`FileError::Full`] if there was no room, [`FileError::Denied`] without the right to write,
     /// [`FileError::Taken`] if a file is in the way or a folder is missing.
     pub fn write(file: &Path, source: io::Error) -> Self {
-        // Errors of temporary files name a path that nobody has seen.
-        let source = match source.to_string().split_once(" at path \"") {
-            Some((reason, _)) => io::Error::new(source.kind(), reason),
-            None => source,
-        };
+        // An error of a temporary file names a path that nobody has seen, and has the system's own inside.
+        let own = source.get_ref().and_then(|error| error.source()).and_then(|error| error.downcast_ref::<io::Error>());
+        let own = own.map(|own| own.raw_os_error().map_or_else(|| own.kind().into(), io::Error::from_raw_os_error));
+        let source = own.unwrap_or(source);
         let taken = |path: &Path, reason: &str| Self::Taken { path: path.display().to_string(), reason: reason.into() };
         let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
         match source.kind() {

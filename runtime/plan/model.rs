@@ -100,16 +100,14 @@ impl ModelTables {
         (!whole.model.is_ideal()).then(|| Arc::new(whole))
     }
 
-    /// The amplitude of the light that each pixel modulates, over an SLM's that is lit evenly and modulates all; none where it is 1.
-    fn modulated(&self) -> Option<&[f32]> {
-        let count = self.slm.height * self.slm.width;
-        self.parts().drives.then(|| &self.pixels()[count..2 * count])
-    }
-
     /// What each pixel needs more of light because it has so much ([`table_start::need`]); none where all have the same.
     pub(crate) fn needs(&self) -> Option<Arc<[u32]>> {
-        let all = self.modulated()?.iter().map(|amplitude| table_start::need(amplitude * amplitude));
-        Some(Arc::clone(self.needs.get_or_init(|| all.collect())))
+        let need_of = |amplitude: &f32| table_start::need(amplitude * amplitude);
+        let all = || {
+            let count = self.slm.height * self.slm.width;
+            self.pixels()[count..2 * count].iter().map(need_of).collect()
+        };
+        self.parts().drives.then(|| Arc::clone(self.needs.get_or_init(all)))
     }
 
     /// How many modes that is.

@@ -171,16 +171,6 @@ impl Refiner {
         Ok(())
     }
 
-    /// Goes on with phases that it had before, for the same eye: the steps since it came there still count, velocities do not.
-    ///
-    /// # Errors
-    /// Those of the engine.
-    pub fn go_on_with(&mut self, phases: &[f32]) -> Result<(), EngineError> {
-        self.settle()?;
-        self.engine.write(Buffer::Phases, phases)?;
-        self.engine.clear_moments()
-    }
-
     /// Goes on with the phases that a table has for the scene, as [`restart`](Self::restart) does.
     ///
     /// # Errors

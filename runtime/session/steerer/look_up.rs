@@ -62,19 +62,6 @@ impl Steerer {
         Ok(looked_up)
     }
 
-    /// Begins with the phases of the table, whatever is lost.
-    ///
-    /// # Errors
-    /// Those of the engines.
-    pub fn look_up(&mut self) -> Result<(), EngineError> {
-        for color in &mut self.colors {
-            color.unfit = false;
-            let Some(table) = &color.table else { continue };
-            color.refiner.look_up(table)?;
-        }
-        Ok(())
-    }
-
     /// Begins with phases that are given, color by color, whatever is lost.
     ///
     /// # Errors
