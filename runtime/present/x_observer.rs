@@ -105,14 +105,15 @@ fn output(server: &RustConnection, root: u32, monitor: &Monitor) -> Result<Optio
     Ok(None)
 }
 
-/// Returns the largest change that a ramp makes, in levels of 8 bits. A ramp of zeros is one that nobody has set (Xvfb).
+/// Returns the largest change that a ramp makes, in whole levels of 8 bits. A ramp of zeros is one that nobody has set (Xvfb). The
+/// ramp that changes nothing has the high byte alone on some servers (Xorg's dummy), which is less than a level.
 fn change(ramp: &[u16]) -> u32 {
     if ramp.len() < 2 || ramp.iter().all(|value| *value == 0) {
         return 0;
     }
     let last = ramp.len() as f64 - 1.0;
     let off = |(i, value): (usize, &u16)| (f64::from(*value) - (65535.0 * i as f64 / last).round()).abs() / 257.0;
-    ramp.iter().enumerate().map(off).fold(0.0, f64::max).round() as u32
+    ramp.iter().enumerate().map(off).fold(0.0, f64::max) as u32
 }
 
 #[cfg(test)]
@@ -127,6 +128,7 @@ mod tests {
         for n in [2, 256, 1024, 4096] {
             assert_eq!(change(&ramp(n, |x| x)), 0, "{n} entries");
         }
+        assert_eq!(change(&(0..256).map(|i| i << 8).collect::<Vec<u16>>()), 0);
         assert_eq!(change(&ramp(256, |x| 0.8 * x)), 51);
         assert_eq!(change(&ramp(256, |x| 1.0 - x)), 255);
         // sRGB's 2.2 against a line: 0.283 at 0.518.

@@ -1,10 +1,12 @@
 //! Tests of what content that jumps is begun with.
 
 use super::scripted::{Application, EXPOSURE, Scripted, content_of, shown};
+use super::study::{ContentSettings, JumpStart, StudiedContent, StudySettings, study_content};
 use super::tests::cpu;
 use super::*;
 use crate::optics::PupilDistribution;
-use crate::solve::StartTable;
+use crate::solve::{Flow, StartTable};
+use crate::trackers::simulated;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -88,4 +90,33 @@ fn a_session_of_jumping_content_is_the_same_again() {
     let (_, second) = shown(again, 60, 10.0);
     let (first, second) = (content_of(&first), content_of(&second));
     assert!(first.len() > 25 && first == second, "{} {}", first.len(), second.len());
+}
+
+/// In a study, too, content that jumps begins with the phases of its table: its first set is better than from the last phases, and from
+/// random ones.
+#[test]
+fn a_study_of_jumping_content_begins_with_the_table() {
+    let stage = Scripted::new("planes8", SIDE, 1);
+    let eye = simulated::Settings { fixation: [60.0; 2], blinks: 0.0, noise: 0.02e-3, ..Default::default() };
+    let study = StudySettings { eye, ..StudySettings::default() };
+    let first_set = |start| {
+        let content = ContentSettings {
+            contents: vec![StudiedContent::Jumping],
+            sets: 8,
+            steps: 1,
+            speed: 10,
+            jumps_every: 3,
+            start,
+            start_tables: tables(&stage),
+            lighting: stage.encoder().lighting(false),
+        };
+        let runs =
+            study_content(&stage.begun(), &Policy::default(), &content, &study, &mut cpu, &mut |_| Flow::Continue);
+        let runs = runs.unwrap();
+        let run = runs.iter().find(|r| r.steered && !r.moments).expect("it is shown steered, without moments");
+        run.after_jumps(1).expect("sets after a jump")
+    };
+    let [table, last, random] = [JumpStart::Table, JumpStart::Last, JumpStart::Random].map(first_set);
+    println!("{table} dB from the table, {last} from the last phases, {random} from random ones");
+    assert!(table > last + 0.5 && table > random + 0.5, "{table} {last} {random}");
 }

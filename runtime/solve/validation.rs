@@ -6,11 +6,18 @@ use crate::evaluate::{self, Sums};
 use crate::optics::{Geometry, mean_light};
 use crate::plan::{Moving, Planner, Viewpoint};
 
+/// Steps from which a solve is exposed for the light that there is (measured).
+const LONG_SOLVE: f64 = 60.0;
+/// Power of the light that is left by which shorter solves are exposed at least (measured).
+const SHORT_SOLVE: f64 = 0.5;
+
 /// Fixed viewpoints that no step draws, and what should be seen through them.
 pub struct Validator {
     viewpoints: Vec<Viewpoint>,
-    /// The bright end of the photographs, for the light that the display has.
+    /// The bright end of the photographs, for the light of the display's sources.
     bright_end: BrightEnd,
+    /// Share of the light that pixels with an aperture leave through these viewpoints, over what an SLM of points would give.
+    aperture_light: f64,
 }
 
 /// Quality on validation pupils: the exposure is the least-squares fit over all of them.
@@ -23,14 +30,18 @@ impl Validator {
     /// Those of the engine.
     pub fn new(engine: &mut dyn Engine, planner: &Planner, viewpoints: Vec<Viewpoint>) -> Result<Self, EngineError> {
         let photographs = evaluate::targets(engine, planner, &viewpoints)?;
-        let light = mean_light(&planner.modes) * light_left(planner, &viewpoints);
-        let bright_end = BrightEnd::of(photographs.iter().map(|p| &p[..])).lit(light);
-        Ok(Self { viewpoints, bright_end })
+        let bright_end = BrightEnd::of(photographs.iter().map(|p| &p[..])).lit(mean_light(&planner.modes));
+        let aperture_light = aperture_light(planner, &viewpoints);
+        Ok(Self { viewpoints, bright_end, aperture_light })
     }
 
-    /// The bright end of the photographs.
-    pub(crate) fn bright_end(&self) -> BrightEnd {
-        self.bright_end
+    /// The bright end of the photographs for a solve of so many steps.
+    ///
+    /// A solve that is exposed for light which the aperture takes away chases light that is not there. A short one is better exposed for
+    /// more than there is, because it has no time to move light (docs/measurements.md, "The solver and the model").
+    pub(crate) fn bright_end(&self, steps: usize) -> BrightEnd {
+        let exponent = (steps as f64 / LONG_SOLVE).clamp(SHORT_SOLVE, 1.0);
+        self.bright_end.lit(self.aperture_light.powf(exponent))
     }
 
     /// Scores the phases that `engine` holds; only sums leave it.
@@ -45,10 +56,8 @@ impl Validator {
     }
 }
 
-/// The light for which a solve behind these viewpoints is exposed, over what an SLM of points would give. Pixels with an aperture leave the
-/// mean of what they leave through each pupil; a solve that is exposed for more chases light which is not there. Short solves do better with more
-/// than that: its root serves both (docs/displays.md).
-fn light_left(planner: &Planner, viewpoints: &[Viewpoint]) -> f64 {
+/// Mean share of the light that pixels with an aperture leave through viewpoints, over what an SLM of points would give.
+fn aperture_light(planner: &Planner, viewpoints: &[Viewpoint]) -> f64 {
     let Some(model) = planner.model.as_ref().filter(|_| planner.slm.geometry == Geometry::Relay) else { return 1.0 };
     let eyebox = planner.slm.eyebox();
     let through = viewpoints.iter().map(|viewpoint| match viewpoint {
@@ -57,7 +66,7 @@ fn light_left(planner: &Planner, viewpoints: &[Viewpoint]) -> f64 {
         }
         Viewpoint::Stft { .. } => 1.0,
     });
-    (through.sum::<f64>() / viewpoints.len().max(1) as f64).sqrt()
+    through.sum::<f64>() / viewpoints.len().max(1) as f64
 }
 
 #[cfg(test)]
@@ -70,24 +79,28 @@ mod tests {
     use crate::solve::{Problem, Settings};
     use std::sync::Arc;
 
-    /// Where pixels have an aperture, the exposure rises by the root of what it leaves through the pupils.
+    /// Where pixels have an aperture, the exposure rises by what it leaves through the pupils; that of short solves by its root.
     #[test]
     fn an_exposure_follows_the_light_that_the_aperture_leaves() {
         let display = Display { height: 48, width: 64, ..Display::preset("paper").unwrap() };
         let field = scene::load("builtin:still-life", &Request::new(&display, &[Color::Green])).unwrap();
         let plain = Problem::new(&field, Color::Green, &display, Padding::default()).unwrap();
         let pupils = [[6.0, 0.0, 8.0, 0.0], [-7.0, 7.0, 5.0, 0.0]].map(Pupil::from_mm);
-        let exposure = |problem: &Problem| {
+        let exposure = |problem: &Problem, steps| {
             let planner = problem.planner_of(&Settings { frames: 1, ..Settings::default() });
             let mut engine = CpuEngine::new();
             engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&problem.pyramid))).unwrap();
             let viewpoints = pupils.map(Viewpoint::Pupil).to_vec();
-            Validator::new(&mut engine, &planner, viewpoints).unwrap().bright_end().guess()
+            Validator::new(&mut engine, &planner, viewpoints).unwrap().bright_end(steps).guess()
         };
         let model = DisplayModel { fill: 0.95, ..DisplayModel::default() };
         let left = pupils.iter().map(|pupil| model.aperture_light(pupil, plain.optics.eyebox())).sum::<f64>() / 2.0;
         let filled = ModelTables::new(model, 11e-3, 256, plain.optics, plain.optics);
-        let ratio = exposure(&Problem { model: filled, ..plain.clone() }) / exposure(&plain);
-        assert!(left < 0.8 && (ratio * left.sqrt() - 1.0).abs() < 1e-9, "{left} is left, {ratio} times the exposure");
+        let filled = Problem { model: filled, ..plain.clone() };
+        for (steps, exponent) in [(0, 0.5), (20, 0.5), (45, 0.75), (60, 1.0), (600, 1.0)] {
+            let ratio = exposure(&filled, steps) / exposure(&plain, steps);
+            let off = ratio * left.powf(exponent) - 1.0;
+            assert!(left < 0.8 && off.abs() < 1e-9, "{left} is left, {ratio} times the exposure for {steps} steps");
+        }
     }
 }

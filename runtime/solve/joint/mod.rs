@@ -151,7 +151,7 @@ fn prepare<'a>(
                 pilot: false,
                 durations: Vec::new(),
             };
-            run.choose_exposure(validator.bright_end(), observe)?
+            run.choose_exposure(validator.bright_end(settings.steps), observe)?
         }
     };
     planner.powers = vec![1.0; settings.frames].into();

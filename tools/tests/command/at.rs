@@ -50,6 +50,10 @@ fn every_command_takes_the_hologram_that_is_named() {
         run(at, &format!("refine s.zarr --at {i} --pupil=0,0,4,0 --steps 1 --engine cpu -o refined{i}.zarr"));
         let group: Value = serde_json::from_slice(&read(&format!("refined{i}.zarr/zarr.json"))).expect("JSON");
         assert_eq!(group["attributes"]["eyebox"]["scene"], scene);
+        let how = "--duration 0.1 --rate 20 --step-time 10 --encode-time 1 --no-jod --engine cpu";
+        run(at, &format!("study s.zarr --at {i} {how} -o study{i}"));
+        let study: Value = serde_json::from_slice(&read(&format!("study{i}/study.json"))).expect("JSON");
+        assert_eq!(study["scene"], scene);
     }
     let psnr = |words: &str| {
         let said = run(at, &format!("score {words} --pupils random:4 --no-jod --engine cpu --json"));
