@@ -41,7 +41,7 @@ impl fmt::Display for Interference {
             Self::GammaRamp { output, levels } => write!(
                 f,
                 "output {output}: its gamma ramp changes levels by up to {levels} of 255, so the SLM receives other levels; switch \
-                 night light and color profiles off (xrandr --output {output} --gamma 1)"
+                 night light and color profiles off, or set the gamma of this output to 1 (xrandr)"
             ),
             Self::ScreenSaver => f.write_str("the screen saver is on, so the SLM is dark; switch it off (xset s off)"),
             Self::PowerSaving => {

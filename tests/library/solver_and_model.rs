@@ -93,5 +93,5 @@ fn a_descent_that_diverges_continues_from_its_best_state() {
     };
     let (usual, diverging) = (solved([2.5, 0.3]), solved([16.0, 16.0]));
     eprintln!("{usual:.2} dB with the usual strides, {diverging:.2} with long ones");
-    assert!(diverging > usual - 2.0, "{usual:.2} dB with the usual strides, {diverging:.2} with long ones");
+    assert!(diverging > usual - 3.0, "{usual:.2} dB with the usual strides, {diverging:.2} with long ones");
 }
