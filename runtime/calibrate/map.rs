@@ -25,10 +25,20 @@ impl CameraMap {
 
     /// Camera pixels per pixel of the SLM, about its middle.
     pub(super) fn zoom(self) -> f64 {
-        let middle = [self.slm[1] as f64 / 2.0, self.slm[0] as f64 / 2.0];
-        let at = |dx: f64, dy: f64| self.to_camera([middle[0] + dx, middle[1] + dy]);
-        let ([ax, ay], [bx, by], [cx, cy]) = (at(0.0, 0.0), at(1.0, 0.0), at(0.0, 1.0));
-        ((bx - ax) * (cy - ay) - (by - ay) * (cx - ax)).abs().sqrt()
+        let [[a, b], [d, e]] = self.slopes();
+        (a * e - b * d).abs().sqrt()
+    }
+
+    /// Camera pixels (x, then y) per pixel of the SLM along x and along y, about its middle.
+    pub(super) fn slopes(self) -> [[f64; 2]; 2] {
+        let middle = self.slm.map(|n| (n as f64 - 1.0) / 2.0);
+        let at = |dx: f64, dy: f64| self.to_camera([middle[1] + dx, middle[0] + dy]);
+        let along = |dx: f64, dy: f64| {
+            let (after, before) = (at(dx, dy), at(-dx, -dy));
+            [after[0] - before[0], after[1] - before[1]]
+        };
+        let (x, y) = (along(0.5, 0.0), along(0.0, 0.5));
+        [[x[0], y[0]], [x[1], y[1]]]
     }
 }
 

@@ -12,13 +12,16 @@
 //! May import rooms above it.
 
 mod acquire;
+mod age;
 mod bench;
 mod camera_steps;
 mod captures;
 mod device;
+mod directions;
 mod dots;
 mod error;
 mod even;
+mod figures;
 mod fit;
 #[cfg(test)]
 mod forward_tests;
@@ -26,6 +29,7 @@ mod gain;
 mod left;
 mod link;
 mod map;
+mod mend;
 mod message;
 mod noise;
 mod orders;
@@ -43,11 +47,15 @@ mod unseen;
 mod verdict;
 
 pub use acquire::TAKING;
+pub use age::ModelAge;
 pub use bench::{Bench, Event, FEWEST, ShowsPatterns};
 pub use camera_steps::{CameraBench, CameraGain, CameraSteps, CameraSubject};
+pub use directions::{Directions, PhaseSign};
 pub use error::CalibrateError;
+pub use figures::{Aberration, Figures, IrisFound, Kernel, Map, Table, Wavefront, ZeroOrder};
 pub use gain::Gain;
 pub use left::{LeftMap, PictureLeft, Shown};
+pub use mend::Mend;
 pub use report::{Confused, Fitted, Report};
 pub use verdict::Verdict;
 
@@ -79,7 +87,7 @@ impl Calibration {
         color: Color,
         engine: &mut dyn Engine,
     ) -> Result<(), CalibrateError> {
-        self.report.gain = Some(gain::measure([before, &self.display], color, engine)?);
+        self.report.gain = Some(gain::measure([before, &self.display], color, self.report.calibrated, engine)?);
         Ok(())
     }
 }
@@ -106,6 +114,7 @@ pub fn calibrate(
     let waited = taken.waited;
     let quick = matches!(bench, Bench::Command { quick: true, .. });
     let (fitted, mut report, shown) = stages::run(display, color, taken, quick, &tell)?;
+    report.figures = Some(figures::Figures::new(&fitted, color, &report.pictures)?);
     report.seconds = (begun.elapsed().saturating_sub(waited)).as_secs_f64();
     Ok(Calibration { display: fitted, report, shown })
 }

@@ -1,5 +1,7 @@
 //! What a calibration says of itself.
 
+use super::directions::{Directions, PhaseSign};
+use super::figures::Figures;
 use super::fit::Fit;
 use super::gain::Gain;
 use super::left::{LeftMap, PictureLeft, left};
@@ -37,12 +39,18 @@ pub struct Confused {
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct Report {
+    /// Which way round the bench is.
+    pub directions: Directions,
+    /// Whether drift alone was fitted.
+    pub quick: bool,
     /// Pictures answered.
     pub captures: usize,
     /// Seconds of computing, without the camera's.
     pub seconds: f64,
     /// The model's numbers that were fitted.
     pub parameters: Vec<Fitted>,
+    /// The display as its file has it from now on, in the numbers that an optician reads.
+    pub figures: Option<Figures>,
     /// Pairs of them that the pictures cannot tell apart.
     pub confused: Vec<Confused>,
     /// Numbers that the pictures say nothing of: they stay where the display's file has them.
@@ -72,6 +80,7 @@ pub struct Report {
 }
 
 impl Report {
+    /// `drift`: what the whole calibration left unexplained, if drift alone was fitted.
     #[allow(clippy::too_many_arguments, reason = "each is a part of the report")]
     pub(super) fn new(
         sorted: &Sorted,
@@ -81,7 +90,7 @@ impl Report {
         captures: usize,
         mut warnings: Vec<String>,
         subpixels: usize,
-        quick: bool,
+        drift: Option<f64>,
     ) -> Self {
         let fitted = |p: &Parameter| {
             let (name, unit) = p.name();
@@ -107,7 +116,7 @@ impl Report {
             before = Some(unseen(sorted, &old, subpixels).left);
             noise = Some(after.noise);
         }
-        let verdict = Verdict::of(after, few, quick);
+        let verdict = Verdict::of(after, few, drift);
         warnings.extend(verdict::said(verdict, after, &pictures, &map));
         tracing::debug!("squares of the fit: {:.3} times the noise's", fit.squares);
         let outside = sorted.pictures.views.iter().filter(|v| !v.look.holds(&fit.at)).count();
@@ -118,10 +127,15 @@ impl Report {
             ));
         }
         let (camera_rms_px, camera_map) = (sorted.map_rms, fit.at.map.numbers);
+        let calibrated = verdict != Verdict::NotCalibrated;
+        let phase = if calibrated { PhaseSign::AsRequested } else { PhaseSign::Unknown };
         Self {
+            directions: Directions::new(phase, fit.at.map),
+            quick: drift.is_some(),
             captures,
             seconds: 0.0,
             parameters,
+            figures: None,
             confused,
             untold: Vec::new(),
             gain: None,
@@ -131,7 +145,7 @@ impl Report {
             unexplained,
             noise,
             verdict,
-            calibrated: verdict != Verdict::NotCalibrated,
+            calibrated,
             pictures,
             map,
             warnings,

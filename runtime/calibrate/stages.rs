@@ -2,6 +2,7 @@
 
 use super::acquire::{TAKING, Taken};
 use super::bench::Event;
+use super::directions::PhaseSign;
 use super::error::CalibrateError;
 use super::fit::{COARSE, Effort, Fit, Pictures};
 use super::left::{Shown, shown};
@@ -70,6 +71,7 @@ pub(super) fn run(
             "the pictures show nothing but the camera's noise: is the light on, and the exposure long enough?".into(),
         ));
     }
+    let drift = quick.then(|| display.model.get(&color.into()).and_then(|terms| terms.unexplained).unwrap_or(0.0));
     let start = Parameters { model, map: sorted.map, camera_pixel: CAMERA_PIXEL, soft_edge: false };
     // The display as its file has it, and nothing but where the camera looks.
     let mut camera: Vec<Parameter> = (0..10).map(Parameter::Map).collect();
@@ -79,8 +81,8 @@ pub(super) fn run(
         sorted.pictures.fit(&start, &camera, &sorted.fitted, Effort { subpixels: FINE, ..PLAIN }, &mut looking)?;
     let captures = taken.shots.len();
     if own.squares < AT_THE_NOISE {
-        let report = Report::new(&sorted, &start, &own, &sorted.fitted, captures, warnings, FINE, quick);
-        return Ok((display.clone(), report, shown(&sorted, &own, FINE)?));
+        let report = Report::new(&sorted, &start, &own, &sorted.fitted, captures, warnings, FINE, drift);
+        return Ok((terms::confirmed(display, color), report, shown(&sorted, &own, FINE)?));
     }
     let known = known(&start);
     let mut observe = |what: &str, part: f64| at_share(what, 0.05, 0.7, part);
@@ -112,10 +114,11 @@ pub(super) fn run(
     let fit = if judge(&settled) < SETTLED * judge(&fit) { settled } else { fit };
     let fit = if own.squares < NO_BETTER * fit.squares { own } else { fit };
     at_share("looking at pictures that were not fitted", 0.95, 0.95, 0.0);
-    let mut report = Report::new(&sorted, &start, &fit, &fitted, captures, warnings, effort.subpixels, quick);
+    let mut report = Report::new(&sorted, &start, &fit, &fitted, captures, warnings, effort.subpixels, drift);
     report.untold = untold;
     report.add_confused(pairs);
     if !report.calibrated && has_other_sign(pictures, &start, &camera, &fitted, fit.squares)? {
+        report.directions.phase = PhaseSign::Opposite;
         report.warnings.push(OTHER_SIGN.into());
     }
     // A fit that is no calibration is not written as if it were one.

@@ -1,5 +1,6 @@
 //! Which terms of the model show, and the display file with them.
 
+use super::age::today;
 use super::error::CalibrateError;
 use super::fit::{Effort, Fit, Pictures};
 use super::parameters::{ORDERS, Parameter, Parameters, of_order};
@@ -7,7 +8,6 @@ use super::report::Report;
 use super::verdict::Verdict;
 use crate::optics::linear::solve;
 use crate::optics::{Color, Display, DisplayModel, Level, ModelTerms, Spread};
-use std::time::SystemTime;
 
 /// A term less than so many standard errors from where it was stays there.
 const SHOWS: f64 = 3.0;
@@ -219,44 +219,64 @@ pub(super) fn written(display: &Display, color: Color, start: &Parameters, fit: 
     terms.wavefront = model.wavefront.keys().map(|j| (*j, number(Parameter::Wavefront(*j)))).collect();
     let named = terms.wavefront.keys().filter(|j| fitted(Parameter::Wavefront(**j)));
     errors.wavefront = named.map(|j| (*j, about(Parameter::Wavefront(*j)))).collect();
-    terms.from = format!("eyebox calibrate, {} pictures", report.captures);
-    if let (Verdict::WithFaults, Some(share)) = (report.verdict, report.unexplained) {
-        terms.from += &format!(", {:.2} % unexplained", 100.0 * share);
+    match report.quick {
+        // The rest is that of the whole calibration.
+        true => terms.updated = today(),
+        false => {
+            terms.from = format!("eyebox calibrate, {} pictures", report.captures);
+            terms.date = today();
+            terms.unexplained = report.unexplained.filter(|_| report.verdict == Verdict::WithFaults);
+        }
     }
-    terms.date = today();
     let section = display.model.entry(color.into()).or_default();
     let before = std::mem::take(section);
     *section = merged(before, terms, errors);
     display
 }
 
-/// What was fitted, and what was known of other terms before.
-fn merged(before: ModelTerms, fitted: ModelTerms, errors: ModelTerms) -> ModelTerms {
+/// What was fitted, and what was known of other terms before, with the errors of both.
+fn merged(mut before: ModelTerms, fitted: ModelTerms, errors: ModelTerms) -> ModelTerms {
+    let known = before.errors.take().map_or_else(ModelTerms::default, |errors| *errors);
+    let mut waves = known.wavefront.clone();
+    waves.extend(errors.wavefront.clone());
+    waves.retain(|j, _| fitted.wavefront.contains_key(j));
+    let errors = ModelTerms { wavefront: waves, ..over(known, errors) };
+    let fitted = match fitted.date.is_empty() {
+        // Drift alone was fitted.
+        true => ModelTerms {
+            from: before.from.clone(),
+            date: before.date.clone(),
+            unexplained: before.unexplained,
+            ..fitted
+        },
+        false => fitted,
+    };
+    ModelTerms { errors: Some(Box::new(errors)), ..over(before, fitted) }
+}
+
+/// The display whose model the pictures agree with.
+pub(super) fn confirmed(display: &Display, color: Color) -> Display {
+    let mut display = display.clone();
+    if let Some(terms) = display.model.get_mut(&color.into()).filter(|terms| !terms.date.is_empty()) {
+        terms.updated = today();
+    }
+    display
+}
+
+/// What was fitted, over what was known before.
+fn over(before: ModelTerms, fitted: ModelTerms) -> ModelTerms {
     let wavefront = if fitted.wavefront.is_empty() { before.wavefront } else { fitted.wavefront };
     ModelTerms {
         level: fitted.level.or(before.level),
         bend: fitted.bend.or(before.bend),
         lag: fitted.lag.or(before.lag),
         crosstalk: fitted.crosstalk.or(before.crosstalk),
+        subpixels: fitted.subpixels.or(before.subpixels),
         fill: fitted.fill.or(before.fill),
         source: fitted.source.or(before.source),
         undiffracted: fitted.undiffracted.or(before.undiffracted),
         iris: fitted.iris.or(before.iris),
         wavefront,
-        errors: Some(Box::new(errors)),
         ..fitted
     }
-}
-
-/// The day, as year-month-day (Hinnant's civil calendar).
-fn today() -> String {
-    let seconds = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |d| d.as_secs());
-    let days = (seconds / 86_400) as i64 + 719_468;
-    let era = days.div_euclid(146_097);
-    let day = days.rem_euclid(146_097);
-    let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
-    let of_year = day - (365 * year + year / 4 - year / 100);
-    let month = (5 * of_year + 2) / 153;
-    let (d, m) = (of_year - (153 * month + 2) / 5 + 1, if month < 10 { month + 3 } else { month - 9 });
-    format!("{:04}-{m:02}-{d:02}", year + era * 400 + i64::from(m <= 2))
 }

@@ -27,15 +27,18 @@ const LEAST: f64 = 1e-5;
 /// Share of the variance that faults without a term may leave. On three simulated benches with fifteen such faults, fits that left
 /// 5 to 14 % regained 77 to 80 % of the mean's loss; fits in a wrong minimum left 25 % and more.
 const FAULTS: f64 = 0.2;
-/// A fit of what drifts has few numbers, and pictures that it was fitted to: it has to leave less.
+/// A fit of what drifts has few numbers, and pictures that it was fitted to: it has to leave less, or at most so many times what the
+/// whole calibration left. Faults without a term do not go away.
 const FAULTS_QUICK: f64 = 0.03;
+const DRIFTED: f64 = 1.5;
 
 impl Verdict {
-    /// By the share of the pictures that is left. `few`: none was taken twice; `quick`: only drift was fitted.
-    pub(super) fn of(left: Unseen, few: bool, quick: bool) -> Self {
+    /// By the share of the pictures that is left. `few`: none was taken twice; `drift`: what the whole calibration left, if only drift was
+    /// fitted.
+    pub(super) fn of(left: Unseen, few: bool, drift: Option<f64>) -> Self {
         let unexplained = left.left - left.noise;
         let noise = NOISE * left.noise.max(if few { LEAST_FITTED } else { LEAST });
-        let faults = if quick { FAULTS_QUICK } else { FAULTS };
+        let faults = drift.map_or(FAULTS, |before| (DRIFTED * before).clamp(FAULTS_QUICK, FAULTS));
         // A share that is no number is no calibration.
         if unexplained <= noise {
             Self::Calibrated
@@ -95,7 +98,8 @@ mod tests {
 
     #[test]
     fn there_are_three_answers_and_a_quick_fit_is_judged_more_strictly() {
-        let of = |left: f64, few: bool, quick: bool| Verdict::of(Unseen { left, noise: 1e-3 }, few, quick);
+        let of =
+            |left: f64, few: bool, quick: bool| Verdict::of(Unseen { left, noise: 1e-3 }, few, quick.then_some(0.0));
         assert_eq!(of(0.0029, false, false), Verdict::Calibrated);
         assert_eq!(of(0.0032, false, false), Verdict::WithFaults);
         // Pictures that were fitted are believed to a percent.
@@ -104,6 +108,11 @@ mod tests {
         assert_eq!(of(0.12, true, true), Verdict::NotCalibrated);
         assert_eq!(of(0.4, false, false), Verdict::NotCalibrated);
         assert_eq!(of(f64::NAN, false, false), Verdict::NotCalibrated);
+        // Faults that the whole calibration left are still there, and no more than they.
+        let after = |left: f64, before: f64| Verdict::of(Unseen { left, noise: 1e-3 }, true, Some(before));
+        assert_eq!(after(0.12, 0.1), Verdict::WithFaults);
+        assert_eq!(after(0.16, 0.1), Verdict::NotCalibrated);
+        assert_eq!(after(0.25, 0.19), Verdict::NotCalibrated);
     }
 
     #[test]

@@ -79,7 +79,7 @@ pub use switching::USUAL_RATE_HZ;
 pub(crate) use switching::mean_light;
 pub use viewing::Viewing;
 pub use window::{Window, WindowFactor, fast_size};
-pub use zernike::zernike;
+pub use zernike::{zernike, zernike_name};
 
 /// What can be wrong with a display, a pupil or a grid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

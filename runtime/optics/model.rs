@@ -223,6 +223,15 @@ pub struct ModelTerms {
     /// When, as year-month-day.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub date: String,
+    /// When drift was last fitted, or pictures last agreed with the model, as year-month-day.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub updated: String,
+    /// Temperature of the bench at the fit, degrees Celsius, if it was stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub temperature_c: Option<f64>,
+    /// Share of the pictures' variance that the fit left unexplained, if that is more than the camera's noise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unexplained: Option<f64>,
     /// Standard errors of the terms, where they were fitted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub errors: Option<Box<ModelTerms>>,
@@ -328,6 +337,9 @@ impl ModelTerms {
             iris: self.iris.or(others.iris),
             from: if self.from.is_empty() { others.from } else { self.from },
             date: if self.date.is_empty() { others.date } else { self.date },
+            updated: if self.updated.is_empty() { others.updated } else { self.updated },
+            temperature_c: self.temperature_c.or(others.temperature_c),
+            unexplained: self.unexplained.or(others.unexplained),
             errors: self.errors.or(others.errors),
         }
     }
@@ -365,6 +377,12 @@ pub(super) fn check(sections: &ModelSections, colors: &[Color]) -> Result<(), St
         }
         if terms.errors.as_ref().is_some_and(|errors| errors.errors.is_some()) {
             return Err(wrong("errors have no errors of their own".into()));
+        }
+        if let Some(celsius) = terms.temperature_c.filter(|c| !(-100.0..=200.0).contains(c)) {
+            return Err(wrong(format!("temperature_c has {celsius}: it must be -100 to 200 degrees Celsius")));
+        }
+        if let Some(share) = terms.unexplained.filter(|share| !(0.0..=1.0).contains(share)) {
+            return Err(wrong(format!("unexplained has {share}: it must be 0 to 1")));
         }
         let mut model = DisplayModel::default();
         terms.apply(&mut model);

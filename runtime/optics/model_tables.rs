@@ -105,6 +105,13 @@ impl DisplayModel {
         Some(kernels.map(|kernel| Weights::new(&kernel, subpixels, most)))
     }
 
+    /// Share of the variance of random drives that crosstalk leaves on an SLM of `height` x `width` pixels: the sum of the squares of
+    /// its kernel; 1 without.
+    pub(crate) fn variance_left(&self, height: usize, width: usize) -> f64 {
+        let squares = |kernel: &Vec<f64>| kernel.iter().map(|v| v * v).sum::<f64>();
+        self.crosstalk_kernels(height, width, 1).map_or(1.0, |axes| axes.iter().map(squares).product())
+    }
+
     /// By what the place of each sub-pixel in its pixel multiplies bin `k` of `count`, k from 0 to count, of its field's spectrum
     /// in that of the whole field, along one axis; the aperture comes on top of it.
     pub fn subpixel_factors(&self, count: usize, subpixels: usize) -> Vec<Complex64> {
@@ -124,7 +131,7 @@ impl DisplayModel {
     }
 
     /// The source's amplitude before its mean square is made 1.
-    fn source_at(&self, x: f64, y: f64) -> f64 {
+    pub(crate) fn source_at(&self, x: f64, y: f64) -> f64 {
         let [cx, cy, cxx, cxy, cyy] = self.source;
         (cx * x + cy * y + cxx * x * x + cxy * x * y + cyy * y * y).exp()
     }

@@ -19,6 +19,42 @@ pub fn zernike(j: u32, x: f64, y: f64) -> f64 {
     norm * radial * if m < 0 { sin } else { cos }
 }
 
+/// What opticians call Z_j, for example coma y (the sine) and coma x (the cosine), 2nd astigmatism 45°, trefoil sin.
+pub fn zernike_name(j: u32) -> String {
+    let n = order(j);
+    let m = 2 * i64::from(j) - i64::from(n) * i64::from(n + 2);
+    let around = m.unsigned_abs() as u32;
+    let (name, first) = match around {
+        0 if n == 0 => ("piston", 0),
+        0 if n == 2 => ("defocus", 2),
+        0 => ("spherical", 4),
+        1 if n == 1 => ("tilt", 1),
+        1 => ("coma", 3),
+        2 => ("astigmatism", 2),
+        3 => ("trefoil", 3),
+        4 => ("quadrafoil", 4),
+        5 => ("pentafoil", 5),
+        _ => ("foil", around),
+    };
+    let rank = match (n - first) / 2 {
+        0 => String::new(),
+        1 => "2nd ".into(),
+        2 => "3rd ".into(),
+        k => format!("{}th ", k + 1),
+    };
+    let name = if name == "foil" { format!("{around}-foil") } else { name.into() };
+    let side = match (around, m < 0) {
+        (0, _) => "",
+        (1, true) => " y",
+        (1, false) => " x",
+        (2, true) => " 45°",
+        (2, false) => " 0°",
+        (_, true) => " sin",
+        (_, false) => " cos",
+    };
+    format!("{rank}{name}{side}")
+}
+
 /// Z_j as a polynomial: the coefficients of x^i y^k, by i and then k.
 pub(super) fn coefficients(j: u32) -> Vec<Vec<f64>> {
     let n = order(j);
@@ -87,6 +123,30 @@ mod tests {
         }
         assert!((zernike(4, 0.6, 0.0) - 3.0f64.sqrt() * (2.0 * 0.36 - 1.0)).abs() < 1e-12);
         assert!((zernike(3, 0.6, 0.5) - 6.0f64.sqrt() * 2.0 * 0.3).abs() < 1e-12);
+    }
+
+    #[test]
+    fn they_have_the_names_that_opticians_know() {
+        let named = [0, 2, 3, 4, 5, 7, 8, 9, 11, 12, 14, 20, 24, 27, 31, 35].map(zernike_name);
+        let want = [
+            "piston",
+            "tilt x",
+            "astigmatism 45°",
+            "defocus",
+            "astigmatism 0°",
+            "coma y",
+            "coma x",
+            "trefoil cos",
+            "2nd astigmatism 45°",
+            "spherical",
+            "quadrafoil cos",
+            "pentafoil cos",
+            "2nd spherical",
+            "6-foil cos",
+            "3rd coma y",
+            "7-foil cos",
+        ];
+        assert_eq!(named, want);
     }
 
     #[test]

@@ -235,10 +235,8 @@ impl ModelTables {
     /// The sum of the squares of crosstalk's kernel, 1 without: how much of the variance of random drives it leaves.
     pub(crate) fn variance_left(&self) -> f64 {
         *self.variance_left.get_or_init(|| {
-            let squares = |kernel: &Vec<f64>| kernel.iter().map(|v| v * v).sum::<f64>();
             let [rows, columns] = [self.grid.height, self.grid.width].map(|n| n / self.slm.mask_factor);
-            let kernels = self.model.crosstalk_kernels(rows, columns, 1);
-            kernels.map_or(1.0, |axes| axes.iter().map(squares).product::<f64>())
+            self.model.variance_left(rows, columns)
         })
     }
 

@@ -11,7 +11,7 @@ pub fn document(title: &str, lead: &str, facts: &[(&str, String)], body: Markup)
     bare(title, lead, facts, html! { (body) (note) })
 }
 
-/// Such a page without plots.
+/// Such a page whose plots are in no folder.
 pub fn bare(title: &str, lead: &str, facts: &[(&str, String)], body: Markup) -> String {
     html! {
         (DOCTYPE)

@@ -24,7 +24,7 @@ pub(crate) fn in_decibels(psnr: Option<f64>) -> String {
 }
 
 /// Where a ramp of colours begins and ends.
-fn ramp(from: &str, to: &str) -> Markup {
+pub(super) fn ramp(from: &str, to: &str) -> Markup {
     html! { div.ramp { span { (from) } i {} span { (to) } } }
 }
 

@@ -2,12 +2,14 @@
 //! light and dark both read well; the classes `m0`, `m1`, ... are the colours of series.
 
 use super::drawing::{self, Drawing, Element};
+use super::text::width;
 use maud::Markup;
 
 /// Width of a plot unless it says otherwise: it is shown at this size, or at a phone's width.
 const WIDTH: f64 = 370.0;
 /// Margins of the drawing area, pixels: at the left for numbers and for names of rows, and below for the axis.
 const NUMBERS: f64 = 44.0;
+/// At least.
 const NAMES: f64 = 112.0;
 const BELOW: f64 = 38.0;
 /// At the right, and where series are named there.
@@ -284,7 +286,10 @@ impl Plot {
         let is_rows = matches!(self.y.kind, Kind::Rows(_));
         let along = |k: usize| self.marks.iter().flat_map(move |m| m.shape.values(k));
         let ((x_ticks, x_range), (y_ticks, y_range)) = (self.x.laid_out(along(0)), self.y.laid_out(along(1)));
-        let (left, top) = if is_rows { (NAMES, 4.0) } else { (NUMBERS, 22.0) };
+        let (left, top) = match &self.y.kind {
+            Kind::Rows(names) => (names.iter().map(|n| 12.5 * width(n, false) + 14.0).fold(NAMES, f64::max), 4.0),
+            _ => (NUMBERS, 22.0),
+        };
         let right = self.width - if self.legend.is_empty() { MARGIN } else { LEGEND };
         let bottom = top + if is_rows { self.height * y_range[1] } else { self.height };
         let pixels = if is_rows { [top, bottom] } else { [bottom, top] };

@@ -5,7 +5,7 @@ use crate::patterns::{self, PatternArgs, iris};
 use crate::progress::{self, JobBar};
 use crate::values::positive;
 use clap::Args;
-use eyebox::calibrate::{Bench, Event, FEWEST, Report, TAKING, Verdict, calibrate};
+use eyebox::calibrate::{Bench, Event, FEWEST, ModelAge, Report, TAKING, Verdict, calibrate};
 use eyebox::engine;
 use eyebox::files;
 use eyebox::optics::{Color, Display, Seen};
@@ -55,6 +55,9 @@ pub struct Calibrate {
     /// A page of what was seen, predicted and left
     #[arg(long, value_name = "OUT.html")]
     pub report: Option<PathBuf>,
+    /// Temperature of the bench in degrees Celsius, kept with the model
+    #[arg(long, value_name = "CELSIUS", allow_hyphen_values = true, value_parser = celsius)]
+    pub temperature: Option<f64>,
     /// One JSON object on standard output
     #[arg(long)]
     pub json: bool,
@@ -64,6 +67,12 @@ pub struct Calibrate {
 fn color(name: &str) -> Result<Color, String> {
     let found = [Color::Red, Color::Green, Color::Blue].into_iter().find(|c| c.to_string() == name);
     found.ok_or_else(|| "red, green or blue".into())
+}
+
+/// A temperature of a laboratory, or of a cold chamber.
+fn celsius(text: &str) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok().filter(|v| (-100.0..=200.0).contains(v));
+    value.ok_or_else(|| "degrees Celsius, -100 to 200".into())
 }
 
 /// Calibrates, writes the display's file, says how sure it is.
@@ -81,6 +90,10 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
     let display = Display::load(&args.display)?;
     let green = display.wavelengths.iter().find(|w| w.color == Color::Green).or(display.wavelengths.first());
     let color = args.color.or(green.map(|w| w.color)).unwrap_or(Color::Green);
+    let age = ModelAge::of(&display, color);
+    if let Some(age) = &age {
+        eprintln!("the {color} model of {}: {age}", args.display);
+    }
     let bench = match (&args.camera, &args.captures) {
         (Some(command), _) => Bench::Command {
             command,
@@ -129,6 +142,10 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
         let off = fitted.picture.farthest(color, fitted.picture_size().into());
         eprintln!("the {color} picture is seen up to {off:.2} pixels off its place, which is corrected from now on");
     }
+    let own = fitted.model.get_mut(&color.into()).filter(|_| calibrated.report.calibrated);
+    if let (Some(terms), Some(celsius)) = (own, args.temperature) {
+        terms.temperature_c = Some(celsius);
+    }
     let text = fitted.to_toml();
     files::write_file(&args.out, |to| to.write_all(text.as_bytes()))?;
     if let Some(page) = &args.report {
@@ -136,7 +153,9 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
         files::write_file(page, |to| to.write_all(html.as_bytes()))?;
     }
     if args.json {
-        println!("{}", serde_json::to_string(&calibrated.report).map_err(|e| Failure::Asked(e.to_string()))?);
+        let mut report = serde_json::to_value(&calibrated.report).map_err(|e| Failure::Asked(e.to_string()))?;
+        report["model_before"] = serde_json::to_value(&age).map_err(|e| Failure::Asked(e.to_string()))?;
+        println!("{report}");
     } else {
         say(&calibrated.report);
     }
@@ -156,6 +175,7 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
 
 /// The report, in words.
 fn say(report: &Report) {
+    println!("{}", report.directions);
     println!("{:24} {:>12} {:>10}", "", "value", "error");
     for p in &report.parameters {
         let error = p.error.map_or_else(String::new, |e| format!("{e:.5}"));
@@ -185,6 +205,9 @@ fn say(report: &Report) {
         let terms: Vec<String> = gain.terms_db.iter().map(|(term, db)| format!("{term} {db:.2}")).collect();
         if !terms.is_empty() {
             println!("gained by each term of the model, dB: {}", terms.join(", "));
+        }
+        for mend in &gain.mend {
+            println!("mend on the bench: {} costs {:.2} dB: {}", mend.fault, mend.costs_db, mend.remedy);
         }
     }
 }

@@ -3,6 +3,7 @@
 use crate::Failure;
 use crate::groups::{DeviceArgs, DisplayArgs, EngineArgs, SceneArgs};
 use crate::values::GivenPupil;
+use eyebox::calibrate::ModelAge;
 use eyebox::engine::{self, Backend, Engine, EngineError};
 use eyebox::evaluate::{Plane, Views};
 use eyebox::files;
@@ -19,6 +20,15 @@ use std::path::{Path, PathBuf};
 /// The display, resized if asked, and checked for what is most likely a mistake.
 pub fn display(args: &DisplayArgs) -> Result<Display, Failure> {
     display_of_size(args.display.as_deref().unwrap_or("paper"), args.size, args.force)
+}
+
+/// Prints how old the model of each color of a display is.
+pub fn say_model_age(display: &Display) {
+    for color in display.wavelengths.iter().map(|w| w.color) {
+        if let Some(age) = ModelAge::of(display, color) {
+            eprintln!("the {color} model of {}: {age}", display.name);
+        }
+    }
 }
 
 /// A display by its name, the same way.

@@ -1,6 +1,7 @@
 //! `eyebox displays`: the presets, and display files begun from them.
 
 use crate::Failure;
+use crate::common;
 use clap::{Args, Subcommand};
 use eyebox::files;
 use eyebox::optics::{Display, PRESETS, display_template, preset_about, preset_text};
@@ -44,6 +45,9 @@ pub fn run(args: &Displays) -> Result<(), Failure> {
     match &args.action {
         None => list(args.json),
         Some(Action::Show { display }) => {
+            if preset_text(display).is_none() {
+                common::say_model_age(&Display::load(display)?);
+            }
             print!("{}", preset_text(display).map_or_else(|| Ok::<_, Failure>(Display::load(display)?.to_toml()), Ok)?);
             Ok(())
         }

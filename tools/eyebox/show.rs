@@ -186,6 +186,7 @@ fn solve(args: &Show, scenes: Vec<String>, file: &Path) -> Result<Display, Failu
 /// Without a tracker: as it was solved.
 fn play(args: &Show, sequence: Sequence, display: Display) -> Result<(), Failure> {
     kept_of_applications(args)?;
+    common::say_model_age(&display);
     let refused = [
         (args.step_time.is_some(), "--step-time"),
         (args.live.view, "--view"),
@@ -221,6 +222,7 @@ fn follow(args: &Show, what: &str) -> Result<(), Failure> {
 }
 
 fn show(args: &Show, steered: Steered, cost: Option<Cost>, stage: Stage) -> Result<(), Failure> {
+    common::say_model_age(steered.encoder.display());
     let tracker = args.live.tracker.tracker.as_deref();
     let kept = live::KeptSession { journal: args.journal.clone(), replay: args.replay.clone() };
     let (sink, depths) = (args.stream.sink(), args.subject.options.depth_before(steered.encoder.display()));

@@ -57,6 +57,7 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
         chosen.iter().for_each(|about| println!("{about}\n"));
         say(&plan, &forecasts);
         models.iter().for_each(say_model);
+        common::say_model_age(&display);
         worth.iter().for_each(|worth| println!("  {:13}  {}", "", model_terms::in_words(worth)));
         slow.iter().for_each(|slow| println!("  {:13}  {slow}", "flicker"));
     }

@@ -99,17 +99,62 @@ fn a_bench_is_calibrated_over_an_interruption_and_again_from_its_pictures() {
     near("iris x", truth.iris[0], 5e-3);
     near("iris scale", truth.iris[2], 1e-3);
     near("crosstalk sigma +x", 1.9, 0.1);
+    directions_and_figures_are_the_bench_s(&report_, &truth);
     let page = fs::read_to_string(at.join("page.html")).expect("a page");
-    assert!(page.matches("data:image/png").count() >= 4 && page.contains("wavefront 8"), "{}", page.len());
+    assert!(page.matches("data:image/png").count() >= 6 && page.contains("wavefront 8"), "{}", page.len());
+    // Decibels, aberrations, beam, table, pupil plane, crosstalk.
+    assert_eq!(page.matches("<svg").count(), 6);
     let read = |name: &str| fs::read_to_string(at.join(name)).expect("a display");
     // The iris was moved since: four pictures tell.
     let drifted = [("BENCH_IRIS_X", "0.3")];
-    let (quick, _) = report(&mut calibrate(at, &["--quick", "--display", "out.toml", "-o", "quick.toml"], &drifted));
+    let args = ["--quick", "--display", "out.toml", "--temperature", "24.5", "-o", "quick.toml"];
+    let (quick, said) = report(&mut calibrate(at, &args, &drifted));
+    // The age of the model is told, and the calibration's day stays beside that of the drift.
+    let before = &quick["model_before"];
+    assert!(before["days"].is_i64() && before["updated"].is_null(), "{before}");
+    assert!(said.contains(before["date"].as_str().expect("a date")), "{said}");
+    let kept = Display::load(&at.join("quick.toml").display().to_string()).expect("a display");
+    let terms = &kept.model[&Color::Green.into()];
+    assert!(
+        terms.date == before["date"] && !terms.updated.is_empty() && terms.temperature_c == Some(24.5),
+        "{terms:?}"
+    );
+    assert!(terms.from.contains("pictures") && terms.from == from_of(&at.join("out.toml")), "{}", terms.from);
+    // Errors of terms that did not drift stay.
+    assert!(terms.errors.as_ref().is_some_and(|e| e.lag.is_some() && e.wavefront.contains_key(&8)), "{terms:?}");
     let iris =
         quick["parameters"].as_array().expect("a list").iter().find(|p| p["name"] == "iris x").expect("the iris");
     assert!((iris["value"].as_f64().expect("a value") - 0.3).abs() < 0.02, "{iris}");
     assert!(quick["captures"].as_u64() <= Some(5) && read("quick.toml").contains("lag"), "{quick}");
     assert_eq!(quick["calibrated"], true, "{quick}");
+}
+
+/// Who says the model of a file.
+fn from_of(file: &Path) -> String {
+    Display::load(&file.display().to_string()).expect("a display").model[&Color::Green.into()].from.clone()
+}
+
+fn directions_and_figures_are_the_bench_s(report: &Value, truth: &simulated::Bench) {
+    let directions = &report["directions"];
+    assert!(directions["phase"] == "as-requested" && directions["mirrored"] == true, "{directions}");
+    let turned = directions["turned_deg"].as_f64().expect("degrees");
+    assert!((turned - (-0.02f64).atan2(0.9).to_degrees()).abs() < 0.1, "{turned}");
+    let at = |pointer: &str| {
+        report.pointer(&format!("/figures/{pointer}")).and_then(Value::as_f64).unwrap_or_else(|| panic!("{pointer}"))
+    };
+    let near = |pointer: &str, want: f64, off: f64| {
+        assert!((at(pointer) - want).abs() < off, "{pointer}: {}, not {want}", at(pointer));
+    };
+    let [re, im, px, ..] = truth.undiffracted;
+    near("zero_order/share", re * re + im * im, 2e-3);
+    near("zero_order/at_mm/0", px / std::f64::consts::PI * 26.0 / 64.0, 0.02);
+    near("iris/at_mm/1", truth.iris[1], 5e-3);
+    near("wavefront/rms_waves", truth.zernike_4.hypot(truth.zernike_8), 3e-3);
+    near("table/level/0/2", truth.level[0][2], 0.01);
+    assert!(at("crosstalk/variance_left") < 0.9 && at("beam/values/0") < 1.0);
+    let mend = report["gain"]["mend"].as_array().expect("a list");
+    let costs: Vec<f64> = mend.iter().map(|m| m["costs_db"].as_f64().expect("decibels")).collect();
+    assert!(costs.iter().all(|db| *db >= 0.2) && costs.is_sorted_by(|a, b| a >= b), "{mend:?}");
 }
 
 #[test]
@@ -129,6 +174,11 @@ fn a_perfect_bench_stays_as_it_is() {
         report.as_object_mut().expect("an object").remove("seconds");
     }
     assert_eq!(first, second);
+    // In words the first line says which way round the bench is.
+    let args = ["calibrate", "--display", "bench.toml", "--captures", "kept", "-o", "words.toml"];
+    let words = text(&common::eyebox(at, &args).stdout);
+    let first = words.lines().next().unwrap_or_default();
+    assert!(first.contains("phase") && first.contains("mirrored") && first.contains("1.3 degrees"), "{words}");
 }
 
 #[test]
@@ -152,6 +202,8 @@ fn a_phase_of_the_other_sign_is_named_and_no_calibration() {
         let (report, said) = report(&mut calibrate(at, &[more, &["-o", "out.toml"]].concat(), &bench));
         assert_eq!(report["calibrated"], false, "{more:?}: {said}");
         assert_eq!(report["verdict"], "not-calibrated", "{more:?}: {said}");
+        assert_eq!(report["directions"]["phase"], "opposite", "{more:?}: {said}");
+        assert_eq!(report["gain"]["mend"].as_array().map(Vec::len), Some(0), "{more:?}");
         assert!(report["unexplained"].as_f64().is_some_and(|share| share > 0.1), "{more:?}: {report}");
         // It is not written as if it were a calibration.
         let written = fs::read_to_string(here.path().join("out.toml")).expect("a display");

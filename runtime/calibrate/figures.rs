@@ -1,0 +1,389 @@
+//! A fitted display in the numbers that an optician reads: maps, curves and places instead of coefficients.
+
+use super::left::PictureLeft;
+use crate::optics::{Color, Display, DisplayModel, ModelTerms, OpticsError, Pupil, zernike_name};
+use serde::Serialize;
+use std::f64::consts::{PI, TAU};
+
+/// Places along the longer side of a map.
+const PLACES: usize = 41;
+/// Places along a curve.
+const POINTS: usize = 33;
+/// Pixels to either side that the kernel of crosstalk is listed for, at most.
+const REACH: usize = 6;
+
+/// Values over a rectangle, row by row from the top left. The first and the last places are half a cell inside its edge.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Map {
+    /// Height and width of the rectangle, mm.
+    pub size_mm: [f64; 2],
+    /// Number of rows.
+    pub rows: usize,
+    /// Number of columns.
+    pub columns: usize,
+    /// The values, four digits after the point.
+    pub values: Vec<f64>,
+}
+
+impl Map {
+    /// `value(x, y)` over a rectangle; x and y run from -1 to 1 over it.
+    fn new([height, width]: [f64; 2], value: impl Fn(f64, f64) -> f64) -> Self {
+        // An odd number of places along each side: one of them is the middle.
+        let side = |length: f64| ((PLACES as f64 * length / height.max(width)) as usize).max(3) | 1;
+        let (rows, columns) = (side(height), side(width));
+        let place = |i: usize, n: usize| (2 * i + 1) as f64 / n as f64 - 1.0;
+        let at = |i: usize| value(place(i % columns, columns), place(i / columns, rows));
+        let values = (0..rows * columns).map(|i| rounded(at(i))).collect();
+        Self { size_mm: [height, width].map(|v| rounded(v * 1e3)), rows, columns, values }
+    }
+
+    /// The least and the highest value.
+    pub fn range(&self) -> [f64; 2] {
+        self.values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(*v), b.max(*v)])
+    }
+
+    /// Places in mm along the middle column (`axis` 0) or the middle row (`axis` 1), each with its value.
+    pub fn cut(&self, axis: usize) -> Vec<[f64; 2]> {
+        let count = [self.rows, self.columns][axis];
+        let at = |i: usize| match axis {
+            0 => i * self.columns + self.columns / 2,
+            _ => self.rows / 2 * self.columns + i,
+        };
+        let mm = |i: usize| self.size_mm[axis] * ((i as f64 + 0.5) / count as f64 - 0.5);
+        (0..count).map(|i| [mm(i), self.values[at(i)]]).collect()
+    }
+}
+
+/// A Zernike polynomial of the relay's wavefront.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Aberration {
+    /// ANSI index.
+    pub index: u32,
+    /// What opticians call it.
+    pub name: String,
+    /// Waves RMS over the disc as wide as the eyebox.
+    pub waves: f64,
+    /// Standard error, waves.
+    pub error: Option<f64>,
+}
+
+/// The relay's wavefront.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Wavefront {
+    /// Waves over the square of the eyebox, a longer path positive.
+    pub map: Map,
+    /// Waves RMS over the disc as wide as the eyebox.
+    pub rms_waves: f64,
+    /// The least and the highest value over that disc, waves. In the corners of the eyebox the polynomials are continued.
+    pub range_waves: [f64; 2],
+    /// Its polynomials.
+    pub terms: Vec<Aberration>,
+}
+
+/// The look-up table.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Table {
+    /// Drives from 0 to 1, 1 being full drive. The ideal phase is the same number of turns.
+    pub drives: Vec<f64>,
+    /// Phase in turns at each drive: the least over the SLM, that of its middle, the highest.
+    pub turns: Vec<[f64; 3]>,
+    /// Phase at full drive in turns, at 3 x 3 places over the SLM.
+    pub level: [[f64; 3]; 3],
+    /// The bend, radians: b1, b2.
+    pub bend: [f64; 2],
+}
+
+/// The zero order: light that the SLM does not modulate.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct ZeroOrder {
+    /// Share of the light.
+    pub share: f64,
+    /// Its standard error.
+    pub share_error: Option<f64>,
+    /// Middle of its spot in the pupil plane: x to the right, y down, mm.
+    pub at_mm: [f64; 2],
+    /// Standard errors of that place, mm.
+    pub error_mm: Option<[f64; 2]>,
+    /// Width and height of its spot, mm: what its curvature and diffraction at the SLM's edges make of a point.
+    pub wide_mm: [f64; 2],
+}
+
+/// The kernel of crosstalk at one sample per pixel.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Kernel {
+    /// Pixels from the pixel that is driven.
+    pub offsets_px: Vec<i64>,
+    /// Its share of the drive at each of these offsets, along y.
+    pub along_y: Vec<f64>,
+    /// The same along x.
+    pub along_x: Vec<f64>,
+    /// Share of the variance of random drives that it leaves.
+    pub variance_left: f64,
+}
+
+/// The iris.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct IrisFound {
+    /// Where it is if it is sent to the axis: x to the right, y down, mm.
+    pub at_mm: [f64; 2],
+    /// Standard errors of that place, mm.
+    pub error_mm: Option<[f64; 2]>,
+    /// Its distances and diameters over the requested ones.
+    pub scale: f64,
+    /// Standard error of the scale.
+    pub scale_error: Option<f64>,
+    /// Each diameter that was requested, and the one that was found, mm.
+    pub diameters_mm: Vec<[f64; 2]>,
+}
+
+/// The display of one colour as it was fitted. What is ideal is left out.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Figures {
+    /// Side of the square of the eyebox, mm.
+    pub eyebox_mm: f64,
+    /// The relay's wavefront.
+    pub wavefront: Option<Wavefront>,
+    /// The beam: intensity over the SLM, the mean being 1.
+    pub beam: Option<Map>,
+    /// The look-up table.
+    pub table: Option<Table>,
+    /// The zero order.
+    pub zero_order: Option<ZeroOrder>,
+    /// Crosstalk.
+    pub crosstalk: Option<Kernel>,
+    /// The iris.
+    pub iris: Option<IrisFound>,
+}
+
+impl Figures {
+    /// Of one colour; the pictures say which irises were requested.
+    pub(crate) fn new(display: &Display, color: Color, pictures: &[PictureLeft]) -> Result<Self, OpticsError> {
+        let (optics, model, ideal) = (display.optics(color)?, display.model(color), DisplayModel::default());
+        let errors = display.model.get(&color.into()).and_then(|terms| terms.errors.as_deref());
+        let eyebox = optics.wavelength * optics.focal_length / optics.pitch;
+        let sides = [display.height, display.width];
+        let slm = sides.map(|n| n as f64 * optics.pitch);
+        let asked = pictures.iter().map(|p| p.iris_mm[2]).filter(|d| *d > 0.0);
+        Ok(Self {
+            eyebox_mm: rounded(eyebox * 1e3),
+            wavefront: (!model.wavefront.is_empty())
+                .then(|| Wavefront::new(&model, errors, display.eyebox_min() / 2.0, eyebox)),
+            beam: (model.source != ideal.source).then(|| {
+                let root = model.source_root(sides);
+                Map::new(slm, |x, y| (model.source_at(x, y) / root).powi(2))
+            }),
+            table: (model.level != ideal.level || model.bend != ideal.bend).then(|| Table::new(&model)),
+            zero_order: (model.undiffracted[..2] != [0.0; 2]).then(|| ZeroOrder::new(&model, errors, sides, eyebox)),
+            crosstalk: Kernel::new(&model, sides),
+            iris: (model.iris != ideal.iris).then(|| IrisFound::new(&model, errors, asked)),
+        })
+    }
+}
+
+impl Wavefront {
+    fn new(model: &DisplayModel, errors: Option<&ModelTerms>, radius: f64, eyebox: f64) -> Self {
+        let map = Map::new([eyebox; 2], |x, y| model.wavefront_turns(x * eyebox / 2.0, y * eyebox / 2.0, radius));
+        let within = |i: &usize| {
+            let place = |i: usize| (2 * i + 1) as f64 / PLACES as f64 - 1.0;
+            place(i % PLACES).hypot(place(i / PLACES)) * eyebox <= 2.0 * radius
+        };
+        let inside = (0..map.values.len()).filter(within).map(|i| map.values[i]);
+        let range_waves = inside.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(v), b.max(v)]);
+        let error = |j: &u32| errors.and_then(|e| e.wavefront.get(j)).copied();
+        let terms = model.wavefront.iter();
+        Self {
+            rms_waves: model.wavefront.iter().filter(|(j, _)| **j > 0).map(|(_, c)| c * c).sum::<f64>().sqrt(),
+            range_waves,
+            map,
+            terms: terms
+                .map(|(j, waves)| Aberration { index: *j, name: zernike_name(*j), waves: *waves, error: error(j) })
+                .collect(),
+        }
+    }
+}
+
+impl Table {
+    fn new(model: &DisplayModel) -> Self {
+        let drives: Vec<f64> = (0..POINTS).map(|i| i as f64 / (POINTS - 1) as f64).collect();
+        let nodes = model.level.as_flattened();
+        let least = nodes.iter().copied().fold(f64::INFINITY, f64::min);
+        let highest = nodes.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let turns = |drive: &f64| [least, model.level[1][1], highest].map(|l| model.look_up(drive * TAU, l).0 / TAU);
+        Self { turns: drives.iter().map(turns).collect(), drives, level: model.level, bend: model.bend }
+    }
+}
+
+impl ZeroOrder {
+    /// Of an SLM of `sides` pixels (rows, columns) whose order is `eyebox` metres wide.
+    fn new(model: &DisplayModel, errors: Option<&ModelTerms>, sides: [usize; 2], eyebox: f64) -> Self {
+        let [re, im, px, py, pr] = model.undiffracted;
+        let errors = errors.and_then(|e| e.undiffracted);
+        // A phase of p radians at the SLM's edge is p / pi bins.
+        let bins = [sides[1], sides[0]].map(|n| eyebox * 1e3 / n as f64);
+        let tilts = |x: f64, y: f64| [x / PI * bins[0], y / PI * bins[1]];
+        Self {
+            share: re * re + im * im,
+            share_error: errors.map(|e| 2.0 * (re * e[0]).hypot(im * e[1])),
+            at_mm: tilts(px, py),
+            error_mm: errors.map(|e| tilts(e[2], e[3])),
+            wide_mm: bins.map(|bin| bin * (1.0 + 4.0 * pr.abs() / PI)),
+        }
+    }
+}
+
+impl Kernel {
+    fn new(model: &DisplayModel, [rows, columns]: [usize; 2]) -> Option<Self> {
+        let kernels = model.crosstalk_kernels(rows, columns, 1)?;
+        let reach = REACH.min((rows.min(columns) - 1) / 2) as i64;
+        let along = |kernel: &[f64]| -> Vec<f64> {
+            (-reach..=reach).map(|d| rounded(kernel[d.rem_euclid(kernel.len() as i64) as usize])).collect()
+        };
+        let [along_y, along_x] = kernels.each_ref().map(|kernel| along(kernel));
+        let variance_left = model.variance_left(rows, columns);
+        Some(Self { offsets_px: (-reach..=reach).collect(), along_y, along_x, variance_left })
+    }
+}
+
+impl IrisFound {
+    fn new(model: &DisplayModel, errors: Option<&ModelTerms>, asked: impl Iterator<Item = f64>) -> Self {
+        let errors = errors.and_then(|e| e.iris);
+        let mut asked: Vec<f64> = asked.map(rounded).collect();
+        asked.sort_by(f64::total_cmp);
+        asked.dedup();
+        let found = |d: f64| model.true_pupil(&Pupil::from_mm([0.0, 0.0, d, 0.0])).to_mm()[2];
+        Self {
+            at_mm: [model.iris.x, model.iris.y].map(|v| v * 1e3),
+            error_mm: errors.map(|[x, y, _]| [x, y]),
+            scale: model.iris.scale,
+            scale_error: errors.map(|[_, _, scale]| scale),
+            diameters_mm: asked.into_iter().map(|d| [d, rounded(found(d))]).collect(),
+        }
+    }
+}
+
+/// Four digits after the point, and no zero below zero.
+fn rounded(value: f64) -> f64 {
+    (value * 1e4).round() / 1e4 + 0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::optics::{Iris, Level, Spread};
+
+    fn display(terms: ModelTerms) -> Display {
+        let text =
+            "resolution = [64, 128]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
+        let mut display = Display::from_toml(text, "test").expect("a display");
+        display.model.insert(Color::Green.into(), terms);
+        display
+    }
+
+    fn figures(terms: ModelTerms) -> Figures {
+        Figures::new(&display(terms), Color::Green, &[]).expect("figures")
+    }
+
+    #[test]
+    fn an_ideal_display_has_no_figures_but_its_eyebox() {
+        let figures = figures(ModelTerms::default());
+        assert!((figures.eyebox_mm - 26.0).abs() < 1e-9, "{}", figures.eyebox_mm);
+        assert!(figures.wavefront.is_none() && figures.beam.is_none() && figures.table.is_none());
+        assert!(figures.zero_order.is_none() && figures.crosstalk.is_none() && figures.iris.is_none());
+    }
+
+    #[test]
+    fn the_zero_order_is_where_its_tilt_sends_it() {
+        let errors = ModelTerms { undiffracted: Some([0.01, 0.02, 0.1, 0.2, 0.1]), ..ModelTerms::default() };
+        let terms = ModelTerms {
+            undiffracted: Some([0.3, -0.4, 4.0, -4.0, 0.5]),
+            errors: Some(Box::new(errors)),
+            ..ModelTerms::default()
+        };
+        let zero = figures(terms).zero_order.expect("a zero order");
+        assert!((zero.share - 0.25).abs() < 1e-12);
+        // 4 rad are 0.26 mm at 128 pixels (columns), and twice as much at 64 (rows).
+        assert!((zero.at_mm[0] - 0.2586).abs() < 1e-4 && (zero.at_mm[1] + 0.5173).abs() < 1e-4, "{:?}", zero.at_mm);
+        assert!((zero.share_error.expect("an error") - 2.0 * 0.003f64.hypot(0.008)).abs() < 1e-12);
+        let [x, y] = zero.error_mm.expect("errors");
+        assert!((x - 0.1 / PI * 26.0 / 128.0).abs() < 1e-9 && (y - 0.2 / PI * 26.0 / 64.0).abs() < 1e-9);
+        // The phase's slope at both edges, and a bin of diffraction.
+        assert!((zero.wide_mm[0] - (26.0 / 128.0) * (1.0 + 2.0 / PI)).abs() < 1e-9, "{:?}", zero.wide_mm);
+    }
+
+    #[test]
+    fn the_wavefront_is_a_map_over_the_eyebox_with_named_terms() {
+        let errors = ModelTerms { wavefront: [(4, 0.01)].into(), ..ModelTerms::default() };
+        let terms = ModelTerms {
+            wavefront: [(4, 0.3), (8, 0.4)].into(),
+            errors: Some(Box::new(errors)),
+            ..ModelTerms::default()
+        };
+        let wavefront = figures(terms).wavefront.expect("a wavefront");
+        assert!((wavefront.rms_waves - 0.5).abs() < 1e-12);
+        let map = &wavefront.map;
+        assert_eq!((map.rows, map.columns, map.values.len()), (41, 41, 41 * 41));
+        let middle = map.values[20 * 41 + 20];
+        assert!((middle + 0.3 * 3f64.sqrt()).abs() < 1e-4, "{middle}");
+        // At the right end of the disc defocus and coma add up; the corners are higher and do not count.
+        let highest = 0.3 * 3f64.sqrt() + 0.4 * 8f64.sqrt();
+        assert!((wavefront.range_waves[1] - highest).abs() < 0.2, "{:?}", wavefront.range_waves);
+        assert!(map.range()[1] > highest + 1.0, "{:?}", map.range());
+        let [defocus, coma] = &wavefront.terms[..] else { panic!("{:?}", wavefront.terms) };
+        assert_eq!((&defocus.name[..], defocus.error, coma.index, coma.error), ("defocus", Some(0.01), 8, None));
+    }
+
+    #[test]
+    fn beam_table_kernel_and_iris_are_those_of_the_model() {
+        let side = Spread { q: 1.2, sigma: 1.0 };
+        let terms = ModelTerms {
+            source: Some([0.5, 0.0, 0.0, 0.0, -0.4]),
+            level: Some(Level::Nodes([[0.9, 1.0, 1.0], [1.0, 1.05, 1.0], [1.0, 1.0, 1.2]])),
+            bend: Some([0.1, -0.05]),
+            crosstalk: Some([side; 4]),
+            iris: Some([0.3, -0.1, 1.1]),
+            ..ModelTerms::default()
+        };
+        let picture = |d: f64| PictureLeft {
+            file: String::new(),
+            kind: "random",
+            iris_mm: [1.0, 0.0, d],
+            role: "fitted",
+            left: 0.0,
+            squares: 1.0,
+        };
+        let pictures = [picture(6.0), picture(2.5), picture(6.0)];
+        let display = display(terms);
+        let figures = Figures::new(&display, Color::Green, &pictures).expect("figures");
+        let beam = figures.beam.expect("a beam");
+        assert_eq!((beam.rows, beam.columns), (21, 41));
+        let mean = beam.values.iter().sum::<f64>() / beam.values.len() as f64;
+        assert!((mean - 1.0).abs() < 0.01, "{mean}");
+        let (x, y) = (beam.cut(1), beam.cut(0));
+        assert!((x[0][0] + x[40][0]).abs() < 1e-9 && x[40][0] > 0.49 && x[40][0] < 0.512, "{:?}", x[40]);
+        assert!((x[40][1] / x[0][1] - (2.0 * 40.0 / 41.0f64).exp()).abs() < 0.01, "{:?}", [x[0], x[40]]);
+        assert!(y[10][1] > 1.5 * y[0][1] && (y[0][1] - y[20][1]).abs() < 1e-3, "{y:?}");
+        let table = figures.table.expect("a table");
+        let quarter = table.drives.iter().position(|d| *d == 0.25).expect("a quarter");
+        let bent = (0.1 - 0.05) / TAU;
+        for (got, level) in table.turns[quarter].iter().zip([0.9, 1.05, 1.2]) {
+            assert!((got - 0.25 * level - bent).abs() < 1e-9, "{got} at {level}");
+        }
+        let kernel = figures.crosstalk.expect("a kernel");
+        assert_eq!(kernel.offsets_px.len(), 13);
+        let squares = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>();
+        let left = squares(&kernel.along_x) * squares(&kernel.along_y);
+        assert!(kernel.variance_left < 0.9 && (left - kernel.variance_left).abs() < 0.01, "{left}");
+        let iris = figures.iris.expect("an iris");
+        assert_eq!(display.model(Color::Green).iris, Iris { x: 3e-4, y: -1e-4, scale: 1.1 });
+        assert_eq!(iris.diameters_mm, [[2.5, 2.75], [6.0, 6.6]]);
+        assert!((iris.at_mm[0] - 0.3).abs() < 1e-9 && iris.error_mm.is_none());
+    }
+}

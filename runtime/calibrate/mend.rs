@@ -1,0 +1,130 @@
+//! What an optician mends on the bench: faults that have a remedy, by what they cost although the model has them.
+
+use super::error::CalibrateError;
+use crate::optics::{Color, Display, ModelTerms};
+use serde::Serialize;
+
+/// A fault that costs less, dB, is not worth mending.
+const WORTH_DB: f64 = 0.2;
+
+/// A fault that is worth mending on the bench.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Mend {
+    /// The fault: a term of the model, or an aberration of its wavefront.
+    pub fault: &'static str,
+    /// How much better a display without it is than this one, both solved with all that is known of them: mean over pupils, dB.
+    pub costs_db: f64,
+    /// What is turned or moved.
+    pub remedy: &'static str,
+}
+
+/// A fault, how to mend it, and a model without it.
+struct Fault {
+    name: &'static str,
+    remedy: &'static str,
+    mend: fn(&mut ModelTerms),
+}
+
+/// Faults that can be mended on a bench. Pixels (crosstalk, fill) cannot, and orders of the wavefront above these have no screw.
+const FAULTS: [Fault; 10] = [
+    Fault {
+        name: "level",
+        remedy: "the driver's table: set the voltage or the gamma of full drive to one turn at this wavelength",
+        mend: |model| model.level = None,
+    },
+    Fault {
+        name: "bend",
+        remedy: "the driver's table: make the phase proportional to the level",
+        mend: |model| model.bend = None,
+    },
+    Fault {
+        name: "lag",
+        remedy: "the time of a sub-frame: show fewer per second, or warm the SLM",
+        mend: |model| model.lag = None,
+    },
+    Fault {
+        name: "source",
+        remedy: "the beam: center it on the SLM, collimate it, and expand it so that it is even over the SLM",
+        mend: |model| model.source = None,
+    },
+    Fault {
+        name: "undiffracted",
+        remedy: "the polarization in front of the SLM; or tilt the SLM, so that its reflection misses the eyebox, or stop it by a filter",
+        mend: |model| model.undiffracted = None,
+    },
+    Fault {
+        name: "defocus",
+        remedy: "the distances of the relay: move the camera or the second lens along the axis",
+        mend: |model| model.wavefront.retain(|j, _| *j != 4),
+    },
+    Fault {
+        name: "astigmatism",
+        remedy: "the tilt of the relay's lenses about the axis, and of the SLM",
+        mend: |model| model.wavefront.retain(|j, _| ![3, 5].contains(j)),
+    },
+    Fault {
+        name: "coma",
+        remedy: "the center of the relay's lenses: move them sideways onto the axis",
+        mend: |model| model.wavefront.retain(|j, _| ![7, 8].contains(j)),
+    },
+    Fault {
+        name: "spherical",
+        remedy: "the relay's lenses: turn them around (the flatter side to the nearer image), or use better corrected ones",
+        mend: |model| model.wavefront.retain(|j, _| *j != 12),
+    },
+    Fault { name: "iris", remedy: "the zero and the scale of the iris's stage", mend: |model| model.iris = None },
+];
+
+/// Faults of a display that are worth mending, those first that cost most. `decibels`: what is reached on a display.
+pub(super) fn measure(
+    display: &Display,
+    color: Color,
+    now_db: f64,
+    decibels: &mut dyn FnMut(&Display) -> Result<f64, CalibrateError>,
+) -> Result<Vec<Mend>, CalibrateError> {
+    let mut all = Vec::new();
+    for fault in &FAULTS {
+        let mended = display.with_model_of(color, fault.mend);
+        if mended.model(color) == display.model(color) {
+            continue;
+        }
+        let costs_db = decibels(&mended)? - now_db;
+        if costs_db >= WORTH_DB {
+            all.push(Mend { fault: fault.name, costs_db, remedy: fault.remedy });
+        }
+    }
+    all.sort_by(|a, b| b.costs_db.total_cmp(&a.costs_db));
+    Ok(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faults_with_a_remedy_come_in_the_order_of_what_they_cost() {
+        let text = "resolution = [64, 64]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n\
+                    [model.green]\nfill = 0.9\nlag = 0.1\nundiffracted = [0.2, 0.1, 1.0, 0.0, 0.0]\nsource = [0.1, 0.0, 0.0, 0.0, 0.0]\n\
+                    [model.green.wavefront]\n4 = 0.1\n7 = 0.2\n8 = 0.1\n15 = 0.3\n";
+        let display = Display::from_toml(text, "test").expect("a display");
+        let mut models = Vec::new();
+        let mends = measure(&display, Color::Green, 20.0, &mut |mended| {
+            let model = mended.model(Color::Green);
+            models.push(model.clone());
+            // What each of them is said to cost.
+            Ok(20.0
+                + f64::from(u8::from(model.lag == 0.0)) * 0.5
+                + f64::from(u8::from(model.undiffracted == [0.0; 5])) * 1.5
+                + f64::from(u8::from(!model.wavefront.contains_key(&7))) * 0.25
+                + f64::from(u8::from(model.source == [0.0; 5])) * 0.19)
+        })
+        .expect("numbers");
+        let named: Vec<&str> = mends.iter().map(|m| m.fault).collect();
+        assert_eq!(named, ["undiffracted", "lag", "coma"]);
+        // Only what the display has is mended, one fault at a time.
+        assert_eq!(models.len(), 5);
+        assert!(models.iter().all(|model| model.fill == 0.9 && model.wavefront.contains_key(&15)));
+        assert!(models.iter().any(|model| model.wavefront.len() == 2 && !model.wavefront.contains_key(&8)));
+    }
+}

@@ -1,0 +1,83 @@
+#!/usr/bin/env python3
+"""Measure what `calibrate --quick` saves on a bench that drifts over eight hours.
+
+    EYEBOX=target/debug/eyebox tools/drift.py path/to/bench.py docs/results/drift.json
+
+The bench is a program of its own that serves docs/calibrate.md: `bench.py --seed 1 --size 128x128 --faults FILE.json`, with faults by the
+names of OPTICS 10. It is calibrated whole at hour 0. At each later hour its table, its beam and the tilt of its light are elsewhere, and
+holograms are solved for three models: the one of hour 0, one that follows by four pictures every hour, and the true one. All are scored
+on the true display. The script prints and writes PSNRs over 24 random pupils, and exits with 1 if the model that follows loses more than
+0.1 dB against the true one, or if hour 8 of the calibration of hour 0 does not lose more than that. It needs the standard library; the
+bench may need more. Models that --keep DIR has are not fitted again.
+"""
+import argparse, json, os, pathlib, subprocess, sys, tempfile, tomllib
+
+from solver_and_model import TERMS, display, score
+
+HOURS, STEPS, LEAST_DB = range(9), 30, 0.1
+SCORED = (0, 2, 4, 6, 8)
+
+
+def truth(hour):
+    """The terms of the bench at an hour: the table loses 3 %, the beam and the light's tilt move."""
+    part = hour / 8
+    moved = lambda term, by: [round(value + part * off, 6) for value, off in zip(TERMS[term], by)]
+    level = [[round(value * (1 - 0.03 * part), 6) for value in row] for row in TERMS["level"]]
+    return {**TERMS, "level": level, "source": moved("source", [0.15, -0.1, 0, 0, 0]), "iris": moved("iris", [0.3, -0.2, 0])}
+
+
+def calibrated(bench, hour, known, out, *more):
+    """The report of a calibration at an hour that begins with a display file."""
+    faults = out.with_suffix(".json")
+    faults.write_text(json.dumps({**truth(hour), "quantise": True}))
+    camera = f"'{sys.executable}' '{bench}' --seed 1 --size 128x128 --noise {hour + 1} --faults '{faults}'"
+    command = [os.environ["EYEBOX"], "calibrate", "--display", known, "--camera", camera, "--json", "-o", out, *more]
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(f"hour {hour}: {done.stderr}")
+    return json.loads(done.stdout)
+
+
+def terms_of(file):
+    """The terms of a display file's green model."""
+    model = tomllib.loads(file.read_text())["model"]["green"]
+    return {name: model[name] for name in TERMS if name in model}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("bench", type=pathlib.Path)
+    parser.add_argument("out", type=pathlib.Path)
+    parser.add_argument("--keep", type=pathlib.Path)
+    args = parser.parse_args()
+    work = args.keep or pathlib.Path(tempfile.mkdtemp())
+    work.mkdir(exist_ok=True, parents=True)
+    models, rows = [work / f"hour-{hour}.toml" for hour in HOURS], []
+    ideal = work / "ideal.toml"
+    ideal.write_text(display({}))
+    for hour in HOURS:
+        known, more = (models[hour - 1], ["--quick"]) if hour else (ideal, ["--captures-max", 40])
+        reported = work / f"report-{hour}.json"
+        if not models[hour].exists():
+            report = calibrated(args.bench.resolve(), hour, known, models[hour], *more)
+            reported.write_text(json.dumps(report))
+        report = json.loads(reported.read_text())
+        row = {"hour": hour, "pictures": report["captures"], "verdict": report["verdict"],
+               "unexplained": report["unexplained"], "seconds": round(report["seconds"], 1)}
+        if hour in SCORED:
+            at = lambda terms: score(work, truth(hour), terms, STEPS, "projection")
+            row |= {"hour 0": at(terms_of(models[0])), "followed": at(terms_of(models[hour])), "true": at(truth(hour))}
+        rows.append(row)
+        print(json.dumps(row), flush=True)
+        about = {"scene": "builtin:still-life", "size": [128, 128], "frames": 8, "steps": STEPS, "pupils": "random:24",
+                 "hour 0, followed, true": "mean and worst PSNR in dB, solved for that model and seen on the bench of that hour"}
+        args.out.write_text(json.dumps({"about": about, "rows": rows}, indent=1) + "\n")
+    scored = [row for row in rows if "true" in row]
+    lost = lambda row, name: row["true"][0] - row[name][0]
+    wrong = [row["hour"] for row in scored if lost(row, "followed") > LEAST_DB]
+    if wrong or lost(scored[-1], "hour 0") <= LEAST_DB:
+        sys.exit(f"the model that follows loses more than {LEAST_DB} dB at hours {wrong}" if wrong else "the bench did not drift")
+
+
+if __name__ == "__main__":
+    main()
