@@ -184,6 +184,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "iris",
             "settle",
             "register",
+            "temperature",
         ],
     ),
     ("Calibration", &["calibrate", "targets", "trackers.calibration", "trackers.eye"]),
