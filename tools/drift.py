@@ -9,8 +9,12 @@ holograms are solved for three models: the one of hour 0, one that follows by fo
 on the true display. The script prints and writes PSNRs over 24 random pupils, and exits with 1 if the model that follows loses more than
 0.1 dB against the true one, or if hour 8 of the calibration of hour 0 does not lose more than that. It needs the standard library; the
 bench may need more. Models that --keep DIR has are not fitted again.
+
+With --show the same bench is followed by `show --camera` instead: the camera sees what is shown, each picture is a quarter of an hour later,
+and the model of hour 8 is scored. `bench.py` then has to be a module with Bench(faults, noise), .hello(ask) and .capture(ask). --serve is
+that camera's command.
 """
-import argparse, json, os, pathlib, subprocess, sys, tempfile, tomllib
+import argparse, json, os, pathlib, shlex, signal, subprocess, sys, tempfile, time, tomllib
 
 from solver_and_model import TERMS, display, score
 
@@ -44,12 +48,65 @@ def terms_of(file):
     return {name: model[name] for name in TERMS if name in model}
 
 
+def serve(bench, work):
+    """The camera of a show: the bench drifts by a quarter of an hour from picture to picture."""
+    sys.path.insert(0, str(bench.parent))
+    import numpy as np
+    from bench import Bench, drawn
+
+    taken = 0
+    for line in sys.stdin:
+        ask = json.loads(line)
+        answer = {}
+        if ask["do"] in ("hello", "capture"):
+            hour = min(taken / 4, 8)
+            faults = {**drawn(1, [128, 128]), **truth(hour), "quantise": True, "resolution": [128, 128]}
+            now = Bench(faults, taken)
+        if ask["do"] == "hello":
+            answer = now.hello(ask)
+        elif ask["do"] == "capture":
+            if ask["color"] is not None:
+                levels = np.frombuffer((work / "video").read_bytes()[64:], np.uint8).reshape(1, 128, 128)
+                np.save(ask["out"] + "-show.npy", levels)
+                ask["show"] = {"file": ask["out"] + "-show.npy", "kind": "levels"}
+                taken += 1
+            answer = now.capture(ask)
+            (work / "hour").write_text(str(hour))
+        print(json.dumps({"id": ask["id"], **answer}), flush=True)
+        if ask["do"] == "bye":
+            return
+
+
+def followed_show(bench, work):
+    """The display file that a show of the whole eight hours leaves."""
+    model, said = work / "shown.toml", work / "show.txt"
+    camera = shlex.join([sys.executable, os.path.abspath(__file__), str(bench), str(work / "none"), "--serve", "--keep", str(work)])
+    command = [os.environ["EYEBOX"], "show", "builtin:still-life", "--display", work / "hour-0.toml", "--color", "green", "--frames", "1",
+               "--engine", "cpu", "--output", "offscreen", "--shared", work / "video", "--camera", camera, "--camera-every", "0.05",
+               "--camera-model", model]
+    with said.open("w") as to:
+        show = subprocess.Popen(list(map(str, command)), stderr=to, stdout=to)
+        hour = work / "hour"
+        while show.poll() is None and not (hour.exists() and float(hour.read_text() or 0) >= 8):
+            time.sleep(1)
+        # Three more pictures of hour 8.
+        time.sleep(1 if show.poll() is not None else 120)
+        show.send_signal(signal.SIGINT)
+        show.wait()
+    print(said.read_text(), file=sys.stderr)
+    return model
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("bench", type=pathlib.Path)
     parser.add_argument("out", type=pathlib.Path)
     parser.add_argument("--keep", type=pathlib.Path)
+    parser.add_argument("--show", action="store_true")
+    parser.add_argument("--serve", action="store_true")
     args = parser.parse_args()
+    if args.serve:
+        return serve(args.bench.resolve(), args.keep)
     work = args.keep or pathlib.Path(tempfile.mkdtemp())
     work.mkdir(exist_ok=True, parents=True)
     models, rows = [work / f"hour-{hour}.toml" for hour in HOURS], []
@@ -73,6 +130,11 @@ def main():
                  "hour 0, followed, true": "mean and worst PSNR in dB, solved for that model and seen on the bench of that hour"}
         args.out.write_text(json.dumps({"about": about, "rows": rows}, indent=1) + "\n")
     scored = [row for row in rows if "true" in row]
+    if args.show:
+        model = followed_show(args.bench.resolve(), work.resolve())
+        rows[-1]["followed by show"] = score(work, truth(8), terms_of(model), STEPS, "projection")
+        print(json.dumps(rows[-1]), flush=True)
+        args.out.write_text(json.dumps({"about": about, "rows": rows}, indent=1) + "\n")
     lost = lambda row, name: row["true"][0] - row[name][0]
     wrong = [row["hour"] for row in scored if lost(row, "followed") > LEAST_DB]
     if wrong or lost(scored[-1], "hour 0") <= LEAST_DB:

@@ -28,6 +28,13 @@ pub(super) struct Taken {
     _folder: Option<tempfile::TempDir>,
 }
 
+impl Taken {
+    /// Pictures that were taken one by one.
+    pub(super) fn of(hello: Hello, shots: Vec<Shot>, two_pi_level: f64) -> Self {
+        Self { hello, shots, two_pi_level, waited: Duration::ZERO, warnings: Vec::new(), _folder: None }
+    }
+}
+
 /// Grey level of 2 pi.
 pub(super) fn two_pi_level(display: &Display, color: Color) -> f64 {
     let levels = f64::from(display.levels);
@@ -187,5 +194,5 @@ pub(super) fn read(
     let mut shots = shots.map_err(|reason| CalibrateError::Captures { file: folder.display().to_string(), reason })?;
     stand(&mut shots, iris_mm);
     let two_pi_level = two_pi_level(display, color);
-    Ok(Taken { hello, shots, two_pi_level, waited: Duration::ZERO, warnings: Vec::new(), _folder: None })
+    Ok(Taken::of(hello, shots, two_pi_level))
 }

@@ -14,6 +14,7 @@
 mod acquire;
 mod age;
 mod bench;
+mod calibrated;
 mod camera_steps;
 mod captures;
 mod device;
@@ -23,6 +24,7 @@ mod error;
 mod even;
 mod figures;
 mod fit;
+mod follower;
 #[cfg(test)]
 mod forward_tests;
 mod gain;
@@ -49,48 +51,21 @@ mod verdict;
 pub use acquire::TAKING;
 pub use age::ModelAge;
 pub use bench::{Bench, Event, FEWEST, ShowsPatterns};
+pub use calibrated::Calibration;
 pub use camera_steps::{CameraBench, CameraGain, CameraSteps, CameraSubject};
 pub use directions::{Directions, PhaseSign};
 pub use error::CalibrateError;
 pub use figures::{Aberration, Figures, IrisFound, Kernel, Map, Table, Wavefront, ZeroOrder};
+pub use follower::{Follower, Following};
 pub use gain::Gain;
 pub use left::{LeftMap, PictureLeft, Shown};
 pub use mend::Mend;
 pub use report::{Confused, Fitted, Report};
 pub use verdict::Verdict;
 
-use crate::engine::Engine;
 use crate::optics::{Color, Display};
 use std::cell::RefCell;
 use std::time::Instant;
-
-/// A display that was calibrated.
-#[derive(Debug, Clone)]
-#[non_exhaustive]
-pub struct Calibration {
-    /// The display with what was fitted.
-    pub display: Display,
-    /// How sure that is, and what it leaves unexplained.
-    pub report: Report,
-    /// Pictures that were not fitted, beside what is predicted of them.
-    pub shown: Vec<Shown>,
-}
-
-impl Calibration {
-    /// Measures what it is worth on the built-in still life, and puts it into the report. `before`: the display as its file was.
-    ///
-    /// # Errors
-    /// Those of a solve.
-    pub fn measure_gain(
-        &mut self,
-        before: &Display,
-        color: Color,
-        engine: &mut dyn Engine,
-    ) -> Result<(), CalibrateError> {
-        self.report.gain = Some(gain::measure([before, &self.display], color, self.report.calibrated, engine)?);
-        Ok(())
-    }
-}
 
 /// Fits the model of one colour of a display to pictures of it; the display's own model is where it begins. `shows`: what shows
 /// the patterns, where the camera's command does not.
@@ -113,8 +88,7 @@ pub fn calibrate(
     };
     let waited = taken.waited;
     let quick = matches!(bench, Bench::Command { quick: true, .. });
-    let (fitted, mut report, shown) = stages::run(display, color, taken, quick, &tell)?;
-    report.figures = Some(figures::Figures::new(&fitted, color, &report.pictures)?);
-    report.seconds = (begun.elapsed().saturating_sub(waited)).as_secs_f64();
-    Ok(Calibration { display: fitted, report, shown })
+    let mut calibrated = stages::run(display, color, taken, quick, &tell)?;
+    calibrated.report.seconds = (begun.elapsed().saturating_sub(waited)).as_secs_f64();
+    Ok(calibrated)
 }

@@ -2,10 +2,11 @@
 
 use super::acquire::{TAKING, Taken};
 use super::bench::Event;
+use super::calibrated::Calibration;
 use super::directions::PhaseSign;
 use super::error::CalibrateError;
 use super::fit::{COARSE, Effort, Fit, Pictures};
-use super::left::{Shown, shown};
+use super::left::shown;
 use super::orders::{self, Random};
 use super::parameters::{ORDERS, Parameter, Parameters, of_order};
 use super::report::Report;
@@ -55,7 +56,7 @@ pub(super) fn run(
     taken: Taken,
     quick: bool,
     tell: &dyn Fn(Event),
-) -> Result<(Display, Report, Vec<Shown>), CalibrateError> {
+) -> Result<Calibration, CalibrateError> {
     let at_share = |what: &str, from: f64, to: f64, part: f64| {
         tell(Event::At(what, TAKING + (1.0 - TAKING) * (from + (to - from) * part)));
     };
@@ -82,7 +83,7 @@ pub(super) fn run(
     let captures = taken.shots.len();
     if own.squares < AT_THE_NOISE {
         let report = Report::new(&sorted, &start, &own, &sorted.fitted, captures, warnings, FINE, drift);
-        return Ok((terms::confirmed(display, color), report, shown(&sorted, &own, FINE)?));
+        return Calibration::new(terms::confirmed(display, color), color, report, shown(&sorted, &own, FINE)?);
     }
     let known = known(&start);
     let mut observe = |what: &str, part: f64| at_share(what, 0.05, 0.7, part);
@@ -126,7 +127,7 @@ pub(super) fn run(
         true => terms::written(display, color, &start, &fit, &report),
         false => display.clone(),
     };
-    Ok((display, report, shown(&sorted, &fit, effort.subpixels)?))
+    Calibration::new(display, color, report, shown(&sorted, &fit, effort.subpixels)?)
 }
 
 /// What changes from day to day, fitted to all pictures.

@@ -74,7 +74,7 @@ pub use refine::Refinement;
 pub use scene_record::SceneRecord;
 pub use scene_source::SceneSource;
 pub use score::{HologramScores, PupilScore};
-pub use sequence::Sequence;
+pub use sequence::{NewestHologram, Sequence};
 pub use sequence_parts::SequenceParts;
 pub use sequence_writer::SequenceWriter;
 pub use source::{PhaseSource, Sampling};

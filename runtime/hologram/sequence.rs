@@ -9,6 +9,7 @@ use crate::files::Folder;
 use std::fmt::Write as _;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A sequence of holograms of one shape, or a single hologram as a sequence of one.
 ///
@@ -32,7 +33,41 @@ enum Phases {
     /// Read from the folder, whatever comes to stand in its place.
     In(Folder),
     /// Of a single hologram that is in memory.
-    Here(Box<Hologram>),
+    Here(NewestHologram),
+}
+
+/// A single hologram in memory that may be replaced while it is played: the next set that is made is of the newest.
+#[derive(Debug, Clone)]
+pub struct NewestHologram(Arc<Mutex<Hologram>>);
+
+impl NewestHologram {
+    fn new(hologram: Hologram) -> Self {
+        Self(Arc::new(Mutex::new(hologram)))
+    }
+
+    fn get(&self) -> MutexGuard<'_, Hologram> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A copy of it.
+    pub fn load(&self) -> Hologram {
+        self.get().clone()
+    }
+
+    /// Puts another one of the same shape in its place.
+    ///
+    /// # Errors
+    /// It, if it has another shape.
+    pub fn replace(&self, hologram: Hologram) -> Result<(), Box<Hologram>> {
+        let shape =
+            |h: &Hologram| ([h.frames, h.height, h.width], h.colors.iter().map(|c| c.phases.len()).collect::<Vec<_>>());
+        let mut now = self.get();
+        if shape(&now) != shape(&hologram) {
+            return Err(Box::new(hologram));
+        }
+        *now = hologram;
+        Ok(())
+    }
 }
 
 impl Sequence {
@@ -126,7 +161,7 @@ impl Sequence {
             count: 1,
             complete: true,
             notes: Vec::new(),
-            phases: Phases::Here(Box::new(hologram)),
+            phases: Phases::Here(NewestHologram::new(hologram)),
             name: String::new(),
         }
     }
@@ -206,6 +241,14 @@ impl Sequence {
         &self.about
     }
 
+    /// The hologram that may be replaced, if it is a single one in memory.
+    pub fn newest(&self) -> Option<NewestHologram> {
+        match &self.phases {
+            Phases::Here(hologram) => Some(hologram.clone()),
+            Phases::In(_) => None,
+        }
+    }
+
     /// Whether it is a single hologram.
     pub fn is_single(&self) -> bool {
         self.single
@@ -261,7 +304,7 @@ impl Sequence {
         match &self.phases {
             Phases::Here(hologram) => {
                 let parts = phases.chunks_exact_mut(frames * height * width);
-                parts.zip(&hologram.colors).for_each(|(part, color)| part.copy_from_slice(&color.phases));
+                parts.zip(&hologram.get().colors).for_each(|(part, color)| part.copy_from_slice(&color.phases));
             }
             Phases::In(folder) => {
                 for (i, part) in phases.chunks_exact_mut(height * width).enumerate() {
@@ -290,7 +333,7 @@ impl Sequence {
             })?;
         }
         match &self.phases {
-            Phases::Here(hologram) => return Ok(Hologram::clone(hologram)),
+            Phases::Here(hologram) => return Ok(hologram.load()),
             Phases::In(folder) if self.single => return Hologram::load_from(folder),
             Phases::In(_) => {}
         }

@@ -53,6 +53,29 @@ fn files_of(path: &Path, count: u64) -> Vec<PathBuf> {
 }
 
 #[test]
+fn a_single_hologram_in_memory_is_replaced_while_it_is_played() {
+    let mut sequence = Sequence::single(Path::new("one.zarr"), small(1));
+    let newest = sequence.newest().expect("it is in memory");
+    let mut phases = vec![0.0; sequence.values()];
+    let mut read = || {
+        sequence.read_into(0, &mut phases).unwrap();
+        phases.clone()
+    };
+    let of = |hologram: &Hologram| hologram.colors.iter().flat_map(|c| c.phases.clone()).collect::<Vec<f32>>();
+    assert_eq!(read(), of(&small(1)));
+    newest.replace(small(2)).expect("the same shape");
+    assert_eq!(read(), of(&small(2)));
+    assert_eq!(of(&newest.load()), of(&small(2)));
+    // One of another shape stays outside.
+    let mut other = small(3);
+    other.colors.pop();
+    assert!(newest.replace(other).is_err());
+    assert_eq!(read(), of(&small(2)));
+    let (_here, path) = written(1, true);
+    assert!(Sequence::open(&path).unwrap().newest().is_none());
+}
+
+#[test]
 fn a_sequence_comes_back_and_grows_while_it_is_read() {
     let (_here, path) = written(2, false);
     let mut sequence = Sequence::open(&path).unwrap();

@@ -176,6 +176,8 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "camera",
             "camera_steps",
             "camera_keep",
+            "camera_every",
+            "camera_model",
             "captures",
             "captures_max",
             "keep",

@@ -25,6 +25,7 @@ mod export;
 mod failure;
 mod feed;
 mod film;
+mod following;
 mod generate;
 mod groups;
 mod headings;

@@ -3,6 +3,7 @@
 use crate::Failure;
 use crate::args::SceneOptions;
 use crate::common;
+use crate::following::{self, FollowArgs};
 use crate::live::{self, LiveOptions, Stage, Steered, SubjectOptions};
 use crate::phases::UnfinishedArgs;
 use crate::play::{self, ClockName, OutputName, Playing, StreamArgs};
@@ -42,7 +43,10 @@ pub struct Show {
     /// With --step-time: what encoding a set takes, ms
     #[arg(long, default_value_t = 1.0, value_name = "MS", value_parser = positive, requires = "step_time")]
     pub encode_time: f64,
-    /// Sub-frames of what an application shows, or of scenes that follow each other
+    /// A camera that is followed
+    #[command(flatten)]
+    pub follow: FollowArgs,
+    /// Sub-frames of what an application shows, of scenes that follow each other, or of a scene with --camera
     #[arg(long, default_value_t = 8, value_name = "N", value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=64))]
     pub frames: usize,
     /// What an application is asked for
@@ -84,7 +88,18 @@ pub fn run(args: &Show) -> Result<(), Failure> {
     if let Some(sink) = args.stream.sink() {
         sink.check()?;
     }
-    match what(args)? {
+    let what = what(args)?;
+    if let Some(camera) = &args.follow.camera {
+        return match what {
+            What::Scene(scene) if !tracked => {
+                let Show { subject, live, stream, follow, frames, .. } = args;
+                let shown = following::Shown { scene: &scene, subject, live, stream, follow, frames: *frames };
+                following::show(shown, camera, |sequence, display| play(args, sequence, display))
+            }
+            _ => Err(Failure::Asked("--camera follows one scene that is shown without a tracker".into())),
+        };
+    }
+    match what {
         What::Application(name) => application(args, &name),
         What::Phases(path) if tracked => follow(args, &path.display().to_string()),
         What::Phases(path) => {

@@ -13,7 +13,7 @@ mod viewing;
 pub use live::{KeptSession, Live, LiveOptions, Showing, Stage, show};
 pub use refine::Refine;
 pub use study::Study;
-pub use subject::{Steered, SubjectOptions, is_hologram, load, solved};
+pub use subject::{Steered, SubjectOptions, is_hologram, load, solved, solved_on};
 
 pub use live::run as live;
 pub use refine::run as refine;

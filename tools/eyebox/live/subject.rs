@@ -8,6 +8,7 @@ use crate::solve::Watch;
 use crate::{Failure, progress, score};
 use clap::Args;
 use eyebox::encode::Encoder;
+use eyebox::engine::Engine;
 use eyebox::hologram::{Hologram, Opening, Phases, Sequence, Tiles, Unfinished};
 use eyebox::optics::{Color, Display, PupilDistribution};
 use eyebox::produce::solve_colors;
@@ -125,28 +126,42 @@ pub fn solved(
     args: &SubjectOptions,
     engines: &Engines,
 ) -> Result<(Hologram, LightField, Display), Failure> {
+    let mut display = common::display(&args.display)?;
+    args.eye.replace(&mut display.prescription)?;
+    let mut engine = engines.open()?;
+    let (hologram, field) = solved_on(what, args, &display, None, engine.as_mut())?;
+    Ok((hologram, field, display))
+}
+
+/// The same for a display and on an engine; `frames`: sub-frames, if not as many as usual.
+pub fn solved_on(
+    what: &str,
+    args: &SubjectOptions,
+    display: &Display,
+    frames: Option<usize>,
+    engine: &mut dyn Engine,
+) -> Result<(Hologram, LightField), Failure> {
     if args.scene.is_some() {
         return Err(Failure::Asked(format!("{what} is a scene already: leave out --scene")));
     }
     let scene = SceneArgs::new(what, &args.options);
-    let mut display = common::display(&args.display)?;
-    args.eye.replace(&mut display.prescription)?;
-    let colors = common::colors(&args.display, &display)?;
-    let mut engine = engines.open()?;
-    let field = common::scene(&scene, &display, &colors)?;
-    let depth = common::depths(&scene, &field, &display)?;
-    let base = Settings { depth, diameter: common::diameters(None, &display, false)?, ..Settings::default() };
-    let chosen = args.quality.choose(engine.as_ref(), [display.height, display.width], base.frames, colors.len())?;
-    let settings = chosen.map_or_else(Settings::default, |c| c.settings);
-    let levels = Levels::of(&display);
-    let subject = Subject { field: &field, color: colors[0], display: &display, base, levels };
+    let colors = common::colors(&args.display, display)?;
+    let field = common::scene(&scene, display, &colors)?;
+    let depth = common::depths(&scene, &field, display)?;
+    let mut base = Settings { depth, diameter: common::diameters(None, display, false)?, ..Settings::default() };
+    base.frames = frames.unwrap_or(base.frames);
+    let chosen = args.quality.choose(engine, [display.height, display.width], base.frames, colors.len())?;
+    let mut settings = chosen.map_or_else(Settings::default, |c| c.settings);
+    settings.frames = base.frames;
+    let levels = Levels::of(display);
+    let subject = Subject { field: &field, color: colors[0], display, base, levels };
     eprintln!("solving {what} for the whole eyebox: {settings}");
     progress::catch_interrupt();
     let mut watch = Watch::new(false);
-    let solved = solve_colors(&subject, &colors, &settings, engine.as_mut(), &mut |event| watch.see(event))?;
+    let solved = solve_colors(&subject, &colors, &settings, engine, &mut |event| watch.see(event))?;
     let padding = subject.padding(&settings)?;
-    let hologram = Hologram::from_solutions(&field, &display, &subject.settings(&settings), padding, &solved)?;
-    Ok((hologram, field, display))
+    let hologram = Hologram::from_solutions(&field, display, &subject.settings(&settings), padding, &solved)?;
+    Ok((hologram, field))
 }
 
 /// A sequence, each of whose holograms is refined for the scene that it names.

@@ -341,3 +341,45 @@ fn a_solve_s_camera_sees_an_output_through_an_iris_that_stands_still() {
     assert!(captures.iter().all(|c| c["request"]["show"].is_null() && c["request"]["iris_mm"].is_null()));
     assert!(captures.iter().any(|c| c["shown"]["kind"] == "phases"), "{captures:?}");
 }
+
+/// A camera looks at what is shown on a bench whose iris was moved: the model follows, and the scene is solved again for it.
+#[test]
+fn a_show_follows_the_bench_that_its_camera_sees() {
+    let here = common::folder();
+    let at = here.path();
+    fs::write(at.join("bench.toml"), DISPLAY).expect("a display");
+    let exe = std::env::current_exe().expect("this program");
+    let camera = format!("'{}' --exact calibrated::camera --ignored", exe.display());
+    let show = ["show", "builtin:still-life", "--display", "bench.toml", "--frames", "1", "--engine", "cpu"];
+    let shows = ["--output", "offscreen", "--shared", "video", "--camera-every", "0.01", "--camera-keep", "kept"];
+    let follows = ["--camera", &camera, "--camera-model", "followed.toml"];
+    let mut command = common::command(at, &[&show[..], &shows, &follows].concat());
+    command.envs([("BENCH_IDEAL", "1"), ("BENCH_IRIS_X", "0.3"), ("BENCH_SHARED", "video")]);
+    let said = fs::File::create(at.join("said.txt")).expect("a file");
+    let mut child = command.stdout(std::process::Stdio::null()).stderr(said).spawn().expect("it starts");
+    let since = Instant::now();
+    let said = || fs::read_to_string(at.join("said.txt")).unwrap_or_default();
+    // A second fit is of pictures that show the new hologram, too.
+    let explained = |line: &&str| line.contains("% is unexplained") && !line.contains("not explained");
+    let followed = || said().contains("solved again") && said().lines().filter(explained).count() >= 2;
+    while !followed() && since.elapsed() < Duration::from_secs(240) {
+        std::thread::sleep(Duration::from_millis(50));
+        assert!(child.try_wait().expect("a state").is_none(), "{}", said());
+    }
+    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
+    assert!(killed.success());
+    child.wait().expect("it ends");
+    assert!(followed(), "{}", said());
+    let followed = Display::load(&at.join("followed.toml").display().to_string()).expect("a display");
+    let iris = followed.model(Color::Green).iris;
+    assert!((iris.x * 1e3 - 0.3).abs() < 0.05 && (iris.y * 1e3).abs() < 0.05, "{iris:?}: {}", said());
+    // The camera was not asked to show anything.
+    let kept: Value = serde_json::from_slice(&fs::read(at.join("kept/captures.json")).expect("kept")).expect("JSON");
+    let captures = kept["captures"].as_array().expect("a list");
+    assert!(captures.iter().all(|c| c["request"]["show"].is_null()), "{captures:?}");
+    assert!(captures.iter().any(|c| c["shown"]["file"] == "shown-2.npy"), "{captures:?}");
+    for wrong in [&["--tracker", "hid"][..], &["--clock", "simulated"], &["--camera-model", "out.txt"]] {
+        let answer = common::eyebox(at, &[&show[..], &["--camera", "true"], wrong].concat());
+        assert!(answer.status.code() == Some(2), "{wrong:?}: {}", text(&answer.stderr));
+    }
+}
