@@ -182,6 +182,11 @@ impl Settings {
         }
     }
 
+    /// Steps, counted in those of the projection.
+    pub(super) fn steps_of_projection(&self) -> usize {
+        self.optimizer.steps_of_projection(self.steps)
+    }
+
     /// Sub-frames that are solved: `repeats` of them are alike where that divides them.
     pub fn solved_frames(&self) -> usize {
         fn common_divisor(a: usize, b: usize) -> usize {

@@ -108,7 +108,7 @@ pub(super) fn solve_begun_by(
     run.exposure = match settings.efficiency {
         // A black scene has no efficiency: any exposure shows it.
         Some(efficiency) if problem.mean > 0.0 => problem.mean / efficiency / unit,
-        _ => run.choose_exposure(validator.bright_end(settings.steps), observe)?,
+        _ => run.choose_exposure(validator.bright_end(settings.steps_of_projection()), observe)?,
     };
     if from.is_none()
         && let Some(Beginning { phases, exposure, progress }) = begin(run.exposure * unit, observe)?

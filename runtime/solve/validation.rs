@@ -35,7 +35,7 @@ impl Validator {
         Ok(Self { viewpoints, bright_end, aperture_light })
     }
 
-    /// The bright end of the photographs for a solve of so many steps.
+    /// The bright end of the photographs for a solve of so many steps of the projection.
     ///
     /// A solve that is exposed for light which the aperture takes away chases light that is not there. A short one is better exposed for
     /// more than there is, because it has no time to move light (docs/measurements.md, "The solver and the model").

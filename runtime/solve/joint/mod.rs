@@ -151,7 +151,7 @@ fn prepare<'a>(
                 pilot: false,
                 durations: Vec::new(),
             };
-            run.choose_exposure(validator.bright_end(settings.steps), observe)?
+            run.choose_exposure(validator.bright_end(settings.steps_of_projection()), observe)?
         }
     };
     planner.powers = vec![1.0; settings.frames].into();
