@@ -1,5 +1,6 @@
 //! Things that a desktop does to an SLM while a hologram plays: they are reported while they happen, and in the statistics.
 
+use crate::common::power::PowerSaving;
 use crate::common::screen::{Screen, hologram, play};
 use eyebox::optics::Display;
 use serde_json::{Value, json};
@@ -46,4 +47,29 @@ fn a_changed_ramp_and_a_screen_saver_are_reported() {
     assert_eq!(found.len(), 2, "{found:?}");
     assert_eq!((&found[0]["kind"], &found[0]["levels"]), (&json!("gamma_ramp"), &json!(51)));
     assert_eq!(found[1], json!({ "kind": "screen_saver" }));
+}
+
+#[test]
+fn a_monitor_that_power_saving_switches_off_is_reported_each_time() {
+    let here = tempfile::tempdir().expect("a folder");
+    hologram(here.path(), &Display { height: 36, width: 64, ..Display::preset("planes24").expect("a preset") });
+    let screen = Screen::new(here.path(), [36, 64]);
+    let power = PowerSaving::before(&screen.server);
+    let mut command = play(here.path(), &screen, "planes24", &["--stats", "stats.json"]);
+    let mut playing = command.env("DISPLAY", &power.name).spawn().expect("it starts");
+    let mut lines = BufReader::new(playing.stderr.take().expect("standard error")).lines().map_while(Result::ok);
+    let mut seen = vec![lines.next().expect("a line")];
+    // Standby (1), suspended (2) and off (3) are all dark.
+    for level in [3, 1] {
+        power.set(level);
+        seen.push(lines.find(|line| line.contains("dpms")).expect("a line about the monitor"));
+        power.set(0);
+    }
+    assert!(Command::new("kill").args(["-INT", &playing.id().to_string()]).status().expect("kill").success());
+    seen.extend(lines);
+    assert_eq!(playing.wait().expect("it ends").code(), Some(0), "{seen:?}");
+    let statistics: Value =
+        serde_json::from_slice(&std::fs::read(here.path().join("stats.json")).expect("statistics")).expect("JSON");
+    let power_saving = json!({ "kind": "power_saving" });
+    assert_eq!(statistics["interference"], json!([power_saving, power_saving]));
 }

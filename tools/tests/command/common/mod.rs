@@ -6,6 +6,8 @@
 pub mod desk;
 pub mod made;
 #[cfg(target_os = "linux")]
+pub mod power;
+#[cfg(target_os = "linux")]
 pub mod screen;
 #[cfg(target_os = "linux")]
 pub mod xvfb;
