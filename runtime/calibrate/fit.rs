@@ -2,43 +2,15 @@
 //! an offset of its own, both solved for inside (Golub and Pereyra 1973): they take up the drift of the laser and veiling light,
 //! and cost two numbers of a picture's thousands. A common gain turns 3 % of drift into 3 % of error in everything.
 
-use super::device::{Device, Set};
 use super::error::CalibrateError;
+use super::expectations::{Smoothness, expectation, with_expectations};
 use super::parameters::{Parameter, Parameters};
-use super::seen::{Look, Seen};
+use super::seen::Seen;
+use super::views::{Pictures, View};
 use crate::files::asked_to_end;
-use crate::optics::Optics;
 use crate::optics::linear::{inverse, solve};
 use rayon::prelude::*;
-use std::path::PathBuf;
 use std::sync::atomic::Ordering;
-
-/// A picture's pixels that are compared.
-pub(super) struct View {
-    /// Which set, and which of its windows.
-    pub(super) set: usize,
-    pub(super) window: usize,
-    pub(super) look: Look,
-    /// Counts, 1 at full scale.
-    pub(super) counts: Vec<f64>,
-    /// Their variance by the camera's noise.
-    pub(super) variance: Vec<f64>,
-    /// Variance of the light over the picture, counts: what errors of the model scale with.
-    pub(super) signal: f64,
-    pub(super) exposure_ms: f64,
-    pub(super) full_scale: f64,
-    /// Its picture's file.
-    pub(super) file: PathBuf,
-}
-
-/// Pictures, and what was shown for them.
-pub(super) struct Pictures {
-    pub(super) optics: Optics,
-    pub(super) sets: Vec<Set>,
-    pub(super) views: Vec<View>,
-    /// The camera's dark level, counts.
-    pub(super) dark: f64,
-}
 
 /// Gain per millisecond, and offset, of one picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -102,10 +74,12 @@ pub(super) struct Effort {
     pub(super) rounds: usize,
     /// A round that gains less than this share is the last.
     pub(super) enough: f64,
+    pub(super) smoothness: Smoothness,
 }
 
 /// Of random patterns, which are seen with one sub-pixel until lag is fitted.
-pub(super) const COARSE: Effort = Effort { subpixels: 1, slopes: 1, rounds: 5, enough: 0.02 };
+pub(super) const COARSE: Effort =
+    Effort { subpixels: 1, slopes: 1, rounds: 5, enough: 0.02, smoothness: Smoothness::STRONG };
 
 /// Slopes are computed again if a step gains less or more than these shares of what they promise.
 const KEPT: std::ops::Range<f64> = 0.5..1.3;
@@ -120,43 +94,6 @@ const LONGEST_STEP: f64 = 1.5;
 const DARK_WEIGHT: f64 = 1e-4;
 
 impl Pictures {
-    /// What the model predicts of each of these views, with slopes.
-    pub(super) fn see(&self, at: &Parameters, subpixels: usize, which: &[usize], free: &[Parameter]) -> Vec<Seen> {
-        let device = Device::new(&at.model, self.optics, subpixels);
-        let mut sets: Vec<usize> = which.iter().map(|v| self.views[*v].set).collect();
-        sets.sort_unstable();
-        sets.dedup();
-        let of_device: Vec<Parameter> = free.iter().copied().filter(|p| p.is_of_device()).collect();
-        let further = device.all_further(at, &of_device);
-        let seen: Vec<Vec<(usize, Seen)>> = sets
-            .par_iter()
-            .map(|&set| {
-                let (fields, by) = device.enter(&self.sets[set], &further);
-                let views: Vec<usize> = which.iter().copied().filter(|v| self.views[*v].set == set).collect();
-                views
-                    .into_par_iter()
-                    .map(|v| {
-                        let window = self.views[v].window;
-                        let entering: Vec<_> = fields.iter().map(|frame| &frame[window][..]).collect();
-                        let mut device = by.iter();
-                        let by: Vec<Vec<_>> = free
-                            .iter()
-                            .map(|p| match p.is_of_device() {
-                                true => device.next().into_iter().flatten().map(|frame| &frame[window][..]).collect(),
-                                false => Vec::new(),
-                            })
-                            .collect();
-                        (v, self.views[v].look.see(at, &entering, free, &by))
-                    })
-                    .collect()
-            })
-            .collect();
-        let mut all: Vec<(usize, Seen)> = seen.into_iter().flatten().collect();
-        let order = |v: usize| which.iter().position(|w| *w == v);
-        all.sort_by_key(|(v, _)| order(*v));
-        all.into_iter().map(|(_, seen)| seen).collect()
-    }
-
     /// Variance of these views about their means, in that of the camera's noise.
     pub(super) fn signal(&self, which: &[usize]) -> f64 {
         let of_view = |v: &usize| {
@@ -165,14 +102,6 @@ impl Pictures {
         };
         let [all, noise] = which.iter().map(of_view).fold([0.0; 2], |s, v| [s[0] + v[0], s[1] + v[1]]);
         all / noise
-    }
-
-    /// What the model predicts of a view at other camera pixels (x, y).
-    pub(super) fn see_places(&self, at: &Parameters, subpixels: usize, view: usize, places: &[[f64; 2]]) -> Seen {
-        let View { set, window, look, .. } = &self.views[view];
-        let (fields, _) = Device::new(&at.model, self.optics, subpixels).enter(&self.sets[*set], &[]);
-        let entering: Vec<_> = fields.iter().map(|frame| &frame[*window][..]).collect();
-        look.of(places.to_vec()).see(at, &entering, &[], &[])
     }
 
     /// Gain and offset of a view that fit best.
@@ -197,6 +126,11 @@ impl Pictures {
         let exposure = self.exposure(view, seen);
         let (view, gain) = (&self.views[view], exposure.gain * self.views[view].exposure_ms);
         seen.intensity.iter().zip(&view.counts).map(|(i, c)| gain * i + exposure.dark - c).collect()
+    }
+
+    /// The share of a view's variance that is left.
+    pub(super) fn share_left(&self, view: usize, seen: &Seen) -> f64 {
+        mean_square(&self.residuals(view, seen)) / self.views[view].signal
     }
 
     /// The share of each view's variance that is left, and the squares in units of the noise, on average.
@@ -281,8 +215,8 @@ impl Pictures {
             let residuals = self.all_residuals(which, &seen);
             let misfit = self.misfit(which, &residuals);
             let before = self.robust(which, &residuals, misfit);
-            let (normal, right) = self.normal(which, [&seen, &slopes], &residuals, misfit);
-            let (normal, right) = with_expectations(normal, right, known, &at, free);
+            let equations = self.normal(which, [&seen, &slopes], &residuals, misfit);
+            let (normal, right) = with_expectations(effort.smoothness, equations, known, &at, free);
             let tries = if fresh { TRIES } else { 2 };
             let mut step_taken = None;
             for _ in 0..tries {
@@ -298,7 +232,8 @@ impl Pictures {
                 let trial = at.stepped(free, &step);
                 let seen = self.see(&trial, effort.subpixels, which, &[]);
                 let after = self.robust(which, &self.all_residuals(which, &seen), misfit);
-                let expected = expectation(known, &trial, free) - expectation(known, &at, free);
+                let [then, now] = [&trial, &at].map(|at| expectation(effort.smoothness, known, at, free));
+                let expected = then - now;
                 if after + expected < before {
                     damping = (damping * 0.1).max(1e-12);
                     let gained = before - after - expected;
@@ -343,8 +278,8 @@ impl Pictures {
         let misfit = self.misfit(which, &residuals);
         let count: usize = residuals.iter().map(Vec::len).sum();
         let scale = (self.robust(which, &residuals, misfit) / count as f64).max(1.0);
-        let (normal, _) = self.normal(which, [seen, slopes], &residuals, misfit);
-        let (normal, _) = with_expectations(normal, vec![0.0; free.len()], at, at, free);
+        let equations = self.normal(which, [seen, slopes], &residuals, misfit);
+        let (normal, _) = with_expectations(Smoothness::WEAK, equations, at, at, free);
         Some(scaled(inverse(&normal)?, scale))
     }
 
@@ -467,24 +402,4 @@ fn huber(square: f64) -> f64 {
 fn scaled(mut matrix: Vec<Vec<f64>>, factor: f64) -> Vec<Vec<f64>> {
     matrix.iter_mut().flatten().for_each(|v| *v *= factor);
     matrix
-}
-
-/// The cost of numbers that are far from where they are expected: it keeps those in place that the pictures do not show.
-fn expectation(start: &Parameters, at: &Parameters, free: &[Parameter]) -> f64 {
-    free.iter().map(|p| ((at.get(*p) - start.get(*p)) / p.usual()).powi(2)).sum()
-}
-
-fn with_expectations(
-    mut normal: Vec<Vec<f64>>,
-    mut right: Vec<f64>,
-    start: &Parameters,
-    at: &Parameters,
-    free: &[Parameter],
-) -> (Vec<Vec<f64>>, Vec<f64>) {
-    for (i, p) in free.iter().enumerate() {
-        let weight = 1.0 / p.usual().powi(2);
-        normal[i][i] += weight;
-        right[i] -= weight * (at.get(*p) - start.get(*p));
-    }
-    (normal, right)
 }

@@ -1,11 +1,11 @@
 //! The forward model against its definition, and its slopes against differences.
 
 use super::device::Set;
-use super::fit::{Pictures, View};
 use super::map::CameraMap;
 use super::parameters::{Parameter, Parameters, of_order};
 use super::pattern;
 use super::seen::Look;
+use super::views::{Pictures, View};
 use crate::optics::{DisplayModel, Iris, Optics, Pupil, Spread, transfer};
 use eyebox_kernels::Complex64;
 use std::f64::consts::TAU;

@@ -22,6 +22,7 @@ mod directions;
 mod dots;
 mod error;
 mod even;
+mod expectations;
 mod figures;
 mod fit;
 mod follower;
@@ -47,6 +48,7 @@ mod stages;
 mod terms;
 mod unseen;
 mod verdict;
+mod views;
 
 pub use acquire::TAKING;
 pub use age::ModelAge;

@@ -2,9 +2,9 @@
 //! near the edge is judged by what the pictures say of it, and the iris goes where it passes those that are there.
 
 use super::device::Device;
-use super::fit::Pictures;
 use super::parameters::{Parameter, Parameters};
 use super::seen::{Look, POINTS, Seen};
+use super::views::Pictures;
 use crate::optics::{Optics, Pupil};
 use crate::solve::SplitMix;
 use eyebox_kernels::Complex64;

@@ -212,6 +212,11 @@ impl Look {
 
     /// The field at places, from its spectrum in the window; its carrier is left out, which no intensity shows.
     pub(super) fn at(&self, spectrum: &[Complex64], places: &Places, undo: &[f64]) -> Vec<Complex64> {
+        self.between(&self.grid(spectrum, undo), places)
+    }
+
+    /// The field on the grid, (column, row).
+    fn grid(&self, spectrum: &[Complex64], undo: &[f64]) -> Vec<Complex64> {
         let (n, side) = (self.window.size, self.side);
         let scale = 1.0 / (self.optics.height * self.optics.width) as f64;
         let home = |i: usize| (i + side - n / 2) % side;
@@ -227,6 +232,12 @@ impl Look {
             from.iter().enumerate().for_each(|(i, v)| column[home(i)] = *v);
         }
         fft::transform_f64(&mut grid, side, fft::Direction::Inverse);
+        grid
+    }
+
+    /// The field at places between the points of the grid.
+    fn between(&self, grid: &[Complex64], places: &Places) -> Vec<Complex64> {
+        let side = self.side;
         let value = |(first, [wx, wy]): (&[usize; 2], &[[f64; TAPS]; 2])| {
             let mut sum = Complex64::default();
             for (i, wx) in wx.iter().enumerate() {
@@ -301,6 +312,28 @@ impl Look {
             }
         }
         Seen { intensity, slopes }
+    }
+
+    /// Intensity at the pixels for what enters in each sub-frame, for cameras that look elsewhere: by camera.
+    pub(super) fn see_from(&self, at: &Parameters, fields: &[&[Complex64]], cameras: &[CameraMap]) -> Vec<Vec<f64>> {
+        let (kernel, undo) = (self.kernel(at), self.undo());
+        let lit = |field: &&[Complex64]| {
+            let spectrum: Vec<_> = field.iter().zip(&kernel).map(|(f, k)| f * k).collect();
+            self.grid(&spectrum, &undo)
+        };
+        let grids: Vec<_> = fields.iter().map(lit).collect();
+        let share = 1.0 / (fields.len() * POINTS) as f64;
+        let of_camera = |map: &CameraMap| {
+            let places = self.places(&self.points(map, at.camera_pixel));
+            let mut intensity = vec![0.0; self.pixels.len()];
+            for grid in &grids {
+                for (sum, v) in intensity.iter_mut().zip(self.between(grid, &places).chunks_exact(POINTS)) {
+                    *sum += v.iter().map(|v| v.norm_sqr()).sum::<f64>() * share;
+                }
+            }
+            intensity
+        };
+        cameras.iter().map(of_camera).collect()
     }
 
     /// How the points move with a parameter of the camera, SLM pixels (x, y).

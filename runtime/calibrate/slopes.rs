@@ -1,7 +1,9 @@
 //! The start of the wavefront, without a guess: a small iris sees the local slope of the wavefront as a shift of its picture.
 
-use super::fit::{COARSE, Pictures};
+use super::fit::COARSE;
+use super::map::CameraMap;
 use super::parameters::{Parameter, Parameters};
+use super::views::Pictures;
 use crate::optics::linear::solve;
 use crate::optics::zernike;
 
@@ -43,19 +45,21 @@ pub(super) fn from_shifts(pictures: &Pictures, start: &Parameters, which: &[usiz
 /// The shift at which the model explains each picture best, SLM pixels; none where no shift does.
 fn shifts(pictures: &Pictures, at: &Parameters, which: &[usize], reach: i32, step: f64) -> Vec<Option<[f64; 2]>> {
     let side = 2 * reach + 1;
-    let left: Vec<Vec<f64>> = (0..side * side)
-        .map(|i| {
-            let shift = [i % side - reach, i / side - reach].map(|n| f64::from(n) * step);
-            let seen = pictures.see(&shifted(at, shift), COARSE.subpixels, which, &[]);
-            pictures.left(which, &seen).into_iter().map(|l| l[0]).collect()
-        })
+    let camera = |i: i32| shifted(at, [i % side - reach, i / side - reach].map(|n| f64::from(n) * step)).map;
+    let cameras: Vec<CameraMap> = (0..side * side).map(camera).collect();
+    // By view, then camera.
+    let left: Vec<Vec<f64>> = pictures
+        .see_from(at, COARSE.subpixels, which, &cameras)
+        .iter()
+        .zip(which)
+        .map(|(seen, v)| seen.iter().map(|seen| pictures.share_left(*v, seen)).collect())
         .collect();
     let best = |view: usize| {
         let value = |x: i32, y: i32| {
             let inside = x.abs() <= reach && y.abs() <= reach;
-            inside.then(|| left[((y + reach) * side + x + reach) as usize][view])
+            inside.then(|| left[view][((y + reach) * side + x + reach) as usize])
         };
-        let least = (0..side * side).min_by(|a, b| left[*a as usize][view].total_cmp(&left[*b as usize][view]))?;
+        let least = (0..side * side).min_by(|a, b| left[view][*a as usize].total_cmp(&left[view][*b as usize]))?;
         let [x, y] = [least % side - reach, least / side - reach];
         let middle = value(x, y)?;
         // The lowest point of the parabola through a place and its neighbors.

@@ -4,12 +4,13 @@ use super::acquire::Taken;
 use super::captures::{Shot, shown};
 use super::device::Set;
 use super::error::CalibrateError;
-use super::fit::{COARSE, Pictures, View, variance_of};
+use super::fit::{COARSE, variance_of};
 use super::map::CameraMap;
 use super::noise::Noise;
 use super::parameters::Parameters;
 use super::picture::Picture;
 use super::seen::Look;
+use super::views::{Pictures, View};
 use super::{dots, pattern};
 use crate::optics::{Color, Display, Optics, Pupil};
 use crate::solve::SplitMix;
@@ -105,6 +106,18 @@ impl Sorted {
     pub(super) fn mean_left(&self, at: &Parameters, which: &[usize]) -> f64 {
         let left = self.pictures.left(which, &self.pictures.see(at, COARSE.subpixels, which, &[]));
         left.iter().map(|l| l[0]).sum::<f64>() / left.len().max(1) as f64
+    }
+
+    /// The same with each `n`th of the pixels.
+    pub(super) fn thinned(&self, n: usize) -> Self {
+        Self {
+            pictures: self.pictures.thinned(n),
+            even: self.even.clone(),
+            fitted: self.fitted.clone(),
+            strange: self.strange.clone(),
+            pairs: self.pairs.clone(),
+            ..*self
+        }
     }
 
     /// A picture that is not fitted any more.

@@ -2,10 +2,11 @@
 
 use super::age::today;
 use super::error::CalibrateError;
-use super::fit::{Effort, Fit, Pictures};
+use super::fit::{Effort, Fit};
 use super::parameters::{ORDERS, Parameter, Parameters, of_order};
 use super::report::Report;
 use super::verdict::Verdict;
+use super::views::Pictures;
 use crate::optics::linear::solve;
 use crate::optics::{Color, Display, DisplayModel, Level, ModelTerms, Spread};
 

@@ -1,9 +1,10 @@
 //! The share that a model leaves of pictures that it was not fitted to.
 
-use super::fit::{Pictures, mean_square, variance_of};
+use super::fit::{mean_square, variance_of};
 use super::parameters::Parameters;
 use super::seen::Seen;
 use super::sorted::Sorted;
+use super::views::Pictures;
 
 /// Shares of the variance of pictures about their means.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,22 +1,49 @@
 //! Zernike polynomials, by their ANSI index.
 
+use std::sync::LazyLock;
+
+/// What the value of a polynomial is computed from.
+struct Polynomial {
+    /// |m|, the number of periods around the middle.
+    around: u32,
+    is_sine: bool,
+    /// Makes its RMS 1.
+    norm: f64,
+    /// R(rho) / rho^|m| in powers of rho^2, the highest first.
+    radial: Vec<f64>,
+}
+
+impl Polynomial {
+    fn of(j: u32) -> Self {
+        let n = order(j);
+        let m = 2 * i64::from(j) - i64::from(n) * i64::from(n + 2);
+        let around = m.unsigned_abs() as u32;
+        let half = (n - around) / 2;
+        let choose = |n: u32, k: u32| (0..k).fold(1.0, |c, i| c * f64::from(n - i) / f64::from(i + 1));
+        let coefficient =
+            |k: u32| if k.is_multiple_of(2) { 1.0 } else { -1.0 } * choose(n - k, k) * choose(n - 2 * k, half - k);
+        let norm = (f64::from(n + 1) * if m == 0 { 1.0 } else { 2.0 }).sqrt();
+        Self { around, is_sine: m < 0, norm, radial: (0..=half).map(coefficient).collect() }
+    }
+
+    fn at(&self, x: f64, y: f64) -> f64 {
+        let rho2 = x * x + y * y;
+        let radial = self.radial.iter().fold(0.0, |sum, c| sum * rho2 + c);
+        // rho^|m| times cosine and sine of |m| theta.
+        let (cos, sin) = (0..self.around).fold((1.0, 0.0), |(c, s), _| (c * x - s * y, c * y + s * x));
+        self.norm * radial * if self.is_sine { sin } else { cos }
+    }
+}
+
 /// Z_j at (x, y) of the unit disc, by ANSI index `j = (n (n + 2) + m) / 2`: RMS 1 over the disc, continued outside it; the
 /// angle runs from +x towards +y, which points down (OPTICS 10). ANSI Z80.28.
 pub fn zernike(j: u32, x: f64, y: f64) -> f64 {
-    let n = order(j);
-    let m = 2 * i64::from(j) - i64::from(n) * i64::from(n + 2);
-    let order = m.unsigned_abs() as u32;
-    let half = (n - order) / 2;
-    let choose = |n: u32, k: u32| (0..k).fold(1.0, |c, i| c * f64::from(n - i) / f64::from(i + 1));
-    // R(rho) / rho^|m| in powers of rho^2, the highest first.
-    let coefficient =
-        |k: u32| if k.is_multiple_of(2) { 1.0 } else { -1.0 } * choose(n - k, k) * choose(n - 2 * k, half - k);
-    let rho2 = x * x + y * y;
-    let radial = (0..=half).fold(0.0, |sum, k| sum * rho2 + coefficient(k));
-    // rho^|m| times cosine and sine of |m| theta.
-    let (cos, sin) = (0..order).fold((1.0, 0.0), |(c, s), _| (c * x - s * y, c * y + s * x));
-    let norm = (f64::from(n + 1) * if m == 0 { 1.0 } else { 2.0 }).sqrt();
-    norm * radial * if m < 0 { sin } else { cos }
+    /// Those to order 10 are computed for each bin of each iris.
+    static FIRST: LazyLock<Vec<Polynomial>> = LazyLock::new(|| (0..66).map(Polynomial::of).collect());
+    match FIRST.get(j as usize) {
+        Some(polynomial) => polynomial.at(x, y),
+        None => Polynomial::of(j).at(x, y),
+    }
 }
 
 /// What opticians call Z_j, for example coma y (the sine) and coma x (the cosine), 2nd astigmatism 45°, trefoil sin.

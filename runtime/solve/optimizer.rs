@@ -26,18 +26,10 @@ pub enum Optimizer {
     },
 }
 
-/// Steps of Adam that do what one step of the projection does (docs/measurements.md).
-const ADAM: usize = 10;
-
 impl Optimizer {
     /// The projection as tuned on several scenes (docs/measurements.md).
     pub const fn projection() -> Self {
         Self::Projection { gain: [2.5, 0.3], momentum: 0.5, overlap_power: 0.5 }
-    }
-
-    /// Steps of the projection that move light as far as so many steps of this.
-    pub(super) fn steps_of_projection(&self, steps: usize) -> usize {
-        if matches!(self, Self::Adam { .. }) { steps / ADAM } else { steps }
     }
 
     /// What an engine's buffers are for.

@@ -182,9 +182,11 @@ impl Settings {
         }
     }
 
-    /// Steps, counted in those of the projection.
+    /// Steps of the projection that move light as far as these steps do.
     pub(super) fn steps_of_projection(&self) -> usize {
-        self.optimizer.steps_of_projection(self.steps)
+        /// Steps of Adam that do what one step of the projection does (docs/measurements.md).
+        const ADAM: usize = 10;
+        if matches!(self.optimizer, Optimizer::Adam { .. }) { self.steps / ADAM } else { self.steps }
     }
 
     /// Sub-frames that are solved: `repeats` of them are alike where that divides them.
