@@ -167,3 +167,20 @@ fn each_picture_has_a_gain_and_an_offset_of_its_own() {
     let exposure = pictures.exposure(0, &even);
     assert!((exposure.dark - 0.05).abs() < 1e-6 && (exposure.gain - 0.2).abs() < 1e-6, "{exposure:?}");
 }
+
+#[test]
+fn cameras_that_look_elsewhere_see_what_each_of_them_sees() {
+    let numbers = [0.9, 0.03, 0.02, -0.03, 0.91, -0.05, 0.02, -0.01, 0.01, 0.0];
+    let map = CameraMap { numbers, slm: SIZE, camera: [40, 44] };
+    let at = Parameters { map, camera_pixel: 0.8, ..plain(everything()) };
+    let pictures = pictures(&at, vec![[20.0, 20.0], [9.0, 12.0], [30.0, 25.0], [22.0, 8.0]]);
+    let elsewhere = [at.clone(), at.moved(Parameter::Map(2), 0.1), at.moved(Parameter::Map(5), -0.07)];
+    let together = pictures.see_from(&at, 2, &[0], &elsewhere.each_ref().map(|at| at.map));
+    for (at, seen) in elsewhere.iter().zip(&together[0]) {
+        assert_eq!(seen.intensity, pictures.see(at, 2, &[0], &[])[0].intensity);
+    }
+    // Every second pixel is seen as before.
+    let thinned = pictures.thinned(2).see(&at, 2, &[0], &[]).remove(0).intensity;
+    let some: Vec<f64> = together[0][0].intensity.iter().step_by(2).copied().collect();
+    assert_eq!((thinned.len(), thinned), (2, some));
+}
