@@ -42,7 +42,6 @@ pub(super) struct Device {
 }
 
 /// A set of patterns that follow each other, with the windows that are looked at.
-#[derive(Clone)]
 pub(super) struct Set {
     pub(super) pattern: Pattern,
     pub(super) windows: Vec<Window>,

@@ -2,7 +2,6 @@
 //! that the result depends on nothing that is unknown yet, and a tilt of any size is found.
 
 use super::error::CalibrateError;
-use super::expectations::Smoothness;
 use super::fit::Effort;
 use super::parameters::{Parameter, Parameters};
 use super::pattern::transposed;
@@ -26,7 +25,7 @@ const PLACES: usize = 512;
 /// Curvatures that are tried, from -2 to 2 rad.
 const CURVATURES: std::ops::RangeInclusive<i32> = -8..=8;
 /// An even drive shows this and nothing of crosstalk.
-const EVEN: Effort = Effort { subpixels: 1, slopes: 1, rounds: 20, enough: 0.01, smoothness: Smoothness::WEAK };
+const EVEN: Effort = Effort { subpixels: 1, slopes: 1, rounds: 20, enough: 0.01 };
 
 /// A complex image over the SLM.
 struct Image {

@@ -3,7 +3,6 @@
 //! and cost two numbers of a picture's thousands. A common gain turns 3 % of drift into 3 % of error in everything.
 
 use super::error::CalibrateError;
-use super::expectations::{Smoothness, expectation, with_expectations};
 use super::parameters::{Parameter, Parameters};
 use super::seen::Seen;
 use super::views::{Pictures, View};
@@ -74,12 +73,10 @@ pub(super) struct Effort {
     pub(super) rounds: usize,
     /// A round that gains less than this share is the last.
     pub(super) enough: f64,
-    pub(super) smoothness: Smoothness,
 }
 
 /// Of random patterns, which are seen with one sub-pixel until lag is fitted.
-pub(super) const COARSE: Effort =
-    Effort { subpixels: 1, slopes: 1, rounds: 5, enough: 0.02, smoothness: Smoothness::STRONG };
+pub(super) const COARSE: Effort = Effort { subpixels: 1, slopes: 1, rounds: 5, enough: 0.02 };
 
 /// Slopes are computed again if a step gains less or more than these shares of what they promise.
 const KEPT: std::ops::Range<f64> = 0.5..1.3;
@@ -215,8 +212,8 @@ impl Pictures {
             let residuals = self.all_residuals(which, &seen);
             let misfit = self.misfit(which, &residuals);
             let before = self.robust(which, &residuals, misfit);
-            let equations = self.normal(which, [&seen, &slopes], &residuals, misfit);
-            let (normal, right) = with_expectations(effort.smoothness, equations, known, &at, free);
+            let (normal, right) = self.normal(which, [&seen, &slopes], &residuals, misfit);
+            let (normal, right) = with_expectations(normal, right, known, &at, free);
             let tries = if fresh { TRIES } else { 2 };
             let mut step_taken = None;
             for _ in 0..tries {
@@ -232,8 +229,7 @@ impl Pictures {
                 let trial = at.stepped(free, &step);
                 let seen = self.see(&trial, effort.subpixels, which, &[]);
                 let after = self.robust(which, &self.all_residuals(which, &seen), misfit);
-                let [then, now] = [&trial, &at].map(|at| expectation(effort.smoothness, known, at, free));
-                let expected = then - now;
+                let expected = expectation(known, &trial, free) - expectation(known, &at, free);
                 if after + expected < before {
                     damping = (damping * 0.1).max(1e-12);
                     let gained = before - after - expected;
@@ -278,8 +274,8 @@ impl Pictures {
         let misfit = self.misfit(which, &residuals);
         let count: usize = residuals.iter().map(Vec::len).sum();
         let scale = (self.robust(which, &residuals, misfit) / count as f64).max(1.0);
-        let equations = self.normal(which, [seen, slopes], &residuals, misfit);
-        let (normal, _) = with_expectations(Smoothness::WEAK, equations, at, at, free);
+        let (normal, _) = self.normal(which, [seen, slopes], &residuals, misfit);
+        let (normal, _) = with_expectations(normal, vec![0.0; free.len()], at, at, free);
         Some(scaled(inverse(&normal)?, scale))
     }
 
@@ -402,4 +398,24 @@ fn huber(square: f64) -> f64 {
 fn scaled(mut matrix: Vec<Vec<f64>>, factor: f64) -> Vec<Vec<f64>> {
     matrix.iter_mut().flatten().for_each(|v| *v *= factor);
     matrix
+}
+
+/// The cost of numbers that are far from where they are expected: it keeps those in place that the pictures do not show.
+fn expectation(start: &Parameters, at: &Parameters, free: &[Parameter]) -> f64 {
+    free.iter().map(|p| ((at.get(*p) - start.get(*p)) / p.usual()).powi(2)).sum()
+}
+
+fn with_expectations(
+    mut normal: Vec<Vec<f64>>,
+    mut right: Vec<f64>,
+    start: &Parameters,
+    at: &Parameters,
+    free: &[Parameter],
+) -> (Vec<Vec<f64>>, Vec<f64>) {
+    for (i, p) in free.iter().enumerate() {
+        let weight = 1.0 / p.usual().powi(2);
+        normal[i][i] += weight;
+        right[i] -= weight * (at.get(*p) - start.get(*p));
+    }
+    (normal, right)
 }

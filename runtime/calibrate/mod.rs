@@ -22,7 +22,6 @@ mod directions;
 mod dots;
 mod error;
 mod even;
-mod expectations;
 mod figures;
 mod fit;
 mod follower;

@@ -11,23 +11,17 @@ use super::unseen::unseen;
 const SMALL: f64 = 0.24;
 /// The highest order that the slopes start and that is fitted at once.
 const NEXT: u32 = 5;
-/// The highest order that slopes tell: 15 small irises show 30 slopes.
-const BY_SLOPES: u32 = 7;
 /// Small irises of which more than this share is left are in a wrong minimum; they are looked for so often.
 const LOST: f64 = 0.3;
 const RESCUES: usize = 3;
-/// A picture that leaves this many times what the middle one leaves is lost, too.
-const ASTRAY: f64 = 1.5;
 /// Where no more than this share of them is left, the slopes are right.
 const RIGHT: f64 = 0.15;
 /// Widths of crosstalk that are tried, shares of the usual one.
 const SIGMAS: [f64; 4] = [1.0, 1.7, 3.0, 6.0];
 /// An order is kept if what is left of the pictures that were not fitted falls by this share,
 const GAINS: f64 = 0.02;
-/// or if a term of it is this many standard errors from nothing, and no more than so many times as much is left: these pictures look
-/// through few places, and other faults than the wavefront's leave most of them.
+/// or if a term of it is this many standard errors from nothing.
 const SURE: f64 = 5.0;
-const WORSE: f64 = 1.2;
 
 /// The pictures of single random patterns: through small irises, and all.
 pub(super) struct Random {
@@ -47,18 +41,6 @@ impl Random {
         let small = if small.len() < 3 { all.clone() } else { small };
         Self { small, all }
     }
-}
-
-/// Those of these pictures that the model explains well enough to learn from. A picture in a wrong minimum tells nothing of where it is,
-/// and a wavefront that follows it goes astray where no other picture looks.
-pub(super) fn telling(sorted: &Sorted, at: &Parameters, which: &[usize]) -> Vec<usize> {
-    let left = sorted.pictures.left(which, &sorted.pictures.see(at, COARSE.subpixels, which, &[]));
-    let mut shares: Vec<f64> = left.iter().map(|[left, _]| *left).collect();
-    shares.sort_by(f64::total_cmp);
-    let most = LOST.max(ASTRAY * shares.get(shares.len() / 2).copied().unwrap_or(1.0));
-    // Even drives have so little contrast that their shares do not compare.
-    let tells = |(v, [left, _]): (&usize, &[f64; 2])| (*left < most || sorted.even.contains(v)).then_some(*v);
-    which.iter().zip(&left).filter_map(tells).collect()
 }
 
 /// The wavefront's terms of these orders.
@@ -100,22 +82,20 @@ pub(super) fn slopes(
             || matches!(p, Parameter::Level(_) | Parameter::Bend(_))
     }));
     let which: Vec<usize> = sorted.even.iter().chain(&random.small).copied().collect();
-    let mut at =
-        pictures.fit_near(known, &best, &free, &telling(sorted, &best, &which), COARSE, &mut |p| observe(p))?.at;
+    let mut at = pictures.fit_near(known, &best, &free, &which, COARSE, &mut |p| observe(p))?.at;
     tracing::debug!("small irises, fifth order: {:.4} is left", share(&at));
-    // A picture in a wrong minimum is excluded in the end: nothing would tell of its part of the wavefront.
-    free.extend(terms(NEXT + 1..=BY_SLOPES));
+    // A picture in a wrong minimum pulls at the others and is excluded in the end: nothing would tell of its part of the wavefront.
+    free.extend(terms(NEXT + 1..=*ORDERS.end()));
     for _ in 0..RESCUES {
         let left = pictures.left(&random.small, &pictures.see(&at, COARSE.subpixels, &random.small, &[]));
         if left.iter().all(|[left, _]| *left < LOST) {
             break;
         }
-        let (trial, better) = shifted(at.clone(), BY_SLOPES);
+        let (trial, better) = shifted(at.clone(), *ORDERS.end());
         if !better {
             break;
         }
-        let told = telling(sorted, &trial, &which);
-        let trial = pictures.fit_near(known, &trial, &free, &told, COARSE, &mut |p| observe(p))?.at;
+        let trial = pictures.fit_near(known, &trial, &free, &which, COARSE, &mut |p| observe(p))?.at;
         tracing::debug!("small irises, lost ones found: {:.4} is left", share(&trial));
         if share(&trial) > share(&at) {
             break;
@@ -125,7 +105,7 @@ pub(super) fn slopes(
     Ok(at)
 }
 
-/// Adds orders of the wavefront to a fit while they gain; the best fit, with its orders among the free numbers.
+/// Adds orders of the wavefront to a fit while they gain; the last fit, with its orders among the free numbers.
 pub(super) fn more(
     sorted: &Sorted,
     which: &[usize],
@@ -138,34 +118,24 @@ pub(super) fn more(
         false => unseen(sorted, at, effort.subpixels).left,
     };
     let mut left = judge(&best.at);
-    // An order that shows in the pictures may gain only together with the next one, for a wavefront may be mostly even, or mostly odd.
-    let mut last = best.clone();
     for order in NEXT + 1..=*ORDERS.end() {
         let added: Vec<Parameter> = of_order(order).collect();
-        let free: Vec<Parameter> = last.free.iter().chain(&added).copied().collect();
-        let told = telling(sorted, &last.at, which);
-        let fit = sorted.pictures.fit_near(known, &last.at, &free, &told, effort, &mut |_| ())?;
+        let free: Vec<Parameter> = best.free.iter().chain(&added).copied().collect();
+        let fit = sorted.pictures.fit_near(known, &best.at, &free, which, effort, &mut |_| ())?;
         let now = judge(&fit.at);
         let surest = added.iter().filter_map(|p| Some(fit.at.get(*p).abs() / fit.error(*p)?)).fold(0.0, f64::max);
-        tracing::debug!(
-            "order {order}: {now:.4} after {left:.4} is left, at most {surest:.1} standard errors; {} of {} pictures",
-            told.len(),
-            which.len()
-        );
-        if gains(left, now, surest) {
-            (best, left) = (fit.clone(), now);
-        } else if surest < SURE && told.len() == which.len() {
-            // While pictures are lost, the next order may find them.
+        tracing::debug!("order {order}: {now:.4} after {left:.4} is left, at most {surest:.1} standard errors");
+        if !gains(left, now, surest) {
             break;
         }
-        last = fit;
+        (best, left) = (fit, now);
     }
     Ok(best)
 }
 
 /// Whether an order is kept: by the share that is left of the pictures that were not fitted, before and now, and by its surest term.
 fn gains(before: f64, now: f64, surest: f64) -> bool {
-    now < (1.0 - GAINS) * before || surest > SURE && now < WORSE * before
+    now < (1.0 - GAINS) * before || surest > SURE && now < before
 }
 
 #[cfg(test)]
@@ -177,8 +147,7 @@ mod tests {
         assert!(gains(0.10, 0.09, 0.0));
         assert!(!gains(0.10, 0.099, 3.0));
         assert!(gains(0.10, 0.099, 8.0));
-        assert!(gains(0.10, 0.11, 8.0));
-        // However sure its terms are, it does not stay if the pictures that judge it lose much.
-        assert!(!gains(0.10, 0.13, 8.0));
+        // However sure its terms are, it does not stay if the pictures that judge it lose.
+        assert!(!gains(0.10, 0.101, 8.0));
     }
 }

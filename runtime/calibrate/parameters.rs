@@ -24,8 +24,8 @@ pub(super) enum Parameter {
     CameraPixel,
 }
 
-/// Orders of the wavefront that are fitted at most.
-pub(super) const ORDERS: std::ops::RangeInclusive<u32> = 2..=9;
+/// Orders of the wavefront that are fitted at most: 15 small irises show 30 slopes.
+pub(super) const ORDERS: std::ops::RangeInclusive<u32> = 2..=7;
 
 /// The display, and the camera's map.
 #[derive(Debug, Clone, PartialEq)]

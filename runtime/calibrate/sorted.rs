@@ -108,18 +108,6 @@ impl Sorted {
         left.iter().map(|l| l[0]).sum::<f64>() / left.len().max(1) as f64
     }
 
-    /// The same with each `n`th of the pixels.
-    pub(super) fn thinned(&self, n: usize) -> Self {
-        Self {
-            pictures: self.pictures.thinned(n),
-            even: self.even.clone(),
-            fitted: self.fitted.clone(),
-            strange: self.strange.clone(),
-            pairs: self.pairs.clone(),
-            ..*self
-        }
-    }
-
     /// A picture that is not fitted any more.
     pub(super) fn leave_out(&mut self, view: usize) {
         self.even.retain(|v| *v != view);

@@ -5,7 +5,6 @@ use super::bench::Event;
 use super::calibrated::Calibration;
 use super::directions::PhaseSign;
 use super::error::CalibrateError;
-use super::expectations::Smoothness;
 use super::fit::{COARSE, Effort, Fit};
 use super::left::shown;
 use super::orders::{self, Random};
@@ -20,12 +19,10 @@ use crate::optics::{Color, Display, Spread};
 /// Sub-pixels along an axis at the end of a fit that reaches the noise.
 const FINE: usize = 5;
 /// The display as its file has it.
-const PLAIN: Effort = Effort { subpixels: 1, slopes: 1, rounds: 12, enough: 0.01, smoothness: Smoothness::WEAK };
+const PLAIN: Effort = Effort { subpixels: 1, slopes: 1, rounds: 12, enough: 0.01 };
 /// Fits of all pictures, and the last ones.
-const ALL: Effort = Effort { subpixels: 2, slopes: 1, rounds: 6, enough: 0.02, smoothness: Smoothness::SOME };
-const END: Effort = Effort { subpixels: FINE, slopes: 2, rounds: 6, enough: 1e-4, smoothness: Smoothness::WEAK };
-/// Until all pictures are found, each third of the pixels is fitted.
-const THINNED: usize = 3;
+const ALL: Effort = Effort { subpixels: 2, slopes: 1, rounds: 6, enough: 0.02 };
+const END: Effort = Effort { subpixels: FINE, slopes: 2, rounds: 6, enough: 1e-4 };
 /// A fit that leaves this share of the pictures lacks no term: sub-pixels and the iris's hard edge are worth fitting.
 const INSIDE: f64 = 0.04;
 /// Terms that do not show are left out unless that leaves this much more of the pictures that were not fitted.
@@ -150,7 +147,6 @@ fn from_small_to_large(
     [known, start]: [&Parameters; 2],
     observe: &mut dyn FnMut(&str, f64),
 ) -> Result<Fit, CalibrateError> {
-    let (all, sorted) = (sorted, &sorted.thinned(THINNED));
     let pictures = &sorted.pictures;
     let mut at = Parameters { soft_edge: true, ..start.clone() };
     at.model.crosstalk = at.model.crosstalk.or(known.model.crosstalk);
@@ -167,8 +163,7 @@ fn from_small_to_large(
     let mut free: Vec<Parameter> = Parameter::all().into_iter().filter(|p| ![Parameter::Lag, K2].contains(p)).collect();
     free.extend((*ORDERS.start()..=5).flat_map(of_order));
     let single: Vec<usize> = sorted.even.iter().chain(&random.all).copied().collect();
-    let told = orders::telling(sorted, &at, &single);
-    let mut fit = pictures.fit_near(&known, &at, &free, &told, COARSE, &mut |part| {
+    let mut fit = pictures.fit_near(&known, &at, &free, &single, COARSE, &mut |part| {
         observe("fitting single patterns", 0.25 + 0.25 * part);
     })?;
     observe("adding orders of the wavefront", 0.5);
@@ -177,8 +172,7 @@ fn from_small_to_large(
     let mut free = fit.free.clone();
     free.extend(has_sets.then_some(Parameter::Lag));
     free.push(K2);
-    let told = orders::telling(all, &fit.at, &all.fitted);
-    all.pictures.fit_near(&known, &fit.at, &free, &told, ALL, &mut |part| {
+    pictures.fit_near(&known, &fit.at, &free, &sorted.fitted, ALL, &mut |part| {
         observe("fitting all pictures", 0.7 + 0.3 * part);
     })
 }

@@ -36,21 +36,6 @@ pub(super) struct Pictures {
 }
 
 impl Pictures {
-    /// The same of each `n`th of the pixels: enough to find where pictures are, in a share of the time.
-    pub(super) fn thinned(&self, n: usize) -> Self {
-        fn some<T: Clone>(all: &[T], n: usize) -> Vec<T> {
-            all.iter().step_by(n).cloned().collect()
-        }
-        let thin = |view: &View| View {
-            look: view.look.of(some(&view.look.pixels, n)),
-            counts: some(&view.counts, n),
-            variance: some(&view.variance, n),
-            file: view.file.clone(),
-            ..*view
-        };
-        Self { sets: self.sets.clone(), views: self.views.iter().map(thin).collect(), ..*self }
-    }
-
     /// What the model predicts of each of these views, with slopes.
     pub(super) fn see(&self, at: &Parameters, subpixels: usize, which: &[usize], free: &[Parameter]) -> Vec<Seen> {
         let device = Device::new(&at.model, self.optics, subpixels);
