@@ -25,6 +25,7 @@
 mod account;
 #[cfg(target_os = "linux")]
 mod application;
+mod bench_follower;
 mod companion;
 mod content;
 #[cfg(target_os = "linux")]
@@ -42,6 +43,7 @@ mod marks;
 mod moments;
 mod moving;
 mod notes;
+mod on_screen;
 mod output;
 mod pacing;
 mod pattern_output;
@@ -102,6 +104,7 @@ mod together_tests;
 pub use account::{Account, Cause, Repeat};
 #[cfg(target_os = "linux")]
 pub use application::{LiveInput, LiveKind, darkness};
+pub use bench_follower::{BenchFollower, FollowEvent};
 pub use companion::{Asked, Companion, CompanionOpener, LitSources, Now, SourceSwitch};
 pub use content::{About, Content, Ended, FrameObserver, SessionEvent, SessionOptions, Status};
 pub use error::SessionError;
