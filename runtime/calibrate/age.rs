@@ -69,7 +69,7 @@ impl fmt::Display for ModelAge {
 
 /// Today, in UTC.
 fn day_now() -> Date {
-    Timestamp::now().to_zoned(TimeZone::UTC).date()
+    TimeZone::UTC.to_datetime(Timestamp::now()).date()
 }
 
 /// Today as year-month-day.

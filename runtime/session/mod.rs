@@ -16,9 +16,11 @@
 //! frames from other processes; `showing` accounts for both. `moments` tells from frames and samples what moves while a set is lit. Each can end without taking the picture away.
 //! `latency` accounts for every set that was shown, from the sample to the light; [`study()`] measures what steering gains
 //! with a simulated eye in simulated time. A program with a display and a loop of its own takes
-//! video frames from a [`TickedSession`] (`ticks`). `marks`: the sync picture and the corner mark; `record`, `trace`, `notes`.
+//! video frames from a [`TickedSession`] (`ticks`). `on_screen` stores which version of a hologram is on the screen, for the
+//! [`BenchFollower`], whose camera takes pictures of it. `marks`: the sync picture and the corner mark; `record`, `trace`, `notes`.
 //!
 //! Every time carries its unit and its meaning in its name. This room imports [`solve`](crate::solve),
+//! [`calibrate`](crate::calibrate),
 //! [`evaluate`](crate::evaluate), [`hologram`](crate::hologram), [`encode`](crate::encode), [`engine`](crate::engine),
 //! [`trackers`](crate::trackers), [`gaze`](crate::gaze) and the display's side, [`present`](crate::present).
 
