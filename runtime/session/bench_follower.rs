@@ -168,8 +168,9 @@ mod tests {
     }
 
     /// Has pictures taken while the screen shows one thing after the other, one at each look, until there are no more. The second
-    /// `OnScreen` is what the screen shows by the end of an exposure. Returns the phase of each picture and whether it was kept.
-    fn pictures(newest: &NewestHologram, script: &[[Option<OnScreen>; 2]]) -> (Vec<(f32, bool)>, bool) {
+    /// `OnScreen` is what the screen shows by the end of an exposure. Returns for each picture the phase, the version on the screen, and
+    /// whether it was kept.
+    fn pictures(newest: &NewestHologram, script: &[[Option<OnScreen>; 2]]) -> (Vec<(f32, u64, bool)>, bool) {
         let script = RefCell::new(VecDeque::from(script.to_vec()));
         let (after, taken, discarded) = (Cell::new(None), RefCell::new(Vec::new()), Cell::new(0));
         let is_over = || {
@@ -179,9 +180,10 @@ mod tests {
             false
         };
         let mut take = |phases: &[f32], stood: &dyn Fn() -> bool| {
+            let version = newest.on_screen().map_or(u64::MAX, |shown| shown.version);
             newest.put_on_screen(None);
             newest.put_on_screen(after.get());
-            taken.borrow_mut().push((phases[0], stood()));
+            taken.borrow_mut().push((phases[0], version, stood()));
             Ok(if stood() { Look::Taken } else { Look::Discarded })
         };
         let mut observe = |event: FollowEvent| {
@@ -191,7 +193,7 @@ mod tests {
         };
         let kept = picture(newest, &is_over, &mut take, &mut observe).unwrap().is_some();
         let taken = taken.into_inner();
-        assert_eq!(discarded.get(), taken.iter().filter(|(_, kept)| !kept).count());
+        assert_eq!(discarded.get(), taken.iter().filter(|(_, _, kept)| !kept).count());
         (taken, kept)
     }
 
@@ -202,14 +204,14 @@ mod tests {
         // Nothing is on the screen before the show is over.
         assert_eq!(pictures(&newest, &[[None; 2]; 3]), (vec![], false));
         let still = [at(0, 3); 2];
-        assert_eq!(pictures(&newest, &[[None; 2], still]), (vec![(1.0, true)], true));
+        assert_eq!(pictures(&newest, &[[None; 2], still]), (vec![(1.0, 0, true)], true));
         // After it was replaced, the old version may be on the screen for long.
         newest.replace(hologram(2.0)).unwrap();
-        assert_eq!(pictures(&newest, &[still, still, [None; 2], [at(1, 9); 2]]), (vec![(2.0, true)], true));
+        assert_eq!(pictures(&newest, &[still, still, [None; 2], [at(1, 9); 2]]), (vec![(2.0, 1, true)], true));
         // Changes during an exposure: to another version, to none, and to something else and back.
         for by_the_end in [at(2, 12), None, at(1, 12)] {
             let script = [[at(1, 9), by_the_end], [None; 2], [at(1, 20); 2]];
-            assert_eq!(pictures(&newest, &script), (vec![(2.0, false), (2.0, true)], true), "{by_the_end:?}");
+            assert_eq!(pictures(&newest, &script), (vec![(2.0, 1, false), (2.0, 1, true)], true), "{by_the_end:?}");
         }
     }
 }
