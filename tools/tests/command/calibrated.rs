@@ -361,14 +361,15 @@ fn a_show_follows_the_bench_that_its_camera_sees() {
     let mut lines = BufReader::new(child.stderr.take().expect("its errors")).lines().map(|line| line.expect("a line"));
     let mut said = Vec::new();
     let mut until = |what: &str| {
-        let seen = lines.by_ref().inspect(|line| said.push(line.clone())).find(|line| line.contains(what));
-        seen.unwrap_or_else(|| panic!("{what}: {said:#?}"))
+        // What goes wrong begins so.
+        let ends = |line: &String| line.contains(what) || line.starts_with("eyebox: ");
+        let seen = lines.by_ref().inspect(|line| said.push(line.clone())).find(ends);
+        seen.filter(|line| !line.starts_with("eyebox: ")).unwrap_or_else(|| panic!("{what}: {said:#?}"))
     };
     assert!(until("% is unexplained").contains("the model followed the bench"));
     until("solved again for the new model");
     // The next fit has the first picture of the new hologram.
-    let next = until("unexplained");
-    assert!(next.contains("the model followed the bench") || next.contains("the bench is as its model"), "{next}");
+    until("% is unexplained");
     let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
     assert!(killed.success());
     said.extend(lines);
