@@ -1,9 +1,11 @@
 //! How old the model of a display is.
 
 use crate::optics::{Color, Display, ModelOf};
+use jiff::Timestamp;
+use jiff::civil::Date;
+use jiff::tz::TimeZone;
 use serde::Serialize;
 use std::fmt;
-use std::time::SystemTime;
 
 /// When a model was fitted, and how long ago that is.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -27,11 +29,14 @@ impl ModelAge {
         Self::at(display, color, day_now())
     }
 
-    /// The same on a day, counted from 1970-01-01.
-    fn at(display: &Display, color: Color, today: i64) -> Option<Self> {
+    /// The same on a day.
+    fn at(display: &Display, color: Color, today: Date) -> Option<Self> {
         let of = |of: ModelOf| display.model.get(&of).filter(|terms| !terms.date.is_empty());
         let terms = of(color.into()).or_else(|| of(ModelOf::All))?;
-        let since = |date: &str| Some(today - day_of(date)?).filter(|days| *days >= 0);
+        let since = |date: &str| {
+            let days = today.since(day_of(date)?).ok()?.get_days();
+            Some(i64::from(days)).filter(|days| *days >= 0)
+        };
         let updated = Some(terms.updated.clone()).filter(|day| !day.is_empty());
         Some(Self {
             date: terms.date.clone(),
@@ -62,42 +67,19 @@ impl fmt::Display for ModelAge {
     }
 }
 
-/// Days since 1970-01-01.
-fn day_now() -> i64 {
-    let seconds = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |d| d.as_secs());
-    (seconds / 86_400) as i64
+/// Today, in UTC.
+fn day_now() -> Date {
+    TimeZone::UTC.to_datetime(Timestamp::now()).date()
 }
 
 /// Today as year-month-day.
 pub(super) fn today() -> String {
-    date_of(day_now())
+    day_now().to_string()
 }
 
-/// A day as year-month-day (Hinnant's civil calendar).
-fn date_of(day: i64) -> String {
-    let days = day + 719_468;
-    let era = days.div_euclid(146_097);
-    let day = days.rem_euclid(146_097);
-    let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
-    let of_year = day - (365 * year + year / 4 - year / 100);
-    let month = (5 * of_year + 2) / 153;
-    let (d, m) = (of_year - (153 * month + 2) / 5 + 1, if month < 10 { month + 3 } else { month - 9 });
-    format!("{:04}-{m:02}-{d:02}", year + era * 400 + i64::from(m <= 2))
-}
-
-/// The inverse; none of what is no date.
-fn day_of(date: &str) -> Option<i64> {
-    let parts: Vec<i64> = date.split('-').map(|part| part.parse().ok()).collect::<Option<_>>()?;
-    let &[year, month, day] = &parts[..] else { return None };
-    if !(1970..=9999).contains(&year) || !(1..=12).contains(&month) || !(1..=31).contains(&day) {
-        return None;
-    }
-    let years = if month <= 2 { year - 1 } else { year };
-    let era = years.div_euclid(400);
-    let year_of_era = years.rem_euclid(400);
-    let day_of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
-    let day_of_era = year_of_era * 365 + year_of_era / 4 - year_of_era / 100 + day_of_year;
-    Some(era * 146_097 + day_of_era - 719_468)
+/// A day from year-month-day.
+fn day_of(date: &str) -> Option<Date> {
+    Date::strptime("%Y-%m-%d", date).ok()
 }
 
 #[cfg(test)]
@@ -105,12 +87,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn dates_and_days_are_each_other_s_inverse() {
-        for day in (0..60_000).step_by(17) {
-            assert_eq!(day_of(&date_of(day)), Some(day), "{}", date_of(day));
-        }
-        assert_eq!((date_of(0), day_of("2024-02-29")), ("1970-01-01".into(), Some(19_782)));
-        for wrong in ["", "today", "2026-13-01", "2026-11", "2026-11-27-1", "20261127", "2026-11-32"] {
+    fn a_day_is_read_as_it_is_written() {
+        assert_eq!(day_of(&today()).map(|day| day.to_string()), Some(today()));
+        assert_eq!(day_of("2024-02-29").map(|day| day.to_string()).as_deref(), Some("2024-02-29"));
+        for wrong in ["", "today", "2026-13-01", "2026-11", "2026-11-27-1", "20261127", "2026-11-32", "2026-02-29"] {
             assert_eq!(day_of(wrong), None, "{wrong}");
         }
     }

@@ -159,6 +159,12 @@ impl<'a> Session<'a> {
         self.taken.len()
     }
 
+    /// Leaves out the pictures from this number on: they do not show what was shown.
+    pub(super) fn leave_out_from(&mut self, number: usize) -> Result<(), CalibrateError> {
+        self.taken.iter_mut().skip(number).for_each(|capture| capture.answer = None);
+        self.write()
+    }
+
     /// Pictures answered.
     pub(super) fn count(&self) -> usize {
         self.taken.iter().filter(|c| c.answer.is_some()).count()

@@ -1,5 +1,5 @@
-//! A model that follows a bench while holograms are shown: the camera takes a picture of what is on the screen now and then, and the
-//! latest pictures tell what has drifted.
+//! A model that follows a bench while holograms are shown: the camera takes a picture of the hologram on the screen now and then, and
+//! drift is fitted to the latest pictures.
 
 use super::acquire::{AVERAGE, Taken, check, two_pi_level};
 use super::bench::{Event, ShowsPatterns};
@@ -33,6 +33,30 @@ pub struct Following<'a> {
     pub iris_mm: Option<[f64; 3]>,
 }
 
+/// A picture of a hologram on the screen, and what it led to.
+#[derive(Debug)]
+pub enum Look {
+    /// The picture was thrown away, because the screen changed during its exposure.
+    Discarded,
+    /// No fit: there are not enough pictures yet, or the camera could not take this one.
+    Taken,
+    /// Drift was fitted to the latest pictures.
+    Fitted(Box<Calibration>),
+}
+
+/// Shows nothing: the hologram is on the screen already.
+struct AlreadyShown;
+
+impl ShowsPatterns for AlreadyShown {
+    fn sub_frames(&self) -> usize {
+        1
+    }
+
+    fn show(&mut self, _: Color, _: &[f32]) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+        Ok(())
+    }
+}
+
 /// A bench whose model follows it.
 pub struct Follower<'a> {
     session: Session<'a>,
@@ -47,8 +71,7 @@ pub struct Follower<'a> {
 }
 
 impl<'a> Follower<'a> {
-    /// Starts the camera's command and takes the pictures of the dots and of darkness. `shows` shows the dots, and later what is
-    /// looked at: a hologram that is on the screen already needs nothing.
+    /// Starts the camera's command and takes the pictures of the dots, which `shows` shows, and of darkness.
     ///
     /// # Errors
     /// [`CalibrateError`].
@@ -56,7 +79,7 @@ impl<'a> Follower<'a> {
         display: &Display,
         color: Color,
         following: &Following<'a>,
-        shows: &'a mut dyn ShowsPatterns,
+        shows: &mut dyn ShowsPatterns,
         say: &'a mut dyn FnMut(&str),
     ) -> Result<Self, CalibrateError> {
         let Following { command, keep, limit, iris_mm } = *following;
@@ -65,10 +88,12 @@ impl<'a> Follower<'a> {
         let (optics, two_pi_level) = (display.optics(color)?, two_pi_level(display, color));
         let mut session = Session::new(link, hello, keep, named, usize::MAX)?;
         session.adds();
-        session.shows = Some(shows);
+        // Of no size: nothing is leaked.
+        session.shows = Some(Box::leak(Box::new(AlreadyShown)));
         let dots = pattern::dots_pattern([display.height, display.width], two_pi_level);
         let place = session.hello.iris.is_some().then(|| pattern::dots_iris(&optics));
         let ask = Ask { show: Some(("dots", &dots)), iris_mm: place, focus_mm: 0.0, average: AVERAGE };
+        shows.show(color, &dots.drive).map_err(CalibrateError::Shows)?;
         let mut first: Vec<Shot> = session.take(&ask)?.into_iter().collect();
         if first.is_empty() {
             let text = session.left_out.join("; ");
@@ -86,41 +111,102 @@ impl<'a> Follower<'a> {
     }
 
     /// Takes a picture of a hologram that is on the screen: `phases` (sub-frame, row, column), radians. From the third picture on, fits
-    /// drift to the latest four. The model follows if they are explained, and is then that of the next fit.
+    /// drift to the latest four. The model follows if they are explained, and is then that of the next fit. `stood` returns, after
+    /// the exposure, whether the hologram was on the screen all the time.
     ///
     /// # Errors
     /// [`CalibrateError`].
-    pub fn look(&mut self, phases: &[f32]) -> Result<Option<Calibration>, CalibrateError> {
+    pub fn look(&mut self, phases: &[f32], stood: &dyn Fn() -> bool) -> Result<Look, CalibrateError> {
         let (height, width) = (self.display.height, self.display.width);
         let drive = phases.iter().map(|phase| f64::from(*phase).rem_euclid(TAU) as f32).collect();
         let frames = phases.len() / (height * width);
         let shown = Pattern { frames, height, width, two_pi_level: self.two_pi_level, drive };
         let iris = pattern::drift_iris(&self.session.hello, &self.display.optics(self.color)?, self.looks);
         let name = format!("shown-{}", self.looks);
-        self.looks += 1;
+        let before = self.session.next();
         let iris_mm = self.session.hello.iris.is_some().then_some(iris);
         let Some(mut shot) =
             self.session.take(&Ask { show: Some((&name, &shown)), iris_mm, focus_mm: 0.0, average: AVERAGE })?
         else {
-            return Ok(None);
+            self.looks += 1;
+            return Ok(Look::Taken);
         };
+        if !stood() {
+            self.session.leave_out_from(before)?;
+            return Ok(Look::Discarded);
+        }
+        self.looks += 1;
         shot.iris_mm = shot.iris_mm.or(self.iris_mm);
         self.latest.push_back(shot);
         if self.latest.len() > LATEST {
             self.latest.pop_front();
         }
         if self.latest.len() < FEWEST {
-            return Ok(None);
+            return Ok(Look::Taken);
         }
         let shots: Vec<Shot> = self.first.iter().chain(&self.latest).cloned().collect();
         let taken = Taken::of(self.session.hello.clone(), shots, self.two_pi_level);
         let calibrated = stages::run(&self.display, self.color, taken, true, &|_: Event| {})?;
         self.display = calibrated.display.clone();
-        Ok(Some(calibrated))
+        Ok(Look::Fitted(Box::new(calibrated)))
     }
 
     /// Ends the camera's command.
     pub fn close(mut self) {
         self.session.end();
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    /// Answers every question, with the same picture each time.
+    const CAMERA: &str = r#"while read -r line; do
+  id=${line#*:}; id=${id%%,*}
+  case $line in
+    *hello*) echo "{\"id\":$id,\"protocol\":1,\"colors\":{\"green\":520},\"slm\":{\"resolution\":[64,64],\"pitch_um\":8},\"camera\":{\"resolution\":[8,8],\"bits\":12,\"auto_exposure\":true}}";;
+    *) echo "{\"id\":$id,\"file\":\"$1\",\"full_scale\":4095,\"exposure_ms\":1}";;
+  esac
+done"#;
+
+    struct Patterns(usize);
+
+    impl ShowsPatterns for Patterns {
+        fn sub_frames(&self) -> usize {
+            1
+        }
+
+        fn show(&mut self, _: Color, phases: &[f32]) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+            assert_eq!(phases.len(), 64 * 64);
+            self.0 += 1;
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_picture_is_thrown_away_if_the_screen_changed() {
+        let here = tempfile::tempdir().expect("a folder");
+        let (script, picture, kept) =
+            (here.path().join("camera.sh"), here.path().join("picture.npy"), here.path().join("kept"));
+        fs::write(&script, CAMERA).expect("a script");
+        crate::files::write_npy(&picture, &[8, 8], &[100.0; 64]).expect("a picture");
+        let command = format!("sh '{}' '{}'", script.display(), picture.display());
+        let text = "resolution = [64, 64]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
+        let display = Display::from_toml(text, "test").expect("a display");
+        let following = Following { command: &command, keep: Some(&kept), limit: None, iris_mm: Some([0.0, 0.0, 6.0]) };
+        let (mut dots, mut say) = (Patterns(0), |line: &str| panic!("{line}"));
+        let mut follower = Follower::open(&display, Color::Green, &following, &mut dots, &mut say).expect("it starts");
+        assert_eq!(dots.0, 1, "the dots alone are shown for the camera");
+        let phases = vec![1.0; 64 * 64];
+        assert!(matches!(follower.look(&phases, &|| false), Ok(Look::Discarded)));
+        assert!(matches!(follower.look(&phases, &|| true), Ok(Look::Taken)));
+        assert_eq!((follower.latest.len(), follower.looks), (1, 1));
+        follower.close();
+        // Nor is it a picture of the folder.
+        let (_, captures) = super::super::captures::load(&kept).expect("captures");
+        let answered: Vec<bool> = captures.iter().map(|capture| capture.answer.is_some()).collect();
+        assert_eq!(answered, [true, false, true], "dots, thrown away, kept");
     }
 }

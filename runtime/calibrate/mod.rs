@@ -57,7 +57,7 @@ pub use camera_steps::{CameraBench, CameraGain, CameraSteps, CameraSubject};
 pub use directions::{Directions, PhaseSign};
 pub use error::CalibrateError;
 pub use figures::{Aberration, Figures, IrisFound, Kernel, Map, Table, Wavefront, ZeroOrder};
-pub use follower::{Follower, Following};
+pub use follower::{Follower, Following, Look};
 pub use gain::Gain;
 pub use left::{LeftMap, PictureLeft, Shown};
 pub use mend::Mend;

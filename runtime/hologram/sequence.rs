@@ -4,12 +4,12 @@ use super::chunks::{
     ARRAY, GROUP, check_is_one, chunk_name, damaged, open_folder, promise, read_document, read_whole, unreadable,
 };
 use super::document::{self, SequenceAttributes};
+use super::newest::NewestHologram;
 use super::{Hologram, HologramError, foreign};
 use crate::files::Folder;
 use std::fmt::Write as _;
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A sequence of holograms of one shape, or a single hologram as a sequence of one.
 ///
@@ -33,41 +33,9 @@ enum Phases {
     /// Read from the folder, whatever comes to stand in its place.
     In(Folder),
     /// Of a single hologram that is in memory.
-    Here(NewestHologram),
-}
-
-/// A single hologram in memory that may be replaced while it is played: the next set that is made is of the newest.
-#[derive(Debug, Clone)]
-pub struct NewestHologram(Arc<Mutex<Hologram>>);
-
-impl NewestHologram {
-    fn new(hologram: Hologram) -> Self {
-        Self(Arc::new(Mutex::new(hologram)))
-    }
-
-    fn get(&self) -> MutexGuard<'_, Hologram> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// A copy of it.
-    pub fn load(&self) -> Hologram {
-        self.get().clone()
-    }
-
-    /// Puts another one of the same shape in its place.
-    ///
-    /// # Errors
-    /// It, if it has another shape.
-    pub fn replace(&self, hologram: Hologram) -> Result<(), Box<Hologram>> {
-        let shape =
-            |h: &Hologram| ([h.frames, h.height, h.width], h.colors.iter().map(|c| c.phases.len()).collect::<Vec<_>>());
-        let mut now = self.get();
-        if shape(&now) != shape(&hologram) {
-            return Err(Box::new(hologram));
-        }
-        *now = hologram;
-        Ok(())
-    }
+    Here(Box<Hologram>),
+    /// Of one that may be replaced.
+    Newest(NewestHologram),
 }
 
 impl Sequence {
@@ -150,8 +118,16 @@ impl Sequence {
 
     /// A hologram in memory, read from `path` or solved of it, as a sequence of one.
     pub fn single(path: &Path, hologram: Hologram) -> Self {
-        let shape = [hologram.colors.len(), hologram.frames, hologram.height, hologram.width];
-        let mut about = hologram.clone();
+        Self::in_memory(path, hologram.clone(), Phases::Here(Box::new(hologram)))
+    }
+
+    /// The same of a hologram that may be replaced while it is played.
+    pub fn newest_of(path: &Path, newest: &NewestHologram) -> Self {
+        Self::in_memory(path, newest.load(), Phases::Newest(newest.clone()))
+    }
+
+    fn in_memory(path: &Path, mut about: Hologram, phases: Phases) -> Self {
+        let shape = [about.colors.len(), about.frames, about.height, about.width];
         about.colors.iter_mut().for_each(|c| c.phases = Vec::new());
         Self {
             path: path.to_path_buf(),
@@ -161,7 +137,7 @@ impl Sequence {
             count: 1,
             complete: true,
             notes: Vec::new(),
-            phases: Phases::Here(NewestHologram::new(hologram)),
+            phases,
             name: String::new(),
         }
     }
@@ -221,7 +197,7 @@ impl Sequence {
         if !self.complete {
             let document = match &self.phases {
                 Phases::In(folder) => read_document(folder, ARRAY).ok(),
-                Phases::Here(_) => None,
+                Phases::Here(_) | Phases::Newest(_) => None,
             };
             let stated = document.and_then(|bytes| document::read_sequence_array(&bytes, self.attributes.shape).ok());
             if stated == Some((self.refresh(), true)) {
@@ -241,11 +217,11 @@ impl Sequence {
         &self.about
     }
 
-    /// The hologram that may be replaced, if it is a single one in memory.
-    pub fn newest(&self) -> Option<NewestHologram> {
+    /// The hologram that may be replaced, if it is one.
+    pub fn newest(&self) -> Option<&NewestHologram> {
         match &self.phases {
-            Phases::Here(hologram) => Some(hologram.clone()),
-            Phases::In(_) => None,
+            Phases::Newest(newest) => Some(newest),
+            Phases::In(_) | Phases::Here(_) => None,
         }
     }
 
@@ -285,11 +261,12 @@ impl Sequence {
     }
 
     /// Reads a hologram's phases, (colour, sub-frame, row, column), radians, checking every byte. `phases` are as many as
-    /// [`values`](Self::values). Allocates nothing unless it fails.
+    /// [`values`](Self::values). Allocates nothing unless it fails. Returns the version of a hologram that may be replaced; others
+    /// have version 0.
     ///
     /// # Errors
     /// [`HologramError::Damaged`] naming the file; [`HologramError::File`]; then `phases` are undefined.
-    pub fn read_into(&mut self, index: u64, phases: &mut [f32]) -> Result<(), HologramError> {
+    pub fn read_into(&mut self, index: u64, phases: &mut [f32]) -> Result<u64, HologramError> {
         let values = self.values();
         if phases.len() != values {
             return Err(HologramError::Inconsistent(format!(
@@ -298,13 +275,20 @@ impl Sequence {
             )));
         }
         if !self.single {
-            return self.with_file(index, |folder, name| read_checked(folder, name, phases));
+            return self.with_file(index, |folder, name| read_checked(folder, name, phases)).map(|()| 0);
         }
         let [_, frames, height, width] = self.attributes.shape;
+        let each = frames * height * width;
+        let mut copy = |hologram: &Hologram| {
+            let parts = phases.chunks_exact_mut(each);
+            parts.zip(&hologram.colors).for_each(|(part, color)| part.copy_from_slice(&color.phases));
+        };
         match &self.phases {
-            Phases::Here(hologram) => {
-                let parts = phases.chunks_exact_mut(frames * height * width);
-                parts.zip(&hologram.get().colors).for_each(|(part, color)| part.copy_from_slice(&color.phases));
+            Phases::Here(hologram) => copy(hologram),
+            Phases::Newest(newest) => {
+                let newest = newest.get();
+                copy(&newest.1);
+                return Ok(newest.0);
             }
             Phases::In(folder) => {
                 for (i, part) in phases.chunks_exact_mut(height * width).enumerate() {
@@ -312,7 +296,7 @@ impl Sequence {
                 }
             }
         }
-        Ok(())
+        Ok(0)
     }
 
     /// One of its holograms, whole.
@@ -333,7 +317,8 @@ impl Sequence {
             })?;
         }
         match &self.phases {
-            Phases::Here(hologram) => return Ok(hologram.load()),
+            Phases::Here(hologram) => return Ok((**hologram).clone()),
+            Phases::Newest(newest) => return Ok(newest.load()),
             Phases::In(folder) if self.single => return Hologram::load_from(folder),
             Phases::In(_) => {}
         }
@@ -371,7 +356,7 @@ impl Sequence {
         sequence_chunk(&mut self.name, index);
         match &self.phases {
             Phases::In(folder) => run(folder, &self.name),
-            Phases::Here(_) => Err(damaged(&self.path, "it is one hologram, and in memory")),
+            Phases::Here(_) | Phases::Newest(_) => Err(damaged(&self.path, "it is one hologram, and in memory")),
         }
     }
 }

@@ -53,26 +53,33 @@ fn files_of(path: &Path, count: u64) -> Vec<PathBuf> {
 }
 
 #[test]
-fn a_single_hologram_in_memory_is_replaced_while_it_is_played() {
-    let mut sequence = Sequence::single(Path::new("one.zarr"), small(1));
-    let newest = sequence.newest().expect("it is in memory");
+fn a_hologram_in_memory_is_replaced_while_it_is_played() {
+    let newest = NewestHologram::new(small(1));
+    let mut sequence = Sequence::newest_of(Path::new("one.zarr"), &newest);
     let mut phases = vec![0.0; sequence.values()];
-    let mut read = || {
-        sequence.read_into(0, &mut phases).unwrap();
-        phases.clone()
-    };
+    let mut read = || (sequence.read_into(0, &mut phases).unwrap(), phases.clone());
     let of = |hologram: &Hologram| hologram.colors.iter().flat_map(|c| c.phases.clone()).collect::<Vec<f32>>();
-    assert_eq!(read(), of(&small(1)));
-    newest.replace(small(2)).expect("the same shape");
-    assert_eq!(read(), of(&small(2)));
-    assert_eq!(of(&newest.load()), of(&small(2)));
+    assert_eq!(read(), (0, of(&small(1))));
+    assert_eq!(newest.replace(small(2)).expect("the same shape"), 1);
+    assert_eq!(read(), (1, of(&small(2))));
     // One of another shape stays outside.
     let mut other = small(3);
     other.colors.pop();
     assert!(newest.replace(other).is_err());
-    assert_eq!(read(), of(&small(2)));
-    let (_here, path) = written(1, true);
-    assert!(Sequence::open(&path).unwrap().newest().is_none());
+    assert_eq!(read(), (1, of(&small(2))));
+    assert_eq!(of(&sequence.load(0).unwrap()), of(&small(2)));
+    // The newest is looked at only once it is on the screen.
+    assert!(newest.shown().is_none());
+    newest.put_on_screen(Some(OnScreen { version: 0, since: 3 }));
+    assert!(newest.shown().is_none());
+    let shown = OnScreen { version: 1, since: 9 };
+    newest.put_on_screen(Some(shown));
+    let (on_screen, hologram) = newest.shown().expect("it is on the screen");
+    assert_eq!((on_screen, of(&hologram)), (shown, of(&small(2))));
+    // A hologram that nobody replaces has no other version.
+    let mut single = Sequence::single(Path::new("one.zarr"), small(4));
+    assert!(single.newest().is_none() && single.read_into(0, &mut phases).unwrap() == 0);
+    assert_eq!(phases, of(&small(4)));
 }
 
 #[test]

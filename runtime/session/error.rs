@@ -1,5 +1,6 @@
 //! What can go wrong in a session.
 
+use crate::calibrate::CalibrateError;
 use crate::encode::EncodeError;
 use crate::engine::EngineError;
 use crate::files::FileError;
@@ -37,6 +38,9 @@ pub enum SessionError {
     /// A calibration, or a setting of the way from sample to pupil.
     #[error(transparent)]
     Gaze(#[from] GazeError),
+    /// The camera of a bench, or the fit to its pictures.
+    #[error(transparent)]
+    Calibrate(#[from] CalibrateError),
     /// What takes an application's frames.
     #[cfg(target_os = "linux")]
     #[error(transparent)]

@@ -16,15 +16,18 @@
 //! frames from other processes; `showing` accounts for both. `moments` tells from frames and samples what moves while a set is lit. Each can end without taking the picture away.
 //! `latency` accounts for every set that was shown, from the sample to the light; [`study()`] measures what steering gains
 //! with a simulated eye in simulated time. A program with a display and a loop of its own takes
-//! video frames from a [`TickedSession`] (`ticks`). `marks`: the sync picture and the corner mark; `record`, `trace`, `notes`.
+//! video frames from a [`TickedSession`] (`ticks`). `on_screen` stores which version of a hologram is on the screen, for the
+//! [`BenchFollower`], whose camera takes pictures of it. `marks`: the sync picture and the corner mark; `record`, `trace`, `notes`.
 //!
 //! Every time carries its unit and its meaning in its name. This room imports [`solve`](crate::solve),
+//! [`calibrate`](crate::calibrate),
 //! [`evaluate`](crate::evaluate), [`hologram`](crate::hologram), [`encode`](crate::encode), [`engine`](crate::engine),
 //! [`trackers`](crate::trackers), [`gaze`](crate::gaze) and the display's side, [`present`](crate::present).
 
 mod account;
 #[cfg(target_os = "linux")]
 mod application;
+mod bench_follower;
 mod companion;
 mod content;
 #[cfg(target_os = "linux")]
@@ -42,6 +45,7 @@ mod marks;
 mod moments;
 mod moving;
 mod notes;
+mod on_screen;
 mod output;
 mod pacing;
 mod pattern_output;
@@ -102,6 +106,7 @@ mod together_tests;
 pub use account::{Account, Cause, Repeat};
 #[cfg(target_os = "linux")]
 pub use application::{LiveInput, LiveKind, darkness};
+pub use bench_follower::{BenchFollower, FollowEvent};
 pub use companion::{Asked, Companion, CompanionOpener, LitSources, Now, SourceSwitch};
 pub use content::{About, Content, Ended, FrameObserver, SessionEvent, SessionOptions, Status};
 pub use error::SessionError;

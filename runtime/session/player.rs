@@ -2,6 +2,7 @@
 
 use super::account::Cause;
 use super::error::SessionError;
+use super::on_screen::VersionLog;
 use super::pacing::Pacer;
 use super::report::Timing;
 use super::scheduler::{Content, Scheduler, Slot, What};
@@ -9,6 +10,7 @@ use super::timeline::Speed;
 use super::trace::Track;
 use crate::encode::VideoFrames;
 use crate::gpu::Pictures;
+use crate::hologram::NewestHologram;
 use crate::present::{Clock, Event, PresentError, Presenter, Rate};
 use std::rc::Rc;
 use std::time::Instant;
@@ -47,6 +49,11 @@ pub(super) trait SetSource: Content {
 
     /// What is on the screen, where it is on the display's device; the video frames above then hold nothing.
     fn pictures(&self) -> Option<&Pictures> {
+        None
+    }
+
+    /// The version of what is on the screen, if it is a hologram that may be replaced.
+    fn version(&self) -> Option<u64> {
         None
     }
 
@@ -107,13 +114,30 @@ pub(super) struct Player {
     timing: Timing,
     track: Track,
     display_time_ns: i64,
+    /// Stores which version of a hologram is on the screen.
+    versions: Option<VersionLog>,
 }
 
 impl Player {
     /// `idle` is shown while there is no content: a set of video frames like content's.
     pub(super) fn new(clock: Rc<dyn Clock>, scheduler: Scheduler, idle: VideoFrames, track: Track) -> Self {
         let pacer = Pacer::new(scheduler.schedule().display_rate);
-        Self { clock, scheduler, pacer, idle, id: 0, timing: Timing::default(), track, display_time_ns: 0 }
+        Self {
+            clock,
+            scheduler,
+            pacer,
+            idle,
+            id: 0,
+            timing: Timing::default(),
+            track,
+            display_time_ns: 0,
+            versions: None,
+        }
+    }
+
+    /// Stores from now on which version of a hologram is on the screen.
+    pub(super) fn follows(&mut self, newest: NewestHologram) {
+        self.versions = Some(VersionLog::new(newest, self.scheduler.schedule().set_frames));
     }
 
     /// What was shown, and why not more.
@@ -201,6 +225,9 @@ impl Player {
         let pictures = source.pictures().filter(|_| index.is_some());
         let picture = if pictures.is_some() { &[] } else { frames.frame(at) };
         let number = index.unwrap_or(u64::MAX);
+        if let Some(versions) = &mut self.versions {
+            versions.hands_over(self.id, index.and_then(|_| source.version()));
+        }
         let uploading = Instant::now();
         match pictures {
             Some(pictures) => presenter.take(pictures, at)?,
@@ -216,6 +243,9 @@ impl Player {
         self.id += 1;
         self.display_time_ns = next.predicted_display_time_ns;
         while let Some(feedback) = presenter.feedback() {
+            if let Some(versions) = &mut self.versions {
+                versions.lit(feedback.id);
+            }
             if let Some(outcome) = self.pacer.presented(feedback.id, feedback.actual_display_time_ns) {
                 self.timing.add(outcome, feedback.actual_display_time_ns);
             }
@@ -242,6 +272,7 @@ impl Player {
         presenter: &mut dyn Presenter,
         ended: Result<T, SessionError>,
     ) -> Result<T, SessionError> {
+        self.versions = None;
         if matches!(ended, Err(SessionError::Present(PresentError::Display { .. }))) {
             return ended;
         }

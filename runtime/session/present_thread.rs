@@ -54,6 +54,10 @@ impl PresentThread {
         let size = [frames.height, frames.width, frames.channels];
         let mut display = output.open(size, options.display_rate, options.gpu.as_ref())?;
         let notes = shared.notes.clone();
+        let newest = match &content {
+            Content::Play(play) => play.sequence.newest().cloned(),
+            Content::Live(_) => None,
+        };
         let encoder_gpu = match &content {
             Content::Play(play) => play.device.as_ref(),
             Content::Live(_) => None,
@@ -71,7 +75,10 @@ impl PresentThread {
         let simulated = display.clock.is_simulated();
         let recording =
             options.record.as_deref().map(|folder| Recording::start(folder, size, simulated)).transpose()?;
-        let player = Player::new(Rc::clone(&display.clock), Scheduler::new(schedule), idle, trace.track("present"));
+        let mut player = Player::new(Rc::clone(&display.clock), Scheduler::new(schedule), idle, trace.track("present"));
+        if let Some(newest) = newest {
+            player.follows(newest);
+        }
         Ok(Self {
             shared,
             running,

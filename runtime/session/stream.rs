@@ -45,7 +45,7 @@ pub(super) struct Stream {
     arriving: Mailbox<Encoded>,
     free: Mailbox<VideoFrames>,
     ready: VecDeque<Encoded>,
-    on_screen: Option<(VideoFrames, u64)>,
+    on_screen: Option<Encoded>,
     threads: Vec<JoinHandle<Option<Track>>>,
 }
 
@@ -234,10 +234,9 @@ impl SetSource for Stream {
     fn show(&mut self, position: u64) {
         while let Some(item) = self.ready.pop_front() {
             if item.position == position {
-                let index = item.index;
-                if let Some(frames) = item.frames {
-                    let before = self.on_screen.replace((frames, index));
-                    self.give_back(before.map(|b| b.0));
+                if item.frames.is_some() {
+                    let before = self.on_screen.replace(item);
+                    self.give_back(before.and_then(|b| b.frames));
                 }
                 return;
             }
@@ -246,7 +245,12 @@ impl SetSource for Stream {
     }
 
     fn on_screen(&self) -> Option<(&VideoFrames, u64)> {
-        self.on_screen.as_ref().map(|(frames, index)| (frames, *index))
+        let set = self.on_screen.as_ref()?;
+        Some((set.frames.as_ref()?, set.index))
+    }
+
+    fn version(&self) -> Option<u64> {
+        self.on_screen.as_ref().map(|set| set.version)
     }
 
     fn seek(&mut self, index: u64) {

@@ -9,7 +9,7 @@ use super::*;
 use crate::encode::{Encoder, PhaseSet};
 use crate::gpu::Gpu;
 use crate::gpu::test_options::watched;
-use crate::hologram::{ColorHologram, Hologram, Sequence, SequenceWriter};
+use crate::hologram::{ColorHologram, Hologram, NewestHologram, Sequence, SequenceWriter};
 use crate::optics::{Color, Display, JointColor, Laser, Optics};
 use crate::present::{Clock, Offscreen, Rate, SimulatedClock};
 use crate::solve::SplitMix;
@@ -366,6 +366,47 @@ fn a_hologram_of_another_shape_is_refused_at_once() {
     let encoder = Encoder::new(&Display { width: 20, ..fixture.display.clone() }, &COLORS, 8).unwrap();
     let sequence = Sequence::open(&fixture.path).unwrap();
     assert!(matches!(Stream::start(sequence, StreamEncoder::Cpu(encoder), options()), Err(SessionError::Encode(_))));
+}
+
+/// A version is on the screen once its second set is lit, until the first video frame of another one, or of the idle picture, is
+/// handed over.
+#[test]
+fn a_version_is_on_the_screen_while_its_light_stands() {
+    for preset in ["planes24", "fields"] {
+        let fixture = fixture(preset, 1);
+        let newest = NewestHologram::new(hologram(0, &fixture.display));
+        let sequence = Sequence::newest_of(Path::new("newest"), &newest);
+        let encoder = Encoder::new(&fixture.display, &COLORS, 8).unwrap();
+        let set_frames = encoder.packed().video_frames;
+        let options = StreamOptions { looped: true, ..options() };
+        let notes = options.notes.clone();
+        let stream = Stream::start(sequence, StreamEncoder::Cpu(encoder), options).unwrap();
+        let mut seen = Vec::new();
+        let played = play_stream(&fixture, (stream, notes), "7.5", 400, |tick, player, stream| {
+            match tick {
+                0 => player.follows(newest.clone()),
+                100 => assert_eq!(newest.replace(hologram(1, &fixture.display)).unwrap(), 1),
+                // Positions begin again, and the version stays.
+                300 => player.command(Command::Seek(0), stream),
+                _ => {}
+            }
+            seen.push(newest.on_screen());
+        });
+        let sets = [0, 1].map(|version| encoded(version, &fixture.display));
+        for (tick, shown) in seen.iter().enumerate() {
+            let Some(shown) = shown else { continue };
+            let lit = &played.log[shown.since as usize..tick];
+            assert!(lit.len() > set_frames, "{preset} {tick}");
+            let of_version = |(index, video_frame, picture): &(Option<u64>, u64, Vec<u8>)| {
+                index.is_some() && *picture == sets[shown.version as usize][*video_frame as usize]
+            };
+            assert!(lit.iter().all(of_version), "{preset} {tick}: {shown:?}");
+        }
+        let mut seen: Vec<_> = seen.iter().map(|shown| shown.map(|shown| shown.version)).collect();
+        seen.dedup();
+        assert_eq!(seen, [None, Some(0), None, Some(1)], "{preset}");
+        assert_eq!(newest.on_screen(), None, "{preset}: the player is gone");
+    }
 }
 
 #[test]

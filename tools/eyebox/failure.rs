@@ -91,7 +91,7 @@ pub enum Failure {
 impl Failure {
     /// The exit code.
     pub fn code(&self) -> u8 {
-        let ended = matches!(self, Self::Calibrate(e) if e.is_ended());
+        let ended = matches!(self, Self::Calibrate(e) | Self::Session(SessionError::Calibrate(e)) if e.is_ended());
         if ended || matches!(self, Self::Lost(_)) { 3 } else { 2 }
     }
 }

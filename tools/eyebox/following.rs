@@ -1,30 +1,20 @@
-//! `eyebox show --camera`: a camera looks at what is shown now and then, the display's model follows the bench, and the scene is solved
-//! again for it.
+//! `eyebox show --camera`: a camera takes pictures of the hologram on the screen now and then, the display's model follows the bench,
+//! and the scene is solved again for it.
 
 use crate::live::{self, LiveOptions, SubjectOptions};
 use crate::patterns::iris;
 use crate::play::{ClockName, StreamArgs};
-use crate::values::positive;
-use crate::{Failure, common, progress};
+use crate::values::{not_negative, positive};
+use crate::{Failure, common};
 use clap::Args;
-use eyebox::calibrate::{Calibration, Follower, Following, ShowsPatterns};
-use eyebox::engine::Engine;
+use eyebox::calibrate::{Following, Report};
 use eyebox::files;
 use eyebox::hologram::{NewestHologram, Sequence};
-use eyebox::optics::{Color, Display};
-use eyebox::session::{Output, PatternOutput};
+use eyebox::optics::Display;
+use eyebox::session::{BenchFollower, FollowEvent};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
-use std::time::{Duration, Instant};
-
-/// From when the dots lit up until they stand.
-const SETTLE: Duration = Duration::from_millis(200);
-/// Sets that were read and encoded before the hologram was replaced, one a second, are over by then.
-const REPLACED: Duration = Duration::from_secs(15);
-/// How often a thread that waits sees whether the show is over.
-const PATIENCE: Duration = Duration::from_millis(20);
+use std::time::Duration;
 
 /// How the camera is followed.
 #[derive(Args)]
@@ -44,33 +34,9 @@ pub struct FollowArgs {
     /// Place and diameter of an iris that does not move, mm
     #[arg(long, value_name = "X,Y,DIAMETER", value_parser = iris, allow_hyphen_values = true, requires = "camera")]
     pub iris: Option<[f64; 3]>,
-}
-
-/// What the thread with the camera sends to the one with the display.
-enum Request {
-    /// Show these phases before the show begins.
-    Show(Vec<f32>),
-    /// The show may begin.
-    Begin,
-}
-
-/// Has patterns shown by the thread with the display, until the show begins: what is looked at from then on is on the screen already.
-struct Proxy {
-    requests: Sender<Request>,
-    answers: Receiver<Result<(), String>>,
-}
-
-impl ShowsPatterns for Proxy {
-    fn sub_frames(&self) -> usize {
-        1
-    }
-
-    fn show(&mut self, _: Color, phases: &[f32]) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
-        if self.requests.send(Request::Show(phases.to_vec())).is_err() {
-            return Ok(());
-        }
-        Ok(self.answers.recv().unwrap_or_else(|_| Err("the display is gone".into()))?)
-    }
+    /// Seconds from when the dots lit up until they stand
+    #[arg(long, default_value_t = 0.2, value_name = "SECONDS", value_parser = not_negative, requires = "camera")]
+    pub settle: f64,
 }
 
 /// A scene that is shown, and how.
@@ -88,150 +54,70 @@ pub struct Shown<'a> {
 pub fn show(
     args: Shown,
     camera: &str,
-    play: impl FnOnce(Sequence, Display) -> Result<(), Failure>,
+    play: impl FnOnce(Sequence, Display) -> Result<(), Failure> + Send,
 ) -> Result<(), Failure> {
-    let scene = args.scene;
-    if args.stream.clock == Some(ClockName::Simulated) {
-        return Err(Failure::Asked("--camera lives in real time: leave out --clock simulated".into()));
+    let Shown { scene, subject, live, stream, follow, frames } = args;
+    if stream.clock == Some(ClockName::Simulated) || live.record.is_some() {
+        return Err(Failure::Asked("--camera lives in real time: leave out --clock simulated and --record".into()));
     }
-    let model = args.follow.camera_model.as_deref();
+    let model = follow.camera_model.as_deref();
     if let Some(file) = model {
         if file.extension().is_none_or(|e| e != "toml") {
             return Err(Failure::Asked(format!("{}: the name must end in .toml", file.display())));
         }
         files::check_place(file)?;
     }
-    let mut display = common::display(&args.subject.display)?;
-    args.subject.eye.replace(&mut display.prescription)?;
-    let [color] = common::colors(&args.subject.display, &display)?[..] else {
+    let mut display = common::display(&subject.display)?;
+    subject.eye.replace(&mut display.prescription)?;
+    let [color] = common::colors(&subject.display, &display)?[..] else {
         return Err(Failure::Asked("--camera follows one color: give --color".into()));
     };
-    let mut engine = common::engine(&args.subject.engine)?;
-    let (hologram, _) = live::solved_on(scene, args.subject, &display, Some(args.frames), engine.as_mut())?;
-    drop(engine);
-    let sequence = Sequence::single(Path::new(scene), hologram);
-    let Some(newest) = sequence.newest() else { return Err(Failure::Asked(format!("{scene}: it is not in memory"))) };
-    let output = args.live.shown.output(false, args.stream.sink());
-    let over = AtomicBool::new(false);
+    let mut engine = common::engine(&subject.engine)?;
+    let mut solve = |display: &Display| -> Result<_, Failure> {
+        Ok(live::solved_on(scene, subject, display, Some(frames), engine.as_mut())?.0)
+    };
+    let newest = NewestHologram::new(solve(&display)?);
+    let mut say = |line: &str| eprintln!("{line}");
+    let output = live.shown.output(false, stream.sink());
+    let following =
+        Following { command: camera, keep: follow.camera_keep.as_deref(), limit: None, iris_mm: follow.iris };
+    let settle = Duration::from_secs_f64(follow.settle.min(1e6));
+    let every = Duration::from_secs_f64((follow.camera_every * 60.0).min(1e9));
+    let follower = BenchFollower::open((&display, color), (&output, settle), &following, every, &mut say)?;
+    let sequence = Sequence::newest_of(Path::new(scene), &newest);
     thread::scope(|scope| {
-        let (requests, from_camera) = channel();
-        let (to_camera, answers) = channel();
-        let (watched, ended) = (&display, &over);
-        let watcher = scope.spawn(move || {
-            let bench = Watched { args, display: watched.clone(), color, newest, over: ended };
-            bench.follow(camera, Proxy { requests, answers })
-        });
-        let begins = dots(&output, &display, color, from_camera, &to_camera);
-        let shown = match begins {
-            Ok(true) => play(sequence, display.clone()),
-            Ok(false) => Ok(()),
-            Err(failure) => Err(failure),
-        };
-        over.store(true, Ordering::SeqCst);
-        drop(to_camera);
-        let followed =
-            watcher.join().unwrap_or_else(|_| Err(Failure::Asked("the thread with the camera ended".into())));
-        shown.and(followed)
+        let shows = scope.spawn(move || play(sequence, display));
+        let followed = follower.follow(&newest, &|| shows.is_finished(), &mut solve, &mut |event| print(event, model));
+        if let Err(failure) = &followed
+            && !shows.is_finished()
+        {
+            eprintln!("eyebox: {failure}: the model does not follow any more");
+        }
+        let gone = |_| Err(Failure::Asked("the thread that shows failed, which is a fault of eyebox".into()));
+        shows.join().unwrap_or_else(gone).and(followed)
     })
 }
 
-/// Shows what is requested until the show may begin; whether it may.
-fn dots(
-    output: &Output,
-    display: &Display,
-    color: Color,
-    requests: Receiver<Request>,
-    answers: &Sender<Result<(), String>>,
-) -> Result<bool, Failure> {
-    let mut output = PatternOutput::open(output, display, &[color], SETTLE)?;
-    for request in requests {
-        match request {
-            Request::Show(phases) => {
-                let shown = output.show(color, &phases).map_err(|e| e.to_string());
-                let _ = answers.send(shown);
-            }
-            Request::Begin => return Ok(true),
-        }
+/// Prints an event, and writes the newest model.
+fn print(event: FollowEvent, model: Option<&Path>) -> Result<(), Failure> {
+    let left = |report: &Report| {
+        report.unexplained.map_or_else(String::new, |share| format!(": {:.2} % is unexplained", 100.0 * share))
+    };
+    if let (FollowEvent::Agrees(fitted) | FollowEvent::Followed(fitted), Some(file)) = (&event, model) {
+        let text = fitted.display.to_toml();
+        files::write_file(file, |to| to.write_all(text.as_bytes()))?;
     }
-    Ok(false)
-}
-
-/// A bench that is followed.
-struct Watched<'a> {
-    args: Shown<'a>,
-    display: Display,
-    color: Color,
-    newest: NewestHologram,
-    over: &'a AtomicBool,
-}
-
-impl Watched<'_> {
-    /// Follows it until the show is over. Once the show has begun, a camera that fails ends nothing but this.
-    fn follow(mut self, camera: &str, mut proxy: Proxy) -> Result<(), Failure> {
-        let follow = self.args.follow;
-        let mut engine = common::engine(&self.args.subject.engine)?;
-        let mut say = |line: &str| eprintln!("{line}");
-        let following =
-            Following { command: camera, keep: follow.camera_keep.as_deref(), limit: None, iris_mm: follow.iris };
-        let begin = proxy.requests.clone();
-        let mut follower = Follower::open(&self.display, self.color, &following, &mut proxy, &mut say)?;
-        let _ = begin.send(Request::Begin);
-        let every = Duration::from_secs_f64((follow.camera_every * 60.0).min(1e9));
-        let mut wait = every;
-        while self.waited(wait) {
-            wait = every;
-            let phases = self.newest.load().colors.swap_remove(0).phases;
-            match follower.look(&phases) {
-                Ok(None) => {}
-                Ok(Some(calibrated)) => {
-                    if self.taken_over(&calibrated, engine.as_mut())? {
-                        wait = every.max(REPLACED);
-                    }
-                }
-                Err(_) if progress::interrupted() => break,
-                Err(error) if error.is_ended() => {
-                    eprintln!("eyebox: {error}: the model does not follow any more");
-                    return Ok(());
-                }
-                Err(error) => eprintln!("eyebox: {error}: the model stays as it is"),
-            }
+    match event {
+        FollowEvent::Discarded => eprintln!("a picture was thrown away: the screen changed during its exposure"),
+        FollowEvent::Unexplained(report) => {
+            eprintln!("eyebox: the latest pictures are not explained{}; the model stays as it is", left(report));
         }
-        follower.close();
-        Ok(())
+        FollowEvent::Agrees(fitted) => eprintln!("the bench is as its model{}", left(&fitted.report)),
+        FollowEvent::Followed(fitted) => eprintln!("the model followed the bench{}", left(&fitted.report)),
+        FollowEvent::Replaced(_) => eprintln!("the scene was solved again for the new model"),
+        FollowEvent::Failed(error) => eprintln!("eyebox: {error}: the model stays as it is"),
+        FollowEvent::Lost(error) => eprintln!("eyebox: {error}: the model does not follow any more"),
+        _ => {}
     }
-
-    /// Whether the show still goes on after this time.
-    fn waited(&self, time: Duration) -> bool {
-        let begun = Instant::now();
-        while begun.elapsed() < time && !self.over.load(Ordering::SeqCst) {
-            thread::sleep(PATIENCE.min(time));
-        }
-        !self.over.load(Ordering::SeqCst)
-    }
-
-    /// Writes the newest model, and solves the scene for it; whether another hologram is shown from now on.
-    fn taken_over(&mut self, calibrated: &Calibration, engine: &mut dyn Engine) -> Result<bool, Failure> {
-        let report = &calibrated.report;
-        let left =
-            report.unexplained.map_or_else(String::new, |share| format!(": {:.2} % is unexplained", 100.0 * share));
-        if !report.calibrated {
-            eprintln!("eyebox: the latest pictures are not explained{left}; the model stays as it is");
-            return Ok(false);
-        }
-        let changed = calibrated.display.model(self.color) != self.display.model(self.color);
-        self.display = calibrated.display.clone();
-        if let Some(file) = &self.args.follow.camera_model {
-            let text = self.display.to_toml();
-            files::write_file(file, |to| to.write_all(text.as_bytes()))?;
-        }
-        if !changed {
-            eprintln!("the bench is as its model{left}");
-            return Ok(false);
-        }
-        let Shown { scene, subject, frames, .. } = self.args;
-        let (hologram, _) = live::solved_on(scene, subject, &self.display, Some(frames), engine)?;
-        let replaced = self.newest.replace(hologram).is_ok();
-        eprintln!("the model followed the bench{left}; the scene was solved again for it");
-        Ok(replaced)
-    }
+    Ok(())
 }

@@ -90,12 +90,12 @@ impl Encoding {
                 encode(&colors[..count], frames)?;
                 self.track.span("encode", item.index, start);
             }
-            let Phases { epoch, position, index, values, .. } = item;
+            let Phases { epoch, position, index, version, values, .. } = item;
             let _ = self.free_phases.put(values);
             if useless {
                 continue;
             }
-            let mut done = Encoded { epoch, position, index, frames };
+            let mut done = Encoded { epoch, position, index, version, frames };
             while let Err(back) = self.out.put_within(done, PATIENCE) {
                 if self.shared.stopped() {
                     break;

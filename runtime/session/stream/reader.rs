@@ -66,11 +66,12 @@ impl Reader {
             let read = self.sequence.read_into(index, &mut values);
             self.track.span("decode", index, start);
             let damaged = read.is_err();
+            let version = *read.as_ref().unwrap_or(&0);
             if let Some(error) = read.err().filter(|_| told.insert(index)) {
                 self.options.notes.tell(format!("hologram {index} is left out: {error}"));
             }
             self.shared.read.store(tagged(epoch, position + 1), Ordering::Release);
-            let mut item = Phases { epoch, position, index, damaged, values };
+            let mut item = Phases { epoch, position, index, damaged, version, values };
             while let Err(back) = self.out.put_within(item, PATIENCE) {
                 if self.shared.stopped() {
                     break;

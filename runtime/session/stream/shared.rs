@@ -80,6 +80,7 @@ pub(super) struct Phases {
     pub(super) position: u64,
     pub(super) index: u64,
     pub(super) damaged: bool,
+    pub(super) version: u64,
     pub(super) values: Vec<f32>,
 }
 
@@ -87,5 +88,6 @@ pub(super) struct Encoded {
     pub(super) epoch: u64,
     pub(super) position: u64,
     pub(super) index: u64,
+    pub(super) version: u64,
     pub(super) frames: Option<VideoFrames>,
 }
