@@ -1,10 +1,11 @@
 //! Pictures, and what a model predicts of them.
 
-use super::device::{Device, Set};
+use super::device::{Device, Further, Set};
 use super::map::CameraMap;
 use super::parameters::{Parameter, Parameters};
 use super::seen::{Look, Seen};
 use crate::optics::Optics;
+use eyebox_kernels::Complex64;
 use rayon::prelude::*;
 use std::path::PathBuf;
 
@@ -36,41 +37,48 @@ pub(super) struct Pictures {
 }
 
 impl Pictures {
-    /// What the model predicts of each of these views, with slopes.
-    pub(super) fn see(&self, at: &Parameters, subpixels: usize, which: &[usize], free: &[Parameter]) -> Vec<Seen> {
-        let device = Device::new(&at.model, self.optics, subpixels);
+    /// Something of each of these views and of what enters its iris: by sub-frame, and by `further` and sub-frame. What leaves a set's
+    /// pixels is computed once for all of its views.
+    fn each<T: Send>(
+        &self,
+        device: &Device,
+        further: &[Further],
+        which: &[usize],
+        of: impl Fn(&View, &[&[Complex64]], &[Vec<&[Complex64]>]) -> T + Sync,
+    ) -> Vec<T> {
         let mut sets: Vec<usize> = which.iter().map(|v| self.views[*v].set).collect();
         sets.sort_unstable();
         sets.dedup();
+        let of_set = |&set: &usize| {
+            let (fields, by) = device.enter(&self.sets[set], further);
+            let places: Vec<usize> = (0..which.len()).filter(|i| self.views[which[*i]].set == set).collect();
+            let of_view = |i: usize| {
+                let view = &self.views[which[i]];
+                let entering: Vec<_> = fields.iter().map(|frame| &frame[view.window][..]).collect();
+                let by: Vec<Vec<_>> =
+                    by.iter().map(|frames| frames.iter().map(|frame| &frame[view.window][..]).collect()).collect();
+                (i, of(view, &entering, &by))
+            };
+            places.into_par_iter().map(of_view).collect::<Vec<_>>()
+        };
+        let mut all: Vec<(usize, T)> = sets.par_iter().flat_map(of_set).collect();
+        all.sort_by_key(|(i, _)| *i);
+        all.into_iter().map(|(_, of_view)| of_view).collect()
+    }
+
+    /// What the model predicts of each of these views, with slopes.
+    pub(super) fn see(&self, at: &Parameters, subpixels: usize, which: &[usize], free: &[Parameter]) -> Vec<Seen> {
+        let device = Device::new(&at.model, self.optics, subpixels);
         let of_device: Vec<Parameter> = free.iter().copied().filter(|p| p.is_of_device()).collect();
         let further = device.all_further(at, &of_device);
-        let seen: Vec<Vec<(usize, Seen)>> = sets
-            .par_iter()
-            .map(|&set| {
-                let (fields, by) = device.enter(&self.sets[set], &further);
-                let views: Vec<usize> = which.iter().copied().filter(|v| self.views[*v].set == set).collect();
-                views
-                    .into_par_iter()
-                    .map(|v| {
-                        let window = self.views[v].window;
-                        let entering: Vec<_> = fields.iter().map(|frame| &frame[window][..]).collect();
-                        let mut device = by.iter();
-                        let by: Vec<Vec<_>> = free
-                            .iter()
-                            .map(|p| match p.is_of_device() {
-                                true => device.next().into_iter().flatten().map(|frame| &frame[window][..]).collect(),
-                                false => Vec::new(),
-                            })
-                            .collect();
-                        (v, self.views[v].look.see(at, &entering, free, &by))
-                    })
-                    .collect()
-            })
-            .collect();
-        let mut all: Vec<(usize, Seen)> = seen.into_iter().flatten().collect();
-        let order = |v: usize| which.iter().position(|w| *w == v);
-        all.sort_by_key(|(v, _)| order(*v));
-        all.into_iter().map(|(_, seen)| seen).collect()
+        self.each(&device, &further, which, |view, entering, by| {
+            let mut by = by.iter();
+            let of_parameter = |p: &Parameter| match p.is_of_device() {
+                true => by.next().cloned().unwrap_or_default(),
+                false => Vec::new(),
+            };
+            view.look.see(at, entering, free, &free.iter().map(of_parameter).collect::<Vec<_>>())
+        })
     }
 
     /// What the model predicts of each of these views for cameras that look elsewhere: by view, then camera.
@@ -81,28 +89,16 @@ impl Pictures {
         which: &[usize],
         cameras: &[CameraMap],
     ) -> Vec<Vec<Seen>> {
-        let device = Device::new(&at.model, self.optics, subpixels);
-        let mut seen: Vec<Option<Vec<Seen>>> = which.iter().map(|_| None).collect();
-        let mut sets: Vec<usize> = which.iter().map(|v| self.views[*v].set).collect();
-        sets.sort_unstable();
-        sets.dedup();
-        for set in sets {
-            let (fields, _) = device.enter(&self.sets[set], &[]);
-            seen.par_iter_mut().zip(which).filter(|(_, v)| self.views[**v].set == set).for_each(|(seen, v)| {
-                let View { window, look, .. } = &self.views[*v];
-                let entering: Vec<_> = fields.iter().map(|frame| &frame[*window][..]).collect();
-                let of_camera = |intensity| Seen { intensity, slopes: Vec::new() };
-                *seen = Some(look.see_from(at, &entering, cameras).into_iter().map(of_camera).collect());
-            });
-        }
-        seen.into_iter().flatten().collect()
+        let of_camera = |intensity| Seen { intensity, slopes: Vec::new() };
+        self.each(&Device::new(&at.model, self.optics, subpixels), &[], which, |view, entering, _| {
+            view.look.see_from(at, entering, cameras).into_iter().map(of_camera).collect()
+        })
     }
 
     /// What the model predicts of a view at other camera pixels (x, y).
     pub(super) fn see_places(&self, at: &Parameters, subpixels: usize, view: usize, places: &[[f64; 2]]) -> Seen {
-        let View { set, window, look, .. } = &self.views[view];
-        let (fields, _) = Device::new(&at.model, self.optics, subpixels).enter(&self.sets[*set], &[]);
-        let entering: Vec<_> = fields.iter().map(|frame| &frame[*window][..]).collect();
-        look.of(places.to_vec()).see(at, &entering, &[], &[])
+        let device = Device::new(&at.model, self.optics, subpixels);
+        self.each(&device, &[], &[view], |view, entering, _| view.look.of(places.to_vec()).see(at, entering, &[], &[]))
+            .swap_remove(0)
     }
 }
