@@ -1,7 +1,8 @@
 //! The steps, and what they are judged by.
 
 use super::pictures::{CameraBench, OfColor, Seen};
-use super::sensor::Grid;
+use super::registration::{self, Pair, registered};
+use super::sensor::{Fine, Grid};
 use crate::calibrate::{CalibrateError, Event};
 use crate::engine::{Buffer, Engine};
 use crate::evaluate::Sums;
@@ -68,8 +69,8 @@ struct Run<'r, 'a> {
     planner: Planner,
     engine: &'r mut dyn Engine,
     held_out: Vec<Pupil>,
-    /// Photographs of the held-out pupils at the camera's pixels.
-    targets: Vec<Vec<f32>>,
+    /// Photographs of the held-out pupils.
+    targets: Vec<(Vec<f32>, Grid)>,
     /// What a millisecond's light is of the model's intensity.
     gain: f64,
 }
@@ -214,22 +215,22 @@ impl<'r, 'a> Run<'r, 'a> {
     /// pictures.
     fn look_at_once(&mut self, seen: &[Seen]) -> Result<(), CalibrateError> {
         let whole = Planner { factor: WindowFactor::Full, ..self.planner.clone() };
-        let (mut sums, mut alike) = ([0.0; 2], Vec::new());
+        let mut predicted = Vec::with_capacity(seen.len());
         for seen in seen {
             let pass = whole.viewpoint(&Viewpoint::Pupil(seen.pupil), &Comparison::default());
             let (grid, gain) = (self.grid(&pass), f64::from(pass.intensity.gain) * self.share(&seen.pupil));
             self.engine.run(&whole.exposure_step(vec![pass]))?;
-            let (fields, target) = (self.engine.read(Buffer::Window(0))?, self.engine.read(Buffer::Target(0))?);
-            let sensor = &self.of().sensor;
-            let model = sensor.see_fields(&fields, gain, &grid);
-            self.targets.push(self.of().sensor.see(&target, &grid));
-            let pairs = || model.iter().zip(&seen.light).map(|(m, l)| [f64::from(*m), f64::from(*l)]);
-            let pairs = || pairs().filter(|[_, l]| l.is_finite());
-            pairs().for_each(|[m, l]| sums = [sums[0] + m, sums[1] + l]);
-            alike.push(correlation(pairs()));
+            predicted.push(Fine::of_fields(&self.engine.read(Buffer::Window(0))?, gain, grid));
+            self.targets.push((self.engine.read(Buffer::Target(0))?, grid));
         }
-        self.gain = sums[1] / sums[0];
-        let alike = mean(&alike);
+        self.register(seen, &predicted, &registration::ALL);
+        let sensor = &self.of().sensor;
+        let alike = seen.iter().zip(&predicted).map(|(seen, fine)| {
+            let model = sensor.see(fine);
+            let pairs = model.iter().zip(&seen.light).map(|(m, l)| [f64::from(*m), f64::from(*l)]);
+            correlation(pairs.filter(|[_, l]| l.is_finite()))
+        });
+        let alike = mean(&alike.collect::<Vec<_>>());
         tracing::debug!("pictures and model: correlation {alike:.3}, {:.3e} of full scale a ms", self.gain);
         if alike.is_nan() || alike < ALIKE {
             return Err(CalibrateError::Pictures(format!(
@@ -240,11 +241,26 @@ impl<'r, 'a> Run<'r, 'a> {
         Ok(())
     }
 
+    /// Where the camera looks, and what it makes of light, by pictures beside the model's.
+    fn register(&mut self, seen: &[Seen], predicted: &[Fine], free: &[usize]) {
+        let of = &mut self.bench.colors[self.of];
+        let pairs = seen.iter().zip(predicted).map(|(seen, predicted)| Pair { light: &seen.light, predicted });
+        of.sensor = registered(&of.sensor, &pairs.collect::<Vec<_>>(), free);
+        let mut sums = [0.0; 2];
+        for (seen, fine) in seen.iter().zip(predicted) {
+            let pairs = of.sensor.see(fine).into_iter().zip(&seen.light);
+            let pairs = pairs.filter(|(_, l)| l.is_finite());
+            pairs.for_each(|(m, l)| sums = [sums[0] + f64::from(m), sums[1] + f64::from(*l)]);
+        }
+        self.gain = sums[1] / sums[0];
+    }
+
     /// PSNR of pictures through the held-out pupils, dB, at one exposure for all.
     fn scores(&self, seen: &[Seen]) -> Result<Vec<f64>, CalibrateError> {
-        let of = |(seen, target): (&Seen, &Vec<f32>)| {
+        let of = |(seen, (target, grid)): (&Seen, &(Vec<f32>, Grid))| {
+            let target = self.of().sensor.see(&Fine::of_image(target, *grid));
             let per = (1.0 / (self.gain * self.share(&seen.pupil))) as f32;
-            let pairs = seen.light.iter().zip(target).filter(|(l, _)| l.is_finite());
+            let pairs = seen.light.iter().zip(&target).filter(|(l, _)| l.is_finite());
             let (image, target): (Vec<f32>, Vec<f32>) = pairs.map(|(l, t)| (l * per, *t)).unzip();
             Sums::of_images(&image, &target)
         };
@@ -273,22 +289,25 @@ impl<'r, 'a> Run<'r, 'a> {
         let looks: Vec<(Grid, f64, f64)> = passes
             .iter()
             .zip(&seen)
-            .map(|(pass, seen)| {
-                let share = self.share(&seen.pupil);
-                (self.grid(pass), f64::from(pass.intensity.gain), 1.0 / (self.gain * share))
-            })
+            .map(|(pass, seen)| (self.grid(pass), f64::from(pass.intensity.gain), self.share(&seen.pupil)))
             .collect();
         let mut step = update.step(&self.planner, passes, usize::MAX);
         step.quantise.hardness = 1.0;
-        let sensor = &self.bench.colors[self.of].sensor;
+        let (sensor, of_light) = (&self.bench.colors[self.of].sensor, 1.0 / self.gain);
+        let mut predicted = Vec::with_capacity(seen.len());
         let loss = take_seen(&mut *self.engine, &step, |slot, image, fields| -> Result<Vec<f32>, CalibrateError> {
-            let (grid, gain, per) = &looks[slot];
-            let model = sensor.see_fields(fields, *gain, grid);
+            let (grid, gain, share) = looks[slot];
+            let fine = Fine::of_fields(fields, gain * share, grid);
             // The camera's less the model's, where the camera looks: what is finer than its pixels stays the model's.
-            let rest: Vec<f32> = seen[slot].light.iter().zip(model).map(|(l, m)| l * *per as f32 - m).collect();
-            let rest = sensor.spread(&rest, grid);
+            let rest = seen[slot].light.iter().zip(sensor.see(&fine));
+            let rest: Vec<f32> =
+                rest.map(|(l, m)| ((f64::from(*l) * of_light - f64::from(m)) / share) as f32).collect();
+            let rest = sensor.spread(&rest, &grid);
+            predicted.push(fine);
             Ok(image.iter().zip(rest).map(|(i, r)| (i + r).max(0.0)).collect())
         })?;
+        // The picture creeps over the camera, and the laser's power drifts: the next step knows.
+        self.register(&seen, &predicted, &registration::PLACE);
         match loss.is_finite() {
             true => Ok(()),
             false => Err(CalibrateError::Pictures("a camera step gave numbers that are not finite".into())),

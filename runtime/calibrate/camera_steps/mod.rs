@@ -7,6 +7,7 @@
 
 mod descent;
 mod pictures;
+mod registration;
 mod sensor;
 
 pub use descent::{CameraGain, CameraSubject};

@@ -33,9 +33,43 @@ impl Grid {
     }
 }
 
-/// The camera's pixels that look at the SLM's image.
+/// An image in more samples than its grid has.
 #[derive(Debug)]
+pub(super) struct Fine {
+    values: Vec<f32>,
+    grid: Grid,
+    /// How many times as fine as the grid.
+    times: usize,
+}
+
+impl Fine {
+    /// Of an image on a grid that holds its spectrum.
+    pub(super) fn of_image(image: &[f32], grid: Grid) -> Self {
+        let times = grid.times();
+        let image = image.iter().map(|v| Complex64::new(f64::from(*v), 0.0)).collect();
+        let fine = finer(image, &grid, times, usize::div_ceil);
+        Self { values: fine.iter().map(|v| v.re as f32).collect(), grid, times }
+    }
+
+    /// The intensity of fields (sub-frame, row, column; pairs of numbers) whose spectra the grid holds: `gain` times the sum of
+    /// their squares. Intensity has twice the field's bandwidth, which the samples hold.
+    pub(super) fn of_fields(fields: &[f32], gain: f64, grid: Grid) -> Self {
+        let times = grid.times();
+        let mut values = vec![0.0f32; grid.rows * grid.columns * times * times];
+        for frame in fields.chunks_exact(2 * grid.rows * grid.columns) {
+            let frame = frame.chunks_exact(2).map(|v| Complex64::new(f64::from(v[0]), f64::from(v[1]))).collect();
+            // A window's bins follow each other: what is finer lies behind them.
+            let field = finer(frame, &grid, times, |n, _| n);
+            values.iter_mut().zip(field).for_each(|(sum, v)| *sum += (gain * v.norm_sqr()) as f32);
+        }
+        Self { values, grid, times }
+    }
+}
+
+/// The camera's pixels that look at the SLM's image.
+#[derive(Debug, Clone)]
 pub(super) struct Sensor {
+    pub(super) map: CameraMap,
     /// Their numbers in the picture.
     pub(super) pixels: Vec<usize>,
     /// Those of some that look past it.
@@ -60,42 +94,35 @@ impl Sensor {
                 beside.push(at);
             }
         }
-        Self { pixels, beside, places, zoom: map.zoom() }
+        Self { map, pixels, beside, places, zoom: map.zoom() }
     }
 
-    /// What they see of an image on a grid that holds its spectrum.
-    pub(super) fn see(&self, image: &[f32], grid: &Grid) -> Vec<f32> {
-        let up = grid.times();
-        let image = image.iter().map(|v| Complex64::new(f64::from(*v), 0.0)).collect();
-        let fine = finer(image, grid, up, usize::div_ceil);
-        self.looks(&fine.iter().map(|v| v.re as f32).collect::<Vec<_>>(), grid, up)
+    /// The same pixels behind another map.
+    pub(super) fn moved(&self, map: CameraMap) -> Self {
+        let place = |at: &usize| map.to_slm([(at % map.camera[1]) as f64, (at / map.camera[1]) as f64]);
+        let (pixels, beside) = (self.pixels.clone(), self.beside.clone());
+        Self { map, places: pixels.iter().map(place).collect(), pixels, beside, zoom: map.zoom() }
     }
 
-    /// What they see of fields (sub-frame, row, column; pairs of numbers) whose spectra the grid holds: `gain` times the sum of
-    /// their squares. Finer than the grid, for intensity has twice the field's bandwidth.
-    pub(super) fn see_fields(&self, fields: &[f32], gain: f64, grid: &Grid) -> Vec<f32> {
-        let up = grid.times();
-        let mut fine = vec![0.0f32; grid.rows * grid.columns * up * up];
-        for frame in fields.chunks_exact(2 * grid.rows * grid.columns) {
-            let frame = frame.chunks_exact(2).map(|v| Complex64::new(f64::from(v[0]), f64::from(v[1]))).collect();
-            // A window's bins follow each other: what is finer lies behind them.
-            let field = finer(frame, grid, up, |n, _| n);
-            fine.iter_mut().zip(field).for_each(|(sum, v)| *sum += (gain * v.norm_sqr()) as f32);
-        }
-        self.looks(&fine, grid, up)
+    /// One pixel in `every`.
+    pub(super) fn thinned(&self, every: usize) -> Self {
+        let pixels = self.pixels.iter().copied().step_by(every).collect();
+        let places = self.places.iter().copied().step_by(every).collect();
+        Self { map: self.map, pixels, beside: Vec::new(), places, zoom: self.zoom }
     }
 
-    /// Means over the pixels, of samples `up` times as fine as the grid's.
-    fn looks(&self, fine: &[f32], grid: &Grid, up: usize) -> Vec<f32> {
-        let [rows, columns] = [grid.rows * up, grid.columns * up];
+    /// Means of an image over the pixels.
+    pub(super) fn see(&self, image: &Fine) -> Vec<f32> {
+        let Fine { values, grid, times } = image;
+        let [rows, columns] = [grid.rows * times, grid.columns * times];
         let points = points_of_pixel(CAMERA_PIXEL).map(|at| at.map(|v| v / self.zoom));
         let value = |[x, y]: [f64; 2]| {
-            let [x, y] = grid.of([x, y]).map(|v| v * up as f64);
+            let [x, y] = grid.of([x, y]).map(|v| v * *times as f64);
             let (first_x, first_y) = (x.floor(), y.floor());
             let (along_x, along_y) = (cubic(x - first_x), cubic(y - first_y));
             let index = |first: f64, i: usize, n: usize| (first as i64 + i as i64 - 1).rem_euclid(n as i64) as usize;
             let row = |i: usize| {
-                let row = &fine[index(first_y, i, rows) * columns..][..columns];
+                let row = &values[index(first_y, i, rows) * columns..][..columns];
                 (0..4).map(|j| along_x[j] * f64::from(row[index(first_x, j, columns)])).sum::<f64>()
             };
             (0..4).map(|i| along_y[i] * row(i)).sum::<f64>()
@@ -174,7 +201,7 @@ mod tests {
         let (sensor, grid, map) = bench();
         let wave = |x: f64, y: f64| 1.0 + 0.5 * (TAU * (5.0 * (x + 6.0) / 60.0 - 3.0 * (y + 4.0) / 48.0)).cos();
         let sample = |i: usize| wave((i % 30) as f64 * 2.0 - 6.0, (i / 30) as f64 * 2.4 - 4.0) as f32;
-        let seen = sensor.see(&(0..600).map(sample).collect::<Vec<_>>(), &grid);
+        let seen = sensor.see(&Fine::of_image(&(0..600).map(sample).collect::<Vec<_>>(), grid));
         assert!(sensor.pixels.len() > 1500 && !sensor.beside.is_empty());
         for (at, seen) in sensor.pixels.iter().zip(seen) {
             let [x, y] = map.to_slm([(at % 90) as f64, (at / 90) as f64]);
@@ -194,7 +221,7 @@ mod tests {
         };
         let sample = |i: usize| field((i % 30) as f64 * 2.0 - 6.0, (i / 30) as f64 * 2.4 - 4.0);
         let fields: Vec<f32> = (0..600).map(sample).flat_map(|v| [v.re as f32, v.im as f32]).collect();
-        let seen = sensor.see_fields(&[&fields[..], &fields].concat(), 0.5, &grid);
+        let seen = sensor.see(&Fine::of_fields(&[&fields[..], &fields].concat(), 0.5, grid));
         for (at, seen) in sensor.pixels.iter().zip(seen) {
             let [x, y] = map.to_slm([(at % 90) as f64, (at / 90) as f64]);
             assert!((f64::from(seen) - field(x, y).norm_sqr()).abs() < 0.1, "at {x}, {y}: {seen}");

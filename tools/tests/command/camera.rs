@@ -17,10 +17,12 @@ const DISPLAY: &str =
     "resolution = [64, 64]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
 /// What the bench is to be, as words; see [`serve`].
 const BENCH: &str = "EYEBOX_TEST_BENCH";
+/// Camera pixels by which a picture that creeps has moved since the one before.
+const CREEP: f64 = 0.04;
 
 /// A bench that tests start as the camera's command: an SLM whose source falls off, a ghost beside each picture, an iris.
-/// Its words: `fixed` (iris), `single` (sub-frames, exposures as asked), and from picture 12 on `noise`, `dies`, `small`,
-/// `black`, `full`, `nonsense`; `lies` is noise from the first.
+/// Its words: `fixed` (iris), `single` (sub-frames, exposures as asked), `creeps` (the picture, over the camera), and from picture
+/// 12 on `noise`, `dies`, `small`, `black`, `full`, `nonsense`; `lies` is noise from the first.
 #[test]
 #[ignore = "the camera of other tests"]
 fn serve() {
@@ -40,8 +42,9 @@ fn serve() {
                 if late("nonsense") {
                     println!("{{what?");
                 }
+                let crept = if is("creeps") { CREEP * number as f64 } else { 0.0 };
                 let mut light =
-                    if ask["color"].is_null() { vec![0.0; CAMERA * CAMERA] } else { light(&ask, is("fixed")) };
+                    if ask["color"].is_null() { vec![0.0; CAMERA * CAMERA] } else { light(&ask, is("fixed"), crept) };
                 let mut random = fastrand::Rng::with_seed(number as u64);
                 if late("noise") || is("lies") && ask["show"]["file"].as_str().is_some_and(|f| !f.contains("dots")) {
                     light.iter_mut().for_each(|v| *v = 0.5 * random.f64());
@@ -116,8 +119,8 @@ fn summed(from: &[Field], out: usize, turns: impl Fn(usize, usize) -> f64) -> Ve
     along(&along(from))
 }
 
-/// What the camera's pixels get of a request's set.
-fn light(ask: &Value, fixed: bool) -> Vec<f64> {
+/// What the camera's pixels get of a request's set, that many pixels further to the right and down.
+fn light(ask: &Value, fixed: bool, crept: f64) -> Vec<f64> {
     let shown = read_npy(Path::new(ask["show"]["file"].as_str().expect("a pattern"))).expect("a pattern").values;
     let iris: Vec<f64> = match fixed {
         true => vec![0.0, 0.0, 6.0],
@@ -142,7 +145,7 @@ fn light(ask: &Value, fixed: bool) -> Vec<f64> {
             let ghost = cis(-5.0 * (kx + ky) / N as f64);
             *v = if inside { times(*v, [1.0 + 0.25 * ghost[0], 0.25 * ghost[1]]) } else { [0.0; 2] };
         }
-        let seen = summed(&spectrum, CAMERA, |i, k| bin(k) * i as f64 / CAMERA as f64);
+        let seen = summed(&spectrum, CAMERA, |i, k| bin(k) * (i as f64 - crept) / CAMERA as f64);
         let share = 1.0 / (frames * N * N * N * N) as f64;
         light.iter_mut().zip(seen).for_each(|(sum, [re, im])| *sum += share * (re * re + im * im));
     }
@@ -199,6 +202,19 @@ fn what_no_model_has_is_corrected_by_what_the_camera_sees() {
     let both = kept();
     assert!(both[..first.len()] == first && both.len() > first.len(), "{} and {}", first.len(), both.len());
     assert!(both[first.len()..].iter().all(|c| !c["request"]["show"]["file"].as_str().unwrap().contains("dots")));
+}
+
+/// At the end the picture is more than three of the camera's pixels from where the dots were.
+#[test]
+fn a_picture_that_creeps_over_the_camera_is_followed() {
+    let here = folder();
+    let steps = ["--steps", "20", "--json", "--camera-steps", "8"];
+    let answer = solve(here.path(), "ghost creeps", "h.zarr", &steps);
+    assert!(answer.status.success(), "{}", text(&answer.stderr));
+    let said: Value = serde_json::from_str(&text(&answer.stdout)).expect("an object");
+    let camera = &said["camera"][0];
+    let (before, after) = (mean(&camera["psnr_before_db"]), mean(&camera["psnr_after_db"]));
+    assert!(after > before + 0.3, "{before} dB, then {after} dB");
 }
 
 #[test]
