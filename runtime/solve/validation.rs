@@ -6,10 +6,10 @@ use crate::evaluate::{self, Sums};
 use crate::optics::{Geometry, mean_light};
 use crate::plan::{Moving, Planner, Viewpoint};
 
-/// Steps from which a solve is exposed for the light that there is (measured).
-const LONG_SOLVE: f64 = 60.0;
-/// Power of the light that is left by which shorter solves are exposed at least (measured).
-const SHORT_SOLVE: f64 = 0.5;
+/// Steps of a solve that is exposed for the light that there is (measured).
+const FOR_ALL_LIGHT: f64 = 30.0;
+/// Powers of the light that is left by which solves are exposed at least and at most (measured).
+const POWERS: [f64; 2] = [0.5, 1.5];
 
 /// Fixed viewpoints that no step draws, and what should be seen through them.
 pub struct Validator {
@@ -38,10 +38,11 @@ impl Validator {
     /// The bright end of the photographs for a solve of so many steps of the projection.
     ///
     /// A solve that is exposed for light which the aperture takes away chases light that is not there. A short one is better exposed for
-    /// more than there is, because it has no time to move light (docs/measurements.md, "The solver and the model").
+    /// more than there is, because it has no time to move light; a long one for less, because the edge of the eyebox has less than
+    /// the mean (docs/measurements.md, "The solver and the model").
     pub(crate) fn bright_end(&self, steps: usize) -> BrightEnd {
-        let exponent = (steps as f64 / LONG_SOLVE).clamp(SHORT_SOLVE, 1.0);
-        self.bright_end.lit(self.aperture_light.powf(exponent))
+        let power = (steps as f64 / FOR_ALL_LIGHT).sqrt().clamp(POWERS[0], POWERS[1]);
+        self.bright_end.lit(self.aperture_light.powf(power))
     }
 
     /// Scores the phases that `engine` holds; only sums leave it.
@@ -79,7 +80,8 @@ mod tests {
     use crate::solve::{Problem, Settings};
     use std::sync::Arc;
 
-    /// Where pixels have an aperture, the exposure rises by what it leaves through the pupils; that of short solves by its root.
+    /// Where pixels have an aperture, the exposure rises by what it leaves through the pupils; that of short solves by less, that of
+    /// long ones by more.
     #[test]
     fn an_exposure_follows_the_light_that_the_aperture_leaves() {
         let display = Display { height: 48, width: 64, ..Display::preset("paper").unwrap() };
@@ -97,9 +99,9 @@ mod tests {
         let left = pupils.iter().map(|pupil| model.aperture_light(pupil, plain.optics.eyebox())).sum::<f64>() / 2.0;
         let filled = ModelTables::new(model, 11e-3, 256, plain.optics, plain.optics);
         let filled = Problem { model: filled, ..plain.clone() };
-        for (steps, exponent) in [(0, 0.5), (20, 0.5), (45, 0.75), (60, 1.0), (600, 1.0)] {
+        for (steps, power) in [(0, 0.5), (7, 0.5), (30, 1.0), (60, 2f64.sqrt()), (600, 1.5)] {
             let ratio = exposure(&filled, steps) / exposure(&plain, steps);
-            let off = ratio * left.powf(exponent) - 1.0;
+            let off = ratio * left.powf(power) - 1.0;
             assert!(left < 0.8 && off.abs() < 1e-9, "{left} is left, {ratio} times the exposure for {steps} steps");
         }
     }
