@@ -6,10 +6,12 @@ use crate::evaluate::{self, Sums};
 use crate::optics::{Geometry, mean_light};
 use crate::plan::{Moving, Planner, Viewpoint};
 
-/// Steps of a solve that is exposed for the light that there is (measured).
-const FOR_ALL_LIGHT: f64 = 30.0;
-/// Powers of the light that is left by which solves are exposed at least and at most (measured).
-const POWERS: [f64; 2] = [0.5, 1.5];
+/// Power of the light that is left by which solves are exposed at least (measured).
+const LEAST_POWER: f64 = 0.5;
+/// Under strong and under weak crosstalk: share of the variance of random drives that it leaves, steps of a solve that is exposed for the
+/// light that is left, and the highest power of it (measured).
+const STRONG: [f64; 3] = [0.6, 60.0, 1.0];
+const WEAK: [f64; 3] = [0.8, 30.0, 1.5];
 
 /// Fixed viewpoints that no step draws, and what should be seen through them.
 pub struct Validator {
@@ -18,6 +20,8 @@ pub struct Validator {
     bright_end: BrightEnd,
     /// Share of the light that pixels with an aperture leave through these viewpoints, over what an SLM of points would give.
     aperture_light: f64,
+    /// Share of the variance of random drives that crosstalk leaves.
+    variance_left: f64,
 }
 
 /// Quality on validation pupils: the exposure is the least-squares fit over all of them.
@@ -32,16 +36,18 @@ impl Validator {
         let photographs = evaluate::targets(engine, planner, &viewpoints)?;
         let bright_end = BrightEnd::of(photographs.iter().map(|p| &p[..])).lit(mean_light(&planner.modes));
         let aperture_light = aperture_light(planner, &viewpoints);
-        Ok(Self { viewpoints, bright_end, aperture_light })
+        Ok(Self { viewpoints, bright_end, aperture_light, variance_left: planner.variance_left() })
     }
 
     /// The bright end of the photographs for a solve of so many steps of the projection.
     ///
     /// A solve that is exposed for light which the aperture takes away chases light that is not there. A short one is better exposed for
     /// more than there is, because it has no time to move light; a long one for less, because the edge of the eyebox has less than
-    /// the mean (docs/measurements.md, "The solver and the model").
+    /// the mean, if crosstalk leaves it the means to send the rest away (docs/measurements.md, "The solver and the model").
     pub(crate) fn bright_end(&self, steps: usize) -> BrightEnd {
-        let power = (steps as f64 / FOR_ALL_LIGHT).sqrt().clamp(POWERS[0], POWERS[1]);
+        let weakness = ((self.variance_left - STRONG[0]) / (WEAK[0] - STRONG[0])).clamp(0.0, 1.0);
+        let [for_all, most] = [1, 2].map(|i| STRONG[i] + weakness * (WEAK[i] - STRONG[i]));
+        let power = (steps as f64 / for_all).sqrt().clamp(LEAST_POWER, most);
         self.bright_end.lit(self.aperture_light.powf(power))
     }
 
@@ -74,7 +80,7 @@ fn aperture_light(planner: &Planner, viewpoints: &[Viewpoint]) -> f64 {
 mod tests {
     use super::*;
     use crate::engine::cpu::CpuEngine;
-    use crate::optics::{Color, Display, DisplayModel, Padding, Pupil};
+    use crate::optics::{Color, Display, DisplayModel, Padding, Pupil, Spread};
     use crate::plan::{ModelTables, Purpose};
     use crate::scene::{self, Request};
     use crate::solve::{Problem, Settings};
@@ -95,12 +101,18 @@ mod tests {
             let viewpoints = pupils.map(Viewpoint::Pupil).to_vec();
             Validator::new(&mut engine, &planner, viewpoints).unwrap().bright_end(steps).guess()
         };
+        let filled = |crosstalk: Option<Spread>| {
+            let model = DisplayModel { fill: 0.95, crosstalk, ..DisplayModel::default() };
+            let model = ModelTables::new(model, 11e-3, 256, plain.optics, plain.optics);
+            Problem { model, ..plain.clone() }
+        };
         let model = DisplayModel { fill: 0.95, ..DisplayModel::default() };
         let left = pupils.iter().map(|pupil| model.aperture_light(pupil, plain.optics.eyebox())).sum::<f64>() / 2.0;
-        let filled = ModelTables::new(model, 11e-3, 256, plain.optics, plain.optics);
-        let filled = Problem { model: filled, ..plain.clone() };
-        for (steps, power) in [(0, 0.5), (7, 0.5), (30, 1.0), (60, 2f64.sqrt()), (600, 1.5)] {
-            let ratio = exposure(&filled, steps) / exposure(&plain, steps);
+        let strong = [Spread { q: 1.2, sigma: 1.0 }; 4];
+        let weak = [(0, 0.5), (7, 0.5), (30, 1.0), (60, 2f64.sqrt()), (600, 1.5)].map(|row| (None, row));
+        let strong = [(0, 0.5), (15, 0.5), (30, 0.5f64.sqrt()), (60, 1.0), (600, 1.0)].map(|row| (Some(strong), row));
+        for (crosstalk, (steps, power)) in weak.into_iter().chain(strong) {
+            let ratio = exposure(&filled(crosstalk), steps) / exposure(&plain, steps);
             let off = ratio * left.powf(power) - 1.0;
             assert!(left < 0.8 && off.abs() < 1e-9, "{left} is left, {ratio} times the exposure for {steps} steps");
         }
