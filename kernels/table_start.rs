@@ -13,6 +13,9 @@ pub const BEND: usize = 4;
 pub const COARSER: usize = 2;
 /// Brightness from one level to the next below the bend.
 const FINE: f64 = 0.05;
+/// Bits of a level that is below another.
+const BELOW: usize = LEVELS - 2;
+const _: () = assert!((LEVELS - 1).is_power_of_two(), "a mask keeps levels in the table");
 /// Units of a level.
 const UNIT: u32 = 65_536;
 
@@ -103,8 +106,9 @@ pub fn table_start(args: &Args, places: &[u32], table: &[u16], phases: &mut [f32
     for (y, (places, phases)) in places.chunks_exact(width).zip(phases.chunks_exact_mut(width)).enumerate() {
         let row = &table[y % side * side * LEVELS..][..side * LEVELS];
         for (places, phases) in places.chunks(side).zip(phases.chunks_mut(side)) {
-            for ((at, phase), levels) in places.iter().zip(phases).zip(row.chunks_exact(LEVELS)) {
-                let (below, part) = ((at >> 16) as usize, at & 0xffff);
+            for ((at, phase), levels) in places.iter().zip(phases).zip(row.as_chunks::<LEVELS>().0) {
+                // A place is below the last level: with the mask the compiler knows it, too.
+                let (below, part) = ((at >> 16) as usize & BELOW, at & 0xffff);
                 let turn = i32::from(levels[below + 1].wrapping_sub(levels[below]) as i16);
                 let by = (turn * part as i32 + 32_768) >> 16;
                 *phase = binary_angle::value(levels[below].wrapping_add(by as u16));

@@ -14,7 +14,9 @@ mod pupil_pass;
 mod twins;
 mod waves;
 
-use super::{Buffer, Dispatch, Engine, EngineError, Kernel, ModelTables, Resource, Scope, Shape, Step, Timing, misfit};
+use super::{
+    Buffer, Dispatch, Engine, EngineError, Kernel, LookUp, ModelTables, Resource, Scope, Shape, Step, Timing, misfit,
+};
 use crate::scene::Pyramid;
 use buffers::{Buffers, ModelView, SPLIT, Slot, storing, storing_drives};
 use eyebox_kernels::{Complex32, fft::Plans};
@@ -303,6 +305,10 @@ impl Engine for CpuEngine {
     fn restore(&mut self) -> Result<(), EngineError> {
         self.buffers.restore()?;
         self.clear_moments()
+    }
+
+    fn look_up(&mut self, of: &LookUp) -> Result<(), EngineError> {
+        self.buffers.look_up(of)
     }
 
     fn clear_moments(&mut self) -> Result<(), EngineError> {

@@ -30,15 +30,21 @@ impl LookUp {
     /// # Errors
     /// Views on a device that does not answer.
     pub fn phases(&self) -> Result<Vec<f32>, EngineError> {
+        let mut phases = vec![0.0; (self.args.frames * self.args.height * self.args.width) as usize];
+        self.phases_into(&mut phases)?;
+        Ok(phases)
+    }
+
+    /// The same into memory of their number that is there already: new memory takes longer than the look-up.
+    pub(super) fn phases_into(&self, phases: &mut [f32]) -> Result<(), EngineError> {
         let views = super::on_host(&self.views)?;
         let pixels = (self.args.height * self.args.width) as usize;
         let (mut light, mut places) = (vec![0; pixels], vec![0; pixels]);
         pupil_light(&self.place, &views.levels[0].views, &self.shares, &mut light);
         table_start::places(&self.args, &light, self.needs.as_deref(), &mut places);
-        let mut phases = vec![0.0; self.args.frames as usize * pixels];
         let tile = (self.args.side * self.args.side) as usize * LEVELS;
         let frames = phases.par_chunks_mut(pixels).zip(self.table.par_chunks(tile));
         frames.for_each(|(phases, table)| table_start(&self.args, &places, table, phases));
-        Ok(phases)
+        Ok(())
     }
 }

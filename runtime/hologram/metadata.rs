@@ -3,8 +3,8 @@
 use super::{HologramError, SceneRecord};
 use crate::files::FileRecord;
 use crate::optics::{
-    Color, JointColor, Mask, ModelSections, Padding, Picture, Prescription, PupilDistribution, SourceSections, Sources,
-    Viewing,
+    Color, JointColor, Mask, ModelSections, Obstruction, Padding, Picture, Prescription, PupilDistribution,
+    SourceSections, Sources, Viewing,
 };
 use crate::scene::{Near, Order, Photographs};
 use crate::solve::{Settings, Steering};
@@ -83,6 +83,9 @@ pub struct Metadata {
     /// What is wrong with the eye that it was solved for, and is looked at with.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub prescription: Option<Prescription>,
+    /// What is in the pupil of the eye that looks. No file keeps it, because it is of a look and not of the hologram.
+    #[serde(skip)]
+    pub obstruction: Option<Obstruction>,
     /// How bright and how fine its display's picture is seen.
     #[serde(skip_serializing_if = "Viewing::is_default")]
     pub viewing: Viewing,

@@ -22,6 +22,9 @@ pub struct PupilScore {
     pub finest_cycles_per_degree: f64,
     /// Mean SSIM over the colours; none where the picture is smaller than SSIM's window.
     pub ssim: Option<f64>,
+    /// PSNR of what is seen past an obstruction against what the same hologram shows a clear pupil, over all colors, dB; none for a
+    /// clear pupil, or where that sees nothing.
+    pub against_clear: Option<f64>,
     /// Just-objectionable differences from 10 over all colours; none where it was not [judged](PhaseSource::judge).
     pub jod: Option<f64>,
     /// The same where the eye looks ([`JodSettings::gaze`](super::JodSettings::gaze)).
@@ -41,6 +44,11 @@ impl HologramScores {
     /// Summary of the PSNR over the pupils whose target is not black; `None` without any.
     pub fn summary(&self) -> Option<Summary> {
         Summary::of(&self.pupils.iter().filter_map(|p| p.psnr).collect::<Vec<_>>())
+    }
+
+    /// Summary of the PSNR [against a clear pupil](PupilScore::against_clear); `None` without an obstruction.
+    pub fn against_clear_summary(&self) -> Option<Summary> {
+        Summary::of(&self.pupils.iter().filter_map(|p| p.against_clear).collect::<Vec<_>>())
     }
 
     /// What the JOD come to, over the pupils that were judged; none where none was.
@@ -75,6 +83,8 @@ impl PhaseSource<'_> {
         let mut exposures = Vec::with_capacity(has);
         let mut sums: Vec<Vec<(Sums, f64)>> = vec![Vec::with_capacity(has); pupils.len()];
         let mut ssims: Vec<Option<f64>> = vec![Some(0.0); pupils.len()];
+        let clear = self.about().metadata.obstruction.map(|_| self.clone().obstructed(None));
+        let mut against_clear: Vec<Vec<(Sums, f64)>> = vec![Vec::with_capacity(has); pupils.len()];
         let mut ceilings: Vec<Vec<Ceiling>> = vec![Vec::with_capacity(has); pupils.len()];
         for color in 0..has {
             let mut pairs = |pupils: &[Pupil]| -> Result<Vec<(Plane, Plane)>, HologramError> {
@@ -105,6 +115,11 @@ impl PhaseSource<'_> {
                     };
                 }
             }
+            if let Some(clear) = &clear {
+                for (some, sums) in pupils.chunks(AT_ONCE).zip(against_clear.chunks_mut(AT_ONCE)) {
+                    self.compare_with(clear, color, exposure, some, sums, engine)?;
+                }
+            }
             exposures.push(exposure);
         }
         let finest = |d: f64| optics.iter().map(|o| o.finest_cycles_per_degree(d)).fold(f64::INFINITY, f64::min);
@@ -114,10 +129,32 @@ impl PhaseSource<'_> {
             ceiling: (ceilings[i].len() == has).then(|| Ceiling::decibels(&ceilings[i])),
             finest_cycles_per_degree: finest(pupil.diameter),
             ssim: ssims[i].map(|sum| sum / has as f64),
+            against_clear: Sums::quality_of_colors(&against_clear[i]),
             jod: None,
             jod_there: None,
         };
         Ok(HologramScores { pupils: pupils.iter().enumerate().map(score).collect(), exposures })
+    }
+
+    /// Adds to the sums of each pupil those of what it sees of one color here, as the image, and of `other`, as the target, both at one
+    /// exposure.
+    fn compare_with(
+        &self,
+        other: &Self,
+        color: usize,
+        exposure: f64,
+        pupils: &[Pupil],
+        sums: &mut [Vec<(Sums, f64)>],
+        engine: &mut dyn Engine,
+    ) -> Result<(), HologramError> {
+        let seen = self.look_through(color, None, pupils, Sampling::Pupil, engine)?;
+        let targets = other.look_through(color, None, pupils, Sampling::Pupil, engine)?;
+        for ((seen, target), sums) in seen.iter().zip(&targets).zip(sums) {
+            let (seen, mut target) = (seen.pooled(), target.pooled());
+            target.values.iter_mut().for_each(|value| *value *= exposure as f32);
+            sums.push((Sums::of_images(&seen.values, &target.values)?, exposure));
+        }
+        Ok(())
     }
 
     /// Whether a picture of this colour is all that the SLM's own frequencies make.

@@ -4,7 +4,7 @@ use super::tiles::Tiles;
 use super::{Hologram, HologramError, Sequence};
 use crate::engine::{Buffer, Engine, Purpose};
 use crate::evaluate::{self, Plane, centered};
-use crate::optics::{Optics, OpticsError, Prescription, Pupil, SourceMode, WindowFactor};
+use crate::optics::{Obstruction, Optics, OpticsError, Prescription, Pupil, SourceMode, WindowFactor};
 use crate::plan::{Comparison, EyeTables, Kernel, ModelTables, Planner};
 use crate::scene::crop_share;
 use std::borrow::Cow;
@@ -53,6 +53,19 @@ impl PhaseSource<'_> {
                 Err(OpticsError::Prescription { reason: reason.into() }.into())
             }
             tiled @ Self::Tiled(_) => Ok(tiled),
+        }
+    }
+
+    /// The same as an eye sees it with an obstruction in its pupil, or with a clear one.
+    #[must_use]
+    pub fn obstructed(self, obstruction: Option<Obstruction>) -> Self {
+        match self {
+            Self::Whole(hologram) => {
+                let mut hologram = hologram.into_owned();
+                hologram.metadata.obstruction = obstruction;
+                hologram.into()
+            }
+            Self::Tiled(tiles) => Self::Tiled(Arc::new(tiles.obstructed(obstruction))),
         }
     }
 
@@ -285,10 +298,26 @@ fn whole(
         }
         None => &hologram.colors[color].phases,
     };
-    engine.load(&planner.shape(Purpose::View), None)?;
-    engine.write(Buffer::Phases, phases)?;
     let (rows, columns) = hologram.picture_size();
-    let seen = evaluate::views(engine, &planner, pupils)?;
+    let seen = match hologram.metadata.obstruction {
+        None => {
+            engine.load(&planner.shape(Purpose::View), None)?;
+            engine.write(Buffer::Phases, phases)?;
+            evaluate::views(engine, &planner, pupils)?
+        }
+        Some(obstruction) => {
+            let mut seen = Vec::with_capacity(pupils.len());
+            for pupil in pupils {
+                let planner = planner.obstructed(obstruction, pupil);
+                if seen.is_empty() {
+                    engine.load(&planner.shape(Purpose::View), None)?;
+                    engine.write(Buffer::Phases, phases)?;
+                }
+                seen.append(&mut evaluate::views(engine, &planner, &[*pupil])?);
+            }
+            seen
+        }
+    };
     Ok(seen.into_iter().map(|values| Plane { rows, columns, values }).collect())
 }
 
@@ -307,6 +336,10 @@ fn tiled(
     let (at, size) = ModelTables::under(model.map(|model| &**model), &whole, pupil);
     let plain = Planner::new(whole.piece(at, size), 1, sampling.factor());
     let planner = Planner { model: model.map(|model| model.piece(at, size)), ..plain };
+    let planner = match about.metadata.obstruction {
+        Some(obstruction) => planner.obstructed(obstruction, pupil),
+        None => planner,
+    };
     let phases = tiles.read_around(color, at, size)?;
     let pixels = size[0] * size[1];
     // Seen in each other, all sub-frames of a set go through the engine at once; a single one was seen alone.

@@ -22,6 +22,7 @@ mod mask_design;
 mod masked;
 mod model;
 mod model_tables;
+mod obstruction;
 mod padding;
 mod picture;
 mod prescription;
@@ -59,6 +60,7 @@ pub use limits::{
 };
 pub use mask::{Mask, MaskPhases};
 pub use model::{DisplayModel, Iris, Level, ModelOf, ModelSections, ModelTerms, Spread};
+pub use obstruction::Obstruction;
 pub use padding::Padding;
 pub(crate) use padding::{slow_sides, walk_off};
 pub use picture::{Picture, PictureMap, Seen};

@@ -16,6 +16,7 @@ mod lists;
 mod mask;
 mod model;
 mod moments;
+mod obstructed;
 mod pass;
 mod pupil_pass;
 mod resample_tables;

@@ -2,7 +2,7 @@
 
 use super::mask::MaskTables;
 use super::{Buffer, ModelParts};
-use crate::optics::{Color, Display, DisplayModel, Geometry, Optics, Pupil, SourceMode};
+use crate::optics::{Color, Display, DisplayModel, Geometry, Obstruction, Optics, Pupil, SourceMode};
 use eyebox_kernels::{Complex32, modulate_mask, table_start};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -22,6 +22,8 @@ pub struct ModelTables {
     modes: Vec<SourceMode>,
     /// The static mask in front of the SLM; none without.
     mask: Option<Arc<MaskTables>>,
+    /// The iris with an obstruction in it, which the relay's table has, too; none for a clear pupil.
+    obstructed: Option<(Obstruction, Pupil)>,
     /// Rows and columns of the whole SLM, and where in it this one's first pixel lies: not the same for a piece of a far field.
     whole: [usize; 2],
     at: [i64; 2],
@@ -51,7 +53,7 @@ impl PartialEq for ModelTables {
     fn eq(&self, other: &Self) -> bool {
         let of = |t: &Self| (t.radius, t.error, t.slm, t.grid, t.whole, t.at);
         let same = self.model == other.model && self.modes == other.modes && self.mask == other.mask;
-        same && of(self) == of(other)
+        same && self.obstructed == other.obstructed && of(self) == of(other)
     }
 }
 
@@ -120,6 +122,30 @@ impl ModelTables {
         Arc::new(self.again(self.model.only("iris"), self.error))
     }
 
+    /// Those of the ideal display in the light of these modes.
+    pub(super) fn ideal(modes: &[SourceMode], slm: Optics, grid: Optics) -> Arc<Self> {
+        let plain = Self::cut(DisplayModel::default(), grid.eyebox() / 2.0, highest_drive(0), EXACT, slm, grid);
+        Arc::new(Self { modes: modes.to_vec(), ..plain })
+    }
+
+    /// The same before one iris with an obstruction in it.
+    pub(super) fn obstructed(&self, obstruction: Obstruction, iris: &Pupil) -> Arc<Self> {
+        Arc::new(Self {
+            model: self.model.clone(),
+            modes: self.modes.clone(),
+            mask: self.mask.clone(),
+            obstructed: Some((obstruction, *iris)),
+            root: Arc::clone(&self.root),
+            variance_left: self.variance_left.clone(),
+            pixels: self.pixels.clone(),
+            crosstalk: self.crosstalk.clone(),
+            offsets: self.offsets.clone(),
+            relay: OnceLock::new(),
+            needs: OnceLock::new(),
+            ..*self
+        })
+    }
+
     fn cut_at(&self, error: f64) -> Arc<Self> {
         Arc::new(Self { modes: self.modes.clone(), ..self.again(self.model.clone(), error) })
     }
@@ -137,6 +163,7 @@ impl ModelTables {
             grid: piece,
             modes: self.modes.clone(),
             mask: self.mask.clone(),
+            obstructed: None,
             at,
             pixels: OnceLock::new(),
             offsets: OnceLock::new(),
@@ -188,6 +215,7 @@ impl ModelTables {
             grid,
             modes: Vec::new(),
             mask: None,
+            obstructed: None,
             whole,
             at,
             root,
@@ -255,14 +283,16 @@ impl ModelTables {
             drives: crosstalk || driven || lit || self.mask.is_some(),
             crosstalk: self.reach,
             more_subpixels: if crosstalk { model.subpixels - 1 } else { 0 },
-            relay: if model.fill > 0.0 || model.wavefront.values().any(|waves| *waves != 0.0) {
-                self.mode_count()
-            } else {
-                0
-            },
+            relay: if self.has_relay() { self.mode_count() } else { 0 },
             mask: self.mask.as_ref().map_or(0, |mask| mask.factor()),
             mask_away: self.mask_distance() > 0.0,
         }
+    }
+
+    /// Whether something between the SLM and the eye changes bins.
+    fn has_relay(&self) -> bool {
+        let (model, waves) = (&self.model, self.model.wavefront.values());
+        self.obstructed.is_some() || model.fill > 0.0 || waves.copied().any(|waves| waves != 0.0)
     }
 
     /// The tables that these parts have, with the buffers that hold them.
@@ -327,6 +357,7 @@ impl ModelTables {
             Geometry::Relay if model.fill > 0.0 => model.pixel_sinc(k as f64 / n as f64),
             _ => 1.0,
         };
+        let passing = self.obstructed.map(|(obstruction, iris)| obstruction.amplitude(grid, &iris));
         let along_x: Vec<f64> = (0..grid.width as i64).map(|x| sinc(first_x + x, grid.width)).collect();
         let mut relay = vec![Complex32::default(); grid.height * grid.width];
         let row_of = |row: usize| {
@@ -341,7 +372,7 @@ impl ModelTables {
                 let (at_x, at_y) = (kx as f64 * bin_x + moved_x, ky as f64 * bin_y + moved_y);
                 let turns = waves * model.wavefront_turns(at_x, at_y, self.radius);
                 let (sin, cos) = (TAU * (turns - turns.round())).sin_cos();
-                let size = across * along;
+                let size = across * along * passing.as_ref().map_or(1.0, |passing| passing([at_x, at_y]));
                 out[grid.index_of(ky, kx).1] = Complex32::new((size * cos) as f32, (size * sin) as f32);
             }
         });

@@ -218,8 +218,16 @@ mod tests {
             phases,
         };
         let (eyebox, padding) = (optics.eyebox(), Padding::default());
-        let showing =
-            Showing { frames: 8, padding, colors: vec![color], eyebox, tiles: None, scene: None, motion: Vec::new() };
+        let showing = Showing {
+            frames: 8,
+            padding,
+            colors: vec![color],
+            eyebox,
+            tiles: None,
+            scene: None,
+            motion: Vec::new(),
+            obstruction: None,
+        };
         Controls::new(&showing, Pupil::from_mm([0.0, 0.0, 4.0, 0.0]), scene, sequence)
     }
 

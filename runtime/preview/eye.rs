@@ -5,7 +5,7 @@ use super::{PreviewError, Showing, Shown, tiled};
 use crate::engine::{Buffer, Engine, EngineError, Purpose};
 use crate::evaluate::{self, Plane};
 use crate::optics::{Geometry, Padding, Pupil, WindowFactor};
-use crate::plan::{Comparison, Planner, Viewpoint};
+use crate::plan::{Comparison, ModelTables, Moving, Planner, Viewpoint};
 use eyebox_kernels::fft::Columns;
 use std::sync::Arc;
 
@@ -26,6 +26,8 @@ struct Hold {
 
 struct Spectrum {
     planner: Planner,
+    /// The display's, without what is in the pupil.
+    model: Option<Arc<ModelTables>>,
     of: Arc<Vec<f32>>,
     frame: Option<usize>,
 }
@@ -103,6 +105,12 @@ impl Hold {
             None => shown.powers.clone(),
         };
         let planner = Planner { share: shown.share, model, eye, modes, powers, ..plain };
+        let planner = match (showing.obstruction, through) {
+            (Some(obstruction), Viewpoint::Pupil(pupil) | Viewpoint::Moving(Moving { pupil, .. })) => {
+                planner.obstructed(obstruction, pupil)
+            }
+            _ => planner,
+        };
         // Cropping a padded image is for whole pixels, and so is putting a far field's axis in the middle.
         let relay = shown.optics.geometry == Geometry::Relay;
         let fine = detail == Detail::Whole || showing.padding != Padding::default() || !relay;
@@ -117,7 +125,8 @@ impl Hold {
             s.frame == frame
                 && Arc::ptr_eq(&s.of, &shown.phases)
                 && (s.planner.slm, s.planner.grid) == (planner.slm, planner.grid)
-                && s.planner.model == planner.model
+                && s.model == shown.model
+                && s.planner.shape(Purpose::View) == planner.shape(Purpose::View)
         });
         if !known {
             let shape = planner.shape(Purpose::View);
@@ -130,7 +139,8 @@ impl Hold {
             };
             self.engine.write(Buffer::Phases, phases)?;
             self.engine.run_part(&step, 0..shared)?;
-            self.spectrum = Some(Spectrum { planner: planner.clone(), of: Arc::clone(&shown.phases), frame });
+            let (of, model) = (Arc::clone(&shown.phases), shown.model.clone());
+            self.spectrum = Some(Spectrum { planner: planner.clone(), model, of, frame });
         }
         self.engine.run_part(&step, shared..step.list.len())?;
         let image = self.engine.read(Buffer::Image(0))?;

@@ -3,7 +3,7 @@
 use super::PreviewError;
 use crate::evaluate::Plane;
 use crate::hologram::{ColorHologram, Hologram, HologramError, Tiles};
-use crate::optics::{Color, Optics, Padding, PictureMap, SourceMode};
+use crate::optics::{Color, Obstruction, Optics, Padding, PictureMap, SourceMode};
 use crate::plan::{EyeTables, ModelTables, Planner};
 use crate::solve::{Motion, Problem};
 use std::sync::Arc;
@@ -51,6 +51,8 @@ pub struct Showing {
     pub scene: Option<Arc<Vec<Problem>>>,
     /// What moves while its sub-frames are lit, colour by colour: what is seen is integrated over it. Empty where nothing does.
     pub motion: Vec<Motion>,
+    /// What is in the pupil of the eye that looks. Of tiles, theirs counts.
+    pub obstruction: Option<Obstruction>,
 }
 
 impl Showing {
@@ -72,6 +74,7 @@ impl Showing {
         let shares: Vec<f64> = (0..hologram.colors.len()).map(|i| hologram.picture_share(i)).collect();
         let planners = (0..hologram.colors.len()).map(|i| hologram.planner(i));
         let planners = planners.collect::<Result<Vec<_>, HologramError>>()?;
+        let obstruction = hologram.metadata.obstruction;
         let (picture, size) = (hologram.metadata.picture, [hologram.height, hologram.width]);
         let shown = |(((color, optics), share), planner): (((ColorHologram, Optics), f64), Planner)| Shown {
             color: color.color,
@@ -86,7 +89,8 @@ impl Showing {
             phases: Arc::new(color.phases),
         };
         let colors = hologram.colors.into_iter().zip(optics).zip(shares).zip(planners).map(shown).collect();
-        Ok(Self { frames: hologram.frames, padding, colors, eyebox, tiles: None, scene: None, motion: Vec::new() })
+        let (tiles, scene, motion) = (None, None, Vec::new());
+        Ok(Self { frames: hologram.frames, padding, colors, eyebox, tiles, scene, motion, obstruction })
     }
 
     /// What moves while a colour's sub-frames are lit, where something does.

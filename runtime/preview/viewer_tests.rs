@@ -5,8 +5,8 @@ use crate::engine::cpu::CpuEngine;
 use crate::engine::watched::Watched;
 use crate::engine::{Buffer, Engine, Purpose};
 use crate::evaluate::{self, Plane};
-use crate::hologram::{ColorHologram, Hologram};
-use crate::optics::{Color, Display, Geometry, Padding, Pupil, WindowFactor};
+use crate::hologram::{ColorHologram, Hologram, PhaseSource};
+use crate::optics::{Color, Display, Geometry, Obstruction, Padding, Pupil, WindowFactor};
 use crate::plan::Planner;
 use crate::preview::picture::develop;
 use crate::scene;
@@ -92,6 +92,22 @@ fn an_eye_that_keeps_the_spectrum_sees_what_evaluate_sees() {
                 assert_eq!(values(&seen), expected(&both, &frames, &pupil, padding), "{pupil:?} {frame:?}");
             }
         }
+    }
+}
+
+/// What is in the pupil moves with it, though the spectrum is kept, and is taken out again.
+#[test]
+fn an_obstructed_eye_that_keeps_the_spectrum_sees_what_the_hologram_shows_it() {
+    let clear = hologram(1);
+    let source = PhaseSource::from(clear.clone()).obstructed(Some(Obstruction::Lashes));
+    let obstructed = Showing::new(source.about().clone(), Padding::default()).unwrap();
+    let clear = Showing::new(clear, Padding::default()).unwrap();
+    let mut eye = Eye::new(cpu());
+    for pupil in pupils().into_iter().chain(pupils()) {
+        let seen = eye.look(&obstructed, None, &pupil, Detail::Whole).unwrap();
+        assert_eq!(values(&seen), values(&source.look(None, &pupil, &mut CpuEngine::new()).unwrap()), "{pupil:?}");
+        let without = eye.look(&clear, None, &pupil, Detail::Whole).unwrap();
+        assert_ne!(values(&seen), values(&without), "{pupil:?}");
     }
 }
 

@@ -4,7 +4,7 @@ use super::{ProduceError, SceneJob};
 use crate::engine::Engine;
 use crate::files::overlay;
 use crate::quality::Quality;
-use crate::solve::{PaddingRule, Settings};
+use crate::solve::{FirstPhases, PaddingRule, Settings};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
@@ -22,7 +22,14 @@ impl SceneJob<'_> {
     pub fn take_settings(&mut self, text: &str, engine: &dyn Engine) -> Result<(), ProduceError> {
         let wrong = |reason| ProduceError::Job(format!("the settings: {reason}"));
         // All keys are there: those that files leave out where they are as by default, too.
-        let shown = Settings { repeats: 2, views: 2, pixel: 2, padding: PaddingRule::Need, ..Settings::default() };
+        let shown = Settings {
+            repeats: 2,
+            views: 2,
+            pixel: 2,
+            padding: PaddingRule::Need,
+            first_phases: FirstPhases::Random,
+            ..Settings::default()
+        };
         let (_, given) = overlay(&shown, &BESIDE, text).map_err(wrong)?;
         let mut base = Settings::default();
         match value::<Quality>(&given, "quality").map_err(wrong)? {
@@ -68,6 +75,7 @@ mod tests {
         let fast = take("quality = \"fast\"\npupils = 3").unwrap();
         assert_eq!((fast.settings.steps, fast.settings.pupils, fast.depth), (40, 3, None));
         assert_eq!(fast.settings.optimizer, Optimizer::momentum());
+        assert_eq!(take("first_phases = \"random\"").unwrap().settings.first_phases, FirstPhases::Random);
         for (text, says) in [
             ("stpes = 3", "stpes: no such setting: there are frames"),
             ("steps = \"many\"", "steps: invalid type"),

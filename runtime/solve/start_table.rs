@@ -19,7 +19,8 @@ use super::problem::Problem;
 use super::settings::{FirstPhases, Settings};
 use super::solver::Beginning;
 use crate::engine::{EngineError, LookUp};
-use crate::optics::{Geometry, Optics, Pupil};
+use crate::optics::{Color, Display, Geometry, Optics, Padding, Pupil};
+use crate::scene::ViewGrid;
 use eyebox_kernels::pupil_light;
 use eyebox_kernels::table_start::{self, LEVELS};
 use kept::Levels;
@@ -83,6 +84,33 @@ impl StartTable {
             made_by.save(&levels);
         }
         Ok(levels.are_all().then(|| Self::made(&made_by, &levels)))
+    }
+
+    /// Fits the tables of these colors of a display for so many sub-frames into the user's cache, before there is a scene to solve. Tables
+    /// that are there already cost nothing. Returns how many of the colors have one now. `observe` is as in [`of`](Self::of), over all colors.
+    ///
+    /// # Errors
+    /// [`SolveError::Optics`] for a color that the display does not have; those of [`solve`](super::solve).
+    pub fn prepare(
+        display: &Display,
+        colors: &[Color],
+        frames: usize,
+        observe: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<usize, SolveError> {
+        let views = ViewGrid { rows: 1, columns: 1, cell: display.eyebox_min() };
+        let mut prepared = 0;
+        for (at, color) in colors.iter().enumerate() {
+            let problem = Problem::outline(display, *color, Padding::default(), views)?;
+            if !Self::fits(&problem) {
+                continue;
+            }
+            let mut observe = |share: f64| observe((at as f64 + share) / colors.len() as f64);
+            if Self::of(&problem, frames, &mut observe)?.is_none() {
+                return Ok(prepared);
+            }
+            prepared += 1;
+        }
+        Ok(prepared)
     }
 
     /// Of fitted levels, innermost. Levels that are not there are zero.

@@ -3,7 +3,9 @@
 
 use eyebox::engine::{Buffer, Engine, Kernel, cpu::CpuEngine};
 use eyebox::evaluate;
-use eyebox::optics::{Color, Display, Optics, Padding, Prescription, Pupil, PupilDistribution, WindowFactor};
+use eyebox::optics::{
+    Color, Display, Obstruction, Optics, Padding, Prescription, Pupil, PupilDistribution, WindowFactor,
+};
 use eyebox::plan::{Comparison, EyeTables, Planner, Purpose};
 use eyebox::scene;
 use eyebox::solve::{self, Flow, Problem, PupilRange, Refiner, Sampler, Sequence, Settings, Steering};
@@ -306,4 +308,37 @@ fn what_cannot_be_served_is_refused() {
         let said = refusal(&Settings { method, ..settings.clone() }, &mild);
         assert!(said.contains("prescription"), "{said}");
     }
+}
+
+/// An opacity takes its disc out of the pupil's, wherever the pupil is, and the light that is left counts as all.
+#[test]
+fn an_opacity_is_seen_as_in_float64() {
+    let (frames, pupil) = (2, Pupil::from_mm([2.0, -1.0, 4.0, 3.0]));
+    let o = optics(96, 80);
+    let (exact, rounded) = phases(frames * 96 * 80, 3);
+    let oracle = Oracle { optics: o, frames };
+    let (bin_y, bin_x) = o.bin_size();
+    let width = 0.5 * (bin_y + bin_x);
+    let amplitude = |i: usize| {
+        let (x, y) = (bin(i % o.width, o.width) * bin_x, bin(i / o.width, o.height) * bin_y);
+        let covered = (0.5e-3 - (x - pupil.x).hypot(y - pupil.y)) / width + 0.5;
+        1.0 - covered.clamp(0.0, 1.0)
+    };
+    let mut kernel = oracle.kernel(&pupil);
+    let clear = kernel.iter().filter(|k| k.norm_sqr() > 0.0).count() as f64;
+    kernel.iter_mut().enumerate().for_each(|(i, k)| *k *= amplitude(i));
+    let light = kernel.iter().map(Complex64::norm_sqr).sum::<f64>();
+    assert!(light < 0.96 * clear, "the opacity takes light");
+    let share = o.share(pupil.diameter) * frames as f64 * light / clear;
+    let mut want = vec![0.0; o.height * o.width];
+    for mut spectrum in oracle.spectra(&exact) {
+        spectrum.iter_mut().zip(&kernel).for_each(|(u, k)| *u *= k);
+        fft2(&mut spectrum, o.height, o.width, true);
+        want.iter_mut().zip(spectrum).for_each(|(s, v)| *s += v.norm_sqr() / share);
+    }
+    let planner = Planner::new(o, frames, WindowFactor::Full).obstructed(Obstruction::Opacity, &pupil);
+    let mut engine = loaded(&planner, Purpose::View, &rounded);
+    let seen = evaluate::views(&mut engine, &planner, &[pupil]).unwrap().remove(0);
+    let error = error_power(&seen, &want);
+    assert!(error < 1e-12, "error power {error:.1e} of signal");
 }

@@ -5,7 +5,8 @@ use eyebox::engine::{Buffer, Engine, cpu::CpuEngine};
 use eyebox::evaluate::Views;
 use eyebox::hologram::{ColorHologram, Hologram, Metadata, PhaseSource, Sampling, Tiles};
 use eyebox::optics::{
-    Color, Display, DisplayModel, Geometry, Level, ModelOf, ModelTerms, Optics, Pupil, PupilDistribution, WindowFactor,
+    Color, Display, DisplayModel, Geometry, Level, ModelOf, ModelTerms, Obstruction, Optics, Pupil, PupilDistribution,
+    WindowFactor,
 };
 use eyebox::plan::{Comparison, ModelTables, Planner, Purpose};
 use eyebox::scene::Request;
@@ -109,8 +110,19 @@ fn views_are_those_of_one_piece() {
                 assert!(error < most, "{name}, one sub-frame, through {mm:?} on {on}: error power {error:.1e}");
             }
         }
-        // Past the model, on an ideal display.
         let pupil = Pupil::from_mm([0.1, -0.1, 0.5, 30.0]);
+        // Past lashes in the pupil.
+        let planner = Planner { model: tables.clone(), ..Planner::new(optics, FRAMES, WindowFactor::One) };
+        let lashes = planner.obstructed(Obstruction::Lashes, &pupil).model;
+        let obstructed = source.clone().obstructed(Some(Obstruction::Lashes));
+        let seen =
+            obstructed.look_through(0, None, &[pupil], Sampling::Pupil, &mut CpuEngine::new()).unwrap().remove(0);
+        let want = seen_whole(optics, lashes.as_ref(), FRAMES, &phases, &pupil);
+        assert_ne!(want, seen_whole(optics, tables.as_ref(), FRAMES, &phases, &pupil), "{name}: no lash is seen");
+        let error = error_power(&seen.values, &want.iter().map(|v| f64::from(*v)).collect::<Vec<_>>());
+        let most = if model.crosstalk.is_some() { 3e-8 } else { 1e-11 };
+        assert!(error < most, "{name}, lashes: error power {error:.1e}");
+        // Past the model, on an ideal display.
         let ideal = source.on_ideal_display();
         let seen = ideal.look_through(0, None, &[pupil], Sampling::Pupil, &mut CpuEngine::new()).unwrap().remove(0);
         let want = seen_whole(optics, None, FRAMES, &phases, &pupil);

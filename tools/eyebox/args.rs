@@ -1,8 +1,8 @@
 //! The arguments of commands: millimetres, micrometres and nanometres in, metres out.
 
 pub use crate::groups::{
-    Colors, DeviceArgs, DisplayArgs, EngineArgs, EngineName, EyeArgs, OtherSceneArgs, OverwriteArgs, OwnSceneArgs,
-    SceneArgs, SceneOptions,
+    Colors, DeviceArgs, DisplayArgs, EngineArgs, EngineName, EyeArgs, ObstructedArgs, OtherSceneArgs, OverwriteArgs,
+    OwnSceneArgs, SceneArgs, SceneOptions,
 };
 use crate::jod::{JodArgs, ViewingArgs};
 use crate::patterns::{PatternArgs, iris};
@@ -382,6 +382,9 @@ pub struct Score {
     /// The eye that looks
     #[command(flatten)]
     pub eye: EyeArgs,
+    /// Obstructions
+    #[command(flatten)]
+    pub obstructions: ObstructedArgs,
     /// random:N, or a JSON file with a list of [x, y, diameter, focus] in mm, or the focus as "0.5D"
     #[arg(long, default_value = "random:16", value_name = "random:N|FILE.json")]
     pub pupils: String,

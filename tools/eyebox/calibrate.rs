@@ -1,6 +1,7 @@
 //! `eyebox calibrate`: a model of the display as it is, fitted from pictures of it.
 
 use crate::Failure;
+use crate::common;
 use crate::patterns::{self, PatternArgs, iris};
 use crate::progress::{self, JobBar};
 use crate::values::positive;
@@ -169,6 +170,11 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
             eprintln!("calibrated, with faults that the model lacks; wrote {out}: give it as --display {out}");
         }
         _ => eprintln!("not calibrated; wrote {out} with the model that the display's file had"),
+    }
+    // The next quick calibration has another model, and so another table.
+    if calibrated.report.calibrated && !args.quick {
+        // Of the file's digits, as a solve reads them.
+        common::prepare_first_phases(&Display::load(&args.out.to_string_lossy())?, &[color], args.json)?;
     }
     Ok(())
 }

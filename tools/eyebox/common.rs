@@ -2,6 +2,7 @@
 
 use crate::Failure;
 use crate::groups::{DeviceArgs, DisplayArgs, EngineArgs, SceneArgs};
+use crate::progress::{self, JobBar};
 use crate::values::GivenPupil;
 use eyebox::calibrate::ModelAge;
 use eyebox::engine::{self, Backend, Engine, EngineError};
@@ -14,8 +15,23 @@ use eyebox::preview::Opener;
 use eyebox::produce::{TilesRequest, load_around};
 use eyebox::scene::{self, Inspection, LightField};
 use eyebox::session::EngineSource;
-use eyebox::solve::PupilRange;
+use eyebox::solve::{Flow, PupilRange, Settings, StartTable};
 use std::path::{Path, PathBuf};
+
+/// Fits first phases of these colors of a display into the cache, so that no solve waits for them. Ctrl-C ends the fit, and the next
+/// solve continues it.
+pub fn prepare_first_phases(display: &Display, colors: &[Color], quiet: bool) -> Result<(), Failure> {
+    let bar = JobBar::new(quiet);
+    let mut observe = |share| bar.show("fitting first phases, once for this display", share) == Flow::Continue;
+    let prepared = StartTable::prepare(display, colors, Settings::default().frames, &mut observe)?;
+    bar.finish();
+    match prepared {
+        0 if progress::interrupted() => eprintln!("first phases: the next solve continues their fit"),
+        0 => {}
+        _ => eprintln!("first phases: fitted for {prepared} of {} colors", colors.len()),
+    }
+    Ok(())
+}
 
 /// The display, resized if asked, and checked for what is most likely a mistake.
 pub fn display(args: &DisplayArgs) -> Result<Display, Failure> {

@@ -1,10 +1,10 @@
 //! `eyebox displays`: the presets, and display files begun from them.
 
 use crate::Failure;
-use crate::common;
+use crate::{common, progress};
 use clap::{Args, Subcommand};
 use eyebox::files;
-use eyebox::optics::{Display, PRESETS, display_template, preset_about, preset_text};
+use eyebox::optics::{Color, Display, PRESETS, display_template, preset_about, preset_text};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -64,7 +64,10 @@ pub fn run(args: &Displays) -> Result<(), Failure> {
             }
             files::write_file(out, |to| to.write_all(text.as_bytes()))?;
             eprintln!("wrote {}: give it as --display {}", out.display(), out.display());
-            Ok(())
+            let display = Display::load(&out.to_string_lossy())?;
+            let colors: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
+            progress::catch_interrupt();
+            common::prepare_first_phases(&display, &colors, false)
         }
     }
 }

@@ -4,7 +4,7 @@ use crate::Failure;
 use crate::values::{Names, depths, one_of, positive, prescription, size};
 use clap::{Args, ValueEnum};
 use eyebox::hologram::{Hologram, HologramError, InputOptions, SceneReading, SolveInput};
-use eyebox::optics::{Depth, Display, Prescription};
+use eyebox::optics::{Depth, Display, Obstruction, Prescription};
 use eyebox::scene::{Near, Order, Photographs};
 use std::path::{Path, PathBuf};
 
@@ -121,6 +121,22 @@ impl EyeArgs {
         }
         Ok(())
     }
+}
+
+/// What is in the pupil.
+const OBSTRUCTIONS: Names<Obstruction, 4> = [
+    ("lashes", "Six lashes of 0.2 mm", Obstruction::Lashes),
+    ("floaters", "Twelve dots of 0.1 to 0.4 mm", Obstruction::Floaters),
+    ("opacity", "An opacity of 1 mm over the pupil's center", Obstruction::Opacity),
+    ("scratches", "Eight scratches of a lens, 0.05 mm wide", Obstruction::Scratches),
+];
+
+/// What is in the pupil of the eye that looks, in commands that show or judge what it sees.
+#[derive(Args, Clone, Copy)]
+pub struct ObstructedArgs {
+    /// Opaque marks in the eye's pupil
+    #[arg(long, value_parser = one_of(&OBSTRUCTIONS), value_name = "WHICH")]
+    pub obstructed: Option<Obstruction>,
 }
 
 /// Which values of a depth map are near.

@@ -4,6 +4,7 @@ use crate::Failure;
 use crate::args::Score;
 use crate::common;
 use crate::progress::JobBar;
+use eyebox::evaluate::Summary;
 use eyebox::files::MadeFolder;
 use eyebox::hologram::{FOVEA_DEGREES, Hologram, HologramScores, JodSettings, PhaseSource, PupilScore};
 use eyebox::optics::{Color, Depth, Display, Pupil, dioptres, dioptres_in_words};
@@ -20,6 +21,7 @@ pub fn run(args: &Score) -> Result<(), Failure> {
         Some(eye) => source.seen_by(Some(eye))?,
         None => source,
     };
+    let source = source.obstructed(args.obstructions.obstructed);
     let about = source.about();
     let colors = about.named_colors();
     let mut engine = common::engine(&args.engine)?;
@@ -47,18 +49,18 @@ pub fn run(args: &Score) -> Result<(), Failure> {
         bar.show(&format!("judging {judged} pupils"), done as f64 / judged.max(1) as f64);
     })?;
     bar.finish();
-    let psnr = scores.summary();
+    let (psnr, against_clear) = (scores.summary(), scores.against_clear_summary());
     if args.json {
-        let summary = psnr.map(|psnr| {
-            json!({ "mean": psnr.mean, "median": psnr.median, "worst": psnr.worst, "best": psnr.best, "sd": psnr.sd })
-        });
+        let summary = |of: Option<Summary>| {
+            of.map(|s| json!({ "mean": s.mean, "median": s.median, "worst": s.worst, "best": s.best, "sd": s.sd }))
+        };
         let exposures: serde_json::Map<_, _> =
             colors.iter().zip(&scores.exposures).map(|(c, e)| (c.to_string(), json!(e))).collect();
         let rows: Vec<Value> = scores.pupils.iter().map(|score| row(score, &display)).collect();
         println!(
             "{}",
             json!({
-                "psnr_db": summary, "jod": scores.jod_summary(), "jod_there": scores.jod_there_summary(), "viewing": viewing(&judging), "exposure": exposures,
+                "psnr_db": summary(psnr), "against_clear_db": summary(against_clear), "jod": scores.jod_summary(), "jod_there": scores.jod_there_summary(), "viewing": viewing(&judging), "exposure": exposures,
                 "pupils": rows, "unfinished": source.unfinished(),
             })
         );
@@ -75,6 +77,12 @@ pub fn run(args: &Score) -> Result<(), Failure> {
             psnr.sd
         ),
         None => println!("no PSNR: the scene is black through all {} pupils", scores.pupils.len()),
+    }
+    if let Some(clear) = against_clear {
+        println!(
+            "PSNR against what the hologram shows a clear pupil: mean {:.2}, median {:.2}, worst {:.2} dB",
+            clear.mean, clear.median, clear.worst
+        );
     }
     if let Some(jod) = scores.jod_summary() {
         println!(
@@ -152,7 +160,7 @@ pub fn similarity(score: &PupilScore) -> String {
 fn row(score: &PupilScore, display: &Display) -> Value {
     json!({
         "pupil_mm": score.pupil.to_mm(), "focus_dioptres": dioptres(score.pupil.depth, display.focal_length),
-        "psnr_db": score.psnr, "ceiling_db": score.ceiling, "ssim": score.ssim, "jod": score.jod, "jod_there": score.jod_there,
+        "psnr_db": score.psnr, "ceiling_db": score.ceiling, "against_clear_db": score.against_clear, "ssim": score.ssim, "jod": score.jod, "jod_there": score.jod_there,
         "finest_cycles_per_degree": score.finest_cycles_per_degree,
     })
 }

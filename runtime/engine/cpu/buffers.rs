@@ -1,6 +1,8 @@
 //! The CPU engine's buffers.
 
-use crate::engine::{Buffer, EngineError, Kernel, PupilPass, Resource, Shape, Storage, misfit, not_kept, nothing_kept};
+use crate::engine::{
+    Buffer, EngineError, Kernel, LookUp, PupilPass, Resource, Shape, Storage, misfit, not_kept, nothing_kept,
+};
 use eyebox_kernels::{Complex32, binary_angle, fft::Store, half};
 
 /// Windows with fewer values in all than this are not worth splitting over threads.
@@ -177,6 +179,15 @@ impl Buffers {
             }
         }
         Ok(())
+    }
+
+    /// Fills the phases by a table. They are whole binary angles, which every shape stores as they are.
+    pub(super) fn look_up(&mut self, of: &LookUp) -> Result<(), EngineError> {
+        let count = (of.args.frames * of.args.height * of.args.width) as usize;
+        if self.phases.len() != count {
+            return Err(misfit(Buffer::Phases, self.phases.len(), count));
+        }
+        of.phases_into(&mut self.phases)
     }
 
     pub(super) fn keep(&mut self, buffer: Buffer) -> Result<(), EngineError> {

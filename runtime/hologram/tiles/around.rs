@@ -4,6 +4,7 @@
 use super::super::HologramError;
 use super::super::chunks::promise;
 use super::Tiles;
+use crate::optics::Obstruction;
 use crate::plan::ModelTables;
 use std::sync::Arc;
 
@@ -55,6 +56,13 @@ impl Tiles {
     pub(in super::super) fn on_ideal_display(&self) -> Self {
         let mut about = self.about.clone();
         about.metadata.model.clear();
+        Self::looking(self.folder.clone(), about, self.side, self.made.clone())
+    }
+
+    /// [`PhaseSource::obstructed`](super::super::PhaseSource::obstructed).
+    pub(in super::super) fn obstructed(&self, obstruction: Option<Obstruction>) -> Self {
+        let mut about = self.about.clone();
+        about.metadata.obstruction = obstruction;
         Self::looking(self.folder.clone(), about, self.side, self.made.clone())
     }
 }

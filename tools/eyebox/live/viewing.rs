@@ -153,6 +153,7 @@ impl Companion for View {
             tiles: None,
             scene,
             motion: set.motion.clone(),
+            obstruction: None,
         }));
     }
 

@@ -1,6 +1,6 @@
 //! The arguments of `eyebox preview`.
 
-use crate::args::{EngineArgs, EyeArgs, OtherSceneArgs, SceneOptions};
+use crate::args::{EngineArgs, EyeArgs, ObstructedArgs, OtherSceneArgs, SceneOptions};
 use crate::phases::{AtArgs, EncodedArgs, PhaseArgs};
 use crate::values::{GivenPupil, positive, pupil, rate, size};
 use clap::Args;
@@ -52,6 +52,9 @@ pub struct Preview {
     /// The eye that looks
     #[command(flatten)]
     pub eye: EyeArgs,
+    /// Obstructions
+    #[command(flatten)]
+    pub obstructions: ObstructedArgs,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,

@@ -10,7 +10,7 @@ use crate::phases::tell_unfinished;
 use crate::{Failure, progress, view};
 use eyebox::evaluate::Plane;
 use eyebox::hologram::{Hologram, Opening, PhaseSource, SceneSource, Sequence, Tiles};
-use eyebox::optics::{Color, Padding, Prescription, Pupil};
+use eyebox::optics::{Color, Obstruction, Padding, Prescription, Pupil};
 use eyebox::present::{Desktop, Monitor, PresentError, WindowEvent};
 use eyebox::preview::{
     Action, Controls, Look, Picture, PreviewError, PreviewWindow, Seen, Showing, Side, Viewer, places,
@@ -46,6 +46,7 @@ pub fn run(args: &Preview) -> Result<(), Failure> {
         playing: playing.map(|p| p.0),
         padding: hologram.metadata.padding(),
         prescription: hologram.metadata.prescription.clone(),
+        obstruction: hologram.metadata.obstruction,
         exposure: args.exposure,
         index: 0,
         contents: 0,
@@ -93,6 +94,7 @@ fn open(args: &Preview) -> Result<Opened, Failure> {
         let hz = args.rate.map_or(f64::from(numerator) / f64::from(denominator), |rate| rate.hz());
         let mut hologram = sequence.load(0)?;
         args.eye.replace(&mut hologram.metadata.prescription)?;
+        hologram.metadata.obstruction = args.obstructions.obstructed;
         return Ok(Opened { hologram, playing: Some((Playing::new(sequence, hz)?, hz)), tiles: None });
     }
     let source = args.encoded.source(&args.phases, &args.file, args.which.at)?;
@@ -100,6 +102,7 @@ fn open(args: &Preview) -> Result<Opened, Failure> {
         Some(eye) => source.seen_by(Some(eye))?,
         None => source,
     };
+    let source = source.obstructed(args.obstructions.obstructed);
     let hologram = source.about().clone();
     let tiles = match source {
         PhaseSource::Whole(_) => None,
@@ -163,6 +166,8 @@ struct Shown {
     padding: Padding,
     /// The eye that looks.
     prescription: Option<Prescription>,
+    /// What is in its pupil.
+    obstruction: Option<Obstruction>,
     exposure: Option<f64>,
     index: u64,
     contents: u64,
@@ -195,6 +200,7 @@ impl Shown {
         }
         self.index = index;
         hologram.metadata.prescription.clone_from(&self.prescription);
+        hologram.metadata.obstruction = self.obstruction;
         let showing = Showing::new(hologram, self.padding)?;
         self.show(viewer, Arc::new(showing));
         Ok(())

@@ -85,8 +85,8 @@ def solve(
         As of :class:`Scene`.
     **settings
         The other fields of the library's ``solve::Settings``, lengths in metres: ``seconds``, ``psnr`` (dB), ``efficiency``,
-        ``depth`` and ``diameter`` (pairs), ``method``, ``optimizer``, ``storage``, ``padding``, ...; and ``quality`` ("fast",
-        "balanced", "accurate"), ``contrast`` and ``force`` as in the command.
+        ``depth`` and ``diameter`` (pairs), ``method``, ``optimizer``, ``storage``, ``padding``, ``first_phases`` ("table" or
+        "random"), ...; and ``quality`` ("fast", "balanced", "accurate"), ``contrast`` and ``force`` as in the command.
 
     Returns
     -------

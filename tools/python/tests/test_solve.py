@@ -136,3 +136,21 @@ def test_displays_by_keywords_and_files(tmp_path):
 
     assert pickle.loads(pickle.dumps(bench)) == bench
     assert "paper" in eyebox.presets() and eyebox.Engine("cpu").reason.startswith("the CPU")
+
+
+def test_first_phases():
+    display = eyebox.Display("small", size=(256, 256))
+    scene = eyebox.Scene("builtin:still-life", display, "green", views=5)
+    pupils = [(0, 0, 4e-3, 0), (3e-3, -2e-3, 4e-3, 0)]
+
+    def solve(**how):
+        return eyebox.solve(scene, frames=8, steps=1, seed=3, engine="cpu", **how)
+
+    def worst(hologram):
+        return min(score.psnr for score in hologram.score(pupils=pupils))
+
+    table, random = solve(first_phases="table"), solve(first_phases="random")
+    assert np.array_equal(solve().phases["green"], table.phases["green"])
+    assert worst(table) > worst(random) + 3
+    with pytest.raises(eyebox.SolveError, match="first_phases|unknown variant"):
+        solve(first_phases="flat")

@@ -1,6 +1,6 @@
 //! `eyebox displays`, and display files begun from it.
 
-use crate::common::{done, eyebox, folder, refused, text};
+use crate::common::{command, done, eyebox, folder, refused, text};
 
 #[test]
 fn presets_are_listed_and_shown_with_their_sources() {
@@ -52,6 +52,36 @@ fn a_file_begun_from_a_preset_is_taken_as_a_display() {
     refused(at, &["displays", "new", "paper", "-o", "bench.toml"], "none", "left alone");
     refused(at, &["displays", "new", "none", "-o", "y.toml"], "y.toml", "no preset is called");
     refused(at, &["displays", "new", "paper", "-o", "y.txt"], "y.txt", ".toml");
+}
+
+/// A file that is begun brings its first phases, one table a color: a solve of all colors reads them and fits none. What is in the cache
+/// is not fitted again, and a far field has none.
+#[test]
+fn a_file_begun_from_a_preset_brings_its_first_phases() {
+    let temp = folder();
+    let at = temp.path();
+    let cached = |args: &[&str]| {
+        let answer = command(at, args).env("XDG_CACHE_HOME", at.join("cache")).output().unwrap();
+        assert!(answer.status.success(), "{args:?}: {}", text(&answer.stderr));
+        text(&answer.stderr)
+    };
+    let tables = || {
+        let Ok(entries) = std::fs::read_dir(at.join("cache/eyebox")) else { return Vec::new() };
+        let entries = entries.map(|entry| entry.unwrap());
+        let kept = entries.filter(|entry| entry.file_name().to_string_lossy().ends_with(".table"));
+        let mut kept: Vec<_> = kept.map(|e| (e.file_name(), e.metadata().unwrap().modified().unwrap())).collect();
+        kept.sort();
+        kept
+    };
+    assert!(!cached(&["displays", "new", "far-field", "-o", "far.toml"]).contains("first phases"));
+    assert_eq!(tables().len(), 0);
+    let said = cached(&["displays", "new", "small", "-o", "bench.toml"]);
+    assert!(said.contains("first phases: fitted for 3 of 3 colors"), "{said}");
+    let kept = tables();
+    assert_eq!(kept.len(), 3);
+    cached(&["displays", "new", "small", "-o", "again.toml"]);
+    cached(&["solve", "builtin:plane", "--display", "bench.toml", "--steps", "0", "--engine", "cpu", "-o", "h.zarr"]);
+    assert_eq!(tables(), kept);
 }
 
 /// Ten bits of a pixel over three channels, as the maker's guide has them: R7 to R5, G7 to G5, B7 to B4.

@@ -11,6 +11,36 @@ fn decibels(text: &str) -> f64 {
     serde_json::from_str::<serde_json::Value>(text).unwrap()["psnr_db"]["mean"].as_f64().unwrap()
 }
 
+/// Marks in the pupil cost a hologram of random phases little against what it shows a clear pupil, and the more the more light they
+/// stop. Without them nothing is compared, and a name that is none is refused with those that are.
+#[test]
+fn a_score_says_what_an_obstruction_costs() {
+    let dir = folder();
+    let at = dir.path();
+    std::fs::write(at.join("pupils.json"), "[[0, 0, 4, 0], [3, -2, 4, 0]]").unwrap();
+    let solve = ["solve", "builtin:still-life", "--size", "96x96", "--color", "green", "--steps", "10", "-o", "h.zarr"];
+    done(at, &[&solve[..], &["--engine", "cpu"]].concat());
+    let score = |more: &[&str]| {
+        let how = ["score", "h.zarr", "--pupils", "pupils.json", "--engine", "cpu", "--json", "--no-jod"];
+        serde_json::from_str::<serde_json::Value>(&done(at, &[&how[..], more].concat())).unwrap()
+    };
+    let clear = score(&[]);
+    assert!(clear["against_clear_db"].is_null() && clear["pupils"][0]["against_clear_db"].is_null(), "{clear}");
+    let of = |name: &str| {
+        let score = score(&["--obstructed", name]);
+        assert_ne!(score["psnr_db"], clear["psnr_db"], "{name}");
+        let own: Vec<f64> = (0..2).map(|i| score["pupils"][i]["against_clear_db"].as_f64().unwrap()).collect();
+        assert!((score["against_clear_db"]["mean"].as_f64().unwrap() - (own[0] + own[1]) / 2.0).abs() < 1e-9);
+        own[0].min(own[1])
+    };
+    let [lashes, floaters, opacity, scratches] = ["lashes", "floaters", "opacity", "scratches"].map(of);
+    assert!(lashes > 18.0 && lashes < opacity && opacity > 24.0, "{lashes} {opacity}");
+    assert!(floaters > opacity - 3.0 && scratches > opacity - 3.0, "{floaters} {scratches}");
+    let said = done(at, &["score", "h.zarr", "--pupils", "pupils.json", "--no-jod", "--obstructed", "lashes"]);
+    assert!(said.contains(&format!("worst {lashes:.2} dB")), "{said}");
+    refused(at, &["score", "h.zarr", "--obstructed", "nose"], "x", "lashes, floaters, opacity, scratches");
+}
+
 /// A hologram keeps the eye that it was solved for and is looked at with it, unless another is given.
 #[test]
 fn a_hologram_keeps_its_eye() {
