@@ -101,7 +101,7 @@ mod tests {
             let viewpoints = pupils.map(Viewpoint::Pupil).to_vec();
             Validator::new(&mut engine, &planner, viewpoints).unwrap().bright_end(steps).guess()
         };
-        let filled = |crosstalk: Option<Spread>| {
+        let filled = |crosstalk: Option<[Spread; 4]>| {
             let model = DisplayModel { fill: 0.95, crosstalk, ..DisplayModel::default() };
             let model = ModelTables::new(model, 11e-3, 256, plain.optics, plain.optics);
             Problem { model, ..plain.clone() }
