@@ -82,7 +82,18 @@ const HEADINGS: &[(&str, &[&str])] = &[
     ),
     (
         "Pupils",
-        &["pupil", "pupils", "pupil_diameter", "diameters", "sequence", "elsewhere", "repeats", "spread", "diameter"],
+        &[
+            "pupil",
+            "pupils",
+            "pupil_diameter",
+            "diameters",
+            "sequence",
+            "elsewhere",
+            "repeats",
+            "spread",
+            "diameter",
+            "obstructed",
+        ],
     ),
     (
         "Steps",
