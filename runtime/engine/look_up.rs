@@ -30,9 +30,14 @@ impl LookUp {
     /// # Errors
     /// Views on a device that does not answer.
     pub fn phases(&self) -> Result<Vec<f32>, EngineError> {
-        let mut phases = vec![0.0; (self.args.frames * self.args.height * self.args.width) as usize];
+        let mut phases = vec![0.0; self.count()];
         self.phases_into(&mut phases)?;
         Ok(phases)
+    }
+
+    /// How many phases that is.
+    pub(super) fn count(&self) -> usize {
+        [self.args.frames, self.args.height, self.args.width].map(|n| n as usize).iter().product()
     }
 
     /// The same into memory of their number that is there already: new memory takes longer than the look-up.

@@ -87,7 +87,7 @@ impl PhaseSource<'_> {
         let mut against_clear: Vec<Vec<(Sums, f64)>> = vec![Vec::with_capacity(has); pupils.len()];
         let mut ceilings: Vec<Vec<Ceiling>> = vec![Vec::with_capacity(has); pupils.len()];
         for color in 0..has {
-            let mut pairs = |pupils: &[Pupil]| -> Result<Vec<(Plane, Plane)>, HologramError> {
+            let pairs = |pupils: &[Pupil], engine: &mut dyn Engine| -> Result<Vec<(Plane, Plane)>, HologramError> {
                 let wanted = scene.photographs(color, pupils, Sampling::Pupil, engine)?;
                 let seen = self.look_through(color, None, pupils, Sampling::Pupil, engine)?;
                 Ok(seen.iter().map(Plane::pooled).zip(wanted.iter().map(Plane::pooled)).collect())
@@ -95,7 +95,7 @@ impl PhaseSource<'_> {
             let whole = optics.get(color).filter(|_| self.shows_whole_pictures(color));
             let (mut of_color, mut kept) = (Vec::with_capacity(pupils.len()), Vec::new());
             for some in pupils.chunks(AT_ONCE) {
-                kept = pairs(some)?;
+                kept = pairs(some, engine)?;
                 for (pupil, (seen, wanted)) in some.iter().zip(&kept) {
                     ceilings[of_color.len()].extend(whole.map(|optics| Ceiling::new(optics, pupil, wanted)));
                     of_color.push(Sums::of_images(&seen.values, &wanted.values)?);
@@ -104,8 +104,9 @@ impl PhaseSource<'_> {
             let exposure = Sums::fit_exposure(&of_color)?;
             sums.iter_mut().zip(of_color).for_each(|(sums, of_color)| sums.push((of_color, exposure)));
             // The exposure is known after all pupils: where they are many, their pictures are made once more.
-            for (some, ssims) in pupils.chunks(AT_ONCE).zip(ssims.chunks_mut(AT_ONCE)) {
-                let made = if pupils.len() > AT_ONCE { pairs(some)? } else { std::mem::take(&mut kept) };
+            let of_pupils = ssims.chunks_mut(AT_ONCE).zip(against_clear.chunks_mut(AT_ONCE));
+            for (some, (ssims, against_clear)) in pupils.chunks(AT_ONCE).zip(of_pupils) {
+                let made = if pupils.len() > AT_ONCE { pairs(some, engine)? } else { std::mem::take(&mut kept) };
                 for ((seen, wanted), sum) in made.iter().zip(ssims) {
                     let exposed: Vec<f32> = seen.values.iter().map(|v| v * exposure as f32).collect();
                     *sum = match ssim(&exposed, &wanted.values, seen.rows, seen.columns) {
@@ -114,10 +115,12 @@ impl PhaseSource<'_> {
                         Err(other) => return Err(other.into()),
                     };
                 }
-            }
-            if let Some(clear) = &clear {
-                for (some, sums) in pupils.chunks(AT_ONCE).zip(against_clear.chunks_mut(AT_ONCE)) {
-                    self.compare_with(clear, color, exposure, some, sums, engine)?;
+                let Some(clear) = &clear else { continue };
+                // Of the clear pupil, at the same exposure.
+                let targets = clear.look_through(color, None, some, Sampling::Pupil, engine)?;
+                for (((seen, _), target), sums) in made.iter().zip(&targets).zip(against_clear) {
+                    let target: Vec<f32> = target.pooled().values.iter().map(|v| v * exposure as f32).collect();
+                    sums.push((Sums::of_images(&seen.values, &target)?, exposure));
                 }
             }
             exposures.push(exposure);
@@ -134,27 +137,6 @@ impl PhaseSource<'_> {
             jod_there: None,
         };
         Ok(HologramScores { pupils: pupils.iter().enumerate().map(score).collect(), exposures })
-    }
-
-    /// Adds to the sums of each pupil those of what it sees of one color here, as the image, and of `other`, as the target, both at one
-    /// exposure.
-    fn compare_with(
-        &self,
-        other: &Self,
-        color: usize,
-        exposure: f64,
-        pupils: &[Pupil],
-        sums: &mut [Vec<(Sums, f64)>],
-        engine: &mut dyn Engine,
-    ) -> Result<(), HologramError> {
-        let seen = self.look_through(color, None, pupils, Sampling::Pupil, engine)?;
-        let targets = other.look_through(color, None, pupils, Sampling::Pupil, engine)?;
-        for ((seen, target), sums) in seen.iter().zip(&targets).zip(sums) {
-            let (seen, mut target) = (seen.pooled(), target.pooled());
-            target.values.iter_mut().for_each(|value| *value *= exposure as f32);
-            sums.push((Sums::of_images(&seen.values, &target.values)?, exposure));
-        }
-        Ok(())
     }
 
     /// Whether a picture of this colour is all that the SLM's own frequencies make.

@@ -299,25 +299,19 @@ fn whole(
         None => &hologram.colors[color].phases,
     };
     let (rows, columns) = hologram.picture_size();
-    let seen = match hologram.metadata.obstruction {
-        None => {
+    let obstruction = hologram.metadata.obstruction;
+    // Marks move with the pupil, and so each pupil has tables of its own.
+    let alike = if obstruction.is_some() { 1 } else { pupils.len().max(1) };
+    let mut seen = Vec::with_capacity(pupils.len());
+    for pupils in pupils.chunks(alike) {
+        let past = obstruction.map(|obstruction| planner.obstructed(obstruction, &pupils[0]));
+        let planner = past.as_ref().unwrap_or(&planner);
+        if seen.is_empty() {
             engine.load(&planner.shape(Purpose::View), None)?;
             engine.write(Buffer::Phases, phases)?;
-            evaluate::views(engine, &planner, pupils)?
         }
-        Some(obstruction) => {
-            let mut seen = Vec::with_capacity(pupils.len());
-            for pupil in pupils {
-                let planner = planner.obstructed(obstruction, pupil);
-                if seen.is_empty() {
-                    engine.load(&planner.shape(Purpose::View), None)?;
-                    engine.write(Buffer::Phases, phases)?;
-                }
-                seen.append(&mut evaluate::views(engine, &planner, &[*pupil])?);
-            }
-            seen
-        }
-    };
+        seen.append(&mut evaluate::views(engine, planner, pupils)?);
+    }
     Ok(seen.into_iter().map(|values| Plane { rows, columns, values }).collect())
 }
 

@@ -28,11 +28,8 @@ enum Mark {
 const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 
 impl Obstruction {
-    /// All of them.
-    pub const ALL: [Self; 4] = [Self::Lashes, Self::Floaters, Self::Opacity, Self::Scratches];
-
-    /// Its name on the command line.
-    pub fn name(self) -> &'static str {
+    /// Its name.
+    pub const fn name(self) -> &'static str {
         match self {
             Self::Lashes => "lashes",
             Self::Floaters => "floaters",
@@ -119,6 +116,9 @@ impl Mark {
 mod tests {
     use super::*;
 
+    const ALL: [Obstruction; 4] =
+        [Obstruction::Lashes, Obstruction::Floaters, Obstruction::Opacity, Obstruction::Scratches];
+
     fn optics(pixels: usize) -> Optics {
         Optics::new(pixels, pixels, 8e-6, 520e-9, 0.4).unwrap()
     }
@@ -156,8 +156,8 @@ mod tests {
 
     #[test]
     fn all_names_differ_and_no_mark_is_everything() {
-        for obstruction in Obstruction::ALL {
-            let same = Obstruction::ALL.into_iter().filter(|other| other.name() == obstruction.name());
+        for obstruction in ALL {
+            let same = ALL.into_iter().filter(|other| other.name() == obstruction.name());
             assert_eq!(same.count(), 1);
             let passing = obstruction.amplitude(&optics(512), &Pupil::from_mm([0.0, 0.0, 4.0, 0.0]));
             let at = |i: i32| [f64::from(i % 40 - 20) * 1e-4, f64::from(i / 40 - 20) * 1e-4];

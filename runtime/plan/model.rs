@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 use std::sync::{Arc, OnceLock};
 
 /// A display's model at one wavelength, on a grid: what each pixel and each bin need of it, made when it is first asked for.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct ModelTables {
     model: DisplayModel,
     /// Radius in the pupil plane of the disc that the wavefront's polynomials are of, metres.
@@ -34,10 +34,10 @@ pub struct ModelTables {
     /// Power of the error of the field, over the field's, at which crosstalk is cut.
     error: f64,
     reach: Option<[usize; 2]>,
-    pixels: OnceLock<Vec<f32>>,
+    pixels: Arc<OnceLock<Vec<f32>>>,
     crosstalk: Vec<f32>,
-    offsets: OnceLock<Vec<f32>>,
-    relay: OnceLock<Vec<f32>>,
+    offsets: Arc<OnceLock<Vec<f32>>>,
+    relay: Arc<OnceLock<Vec<f32>>>,
     needs: OnceLock<Arc<[u32]>>,
 }
 
@@ -130,20 +130,8 @@ impl ModelTables {
 
     /// The same before one iris with an obstruction in it.
     pub(super) fn obstructed(&self, obstruction: Obstruction, iris: &Pupil) -> Arc<Self> {
-        Arc::new(Self {
-            model: self.model.clone(),
-            modes: self.modes.clone(),
-            mask: self.mask.clone(),
-            obstructed: Some((obstruction, *iris)),
-            root: Arc::clone(&self.root),
-            variance_left: self.variance_left.clone(),
-            pixels: self.pixels.clone(),
-            crosstalk: self.crosstalk.clone(),
-            offsets: self.offsets.clone(),
-            relay: OnceLock::new(),
-            needs: OnceLock::new(),
-            ..*self
-        })
+        let (obstructed, relay) = (Some((obstruction, *iris)), Arc::default());
+        Arc::new(Self { obstructed, relay, ..self.clone() })
     }
 
     fn cut_at(&self, error: f64) -> Arc<Self> {
@@ -154,23 +142,10 @@ impl ModelTables {
     /// what crosstalk [reaches](Self::reach); pixels there are the other side's, and dark.
     pub(crate) fn piece(&self, at: [i64; 2], size: [usize; 2]) -> Arc<Self> {
         let piece = self.slm.piece(at, size);
-        Arc::new(Self {
-            model: self.model.clone(),
-            crosstalk: self.crosstalk.clone(),
-            root: Arc::clone(&self.root),
-            variance_left: OnceLock::from(self.variance_left()),
-            slm: piece,
-            grid: piece,
-            modes: self.modes.clone(),
-            mask: self.mask.clone(),
-            obstructed: None,
-            at,
-            pixels: OnceLock::new(),
-            offsets: OnceLock::new(),
-            relay: OnceLock::new(),
-            needs: OnceLock::new(),
-            ..*self
-        })
+        let (pixels, offsets, relay, needs) = Default::default();
+        let (slm, grid, obstructed) = (piece, piece, None);
+        let variance_left = OnceLock::from(self.variance_left());
+        Arc::new(Self { variance_left, slm, grid, obstructed, at, pixels, offsets, relay, needs, ..self.clone() })
     }
 
     /// The piece that holds these pixels of the whole SLM with all that crosstalk brings into them: where it begins, and its

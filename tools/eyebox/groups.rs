@@ -125,10 +125,10 @@ impl EyeArgs {
 
 /// What is in the pupil.
 const OBSTRUCTIONS: Names<Obstruction, 4> = [
-    ("lashes", "Six lashes of 0.2 mm", Obstruction::Lashes),
-    ("floaters", "Twelve dots of 0.1 to 0.4 mm", Obstruction::Floaters),
-    ("opacity", "An opacity of 1 mm over the pupil's center", Obstruction::Opacity),
-    ("scratches", "Eight scratches of a lens, 0.05 mm wide", Obstruction::Scratches),
+    (Obstruction::Lashes.name(), "Six lashes of 0.2 mm", Obstruction::Lashes),
+    (Obstruction::Floaters.name(), "Twelve dots of 0.1 to 0.4 mm", Obstruction::Floaters),
+    (Obstruction::Opacity.name(), "An opacity of 1 mm over the pupil's center", Obstruction::Opacity),
+    (Obstruction::Scratches.name(), "Eight scratches of a lens, 0.05 mm wide", Obstruction::Scratches),
 ];
 
 /// What is in the pupil of the eye that looks, in commands that show or judge what it sees.

@@ -223,10 +223,8 @@ impl<'r, 'a> Run<'r, 'a> {
             predicted.push(Fine::of_fields(&self.engine.read(Buffer::Window(0))?, gain, grid));
             self.targets.push((self.engine.read(Buffer::Target(0))?, grid));
         }
-        self.register(seen, &predicted, &registration::ALL);
-        let sensor = &self.of().sensor;
-        let alike = seen.iter().zip(&predicted).map(|(seen, fine)| {
-            let model = sensor.see(fine);
+        let models = self.register(seen, &predicted, &registration::ALL);
+        let alike = seen.iter().zip(&models).map(|(seen, model)| {
             let pairs = model.iter().zip(&seen.light).map(|(m, l)| [f64::from(*m), f64::from(*l)]);
             correlation(pairs.filter(|[_, l]| l.is_finite()))
         });
@@ -241,18 +239,19 @@ impl<'r, 'a> Run<'r, 'a> {
         Ok(())
     }
 
-    /// Where the camera looks, and what it makes of light, by pictures beside the model's.
-    fn register(&mut self, seen: &[Seen], predicted: &[Fine], free: &[usize]) {
+    /// Where the camera looks, and what it makes of light, by pictures beside the model's. Returns what its pixels see of the model's.
+    fn register(&mut self, seen: &[Seen], predicted: &[Fine], free: &[usize]) -> Vec<Vec<f32>> {
         let of = &mut self.bench.colors[self.of];
         let pairs = seen.iter().zip(predicted).map(|(seen, predicted)| Pair { light: &seen.light, predicted });
         of.sensor = registered(&of.sensor, &pairs.collect::<Vec<_>>(), free);
         let mut sums = [0.0; 2];
-        for (seen, fine) in seen.iter().zip(predicted) {
-            let pairs = of.sensor.see(fine).into_iter().zip(&seen.light);
-            let pairs = pairs.filter(|(_, l)| l.is_finite());
-            pairs.for_each(|(m, l)| sums = [sums[0] + f64::from(m), sums[1] + f64::from(*l)]);
+        let models: Vec<Vec<f32>> = predicted.iter().map(|fine| of.sensor.see(fine)).collect();
+        for (seen, model) in seen.iter().zip(&models) {
+            let pairs = model.iter().zip(&seen.light).filter(|(_, l)| l.is_finite());
+            pairs.for_each(|(m, l)| sums = [sums[0] + f64::from(*m), sums[1] + f64::from(*l)]);
         }
         self.gain = sums[1] / sums[0];
+        models
     }
 
     /// PSNR of pictures through the held-out pupils, dB, at one exposure for all.

@@ -35,7 +35,6 @@ struct Left {
 pub(super) fn registered(sensor: &Sensor, pairs: &[Pair], free: &[usize]) -> Sensor {
     let every = sensor.pixels.len().div_ceil(PIXELS).max(1);
     let mut now = sensor.thinned(every);
-    let begun = now.map;
     let mut left = Left::of(&now, pairs, every, free);
     for _ in 0..ROUNDS {
         let Some(step) = solve(&left.normal, &left.right) else { break };
@@ -53,7 +52,7 @@ pub(super) fn registered(sensor: &Sensor, pairs: &[Pair], free: &[usize]) -> Sen
             break;
         }
     }
-    if now.map == begun { sensor.clone() } else { sensor.moved(now.map) }
+    sensor.moved(now.map)
 }
 
 impl Left {
@@ -74,10 +73,6 @@ impl Left {
                 values.iter().zip(&light).filter(|(_, l)| l.is_finite()).map(|(v, _)| f64::from(*v)).collect()
             };
             let seen = sensor.see(pair.predicted);
-            let slope = |moved: &Sensor| -> Vec<f64> {
-                let there = moved.see(pair.predicted);
-                known(&there.iter().zip(&seen).map(|(a, b)| a - b).collect::<Vec<_>>())
-            };
             let (mut light, mut model) = (known(&light), known(&seen));
             centre(&mut light);
             centre(&mut model);
@@ -86,7 +81,8 @@ impl Left {
             let slopes: Vec<Vec<f64>> = moved
                 .iter()
                 .map(|moved| {
-                    let mut slope = slope(moved);
+                    let there = moved.see(pair.predicted);
+                    let mut slope = known(&there.iter().zip(&seen).map(|(a, b)| a - b).collect::<Vec<_>>());
                     centre(&mut slope);
                     take_out(&mut slope, &model);
                     slope.iter_mut().for_each(|v| *v *= gain / STEP);

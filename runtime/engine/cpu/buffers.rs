@@ -183,9 +183,8 @@ impl Buffers {
 
     /// Fills the phases by a table. They are whole binary angles, which every shape stores as they are.
     pub(super) fn look_up(&mut self, of: &LookUp) -> Result<(), EngineError> {
-        let count = (of.args.frames * of.args.height * of.args.width) as usize;
-        if self.phases.len() != count {
-            return Err(misfit(Buffer::Phases, self.phases.len(), count));
+        if self.phases.len() != of.count() {
+            return Err(misfit(Buffer::Phases, self.phases.len(), of.count()));
         }
         of.phases_into(&mut self.phases)
     }
