@@ -304,7 +304,7 @@ pub fn every_fault() -> DisplayModel {
     model.crosstalk = Some([spread(1.2, 2.03), spread(1.4, 1.6), spread(1.1, 2.2), spread(1.3, 1.9)]);
     model.fill = 0.9;
     model.source = [0.1, -0.05, -0.3, 0.08, -0.2];
-    model.undiffracted = [0.15, 0.1, 0.4, -0.3, 0.2];
+    model.undiffracted = vec![[0.15, 0.1, 0.4, -0.3, 0.2], [-0.05, 0.1, -1.3, 2.0, 0.1]];
     model.wavefront = [(4, 0.15), (5, -0.1), (7, 0.05), (12, 0.03)].into();
     model.iris = Iris { x: 0.2e-3, y: -0.3e-3, scale: 1.02 };
     model

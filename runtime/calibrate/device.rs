@@ -62,7 +62,7 @@ impl Device {
             (0..n).map(|i| model.pixel_aperture(k(i), p) / p as f64).collect()
         });
         let amplitude = model.source_amplitude(height, width);
-        let rest = if model.undiffracted[..2] == [0.0; 2] {
+        let rest = if model.undiffracted.is_empty() {
             vec![Complex64::default(); height * width]
         } else {
             let share = model.undiffracted_share(height, width);

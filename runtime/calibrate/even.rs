@@ -11,12 +11,16 @@ use crate::optics::linear::inverse;
 use eyebox_kernels::{Complex64, fft};
 use std::f64::consts::PI;
 
-/// Components of unmodulated light that are searched for.
+/// Waves of unmodulated light that are searched for.
 const PEAKS: usize = 3;
-/// Components of less than this share of the strongest amplitude are no start of a fit.
+/// Waves of less than this share of the strongest amplitude are no start of a fit.
 const WEAK: f64 = 0.3;
+/// Nor are those, beside what is fitted, of less than this share of its amplitude.
+const WEAKER: f64 = 0.2;
 /// A fit that leaves this share of the even drives is in the right minimum.
 const EXPLAINED: f64 = 0.01;
+/// A further wave stays if the even drives are left with this share of what they were left with.
+const GAINS: f64 = 0.8;
 /// A picture is not believed if all leave more than this share, and the others less than that share of it.
 const CONTRADICT: f64 = 0.05;
 const ALONE: f64 = 0.2;
@@ -28,14 +32,15 @@ const CURVATURES: std::ops::RangeInclusive<i32> = -8..=8;
 const EVEN: Effort = Effort { subpixels: 1, slopes: 1, rounds: 20, enough: 0.01 };
 
 /// A complex image over the SLM.
+#[derive(Clone)]
 struct Image {
     rows: usize,
     columns: usize,
     values: Vec<Complex64>,
 }
 
-/// Light that is not modulated: Re, Im of its amplitude, its tilts and its curvature, radians.
-pub(super) type Component = [f64; 5];
+/// A wave of light that is not modulated: Re, Im of its amplitude, its tilts and its curvature, radians.
+type Wave = [f64; 5];
 
 /// What even drives tell.
 pub(super) struct Even {
@@ -77,36 +82,67 @@ fn fit_to(sorted: &Sorted, start: &Parameters, which: &[usize]) -> Result<Option
     if which.is_empty() {
         return Ok(None);
     }
-    let mut free: Vec<Parameter> = (0..5).map(Parameter::Undiffracted).collect();
-    free.extend((0..5).map(Parameter::Source));
-    let light = free.len();
-    free.extend((0..9).map(Parameter::Level));
-    free.extend((0..2).map(Parameter::Bend));
-    let mut starts = components(sorted, start, which)?;
-    if start.model.undiffracted != [0.0; 5] || starts.is_empty() {
-        starts.insert(0, start.model.undiffracted);
+    let unmodulated = ratios(sorted, start, which)?;
+    let single = unmodulated.as_ref().map_or_else(Vec::new, |(image, limit)| strongest(image.clone(), *limit, &[]));
+    let mut starts: Vec<Vec<Wave>> = single.into_iter().map(|wave| vec![wave]).collect();
+    if !start.model.undiffracted.is_empty() || starts.is_empty() {
+        starts.insert(0, start.model.undiffracted.clone());
     }
     let mut best: Option<(f64, Parameters)> = None;
-    for undiffracted in starts {
-        let mut at = start.clone();
-        at.model.undiffracted = undiffracted;
-        // Three turns are three numbers, and a table far from its file explains them with other light: the light is fitted first.
-        let near = sorted.pictures.fit(&at, &free[..light], which, EVEN, &mut |_| {})?;
-        let fit = sorted.pictures.fit_near(&at, &near.at, &free, which, EVEN, &mut |_| {})?;
-        let left = sorted.mean_left(&fit.at, which);
-        tracing::debug!("light that is not modulated, {undiffracted:.3?}: {left:.4} of the even drives is left");
+    for waves in starts {
+        let (left, at) = from_waves(sorted, start, waves, which)?;
         if best.as_ref().is_none_or(|(least, _)| left < *least) {
-            best = Some((left, fit.at));
+            best = Some((left, at));
         }
         if left < EXPLAINED {
             break;
         }
     }
-    Ok(best)
+    // A second reflection, of a window or of a lens, is found in what the first leaves.
+    let (Some((image, limit)), Some((mut left, mut at))) = (unmodulated, best.take()) else { return Ok(best) };
+    while at.model.undiffracted.len() < PEAKS {
+        let mut gained = false;
+        for wave in strongest(image.clone(), limit, &at.model.undiffracted) {
+            let mut waves = at.model.undiffracted.clone();
+            waves.push(wave);
+            let (now, with) = from_waves(sorted, &at, waves, which)?;
+            if now < GAINS * left {
+                (left, at, gained) = (now, with, true);
+                break;
+            }
+        }
+        if !gained {
+            break;
+        }
+    }
+    Ok(Some((left, at)))
 }
 
-/// The strongest components of the light that is not modulated.
-fn components(sorted: &Sorted, at: &Parameters, which: &[usize]) -> Result<Vec<Component>, CalibrateError> {
+/// The share that is left of some even drives and the fit to them, from these waves.
+fn from_waves(
+    sorted: &Sorted,
+    start: &Parameters,
+    waves: Vec<Wave>,
+    which: &[usize],
+) -> Result<(f64, Parameters), CalibrateError> {
+    let mut free: Vec<Parameter> = (0..waves.len().max(1)).flat_map(Parameter::of_wave).collect();
+    free.extend((0..5).map(Parameter::Source));
+    let light = free.len();
+    free.extend((0..9).map(Parameter::Level));
+    free.extend((0..2).map(Parameter::Bend));
+    let mut at = start.clone();
+    at.model.undiffracted = waves;
+    // Three turns are three numbers, and a table far from its file explains them with other light: the light is fitted first.
+    let near = sorted.pictures.fit(&at, &free[..light], which, EVEN, &mut |_| {})?;
+    let fit = sorted.pictures.fit_near(&at, &near.at, &free, which, EVEN, &mut |_| {})?;
+    let left = sorted.mean_left(&fit.at, which);
+    let from = &at.model.undiffracted;
+    tracing::debug!("light that is not modulated, {from:.3?}: {left:.4} of the even drives is left");
+    Ok((left, fit.at))
+}
+
+/// The amplitude of the light that is not modulated over that of all light, if the drives tell it, and how far its tilts can be.
+fn ratios(sorted: &Sorted, at: &Parameters, which: &[usize]) -> Result<Option<(Image, [f64; 2])>, CalibrateError> {
     let pictures = &sorted.pictures;
     let [height, width] = at.map.slm;
     let [rows, columns] = [height, width].map(|n| n.min(PLACES));
@@ -124,12 +160,12 @@ fn components(sorted: &Sorted, at: &Parameters, which: &[usize]) -> Result<Vec<C
         drives.push(drive);
         images.push((0..rows * columns).map(at_place).collect::<Vec<f64>>());
     }
-    let Some(values) = unmodulated(&drives, &images) else { return Ok(Vec::new()) };
+    let Some(values) = unmodulated(&drives, &images) else { return Ok(None) };
     // Light beyond the iris is not in the pictures.
     let widest = |v: &usize| pictures.views[*v].look.pupil.diameter / pictures.optics.eyebox();
     let reach = PI * which.iter().map(widest).fold(0.0, f64::max) / 2.0;
     let limit = [reach * width as f64, reach * height as f64];
-    Ok(strongest(Image { rows, columns, values }, limit))
+    Ok(Some((Image { rows, columns, values }, limit)))
 }
 
 /// The amplitude of the light that is not modulated over that of all light, place by place, if the drives tell it.
@@ -151,29 +187,43 @@ fn unmodulated(drives: &[f64], images: &[Vec<f64>]) -> Option<Vec<Complex64>> {
     Some((0..images.first()?.len()).map(value).collect())
 }
 
-/// The strongest plane or curved waves of an image, each searched for in the rest that the ones before leave. `limit`: tilts
-/// along x and y, radians.
-fn strongest(mut image: Image, limit: [f64; 2]) -> Vec<Component> {
-    let mut found = Vec::new();
+/// The strongest plane or curved waves of an image, each searched for in the rest that those that are known, and then the ones
+/// before it, leave. `limit`: tilts along x and y, radians.
+fn strongest(mut image: Image, limit: [f64; 2], known: &[Wave]) -> Vec<Wave> {
+    for [.., x, y, curvature] in known {
+        let numbers = [*x, *y, *curvature];
+        image.subtract(image.amplitude(numbers), numbers);
+    }
+    let brightest = known.iter().map(|wave| WEAKER * wave[0].hypot(wave[1])).fold(0.0, f64::max);
+    let mut found: Vec<Wave> = Vec::new();
     for _ in 0..PEAKS {
         let Some(start) = peak(&image, limit) else { break };
         let (amplitude, [x, y, curvature]) = refined(&image, start);
-        if amplitude.norm() < 1e-3 {
+        let first = found.first().map_or(0.0, |first| WEAK * first[0].hypot(first[1]));
+        if amplitude.norm() < brightest.max(first).max(1e-3) {
             break;
         }
-        for (i, value) in image.values.iter_mut().enumerate() {
-            let at = place(i, image.rows, image.columns);
-            *value -= amplitude * wave(at, [x, y, curvature]);
-        }
-        if found.first().is_some_and(|first: &Component| amplitude.norm() < WEAK * first[0].hypot(first[1])) {
-            break;
-        }
+        image.subtract(amplitude, [x, y, curvature]);
         // The ratio to all light is half the sine of twice the angle whose sine is the amplitude.
         let size = ((2.0 * amplitude.norm()).min(1.0).asin() / 2.0).sin();
         let eta = amplitude / amplitude.norm() * size;
         found.push([eta.re, eta.im, x, y, curvature]);
     }
     found
+}
+
+impl Image {
+    /// The amplitude of a wave of these tilts and this curvature.
+    fn amplitude(&self, numbers: [f64; 3]) -> Complex64 {
+        let term = |(i, v): (usize, &Complex64)| v * wave(place(i, self.rows, self.columns), numbers).conj();
+        self.values.iter().enumerate().map(term).sum::<Complex64>() / self.values.len() as f64
+    }
+
+    fn subtract(&mut self, amplitude: Complex64, numbers: [f64; 3]) {
+        for (i, value) in self.values.iter_mut().enumerate() {
+            *value -= amplitude * wave(place(i, self.rows, self.columns), numbers);
+        }
+    }
 }
 
 /// A place of the image, from -1 to 1.
@@ -221,18 +271,14 @@ fn peak(image: &Image, limit: [f64; 2]) -> Option<[f64; 3]> {
 
 /// The wave's amplitude, and its tilts and curvature where the amplitude is highest.
 fn refined(image: &Image, start: [f64; 3]) -> (Complex64, [f64; 3]) {
-    let of = |numbers: [f64; 3]| {
-        let term = |(i, v): (usize, &Complex64)| v * wave(place(i, image.rows, image.columns), numbers).conj();
-        image.values.iter().enumerate().map(term).sum::<Complex64>() / image.values.len() as f64
-    };
     let (mut at, mut step) = (start, [0.4, 0.4, 0.12]);
-    let mut amplitude = of(at);
+    let mut amplitude = image.amplitude(at);
     for _ in 0..6 {
         for i in 0..3 {
             for sign in [1.0, -1.0] {
                 let mut trial = at;
                 trial[i] += sign * step[i];
-                let there = of(trial);
+                let there = image.amplitude(trial);
                 if there.norm() > amplitude.norm() {
                     (at, amplitude) = (trial, there);
                 }
@@ -273,12 +319,29 @@ mod tests {
             let eta = Complex64::new(0.12, -0.1);
             let (drives, images) = pictures(eta, numbers, [rows, columns]);
             let values = unmodulated(&drives, &images).expect("four drives tell it");
-            let found = strongest(Image { rows, columns, values }, [40.0, 40.0])[0];
+            let found = strongest(Image { rows, columns, values }, [40.0, 40.0], &[])[0];
             for i in 0..3 {
                 assert!((found[i + 2] - numbers[i]).abs() < 0.1, "{found:?} instead of {numbers:?}");
             }
             assert!((found[0] - eta.re).hypot(found[1] - eta.im) < 0.03, "{found:?} instead of {eta}");
         }
+    }
+
+    #[test]
+    fn a_second_reflection_is_found_in_what_the_first_leaves() {
+        let (rows, columns) = (48, 64);
+        let (first, second) = ([0.12, -0.1, 14.0, -6.0, 0.6], [-0.03, 0.05, -9.0, 11.0, -0.4]);
+        let value = |i: usize| {
+            let of = |[re, im, x, y, c]: [f64; 5]| Complex64::new(re, im) * wave(place(i, rows, columns), [x, y, c]);
+            of(first) + of(second)
+        };
+        let image = Image { rows, columns, values: (0..rows * columns).map(value).collect() };
+        let found = strongest(image.clone(), [40.0, 40.0], &[first])[0];
+        for (i, (got, want)) in found.iter().zip(second).enumerate() {
+            assert!((got - want).abs() < if i < 2 { 0.01 } else { 0.1 }, "{found:?} instead of {second:?}");
+        }
+        // Nothing is left of both.
+        assert_eq!(strongest(image, [40.0, 40.0], &[first, second]), Vec::<Wave>::new());
     }
 
     #[test]

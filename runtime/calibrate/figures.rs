@@ -97,7 +97,7 @@ pub struct Table {
     pub bend: [f64; 2],
 }
 
-/// The zero order: light that the SLM does not modulate.
+/// A wave of the zero order: light that the SLM does not modulate.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ZeroOrder {
@@ -155,8 +155,8 @@ pub struct Figures {
     pub beam: Option<Map>,
     /// The look-up table.
     pub table: Option<Table>,
-    /// The zero order.
-    pub zero_order: Option<ZeroOrder>,
+    /// The waves of the zero order, the brightest first.
+    pub zero_orders: Vec<ZeroOrder>,
     /// Crosstalk.
     pub crosstalk: Option<Kernel>,
     /// The iris.
@@ -181,7 +181,7 @@ impl Figures {
                 Map::new(slm, |x, y| (model.source_at(x, y) / root).powi(2))
             }),
             table: (model.level != ideal.level || model.bend != ideal.bend).then(|| Table::new(&model)),
-            zero_order: (model.undiffracted[..2] != [0.0; 2]).then(|| ZeroOrder::new(&model, errors, sides, eyebox)),
+            zero_orders: ZeroOrder::all(&model, errors, sides, eyebox),
             crosstalk: Kernel::new(&model, sides),
             iris: (model.iris != ideal.iris).then(|| IrisFound::new(&model, errors, asked)),
         })
@@ -222,17 +222,23 @@ impl Table {
 }
 
 impl ZeroOrder {
-    /// Of an SLM of `sides` pixels (rows, columns) whose order is `eyebox` metres wide.
-    fn new(model: &DisplayModel, errors: Option<&ModelTerms>, sides: [usize; 2], eyebox: f64) -> Self {
-        let [re, im, px, py, pr] = model.undiffracted;
-        let errors = errors.and_then(|e| e.undiffracted);
+    /// Of an SLM of `sides` pixels (rows, columns) whose order is `eyebox` metres wide: the brightest first.
+    fn all(model: &DisplayModel, errors: Option<&ModelTerms>, sides: [usize; 2], eyebox: f64) -> Vec<Self> {
+        let errors = errors.and_then(|e| e.undiffracted.as_deref()).unwrap_or_default();
+        let waves = model.undiffracted.iter().enumerate();
+        let mut all: Vec<Self> = waves.map(|(i, wave)| Self::new(wave, errors.get(i), sides, eyebox)).collect();
+        all.sort_by(|a, b| b.share.total_cmp(&a.share));
+        all
+    }
+
+    fn new([re, im, px, py, pr]: &[f64; 5], errors: Option<&[f64; 5]>, sides: [usize; 2], eyebox: f64) -> Self {
         // A phase of p radians at the SLM's edge is p / pi bins.
         let bins = [sides[1], sides[0]].map(|n| eyebox * 1e3 / n as f64);
         let tilts = |x: f64, y: f64| [x / PI * bins[0], y / PI * bins[1]];
         Self {
             share: re * re + im * im,
             share_error: errors.map(|e| 2.0 * (re * e[0]).hypot(im * e[1])),
-            at_mm: tilts(px, py),
+            at_mm: tilts(*px, *py),
             error_mm: errors.map(|e| tilts(e[2], e[3])),
             wide_mm: bins.map(|bin| bin * (1.0 + 4.0 * pr.abs() / PI)),
         }
@@ -296,18 +302,18 @@ mod tests {
         let figures = figures(ModelTerms::default());
         assert!((figures.eyebox_mm - 26.0).abs() < 1e-9, "{}", figures.eyebox_mm);
         assert!(figures.wavefront.is_none() && figures.beam.is_none() && figures.table.is_none());
-        assert!(figures.zero_order.is_none() && figures.crosstalk.is_none() && figures.iris.is_none());
+        assert!(figures.zero_orders.is_empty() && figures.crosstalk.is_none() && figures.iris.is_none());
     }
 
     #[test]
     fn the_zero_order_is_where_its_tilt_sends_it() {
-        let errors = ModelTerms { undiffracted: Some([0.01, 0.02, 0.1, 0.2, 0.1]), ..ModelTerms::default() };
+        let errors = ModelTerms { undiffracted: Some(vec![[0.01, 0.02, 0.1, 0.2, 0.1]]), ..ModelTerms::default() };
         let terms = ModelTerms {
-            undiffracted: Some([0.3, -0.4, 4.0, -4.0, 0.5]),
+            undiffracted: Some(vec![[0.3, -0.4, 4.0, -4.0, 0.5]]),
             errors: Some(Box::new(errors)),
             ..ModelTerms::default()
         };
-        let zero = figures(terms).zero_order.expect("a zero order");
+        let zero = &figures(terms).zero_orders[0];
         assert!((zero.share - 0.25).abs() < 1e-12);
         // 4 rad are 0.26 mm at 128 pixels (columns), and twice as much at 64 (rows).
         assert!((zero.at_mm[0] - 0.2586).abs() < 1e-4 && (zero.at_mm[1] + 0.5173).abs() < 1e-4, "{:?}", zero.at_mm);

@@ -115,7 +115,7 @@ mod tests {
             // What each of them is said to cost.
             Ok(20.0
                 + f64::from(u8::from(model.lag == 0.0)) * 0.5
-                + f64::from(u8::from(model.undiffracted == [0.0; 5])) * 1.5
+                + f64::from(u8::from(model.undiffracted.is_empty())) * 1.5
                 + f64::from(u8::from(!model.wavefront.contains_key(&7))) * 0.25
                 + f64::from(u8::from(model.source == [0.0; 5])) * 0.19)
         })

@@ -77,8 +77,8 @@ pub(super) fn slopes(
     // Pictures far from the middle show no shift before crosstalk is about right.
     let best = if least > RIGHT { shifted(best, NEXT).0 } else { best };
     let mut free = terms(*ORDERS.start()..=NEXT);
-    free.extend(Parameter::all().into_iter().filter(|p| {
-        matches!(p, Parameter::Crosstalk(_) | Parameter::Source(_) | Parameter::Map(_) | Parameter::Undiffracted(_))
+    free.extend(Parameter::all(best.model.undiffracted.len()).into_iter().filter(|p| {
+        matches!(p, Parameter::Crosstalk(_) | Parameter::Source(_) | Parameter::Map(_) | Parameter::Undiffracted(..))
             || matches!(p, Parameter::Level(_) | Parameter::Bend(_))
     }));
     let which: Vec<usize> = sorted.even.iter().chain(&random.small).copied().collect();

@@ -12,7 +12,8 @@ pub(super) enum Parameter {
     Bend(usize),
     Lag,
     Source(usize),
-    Undiffracted(usize),
+    /// Of a wave, a number.
+    Undiffracted(usize, usize),
     Fill,
     /// ANSI index.
     Wavefront(u32),
@@ -44,20 +45,25 @@ pub(super) fn of_order(n: u32) -> impl Iterator<Item = Parameter> {
 }
 
 impl Parameter {
-    /// All of them but the wavefront.
-    pub(super) fn all() -> Vec<Self> {
+    /// All of them but the wavefront, of a display with so many waves of undiffracted light.
+    pub(super) fn all(waves: usize) -> Vec<Self> {
         let counted = |make: fn(usize) -> Self, count: usize| (0..count).map(make).collect::<Vec<_>>();
         let mut all = counted(Self::Crosstalk, 8);
         all.extend(counted(Self::Level, 9));
         all.extend(counted(Self::Bend, 2));
         all.push(Self::Lag);
         all.extend(counted(Self::Source, 5));
-        all.extend(counted(Self::Undiffracted, 5));
+        all.extend((0..waves.max(1)).flat_map(Self::of_wave));
         all.push(Self::Fill);
         all.extend(counted(Self::Iris, 3));
         all.extend(counted(Self::Map, 10));
         all.push(Self::CameraPixel);
         all
+    }
+
+    /// The numbers of a wave of undiffracted light.
+    pub(super) fn of_wave(wave: usize) -> impl Iterator<Item = Self> {
+        (0..5).map(move |i| Self::Undiffracted(wave, i))
     }
 
     /// Whether it changes what leaves the SLM.
@@ -96,8 +102,8 @@ impl Parameter {
             Self::Bend(_) => (-0.9, 0.9, 0.3),
             Self::Lag => (-0.1, 0.8, 0.2),
             Self::Source(_) => (-3.0, 3.0, 0.5),
-            Self::Undiffracted(0 | 1) => (-0.5, 0.5, 0.3),
-            Self::Undiffracted(_) => (-2000.0, 2000.0, 4.0),
+            Self::Undiffracted(_, 0 | 1) => (-0.5, 0.5, 0.3),
+            Self::Undiffracted(..) => (-2000.0, 2000.0, 4.0),
             Self::Fill => (0.02, 1.0, 0.3),
             Self::Wavefront(_) => (-3.0, 3.0, 0.2),
             Self::Iris(2) => (0.8, 1.25, 0.05),
@@ -122,8 +128,11 @@ impl Parameter {
             Self::Bend(i) => (format!("bend b{}", i + 1), "rad"),
             Self::Lag => ("lag".into(), ""),
             Self::Source(i) => (format!("source {}", ["x", "y", "xx", "xy", "yy"][i]), ""),
-            Self::Undiffracted(i @ (0 | 1)) => (format!("undiffracted {}", ["re", "im"][i]), ""),
-            Self::Undiffracted(i) => (format!("undiffracted {}", ["", "", "x", "y", "rr"][i]), "rad"),
+            Self::Undiffracted(wave, i) => {
+                let which = if wave == 0 { String::new() } else { format!("{} ", wave + 1) };
+                let name = format!("undiffracted {which}{}", ["re", "im", "x", "y", "rr"][i]);
+                (name, if i < 2 { "" } else { "rad" })
+            }
             Self::Fill => ("fill".into(), ""),
             Self::Wavefront(j) => (format!("wavefront {j}"), "waves"),
             Self::Iris(i) => (format!("iris {}", ["x", "y", "scale"][i]), if i < 2 { "mm" } else { "" }),
@@ -147,7 +156,7 @@ impl Parameters {
             Parameter::Bend(i) => model.bend[i],
             Parameter::Lag => model.lag,
             Parameter::Source(i) => model.source[i],
-            Parameter::Undiffracted(i) => model.undiffracted[i],
+            Parameter::Undiffracted(wave, i) => model.undiffracted.get(wave).map_or(0.0, |wave| wave[i]),
             Parameter::Fill => model.fill,
             Parameter::Wavefront(j) => model.wavefront.get(&j).copied().unwrap_or(0.0),
             Parameter::Iris(i) => [model.iris.x * 1e3, model.iris.y * 1e3, model.iris.scale][i],
@@ -168,7 +177,11 @@ impl Parameters {
             Parameter::Bend(i) => model.bend[i] = value,
             Parameter::Lag => model.lag = value,
             Parameter::Source(i) => model.source[i] = value,
-            Parameter::Undiffracted(i) => model.undiffracted[i] = value,
+            Parameter::Undiffracted(wave, i) => {
+                let waves = &mut model.undiffracted;
+                waves.resize(waves.len().max(wave + 1), [0.0; 5]);
+                waves[wave][i] = value;
+            }
             Parameter::Fill => model.fill = value,
             Parameter::Wavefront(j) => drop(model.wavefront.insert(j, value)),
             Parameter::Iris(0) => model.iris.x = value * 1e-3,

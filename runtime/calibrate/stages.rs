@@ -133,7 +133,7 @@ pub(super) fn run(
 
 /// What changes from day to day, fitted to all pictures.
 fn drifted(sorted: &Sorted, start: &Parameters, observe: &mut dyn FnMut(&str, f64)) -> Result<Fit, CalibrateError> {
-    let mut free: Vec<Parameter> = Parameter::all().into_iter().filter(|p| p.drifts()).collect();
+    let mut free: Vec<Parameter> = Parameter::all(0).into_iter().filter(|p| p.drifts()).collect();
     free.extend(of_order(2));
     free.retain(|p| *p != K2);
     let effort = Effort { rounds: 10, ..ALL };
@@ -155,12 +155,13 @@ fn from_small_to_large(
     }
     // The light that is not modulated is known from here on; what is expected of any display says nothing of its tilt.
     let mut known = known.clone();
-    known.model.undiffracted = at.model.undiffracted;
+    known.model.undiffracted.clone_from(&at.model.undiffracted);
     let random = Random::new(sorted);
     at =
         orders::slopes(sorted, &random, [&known, &at], &mut |part| observe("fitting small irises", 0.05 + 0.2 * part))?;
     // Near the end k2 shows; before, it leads astray.
-    let mut free: Vec<Parameter> = Parameter::all().into_iter().filter(|p| ![Parameter::Lag, K2].contains(p)).collect();
+    let all = Parameter::all(at.model.undiffracted.len());
+    let mut free: Vec<Parameter> = all.into_iter().filter(|p| ![Parameter::Lag, K2].contains(p)).collect();
     free.extend((*ORDERS.start()..=5).flat_map(of_order));
     let single: Vec<usize> = sorted.even.iter().chain(&random.all).copied().collect();
     let mut fit = pictures.fit_near(&known, &at, &free, &single, COARSE, &mut |part| {
@@ -282,7 +283,7 @@ fn untold(fit: &Fit) -> Vec<String> {
     let blurs = fit.at.model.crosstalk.is_some_and(|sides| sides.iter().all(|side| side.sigma < 10.0));
     let counts = |p: &Parameter| match p {
         // Phases of what may not be there.
-        Parameter::Undiffracted(i) => *i < 2,
+        Parameter::Undiffracted(_, i) => *i < 2,
         Parameter::Crosstalk(_) => blurs,
         _ => true,
     };
@@ -339,7 +340,8 @@ mod tests {
     fn what_the_pictures_say_nothing_of_is_named() {
         let map = CameraMap { numbers: [0.0; 10], slm: [8, 8], camera: [8, 8] };
         let at = Parameters { model: DisplayModel::default(), map, camera_pixel: CAMERA_PIXEL, soft_edge: false };
-        let free = vec![Parameter::Fill, Parameter::Wavefront(12), Parameter::Undiffracted(3), Parameter::Crosstalk(1)];
+        let free =
+            vec![Parameter::Fill, Parameter::Wavefront(12), Parameter::Undiffracted(0, 3), Parameter::Crosstalk(1)];
         // Errors in shares of what is expected of any display.
         let error = |p: &Parameter| p.usual() * if *p == Parameter::Fill { 0.1 } else { 0.9 };
         let row = |i: usize| (0..free.len()).map(|j| if i == j { error(&free[i]).powi(2) } else { 0.0 }).collect();

@@ -8,7 +8,7 @@ use super::report::Report;
 use super::verdict::Verdict;
 use super::views::Pictures;
 use crate::optics::linear::solve;
-use crate::optics::{Color, Display, DisplayModel, Level, ModelTerms, Spread};
+use crate::optics::{Color, Display, DisplayModel, Level, ModelTerms, Spread, WAVES};
 
 /// A term less than so many standard errors from where it was stays there.
 const SHOWS: f64 = 3.0;
@@ -22,10 +22,10 @@ fn terms() -> Vec<Vec<Parameter>> {
         counted(Parameter::Bend, 2),
         vec![Parameter::Lag],
         counted(Parameter::Source, 5),
-        counted(Parameter::Undiffracted, 5),
         vec![Parameter::Fill],
         counted(Parameter::Iris, 3),
     ];
+    terms.extend((0..WAVES).map(|wave| Parameter::of_wave(wave).collect()));
     terms.extend(ORDERS.flat_map(of_order).map(|p| vec![p]));
     terms
 }
@@ -46,7 +46,7 @@ fn shows(fit: &Fit, start: &Parameters, term: &[Parameter]) -> bool {
     };
     // Amplitudes alone: phases mean nothing without them.
     let places: Vec<usize> =
-        places.into_iter().filter(|p| !matches!(fit.free[*p], Parameter::Undiffracted(2..))).collect();
+        places.into_iter().filter(|p| !matches!(fit.free[*p], Parameter::Undiffracted(_, 2..))).collect();
     let away: Vec<f64> = places.iter().map(off).collect();
     let among: Vec<Vec<f64>> = places.iter().map(|i| places.iter().map(|j| fit.covariance[*i][*j]).collect()).collect();
     let Some(solved) = solve(&among, &away) else { return true };
@@ -142,7 +142,12 @@ fn with_terms_of(model: &DisplayModel, other: &DisplayModel, hidden: &[Parameter
             Parameter::Bend(_) => model.bend = other.bend,
             Parameter::Lag => model.lag = other.lag,
             Parameter::Source(_) => model.source = other.source,
-            Parameter::Undiffracted(_) => model.undiffracted = other.undiffracted,
+            // The waves after it keep their places.
+            Parameter::Undiffracted(wave, _) => {
+                if let Some(here) = model.undiffracted.get_mut(*wave) {
+                    *here = other.undiffracted.get(*wave).copied().unwrap_or_default();
+                }
+            }
             Parameter::Fill => model.fill = other.fill,
             Parameter::Iris(_) => model.iris = other.iris,
             Parameter::Wavefront(j) => match other.wavefront.get(j) {
@@ -152,6 +157,8 @@ fn with_terms_of(model: &DisplayModel, other: &DisplayModel, hidden: &[Parameter
             Parameter::Map(_) | Parameter::CameraPixel => {}
         }
     }
+    let lit = model.undiffracted.iter().rposition(|wave| wave[..2] != [0.0; 2]);
+    model.undiffracted.truncate(lit.map_or(0, |last| last + 1));
     model
 }
 
@@ -209,9 +216,14 @@ pub(super) fn written(display: &Display, color: Color, start: &Parameters, fit: 
         terms.source = Some(five(Parameter::Source, &number));
         errors.source = Some(five(Parameter::Source, &about));
     }
-    if fitted(Parameter::Undiffracted(0)) {
-        terms.undiffracted = Some(five(Parameter::Undiffracted, &number));
-        errors.undiffracted = Some(five(Parameter::Undiffracted, &about));
+    if (0..WAVES).any(|wave| fitted(Parameter::Undiffracted(wave, 0))) {
+        let lit = |wave: &usize| model.undiffracted[*wave][..2] != [0.0; 2];
+        let waves: Vec<usize> = (0..model.undiffracted.len()).filter(lit).collect();
+        let all = |value: &dyn Fn(Parameter) -> f64| {
+            let of_wave = |wave: &usize| [0, 1, 2, 3, 4].map(|i| value(Parameter::Undiffracted(*wave, i)));
+            Some(waves.iter().map(of_wave).collect())
+        };
+        (terms.undiffracted, errors.undiffracted) = (all(&number), all(&about));
     }
     if fitted(Parameter::Iris(0)) {
         terms.iris = Some([0, 1, 2].map(|i| number(Parameter::Iris(i))));

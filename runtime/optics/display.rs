@@ -391,6 +391,22 @@ mod tests {
     }
 
     #[test]
+    fn undiffracted_light_is_one_wave_or_several() {
+        let of = |waves: &str| {
+            let text = format!("{BENCH}[model.green]\nundiffracted = {waves}\n");
+            let display = Display::from_toml(&text, "b").unwrap();
+            assert_eq!(Display::from_toml(&display.to_toml(), "b").unwrap().model, display.model);
+            display.model(Color::Green).undiffracted
+        };
+        let (one, other) = ([0.2, 0.1, 3.0, -4.0, 0.5], [0.0, -0.1, 20.0, 0.0, 0.0]);
+        assert_eq!(of("[0.2, 0.1, 3.0, -4.0, 0.5]"), [one]);
+        assert_eq!(of("[[0.2, 0.1, 3.0, -4.0, 0.5], [0.0, -0.1, 20.0, 0.0, 0.0]]"), [one, other]);
+        // Waves without light are none.
+        assert_eq!(of("[[0.0, 0.0, 1.0, 1.0, 0.0], [0.2, 0.1, 3.0, -4.0, 0.5]]"), [one]);
+        assert!(of("[0.0, 0.0, 0.0, 0.0, 0.0]").is_empty() && of("[]").is_empty());
+    }
+
+    #[test]
     fn a_model_that_cannot_be_is_refused_with_its_section() {
         let cases = [
             ("[model.red]\nlag = 0.1\n", "[model.red]: wavelengths_nm has no such colour"),
@@ -399,6 +415,14 @@ mod tests {
             ("[model.green]\nlagg = 0.1\n", "lagg"),
             ("[model.green]\nfill = nan\n", "fill has NaN"),
             ("[model.green]\nwavefront = { tilt = 1 }\n", "ANSI index"),
+            ("[model.green]\nundiffracted = [[0.1, 0, 0, 0, 0], [0.1, 0.8, 0, 0, 0]]\n", "amplitude has 0.8"),
+            ("[model.green]\nundiffracted = [[0.7, 0, 0, 0, 0], [0.7, 0.1, 9, 0, 0]]\n", "share of the light has 0.98"),
+            ("[model.green]\nundiffracted = [[0.1, 0, 0, 0, 0], [0.1, 0, 0, 0]]\n", "undiffracted"),
+            (
+                "[model.green]\nundiffracted = [[0.1, 0, 0, 0, 0], [0.1, 0, 1, 0, 0], [0.1, 0, 2, 0, 0], [0.1, 0, 3, 0, 0], \
+                 [0.1, 0, 4, 0, 0]]\n",
+                "5 waves",
+            ),
             ("[model.cyan]\nlag = 0.1\n", "cyan"),
         ];
         for (text, says) in cases {

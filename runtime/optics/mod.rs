@@ -59,6 +59,7 @@ pub use limits::{
     check_usual_aperture, check_usual_depth, check_usual_depths, check_usual_diameters, check_usual_view_pitch,
 };
 pub use mask::{Mask, MaskPhases};
+pub(crate) use model::WAVES;
 pub use model::{DisplayModel, Iris, Level, ModelOf, ModelSections, ModelTerms, Spread};
 pub use obstruction::Obstruction;
 pub use padding::Padding;

@@ -4,6 +4,9 @@ use super::Color;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
+/// Waves of undiffracted light that a display may have, at most.
+pub(crate) const WAVES: usize = 4;
+
 /// How fast crosstalk between pixels falls off towards one side: its transfer is exp(-(|k| / sigma)^q).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(from = "[f64; 2]", into = "[f64; 2]")]
@@ -56,8 +59,9 @@ pub struct DisplayModel {
     pub fill: f64,
     /// ln of the source's amplitude along x, y, x^2, x y, y^2; x and y run from -1 to 1 over the SLM.
     pub source: [f64; 5],
-    /// Undiffracted light: real and imaginary part of its amplitude; its phase in radians along x, y, x^2 + y^2.
-    pub undiffracted: [f64; 5],
+    /// Undiffracted light, a wave for each reflection: real and imaginary part of its amplitude; its phase in radians along x, y,
+    /// x^2 + y^2.
+    pub undiffracted: Vec<[f64; 5]>,
     /// Wavefront of the relay: ANSI index of a Zernike polynomial and waves of this colour, RMS, over the disc whose radius
     /// is half the eyebox of the display's shortest wavelength.
     pub wavefront: BTreeMap<u32, f64>,
@@ -75,7 +79,7 @@ impl Default for DisplayModel {
             subpixels: 1,
             fill: 0.0,
             source: [0.0; 5],
-            undiffracted: [0.0; 5],
+            undiffracted: Vec::new(),
             wavefront: BTreeMap::new(),
             iris: Iris { x: 0.0, y: 0.0, scale: 1.0 },
         }
@@ -143,8 +147,14 @@ impl DisplayModel {
         within("subpixels", &[self.subpixels as f64], 1.0, 3.0)?;
         within("fill", &[self.fill], 0.0, 1.0)?;
         within("source", &self.source, -5.0, 5.0)?;
-        within("undiffracted's amplitude", &self.undiffracted[..2], -0.7, 0.7)?;
-        within("undiffracted's phase", &self.undiffracted[2..], -100.0, 100.0)?;
+        if self.undiffracted.len() > WAVES {
+            return Err(format!("undiffracted has {} waves: at most {WAVES} are known", self.undiffracted.len()));
+        }
+        for wave in &self.undiffracted {
+            within("undiffracted's amplitude", &wave[..2], -0.7, 0.7)?;
+            within("undiffracted's phase", &wave[2..], -100.0, 100.0)?;
+        }
+        within("undiffracted's share of the light", &[self.undiffracted_light()], 0.0, 0.98)?;
         for (j, waves) in &self.wavefront {
             if *j > 65 {
                 return Err(format!(
@@ -205,8 +215,8 @@ pub struct ModelTerms {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub source: Option<[f64; 5]>,
     /// [`DisplayModel::undiffracted`].
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub undiffracted: Option<[f64; 5]>,
+    #[serde(skip_serializing_if = "Option::is_none", with = "waves")]
+    pub undiffracted: Option<Vec<[f64; 5]>>,
     /// [`DisplayModel::wavefront`]; waves of the section's colour, so not of all.
     #[serde(skip_serializing_if = "BTreeMap::is_empty", with = "indices")]
     pub wavefront: BTreeMap<u32, f64>,
@@ -235,6 +245,33 @@ pub struct ModelTerms {
     /// Standard errors of the terms, where they were fitted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub errors: Option<Box<ModelTerms>>,
+}
+
+/// One wave is written without a list around it.
+mod waves {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    #[derive(Serialize, Deserialize)]
+    #[serde(untagged)]
+    enum Waves {
+        One([f64; 5]),
+        Several(Vec<[f64; 5]>),
+    }
+
+    pub fn serialize<S: Serializer>(waves: &Option<Vec<[f64; 5]>>, to: S) -> Result<S::Ok, S::Error> {
+        let waves = waves.as_ref().map(|waves| match waves[..] {
+            [one] => Waves::One(one),
+            _ => Waves::Several(waves.clone()),
+        });
+        waves.serialize(to)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Vec<[f64; 5]>>, D::Error> {
+        Ok(Option::<Waves>::deserialize(from)?.map(|waves| match waves {
+            Waves::One(one) => vec![one],
+            Waves::Several(waves) => waves,
+        }))
+    }
 }
 
 /// TOML's keys are words.
@@ -293,7 +330,9 @@ impl ModelTerms {
         put(self.subpixels, &mut model.subpixels);
         put(self.fill, &mut model.fill);
         put(self.source, &mut model.source);
-        put(self.undiffracted, &mut model.undiffracted);
+        if let Some(waves) = &self.undiffracted {
+            model.undiffracted = waves.iter().copied().filter(|wave| wave[..2] != [0.0; 2]).collect();
+        }
         put(self.iris.map(|[x, y, scale]| Iris { x: x * 1e-3, y: y * 1e-3, scale }), &mut model.iris);
         if !self.wavefront.is_empty() {
             model.wavefront.clone_from(&self.wavefront);

@@ -253,7 +253,7 @@ impl ModelTables {
         let (model, ideal) = (&self.model, DisplayModel::default());
         let crosstalk = model.crosstalk.is_some();
         let driven = model.level != ideal.level || model.bend != ideal.bend || model.lag > 0.0;
-        let lit = model.source != ideal.source || model.undiffracted[..2] != [0.0; 2];
+        let lit = model.source != ideal.source || !model.undiffracted.is_empty();
         ModelParts {
             drives: crosstalk || driven || lit || self.mask.is_some(),
             crosstalk: self.reach,

@@ -40,7 +40,7 @@ fn display(lag: f64) -> Display {
         lag: Some(lag),
         crosstalk: Some([[1.2, 2.03], [1.4, 2.8], [1.1, 2.6], [1.3, 2.4]].map(Into::into)),
         source: Some([0.1, -0.05, -0.3, 0.08, -0.2]),
-        undiffracted: Some([0.15, 0.1, 0.4, -0.3, 0.2]),
+        undiffracted: Some(vec![[0.15, 0.1, 0.4, -0.3, 0.2]]),
         wavefront: [(4, 0.15), (7, 0.05)].into(),
         iris: Some([0.05, -0.03, 1.02]),
         ..ModelTerms::default()

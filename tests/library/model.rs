@@ -109,7 +109,7 @@ fn models() -> Vec<(&'static str, DisplayModel)> {
         ("crosstalk on 2 x 2 sub-pixels", with(&|m| (m.crosstalk, m.subpixels) = (all.crosstalk, 2))),
         ("fill", with(&|m| m.fill = all.fill)),
         ("source", with(&|m| m.source = all.source)),
-        ("undiffracted", with(&|m| m.undiffracted = all.undiffracted)),
+        ("undiffracted", with(&|m| m.undiffracted = all.undiffracted.clone())),
         ("wavefront", with(&|m| m.wavefront = all.wavefront.clone())),
         ("iris", with(&|m| m.iris = all.iris)),
         ("all on 3 x 3 sub-pixels", with(&|m| (*m, m.subpixels) = (all.clone(), 3))),
@@ -247,7 +247,7 @@ fn solving_with_the_model_regains_what_the_display_loses() {
     assert_eq!(ideal.geometry, Geometry::Relay);
     let mut terms = ModelTerms::default();
     terms.crosstalk = every_fault().crosstalk.map(|c| [c[0]; 4]);
-    terms.undiffracted = Some([0.2, 0.0, 0.0, 0.0, 0.0]);
+    terms.undiffracted = Some(vec![[0.2, 0.0, 0.0, 0.0, 0.0]]);
     terms.source = Some([0.0, 0.0, -0.4, 0.0, -0.4]);
     terms.fill = Some(1.0);
     terms.level = Some(Level::Even(1.0));

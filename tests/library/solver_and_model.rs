@@ -15,7 +15,7 @@ fn terms(sigma: Option<f64>) -> ModelTerms {
     terms.crosstalk = sigma.map(|sigma| [[1.2, sigma].into(); 4]);
     terms.fill = Some(0.94);
     terms.source = Some([0.0, 0.06, -0.34, -0.03, -0.24]);
-    terms.undiffracted = Some([0.09, 0.2, 0.53, 0.0, 0.28]);
+    terms.undiffracted = Some(vec![[0.09, 0.2, 0.53, 0.0, 0.28]]);
     terms.wavefront = [(3, 0.02), (8, 0.05), (10, -0.06)].into();
     terms.iris = Some([0.12, 0.04, 1.0]);
     terms

@@ -36,7 +36,7 @@ fn display(model: &DisplayModel) -> Display {
     terms.lag = Some(model.lag);
     terms.crosstalk = model.crosstalk;
     terms.source = Some(model.source);
-    terms.undiffracted = Some(model.undiffracted);
+    terms.undiffracted = Some(model.undiffracted.clone());
     terms.wavefront = model.wavefront.clone();
     terms.iris = Some([model.iris.x * 1e3, model.iris.y * 1e3, model.iris.scale]);
     // Green alone: it is as wide as the picture, and none of it is cut off.

@@ -95,7 +95,8 @@ fn steps_keep_to_their_budgets() {
 fn every_term_keeps_to_its_budget() {
     let mut terms = ModelTerms::default();
     terms.wavefront = [(4, 0.03), (8, 0.05)].into();
-    (terms.lag, terms.bend, terms.undiffracted) = (Some(0.1), Some([0.1, -0.05]), Some([0.2, 0.0, 0.0, 0.0, 0.0]));
+    (terms.lag, terms.bend, terms.undiffracted) =
+        (Some(0.1), Some([0.1, -0.05]), Some(vec![[0.2, 0.0, 0.0, 0.0, 0.0]]));
     (terms.crosstalk, terms.source) = (Some([[1.2, 2.03].into(); 4]), Some([0.0, 0.0, -0.4, 0.0, -0.4]));
     let ideal = Display { height: 1080, width: 1920, ..Display::preset("paper").expect("a preset") };
     let faulty = Display { model: [(ModelOf::Green, terms)].into(), ..ideal.clone() };

@@ -99,7 +99,7 @@ fn every_kernel_keeps_to_its_ranges() {
                 // Sizes that are convolutions.
                 cases.push(case([31, 38, 0], 2, 11, Project, storage, ideal()));
                 cases.push(case([40, 36, 4], 2, 0, Adam, storage, ideal()));
-                let model = DisplayModel { lag: 0.1, undiffracted: [0.2; 5], ..ideal() };
+                let model = DisplayModel { lag: 0.1, undiffracted: vec![[0.2; 5]], ..ideal() };
                 cases.push(case([40, 36, 4], 2, 0, Project, storage, model));
             }
             for case in cases {

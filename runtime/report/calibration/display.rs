@@ -11,9 +11,9 @@ use std::f64::consts::TAU;
 /// All that differs from an ideal display; nothing of an ideal one.
 pub(super) fn plots(report: &Report) -> Option<Markup> {
     let figures = report.figures.as_ref()?;
-    let Figures { eyebox_mm, wavefront, beam, table, zero_order, crosstalk, iris, .. } = figures;
+    let Figures { eyebox_mm, wavefront, beam, table, zero_orders, crosstalk, iris, .. } = figures;
     let any = wavefront.is_some() || beam.is_some() || table.is_some() || crosstalk.is_some();
-    if !any && zero_order.is_none() && iris.is_none() {
+    if !any && zero_orders.is_empty() && iris.is_none() {
         return None;
     }
     Some(html! {
@@ -22,7 +22,7 @@ pub(super) fn plots(report: &Report) -> Option<Markup> {
             @if let Some(wavefront) = wavefront { (relay(wavefront)) }
             @if let Some(beam) = beam { (profile(beam)) }
             @if let Some(table) = table { (curve(table)) }
-            @if zero_order.is_some() || iris.is_some() { (pupil(*eyebox_mm, zero_order.as_ref(), iris.as_ref())) }
+            @if !zero_orders.is_empty() || iris.is_some() { (pupil(*eyebox_mm, zero_orders, iris.as_ref())) }
             @if let Some(kernel) = crosstalk { (neighbors(kernel)) }
         }
         @if let Some(table) = table { (levels(table)) }
@@ -132,7 +132,7 @@ fn circle([x, y]: [f64; 2], diameter: f64) -> Vec<[f64; 2]> {
 }
 
 /// The pupil plane: eyebox, zero order and iris. Down is positive there and negative on the plot's axis.
-fn pupil(eyebox: f64, zero: Option<&ZeroOrder>, iris: Option<&IrisFound>) -> Markup {
+fn pupil(eyebox: f64, zeros: &[ZeroOrder], iris: Option<&IrisFound>) -> Markup {
     let down = Axis::linear("y, mm").text(|v| format!("{}", (-v * 1e6).round() / 1e6 + 0.0));
     let mut plot = Plot::new("The pupil plane", Axis::linear("x, mm"), down).sized(370.0, 310.0);
     let half = eyebox / 2.0;
@@ -151,16 +151,18 @@ fn pupil(eyebox: f64, zero: Option<&ZeroOrder>, iris: Option<&IrisFound>) -> Mar
         ));
         series.extend([("root", "iris as requested"), ("m0", "iris as found")]);
     }
-    if let Some(zero) = zero {
+    for (i, zero) in zeros.iter().enumerate() {
+        let name = if i == 0 { "zero order" } else { "another reflection" };
         let ([x, y], [wide, tall]) = (zero.at_mm, zero.wide_mm);
         let share = format!("{:.2} %", 100.0 * zero.share);
-        plot.rect("m1 box", [x - wide / 2.0, -(y - tall / 2.0)], [x + wide / 2.0, -(y + tall / 2.0)], "zero order");
-        plot.dot("m1 dot", [x, -y], 3.0, &format!("zero order: {share} at {x:.2}, {y:.2} mm"));
+        plot.rect("m1 box", [x - wide / 2.0, -(y - tall / 2.0)], [x + wide / 2.0, -(y + tall / 2.0)], name);
+        plot.dot("m1 dot", [x, -y], 3.0, &format!("{name}: {share} at {x:.2}, {y:.2} mm"));
         let error = zero.error_mm.map_or(String::new(), |[x, y]| format!(" (± {x:.3}, {y:.3})"));
         let about = zero.share_error.map_or(String::new(), |e| format!(" (± {:.2})", 100.0 * e));
-        said.push(format!("the zero order has {share}{about} of the light, at {x:.3}, {y:.3} mm{error}"));
-        series.push(("m1", "zero order"));
+        let the = if i == 0 { "the zero order" } else { name };
+        said.push(format!("{the} has {share}{about} of the light, at {x:.3}, {y:.3} mm{error}"));
     }
+    series.extend((!zeros.is_empty()).then_some(("m1", "zero order")));
     lines(&plot, "Pupil plane", &format!("gray: the eyebox; {}", said.join("; ")), &series)
 }
 

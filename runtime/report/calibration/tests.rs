@@ -49,7 +49,7 @@ fn every_fault_is_drawn_once_and_what_to_mend_comes_first() {
         level: Some(crate::optics::Level::Even(1.05)),
         crosstalk: Some([Spread { q: 1.2, sigma: 2.0 }; 4]),
         source: Some([0.1, 0.0, -0.2, 0.0, -0.1]),
-        undiffracted: Some([0.2, 0.1, 3.0, 900.0, 0.0]),
+        undiffracted: Some(vec![[0.2, 0.1, 3.0, 900.0, 0.0]]),
         iris: Some([0.3, 0.1, 1.01]),
         wavefront: [(4, 0.1), (8, -0.2)].into(),
         ..ModelTerms::default()

@@ -38,7 +38,7 @@ pub struct Bench {
     pub crosstalk: Option<[[f64; 2]; 4]>,
     pub fill: f64,
     pub source: [f64; 5],
-    pub undiffracted: [f64; 5],
+    pub undiffracted: Vec<[f64; 5]>,
     pub zernike_4: f64,
     pub zernike_8: f64,
     pub iris: [f64; 3],
@@ -66,7 +66,7 @@ impl Bench {
             crosstalk: None,
             fill: 0.0,
             source: [0.0; 5],
-            undiffracted: [0.0; 5],
+            undiffracted: Vec::new(),
             zernike_4: 0.0,
             zernike_8: 0.0,
             iris: [0.0, 0.0, 1.0],
@@ -87,7 +87,7 @@ impl Bench {
             crosstalk: Some([[1.2, 2.2], [1.3, 2.0], [1.25, 2.4], [1.2, 1.9]]),
             fill: 0.95,
             source: [0.05, -0.03, -0.3, 0.02, -0.2],
-            undiffracted: [0.1, 0.15, 0.5, -0.5, 0.2],
+            undiffracted: vec![[0.1, 0.15, 0.5, -0.5, 0.2], [0.05, -0.06, 4.0, -7.0, 0.4]],
             zernike_4: 0.03,
             zernike_8: -0.04,
             iris: [0.1, -0.08, 1.003],
@@ -181,8 +181,11 @@ impl Bench {
         };
         let a: Vec<f64> = (0..N * N).map(amplitude).collect();
         let rms = (a.iter().map(|a| a * a).sum::<f64>() / a.len() as f64).sqrt();
-        let u = self.undiffracted;
-        let share = (1.0 - u[0] * u[0] - u[1] * u[1]).sqrt();
+        let still = |[py, px]: [f64; 2]| {
+            let of = |u: &[f64; 5]| times([u[0], u[1]], cis(u[2] * px + u[3] * py + u[4] * (px * px + py * py)));
+            self.undiffracted.iter().map(of).fold([0.0; 2], |sum, v| [sum[0] + v[0], sum[1] + v[1]])
+        };
+        let share = (1.0 - self.undiffracted.iter().map(|u| u[0] * u[0] + u[1] * u[1]).sum::<f64>()).sqrt();
         let side = N * P;
         // Along x first: (pixel row, sub-pixel column).
         let wide: Vec<Vec<f64>> = phases
@@ -203,8 +206,7 @@ impl Bench {
                 .map(|j| {
                     let w: f64 = blur.iter().zip(&wide).map(|(b, row)| b * row[j]).sum();
                     let pixel = i / P * N + j / P;
-                    let (py, px) = (place(i / P), place(j / P));
-                    let rest = times([u[0], u[1]], cis(u[2] * px + u[3] * py + u[4] * (px * px + py * py)));
+                    let rest = still([i, j].map(|at| place(at / P)));
                     let on = cis(w);
                     [0, 1].map(|c| a[pixel] / rms * (share * on[c] + rest[c]))
                 })
