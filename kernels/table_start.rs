@@ -99,11 +99,11 @@ pub fn places(args: &Args, light: &[u32], needs: Option<&[u32]>, places: &mut [u
     );
 }
 
-/// From [`places`] (height, width) and `table` (side, side, levels), binary angles, to `phases` (height, width), radians in -pi .. pi:
-/// whole binary angles. One sub-frame.
-pub fn table_start(args: &Args, places: &[u32], table: &[u16], phases: &mut [f32]) {
+/// From [`places`] (rows, width) and `table` (side, side, levels), binary angles, to `phases` (rows, width), radians in -pi .. pi:
+/// whole binary angles. Rows of one sub-frame, from `row` on.
+pub fn table_start(args: &Args, row: usize, places: &[u32], table: &[u16], phases: &mut [f32]) {
     let [width, side] = [args.width, args.side].map(|n| n as usize);
-    for (y, (places, phases)) in places.chunks_exact(width).zip(phases.chunks_exact_mut(width)).enumerate() {
+    for (y, (places, phases)) in (row..).zip(places.chunks_exact(width).zip(phases.chunks_exact_mut(width))) {
         let row = &table[y % side * side * LEVELS..][..side * LEVELS];
         for (places, phases) in places.chunks(side).zip(phases.chunks_mut(side)) {
             for ((at, phase), levels) in places.iter().zip(phases).zip(row.as_chunks::<LEVELS>().0) {
@@ -136,7 +136,10 @@ mod tests {
             let args = sizes.brightness(bright);
             let (mut at, mut phases) = (vec![0; height * width], vec![0.0; height * width]);
             places(&args, &light, needs, &mut at);
-            table_start(&args, &at, &table, &mut phases);
+            // In two parts, the second of which begins within a tile.
+            let (above, below) = phases.split_at_mut(3 * width);
+            table_start(&args, 0, &at[..3 * width], &table, above);
+            table_start(&args, 3, &at[3 * width..], &table, below);
             for (i, (light, phase)) in light.iter().zip(&phases).enumerate() {
                 let (y, x) = (i / width, i % width);
                 let lit = needs.map_or(1.0, |needs| 65_536.0 / f64::from(needs[i]));

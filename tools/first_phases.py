@@ -63,8 +63,11 @@ def main():
             rows.append(compare(program, {"frames": frames}, scene, ["--display", display, "--frames", frames]))
     about = {"size": SIZE, "frames": 8, "color": "green", "pupils": "random:24", "db": "mean and worst PSNR by steps"}
     text = json.dumps({"about": {**about, "scene": scene}, "rows": rows})
-    with open(file, "w", encoding="utf-8") as out:
-        out.write(re.sub(r', "rows": \[|(?<=\}), (?=\{"(scene|display|frames))', lambda m: m.group(0).strip() + "\n  ", text) + "\n")
+    text = re.sub(r', "rows": \[|(?<=\}), (?=\{"(scene|display|frames))', lambda m: m.group(0).strip() + "\n  ", text)
+    # What tools/other_starts.py has added stays.
+    file = pathlib.Path(file)
+    added = "".join(file.read_text(encoding="utf-8").partition(',\n "other_starts"')[1:]) if file.exists() else ""
+    file.write_text((text.removesuffix("}") + added if added else text + "\n"), encoding="utf-8")
 
 
 if __name__ == "__main__":

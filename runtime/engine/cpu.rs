@@ -312,8 +312,8 @@ impl Engine for CpuEngine {
     }
 
     fn clear_moments(&mut self) -> Result<(), EngineError> {
-        self.buffers.momentum.fill(0.0);
-        self.buffers.second.fill(0.0);
+        let Buffers { momentum, second, .. } = &mut self.buffers;
+        [momentum, second].into_iter().for_each(|of| of.par_chunks_mut(SPLIT).for_each(|some| some.fill(0.0)));
         Ok(())
     }
 

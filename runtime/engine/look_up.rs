@@ -7,6 +7,9 @@ use eyebox_kernels::table_start::{self, LEVELS, table_start};
 use rayon::prelude::*;
 use std::sync::Arc;
 
+/// Rows that are looked up together: their light stays in the first cache for all sub-frames.
+const BAND: usize = 8;
+
 /// A table, and the picture whose phases are looked up in it.
 #[derive(Debug, Clone)]
 pub struct LookUp {
@@ -43,13 +46,26 @@ impl LookUp {
     /// The same into memory of their number that is there already: new memory takes longer than the look-up.
     pub(super) fn phases_into(&self, phases: &mut [f32]) -> Result<(), EngineError> {
         let views = super::on_host(&self.views)?;
-        let pixels = (self.args.height * self.args.width) as usize;
-        let (mut light, mut places) = (vec![0; pixels], vec![0; pixels]);
-        pupil_light(&self.place, &views.levels[0].views, &self.shares, &mut light);
-        table_start::places(&self.args, &light, self.needs.as_deref(), &mut places);
-        let tile = (self.args.side * self.args.side) as usize * LEVELS;
-        let frames = phases.par_chunks_mut(pixels).zip(self.table.par_chunks(tile));
-        frames.for_each(|(phases, table)| table_start(&self.args, &places, table, phases));
+        let [height, width, side] = [self.args.height, self.args.width, self.args.side].map(|n| n as usize);
+        // The same rows of all sub-frames.
+        let mut bands: Vec<Vec<&mut [f32]>> = (0..height.div_ceil(BAND)).map(|_| Vec::new()).collect();
+        for frame in phases.chunks_exact_mut(height * width) {
+            bands.iter_mut().zip(frame.chunks_mut(BAND * width)).for_each(|(band, rows)| band.push(rows));
+        }
+        let room = || [vec![0; BAND * width], vec![0; BAND * width]];
+        bands.into_par_iter().enumerate().for_each_init(room, |[light, places], (band, frames)| {
+            let row = band * BAND;
+            let rows = BAND.min(height - row);
+            let [light, places] = [light, places].map(|room| &mut room[..rows * width]);
+            let first = self.place.first + row as u32 * self.place.line;
+            let place = pupil_light::Args { height: rows as u32, first, ..self.place };
+            pupil_light(&place, &views.levels[0].views, &self.shares, light);
+            let needs = self.needs.as_ref().map(|needs| &needs[row * width..][..rows * width]);
+            table_start::places(&self.args, light, needs, places);
+            for (phases, table) in frames.into_iter().zip(self.table.chunks(side * side * LEVELS)) {
+                table_start(&self.args, row, places, table, phases);
+            }
+        });
         Ok(())
     }
 }

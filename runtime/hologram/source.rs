@@ -60,6 +60,8 @@ impl PhaseSource<'_> {
     #[must_use]
     pub fn obstructed(self, obstruction: Option<Obstruction>) -> Self {
         match self {
+            // A copy of all phases is not needed.
+            same if same.about().metadata.obstruction == obstruction => same,
             Self::Whole(hologram) => {
                 let mut hologram = hologram.into_owned();
                 hologram.metadata.obstruction = obstruction;

@@ -179,6 +179,14 @@ pub enum OpticsError {
         /// What is wrong with it, and where.
         reason: String,
     },
+    /// An obstruction that has no such name.
+    #[error("the obstruction '{name}' is unknown: expected {known}")]
+    UnknownObstruction {
+        /// The name that was given.
+        name: String,
+        /// The names that exist.
+        known: String,
+    },
     /// A way of viewing that cannot be.
     #[error("the viewing: {reason}")]
     Viewing {

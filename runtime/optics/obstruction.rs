@@ -1,6 +1,7 @@
 //! Objects in an eye's pupil that stop light: lashes, floaters, an opacity, scratches (OPTICS 11).
 
-use super::{Optics, Pupil};
+use super::{Optics, OpticsError, Pupil};
+use std::str::FromStr;
 
 /// A set of opaque marks in an eye's pupil. It moves with the pupil.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,6 +31,9 @@ const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 const DARK: f64 = 1e-12;
 
 impl Obstruction {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Lashes, Self::Floaters, Self::Opacity, Self::Scratches];
+
     /// Its name.
     pub const fn name(self) -> &'static str {
         match self {
@@ -96,6 +100,18 @@ impl Obstruction {
     }
 }
 
+impl FromStr for Obstruction {
+    type Err = OpticsError;
+
+    fn from_str(name: &str) -> Result<Self, OpticsError> {
+        let found = Self::ALL.into_iter().find(|obstruction| obstruction.name() == name);
+        found.ok_or_else(|| OpticsError::UnknownObstruction {
+            name: name.into(),
+            known: Self::ALL.map(Self::name).join(", "),
+        })
+    }
+}
+
 impl Mark {
     /// The share of a bin of this side (metres), at this place from the pupil's center, that it covers.
     fn coverage(&self, [x, y]: [f64; 2], bin: f64) -> f64 {
@@ -118,9 +134,6 @@ impl Mark {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const ALL: [Obstruction; 4] =
-        [Obstruction::Lashes, Obstruction::Floaters, Obstruction::Opacity, Obstruction::Scratches];
 
     fn optics(pixels: usize) -> Optics {
         Optics::new(pixels, pixels, 8e-6, 520e-9, 0.4).unwrap()
@@ -163,10 +176,12 @@ mod tests {
     }
 
     #[test]
-    fn all_names_differ_and_no_mark_is_everything() {
-        for obstruction in ALL {
-            let same = ALL.into_iter().filter(|other| other.name() == obstruction.name());
-            assert_eq!(same.count(), 1);
+    fn each_is_found_by_its_name_and_no_mark_is_everything() {
+        let unknown = "nose".parse::<Obstruction>().unwrap_err();
+        let known = "lashes, floaters, opacity, scratches".into();
+        assert_eq!(unknown, OpticsError::UnknownObstruction { name: "nose".into(), known });
+        for obstruction in Obstruction::ALL {
+            assert_eq!(obstruction.name().parse(), Ok(obstruction));
             let passing = obstruction.amplitude(&optics(512), &Pupil::from_mm([0.0, 0.0, 4.0, 0.0]));
             let at = |i: i32| [f64::from(i % 40 - 20) * 1e-4, f64::from(i / 40 - 20) * 1e-4];
             let places: Vec<f64> = (0..1600).map(|i| passing(at(i))).collect();

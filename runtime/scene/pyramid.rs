@@ -83,6 +83,21 @@ fn quantise(light: &[f32], scale: f32, out: &mut [u16]) {
     );
 }
 
+/// The brightest value, 0 or more. What is no number does not count.
+fn brightest(light: &[f32]) -> f32 {
+    let mut most = [0.0f32; 16];
+    let (rows, rest) = light.as_chunks::<16>();
+    simd(
+        #[inline(always)]
+        || {
+            for row in rows {
+                most.iter_mut().zip(row).for_each(|(most, v)| *most = if *v > *most { *v } else { *most });
+            }
+        },
+    );
+    most.iter().chain(rest).copied().fold(0.0, f32::max)
+}
+
 /// The light of such steps.
 fn linear(steps: &[u16], scale: f32, out: &mut [f32]) {
     simd(
@@ -134,8 +149,7 @@ impl Pyramid {
 
     /// From views (each height * width, linear light, finite, not negative). Quantised to 1/65535 of the brightest.
     pub fn new(views: &[impl AsRef<[f32]> + Sync], height: usize, width: usize) -> Self {
-        let brightest =
-            views.par_iter().map(|v| v.as_ref().iter().copied().fold(0.0, f32::max)).reduce(|| 0.0, f32::max);
+        let brightest = views.par_iter().map(|view| brightest(view.as_ref())).reduce(|| 0.0, f32::max);
         let scale = if brightest > 0.0 { brightest } else { 1.0 };
         let mut levels = vec![Level { height, width, views: vec![0; views.len() * height * width] }];
         levels[0].views.par_chunks_mut(height * width).zip(views).for_each(|(out, view)| {

@@ -11,6 +11,7 @@ use crate::optics::{Color, Display, Padding, PupilDistribution, mean_light};
 use crate::scene::{Layer, LightField, Places, ViewGrid, views_of_depths, views_of_layers};
 use crate::solve::{BrightEnd, Problem, random_phases};
 use eyebox_live_input::{Content, Display as Ring, Frame, Kind, Latest, Offer, Pupil as AskedPupil, Request, Wanted};
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// How many frames the ring holds.
@@ -192,7 +193,8 @@ impl LiveInput {
         }
         let (grid, pitch, center, planes) = match info.content {
             Content::Views { grid, pitch_mm } => {
-                let views = |channel: &usize| self.frame.channel(*channel).chunks_exact(pixels).map(<[f32]>::to_vec);
+                let views =
+                    |channel: &usize| self.frame.channel(*channel).par_chunks_exact(pixels).map(<[f32]>::to_vec);
                 let planes = self.channels.iter().map(|channel| views(channel).collect()).collect();
                 (grid, metres(pitch_mm), camera, planes)
             }
@@ -242,7 +244,7 @@ impl LiveInput {
             let end = BrightEnd::of(views.get(views.len() / 2).map(Vec::as_slice));
             [end.contrast.max(end.mean), end.mean]
         };
-        let ends: Vec<[f64; 2]> = field.planes.iter().map(middle).collect();
+        let ends: Vec<[f64; 2]> = field.planes.par_iter().map(middle).collect();
         let exposures = self.exposures_of(&ends);
         let mut colors = Vec::with_capacity(self.colors.len());
         for (color, exposure) in self.colors.iter().zip(exposures) {

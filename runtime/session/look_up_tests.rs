@@ -4,7 +4,8 @@ use super::scripted::{Application, EXPOSURE, Scripted, content_of, shown};
 use super::study::{ContentSettings, JumpStart, StudiedContent, StudySettings, study_content};
 use super::tests::cpu;
 use super::*;
-use crate::optics::PupilDistribution;
+use crate::optics::{Color, PupilDistribution};
+use crate::scene::LightField;
 use crate::solve::{Flow, StartTable};
 use crate::trackers::simulated;
 use std::sync::Arc;
@@ -106,6 +107,7 @@ fn a_study_of_jumping_content_begins_with_the_table() {
             steps: 1,
             speed: 10,
             jumps_every: 3,
+            slides: Vec::new(),
             start,
             start_tables: tables(&stage),
             lighting: stage.encoder().lighting(false),
@@ -119,4 +121,54 @@ fn a_study_of_jumping_content_begins_with_the_table() {
     let [table, last, random] = [JumpStart::Table, JumpStart::Last, JumpStart::Random].map(first_set);
     println!("{table} dB from the table, {last} from the last phases, {random} from random ones");
     assert!(table > last + 0.5 && table > random + 0.5, "{table} {last} {random}");
+}
+
+/// Slides follow each other, and after the last comes the scene again. Of a black slide there is no PSNR, so that the sets which have one
+/// are those of the scene. A slide of another number of colors is refused.
+#[test]
+fn a_study_of_slides_shows_them_in_turn() {
+    let stage = Scripted::new("planes8", SIDE, 1);
+    let even = |light: f32| {
+        let field = LightField {
+            name: String::new(),
+            grid: [1, 1],
+            height: SIDE,
+            width: SIDE,
+            colors: vec![Color::Green],
+            planes: vec![vec![vec![light; SIDE * SIDE]]],
+            view_pitch: Some(stage.display.eyebox_min()),
+            disparity: None,
+            depth: None,
+            made: None,
+        };
+        SteeredColor::for_scene(&stage.begun(), &field, &stage.display).unwrap()
+    };
+    let black = even(0.0);
+    let content = |slides| ContentSettings {
+        contents: vec![StudiedContent::Jumping],
+        sets: 14,
+        steps: 1,
+        speed: 10,
+        jumps_every: 2,
+        slides,
+        start: JumpStart::Last,
+        start_tables: Vec::new(),
+        lighting: stage.encoder().lighting(false),
+    };
+    let study = |slides| {
+        let eye = simulated::Settings { fixation: [60.0; 2], blinks: 0.0, ..Default::default() };
+        let study = StudySettings { eye, ..StudySettings::default() };
+        let (begun, settings) = (stage.begun(), content(slides));
+        study_content(&begun, &Policy::default(), &settings, &study, &mut cpu, &mut |_| Flow::Continue)
+    };
+    let lit = |slides| study(slides).unwrap()[0].samples.iter().map(|s| s.since_jump).collect::<Vec<_>>();
+    // Scene, black, black, scene, black, black, scene: the first has not jumped.
+    assert_eq!(lit(vec![black.clone(), black.clone()]), [0, 1, 0, 1, 0, 1]);
+    assert_eq!(lit(vec![black.clone()]), [0, 1, 0, 1, 0, 1, 0, 1]);
+    let two = [black.clone(), black.clone()].concat();
+    assert!(matches!(study(vec![two]), Err(SessionError::Setting(reason)) if reason.contains("2 colors")));
+    // A slide that is brighter than all of the light raises the exposure, a darker one leaves it.
+    assert_eq!(black[0].exposure, EXPOSURE);
+    assert!((even(0.8)[0].exposure - 0.8).abs() < 1e-3, "{}", even(0.8)[0].exposure);
+    assert!(black[0].phases.is_empty());
 }

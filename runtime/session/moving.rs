@@ -6,7 +6,7 @@ use super::steerer::SteeredColor;
 use super::timeline::{Speed, Timeline};
 use crate::hologram::{Hologram, Sequence};
 use crate::mailbox::Mailbox;
-use crate::optics::{Color, Display};
+use crate::optics::{Color, Display, mean_light};
 use crate::present::Rate;
 use crate::scene::LightField;
 use crate::solve::Problem;
@@ -183,6 +183,22 @@ impl SteeredColor {
             Ok(Self { problem, phases: color.phases.clone(), exposure: color.exposure, laser })
         };
         hologram.colors.iter().map(one).collect()
+    }
+
+    /// The same colors for another scene, which brings no phases. Each exposure rises if the scene is brighter than all of the light,
+    /// as it does when an application shows another picture.
+    ///
+    /// # Errors
+    /// [`SessionError::Setting`] if the scene or the display lacks a color.
+    pub fn for_scene(colors: &[Self], field: &LightField, display: &Display) -> Result<Vec<Self>, SessionError> {
+        let one = |(at, color): (usize, &Self)| {
+            let name = field.colors.get(at).copied().unwrap_or(Color::Green);
+            let problem = Problem::new(field, name, display, color.problem.padding);
+            let problem = problem.map_err(|e| SessionError::Setting(e.to_string()))?;
+            let exposure = color.exposure.max(problem.mean / mean_light(&display.modes(name)));
+            Ok(Self { problem, phases: Vec::new(), exposure, laser: color.laser.clone() })
+        };
+        colors.iter().enumerate().map(one).collect()
     }
 }
 

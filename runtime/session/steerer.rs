@@ -25,7 +25,7 @@ const MOST_COLORS: usize = 3;
 pub type EngineOpener = Box<dyn FnMut() -> Result<Box<dyn Engine>, EngineError> + Send>;
 
 /// One colour: what is solved for, and the hologram for the whole eyebox.
-#[derive(Clone)]
+#[derive(Debug, Clone)]
 pub struct SteeredColor {
     /// The scene before this wavelength.
     pub problem: Problem,

@@ -24,7 +24,7 @@
 #include <stdint.h>
 
 // The interface that this header describes. It is raised with every change that a program has to be compiled anew for.
-#define EYEBOX_INTERFACE 1
+#define EYEBOX_INTERFACE 2
 
 // Red, as one bit of a set of colours.
 #define EYEBOX_RED 1
@@ -179,6 +179,8 @@ typedef struct {
   double ceiling_db;
   // Mean SSIM over the colours; NaN where the picture is smaller than SSIM's window.
   double ssim;
+  // PSNR of the image past an obstruction against the image that the same hologram shows a clear pupil, dB; NaN for a clear pupil.
+  double against_clear_db;
 } EyeboxScore;
 
 // The video frames of a hologram: (frame, row, column, channel), 8 bits each, in the order in which they are shown.
@@ -362,20 +364,23 @@ EyeboxStatus eyebox_hologram_phases(const EyeboxHologram *hologram,
 EyeboxStatus eyebox_hologram_metadata(const EyeboxHologram *hologram, const char **json);
 
 // What an eye sees through a pupil: (colour, row, column) in linear light, with 1 as the scene's full scale, into `light`, which has
-// `count` values: colors picture_rows picture_columns.
+// `count` values: colors picture_rows picture_columns. `obstruction` puts opaque marks into the pupil: "lashes", "floaters", "opacity",
+// "scratches", or null for a clear pupil.
 EyeboxStatus eyebox_view(const EyeboxHologram *hologram,
                          const EyeboxPupil *pupil,
+                         const char *obstruction,
                          const EyeboxEngine *engine,
                          float *light,
                          size_t count);
 
 // Compares what `count` pupils see with what they should see of the scene, with one exposure per colour for all of them, into
 // `scores`, which has room for as many. The scene was loaded for the hologram's display and has its colours; null takes the one
-// that the hologram was solved from, read as it was then.
+// that the hologram was solved from, read as it was then. `obstruction` is as in eyebox_view.
 EyeboxStatus eyebox_score(const EyeboxHologram *hologram,
                           const EyeboxScene *scene,
                           const EyeboxPupil *pupils,
                           size_t count,
+                          const char *obstruction,
                           const EyeboxEngine *engine,
                           EyeboxScore *scores);
 

@@ -5,7 +5,7 @@ use crate::display::bit;
 use crate::failure::{Failure, answer, free, lock};
 use crate::scene::scene_of;
 use crate::{EyeboxDisplay, EyeboxEngine, EyeboxPupil, EyeboxScene, EyeboxScore, EyeboxStatus};
-use eyebox::hologram::{Hologram, Opening, SceneSource};
+use eyebox::hologram::{Hologram, Opening, PhaseSource, SceneSource};
 use std::ffi::{CString, c_char};
 use std::mem::MaybeUninit;
 use std::path::Path;
@@ -162,12 +162,28 @@ pub extern "C" fn eyebox_hologram_metadata(
     })
 }
 
+/// The hologram as an eye sees it past an obstruction that has this name, or with a clear pupil if there is none.
+///
+/// # Safety
+/// The text, if there is one, ends with a zero byte.
+unsafe fn seen_past<'a>(hologram: &'a Hologram, obstruction: *const c_char) -> Result<PhaseSource<'a>, Failure> {
+    let source = PhaseSource::from(hologram);
+    if obstruction.is_null() {
+        return Ok(source);
+    }
+    // SAFETY: as this function asks.
+    let name = unsafe { text(obstruction, "obstruction") }?;
+    Ok(source.obstructed(Some(name.parse()?)))
+}
+
 /// What an eye sees through a pupil: (colour, row, column) in linear light, with 1 as the scene's full scale, into `light`, which has
-/// `count` values: colors picture_rows picture_columns.
+/// `count` values: colors picture_rows picture_columns. `obstruction` puts opaque marks into the pupil: "lashes", "floaters", "opacity",
+/// "scratches", or null for a clear pupil.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eyebox_view(
     hologram: Option<&EyeboxHologram>,
     pupil: Option<&EyeboxPupil>,
+    obstruction: *const c_char,
     engine: Option<&EyeboxEngine>,
     light: *mut f32,
     count: usize,
@@ -179,8 +195,10 @@ pub unsafe extern "C" fn eyebox_view(
         let pixels = rows * columns;
         // SAFETY: the header asks callers for as much memory as they say.
         let light = unsafe { room(light, count, hologram.colors.len() * pixels, "light") }?;
+        // SAFETY: the header asks callers for texts that end with zero.
+        let source = unsafe { seen_past(hologram, obstruction) }?;
         let mut engine = lock(&given(engine, "engine")?.engine)?;
-        let planes = hologram.seen(&pupil, engine.as_mut())?;
+        let planes = source.about().seen(&pupil, engine.as_mut())?;
         for (out, plane) in light.chunks_exact_mut(pixels).zip(&planes) {
             for (out, value) in out.iter_mut().zip(&plane.values) {
                 out.write(*value);
@@ -192,13 +210,14 @@ pub unsafe extern "C" fn eyebox_view(
 
 /// Compares what `count` pupils see with what they should see of the scene, with one exposure per colour for all of them, into
 /// `scores`, which has room for as many. The scene was loaded for the hologram's display and has its colours; null takes the one
-/// that the hologram was solved from, read as it was then.
+/// that the hologram was solved from, read as it was then. `obstruction` is as in eyebox_view.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eyebox_score(
     hologram: Option<&EyeboxHologram>,
     scene: Option<&EyeboxScene>,
     pupils: *const EyeboxPupil,
     count: usize,
+    obstruction: *const c_char,
     engine: Option<&EyeboxEngine>,
     scores: *mut EyeboxScore,
 ) -> EyeboxStatus {
@@ -211,10 +230,12 @@ pub unsafe extern "C" fn eyebox_score(
         let (pupils, scores) =
             unsafe { (array(pupils, count, None, "pupils")?, room(scores, count, count, "scores")?) };
         let pupils = pupils.iter().map(|p| p.before(&hologram.hologram)).collect::<Result<Vec<_>, _>>()?;
+        // SAFETY: the header asks callers for texts that end with zero.
+        let source = unsafe { seen_past(&hologram.hologram, obstruction) }?;
         let field = scene_of(scene, &hologram.hologram)?;
         let mut engine = lock(&given(engine, "engine")?.engine)?;
         let scene = SceneSource::from(hologram.hologram.problems(&field)?);
-        let scored = hologram.hologram.score(&scene, &pupils, engine.as_mut())?;
+        let scored = source.score(&scene, &pupils, engine.as_mut())?;
         for (out, score) in scores.iter_mut().zip(&scored.pupils) {
             out.write(score.into());
         }

@@ -1,7 +1,7 @@
 //! What programs compare and combine.
 
 /// The interface that this header describes. It is raised with every change that a program has to be compiled anew for.
-pub const EYEBOX_INTERFACE: u32 = 1;
+pub const EYEBOX_INTERFACE: u32 = 2;
 
 /// Red, as one bit of a set of colours.
 pub const EYEBOX_RED: u32 = 1;

@@ -36,11 +36,18 @@ pub struct EyeboxScore {
     pub ceiling_db: f64,
     /// Mean SSIM over the colours; NaN where the picture is smaller than SSIM's window.
     pub ssim: f64,
+    /// PSNR of the image past an obstruction against the image that the same hologram shows a clear pupil, dB; NaN for a clear pupil.
+    pub against_clear_db: f64,
 }
 
 impl From<&PupilScore> for EyeboxScore {
     fn from(score: &PupilScore) -> Self {
         let known = |value: Option<f64>| value.unwrap_or(f64::NAN);
-        Self { psnr_db: known(score.psnr), ceiling_db: known(score.ceiling), ssim: known(score.ssim) }
+        Self {
+            psnr_db: known(score.psnr),
+            ceiling_db: known(score.ceiling),
+            ssim: known(score.ssim),
+            against_clear_db: known(score.against_clear),
+        }
     }
 }

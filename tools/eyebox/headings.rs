@@ -146,6 +146,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "moves",
             "jumps_every",
             "jumps_from",
+            "jumps_to",
             "prescription",
             "vertex_distance",
             "eye_file",

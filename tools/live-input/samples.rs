@@ -32,26 +32,32 @@ pub(crate) struct Stored {
     pub colors: usize,
 }
 
+/// Pixels that are decoded together: all their channels stay in the first cache, and the memory of a frame is read once.
+const BLOCK: usize = 1024;
+
 /// Stored pixels (pixel, channel) to `light` (channel, pixel).
 ///
 /// # Errors
 /// [`FrameFault::Value`].
 pub(crate) fn decode(raw: &[u8], stored: &Stored, curve: &Curve, light: &mut [f32]) -> Result<(), FrameFault> {
     let pixels = light.len() / stored.channels;
-    for (channel, out) in light.chunks_exact_mut(pixels).enumerate() {
-        let coded = stored.transfer == Transfer::Srgb && channel < stored.colors;
-        let limit = if channel < stored.colors { (65_504.0, "0 to 65504") } else { (1.0, "an opacity, 0 to 1") };
-        let place = Place { raw, first: channel, stride: stored.channels };
-        match (stored.sample, coded) {
-            (Sample::U8, false) => place.fill(out, |[b]: [u8; 1]| f32::from(b) / 255.0),
-            (Sample::U8, true) => place.fill(out, |[b]: [u8; 1]| curve.0[usize::from(b) * 257]),
-            (Sample::U16, false) => place.fill(out, |b| f32::from(u16::from_le_bytes(b)) / 65_535.0),
-            (Sample::U16, true) => place.fill(out, |b| curve.0[usize::from(u16::from_le_bytes(b))]),
-            (Sample::F16, _) => place.fill(out, |b| half(u16::from_le_bytes(b))),
-            (Sample::F32, _) => place.fill(out, f32::from_le_bytes),
-        }
-        if matches!(stored.sample, Sample::F16 | Sample::F32) {
-            judge(out, channel, [0.0, limit.0], limit.1)?;
+    for begin in (0..pixels).step_by(BLOCK) {
+        for (channel, light) in light.chunks_exact_mut(pixels).enumerate() {
+            let out = &mut light[begin..pixels.min(begin + BLOCK)];
+            let coded = stored.transfer == Transfer::Srgb && channel < stored.colors;
+            let limit = if channel < stored.colors { (65_504.0, "0 to 65504") } else { (1.0, "an opacity, 0 to 1") };
+            let place = Place { raw, first: begin * stored.channels + channel, stride: stored.channels };
+            match (stored.sample, coded) {
+                (Sample::U8, false) => place.fill(out, |[b]: [u8; 1]| f32::from(b) / 255.0),
+                (Sample::U8, true) => place.fill(out, |[b]: [u8; 1]| curve.0[usize::from(b) * 257]),
+                (Sample::U16, false) => place.fill(out, |b| f32::from(u16::from_le_bytes(b)) / 65_535.0),
+                (Sample::U16, true) => place.fill(out, |b| curve.0[usize::from(u16::from_le_bytes(b))]),
+                (Sample::F16, _) => place.fill(out, |b| half(u16::from_le_bytes(b))),
+                (Sample::F32, _) => place.fill(out, f32::from_le_bytes),
+            }
+            if matches!(stored.sample, Sample::F16 | Sample::F32) {
+                judge(out, (channel, begin), [0.0, limit.0], limit.1)?;
+            }
         }
     }
     Ok(())
@@ -63,7 +69,7 @@ pub(crate) fn decode(raw: &[u8], stored: &Stored, curve: &Curve, light: &mut [f3
 /// [`FrameFault::Value`].
 pub(crate) fn decode_depth(raw: &[u8], channel: usize, dioptres: &mut [f32]) -> Result<(), FrameFault> {
     Place { raw, first: 0, stride: 1 }.fill(dioptres, f32::from_le_bytes);
-    judge(dioptres, channel, [-100.0, 100.0], "-100 to 100 dioptres")
+    judge(dioptres, (channel, 0), [-100.0, 100.0], "-100 to 100 dioptres")
 }
 
 /// Which samples of those that are stored.
@@ -89,7 +95,13 @@ impl Place<'_> {
     }
 }
 
-fn judge(values: &[f32], channel: usize, [least, most]: [f32; 2], must: &'static str) -> Result<(), FrameFault> {
+/// Refuses values that are out of range. They are those of a channel from the pixel `begin` on.
+fn judge(
+    values: &[f32],
+    (channel, begin): (usize, usize),
+    [least, most]: [f32; 2],
+    must: &'static str,
+) -> Result<(), FrameFault> {
     // NaN is in no range.
     let is_wrong = |v: &f32| !(*v >= least && *v <= most);
     // First whether there is one, without a branch for each value.
@@ -97,7 +109,7 @@ fn judge(values: &[f32], channel: usize, [least, most]: [f32; 2], must: &'static
         return Ok(());
     }
     let wrong = values.iter().position(is_wrong);
-    wrong.map_or(Ok(()), |index| Err(FrameFault::Value { channel, index, found: values[index], must }))
+    wrong.map_or(Ok(()), |at| Err(FrameFault::Value { channel, index: begin + at, found: values[at], must }))
 }
 
 #[cfg(test)]
@@ -134,6 +146,13 @@ mod tests {
         let stored = Stored { sample: Sample::U8, transfer: Transfer::Srgb, channels: 2, colors: 1 };
         let mut light = [9.0f32; 6];
         decode(&raw, &stored, &Curve::new(), &mut light).unwrap();
+        // More pixels than are decoded together, and not a whole number of times as many.
+        let many: Vec<u8> = (0..3 * (2 * BLOCK + 77)).map(|i| (i * 7 % 251) as u8).collect();
+        let thrice = Stored { transfer: Transfer::Linear, channels: 3, colors: 3, ..stored };
+        let mut apart = vec![9.0f32; many.len()];
+        decode(&many, &thrice, &Curve::new(), &mut apart).unwrap();
+        let pixels = many.len() / 3;
+        assert!((0..many.len()).all(|i| apart[i % 3 * pixels + i / 3] == f32::from(many[i]) / 255.0));
         let gray = ((128.0f64 / 255.0 + 0.055) / 1.055).powf(2.4) as f32;
         assert_eq!(light, [0.0, gray, 1.0, 1.0, 128.0 / 255.0, 0.0]);
     }
@@ -149,6 +168,12 @@ mod tests {
             let fault = decoded(bad, Sample::F32, 1).unwrap_err();
             assert!(matches!(fault, FrameFault::Value { channel: 0, index: 1, .. }), "{fault}");
         }
+        // Far behind the first block.
+        let mut raw = vec![0; 8 * (3 * BLOCK + 7)];
+        raw[8 * (2 * BLOCK + 5) + 4..][..4].copy_from_slice(&2.0f32.to_le_bytes());
+        let stored = Stored { sample: Sample::F32, transfer: Transfer::Linear, channels: 2, colors: 1 };
+        let fault = decode(&raw, &stored, &Curve::new(), &mut vec![0.0; 2 * (3 * BLOCK + 7)]).unwrap_err();
+        assert!(matches!(fault, FrameFault::Value { channel: 1, index, .. } if index == 2 * BLOCK + 5), "{fault}");
         assert!(decoded(1.5, Sample::F32, 1).is_ok() && decoded(1.5, Sample::F32, 2).is_err(), "an opacity of 1.5");
         assert!(decode_depth(&200.0f32.to_le_bytes(), 3, &mut [0.0]).is_err());
     }

@@ -7,14 +7,14 @@ use crate::engine::Engine;
 use crate::failure::{Answer, Failure};
 use crate::pupil::{Numbers, pupil};
 use crate::scene::Scene;
-use eyebox::hologram::{ColorHologram, Opening, SceneSource, check_radians, wrap_phase};
+use eyebox::hologram::{ColorHologram, Opening, PhaseSource, PupilScore, SceneSource, check_radians, wrap_phase};
 use eyebox::optics::Color;
 use numpy::{IntoPyArray, PyArray1, PyArray3, PyArray4, PyArrayMethods, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
-/// PSNR and the most that there can be (dB), SSIM.
-type Score = (Option<f64>, Option<f64>, Option<f64>);
+/// PSNR and the most that there can be (dB), SSIM, PSNR against a clear pupil (dB).
+type Score = (Option<f64>, Option<f64>, Option<f64>, Option<f64>);
 
 /// Phases, and what they were made for and by. It never changes.
 #[pyclass(frozen, module = "eyebox._eyebox")]
@@ -24,6 +24,15 @@ impl Hologram {
     fn name(&self, color: usize) -> String {
         self.0.colors[color].color.map_or_else(|| color.to_string(), |color| color.to_string())
     }
+}
+
+/// The hologram as an eye sees it past an obstruction that has this name, or with a clear pupil if there is none.
+fn seen_past<'a>(hologram: &'a eyebox::hologram::Hologram, obstructed: Option<&str>) -> Answer<PhaseSource<'a>> {
+    let source = PhaseSource::from(hologram);
+    Ok(match obstructed {
+        Some(name) => source.obstructed(Some(name.parse()?)),
+        None => source,
+    })
 }
 
 /// Refuses a scene that is not a hologram's own, unless another is asked for, or has another size.
@@ -150,13 +159,15 @@ impl Hologram {
         slf: Py<Self>,
         py: Python<'py>,
         at: Numbers,
+        obstructed: Option<String>,
         engine: Py<Engine>,
     ) -> PyResult<Bound<'py, PyArray3<f32>>> {
         let on_device = engine.get().on_device;
         let look = move |_: &Caller| -> Answer<_> {
             let hologram = &slf.get().0;
             let pupil = hologram.check_pupil(pupil(at))?;
-            engine.get().lend(|engine| Ok(hologram.seen(&pupil, engine)?))
+            let source = seen_past(hologram, obstructed.as_deref())?;
+            engine.get().lend(|engine| Ok(source.about().seen(&pupil, engine)?))
         };
         picture(py, &run(py, on_device, look)?)
     }
@@ -190,6 +201,7 @@ impl Hologram {
         py: Python<'_>,
         scene: Py<Scene>,
         at: Vec<Numbers>,
+        obstructed: Option<String>,
         engine: Py<Engine>,
         other_scene: bool,
     ) -> PyResult<Vec<Score>> {
@@ -197,9 +209,11 @@ impl Hologram {
             let (hologram, scene) = (&slf.get().0, scene.get());
             let pupils = at.into_iter().map(|at| hologram.check_pupil(pupil(at))).collect::<Result<Vec<_>, _>>()?;
             check_scene(hologram, scene, other_scene)?;
-            let source = SceneSource::from(hologram.problems(&scene.field)?);
-            let scores = engine.get().lend(|engine| Ok(hologram.score(&source, &pupils, engine)?))?;
-            Ok(scores.pupils.iter().map(|score| (score.psnr, score.ceiling, score.ssim)).collect())
+            let source = seen_past(hologram, obstructed.as_deref())?;
+            let scene = SceneSource::from(hologram.problems(&scene.field)?);
+            let scores = engine.get().lend(|engine| Ok(source.score(&scene, &pupils, engine)?))?;
+            let row = |score: &PupilScore| (score.psnr, score.ceiling, score.ssim, score.against_clear);
+            Ok(scores.pupils.iter().map(row).collect())
         })
     }
 

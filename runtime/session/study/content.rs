@@ -38,7 +38,7 @@ pub enum StudiedContent {
     Still,
     /// It moves to the right, round the edges of the picture.
     Moving,
-    /// Every so many sets it is another: the scene's mirror image, somewhere else.
+    /// Every so many sets it is another: the next slide, or the scene's mirror image somewhere else.
     Jumping,
 }
 
@@ -65,6 +65,8 @@ pub struct ContentSettings {
     pub speed: u32,
     /// Content that jumps does so every so many sets.
     pub jumps_every: u32,
+    /// Pictures that content jumps to, one after the other and then back to the scene. If there are none, it jumps to its mirror image.
+    pub slides: Vec<Vec<SteeredColor>>,
     /// What is begun with after a jump.
     pub start: JumpStart,
     /// The table of each color; empty where none is used.
@@ -156,6 +158,10 @@ pub fn study_content(
         let line = "colours that share their sub-frames have no phases that every picture can begin with: study them from the last ones";
         return Err(SessionError::Setting(line.into()));
     }
+    if let Some(slide) = settings.slides.iter().find(|slide| slide.len() != colors.len()) {
+        let (has, wanted) = (slide.len(), colors.len());
+        return Err(SessionError::Setting(format!("a slide has {has} colors, and the scene {wanted}")));
+    }
     let lighting = lighting_of(settings.lighting.clone(), colors);
     let settings = &ContentSettings { lighting, ..settings.clone() };
     let eyes = |content: &StudiedContent| match content {
@@ -202,21 +208,42 @@ struct Frames<'a> {
     settings: &'a ContentSettings,
 }
 
+/// Which frame a set shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Picture {
+    /// The scene, so many pixels to the right, or its mirror image.
+    Scene { shift: usize, mirrored: bool },
+    /// Another picture.
+    Slide(usize),
+}
+
+impl Picture {
+    const STILL: Self = Self::Scene { shift: 0, mirrored: false };
+}
+
 impl Frames<'_> {
-    /// Which frame a set shows: how far it stands to the right, pixels, and whether it is the mirror image.
-    fn of(&self, content: StudiedContent, set: u32) -> (usize, bool) {
-        let ContentSettings { speed, jumps_every, .. } = *self.settings;
+    fn of(&self, content: StudiedContent, set: u32) -> Picture {
+        let ContentSettings { speed, jumps_every, ref slides, .. } = *self.settings;
         match content {
-            StudiedContent::Still => (0, false),
-            StudiedContent::Moving => (speed as usize * set as usize, false),
-            StudiedContent::Jumping => {
+            StudiedContent::Still => Picture::STILL,
+            StudiedContent::Moving => Picture::Scene { shift: speed as usize * set as usize, mirrored: false },
+            StudiedContent::Jumping if slides.is_empty() => {
                 let jumps = set / jumps_every;
-                (self.colors.first().map_or(0, |c| c.problem.optics.width) / 5 * jumps as usize, jumps % 2 == 1)
+                let width = self.colors.first().map_or(0, |c| c.problem.optics.width);
+                Picture::Scene { shift: width / 5 * jumps as usize, mirrored: jumps % 2 == 1 }
+            }
+            StudiedContent::Jumping => {
+                let slide = (set / jumps_every) as usize % (slides.len() + 1);
+                slide.checked_sub(1).map_or(Picture::STILL, Picture::Slide)
             }
         }
     }
 
-    fn scene(&self, (shift, mirrored): (usize, bool)) -> Vec<SteeredColor> {
+    fn scene(&self, picture: Picture) -> Vec<SteeredColor> {
+        let (shift, mirrored) = match picture {
+            Picture::Scene { shift, mirrored } => (shift, mirrored),
+            Picture::Slide(at) => return self.settings.slides[at].clone(),
+        };
         let frame = |color: &SteeredColor| SteeredColor {
             problem: moved(&color.problem, shift, mirrored),
             phases: Vec::new(),
@@ -264,7 +291,7 @@ struct Showing<'a> {
     moments: Moments,
     scene: Vec<SteeredColor>,
     /// Which frame that is, and the moment that it shows.
-    shown: (usize, bool),
+    shown: Picture,
     shows_ns: i64,
     jumped: u32,
     /// It has jumped, and nothing was begun with yet.
@@ -312,8 +339,8 @@ impl<'a> Showing<'a> {
             eye: Eye::new(study.eye.clone(), 0),
             watch,
             moments,
-            scene: frames.scene((0, false)),
-            shown: (0, false),
+            scene: frames.scene(Picture::STILL),
+            shown: Picture::STILL,
             shows_ns: 0,
             jumped: 0,
             begins: false,

@@ -48,8 +48,8 @@ int main(int argc, char **argv) try {
         check(eyebox_refiner_step(refiner.get(), 4, &loss));
         const auto refined = make<Hologram>(eyebox_refiner_hologram, refiner.get());
         EyeboxScore before, after;
-        check(eyebox_score(whole.get(), scene.get(), &pupil, 1, engine.get(), &before));
-        check(eyebox_score(refined.get(), scene.get(), &pupil, 1, engine.get(), &after));
+        check(eyebox_score(whole.get(), scene.get(), &pupil, 1, nullptr, engine.get(), &before));
+        check(eyebox_score(refined.get(), scene.get(), &pupil, 1, nullptr, engine.get(), &after));
         std::printf("pupil at %4.1f mm: %.1f dB, refined %.1f dB\n", x * 1e3, before.psnr_db, after.psnr_db);
     }
     return 0;

@@ -45,12 +45,12 @@ int main(int argc, char **argv) {
     size_t count = sizes.colors * sizes.picture_rows * sizes.picture_columns;
     float *light = malloc(count * sizeof *light);
     EyeboxPupil pupil = {.x_m = 2e-3, .y_m = 0.0, .diameter_m = 4e-3, .depth_m = 1e-3};
-    check(eyebox_view(hologram, &pupil, engine, light, count));
+    check(eyebox_view(hologram, &pupil, NULL, engine, light, count));
     double sum = 0.0;
     for (size_t i = 0; i < count; ++i)
         sum += light[i];
     EyeboxScore score;
-    check(eyebox_score(hologram, scene, &pupil, 1, engine, &score));
+    check(eyebox_score(hologram, scene, &pupil, 1, NULL, engine, &score));
     printf("mean light %.3f, %.1f dB after %d steps\n", sum / (double)count, score.psnr_db, told);
 
     EyeboxEncoder *encoder;

@@ -90,7 +90,7 @@ int main(int argc, char **argv) try {
     check(eyebox_solve(scene, display, settings.c_str(), engine, nullptr, nullptr, &hologram));
     const EyeboxPupil middle = {0.0, 0.0, 4e-3, 0.0};
     EyeboxScore score;
-    check(eyebox_score(hologram, scene, &middle, 1, engine, &score));
+    check(eyebox_score(hologram, scene, &middle, 1, nullptr, engine, &score));
     std::printf("%.1f dB in the middle\n", score.psnr_db);
     eyebox_hologram_free(hologram);
     eyebox_scene_free(scene);

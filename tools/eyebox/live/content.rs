@@ -3,13 +3,14 @@
 use super::args::PolicyArgs;
 use super::subject::Steered;
 use crate::Failure;
-use crate::common::Engines;
+use crate::args::{SceneArgs, SceneOptions};
+use crate::common::{self, Engines};
 use crate::progress::{self, JobBar};
 use clap::{Args, ValueEnum};
 use eyebox::files::OwnFolder;
 use eyebox::report;
 use eyebox::session::{
-    self, ContentRun, ContentSettings, JumpStart, StudiedContent, StudiedEye, StudySettings, start_tables,
+    self, ContentRun, ContentSettings, JumpStart, SteeredColor, StudiedContent, StudiedEye, StudySettings, start_tables,
 };
 use serde_json::{Value, json};
 
@@ -31,6 +32,9 @@ pub struct ContentArgs {
     /// With --content: sets between jumps
     #[arg(long, default_value_t = 15, value_name = "N", requires = "content", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     jumps_every: u32,
+    /// With --content: scenes that content jumps to, in turn [default: the scene's mirror image, elsewhere]
+    #[arg(long, value_delimiter = ',', value_name = "SCENE,...", requires = "content")]
+    jumps_to: Vec<String>,
     /// With --content: what is begun with after a jump
     #[arg(long, value_enum, default_value = "table", value_name = "table|last|random", requires = "content")]
     jumps_from: StartName,
@@ -72,7 +76,17 @@ impl ContentArgs {
         !self.content.is_empty()
     }
 
-    fn settings(&self, subject: &Steered) -> Result<ContentSettings, Failure> {
+    /// The scenes that content jumps to, for the display of the subject.
+    fn slides(&self, subject: &Steered, options: &SceneOptions) -> Result<Vec<Vec<SteeredColor>>, Failure> {
+        let display = subject.hologram.made_for()?;
+        let one = |scene: &String| {
+            let field = common::scene(&SceneArgs::new(scene, options), &display, &subject.colors)?;
+            Ok(SteeredColor::for_scene(&subject.parts, &field, &display)?)
+        };
+        self.jumps_to.iter().map(one).collect()
+    }
+
+    fn settings(&self, subject: &Steered, options: &SceneOptions) -> Result<ContentSettings, Failure> {
         let of = |name: &ContentName| match name {
             ContentName::Still => StudiedContent::Still,
             ContentName::Moving => StudiedContent::Moving,
@@ -89,6 +103,7 @@ impl ContentArgs {
         let wanted = jumps && start == JumpStart::Table;
         let start_tables = if wanted { start_tables(&subject.parts, &mut super::live::fitting())? } else { Vec::new() };
         Ok(ContentSettings {
+            slides: self.slides(subject, options)?,
             start,
             start_tables,
             contents: self.content.iter().map(of).collect(),
@@ -105,13 +120,13 @@ impl ContentArgs {
 pub fn run(
     args: &ContentArgs,
     policy: &PolicyArgs,
-    subject: &Steered,
+    (subject, options): (&Steered, &SceneOptions),
     engines: &Engines,
     (study, quiet): (&StudySettings, bool),
     (title, mut about, own): (&str, Value, &mut OwnFolder),
 ) -> Result<(), Failure> {
     progress::catch_interrupt();
-    let settings = args.settings(subject)?;
+    let settings = args.settings(subject, options)?;
     let bar = JobBar::new(quiet);
     let mut open = || engines.open();
     let mut observe = |share| bar.show("content", share);
@@ -133,6 +148,7 @@ pub fn run(
     about["steps_per_set"] = json!(settings.steps);
     about["pixels_a_set"] = json!(settings.speed);
     about["sets_between_jumps"] = json!(settings.jumps_every);
+    about["jumps_to"] = json!(args.jumps_to);
     about["jumps_from"] = json!(settings.start);
     about["runs"] = json!(runs);
     report::write_content_study(title, &subject.engine, (&runs, SETTLES), &about, own)?;

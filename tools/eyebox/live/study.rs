@@ -169,7 +169,8 @@ pub fn run(args: &Study) -> Result<(), Failure> {
         let about = (title.as_str(), all, &mut own);
         let _made = files::MadeFolder::new(&args.out)?;
         let how = (&settings, args.json);
-        content::run(&args.content, &args.policy, &subject, &engines, how, about)?;
+        let shown = (&subject, &args.subject.how.options);
+        content::run(&args.content, &args.policy, shown, &engines, how, about)?;
         if !args.json {
             println!("{wrote}");
         }

@@ -108,6 +108,13 @@ def path(value: Any, what: str) -> str:
         raise TypeError(f"{what} is {_short(value)}: it must be a path") from None
 
 
+def name(value: Any, what: str) -> str | None:
+    """One name, or none."""
+    if value is not None and not isinstance(value, str):
+        raise TypeError(f"{what} is {_short(value)}: it must be a name")
+    return value
+
+
 def is_path(value: Any) -> bool:
     """Whether it names something rather than being it."""
     return isinstance(value, (str, os.PathLike))

@@ -28,11 +28,14 @@ class Score(NamedTuple):
         The most that any hologram could have there, dB; None where it is not known.
     ssim : float or None
         Mean SSIM over the colours; None where the picture is smaller than SSIM's window.
+    against_clear : float or None
+        PSNR of the image past an obstruction against the image that the same hologram shows a clear pupil, dB; None for a clear pupil.
     """
 
     psnr: float | None
     ceiling: float | None
     ssim: float | None
+    against_clear: float | None = None
 
 
 class Hologram:
@@ -192,7 +195,14 @@ class Hologram:
         return self._stopped
 
     def view(
-        self, x: float = 0.0, y: float = 0.0, diameter: float = 4e-3, depth: float = 0.0, *, engine: Any = "auto"
+        self,
+        x: float = 0.0,
+        y: float = 0.0,
+        diameter: float = 4e-3,
+        depth: float = 0.0,
+        *,
+        engine: Any = "auto",
+        obstructed: str | None = None,
     ) -> np.ndarray:
         """What an eye sees through a pupil.
 
@@ -206,16 +216,25 @@ class Hologram:
             Where it focuses, metres from the SLM's image; positive is nearer.
         engine : Engine or str
             Where it is computed.
+        obstructed : str, optional
+            Opaque marks in the pupil: "lashes", "floaters", "opacity" or "scratches".
 
         Returns
         -------
         numpy.ndarray
             (row, column, colour), float32, linear light with 1 as the scene's full scale.
         """
-        return self._native.view(_arguments.pupil(x, y, diameter, depth), engine_of(engine))
+        at, marks = _arguments.pupil(x, y, diameter, depth), _arguments.name(obstructed, "obstructed")
+        return self._native.view(at, marks, engine_of(engine))
 
     def score(
-        self, scene: Any = None, pupils: Any = None, *, engine: Any = "auto", other_scene: bool = False
+        self,
+        scene: Any = None,
+        pupils: Any = None,
+        *,
+        engine: Any = "auto",
+        other_scene: bool = False,
+        obstructed: str | None = None,
     ) -> list[Score]:
         """Compares what pupils see with what they should see, with one exposure per colour for all of them.
 
@@ -230,18 +249,23 @@ class Hologram:
             Where it is computed.
         other_scene : bool
             Take a scene that is not the one that the hologram was solved from.
+        obstructed : str, optional
+            Opaque marks in each pupil: "lashes", "floaters", "opacity" or "scratches".
 
         Raises
         ------
         HologramError
             A scene that is another, was changed or is not found.
+        DisplayError
+            An obstruction that is unknown.
         """
+        marks = _arguments.name(obstructed, "obstructed")
         scene = self._scene_of(scene, other_scene)
         if pupils is None:
             side, wide = self.display.eyebox / 4, self._usual()
             pupils = [(x * side, y * side, wide, 0.0) for x, y in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))]
         at = _arguments.pupils(pupils)
-        scores = self._native.score(scene._native, at, engine_of(engine), bool(other_scene))
+        scores = self._native.score(scene._native, at, marks, engine_of(engine), bool(other_scene))
         return [Score(*score) for score in scores]
 
     def refine(

@@ -1,6 +1,10 @@
 """A Python function as the camera of a bench: the display as it is, simulated, is found."""
 
+import json
+import os
+import pathlib
 import signal
+import subprocess
 
 import eyebox
 import numpy as np
@@ -19,17 +23,19 @@ HELLO = {
 def bench(display, noise=2e-4):
     """A camera that sees the SLM's image as it is, and counts electrons."""
     rng, shots = np.random.default_rng(5), []
+    # The brightest picture is of dots, each of which has a share of the whole SLM's light.
+    bright = 20_000 * SIDE**2 / np.prod(display.resolution)
 
     def camera(shot):
         shots.append(shot)
         if shot.color is None:
-            return np.zeros((SIDE, SIDE), np.uint16)
+            return np.zeros(display.resolution, np.uint16)
         shown = eyebox.Hologram.from_phases(shot.show, display, shot.color, exposure=1.0)
         x, y, diameter = shot.iris
         # Of what is seen no iris is darker than another; of what falls onto a camera it is.
         share = np.pi / 4 * (diameter / display.eyebox) ** 2
         light = shown.view(x, y, diameter, shot.focus, engine="cpu")[..., 0] * share
-        seen = light * (shot.exposure or 10e-3) / 10e-3 * 20_000 + rng.normal(0, noise * 4095, light.shape)
+        seen = light * (shot.exposure or 10e-3) / 10e-3 * bright + rng.normal(0, noise * 4095, light.shape)
         return np.round(np.clip(seen, 0, 4095) * shot.average)
 
     return camera, shots
@@ -78,6 +84,41 @@ def test_it_is_ended_between_two_pictures(by, tmp_path):
         signal.signal(signal.SIGINT, pressed)
     assert 2 <= len(shots) <= 4, "of twelve and more"
     assert list((tmp_path / "kept").iterdir()), "the pictures that were taken are kept"
+
+
+@pytest.mark.skipif(not LONG, reason="a minute")
+def test_the_command_fits_the_first_phases_of_the_display_that_it_writes(tmp_path):
+    """One table, of the color that was calibrated and of the model that the file has: a solve for the file reads it and fits none."""
+    program = os.environ.get("EYEBOX")
+    if not program or not pathlib.Path(program).exists():
+        pytest.skip("EYEBOX names no program")
+    large = {**FIELDS, "size": (256, 256)}
+    before = eyebox.Display(**large)
+    (tmp_path / "bench.toml").write_text(before.to_toml())
+    camera, _ = bench(eyebox.Display(**large, model={"green": {"level": [[1.08] * 3] * 3}}))
+    hello = {**HELLO, "camera": {"resolution": [256, 256], "bits": 12}}
+
+    def taken(what, share):
+        if share is not None and share > 0.42:
+            raise LookupError(what)
+
+    with pytest.raises(LookupError):  # All pictures are there: the command fits them.
+        eyebox.calibrate(before, camera, hello=hello, captures=tmp_path / "kept", most=12, callback=taken)
+
+    def command(*words):
+        environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
+        return subprocess.run([pathlib.Path(program).resolve(), *words], cwd=tmp_path, env=environment, check=True, capture_output=True, text=True)
+
+    tables = lambda: {file.name: file.stat().st_mtime_ns for file in (tmp_path / "cache" / "eyebox").glob("start-*.table")}
+    found = json.loads(command("calibrate", "--display", "bench.toml", "--captures", "kept", "-o", "out.toml", "--json").stdout)
+    made = tables()
+    assert found["calibrated"] and len(made) == 1
+    solve = ["solve", "builtin:plane", "--color", "green", "--steps", "0", "--engine", "cpu"]
+    command(*solve, "--display", "out.toml", "-o", "own.zarr")
+    assert tables() == made
+    # The display as it was before has another model, and so another table.
+    command(*solve, "--display", "bench.toml", "-o", "other.zarr")
+    assert len(tables()) == 2 and made.items() <= tables().items()
 
 
 def test_a_bench_that_fails_is_named():

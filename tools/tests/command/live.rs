@@ -88,6 +88,18 @@ fn a_study_of_content_says_what_moments_gain() {
     let page = std::fs::read_to_string(at.join("out/study.html")).unwrap();
     assert!(page.matches("<svg").count() == 3 && page.contains("for an eye that follows it"));
     common::figures_of(&at.join("out"), "study.html");
+    // Content that jumps to other scenes: the first jump is to points, and not to the still life's mirror image.
+    let jumps = |more: &[&str], out: &str| {
+        let how = ["--content", "jumping", "--jumps-every", "2", "--sets", "6", "--steps-per-set", "1", "--json"];
+        done(at, &[&study[..], &how, more, &["-o", out]].concat());
+        json(&at.join(out).join("study.json"))
+    };
+    let [mirrored, slides] = [jumps(&[], "mirrored"), jumps(&["--jumps-to", "builtin:points,builtin:plane"], "slides")];
+    assert_eq!(slides["jumps_to"], serde_json::json!(["builtin:points", "builtin:plane"]));
+    let db = |of: &Value, set: usize| of["runs"][0]["samples"][set]["db"].as_f64().unwrap();
+    assert_eq!(db(&slides, 1), db(&mirrored, 1));
+    assert!((db(&slides, 2) - db(&mirrored, 2)).abs() > 1.0, "{} dB, {} dB", db(&slides, 2), db(&mirrored, 2));
+    refused(at, &[&study[..], &["--jumps-to", "builtin:plane", "-o", "x"]].concat(), "x", "--content");
     refused(at, &[&study[..], &["--sets", "3", "-o", "x"]].concat(), "x", "--content");
     refused(at, &[&study[..], &["--content", "flying", "-o", "x"]].concat(), "x", "flying");
 }

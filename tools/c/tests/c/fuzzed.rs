@@ -101,6 +101,14 @@ impl Chance {
         self.maybe(&*handles[which])
     }
 
+    fn obstruction(&mut self, text: *const c_char) -> *const c_char {
+        match self.0.u8(..4) {
+            0 => text,
+            1 => c"opacity".as_ptr(),
+            _ => null(),
+        }
+    }
+
     fn text(&mut self) -> *const c_char {
         if self.0.u8(..10) == 0 { null() } else { self.one(&TEXTS).as_ptr() }
     }
@@ -196,13 +204,14 @@ unsafe fn call(given: &Given, chance: &mut Chance, memory: &mut [f32]) -> Eyebox
                 let (mut phases, mut number) = (MaybeUninit::uninit(), MaybeUninit::uninit());
                 eyebox_hologram_phases(hologram, count, Some(&mut phases), chance.0.bool().then_some(&mut number))
             }
-            10 => eyebox_view(hologram, pupil.as_ref(), engine, at, length),
+            10 => eyebox_view(hologram, pupil.as_ref(), chance.obstruction(text), engine, at, length),
             11 => {
                 let mut scores = [MaybeUninit::<EyeboxScore>::uninit(); 3];
                 let pupils = [(); 3].map(|()| chance.pupil());
                 let pupils = if chance.0.u8(..8) == 0 { null() } else { pupils.as_ptr() };
                 let count = if count > 3 { usize::MAX - 3 } else { count };
-                eyebox_score(hologram, scene, pupils, count, engine, scores.as_mut_ptr().cast())
+                let obstruction = chance.obstruction(text);
+                eyebox_score(hologram, scene, pupils, count, obstruction, engine, scores.as_mut_ptr().cast())
             }
             12 => freed(chance, |out| eyebox_refiner_new(hologram, scene, text, engine, out)),
             13 => eyebox_refiner_aim(refiner, pupil.as_ref(), chance.one(&NUMBERS)),

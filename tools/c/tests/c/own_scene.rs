@@ -1,6 +1,10 @@
 //! A hologram finds its scene and display again, and takes no other for them.
 
 use crate::common::{handle, made};
+use eyebox::engine::{self, Choice};
+use eyebox::hologram::{PhaseSource, SceneSource};
+use eyebox::optics::{Color, Display, Obstruction, Pupil};
+use eyebox::scene::Request;
 use eyebox_c::*;
 use std::ffi::{CStr, CString};
 use std::mem::MaybeUninit;
@@ -70,11 +74,37 @@ impl Bench {
     }
 
     fn psnr(&self, hologram: &EyeboxHologram, scene: Option<&EyeboxScene>) -> Result<f64, String> {
-        // SAFETY: one pupil, and room for one score.
-        let score = made(|score: &mut MaybeUninit<EyeboxScore>| unsafe {
-            eyebox_score(Some(hologram), scene, &PUPIL, 1, Some(&self.engine), score.as_mut_ptr())
+        Ok(self.score(hologram, scene, None)?.psnr_db)
+    }
+
+    fn score(
+        &self,
+        hologram: &EyeboxHologram,
+        scene: Option<&EyeboxScene>,
+        obstruction: Option<&CStr>,
+    ) -> Result<EyeboxScore, String> {
+        let obstruction = obstruction.map_or(null(), CStr::as_ptr);
+        // SAFETY: one pupil, a text that ends with zero, and room for one score.
+        made(|score: &mut MaybeUninit<EyeboxScore>| unsafe {
+            eyebox_score(Some(hologram), scene, &PUPIL, 1, obstruction, Some(&self.engine), score.as_mut_ptr())
+        })
+    }
+
+    /// What the pupil sees, in linear light.
+    fn view(&self, hologram: &EyeboxHologram, obstruction: Option<&CStr>) -> Result<Vec<f32>, String> {
+        let obstruction = obstruction.map_or(null(), CStr::as_ptr);
+        // SAFETY: a text that ends with zero, and as much memory as is said.
+        let light = made(|light: &mut MaybeUninit<[f32; 40 * 48]>| unsafe {
+            eyebox_view(
+                Some(hologram),
+                Some(&PUPIL),
+                obstruction,
+                Some(&self.engine),
+                light.as_mut_ptr().cast(),
+                40 * 48,
+            )
         })?;
-        Ok(score.psnr_db)
+        Ok(light.to_vec())
     }
 }
 
@@ -113,6 +143,36 @@ fn a_scene_is_read_as_it_was_solved() {
     assert!(matches!(aimed, EyeboxStatus::Ok));
     let best = handle(|out| eyebox_refiner_best(Some(&refiner), 6, Some(out))).unwrap();
     assert!(bench.psnr(&best, Some(&again)).unwrap() > right);
+}
+
+/// The library's numbers past an obstruction, for a picture and a score. An unknown name has its own code and lists what there is.
+#[test]
+fn an_obstruction_in_the_pupil_is_the_library_s() {
+    let (bench, here) = (Bench::new(), tempfile::tempdir().unwrap());
+    let file = here.path().join("h.zarr");
+    let scene = bench.scene(c"builtin:still-life", 5);
+    let hologram = bench.solved(&scene, &CString::new(file.to_str().unwrap()).unwrap());
+    let own = PhaseSource::open(&file, None).unwrap().obstructed(Some(Obstruction::Opacity));
+    let mut cpu = engine::open(Choice::Cpu).unwrap();
+    let pupil = Pupil { x: PUPIL.x_m, y: PUPIL.y_m, diameter: PUPIL.diameter_m, depth: PUPIL.depth_m };
+    let seen = own.about().seen(&pupil, cpu.as_mut()).unwrap();
+    // Without `assert_eq`, which would print all pixels.
+    assert!(bench.view(&hologram, Some(c"opacity")).unwrap() == seen[0].values);
+    let [clear, obstructed] =
+        [None, Some(c"opacity")].map(|marks| bench.score(&hologram, Some(&scene), marks).unwrap());
+    assert!(bench.view(&hologram, None).unwrap() != seen[0].values && clear.against_clear_db.is_nan());
+    let display = Display { height: 40, width: 48, ..Display::preset("small").unwrap() };
+    let request = Request { views: 5, ..Request::new(&display, &[Color::Green]) };
+    let field = eyebox::scene::load("builtin:still-life", &request).unwrap();
+    let wanted = SceneSource::from(own.about().problems(&field).unwrap());
+    let scores = own.score(&wanted, &[pupil], cpu.as_mut()).unwrap();
+    let [psnr, against_clear] = [scores.pupils[0].psnr, scores.pupils[0].against_clear].map(Option::unwrap);
+    let found = [obstructed.psnr_db, obstructed.against_clear_db];
+    assert!((found[0] - psnr).abs() < 1e-6 && (found[1] - against_clear).abs() < 1e-6, "{found:?}");
+    assert!(found[1].is_finite() && (found[0] - clear.psnr_db).abs() > 0.01, "{found:?}, clear {}", clear.psnr_db);
+    let unknown = bench.score(&hologram, Some(&scene), Some(c"nose")).err().unwrap();
+    assert!(unknown.starts_with("Display: ") && unknown.contains("lashes, floaters, opacity, scratches"), "{unknown}");
+    assert!(bench.view(&hologram, Some(c"nose")).unwrap_err().starts_with("Display: "));
 }
 
 #[test]

@@ -69,7 +69,8 @@ fn solved_seen_and_encoded_as_by_the_library() {
     let pupil = EyeboxPupil { x_m: 2e-3, y_m: 0.0, diameter_m: 4e-3, depth_m: 1e-3 };
     let mut light = vec![0.0f32; 40 * 48];
     // SAFETY: as much memory as is said.
-    let status = unsafe { eyebox_view(Some(&hologram), Some(&pupil), Some(&engine), light.as_mut_ptr(), light.len()) };
+    let status =
+        unsafe { eyebox_view(Some(&hologram), Some(&pupil), null(), Some(&engine), light.as_mut_ptr(), light.len()) };
     assert_eq!(status, EyeboxStatus::Ok);
     let pupil = Pupil { x: 2e-3, y: 0.0, diameter: 4e-3, depth: 1e-3 };
     let planes = own.look(&pupil, engine::open(Choice::Cpu).unwrap().as_mut()).unwrap();
