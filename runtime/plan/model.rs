@@ -281,7 +281,7 @@ impl ModelTables {
         [pixels, crosstalk, offsets, relay].into_iter().flatten().chain(mask)
     }
 
-    fn pixels(&self) -> &[f32] {
+    pub(crate) fn pixels(&self) -> &[f32] {
         self.pixels.get_or_init(|| {
             let root = *self.root.get_or_init(|| self.model.source_root(self.whole));
             let (count, width) = (self.slm.height * self.slm.width, self.slm.width);

@@ -4,13 +4,15 @@
 //! together. Both depend on the display and on how bright the place is, not on the scene: they are solved once, for seventeen
 //! brightnesses, on a tile that repeats over the SLM. A picture's phases are then looked up ([`table_start`](eyebox_kernels::table_start)) without a transform, and
 //! every pupil in the eyebox sees the picture at once. For one plane and one brightness these are optimized random phases (A.
-//! Velez-Zea, J. F. Barrera-Ramirez and R. Torroba, Optics Letters 43, 2018).
+//! Velez-Zea, J. F. Barrera-Ramirez and R. Torroba, Optics Letters 43, 2018). In the far field they come from the picture's Fourier
+//! transform instead ([`transform`]).
 
 mod fit;
 mod kept;
 mod made_by;
 #[cfg(test)]
 mod tests;
+mod transform;
 
 use super::error::SolveError;
 use super::method::Method;
@@ -19,7 +21,7 @@ use super::problem::Problem;
 use super::settings::{FirstPhases, Settings};
 use super::solver::Beginning;
 use crate::engine::{EngineError, LookUp};
-use crate::optics::{Color, Display, Geometry, Optics, Padding, Pupil};
+use crate::optics::{Color, Display, Geometry, Padding, Pupil};
 use crate::scene::ViewGrid;
 use eyebox_kernels::pupil_light;
 use eyebox_kernels::table_start::{self, LEVELS};
@@ -35,24 +37,33 @@ const UNSTEPPED: f64 = 1.3;
 /// Diameter of the pupil whose picture is looked up, over the eyebox: a wider one blurs what is off the SLM's plane, a narrower one shows
 /// all others its own perspective (measured).
 const PUPIL: f64 = 0.7;
-/// Place in its schedule at which a solve begins from a table: its phases are nearly right and want smaller steps (measured).
+/// Place in its schedule at which a solve begins from a table: its phases are nearly right and want smaller steps (measured). So do those
+/// of a transform where the picture does not fill the image: long steps throw light beside it. Else they want the whole schedule (measured).
 const PROGRESS: f64 = 0.4;
 
-/// The table of one color of a display.
+/// What first phases of any picture come from, for one color of a display: a table, or in the far field the picture's Fourier transform.
 #[derive(Debug, Clone, PartialEq)]
-pub struct StartTable {
-    frames: usize,
-    side: usize,
-    /// (sub-frames, side, side, levels), binary angles.
-    angles: Arc<[u16]>,
+pub struct StartTable(By);
+
+#[derive(Debug, Clone, PartialEq)]
+enum By {
+    Table {
+        frames: usize,
+        side: usize,
+        /// (sub-frames, side, side, levels), binary angles.
+        angles: Arc<[u16]>,
+    },
+    Transform {
+        frames: usize,
+    },
 }
 
 impl StartTable {
-    /// Whether a display has tables. In the far field no tile of the SLM is like another, a mask's pixels are not the SLM's, and sources
-    /// that are switched serve a part of the eyebox each.
+    /// Whether a display has first phases for any picture. A mask's pixels are not the SLM's, sources that are switched serve a part of
+    /// the eyebox each, and a piece of a far field shows no picture of its own.
     fn exists(problem: &Problem) -> bool {
-        let Optics { geometry, mask_factor, .. } = problem.optics;
-        geometry == Geometry::Relay && mask_factor <= 1 && problem.choice.is_none() && problem.regions.is_empty()
+        let is_whole = problem.optics.geometry == Geometry::Relay || transform::exists(problem);
+        is_whole && problem.optics.mask_factor <= 1 && problem.choice.is_none() && problem.regions.is_empty()
     }
 
     /// Whether what is solved for a display begins by a table if nothing else is asked for: it has one, and is not so small that
@@ -76,6 +87,9 @@ impl StartTable {
     ) -> Result<Option<Self>, SolveError> {
         if !Self::exists(problem) {
             return Ok(None);
+        }
+        if problem.optics.geometry == Geometry::FarField {
+            return Ok(Some(Self(By::Transform { frames })));
         }
         let made_by = MadeBy::of(problem, frames);
         let mut levels = made_by.load();
@@ -101,7 +115,7 @@ impl StartTable {
         let mut prepared = 0;
         for (at, color) in colors.iter().enumerate() {
             let problem = Problem::outline(display, *color, Padding::default(), views)?;
-            if !Self::fits(&problem) {
+            if !Self::fits(&problem) || display.geometry == Geometry::FarField {
                 continue;
             }
             let mut observe = |share: f64| observe((at as f64 + share) / colors.len() as f64);
@@ -121,11 +135,13 @@ impl StartTable {
             let of_level = angles.iter_mut().skip(at).step_by(LEVELS);
             of_level.zip(level.iter().flatten()).for_each(|(to, angle)| *to = *angle);
         }
-        Self { frames, side, angles: angles.into() }
+        Self(By::Table { frames, side, angles: angles.into() })
     }
 
-    /// The look-up of the first phases of the scene of `problem` for an exposure, which an [engine](crate::engine::Engine::look_up) makes.
-    pub fn look_up(&self, problem: &Problem, exposure: f64) -> LookUp {
+    /// The look-up of the first phases of the scene of `problem` for an exposure, which an [engine](crate::engine::Engine::look_up) makes;
+    /// none in the far field.
+    pub fn look_up(&self, problem: &Problem, exposure: f64) -> Option<LookUp> {
+        let By::Table { frames, side, angles } = &self.0 else { return None };
         let (optics, grid) = (problem.optics, problem.padding.grid(problem.optics));
         let [top, left] = [(grid.height - optics.height) / 2, (grid.width - optics.width) / 2];
         let [height, width, line] = [optics.height, optics.width, grid.width].map(|n| n as u32);
@@ -145,9 +161,9 @@ impl StartTable {
         let args = table_start::Args {
             height,
             width,
-            side: self.side as u32,
+            side: *side as u32,
             first: 0,
-            frames: self.frames as u32,
+            frames: *frames as u32,
             factor: 0,
             shift: 0,
             evenly_lit: 1,
@@ -156,14 +172,14 @@ impl StartTable {
         };
         // Light of all views at full scale, over the 2^32 that the factor is for.
         let full = f64::from(problem.pyramid.scale) / 65_535.0 * 65_536.0;
-        LookUp {
-            table: Arc::clone(&self.angles),
+        Some(LookUp {
+            table: Arc::clone(angles),
             views: Arc::clone(&problem.pyramid),
             shares: pupil_light::shares(&seen),
             place,
             args: args.brightness(full / exposure),
             needs: problem.model.as_ref().and_then(|model| model.needs()),
-        }
+        })
     }
 
     /// First phases (sub-frames, height, width) of the scene of `problem` for an exposure, radians in -pi .. pi.
@@ -171,7 +187,10 @@ impl StartTable {
     /// # Errors
     /// [`EngineError`] if the scene's light is on a device that does not answer.
     pub fn phases(&self, problem: &Problem, exposure: f64) -> Result<Vec<f32>, EngineError> {
-        self.look_up(problem, exposure).phases()
+        match &self.0 {
+            By::Transform { frames } => transform::phases(problem, *frames),
+            By::Table { .. } => self.look_up(problem, exposure).map_or(Ok(Vec::new()), |look_up| look_up.phases()),
+        }
     }
 }
 
@@ -190,14 +209,14 @@ impl Settings {
     pub(super) fn as_of_table(&self, problem: &Problem) -> Result<Self, SolveError> {
         let of_table = Self { method: Method::Slfh, first_phases: FirstPhases::Table, steps: 0, ..self.clone() };
         if !of_table.may_begin_by_table(problem) {
-            let right = "another for the far field, for colors that share their sub-frames, for switched sources, and behind a mask";
+            let right = "another for colors that share their sub-frames, for switched sources, and behind a mask";
             return Err(SolveError::Setting { what: "the method", value: self.method.name().into(), right });
         }
         Ok(of_table)
     }
 }
 
-/// What a solve begins with that would have this exposure from random phases; none where no table is for it. `observe` is told how much
+/// What a solve begins with that would have this exposure from random phases; none where nothing is for it. `observe` is told how much
 /// of the table is fitted.
 pub(super) fn beginning(
     problem: &Problem,
@@ -220,7 +239,9 @@ pub(super) fn beginning(
         return if steps == 0 { Err(EngineError::Stopped.into()) } else { Ok(None) };
     };
     let exposure = if steps == 0 { UNSTEPPED * exposure } else { exposure };
-    Ok(Some(Beginning { phases: table.phases(problem, exposure)?, exposure, progress: PROGRESS }))
+    let is_full = problem.optics.geometry == Geometry::FarField && problem.share >= 1.0;
+    let progress = if is_full { 0.0 } else { PROGRESS };
+    Ok(Some(Beginning { phases: table.phases(problem, exposure)?, exposure, progress }))
 }
 
 #[cfg(test)]
@@ -235,6 +256,6 @@ impl StartTable {
 
     /// The table of a tile whose phases are all zero.
     pub(crate) fn even(frames: usize) -> Self {
-        Self { frames, side: 1, angles: vec![0; frames * LEVELS].into() }
+        Self(By::Table { frames, side: 1, angles: vec![0; frames * LEVELS].into() })
     }
 }

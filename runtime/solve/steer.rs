@@ -171,13 +171,16 @@ impl Refiner {
         Ok(())
     }
 
-    /// Goes on with the phases that a table has for the scene, as [`restart`](Self::restart) does.
+    /// Goes on with the first phases of the scene, as [`restart`](Self::restart) does.
     ///
     /// # Errors
     /// Those of the engine.
     pub fn look_up(&mut self, table: &StartTable) -> Result<(), EngineError> {
         self.settle()?;
-        self.engine.look_up(&table.look_up(&self.problem, self.exposure))?;
+        match table.look_up(&self.problem, self.exposure) {
+            Some(look_up) => self.engine.look_up(&look_up)?,
+            None => self.engine.write(Buffer::Phases, &table.phases(&self.problem, self.exposure)?)?,
+        }
         self.forget()
     }
 

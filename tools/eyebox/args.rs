@@ -43,7 +43,11 @@ pub struct Demo {
 
 /// What a solve begins with.
 const FIRST_PHASES: Names<FirstPhases, 2> = [
-    ("table", "Of a table, on an SLM of 256 x 256 pixels or more and with 4 sub-frames or more", FirstPhases::Table),
+    (
+        "table",
+        "Of a table, in the far field of the picture's transform, on an SLM of 256 x 256 pixels or more",
+        FirstPhases::Table,
+    ),
     ("random", "The paper's", FirstPhases::Random),
 ];
 

@@ -1,10 +1,10 @@
 //! Tests of first phases by a table.
 
-use super::StartTable;
+use super::{By, StartTable};
 use super::kept::Levels;
 use super::made_by::MadeBy;
 use crate::engine::cpu::CpuEngine;
-use crate::optics::{Color, Display, DisplayModel, Geometry, Optics, Padding, Pupil, Spread};
+use crate::optics::{Color, Display, DisplayModel, Optics, Padding, Pupil, Spread};
 use crate::plan::ModelTables;
 use crate::scene::{self, Pyramid, Request, ViewGrid};
 use crate::solve::{FirstPhases, Method, Problem, Refiner, Settings, SolveError, Steering, random_phases};
@@ -101,9 +101,9 @@ fn solves_begin_by_a_table_where_one_fits() {
     let asked = alone.as_of_table(problem).unwrap();
     assert_eq!((asked.method, asked.steps), (Method::Slfh, 0));
     assert!(asked.may_begin_by_table(problem));
-    let far = Problem { optics: Optics { geometry: Geometry::FarField, ..large.optics }, ..large };
-    assert!(!StartTable::fits(&far));
-    assert!(matches!(alone.as_of_table(&far), Err(SolveError::Setting { what: "the method", .. })));
+    let masked = Problem { optics: Optics { mask_factor: 2, ..large.optics }, ..large };
+    assert!(!StartTable::fits(&masked));
+    assert!(matches!(alone.as_of_table(&masked), Err(SolveError::Setting { what: "the method", .. })));
 }
 
 /// A fit that is ended goes on where it was, to the same table; a file that is damaged or another display's is none.
@@ -131,14 +131,15 @@ fn a_fit_goes_on_where_it_was_ended_and_its_file_is_checked() {
     assert_eq!(made_by.parse(&turned), None, "damaged");
     assert_eq!(made_by.parse(b"no table"), None);
     let table = StartTable::made(&made_by, &whole);
-    let at = |frame: usize, pixel: usize, level: usize| table.angles[(frame * 256 + pixel) * LEVELS + level];
+    let By::Table { angles, .. } = &table.0 else { panic!("a transform") };
+    let at = |frame: usize, pixel: usize, level: usize| angles[(frame * 256 + pixel) * LEVELS + level];
     assert_eq!(at(1, 37, 5), whole.0[5].as_ref().unwrap()[256 + 37]);
     assert!((level(4) - 0.2).abs() < 1e-6);
 }
 
 /// What a problem's phases are looked up for, of the scene's light.
 fn light_of(problem: &Problem) -> Vec<f32> {
-    let look_up = StartTable::even(1).look_up(problem, 1.0);
+    let look_up = StartTable::even(1).look_up(problem, 1.0).expect("a table");
     let mut light = vec![0; problem.optics.height * problem.optics.width];
     pupil_light(&look_up.place, &problem.pyramid.levels[0].views, &look_up.shares, &mut light);
     let need = |i: usize| look_up.needs.as_ref().map_or(1.0, |needs| needs[i] as f32 / 65_536.0);
