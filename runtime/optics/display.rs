@@ -417,7 +417,7 @@ mod tests {
             ("[model.green]\nwavefront = { tilt = 1 }\n", "ANSI index"),
             ("[model.green]\nundiffracted = [[0.1, 0, 0, 0, 0], [0.1, 0.8, 0, 0, 0]]\n", "amplitude has 0.8"),
             ("[model.green]\nundiffracted = [[0.7, 0, 0, 0, 0], [0.7, 0.1, 9, 0, 0]]\n", "share of the light has 0.98"),
-            ("[model.green]\nundiffracted = [[0.1, 0, 0, 0, 0], [0.1, 0, 0, 0]]\n", "undiffracted"),
+            ("[model.green]\nundiffracted = [[0.1, 0, 0, 0, 0], [0.1, 0, 0, 0]]\n", "five numbers"),
             (
                 "[model.green]\nundiffracted = [[0.1, 0, 0, 0, 0], [0.1, 0, 1, 0, 0], [0.1, 0, 2, 0, 0], [0.1, 0, 3, 0, 0], \
                  [0.1, 0, 4, 0, 0]]\n",

@@ -252,7 +252,10 @@ mod waves {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
     #[derive(Serialize, Deserialize)]
-    #[serde(untagged)]
+    #[serde(
+        untagged,
+        expecting = "undiffracted is not five numbers (re, im, x, y, x^2 + y^2), nor a list of such fives"
+    )]
     enum Waves {
         One([f64; 5]),
         Several(Vec<[f64; 5]>),

@@ -1,8 +1,8 @@
 //! Tests of first phases by a table.
 
-use super::{By, StartTable};
 use super::kept::Levels;
 use super::made_by::MadeBy;
+use super::{By, StartTable};
 use crate::engine::cpu::CpuEngine;
 use crate::optics::{Color, Display, DisplayModel, Optics, Padding, Pupil, Spread};
 use crate::plan::ModelTables;
