@@ -115,6 +115,9 @@ fn fit_to(sorted: &Sorted, start: &Parameters, which: &[usize]) -> Result<Option
             break;
         }
     }
+    // The brightest first, whichever was found first.
+    let light = |wave: &Wave| wave[0].hypot(wave[1]);
+    at.model.undiffracted.sort_by(|a, b| light(b).total_cmp(&light(a)));
     Ok(Some((left, at)))
 }
 

@@ -145,8 +145,7 @@ impl StartTable {
         let (optics, grid) = (problem.optics, problem.padding.grid(problem.optics));
         let [top, left] = [(grid.height - optics.height) / 2, (grid.width - optics.width) / 2];
         let [height, width, line] = [optics.height, optics.width, grid.width].map(|n| n as u32);
-        let [x, y] = problem.center.map(|at| -at);
-        let seen = problem.views.coverage(&Pupil { x, y, diameter: PUPIL * problem.eyebox, depth: 0.0 });
+        let seen = problem.views.coverage(&pupil(problem));
         let place = pupil_light::Args {
             height,
             width,
@@ -188,10 +187,16 @@ impl StartTable {
     /// [`EngineError`] if the scene's light is on a device that does not answer.
     pub fn phases(&self, problem: &Problem, exposure: f64) -> Result<Vec<f32>, EngineError> {
         match &self.0 {
-            By::Transform { frames } => transform::phases(problem, *frames),
+            By::Transform { frames } => transform::phases(problem, &pupil(problem), *frames),
             By::Table { .. } => self.look_up(problem, exposure).map_or(Ok(Vec::new()), |look_up| look_up.phases()),
         }
     }
+}
+
+/// The pupil whose picture first phases show.
+fn pupil(problem: &Problem) -> Pupil {
+    let [x, y] = problem.center.map(|at| -at);
+    Pupil { x, y, diameter: PUPIL * problem.eyebox, depth: 0.0 }
 }
 
 impl Settings {

@@ -4,7 +4,6 @@
 //! piece out of the SLM, and each piece of the transform of a picture with random phases shows the whole picture (a kinoform: L. B.
 //! Lesem, P. M. Hirsch and J. A. Jordan, IBM Journal of Research and Development 13, 1969). Its amplitude is left out, as it is even in the mean.
 
-use super::PUPIL;
 use crate::engine::{EngineError, on_host};
 use crate::optics::{Optics, Pupil};
 use crate::solve::problem::Problem;
@@ -23,11 +22,11 @@ pub(super) fn exists(problem: &Problem) -> bool {
     views.is_some_and(|views| (views.height, views.width) == problem.optics.image_size())
 }
 
-/// First phases (sub-frames, height, width) of the scene of `problem`, radians in -pi .. pi.
+/// First phases (sub-frames, height, width) of the scene of `problem` as `pupil` sees it, radians in -pi .. pi.
 ///
 /// # Errors
 /// Views that are not [as large as the picture](exists), or on a device that does not answer.
-pub(super) fn phases(problem: &Problem, frames: usize) -> Result<Vec<f32>, EngineError> {
+pub(super) fn phases(problem: &Problem, pupil: &Pupil, frames: usize) -> Result<Vec<f32>, EngineError> {
     let optics @ Optics { height, width, .. } = problem.optics;
     let (rows, columns) = optics.image_size();
     if !exists(problem) {
@@ -35,7 +34,7 @@ pub(super) fn phases(problem: &Problem, frames: usize) -> Result<Vec<f32>, Engin
             reason: format!("a picture of {rows} x {columns} has views of another size"),
         });
     }
-    let amplitude = amplitude(problem)?;
+    let amplitude = amplitude(problem, pupil)?;
     let levels = problem.model.as_ref().map(|model| (model.model(), &model.pixels()[..height * width]));
     let (plans, (top, left)) = (Plans::default(), optics.first_bin());
     let mut phases = vec![0.0; frames * height * width];
@@ -62,11 +61,10 @@ pub(super) fn phases(problem: &Problem, frames: usize) -> Result<Vec<f32>, Engin
     Ok(phases)
 }
 
-/// The amplitude of what a pupil in the middle sees, the axis first.
-fn amplitude(problem: &Problem) -> Result<Vec<f32>, EngineError> {
+/// The amplitude of what a pupil sees, the axis first.
+fn amplitude(problem: &Problem, pupil: &Pupil) -> Result<Vec<f32>, EngineError> {
     let (rows, columns) = problem.optics.image_size();
-    let [x, y] = problem.center.map(|at| -at);
-    let seen = problem.views.coverage(&Pupil { x, y, diameter: PUPIL * problem.eyebox, depth: 0.0 });
+    let seen = problem.views.coverage(pupil);
     let [height, line] = [rows, columns].map(|n| n as u32);
     let end = seen.len() as u32;
     let stride = height * line;
@@ -144,7 +142,8 @@ mod tests {
         let levels = model.level_map(64, 96);
         let tables = ModelTables::new(model.clone(), 10e-3, 256, plain.optics, plain.optics);
         let faulty = Problem { model: tables, ..plain.clone() };
-        let (wanted, drives) = (phases(&plain, 1).unwrap(), phases(&faulty, 1).unwrap());
+        let pupil = Pupil::from_mm([0.0, 0.0, 12.0, 0.0]);
+        let [wanted, drives] = [&plain, &faulty].map(|problem| phases(problem, &pupil, 1).unwrap());
         let mut reached = 0;
         for ((wanted, drive), level) in wanted.iter().zip(&drives).zip(levels) {
             let wanted = f64::from(*wanted).rem_euclid(std::f64::consts::TAU);
@@ -163,6 +162,6 @@ mod tests {
         let whole = problem();
         let piece = Problem { optics: whole.optics.piece([8, 8], [32, 32]), ..whole };
         assert!(!exists(&piece) && !StartTable::fits(&piece));
-        assert!(matches!(phases(&piece, 1), Err(EngineError::Mismatch { .. })));
+        assert!(matches!(phases(&piece, &Pupil::from_mm([0.0, 0.0, 2.0, 0.0]), 1), Err(EngineError::Mismatch { .. })));
     }
 }
