@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Measures what a solve gains by beginning from a table's phases: mean and worst PSNR over 24 random pupils by number of steps, for
-several scenes, then for one scene on displays with faults, with a source and with few sub-frames.
+several scenes, then for one scene on displays with faults, with a source and with few sub-frames, and in the far field.
 
     cargo build --release && tools/first_phases.py target/release/eyebox docs/results/first-phases.json
 """
@@ -27,6 +27,13 @@ DISPLAYS = {
     "eye of -0.1 D": "\n[prescription]\nsphere = -0.1\n",
 }
 FEW = [1, 2, 4]
+# An SLM in the pupil plane, 25.6 mm wide. The preset's is 4.1 mm wide, and its green picture does not fill the image.
+FAR = """resolution = [256, 256]
+pitch_um = 100.0
+focal_length_mm = 400.0
+wavelengths_nm = { green = 520 }
+geometry = "far-field"
+"""
 
 
 def measure(program, scene, how):
@@ -49,6 +56,15 @@ def compare(program, about, scene, how):
     return row
 
 
+def far_fields(program, display):
+    """Rows of the far field, where phases come from the picture's transform."""
+    display.write_text(FAR)
+    on = [(f"builtin:{name}", display) for name in SCENES] + [(f"builtin:{SCENE}", "far-field")]
+    for scene, display in on:
+        about = {"far_field": "preset" if display == "far-field" else "25.6 mm", "scene": scene}
+        yield compare(program, about, scene, ["--display", display])
+
+
 def main():
     program, file = sys.argv[1:]
     rows = [compare(program, {"scene": f"builtin:{name}"}, f"builtin:{name}", ["--size", SIZE]) for name in SCENES]
@@ -61,9 +77,10 @@ def main():
         display.write_text(HEAD_256)
         for frames in FEW:
             rows.append(compare(program, {"frames": frames}, scene, ["--display", display, "--frames", frames]))
+        rows.extend(far_fields(program, display))
     about = {"size": SIZE, "frames": 8, "color": "green", "pupils": "random:24", "db": "mean and worst PSNR by steps"}
     text = json.dumps({"about": {**about, "scene": scene}, "rows": rows})
-    text = re.sub(r', "rows": \[|(?<=\}), (?=\{"(scene|display|frames))', lambda m: m.group(0).strip() + "\n  ", text)
+    text = re.sub(r', "rows": \[|(?<=\}), (?=\{"(scene|display|frames|far_field))', lambda m: m.group(0).strip() + "\n  ", text)
     # What tools/other_starts.py has added stays.
     file = pathlib.Path(file)
     added = "".join(file.read_text(encoding="utf-8").partition(',\n "other_starts"')[1:]) if file.exists() else ""
