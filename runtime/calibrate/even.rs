@@ -99,7 +99,8 @@ fn fit_to(sorted: &Sorted, start: &Parameters, which: &[usize]) -> Result<Option
         }
     }
     // A second reflection, of a window or of a lens, is found in what the first leaves.
-    let (Some((image, limit)), Some((mut left, mut at))) = (unmodulated, best.take()) else { return Ok(best) };
+    let Some((image, limit)) = unmodulated else { return Ok(best) };
+    let Some((mut left, mut at)) = best else { return Ok(None) };
     while at.model.undiffracted.len() < PEAKS {
         let mut gained = false;
         for wave in strongest(image.clone(), limit, &at.model.undiffracted) {
