@@ -101,20 +101,17 @@ fn fit_to(sorted: &Sorted, start: &Parameters, which: &[usize]) -> Result<Option
     // A second reflection, of a window or of a lens, is found in what the first leaves.
     let Some((image, limit)) = unmodulated else { return Ok(best) };
     let Some((mut left, mut at)) = best else { return Ok(None) };
-    while at.model.undiffracted.len() < PEAKS {
-        let mut gained = false;
+    'further: while at.model.undiffracted.len() < PEAKS {
         for wave in strongest(image.clone(), limit, &at.model.undiffracted) {
             let mut waves = at.model.undiffracted.clone();
             waves.push(wave);
             let (now, with) = from_waves(sorted, &at, waves, which)?;
             if now < GAINS * left {
-                (left, at, gained) = (now, with, true);
-                break;
+                (left, at) = (now, with);
+                continue 'further;
             }
         }
-        if !gained {
-            break;
-        }
+        break;
     }
     // The brightest first, whichever was found first.
     let light = |wave: &Wave| wave[0].hypot(wave[1]);

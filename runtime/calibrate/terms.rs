@@ -211,16 +211,17 @@ pub(super) fn written(display: &Display, color: Color, start: &Parameters, fit: 
     if fitted(Parameter::Fill) {
         (terms.fill, errors.fill) = (Some(number(Parameter::Fill)), Some(about(Parameter::Fill)));
     }
-    let five = |make: fn(usize) -> Parameter, value: &dyn Fn(Parameter) -> f64| [0, 1, 2, 3, 4].map(|i| value(make(i)));
+    let five =
+        |make: &dyn Fn(usize) -> Parameter, value: &dyn Fn(Parameter) -> f64| [0, 1, 2, 3, 4].map(|i| value(make(i)));
     if fitted(Parameter::Source(0)) {
-        terms.source = Some(five(Parameter::Source, &number));
-        errors.source = Some(five(Parameter::Source, &about));
+        terms.source = Some(five(&Parameter::Source, &number));
+        errors.source = Some(five(&Parameter::Source, &about));
     }
     if (0..WAVES).any(|wave| fitted(Parameter::Undiffracted(wave, 0))) {
         let lit = |wave: &usize| model.undiffracted[*wave][..2] != [0.0; 2];
         let waves: Vec<usize> = (0..model.undiffracted.len()).filter(lit).collect();
         let all = |value: &dyn Fn(Parameter) -> f64| {
-            let of_wave = |wave: &usize| [0, 1, 2, 3, 4].map(|i| value(Parameter::Undiffracted(*wave, i)));
+            let of_wave = |wave: &usize| five(&|i| Parameter::Undiffracted(*wave, i), value);
             Some(waves.iter().map(of_wave).collect())
         };
         (terms.undiffracted, errors.undiffracted) = (all(&number), all(&about));

@@ -1,11 +1,10 @@
 //! Tests of what content that jumps is begun with.
 
-use super::scripted::{Application, EXPOSURE, Scripted, content_of, shown};
+use super::scripted::{Application, EXPOSURE, Scripted, content_of, one_view, shown};
 use super::study::{ContentSettings, JumpStart, StudiedContent, StudySettings, study_content};
 use super::tests::cpu;
 use super::*;
-use crate::optics::{Color, PupilDistribution};
-use crate::scene::LightField;
+use crate::optics::PupilDistribution;
 use crate::solve::{Flow, StartTable};
 use crate::trackers::simulated;
 use std::sync::Arc;
@@ -129,18 +128,7 @@ fn a_study_of_jumping_content_begins_with_the_table() {
 fn a_study_of_slides_shows_them_in_turn() {
     let stage = Scripted::new("planes8", SIDE, 1);
     let even = |light: f32| {
-        let field = LightField {
-            name: String::new(),
-            grid: [1, 1],
-            height: SIDE,
-            width: SIDE,
-            colors: vec![Color::Green],
-            planes: vec![vec![vec![light; SIDE * SIDE]]],
-            view_pitch: Some(stage.display.eyebox_min()),
-            disparity: None,
-            depth: None,
-            made: None,
-        };
+        let field = one_view(&stage.display, vec![light; SIDE * SIDE]);
         SteeredColor::for_scene(&stage.begun(), &field, &stage.display).unwrap()
     };
     let black = even(0.0);

@@ -230,7 +230,7 @@ mod tests {
     use crate::encode::Encoder;
     use crate::gaze::EyeVelocity;
     use crate::optics::{Color, Display, Padding, PupilDistribution};
-    use crate::scene::LightField;
+    use crate::session::scripted::one_view;
 
     const SET_NS: i64 = 16_666_667;
     const SIDE: usize = 64;
@@ -245,18 +245,7 @@ mod tests {
             blobs.iter().map(near).sum::<f64>() as f32
         };
         let view: Vec<f32> = (0..SIDE * SIDE).map(|i| light(i / SIDE, i % SIDE)).collect();
-        let field = LightField {
-            name: String::new(),
-            grid: [1, 1],
-            height: SIDE,
-            width: SIDE,
-            colors: vec![Color::Green],
-            planes: vec![vec![view]],
-            view_pitch: Some(display.eyebox_min()),
-            disparity: None,
-            depth: None,
-            made: None,
-        };
+        let field = one_view(display, view);
         let problem = Problem::new(&field, Color::Green, display, Padding::default()).unwrap();
         vec![SteeredColor { problem, phases: Vec::new(), exposure: 0.35, laser: None }]
     }

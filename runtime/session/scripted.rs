@@ -10,7 +10,7 @@ use crate::encode::Encoder;
 use crate::gaze::{Estimator, Settings as GazeSettings};
 use crate::optics::{Color, Display, Padding};
 use crate::present::{Rate, SECOND_NS};
-use crate::scene::{self, Request};
+use crate::scene::{self, LightField, Request};
 use crate::solve::{Problem, random_phases};
 use crate::trackers::simulated::{Settings as EyeSettings, SimulatedSource};
 use crossbeam_utils::atomic::AtomicCell;
@@ -19,6 +19,22 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 pub(super) const EXPOSURE: f64 = 0.35;
+
+/// A green picture of the size of a display, the same from all over its eyebox.
+pub(super) fn one_view(display: &Display, view: Vec<f32>) -> LightField {
+    LightField {
+        name: String::new(),
+        grid: [1, 1],
+        height: display.height,
+        width: display.width,
+        colors: vec![Color::Green],
+        planes: vec![vec![view]],
+        view_pitch: Some(display.eyebox_min()),
+        disparity: None,
+        depth: None,
+        made: None,
+    }
+}
 
 /// A square display of one colour, and what a fruit at different places is before it.
 pub(super) struct Scripted {

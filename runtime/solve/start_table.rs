@@ -47,15 +47,16 @@ pub struct StartTable(By);
 
 #[derive(Debug, Clone, PartialEq)]
 enum By {
-    Table {
-        frames: usize,
-        side: usize,
-        /// (sub-frames, side, side, levels), binary angles.
-        angles: Arc<[u16]>,
-    },
-    Transform {
-        frames: usize,
-    },
+    Table(Table),
+    Transform { frames: usize },
+}
+
+#[derive(Debug, Clone, PartialEq)]
+struct Table {
+    frames: usize,
+    side: usize,
+    /// (sub-frames, side, side, levels), binary angles.
+    angles: Arc<[u16]>,
 }
 
 impl StartTable {
@@ -135,13 +136,32 @@ impl StartTable {
             let of_level = angles.iter_mut().skip(at).step_by(LEVELS);
             of_level.zip(level.iter().flatten()).for_each(|(to, angle)| *to = *angle);
         }
-        Self(By::Table { frames, side, angles: angles.into() })
+        Self(By::Table(Table { frames, side, angles: angles.into() }))
     }
 
     /// The look-up of the first phases of the scene of `problem` for an exposure, which an [engine](crate::engine::Engine::look_up) makes;
     /// none in the far field.
     pub fn look_up(&self, problem: &Problem, exposure: f64) -> Option<LookUp> {
-        let By::Table { frames, side, angles } = &self.0 else { return None };
+        match &self.0 {
+            By::Table(table) => Some(table.look_up(problem, exposure)),
+            By::Transform { .. } => None,
+        }
+    }
+
+    /// First phases (sub-frames, height, width) of the scene of `problem` for an exposure, radians in -pi .. pi.
+    ///
+    /// # Errors
+    /// [`EngineError`] if the scene's light is on a device that does not answer.
+    pub fn phases(&self, problem: &Problem, exposure: f64) -> Result<Vec<f32>, EngineError> {
+        match &self.0 {
+            By::Table(table) => table.look_up(problem, exposure).phases(),
+            By::Transform { frames } => transform::phases(problem, &pupil(problem), *frames),
+        }
+    }
+}
+
+impl Table {
+    fn look_up(&self, problem: &Problem, exposure: f64) -> LookUp {
         let (optics, grid) = (problem.optics, problem.padding.grid(problem.optics));
         let [top, left] = [(grid.height - optics.height) / 2, (grid.width - optics.width) / 2];
         let [height, width, line] = [optics.height, optics.width, grid.width].map(|n| n as u32);
@@ -160,9 +180,9 @@ impl StartTable {
         let args = table_start::Args {
             height,
             width,
-            side: *side as u32,
+            side: self.side as u32,
             first: 0,
-            frames: *frames as u32,
+            frames: self.frames as u32,
             factor: 0,
             shift: 0,
             evenly_lit: 1,
@@ -171,24 +191,13 @@ impl StartTable {
         };
         // Light of all views at full scale, over the 2^32 that the factor is for.
         let full = f64::from(problem.pyramid.scale) / 65_535.0 * 65_536.0;
-        Some(LookUp {
-            table: Arc::clone(angles),
+        LookUp {
+            table: Arc::clone(&self.angles),
             views: Arc::clone(&problem.pyramid),
             shares: pupil_light::shares(&seen),
             place,
             args: args.brightness(full / exposure),
             needs: problem.model.as_ref().and_then(|model| model.needs()),
-        })
-    }
-
-    /// First phases (sub-frames, height, width) of the scene of `problem` for an exposure, radians in -pi .. pi.
-    ///
-    /// # Errors
-    /// [`EngineError`] if the scene's light is on a device that does not answer.
-    pub fn phases(&self, problem: &Problem, exposure: f64) -> Result<Vec<f32>, EngineError> {
-        match &self.0 {
-            By::Transform { frames } => transform::phases(problem, &pupil(problem), *frames),
-            By::Table { .. } => self.look_up(problem, exposure).map_or(Ok(Vec::new()), |look_up| look_up.phases()),
         }
     }
 }
@@ -244,8 +253,10 @@ pub(super) fn beginning(
         return if steps == 0 { Err(EngineError::Stopped.into()) } else { Ok(None) };
     };
     let exposure = if steps == 0 { UNSTEPPED * exposure } else { exposure };
-    let is_full = problem.optics.geometry == Geometry::FarField && problem.share >= 1.0;
-    let progress = if is_full { 0.0 } else { PROGRESS };
+    let progress = match &table.0 {
+        By::Transform { .. } if problem.share >= 1.0 => 0.0,
+        _ => PROGRESS,
+    };
     Ok(Some(Beginning { phases: table.phases(problem, exposure)?, exposure, progress }))
 }
 
@@ -261,6 +272,6 @@ impl StartTable {
 
     /// The table of a tile whose phases are all zero.
     pub(crate) fn even(frames: usize) -> Self {
-        Self(By::Table { frames, side: 1, angles: vec![0; frames * LEVELS].into() })
+        Self(By::Table(Table { frames, side: 1, angles: vec![0; frames * LEVELS].into() }))
     }
 }

@@ -12,9 +12,13 @@ use eyebox_kernels::fft::{Columns, Direction, Plans};
 use eyebox_kernels::pupil_light::{self, pupil_light};
 use eyebox_kernels::{Complex32, trig};
 use rayon::prelude::*;
+use std::sync::LazyLock;
 
 /// Random phases of the picture, the same for all pictures: of the first sub-frame, and counted from it.
 const SEED: u64 = 1;
+
+/// Plans of pictures' transforms, which each new picture of a session needs again.
+static PLANS: LazyLock<Plans> = LazyLock::new(Plans::default);
 
 /// Whether the views of `problem` are as large as the picture of its SLM. A piece of a far field has those of the whole.
 pub(super) fn exists(problem: &Problem) -> bool {
@@ -36,7 +40,7 @@ pub(super) fn phases(problem: &Problem, pupil: &Pupil, frames: usize) -> Result<
     }
     let amplitude = amplitude(problem, pupil)?;
     let levels = problem.model.as_ref().map(|model| (model.model(), &model.pixels()[..height * width]));
-    let (plans, (top, left)) = (Plans::default(), optics.first_bin());
+    let (top, left) = optics.first_bin();
     let mut phases = vec![0.0; frames * height * width];
     phases.par_chunks_exact_mut(height * width).enumerate().for_each(|(frame, phases)| {
         let wave = |(phase, amplitude): (f32, &f32)| {
@@ -45,7 +49,7 @@ pub(super) fn phases(problem: &Problem, pupil: &Pupil, frames: usize) -> Result<
         };
         let random = random_phases(rows * columns, SEED + frame as u64);
         let mut field: Vec<Complex32> = random.into_iter().zip(&amplitude).map(wave).collect();
-        plans.fft(&mut field, rows, columns, Direction::Forward, Columns::all(columns), |_| ());
+        PLANS.fft(&mut field, rows, columns, Direction::Forward, Columns::all(columns), |_| ());
         for (y, line) in (top..).zip(phases.chunks_exact_mut(width)) {
             let row = &field[y.rem_euclid(rows as i64) as usize * columns..][..columns];
             for (x, phase) in (left..).zip(line) {
