@@ -93,33 +93,39 @@ fn a_session_of_jumping_content_is_the_same_again() {
 }
 
 /// In a study, too, content that jumps begins with the phases of its table: its first set is better than from the last phases, and from
-/// random ones.
+/// random ones; of sets that roll, too, though all of their video frames have one step.
 #[test]
 fn a_study_of_jumping_content_begins_with_the_table() {
-    let stage = Scripted::new("planes8", SIDE, 1);
+    for (packing, rolls) in [("planes8", false), ("grey8", true)] {
+        let stage = Scripted::new(packing, SIDE, 1);
+        let [table, last, random] = [JumpStart::Table, JumpStart::Last, JumpStart::Random]
+            .map(|start| first_set_after_a_jump(&stage, start, rolls));
+        println!("{table} dB from the table, {last} from the last phases, {random} from random ones");
+        assert!(table > last + 0.5 && table > random + 0.5, "{table} {last} {random}");
+    }
+}
+
+/// PSNR of the first set after a jump, with a step for every set, dB.
+fn first_set_after_a_jump(stage: &Scripted, start: JumpStart, rolls: bool) -> f64 {
     let eye = simulated::Settings { fixation: [60.0; 2], blinks: 0.0, noise: 0.02e-3, ..Default::default() };
     let study = StudySettings { eye, ..StudySettings::default() };
-    let first_set = |start| {
-        let content = ContentSettings {
-            contents: vec![StudiedContent::Jumping],
-            sets: 8,
-            steps: 1,
-            speed: 10,
-            jumps_every: 3,
-            slides: Vec::new(),
-            start,
-            start_tables: tables(&stage),
-            lighting: stage.encoder().lighting(false),
-        };
-        let runs =
-            study_content(&stage.begun(), &Policy::default(), &content, &study, &mut cpu, &mut |_| Flow::Continue);
-        let runs = runs.unwrap();
-        let run = runs.iter().find(|r| r.steered && !r.moments).expect("it is shown steered, without moments");
-        run.after_jumps(1).expect("sets after a jump")
+    let lighting = stage.encoder().lighting(rolls);
+    assert_eq!(lighting.turns() > 1, rolls);
+    let content = ContentSettings {
+        contents: vec![StudiedContent::Jumping],
+        sets: 8,
+        steps: 1,
+        speed: 10,
+        jumps_every: 3,
+        slides: Vec::new(),
+        start,
+        start_tables: tables(stage),
+        lighting,
     };
-    let [table, last, random] = [JumpStart::Table, JumpStart::Last, JumpStart::Random].map(first_set);
-    println!("{table} dB from the table, {last} from the last phases, {random} from random ones");
-    assert!(table > last + 0.5 && table > random + 0.5, "{table} {last} {random}");
+    let runs = study_content(&stage.begun(), &Policy::default(), &content, &study, &mut cpu, &mut |_| Flow::Continue);
+    let runs = runs.unwrap();
+    let run = runs.iter().find(|r| r.steered && !r.moments).expect("it is shown steered, without moments");
+    run.after_jumps(1).expect("sets after a jump")
 }
 
 /// Slides follow each other, and after the last comes the scene again. Of a black slide there is no PSNR, so that the sets which have one

@@ -366,7 +366,8 @@ impl<'a> Showing<'a> {
             self.next_frame(set, set_ns + light_after_ns)?;
         }
         let at = |time_ns: i64| u64::try_from(time_ns).unwrap_or(0);
-        let share = |decisions: u64| decisions * u64::from(*steps) / turns;
+        // The first video frame of a set has a step, however few there are: with it begins what content has jumped to.
+        let share = |decisions: u64| (decisions * u64::from(*steps)).div_ceil(turns);
         let rounds = share(decision + 1) - share(decision);
         if rounds > 0 {
             let expected: PupilEstimate = self.watch.expect(at(now_ns), at(light_ns))?;
