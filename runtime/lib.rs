@@ -62,7 +62,6 @@
 //! | `trackers` | HID eye trackers and Pupil Core |
 //! | `preview` | [`preview`]: what an eye sees, in a window |
 //! | `image-formats` | pictures in and out: PNG, JPEG, OpenEXR, TIFF, BMP, PPM |
-//! | `reports` | [`report`]: methods compared, and pages and tables of what was measured |
 //!
 //! # Modules
 //!
@@ -81,9 +80,8 @@
 //! | [`solve`] | pupil sampling, the optimisers, the solver and the refiner: one for every engine |
 //! | [`hologram`] | phase frames with their metadata and their file: whole, in sequences, in tiles |
 //! | [`tiled`] | far-field holograms larger than memory: region by region, from and to their file |
-//! | [`quality`] | which settings are worth their time |
+//! | [`quality`] | what settings cost and gain, on one color of a scene |
 //! | [`produce`] | from scenes to holograms: all colours, sequences, tiles |
-//! | [`film`] | what an eye sees while it moves, focuses and blinks, as a video or pictures |
 //! | [`encode`] | calibration, levels, packing: phases to what the SLM receives |
 //! | [`calibrate`] | a model of the display as it is, fitted from pictures that a camera took |
 //! | [`trackers`] | eye trackers: devices, recordings, network, simulated; samples with a steady time |
@@ -91,7 +89,6 @@
 //! | [`present`] | video frames to light: windows, direct displays, memory; when what lit up |
 //! | [`session`] | content, eye and time under one scheduler: play, live, and the account of what was shown |
 //! | [`preview`] | what an eye sees, live, in an ordinary window |
-//! | [`report`] | methods compared by groups of pupils; pages, plots and tables |
 //!
 //! Comments that say "OPTICS n" mean section n of `docs/optics.md`. Lengths are metres, angles radians, images linear light, axis
 //! order (row = y, column = x), +y down. Errors are typed, one enum a module; no input panics.
@@ -101,7 +98,6 @@ pub mod encode;
 pub mod engine;
 pub mod evaluate;
 pub mod files;
-pub mod film;
 pub mod gaze;
 #[cfg_attr(not(feature = "direct-display"), allow(dead_code, unused_imports, reason = "presenting uses part of it"))]
 pub mod gpu;
@@ -118,8 +114,6 @@ pub mod present;
 pub mod preview;
 pub mod produce;
 pub mod quality;
-#[cfg(feature = "reports")]
-pub mod report;
 pub mod scene;
 #[cfg(feature = "window")]
 pub mod session;

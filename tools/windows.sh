@@ -67,5 +67,7 @@ cd "$root"
 run "$tests" --quiet reference:: far_field:: --skip both_engines
 [[ ${1:-} != command ]] || exit 0
 
-CARGO_TARGET_X86_64_PC_WINDOWS_GNU_RUNNER=$wine cargo test --quiet --target "$target" --package eyebox --lib -- \
-    encode:: engine::cpu evaluate:: files:: gaze:: hologram:: optics:: plan:: present:: preview:: produce:: quality:: report:: scene::
+export CARGO_TARGET_X86_64_PC_WINDOWS_GNU_RUNNER=$wine
+cargo test --quiet --target "$target" --package eyebox-lab --lib
+cargo test --quiet --target "$target" --package eyebox --lib -- \
+    encode:: engine::cpu evaluate:: files:: gaze:: hologram:: optics:: plan:: present:: preview:: produce:: quality:: scene::

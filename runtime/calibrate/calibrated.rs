@@ -10,7 +10,6 @@ use crate::optics::{Color, Display};
 
 /// A display that was calibrated.
 #[derive(Debug, Clone)]
-#[non_exhaustive]
 pub struct Calibration {
     /// The display with what was fitted.
     pub display: Display,

@@ -20,7 +20,6 @@ pub enum PhaseSign {
 
 /// Which way round a bench is.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[non_exhaustive]
 pub struct Directions {
     /// The sign of the phase, and the direction of the table.
     pub phase: PhaseSign,

@@ -164,8 +164,11 @@ pub struct Figures {
 }
 
 impl Figures {
-    /// Of one colour; the pictures say which irises were requested.
-    pub(crate) fn new(display: &Display, color: Color, pictures: &[PictureLeft]) -> Result<Self, OpticsError> {
+    /// Of one color; the pictures say which irises were requested.
+    ///
+    /// # Errors
+    /// [`OpticsError`] for a color that the display does not have, or a model that cannot be.
+    pub fn new(display: &Display, color: Color, pictures: &[PictureLeft]) -> Result<Self, OpticsError> {
         let (optics, model, ideal) = (display.optics(color)?, display.model(color), DisplayModel::default());
         let errors = display.model.get(&color.into()).and_then(|terms| terms.errors.as_deref());
         let eyebox = optics.wavelength * optics.focal_length / optics.pitch;

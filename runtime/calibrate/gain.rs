@@ -18,7 +18,6 @@ const STEPS: usize = 24;
 
 /// What a calibration is worth on the built-in still life, by PSNR over random pupils.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-#[non_exhaustive]
 pub struct Gain {
     /// Rows and columns of the display that it was measured on: the same with fewer pixels.
     pub size: [usize; 2],

@@ -26,7 +26,6 @@ pub struct PictureLeft {
 
 /// Where in the camera's picture it is left, all pictures together but those that were left out.
 #[derive(Debug, Clone, Serialize)]
-#[non_exhaustive]
 pub struct LeftMap {
     /// Camera pixels along a side of a tile.
     pub tile_px: usize,

@@ -9,7 +9,6 @@ const WORTH_DB: f64 = 0.2;
 
 /// A fault that is worth mending on the bench.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-#[non_exhaustive]
 pub struct Mend {
     /// The fault: a term of the model, or an aberration of its wavefront.
     pub fault: &'static str,

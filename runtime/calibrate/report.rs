@@ -37,7 +37,6 @@ pub struct Confused {
 
 /// What a calibration says of itself.
 #[derive(Debug, Clone, Serialize)]
-#[non_exhaustive]
 pub struct Report {
     /// Which way round the bench is.
     pub directions: Directions,

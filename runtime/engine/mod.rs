@@ -10,7 +10,6 @@ mod choose;
 pub mod cpu;
 mod handover;
 mod look_up;
-mod stoppable;
 mod taking;
 mod threads;
 #[cfg(feature = "vulkan")]
@@ -26,7 +25,6 @@ pub use crate::plan::{
 pub use choose::{Backend, Choice, open, reason};
 pub use handover::{At, Handover};
 pub use look_up::LookUp;
-pub(crate) use stoppable::Stoppable;
 pub use taking::{Begun, Taken};
 #[cfg(feature = "window")]
 pub(crate) use threads::pool;

@@ -70,7 +70,8 @@ pub(crate) use own::{holds_only_own, write_listed};
 #[cfg(feature = "window")]
 pub(crate) use patient::Patient;
 pub use patient::asked_to_end;
-pub(crate) use picture::{encode_grey8, encode_rgb8};
+pub(crate) use picture::encode_grey8;
+pub use picture::encode_rgb8;
 pub use picture::{encode_png, linear_to_srgb, write_png};
 #[cfg(not(feature = "image-formats"))]
 pub(crate) use pixels::color_space;

@@ -55,7 +55,7 @@ pub(crate) fn encode_grey8(out: &mut dyn Write, height: usize, width: usize, lev
 ///
 /// # Errors
 /// Those of `out`.
-pub(crate) fn encode_rgb8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8]) -> io::Result<()> {
+pub fn encode_rgb8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8]) -> io::Result<()> {
     codec::encode_png(out, height, width, 3, levels)
 }
 

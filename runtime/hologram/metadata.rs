@@ -201,7 +201,8 @@ impl Metadata {
     }
 
     /// The same without the places of files: what two holograms that were made alike have in common.
-    pub(crate) fn without_places(&self) -> Self {
+    #[must_use]
+    pub fn without_places(&self) -> Self {
         let mut anywhere = self.clone();
         anywhere.files_mut().for_each(FileRecord::forget_places);
         anywhere

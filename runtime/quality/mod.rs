@@ -1,40 +1,19 @@
-//! Speed against accuracy: what a solve costs, how good it is, and which settings are worth their time.
+//! Speed against accuracy: what a solve costs and how good it is.
 //!
-//! [`Settings`](crate::solve::Settings) hold every setting that trades quality for time. A [`Subject`] is one colour of a
-//! scene that they are tried on; a [`Reference`] scores what came of it, the same truth for all. A [`Tuning`] tries a grid of
-//! them, [`front`](fn@front) says which trials none beats, [`recommend`] which three of them are `fast`, `balanced` and
-//! `accurate`; [`Measured`] keeps them for this device in the user's cache.
-//!
-//! `comparison` (with the feature `reports`) compares methods: every method, every group of pupils.
+//! [`Settings`](crate::solve::Settings) hold every setting that trades quality for time. A [`Subject`] is one color of a
+//! scene that they are tried on; a [`Reference`] scores what came of it, the same truth for all. A [`ModelWorth`] says what each
+//! term of a display's model is worth.
 //!
 //! May import everything that `hologram` may, and `hologram`.
 
-mod choice;
-#[cfg(feature = "reports")]
-pub mod comparison;
-mod front;
-mod grid;
-mod kept;
-mod measured;
 mod model_worth;
 mod recipe;
 mod reference;
 mod subject;
-mod tune;
-mod tuned;
-mod watch;
 
-pub use choice::{Recommended, recommend, within};
-pub(crate) use front::short_of;
-pub use front::{Trial, front};
-pub use kept::writable;
-pub use measured::{Measured, MeasuredError};
 pub use model_worth::ModelWorth;
 pub use reference::{PUPILS as REFERENCE_PUPILS, Reference};
 pub use subject::{Prepared, Solved, Subject};
-pub use tune::Tuning;
-pub use tuned::{Checked, LevelRow, NEAR_DB, Tuned};
-pub use watch::Observe;
 
 use crate::engine::EngineError;
 use crate::evaluate::EvaluateError;

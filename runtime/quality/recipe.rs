@@ -45,7 +45,7 @@ impl Settings {
 
     /// The views used of so many along an axis: the first, and how many. They are every n-th, about the same centre; where
     /// that cannot be (of 8 views every second has another centre), n is the next smaller number for which it can.
-    pub(crate) fn thinned(&self, [rows, columns]: [usize; 2]) -> (usize, [[usize; 2]; 2]) {
+    pub fn thinned(&self, [rows, columns]: [usize; 2]) -> (usize, [[usize; 2]; 2]) {
         let axis = |count: usize, n: usize| {
             // As many as fit, if what is left over is shared by both ends.
             (1..=count).rev().find(|k| (k - 1) * n < count && (count - 1 - (k - 1) * n).is_multiple_of(2)).map(|k| {

@@ -48,7 +48,8 @@ impl Reference {
     }
 
     /// The same, for an SLM of other levels.
-    pub(crate) fn with_levels(self, levels: Levels) -> Self {
+    #[must_use]
+    pub fn with_levels(self, levels: Levels) -> Self {
         Self { levels, ..self }
     }
 
@@ -68,7 +69,7 @@ impl Reference {
     ///
     /// # Errors
     /// Those of the engine; [`EvaluateError`](evaluate::EvaluateError) for pictures that hold no numbers.
-    pub(crate) fn judge(
+    pub fn judge(
         &self,
         phases: &[f32],
         exposure: f64,

@@ -17,6 +17,17 @@ pub enum Diameters {
     Reciprocal,
 }
 
+impl Diameters {
+    /// The name by which it is chosen.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Uniform => "uniform",
+            Self::LogUniform => "log",
+            Self::Reciprocal => "reciprocal",
+        }
+    }
+}
+
 /// What fills the four dimensions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

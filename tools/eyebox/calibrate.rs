@@ -150,7 +150,7 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
     let text = fitted.to_toml();
     files::write_file(&args.out, |to| to.write_all(text.as_bytes()))?;
     if let Some(page) = &args.report {
-        let html = eyebox::report::calibration_page(&calibrated, color);
+        let html = eyebox_lab::report::calibration_page(&calibrated, color);
         files::write_file(page, |to| to.write_all(html.as_bytes()))?;
     }
     if args.json {

@@ -13,10 +13,10 @@ use eyebox::hologram::{Hologram, SceneSource};
 use eyebox::optics::{Color, Display, Pupil, dioptres_in_words};
 use eyebox::produce::solve_colors;
 use eyebox::quality::Subject;
-use eyebox::quality::comparison::{Comparison, JUDGED, candidates};
-use eyebox::report;
 use eyebox::scene;
 use eyebox::solve::{Levels, Method, Settings};
+use eyebox_lab::comparison::{Comparison, JUDGED, candidates};
+use eyebox_lab::report;
 use std::path::PathBuf;
 use std::time::Instant;
 

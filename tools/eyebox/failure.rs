@@ -5,7 +5,6 @@ use eyebox::encode::EncodeError;
 use eyebox::engine::EngineError;
 use eyebox::evaluate::EvaluateError;
 use eyebox::files::FileError;
-use eyebox::film::FilmError;
 use eyebox::gaze::GazeError;
 use eyebox::hologram::HologramError;
 use eyebox::optics::OpticsError;
@@ -18,6 +17,7 @@ use eyebox::session::SessionError;
 use eyebox::solve::SolveError;
 use eyebox::tiled::TiledError;
 use eyebox::trackers::TrackerError;
+use eyebox_lab::film::FilmError;
 use eyebox_live_input::LiveError;
 
 /// Why a command failed.

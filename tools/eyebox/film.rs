@@ -6,9 +6,9 @@ use crate::live::{SubjectOptions, is_hologram, solved};
 use crate::phases::tell_unfinished;
 use crate::progress::{self, JobBar};
 use clap::Args;
-use eyebox::film::{self, Content, EyePath, FilmSettings};
 use eyebox::gpu::Options as VulkanOptions;
 use eyebox::hologram::{Hologram, Opening, SceneSource, Sequence};
+use eyebox_lab::film::{self, Content, EyePath, FilmSettings};
 use std::path::{Path, PathBuf};
 
 /// `eyebox film`

@@ -3,7 +3,7 @@
 use crate::Failure;
 use clap::{Args, Command};
 use eyebox::files;
-use eyebox::quality::writable;
+use eyebox_lab::writable;
 use std::path::PathBuf;
 
 /// `eyebox completions`

@@ -5,8 +5,9 @@ use crate::values::{Names, one_of};
 use clap::Args;
 use eyebox::engine::Engine;
 use eyebox::files::cache_folder;
-use eyebox::quality::{Measured, Quality, within};
+use eyebox::quality::Quality;
 use eyebox::solve::Settings;
+use eyebox_lab::tuning::{Measured, within};
 
 /// How much time quality may take, in every command that solves.
 #[derive(Args, Clone, Copy)]

@@ -1,6 +1,6 @@
 //! Error power over signal power, as a table and as a plot with both axes logarithmic.
 
-use eyebox::report::{Axis, Plot};
+use eyebox_lab::report::{Axis, Plot};
 use std::fmt::Write;
 
 /// One line: what was measured.

@@ -6,7 +6,7 @@ use crate::phases::PhaseUnitArgs;
 use crate::quality::QualityArgs;
 use crate::values::{diameters, positive};
 use clap::Args;
-use eyebox::quality::comparison::MaskKind;
+use eyebox_lab::comparison::MaskKind;
 use std::path::PathBuf;
 
 /// `eyebox evaluate`

@@ -13,11 +13,11 @@ use eyebox::engine::Engine;
 use eyebox::evaluate::Group;
 use eyebox::files::OwnFolder;
 use eyebox::optics::{Color, Display, Geometry};
-use eyebox::quality::comparison::{Comparison, Given, JUDGED, MaskKind, Published, Results, candidates};
-use eyebox::quality::writable;
-use eyebox::report;
 use eyebox::scene;
 use eyebox::solve::{Method, Settings};
+use eyebox_lab::comparison::{Comparison, Given, JUDGED, MaskKind, Published, Results, candidates};
+use eyebox_lab::report;
+use eyebox_lab::writable;
 use std::path::{Path, PathBuf};
 
 /// The methods that are compared where nothing else is asked for.

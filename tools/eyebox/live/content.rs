@@ -8,10 +8,10 @@ use crate::common::{self, Engines};
 use crate::progress::{self, JobBar};
 use clap::{Args, ValueEnum};
 use eyebox::files::OwnFolder;
-use eyebox::report;
 use eyebox::session::{
     self, ContentRun, ContentSettings, JumpStart, SteeredColor, StudiedContent, StudiedEye, StudySettings, start_tables,
 };
+use eyebox_lab::report;
 use serde_json::{Value, json};
 
 /// What content does, in the command that studies it.

@@ -11,9 +11,11 @@ use crate::progress::{self, JobBar};
 use crate::settings::levels_of;
 use eyebox::files::{OwnFolder, cache_folder};
 use eyebox::optics::Color;
-use eyebox::quality::{NEAR_DB, Recommended, Subject, Tuned, Tuning, writable};
-use eyebox::report;
+use eyebox::quality::Subject;
 use eyebox::solve::Settings;
+use eyebox_lab::report;
+use eyebox_lab::tuning::{NEAR_DB, Recommended, Tuned, Tuning};
+use eyebox_lab::writable;
 use std::path::Path;
 use std::time::Instant;
 

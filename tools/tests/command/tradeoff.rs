@@ -3,8 +3,9 @@
 use crate::common::{self, folder, text};
 use eyebox::engine::{Engine, cpu::CpuEngine};
 use eyebox::optics::{Color, WindowFactor};
-use eyebox::quality::{Measured, Quality, Recommended, Trial};
+use eyebox::quality::Quality;
 use eyebox::solve::{Levels, PaddingRule, Settings};
+use eyebox_lab::tuning::{Measured, Recommended, Trial};
 use serde_json::Value;
 use std::path::Path;
 use std::process::Output;

@@ -1,0 +1,161 @@
+//! What is compared: methods to solve with, and holograms that exist.
+
+use super::MethodAbout;
+use eyebox::hologram::Hologram;
+use eyebox::optics::{Color, Display, Prescription};
+use eyebox::quality::QualityError;
+use eyebox::solve::Method;
+use std::path::PathBuf;
+
+/// One column of the comparison.
+pub struct Candidate {
+    /// The method's name, or the one that was given.
+    pub name: String,
+    /// Where its holograms come from.
+    pub source: Source,
+}
+
+/// Where holograms come from.
+pub enum Source {
+    /// They are solved.
+    Solved(Method),
+    /// They exist.
+    Given(Vec<Given>),
+}
+
+/// A hologram that exists.
+pub struct Given {
+    /// Its name in the report.
+    pub name: String,
+    /// Where it was read from.
+    pub file: PathBuf,
+    /// It.
+    pub hologram: Hologram,
+    /// Which of the scenes it shows.
+    pub scene: usize,
+}
+
+impl Candidate {
+    /// Its numbers of sub-frames for a scene, where methods solve with `frames`.
+    pub(super) fn frames(&self, scene: usize, frames: &[usize]) -> Vec<usize> {
+        match &self.source {
+            Source::Solved(_) => frames.to_vec(),
+            Source::Given(all) => all.iter().filter(|g| g.scene == scene).map(|g| g.hologram.frames).collect(),
+        }
+    }
+
+    /// The hologram of a scene that was given with so many sub-frames.
+    pub(super) fn given(&self, scene: usize, frames: usize) -> Option<&Hologram> {
+        let Source::Given(all) = &self.source else { return None };
+        all.iter().map(|g| (g.scene, &g.hologram)).find(|(s, h)| *s == scene && h.frames == frames).map(|(_, h)| h)
+    }
+
+    pub(super) fn about(&self) -> MethodAbout {
+        let name = self.name.clone();
+        match &self.source {
+            Source::Solved(m) => {
+                let [title, about, citation] = [m.title(), m.about(), m.citation()].map(String::from);
+                MethodAbout { name, title, about, citation }
+            }
+            Source::Given(all) => {
+                let files: Vec<String> = all.iter().map(|g| g.file.display().to_string()).collect();
+                let about = "Holograms that were given.".into();
+                MethodAbout { title: name.clone(), name, about, citation: files.join(", ") }
+            }
+        }
+    }
+}
+
+impl Given {
+    /// A hologram that was read from `file` and goes by this name. Of several scenes it has to say which one it shows; of
+    /// one, it must not show another, unless `other_scene`.
+    ///
+    /// # Errors
+    /// [`QualityError`]: that it cannot be compared.
+    pub fn new(
+        name: &str,
+        file: PathBuf,
+        hologram: Hologram,
+        scenes: &[String],
+        other_scene: bool,
+    ) -> Result<Self, QualityError> {
+        let wrong = |reason: String| QualityError::Input { what: file.display().to_string(), reason };
+        if Method::by_name(name).is_some() {
+            return Err(wrong(format!("'{name}' is the name of a method: give the hologram another")));
+        }
+        if hologram.colors.iter().any(|c| c.color.is_none()) || hologram.display_wavelengths.is_empty() {
+            return Err(wrong("its colours are not named, or its display is not known".into()));
+        }
+        let scene = match scenes {
+            [one] => {
+                let checked = if other_scene { Ok(()) } else { hologram.check_scene(one) };
+                checked.map(|()| 0).map_err(|e| wrong(e.to_string()))?
+            }
+            _ if hologram.scene.is_empty() => return Err(wrong("it does not say which of the scenes it shows".into())),
+            _ => scenes
+                .iter()
+                .position(|s| hologram.check_scene(s).is_ok())
+                .ok_or_else(|| wrong(format!("it shows '{}', which is none of the scenes given", hologram.scene)))?,
+        };
+        Ok(Self { name: name.into(), file, hologram, scene })
+    }
+
+    /// Refuses what cannot be compared with holograms of this display in these colours.
+    ///
+    /// # Errors
+    /// [`QualityError::Input`].
+    pub fn check(&self, display: &Display, colors: &[Color]) -> Result<(), QualityError> {
+        let h = &self.hologram;
+        let wrong = |reason: String| Err(QualityError::Input { what: self.file.display().to_string(), reason });
+        if (h.height, h.width) != (display.height, display.width) {
+            let ([a, b], [c, d]) = ([h.height, h.width], [display.height, display.width]);
+            return wrong(format!("{a} x {b} pixels, but what it is compared with has {c} x {d}"));
+        }
+        if self.hologram.named_colors() != colors || h.colors.len() != colors.len() {
+            let list = |c: &[Color]| c.iter().map(Color::to_string).collect::<Vec<_>>().join(", ");
+            let (has, wanted) = (list(&self.hologram.named_colors()), list(colors));
+            return wrong(format!("its colours are {has}, not {wanted}: choose with `color`"));
+        }
+        if h.geometry != display.geometry {
+            let (made, is) = (h.geometry.name(), display.geometry.name());
+            return wrong(format!("made for a {made} display, and '{}' is {is}", display.name));
+        }
+        if h.metadata.prescription != display.prescription {
+            let in_words = |eye: &Option<Prescription>| eye.as_ref().map_or("none".into(), Prescription::to_string);
+            let (made, looks) = (in_words(&h.metadata.prescription), in_words(&display.prescription));
+            return wrong(format!(
+                "its prescription is {made}, and that of the eye that looks {looks}: `prescription` decides"
+            ));
+        }
+        let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * b.abs();
+        let same_waves = h.display_wavelengths.len() == display.wavelengths.len()
+            && h.display_wavelengths.iter().zip(&display.wavelengths).all(|(a, b)| near(a.wavelength, b.wavelength));
+        if !same_waves || !near(h.pitch, display.pitch) || !near(h.focal_length, display.focal_length) {
+            return wrong(format!(
+                "made for the display '{}', whose pitch, focal length or wavelengths are not those of '{}'",
+                h.display, display.name
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// Methods first, then what was given, by name.
+///
+/// # Errors
+/// [`QualityError::Input`]: two holograms of one name for one scene.
+pub fn candidates(methods: &[Method], given: Vec<Given>) -> Result<Vec<Candidate>, QualityError> {
+    let solved = |m: &Method| Candidate { name: m.name().into(), source: Source::Solved(*m) };
+    let mut all: Vec<Candidate> = methods.iter().map(solved).collect();
+    for one in given {
+        match all.iter_mut().find(|s| s.name == one.name).map(|s| &mut s.source) {
+            Some(Source::Given(same)) if same.iter().any(|g| g.scene == one.scene) => {
+                let reason = format!("'{}' is given twice for one scene", one.name);
+                return Err(QualityError::Input { what: one.file.display().to_string(), reason });
+            }
+            Some(Source::Given(same)) => same.push(one),
+            _ => all.push(Candidate { name: one.name.clone(), source: Source::Given(vec![one]) }),
+        }
+    }
+    Ok(all)
+}

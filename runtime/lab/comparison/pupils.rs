@@ -1,0 +1,95 @@
+//! Every pupil that an evaluation looks through.
+
+use eyebox::evaluate::{self, Group, Member};
+use eyebox::optics::Pupil;
+use eyebox::solve::{Diameters, PupilRange, Sampler, Sequence};
+
+/// Random pupils, of the paper's distribution.
+const RANDOM: usize = 24;
+/// Their seed: not one that a solve draws from.
+const SEED: u64 = 0x6576_616c;
+/// Pictures of the focal strip.
+const STRIP: usize = 5;
+
+/// A pupil of the groups whose picture is shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Shown {
+    /// What people call it.
+    pub title: &'static str,
+    /// Its group.
+    pub group: Group,
+    /// Its place there.
+    pub index: usize,
+}
+
+/// The pupils whose pictures are shown of each scene: from the easiest pupil to the hardest.
+pub const SHOWN: [Shown; 4] = [
+    Shown { title: "Whole eyebox", group: Group::VaryingAperture, index: 8 },
+    Shown { title: "Random pupil", group: Group::Random, index: 0 },
+    Shown { title: "Corner of the eyebox", group: Group::NearFocus, index: 0 },
+    Shown { title: "Smallest pupil", group: Group::VaryingAperture, index: 0 },
+];
+
+/// The pupils of one scene on one display.
+#[derive(Debug, Clone)]
+pub struct Pupils {
+    /// The five groups.
+    pub members: Vec<Member>,
+    /// Places of those that are judged in JOD.
+    pub judged: Vec<usize>,
+    /// 80 % of the eyebox, focused through the scene, farthest first.
+    pub strip: Vec<Pupil>,
+    /// The sweeps at near and at far focus.
+    pub sweeps: [Vec<Pupil>; 2],
+    /// Where light is collected to see how even the eyebox is.
+    pub grid: Vec<Pupil>,
+}
+
+impl Pupils {
+    /// For an eyebox of this side, random pupils of these diameters, and a scene of this farthest and nearest depth, at most
+    /// `judged` of each group judged in JOD.
+    pub fn new(eyebox: f64, diameter: [f64; 2], depth: [f64; 2], judged: usize) -> Self {
+        let range = PupilRange { eyebox, diameter, depth, diameters: Diameters::Uniform };
+        let mut sampler = Sampler::new(range, Sequence::Random, SEED);
+        let random: Vec<Pupil> = (0..RANDOM).map(|_| sampler.draw()).collect();
+        let [far, near] = depth;
+        let strip = (0..STRIP).map(|i| Pupil {
+            x: 0.0,
+            y: 0.0,
+            diameter: 0.8 * eyebox,
+            depth: far + (near - far) * i as f64 / (STRIP - 1) as f64,
+        });
+        let members = evaluate::members(eyebox, depth, &random);
+        Self {
+            judged: super::judged::judged(&members, judged),
+            members,
+            strip: strip.collect(),
+            sweeps: [near, far].map(|z| evaluate::sweep(eyebox, z)),
+            grid: evaluate::places(eyebox, eyebox / 8.0, 9, 0.0),
+        }
+    }
+
+    /// Where a shown pupil is among the members.
+    pub fn place(&self, shown: &Shown) -> usize {
+        let of_group = self.members.iter().enumerate().filter(|(_, m)| m.group == shown.group);
+        of_group.map(|(i, _)| i).nth(shown.index).expect("every group has this pupil")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shown_pupils_are_what_their_titles_say() {
+        let pupils = Pupils::new(22e-3, [2e-3, 20e-3], [-2e-3, 3e-3], 4);
+        assert_eq!(pupils.members.len(), 9 + 9 + 25 + 25 + 24);
+        let of = |i: usize| pupils.members[pupils.place(&SHOWN[i])];
+        assert!((of(0).pupil.diameter - 22e-3).abs() < 1e-12 && of(0).pupil.x == 0.0);
+        assert_eq!(of(1).group, Group::Random);
+        assert!(of(2).pupil.x < 0.0 && of(2).pupil.y < 0.0 && of(2).pupil.depth == 3e-3);
+        assert!((of(3).pupil.diameter - 2e-3).abs() < 1e-12);
+        assert_eq!((pupils.strip.len(), pupils.sweeps[0].len(), pupils.grid.len()), (5, 31, 81));
+        assert!(pupils.strip[0].depth < pupils.strip[4].depth && pupils.sweeps[0][0].depth > pupils.sweeps[1][0].depth);
+    }
+}

@@ -1,0 +1,146 @@
+//! Speckle of an even grey plane against the number of sub-frames: frames solved one by one from seeds of their own, and
+//! frames solved together.
+
+use super::measure::leading;
+use super::results::SpeckleFigures;
+use eyebox::engine::{Buffer, Engine};
+use eyebox::evaluate;
+use eyebox::optics::{Color, Display, Padding, Pupil, WindowFactor};
+use eyebox::plan::Purpose;
+use eyebox::quality::QualityError;
+use eyebox::scene::LightField;
+use eyebox::solve::{self, Flow, Method, Problem, Settings};
+
+/// Sub-frames.
+pub(crate) const COUNTS: [usize; 5] = [1, 2, 4, 8, 16];
+/// Independent groups of as many frames as the largest count: the curve is then a property and not luck.
+const GROUPS: usize = 4;
+/// Joint solves per count.
+const REPEATS: usize = 2;
+/// Largest side of the plane, pixels: hundreds of grains of a pupil of 1/4 of the eyebox.
+pub(super) const SIDE: usize = 128;
+/// Linear light of the plane.
+pub(super) const GREY: f32 = 0.5;
+/// Share of the light that pupils are to see, as scenes of middle brightness have it.
+pub(super) const EFFICIENCY: f64 = 0.4;
+
+/// Solves that one method takes.
+pub(crate) const SOLVES: usize = GROUPS * COUNTS[COUNTS.len() - 1] + REPEATS * COUNTS.len();
+
+/// Whether a method's frames differ from seed to seed: smooth phase has no speckle to average, a table no seed.
+pub(crate) fn has_speckle(method: Method) -> bool {
+    !matches!(method, Method::Smooth | Method::Dpac | Method::Table)
+}
+
+/// Measures one method; none once `went`, which is called after every solve, says no.
+pub fn speckle(
+    method: Method,
+    settings: &Settings,
+    display: &Display,
+    views: [usize; 2],
+    engine: &mut dyn Engine,
+    went: &mut dyn FnMut() -> bool,
+) -> Result<Option<SpeckleFigures>, QualityError> {
+    let side = SIDE.min(display.height).min(display.width);
+    let display = Display { height: side, width: side, prescription: None, ..display.clone() };
+    let color = leading(&display.wavelengths.iter().map(|w| w.color).collect::<Vec<_>>());
+    let problem = Problem::new(&plane(side, color, views), color, &display, Padding::default())?;
+    let problems = [problem.clone(), problem];
+    let diameter = display.eyebox_min() / 4.0;
+    let pupil = Pupil { x: 0.0, y: 0.0, diameter, depth: 0.0 };
+    let mut view = |frames: usize, seed: u64| -> Result<Vec<f32>, QualityError> {
+        let settings = Settings { method, frames, seed, efficiency: Some(EFFICIENCY), ..settings.clone() };
+        Ok(seen_of(&problems, &settings, &[pupil], engine, &mut |_| Flow::Continue)?.remove(0))
+    };
+    let seed = |i: usize| settings.seed.wrapping_add(0x7370_6563 + i as u64);
+    let mut images = Vec::new();
+    for i in 0..GROUPS * COUNTS[COUNTS.len() - 1] {
+        images.push(view(1, seed(i))?);
+        if !went() {
+            return Ok(None);
+        }
+    }
+    let mut joint = Vec::new();
+    for count in COUNTS {
+        let mut sum = 0.0;
+        for i in 0..REPEATS {
+            sum += evaluate::contrast(&view(count, seed(1000 + i))?);
+            if !went() {
+                return Ok(None);
+            }
+        }
+        joint.push((count, sum / REPEATS as f64));
+    }
+    let independent = COUNTS.iter().filter_map(|&n| Some((n, evaluate::averaged_contrast(&images, n)?))).collect();
+    Ok(Some(SpeckleFigures {
+        method: method.name().into(),
+        independent,
+        joint,
+        side,
+        color,
+        diameter_mm: diameter * 1e3,
+    }))
+}
+
+/// What is seen through these pupils, without exposure, of a hologram of the first problem, in the light of the second.
+pub(super) fn seen_of(
+    [solved, judging]: &[Problem; 2],
+    settings: &Settings,
+    pupils: &[Pupil],
+    engine: &mut dyn Engine,
+    observe: &mut dyn FnMut(&solve::Progress) -> Flow,
+) -> Result<Vec<Vec<f32>>, QualityError> {
+    let solution = solve::solve(solved, settings, engine, observe)?;
+    let planner = judging.planner(settings.frames, WindowFactor::Full);
+    engine.load(&planner.shape(Purpose::View), None)?;
+    engine.write(Buffer::Phases, &solution.phases)?;
+    Ok(evaluate::views(engine, &planner, pupils)?)
+}
+
+/// The same grey from everywhere.
+pub(super) fn plane(side: usize, color: Color, views: [usize; 2]) -> LightField {
+    LightField {
+        name: "even plane".into(),
+        grid: views,
+        height: side,
+        width: side,
+        colors: vec![color],
+        planes: vec![vec![vec![GREY; side * side]; views[0] * views[1]]],
+        view_pitch: None,
+        disparity: None,
+        depth: None,
+        made: None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use eyebox::engine::cpu::CpuEngine;
+
+    #[test]
+    fn independent_frames_follow_the_root_and_joint_ones_are_smoother() {
+        let mut display = Display::preset("small").unwrap();
+        (display.height, display.width) = (64, 64);
+        let settings = Settings { steps: 12, depth: [-0.4e-3, 0.4e-3], ..Settings::default() };
+        let mut solves = 0;
+        let mut went = || {
+            solves += 1;
+            true
+        };
+        let found =
+            speckle(Method::Slfh, &settings, &display, [3, 3], &mut CpuEngine::new(), &mut went).unwrap().unwrap();
+        assert_eq!(solves, SOLVES);
+        let one = found.independent[0].1;
+        assert!(one > 0.2, "a single frame is grainy: {one}");
+        for &(count, contrast) in &found.independent[..4] {
+            let root = one / (count as f64).sqrt();
+            assert!((contrast / root - 1.0).abs() < 0.1, "{count} frames: {contrast}, not {root}");
+        }
+        assert!(found.joint[3].1 < found.independent[3].1, "{found:?}");
+        let mut stop = || false;
+        assert!(
+            speckle(Method::Slfh, &settings, &display, [3, 3], &mut CpuEngine::new(), &mut stop).unwrap().is_none()
+        );
+    }
+}

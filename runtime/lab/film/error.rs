@@ -1,0 +1,30 @@
+//! What can be wrong with a film.
+
+use eyebox::files::FileError;
+use eyebox::hologram::HologramError;
+
+/// What a path looks like, in one line.
+pub(super) const EXAMPLE: &str = r#"{"rate_hz": 30, "keys": [{"t_s": 0, "x_mm": -4, "diameter_mm": 4, "focus": 0}, {"t_s": 2, "x_mm": 4, "focus": "0.01D"}], "blinks_s": [1]}"#;
+
+/// What can be wrong with a film.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum FilmError {
+    /// The file could not be written.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The path of the eye.
+    #[error("{file}: {reason}; such as {}", EXAMPLE)]
+    Path {
+        /// The file.
+        file: String,
+        /// What is wrong, and where.
+        reason: String,
+    },
+    /// What is looked at.
+    #[error(transparent)]
+    Hologram(#[from] HologramError),
+    /// Something that does not fit together.
+    #[error("{0}")]
+    Setting(String),
+}

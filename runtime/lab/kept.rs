@@ -1,0 +1,136 @@
+//! What is done stays done: every result in a file of its own, with everything that decided it.
+//!
+//! A result is used again if what decides it is, to the letter, what the file says. Anything else, a damaged file
+//! included, is computed again and replaced.
+
+use eyebox::files::{self, FileError};
+use eyebox::optics::Display;
+use eyebox::scene::LightField;
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use std::path::{Path, PathBuf};
+
+#[derive(Serialize, Deserialize)]
+struct Kept<S, T> {
+    made_by: S,
+    result: T,
+}
+
+/// A folder of results.
+pub(crate) struct Keep {
+    folder: PathBuf,
+    _made: files::MadeFolder,
+}
+
+impl Keep {
+    /// In this folder, which is made if it is not there.
+    pub fn new(folder: PathBuf) -> Result<Self, FileError> {
+        let _made = files::MadeFolder::new(&folder)?;
+        Ok(Self { folder, _made })
+    }
+
+    /// The result of this name, if it was made by exactly this.
+    pub fn load<T: DeserializeOwned>(&self, name: &str, made_by: &str) -> Option<T> {
+        let file = files::read::bytes(&self.file(name), files::read::RESULTS).ok()?;
+        let kept: Kept<String, T> = serde_json::from_slice(&file).ok()?;
+        (kept.made_by == made_by).then_some(kept.result)
+    }
+
+    /// Keeps a result, whole or not at all.
+    pub fn save<T: Serialize>(&self, name: &str, made_by: &str, result: &T) -> Result<(), FileError> {
+        files::write_file(&self.file(name), |out| Ok(serde_json::to_writer(out, &Kept { made_by, result })?))
+    }
+
+    fn file(&self, name: &str) -> PathBuf {
+        self.folder.join(format!("{name}.json"))
+    }
+}
+
+/// Refuses a folder that nothing can be written into, before anything is computed. It is made if it is not there, and gone
+/// again with what is returned if nothing came to be in it.
+///
+/// # Errors
+/// [`FileError`].
+pub fn writable(folder: &Path) -> Result<files::MadeFolder, FileError> {
+    let made = files::MadeFolder::new(folder)?;
+    files::check_place(&folder.join("report"))?;
+    Ok(made)
+}
+
+/// Everything that a display adds to a result, as text: its file without its name. Displays with the same text give the same
+/// results.
+pub(crate) fn identity(display: &Display) -> String {
+    Display { name: String::new(), ..display.clone() }.to_toml()
+}
+
+/// Changes with any pixel of any view.
+pub(crate) fn checksum(field: &LightField) -> u32 {
+    field.planes.iter().flatten().fold(0, |sum, view| append(sum, view))
+}
+
+/// CRC-32C of what `sum` is that of, and then of the little-endian bytes of these values.
+pub(crate) fn append(sum: u32, values: &[f32]) -> u32 {
+    let mut bytes = Vec::with_capacity(4 * 4096);
+    values.chunks(4096).fold(sum, |sum, some| {
+        bytes.clear();
+        bytes.extend(some.iter().flat_map(|v| v.to_le_bytes()));
+        crc32c::crc32c_append(sum, &bytes)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use eyebox::optics::{Color, Geometry};
+
+    #[test]
+    fn only_what_was_made_the_same_way_is_used_again() {
+        let here = tempfile::tempdir().unwrap();
+        let keep = Keep::new(here.path().join("results")).unwrap();
+        let made_by = r#"{"version":"1","steps":60}"#;
+        keep.save("a", made_by, &vec![1.5, 2.5]).unwrap();
+        assert_eq!(keep.load::<Vec<f64>>("a", made_by), Some(vec![1.5, 2.5]));
+        assert_eq!(keep.load::<Vec<f64>>("a", r#"{"version":"1","steps":61}"#), None);
+        assert_eq!(keep.load::<Vec<f64>>("b", made_by), None);
+        assert_eq!(keep.load::<Vec<String>>("a", made_by), None);
+        let file = here.path().join("results/a.json");
+        let whole = std::fs::read(&file).unwrap();
+        std::fs::write(&file, &whole[..whole.len() - 3]).unwrap();
+        assert_eq!(keep.load::<Vec<f64>>("a", made_by), None);
+    }
+
+    /// Results on one display are never taken for those on another that differs in one thing.
+    #[test]
+    fn every_part_of_a_display_decides_its_results_but_its_name() {
+        let paper = Display::preset("paper").unwrap();
+        let text = paper.to_toml();
+        assert_eq!(identity(&Display { name: "another".into(), ..paper.clone() }), identity(&paper));
+        let with = |section: &str| Display::from_toml(&format!("{text}\n{section}"), "other.toml").unwrap();
+        let others = [
+            Display { pitch: paper.pitch * 1.01, ..paper.clone() },
+            Display { focal_length: paper.focal_length * 1.01, ..paper.clone() },
+            Display { levels: 64, ..paper.clone() },
+            Display { height: paper.height / 2, ..paper.clone() },
+            Display { geometry: Geometry::FarField, ..paper.clone() },
+            Display { wavelengths: paper.wavelengths[..2].to_vec(), ..paper.clone() },
+            Display { dispersion: [(Color::Green, 1.3)].into(), ..paper.clone() },
+            with("[model.all]\ncrosstalk = [[1.2, 2.0], [1.2, 2.0], [1.2, 2.0], [1.2, 2.0]]"),
+            with("[source.all]\nkind = \"led\""),
+            with("[prescription]\nsphere = -2.0"),
+            with("[mask]\nfactor = 2\nseed = 1"),
+            with("[mask]\nfactor = 2\nseed = 2"),
+            with("[viewing]\nluminance_cd_m2 = 90.0"),
+        ];
+        let all: std::collections::HashSet<String> = others.iter().chain([&paper]).map(identity).collect();
+        assert_eq!(all.len(), others.len() + 1);
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_is_refused() {
+        let here = tempfile::tempdir().unwrap();
+        writable(&here.path().join("new/folder")).unwrap();
+        assert!(!here.path().join("new").exists(), "what was tried is gone again");
+        std::fs::write(here.path().join("file"), "x").unwrap();
+        let in_the_way = writable(&here.path().join("file/folder"));
+        assert!(matches!(&in_the_way, Err(FileError::Taken { path, .. }) if path.ends_with("file")), "{in_the_way:?}");
+    }
+}

@@ -1,0 +1,66 @@
+//! What was seen beside what the model says, and what is left.
+
+use super::super::page::{row, section, table};
+use super::super::pictures::img;
+use crate::comparison::{Picture, light_exact, map as picture_of};
+use eyebox::calibrate::{LeftMap, Report, Shown};
+use eyebox::optics::Color;
+use maud::{Markup, html};
+
+/// Pictures that were not fitted, beside their predictions.
+pub(super) fn pictures(all: &[Shown], color: Color) -> Markup {
+    let shot = |picture: Picture, name: &str, under: String| {
+        html! { figure { (img(&picture, name, None)) figcaption { b { (name) } br; span.note { (under) } } } }
+    };
+    let body = html! {
+        p { "Shares are of the variance of pictures that were not fitted." }
+        @for shown in all {
+            @let [height, width] = shown.size;
+            @let most = shown.picture.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
+            @let scaled = |values: &[f32]| values.iter().map(|v| (v / most).max(0.0)).collect::<Vec<f32>>();
+            @let errors: Vec<f64> = shown.difference.iter().map(|d| f64::from(*d)).collect();
+            @let worst = errors.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+            @let shares: Vec<f64> = errors.iter().map(|e| e / worst).collect();
+            div.shots style="--n:3" {
+                (shot(light_exact(&[(color, &scaled(&shown.picture))], height, width), "Seen", shown.file.clone()))
+                (shot(light_exact(&[(color, &scaled(&shown.prediction))], height, width), "Predicted", "the same exposure".into()))
+                (shot(picture_of(&shares, height, width), "Difference", format!("black is 0, white {:.3} of the brightest", worst / f64::from(most))))
+            }
+        }
+    };
+    section("pictures", "Pictures that were not fitted", body)
+}
+
+/// Where in the camera's picture something is left.
+pub(super) fn map(map_of: &LeftMap) -> Markup {
+    let most = map_of.squares.iter().flatten().copied().fold(2.0, f64::max);
+    let values: Vec<f64> = map_of.squares.iter().map(|s| s.map_or(0.0, |s| s / most)).collect();
+    let body = html! {
+        div.shots style="--n:3" {
+            figure {
+                (img(&picture_of(&values, map_of.rows, map_of.columns), "what is left, over the camera's picture", None))
+                figcaption { span.note { (format!("All pictures together, tiles of {0} × {0} camera pixels: squares of what is left, \
+                    from 0 to {most:.1} times the noise's. A good fit is even, at 1.", map_of.tile_px)) } }
+            }
+        }
+    };
+    section("left", "Where something is left", body)
+}
+
+/// What is left of each picture.
+pub(super) fn by_picture(report: &Report) -> Markup {
+    let rows = report.pictures.iter().map(|p| {
+        let [x, y, d] = p.iris_mm;
+        row(
+            &p.file,
+            [
+                format!("{x:.2}, {y:.2}, {d:.2}"),
+                p.role.into(),
+                format!("{:.4} %", 100.0 * p.left),
+                format!("{:.2}", p.squares),
+            ],
+        )
+    });
+    let columns = ["", "Iris x, y, diameter (mm)", "Used", "Left of its variance", "Squares, times the noise's"];
+    section("each", "Picture by picture", table("What is left of each picture, noise and all", &columns, rows))
+}

@@ -1,0 +1,208 @@
+//! What was measured on this device, kept in the user's cache for every solve after it.
+//!
+//! A convenience: a file that is damaged, of another version or of another device is not used, and says so in a line.
+
+use super::{Quality, Recommended, Trial};
+use eyebox::files::{FileError, write_file};
+use eyebox::optics::Color;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// First words of the file; a checksum of the rest follows on the same line.
+const HEAD: &str = "eyebox tradeoff 1 ";
+/// Larger files are not ours.
+const LARGEST: u64 = 8 << 20;
+
+/// Why a file of measured settings is not used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum MeasuredError {
+    /// It could not be read or written.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// It holds something else.
+    #[error("{file}: {reason}; run `eyebox tradeoff` again to replace it")]
+    Content {
+        /// The file.
+        file: String,
+        /// What is wrong.
+        reason: String,
+    },
+}
+
+/// What a run of `tradeoff` found on one device.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Measured {
+    /// The engine, as it [describes](eyebox::engine::Engine::describe) itself.
+    pub device: String,
+    /// The scene.
+    pub scene: String,
+    /// Its colour.
+    pub color: Color,
+    /// Rows and columns of the SLM.
+    pub size: [usize; 2],
+    /// Sub-frames shown.
+    pub frames: usize,
+    /// Fast, balanced, accurate.
+    pub recommended: Vec<Recommended>,
+    /// The trials that none beats, by rising time.
+    pub front: Vec<Trial>,
+}
+
+impl Measured {
+    /// The device's file in a folder of caches.
+    pub fn file(folder: &Path, device: &str) -> PathBuf {
+        let plain = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' };
+        let words: String = device.chars().map(plain).collect();
+        let words: Vec<&str> = words.split('-').filter(|w| !w.is_empty()).collect();
+        let name: String = words.join("-").chars().take(60).collect();
+        folder.join(format!("tradeoff-{name}-{:08x}.json", crc32c::crc32c(device.as_bytes())))
+    }
+
+    /// What was measured on this device; nothing where nothing was.
+    ///
+    /// # Errors
+    /// [`MeasuredError`]: go on without it.
+    pub fn load(folder: &Path, device: &str) -> Result<Option<Self>, MeasuredError> {
+        let path = Self::file(folder, device);
+        let wrong = |reason: &str| MeasuredError::Content { file: path.display().to_string(), reason: reason.into() };
+        let size = match std::fs::metadata(&path) {
+            Ok(there) => there.len(),
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(e) => return Err(FileError::read(&path, e).into()),
+        };
+        if size > LARGEST {
+            return Err(wrong("is too large for measured settings"));
+        }
+        let bytes = eyebox::files::read::bytes(&path, LARGEST).map_err(|e| FileError::read(&path, e))?;
+        let text = std::str::from_utf8(&bytes).map_err(|_| wrong("is no text"))?;
+        let (head, body) = text.split_once('\n').ok_or_else(|| wrong("is cut off"))?;
+        let sum = head.strip_prefix(HEAD).ok_or_else(|| wrong("holds no settings of this version of eyebox"))?;
+        if sum != format!("{:08x}", crc32c::crc32c(body.as_bytes())) {
+            return Err(wrong("is damaged"));
+        }
+        let found: Self = serde_json::from_str(body).map_err(|e| wrong(&format!("holds something else ({e})")))?;
+        if found.device != device {
+            return Err(wrong("is of another device"));
+        }
+        if !found.is_sound() {
+            return Err(wrong("holds settings that cannot be"));
+        }
+        Ok(Some(found))
+    }
+
+    /// Keeps it, whole or not at all; says where.
+    ///
+    /// # Errors
+    /// [`MeasuredError::File`].
+    pub fn save(&self, folder: &Path) -> Result<PathBuf, MeasuredError> {
+        std::fs::create_dir_all(folder).map_err(|e| FileError::write(folder, e))?;
+        let path = Self::file(folder, &self.device);
+        let body = serde_json::to_string_pretty(self).expect("plain data");
+        let head = format!("{HEAD}{:08x}\n", crc32c::crc32c(body.as_bytes()));
+        write_file(&path, |out| out.write_all(head.as_bytes()).and_then(|()| out.write_all(body.as_bytes())))?;
+        Ok(path)
+    }
+
+    fn is_sound(&self) -> bool {
+        let named = |q| self.recommended.iter().filter(|r| r.quality == q).count() == 1;
+        Quality::ALL.into_iter().all(named)
+            && self.recommended.iter().all(|r| r.trial.is_sound())
+            && !self.front.is_empty()
+            && self.front.iter().all(Trial::is_sound)
+            && self.size.iter().all(|n| (1..=65536).contains(n))
+            && (1..=4096).contains(&self.frames)
+    }
+
+    /// The trial that is recommended as this.
+    pub fn of(&self, quality: Quality) -> &Trial {
+        let found = self.recommended.iter().find(|r| r.quality == quality);
+        &found.expect("a sound file has all three").trial
+    }
+
+    /// How many times what was measured a solve of this size takes: by pixels x log2(pixels), as transforms do, and by
+    /// sub-frames.
+    pub fn scale(&self, [height, width]: [usize; 2], frames: usize) -> f64 {
+        let work = |[h, w]: [usize; 2], frames: usize| {
+            let pixels = h as f64 * w as f64;
+            pixels * pixels.log2().max(1.0) * frames as f64
+        };
+        work([height, width], frames) / work(self.size, self.frames)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::front::tests::trial;
+    use super::super::{front, recommend};
+    use super::*;
+
+    fn measured() -> Measured {
+        let trials = [trial(3, 1.0, 20.25), trial(20, 10.0, 28.5), trial(200, 100.0, 28.75)];
+        Measured {
+            device: "CPU, 2 threads, AVX2".into(),
+            scene: "still-life".into(),
+            color: Color::Green,
+            size: [256, 256],
+            frames: 8,
+            recommended: recommend(&trials).unwrap().to_vec(),
+            front: front(&trials, |t| t.milliseconds, |t| t.mean).into_iter().cloned().collect(),
+        }
+    }
+
+    #[test]
+    fn comes_back_as_it_was() {
+        let here = tempfile::tempdir().unwrap();
+        let folder = here.path().join("deeper");
+        assert!(Measured::load(&folder, &measured().device).unwrap().is_none());
+        let file = measured().save(&folder).unwrap();
+        assert_eq!(Measured::load(&folder, &measured().device).unwrap(), Some(measured()));
+        assert!(Measured::load(&folder, "another").unwrap().is_none());
+        // Another device's file under this device's name.
+        std::fs::rename(&file, Measured::file(&folder, "another")).unwrap();
+        assert!(Measured::load(&folder, "another").unwrap_err().to_string().contains("another device"));
+        assert_eq!(measured().of(Quality::Accurate).mean, 28.75);
+    }
+
+    #[test]
+    fn damage_of_any_byte_is_noticed() {
+        let here = tempfile::tempdir().unwrap();
+        let file = measured().save(here.path()).unwrap();
+        let whole = std::fs::read(&file).unwrap();
+        for at in (0..100).chain((100..whole.len()).step_by(13)) {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 1;
+            std::fs::write(&file, &bytes).unwrap();
+            assert!(Measured::load(here.path(), &measured().device).is_err(), "byte {at}");
+            std::fs::write(&file, &whole[..at]).unwrap();
+            assert!(Measured::load(here.path(), &measured().device).is_err(), "cut at {at}");
+        }
+    }
+
+    #[test]
+    fn settings_that_cannot_be_are_refused_though_the_file_is_whole() {
+        let here = tempfile::tempdir().unwrap();
+        let refused = |change: &dyn Fn(&mut Measured)| {
+            let mut all = measured();
+            change(&mut all);
+            all.save(here.path()).unwrap();
+            Measured::load(here.path(), &measured().device).is_err()
+        };
+        assert!(!refused(&|_| ()));
+        assert!(refused(&|m| m.recommended[0].trial.recipe.steps = usize::MAX / 2));
+        assert!(refused(&|m| m.recommended[0].trial.recipe.pixel = 0));
+        assert!(refused(&|m| m.front[0].milliseconds = 0.0));
+        assert!(refused(&|m| m.recommended.truncate(2)));
+        assert!(refused(&|m| m.front.clear()));
+        assert!(refused(&|m| m.size = [0, 5]));
+    }
+
+    #[test]
+    fn cost_follows_pixels_and_sub_frames() {
+        let m = measured();
+        assert_eq!(m.scale([256, 256], 8), 1.0);
+        assert_eq!(m.scale([256, 256], 4), 0.5);
+        assert!((m.scale([512, 512], 8) - 4.0 * 18.0 / 16.0).abs() < 1e-12);
+        assert!(m.scale([1, 1], 1) > 0.0);
+    }
+}

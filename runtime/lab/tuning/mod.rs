@@ -1,0 +1,21 @@
+//! Speed against accuracy: which settings are worth their time.
+//!
+//! [`Settings`](eyebox::solve::Settings) hold every setting that trades quality for time. A [`Tuning`] tries a grid of them on a
+//! [`Subject`], [`front`](fn@front) says which trials none beats, [`recommend`] which three of them are `fast`, `balanced` and
+//! `accurate`; [`Measured`] keeps them for this device in the user's cache.
+
+mod choice;
+mod front;
+mod grid;
+mod measured;
+mod tune;
+mod tuned;
+
+pub use choice::{Recommended, recommend, within};
+pub(crate) use front::short_of;
+pub use front::{Trial, front};
+pub use measured::{Measured, MeasuredError};
+pub use tune::Tuning;
+pub use tuned::{Checked, LevelRow, NEAR_DB, Tuned};
+
+use eyebox::quality::{Quality, QualityError, Reference, Solved, Subject};

@@ -1,0 +1,83 @@
+//! The observer of a long job, who may stop it between any two lists of its engine.
+
+use eyebox::engine::EngineError;
+use eyebox::quality::QualityError;
+use eyebox::solve::Flow;
+use std::sync::{Mutex, PoisonError};
+
+/// Observer of a long job: it gets what is being done and how much of all is done, 0 to 1. [`Flow::Stop`] ends the job with the
+/// results that are there. It is called before each list of the engine, too, so that a stop is heard within it.
+pub type Observe<'a> = dyn FnMut(&str, f64) -> Flow + Send + 'a;
+
+/// Calls the observer for the job and for its engine.
+pub(crate) struct Watch<'a>(Mutex<Watched<'a>>);
+
+struct Watched<'a> {
+    observe: &'a mut Observe<'a>,
+    what: String,
+    share: f64,
+    stopped: bool,
+}
+
+impl Watched<'_> {
+    fn goes_on(&mut self) -> bool {
+        // An observer that stopped it is not called again.
+        self.stopped = self.stopped || (self.observe)(&self.what, self.share) == Flow::Stop;
+        !self.stopped
+    }
+}
+
+impl<'a> Watch<'a> {
+    pub(crate) fn new(observe: &'a mut Observe<'a>) -> Self {
+        Self(Mutex::new(Watched { observe, what: String::new(), share: 0.0, stopped: false }))
+    }
+
+    /// Reports what is being done and the share of all that is done, 0 to 1. Returns false once the job is stopped.
+    pub(crate) fn say(&self, what: &str, share: f64) -> bool {
+        let mut watched = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if watched.what != what {
+            watched.what = what.to_owned();
+        }
+        watched.share = share;
+        watched.goes_on()
+    }
+
+    /// Reports the same again. Returns true once the job is stopped.
+    pub(crate) fn stops(&self) -> bool {
+        !self.0.lock().unwrap_or_else(PoisonError::into_inner).goes_on()
+    }
+
+    /// Refuses more work once the job is stopped: for loops that use no engine.
+    ///
+    /// # Errors
+    /// [`EngineError::Stopped`].
+    pub(crate) fn check(&self) -> Result<(), QualityError> {
+        if self.stops() { Err(EngineError::Stopped.into()) } else { Ok(()) }
+    }
+
+    /// Whether the job was stopped.
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).stopped
+    }
+}
+
+/// Nothing instead of the error of a job that its observer stopped.
+pub(crate) fn unless_stopped<T>(result: Result<T, QualityError>) -> Result<Option<T>, QualityError> {
+    match result {
+        Ok(found) => Ok(Some(found)),
+        Err(error) if is_stop(&error) => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+fn is_stop(error: &QualityError) -> bool {
+    use eyebox::hologram::HologramError;
+    use eyebox::solve::SolveError;
+    let engine = match error {
+        QualityError::Engine(engine) | QualityError::Solve(SolveError::Engine(engine)) => engine,
+        QualityError::Hologram(HologramError::Engine(engine)) => engine,
+        QualityError::Hologram(HologramError::Solve(SolveError::Engine(engine))) => engine,
+        _ => return false,
+    };
+    matches!(engine, EngineError::Stopped)
+}
