@@ -97,15 +97,9 @@ pub mod calibrate;
 pub mod encode;
 pub mod engine;
 pub mod evaluate;
-pub mod files;
-pub mod gaze;
 #[cfg_attr(not(feature = "direct-display"), allow(dead_code, unused_imports, reason = "presenting uses part of it"))]
 pub mod gpu;
 pub mod hologram;
-#[cfg_attr(not(feature = "preview"), allow(dead_code, reason = "previews use all of it"))]
-mod mailbox;
-pub mod memory;
-pub mod optics;
 pub mod plan;
 #[cfg(feature = "window")]
 #[cfg_attr(not(feature = "direct-display"), allow(dead_code, reason = "direct displays use all of it"))]
@@ -114,13 +108,21 @@ pub mod present;
 pub mod preview;
 pub mod produce;
 pub mod quality;
-pub mod scene;
 #[cfg(feature = "window")]
 pub mod session;
 pub mod solve;
-mod steady;
 pub mod tiled;
-pub mod trackers;
+
+#[doc(inline)]
+pub use eyebox_base::{files, memory};
+#[cfg_attr(not(feature = "window"), allow(unused_imports, reason = "sessions use both"))]
+use eyebox_base::{mailbox, steady};
+#[doc(inline)]
+pub use eyebox_optics as optics;
+#[doc(inline)]
+pub use eyebox_scene as scene;
+#[doc(inline)]
+pub use eyebox_tracking::{gaze, trackers};
 
 /// The README's program is compiled and run with the tests.
 #[cfg(doctest)]

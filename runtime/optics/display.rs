@@ -9,7 +9,7 @@ use super::{
     Geometry, Mask, Optics, OpticsError, Picture, PictureMap, Prescription, SourceSections, Sources, SourcesLit,
     SwitchedSource, Viewing,
 };
-use crate::files::FileRecord;
+use eyebox_base::files::FileRecord;
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::Path};
 
@@ -186,7 +186,7 @@ impl Display {
     /// [`OpticsError::DisplayFile`] and those of [`Optics::new`].
     pub fn from_toml(text: &str, file: &str) -> Result<Self, OpticsError> {
         let wrong = |reason: String| OpticsError::DisplayFile { file: file.into(), reason };
-        let read: File = crate::files::read::toml(text).map_err(wrong)?;
+        let read: File = eyebox_base::files::read::toml(text).map_err(wrong)?;
         if read.wavelengths_nm.is_empty() {
             return Err(wrong("wavelengths_nm names no colour: give one to three of red, green, blue".into()));
         }

@@ -83,7 +83,6 @@ impl Default for Encoding {
 /// A packing: a map (colour, sub-frame) -> (video frame, channel, bits).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-#[non_exhaustive]
 pub enum Packing {
     /// One grey image a video frame; of each sub-frame the colours in turn.
     Grey8,
@@ -162,7 +161,6 @@ pub struct Place {
 /// Grey level of 2 pi.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
-#[non_exhaustive]
 pub enum TwoPi {
     /// For all colours.
     One(f64),
@@ -192,7 +190,7 @@ impl Flip {
     }
 
     /// Whether up and down do.
-    pub(crate) fn overturns(self) -> bool {
+    pub fn overturns(self) -> bool {
         matches!(self, Self::Vertical | Self::Both)
     }
 }

@@ -17,7 +17,7 @@ impl EyeboxRegion {
     }
 
     /// How far a disc of this diameter may be from its middle along each axis, so that all of it is inside; 0 where it does not fit.
-    pub(crate) fn room(&self, diameter: f64) -> [f64; 2] {
+    pub fn room(&self, diameter: f64) -> [f64; 2] {
         self.size.map(|side| ((side - diameter) / 2.0).max(0.0))
     }
 

@@ -7,7 +7,6 @@ use serde::{Deserialize, Serialize};
 /// Where the SLM stands.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-#[non_exhaustive]
 pub enum Geometry {
     /// In an image plane; a 4f relay puts its Fourier plane where the pupil is (OPTICS 1).
     #[default]
@@ -105,12 +104,12 @@ impl Optics {
     }
 
     /// The same SLM behind a mask, of whose pixels so many cover one of its own along an axis.
-    pub(crate) fn behind_mask(self, factor: usize) -> Self {
+    pub fn behind_mask(self, factor: usize) -> Self {
         Self { mask_factor: factor.max(1), ..self }
     }
 
     /// The grid on which light is after the mask; these optics themselves where there is none.
-    pub(crate) fn at_mask(self) -> Self {
+    pub fn at_mask(self) -> Self {
         let Self { height, width, pitch, mask_factor, .. } = self;
         let (height, width) = (height * mask_factor, width * mask_factor);
         Self { height, width, pitch: pitch / mask_factor as f64, mask_factor: 1, ..self }
@@ -156,7 +155,7 @@ impl Optics {
     }
 
     /// Direction cosine per bin, as (y, x): `wavelength q`, of light at pupil-plane position `wavelength f q`.
-    pub(crate) fn cosine_per_bin(&self) -> (f64, f64) {
+    pub fn cosine_per_bin(&self) -> (f64, f64) {
         match self.geometry {
             Geometry::Relay => (
                 self.wavelength / (self.height as f64 * self.pitch),

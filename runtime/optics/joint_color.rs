@@ -112,14 +112,14 @@ pub fn powers_in_sequence(colors: usize, frames: usize) -> Vec<Vec<f64>> {
 }
 
 /// The place, among colours of these slopes, of the one that drives are meant at: it makes whole turns, and the fewest.
-pub(crate) fn reference_of(slopes: impl Iterator<Item = f64>) -> Option<usize> {
+pub fn reference_of(slopes: impl Iterator<Item = f64>) -> Option<usize> {
     let whole = slopes.enumerate().filter(|(_, slope)| *slope >= 1.0 && slope.fract() == 0.0);
     whole.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(place, _)| place)
 }
 
 /// The drives, as phases (radians) of one turn, of which colours of these slopes have these phases; where the colour that they are meant at makes
 /// one turn over them, its phases are the drives.
-pub(crate) fn drives_of<'a>(slopes: &[f64], phases: impl Fn(usize) -> &'a [f32] + Sync) -> Vec<f32> {
+pub fn drives_of<'a>(slopes: &[f64], phases: impl Fn(usize) -> &'a [f32] + Sync) -> Vec<f32> {
     let Some(reference) = reference_of(slopes.iter().copied()) else { return Vec::new() };
     let mut drives = phases(reference).to_vec();
     if slopes[reference] != 1.0 {
@@ -130,7 +130,7 @@ pub(crate) fn drives_of<'a>(slopes: &[f64], phases: impl Fn(usize) -> &'a [f32] 
 
 /// The same behind whichever colour they are meant at, into memory that is there: of the drives that leave that colour its phases, the one that
 /// leaves the others theirs, too.
-pub(crate) fn drives_into<'a>(
+pub fn drives_into<'a>(
     slopes: &[f64],
     reference: usize,
     phases: impl Fn(usize) -> &'a [f32] + Sync,
@@ -156,7 +156,7 @@ pub(crate) fn drives_into<'a>(
 }
 
 /// These divided by their mean.
-pub(crate) fn with_mean_of_one(mut powers: Vec<f64>) -> Vec<f64> {
+pub fn with_mean_of_one(mut powers: Vec<f64>) -> Vec<f64> {
     let mean = powers.iter().sum::<f64>() / powers.len().max(1) as f64;
     if mean > 0.0 {
         powers.iter_mut().for_each(|power| *power /= mean);
@@ -165,7 +165,7 @@ pub(crate) fn with_mean_of_one(mut powers: Vec<f64>) -> Vec<f64> {
 }
 
 /// The drive, 0 to a turn, behind the phase of the colour that it is meant at (radians, any turn).
-pub(crate) fn drive_of(phase: f32) -> f64 {
+pub fn drive_of(phase: f32) -> f64 {
     let phase = f64::from(phase);
     // Within a turn of zero, as phases are, the same without a division.
     let drive = match phase {
@@ -178,7 +178,7 @@ pub(crate) fn drive_of(phase: f32) -> f64 {
 }
 
 /// The phase, -pi to pi radians, that a colour of this slope has of a drive (OPTICS 13): the drive keeps its wrap.
-pub(crate) fn phase_of(drive: f64, slope: f64) -> f32 {
+pub fn phase_of(drive: f64, slope: f64) -> f32 {
     let phase = slope * drive;
     (phase - TAU * (phase / TAU).round()) as f32
 }

@@ -177,7 +177,7 @@ mod tests {
 
     #[test]
     fn presets_are_usual_and_portraits_say_so() {
-        for name in crate::optics::PRESETS {
+        for name in crate::PRESETS {
             assert_eq!(Display::preset(name).unwrap().check_usual(), Ok(()), "{name}");
         }
         let upright = Display { height: 1920, width: 1080, ..Display::preset("paper").unwrap() };

@@ -1,7 +1,7 @@
 //! Small dense systems of equations.
 
 /// Cholesky's factor of a positive definite matrix, lower; None where it is none.
-pub(crate) fn cholesky(matrix: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
+pub fn cholesky(matrix: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
     let n = matrix.len();
     let mut lower = vec![vec![0.0; n]; n];
     for i in 0..n {
@@ -31,7 +31,7 @@ fn substitute(lower: &[Vec<f64>], right: &[f64]) -> Vec<f64> {
 }
 
 /// Solves a positive definite system, each unknown in its own unit.
-pub(crate) fn solve(matrix: &[Vec<f64>], right: &[f64]) -> Option<Vec<f64>> {
+pub fn solve(matrix: &[Vec<f64>], right: &[f64]) -> Option<Vec<f64>> {
     let (scaled, unit) = scaled(matrix);
     let right: Vec<f64> = right.iter().zip(&unit).map(|(r, u)| r * u).collect();
     let x = substitute(&cholesky(&scaled)?, &right);
@@ -39,7 +39,7 @@ pub(crate) fn solve(matrix: &[Vec<f64>], right: &[f64]) -> Option<Vec<f64>> {
 }
 
 /// The inverse of a positive definite matrix.
-pub(crate) fn inverse(matrix: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
+pub fn inverse(matrix: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
     let (scaled, unit) = scaled(matrix);
     let lower = cholesky(&scaled)?;
     let column = |i: usize| {

@@ -7,7 +7,7 @@
 
 use super::mask_design::{PARTS, designed, random_part};
 use super::units::within;
-use crate::files::{read_grey, read_npy};
+use eyebox_base::files::{read_grey, read_npy};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 use std::path::Path;
 use std::sync::Arc;
@@ -150,7 +150,7 @@ impl Mask {
     }
 
     /// What is wrong with it, in words.
-    pub(crate) fn check(&self) -> Result<(), String> {
+    pub fn check(&self) -> Result<(), String> {
         within("factor", self.factor as f64, 1.0, MOST as f64)?;
         within("distance_mm", self.distance_mm, 0.0, 50.0)?;
         within("wavelength_nm", self.wavelength_nm.unwrap_or(500.0), 200.0, 2500.0)?;
@@ -172,13 +172,13 @@ impl Mask {
     }
 
     /// Metres from the SLM.
-    pub(crate) fn distance(&self) -> f64 {
+    pub fn distance(&self) -> f64 {
         self.distance_mm * 1e-3
     }
 
     /// Its phases over so many rows and columns of its own pixels, turns from 0 to 1. Phases that were given for another size begin
     /// in the same corner, and repeat themselves where they end.
-    pub(crate) fn turns(&self, size: [usize; 2]) -> Vec<f32> {
+    pub fn turns(&self, size: [usize; 2]) -> Vec<f32> {
         let turn = |part: u32| part as f32 / PARTS as f32;
         if let Some(MaskPhases { size: [rows, columns], values }) = &self.phases {
             let at = |i: usize| (i / size[1]) % rows * columns + (i % size[1]) % columns;

@@ -1,6 +1,6 @@
 use super::super::{Color, Display};
 use super::*;
-use crate::files::write_npy;
+use eyebox_base::files::write_npy;
 use eyebox_kernels::Complex64;
 use eyebox_kernels::fft::{Direction, transform_f64};
 use std::f64::consts::TAU;

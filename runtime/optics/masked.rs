@@ -19,7 +19,7 @@ impl Display {
     }
 
     /// Turns of this wavelength's light (metres) for one turn of the mask's phases.
-    pub(crate) fn mask_slope(&self, wavelength: f64) -> f64 {
+    pub fn mask_slope(&self, wavelength: f64) -> f64 {
         let longest = self.wavelengths.iter().map(|w| w.wavelength).fold(0.0, f64::max);
         let meant = self.mask.as_ref().and_then(|mask| mask.wavelength_nm).map_or(longest, |nm| nm * 1e-9);
         meant / wavelength

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Waves of undiffracted light that a display may have, at most.
-pub(crate) const WAVES: usize = 4;
+pub const WAVES: usize = 4;
 
 /// How fast crosstalk between pixels falls off towards one side: its transfer is exp(-(|k| / sigma)^q).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -43,7 +43,6 @@ pub struct Iris {
 /// What a real SLM and its relay do to the light of one colour, by the names of OPTICS 10. The default is the ideal display,
 /// and every term that stands at its default costs nothing.
 #[derive(Debug, Clone, PartialEq)]
-#[non_exhaustive]
 pub struct DisplayModel {
     /// Phase at full drive in units of 2 pi, at 3 x 3 nodes (rows from the top, columns from the left), bilinear between.
     pub level: [[f64; 3]; 3],
@@ -191,7 +190,6 @@ impl Level {
 /// A section of `[model]` in a display file: the terms that are known of one colour, or of all.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-#[non_exhaustive]
 pub struct ModelTerms {
     /// [`DisplayModel::level`].
     #[serde(skip_serializing_if = "Option::is_none")]

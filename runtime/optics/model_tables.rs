@@ -40,7 +40,7 @@ impl DisplayModel {
     /// What a pixel of an SLM of `height` x `width` has of its own: its look-up table's level, the source's amplitude that it
     /// modulates, real and imaginary part of the light that it does not. `root`: [`source_root`](Self::source_root) of that SLM.
     /// Rows and columns beyond its edges are those that come in on the other side, and dark: crosstalk sees them, a pupil does not.
-    pub(crate) fn pixel(&self, [row, column]: [i64; 2], [height, width]: [usize; 2], root: f64) -> [f64; 4] {
+    pub fn pixel(&self, [row, column]: [i64; 2], [height, width]: [usize; 2], root: f64) -> [f64; 4] {
         let inside = |i: i64, n: usize| (0..n as i64).contains(&i);
         let at = |i: i64, n: usize| place(i.rem_euclid(n as i64) as usize, n);
         let (x, y) = (at(column, width), at(row, height));
@@ -107,7 +107,7 @@ impl DisplayModel {
 
     /// Share of the variance of random drives that crosstalk leaves on an SLM of `height` x `width` pixels: the sum of the squares of
     /// its kernel; 1 without.
-    pub(crate) fn variance_left(&self, height: usize, width: usize) -> f64 {
+    pub fn variance_left(&self, height: usize, width: usize) -> f64 {
         let squares = |kernel: &Vec<f64>| kernel.iter().map(|v| v * v).sum::<f64>();
         self.crosstalk_kernels(height, width, 1).map_or(1.0, |axes| axes.iter().map(squares).product())
     }
@@ -131,14 +131,14 @@ impl DisplayModel {
     }
 
     /// The source's amplitude before its mean square is made 1.
-    pub(crate) fn source_at(&self, x: f64, y: f64) -> f64 {
+    pub fn source_at(&self, x: f64, y: f64) -> f64 {
         let [cx, cy, cxx, cxy, cyy] = self.source;
         (cx * x + cy * y + cxx * x * x + cxy * x * y + cyy * y * y).exp()
     }
 
     /// The root of its mean square over the pixels of an SLM of `height` x `width`, or over places as even and fewer where there
     /// are very many.
-    pub(crate) fn source_root(&self, [height, width]: [usize; 2]) -> f64 {
+    pub fn source_root(&self, [height, width]: [usize; 2]) -> f64 {
         if self.source == [0.0; 5] {
             return 1.0;
         }
@@ -179,12 +179,12 @@ impl DisplayModel {
     }
 
     /// The same of one value a pixel, real.
-    pub(crate) fn pixel_sinc(&self, k: f64) -> f64 {
+    pub fn pixel_sinc(&self, k: f64) -> f64 {
         sinc(self.fill * k)
     }
 
     /// What the pixels' aperture leaves of the light through `pupil`, over that of points, on an SLM with eyeboxes of `eyebox` meters.
-    pub(crate) fn aperture_light(&self, pupil: &Pupil, eyebox: f64) -> f64 {
+    pub fn aperture_light(&self, pupil: &Pupil, eyebox: f64) -> f64 {
         if self.fill == 0.0 {
             return 1.0;
         }

@@ -76,7 +76,7 @@ impl Obstruction {
     /// The amplitude that passes at the places (x, y) of bins of a pupil plane, metres, before an eye with this pupil: from 0 to 1,
     /// times one factor. With it the mean light of the pupil's bins is that without the obstruction, because an eye adapts to less
     /// light. It is 1 where the obstruction leaves no light at all.
-    pub(crate) fn amplitude(self, grid: &Optics, pupil: &Pupil) -> impl Fn([f64; 2]) -> f64 + use<> {
+    pub fn amplitude(self, grid: &Optics, pupil: &Pupil) -> impl Fn([f64; 2]) -> f64 + use<> {
         let (marks, (bin_y, bin_x)) = (self.marks(), grid.bin_size());
         let (center, bin) = ([pupil.x, pupil.y], 0.5 * (bin_x + bin_y));
         let passing = move |[x, y]: [f64; 2]| {

@@ -13,7 +13,7 @@ pub struct Padding {
 
 /// How far light moves sideways inside a pupil at distance `offset` from the axis, metres:
 /// `|z| (|s| + d/2) / f` (OPTICS 2). The caller gives `reach = |s| + d/2`.
-pub(crate) fn walk_off(optics: &Optics, depth: f64, reach: f64) -> f64 {
+pub fn walk_off(optics: &Optics, depth: f64, reach: f64) -> f64 {
     depth.abs() * reach.abs() / optics.focal_length
 }
 
@@ -26,7 +26,7 @@ fn is_slow(n: usize) -> bool {
 }
 
 /// Which sides [`Padding::smooth`] pads, and why, in words.
-pub(crate) fn slow_sides(optics: &Optics) -> String {
+pub fn slow_sides(optics: &Optics) -> String {
     let sides = [(optics.height, "rows"), (optics.width, "columns")].into_iter().filter(|(n, _)| is_slow(*n));
     let why = |(n, side): (usize, &str)| format!("{n} {side}, with the prime factor {}", largest_prime(n));
     format!("{} would transform slowly", sides.map(why).collect::<Vec<_>>().join(" and "))

@@ -66,14 +66,14 @@ impl Seen {
     }
 
     /// Place in the camera's picture of a place in the display's.
-    pub(crate) fn forth(&self, at: [f64; 2]) -> [f64; 2] {
+    pub fn forth(&self, at: [f64; 2]) -> [f64; 2] {
         let [x, y] = project(self.homography(), at);
         let bend = self.bend(x * x + y * y);
         [x * bend, y * bend]
     }
 
     /// Place in the display's picture of a place in the camera's.
-    pub(crate) fn back(&self, [u, v]: [f64; 2]) -> [f64; 2] {
+    pub fn back(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         let rho = u.hypot(v);
         // Newton's method for the radius before the distortion.
         let [k1, k2] = self.distortion;

@@ -2,7 +2,7 @@
 
 use super::units::within;
 use super::{Optics, OpticsError, Pupil};
-use crate::files::read;
+use eyebox_base::files::read;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -141,7 +141,7 @@ impl Prescription {
     }
 
     /// Its path P in metres as a polynomial in X - s, in metres: coefficients of x^i y^j.
-    pub(crate) fn path(&self) -> Polynomial {
+    pub fn path(&self) -> Polynomial {
         let [[xx, xy], [_, yy]] = self.power();
         let mut path = vec![vec![0.0, 0.0, 0.5 * yy], vec![0.0, xy, 0.0], vec![0.5 * xx, 0.0, 0.0]];
         let scale = -2.0 / (self.measured_mm * 1e-3);
@@ -162,7 +162,7 @@ impl Prescription {
 
     /// The depth at which content walks off as far as light does in this eye and as the picture that it sees moves.
     /// Metres: `reach` is the largest |s| + d/2, the widest pupil has this diameter.
-    pub(crate) fn walk_off(&self, focal_length: f64, reach: f64, diameter: f64) -> f64 {
+    pub fn walk_off(&self, focal_length: f64, reach: f64, diameter: f64) -> f64 {
         let moved = focal_length * focal_length * self.strongest();
         moved.max(0.5 * self.blur(focal_length, diameter) * focal_length / reach)
     }

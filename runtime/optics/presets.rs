@@ -1,7 +1,7 @@
 //! The built-in displays by name: models, and SLMs of makers as files with their sources.
 
 use super::{Color, Display, Encoding, Geometry, OpticsError, Wavelength};
-use crate::files::{FileRecord, read};
+use eyebox_base::files::{FileRecord, read};
 use std::path::Path;
 
 /// The built-in displays, by name; the first is the default.

@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 /// Whether the light of bin (`ky`, `kx`) passes the pupil: inside the disc, a true DFT bin, and propagating.
 ///
 /// Bins beyond the grid do not exist: they are where a window hangs over the edge of the eyebox.
-pub(crate) fn aperture(optics: &Optics, pupil: &Pupil, ky: i64, kx: i64) -> bool {
+pub fn aperture(optics: &Optics, pupil: &Pupil, ky: i64, kx: i64) -> bool {
     Aperture::new(optics, pupil).row(ky)(kx)
 }
 
@@ -44,12 +44,12 @@ impl Aperture {
 /// Phase of H(q; z) in turns, for `a = (wavelength |q|)^2 < 1`: `-(z / wavelength) a / (1 + sqrt(1 - a))`.
 ///
 /// The form without cancellation; thousands of turns at 1 m, so reduce to a fraction before any float32 sine.
-pub(crate) fn propagation_turns(a: f64, depth: f64, wavelength: f64) -> f64 {
+pub fn propagation_turns(a: f64, depth: f64, wavelength: f64) -> f64 {
     -(depth / wavelength) * (a / (1.0 + (1.0 - a).max(0.0).sqrt()))
 }
 
 /// H(q; z) at an index (row, column) of a transform, as (re, im); 0 where nothing propagates.
-pub(crate) fn transfer_of_bin(optics: &Optics, depth: f64, [row, column]: [usize; 2]) -> (f64, f64) {
+pub fn transfer_of_bin(optics: &Optics, depth: f64, [row, column]: [usize; 2]) -> (f64, f64) {
     let (slope_y, slope_x) = optics.cosine_per_bin();
     let cosine = |at: usize, n: usize, slope: f64| frequency_bin(at as i64, n) as f64 * slope;
     let (cy, cx) = (cosine(row, optics.height, slope_y), cosine(column, optics.width, slope_x));

@@ -67,7 +67,7 @@ impl PupilDistribution {
 
     /// Whether pupils drawn from another distribution serve this one as well: the difference is what an eye does while
     /// it fixates.
-    pub(crate) fn is_served_by(&self, other: &Self) -> bool {
+    pub fn is_served_by(&self, other: &Self) -> bool {
         let slack = 0.5 * self.spread.max(other.spread);
         let close = |a: [f64; 2], b: [f64; 2], slack: f64| (0..2).all(|i| (a[i] - b[i]).abs() <= slack);
         self.distance(other) <= slack

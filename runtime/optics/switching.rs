@@ -86,7 +86,7 @@ impl Sources {
 
 /// Mean light over the eyeboxes of the sources that are lit, over that of a source of power 1 that is always lit: 1 without
 /// switchable sources.
-pub(crate) fn mean_light(modes: &[SourceMode]) -> f64 {
+pub fn mean_light(modes: &[SourceMode]) -> f64 {
     let mut lit: Vec<usize> = modes.iter().filter(|mode| mode.is_lit()).map(|mode| mode.source).collect();
     lit.dedup();
     let light: f64 = modes.iter().filter(|mode| mode.is_lit()).map(|mode| mode.weight).sum();

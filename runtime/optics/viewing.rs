@@ -65,7 +65,7 @@ impl Viewing {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::Display;
+    use crate::Display;
 
     const BENCH: &str =
         "resolution = [8, 8]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";

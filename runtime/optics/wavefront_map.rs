@@ -2,7 +2,7 @@
 
 use super::model::{ModelOf, ModelSections};
 use super::{Color, linear::least_squares, zernike};
-use crate::files::read_npy_with_gaps;
+use eyebox_base::files::read_npy_with_gaps;
 use std::path::Path;
 
 /// Polynomials that are fitted: all to the tenth order.
@@ -76,8 +76,8 @@ fn fit(values: &[f32], n: usize, scale: f64) -> Option<([f64; COUNT], f64)> {
 
 #[cfg(test)]
 mod tests {
-    use crate::files::write_npy;
-    use crate::optics::{Color, Display};
+    use crate::{Color, Display};
+    use eyebox_base::files::write_npy;
 
     const BENCH: &str =
         "resolution = [8, 8]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 500 }\n";

@@ -38,7 +38,7 @@ impl Window {
     }
 
     /// The same with at least so many rows and columns, as far as the grid has them: windows that are to be of one size.
-    pub(crate) fn around(optics: &Optics, pupil: &Pupil, factor: WindowFactor, [rows, columns]: [usize; 2]) -> Self {
+    pub fn around(optics: &Optics, pupil: &Pupil, factor: WindowFactor, [rows, columns]: [usize; 2]) -> Self {
         let (bin_y, bin_x) = optics.bin_size();
         let (most_y, most_x) = optics.image_size();
         let (first_y, first_x) = optics.first_bin();
@@ -77,7 +77,7 @@ impl Window {
     }
 
     /// The same, row by row.
-    pub(crate) fn each_span(self, optics: &Optics, pupil: &Pupil) -> impl Iterator<Item = [u32; 2]> + use<> {
+    pub fn each_span(self, optics: &Optics, pupil: &Pupil) -> impl Iterator<Item = [u32; 2]> + use<> {
         let aperture = Aperture::new(optics, pupil);
         let (bin_y, bin_x) = optics.bin_size();
         let (pupil, reach, per_bin) = (*pupil, (pupil.diameter / 2.0).powi(2), bin_x.recip());

@@ -2,7 +2,7 @@
 
 use super::tone::{FullScale, Tally, Tone};
 use super::{LightField, Order, Parallax, SceneError, order, standing};
-use crate::optics::check_usual_view_pitch;
+use eyebox_optics::check_usual_view_pitch;
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -43,7 +43,7 @@ impl LightField {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::Color;
+    use eyebox_optics::Color;
 
     #[test]
     fn views_of_a_program_s_own_are_looked_at() {
@@ -115,9 +115,9 @@ mod tests {
     #[test]
     fn views_in_another_order_are_refused_until_it_is_stated() {
         let display =
-            crate::optics::Display { height: 96, width: 96, ..crate::optics::Display::preset("paper").unwrap() };
-        let request = crate::scene::Request { views: 5, ..crate::scene::Request::new(&display, &[Color::Green]) };
-        let field = crate::scene::load("builtin:still-life?span=1.1", &request).unwrap();
+            eyebox_optics::Display { height: 96, width: 96, ..eyebox_optics::Display::preset("paper").unwrap() };
+        let request = crate::Request { views: 5, ..crate::Request::new(&display, &[Color::Green]) };
+        let field = crate::load("builtin:still-life?span=1.1", &request).unwrap();
         let right = LightField { made: None, depth: None, ..field };
         let right = right.admit(None).unwrap();
         for order in ["flip-rows", "flip-columns", "flip-rows,flip-columns", "transpose"] {

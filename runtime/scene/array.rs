@@ -8,8 +8,8 @@ use super::settings::{self, Settings};
 use super::tone::{FullScale, Reading, Stored};
 use super::views::{self, Frame, Read};
 use super::{Request, SceneError};
-use crate::files::NpyArray;
-use crate::memory;
+use eyebox_base::files::NpyArray;
+use eyebox_base::memory;
 use rayon::prelude::*;
 use std::path::Path;
 

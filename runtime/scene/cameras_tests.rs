@@ -2,8 +2,8 @@
 //! remedy that is followed and works.
 
 use super::*;
-use crate::files::write_png;
-use crate::optics::{Color, Display};
+use eyebox_base::files::write_png;
+use eyebox_optics::{Color, Display};
 use std::f32::consts::TAU;
 use std::fs;
 use std::path::Path;

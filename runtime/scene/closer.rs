@@ -2,13 +2,13 @@
 
 use super::layers::decibels;
 use super::{DepthSource, Interpolator, Layers, LightField, MadeViews, Photographs, SceneError, ViewGrid};
-use crate::memory;
-use crate::optics::Display;
+use eyebox_base::memory;
+use eyebox_optics::Display;
 
 /// Most views along an axis that are made.
 const MOST: usize = 9;
 /// How well layers must show a view between others, dB: 3 more than a good hologram does.
-pub(crate) const ENOUGH: f64 = 36.0;
+pub const ENOUGH: f64 = 36.0;
 /// By how much interpolation must show it better where they do not, dB.
 const BETTER: f64 = 1.0;
 

@@ -6,7 +6,7 @@ use super::range::{USUAL, mean_light};
 use super::resize::Resize;
 use super::sweep::{Compared, MOST, Sweep, reach_within};
 use super::{Fit, LightField, Pyramid, ViewGrid};
-use crate::optics::Display;
+use eyebox_optics::Display;
 
 /// Pixels along the longer side of what disparities are sought in.
 const LARGEST: usize = 512;
@@ -39,7 +39,7 @@ pub fn central_depth(field: &LightField, display: &Display) -> Vec<f32> {
 
 /// The central view of a pyramid, linear light, and its disparities between the ends of `range` (pixels between
 /// neighbouring views); (height, width) of the pyramid's first level.
-pub(crate) fn central_view(pyramid: &Pyramid, grid: &ViewGrid, range: [f64; 2]) -> (Vec<f32>, Vec<f32>) {
+pub fn central_view(pyramid: &Pyramid, grid: &ViewGrid, range: [f64; 2]) -> (Vec<f32>, Vec<f32>) {
     let level = &pyramid.levels[0];
     let pixels = level.height * level.width;
     let unit = pyramid.scale / 65535.0;
@@ -90,8 +90,8 @@ pub(super) fn view_disparities(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::Color;
-    use crate::scene::{Request, load};
+    use crate::{Request, load};
+    use eyebox_optics::Color;
 
     fn depths(source: &str) -> (LightField, Vec<f32>) {
         let display = Display { height: 96, width: 120, ..Display::preset("small").unwrap() };

@@ -2,7 +2,7 @@
 //! measured right, or the views are refused.
 
 use super::*;
-use crate::optics::{Color, Display};
+use eyebox_optics::{Color, Display};
 
 #[derive(Debug, Clone, Copy)]
 enum Background {

@@ -2,9 +2,9 @@
 
 use super::CamerasFound;
 use super::light::FullScale;
-use crate::files::{FileError, OtherKind, reason_to_read};
-use crate::memory::TooLarge;
-use crate::optics::{OpticsError, depths_in_words};
+use eyebox_base::files::{FileError, OtherKind, reason_to_read};
+use eyebox_base::memory::TooLarge;
+use eyebox_optics::{OpticsError, depths_in_words};
 use std::{io, path::Path};
 
 /// A scene that cannot be loaded: every variant names the file or folder.
@@ -15,7 +15,7 @@ pub enum SceneError {
     #[error(transparent)]
     Memory(#[from] TooLarge),
     /// Neither a file nor a folder.
-    #[error("{path}: no such {what}{}", crate::files::similar(path).map_or(String::new(), |name| format!("; there is {name}")))]
+    #[error("{path}: no such {what}{}", eyebox_base::files::similar(path).map_or(String::new(), |name| format!("; there is {name}")))]
     NotFound {
         /// The path.
         path: String,
@@ -326,7 +326,7 @@ pub enum SceneError {
 
 impl SceneError {
     /// Depths that were measured, and not to be trusted: so many per cent of the scene's detail are sure.
-    pub(crate) fn doubtful_depth(depth: [f64; 2], percent: u8, focal_length: f64) -> Self {
+    pub fn doubtful_depth(depth: [f64; 2], percent: u8, focal_length: f64) -> Self {
         Self::Depth { measured: depths_in_words(depth, focal_length), percent }
     }
 

@@ -3,7 +3,7 @@
 use super::names::{is_auxiliary, square};
 use super::natural::{files, is_picture, natural};
 use super::{SceneError, folder, stack, video};
-use crate::files::{FileError, FileKind};
+use eyebox_base::files::{FileError, FileKind};
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -2,8 +2,8 @@
 //! that decides, and none inside out without a word.
 
 use super::*;
-use crate::files::write_png;
-use crate::optics::{Color, Display};
+use eyebox_base::files::write_png;
+use eyebox_optics::{Color, Display};
 use std::fmt;
 
 const GREEN: [Color; 1] = [Color::Green];

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 const MOST: f64 = 0.25;
 
 /// Where views of given pictures are seen from.
-pub(crate) struct Places<'a> {
+pub struct Places<'a> {
     /// (x, y) beside the place that the pictures were made from, metres of the pupil plane.
     pub places: &'a [[f64; 2]],
     /// Pixels by which content moves for a metre of depth and a metre of the pupil plane: 1 / (f p).
@@ -38,11 +38,7 @@ impl Places<'_> {
 ///
 /// # Errors
 /// In words, for depths that displace content too far.
-pub(crate) fn views_of_depths(
-    planes: &[&[f32]],
-    depths: &[f32],
-    from: &Places<'_>,
-) -> Result<Vec<Vec<Vec<f32>>>, String> {
+pub fn views_of_depths(planes: &[&[f32]], depths: &[f32], from: &Places<'_>) -> Result<Vec<Vec<Vec<f32>>>, String> {
     from.check(depths.iter().map(|z| f64::from(*z)))?;
     // Three colours tell together what is mixed of what.
     let three: Vec<Vec<f32>> = (0..3).map(|i| planes[i.min(planes.len() - 1)].to_vec()).collect();
@@ -55,7 +51,7 @@ pub(crate) fn views_of_depths(
 }
 
 /// A picture with opacity.
-pub(crate) struct Layer<'a> {
+pub struct Layer<'a> {
     /// How deep it lies, metres.
     pub depth: f64,
     /// A plane for each colour, not multiplied by the opacity.
@@ -68,7 +64,7 @@ pub(crate) struct Layer<'a> {
 ///
 /// # Errors
 /// In words, for depths that displace content too far.
-pub(crate) fn views_of_layers(layers: &[Layer<'_>], from: &Places<'_>) -> Result<Vec<Vec<Vec<f32>>>, String> {
+pub fn views_of_layers(layers: &[Layer<'_>], from: &Places<'_>) -> Result<Vec<Vec<Vec<f32>>>, String> {
     from.check(layers.iter().map(|layer| layer.depth))?;
     let colors = layers.first().map_or(0, |layer| layer.planes.len());
     let [height, width] = from.size;

@@ -6,8 +6,8 @@
 use super::options::parts;
 use super::source::{Kept, Source};
 use super::{LightField, SceneError, folder, frames, settings, stack, video};
-use crate::files::{self, Digester};
-use crate::optics::Color;
+use eyebox_base::files::{self, Digester};
+use eyebox_optics::Color;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -55,7 +55,7 @@ pub fn digest_of_picture(path: &Path) -> Result<String, SceneError> {
 }
 
 /// The path of a source that is no built-in scene, and the options behind its question mark.
-pub(crate) fn path_and_options(source: &str) -> Option<(PathBuf, &str)> {
+pub fn path_and_options(source: &str) -> Option<(PathBuf, &str)> {
     if source.starts_with("builtin:") {
         return None;
     }
@@ -106,7 +106,7 @@ fn of_values(values: &[f32]) -> String {
 #[cfg(all(test, feature = "image-formats"))]
 mod tests {
     use super::*;
-    use crate::files::{write_npy, write_png};
+    use eyebox_base::files::{write_npy, write_png};
     use std::fs;
 
     /// A folder of 2 x 2 views whose light differs from view to view, and from `seed` to `seed`.

@@ -4,7 +4,7 @@ use super::order::{Order, OrderFound};
 use super::resize::{Fit, Resize};
 use super::source::Source;
 use super::{DepthSource, Layers, LightField, Parallax, Reprojection, Request, SceneError, views};
-use crate::optics::{Color, Display, Geometry, dioptres};
+use eyebox_optics::{Color, Display, Geometry, dioptres};
 use serde::Serialize;
 
 /// A scene, as it is read. Lengths in metres unless the name says otherwise.

@@ -9,7 +9,7 @@ use super::depth::{scratch, view_disparities};
 use super::rays::{MOST_STEPS, NONE, Rays, Way};
 use super::sweep::Compared;
 use super::{LightField, ViewGrid};
-use crate::optics::Display;
+use eyebox_optics::Display;
 use rayon::prelude::*;
 use std::sync::OnceLock;
 

@@ -1,7 +1,7 @@
 //! Views between views against the scene's own.
 
 use super::{Interpolator, LightField, Stage, ViewGrid};
-use crate::optics::{Color, Display};
+use eyebox_optics::{Color, Display};
 use proptest::prelude::*;
 
 const SIZE: usize = 320;

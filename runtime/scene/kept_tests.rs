@@ -2,8 +2,8 @@
 //! helps.
 
 use super::*;
-use crate::files::{linear_to_srgb, npy_header};
-use crate::optics::{Color, Display};
+use eyebox_base::files::{linear_to_srgb, npy_header};
+use eyebox_optics::{Color, Display};
 use image::{ImageBuffer, Rgb};
 use std::{fs, path::PathBuf};
 

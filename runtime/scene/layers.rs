@@ -3,13 +3,13 @@
 //! predict it.
 
 use super::{LightField, SceneError, ViewGrid};
-use crate::memory;
-use crate::optics::{Display, fast_size};
+use eyebox_base::memory;
 use eyebox_kernels::fft::{Columns, Direction, Plans};
 use eyebox_kernels::layers::seen;
 use eyebox_kernels::regression::{Defocus, Found, Regression};
 use eyebox_kernels::scattered::Scattered;
 use eyebox_kernels::{Complex32, Complex64, ZERO};
+use eyebox_optics::{Display, fast_size};
 use rayon::prelude::*;
 
 /// Pixels that content of neighbouring layers parts by across the eyebox; up to twice as many where that saves layers.
@@ -153,7 +153,7 @@ impl Layers {
     }
 
     /// Adds the colours of the same light field that were loaded after the others.
-    pub(crate) fn with(mut self, field: &LightField, display: &Display) -> Self {
+    pub fn with(mut self, field: &LightField, display: &Display) -> Self {
         self.add(field, display.eyebox_min());
         self
     }
@@ -226,7 +226,7 @@ impl Layers {
     }
 
     /// Pixels by which content at an end of the depths moves over so many metres of the pupil plane.
-    pub(crate) fn parallax(&self, metres: f64) -> f64 {
+    pub fn parallax(&self, metres: f64) -> f64 {
         metres * self.slopes.iter().fold(0.0, |most: f64, s| most.max(s.abs()))
     }
 

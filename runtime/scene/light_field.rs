@@ -2,7 +2,7 @@
 
 use super::resize::{Fit, Resize};
 use super::{MadeViews, SceneError};
-use crate::optics::{Color, Display};
+use eyebox_optics::{Color, Display};
 use rayon::prelude::*;
 
 /// Views of a scene from a grid of positions in the pupil plane (OPTICS 3).

@@ -2,8 +2,8 @@
 
 use super::near::{self, Kind, Meaning, Stated};
 use super::{SceneError, pfm, still, video};
-use crate::files::{self, FileError, FileKind, NpyArray, Wanted};
-use crate::memory;
+use eyebox_base::files::{self, FileError, FileKind, NpyArray, Wanted};
+use eyebox_base::memory;
 use std::path::Path;
 
 /// A map, rows from the top; every value is finite.

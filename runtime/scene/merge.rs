@@ -1,18 +1,18 @@
 //! Fewer views where fewer do: neighbours that show the same become one, and views that no pupil reaches are left out.
 
 use super::{LightField, ViewGrid};
-use crate::optics::Display;
+use eyebox_optics::Display;
 use rayon::prelude::*;
 
 impl LightField {
     /// Where the views stand when shown on `display`.
-    pub(crate) fn view_grid(&self, display: &Display) -> ViewGrid {
+    pub fn view_grid(&self, display: &Display) -> ViewGrid {
         ViewGrid { rows: self.grid[0], columns: self.grid[1], cell: self.cell(display) }
     }
 
     /// How many views along an axis can become one: the divisors, above 1, of both sides of the grid without so many outer
     /// rows and columns on each side, largest first.
-    pub(crate) fn mergeable_without(&self, outer: [usize; 2]) -> Vec<usize> {
+    pub fn mergeable_without(&self, outer: [usize; 2]) -> Vec<usize> {
         let [rows, columns] = [0, 1].map(|i| self.grid[i] - 2 * outer[i]);
         (2..=rows.min(columns)).rev().filter(|k| rows.is_multiple_of(*k) && columns.is_multiple_of(*k)).collect()
     }
@@ -22,7 +22,7 @@ impl LightField {
     /// that focuses there; off it, what a view shows moves by `(z - depth) q / f` within a block (OPTICS 3).
     ///
     /// `count` must divide both sides of the grid ([`mergeable_without`](Self::mergeable_without)).
-    pub(crate) fn merged(&self, display: &Display, count: usize, depth: f64) -> Self {
+    pub fn merged(&self, display: &Display, count: usize, depth: f64) -> Self {
         let grid = self.view_grid(display);
         let [rows, columns] = self.grid.map(|n| n / count.max(1));
         // Content at `depth` stands moved by -(depth / f) q: moving view q by (depth / f) (q - middle) undoes it.
@@ -64,7 +64,7 @@ impl LightField {
 
     /// Rows and columns of views, on each side, whose cells lie wholly outside the square of side `eyebox` (metres)
     /// around the axis: no pupil that stays in it sees them. One view is always left.
-    pub(crate) fn unseen(&self, display: &Display, eyebox: f64) -> [usize; 2] {
+    pub fn unseen(&self, display: &Display, eyebox: f64) -> [usize; 2] {
         let cell = self.cell(display);
         self.grid.map(|n| {
             // The inner edge of the k-th cell from outside lies at (n/2 - k - 1) cells from the axis.
@@ -74,7 +74,7 @@ impl LightField {
     }
 
     /// Without so many rows and columns of views on each side.
-    pub(crate) fn without_outer(self, display: &Display, [rows, columns]: [usize; 2]) -> Self {
+    pub fn without_outer(self, display: &Display, [rows, columns]: [usize; 2]) -> Self {
         if [rows, columns] == [0, 0] {
             return self;
         }
@@ -94,14 +94,14 @@ impl LightField {
     }
 
     /// A copy in this colour alone.
-    pub fn only(&self, color: crate::optics::Color) -> Self {
+    pub fn only(&self, color: eyebox_optics::Color) -> Self {
         let planes =
             self.colors.iter().zip(&self.planes).filter(|(c, _)| **c == color).map(|(_, p)| p.clone()).collect();
         Self { name: self.name.clone(), colors: vec![color], planes, ..*self }
     }
 
     /// With these of its colours, in its order.
-    pub(crate) fn with_colors(self, colors: &[crate::optics::Color]) -> Self {
+    pub fn with_colors(self, colors: &[eyebox_optics::Color]) -> Self {
         let pairs = self.colors.into_iter().zip(self.planes).filter(|(color, _)| colors.contains(color));
         let (colors, planes) = pairs.unzip();
         Self { colors, planes, ..self }
@@ -130,8 +130,8 @@ fn add_moved(view: &[f32], [height, width]: [usize; 2], [down, right]: [f64; 2],
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::Color;
-    use crate::scene::{Request, load};
+    use crate::{Request, load};
+    use eyebox_optics::Color;
 
     fn plane(mm: f64) -> (LightField, Display) {
         let display = Display { height: 96, width: 120, ..Display::preset("small").unwrap() };

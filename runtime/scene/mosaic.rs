@@ -8,8 +8,8 @@ use super::settings::{self, Settings};
 use super::tone::{FullScale, Reading};
 use super::views::{self, Frame, Read};
 use super::{Fit, Request, SceneError, picture};
-use crate::memory;
-use crate::optics::Color;
+use eyebox_base::memory;
+use eyebox_optics::Color;
 use rayon::prelude::*;
 use std::path::Path;
 

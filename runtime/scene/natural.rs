@@ -40,7 +40,7 @@ pub(super) fn name(entry: &fs::DirEntry) -> Result<Option<String>, SceneError> {
 }
 
 /// A name as pieces of text and numbers: frame-9 comes before frame-10.
-pub(crate) fn natural(name: &str) -> Vec<(String, u64)> {
+pub fn natural(name: &str) -> Vec<(String, u64)> {
     let mut pieces = vec![(String::new(), 0u64)];
     let mut in_number = false;
     for c in name.chars() {

@@ -49,7 +49,7 @@ fn write(folder: &Path, name: &str, values: &[f32]) -> PathBuf {
 fn write_gaps(folder: &Path, name: &str, values: &[f32]) -> PathBuf {
     let path = folder.join(name);
     let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-    std::fs::write(&path, [crate::files::npy_header("<f4", &[N, N]), bytes].concat()).unwrap();
+    std::fs::write(&path, [eyebox_base::files::npy_header("<f4", &[N, N]), bytes].concat()).unwrap();
     path
 }
 

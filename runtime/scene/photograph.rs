@@ -1,7 +1,7 @@
 //! Which views a pupil takes its light from, and how far each is shifted (OPTICS 3).
 
-use crate::optics::{Geometry, Optics, Pupil};
 use eyebox_kernels::photograph::Tap;
+use eyebox_optics::{Geometry, Optics, Pupil};
 
 /// Where the views stand in the pupil plane: square cells around a common centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,7 +68,7 @@ impl ViewGrid {
 
     /// The same, tap by tap, for views whose common centre is at `center` (x, y) of the pupil plane, and a picture that is
     /// `displaced` (x, y): metres.
-    pub(crate) fn taps_around(
+    pub fn taps_around(
         self,
         center: [f64; 2],
         displaced: [f64; 2],

@@ -54,7 +54,7 @@ pub struct MadeViews {
 
 impl MadeViews {
     /// What was made of what, and why.
-    pub(crate) fn in_words(&self, made: [usize; 2]) -> [String; 2] {
+    pub fn in_words(&self, made: [usize; 2]) -> [String; 2] {
         let [rows, columns] = self.grid;
         let by = match self.layers {
             Some((count, _)) if self.by == Photographs::Layers => format!("{count} Fourier disparity layers"),

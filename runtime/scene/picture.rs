@@ -5,9 +5,9 @@ use super::light::{Picture, Transfer};
 use super::near::Kind;
 use super::png_tone;
 use super::tone::{Reading, Stored};
-use crate::files::{ColorSpace, FileError, Pixels, Samples, Wanted, color_space, holds_light};
-use crate::files::{picture_orientation, picture_size, read_pixels};
-use crate::optics::Color;
+use eyebox_base::files::{ColorSpace, FileError, Pixels, Samples, Wanted, color_space, holds_light};
+use eyebox_base::files::{picture_orientation, picture_size, read_pixels};
+use eyebox_optics::Color;
 use std::path::Path;
 
 /// Pixels of the largest picture that is read: 8K, and 24 megapixels of a camera. It is in memory as a whole, and as light.

@@ -2,7 +2,7 @@
 //! them that is there. If it has a color profile (`iCCP`), that decides instead of all but `cICP`.
 
 use super::light::Transfer;
-use crate::files::{Primaries, read};
+use eyebox_base::files::{Primaries, read};
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 

@@ -7,7 +7,7 @@ use super::cameras::Positions;
 use super::layers::Layers;
 use super::neighbors::{Found, Patches};
 use super::{CamerasFound, LightField, Request, SceneError, ViewGrid};
-use crate::memory;
+use eyebox_base::memory;
 use std::path::Path;
 
 /// Views along an axis that are made: at least, and at most.

@@ -2,7 +2,7 @@
 
 use super::tests::display;
 use super::*;
-use crate::optics::Color::{self, Blue, Green, Red};
+use eyebox_optics::Color::{self, Blue, Green, Red};
 use image::codecs::{jpeg::JpegEncoder, png::PngEncoder};
 use image::{DynamicImage, ExtendedColorType, ImageBuffer, ImageEncoder, Luma, Rgb};
 use moxcms::{ColorProfile, ToneReprCurve};

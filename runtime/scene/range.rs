@@ -11,7 +11,7 @@ use super::subpixel::Subpixel;
 use super::survey::Trust;
 use super::sweep::{Arm, Sweep, lowest, reach_within};
 use super::{DepthSource, Fit, LightField, SceneError, flat};
-use crate::optics::Display;
+use eyebox_optics::Display;
 use rayon::prelude::*;
 
 /// Where disparities are sought where nothing shows any, pixels between neighbouring views.
@@ -148,7 +148,7 @@ impl LightField {
 ///
 /// # Errors
 /// [`SceneError::Request`] where nothing is asked, and what is found is doubtful.
-pub(crate) fn asked_or_found(
+pub fn asked_or_found(
     asked: Option<[f64; 2]>,
     find: impl FnOnce() -> ([f64; 2], DepthSource),
     focal_length: f64,
@@ -319,8 +319,8 @@ fn windows(values: &[f32], height: usize, width: usize, depth: usize) -> Vec<f32
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::Color;
-    use crate::scene::{DepthSource, Request, load};
+    use crate::{DepthSource, Request, load};
+    use eyebox_optics::Color;
 
     /// A built-in scene whose depths are not told, its true disparities, and the display.
     fn silent(scene: &str, views: usize) -> (LightField, [f64; 2], Display) {

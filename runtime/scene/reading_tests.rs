@@ -1,8 +1,8 @@
 //! Light fields as people bring them: names, orders and holes, each read right or refused with a line that helps.
 
 use super::*;
-use crate::files::write_png;
-use crate::optics::{Color, Display};
+use eyebox_base::files::write_png;
+use eyebox_optics::{Color, Display};
 use image::{ImageBuffer, Luma};
 use std::{fs, path::PathBuf};
 
@@ -350,7 +350,7 @@ fn the_page_says_what_is_read_and_what_is_refused() {
     let temp = tempfile::tempdir().unwrap();
     let (at, display) = (temp.path(), display(8));
     let map = at.join("map.npy");
-    crate::files::write_npy(&map, &[8, 8], &(0..64).map(|i| i as f32).collect::<Vec<_>>()).unwrap();
+    eyebox_base::files::write_npy(&map, &[8, 8], &(0..64).map(|i| i as f32).collect::<Vec<_>>()).unwrap();
     let request = Request::new(&display, &GREEN);
     let folder = |name: &str, files: &[&str]| {
         write(&at.join(name), &files.iter().map(|f| ((*f).to_owned(), [0, 0])).collect::<Vec<_>>());
@@ -362,7 +362,7 @@ fn the_page_says_what_is_read_and_what_is_refused() {
     let said = |path: &Path, request: &Request| load(path.to_str().unwrap(), request).unwrap_err().to_string();
     let other = OrderFound::Other { orders: vec![Order::default()], reason: "?".into() };
     let list = at.join("list.npy");
-    crate::files::write_npy(&list, &[4, 8, 8], &[0.5; 4 * 8 * 8]).unwrap();
+    eyebox_base::files::write_npy(&list, &[4, 8, 8], &[0.5; 4 * 8 * 8]).unwrap();
     let plain = at.join("plain.png");
     ImageBuffer::from_pixel(64, 64, Luma([90u8])).save(&plain).unwrap();
     // Found in whole light fields (`kept_tests`); here it is the words.

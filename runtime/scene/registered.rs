@@ -1,24 +1,24 @@
 //! Pictures bent so that they are seen straight, and as they are seen (docs/optics.md, 10).
 
 use super::resize::catmull_rom;
-use crate::optics::PictureMap;
+use eyebox_optics::PictureMap;
 use rayon::prelude::*;
 
 /// Where each pixel of a picture of this size comes from in another of the same size, and how far apart neighbours' places are:
 /// (x, y) each, in pixels.
-pub(crate) struct Bend {
+pub struct Bend {
     size: [usize; 2],
     from: Vec<([f64; 2], [f64; 2])>,
 }
 
 impl Bend {
     /// What the display has to show so that the picture is seen as it is.
-    pub(crate) fn to_display(map: &PictureMap, size: [usize; 2]) -> Self {
+    pub fn to_display(map: &PictureMap, size: [usize; 2]) -> Self {
         Self::new(size, |at| map.forth(at))
     }
 
     /// What is seen of a picture that the display shows.
-    pub(crate) fn to_viewer(map: &PictureMap, size: [usize; 2]) -> Self {
+    pub fn to_viewer(map: &PictureMap, size: [usize; 2]) -> Self {
         Self::new(size, |at| map.back(at))
     }
 
@@ -39,7 +39,7 @@ impl Bend {
 
     /// A plane of linear light, bent: Catmull-Rom, as wide as its pixels come to lie apart; black where it comes from beyond the
     /// picture, never below black.
-    pub(crate) fn apply(&self, plane: &[f32]) -> Vec<f32> {
+    pub fn apply(&self, plane: &[f32]) -> Vec<f32> {
         let [rows, columns] = self.size;
         let axis = |at: f64, wide: f64, n: usize, out: &mut Vec<(usize, f64)>| {
             out.clear();

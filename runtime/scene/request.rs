@@ -1,8 +1,8 @@
 //! What is wanted of a scene.
 
 use super::{Near, Order, Photographs, SceneError};
-use crate::memory;
-use crate::optics::{Color, Display, check_usual_depth, check_usual_depths, check_usual_view_pitch};
+use eyebox_base::memory;
+use eyebox_optics::{Color, Display, check_usual_depth, check_usual_depths, check_usual_view_pitch};
 use std::path::Path;
 
 /// What is wanted of a scene.

@@ -44,13 +44,13 @@ impl Resize {
     }
 
     /// A range of lengths in pixels, scaled: it covers both axes.
-    pub(crate) fn scale_range(&self, [low, high]: [f64; 2]) -> [f64; 2] {
+    pub fn scale_range(&self, [low, high]: [f64; 2]) -> [f64; 2] {
         let [a, b] = self.scale;
         [(low * a).min(low * b), (high * a).max(high * b)]
     }
 
     /// Resizes one plane.
-    pub(crate) fn apply(&self, plane: &[f32]) -> Vec<f32> {
+    pub fn apply(&self, plane: &[f32]) -> Vec<f32> {
         let (height, width) = (self.rows.len(), self.columns.len());
         assert_eq!(plane.len(), self.rows.source * self.columns.source, "a plane of another size than planned");
         if self.rows.is_identity() && self.columns.is_identity() {
@@ -76,26 +76,26 @@ impl Resize {
 
 /// The picture shrunk to `share` of its size about its axis, black around: one colour's field of view, where it is wider
 /// than the picture (OPTICS 9). The pixel on the axis, `n / 2` of n, stays where it is.
-pub(crate) fn shrink_to_share(plane: &[f32], height: usize, width: usize, share: f64) -> Vec<f32> {
+pub fn shrink_to_share(plane: &[f32], height: usize, width: usize, share: f64) -> Vec<f32> {
     about_axis([height, width], share).apply(plane)
 }
 
 /// The middle `share` of one colour's image at the whole image's size: the picture again.
-pub(crate) fn crop_share(plane: &[f32], height: usize, width: usize, share: f64) -> Vec<f32> {
+pub fn crop_share(plane: &[f32], height: usize, width: usize, share: f64) -> Vec<f32> {
     about_axis([height, width], 1.0 / share).apply(plane)
 }
 
 /// Planes of one size, so many times as large along each axis.
-pub(crate) struct Enlarged(Resize);
+pub struct Enlarged(Resize);
 
 impl Enlarged {
     /// Of planes of so many rows and columns.
-    pub(crate) fn new(size: [usize; 2], times: usize) -> Self {
+    pub fn new(size: [usize; 2], times: usize) -> Self {
         Self(Resize::new(size, size.map(|n| n * times), Fit::Stretch))
     }
 
     /// One of them.
-    pub(crate) fn apply(&self, plane: &[f32]) -> Vec<f32> {
+    pub fn apply(&self, plane: &[f32]) -> Vec<f32> {
         self.0.apply(plane)
     }
 }

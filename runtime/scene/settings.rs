@@ -4,8 +4,8 @@
 use super::cameras::{FirstTile, Positions, PositionsToml};
 use super::options::Options;
 use super::{Order, SceneError, light::Transfer, names, pfm, tone::Tone};
-use crate::files::read;
-use crate::optics::{check_usual_aperture, check_usual_depths, check_usual_view_pitch};
+use eyebox_base::files::read;
+use eyebox_optics::{check_usual_aperture, check_usual_depths, check_usual_view_pitch};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -202,7 +202,7 @@ fn cameras(read: &Toml) -> Result<Option<[usize; 2]>, String> {
 }
 
 fn from_toml(text: &str) -> Result<Settings, String> {
-    let read: Toml = crate::files::read::toml(text)?;
+    let read: Toml = eyebox_base::files::read::toml(text)?;
     if let Some(pitch) = read.view_pitch_mm
         && !(pitch.is_finite() && pitch > 0.0)
     {

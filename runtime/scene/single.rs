@@ -8,8 +8,8 @@ use super::{
     resize::Resize,
     still,
 };
-use crate::memory;
-use crate::optics::{Color, Display};
+use eyebox_base::memory;
+use eyebox_optics::{Color, Display};
 use rayon::prelude::*;
 use std::path::Path;
 

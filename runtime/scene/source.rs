@@ -4,7 +4,7 @@ use super::cameras::Quilt;
 use super::options::{Options, Tiling, parts};
 use super::views::Read;
 use super::{Request, SceneError, array, folder, frames, mosaic, picture, stack, video};
-use crate::files::{FileError, FileKind, Wanted};
+use eyebox_base::files::{FileError, FileKind, Wanted};
 use std::path::Path;
 
 /// What a source names. What is a file or folder is there.

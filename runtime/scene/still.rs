@@ -6,7 +6,7 @@ use super::options::Options;
 use super::tone::{FullScale, Reading, Tone};
 use super::video_color::Matrix;
 use super::{SceneError, picture, video};
-use crate::optics::Color;
+use eyebox_optics::Color;
 use std::path::Path;
 
 /// Rows and columns, from the header alone.

@@ -1,7 +1,7 @@
 //! What a scene holds: where its light is, and how deep it reaches.
 
 use super::{LightField, SceneError};
-use crate::optics::{Color, Display, depths_in_words};
+use eyebox_optics::{Color, Display, depths_in_words};
 use rayon::prelude::*;
 
 /// How much light one colour of a scene holds.
@@ -58,7 +58,7 @@ impl DepthSource {
     ///
     /// # Errors
     /// [`SceneError::Request`] where they are doubtful.
-    pub(crate) fn sure(self, depth: [f64; 2], focal_length: f64) -> Result<[f64; 2], SceneError> {
+    pub fn sure(self, depth: [f64; 2], focal_length: f64) -> Result<[f64; 2], SceneError> {
         match self {
             Self::Doubtful(percent) => Err(SceneError::doubtful_depth(depth, percent, focal_length)),
             Self::Plausible(percent) => {
@@ -80,7 +80,7 @@ pub(super) fn told_apart(display: &Display, diameter: f64) -> f64 {
 }
 
 /// Light below this share of the brightest is none: a view is stored in 65535 steps.
-pub(crate) const DARK: f64 = 0.5 / 65535.0;
+pub const DARK: f64 = 0.5 / 65535.0;
 
 impl LightField {
     /// Light per colour, in the order of `colors`.
@@ -126,7 +126,7 @@ impl LightField {
 
     /// Mean square of the light in the outermost `pixels` rows and columns of all views, over the whole picture: what
     /// would come in again on the other side if all of it walked off, as an error power. The brightest is 1.
-    pub(crate) fn edge_power(&self, pixels: usize) -> f64 {
+    pub fn edge_power(&self, pixels: usize) -> f64 {
         let (h, w) = (self.height, self.width);
         let brightest = self.brightest();
         if brightest <= 0.0 || pixels == 0 {
@@ -162,7 +162,7 @@ impl LightField {
     }
 
     /// [`aliasing`](Self::aliasing) for people, what it does to pupils as wide as `widest` (metres), and whether they see it.
-    pub(crate) fn aliasing_in_words(&self, display: &Display, depth: [f64; 2], widest: f64) -> ([String; 2], bool) {
+    pub fn aliasing_in_words(&self, display: &Display, depth: [f64; 2], widest: f64) -> ([String; 2], bool) {
         let pixels = self.aliasing(display, depth);
         let least = told_apart(display, widest);
         let seen = pixels > least;
@@ -204,7 +204,7 @@ impl LightField {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Request, load};
+    use crate::{Request, load};
 
     fn scene(source: &str) -> (LightField, Display) {
         let display = Display { height: 60, width: 80, ..Display::preset("small").unwrap() };

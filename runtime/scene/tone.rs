@@ -3,7 +3,7 @@
 use super::SceneError;
 pub use super::light::FullScale;
 use super::light::{Transfer, srgb_to_linear, table};
-use crate::optics::Color;
+use eyebox_optics::Color;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 

@@ -14,7 +14,7 @@ fn pattern() -> Vec<f32> {
 
 /// The same as an sRGB value from 0 to 1.
 fn encoded() -> Vec<f32> {
-    pattern().into_iter().map(|v| crate::files::linear_to_srgb(f64::from(v)) as f32).collect()
+    pattern().into_iter().map(|v| eyebox_base::files::linear_to_srgb(f64::from(v)) as f32).collect()
 }
 
 fn npy(folder: &Path, kind: &str, values: &[f32]) -> PathBuf {
@@ -24,7 +24,7 @@ fn npy(folder: &Path, kind: &str, values: &[f32]) -> PathBuf {
         "|u1" => values.iter().map(|v| v.round() as u8).collect(),
         _ => values.iter().flat_map(|v| v.to_le_bytes()).collect(),
     };
-    fs::write(&path, [crate::files::npy_header(kind, &[1, 1, N, N]), bytes].concat()).unwrap();
+    fs::write(&path, [eyebox_base::files::npy_header(kind, &[1, 1, N, N]), bytes].concat()).unwrap();
     path
 }
 
@@ -85,7 +85,9 @@ fn known_full_scales_are_read_without_a_word() {
             dark(60.0),
             pattern()
                 .iter()
-                .map(|v| srgb_to_linear((crate::files::linear_to_srgb(f64::from(*v)) * 60.0).round() / 255.0) as f32)
+                .map(|v| {
+                    srgb_to_linear((eyebox_base::files::linear_to_srgb(f64::from(*v)) * 60.0).round() / 255.0) as f32
+                })
                 .collect(),
         ),
         ("<f4", pattern(), pattern()),

@@ -7,7 +7,7 @@ use super::resize::{Fit, Resize};
 use super::settings::Settings;
 use super::survey::Trust;
 use super::{CamerasFound, LightField, Order, OrderFound, Parallax, Request, SceneError, order, positions, standing};
-use crate::memory;
+use eyebox_base::memory;
 use std::path::Path;
 
 /// A light field as it was read, and how.

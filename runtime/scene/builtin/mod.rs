@@ -22,8 +22,8 @@ mod targets;
 mod texture;
 
 use super::{LightField, Request, SceneError};
-use crate::memory;
-use crate::optics::Display;
+use eyebox_base::memory;
+use eyebox_optics::Display;
 use render::{Canvas, Item};
 pub use stage::Stage;
 

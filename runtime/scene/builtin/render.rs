@@ -8,7 +8,7 @@ use super::{
     shape::{Blade, Shape},
     texture::{Paint, lit},
 };
-use crate::optics::Color;
+use eyebox_optics::Color;
 use rayon::prelude::*;
 
 /// A texture: paint at a place of the surface.
@@ -31,7 +31,7 @@ pub(super) enum Item {
 
 impl Item {
     /// Multiplies its light.
-    pub(crate) fn brighten(&mut self, factor: f32) {
+    pub fn brighten(&mut self, factor: f32) {
         match self {
             Self::Surface { texture, .. } if factor != 1.0 => {
                 let inner = std::mem::replace(texture, Box::new(|_, _| [0.0; 4]));
@@ -170,7 +170,7 @@ pub(super) struct Skins<const N: usize>(Vec<Option<Skin<N>>>);
 
 impl<const N: usize> Skins<N> {
     /// For views tilted by at most `tilt`, of these channels (N - 1 of them).
-    pub(crate) fn bake(canvas: Canvas, items: &[Item], tilt: f32, channels: &[usize]) -> Self {
+    pub fn bake(canvas: Canvas, items: &[Item], tilt: f32, channels: &[usize]) -> Self {
         // How far the largest tilt moves content at the ends of the depth span.
         let margin = tilt * 1.1;
         let bake = |item: &Item| match item {
@@ -285,7 +285,7 @@ fn draw_blade<const N: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::builtin::texture::rgb;
+    use crate::builtin::texture::rgb;
 
     /// A white strip at z = 1 from x = -0.25 to 0.25 in front of a grey wall at z = -1, half of it bright.
     fn strip() -> Vec<Item> {

@@ -52,7 +52,7 @@ pub(super) enum Shape {
 impl Shape {
     /// The surface point that the ray through `(x, y)` of the view tilted by `m` meets; a pixel is `pixel` wide.
     #[inline]
-    pub(crate) fn meet(&self, x: f32, y: f32, m: [f32; 2], pixel: f32) -> Option<Hit> {
+    pub fn meet(&self, x: f32, y: f32, m: [f32; 2], pixel: f32) -> Option<Hit> {
         match *self {
             Self::Card { z } => Some(Hit { x: x + z * m[0], y: y + z * m[1], coverage: 1.0 }),
             Self::Slope { at_zero, slope } => {

@@ -3,8 +3,8 @@
 
 use super::render::{Canvas, Item, Skins};
 use super::{half_span, items_of, parse};
-use crate::optics::{Color, Display};
-use crate::scene::SceneError;
+use crate::SceneError;
+use eyebox_optics::{Color, Display};
 use rayon::prelude::*;
 
 /// A built-in scene in one colour, at a size of its own, ready to be rendered.
@@ -73,7 +73,7 @@ impl Stage {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Request, ViewGrid, load};
+    use crate::{Request, ViewGrid, load};
 
     /// From the places of a light field's views, the light field's views; so too where a camera stands aside.
     #[test]

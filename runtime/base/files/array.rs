@@ -1,0 +1,145 @@
+//! An array of a `.npy` or of an `.npz` (`numpy.savez`, `numpy.savez_compressed`), whose values are read a part at a time.
+
+use super::npy::{NpyReader, from_fortran};
+use super::{FileError, FileKind, npz_line, read, zip};
+use crate::memory;
+use std::io::{BufReader, Read};
+use std::path::{Path, PathBuf};
+
+/// An array, of which some values are still to be read.
+pub struct NpyArray {
+    file: PathBuf,
+    reader: NpyReader<Box<dyn Read + Send>>,
+    /// Length of each axis, slowest first.
+    pub shape: Vec<usize>,
+    /// The type of its elements, as NumPy says it, without the order of bytes: `u1`, `f4`.
+    pub kind: String,
+    /// In Fortran order all values are read at once; those that were not taken.
+    read: Option<std::vec::IntoIter<f32>>,
+}
+
+impl NpyArray {
+    /// Opens a `.npy`, or of an `.npz` the array called `name`: left out, the only one whose shape is `wanted`.
+    ///
+    /// # Errors
+    /// As [`read_npy`](super::read_npy); [`FileError::Content`] for a damaged archive, and one with no such array or several.
+    pub fn open(file: &Path, name: Option<&str>, wanted: impl Fn(&[usize]) -> bool) -> Result<Self, FileError> {
+        let remedy = |names: &[&str]| {
+            let one = names.first().copied().unwrap_or("NAME");
+            format!("name one of {}, as in {}?array={one}", names.join(", "), file.display())
+        };
+        Self::open_or(file, name, wanted, remedy)
+    }
+
+    /// Opens the only array whose shape is `wanted`, of a file whose name takes no options.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open), with a line that keeps one of several arrays.
+    pub fn only(file: &Path, wanted: impl Fn(&[usize]) -> bool) -> Result<Self, FileError> {
+        let remedy = |names: &[&str]| {
+            let line = names.first().map_or_else(|| "put one into it".into(), |name| npz_line(file, name));
+            format!("it has {}; {line}", names.join(", "))
+        };
+        Self::open_or(file, None, wanted, remedy)
+    }
+
+    fn open_or(
+        file: &Path,
+        name: Option<&str>,
+        wanted: impl Fn(&[usize]) -> bool,
+        remedy: impl Fn(&[&str]) -> String,
+    ) -> Result<Self, FileError> {
+        let unreadable = |e| FileError::read(file, e);
+        let open = || read::open(file).map_err(unreadable);
+        let length = open()?.metadata().map_err(unreadable)?.len();
+        if !matches!(FileKind::of(file).map_err(unreadable)?, FileKind::Npz | FileKind::Zip) {
+            return Self::new(file, Box::new(BufReader::new(open()?)), length);
+        }
+        let entries = zip::entries(&mut BufReader::new(open()?), length).map_err(unreadable)?;
+        let arrays = || entries.iter().filter_map(|entry| Some((entry.name.strip_suffix(".npy")?, entry)));
+        let array = |entry: &zip::Entry| Self::new(file, entry.open(open()?).map_err(unreadable)?, entry.length);
+        let names = || arrays().map(|(name, _)| name).collect::<Vec<_>>();
+        if let Some(name) = name {
+            let found = arrays().find(|(its, _)| *its == name);
+            let none = || FileError::content(file, format!("has no array '{name}': it has {}", names().join(", ")));
+            return array(found.ok_or_else(none)?.1);
+        }
+        let mut found = Vec::new();
+        for (_, entry) in arrays() {
+            found.push(array(entry)?);
+        }
+        if found.len() > 1 {
+            found.retain(|array| wanted(&array.shape));
+        }
+        let count = found.len();
+        let which = || {
+            let count = if count == 0 { "none of its arrays has" } else { "several of its arrays have" };
+            format!("{count} a shape that could be meant: {}", remedy(&names()))
+        };
+        found.pop().filter(|_| count == 1).ok_or_else(|| FileError::content(file, which()))
+    }
+
+    fn new(file: &Path, from: Box<dyn Read + Send>, length: u64) -> Result<Self, FileError> {
+        let reader = NpyReader::new(from, length).map_err(|wrong| wrong.of(file))?;
+        let shape = reader.header.shape.clone();
+        // The order of bytes stands before.
+        let kind = reader.header.descr[1..].to_owned();
+        Ok(Self { file: file.into(), reader, shape, kind, read: None })
+    }
+
+    /// The next `count` values in C order; there must be so many.
+    ///
+    /// # Errors
+    /// As [`read_npy`](super::read_npy); values may be anything.
+    pub fn take(&mut self, count: usize) -> Result<Vec<f32>, FileError> {
+        if !self.reader.header.fortran_order {
+            return self.reader.take(count).map_err(|wrong| wrong.of(&self.file));
+        }
+        if self.read.is_none() {
+            let all: usize = self.shape.iter().product();
+            let what = || format!("its shape {:?} in Fortran order", self.shape);
+            let promised = memory::promise(what, memory::bytes_of(&[all, 2], 4), "save it in C order");
+            promised.map_err(|e| FileError::content(&self.file, e.to_string()))?;
+            let values = self.reader.take(all).map_err(|wrong| wrong.of(&self.file))?;
+            self.read = Some(from_fortran(&self.shape, &values).into_iter());
+        }
+        Ok(self.read.iter_mut().flat_map(|values| values.take(count)).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{npy_header, write_npy, zip::tests::archive};
+    use super::*;
+
+    #[test]
+    fn arrays_are_read_a_part_at_a_time_from_either_file() {
+        let here = tempfile::tempdir().unwrap();
+        let values: Vec<f32> = (0..24).map(|i| i as f32 * 0.5).collect();
+        let (npy, npz) = (here.path().join("a.npy"), here.path().join("a.npz"));
+        write_npy(&npy, &[2, 3, 4], &values).unwrap();
+        let one = std::fs::read(&npy).unwrap();
+        let parts = |array: &mut NpyArray| [array.take(10).unwrap(), array.take(14).unwrap()].concat();
+        assert_eq!(parts(&mut NpyArray::open(&npy, None, |_| false).unwrap()), values);
+
+        let other = [npy_header("|u1", &[5]), vec![1, 2, 3, 4, 5]].concat();
+        std::fs::write(&npz, archive(&[("x.npy", &other), ("views.npy", &one)], true)).unwrap();
+        let open = |name, axes| NpyArray::open(&npz, name, |shape| shape.len() == axes);
+        let mut views = open(None, 3).unwrap();
+        assert_eq!((&views.shape[..], &views.kind[..]), (&[2, 3, 4][..], "f4"));
+        assert_eq!(parts(&mut views), values);
+        assert_eq!(open(Some("x"), 3).unwrap().kind, "u1");
+        for (name, axes, says) in [(Some("y"), 3, "no array 'y': it has x, views"), (None, 2, "?array=x")] {
+            let error = open(name, axes).err().unwrap().to_string();
+            assert!(error.contains(says), "{error}");
+        }
+
+        // The same in Fortran order, of halves.
+        let order = (0..4).flat_map(|k| (0..3).flat_map(move |j| (0..2).map(move |i| (i * 3 + j) * 4 + k)));
+        let halves = order.flat_map(|i| half::f16::from_f32(values[i]).to_le_bytes());
+        let header = String::from_utf8(npy_header("<f2", &[2, 3, 4])[10..].to_vec()).unwrap().replace("False", "True ");
+        let bytes = [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes()].concat();
+        std::fs::write(&npy, bytes.into_iter().chain(halves).collect::<Vec<_>>()).unwrap();
+        assert_eq!(parts(&mut NpyArray::open(&npy, None, |_| true).unwrap()), values);
+    }
+}

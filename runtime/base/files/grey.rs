@@ -1,0 +1,44 @@
+//! Gray levels of pictures: corrections, masks and pictures of a camera.
+
+use super::{FileError, FileKind, Grey, Samples, Wanted, picture_size, read_pixels};
+use std::path::Path;
+
+/// Pixels of a picture of levels, at most: that of the largest display, or camera.
+const MOST_PIXELS: u64 = 1 << 28;
+
+/// Reads the gray levels of a picture of 8 or 16 bits (PNG, BMP, TIFF, PGM) as they are stored, if it has this many rows and
+/// columns; otherwise answers how many it has. A colored format is read if all its pixels are gray.
+///
+/// # Errors
+/// [`FileError::Read`]; [`FileError::Kind`] for another kind of file; [`FileError::Content`] for colors, floats and damage.
+pub fn read_grey(file: &Path, size: [usize; 2]) -> Result<Result<Grey, [usize; 2]>, FileError> {
+    let kind = FileKind::of(file).map_err(|e| FileError::read(file, e))?;
+    if matches!(kind, FileKind::Jpeg | FileKind::Gif | FileKind::Exr) || !kind.is_picture() {
+        return Err(FileError::of_kind(file, kind, Wanted::Levels));
+    }
+    // The size is known before memory is taken for it.
+    let found = picture_size(file, Wanted::Levels, MOST_PIXELS)?;
+    if found != size {
+        return Ok(Err(found));
+    }
+    let pixels = read_pixels(file, Wanted::Levels, MOST_PIXELS)?;
+    let gray = |values: Vec<u16>| -> Result<Vec<u16>, FileError> {
+        let channels = pixels.channels;
+        let colored = |p: &[u16]| channels > 2 && (p[0] != p[1] || p[1] != p[2]);
+        match values.chunks_exact(channels).position(colored) {
+            Some(at) => {
+                let (row, column) = (at / size[1], at % size[1]);
+                Err(FileError::content(file, format!("is coloured at row {row}, column {column}: grey is wanted")))
+            }
+            None => Ok(values.into_iter().step_by(channels).collect()),
+        }
+    };
+    match &pixels.samples {
+        Samples::U8(v) => {
+            let values = gray(v.iter().map(|v| u16::from(*v)).collect())?;
+            Ok(Ok(Grey { levels: 256, values }))
+        }
+        Samples::U16(v) => Ok(Ok(Grey { levels: 65536, values: gray(v.clone())? })),
+        Samples::F32(_) => Err(FileError::content(file, "holds floats: save 8 or 16 bits, or an .npy")),
+    }
+}

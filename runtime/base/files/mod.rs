@@ -1,0 +1,235 @@
+//! Files: read in one way, which waits for nothing and believes no length ([`read`]); written whole or not at all; and the two
+//! plain formats that the runtime speaks, `.npy` and PNG.
+//!
+//! Everything is written beside its destination and renamed when it is complete and on the disk, so that a full disk,
+//! a crash or Ctrl-C leaves what was there before. This room knows bytes and shapes, nothing of optics; it imports
+//! nothing from the rest of the runtime.
+
+mod array;
+mod cache;
+#[cfg_attr(not(feature = "image-formats"), path = "no_codec.rs")]
+mod codec;
+#[cfg(feature = "image-formats")]
+mod color_profile;
+mod convert;
+mod drafts;
+mod entry;
+#[cfg(feature = "image-formats")]
+mod exr_pixels;
+mod folder;
+mod grey;
+mod growing;
+#[cfg_attr(not(unix), path = "held_path.rs")]
+mod held;
+mod kind;
+mod made;
+mod npy;
+mod npy_header;
+mod os;
+mod other_kind;
+mod overlay;
+mod own;
+mod patient;
+mod picture;
+#[cfg_attr(not(feature = "image-formats"), path = "no_pixels.rs")]
+mod pixels;
+mod primaries;
+pub mod read;
+mod record;
+mod samples;
+mod similar;
+mod sniff;
+mod text;
+#[cfg(feature = "image-formats")]
+mod tiff_pixels;
+mod whole;
+mod zip;
+
+pub use array::NpyArray;
+pub use cache::cache_folder;
+pub use codec::encode_jpeg8;
+pub use codec::read_png8;
+#[cfg(feature = "image-formats")]
+pub use color_profile::color_space;
+pub use convert::Wanted;
+pub use convert::{npz_line, zarr_line};
+pub use drafts::end_without_drafts;
+pub use drafts::is_draft;
+pub use entry::Kind;
+pub use folder::Folder;
+pub use grey::read_grey;
+pub use growing::GrowingFile;
+pub use kind::FileKind;
+pub use made::MadeFolder;
+pub use npy::{Npy, read_npy, write_npy};
+pub use npy::{npy_header, read_npy_with_gaps};
+pub use other_kind::OtherKind;
+pub use overlay::overlay;
+pub use own::OwnFolder;
+pub use own::{holds_only_own, write_listed};
+pub use patient::Patient;
+pub use patient::asked_to_end;
+pub use picture::encode_grey8;
+pub use picture::encode_rgb8;
+pub use picture::{encode_png, linear_to_srgb, write_png};
+#[cfg(not(feature = "image-formats"))]
+pub use pixels::color_space;
+pub use pixels::{holds_light, picture_orientation, picture_size, read_pixels};
+pub use primaries::Primaries;
+pub use record::FileRecord;
+pub use record::{Digester, digest_file};
+pub use samples::{ColorSpace, Pixels, Samples};
+pub use similar::similar;
+pub use text::decode as decode_text;
+pub use whole::{FolderDraft, check_place, write_file};
+
+#[cfg(test)]
+mod kind_tests;
+#[cfg(all(test, feature = "image-formats"))]
+mod pixels_tests;
+
+use std::{io, path::Path};
+
+/// Grey levels of a picture.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Grey {
+    /// 256 or 65536: what the picture's bits can tell apart.
+    pub levels: u32,
+    /// Row by row.
+    pub values: Vec<u16>,
+}
+
+/// Why a file cannot be read, with the remedy if there is one.
+pub fn reason_to_read(error: &io::Error) -> String {
+    match error.kind() {
+        // One that has the remedy already is no error of the system itself.
+        io::ErrorKind::PermissionDenied if error.raw_os_error().is_some() => {
+            format!("{error}: allow reading it, as by chmod")
+        }
+        _ => error.to_string(),
+    }
+}
+
+/// What can be wrong with a file.
+#[derive(Debug, thiserror::Error)]
+pub enum FileError {
+    /// It could not be read.
+    #[error("{file}: cannot be read: {source}")]
+    Read {
+        /// The file.
+        file: String,
+        /// Why.
+        source: io::Error,
+    },
+    /// It could not be written; nothing was left behind.
+    #[error("{file}: cannot be written: {source}")]
+    Write {
+        /// The file.
+        file: String,
+        /// Why.
+        source: io::Error,
+    },
+    /// The system denies it: the folder or the disk is read-only for whoever runs this; nothing was left behind.
+    #[error("{file}: cannot be written: {source}: give another place, or allow writing there")]
+    Denied {
+        /// The file.
+        file: String,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The disk, the quota or the file size limit is exhausted; nothing was left behind.
+    #[error("{file}: cannot be written, the disk is full ({source}): free some space or write elsewhere")]
+    Full {
+        /// The file.
+        file: String,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// Its content is not what it should be.
+    #[error("{file}: {reason}")]
+    Content {
+        /// The file.
+        file: String,
+        /// What is wrong, where, and what would be right.
+        reason: String,
+    },
+    /// It is a file of another kind than the one that is read here.
+    #[error(transparent)]
+    Kind(#[from] OtherKind),
+    /// The place is taken by something that must not be replaced.
+    #[error("{path}: {reason}")]
+    Taken {
+        /// The place.
+        path: String,
+        /// What is there.
+        reason: String,
+    },
+}
+
+impl FileError {
+    /// A failure to read `file`.
+    pub fn read(file: &Path, source: io::Error) -> Self {
+        let source = match source.kind() {
+            io::ErrorKind::PermissionDenied => io::Error::new(source.kind(), reason_to_read(&source)),
+            _ => source,
+        };
+        Self::Read { file: file.display().to_string(), source }
+    }
+
+    /// A failure to write `file`: [`FileError::Full`] if there was no room, [`FileError::Denied`] without the right to write,
+    /// [`FileError::Taken`] if a file is in the way or a folder is missing.
+    pub fn write(file: &Path, source: io::Error) -> Self {
+        // An error of a temporary file names a path that nobody has seen, and has the system's own inside.
+        let own = source.get_ref().and_then(|error| error.source()).and_then(|error| error.downcast_ref::<io::Error>());
+        let own = own.map(|own| own.raw_os_error().map_or_else(|| own.kind().into(), io::Error::from_raw_os_error));
+        let source = own.unwrap_or(source);
+        let taken = |path: &Path, reason: &str| Self::Taken { path: path.display().to_string(), reason: reason.into() };
+        let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
+        match source.kind() {
+            io::ErrorKind::NotFound | io::ErrorKind::NotADirectory => {
+                if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
+                    return taken(folder, "there is no such folder to write into: make it, or give another place");
+                }
+            }
+            io::ErrorKind::AlreadyExists if file.is_file() => {
+                return taken(file, "is a file: a folder cannot replace it; give another place");
+            }
+            _ => {}
+        }
+        let file = file.display().to_string();
+        match source.kind() {
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge => {
+                Self::Full { file, source }
+            }
+            io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => Self::Denied { file, source },
+            _ => Self::Write { file, source },
+        }
+    }
+
+    /// What a decoder of `file` says, in one line, with the remedy.
+    #[cfg(feature = "image-formats")]
+    pub fn damaged(file: &Path, error: impl ToString) -> Self {
+        let reason = error.to_string().replace('\n', " ");
+        Self::content(
+            file,
+            format!("{reason}: the file is damaged or of a kind that is not read; copy it again or save it anew"),
+        )
+    }
+
+    /// `file` is of kind `found`, and `wanted` is read.
+    pub fn of_kind(file: &Path, found: FileKind, wanted: Wanted) -> Self {
+        let remedy = convert::remedy(file, found, wanted);
+        Self::Kind(OtherKind { file: file.display().to_string(), found, wanted, remedy })
+    }
+
+    /// All views in `folder`, of which `first` is one, are of kind `found`.
+    pub fn of_all(folder: &Path, first: &Path, found: FileKind) -> Self {
+        let remedy = convert::remedy_of_all(folder, first, found);
+        Self::Kind(OtherKind { file: first.display().to_string(), found, wanted: Wanted::Scene, remedy })
+    }
+
+    /// `file` does not hold what it should.
+    pub fn content(file: &Path, reason: impl Into<String>) -> Self {
+        Self::Content { file: file.display().to_string(), reason: reason.into() }
+    }
+}

@@ -1,0 +1,115 @@
+//! PNG: pictures for people (linear light in, sRGB out) and grey levels for SLMs.
+
+use super::{FileError, codec, write_file};
+use std::{
+    io::{self, Write},
+    path::Path,
+};
+
+/// Linear light in 0..1 to sRGB in 0..1, by the exact curve (IEC 61966-2-1); clips what lies outside.
+pub fn linear_to_srgb(v: f64) -> f64 {
+    let v = v.clamp(0.0, 1.0);
+    if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// Writes linear light as an 8-bit sRGB PNG.
+///
+/// `planes`: one (grey) or three (red, green, blue) planes of `height` x `width`; a NaN shows as black.
+///
+/// # Errors
+/// Those of [`write_file`].
+///
+/// # Panics
+/// If there are not one or three planes, or one has another size: the caller's mistake.
+pub fn write_png(file: &Path, height: usize, width: usize, planes: &[&[f32]]) -> Result<(), FileError> {
+    write_file(file, |out| encode_png(out, height, width, planes))
+}
+
+/// Encodes the same.
+///
+/// # Errors
+/// Those of `out`.
+///
+/// # Panics
+/// As [`write_png`].
+pub fn encode_png(out: &mut dyn Write, height: usize, width: usize, planes: &[&[f32]]) -> io::Result<()> {
+    assert!(matches!(planes.len(), 1 | 3), "a picture has one or three planes, not {}", planes.len());
+    assert!(planes.iter().all(|p| p.len() == height * width), "every plane is {height} x {width}");
+    let mut bytes = Vec::with_capacity(planes.len() * height * width);
+    for i in 0..height * width {
+        // A cast from float saturates, and takes NaN to 0.
+        bytes.extend(planes.iter().map(|p| (linear_to_srgb(f64::from(p[i])) * 255.0).round() as u8));
+    }
+    codec::encode_png(out, height, width, planes.len(), &bytes)
+}
+
+/// Encodes grey levels as they are, `height` x `width` of them, as an 8-bit PNG.
+///
+/// # Errors
+/// Those of `out`.
+pub fn encode_grey8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8]) -> io::Result<()> {
+    codec::encode_png(out, height, width, 1, levels)
+}
+
+/// Encodes 8-bit red, green, blue as they are, `height` x `width` of them, as a PNG.
+///
+/// # Errors
+/// Those of `out`.
+pub fn encode_rgb8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8]) -> io::Result<()> {
+    codec::encode_png(out, height, width, 3, levels)
+}
+
+#[cfg(all(test, feature = "image-formats"))]
+mod tests {
+    use super::super::{encode_jpeg8, read_png8};
+    use super::*;
+
+    fn grey8(file: &Path) -> Result<(usize, usize, Vec<u8>), FileError> {
+        let opened = std::fs::File::open(file).map_err(|e| FileError::read(file, e))?;
+        match read_png8(opened, file)? {
+            (height, width, 1, levels) => Ok((height, width, levels)),
+            _ => Err(FileError::content(file, "has colors")),
+        }
+    }
+
+    #[test]
+    fn the_curve_has_its_published_values() {
+        // 18 % grey is level 118; the ends and the knee are exact.
+        assert_eq!((linear_to_srgb(0.18) * 255.0).round(), 118.0);
+        assert_eq!((linear_to_srgb(-1.0), linear_to_srgb(2.0)), (0.0, 1.055 - 0.055));
+        assert!((linear_to_srgb(0.003_130_8) - linear_to_srgb(0.003_130_9)).abs() < 2e-6);
+        // Every 8-bit level decodes and encodes to itself.
+        for level in 0..=255u8 {
+            let v = f64::from(level) / 255.0;
+            let linear = if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) };
+            assert_eq!((linear_to_srgb(linear) * 255.0).round() as u8, level);
+        }
+    }
+
+    #[test]
+    fn pictures_come_out_in_their_colours() {
+        let here = tempfile::tempdir().unwrap();
+        let file = here.path().join("a.png");
+        let (r, g, b) = ([1.0, 0.0], [0.18, f32::NAN], [0.0, 7.0]);
+        write_png(&file, 1, 2, &[&r, &g, &b]).unwrap();
+        let image = image::open(&file).unwrap().into_rgb8();
+        assert_eq!(image.into_raw(), [255, 118, 0, 0, 0, 255]);
+        assert!(matches!(grey8(&file), Err(FileError::Content { .. })));
+
+        write_file(&file, |out| encode_grey8(out, 2, 3, &[0, 1, 2, 3, 4, 255])).unwrap();
+        assert_eq!(grey8(&file).unwrap(), (2, 3, vec![0, 1, 2, 3, 4, 255]));
+
+        let (mut png, mut jpeg) = (Vec::new(), Vec::new());
+        let levels: Vec<u8> = [200, 40, 90].repeat(64);
+        encode_rgb8(&mut png, 8, 8, &levels).unwrap();
+        encode_jpeg8(&mut jpeg, 8, 8, &levels, 90).unwrap();
+        assert_eq!(image::load_from_memory(&png).unwrap().into_rgb8().into_raw(), levels);
+        let near = image::load_from_memory(&jpeg).unwrap().into_rgb8().into_raw();
+        assert!(near.iter().zip(&levels).all(|(a, b)| a.abs_diff(*b) < 6), "{near:?}");
+
+        let whole = std::fs::read(&file).unwrap();
+        std::fs::write(&file, &whole[..whole.len() - 20]).unwrap();
+        assert!(matches!(grey8(&file), Err(FileError::Content { .. })));
+        assert!(matches!(grey8(&here.path().join("none")), Err(FileError::Read { .. })));
+    }
+}

@@ -1,0 +1,181 @@
+//! Pictures as their files store them: PNG, JPEG, BMP, PPM and GIF by the crate `image`, EXR and TIFF by crates of their own.
+
+use super::{FileError, FileKind, Pixels, Samples, Wanted, exr_pixels, read, tiff_pixels};
+use image::metadata::Orientation;
+use image::{AnimationDecoder, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, codecs::gif::GifDecoder};
+use std::{fs::File, io::BufReader, path::Path};
+
+/// Longest side of a picture, pixels.
+const LONGEST_SIDE: u32 = 65536;
+
+/// How a picture is decoded.
+enum Format {
+    Exr,
+    Tiff,
+    Other(ImageFormat),
+}
+
+/// Determines the format of a picture from its first bytes, and refuses what no picture is.
+fn format(file: &Path, wanted: Wanted) -> Result<Format, FileError> {
+    let kind = FileKind::of(file).map_err(|e| FileError::read(file, e))?;
+    Ok(match kind {
+        FileKind::Exr => Format::Exr,
+        FileKind::Tiff => Format::Tiff,
+        FileKind::Png => Format::Other(ImageFormat::Png),
+        FileKind::Jpeg => Format::Other(ImageFormat::Jpeg),
+        FileKind::Bmp => Format::Other(ImageFormat::Bmp),
+        FileKind::Pnm => Format::Other(ImageFormat::Pnm),
+        FileKind::Gif if !is_animated(file)? => Format::Other(ImageFormat::Gif),
+        other => return Err(FileError::of_kind(file, other, wanted)),
+    })
+}
+
+/// Whether a GIF has more than one frame.
+fn is_animated(file: &Path) -> Result<bool, FileError> {
+    let opened = read::open(file).map_err(|e| FileError::read(file, e))?;
+    let mut decoder = GifDecoder::new(BufReader::new(opened)).map_err(|e| FileError::damaged(file, e))?;
+    decoder.set_limits(limits()).map_err(|e| FileError::damaged(file, e))?;
+    Ok(decoder.into_frames().take(2).filter(Result::is_ok).count() > 1)
+}
+
+/// Rows and columns of a picture of at most `most` pixels, turned as its metadata state, from the header alone.
+///
+/// # Errors
+/// [`FileError::Read`]; [`FileError::Kind`] for what is no picture; [`FileError::Content`], also for more pixels.
+pub fn picture_size(file: &Path, wanted: Wanted, most: u64) -> Result<[usize; 2], FileError> {
+    let format = format(file, wanted)?;
+    let size = match format {
+        Format::Exr => exr_pixels::size(file)?,
+        Format::Tiff => tiff_pixels::size(file)?,
+        Format::Other(format) => {
+            let (width, height) = open(file, format)?.into_dimensions().map_err(|e| FileError::damaged(file, e))?;
+            [height as usize, width as usize]
+        }
+    };
+    check_size(file, size, most)?;
+    // Orientations from 5 on exchange rows and columns.
+    Ok(if orientation(file, &format)? >= 5 { [size[1], size[0]] } else { size })
+}
+
+/// The EXIF orientation that a picture is turned by, 1 to 8; 1 is as stored.
+///
+/// # Errors
+/// As [`picture_size`].
+pub fn picture_orientation(file: &Path, wanted: Wanted) -> Result<u8, FileError> {
+    orientation(file, &format(file, wanted)?)
+}
+
+/// The same of a known format; 1 for metadata that cannot be read.
+fn orientation(file: &Path, format: &Format) -> Result<u8, FileError> {
+    match format {
+        Format::Exr => Ok(1),
+        Format::Tiff => tiff_pixels::orientation(file),
+        Format::Other(format) => {
+            let mut decoder = open(file, *format)?.into_decoder().map_err(|e| FileError::damaged(file, e))?;
+            Ok(decoder.orientation().unwrap_or(Orientation::NoTransforms).to_exif())
+        }
+    }
+}
+
+/// Decodes a picture of at most `most` pixels, and turns it as its metadata state. Of an EXR file with many channels those
+/// of the `wanted` are taken.
+///
+/// # Errors
+/// As [`picture_size`]; [`FileError::Content`] for values that are neither 8 nor 16 bits nor floats.
+pub fn read_pixels(file: &Path, wanted: Wanted, most: u64) -> Result<Pixels, FileError> {
+    picture_size(file, wanted, most)?;
+    let format = format(file, wanted)?;
+    let pixels = match format {
+        Format::Exr => exr_pixels::read(file, wanted)?,
+        Format::Tiff => tiff_pixels::read(file)?,
+        Format::Other(format) => {
+            if format == ImageFormat::Jpeg && !jpeg_ends(file)? {
+                return Err(FileError::content(file, "the file is cut short: a JPEG must reach its end marker"));
+            }
+            let image = open(file, format)?.decode().map_err(|e| FileError::damaged(file, e))?;
+            let profile = if format == ImageFormat::Pnm { None } else { profile(file, format)? };
+            Pixels { profile, ..of_image(file, image)? }
+        }
+    };
+    let orientation = orientation(file, &format)?;
+    Ok(pixels.turned(orientation))
+}
+
+/// Name of the kind of a file whose stored values are light unless something else is stated: EXR, and TIFF of floats.
+pub fn holds_light(file: &Path) -> Option<&'static str> {
+    match FileKind::of(file) {
+        Ok(FileKind::Exr) => Some("EXR"),
+        Ok(FileKind::Tiff) if tiff_pixels::is_float(file) => Some("TIFF floats"),
+        _ => None,
+    }
+}
+
+/// Refuses a picture of more than `most` pixels.
+fn check_size(file: &Path, [height, width]: [usize; 2], most: u64) -> Result<(), FileError> {
+    if (height as u64).saturating_mul(width as u64) <= most {
+        return Ok(());
+    }
+    let most = most >> 20;
+    let reason = format!(
+        "it has {height} x {width} pixels: at most {most} Mpx are read; scale it down to what the display shows"
+    );
+    Err(FileError::content(file, reason))
+}
+
+fn limits() -> Limits {
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(LONGEST_SIDE);
+    limits.max_image_height = Some(LONGEST_SIDE);
+    limits.max_alloc = Some(1 << 30);
+    limits
+}
+
+fn open(file: &Path, format: ImageFormat) -> Result<ImageReader<BufReader<File>>, FileError> {
+    let opened = read::open(file).map_err(|e| FileError::read(file, e))?;
+    let mut reader = ImageReader::with_format(BufReader::new(opened), format);
+    reader.limits(limits());
+    Ok(reader)
+}
+
+/// The ICC profile in a picture's metadata.
+fn profile(file: &Path, format: ImageFormat) -> Result<Option<Vec<u8>>, FileError> {
+    let mut decoder = open(file, format)?.into_decoder().map_err(|e| FileError::damaged(file, e))?;
+    // A profile that is cut short is none: `color_space` refuses it.
+    Ok(decoder.icc_profile().unwrap_or(Some(Vec::new())))
+}
+
+fn of_image(file: &Path, image: DynamicImage) -> Result<Pixels, FileError> {
+    let (height, width) = (image.height() as usize, image.width() as usize);
+    let channels = usize::from(image.color().channel_count());
+    let samples = match image {
+        DynamicImage::ImageLuma8(p) => Samples::U8(p.into_raw()),
+        DynamicImage::ImageLumaA8(p) => Samples::U8(p.into_raw()),
+        DynamicImage::ImageRgb8(p) => Samples::U8(p.into_raw()),
+        DynamicImage::ImageRgba8(p) => Samples::U8(p.into_raw()),
+        DynamicImage::ImageLuma16(p) => Samples::U16(p.into_raw()),
+        DynamicImage::ImageLumaA16(p) => Samples::U16(p.into_raw()),
+        DynamicImage::ImageRgb16(p) => Samples::U16(p.into_raw()),
+        DynamicImage::ImageRgba16(p) => Samples::U16(p.into_raw()),
+        other => {
+            return Err(FileError::content(file, format!("pixels of type {:?} are not supported", other.color())));
+        }
+    };
+    Ok(Pixels {
+        height,
+        width,
+        channels,
+        premultiplied: false,
+        orientation: 1,
+        profile: None,
+        primaries: None,
+        samples,
+    })
+}
+
+/// Whether a JPEG's last scan is closed: decoders fill what is missing with gray and report nothing.
+fn jpeg_ends(file: &Path) -> Result<bool, FileError> {
+    let bytes = read::bytes(file, read::PICTURE).map_err(|e| FileError::read(file, e))?;
+    // Inside a scan, 0xff is never followed by these.
+    let last_scan = bytes.windows(2).rposition(|b| b == [0xff, 0xda]).unwrap_or(0);
+    Ok(bytes[last_scan..].windows(2).any(|b| b == [0xff, 0xd9]))
+}

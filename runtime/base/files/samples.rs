@@ -1,0 +1,95 @@
+//! Stored values of a decoded picture.
+
+use super::Primaries;
+
+/// Stored values of a picture, interleaved.
+#[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use all of it"))]
+#[derive(Debug, Clone, PartialEq)]
+pub enum Samples {
+    /// 8 bits.
+    U8(Vec<u8>),
+    /// 16 bits.
+    U16(Vec<u16>),
+    /// Floating point. A pixel that an EXR file leaves out is NaN.
+    F32(Vec<f32>),
+}
+
+/// Decoded picture, row by row.
+#[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use all of it"))]
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pixels {
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// Values per pixel: 1 gray, 2 gray and alpha, 3 red, green, blue, 4 those and alpha.
+    pub channels: usize,
+    /// Whether colors are multiplied by alpha already.
+    pub premultiplied: bool,
+    /// EXIF orientation by which it was turned, 1 to 8; 1 is as stored.
+    pub orientation: u8,
+    /// ICC profile that the file holds.
+    pub profile: Option<Vec<u8>>,
+    /// Color primaries that the file states beside a profile.
+    pub primaries: Option<Primaries>,
+    /// Its values.
+    pub samples: Samples,
+}
+
+/// The color space that a picture's ICC profile states.
+#[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use all of it"))]
+#[derive(Debug, Clone, PartialEq)]
+pub enum ColorSpace {
+    /// sRGB, within the differences of sRGB profiles.
+    Srgb,
+    /// Linear light with the primaries of sRGB.
+    Linear,
+    /// Another one, with its values converted to sRGB.
+    Other {
+        /// Name of the profile.
+        name: String,
+        /// sRGB values as shares of full scale, interleaved like the stored ones; alpha is unchanged.
+        values: Vec<f32>,
+    },
+}
+
+impl Pixels {
+    /// The picture turned by an EXIF orientation.
+    #[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "decoders use it"))]
+    pub fn turned(self, orientation: u8) -> Self {
+        if !(2..=8).contains(&orientation) {
+            return self;
+        }
+        let (h, w, channels) = (self.height, self.width, self.channels);
+        let [height, width] = if orientation >= 5 { [w, h] } else { [h, w] };
+        let from = |row: usize, column: usize| match orientation {
+            2 => [row, w - 1 - column],
+            3 => [h - 1 - row, w - 1 - column],
+            4 => [h - 1 - row, column],
+            5 => [column, row],
+            6 => [h - 1 - column, row],
+            7 => [h - 1 - column, w - 1 - row],
+            _ => [column, w - 1 - row],
+        };
+        let places: Vec<usize> = (0..height * width)
+            .map(|i| from(i / width, i % width))
+            .flat_map(|[row, column]| (0..channels).map(move |k| (row * w + column) * channels + k))
+            .collect();
+        let samples = match self.samples {
+            Samples::U8(v) => Samples::U8(places.into_iter().map(|i| v[i]).collect()),
+            Samples::U16(v) => Samples::U16(places.into_iter().map(|i| v[i]).collect()),
+            Samples::F32(v) => Samples::F32(places.into_iter().map(|i| v[i]).collect()),
+        };
+        Self { height, width, samples, orientation, ..self }
+    }
+
+    /// Whether a pixel has red, green and blue.
+    pub fn has_color(&self) -> bool {
+        self.channels >= 3
+    }
+
+    /// Whether the last channel is alpha.
+    pub fn has_alpha(&self) -> bool {
+        self.channels.is_multiple_of(2)
+    }
+}

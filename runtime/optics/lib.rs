@@ -1,0 +1,221 @@
+//! The optics, as pure functions in float64: no buffers, no threads, no files but the display's own.
+//!
+//! A phase-only SLM of `height` x `width` pixels lit by a plane wave shows `u = exp(i phi)`. A 4f relay puts its
+//! Fourier plane where the eye's pupil is: frequency `q` lands at pupil position `wavelength * focal_length * q`. Or the
+//! SLM stands in the pupil plane itself ([`Geometry::FarField`]).
+//! This room imports nothing from the rest of the runtime.
+
+mod color;
+mod dispersion;
+mod display;
+mod encoding;
+mod eyebox;
+mod fewer_modes;
+mod focus;
+mod geometry;
+mod joint_color;
+mod light;
+mod limits;
+pub mod linear;
+mod mask;
+mod mask_design;
+mod masked;
+mod model;
+mod model_tables;
+mod obstruction;
+mod padding;
+mod picture;
+mod prescription;
+mod presets;
+mod propagation;
+mod pupil;
+mod pupil_distribution;
+mod quadrature;
+mod reach;
+mod sensitivity;
+mod source;
+mod source_choice;
+mod switched;
+mod switching;
+mod units;
+mod viewing;
+mod wavefront_map;
+mod window;
+mod zernike;
+
+pub use color::Color;
+pub use display::{Display, Wavelength};
+pub use encoding::{Channel, ChannelOrder, Correction, Encoding, Flip, Grating, Orientation, Packing, Place, TwoPi};
+pub use eyebox::EyeboxRegion;
+pub use fewer_modes::{FewerModes, fewer_modes};
+pub use focus::{Depth, depth_in_words, depth_of_dioptres, depths_in_words, dioptres, dioptres_in_words};
+pub use geometry::{Geometry, Optics, frequency_bin};
+pub use joint_color::drives_into;
+pub use joint_color::{JointColor, Laser, powers_in_sequence};
+pub use joint_color::{drive_of, drives_of, phase_of, reference_of, with_mean_of_one};
+pub use light::SourceSampling;
+pub use limits::{
+    check_usual_aperture, check_usual_depth, check_usual_depths, check_usual_diameters, check_usual_view_pitch,
+};
+pub use mask::{Mask, MaskPhases};
+pub use model::WAVES;
+pub use model::{DisplayModel, Iris, Level, ModelOf, ModelSections, ModelTerms, Spread};
+pub use obstruction::Obstruction;
+pub use padding::Padding;
+pub use padding::{slow_sides, walk_off};
+pub use picture::{Picture, PictureMap, Seen};
+pub use prescription::Prescription;
+pub use presets::{PRESETS, display_template, preset_about, preset_text};
+pub use propagation::aperture;
+pub use propagation::transfer;
+pub use propagation::transfer_of_bin;
+pub use pupil::Pupil;
+pub use pupil_distribution::PupilDistribution;
+pub use reach::{Reach, SourcesReach, WithoutMask};
+pub use sensitivity::{contrast_sensitivity, resolved_frequencies};
+pub use source::{GivenMode, SourceKind, SourceMode, SourceSections, SourceShape, SourceTerms};
+pub use source_choice::SourceChoice;
+pub use switched::{Sources, SourcesLit, SwitchedSource};
+pub use switching::USUAL_RATE_HZ;
+pub use switching::mean_light;
+pub use viewing::Viewing;
+pub use window::{Window, WindowFactor, fast_size};
+pub use zernike::{zernike, zernike_name};
+
+/// What can be wrong with a display, a pupil or a grid.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum OpticsError {
+    /// A number that has to be positive and finite is not.
+    #[error("{what} is {value}: it must be a positive, finite number{hint}")]
+    NotPositive {
+        /// Which quantity, with its unit.
+        what: &'static str,
+        /// Its value, in that unit.
+        value: f64,
+        /// What would be right, or nothing.
+        hint: &'static str,
+    },
+    /// A length that no display has, and with which float64 would not get far.
+    #[error("{what} is {value:e}: it must be {low:e} to {high:e}{hint}")]
+    OutOfRange {
+        /// Which quantity, with its unit.
+        what: &'static str,
+        /// Its value, in that unit.
+        value: f64,
+        /// The least.
+        low: f64,
+        /// The most.
+        high: f64,
+        /// What is probably meant, or nothing.
+        hint: String,
+    },
+    /// What is possible and most likely a mistake.
+    #[error("{given}: {probably}")]
+    Unusual {
+        /// What was given, with its unit.
+        given: String,
+        /// What it probably should be.
+        probably: String,
+    },
+    /// A number that has to be finite is not.
+    #[error("{what} is {value}: it must be a finite number")]
+    NotFinite {
+        /// Which quantity, with its unit.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// A resolution with an axis of zero or beyond what is addressed.
+    #[error("the size {height}x{width} has no pixels or too many: each axis must be 1 to 65536")]
+    Size {
+        /// Rows.
+        height: usize,
+        /// Columns.
+        width: usize,
+    },
+    /// The pupil reaches no light at all.
+    #[error(
+        "the pupil at ({x_mm}, {y_mm}) mm, {diameter_mm} mm wide, lies outside the {color} eyebox of {eyebox_mm:.2} mm: \
+         its centre must be within {reach_mm:.2} mm on each axis"
+    )]
+    OutsideEyebox {
+        /// Centre, x.
+        x_mm: f64,
+        /// Centre, y.
+        y_mm: f64,
+        /// Diameter.
+        diameter_mm: f64,
+        /// Side of the eyebox.
+        eyebox_mm: f64,
+        /// Largest coordinate of the centre.
+        reach_mm: f64,
+        /// The wavelength, in words.
+        color: String,
+    },
+    /// Not a preset and not a readable file.
+    #[error("the display '{name}' is neither a preset ({presets}) nor a readable file: {reason}")]
+    UnknownDisplay {
+        /// What was asked for.
+        name: String,
+        /// The presets.
+        presets: String,
+        /// Why it could not be read.
+        reason: String,
+    },
+    /// A display file that does not say what it must.
+    #[error("display file {file}: {reason}")]
+    DisplayFile {
+        /// The file.
+        file: String,
+        /// What is wrong in it, where.
+        reason: String,
+    },
+    /// A prescription that cannot be.
+    #[error("the prescription: {reason}")]
+    Prescription {
+        /// What is wrong with it, and where.
+        reason: String,
+    },
+    /// An obstruction that has no such name.
+    #[error("the obstruction '{name}' is unknown: expected {known}")]
+    UnknownObstruction {
+        /// The name that was given.
+        name: String,
+        /// The names that exist.
+        known: String,
+    },
+    /// A way of viewing that cannot be.
+    #[error("the viewing: {reason}")]
+    Viewing {
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// An eye that blurs too much for the picture.
+    #[error(
+        "an eye of {eye} blurs a point over {blur_mm:.2} mm through a pupil of {diameter_mm:.2} mm: more than half of the \
+         picture, {most_mm:.2} mm; this display serves that eye through pupils up to {fits_mm:.2} mm"
+    )]
+    Blur {
+        /// The eye, in words.
+        eye: String,
+        /// Diameter of the pupil.
+        diameter_mm: f64,
+        /// How wide a point is.
+        blur_mm: f64,
+        /// How wide it may be.
+        most_mm: f64,
+        /// The widest pupil that fits.
+        fits_mm: f64,
+    },
+    /// A colour that the display does not have.
+    #[error("the display '{display}' has no {color} wavelength: it has {has}")]
+    NoColor {
+        /// The display.
+        display: String,
+        /// The colour asked for.
+        color: Color,
+        /// The colours it has.
+        has: String,
+    },
+}

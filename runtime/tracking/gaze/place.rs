@@ -1,0 +1,384 @@
+//! Tracker coordinates to metres in the pupil plane, and what is not believed.
+
+use super::{Calibration, Eye, Settings};
+use crate::trackers::{Quantity, Reading, Sample, Unit};
+use serde::Serialize;
+
+/// A believed measurement of the pupil.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Placed {
+    /// When, nanoseconds of the samples' clock.
+    pub time_ns: u64,
+    /// Where, metres in the pupil plane.
+    pub position: [f64; 2],
+    /// How fast it moves there, metres a second, where the tracker tells.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub velocity: Option<[f64; 2]>,
+    /// How wide, metres.
+    pub diameter: Option<f64>,
+    /// Standard deviation of what no filter takes away, metres: the calibration's, the other eye's.
+    pub bias: f64,
+}
+
+/// Why a sample is not believed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum Refusal {
+    /// The eye was not seen.
+    NotSeen,
+    /// It was hardly seen.
+    Confidence,
+    /// There is no map for what was measured: it needs a calibration.
+    NoMap,
+    /// Farther out than the eyebox.
+    OutOfReach,
+    /// The sample's time stands still, runs back, or lies ahead of its arrival.
+    Time,
+    /// The eyes are too near to each other, or too far apart.
+    BetweenEyes,
+    /// No eye turns so fast.
+    TooFast,
+}
+
+impl Refusal {
+    /// All of them, in the order of [`Counts::refused`].
+    pub const ALL: [Self; 7] =
+        [Self::NotSeen, Self::Confidence, Self::NoMap, Self::OutOfReach, Self::Time, Self::BetweenEyes, Self::TooFast];
+
+    /// The key of its count in statistics.
+    pub fn key(self) -> &'static str {
+        ["not_seen", "confidence", "no_map", "out_of_reach", "time", "between_eyes", "too_fast"][self as usize]
+    }
+}
+
+impl std::fmt::Display for Refusal {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::NotSeen => "the eye is not seen",
+            Self::Confidence => "the eye is hardly seen",
+            Self::NoMap => "what is measured needs a calibration",
+            Self::OutOfReach => "outside the eyebox",
+            Self::Time => "its time is wrong, or that of a sample before",
+            Self::BetweenEyes => "the distance between the eyes is impossible",
+            Self::TooFast => "no eye turns so fast",
+        })
+    }
+}
+
+/// Samples by what became of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Counts {
+    /// Samples that show where the pupil is.
+    pub placed: u64,
+    /// The others by their reason, in the order of [`Refusal::ALL`].
+    pub refused: [u64; 7],
+}
+
+impl Counts {
+    pub(super) fn count(&mut self, placed: &Result<Placed, Refusal>) {
+        match placed {
+            Ok(_) => self.placed += 1,
+            Err(refusal) => self.refused[*refusal as usize] += 1,
+        }
+    }
+
+    /// All samples.
+    pub fn samples(&self) -> u64 {
+        self.placed + self.refused.iter().sum::<u64>()
+    }
+
+    /// The reasons of refusals with their counts, the most frequent first.
+    pub fn reasons(&self) -> Vec<(Refusal, u64)> {
+        let mut all: Vec<_> = Refusal::ALL.into_iter().zip(self.refused).filter(|(_, count)| *count > 0).collect();
+        all.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+        all
+    }
+}
+
+/// Samples that agree among themselves after a jump that no eye makes, or on a clock that was set: then the earlier ones
+/// were wrong.
+const AGREE: u32 = 3;
+/// Readings of the two eyes this near in time, nanoseconds, show how the eyes differ: cameras of 30 Hz take turns so.
+const TOGETHER_NS: u64 = 40_000_000;
+/// A time this far back is no sample out of order, nanoseconds.
+const SET_BACK_NS: u64 = 250_000_000;
+/// How far the eyes may differ before any difference was seen, metres.
+const UNKNOWN_OFFSET: f64 = 0.5e-3;
+
+/// Places samples; remembers how the eyes differ, and the last believed one.
+#[derive(Debug, Clone)]
+pub struct Placer {
+    settings: Settings,
+    calibration: Option<Calibration>,
+    /// Right less left, and how often it was seen.
+    offset: [f64; 2],
+    offset_square: f64,
+    offset_count: u32,
+    /// The newest reading of each eye: time, place.
+    eyes: [Option<(u64, [f64; 2])>; 2],
+    /// The last sample was one eye's, whose difference from the other was not known.
+    guessed: bool,
+    /// What was placed before does not belong to what is placed now.
+    begins_again: bool,
+    last: Option<Placed>,
+    last_time_ns: Option<u64>,
+    /// Samples of a clock that was set back: time and arrival of the newest, how many.
+    set_back: Option<([u64; 2], u32)>,
+    suspect: Option<(Placed, u32)>,
+    /// Confidence of left, right, combined as it usually is.
+    usual: [f64; 3],
+}
+
+/// A tracker's velocity is placed by where it takes the reading in so long, seconds.
+const SOON: f64 = 1e-4;
+/// Less than this share of the usual confidence: a lid is on its way, and the visible part's centre is not the pupil's.
+const UNUSUAL: f64 = 0.85;
+
+impl Placer {
+    /// Without a calibration the rotation of the eye is all that is known.
+    pub fn new(settings: Settings, calibration: Option<Calibration>) -> Self {
+        Self {
+            settings,
+            calibration,
+            offset: [0.0; 2],
+            offset_square: 0.0,
+            offset_count: 0,
+            eyes: [None; 2],
+            guessed: false,
+            begins_again: false,
+            last: None,
+            last_time_ns: None,
+            set_back: None,
+            suspect: None,
+            usual: [0.0; 3],
+        }
+    }
+
+    /// The user's calibration, if there is one.
+    pub fn calibration(&self) -> Option<&Calibration> {
+        self.calibration.as_ref()
+    }
+
+    /// Where a sample says that the pupil is; `noise` is the standard deviation of its coordinates.
+    ///
+    /// # Errors
+    /// Why it is not believed.
+    pub fn place(&mut self, sample: &Sample, noise: f64) -> Result<Placed, Refusal> {
+        self.check_time(sample)?;
+        self.between_eyes(sample)?;
+        for (usual, reading) in self.usual.iter_mut().zip([&sample.left, &sample.right, &sample.combined]) {
+            if let Some(r) = reading.filter(|r| r.valid && r.confidence >= self.settings.confidence) {
+                let first = *usual == 0.0;
+                *usual += if first { 1.0 } else { 0.01 } * (r.confidence - *usual);
+            }
+        }
+        let placed = self.one(sample)?;
+        if placed.position.iter().any(|p| !p.is_finite() || p.abs() > self.settings.reach) {
+            return Err(Refusal::OutOfReach);
+        }
+        self.believe(placed, noise)
+    }
+
+    /// Whether the sample placed last belongs to another clock, or was a guess from one eye: the next call says no.
+    pub(super) fn begins_again(&mut self) -> bool {
+        std::mem::take(&mut self.begins_again)
+    }
+
+    fn check_time(&mut self, sample: &Sample) -> Result<(), Refusal> {
+        if sample.time_ns > sample.received_ns {
+            return Err(Refusal::Time);
+        }
+        let Some(last) = self.last_time_ns.filter(|last| sample.time_ns <= *last) else {
+            (self.last_time_ns, self.set_back) = (Some(sample.time_ns), None);
+            return Ok(());
+        };
+        if last - sample.time_ns < SET_BACK_NS {
+            return Err(Refusal::Time);
+        }
+        let is = [sample.time_ns, sample.received_ns];
+        let count = match self.set_back {
+            Some((before, count)) if is[0] > before[0] && is[1] > before[1] => count + 1,
+            _ => 1,
+        };
+        self.set_back = Some((is, count));
+        if count < AGREE {
+            return Err(Refusal::Time);
+        }
+        (self.last_time_ns, self.set_back) = (Some(sample.time_ns), None);
+        (self.last, self.suspect, self.eyes, self.begins_again) = (None, None, [None; 2], true);
+        Ok(())
+    }
+
+    fn between_eyes(&self, sample: &Sample) -> Result<(), Refusal> {
+        let (Some(l), Some(r)) = (&sample.left, &sample.right) else { return Ok(()) };
+        if !(in_space(l) && in_space(r) && l.valid && r.valid) {
+            return Ok(());
+        }
+        let (Some(a), Some(b)) = (l.distance, r.distance) else { return Ok(()) };
+        let apart = (l.position[0] - r.position[0]).hypot(l.position[1] - r.position[1]).hypot(a - b);
+        let [low, high] = self.settings.between_eyes;
+        if (low..=high).contains(&apart) { Ok(()) } else { Err(Refusal::BetweenEyes) }
+    }
+
+    /// Both eyes, one, or what stands for both.
+    fn one(&mut self, sample: &Sample) -> Result<Placed, Refusal> {
+        let left = self.map(0, &sample.left, |c| c.left.as_ref(), sample);
+        let right = self.map(1, &sample.right, |c| c.right.as_ref(), sample);
+        // Cameras may take turns: then each sample has one eye.
+        for (newest, found) in self.eyes.iter_mut().zip([&left, &right]) {
+            if let Ok(found) = found {
+                *newest = Some((found.time_ns, found.position));
+            }
+        }
+        if let ([Some(l), Some(r)], true) = (self.eyes, left.is_ok() || right.is_ok())
+            && l.0.abs_diff(r.0) <= TOGETHER_NS
+        {
+            if std::mem::take(&mut self.guessed) && self.offset_count == 0 {
+                (self.last, self.suspect, self.begins_again) = (None, None, true);
+            }
+            self.compare(l.1, r.1);
+        }
+        let known = self.offset_count > 0;
+        let shifted = |found: Placed, by: f64| {
+            let position = [0, 1].map(|i| found.position[i] + by * self.offset[i]);
+            // Vergence changes: the other eye is a witness, not the eye itself.
+            let bias = found.bias.hypot(if known { self.offset_square.sqrt().min(1e-3) } else { UNKNOWN_OFFSET });
+            Placed { position, bias, ..found }
+        };
+        self.guessed = !known && left.is_ok() != right.is_ok();
+        match (self.settings.eye, left, right) {
+            (Eye::Left, Ok(l), _) => Ok(l),
+            (Eye::Right, _, Ok(r)) => Ok(r),
+            (Eye::Left, Err(_), Ok(r)) => Ok(shifted(r, -1.0)),
+            (Eye::Right, Ok(l), Err(_)) => Ok(shifted(l, 1.0)),
+            (Eye::Mean, Ok(l), Ok(r)) => {
+                let mean = |a: [f64; 2], b: [f64; 2]| [0, 1].map(|i| (a[i] + b[i]) / 2.0);
+                Ok(Placed {
+                    time_ns: sample.time_ns,
+                    position: mean(l.position, r.position),
+                    velocity: l.velocity.zip(r.velocity).map(|(a, b)| mean(a, b)).or(l.velocity).or(r.velocity),
+                    diameter: l.diameter.zip(r.diameter).map(|(a, b)| (a + b) / 2.0).or(l.diameter).or(r.diameter),
+                    bias: l.bias.max(r.bias),
+                })
+            }
+            (Eye::Mean, Ok(l), Err(_)) => Ok(shifted(l, 0.5)),
+            (Eye::Mean, Err(_), Ok(r)) => Ok(shifted(r, -0.5)),
+            (_, Err(why_left), Err(why_right)) => {
+                // The most telling reason: something was there, but not good enough.
+                self.map(2, &sample.combined, |c| c.combined.as_ref(), sample).map_err(|why| {
+                    let told = [why, why_left, why_right].into_iter().find(|w| *w != Refusal::NotSeen);
+                    told.unwrap_or(Refusal::NotSeen)
+                })
+            }
+        }
+    }
+
+    /// One reading in the pupil plane, with the standard deviation of its map.
+    fn map(
+        &self,
+        index: usize,
+        reading: &Option<Reading>,
+        fit: impl Fn(&Calibration) -> Option<&super::Fit>,
+        sample: &Sample,
+    ) -> Result<Placed, Refusal> {
+        let Some(reading) = reading.as_ref().filter(|r| r.valid) else { return Err(Refusal::NotSeen) };
+        let least = self.settings.confidence.max(UNUSUAL * self.usual[index]);
+        if reading.confidence.is_nan() || reading.confidence < least {
+            return Err(Refusal::Confidence);
+        }
+        let fit = match &self.calibration {
+            Some(calibration) => Some(fit(calibration).filter(|f| f.unit == reading.unit).ok_or(Refusal::NoMap)?),
+            None => None,
+        };
+        let at = |reading: &Reading, gaze: Option<&Reading>| match fit {
+            Some(fit) => Some(fit.map.apply(reading.position)),
+            None => rotation(reading, gaze, &self.settings),
+        };
+        let position = at(reading, sample.combined.as_ref()).ok_or(Refusal::NoMap)?;
+        // Where it goes in a little while, by its own velocity and that of the point it may be placed by.
+        let soon = |reading: &Reading| {
+            let velocity = reading.velocity?;
+            Some(Reading { position: [0, 1].map(|i| reading.position[i] + SOON * velocity[i]), ..*reading })
+        };
+        let needs_gaze = fit.is_none() && in_space(reading);
+        let gaze = sample.combined.as_ref().filter(|_| needs_gaze);
+        let velocity = match gaze {
+            Some(gaze) => soon(reading).zip(soon(gaze)).and_then(|(reading, gaze)| at(&reading, Some(&gaze))),
+            None => soon(reading).and_then(|reading| at(&reading, None)),
+        };
+        let velocity = velocity.map(|then| [0, 1].map(|i| (then[i] - position[i]) / SOON));
+        let fastest = self.settings.fastest * self.settings.radius;
+        Ok(Placed {
+            time_ns: sample.time_ns,
+            position,
+            velocity: velocity.filter(|[x, y]| x.hypot(*y) <= fastest),
+            diameter: reading.diameter,
+            bias: fit.map_or(0.0, |fit| fit.residual),
+        })
+    }
+
+    fn compare(&mut self, left: [f64; 2], right: [f64; 2]) {
+        if self.offset_count == 0 {
+            (self.offset, self.offset_square) = ([0, 1].map(|i| right[i] - left[i]), UNKNOWN_OFFSET.powi(2));
+        }
+        self.offset_count = self.offset_count.saturating_add(1);
+        let share = (1.0 / f64::from(self.offset_count)).max(0.01);
+        let difference = [0, 1].map(|i| right[i] - left[i] - self.offset[i]);
+        self.offset = [0, 1].map(|i| self.offset[i] + share * difference[i]);
+        let square = (difference[0].powi(2) + difference[1].powi(2)) / 2.0;
+        let share = (1.0 / (1.0 + f64::from(self.offset_count))).max(0.01);
+        self.offset_square += share * (square.min(1e-4) - self.offset_square);
+    }
+
+    /// Refuses jumps that no eye makes, until several samples agree that it is there.
+    fn believe(&mut self, placed: Placed, noise: f64) -> Result<Placed, Refusal> {
+        let near = |a: &Placed| {
+            let seconds = placed.time_ns.saturating_sub(a.time_ns) as f64 * 1e-9;
+            let far = (placed.position[0] - a.position[0]).hypot(placed.position[1] - a.position[1]);
+            far <= self.settings.fastest * self.settings.radius * seconds + 5.0 * noise + 0.25e-3
+        };
+        if self.last.as_ref().is_none_or(near) {
+            self.suspect = None;
+            self.last = Some(placed);
+            return Ok(placed);
+        }
+        let count = match &self.suspect {
+            Some((before, count)) if near(before) => count + 1,
+            _ => 1,
+        };
+        if count >= AGREE {
+            self.suspect = None;
+            self.last = Some(placed);
+            return Ok(placed);
+        }
+        self.suspect = Some((placed, count));
+        Err(Refusal::TooFast)
+    }
+}
+
+fn in_space(reading: &Reading) -> bool {
+    reading.quantity == Quantity::Pupil && reading.unit == Unit::Metres && reading.distance.is_some()
+}
+
+/// The pupil's place without a calibration: an eye that turns about its centre, `radius` behind the pupil.
+///
+/// Positions in the plane are taken as they are; directions and gaze points turn the eye; of an eye in space, the
+/// direction to the gaze point turns it, where there is one.
+pub fn rotation(reading: &Reading, gaze: Option<&Reading>, settings: &Settings) -> Option<[f64; 2]> {
+    let turned = |angles: [f64; 2]| angles.map(|a| settings.radius * a.sin());
+    let towards = |point: [f64; 2], distance: f64| turned(point.map(|p| p.atan2(distance)));
+    Some(match (reading.quantity, reading.unit) {
+        (_, Unit::Counts) => return None,
+        (_, Unit::Normalized) => reading.position.map(|p| (p - 0.5) * settings.picture),
+        (_, Unit::Radians) => turned(reading.position),
+        (Quantity::Gaze, Unit::Metres) => towards(reading.position, settings.screen_distance),
+        (Quantity::Pupil, Unit::Metres) => {
+            let gaze = gaze.filter(|g| g.valid && g.quantity == Quantity::Gaze && g.unit == Unit::Metres);
+            match (reading.distance, gaze) {
+                (Some(z), Some(gaze)) if z > 0.05 => towards([0, 1].map(|i| gaze.position[i] - reading.position[i]), z),
+                _ => reading.position,
+            }
+        }
+    })
+}

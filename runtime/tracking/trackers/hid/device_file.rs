@@ -1,0 +1,232 @@
+//! A device with a layout of its own, described in a file: which bytes of which report are what.
+//!
+//! ```toml
+//! name = "Bench tracker"
+//! vendor = 0x1234                 # the device that it is for
+//! product = 0x5678
+//! report_id = 1                   # 0, or left out: reports carry no ID
+//! bytes = 22                      # of the report, with its ID; shorter ones are refused
+//! start = [0x05, 0x01]            # a feature report to write first, if the device wants one
+//! time = { offset = 1, size = 4, scale = 1e-6 }                 # seconds a count
+//!
+//! [left]
+//! unit = "mm"                     # mm, deg, normalized or counts
+//! what = "pupil"                  # pupil, or gaze
+//! x = { offset = 5, size = 2, signed = true, scale = 0.001 }    # unit a count
+//! y = { offset = 7, size = 2, signed = true, scale = 0.001 }
+//! diameter = { offset = 9, size = 2, scale = 0.001 }            # mm a count
+//! confidence = { offset = 11, size = 1, scale = 0.00392 }       # 0 to 1
+//! valid = { offset = 12, size = 1 }                             # not 0: seen
+//! ```
+//!
+//! Offsets are bytes from the report's first byte, its ID included where it has one. `range = [low, high]`, raw, refuses
+//! what lies outside.
+
+use super::layout::{InputReport, Layout, Place, Role, Slot, TimeSlots};
+use crate::trackers::{Quantity, TrackerError, Unit};
+use serde::Deserialize;
+use std::path::Path;
+
+/// A device described in a file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DeviceFile {
+    /// Its name.
+    pub name: String,
+    /// Vendor and product that it is for.
+    pub id: [u16; 2],
+    /// Where everything is.
+    pub layout: Layout,
+    /// A feature report to write first; its first byte is the ID.
+    pub start: Option<Vec<u8>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    /// What the device is called.
+    name: Option<String>,
+    /// USB vendor.
+    vendor: u16,
+    /// USB product.
+    product: u16,
+    /// ID of the report that is read; 0 for devices without.
+    #[serde(default)]
+    report_id: u8,
+    /// Bytes of the report, with its ID; shorter ones are refused.
+    bytes: usize,
+    /// Bytes that are sent to the device to start it.
+    start: Option<Vec<u8>>,
+    /// Its time, seconds.
+    time: Option<SlotText>,
+    /// Of the left eye: below.
+    left: Option<PlaceText>,
+    /// Of the right one.
+    right: Option<PlaceText>,
+    /// Of both.
+    combined: Option<PlaceText>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PlaceText {
+    /// Of x, y and z.
+    unit: UnitText,
+    /// Where the pupil is, or where the eye looks.
+    #[serde(default)]
+    what: WhatText,
+    /// To the right.
+    x: SlotText,
+    /// Down.
+    y: SlotText,
+    /// Away from the tracker.
+    z: Option<SlotText>,
+    /// Diameter of the pupil, millimetres.
+    diameter: Option<SlotText>,
+    /// 0 to 1.
+    confidence: Option<SlotText>,
+    /// Not 0: the eye was seen.
+    valid: Option<SlotText>,
+}
+
+#[derive(Deserialize, Clone, Copy)]
+#[serde(rename_all = "lowercase")]
+enum UnitText {
+    Mm,
+    Deg,
+    Normalized,
+    Counts,
+}
+
+#[derive(Deserialize, Clone, Copy, Default)]
+#[serde(rename_all = "lowercase")]
+enum WhatText {
+    #[default]
+    Pupil,
+    Gaze,
+}
+
+#[derive(Deserialize, Clone)]
+#[serde(deny_unknown_fields)]
+struct SlotText {
+    /// First byte of the number in the report.
+    offset: usize,
+    /// Its bytes, 1 to 8, the lowest first.
+    size: u32,
+    /// Whether it has a sign.
+    #[serde(default)]
+    signed: bool,
+    /// Units a count [default: 1].
+    #[serde(default = "one")]
+    scale: f64,
+    /// Counts that mean something; all without.
+    range: Option<[i64; 2]>,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+impl DeviceFile {
+    /// Reads a device file.
+    ///
+    /// # Errors
+    /// [`TrackerError::File`], naming the file, the line and the key.
+    pub fn load(file: &Path) -> Result<Self, TrackerError> {
+        let text = eyebox_base::files::read::text(file, eyebox_base::files::read::TEXT)
+            .map_err(|e| TrackerError::file(file, e.to_string()))?;
+        Self::from_toml(&text).map_err(|reason| TrackerError::file(file, reason))
+    }
+
+    /// Reads the text of one.
+    ///
+    /// # Errors
+    /// What is wrong, with its line or key.
+    pub fn from_toml(text: &str) -> Result<Self, String> {
+        let file: File = eyebox_base::files::read::toml(text)?;
+        let first = usize::from(file.report_id != 0);
+        let longest = super::descriptor::LONGEST_REPORT;
+        if !(first + 1..=longest).contains(&file.bytes) {
+            return Err(format!("bytes is {}: a report has {} to {longest}", file.bytes, first + 1));
+        }
+        let slot = |key: &str, s: &SlotText, unit: f64| -> Result<Slot, String> {
+            if !(1..=8).contains(&s.size) {
+                return Err(format!("{key}: size is {}: 1 to 8 bytes", s.size));
+            }
+            if s.offset < first || s.offset.saturating_add(s.size as usize) > file.bytes {
+                return Err(format!(
+                    "{key}: bytes {} to {} do not lie in a report of {} bytes{}",
+                    s.offset,
+                    s.offset.saturating_add(s.size as usize) - 1,
+                    file.bytes,
+                    if first == 1 { " behind its ID" } else { "" }
+                ));
+            }
+            if !(s.scale.is_finite() && s.scale != 0.0) {
+                return Err(format!("{key}: scale is {}: it must be finite and not 0", s.scale));
+            }
+            if s.range.is_some_and(|[low, high]| low > high) {
+                return Err(format!("{key}: range: the smallest first"));
+            }
+            let (bit, bits) = ((s.offset - first) * 8, s.size * 8);
+            Ok(Slot { bit, bits, signed: s.signed, logical: s.range, scale: s.scale * unit, zero: 0.0 })
+        };
+        let place = |name: &str, role: Role, p: &PlaceText| -> Result<Place, String> {
+            let (unit, scale) = match p.unit {
+                UnitText::Mm => (Unit::Metres, 1e-3),
+                UnitText::Deg => (Unit::Radians, 1f64.to_radians()),
+                UnitText::Normalized => (Unit::Normalized, 1.0),
+                UnitText::Counts => (Unit::Counts, 1.0),
+            };
+            let maybe = |key: &str, s: &Option<SlotText>, unit: f64| {
+                s.as_ref().map(|s| slot(&format!("{name}.{key}"), s, unit)).transpose()
+            };
+            Ok(Place {
+                role,
+                quantity: match p.what {
+                    WhatText::Pupil => Quantity::Pupil,
+                    WhatText::Gaze => Quantity::Gaze,
+                },
+                unit,
+                axes: [
+                    Some(slot(&format!("{name}.x"), &p.x, scale)?),
+                    Some(slot(&format!("{name}.y"), &p.y, scale)?),
+                    maybe("z", &p.z, scale)?,
+                ],
+                diameter: maybe("diameter", &p.diameter, 1e-3)?,
+                confidence: maybe("confidence", &p.confidence, 1.0)?,
+                valid: maybe("valid", &p.valid, 1.0)?,
+            })
+        };
+        let mut places = Vec::new();
+        let all = [
+            ("left", Role::Left, &file.left),
+            ("right", Role::Right, &file.right),
+            ("combined", Role::Gaze, &file.combined),
+        ];
+        for (name, role, text) in all {
+            if let Some(text) = text {
+                places.push(place(name, role, text)?);
+            }
+        }
+        if places.is_empty() {
+            return Err("no position: give [left], [right] or [combined], each with unit, x and y".into());
+        }
+        let time = match &file.time {
+            Some(text) => {
+                let part = slot("time", text, 1.0)?;
+                if text.scale <= 0.0 {
+                    return Err("time: scale must be positive".into());
+                }
+                Some(TimeSlots { scale: part.scale, parts: vec![part] })
+            }
+            None => None,
+        };
+        if file.start.as_ref().is_some_and(|s| s.is_empty() || s.len() > longest) {
+            return Err(format!("start has 1 to {longest} bytes, the ID first (0 where there is none)"));
+        }
+        let input = InputReport { id: file.report_id, bytes: file.bytes, time, places };
+        let layout = Layout { numbered: file.report_id != 0, inputs: vec![input], ..Layout::default() };
+        let name = file.name.unwrap_or_else(|| format!("{:04x}:{:04x}", file.vendor, file.product));
+        Ok(Self { name, id: [file.vendor, file.product], layout, start: file.start })
+    }
+}

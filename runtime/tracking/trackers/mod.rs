@@ -1,0 +1,47 @@
+//! Eye trackers: what a device, a recording, a network or a simulation says, as [`Sample`]s with a steady time.
+//!
+//! Every source is a [`Source`]: it waits for its next sample, on whatever thread asks. A [`Stream`] gives a source a
+//! thread of its own and keeps the newest samples for whoever is slower. Sources check what they receive (lengths,
+//! ranges, finite numbers) and invent nothing: what a position means for the pupil is the next room's business
+//! ([`gaze`](crate::gaze)). This room imports nothing of the engine, and of the runtime only
+//! [`files`](eyebox_base::files).
+//!
+//! | source | what it reads |
+//! |---|---|
+//! | `hid` | the first HID device of usage page 0x12, or the one that a device file describes ([`hid`]) |
+//! | `FILE.hid` | a recording in the text format of hid-recorder ([`recording`]) |
+//! | `FILE.jsonl` | recorded samples, one JSON object a line ([`mod@line`]) |
+//! | `pupil://HOST[:PORT]` | Pupil Core's network interface ([`pupil_labs`]) |
+//! | `udp://[HOST]:PORT` | lines of JSON in datagrams ([`udp`]) |
+//! | `mouse` | positions that a window pushes ([`mouse`]) |
+//! | a program | samples of a tracker of its own ([`pushed`]) |
+//! | `simulated[:SEED]` | a simulated eye before a simulated tracker ([`simulated`]) |
+
+pub mod hid;
+pub mod line;
+pub mod mouse;
+#[cfg(feature = "trackers")]
+pub mod pupil_labs;
+pub mod pushed;
+pub mod recording;
+pub mod simulated;
+pub mod udp;
+
+mod clock;
+mod error;
+mod guard;
+mod open;
+mod resolve;
+mod sample;
+mod source;
+mod stream;
+mod time_unit;
+
+pub use clock::Unwrap;
+pub use error::TrackerError;
+pub use eyebox_base::steady::now_ns;
+pub use open::{Options, Spec, open};
+pub use sample::{Quantity, Reading, Sample, Unit};
+pub use source::{About, Dropped, Event, Head, Source};
+pub use stream::{Status, Stream};
+pub use time_unit::TimeUnit;

@@ -1,0 +1,251 @@
+//! As much of ZeroMQ's wire protocol as two client sockets need: ZMTP 3.0 (rfc.zeromq.org/spec/23), mechanism NULL, over
+//! TCP. What arrives is bounded; a peer that breaks the protocol is an error, after which the connection is given up.
+
+use crate::trackers::resolve::resolve;
+use std::io::{self, ErrorKind, Read, Write};
+use std::net::TcpStream;
+use std::time::{Duration, Instant};
+
+/// Longest message, all its parts together, bytes.
+pub const LONGEST_MESSAGE: usize = 256 << 10;
+/// Most parts of a message.
+pub const MOST_PARTS: usize = 16;
+const GREETING: usize = 64;
+const MORE: u8 = 1;
+const LONG: u8 = 2;
+const COMMAND: u8 = 4;
+
+/// What arrived: the parts of a message, or a command.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Arrival {
+    /// A message.
+    Message(Vec<Vec<u8>>),
+    /// A command with its body.
+    Command(Vec<u8>),
+}
+
+/// Puts frames together out of a stream of bytes.
+#[derive(Debug, Clone, Default)]
+pub struct Frames {
+    bytes: Vec<u8>,
+    parts: Vec<Vec<u8>>,
+}
+
+impl Frames {
+    /// Takes bytes as they come.
+    pub fn push(&mut self, bytes: &[u8]) {
+        self.bytes.extend_from_slice(bytes);
+    }
+
+    /// The next message or command, if it is complete.
+    ///
+    /// # Errors
+    /// `InvalidData`: reserved flags, too long, too many parts.
+    pub fn next(&mut self) -> io::Result<Option<Arrival>> {
+        let wrong = |what: String| io::Error::new(ErrorKind::InvalidData, what);
+        loop {
+            let Some(&flags) = self.bytes.first() else { return Ok(None) };
+            if flags & !(MORE | LONG | COMMAND) != 0 || (flags & COMMAND != 0 && flags & MORE != 0) {
+                return Err(wrong(format!("a frame with flags 0x{flags:02x}: not ZMTP 3.0")));
+            }
+            let (head, length) = if flags & LONG != 0 {
+                let Some(size) = self.bytes.get(1..9).and_then(|b| <[u8; 8]>::try_from(b).ok()) else {
+                    return Ok(None);
+                };
+                (9, usize::try_from(u64::from_be_bytes(size)).unwrap_or(usize::MAX))
+            } else {
+                let Some(&size) = self.bytes.get(1) else { return Ok(None) };
+                (2, usize::from(size))
+            };
+            let before: usize = self.parts.iter().map(Vec::len).sum();
+            if length > LONGEST_MESSAGE - before.min(LONGEST_MESSAGE) || self.parts.len() == MOST_PARTS {
+                return Err(wrong(format!("a message of more than {LONGEST_MESSAGE} bytes or {MOST_PARTS} parts")));
+            }
+            let Some(body) = self.bytes.get(head..head + length) else { return Ok(None) };
+            let body = body.to_vec();
+            self.bytes.drain(..head + length);
+            if flags & COMMAND != 0 {
+                return Ok(Some(Arrival::Command(body)));
+            }
+            self.parts.push(body);
+            if flags & MORE == 0 {
+                return Ok(Some(Arrival::Message(std::mem::take(&mut self.parts))));
+            }
+        }
+    }
+}
+
+/// A frame as it goes over the wire.
+pub fn frame(body: &[u8], flags: u8) -> Vec<u8> {
+    let mut out = Vec::with_capacity(body.len() + 9);
+    match u8::try_from(body.len()) {
+        Ok(short) => out.extend([flags, short]),
+        Err(_) => {
+            out.push(flags | LONG);
+            out.extend((body.len() as u64).to_be_bytes());
+        }
+    }
+    out.extend_from_slice(body);
+    out
+}
+
+/// The 64 bytes that open a connection.
+pub fn greeting() -> [u8; GREETING] {
+    let mut bytes = [0; GREETING];
+    bytes[0] = 0xff;
+    bytes[9] = 0x7f;
+    bytes[10] = 3; // version 3.0
+    bytes[12..16].copy_from_slice(b"NULL");
+    bytes
+}
+
+/// The READY command that says what socket this is.
+pub fn ready(socket: &str) -> Vec<u8> {
+    let mut body = b"\x05READY\x0bSocket-Type".to_vec();
+    body.extend((socket.len() as u32).to_be_bytes());
+    body.extend(socket.as_bytes());
+    frame(&body, COMMAND)
+}
+
+/// A connected socket.
+#[derive(Debug)]
+pub struct Socket {
+    stream: TcpStream,
+    frames: Frames,
+}
+
+impl Socket {
+    /// Connects as a socket of a type (`REQ`, `SUB`), and shakes hands.
+    ///
+    /// # Errors
+    /// Those of the network; `InvalidData` where the peer does not speak ZMTP 3.
+    pub fn connect(host: &str, port: u16, socket: &str, timeout: Duration) -> io::Result<Self> {
+        let until = Instant::now() + timeout;
+        let mut last = io::Error::new(ErrorKind::NotFound, "no such address");
+        let mut connected = None;
+        for address in resolve(host, port, timeout)?.into_iter().take(4) {
+            match TcpStream::connect_timeout(&address, timeout) {
+                Ok(stream) => {
+                    connected = Some(stream);
+                    break;
+                }
+                Err(e) => last = e,
+            }
+        }
+        let stream = connected.ok_or(last)?;
+        stream.set_nodelay(true)?;
+        stream.set_write_timeout(Some(timeout))?;
+        let mut this = Self { stream, frames: Frames::default() };
+        this.stream.write_all(&greeting())?;
+        let mut theirs = [0; GREETING];
+        this.read_exact(&mut theirs, until)?;
+        if theirs[0] != 0xff || theirs[9] & 1 == 0 || theirs[10] < 3 {
+            return Err(io::Error::new(ErrorKind::InvalidData, "the peer does not speak ZMTP 3"));
+        }
+        if &theirs[12..17] != b"NULL\0" {
+            return Err(io::Error::new(ErrorKind::InvalidData, "the peer wants a security mechanism other than NULL"));
+        }
+        this.stream.write_all(&ready(socket))?;
+        match this.receive(until)? {
+            Some(Arrival::Command(body)) if body.starts_with(b"\x05READY") => Ok(this),
+            Some(_) => Err(io::Error::new(ErrorKind::InvalidData, "the peer does not get ready")),
+            None => Err(ErrorKind::TimedOut.into()),
+        }
+    }
+
+    fn read_exact(&mut self, bytes: &mut [u8], until: Instant) -> io::Result<()> {
+        let mut done = 0;
+        while done < bytes.len() {
+            match self.read(&mut bytes[done..], until)? {
+                Some(n) => done += n,
+                None => return Err(ErrorKind::TimedOut.into()),
+            }
+        }
+        Ok(())
+    }
+
+    /// Some bytes, or none within the time.
+    fn read(&mut self, bytes: &mut [u8], until: Instant) -> io::Result<Option<usize>> {
+        let left = until.saturating_duration_since(Instant::now()).max(Duration::from_micros(100));
+        self.stream.set_read_timeout(Some(left))?;
+        match self.stream.read(bytes) {
+            Ok(0) => Err(ErrorKind::ConnectionAborted.into()),
+            Ok(n) => Ok(Some(n)),
+            Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted) => {
+                Ok(None)
+            }
+            Err(e) => Err(e),
+        }
+    }
+
+    fn receive(&mut self, until: Instant) -> io::Result<Option<Arrival>> {
+        let mut bytes = [0; 8192];
+        loop {
+            if let Some(arrival) = self.frames.next()? {
+                return Ok(Some(arrival));
+            }
+            match self.read(&mut bytes, until)? {
+                Some(n) => self.frames.push(&bytes[..n]),
+                None => return Ok(None),
+            }
+        }
+    }
+
+    /// The next message, `timeout` at most. A PING is answered on the way.
+    ///
+    /// # Errors
+    /// Those of the network, and of [`Frames::next`].
+    pub fn message(&mut self, timeout: Duration) -> io::Result<Option<Vec<Vec<u8>>>> {
+        let until = Instant::now() + timeout;
+        loop {
+            match self.receive(until)? {
+                Some(Arrival::Message(parts)) => return Ok(Some(parts)),
+                Some(Arrival::Command(body)) => {
+                    // PING, two bytes of time-to-live, a context that PONG gives back.
+                    if let Some(context) = body.strip_prefix(b"\x04PING").and_then(|rest| rest.get(2..)) {
+                        let pong = [b"\x04PONG", &context[..context.len().min(16)]].concat();
+                        self.stream.write_all(&frame(&pong, COMMAND))?;
+                    }
+                    // A peer that sends commands alone does not hold up the caller.
+                    if Instant::now() >= until {
+                        return Ok(None);
+                    }
+                }
+                None => return Ok(None),
+            }
+            if Instant::now() >= until {
+                return Ok(None);
+            }
+        }
+    }
+
+    /// Sends a message of one or more parts.
+    ///
+    /// # Errors
+    /// Those of the network.
+    pub fn send(&mut self, parts: &[&[u8]]) -> io::Result<()> {
+        let last = parts.len().saturating_sub(1);
+        let bytes: Vec<u8> =
+            parts.iter().enumerate().flat_map(|(i, p)| frame(p, if i < last { MORE } else { 0 })).collect();
+        self.stream.write_all(&bytes)
+    }
+
+    /// A SUB socket's subscription to all topics that start with `prefix`.
+    ///
+    /// # Errors
+    /// Those of the network.
+    pub fn subscribe(&mut self, prefix: &str) -> io::Result<()> {
+        let message = [&[1], prefix.as_bytes()].concat();
+        self.send(&[&message])
+    }
+
+    /// A REQ socket's question, and the first part of its answer; `None`: none within the time.
+    ///
+    /// # Errors
+    /// Those of the network.
+    pub fn ask(&mut self, question: &str, timeout: Duration) -> io::Result<Option<Vec<u8>>> {
+        self.send(&[b"", question.as_bytes()])?;
+        let answer = self.message(timeout)?;
+        Ok(answer.and_then(|parts| parts.into_iter().find(|p| !p.is_empty())))
+    }
+}
