@@ -8,7 +8,7 @@ use eyebox::plan::{Comparison, ContrastLoss, Moving, Planner, ViewLayout, Viewpo
 use eyebox::scene::{Pyramid, ViewGrid};
 use std::sync::{Arc, PoisonError};
 
-#[path = "../runtime/gpu/test_options.rs"]
+#[path = "../runtime/solve/gpu/test_options.rs"]
 mod test_options;
 pub use test_options::watched;
 

@@ -68,6 +68,8 @@ run "$tests" --quiet reference:: far_field:: --skip both_engines
 [[ ${1:-} != command ]] || exit 0
 
 export CARGO_TARGET_X86_64_PC_WINDOWS_GNU_RUNNER=$wine
-cargo test --quiet --target "$target" --package eyebox-lab --lib
-cargo test --quiet --target "$target" --package eyebox --lib -- \
-    encode:: engine::cpu evaluate:: files:: gaze:: hologram:: optics:: plan:: present:: preview:: produce:: quality:: scene::
+library() { cargo test --quiet --target "$target" --lib "$@"; }
+library --package eyebox-base --package eyebox-lab --package eyebox-optics --package eyebox-present --package eyebox-scene
+library --package eyebox-solve -- encode:: engine::cpu evaluate:: hologram:: plan:: produce:: quality::
+library --package eyebox-tracking -- gaze::
+library --package eyebox-session -- preview::

@@ -6,7 +6,7 @@ use super::error::CalibrateError;
 use super::link::Link;
 use super::message::Hello;
 use super::pattern;
-use crate::optics::{Color, Display, TwoPi};
+use eyebox_optics::{Color, Display, TwoPi};
 use std::path::Path;
 use std::time::Duration;
 

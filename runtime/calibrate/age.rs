@@ -1,6 +1,6 @@
 //! How old the model of a display is.
 
-use crate::optics::{Color, Display, ModelOf};
+use eyebox_optics::{Color, Display, ModelOf};
 use jiff::Timestamp;
 use jiff::civil::Date;
 use jiff::tz::TimeZone;

@@ -1,6 +1,6 @@
 //! Where pictures come from, what shows the patterns, and what is told meanwhile.
 
-use crate::optics::Color;
+use eyebox_optics::Color;
 use std::path::Path;
 use std::time::Duration;
 

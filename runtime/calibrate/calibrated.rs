@@ -5,8 +5,8 @@ use super::figures::Figures;
 use super::gain;
 use super::left::Shown;
 use super::report::Report;
-use crate::engine::Engine;
-use crate::optics::{Color, Display};
+use eyebox_optics::{Color, Display};
+use eyebox_solve::engine::Engine;
 
 /// A display that was calibrated.
 #[derive(Debug, Clone)]

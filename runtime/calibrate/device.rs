@@ -3,8 +3,8 @@
 
 use super::parameters::{Parameter, Parameters};
 use super::pattern::{Pattern, transposed};
-use crate::optics::{DisplayModel, Optics, frequency_bin};
 use eyebox_kernels::{Complex64, fft};
+use eyebox_optics::{DisplayModel, Optics, frequency_bin};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 

@@ -3,7 +3,7 @@
 use super::map::CameraMap;
 use super::pattern;
 use super::picture::Picture;
-use crate::optics::linear::solve;
+use eyebox_optics::linear::solve;
 use std::f64::consts::PI;
 
 /// Share of the dots that must be found.

@@ -1,10 +1,10 @@
 //! What can go wrong while a display is calibrated.
 
-use crate::engine::EngineError;
-use crate::files::FileError;
-use crate::optics::OpticsError;
-use crate::quality::QualityError;
-use crate::scene::SceneError;
+use eyebox_base::files::FileError;
+use eyebox_optics::OpticsError;
+use eyebox_scene::SceneError;
+use eyebox_solve::engine::EngineError;
+use eyebox_solve::quality::QualityError;
 use std::io;
 
 /// Why a calibration ended without a model.

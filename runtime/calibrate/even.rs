@@ -7,8 +7,8 @@ use super::parameters::{Parameter, Parameters};
 use super::pattern::transposed;
 use super::picture;
 use super::sorted::Sorted;
-use crate::optics::linear::inverse;
 use eyebox_kernels::{Complex64, fft};
+use eyebox_optics::linear::inverse;
 use std::f64::consts::PI;
 
 /// Waves of unmodulated light that are searched for.
@@ -293,7 +293,7 @@ fn refined(image: &Image, start: [f64; 3]) -> (Complex64, [f64; 3]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::solve::SplitMix;
+    use eyebox_solve::solve::SplitMix;
     use std::f64::consts::TAU;
 
     /// Pictures of even drives with light that is not modulated, a source that falls off, and a table that is off.

@@ -1,7 +1,7 @@
 //! A fitted display in the numbers that an optician reads: maps, curves and places instead of coefficients.
 
 use super::left::PictureLeft;
-use crate::optics::{Color, Display, DisplayModel, ModelTerms, OpticsError, Pupil, zernike_name};
+use eyebox_optics::{Color, Display, DisplayModel, ModelTerms, OpticsError, Pupil, zernike_name};
 use serde::Serialize;
 use std::f64::consts::{PI, TAU};
 
@@ -286,7 +286,7 @@ fn rounded(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::{Iris, Level, Spread};
+    use eyebox_optics::{Iris, Level, Spread};
 
     fn display(terms: ModelTerms) -> Display {
         let text =

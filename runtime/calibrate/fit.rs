@@ -6,8 +6,8 @@ use super::error::CalibrateError;
 use super::parameters::{Parameter, Parameters};
 use super::seen::Seen;
 use super::views::{Pictures, View};
-use crate::files::asked_to_end;
-use crate::optics::linear::{inverse, solve};
+use eyebox_base::files::asked_to_end;
+use eyebox_optics::linear::{inverse, solve};
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
 

@@ -9,7 +9,7 @@ use super::error::CalibrateError;
 use super::link::Link;
 use super::pattern::{self, Pattern};
 use super::stages;
-use crate::optics::{Color, Display};
+use eyebox_optics::{Color, Display};
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -191,7 +191,7 @@ done"#;
         let (script, picture, kept) =
             (here.path().join("camera.sh"), here.path().join("picture.npy"), here.path().join("kept"));
         fs::write(&script, CAMERA).expect("a script");
-        crate::files::write_npy(&picture, &[8, 8], &[100.0; 64]).expect("a picture");
+        eyebox_base::files::write_npy(&picture, &[8, 8], &[100.0; 64]).expect("a picture");
         let command = format!("sh '{}' '{}'", script.display(), picture.display());
         let text = "resolution = [64, 64]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
         let display = Display::from_toml(text, "test").expect("a display");

@@ -6,8 +6,8 @@ use super::parameters::{Parameter, Parameters, of_order};
 use super::pattern;
 use super::seen::Look;
 use super::views::{Pictures, View};
-use crate::optics::{DisplayModel, Iris, Optics, Pupil, Spread, transfer};
 use eyebox_kernels::Complex64;
+use eyebox_optics::{DisplayModel, Iris, Optics, Pupil, Spread, transfer};
 use std::f64::consts::TAU;
 
 const SIZE: [usize; 2] = [20, 24];

@@ -3,11 +3,11 @@
 
 use super::error::CalibrateError;
 use super::mend::{self, Mend};
-use crate::engine::Engine;
-use crate::optics::{Color, Display, Picture};
-use crate::quality::{ModelWorth, Reference, Subject};
-use crate::scene::{self, LightField, Request};
-use crate::solve::{Flow, Levels, PupilRange, Settings};
+use eyebox_optics::{Color, Display, Picture};
+use eyebox_scene::{LightField, Request};
+use eyebox_solve::engine::Engine;
+use eyebox_solve::quality::{ModelWorth, Reference, Subject};
+use eyebox_solve::solve::{Flow, Levels, PupilRange, Settings};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -44,7 +44,7 @@ pub(super) fn measure(
     let small =
         |display: &Display| Display { picture: Picture::default(), prescription: None, ..ModelWorth::display(display) };
     let [before, after] = [before, after].map(small);
-    let field = scene::load(SCENE, &Request::new(&after, &[color]))?;
+    let field = eyebox_scene::load(SCENE, &Request::new(&after, &[color]))?;
     let depth = field.depths(&after, None)?;
     let diameter = PupilRange::usual_diameter(after.eyebox_min());
     let base = Settings { depth, diameter, ..Settings::default() };

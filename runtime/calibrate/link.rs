@@ -2,7 +2,7 @@
 
 use super::error::CalibrateError;
 use super::message::{Heard, Hello, LONGEST_LINE, PROTOCOL};
-use crate::files::asked_to_end;
+use eyebox_base::files::asked_to_end;
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::io::{self, BufRead, BufReader, Read, Write};

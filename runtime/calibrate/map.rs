@@ -1,6 +1,6 @@
 //! From the SLM's image to the camera's picture: a homography and radial distortion (OPTICS 10).
 
-use crate::optics::Seen;
+use eyebox_optics::Seen;
 
 /// The map. Both images' places run from -1 to 1 across their widths, y in the same unit, from the centre.
 #[derive(Debug, Clone, Copy, PartialEq)]

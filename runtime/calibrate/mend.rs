@@ -1,7 +1,7 @@
 //! What an optician mends on the bench: faults that have a remedy, by what they cost although the model has them.
 
 use super::error::CalibrateError;
-use crate::optics::{Color, Display, ModelTerms};
+use eyebox_optics::{Color, Display, ModelTerms};
 use serde::Serialize;
 
 /// A fault that costs less, dB, is not worth mending.

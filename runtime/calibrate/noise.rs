@@ -53,7 +53,7 @@ impl Noise {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::solve::SplitMix;
+    use eyebox_solve::solve::SplitMix;
 
     #[test]
     fn shot_noise_and_the_rest_are_told_apart() {

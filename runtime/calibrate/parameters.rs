@@ -1,7 +1,7 @@
 //! The numbers that are fitted, by their places in one vector (OPTICS 10).
 
 use super::map::CameraMap;
-use crate::optics::{DisplayModel, Spread};
+use eyebox_optics::{DisplayModel, Spread};
 
 /// One number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

@@ -1,10 +1,10 @@
 //! The patterns: dots, even drives, smooth ones that never wrap, and random ones; their irises, and their order.
 
 use super::message::Hello;
-use crate::files::{self, FileError, write_file};
-use crate::optics::Optics;
-use crate::solve::SplitMix;
+use eyebox_base::files::{self, FileError, write_file};
 use eyebox_kernels::{Complex64, fft};
+use eyebox_optics::Optics;
+use eyebox_solve::solve::SplitMix;
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
@@ -136,7 +136,7 @@ pub(super) fn dots_pattern(size @ [height, width]: [usize; 2], two_pi_level: f64
 fn smooth(size @ [height, width]: [usize; 2], two_pi_level: f64, seed: u64) -> Pattern {
     let mut random = SplitMix(seed ^ 0x736d_6f6f_7468);
     let mut field: Vec<Complex64> = (0..height * width).map(|_| Complex64::new(random.unit() - 0.5, 0.0)).collect();
-    let frequency = |i: usize, n: usize| crate::optics::frequency_bin(i as i64, n) as f64 / n as f64;
+    let frequency = |i: usize, n: usize| eyebox_optics::frequency_bin(i as i64, n) as f64 / n as f64;
     let both = |field: &mut Vec<Complex64>, direction| {
         fft::transform_f64(field, width, direction);
         let mut turned = transposed(field, width);

@@ -1,6 +1,6 @@
 //! A camera's picture: linear counts, as shares of full scale.
 
-use crate::files;
+use eyebox_base::files;
 use std::path::Path;
 
 /// Share of full scale from which a pixel may have been saturated.

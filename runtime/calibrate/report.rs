@@ -54,7 +54,7 @@ pub struct Report {
     pub confused: Vec<Confused>,
     /// Numbers that the pictures say nothing of: they stay where the display's file has them.
     pub untold: Vec<String>,
-    /// What it is worth on a scene, where that was [measured](crate::calibrate::Calibration::measure_gain).
+    /// What it is worth on a scene, where that was [measured](crate::Calibration::measure_gain).
     pub gain: Option<Gain>,
     /// Error of the camera's map by the dots, camera pixels, RMS.
     pub camera_rms_px: f64,

@@ -5,9 +5,9 @@ use super::device::Device;
 use super::parameters::{Parameter, Parameters};
 use super::seen::{Look, POINTS, Seen};
 use super::views::Pictures;
-use crate::optics::{Optics, Pupil};
-use crate::solve::SplitMix;
 use eyebox_kernels::Complex64;
+use eyebox_optics::{Optics, Pupil};
+use eyebox_solve::solve::SplitMix;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 

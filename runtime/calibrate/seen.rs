@@ -4,8 +4,8 @@ use super::device::Window;
 use super::map::CameraMap;
 use super::parameters::{Parameter, Parameters};
 use super::pattern::transposed;
-use crate::optics::{Optics, Pupil, fast_size, transfer, zernike};
 use eyebox_kernels::{Complex64, fft};
+use eyebox_optics::{Optics, Pupil, fast_size, transfer, zernike};
 use std::f64::consts::{PI, TAU};
 use std::sync::OnceLock;
 

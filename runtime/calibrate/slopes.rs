@@ -4,8 +4,8 @@ use super::fit::COARSE;
 use super::map::CameraMap;
 use super::parameters::{Parameter, Parameters};
 use super::views::Pictures;
-use crate::optics::linear::solve;
-use crate::optics::zernike;
+use eyebox_optics::linear::solve;
+use eyebox_optics::zernike;
 
 /// Shifts that are tried in each round, SLM pixels: reach and step. A speckle of a small iris is 5 pixels wide.
 const ROUNDS: [(i32, f64); 2] = [(3, 2.5), (2, 1.0)];
@@ -119,7 +119,7 @@ fn wavefront(slopes: &[([f64; 2], [f64; 2])], pixels: f64, terms: &[u32]) -> Opt
 mod tests {
     use super::super::map::CameraMap;
     use super::*;
-    use crate::optics::DisplayModel;
+    use eyebox_optics::DisplayModel;
 
     #[test]
     fn a_shift_moves_the_places_that_pixels_look_at() {

@@ -12,8 +12,8 @@ use super::picture::Picture;
 use super::seen::Look;
 use super::views::{Pictures, View};
 use super::{dots, pattern};
-use crate::optics::{Color, Display, Optics, Pupil};
-use crate::solve::SplitMix;
+use eyebox_optics::{Color, Display, Optics, Pupil};
+use eyebox_solve::solve::SplitMix;
 use std::path::PathBuf;
 
 /// Camera pixels of a picture that are fitted, and of one that is held out.

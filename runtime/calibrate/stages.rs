@@ -14,7 +14,7 @@ use super::sorted::{CAMERA_PIXEL, Sorted, sort};
 use super::unseen::judged;
 use super::views::Pictures;
 use super::{even, terms};
-use crate::optics::{Color, Display, Spread};
+use eyebox_optics::{Color, Display, Spread};
 
 /// Sub-pixels along an axis at the end of a fit that reaches the noise.
 const FINE: usize = 5;
@@ -334,7 +334,7 @@ impl Parameter {
 mod tests {
     use super::super::map::CameraMap;
     use super::*;
-    use crate::optics::DisplayModel;
+    use eyebox_optics::DisplayModel;
 
     #[test]
     fn what_the_pictures_say_nothing_of_is_named() {

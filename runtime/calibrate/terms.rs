@@ -7,8 +7,8 @@ use super::parameters::{ORDERS, Parameter, Parameters, of_order};
 use super::report::Report;
 use super::verdict::Verdict;
 use super::views::Pictures;
-use crate::optics::linear::solve;
-use crate::optics::{Color, Display, DisplayModel, Level, ModelTerms, Spread, WAVES};
+use eyebox_optics::linear::solve;
+use eyebox_optics::{Color, Display, DisplayModel, Level, ModelTerms, Spread, WAVES};
 
 /// A term less than so many standard errors from where it was stays there.
 const SHOWS: f64 = 3.0;

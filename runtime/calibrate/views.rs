@@ -4,8 +4,8 @@ use super::device::{Device, Further, Set};
 use super::map::CameraMap;
 use super::parameters::{Parameter, Parameters};
 use super::seen::{Look, Seen};
-use crate::optics::Optics;
 use eyebox_kernels::Complex64;
+use eyebox_optics::Optics;
 use rayon::prelude::*;
 use std::path::PathBuf;
 

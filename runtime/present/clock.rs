@@ -1,6 +1,6 @@
 //! Time, real and simulated.
 
-use crate::steady;
+use eyebox_base::steady;
 use std::cell::Cell;
 use std::time::{Duration, Instant};
 

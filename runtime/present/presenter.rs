@@ -1,7 +1,7 @@
 //! The display's side: takes video frames in order and says when they lit up.
 
 use super::{Interference, PresentError, Rate};
-use crate::gpu::{Gpu, Pictures, PixelOrder};
+use eyebox_solve::gpu::{Gpu, Pictures, PixelOrder};
 
 /// When a video frame lit up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -14,7 +14,6 @@ pub struct Feedback {
 
 /// What a user did to a presenter.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[non_exhaustive]
 pub enum Event {
     /// Closed it.
     Close,

@@ -4,7 +4,7 @@ use super::PresentError;
 use std::fmt;
 
 /// Nanoseconds of a second.
-pub(crate) const SECOND_NS: i64 = 1_000_000_000;
+pub const SECOND_NS: i64 = 1_000_000_000;
 
 /// Events a second, as a fraction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -74,7 +74,7 @@ impl Rate {
     }
 
     /// Nanoseconds that `count` periods take, rounded down; as large as i64 holds.
-    pub(crate) fn time_of_ns(self, count: i64) -> i64 {
+    pub fn time_of_ns(self, count: i64) -> i64 {
         let time = i128::from(count) * i128::from(self.denominator) * i128::from(SECOND_NS);
         saturate(time.div_euclid(i128::from(self.numerator)))
     }

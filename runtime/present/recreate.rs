@@ -4,8 +4,8 @@
 #![allow(unsafe_code)]
 
 use super::swapchain::{PATIENCE_NS, Swapchain};
-use crate::gpu::EngineError;
 use ash::vk;
+use eyebox_solve::gpu::EngineError;
 
 /// Attempts at an image, the first one counted.
 const ATTEMPTS: usize = 3;

@@ -1,7 +1,7 @@
 //! Where an offscreen display's video frames go besides: a file of bytes, or memory shared with another program.
 
 use super::PresentError;
-use crate::files::{FileError, Patient};
+use eyebox_base::files::{FileError, Patient};
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};

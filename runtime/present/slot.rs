@@ -2,8 +2,8 @@
 
 #![allow(unsafe_code)]
 
-use crate::gpu::{Block, Device, EngineError, Pictures, Ready};
 use ash::vk;
+use eyebox_solve::gpu::{Block, Device, EngineError, Pictures, Ready};
 use gpu_allocator::MemoryLocation;
 use std::sync::Arc;
 

@@ -2,8 +2,8 @@
 
 #![allow(unsafe_code)]
 
-use crate::gpu::{EngineError, Instance};
 use ash::{ext, khr, vk};
+use eyebox_solve::gpu::{EngineError, Instance};
 use std::ffi::{CStr, c_void};
 use std::fs::File;
 use std::sync::Arc;

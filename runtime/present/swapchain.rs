@@ -11,8 +11,8 @@ use super::copy::{fill, record_copy};
 use super::slot::Slot;
 use super::surface::{Surface, Target, WindowHandle};
 use super::timing::{PresentTiming, TimingMethod, TimingSource, present_number};
-use crate::gpu::{EngineError, Gpu, Pictures, PixelOrder};
 use ash::{khr, vk};
+use eyebox_solve::gpu::{EngineError, Gpu, Pictures, PixelOrder};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -249,7 +249,7 @@ impl Swapchain {
     ///
     /// # Errors
     /// The window is gone; a lost device; [`EngineError::Mismatch`].
-    pub(crate) fn show_newest(&mut self, rgb: &[u8], size: [usize; 2]) -> Result<bool, EngineError> {
+    pub fn show_newest(&mut self, rgb: &[u8], size: [usize; 2]) -> Result<bool, EngineError> {
         self.check_whole()?;
         if rgb.len() != 3 * size[0] * size[1] {
             let reason = format!("a picture of {}x{} has {} bytes", size[0], size[1], rgb.len());

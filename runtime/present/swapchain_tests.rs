@@ -5,11 +5,11 @@
 use super::surface::WindowHandle;
 use super::swapchain::{Policy, Swapchain};
 use super::timing::{PresentTiming, present_number};
-use crate::encode::{Encoder, PhaseSet};
-use crate::engine::vulkan::VulkanEncoder;
-use crate::gpu::{EngineError, Gpu, Options, PixelOrder};
-use crate::optics::{Color, Display};
 use ash::vk::{self, Result as Code};
+use eyebox_optics::{Color, Display};
+use eyebox_solve::encode::{Encoder, PhaseSet};
+use eyebox_solve::engine::vulkan::VulkanEncoder;
+use eyebox_solve::gpu::{EngineError, Gpu, Options, PixelOrder};
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
 use std::sync::PoisonError;

@@ -7,8 +7,8 @@
 
 #![allow(unsafe_code)]
 
-use crate::steady;
 use ash::{ext, google, khr, vk};
+use eyebox_base::steady;
 use std::collections::VecDeque;
 use std::ffi::CStr;
 use std::time::{Duration, Instant};

@@ -23,7 +23,6 @@ const MOST: usize = 1024;
 
 /// A key of the keyboard.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
 pub enum WindowKey {
     /// What it writes, the space bar included.
     Character(char),

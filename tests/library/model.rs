@@ -245,12 +245,14 @@ fn what_steps_leave_out_of_crosstalk_shows_nowhere() {
 fn solving_with_the_model_regains_what_the_display_loses() {
     let ideal = Display { height: 64, width: 64, ..Display::preset("small").unwrap() };
     assert_eq!(ideal.geometry, Geometry::Relay);
-    let mut terms = ModelTerms::default();
-    terms.crosstalk = every_fault().crosstalk.map(|c| [c[0]; 4]);
-    terms.undiffracted = Some(vec![[0.2, 0.0, 0.0, 0.0, 0.0]]);
-    terms.source = Some([0.0, 0.0, -0.4, 0.0, -0.4]);
-    terms.fill = Some(1.0);
-    terms.level = Some(Level::Even(1.0));
+    let terms = ModelTerms {
+        crosstalk: every_fault().crosstalk.map(|c| [c[0]; 4]),
+        undiffracted: Some(vec![[0.2, 0.0, 0.0, 0.0, 0.0]]),
+        source: Some([0.0, 0.0, -0.4, 0.0, -0.4]),
+        fill: Some(1.0),
+        level: Some(Level::Even(1.0)),
+        ..ModelTerms::default()
+    };
     let real = Display { model: [(ModelOf::Green, terms)].into(), ..ideal.clone() };
     let field = scene::load("builtin:still-life", &scene::Request::new(&ideal, &[Color::Green])).unwrap();
     let problem = |display| Problem::new(&field, Color::Green, display, Padding::default()).unwrap();
@@ -268,8 +270,7 @@ fn solving_with_the_model_regains_what_the_display_loses() {
 /// An ideal display and the same with strong crosstalk, a scene, and a solve through wide pupils.
 fn strong_crosstalk() -> ([Display; 2], LightField, Settings) {
     let ideal = Display { height: 64, width: 64, ..Display::preset("small").unwrap() };
-    let mut terms = ModelTerms::default();
-    terms.crosstalk = Some([[1.2, 1.0].into(); 4]);
+    let terms = ModelTerms { crosstalk: Some([[1.2, 1.0].into(); 4]), ..ModelTerms::default() };
     let real = Display { model: [(ModelOf::Green, terms)].into(), ..ideal.clone() };
     let field = scene::load("builtin:still-life", &scene::Request::new(&ideal, &[Color::Green])).unwrap();
     let settings = Settings { steps: 20, diameter: [6e-3, 16e-3], depth: [0.0, 2e-3], ..Settings::default() };
@@ -314,9 +315,7 @@ fn the_exposure_is_that_of_the_display_as_it_is() {
 #[test]
 fn the_double_phase_method_takes_back_the_look_up_table() {
     let ideal = Display { height: 64, width: 64, ..Display::preset("small").unwrap() };
-    let mut terms = ModelTerms::default();
-    terms.level = Some(Level::Even(1.15));
-    terms.bend = Some([0.3, -0.2]);
+    let terms = ModelTerms { level: Some(Level::Even(1.15)), bend: Some([0.3, -0.2]), ..ModelTerms::default() };
     let real = Display { model: [(ModelOf::Green, terms)].into(), ..ideal.clone() };
     let field = scene::load("builtin:still-life", &scene::Request::new(&ideal, &[Color::Green])).unwrap();
     let problem = |display| Problem::new(&field, Color::Green, display, Padding::default()).unwrap();
@@ -338,9 +337,7 @@ fn the_double_phase_method_takes_back_the_look_up_table() {
 #[test]
 fn terms_that_show_nothing_are_found() {
     let small = Display { height: 48, width: 48, ..Display::preset("small").unwrap() };
-    let mut terms = ModelTerms::default();
-    terms.crosstalk = Some([[1.2, 2.03].into(); 4]);
-    terms.lag = Some(1e-4);
+    let terms = ModelTerms { crosstalk: Some([[1.2, 2.03].into(); 4]), lag: Some(1e-4), ..ModelTerms::default() };
     let display = Display { model: [(ModelOf::All, terms)].into(), ..small };
     let field = scene::load("builtin:still-life", &scene::Request::new(&display, &[Color::Green])).unwrap();
     let base = Settings { diameter: [6e-3, 16e-3], depth: [0.0, 2e-3], frames: 4, ..Settings::default() };

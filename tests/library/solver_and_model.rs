@@ -8,17 +8,18 @@ use eyebox::solve::{self, Flow, Optimizer, Problem, Settings, Solution};
 
 /// Every term of a bench, with crosstalk towards each side of this sigma (pixels^-1).
 fn terms(sigma: Option<f64>) -> ModelTerms {
-    let mut terms = ModelTerms::default();
-    terms.level = Some(Level::Nodes([[1.0, 1.06, 1.0], [0.98, 1.07, 1.05], [1.03, 1.04, 1.06]]));
-    terms.bend = Some([0.0, -0.03]);
-    terms.lag = Some(0.04);
-    terms.crosstalk = sigma.map(|sigma| [[1.2, sigma].into(); 4]);
-    terms.fill = Some(0.94);
-    terms.source = Some([0.0, 0.06, -0.34, -0.03, -0.24]);
-    terms.undiffracted = Some(vec![[0.09, 0.2, 0.53, 0.0, 0.28]]);
-    terms.wavefront = [(3, 0.02), (8, 0.05), (10, -0.06)].into();
-    terms.iris = Some([0.12, 0.04, 1.0]);
-    terms
+    ModelTerms {
+        level: Some(Level::Nodes([[1.0, 1.06, 1.0], [0.98, 1.07, 1.05], [1.03, 1.04, 1.06]])),
+        bend: Some([0.0, -0.03]),
+        lag: Some(0.04),
+        crosstalk: sigma.map(|sigma| [[1.2, sigma].into(); 4]),
+        fill: Some(0.94),
+        source: Some([0.0, 0.06, -0.34, -0.03, -0.24]),
+        undiffracted: Some(vec![[0.09, 0.2, 0.53, 0.0, 0.28]]),
+        wavefront: [(3, 0.02), (8, 0.05), (10, -0.06)].into(),
+        iris: Some([0.12, 0.04, 1.0]),
+        ..ModelTerms::default()
+    }
 }
 
 struct Bench {

@@ -24,10 +24,12 @@ fn three() -> Vec<SourceMode> {
 
 /// A bench and an eye that meet light where it arrives.
 fn bench() -> (DisplayModel, Prescription) {
-    let mut model = DisplayModel::default();
-    model.fill = 0.9;
-    model.wavefront = [(4, 0.2), (7, -0.1), (12, 0.05)].into();
-    model.iris = Iris { x: 0.2e-3, y: -0.1e-3, scale: 1.02 };
+    let model = DisplayModel {
+        fill: 0.9,
+        wavefront: [(4, 0.2), (7, -0.1), (12, 0.05)].into(),
+        iris: Iris { x: 0.2e-3, y: -0.1e-3, scale: 1.02 },
+        ..DisplayModel::default()
+    };
     let mut eye = Prescription::new(-0.4, 0.3, 35.0);
     (eye.zernikes_um, eye.measured_mm) = ([(7, 0.2), (12, 0.1)].into(), 5.0);
     (model, eye)

@@ -30,15 +30,17 @@ fn model() -> DisplayModel {
 
 /// The display with this model, in a file's terms.
 fn display(model: &DisplayModel) -> Display {
-    let mut terms = ModelTerms::default();
-    terms.level = Some(Level::Nodes(model.level));
-    terms.bend = Some(model.bend);
-    terms.lag = Some(model.lag);
-    terms.crosstalk = model.crosstalk;
-    terms.source = Some(model.source);
-    terms.undiffracted = Some(model.undiffracted.clone());
-    terms.wavefront = model.wavefront.clone();
-    terms.iris = Some([model.iris.x * 1e3, model.iris.y * 1e3, model.iris.scale]);
+    let terms = ModelTerms {
+        level: Some(Level::Nodes(model.level)),
+        bend: Some(model.bend),
+        lag: Some(model.lag),
+        crosstalk: model.crosstalk,
+        source: Some(model.source),
+        undiffracted: Some(model.undiffracted.clone()),
+        wavefront: model.wavefront.clone(),
+        iris: Some([model.iris.x * 1e3, model.iris.y * 1e3, model.iris.scale]),
+        ..ModelTerms::default()
+    };
     // Green alone: it is as wide as the picture, and none of it is cut off.
     let mut far = Display::preset("far-field").unwrap();
     far.wavelengths.retain(|w| w.color == Color::Green);

@@ -11,7 +11,7 @@ use eyebox_tests::both::gpu;
 use std::process::{Command, Output};
 use std::sync::PoisonError;
 
-#[path = "../../runtime/examples/own_vulkan_device.rs"]
+#[path = "../../runtime/eyebox/examples/own_vulkan_device.rs"]
 mod own;
 
 const INSIDE: &str = "EYEBOX_TEST_INSIDE";

@@ -16,7 +16,7 @@ RUST = """# Rust
 
 The crate `eyebox` is the library, with everything that the command can do: [its documentation](../rust/eyebox/index.html). Frames from another process
 are given by a crate that needs none of the rest: [eyebox-live-input](../rust/eyebox_live_input/index.html). Programs to begin with are in the
-repository's `runtime/examples`.
+repository's `runtime/eyebox/examples`.
 """
 REPOSITORY = "https://github.com/eyebox/eyebox/blob/main/"
 

@@ -35,26 +35,26 @@ FILES = [
     (
         "Settings of a solve",
         "What `eyebox_solve` of the C interface takes as TOML, and what holograms and results keep as JSON. Lengths are metres.",
-        [("", "solve/settings.rs", "Settings")],
+        [("", "solve/solve/settings.rs", "Settings")],
     ),
     (
         "Settings of a refinement",
         "The same for steering.",
-        [("", "solve/steering.rs", "Steering")],
+        [("", "solve/solve/steering.rs", "Steering")],
     ),
     (
         "A HID tracker's description",
         "TOML, `--device-file`: where the numbers stand in a report. More: [trackers](../trackers.md).",
         [
-            ("", "trackers/hid/device_file.rs", "File"),
-            ("[left], [right], [combined]", "trackers/hid/device_file.rs", "PlaceText"),
-            ("each number", "trackers/hid/device_file.rs", "SlotText"),
+            ("", "tracking/trackers/hid/device_file.rs", "File"),
+            ("[left], [right], [combined]", "tracking/trackers/hid/device_file.rs", "PlaceText"),
+            ("each number", "tracking/trackers/hid/device_file.rs", "SlotText"),
         ],
     ),
     (
         "A tracker's calibration",
         "TOML, `--calibration FILE.toml`, written by `eyebox trackers --calibrate`.",
-        [("", "gaze/calibration.rs", "File"), ("[left], [right], [combined]", "gaze/calibration.rs", "FitText")],
+        [("", "tracking/gaze/calibration.rs", "File"), ("[left], [right], [combined]", "tracking/gaze/calibration.rs", "FitText")],
     ),
 ]
 

@@ -3,12 +3,12 @@
 use super::pictures::{CameraBench, OfColor, Seen};
 use super::registration::{self, Pair, registered};
 use super::sensor::{Fine, Grid};
-use crate::calibrate::{CalibrateError, Event};
-use crate::engine::{Buffer, Engine};
-use crate::evaluate::Sums;
-use crate::optics::{Color, Pupil, WindowFactor};
-use crate::plan::{Comparison, Planner, PupilPass, Purpose, Viewpoint};
-use crate::solve::{Diameters, Problem, PupilRange, Sampler, Sequence, Settings, Update, cosine, take_seen};
+use crate::{CalibrateError, Event};
+use eyebox_optics::{Color, Pupil, WindowFactor};
+use eyebox_solve::engine::{Buffer, Engine};
+use eyebox_solve::evaluate::Sums;
+use eyebox_solve::plan::{Comparison, Planner, PupilPass, Purpose, Viewpoint};
+use eyebox_solve::solve::{Diameters, Problem, PupilRange, Sampler, Sequence, Settings, Update, cosine, take_seen};
 use std::sync::Arc;
 
 /// Pupils of a step.
@@ -263,7 +263,8 @@ impl<'r, 'a> Run<'r, 'a> {
             let (image, target): (Vec<f32>, Vec<f32>) = pairs.map(|(l, t)| (l * per, *t)).unzip();
             Sums::of_images(&image, &target)
         };
-        let wrong = |e: crate::evaluate::EvaluateError| CalibrateError::Pictures(format!("the held-out pictures: {e}"));
+        let wrong =
+            |e: eyebox_solve::evaluate::EvaluateError| CalibrateError::Pictures(format!("the held-out pictures: {e}"));
         let sums = seen.iter().zip(&self.targets).map(of).collect::<Result<Vec<_>, _>>().map_err(wrong)?;
         let exposure = Sums::fit_exposure(&sums).map_err(wrong)?;
         Ok(sums.iter().map(|s| s.psnr(exposure)).collect())

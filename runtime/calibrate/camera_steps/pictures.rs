@@ -2,14 +2,14 @@
 
 use super::CameraSteps;
 use super::sensor::Sensor;
-use crate::calibrate::acquire::{AVERAGE, check, two_pi_level};
-use crate::calibrate::captures::{Ask, Session, Shot, shown};
-use crate::calibrate::dots;
-use crate::calibrate::link::Link;
-use crate::calibrate::pattern::{self, Pattern};
-use crate::calibrate::picture::Picture;
-use crate::calibrate::{CalibrateError, ShowsPatterns};
-use crate::optics::{Color, Display, Pupil};
+use crate::acquire::{AVERAGE, check, two_pi_level};
+use crate::captures::{Ask, Session, Shot, shown};
+use crate::dots;
+use crate::link::Link;
+use crate::pattern::{self, Pattern};
+use crate::picture::Picture;
+use crate::{CalibrateError, ShowsPatterns};
+use eyebox_optics::{Color, Display, Pupil};
 use std::path::PathBuf;
 
 /// Light on average over the SLM's image, as a share of full scale, below which a picture is black.

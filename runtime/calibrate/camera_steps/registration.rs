@@ -2,9 +2,9 @@
 //! bench's picture creeps over its camera.
 
 use super::sensor::{Fine, Sensor};
-use crate::optics::linear::solve;
+use eyebox_optics::linear::solve;
 
-/// Numbers of a [`CameraMap`](crate::calibrate::map::CameraMap): where the picture lies, and all but the higher distortion.
+/// Numbers of a [`CameraMap`](crate::map::CameraMap): where the picture lies, and all but the higher distortion.
 pub(super) const PLACE: [usize; 2] = [2, 5];
 pub(super) const ALL: [usize; 9] = [0, 1, 2, 3, 4, 5, 6, 7, 8];
 /// Rounds of Gauss and Newton; a round that does not help is tried with a quarter of its step, so often.
@@ -119,10 +119,10 @@ fn take_out(values: &mut [f64], of: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibrate::camera_steps::sensor::Grid;
-    use crate::calibrate::map::CameraMap;
-    use crate::solve::SplitMix;
+    use crate::camera_steps::sensor::Grid;
+    use crate::map::CameraMap;
     use eyebox_kernels::modulate;
+    use eyebox_solve::solve::SplitMix;
     use std::f64::consts::TAU;
 
     /// A prediction: waves in all directions.

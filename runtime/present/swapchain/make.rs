@@ -3,13 +3,13 @@
 #![allow(unsafe_code)]
 
 use super::{Policy, Swapchain};
-use crate::gpu::EngineError;
 use ash::vk;
+use eyebox_solve::gpu::EngineError;
 
 impl Swapchain {
     /// The size that pictures have on the surface; `wanted` where it leaves the choice. No pixels while a window is
     /// minimised.
-    pub(in crate::present) fn extent_now(
+    pub(crate) fn extent_now(
         &self,
         wanted: [usize; 2],
     ) -> Result<(vk::Extent2D, vk::SurfaceCapabilitiesKHR), EngineError> {
@@ -43,7 +43,7 @@ impl Swapchain {
     }
 
     /// Makes the swapchain, or makes it again; false where the window has no pixel now.
-    pub(in crate::present) fn make(&mut self, wanted: [usize; 2]) -> Result<bool, EngineError> {
+    pub(crate) fn make(&mut self, wanted: [usize; 2]) -> Result<bool, EngineError> {
         let (extent, can) = self.extent_now(wanted)?;
         if extent.width == 0 || extent.height == 0 {
             return Ok(false);

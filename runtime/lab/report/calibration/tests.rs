@@ -45,13 +45,15 @@ fn an_ideal_display_has_no_drawings_of_faults() {
 
 #[test]
 fn every_fault_is_drawn_once_and_what_to_mend_comes_first() {
-    let mut terms = ModelTerms::default();
-    terms.level = Some(eyebox::optics::Level::Even(1.05));
-    terms.crosstalk = Some([Spread { q: 1.2, sigma: 2.0 }; 4]);
-    terms.source = Some([0.1, 0.0, -0.2, 0.0, -0.1]);
-    terms.undiffracted = Some(vec![[0.2, 0.1, 3.0, 900.0, 0.0]]);
-    terms.iris = Some([0.3, 0.1, 1.01]);
-    terms.wavefront = [(4, 0.1), (8, -0.2)].into();
+    let terms = ModelTerms {
+        level: Some(eyebox::optics::Level::Even(1.05)),
+        crosstalk: Some([Spread { q: 1.2, sigma: 2.0 }; 4]),
+        source: Some([0.1, 0.0, -0.2, 0.0, -0.1]),
+        undiffracted: Some(vec![[0.2, 0.1, 3.0, 900.0, 0.0]]),
+        iris: Some([0.3, 0.1, 1.01]),
+        wavefront: [(4, 0.1), (8, -0.2)].into(),
+        ..ModelTerms::default()
+    };
     let mend = |fault, costs_db| Mend { fault, costs_db, remedy: "turn it" };
     let gain = Gain {
         size: [64, 64],

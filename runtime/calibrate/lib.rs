@@ -1,0 +1,95 @@
+//! A model of the display as it is, fitted from pictures that a camera took of it (OPTICS 10).
+//!
+//! A camera's command, a folder of its pictures, or both are a *bench*: [`calibrate`] plans what is shown, asks for the
+//! pictures, and fits in the order in which the pictures tell the numbers apart: dots for where the camera looks, smooth
+//! patterns for source and wavefront, random ones through several irises for crosstalk, table and undiffracted light,
+//! sets for lag, then all of it. Pictures that were taken twice are not fitted: they say how large the camera's noise is,
+//! and how much of what it sees the model leaves unexplained.
+//!
+//! `message`, `link` and `captures` are the protocol; `pattern` is what is shown; `dots` and `map` are where the camera looks;
+//! `device` and `seen` are the forward model with its slopes; `fit` is the least squares.
+//! `camera_steps` takes the camera into a solve's last steps.
+//! May import rooms above it.
+
+mod acquire;
+mod age;
+mod bench;
+mod calibrated;
+mod camera_steps;
+mod captures;
+mod device;
+mod directions;
+mod dots;
+mod error;
+mod even;
+mod figures;
+mod fit;
+mod follower;
+#[cfg(test)]
+mod forward_tests;
+mod gain;
+mod left;
+mod link;
+mod map;
+mod mend;
+mod message;
+mod noise;
+mod orders;
+mod parameters;
+mod pattern;
+mod picture;
+mod report;
+mod rim;
+mod seen;
+mod slopes;
+mod sorted;
+mod stages;
+mod terms;
+mod unseen;
+mod verdict;
+mod views;
+
+pub use acquire::TAKING;
+pub use age::ModelAge;
+pub use bench::{Bench, Event, FEWEST, ShowsPatterns};
+pub use calibrated::Calibration;
+pub use camera_steps::{CameraBench, CameraGain, CameraSteps, CameraSubject};
+pub use directions::{Directions, PhaseSign};
+pub use error::CalibrateError;
+pub use figures::{Aberration, Figures, IrisFound, Kernel, Map, Table, Wavefront, ZeroOrder};
+pub use follower::{Follower, Following, Look};
+pub use gain::Gain;
+pub use left::{LeftMap, PictureLeft, Shown};
+pub use mend::Mend;
+pub use report::{Confused, Fitted, Report};
+pub use verdict::Verdict;
+
+use eyebox_optics::{Color, Display};
+use std::cell::RefCell;
+use std::time::Instant;
+
+/// Fits the model of one colour of a display to pictures of it; the display's own model is where it begins. `shows`: what shows
+/// the patterns, where the camera's command does not.
+///
+/// # Errors
+/// [`CalibrateError`]; then nothing was written but the pictures.
+pub fn calibrate(
+    display: &Display,
+    color: Color,
+    bench: &Bench,
+    shows: Option<&mut dyn ShowsPatterns>,
+    observe: &mut dyn FnMut(Event),
+) -> Result<Calibration, CalibrateError> {
+    let begun = Instant::now();
+    let observe = RefCell::new(observe);
+    let tell = |event: Event| (observe.borrow_mut())(event);
+    let taken = match bench {
+        Bench::Folder { folder, iris_mm } => acquire::read(display, color, folder, *iris_mm)?,
+        Bench::Command { .. } => acquire::take(display, color, bench, shows, &tell)?,
+    };
+    let waited = taken.waited;
+    let quick = matches!(bench, Bench::Command { quick: true, .. });
+    let mut calibrated = stages::run(display, color, taken, quick, &tell)?;
+    calibrated.report.seconds = (begun.elapsed().saturating_sub(waited)).as_secs_f64();
+    Ok(calibrated)
+}

@@ -1,0 +1,299 @@
+//! The encoder: everything decided once, then run over phases.
+
+use super::levels::{Scale, levels};
+use super::turning::Turning;
+use super::{EncodeError, Lighting, Packed, PackedSlot, PhaseSet, VideoFrames, calibration, correction};
+use crate::optics::{Color, Display, TwoPi};
+use eyebox_kernels::encode::{self, Args, Part, Plan, Slot};
+use rayon::prelude::*;
+
+/// Turns multiplex sets of one shape into video frames of one display.
+#[derive(Debug, Clone)]
+pub struct Encoder {
+    pub(super) display: Display,
+    colors: Vec<Color>,
+    packed: Packed,
+    hologram: [usize; 2],
+    plan: Plan,
+    notes: Vec<String>,
+}
+
+impl Encoder {
+    /// An encoder for sets of these colours, `sub_frames` of each. Reads the display's calibration.
+    ///
+    /// # Errors
+    /// [`EncodeError::Mismatch`] where the packing holds another number of colours or sub-frames;
+    /// [`EncodeError::Display`] where the encoding contradicts itself or lacks a colour's calibration;
+    /// [`EncodeError::File`] and [`EncodeError::Table`] for calibration files.
+    pub fn new(display: &Display, colors: &[Color], sub_frames: usize) -> Result<Self, EncodeError> {
+        let name = || display.name.clone();
+        let wrong = |reason| EncodeError::Display { display: name(), reason };
+        let (encoding, height, width) = (&display.encoding, display.height, display.width);
+        let Some(pixels) = (height.checked_mul(width)).filter(|n| (1..=1 << 32).contains(n)) else {
+            return Err(wrong(format!("it is {height}x{width} pixels: each axis must be 1 to 65536")));
+        };
+        if let Some(color) = colors.iter().find(|c| !display.wavelengths.iter().any(|w| w.color == **c)) {
+            let has: Vec<_> = display.wavelengths.iter().map(|w| w.color.to_string()).collect();
+            return Err(EncodeError::Mismatch {
+                display: name(),
+                reason: format!("it has a {color} part, and the display has {} only", has.join(", ")),
+            });
+        }
+        let packed = Packed::new(encoding, colors, sub_frames)
+            .map_err(|reason| EncodeError::Mismatch { display: name(), reason })?;
+        let turning = Turning::new(encoding, height, width);
+        let (mut of_colors, mut notes) = (Vec::new(), Vec::new());
+        let mut codes = 0;
+        for &color in colors {
+            let (levels, note) = levels(&scale(display, color)?, &encoding.codes);
+            if let Some(note) = note {
+                tracing::warn!("{color}: {note}");
+                notes.push(format!("{color}: {note}"));
+            }
+            codes = codes.max(match &levels {
+                encode::Levels::Even(count) => count - 1,
+                encode::Levels::Table(table) => table.iter().copied().max().unwrap_or(0).into(),
+            });
+            of_colors.push(encode::Color { offsets: correction::offsets(display, color, &turning)?, levels });
+        }
+        let cells: Vec<u8> = encoding.cells.concat();
+        let bits = 32 - codes.leading_zeros();
+        let mut video_frames = vec![Vec::new(); packed.video_frames];
+        for s in &packed.slots {
+            let parts = parts(s, &cells, bits).map_err(wrong)?;
+            video_frames[s.video_frame].push(Slot { color: s.color, sub_frame: s.sub_frame, parts });
+        }
+        let [first, step_y, step_x] = turning.steps();
+        let args = Args {
+            height: height as u32,
+            width: width as u32,
+            first,
+            step_y,
+            step_x,
+            shift_y: turning.shift[0] as u32,
+            shift_x: turning.shift[1] as u32,
+            cell_rows: encoding.cells.len().max(1) as u32,
+            cell_columns: encoding.cells.first().map_or(1, Vec::len) as u32,
+            channels: packed.channels as u32,
+            flips: u32::from(encoding.flip_video.mirrors()) + 2 * u32::from(encoding.flip_video.overturns()),
+        };
+        // Every buffer of a set can be counted in usize.
+        let most = pixels.checked_mul(args.row_bytes() / width).and_then(|n| n.checked_mul(packed.video_frames));
+        if most.is_none() {
+            return Err(wrong(format!("{} video frames of that size fit no memory", packed.video_frames)));
+        }
+        let plan = Plan { args, colors: of_colors, video_frames, sub_frames };
+        Ok(Self { display: display.clone(), colors: colors.to_vec(), packed, hologram: turning.hologram, plan, notes })
+    }
+
+    /// Rows and columns of the holograms that it takes: the SLM's, turned back.
+    pub fn hologram_size(&self) -> [usize; 2] {
+        self.hologram
+    }
+
+    /// The display that it encodes for.
+    pub fn display(&self) -> &Display {
+        &self.display
+    }
+
+    /// What the kernel takes.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// The colours, in the order of a set.
+    pub fn colors(&self) -> &[Color] {
+        &self.colors
+    }
+
+    /// When the sub-frames of a set are lit, as the packing has them follow each other; whether sets are shown whole or roll.
+    pub fn lighting(&self, rolls: bool) -> Lighting {
+        Lighting::of(&self.packed, rolls)
+    }
+
+    /// Where every sub-frame goes.
+    pub fn packed(&self) -> &Packed {
+        &self.packed
+    }
+
+    /// What a user should know about the calibration, in sentences.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// Video frames for a set, to be filled.
+    pub fn frames(&self) -> VideoFrames {
+        let [count, height, width, channels] = self.video_shape();
+        VideoFrames::new(count, height, width, channels)
+    }
+
+    /// Encodes a set.
+    ///
+    /// # Errors
+    /// Those of [`encode_into`](Self::encode_into).
+    pub fn encode(&self, phases: &PhaseSet<'_>) -> Result<VideoFrames, EncodeError> {
+        let mut frames = self.frames();
+        self.encode_into(phases, &mut frames)?;
+        Ok(frames)
+    }
+
+    /// Encodes a set into frames of [`frames`](Self::frames), every byte of them, on all threads of the current pool.
+    /// Allocates nothing when it is called from a thread of that pool.
+    ///
+    /// # Errors
+    /// [`EncodeError::Mismatch`] for phases or frames of another shape; then nothing was written.
+    pub fn encode_into(&self, phases: &PhaseSet<'_>, frames: &mut VideoFrames) -> Result<(), EncodeError> {
+        self.check(phases, frames)?;
+        self.fill(phases, &mut frames.bytes);
+        Ok(())
+    }
+
+    /// The same into memory of the caller's own, as long as [`VideoFrames::bytes`].
+    ///
+    /// # Errors
+    /// [`EncodeError::Mismatch`] for phases of another shape or memory of another length; then nothing was written.
+    pub fn encode_bytes(&self, phases: &PhaseSet<'_>, out: &mut [u8]) -> Result<(), EncodeError> {
+        self.check_phases(phases)?;
+        let wanted = self.bytes();
+        if out.len() != wanted {
+            let reason = format!("its video frames take {wanted} bytes, and there are {}", out.len());
+            return Err(EncodeError::Mismatch { display: self.display.name.clone(), reason });
+        }
+        self.fill(phases, out);
+        Ok(())
+    }
+
+    /// Bytes of a set's video frames.
+    pub fn bytes(&self) -> usize {
+        self.plan.args.row_bytes() * self.plan.args.height as usize * self.packed.video_frames
+    }
+
+    /// How many video frames a set is, their rows, columns and channels.
+    pub fn video_shape(&self) -> [usize; 4] {
+        let args = &self.plan.args;
+        [self.packed.video_frames, args.video_height(), args.video_width(), self.packed.channels]
+    }
+
+    fn fill(&self, phases: &PhaseSet<'_>, bytes: &mut [u8]) {
+        let Plan { args, colors, video_frames, .. } = &self.plan;
+        let phases = phases.colors();
+        let row = args.row_bytes();
+        let height = args.height as usize;
+        // Some blocks of the kernel at once.
+        let rows = (4 * encode::BLOCK).div_ceil(args.width as usize).min(height);
+        let frame = row * height;
+        bytes.par_chunks_exact_mut(frame).zip(video_frames).for_each(|(frame, slots)| {
+            frame.par_chunks_mut(row * rows).enumerate().for_each(|(share, out)| {
+                encode::encode(args, colors, slots, phases, share * rows, out);
+            });
+        });
+    }
+
+    /// Whether phases and frames are of this encoder's shape.
+    ///
+    /// # Errors
+    /// [`EncodeError::Mismatch`].
+    pub fn check(&self, phases: &PhaseSet<'_>, frames: &VideoFrames) -> Result<(), EncodeError> {
+        self.check_phases(phases)?;
+        self.check_frames(frames)
+    }
+
+    fn check_phases(&self, phases: &PhaseSet<'_>) -> Result<(), EncodeError> {
+        let wrong = |reason| Err(EncodeError::Mismatch { display: self.display.name.clone(), reason });
+        let phases = phases.colors();
+        if phases.len() != self.colors.len() {
+            return wrong(format!("it has {} colours, not {}", phases.len(), self.colors.len()));
+        }
+        let [height, width] = self.hologram;
+        let expected = self.plan.sub_frames * height * width;
+        if let Some((i, p)) = phases.iter().enumerate().find(|(_, p)| p.len() != expected) {
+            let count = self.plan.sub_frames;
+            return wrong(format!("colour {i} has {} phases, not {count} x {height} x {width}", p.len()));
+        }
+        Ok(())
+    }
+
+    /// Whether frames are of this encoder's shape.
+    ///
+    /// # Errors
+    /// [`EncodeError::Mismatch`].
+    pub(super) fn check_frames(&self, frames: &VideoFrames) -> Result<(), EncodeError> {
+        let args = &self.plan.args;
+        let size = (args.video_height(), args.video_width(), self.packed.channels);
+        let count = self.packed.video_frames;
+        if (frames.height, frames.width, frames.channels) != size || frames.bytes.len() != count * frames.frame_bytes()
+        {
+            let reason = "the video frames were made for another encoder".into();
+            return Err(EncodeError::Mismatch { display: self.display.name.clone(), reason });
+        }
+        Ok(())
+    }
+}
+
+/// The phases of the levels at one colour.
+pub(super) fn scale(display: &Display, color: Color) -> Result<Scale, EncodeError> {
+    let wrong = |reason| EncodeError::Display { display: display.name.clone(), reason };
+    let (encoding, levels) = (&display.encoding, display.levels);
+    let given = [!encoding.look_up.is_empty(), !encoding.phases_turns.is_empty(), encoding.two_pi_level.is_some()];
+    if given.iter().filter(|g| **g).count() > 1 {
+        return Err(wrong("look_up, phases_turns and two_pi_level exclude each other: give one".into()));
+    }
+    if levels > 256 {
+        return Err(wrong(format!("it has {levels} levels: a video frame carries at most 256")));
+    }
+    let missing = |what: &str| wrong(format!("it has {what} for other colours, and none for {color}"));
+    if !encoding.look_up.is_empty() {
+        let file = encoding.look_up.get(&color).ok_or_else(|| missing("a look_up table"))?;
+        return Ok(Scale::Listed(calibration::read_table(file, levels)?));
+    }
+    if !encoding.phases_turns.is_empty() {
+        return Ok(Scale::Listed((0..=255).zip(encoding.phases_turns.iter().copied()).collect()));
+    }
+    let two_pi = match &encoding.two_pi_level {
+        None => f64::from(levels),
+        Some(TwoPi::One(level)) => *level,
+        Some(TwoPi::Each(each)) => *each.get(&color).ok_or_else(|| missing("a two_pi_level"))?,
+    };
+    Ok(Scale::Even { two_pi, levels })
+}
+
+/// The pieces that a slot's bits come in: runs of neighbouring bits of one channel; or, with cells, one bit of each.
+fn parts(slot: &PackedSlot, cells: &[u8], bits: u32) -> Result<Vec<Part>, String> {
+    let part = |cell: usize, from: u32, bit: u8| Part {
+        cell: cell as u32,
+        channel: u32::from(bit / 8),
+        from,
+        mask: 1,
+        to: u32::from(bit % 8),
+    };
+    if !cells.is_empty() {
+        let [bit] = slot.bits[..] else {
+            return Err(
+                "pixels of several cells take one bit of the video frame each: use planes24, planes8 or a map \
+                        of single bits"
+                    .into(),
+            );
+        };
+        if let Some(lost) = (0..bits as u8).find(|b| !cells.contains(b)) {
+            return Err(format!("its codes have {bits} bits, and no cell holds bit {lost}"));
+        }
+        return Ok(cells.iter().enumerate().map(|(cell, from)| part(cell, u32::from(*from), bit)).collect());
+    }
+    if bits as usize > slot.bits.len() {
+        return Err(format!(
+            "its levels need {bits} bits, and the packing has {} for each sub-frame: say levels = {}",
+            slot.bits.len(),
+            1u32 << slot.bits.len()
+        ));
+    }
+    let mut parts: Vec<Part> = Vec::new();
+    for (from, &bit) in (0..bits).zip(&slot.bits) {
+        match parts.last_mut() {
+            Some(p) if p.channel == u32::from(bit / 8) && p.to + from - p.from == u32::from(bit % 8) => {
+                p.mask = 2 * p.mask + 1;
+            }
+            _ => parts.push(part(0, from, bit)),
+        }
+    }
+    Ok(parts)
+}

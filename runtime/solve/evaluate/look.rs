@@ -1,0 +1,116 @@
+//! What an eye sees and what it should see, through any engine.
+
+use crate::engine::{Buffer, Engine, EngineError};
+use crate::optics::{Geometry, Pupil, WindowFactor};
+use crate::plan::{Comparison, Kernel, Planner, PupilPass, Step, Viewpoint};
+use crate::scene::crop_share;
+
+/// The time-averaged intensity through each pupil of the phases that `engine` holds, divided by the pupil's share of
+/// the eyebox (OPTICS 2), on the SLM's pixels: (height, width) each, row-major; in the far field on the square of
+/// [`Optics::image_size`](crate::optics::Optics::image_size). No exposure is applied.
+///
+/// The engine must have been loaded with the planner's shape.
+///
+/// # Errors
+/// Those of the engine.
+pub fn views(engine: &mut dyn Engine, planner: &Planner, pupils: &[Pupil]) -> Result<Vec<Vec<f32>>, EngineError> {
+    let planner = Planner { views: None, ..planner.clone() };
+    images(engine, &planner, &pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect::<Vec<_>>())
+}
+
+/// The same for anything that can be looked through.
+///
+/// # Errors
+/// Those of the engine.
+pub fn images(
+    engine: &mut dyn Engine,
+    planner: &Planner,
+    viewpoints: &[Viewpoint],
+) -> Result<Vec<Vec<f32>>, EngineError> {
+    let planner = Planner { factor: WindowFactor::Full, ..planner.clone() };
+    let pupil_passes = viewpoints.iter().map(|s| planner.viewpoint(s, &Comparison::default())).collect();
+    pass_by_pass(engine, planner.view_step(pupil_passes), |engine, _| {
+        Ok(crop(&planner, engine.read(Buffer::Image(0))?))
+    })
+}
+
+/// Runs what all pupil passes share, then each pupil pass by itself, and takes from each what `take` reads.
+pub(super) fn pass_by_pass<T>(
+    engine: &mut dyn Engine,
+    step: Step,
+    take: impl Fn(&mut dyn Engine, &PupilPass) -> Result<T, EngineError>,
+) -> Result<Vec<T>, EngineError> {
+    let step = step.pass_by_pass();
+    let shared = step.shared();
+    engine.run_part(&step, 0..shared)?;
+    let each = (step.list.len() - shared) / step.pupil_passes.len().max(1);
+    let one = |(i, pupil_pass): (usize, &PupilPass)| {
+        engine.run_part(&step, shared + i * each..shared + (i + 1) * each)?;
+        take(engine, pupil_pass)
+    };
+    step.pupil_passes.iter().enumerate().map(one).collect()
+}
+
+/// The photograph of the engine's views through each pupil, on the SLM's pixels (OPTICS 3).
+///
+/// # Errors
+/// Those of the engine.
+pub fn photographs(engine: &mut dyn Engine, planner: &Planner, pupils: &[Pupil]) -> Result<Vec<Vec<f32>>, EngineError> {
+    targets(engine, planner, &pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect::<Vec<_>>())
+}
+
+/// The same for anything that can be looked through.
+///
+/// # Errors
+/// Those of the engine.
+pub fn targets(
+    engine: &mut dyn Engine,
+    planner: &Planner,
+    viewpoints: &[Viewpoint],
+) -> Result<Vec<Vec<f32>>, EngineError> {
+    let planner = Planner { factor: WindowFactor::Full, ..planner.clone() };
+    viewpoints
+        .iter()
+        .map(|s| {
+            let step = planner.photograph_step(vec![planner.viewpoint(s, &Comparison::default())]);
+            debug_assert!(step.list.iter().all(|d| matches!(d.kernel, Kernel::Photograph | Kernel::Resample)));
+            engine.run(&step)?;
+            Ok(crop(&planner, engine.read(Buffer::Target(0))?))
+        })
+        .collect()
+}
+
+/// The SLM's part of an image on the grid; in the far field, the picture's part, with the axis in its middle.
+pub fn crop(planner: &Planner, image: Vec<f32>) -> Vec<f32> {
+    if planner.grid.geometry == Geometry::FarField {
+        let (height, width) = planner.grid.image_size();
+        let image = centered(&image, height, width);
+        return if planner.share < 1.0 { crop_share(&image, height, width, planner.share) } else { image };
+    }
+    let place = planner.place();
+    if planner.grid == planner.slm {
+        return image;
+    }
+    // Behind a mask, the mean over a pixel's own.
+    let finer = planner.slm.mask_factor;
+    let (height, width) = (finer * place.height as usize, finer * place.width as usize);
+    let rows = image.chunks_exact(place.grid_width as usize).skip(place.top as usize).take(height);
+    let rows = rows.map(|row| &row[place.left as usize..][..width]);
+    if finer == 1 {
+        return rows.flatten().copied().collect();
+    }
+    let mut means = vec![0.0; (place.height * place.width) as usize];
+    let share = 1.0 / (finer * finer) as f32;
+    for (y, row) in rows.enumerate() {
+        let means = &mut means[y / finer * place.width as usize..][..place.width as usize];
+        means.iter_mut().zip(row.chunks_exact(finer)).for_each(|(mean, own)| *mean += share * own.iter().sum::<f32>());
+    }
+    means
+}
+
+/// An image (height, width) whose axis comes first, with its axis in the middle.
+pub fn centered(image: &[f32], height: usize, width: usize) -> Vec<f32> {
+    let (top, left) = (height - height / 2, width - width / 2);
+    let rows = (0..height).map(|y| &image[(y + top) % height * width..][..width]);
+    rows.flat_map(|row| row[left % width.max(1)..].iter().chain(&row[..left % width.max(1)])).copied().collect()
+}

@@ -1,0 +1,160 @@
+//! Memory of a device, as buffers that are given back when they are dropped.
+
+use super::counters::add;
+use super::device::Device;
+use super::error::EngineError;
+use crate::plan::Move;
+use ash::vk::{self, Handle};
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+use gpu_allocator::{AllocationError, MemoryLocation};
+use std::sync::Arc;
+
+/// A buffer with its memory, given back when dropped.
+pub struct Block {
+    /// Vulkan's.
+    pub raw: vk::Buffer,
+    /// Bytes.
+    pub size: u64,
+    allocation: Option<Allocation>,
+    /// Memory that another process has too, in place of an allocation.
+    shared: Option<vk::DeviceMemory>,
+    device: Arc<Device>,
+}
+
+/// A range of a block, in bytes, as a kernel sees it. `offset` is a multiple of the device's alignment.
+#[derive(Clone, Copy)]
+pub struct Range<'a> {
+    pub(crate) block: &'a Block,
+    pub(crate) offset: u64,
+    pub(crate) size: u64,
+}
+
+impl Range<'_> {
+    /// So many bytes of it, or behind its start, read.
+    pub(crate) fn reads(&self, bytes: u64) -> Move {
+        Move { place: (self.block.raw.as_raw(), self.offset), bytes, write: false }
+    }
+
+    /// The same, written.
+    pub(crate) fn writes(&self, bytes: u64) -> Move {
+        Move { write: true, ..self.reads(bytes) }
+    }
+}
+
+/// Blocks from this size on have memory of their own.
+const DEDICATED: u64 = 4 << 20;
+
+impl Block {
+    /// `size` bytes; `what` is what an error calls it.
+    pub fn new(device: &Arc<Device>, size: u64, location: MemoryLocation, what: &str) -> Result<Self, EngineError> {
+        let size = size.max(256);
+        let out =
+            || EngineError::OutOfMemory { device: device.report.name.clone(), what: what.into(), wanted: Some(size) };
+        let limits = &device.report.limits;
+        if size > limits.allocation {
+            return Err(out());
+        }
+        use vk::BufferUsageFlags as Usage;
+        let usage = Usage::STORAGE_BUFFER | Usage::INDIRECT_BUFFER | Usage::TRANSFER_SRC | Usage::TRANSFER_DST;
+        let families = device.families();
+        let mut info = vk::BufferCreateInfo::default().size(size).usage(usage);
+        if let [_, _] = families {
+            // Pictures are presented from them on a queue of another family.
+            info = info.sharing_mode(vk::SharingMode::CONCURRENT).queue_family_indices(families);
+        }
+        // SAFETY: the device is valid.
+        let raw = unsafe { device.raw.create_buffer(&info, None) };
+        let refused = |call| {
+            move |e| match e {
+                vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY => out(),
+                e => device.error(call, what, e),
+            }
+        };
+        let raw = raw.map_err(refused("vkCreateBuffer"))?;
+        add(&device.counters.blocks, 1);
+        let mut block = Self { raw, size, allocation: None, shared: None, device: Arc::clone(device) };
+        // SAFETY: the buffer was made just now.
+        let requirements = unsafe { device.raw.get_buffer_memory_requirements(raw) };
+        let scheme = if size >= DEDICATED {
+            AllocationScheme::DedicatedBuffer(raw)
+        } else {
+            AllocationScheme::GpuAllocatorManaged
+        };
+        let wanted =
+            AllocationCreateDesc { name: what, requirements, location, linear: true, allocation_scheme: scheme };
+        let mut allocator = device.allocator();
+        let Some(allocator) = allocator.as_mut() else { return Err(out()) };
+        let allocation = allocator.allocate(&wanted).map_err(|e| match e {
+            AllocationError::OutOfMemory => out(),
+            e => EngineError::Vulkan { device: device.report.name.clone(), call: "allocate", result: e.to_string() },
+        })?;
+        // SAFETY: the memory fits the buffer's requirements, and neither was bound before.
+        let bound = unsafe { device.raw.bind_buffer_memory(raw, allocation.memory(), allocation.offset()) };
+        block.allocation = Some(allocation);
+        bound.map_err(refused("vkBindBufferMemory"))?;
+        Ok(block)
+    }
+
+    /// A buffer whose memory another process has too: both were made for each other, and are given back with the block.
+    #[cfg(target_os = "linux")]
+    pub(super) fn shared(device: &Arc<Device>, raw: vk::Buffer, memory: vk::DeviceMemory, size: u64) -> Self {
+        Self { raw, size, allocation: None, shared: Some(memory), device: Arc::clone(device) }
+    }
+
+    /// The whole block.
+    pub(crate) fn all(&self) -> Range<'_> {
+        self.range(0, self.size)
+    }
+
+    /// A part of it, in bytes.
+    pub(crate) fn range(&self, offset: u64, size: u64) -> Range<'_> {
+        debug_assert!(offset + size <= self.size);
+        Range { block: self, offset, size }
+    }
+
+    /// Whether it is memory of this device.
+    pub fn is_on(&self, device: &Arc<Device>) -> bool {
+        Arc::ptr_eq(&self.device, device)
+    }
+
+    /// Whether the host sees the block's memory, through its cache and at once, as on software and integrated devices.
+    pub(crate) fn is_the_hosts_too(&self) -> bool {
+        use vk::MemoryPropertyFlags as Memory;
+        let wanted = Memory::HOST_VISIBLE | Memory::HOST_COHERENT | Memory::HOST_CACHED;
+        let allocation = self.allocation.as_ref();
+        allocation.is_some_and(|a| a.memory_properties().contains(wanted) && a.mapped_slice().is_some())
+    }
+
+    /// The bytes, of a block that the host sees.
+    pub(crate) fn bytes(&self) -> &[u8] {
+        let mapped = self.allocation.as_ref().and_then(Allocation::mapped_slice);
+        mapped.unwrap_or_default()
+    }
+
+    /// The bytes, of a block that the host sees.
+    pub fn bytes_mut(&mut self) -> &mut [u8] {
+        let mapped = self.allocation.as_mut().and_then(Allocation::mapped_slice_mut);
+        mapped.unwrap_or_default()
+    }
+}
+
+impl Drop for Block {
+    fn drop(&mut self) {
+        if self.device.is_stuck() {
+            return;
+        }
+        // SAFETY: recordings that use the block are waited for before anything that they use is dropped.
+        unsafe { self.device.raw.destroy_buffer(self.raw, None) };
+        if let Some(memory) = self.shared.take() {
+            // SAFETY: as above; the memory was this block's alone in this process, and its buffer is gone.
+            unsafe { self.device.raw.free_memory(memory, None) };
+        }
+        if let Some(allocation) = self.allocation.take() {
+            let mut allocator = self.device.allocator();
+            if let Some(allocator) = allocator.as_mut() {
+                // An allocation of this allocator can always be given back.
+                let _ = allocator.free(allocation);
+            }
+        }
+    }
+}

@@ -1,0 +1,402 @@
+//! The logical device and what its users share: queues, an allocator, pipelines, counters.
+
+use super::counters::{Counters, add};
+use super::devices::Candidate;
+use super::error::EngineError;
+use super::instance::{Instance, has};
+use super::modules::FloatModes;
+use super::pipelines::{Pipeline, Pipelines, Wanted};
+use super::report::{DeviceKind, DeviceReport, Options};
+use super::tested::Record;
+use crate::plan::Recording;
+use ash::{ext, google, khr, vk};
+use eyebox_spirv::Module;
+use gpu_allocator::AllocationSizes;
+use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+use rayon::prelude::*;
+use std::ffi::{CStr, CString};
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// A queue, of which one thread at a time makes use.
+pub struct Queue {
+    pub family: u32,
+    raw: Mutex<vk::Queue>,
+}
+
+impl Queue {
+    pub(crate) fn new(family: u32, raw: vk::Queue) -> Self {
+        Self { family, raw: Mutex::new(raw) }
+    }
+
+    /// The queue, for as long as the guard lives.
+    pub fn lock(&self) -> MutexGuard<'_, vk::Queue> {
+        self.raw.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A logical device and its queues.
+pub(crate) struct Made {
+    pub(crate) raw: ash::Device,
+    pub(crate) physical: vk::PhysicalDevice,
+    pub(crate) compute: Queue,
+    /// Where pictures are presented, if that is another one.
+    pub(crate) other: Option<Queue>,
+    /// What is on.
+    pub(crate) extensions: Vec<CString>,
+    /// Whether it is destroyed at the end.
+    pub(crate) owned: bool,
+    /// Whether all is recorded and nothing is run.
+    pub(crate) record_only: bool,
+    /// The kind of device that lists are recorded for, if not its own.
+    pub(crate) plan_as: Option<DeviceKind>,
+}
+
+/// Shared by everything that lives on the device, so that it goes last.
+pub struct Device {
+    /// Vulkan's.
+    pub raw: ash::Device,
+    /// What it was made of.
+    pub physical: vk::PhysicalDevice,
+    /// Where kernels run.
+    pub(crate) compute: Queue,
+    /// Where pictures are presented, if that is another queue.
+    other: Option<Queue>,
+    /// The families of both queues, one where they are the same.
+    families: Vec<u32>,
+    pub(crate) synchronization2: Option<khr::synchronization2::Device>,
+    /// What it can do.
+    pub report: DeviceReport,
+    pub(crate) counters: Counters,
+    /// The kind of device that lists are recorded for.
+    pub(crate) planned_as: DeviceKind,
+    /// The largest range that the driver takes: where nothing is run, lists are recorded as if there were larger ones.
+    pub(crate) storage_range: u64,
+    /// Whether all is recorded and nothing is run.
+    pub(crate) record_only: bool,
+    /// What is recorded, while somebody wants to know.
+    pub(crate) recording: Mutex<Option<Recording>>,
+    /// Whether it is known to compute what it should, and where that is remembered.
+    pub(crate) is_tested: Mutex<bool>,
+    pub(crate) record: Option<Record>,
+    lost: AtomicBool,
+    /// It does not answer, and may still be at what it was given.
+    stuck: AtomicBool,
+    extensions: Vec<CString>,
+    pipelines: Mutex<Option<Pipelines>>,
+    allocator: Mutex<Option<Allocator>>,
+    /// Whether it is destroyed with this.
+    owned: bool,
+    /// The instance that it is of.
+    pub instance: Arc<Instance>,
+}
+
+impl Device {
+    /// Makes the chosen one.
+    pub(crate) fn new(
+        instance: &Arc<Instance>,
+        chosen: Candidate,
+        Options { cache, record_only, plan_as, .. }: &Options,
+    ) -> Result<Arc<Self>, EngineError> {
+        let (name, physical) = (chosen.report.name.clone(), chosen.raw);
+        let mut extensions: Vec<&CStr> = Vec::new();
+        if chosen.synchronization2 {
+            extensions.push(khr::synchronization2::NAME);
+        }
+        if chosen.portability_subset {
+            extensions.push(khr::portability_subset::NAME);
+        }
+        #[cfg(target_os = "linux")]
+        if super::sharing::shares(instance, physical) {
+            extensions.push(khr::external_memory_fd::NAME);
+        }
+        let mut timeline = vk::PhysicalDeviceTimelineSemaphoreFeatures::default().timeline_semaphore(true);
+        let mut synchronization = vk::PhysicalDeviceSynchronization2Features::default().synchronization2(true);
+        let mut id = vk::PhysicalDevicePresentIdFeaturesKHR::default().present_id(true);
+        let mut wait = vk::PhysicalDevicePresentWaitFeaturesKHR::default().present_wait(true);
+        if chosen.present.is_some() {
+            extensions.extend(presenting(instance, physical));
+        }
+        // One queue of each family, or two of the same.
+        let priorities = [1.0; 2];
+        let (family, present) = (chosen.family, chosen.present.unwrap_or((chosen.family, 0)));
+        let queue = |family, count| {
+            vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities[..count])
+        };
+        let queues = match present {
+            (other, _) if other != family => vec![queue(family, 1), queue(other, 1)],
+            (_, index) => vec![queue(family, index as usize + 1)],
+        };
+        let names: Vec<_> = extensions.iter().map(|name| name.as_ptr()).collect();
+        let mut info = vk::DeviceCreateInfo::default()
+            .queue_create_infos(&queues)
+            .enabled_extension_names(&names)
+            .push_next(&mut timeline);
+        if chosen.synchronization2 {
+            info = info.push_next(&mut synchronization);
+        }
+        if extensions.contains(&khr::present_wait::NAME) {
+            info = info.push_next(&mut id).push_next(&mut wait);
+        }
+        // SAFETY: the device is of this instance, and has the queue families, extensions and features asked for.
+        let raw = unsafe { instance.raw.create_device(physical, &info, None) }
+            .map_err(|e| EngineError::vulkan(&name, "vkCreateDevice", "setting up", e))?;
+        // SAFETY: the queues were asked for.
+        let [compute, other] = unsafe {
+            [(family, 0), present].map(|(family, index)| Queue::new(family, raw.get_device_queue(family, index)))
+        };
+        let other = Some(other).filter(|_| present != (family, 0));
+        let extensions = extensions.into_iter().map(CStr::to_owned).collect();
+        let (record_only, plan_as) = (*record_only, *plan_as);
+        let made = Made { raw, physical, compute, other, extensions, owned: true, record_only, plan_as };
+        Self::of(instance, made, chosen.report, cache.as_deref())
+    }
+
+    /// What is shared, around a device that was made here or elsewhere.
+    pub(crate) fn of(
+        instance: &Arc<Instance>,
+        made: Made,
+        mut report: DeviceReport,
+        cache: Option<&Path>,
+    ) -> Result<Arc<Self>, EngineError> {
+        let Made { raw, physical, compute, other, extensions, owned, record_only, plan_as } = made;
+        let mut families = vec![compute.family];
+        families.extend(other.as_ref().map(|q| q.family).filter(|f| *f != compute.family));
+        // SAFETY: the device is of this instance.
+        let properties = unsafe { instance.raw.get_physical_device_properties(physical) };
+        let mut floats = vk::PhysicalDeviceFloatControlsProperties::default();
+        let mut all = vk::PhysicalDeviceProperties2::default().push_next(&mut floats);
+        // SAFETY: as above, of Vulkan 1.2, which knows the structure.
+        unsafe { instance.raw.get_physical_device_properties2(physical, &mut all) };
+        let synchronization2 = extensions
+            .iter()
+            .any(|e| e.as_c_str() == khr::synchronization2::NAME)
+            .then(|| khr::synchronization2::Device::new(&instance.raw, &raw));
+        let planned_as = plan_as.unwrap_or(report.kind);
+        let storage_range = report.limits.storage_range;
+        if record_only && planned_as != DeviceKind::Cpu {
+            // What every GPU has: ranges of 4 GiB, and 48 KiB shared by a workgroup.
+            report.limits.storage_range = storage_range.max(u64::from(u32::MAX));
+            report.limits.shared_memory = report.limits.shared_memory.max(48 << 10);
+        }
+        let mut device = Self {
+            raw,
+            physical,
+            compute,
+            other,
+            families,
+            synchronization2,
+            report,
+            counters: Counters::default(),
+            planned_as,
+            storage_range,
+            record_only,
+            recording: Mutex::default(),
+            is_tested: Mutex::new(false),
+            record: Record::new(cache, &properties),
+            lost: AtomicBool::new(false),
+            stuck: AtomicBool::new(false),
+            extensions,
+            pipelines: Mutex::new(None),
+            allocator: Mutex::new(None),
+            owned,
+            instance: Arc::clone(instance),
+        };
+        let allocator = Allocator::new(&AllocatorCreateDesc {
+            instance: device.instance.raw.clone(),
+            device: device.raw.clone(),
+            physical_device: physical,
+            debug_settings: Default::default(),
+            buffer_device_address: false,
+            // Large buffers have memory of their own; these blocks hold the small ones.
+            allocation_sizes: AllocationSizes::new(16 << 20, 8 << 20),
+        });
+        let allocator = allocator.map_err(|e| EngineError::Vulkan {
+            device: device.report.name.clone(),
+            call: "allocator",
+            result: e.to_string(),
+        })?;
+        device.allocator = Mutex::new(Some(allocator));
+        let pipelines =
+            Pipelines::new(&device.raw, &device.report.name, &properties, cache, FloatModes::of(&floats), record_only)?;
+        device.pipelines = Mutex::new(Some(pipelines));
+        Ok(Arc::new(device))
+    }
+
+    /// Where pictures are presented: kernels run there as well where there is no other queue.
+    pub fn present(&self) -> &Queue {
+        self.other.as_ref().unwrap_or(&self.compute)
+    }
+
+    /// The families of its queues: two, where pictures are presented on one of another family.
+    pub(crate) fn families(&self) -> &[u32] {
+        &self.families
+    }
+
+    /// Whether an extension is on.
+    pub fn has(&self, extension: &CStr) -> bool {
+        self.extensions.iter().any(|e| e.as_c_str() == extension)
+    }
+
+    /// Memory; there is some until the device is dropped.
+    pub(crate) fn allocator(&self) -> MutexGuard<'_, Option<Allocator>> {
+        self.allocator.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The pipeline of a module: see [`Pipelines::get`].
+    pub(crate) fn pipeline(
+        &self,
+        module: &'static Module,
+        bindings: u32,
+        constants: &[u32],
+    ) -> Result<Pipeline, EngineError> {
+        let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        let gone = || EngineError::Mismatch { reason: "the device is being closed".into() };
+        pipelines.as_mut().ok_or_else(gone)?.get(module, bindings, constants, &self.counters.pipelines)
+    }
+
+    /// That pipeline, if it was made.
+    pub(crate) fn known_pipeline(&self, module: &'static Module, constants: &[u32]) -> Option<Pipeline> {
+        let pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        pipelines.as_ref().and_then(|p| p.known(module, constants))
+    }
+
+    /// Makes pipelines on all cores, and writes the cache to disk.
+    pub(crate) fn compile(&self, wanted: Vec<Wanted>) -> Result<(), EngineError> {
+        let gone = || EngineError::Mismatch { reason: "the device is being closed".into() };
+        let lock = || self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        let (missing, maker) = {
+            let mut pipelines = lock();
+            let pipelines = pipelines.as_mut().ok_or_else(gone)?;
+            (pipelines.missing(wanted)?, pipelines.maker())
+        };
+        // Not under the lock: a thread that waits for others takes up other work, which may need it.
+        let make = |(wanted, pipeline): (Wanted, Pipeline)| {
+            let raw = maker.make(wanted.module, pipeline.layout, &wanted.constants)?;
+            Ok((wanted, Pipeline { raw, ..pipeline }))
+        };
+        let made: Vec<Result<(Wanted, Pipeline), EngineError>> = missing.into_par_iter().map(make).collect();
+        let mut pipelines = lock();
+        let pipelines = pipelines.as_mut().ok_or_else(gone)?;
+        let mut all = Ok(());
+        for one in made {
+            match one {
+                Ok((wanted, pipeline)) => {
+                    add(&self.counters.pipelines, 1);
+                    pipelines.insert(wanted, pipeline);
+                }
+                Err(e) => all = Err(e),
+            }
+        }
+        pipelines.save();
+        all
+    }
+
+    /// Writes the cache of pipelines to disk, if it has grown.
+    pub(crate) fn save_pipelines(&self) {
+        if let Some(pipelines) = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
+            pipelines.save();
+        }
+    }
+
+    /// The pipelines that were made.
+    #[cfg(test)]
+    pub(crate) fn pipelines_made(&self) -> Vec<super::statistics_tests::Key> {
+        self.pipelines.lock().unwrap_or_else(PoisonError::into_inner).iter().flat_map(Pipelines::keys).collect()
+    }
+
+    /// From now on pipelines are made for dispatches between guard bands.
+    #[cfg(test)]
+    pub(crate) fn guard(&self) {
+        if let Some(pipelines) = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
+            pipelines.is_guarded = true;
+        }
+    }
+
+    /// Number of allocations alive.
+    #[cfg(test)]
+    pub(crate) fn allocations(&self) -> usize {
+        self.allocator().as_ref().map_or(0, |a| a.generate_report().allocations.len())
+    }
+
+    /// Says what was recorded, where nothing is run and somebody wants to know.
+    pub(crate) fn record(&self, say: impl FnOnce(&mut Recording)) {
+        if self.record_only
+            && let Some(recording) = self.recording.lock().unwrap_or_else(PoisonError::into_inner).as_mut()
+        {
+            say(recording);
+        }
+    }
+
+    /// Whether it stopped answering: nothing runs on it any more.
+    pub(crate) fn is_lost(&self) -> bool {
+        self.lost.load(Ordering::Relaxed)
+    }
+
+    /// Whether it was given up while it may still have been at work: nothing that it was given may be destroyed.
+    pub fn is_stuck(&self) -> bool {
+        self.stuck.load(Ordering::Relaxed)
+    }
+
+    /// Gives it up: it did not answer in time. What lives on it stays until the process ends, itself included.
+    pub fn give_up(self: &Arc<Self>, call: &'static str, during: &str) -> EngineError {
+        if !self.stuck.swap(true, Ordering::Relaxed) {
+            std::mem::forget(Arc::clone(self));
+        }
+        self.error(call, during, vk::Result::ERROR_DEVICE_LOST)
+    }
+
+    /// How long a submission may take, nanoseconds: drivers reset hardware that takes longer, and software takes its time.
+    pub fn patience_ns(&self) -> u64 {
+        const SECOND: u64 = 1_000_000_000;
+        if self.report.kind == DeviceKind::Cpu { 600 * SECOND } else { 10 * SECOND }
+    }
+
+    /// An answer of Vulkan's as an error: `call` names the call, `during` the kernel, the transfer or the buffer.
+    pub fn error(&self, call: &'static str, during: &str, result: vk::Result) -> EngineError {
+        if result == vk::Result::ERROR_DEVICE_LOST {
+            self.lost.store(true, Ordering::Relaxed);
+        }
+        EngineError::vulkan(&self.report.name, call, during, result)
+    }
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        // Whatever lives on the device holds it, so all of that is gone, and what it submitted is over.
+        drop(self.pipelines.get_mut().unwrap_or_else(PoisonError::into_inner).take());
+        drop(self.allocator.get_mut().unwrap_or_else(PoisonError::into_inner).take());
+        if self.owned {
+            // SAFETY: as above; it was made here, and is destroyed once.
+            unsafe {
+                let _ = self.raw.device_wait_idle();
+                self.raw.destroy_device(None);
+            }
+        }
+    }
+}
+
+/// The extensions by which a device shows pictures, and says when they lit up, as far as it has them.
+fn presenting(instance: &Instance, physical: vk::PhysicalDevice) -> Vec<&'static CStr> {
+    // SAFETY: the device is of this instance.
+    let has_all = unsafe { instance.raw.enumerate_device_extension_properties(physical) }.unwrap_or_default();
+    let mut wanted = vec![khr::swapchain::NAME];
+    if has(&has_all, google::display_timing::NAME) {
+        wanted.push(google::display_timing::NAME);
+    }
+    if has(&has_all, khr::present_id::NAME) && has(&has_all, khr::present_wait::NAME) {
+        let mut id = vk::PhysicalDevicePresentIdFeaturesKHR::default();
+        let mut wait = vk::PhysicalDevicePresentWaitFeaturesKHR::default();
+        let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut id).push_next(&mut wait);
+        // SAFETY: the device is of this instance, of Vulkan 1.2, and has the extensions.
+        unsafe { instance.raw.get_physical_device_features2(physical, &mut features) };
+        if id.present_id == vk::TRUE && wait.present_wait == vk::TRUE {
+            wanted.extend([khr::present_id::NAME, khr::present_wait::NAME]);
+        }
+    }
+    if instance.has(ext::display_surface_counter::NAME) && has(&has_all, ext::display_control::NAME) {
+        wanted.push(ext::display_control::NAME);
+    }
+    wanted
+}

@@ -1,0 +1,203 @@
+//! The Vulkan instance, loaded at run time, and the validation layer's messages.
+
+use super::error::EngineError;
+use ash::{ext, khr, vk};
+use std::ffi::{CStr, CString, c_void};
+use std::sync::{Arc, Mutex, PoisonError};
+
+const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
+/// What windows of desktops, and displays that no desktop drives, need.
+const SURFACES: [&CStr; 9] = [
+    khr::surface::NAME,
+    khr::xcb_surface::NAME,
+    khr::xlib_surface::NAME,
+    khr::wayland_surface::NAME,
+    khr::win32_surface::NAME,
+    khr::display::NAME,
+    ext::direct_mode_display::NAME,
+    ext::acquire_drm_display::NAME,
+    ext::display_surface_counter::NAME,
+];
+/// The oldest Vulkan that the kernels are compiled for.
+pub(crate) const BASELINE: u32 = vk::API_VERSION_1_2;
+
+/// What the validation layer said, in order.
+pub type Messages = Arc<Mutex<Vec<String>>>;
+
+/// An instance and its messenger. Everything that is made from it must be gone before it is dropped.
+pub struct Instance {
+    /// Vulkan's.
+    pub raw: ash::Instance,
+    messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
+    pub(crate) messages: Messages,
+    extensions: Vec<CString>,
+    /// Whether it is destroyed with this.
+    owned: bool,
+    /// The library, which must outlive all that was loaded from it.
+    pub entry: ash::Entry,
+}
+
+impl Instance {
+    /// Loads Vulkan; with `validation`, core and synchronisation validation as well, and with `present` whatever there is
+    /// of [`SURFACES`].
+    pub fn open(validation: bool, present: bool) -> Result<Self, EngineError> {
+        let entry = load()?;
+        let there = extension_names(&entry, None);
+        let shows = present && has(&there, khr::surface::NAME);
+        // Asked for without a compositor, layers go looking for one and complain on standard error that there is none.
+        let composited = ["WAYLAND_DISPLAY", "WAYLAND_SOCKET"].iter().any(|name| std::env::var_os(name).is_some());
+        let useful = |name: &CStr| composited || name != khr::wayland_surface::NAME;
+        let wanted: Vec<_> = SURFACES.into_iter().filter(|name| shows && useful(name) && has(&there, name)).collect();
+        Self::on(entry, validation, &wanted)
+    }
+
+    /// One that a program made, and keeps.
+    ///
+    /// # Safety
+    /// It was made from this entry, has these extensions, and outlives what is made here.
+    pub(crate) unsafe fn from_raw(entry: ash::Entry, raw: vk::Instance, extensions: Vec<CString>) -> Self {
+        // SAFETY: the caller says so.
+        let raw = unsafe { ash::Instance::load(entry.static_fn(), raw) };
+        Self { raw, messenger: None, messages: Messages::default(), extensions, owned: false, entry }
+    }
+
+    /// Whether an extension is on.
+    pub fn has(&self, extension: &CStr) -> bool {
+        self.extensions.iter().any(|e| e.as_c_str() == extension)
+    }
+
+    fn on(entry: ash::Entry, validation: bool, needed: &[&'static CStr]) -> Result<Self, EngineError> {
+        let none = |reason: String| EngineError::NoDevice { reason };
+        // SAFETY: the entry is valid; no arguments.
+        let version = unsafe { entry.try_enumerate_instance_version() }.ok().flatten().unwrap_or(vk::API_VERSION_1_0);
+        if version < BASELINE {
+            return Err(none(format!("the Vulkan loader speaks {}, 1.2 is needed", version_text(version))));
+        }
+        let extensions = extension_names(&entry, None);
+        let mut layers = Vec::new();
+        let mut wanted = Vec::new();
+        for name in needed {
+            if !has(&extensions, name) {
+                return Err(none(format!("no driver has {}", name.to_string_lossy())));
+            }
+            wanted.push(name.as_ptr());
+        }
+        let mut flags = vk::InstanceCreateFlags::empty();
+        if has(&extensions, khr::portability_enumeration::NAME) {
+            wanted.push(khr::portability_enumeration::NAME.as_ptr());
+            flags |= vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR;
+        }
+        if validation {
+            // SAFETY: the entry is valid.
+            let known = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
+            let layer_extensions = extension_names(&entry, Some(VALIDATION_LAYER));
+            let missing = |what: &str| EngineError::Unsuitable {
+                device: "the Vulkan loader".into(),
+                reason: format!("validation was asked for, and {what} is not installed; `tools/setup.sh` installs it"),
+            };
+            if !known.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER)) {
+                return Err(missing("the layer VK_LAYER_KHRONOS_validation"));
+            }
+            if !has(&layer_extensions, ext::validation_features::NAME)
+                || !(has(&extensions, ext::debug_utils::NAME) || has(&layer_extensions, ext::debug_utils::NAME))
+            {
+                return Err(missing("a validation layer with VK_EXT_validation_features and VK_EXT_debug_utils"));
+            }
+            layers.push(VALIDATION_LAYER.as_ptr());
+            wanted.push(ext::debug_utils::NAME.as_ptr());
+            wanted.push(ext::validation_features::NAME.as_ptr());
+        }
+        let messages = Messages::default();
+        let application =
+            vk::ApplicationInfo::default().application_name(c"eyebox").engine_name(c"eyebox").api_version(BASELINE);
+        let enabled = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+        let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enabled);
+        let mut listen = messenger_info(&messages);
+        let mut info = vk::InstanceCreateInfo::default()
+            .flags(flags)
+            .application_info(&application)
+            .enabled_layer_names(&layers)
+            .enabled_extension_names(&wanted);
+        if validation {
+            info = info.push_next(&mut features).push_next(&mut listen);
+        }
+        // SAFETY: all pointers in `info` live until the call returns; the messages outlive the instance.
+        let raw = unsafe { entry.create_instance(&info, None) }.map_err(|e| match e {
+            vk::Result::ERROR_INCOMPATIBLE_DRIVER => none("the loader works, and no driver is installed".into()),
+            e => none(format!("no Vulkan instance could be made ({e:?})")),
+        })?;
+        let extensions = needed.iter().map(|&name| name.to_owned()).collect();
+        let mut instance = Self { raw, messenger: None, messages, extensions, owned: true, entry };
+        if validation {
+            let utils = ext::debug_utils::Instance::new(&instance.entry, &instance.raw);
+            let info = messenger_info(&instance.messages);
+            // SAFETY: the instance is valid and has the extension; the messages live in the same struct.
+            let messenger = unsafe { utils.create_debug_utils_messenger(&info, None) }
+                .map_err(|e| none(format!("no messenger could be made ({e:?})")))?;
+            instance.messenger = Some((utils, messenger));
+        }
+        Ok(instance)
+    }
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        // SAFETY: everything made from the instance is gone (the device holds it and is dropped before); destroyed once.
+        unsafe {
+            if let Some((utils, messenger)) = &self.messenger {
+                utils.destroy_debug_utils_messenger(*messenger, None);
+            }
+            if self.owned {
+                self.raw.destroy_instance(None);
+            }
+        }
+    }
+}
+
+fn load() -> Result<ash::Entry, EngineError> {
+    // SAFETY: the loader is trusted to be a Vulkan loader; it stays loaded as long as the entry lives.
+    unsafe { ash::Entry::load() }
+        .map_err(|e| EngineError::NoDevice { reason: format!("the Vulkan loader could not be loaded ({e})") })
+}
+
+/// `1.3.230`.
+pub(crate) fn version_text(version: u32) -> String {
+    let (major, minor) = (vk::api_version_major(version), vk::api_version_minor(version));
+    format!("{major}.{minor}.{}", vk::api_version_patch(version))
+}
+
+fn extension_names(entry: &ash::Entry, layer: Option<&CStr>) -> Vec<vk::ExtensionProperties> {
+    // SAFETY: the entry is valid; a layer that is not there gives an error, here an empty list.
+    unsafe { entry.enumerate_instance_extension_properties(layer) }.unwrap_or_default()
+}
+
+/// Whether an extension is among these.
+pub fn has(extensions: &[vk::ExtensionProperties], name: &CStr) -> bool {
+    extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name))
+}
+
+fn messenger_info(messages: &Messages) -> vk::DebugUtilsMessengerCreateInfoEXT<'static> {
+    use vk::{DebugUtilsMessageSeverityFlagsEXT as Severity, DebugUtilsMessageTypeFlagsEXT as Kind};
+    vk::DebugUtilsMessengerCreateInfoEXT::default()
+        .message_severity(Severity::WARNING | Severity::ERROR)
+        .message_type(Kind::VALIDATION | Kind::PERFORMANCE)
+        .pfn_user_callback(Some(collect))
+        .user_data(Arc::as_ptr(messages).cast_mut().cast())
+}
+
+unsafe extern "system" fn collect(
+    severity: vk::DebugUtilsMessageSeverityFlagsEXT,
+    _kind: vk::DebugUtilsMessageTypeFlagsEXT,
+    data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
+    messages: *mut c_void,
+) -> vk::Bool32 {
+    // SAFETY: `messages` is the mutex that `messenger_info` was given, which outlives the instance; the layer passes
+    // valid callback data and a message that ends in zero.
+    let (messages, text) = unsafe {
+        let text = data.as_ref().filter(|d| !d.p_message.is_null()).map(|d| CStr::from_ptr(d.p_message));
+        (&*messages.cast::<Mutex<Vec<String>>>().cast_const(), text)
+    };
+    let text = text.map_or_else(String::new, |t| t.to_string_lossy().into_owned());
+    messages.lock().unwrap_or_else(PoisonError::into_inner).push(format!("{severity:?}: {text}"));
+    vk::FALSE
+}

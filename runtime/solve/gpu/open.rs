@@ -1,0 +1,158 @@
+//! Opens a device, or takes one that a program brings.
+
+use super::counters::Counts;
+use super::device::{Device, Made, Queue};
+use super::devices::{Candidate, candidates, choose, inspect};
+use super::error::EngineError;
+use super::instance::{Instance, Messages};
+use super::report::{DeviceReport, Options};
+use crate::plan::Recording;
+use ash::vk;
+use std::ffi::CString;
+use std::path::Path;
+use std::sync::{Arc, PoisonError};
+
+/// An open Vulkan device: a handle, whose clones share the device.
+#[derive(Clone)]
+pub struct Gpu {
+    /// The device, shared by all that is on it.
+    pub device: Arc<Device>,
+    options: Options,
+}
+
+/// A device that a program opened itself, for [`Gpu::from_raw`].
+pub struct RawDevice {
+    /// What the instance was made from.
+    pub entry: ash::Entry,
+    /// Of Vulkan 1.2 or newer.
+    pub instance: vk::Instance,
+    /// The instance's extensions that are on.
+    pub instance_extensions: Vec<CString>,
+    /// The device that `device` was made of.
+    pub physical: vk::PhysicalDevice,
+    /// With the feature `timelineSemaphore` on.
+    pub device: vk::Device,
+    /// The device's extensions that are on.
+    pub device_extensions: Vec<CString>,
+    /// The family of the queue; it computes, and draws if pictures are to be presented.
+    pub family: u32,
+    /// The queue.
+    pub queue: vk::Queue,
+}
+
+impl Gpu {
+    /// Opens the device that the options name, or the best one.
+    ///
+    /// # Errors
+    /// [`EngineError::NoDevice`]: no loader, no driver, no device of that name; [`EngineError::Unsuitable`]: one that
+    /// cannot run the kernels.
+    pub fn open(options: &Options) -> Result<Self, EngineError> {
+        let instance = Arc::new(Instance::open(options.validation, options.present)?);
+        let all = candidates(&instance, options.present)?;
+        let chosen = choose(all, options.device.as_deref(), options.allow_cpu)?;
+        Self::on(&instance, chosen, options)
+    }
+
+    pub(super) fn on(instance: &Arc<Instance>, chosen: Candidate, options: &Options) -> Result<Self, EngineError> {
+        let device = Device::new(instance, chosen, options)?;
+        tracing::debug!(
+            "{}: opened, driver {}, Vulkan {}",
+            device.report.name,
+            device.report.driver,
+            device.report.api
+        );
+        Ok(Self { device, options: options.clone() })
+    }
+
+    /// Takes a device that the program opened and keeps: neither it nor its instance is destroyed here. `cache`: folder of
+    /// compiled pipelines, the user's if none is given.
+    ///
+    /// # Errors
+    /// [`EngineError::Unsuitable`] where it cannot run the kernels.
+    ///
+    /// # Safety
+    /// The handles are valid and belong together, and stay so until the last clone of this and all that was made from it
+    /// are dropped. The extensions are those that are on; with `VK_KHR_synchronization2`, `VK_KHR_present_id` and
+    /// `VK_KHR_present_wait` their features are on too. The queue is of that family, and the program makes use of it within
+    /// [`with_queue`](Self::with_queue) alone.
+    pub unsafe fn from_raw(raw: RawDevice, cache: Option<&Path>) -> Result<Self, EngineError> {
+        let RawDevice { entry, instance, instance_extensions, physical, device, device_extensions, family, queue } =
+            raw;
+        // SAFETY: the caller vouches for the handles.
+        let instance = unsafe { Instance::from_raw(entry, instance, instance_extensions) };
+        let Candidate { report, family: computes, .. } = inspect(&instance, 0, physical, Some(family));
+        let reason = match &report.usable {
+            Err(reason) => Some(reason.clone()),
+            Ok(()) if computes != family => Some(format!("its queue family {family} does not compute")),
+            Ok(()) => None,
+        };
+        if let Some(reason) = reason {
+            return Err(EngineError::Unsuitable { device: report.name, reason });
+        }
+        // SAFETY: as above.
+        let raw = unsafe { ash::Device::load(instance.raw.fp_v1_0(), device) };
+        let compute = Queue::new(family, queue);
+        let extensions = device_extensions;
+        let made =
+            Made { raw, physical, compute, other: None, extensions, owned: false, record_only: false, plan_as: None };
+        let device = Device::of(&Arc::new(instance), made, report, cache)?;
+        let options =
+            Options { cache: cache.map(Path::to_owned), present: true, allow_cpu: true, ..Options::default() };
+        Ok(Self { device, options })
+    }
+
+    /// This device, if `shows` says that it can show on a surface from a queue of this family; else the best other one
+    /// that can.
+    pub fn that_shows(&self, shows: impl Fn(vk::PhysicalDevice, u32) -> bool) -> Result<Self, EngineError> {
+        let device = &self.device;
+        if device.has(ash::khr::swapchain::NAME) && shows(device.physical, device.present().family) {
+            return Ok(self.clone());
+        }
+        let mut all = candidates(&device.instance, true)?;
+        all.retain(|c| c.report.usable.is_ok() && c.present.is_some_and(|(family, _)| shows(c.raw, family)));
+        let best = all.into_iter().min_by_key(|c| c.report.kind).ok_or_else(|| EngineError::NoDevice {
+            reason: "no Vulkan device can show pictures in a window of this system".into(),
+        })?;
+        Self::on(&device.instance, best, &self.options)
+    }
+
+    /// The device.
+    pub fn report(&self) -> &DeviceReport {
+        &self.device.report
+    }
+
+    /// Whether it stopped answering: what is made from it fails, and another one has to be opened.
+    pub fn is_lost(&self) -> bool {
+        self.device.is_lost()
+    }
+
+    /// Whether these are one device.
+    pub fn is(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.device, &other.device)
+    }
+
+    /// What the validation layer says, if the options asked for it, from the opening of the device to its closing: keep it
+    /// to hear the last words.
+    pub fn messages(&self) -> Messages {
+        Arc::clone(&self.device.instance.messages)
+    }
+
+    /// What was done on the device so far.
+    pub fn counts(&self) -> Counts {
+        self.device.counters.now()
+    }
+
+    /// Calls `with` and gives what it recorded, on a device that only records ([`Options::record_only`]); on others,
+    /// nothing.
+    pub fn recorded<R>(&self, with: impl FnOnce() -> R) -> (R, Recording) {
+        let recording = || self.device.recording.lock().unwrap_or_else(PoisonError::into_inner);
+        *recording() = Some(Recording::default());
+        let result = with();
+        (result, recording().take().unwrap_or_default())
+    }
+
+    /// Calls `with` with the queue that kernels run on, of which nobody else makes use until it returns.
+    pub fn with_queue<R>(&self, with: impl FnOnce(vk::Queue) -> R) -> R {
+        with(*self.device.compute.lock())
+    }
+}

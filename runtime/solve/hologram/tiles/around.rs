@@ -1,0 +1,94 @@
+//! What is read of a hologram in tiles on a display that is not ideal: crosstalk comes in from around a piece, and from beyond
+//! the SLM's edges.
+
+use super::super::HologramError;
+use super::super::chunks::promise;
+use super::Tiles;
+use crate::optics::Obstruction;
+use crate::plan::ModelTables;
+use std::sync::Arc;
+
+impl Tiles {
+    /// The same of a rectangle no larger than the hologram that may hang over its edges, by as much as it is large: what lies
+    /// beyond one is what comes in on the other side.
+    ///
+    /// # Errors
+    /// Those of [`read`](Self::read).
+    pub(crate) fn read_around(&self, color: usize, at: [i64; 2], size: [usize; 2]) -> Result<Vec<f32>, HologramError> {
+        let whole = [self.about.height, self.about.width];
+        let runs = [0, 1].map(|k| runs(at[k], size[k], whole[k]));
+        if let [&[(0, row, rows)], &[(0, column, columns)]] = [&runs[0][..], &runs[1][..]] {
+            return self.read(color, [row, column], [rows, columns]);
+        }
+        promise(self.folder.path(), &[self.about.frames, size[0], size[1]])?;
+        let mut out = vec![0.0f32; self.about.frames * size[0] * size[1]];
+        for &(y, row, rows) in &runs[0] {
+            for &(x, column, columns) in &runs[1] {
+                let part = self.read(color, [row, column], [rows, columns])?;
+                for (i, line) in part.chunks_exact(columns).enumerate() {
+                    let to = (i / rows * size[0] + y + i % rows) * size[1] + x;
+                    out[to..to + columns].copy_from_slice(line);
+                }
+            }
+        }
+        Ok(out)
+    }
+
+    /// What the display that it was solved for does to one of its colours, over the whole SLM, for what is seen of it a piece at a
+    /// time; none for the ideal one.
+    ///
+    /// # Errors
+    /// [`HologramError::NoDisplay`]; [`HologramError::Optics`].
+    pub fn model(&self, color: usize) -> Result<Option<&Arc<ModelTables>>, HologramError> {
+        if self.models.get().is_none() {
+            let one = |color| {
+                let whole = self.about.optics(color)?;
+                Ok(self.about.model(color, whole, whole)?.map(|model| model.for_pieces()))
+            };
+            let all = (0..self.about.colors.len()).map(one).collect::<Result<_, HologramError>>()?;
+            // Whoever was faster made the same.
+            let _ = self.models.set(all);
+        }
+        Ok(self.models.get().and_then(|models| models[color].as_ref()))
+    }
+
+    /// The same hologram, to be looked at on an ideal display, whatever the one that it was solved for does to the light.
+    pub(in super::super) fn on_ideal_display(&self) -> Self {
+        let mut about = self.about.clone();
+        about.metadata.model.clear();
+        Self::looking(self.folder.clone(), about, self.side, self.made.clone())
+    }
+
+    /// [`PhaseSource::obstructed`](super::super::PhaseSource::obstructed).
+    pub(in super::super) fn obstructed(&self, obstruction: Option<Obstruction>) -> Self {
+        let mut about = self.about.clone();
+        about.metadata.obstruction = obstruction;
+        Self::looking(self.folder.clone(), about, self.side, self.made.clone())
+    }
+}
+
+/// What `size` places from `at` on are of `whole` that go round: (from which of them, place, how many).
+fn runs(at: i64, size: usize, whole: usize) -> Vec<(usize, usize, usize)> {
+    let (mut found, mut done) = (Vec::new(), 0);
+    while done < size {
+        let place = (at + done as i64).rem_euclid(whole as i64) as usize;
+        let count = (whole - place).min(size - done);
+        found.push((done, place, count));
+        done += count;
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_hangs_over_an_edge_goes_round() {
+        assert_eq!(runs(3, 4, 10), [(0, 3, 4)]);
+        assert_eq!(runs(0, 10, 10), [(0, 0, 10)]);
+        assert_eq!(runs(-2, 5, 10), [(0, 8, 2), (2, 0, 3)]);
+        assert_eq!(runs(7, 5, 10), [(0, 7, 3), (3, 0, 2)]);
+        assert_eq!(runs(-1, 4, 3), [(0, 2, 1), (1, 0, 3)]);
+    }
+}

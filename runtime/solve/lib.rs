@@ -1,0 +1,21 @@
+//! **eyebox-solve**: from scenes to holograms, and to what an SLM receives, for [eyebox](https://github.com/eyebox/eyebox).
+//!
+//! [`plan`] says what is computed, as plain data; [`gpu`] is one Vulkan device, [`engine`] runs plans on it or on the CPU. [`evaluate`] sees
+//! what an eye sees, [`solve`](mod@solve) moves the phases. A [`hologram`] is kept in a file, [`tiled`] where it is larger than memory;
+//! [`quality`] measures what settings cost and gain, [`produce`] makes all colors of scenes and sequences, and [`encode`] makes the SLM's bytes.
+
+pub mod encode;
+pub mod engine;
+pub mod evaluate;
+pub mod gpu;
+pub mod hologram;
+pub mod plan;
+pub mod produce;
+pub mod quality;
+pub mod solve;
+pub mod tiled;
+
+// Modules name these as if they were beside them.
+use eyebox_base::{files, memory};
+use eyebox_optics as optics;
+use eyebox_scene as scene;

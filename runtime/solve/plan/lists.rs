@@ -1,0 +1,435 @@
+//! The lists that engines run.
+
+use super::{Dispatch, Kernel, ModelParts, Planner, PupilPass, Purpose, Step, Storage};
+use crate::optics::Geometry;
+use eyebox_kernels::{
+    adam, divide_by_overlap, drive, energy, equalise_eyebox, fft::Columns, modulate_mask, project, quantise,
+};
+use std::ops::Range;
+
+/// What a step does in a pupil's window, from the spectrum to the image and back; `Motion` and its adjoint where an eye moves,
+/// and one way to compare.
+const THROUGH_A_WINDOW: [Kernel; 10] = [
+    Kernel::PassPupil,
+    Kernel::Motion,
+    Kernel::WindowInverse,
+    Kernel::Intensity,
+    Kernel::Compare,
+    Kernel::ContrastRows,
+    Kernel::CompareContrast,
+    Kernel::ApplyFactor,
+    Kernel::WindowForward,
+    Kernel::MotionBack,
+];
+
+/// Crosstalk that leaves this share of the variance of random drives is so weak that phases may wrap: a bound would cost 0.1 dB
+/// (docs/results/solver-and-model.json).
+const WEAK_CROSSTALK: f64 = 0.9;
+
+/// The lists that a step is made of: of its pupil passes, and room for that of its kernels. A step that is over gives both.
+#[derive(Debug, Default)]
+pub struct StepLists {
+    pub(crate) pupil_passes: Vec<PupilPass>,
+    kernels: Vec<Dispatch>,
+}
+
+impl From<Vec<PupilPass>> for StepLists {
+    fn from(pupil_passes: Vec<PupilPass>) -> Self {
+        Self { pupil_passes, kernels: Vec::new() }
+    }
+}
+
+impl From<Step> for StepLists {
+    fn from(Step { pupil_passes, list: kernels, .. }: Step) -> Self {
+        Self { pupil_passes, kernels }
+    }
+}
+
+impl Planner {
+    /// One step of the projection (OPTICS 6b), `in_flight` values of window at a time.
+    pub fn project_step(
+        &self,
+        pupil_passes: Vec<PupilPass>,
+        in_flight: usize,
+        power: f64,
+        gain: f64,
+        momentum: f64,
+    ) -> Step {
+        self.project_step_in(pupil_passes.into(), in_flight, power, gain, momentum)
+    }
+
+    /// The same in the lists of a step that is over.
+    pub(crate) fn project_step_in(
+        &self,
+        lists: StepLists,
+        in_flight: usize,
+        power: f64,
+        gain: f64,
+        momentum: f64,
+    ) -> Step {
+        let mut step = self.descend(lists, in_flight, true);
+        step.list.push(Dispatch { kernel: Kernel::Project, pupil_passes: 0..0 });
+        step.divide_by_overlap.power = power as f32;
+        // Of all its mask pixels a pixel follows the mean.
+        let parts = self.slm.mask_factor.pow(2) as f64;
+        step.project.gain = (gain / parts / self.change_scale_of(&step.pupil_passes, true)) as f32;
+        step.project.momentum = momentum as f32;
+        step
+    }
+
+    /// One step of Adam, the `t`-th, counted from 1 (OPTICS 4).
+    pub fn adam_step(&self, pupil_passes: Vec<PupilPass>, in_flight: usize, t: usize, rate: f64) -> Step {
+        self.adam_step_in(pupil_passes.into(), in_flight, t, rate)
+    }
+
+    /// The same in the lists of a step that is over.
+    pub(crate) fn adam_step_in(&self, lists: StepLists, in_flight: usize, t: usize, rate: f64) -> Step {
+        let mut step = self.descend(lists, in_flight, false);
+        step.list.push(Dispatch { kernel: Kernel::Adam, pupil_passes: 0..0 });
+        // As float32 has them, so that the corrections are those of the moments that the kernel keeps: 1 - 0.999 is off by
+        // a part in 80,000, and without it every step would be (docs/precision.md).
+        let (beta1, beta2) = (f64::from(0.9f32), f64::from(0.999f32));
+        let correct = |beta: f64| (1.0 / (1.0 - beta.powi(t.min(1 << 20) as i32))) as f32;
+        step.adam = adam::Args {
+            place: self.place(),
+            rate: rate as f32,
+            beta1: beta1 as f32,
+            beta2: beta2 as f32,
+            correct1: correct(beta1),
+            correct2: correct(beta2),
+            // 1e-8 for a loss times 1000, as the paper's code scales it; moments are in the change's units.
+            epsilon: (1e-11 * self.change_scale_of(&step.pupil_passes, false)) as f32,
+        };
+        step
+    }
+
+    /// The intensity through each pupil, left in `Image` of slots 0, 1, ...: what `view` shows.
+    pub fn view_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
+        let all = 0..pupil_passes.len();
+        let mut step = self.empty(pupil_passes);
+        step.list.extend(self.to_spectrum());
+        step.over_pupil_passes(
+            all,
+            &[
+                Kernel::Transfer,
+                Kernel::Relay,
+                Kernel::Eye,
+                Kernel::Taper,
+                Kernel::PassPupil,
+                Kernel::Motion,
+                Kernel::WindowInverse,
+                Kernel::Intensity,
+            ],
+        );
+        step
+    }
+
+    /// The fields of all sub-frames behind each pupil, left in `Window`, and its photograph, in `Target` of slots 0, 1, ...
+    pub(crate) fn fields_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
+        let all = 0..pupil_passes.len();
+        let mut step = self.view_step(pupil_passes);
+        step.over_pupil_passes(all, &[Kernel::Photograph, Kernel::Resample]);
+        step
+    }
+
+    /// The photograph of each pupil, left in `Target` of slots 0, 1, ...
+    pub fn photograph_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
+        let all = 0..pupil_passes.len();
+        let mut step = self.empty(pupil_passes);
+        step.list.extend(
+            [Kernel::Photograph, Kernel::Resample].map(|kernel| Dispatch { kernel, pupil_passes: all.clone() }),
+        );
+        step
+    }
+
+    /// Adds the term that evens out the light over the eyebox (OPTICS 7, pupil-aware): patches of the square of side
+    /// `eyebox` metres around the axis, those inside its disc, each pulled to their mean with this weight.
+    pub fn with_equalised_eyebox(&self, mut step: Step, eyebox: f64, patches: usize, weight: f64) -> Step {
+        let projects = step.list.last().is_some_and(|d| d.kernel == Kernel::Project);
+        // The projection's factors are ratios of energies; the gradient's go as 1 / energy.
+        let (change, field) =
+            (self.change_scale_of(&step.pupil_passes, projects), f64::from(self.shape(Purpose::View).field_scale()));
+        let weight = weight * change * if projects { 1.0 / field } else { field };
+        step.equalise_eyebox = self.equalise_eyebox(eyebox, patches, projects, weight);
+        let whole = |kernel| Dispatch { kernel, pupil_passes: 0..0 };
+        let after = |step: &Step, kernel| step.list.iter().position(|d| d.kernel == kernel).map_or(0, |i| i + 1);
+        use Kernel::{FieldForward, Modulate, ModulateWave, SubpixelsForward};
+        let lit = [FieldForward, SubpixelsForward, Modulate, ModulateWave].map(|kernel| after(&step, kernel));
+        let lit = lit.into_iter().max().unwrap_or(0);
+        step.list.insert(lit, whole(Kernel::Energy));
+        // Before the spectrum's change becomes the field's; in the far field they are one.
+        use Kernel::{Adam, ChangeInverse, CheckFinite, Project, SubpixelsInverse, Turn};
+        let ends = [ChangeInverse, SubpixelsInverse, CheckFinite, Turn, Project, Adam];
+        let end = step.list.iter().position(|d| ends.contains(&d.kernel)).unwrap_or(step.list.len());
+        step.list.insert(end, whole(Kernel::EqualiseEyebox));
+        step.columns = Columns { first: 0, count: self.grid.width };
+        step
+    }
+
+    fn equalise_eyebox(&self, eyebox: f64, patches: usize, projects: bool, weight: f64) -> equalise_eyebox::Args {
+        let (bin_y, bin_x) = self.grid.bin_size();
+        let count = |n: usize, bin: f64| ((eyebox / bin).round() as usize).clamp(1, n);
+        let (rows, columns) = (count(self.grid.height, bin_y), count(self.grid.width, bin_x));
+        let (y0, x0) = self.grid.index_of(-(rows as i64 / 2), -(columns as i64 / 2));
+        let place = self.place();
+        let points = (self.grid.height * self.grid.width) as f64;
+        equalise_eyebox::Args {
+            place: energy::Args {
+                grid_height: place.grid_height,
+                grid_width: place.grid_width,
+                y0: y0 as u32,
+                x0: x0 as u32,
+                rows: rows as u32,
+                columns: columns as u32,
+                patches: patches.clamp(1, energy::MOST as usize) as u32,
+                accumulate: 0,
+            },
+            mode: if projects { equalise_eyebox::PROJECTION } else { equalise_eyebox::GRADIENT },
+            // The change is in units of the spectrum over the grid's points (see `pupil_pass`).
+            weight: if projects && self.grid.geometry == Geometry::Relay { weight / points } else { weight } as f32,
+            limit: 3.0,
+        }
+    }
+
+    /// The field on the SLM of content at several depths: `ReturnPupil` adds the spectrum of each pupil pass's `Window`,
+    /// which the caller writes before entries `3 i .. 3 i + 3` run, and the rest of the list leaves the field in `Change`.
+    pub(crate) fn layers_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
+        let mut step = self.empty(pupil_passes);
+        for i in 0..step.pupil_passes.len() {
+            let kernels = [Kernel::Transfer, Kernel::WindowForward, Kernel::ReturnPupil];
+            step.list.extend(kernels.map(|kernel| Dispatch { kernel, pupil_passes: i..i + 1 }));
+        }
+        step.list.extend(self.to_field());
+        step
+    }
+
+    /// From phases to what a pupil cuts a window out of: the spectrum, or, in the far field, the field itself.
+    fn to_spectrum(&self) -> impl Iterator<Item = Dispatch> + use<> {
+        let first = (self.levels > 0).then_some(Kernel::Quantise);
+        let parts = self.parts();
+        let (lit, spectrum) = match (parts.mask, parts.more_subpixels) {
+            (1.., _) => (Kernel::ModulateMask, Kernel::FieldForward),
+            (_, 0) => (Kernel::ModulateWave, Kernel::FieldForward),
+            _ => (Kernel::ModulateSubpixels, Kernel::SubpixelsForward),
+        };
+        let away = parts.mask_away.then_some(Kernel::ToMask);
+        let last = (self.grid.geometry == Geometry::Relay).then_some(spectrum);
+        let lag = self.model.as_ref().is_some_and(|model| model.model().lag > 0.0).then_some(Kernel::Lag);
+        let crosstalk = parts.crosstalk.map(|_| [Kernel::CrosstalkRows, Kernel::CrosstalkColumns]);
+        let driven =
+            [Kernel::Drive].into_iter().chain(lag).chain(crosstalk.into_iter().flatten()).chain([lit]).chain(away);
+        let plain = (!parts.drives).then_some(Kernel::Modulate);
+        let all = first.into_iter().chain(plain).chain(driven.filter(move |_| parts.drives)).chain(last);
+        all.map(|kernel| Dispatch { kernel, pupil_passes: 0..0 })
+    }
+
+    /// From the change of the field to that of the phases, where more than phases makes the field.
+    fn to_phases(&self) -> impl Iterator<Item = Dispatch> + use<> {
+        let parts = self.parts();
+        let lag = self.model.as_ref().is_some_and(|model| model.model().lag > 0.0).then_some(Kernel::LagBack);
+        let turn = match (parts.mask, parts.more_subpixels) {
+            (1.., _) => Kernel::TurnMask,
+            (_, 0) => Kernel::Turn,
+            _ => Kernel::TurnSubpixels,
+        };
+        let away = parts.mask_away.then_some(Kernel::FromMask);
+        let crosstalk = parts.crosstalk.map(|_| [Kernel::CrosstalkColumnsBack, Kernel::CrosstalkRowsBack]);
+        let all =
+            away.into_iter().chain([turn]).chain(crosstalk.into_iter().flatten()).chain(lag).chain([Kernel::DriveBack]);
+        all.filter(move |_| parts.drives).map(|kernel| Dispatch { kernel, pupil_passes: 0..0 })
+    }
+
+    fn parts(&self) -> ModelParts {
+        self.model.as_ref().map(|model| model.parts()).unwrap_or_default()
+    }
+
+    /// And back again.
+    fn to_field(&self) -> Option<Dispatch> {
+        let relay = self.grid.geometry == Geometry::Relay;
+        let several = self.parts().more_subpixels > 0;
+        relay.then(|| Dispatch::whole(if several { Kernel::SubpixelsInverse } else { Kernel::ChangeInverse }))
+    }
+
+    /// What each viewpoint shows, what it should show, and the sums of both, left in `Sums` of slots 0, 1, ...
+    pub fn exposure_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
+        let all = 0..pupil_passes.len();
+        let mut step = self.view_step(pupil_passes);
+        step.over_pupil_passes(all, &[Kernel::Photograph, Kernel::Resample, Kernel::Exposure]);
+        step
+    }
+
+    /// A step over these pupil passes that does nothing yet.
+    fn empty(&self, lists: impl Into<StepLists>) -> Step {
+        let StepLists { pupil_passes, kernels: mut list } = lists.into();
+        list.clear();
+        let columns = Columns::union(
+            self.grid.width,
+            pupil_passes.iter().flat_map(PupilPass::each_mode).map(PupilPass::grid_columns),
+        );
+        let place = self.place();
+        Step {
+            list,
+            columns,
+            divide_by_overlap: divide_by_overlap::Args {
+                grid_height: place.grid_height,
+                grid_width: place.grid_width,
+                power: 1.0,
+            },
+            quantise: quantise::Args {
+                count: (self.slm.height * self.slm.width) as u32,
+                levels: self.levels as u32,
+                hardness: 1.0,
+            },
+            equalise_eyebox: self.equalise_eyebox(0.0, 1, false, 0.0),
+            project: project::Args { place, gain: 0.0, momentum: 0.0, bound: self.bound(), step: 0 },
+            adam: adam::Args {
+                place,
+                rate: 0.0,
+                beta1: 0.9,
+                beta2: 0.999,
+                correct1: 1.0,
+                correct2: 1.0,
+                epsilon: 1e-11,
+            },
+            drive: self.drive(),
+            modulate_mask: self.modulate_mask(),
+            model: self.model.clone(),
+            pupil_passes,
+        }
+    }
+
+    fn drive(&self) -> drive::Args {
+        let ([bend_sin, bend_cos], lag) =
+            self.model.as_ref().map_or(Default::default(), |model| (model.model().bend, model.model().lag));
+        drive::Args { place: self.place(), bend_sin: bend_sin as f32, bend_cos: bend_cos as f32, lag: lag as f32 }
+    }
+
+    fn modulate_mask(&self) -> modulate_mask::Args {
+        let parts = self.parts();
+        let cover = self.model.as_ref().map_or([1.0; modulate_mask::MOST], |model| model.cover());
+        let here = u32::from(!parts.mask_away);
+        modulate_mask::Args { place: self.place(), factor: parts.mask.max(1) as u32, here, cover }
+    }
+
+    /// Whether the projection keeps drives from wrapping. Crosstalk blurs the edge between the two ends of the range: a phase that
+    /// jumps over it makes its neighbors' light worse, and the turns do not contain that.
+    pub(crate) fn bounds_phases(&self) -> bool {
+        self.variance_left() < WEAK_CROSSTALK
+    }
+
+    /// Share of the variance of random drives that crosstalk leaves; 1 without crosstalk.
+    pub(crate) fn variance_left(&self) -> f64 {
+        self.model.as_ref().map_or(1.0, |model| model.variance_left())
+    }
+
+    /// The drive that no phase goes beyond, radians; 0 if phases wrap.
+    fn bound(&self) -> f32 {
+        let model = self.model.as_ref().filter(|_| self.bounds_phases());
+        model.map_or(0.0, |model| model.highest_drive() as f32)
+    }
+
+    /// Down to the window, compare, and up again; pupil passes come in groups whose windows fit `in_flight` values.
+    fn descend(&self, lists: StepLists, in_flight: usize, balanced: bool) -> Step {
+        let mut step = self.empty(lists);
+        // Tapered pupil passes have no edge at which pupils overlap: the caller's gain says how often they do.
+        let balanced = balanced && !step.is_tapered();
+        let whole = |kernel| Dispatch { kernel, pupil_passes: 0..0 };
+        step.list.extend(self.to_spectrum());
+        step.list.push(whole(Kernel::Clear));
+        let mut end = 0;
+        while end < step.pupil_passes.len() {
+            let pupil_passes = group(&step.pupil_passes, end, in_flight / self.frames.max(1));
+            end = pupil_passes.end;
+            if balanced {
+                step.list.push(Dispatch { kernel: Kernel::Overlap, pupil_passes: pupil_passes.clone() });
+            }
+            let target =
+                [Kernel::Transfer, Kernel::Relay, Kernel::Eye, Kernel::Taper, Kernel::Photograph, Kernel::Resample];
+            step.over_pupil_passes(pupil_passes.clone(), &target);
+            step.over_pupil_passes(pupil_passes.clone(), &THROUGH_A_WINDOW);
+            step.over_pupil_passes(pupil_passes, &[Kernel::ReturnPupil]);
+        }
+        if balanced {
+            step.list.push(whole(Kernel::DivideByOverlap));
+        }
+        step.list.extend(self.to_field());
+        // Sub-pixels' fields are seen in what they leave.
+        let checked_last = self.parts().more_subpixels > 0;
+        let check = (self.storage == Storage::F16).then_some(whole(Kernel::CheckFinite));
+        step.list.extend(check.clone().filter(|_| !checked_last));
+        step.list.extend(self.to_phases());
+        step.list.extend(check.filter(|_| checked_last));
+        step
+    }
+}
+
+impl Step {
+    /// Adds these kernels over these pupil passes; `Taper`, `Relay`, `Eye` and `Motion` only where they do something, and what
+    /// compares light or contrast.
+    fn over_pupil_passes(&mut self, pupil_passes: Range<usize>, kernels: &[Kernel]) {
+        let tapered = self.is_tapered();
+        let relays = self.model.as_ref().is_some_and(|model| model.parts().relay > 0);
+        let sees = self.pupil_passes.iter().any(|pupil_pass| pupil_pass.eye.is_some());
+        let moves = self.pupil_passes.iter().any(PupilPass::moves);
+        let of_contrast = self.pupil_passes.iter().any(|pupil_pass| pupil_pass.contrast.is_some());
+        let left_out = |kernel: Kernel| match kernel {
+            Kernel::Compare => of_contrast,
+            Kernel::ContrastRows | Kernel::CompareContrast => !of_contrast,
+            Kernel::Motion | Kernel::MotionBack => !moves,
+            Kernel::Taper => !tapered,
+            Kernel::Relay => !relays,
+            Kernel::Eye => !sees,
+            _ => false,
+        };
+        let kernels = kernels.iter().filter(|kernel| !left_out(**kernel));
+        self.list.extend(kernels.map(|&kernel| Dispatch { kernel, pupil_passes: pupil_passes.clone() }));
+    }
+
+    fn is_tapered(&self) -> bool {
+        self.pupil_passes.iter().any(|pupil_pass| pupil_pass.taper.is_some())
+    }
+
+    /// The entry of the list after which phases may change, and before which all losses are known: what comes behind the last
+    /// kernel that runs over pupil passes, and behind `check_finite` where the list has it.
+    pub(crate) fn before_update(&self) -> usize {
+        let known = |d: &Dispatch| d.kernel.scope().is_per_pupil() || d.kernel == Kernel::CheckFinite;
+        self.list.iter().rposition(known).map_or(self.list.len(), |i| i + 1)
+    }
+
+    /// The mean squared difference over the pupils, of the sums that an engine gives.
+    pub(crate) fn mean_loss(&self, losses: &[f64]) -> f64 {
+        mean_loss(losses, self.pupil_passes.iter().map(PupilPass::count))
+    }
+
+    /// How many entries, at the start, look at no pupil pass.
+    pub fn shared(&self) -> usize {
+        self.list.iter().take_while(|d| d.pupil_passes.is_empty()).count()
+    }
+
+    /// The same, one pupil pass after the other, each in slot 0: at full size one pupil pass holds as much memory as the field.
+    /// After the shared entries each pupil pass has as many as the others.
+    pub(crate) fn pass_by_pass(mut self) -> Self {
+        let kernels: Vec<_> = self.list.drain(self.shared()..).map(|d| d.kernel).collect();
+        for i in 0..self.pupil_passes.len() {
+            self.list.extend(kernels.iter().map(|&kernel| Dispatch { kernel, pupil_passes: i..i + 1 }));
+        }
+        self
+    }
+}
+
+/// The mean squared difference over pupils, of the sums that an engine gives and the `pixels` of their windows.
+pub(crate) fn mean_loss(losses: &[f64], pixels: impl Iterator<Item = usize>) -> f64 {
+    let each = losses.iter().zip(pixels).map(|(loss, pixels)| loss / pixels as f64);
+    each.sum::<f64>() / losses.len().max(1) as f64
+}
+
+/// Neighbouring pupil passes, from the first on, whose windows hold at most `most` values together (one pupil pass at least).
+fn group(pupil_passes: &[PupilPass], first: usize, most: usize) -> Range<usize> {
+    let mut held = 0;
+    let fits = |pass: &&PupilPass| {
+        let is_first = held == 0;
+        held += pass.mode_count() * pass.count();
+        is_first || held <= most
+    };
+    first..first + pupil_passes[first..].iter().take_while(fits).count().max(1)
+}

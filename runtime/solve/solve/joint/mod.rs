@@ -1,0 +1,155 @@
+//! All colours at once (OPTICS 13): sub-frames that every laser lights, each with a power of its own, solved for all colours
+//! together (Markley et al. 2023, Kavakli et al. 2023).
+//!
+//! A step is a step of each colour's own list, at the phases that it has of the shared drives, up to the change of its field; what
+//! the colours ask of the drives is added up on the host, so any engine takes part. Powers are weights of sub-frames in the same
+//! lists, and are fitted to photographs now and then.
+
+mod check;
+pub(super) mod choice;
+mod drives;
+mod powers;
+mod refine;
+#[cfg(test)]
+mod refine_tests;
+mod run;
+mod shared;
+mod solution;
+#[cfg(test)]
+mod tests;
+
+use super::error::SolveError;
+use super::outcome::{Flow, Progress, Warm};
+use super::problem::Problem;
+use super::run::Run;
+use super::settings::Settings;
+use super::solver;
+use super::validation::Validator;
+use super::viewpoints::Viewpoints;
+use crate::engine::Engine;
+use crate::plan::Planner;
+pub use choice::Joint;
+pub use refine::for_joint_colors;
+pub use refine::{JointPart, JointRefiner};
+use run::{JointRun, Lit};
+pub use shared::SharedDrives;
+pub use solution::JointSolution;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// What goes into [`solve_joint`] beside its settings.
+#[derive(Debug, Clone, Copy)]
+pub struct JointProblem<'a> {
+    /// The colours, all on one SLM and one grid.
+    pub colors: &'a [Problem],
+    /// Turns of each colour's light for a turn of the drive ([`Display::slopes`](crate::optics::Display::slopes)).
+    pub slopes: &'a [f64],
+    /// Exposures of the colours; none for those that each one's scene asks for.
+    pub exposures: Option<&'a [f64]>,
+    /// Powers to begin with, (colour, sub-frame); none for all alike.
+    pub powers: Option<&'a [Vec<f64>]>,
+}
+
+impl JointProblem<'_> {
+    fn check(&self, joint: &Joint, settings: &Settings) -> Result<(), SolveError> {
+        let wrong = |what, value: String, right| Err(SolveError::Setting { what, value, right });
+        let count = self.colors.len();
+        if count > 0 && joint.brightness > count as f64 {
+            let right = "1 to the number of colours";
+            return wrong("the brightness of joint colours", joint.brightness.to_string(), right);
+        }
+        check::colors(&self.colors.iter().collect::<Vec<_>>(), self.slopes)?;
+        if let Some(powers) = self.powers {
+            check::powers(powers.iter().map(Vec::as_slice), count, settings.frames)?;
+        }
+        if self.exposures.is_some_and(|e| e.len() != count || e.iter().any(|e| !(*e > 0.0 && e.is_finite()))) {
+            return wrong("the exposures of the colours", format!("{:?}", self.exposures), "positive, one a colour");
+        }
+        Ok(())
+    }
+}
+
+/// Solves all colours at once, as `settings.joint` says. `observe` is called after every step.
+///
+/// The same seed gives the same phases and powers, bit for bit, on one engine.
+///
+/// # Errors
+/// [`SolveError`]; where the engine fails, the best state so far is lost with this call.
+pub fn solve_joint(
+    problem: &JointProblem<'_>,
+    settings: &Settings,
+    from: Option<Warm<'_>>,
+    engine: &mut dyn Engine,
+    observe: &mut dyn FnMut(&Progress) -> Flow,
+) -> Result<JointSolution, SolveError> {
+    let joint = settings.joint.unwrap_or_default();
+    let settings = &Settings { joint: Some(joint), ..settings.clone() }.for_joint_colors();
+    settings.check()?;
+    let settings = &Settings { joint: None, ..settings.clone() };
+    problem.check(&joint, settings)?;
+    for color in problem.colors {
+        color.check_eye(settings)?;
+        settings.loss.of(settings.gaze, color.contrast)?;
+    }
+    if let Some(from) = from.filter(|from| {
+        from.phases.len() != settings.frames * problem.colors[0].optics.height * problem.colors[0].optics.width
+    }) {
+        let right = "that of the hologram";
+        return Err(SolveError::Setting {
+            what: "the number of phases to begin with",
+            value: from.phases.len().to_string(),
+            right,
+        });
+    }
+    let start = Instant::now();
+    let mut lit = Vec::with_capacity(problem.colors.len());
+    for (color, of_color) in problem.colors.iter().enumerate() {
+        lit.push(prepare(problem, color, of_color, settings, start, engine, observe)?);
+    }
+    let shape = lit[0].planner.shape(settings.optimizer.purpose());
+    engine.load(&shape, Some(Arc::clone(&problem.colors[0].pyramid)))?;
+    let most = problem.colors.len() as f64 / joint.brightness;
+    JointRun::new(lit, settings, most, problem.powers, from, start).solve(engine, observe)
+}
+
+/// One colour's part: its plans, its validation, its exposure.
+fn prepare<'a>(
+    joint: &JointProblem<'a>,
+    color: usize,
+    problem: &'a Problem,
+    settings: &Settings,
+    start: Instant,
+    engine: &mut dyn Engine,
+    observe: &mut dyn FnMut(&Progress) -> Flow,
+) -> Result<Lit<'a>, SolveError> {
+    let unit = problem.unit();
+    let mut planner: Planner = problem.planner_of(settings);
+    planner.divide_targets(unit);
+    engine.load(&planner.shape(settings.optimizer.purpose()), Some(Arc::clone(&problem.pyramid)))?;
+    let uniform = Settings { diameters: super::Diameters::Uniform, ..settings.clone() };
+    let mut viewpoints = Viewpoints::new(problem, &uniform, !settings.seed);
+    let validator = Validator::new(engine, &planner, (0..solver::PUPILS).map(|_| viewpoints.draw()).collect())?;
+    let exposure = match (joint.exposures, settings.efficiency) {
+        (Some(exposures), _) => exposures[color] / unit,
+        (None, Some(efficiency)) if problem.mean > 0.0 => problem.mean / efficiency / unit,
+        _ => {
+            // As if it were alone: what its scene's bright end asks for.
+            let mut run = Run {
+                problem,
+                planner: &planner,
+                settings,
+                engine,
+                validator: &validator,
+                from: None,
+                start,
+                exposure: 0.0,
+                unit,
+                pilot: false,
+                durations: Vec::new(),
+            };
+            run.choose_exposure(validator.bright_end(settings.steps_of_projection()), observe)?
+        }
+    };
+    planner.powers = vec![1.0; settings.frames].into();
+    Ok(Lit { problem, planner, validator, slope: joint.slopes[color], exposure, unit })
+}

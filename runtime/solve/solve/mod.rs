@@ -1,0 +1,83 @@
+//! Stochastic Light Field Holography (Schiffers et al. 2023): draws pupils, compares what the wave gives with what the
+//! light field gives, moves the phases. Written once, for every engine and both optimisers.
+//!
+//! The wave goes to the retina by the angular spectrum method. Phases are moved by one of two optimisers
+//! ([`Optimizer`]): the pupil-wise projection, which replaces amplitudes as Gerchberg and Saxton do and puts the changes
+//! of many pupils together as ptychography does, or Adam on the Wirtinger gradient.
+//!
+//! May import everything above it: `optics`, `scene`, `plan`, `engine`, `evaluate`.
+
+mod asking;
+mod begin;
+mod best;
+mod carry;
+mod cost;
+mod dpac;
+mod error;
+mod exposure;
+mod eye;
+mod fault;
+mod joint;
+mod levels;
+mod loss;
+mod mask;
+mod method;
+mod motion;
+#[cfg(test)]
+mod motion_tests;
+mod optimizer;
+mod outcome;
+pub(crate) mod pace;
+mod problem;
+mod rates;
+#[cfg(feature = "vulkan")]
+mod rehearsal;
+mod run;
+mod sampling;
+mod scene_plan;
+#[cfg(test)]
+mod seen_tests;
+mod settings;
+mod solver;
+mod source;
+mod start_table;
+#[cfg(all(test, feature = "vulkan"))]
+mod statistics_tests;
+mod steer;
+#[cfg(test)]
+mod steer_tests;
+mod steering;
+mod step;
+mod validation;
+mod viewpoints;
+
+pub use begin::{solve, solve_from};
+pub use best::{BestKeeper, BestState, Refinable, RefinedStep, refine};
+pub use cost::{Cost, Forecast, Loaded, forecast, model_work};
+pub use error::SolveError;
+pub use exposure::BrightEnd;
+pub use joint::{Joint, JointPart, JointProblem, JointRefiner, JointSolution, solve_joint};
+pub use joint::{SharedDrives, for_joint_colors};
+pub use levels::{Levels, even_levels};
+pub use loss::Loss;
+pub use method::Method;
+pub use motion::Motion;
+pub use optimizer::Optimizer;
+pub use optimizer::cosine;
+pub use outcome::{Flow, Progress, Solution, Stop, Warm};
+#[cfg(any(test, feature = "test-hooks"))]
+pub use pace::Pace;
+pub use problem::Problem;
+pub use rates::Rates;
+#[cfg(feature = "vulkan")]
+pub use rehearsal::{Rehearsal, RehearsedStep};
+pub(crate) use run::exposure_under;
+pub use sampling::{Diameters, PupilRange, Sampler, Sequence, SplitMix, pupils_of, random_phases};
+pub use scene_plan::{Decision, Full, PlanRequest, ScenePlan};
+pub use settings::{FirstPhases, PaddingRule, Settings};
+pub use start_table::StartTable;
+pub use steer::Refiner;
+pub use steering::{Steering, Strategy};
+pub use step::{Update, take_seen};
+pub(crate) use step::{release_early, strides, take};
+pub use validation::{ValidationScore, Validator};

@@ -1,0 +1,183 @@
+//! The settings of a refinement, and the same as text.
+
+use super::error::SolveError;
+use super::loss::Loss;
+use super::step::Update;
+use crate::files::overlay;
+use crate::optics::WindowFactor;
+use crate::plan::{Purpose, Storage};
+use serde::{Deserialize, Serialize};
+
+/// How the phases follow.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase", tag = "kind")]
+#[non_exhaustive]
+pub enum Strategy {
+    /// Pupil-wise projection (OPTICS 6b).
+    Projection {
+        /// Gain of the first step after a jump,
+        gain: f64,
+        /// and of steps long after it:
+        settled: f64,
+        /// the difference falls to 1/e in so many steps.
+        settling: f64,
+        /// Share of the velocity that is kept.
+        momentum: f64,
+        /// The change is divided by the overlap to this power.
+        overlap_power: f64,
+    },
+    /// Adam on the closed-form gradient (OPTICS 4).
+    Adam {
+        /// Learning rate, radians.
+        rate: f64,
+    },
+}
+
+impl Strategy {
+    /// Refuses what only makes phases that are no numbers.
+    fn check(self) -> Result<(), SolveError> {
+        let wrong = |what, value: f64, right| Err(SolveError::Setting { what, value: value.to_string(), right });
+        let gain = |gain: &f64| (0.0..=1e6).contains(gain);
+        match self {
+            Self::Projection { gain: g, settled: s, .. } if !(gain(&g) && gain(&s)) => {
+                wrong("a gain", if gain(&g) { s } else { g }, "0 to 1e6")
+            }
+            Self::Projection { momentum, .. } if !(0.0..=1.0).contains(&momentum) => {
+                wrong("the momentum", momentum, "0 to 1, the share of the velocity that is kept")
+            }
+            Self::Projection { overlap_power, .. } if !(0.0..=16.0).contains(&overlap_power) => {
+                wrong("the power of the overlap", overlap_power, "0 to 16")
+            }
+            Self::Projection { settling, .. } if settling.is_nan() => {
+                wrong("the steps to settle in", settling, "a number")
+            }
+            Self::Adam { rate } if !gain(&rate) => wrong("Adam's rate (rad)", rate, "0 to 1e6"),
+            _ => Ok(()),
+        }
+    }
+
+    /// What its steps are for.
+    pub(super) fn purpose(self) -> Purpose {
+        if matches!(self, Self::Adam { .. }) { Purpose::Adam } else { Purpose::Project }
+    }
+
+    /// The `step`-th step since phases or aim were set anew, from 1.
+    pub(super) fn update(self, step: usize) -> Update {
+        match self {
+            Self::Projection { gain, settled, settling, momentum, overlap_power } => {
+                let fresh = (-((step - 1) as f64) / settling.max(1e-3)).exp();
+                Update::Projection { gain: settled + (gain - settled) * fresh, momentum, overlap_power }
+            }
+            Self::Adam { rate } => Update::Adam { rate, amplitude: false, step },
+        }
+    }
+}
+
+/// Everything that decides a refinement, besides the scene and the aim.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Steering {
+    /// How the phases follow.
+    pub strategy: Strategy,
+    /// What is made small.
+    #[serde(default, skip_serializing_if = "Loss::is_light")]
+    pub loss: Loss,
+    /// Where the eye looks, as in [`Settings::gaze`](super::Settings::gaze).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gaze: Option<[f64; 2]>,
+    /// In its place, for an eye that is followed: how far behind its pupil it turns, metres. It then looks where its pupil says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gaze_radius: Option<f64>,
+    /// Pupils around the eye a step.
+    pub pupils: usize,
+    /// Pupils over the whole eyebox a step, on average.
+    pub elsewhere: f64,
+    /// Window per pupil.
+    pub window: WindowFactor,
+    /// Steps over the same pupils before others are drawn: their photographs are made once. At least 1.
+    pub repeats: usize,
+    /// How complex fields are stored; none for what the engine [prefers](crate::engine::Engine::preferred_storage): a refined hologram is 20
+    /// to 40 dB from its target, which hides what halves cost.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub storage: Option<Storage>,
+    /// Decides the pupils.
+    pub seed: u64,
+}
+
+impl Steering {
+    /// Refuses what cannot be.
+    pub fn check(&self) -> Result<(), SolveError> {
+        let wrong = |what, value: String, right| Err(SolveError::Setting { what, value, right });
+        if !(1..=4096).contains(&self.pupils) {
+            return wrong("the number of pupils a step", self.pupils.to_string(), "1 to 4096");
+        }
+        if !(0.0..=64.0).contains(&self.elsewhere) {
+            return wrong("the pupils elsewhere a step", self.elsewhere.to_string(), "0 to 64");
+        }
+        self.loss.check(self.gaze.or(self.gaze_radius.map(|_| [0.0; 2])))?;
+        if let Some(radius) = self.gaze_radius {
+            if self.gaze.is_some() {
+                return wrong("the gaze", "given twice".into(), "where the eye looks, or how it turns");
+            }
+            if !(1e-3..=1.0).contains(&radius) {
+                return wrong("how far behind its pupil the eye turns (metres)", radius.to_string(), "0.001 to 1");
+            }
+        }
+        self.strategy.check()
+    }
+}
+
+impl Default for Steering {
+    fn default() -> Self {
+        Self {
+            strategy: Strategy::Projection {
+                gain: 3.0,
+                settled: 1.0,
+                settling: 8.0,
+                momentum: 0.5,
+                overlap_power: 1.0,
+            },
+            loss: Loss::Light,
+            gaze: None,
+            gaze_radius: None,
+            pupils: 2,
+            elsewhere: 0.5,
+            window: WindowFactor::Two,
+            repeats: 1,
+            storage: None,
+            seed: 0,
+        }
+    }
+}
+
+impl Steering {
+    /// The defaults with what a TOML text says by the names of the fields.
+    ///
+    /// # Errors
+    /// [`SolveError::Text`] with the key that is not known or has no such value; [`SolveError::Setting`].
+    pub fn from_toml(text: &str) -> Result<Self, SolveError> {
+        // What may be missing is there, so that the keys are.
+        let shown =
+            Self { storage: Some(Storage::F32), gaze: Some([0.0; 2]), gaze_radius: Some(0.0), ..Self::default() };
+        let (mut read, given) = overlay(&shown, &[], text).map_err(SolveError::Text)?;
+        read.storage = read.storage.filter(|_| given.contains_key("storage"));
+        read.gaze = read.gaze.filter(|_| given.contains_key("gaze"));
+        read.gaze_radius = read.gaze_radius.filter(|_| given.contains_key("gaze_radius"));
+        read.check()?;
+        Ok(read)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_said_lies_over_what_is_by_default() {
+        assert_eq!(Steering::from_toml("").unwrap(), Steering::default());
+        let said = Steering::from_toml("pupils = 3\nstorage = \"fp16\"").unwrap();
+        assert_eq!(said, Steering { pupils: 3, storage: Some(Storage::F16), ..Steering::default() });
+        for (text, says) in [("pupil = 3", "pupil: no such setting"), ("pupils = 0", "the number of pupils")] {
+            assert!(Steering::from_toml(text).unwrap_err().to_string().contains(says), "{text}");
+        }
+    }
+}
