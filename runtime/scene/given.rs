@@ -34,7 +34,7 @@ impl Places<'_> {
     }
 }
 
-/// Views of a picture (a plane for each colour, one to three) whose pixels lie at these depths, metres: [colour][place].
+/// Views of a picture (a plane for each colour, one to three) whose pixels lie at these depths, metres: (color, place).
 ///
 /// # Errors
 /// In words, for depths that displace content too far.
@@ -60,7 +60,7 @@ pub struct Layer<'a> {
     pub opacity: &'a [f32],
 }
 
-/// Views of layers, the farthest first: [colour][place].
+/// Views of layers, the farthest first: (color, place).
 ///
 /// # Errors
 /// In words, for depths that displace content too far.

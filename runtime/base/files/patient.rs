@@ -22,7 +22,7 @@ pub fn asked_to_end() -> &'static Arc<AtomicBool> {
     ASKED.get_or_init(Arc::default)
 }
 
-/// A file, or a pipe that is given up when it takes nothing for [`PATIENCE`].
+/// A file, or a pipe that is given up when it takes nothing for `PATIENCE`.
 #[derive(Debug)]
 pub struct Patient(File);
 

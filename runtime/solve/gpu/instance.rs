@@ -39,7 +39,7 @@ pub struct Instance {
 
 impl Instance {
     /// Loads Vulkan; with `validation`, core and synchronisation validation as well, and with `present` whatever there is
-    /// of [`SURFACES`].
+    /// of `SURFACES`.
     pub fn open(validation: bool, present: bool) -> Result<Self, EngineError> {
         let entry = load()?;
         let there = extension_names(&entry, None);

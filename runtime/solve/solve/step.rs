@@ -231,7 +231,7 @@ pub fn take(engine: &mut dyn Engine, step: &Step, parts: &[Range<usize>]) -> Res
 
 /// Takes a step whose intensities come from outside: `see` is given, for each of its pupil passes, the model's intensity on the
 /// pass's window and the fields behind it (sub-frame, row, column), and answers the intensity that is there. The field's phase
-/// stays the model's. The step holds all its pupil passes at once (one group); the rest is as in [`take`].
+/// stays the model's. The step holds all its pupil passes at once (one group); the rest is as in `take`.
 ///
 /// # Errors
 /// Those of the engine and of `see`.
