@@ -55,6 +55,12 @@ impl Args {
         let mantissa = (factor * 2f64.powi(32 - exponent)).min(f64::from(u32::MAX));
         Self { factor: mantissa as u32, shift: (32 - exponent) as u32, ..self }
     }
+
+    /// The same for light that is brightness already, as [`add_brightness`] has it.
+    #[must_use]
+    pub fn as_it_is(self) -> Self {
+        Self { factor: 1 << 31, shift: 31, ..self }
+    }
 }
 
 /// The brightness of a level.
@@ -97,6 +103,18 @@ pub fn places(args: &Args, light: &[u32], needs: Option<&[u32]>, places: &mut [u
             None => light.iter().zip(places).for_each(|(light, at)| *at = place(args, *light, None)),
         },
     );
+}
+
+/// Adds how bright each pixel is, `light` and [`need`]s as for [`places`], to `sums`, in steps of the finest levels over 65536.
+pub fn add_brightness(args: &Args, light: &[u32], needs: Option<&[u32]>, sums: &mut [u64]) {
+    let even = |light: &u32| product(*light, args.factor, args.shift);
+    match needs {
+        Some(needs) => {
+            let both = light.iter().zip(needs).zip(sums);
+            both.for_each(|((light, need), sum)| *sum += u64::from(product(even(light), *need, 16)));
+        }
+        None => light.iter().zip(sums).for_each(|(light, sum)| *sum += u64::from(even(light))),
+    }
 }
 
 /// From [`places`] (rows, width) and `table` (side, side, levels), binary angles, to `phases` (rows, width), radians in -pi .. pi:
@@ -152,6 +170,23 @@ mod tests {
                 let off = off - 65_536.0 * (off / 65_536.0).round();
                 assert!(off.abs() < 1.6, "{bright}, {i}: {off}");
             }
+        }
+    }
+
+    /// Brightness that is added up, of one picture, lies among the levels where the picture itself does.
+    #[test]
+    fn brightness_lies_where_its_light_does() {
+        let light: Vec<u32> = (0..300).map(|i| i * 14_211_013).collect();
+        let needs: Vec<u32> = (0..300).map(|i| need(0.3 + (i % 5) as f32 / 4.0)).collect();
+        for (bright, needs) in [(1.9, None), (1e-3, None), (700.0, None), (1.0, Some(&needs[..]))] {
+            let args = Args::zeroed().brightness(bright);
+            let (mut sums, mut wanted, mut found) = (vec![0; 300], vec![0; 300], vec![0; 300]);
+            places(&args, &light, needs, &mut wanted);
+            // Of two alike.
+            (0..2).for_each(|_| add_brightness(&args, &light, needs, &mut sums));
+            let mean: Vec<u32> = sums.iter().map(|sum| (sum / 2) as u32).collect();
+            places(&args.as_it_is(), &mean, None, &mut found);
+            assert_eq!(found, wanted, "{bright}");
         }
     }
 }

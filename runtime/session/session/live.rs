@@ -18,7 +18,7 @@ use super::scenes::Scenes;
 use super::scheduler::{Schedule, Start};
 use super::set_timing::{SetTiming, as_ns};
 use super::showing::Showing;
-use super::steerer::look_up::start_tables;
+use super::steerer::look_up::{begin_with_tables, start_tables};
 use super::steerer::together::{lighting_of, sub_frames_of};
 use super::steerer::{EngineOpener, Policy, SteeredColor, Steerer};
 use super::timeline::Speed;
@@ -217,7 +217,8 @@ pub struct Live {
     pub scenes: Option<Box<dyn Scenes>>,
     /// Of a far field in tiles, all of it: what is refined is a piece, and `scenes` its [`FarField`](super::FarField).
     pub field: Option<Field>,
-    /// For content that jumps: the table of each color from which a picture's first phases are looked up; empty where none is to be used.
+    /// For content that jumps: the tables from which a picture's first phases are looked up, as [`start_tables`](super::start_tables) gives
+    /// them; empty where none is to be used.
     pub start_tables: Vec<Option<Arc<StartTable>>>,
     /// Whose eye; none where nobody is tracked: pupils are then drawn over the whole eyebox.
     pub tracking: Option<Tracking>,
@@ -305,11 +306,7 @@ impl Live {
     pub fn with_start_tables(mut self, observe: &mut dyn FnMut(f64) -> bool) -> Result<Self, SessionError> {
         self.start_tables = start_tables(&self.colors, observe)?;
         if self.scenes.as_ref().is_none_or(|scenes| !scenes.begins_with_one()) {
-            for (color, table) in self.colors.iter_mut().zip(&self.start_tables) {
-                if let Some(table) = table {
-                    color.phases = table.phases(&color.problem, color.exposure)?;
-                }
-            }
+            begin_with_tables(&mut self.colors, &self.start_tables)?;
         }
         Ok(self)
     }

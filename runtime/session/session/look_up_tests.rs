@@ -4,8 +4,10 @@ use super::scripted::{Application, EXPOSURE, Scripted, content_of, one_view, sho
 use super::study::{ContentSettings, JumpStart, StudiedContent, StudySettings, study_content};
 use super::tests::cpu;
 use super::*;
-use crate::optics::PupilDistribution;
-use crate::solve::{Flow, StartTable};
+use crate::encode::Encoder;
+use crate::optics::{Color, Laser, PupilDistribution};
+use crate::scene::Pyramid;
+use crate::solve::{Flow, Problem, StartTable, random_phases};
 use crate::trackers::simulated;
 use std::sync::Arc;
 use std::time::Duration;
@@ -126,6 +128,102 @@ fn first_set_after_a_jump(stage: &Scripted, start: JumpStart, rolls: bool) -> f6
     let runs = runs.unwrap();
     let run = runs.iter().find(|r| r.steered && !r.moments).expect("it is shown steered, without moments");
     run.after_jumps(1).expect("sets after a jump")
+}
+
+/// Another picture: what is bright in these colors is dark in it.
+fn inverted(colors: &[SteeredColor]) -> Vec<SteeredColor> {
+    let one = |color: &SteeredColor| {
+        let (pyramid, level) = (&color.problem.pyramid, &color.problem.pyramid.levels[0]);
+        let value = |v: &u16| 0.3 * (1.0 - f32::from(*v) / 65_535.0 * pyramid.scale).max(0.0);
+        let views = level.views.chunks_exact(level.height * level.width);
+        let views: Vec<Vec<f32>> = views.map(|view| view.iter().map(value).collect()).collect();
+        let pyramid = Arc::new(Pyramid::new(&views, level.height, level.width));
+        let problem = Problem { pyramid, ..color.problem.clone() };
+        SteeredColor { problem, phases: Vec::new(), ..color.clone() }
+    };
+    colors.iter().map(one).collect()
+}
+
+/// The table of the drive that these colors share, fitted in fewer steps than usual.
+fn drive_table(colors: &[SteeredColor]) -> Arc<StartTable> {
+    let problems: Vec<&Problem> = colors.iter().map(|color| &color.problem).collect();
+    let lasers: Vec<Laser> = colors.iter().filter_map(|color| color.laser.clone()).collect();
+    Arc::new(StartTable::quick_shared(&problems, &lasers))
+}
+
+/// Colors that share their sub-frames begin another picture with the drives of their table, all together, and it shows it better.
+#[test]
+fn another_picture_begins_with_drives_of_the_table() {
+    let whole = together_tests::colors();
+    let table = drive_table(&whole);
+    let slide = inverted(&whole);
+    let refined = |tables: Vec<Option<Arc<StartTable>>>| {
+        let policy = Policy { restart: f64::INFINITY, ..Policy::default() };
+        let mut steerer = Steerer::new(whole.clone(), policy, cpu).unwrap().with_start_tables(tables);
+        steerer.aim(tests::aim(2e-3)).unwrap();
+        (0..6).for_each(|_| assert_eq!(steerer.round_while(|_, _| true).unwrap(), 3));
+        let same = |color: &SteeredColor| SteeredColor { phases: Vec::new(), ..study::moved_color(color, 1) };
+        steerer.follow(&whole.iter().map(same).collect::<Vec<_>>()).unwrap();
+        assert!(!steerer.wants_fit(), "the same picture, one pixel on");
+        assert_eq!(steerer.follow(&slide).unwrap(), Followed::default());
+        steerer
+    };
+    let mut steerer = refined(vec![Some(Arc::clone(&table))]);
+    let last = steerer.sent().unwrap()[0].to_vec();
+    assert!(steerer.wants_fit());
+    assert_eq!((steerer.fit().unwrap(), steerer.wants_fit(), steerer.fit().unwrap()), (3, false, 0));
+    let (problems, exposures): (Vec<&Problem>, Vec<f64>) = slide.iter().map(|c| (&c.problem, c.exposure)).unzip();
+    let looked_up = table.drives(&problems, &exposures).unwrap().expect("a drive's table");
+    let apart = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| 1.0 - (a - b).cos()).fold(0.0, f32::max);
+    assert!(apart(steerer.sent().unwrap()[0], &looked_up) < 1e-6 && apart(&last, &looked_up) > 0.5);
+    let random = random_phases(last.len(), 3);
+    let [table_db, last_db, random_db] = [&looked_up, &last, &random].map(|drives| {
+        steerer.begin_with(std::slice::from_ref(drives)).unwrap();
+        (0..2).for_each(|_| assert_eq!(steerer.round_while(|_, _| true).unwrap(), 3));
+        steerer.estimated_db().unwrap()
+    });
+    println!(
+        "after one step {table_db:.2} dB from the table, {last_db:.2} from the last drives, {random_db:.2} from random ones"
+    );
+    assert!(table_db > last_db + 0.5 && table_db > random_db + 0.5);
+    // Tables of single colors are no drive's.
+    assert!(!refined(vec![Some(Arc::new(StartTable::even(3))); 3]).wants_fit());
+    // A session that is given no hologram has its first phases of it; an SLM as small as this one has no table of itself.
+    let mut begun = slide.clone();
+    steerer::look_up::begin_with_tables(&mut begun, &[Some(table)]).unwrap();
+    for color in &begun {
+        assert_eq!(color.phases, color.laser.as_ref().unwrap().phases(&looked_up));
+    }
+    assert_eq!(start_tables(&whole, &mut |_| true).unwrap(), [None]);
+}
+
+/// In a study of colors that share their sub-frames content that jumps begins with the drives of the table, too.
+#[test]
+fn a_study_of_joint_colors_begins_with_the_table() {
+    let whole = together_tests::colors();
+    let eye = simulated::Settings { fixation: [60.0; 2], blinks: 0.0, noise: 0.02e-3, ..Default::default() };
+    let study = StudySettings { eye, ..StudySettings::default() };
+    let table = drive_table(&whole);
+    let first_set = |start| {
+        let content = ContentSettings {
+            contents: vec![StudiedContent::Jumping],
+            sets: 8,
+            steps: 1,
+            speed: 10,
+            jumps_every: 3,
+            slides: vec![inverted(&whole)],
+            start,
+            start_tables: vec![Some(Arc::clone(&table))],
+            lighting: Encoder::new(&together_tests::display(), &[Color::Red], 3).unwrap().lighting(false),
+        };
+        let runs = study_content(&whole, &Policy::default(), &content, &study, &mut cpu, &mut |_| Flow::Continue);
+        let runs = runs.unwrap();
+        let run = runs.iter().find(|r| r.steered && !r.moments).expect("it is shown steered, without moments");
+        run.after_jumps(1).expect("sets after a jump")
+    };
+    let [table, last, random] = [JumpStart::Table, JumpStart::Last, JumpStart::Random].map(first_set);
+    println!("{table:.2} dB from the table, {last:.2} from the last drives, {random:.2} from random ones");
+    assert!(table > last && table > random + 0.5, "{table} {last} {random}");
 }
 
 /// Slides follow each other, and after the last comes the scene again. Of a black slide there is no PSNR, so that the sets which have one

@@ -11,12 +11,12 @@ use crate::solve::{Problem, random_phases};
 const ALL: [Color; 3] = [Color::Red, Color::Green, Color::Blue];
 const SIZE: [usize; 2] = [48, 64];
 
-fn display() -> Display {
+pub(super) fn display() -> Display {
     Display { height: SIZE[0], width: SIZE[1], ..Display::preset("grey8").unwrap() }
 }
 
 /// Random drives before three lasers.
-fn colors() -> Vec<SteeredColor> {
+pub(super) fn colors() -> Vec<SteeredColor> {
     colors_of(&display())
 }
 

@@ -46,6 +46,44 @@ impl LookUp {
     /// The same into memory of their number that is there already: new memory takes longer than the look-up.
     pub(super) fn phases_into(&self, phases: &mut [f32]) -> Result<(), EngineError> {
         let views = super::on_host(&self.views)?;
+        self.phases_of(phases, &|row, light| self.light(&views, row, light));
+        Ok(())
+    }
+
+    /// The drives (sub-frames, height, width) that all colors share, as phases of one turn in -pi .. pi: looked up by gray, the mean
+    /// brightness of the colors, in the table of the first.
+    ///
+    /// # Errors
+    /// No color; views on a device that does not answer.
+    pub fn drives(colors: &[Self]) -> Result<Vec<f32>, EngineError> {
+        let Some(first) = colors.first() else {
+            return Err(EngineError::Mismatch { reason: "no color has a drive".into() });
+        };
+        let views = colors.iter().map(|color| super::on_host(&color.views)).collect::<Result<Vec<_>, _>>()?;
+        let of_gray = Self { args: first.args.as_it_is(), needs: None, ..first.clone() };
+        let width = first.args.width as usize;
+        let mut phases = vec![0.0; first.count()];
+        of_gray.phases_of(&mut phases, &|row, gray| {
+            let (mut light, mut sums) = (vec![0; gray.len()], vec![0; gray.len()]);
+            for (color, views) in colors.iter().zip(&views) {
+                color.light(views, row, &mut light);
+                let needs = color.needs.as_ref().map(|needs| &needs[row * width..][..gray.len()]);
+                table_start::add_brightness(&color.args, &light, needs, &mut sums);
+            }
+            gray.iter_mut().zip(&sums).for_each(|(gray, sum)| *gray = (sum / colors.len() as u64) as u32);
+        });
+        Ok(phases)
+    }
+
+    /// The light of whole rows of the SLM, from `row` on: 2^32 is full light.
+    fn light(&self, views: &Pyramid, row: usize, light: &mut [u32]) {
+        let first = self.place.first + row as u32 * self.place.line;
+        let place = pupil_light::Args { height: light.len() as u32 / self.place.width, first, ..self.place };
+        pupil_light(&place, &views.levels[0].views, &self.shares, light);
+    }
+
+    /// The same for light that is made for whole rows of the SLM, from a row on.
+    fn phases_of(&self, phases: &mut [f32], make: &(dyn Fn(usize, &mut [u32]) + Sync)) {
         let [height, width, side] = [self.args.height, self.args.width, self.args.side].map(|n| n as usize);
         // The same rows of all sub-frames.
         let mut bands: Vec<Vec<&mut [f32]>> = (0..height.div_ceil(BAND)).map(|_| Vec::new()).collect();
@@ -57,15 +95,12 @@ impl LookUp {
             let row = band * BAND;
             let rows = BAND.min(height - row);
             let [light, places] = [light, places].map(|room| &mut room[..rows * width]);
-            let first = self.place.first + row as u32 * self.place.line;
-            let place = pupil_light::Args { height: rows as u32, first, ..self.place };
-            pupil_light(&place, &views.levels[0].views, &self.shares, light);
+            make(row, light);
             let needs = self.needs.as_ref().map(|needs| &needs[row * width..][..rows * width]);
             table_start::places(&self.args, light, needs, places);
             for (phases, table) in frames.into_iter().zip(self.table.chunks(side * side * LEVELS)) {
                 table_start(&self.args, row, places, table, phases);
             }
         });
-        Ok(())
     }
 }

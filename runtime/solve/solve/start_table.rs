@@ -5,11 +5,14 @@
 //! brightnesses, on a tile that repeats over the SLM. A picture's phases are then looked up ([`table_start`](eyebox_kernels::table_start)) without a transform, and
 //! every pupil in the eyebox sees the picture at once. For one plane and one brightness these are optimized random phases (A.
 //! Velez-Zea, J. F. Barrera-Ramirez and R. Torroba, Optics Letters 43, 2018). In the far field they come from the picture's Fourier
-//! transform instead ([`transform`]).
+//! transform instead ([`transform`]). Colors that share their sub-frames have a table of their drive ([`shared`]).
 
 mod fit;
 mod kept;
 mod made_by;
+pub(super) mod shared;
+#[cfg(test)]
+mod shared_tests;
 #[cfg(test)]
 mod tests;
 mod transform;
@@ -33,7 +36,7 @@ use std::time::Instant;
 /// Tiles along each side of an SLM from which on it has a table: a smaller one is solved sooner than its table is fitted.
 const FEWEST_TILES: usize = 4;
 /// Exposure of phases from a table that no step follows, over the one of a solve: light to spare hides their unevenness (measured).
-const UNSTEPPED: f64 = 1.3;
+pub(super) const UNSTEPPED: f64 = 1.3;
 /// Diameter of the pupil whose picture is looked up, over the eyebox: a wider one blurs what is off the SLM's plane, a narrower one shows
 /// all others its own perspective (measured).
 const PUPIL: f64 = 0.7;
@@ -48,7 +51,11 @@ pub struct StartTable(By);
 #[derive(Debug, Clone, PartialEq)]
 enum By {
     Table(Table),
-    Transform { frames: usize },
+    /// Of the drive that all colors share, by how bright gray is.
+    Drive(Table),
+    Transform {
+        frames: usize,
+    },
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -98,7 +105,7 @@ impl StartTable {
             made_by.fit(problem, &mut levels, observe)?;
             made_by.save(&levels);
         }
-        Ok(levels.are_all().then(|| Self::made(&made_by, &levels)))
+        Ok(levels.are_all().then(|| Self(By::Table(Table::made(&made_by, &levels)))))
     }
 
     /// Fits the tables of these colors of a display for so many sub-frames into the user's cache, before there is a scene to solve. Tables
@@ -128,23 +135,12 @@ impl StartTable {
         Ok(prepared)
     }
 
-    /// Of fitted levels, innermost. Levels that are not there are zero.
-    fn made(made_by: &MadeBy, levels: &Levels) -> Self {
-        let (frames, side) = (made_by.frames, made_by.side);
-        let mut angles = vec![0; frames * side * side * LEVELS];
-        for (at, level) in levels.0.iter().enumerate() {
-            let of_level = angles.iter_mut().skip(at).step_by(LEVELS);
-            of_level.zip(level.iter().flatten()).for_each(|(to, angle)| *to = *angle);
-        }
-        Self(By::Table(Table { frames, side, angles: angles.into() }))
-    }
-
     /// The look-up of the first phases of the scene of `problem` for an exposure, which an [engine](crate::engine::Engine::look_up) makes;
-    /// none in the far field.
+    /// none in the far field, and of drives that colors share.
     pub fn look_up(&self, problem: &Problem, exposure: f64) -> Option<LookUp> {
         match &self.0 {
             By::Table(table) => Some(table.look_up(problem, exposure)),
-            By::Transform { .. } => None,
+            By::Drive(_) | By::Transform { .. } => None,
         }
     }
 
@@ -155,12 +151,24 @@ impl StartTable {
     pub fn phases(&self, problem: &Problem, exposure: f64) -> Result<Vec<f32>, EngineError> {
         match &self.0 {
             By::Table(table) => table.look_up(problem, exposure).phases(),
+            By::Drive(table) => table.drives(&[problem], &[exposure]),
             By::Transform { frames } => transform::phases(problem, &pupil(problem), *frames),
         }
     }
 }
 
 impl Table {
+    /// Of fitted levels, innermost. Levels that are not there are zero.
+    fn made(made_by: &MadeBy, levels: &Levels) -> Self {
+        let (frames, side) = (made_by.frames, made_by.side);
+        let mut angles = vec![0; frames * side * side * LEVELS];
+        for (at, level) in levels.0.iter().enumerate() {
+            let of_level = angles.iter_mut().skip(at).step_by(LEVELS);
+            of_level.zip(level.iter().flatten()).for_each(|(to, angle)| *to = *angle);
+        }
+        Self { frames, side, angles: angles.into() }
+    }
+
     fn look_up(&self, problem: &Problem, exposure: f64) -> LookUp {
         let (optics, grid) = (problem.optics, problem.padding.grid(problem.optics));
         let [top, left] = [(grid.height - optics.height) / 2, (grid.width - optics.width) / 2];
@@ -244,9 +252,7 @@ pub(super) fn beginning(
     }
     let steps = settings.steps;
     let table = StartTable::of(problem, settings.frames, &mut |share| {
-        let (fitting, seconds) = (Some(share), start.elapsed().as_secs_f64());
-        let progress = Progress { pilot: None, fitting, step: 0, steps, seconds, loss: f64::NAN, validation: None };
-        observe(&progress) == Flow::Continue
+        observe(&fitting(share, steps, start)) == Flow::Continue
     })?;
     let Some(table) = table else {
         // Its fit was ended. Steps would go on from random phases; without any those are no hologram.
@@ -260,6 +266,12 @@ pub(super) fn beginning(
     Ok(Some(Beginning { phases: table.phases(problem, exposure)?, exposure, progress }))
 }
 
+/// What is observed while this share of a table is fitted.
+fn fitting(share: f64, steps: usize, start: Instant) -> Progress<'static> {
+    let seconds = start.elapsed().as_secs_f64();
+    Progress { pilot: None, fitting: Some(share), step: 0, steps, seconds, loss: f64::NAN, validation: None }
+}
+
 #[cfg(any(test, feature = "test-hooks"))]
 impl StartTable {
     /// A table of fewer steps than usual.
@@ -267,7 +279,7 @@ impl StartTable {
         let made_by = MadeBy::of(problem, frames).sized(SIDE, [48, 8]);
         let mut levels = Levels::default();
         made_by.fit(problem, &mut levels, &mut |_| true).expect("a table");
-        Self::made(&made_by, &levels)
+        Self(By::Table(Table::made(&made_by, &levels)))
     }
 
     /// The table of a tile whose phases are all zero.

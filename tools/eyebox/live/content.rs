@@ -97,9 +97,7 @@ impl ContentArgs {
             StartName::Random => JumpStart::Random,
             StartName::Table => JumpStart::Table,
         };
-        // Colours that share their sub-frames go on with the phases that they have.
-        let apart = subject.parts.iter().all(|color| color.laser.is_none());
-        let jumps = self.content.contains(&ContentName::Jumping) && apart;
+        let jumps = self.content.contains(&ContentName::Jumping);
         let wanted = jumps && start == JumpStart::Table;
         let start_tables = if wanted { start_tables(&subject.parts, &mut super::live::fitting())? } else { Vec::new() };
         Ok(ContentSettings {

@@ -5,7 +5,8 @@ use crate::encode::Lighting;
 use crate::engine::EngineError;
 use crate::optics::{Laser, drives_of};
 use crate::session::error::SessionError;
-use crate::solve::{Refiner, SharedDrives, Steering, for_joint_colors};
+use crate::session::likeness;
+use crate::solve::{Problem, Refiner, SharedDrives, Steering, for_joint_colors};
 use std::time::Duration;
 
 impl AsRef<Refiner> for OneColor {
@@ -131,6 +132,19 @@ impl Steerer {
         Ok((moved, 2 * self.colors.len() as u32))
     }
 
+    /// [`fit`](Self::fit) of the drive that all colors share: their number, if the scene is another picture in one of them.
+    pub(super) fn fit_together(&mut self) -> Result<u32, EngineError> {
+        let wanted = self.wants_fit();
+        self.colors.iter_mut().for_each(|color| color.unfit = false);
+        let table = self.colors.first().and_then(|color| color.table.clone());
+        let Some((table, shared)) = table.zip(self.shared.as_mut()).filter(|_| wanted) else { return Ok(0) };
+        let problems: Vec<&Problem> = self.colors.iter().map(|color| color.refiner.problem()).collect();
+        let exposures: Vec<f64> = self.colors.iter().map(|color| color.refiner.exposure()).collect();
+        let Some(drives) = table.drives(&problems, &exposures)? else { return Ok(0) };
+        shared.restart(&drives, &mut self.colors)?;
+        Ok(self.colors.len() as u32)
+    }
+
     /// [`follow`](Self::follow) of colours that share their sub-frames: they go on with one drive, or begin with another together.
     pub(super) fn follow_together(&mut self, scene: &[SteeredColor]) -> Result<Followed, SessionError> {
         let Some(shared) = &self.shared else { return Ok(Followed::default()) };
@@ -138,11 +152,14 @@ impl Steerer {
             let line = "a scene in the light of other lasers: their powers stay while all colours at once are refined";
             return Err(SessionError::Setting(line.into()));
         }
+        let brings_phases = scene.iter().all(|color| !color.phases.is_empty());
         for (color, new) in self.colors.iter_mut().zip(scene) {
+            let other = color.table.is_some() && likeness::differ(color.refiner.problem(), &new.problem);
             color.refiner.follow(new.problem.clone(), new.exposure)?;
             color.loss = None;
+            color.unfit = !brings_phases && (color.unfit || other);
         }
-        if scene.iter().any(|color| color.phases.is_empty()) {
+        if !brings_phases {
             return Ok(Followed::default());
         }
         let drives = Self::drives_of(shared.lasers(), scene);

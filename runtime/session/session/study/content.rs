@@ -20,7 +20,7 @@ use crate::session::live::whole_eyebox;
 use crate::session::moments::Moments;
 use crate::session::pupil_tracker::PupilEstimate;
 use crate::session::set_timing::SetTiming;
-use crate::session::steerer::together::{lighting_of, share};
+use crate::session::steerer::together::lighting_of;
 use crate::session::steerer::{Policy, SteeredColor, Steerer};
 use crate::session::watch::{Samples, Watch};
 use crate::solve::{Flow, Motion, Problem, StartTable};
@@ -69,7 +69,7 @@ pub struct ContentSettings {
     pub slides: Vec<Vec<SteeredColor>>,
     /// What is begun with after a jump.
     pub start: JumpStart,
-    /// The table of each color; empty where none is used.
+    /// The tables, as [`start_tables`](crate::session::start_tables) gives them; empty where none is used.
     pub start_tables: Vec<Option<Arc<StartTable>>>,
     /// When the sub-frames of each colour are lit: of sets that are shown whole, or that roll.
     pub lighting: Lighting,
@@ -152,11 +152,6 @@ pub fn study_content(
     let ContentSettings { sets, steps, jumps_every, .. } = *settings;
     if sets == 0 || steps == 0 || jumps_every == 0 || study.period_ns <= 0 || study.lead_ns < 0 {
         return Err(SessionError::Setting("a study of content has a set, a step and a period at least".into()));
-    }
-    let fits = matches!(settings.start, JumpStart::Table | JumpStart::Last);
-    if share(colors) && settings.contents.contains(&StudiedContent::Jumping) && !fits {
-        let line = "colours that share their sub-frames have no phases that every picture can begin with: study them from the last ones";
-        return Err(SessionError::Setting(line.into()));
     }
     if let Some(slide) = settings.slides.iter().find(|slide| slide.len() != colors.len()) {
         let (has, wanted) = (slide.len(), colors.len());

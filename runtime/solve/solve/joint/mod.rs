@@ -24,9 +24,12 @@ use super::problem::Problem;
 use super::run::Run;
 use super::settings::Settings;
 use super::solver;
+use super::start_table;
+use super::start_table::shared::BeginJoint;
 use super::validation::Validator;
 use super::viewpoints::Viewpoints;
 use crate::engine::Engine;
+use crate::optics::Laser;
 use crate::plan::Planner;
 pub use choice::Joint;
 pub use refine::for_joint_colors;
@@ -82,6 +85,18 @@ pub fn solve_joint(
     engine: &mut dyn Engine,
     observe: &mut dyn FnMut(&Progress) -> Flow,
 ) -> Result<JointSolution, SolveError> {
+    solve_joint_begun_by(problem, settings, from, &mut start_table::shared::beginning, engine, observe)
+}
+
+/// [`solve_joint`], begun by `begin` if no drives are given.
+pub(super) fn solve_joint_begun_by(
+    problem: &JointProblem<'_>,
+    settings: &Settings,
+    from: Option<Warm<'_>>,
+    begin: &mut BeginJoint<'_>,
+    engine: &mut dyn Engine,
+    observe: &mut dyn FnMut(&Progress) -> Flow,
+) -> Result<JointSolution, SolveError> {
     let joint = settings.joint.unwrap_or_default();
     let settings = &Settings { joint: Some(joint), ..settings.clone() }.for_joint_colors();
     settings.check()?;
@@ -106,10 +121,39 @@ pub fn solve_joint(
     for (color, of_color) in problem.colors.iter().enumerate() {
         lit.push(prepare(problem, color, of_color, settings, start, engine, observe)?);
     }
+    let begun = match from {
+        Some(_) => None,
+        None => first_drives(problem, &mut lit, settings, start, begin, observe)?,
+    };
+    let begun = begun.as_deref().map(|phases| Warm { phases, progress: start_table::shared::PROGRESS });
+    let from = from.or(begun);
     let shape = lit[0].planner.shape(settings.optimizer.purpose());
     engine.load(&shape, Some(Arc::clone(&problem.colors[0].pyramid)))?;
     let most = problem.colors.len() as f64 / joint.brightness;
     JointRun::new(lit, settings, most, problem.powers, from, start).solve(engine, observe)
+}
+
+/// The drives that a table has for the colors, as phases of one turn, if a solve begins with one. Without a step exposures are then higher,
+/// as those of one color are, unless they are given.
+fn first_drives(
+    joint: &JointProblem<'_>,
+    lit: &mut [Lit<'_>],
+    settings: &Settings,
+    start: Instant,
+    begin: &mut BeginJoint<'_>,
+    observe: &mut dyn FnMut(&Progress) -> Flow,
+) -> Result<Option<Vec<f32>>, SolveError> {
+    let alike = || vec![1.0; settings.frames];
+    let powers = |color: usize| joint.powers.map_or_else(alike, |powers| powers[color].clone());
+    let lasers = joint.slopes.iter().enumerate().map(|(color, slope)| Laser { slope: *slope, powers: powers(color) });
+    let lasers: Vec<Laser> = lasers.collect();
+    let brighter = if settings.steps == 0 && joint.exposures.is_none() { start_table::UNSTEPPED } else { 1.0 };
+    let exposures: Vec<f64> = lit.iter().map(|lit| brighter * lit.exposure * lit.unit).collect();
+    let begun = begin((joint.colors, &lasers, &exposures), settings, start, observe)?;
+    if begun.is_some() {
+        lit.iter_mut().for_each(|lit| lit.exposure *= brighter);
+    }
+    Ok(begun)
 }
 
 /// One colour's part: its plans, its validation, its exposure.

@@ -3,9 +3,10 @@
 use super::kept::Levels;
 use super::made_by::MadeBy;
 use crate::engine::cpu::CpuEngine;
-use crate::optics::{Optics, Padding};
+use crate::optics::{Laser, Optics, Padding, drives_of};
 use crate::scene::{Pyramid, ViewGrid};
 use crate::solve::error::SolveError;
+use crate::solve::joint::{Joint, JointProblem, solve_joint};
 use crate::solve::optimizer::Optimizer;
 use crate::solve::outcome::{Flow, Progress, Warm};
 use crate::solve::problem::Problem;
@@ -20,6 +21,10 @@ const FIRST: usize = 7;
 /// Gain of the first and the last step of the first level, and of the others.
 const GAINS: [[f64; 2]; 2] = [[2.5, 0.3], [1.5, 0.3]];
 
+/// Fits one level from its neighbor's phases, if there are any, and passes on the number of steps taken. `false` ends it.
+type FitLevel<'a> =
+    dyn FnMut(usize, Option<&[f32]>, &mut dyn FnMut(usize) -> bool) -> Result<Vec<f32>, SolveError> + 'a;
+
 impl MadeBy {
     /// Fits the levels that are not there: the first, then those above it, then those below it. Ends where `observe` answers false.
     pub(super) fn fit(
@@ -27,6 +32,47 @@ impl MadeBy {
         problem: &Problem,
         levels: &mut Levels,
         observe: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<(), SolveError> {
+        self.fit_levels(levels, observe, &mut |at, from, tell| {
+            let from = from.map(|phases| Warm { phases, progress: 0.0 });
+            let mut observe = flow_of(tell);
+            let mut at_random = |_: f64, _: &mut dyn FnMut(&Progress) -> Flow| Ok(None);
+            let (tile, settings, mut engine) =
+                (self.tile(problem, at), self.settings(from.is_some()), CpuEngine::new());
+            Ok(solve_begun_by(&tile, &settings, from, &mut at_random, &mut engine, &mut observe)?.phases)
+        })
+    }
+
+    /// The same for the drive that these colors share: a level is gray, of the same brightness in every color.
+    pub(super) fn fit_shared(
+        &self,
+        colors: &[&Problem],
+        lasers: &[Laser],
+        levels: &mut Levels,
+        observe: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<(), SolveError> {
+        let slopes: Vec<f64> = lasers.iter().map(|laser| laser.slope).collect();
+        let powers: Vec<Vec<f64>> = lasers.iter().map(|laser| laser.powers.clone()).collect();
+        // All lasers stay as they are: none may be brighter than in the mean.
+        let joint = Some(Joint { brightness: colors.len() as f64 });
+        let exposures = vec![1.0; colors.len()];
+        self.fit_levels(levels, observe, &mut |at, from, tell| {
+            let tiles: Vec<Problem> = colors.iter().map(|problem| self.tile(problem, at)).collect();
+            let problem =
+                JointProblem { colors: &tiles, slopes: &slopes, exposures: Some(&exposures), powers: Some(&powers) };
+            let settings = Settings { joint, ..self.settings(from.is_some()) };
+            let from = from.map(|phases| Warm { phases, progress: 0.0 });
+            let mut observe = flow_of(tell);
+            let solved = solve_joint(&problem, &settings, from, &mut CpuEngine::new(), &mut observe)?;
+            Ok(drives_of(&slopes, |color| &solved.colors[color].phases))
+        })
+    }
+
+    fn fit_levels(
+        &self,
+        levels: &mut Levels,
+        observe: &mut dyn FnMut(f64) -> bool,
+        fit_level: &mut FitLevel<'_>,
     ) -> Result<(), SolveError> {
         let above = (FIRST + 1..LEVELS).map(|at| (at, Some(at - 1)));
         let below = (0..FIRST).rev().map(|at| (at, Some(at + 1)));
@@ -40,7 +86,8 @@ impl MadeBy {
                     goes_on = goes_on && observe((taken + step) as f64 / all);
                     goes_on
                 };
-                let phases = self.fit_level(problem, at, from.and_then(|from| levels.0[from].as_deref()), &mut tell)?;
+                let from = from.and_then(|from| levels.0[from].as_deref()).map(binary_angle::unpack);
+                let phases = fit_level(at, from.as_deref(), &mut tell)?;
                 if !goes_on {
                     return Ok(());
                 }
@@ -51,17 +98,11 @@ impl MadeBy {
         Ok(())
     }
 
-    /// Solves an even picture of one level on a display of this kind.
-    fn fit_level(
-        &self,
-        problem: &Problem,
-        at: usize,
-        from: Option<&[u16]>,
-        tell: &mut dyn FnMut(usize) -> bool,
-    ) -> Result<Vec<f32>, SolveError> {
-        let (side, which) = (self.side, usize::from(from.is_some()));
+    /// An even picture of one level on a display of this kind.
+    fn tile(&self, problem: &Problem, at: usize) -> Problem {
+        let side = self.side;
         let optics = Optics { height: side, width: side, ..problem.optics };
-        let tile = Problem {
+        Problem {
             optics,
             padding: Padding::default(),
             views: ViewGrid { rows: 1, columns: 1, cell: problem.eyebox },
@@ -74,8 +115,13 @@ impl MadeBy {
             regions: Arc::new([]),
             choice: None,
             ..problem.clone()
-        };
-        let settings = Settings {
+        }
+    }
+
+    /// Solves of the first level, or of one that follows its neighbor.
+    fn settings(&self, follows: bool) -> Settings {
+        let which = usize::from(follows);
+        Settings {
             frames: self.frames,
             steps: self.steps[which],
             pupils: self.pupils,
@@ -85,13 +131,11 @@ impl MadeBy {
             optimizer: Optimizer::Projection { gain: GAINS[which], momentum: 0.5, overlap_power: 0.5 },
             first_phases: FirstPhases::Random,
             ..Settings::default()
-        };
-        let from = from.map(binary_angle::unpack);
-        let from = from.as_ref().map(|phases| Warm { phases, progress: 0.0 });
-        let mut observe = |progress: &Progress| {
-            if tell(progress.step) { Flow::Continue } else { Flow::Stop }
-        };
-        let mut at_random = |_: f64, _: &mut dyn FnMut(&Progress) -> Flow| Ok(None);
-        Ok(solve_begun_by(&tile, &settings, from, &mut at_random, &mut CpuEngine::new(), &mut observe)?.phases)
+        }
     }
+}
+
+/// An observer of a solve that passes on the number of steps taken.
+fn flow_of(tell: &mut dyn FnMut(usize) -> bool) -> impl FnMut(&Progress) -> Flow {
+    move |progress| if tell(progress.step) { Flow::Continue } else { Flow::Stop }
 }

@@ -66,7 +66,7 @@ impl MadeBy {
 
     /// Keeps what is fitted. If it cannot be kept, it is fitted again the next time.
     pub(super) fn save(&self, levels: &Levels) {
-        let Some(file) = self.file() else { return };
+        let Some(file) = self.file().filter(|_| levels.0.iter().any(Option::is_some)) else { return };
         let kept = file
             .parent()
             .map_or(Ok(()), std::fs::create_dir_all)

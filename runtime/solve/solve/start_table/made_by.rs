@@ -1,6 +1,6 @@
 //! Everything that decides a table.
 
-use crate::optics::Optics;
+use crate::optics::{Laser, Optics};
 use crate::solve::problem::Problem;
 use serde::Serialize;
 
@@ -31,15 +31,23 @@ pub(super) struct MadeBy {
     pub pupils: usize,
     /// The display's faults, its source and the eye, where the table is fitted through them.
     through: String,
+    /// Of a drive that colors share: what each of them is, the first one's again among them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    shared_by: Vec<SharedBy>,
+}
+
+/// One of the colors that share a drive.
+#[derive(Debug, Clone, Serialize)]
+struct SharedBy {
+    wavelength: f64,
+    slope: f64,
+    powers: Vec<f64>,
+    through: String,
 }
 
 impl MadeBy {
     pub(super) fn of(problem: &Problem, frames: usize) -> Self {
         let Optics { wavelength, pitch, focal_length, .. } = problem.optics;
-        let tile = Optics { height: SIDE, width: SIDE, ..problem.optics };
-        let model = problem.model.as_ref().and_then(|model| model.tile(tile));
-        let model = model.as_ref().map(|model| model.model());
-        let eye = problem.eye.as_ref().map(|eye| eye.prescription());
         Self {
             version: env!("CARGO_PKG_VERSION").into(),
             side: SIDE,
@@ -52,9 +60,21 @@ impl MadeBy {
             diameters: DIAMETERS.map(|d| d.min(problem.eyebox)),
             steps: STEPS,
             pupils: PUPILS,
-            // Every digit of every number.
-            through: format!("{model:?} {eye:?} {:?}", problem.modes),
+            through: through(problem),
+            shared_by: Vec::new(),
         }
+    }
+
+    /// Of the drive that colors share in the light of these lasers; none for no color.
+    pub(super) fn of_shared(colors: &[&Problem], lasers: &[Laser]) -> Option<Self> {
+        let one = |(problem, laser): (&&Problem, &Laser)| SharedBy {
+            wavelength: problem.optics.wavelength,
+            slope: laser.slope,
+            powers: laser.powers.clone(),
+            through: through(problem),
+        };
+        let shared_by = colors.iter().zip(lasers).map(one).collect();
+        Some(Self { shared_by, ..Self::of(colors.first()?, lasers.first()?.powers.len()) })
     }
 
     /// Of another tile and other steps.
@@ -66,4 +86,13 @@ impl MadeBy {
     pub(super) fn text(&self) -> String {
         serde_json::to_string(self).unwrap_or_default()
     }
+}
+
+/// The faults, the source and the eye, with every digit of every number.
+fn through(problem: &Problem) -> String {
+    let tile = Optics { height: SIDE, width: SIDE, ..problem.optics };
+    let model = problem.model.as_ref().and_then(|model| model.tile(tile));
+    let model = model.as_ref().map(|model| model.model());
+    let eye = problem.eye.as_ref().map(|eye| eye.prescription());
+    format!("{model:?} {eye:?} {:?}", problem.modes)
 }

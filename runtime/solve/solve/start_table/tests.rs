@@ -2,7 +2,7 @@
 
 use super::kept::Levels;
 use super::made_by::MadeBy;
-use super::{By, StartTable, Table};
+use super::{StartTable, Table};
 use crate::engine::cpu::CpuEngine;
 use crate::optics::{Color, Display, DisplayModel, Optics, Padding, Pupil, Spread};
 use crate::plan::ModelTables;
@@ -130,8 +130,7 @@ fn a_fit_goes_on_where_it_was_ended_and_its_file_is_checked() {
     *turned.last_mut().unwrap() ^= 1;
     assert_eq!(made_by.parse(&turned), None, "damaged");
     assert_eq!(made_by.parse(b"no table"), None);
-    let table = StartTable::made(&made_by, &whole);
-    let By::Table(Table { angles, .. }) = &table.0 else { panic!("a transform") };
+    let Table { angles, .. } = Table::made(&made_by, &whole);
     let at = |frame: usize, pixel: usize, level: usize| angles[(frame * 256 + pixel) * LEVELS + level];
     assert_eq!(at(1, 37, 5), whole.0[5].as_ref().unwrap()[256 + 37]);
     assert!((level(4) - 0.2).abs() < 1e-6);

@@ -1,0 +1,136 @@
+//! First phases of colors that share their sub-frames: drives from a table that has levels of gray.
+//!
+//! One drive turns each color's light by its own slope. On a tile on which all colors show the same gray, the joint solve finds drives
+//! that are right for all of them; a picture's drives are looked up by the mean brightness of its colors. What differs between the
+//! colors is left to the steps.
+
+use super::made_by::MadeBy;
+use super::{By, StartTable, Table, fitting};
+use crate::engine::{EngineError, LookUp};
+use crate::optics::{Geometry, Laser};
+use crate::solve::error::SolveError;
+use crate::solve::method::Method;
+use crate::solve::outcome::{Flow, Progress};
+use crate::solve::problem::Problem;
+use crate::solve::settings::{FirstPhases, Settings};
+use std::time::Instant;
+
+/// Place in its schedule at which a joint solve begins from a table. After 60 steps the mean is 0.2 dB above that from random drives, and
+/// the worst pupil 0.3 to 0.4 dB; from the place of one color the mean falls by up to 0.1 dB, and from none the worst pupil is 0.2 dB
+/// lower after five steps (docs/measurements.md).
+pub(in crate::solve) const PROGRESS: f64 = 0.2;
+
+/// Colors, their lasers and their exposures.
+pub(in crate::solve) type ColorsInLight<'a> = (&'a [Problem], &'a [Laser], &'a [f64]);
+
+/// Gives the drives that a joint solve begins with, as [`beginning`] does.
+pub(in crate::solve) type BeginJoint<'a> = dyn FnMut(
+        ColorsInLight<'_>,
+        &Settings,
+        Instant,
+        &mut dyn FnMut(&Progress) -> Flow,
+    ) -> Result<Option<Vec<f32>>, SolveError>
+    + 'a;
+
+impl StartTable {
+    /// Whether colors that share their sub-frames have first phases for any picture. No tile of a far field is like another, and a
+    /// picture's transform is that of one color.
+    fn exists_for_shared(colors: &[&Problem]) -> bool {
+        let is_relay = |problem: &&Problem| problem.optics.geometry == Geometry::Relay && Self::exists(problem);
+        !colors.is_empty() && colors.iter().all(is_relay)
+    }
+
+    /// Whether a joint solve of these colors begins by a table if nothing else is requested.
+    pub fn fits_shared(colors: &[&Problem]) -> bool {
+        Self::exists_for_shared(colors) && colors.iter().all(|problem| Self::fits(problem))
+    }
+
+    /// The table of the drive that these colors share in the light of these lasers, as [`of`](Self::of) has it for one color.
+    ///
+    /// # Errors
+    /// Those of [`solve_joint`](crate::solve::solve_joint).
+    pub fn of_shared(
+        colors: &[&Problem],
+        lasers: &[Laser],
+        observe: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<Option<Self>, SolveError> {
+        let Some(made_by) = MadeBy::of_shared(colors, lasers).filter(|_| Self::exists_for_shared(colors)) else {
+            return Ok(None);
+        };
+        let mut levels = made_by.load();
+        if !levels.are_all() {
+            made_by.fit_shared(colors, lasers, &mut levels, observe)?;
+            made_by.save(&levels);
+        }
+        Ok(levels.are_all().then(|| Self(By::Drive(Table::made(&made_by, &levels)))))
+    }
+
+    /// Whether it is the table of a drive that colors share.
+    pub fn is_of_shared(&self) -> bool {
+        matches!(self.0, By::Drive(_))
+    }
+
+    /// First drives (sub-frames, height, width) of a scene of these colors for their exposures, as phases of one turn in -pi .. pi;
+    /// none if it is [not the table](Self::is_of_shared) of a drive.
+    ///
+    /// # Errors
+    /// [`EngineError`] if the scene's light is on a device that does not answer.
+    pub fn drives(&self, colors: &[&Problem], exposures: &[f64]) -> Result<Option<Vec<f32>>, EngineError> {
+        match &self.0 {
+            By::Drive(table) => table.drives(colors, exposures).map(Some),
+            By::Table(_) | By::Transform { .. } => Ok(None),
+        }
+    }
+}
+
+impl Table {
+    pub(super) fn drives(&self, colors: &[&Problem], exposures: &[f64]) -> Result<Vec<f32>, EngineError> {
+        let one = |(problem, exposure): (&&Problem, &f64)| self.look_up(problem, *exposure);
+        LookUp::drives(&colors.iter().zip(exposures).map(one).collect::<Vec<_>>())
+    }
+}
+
+impl Settings {
+    /// Whether a joint solve by these settings begins by a table.
+    fn may_begin_by_shared_table(&self, colors: &[&Problem]) -> bool {
+        let is_own = self.method == Method::Slfh && self.motion.is_still();
+        match self.first_phases {
+            FirstPhases::Table if self.steps == 0 => is_own && StartTable::exists_for_shared(colors),
+            FirstPhases::Table => is_own && StartTable::fits_shared(colors),
+            FirstPhases::Random => false,
+        }
+    }
+}
+
+/// Drives that a joint solve at these exposures begins with, as phases of one turn; none for random ones. `observe` receives the share of
+/// the table that is fitted.
+pub(in crate::solve) fn beginning(
+    (colors, lasers, exposures): ColorsInLight<'_>,
+    settings: &Settings,
+    start: Instant,
+    observe: &mut dyn FnMut(&Progress) -> Flow,
+) -> Result<Option<Vec<f32>>, SolveError> {
+    let colors: Vec<&Problem> = colors.iter().collect();
+    if !settings.may_begin_by_shared_table(&colors) {
+        return Ok(None);
+    }
+    let steps = settings.steps;
+    let table =
+        StartTable::of_shared(&colors, lasers, &mut |share| observe(&fitting(share, steps, start)) == Flow::Continue)?;
+    let Some(table) = table else {
+        // Its fit was ended, as of one color.
+        return if steps == 0 { Err(EngineError::Stopped.into()) } else { Ok(None) };
+    };
+    Ok(table.drives(&colors, exposures)?)
+}
+
+#[cfg(any(test, feature = "test-hooks"))]
+impl StartTable {
+    /// A table of fewer steps than usual.
+    pub fn quick_shared(colors: &[&Problem], lasers: &[Laser]) -> Self {
+        let made_by = MadeBy::of_shared(colors, lasers).expect("a color").sized(super::SIDE, [32, 6]);
+        let mut levels = super::kept::Levels::default();
+        made_by.fit_shared(colors, lasers, &mut levels, &mut |_| true).expect("a table");
+        Self(By::Drive(Table::made(&made_by, &levels)))
+    }
+}
