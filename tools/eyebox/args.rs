@@ -67,9 +67,9 @@ const PADDINGS: Names<PaddingRule, 4> = [
 
 /// Distribution of pupil diameters.
 const DIAMETERS: Names<Diameters, 3> = [
-    ("uniform", "Uniform in d (the paper's)", Diameters::Uniform),
-    ("log", "Uniform in log d", Diameters::LogUniform),
-    ("reciprocal", "Uniform in 1/d", Diameters::Reciprocal),
+    (Diameters::Uniform.name(), "Uniform in d (the paper's)", Diameters::Uniform),
+    (Diameters::LogUniform.name(), "Uniform in log d", Diameters::LogUniform),
+    (Diameters::Reciprocal.name(), "Uniform in 1/d", Diameters::Reciprocal),
 ];
 
 /// Sequence of pupils.

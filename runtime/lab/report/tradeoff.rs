@@ -339,7 +339,7 @@ pub fn csv(tuned: &Tuned) -> Vec<u8> {
         let r = &t.recipe;
         let (optimizer, momentum) = match r.optimizer {
             Optimizer::Projection { momentum, .. } => ("projection", momentum.to_string()),
-            _ => ("adam", String::new()),
+            Optimizer::Adam { .. } => ("adam", String::new()),
         };
         let window = match r.window {
             WindowFactor::One => "1",

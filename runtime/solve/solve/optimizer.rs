@@ -6,7 +6,6 @@ use serde::{Deserialize, Serialize};
 /// How phases are moved.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", tag = "kind")]
-#[non_exhaustive]
 pub enum Optimizer {
     /// Pupil-wise projection (OPTICS 6b): Gerchberg and Saxton's, put together over pupils as in ptychography.
     Projection {

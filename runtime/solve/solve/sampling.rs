@@ -19,7 +19,7 @@ pub enum Diameters {
 
 impl Diameters {
     /// The name by which it is chosen.
-    pub fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Self::Uniform => "uniform",
             Self::LogUniform => "log",

@@ -100,12 +100,8 @@ impl StartTable {
             return Ok(Some(Self(By::Transform { frames })));
         }
         let made_by = MadeBy::of(problem, frames);
-        let mut levels = made_by.load();
-        if !levels.are_all() {
-            made_by.fit(problem, &mut levels, observe)?;
-            made_by.save(&levels);
-        }
-        Ok(levels.are_all().then(|| Self(By::Table(Table::made(&made_by, &levels)))))
+        let table = Table::of(&made_by, |levels| made_by.fit(problem, levels, observe))?;
+        Ok(table.map(|table| Self(By::Table(table))))
     }
 
     /// Fits the tables of these colors of a display for so many sub-frames into the user's cache, before there is a scene to solve. Tables
@@ -158,6 +154,19 @@ impl StartTable {
 }
 
 impl Table {
+    /// The one that the user's cache keeps, or else fitted and kept; none if the fit was ended.
+    fn of(
+        made_by: &MadeBy,
+        fit: impl FnOnce(&mut Levels) -> Result<(), SolveError>,
+    ) -> Result<Option<Self>, SolveError> {
+        let mut levels = made_by.load();
+        if !levels.are_all() {
+            fit(&mut levels)?;
+            made_by.save(&levels);
+        }
+        Ok(levels.are_all().then(|| Self::made(made_by, &levels)))
+    }
+
     /// Of fitted levels, innermost. Levels that are not there are zero.
     fn made(made_by: &MadeBy, levels: &Levels) -> Self {
         let (frames, side) = (made_by.frames, made_by.side);
@@ -219,12 +228,13 @@ fn pupil(problem: &Problem) -> Pupil {
 impl Settings {
     /// Whether a solve by these settings begins by a table, which is for pupils anywhere in the eyebox and for phases of one color.
     pub(super) fn may_begin_by_table(&self, problem: &Problem) -> bool {
-        let is_own = self.method == Method::Slfh && self.joint.is_none() && self.motion.is_still();
-        match self.first_phases {
-            FirstPhases::Table if self.steps == 0 => is_own && StartTable::exists(problem),
-            FirstPhases::Table => is_own && StartTable::fits(problem),
-            FirstPhases::Random => false,
-        }
+        self.joint.is_none() && self.wants_table(StartTable::exists(problem), StartTable::fits(problem))
+    }
+
+    /// Whether a solve begins by a table that exists, or that is worth its fit if steps follow.
+    fn wants_table(&self, exists: bool, fits: bool) -> bool {
+        let is_own = self.method == Method::Slfh && self.motion.is_still();
+        is_own && self.first_phases == FirstPhases::Table && if self.steps == 0 { exists } else { fits }
     }
 
     /// These for phases of the table alone ([`Method::Table`]).

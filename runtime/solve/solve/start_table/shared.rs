@@ -9,10 +9,9 @@ use super::{By, StartTable, Table, fitting};
 use crate::engine::{EngineError, LookUp};
 use crate::optics::{Geometry, Laser};
 use crate::solve::error::SolveError;
-use crate::solve::method::Method;
 use crate::solve::outcome::{Flow, Progress};
 use crate::solve::problem::Problem;
-use crate::solve::settings::{FirstPhases, Settings};
+use crate::solve::settings::Settings;
 use std::time::Instant;
 
 /// Place in its schedule at which a joint solve begins from a table. After 60 steps the mean is 0.2 dB above that from random drives, and
@@ -57,12 +56,8 @@ impl StartTable {
         let Some(made_by) = MadeBy::of_shared(colors, lasers).filter(|_| Self::exists_for_shared(colors)) else {
             return Ok(None);
         };
-        let mut levels = made_by.load();
-        if !levels.are_all() {
-            made_by.fit_shared(colors, lasers, &mut levels, observe)?;
-            made_by.save(&levels);
-        }
-        Ok(levels.are_all().then(|| Self(By::Drive(Table::made(&made_by, &levels)))))
+        let table = Table::of(&made_by, |levels| made_by.fit_shared(colors, lasers, levels, observe))?;
+        Ok(table.map(|table| Self(By::Drive(table))))
     }
 
     /// Whether it is the table of a drive that colors share.
@@ -93,12 +88,7 @@ impl Table {
 impl Settings {
     /// Whether a joint solve by these settings begins by a table.
     fn may_begin_by_shared_table(&self, colors: &[&Problem]) -> bool {
-        let is_own = self.method == Method::Slfh && self.motion.is_still();
-        match self.first_phases {
-            FirstPhases::Table if self.steps == 0 => is_own && StartTable::exists_for_shared(colors),
-            FirstPhases::Table => is_own && StartTable::fits_shared(colors),
-            FirstPhases::Random => false,
-        }
+        self.wants_table(StartTable::exists_for_shared(colors), StartTable::fits_shared(colors))
     }
 }
 
