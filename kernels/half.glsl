@@ -1,8 +1,9 @@
 // Complex values in memory: two float32, or in modules built with HALF two halves in one uint, with the arithmetic in
 // float32 all the same. `packHalf2x16` may round as the device likes, so that results would differ from device to
-// device and drift towards zero on some; the bits are made here, to the nearest, ties to even (see half.rs). `unpackHalf2x16`
-// may take subnormal halves for zero, but on devices that promise not to (PRESERVES_HALVES, which says so, comes with the
-// execution mode that asks for it); on others they are read as integers. Nothing of this asks for a feature of the device.
+// device and drift towards zero on some. Devices that promise to round to the nearest, ties to even, pack by it (ROUNDS_HALVES
+// comes with the execution mode that asks for it); on others the bits are made here (see half.rs). `unpackHalf2x16` may take
+// subnormal halves for zero, but on devices that promise not to (PRESERVES_HALVES, likewise); on others they are read as
+// integers. Nothing of this asks for a feature of the device.
 //
 // A kernel that includes this file is built twice: NAME and, with HALF, NAME_half.
 //
@@ -11,6 +12,7 @@
 #ifdef HALF
 
 layout(constant_id = 100) const uint PRESERVES_HALVES = 0;
+layout(constant_id = 101) const uint ROUNDS_HALVES = 0;
 
 // The value of a half, exactly.
 float half_value(uint bits) {
@@ -35,7 +37,7 @@ uint half_bits(float x) {
     return value | ((bits >> 16) & 0x8000u);
 }
 
-uint half_pack(vec2 z) { return half_bits(z.x) | (half_bits(z.y) << 16); }
+uint half_pack(vec2 z) { return ROUNDS_HALVES == 1u ? packHalf2x16(z) : half_bits(z.x) | (half_bits(z.y) << 16); }
 
 #define COMPLEX uint
 #define COMPLEX2 uvec2

@@ -7,6 +7,7 @@ mod clock;
 
 use clap::Parser;
 use clock::{least, median, timed};
+use eyebox::engine::Storage;
 use eyebox::engine::vulkan::Transforms;
 use eyebox::gpu::{Gpu, Options};
 use eyebox_kernels::Complex32;
@@ -103,8 +104,18 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
         if arguments.passes {
             println!("  rows    {}\n  columns {}", plans[0], plans[1]);
             for ((_, name), seconds) in passes {
-                println!("  {:>8.2} ms {name}", 1e3 * median(&seconds));
+                println!("  {:>10.4} ms {name}", 1e3 * median(&seconds));
             }
+            for (frames, storage) in [(1, Storage::F32), (8, Storage::F32), (8, Storage::F16)] {
+                transforms.store(storage);
+                for (name, seconds) in transforms.time((h, w, frames), 200 / frames)? {
+                    println!(
+                        "  {:>10.4} ms a frame, one of {frames} in {storage:?}, awake: {name}",
+                        1e3 * seconds / frames as f64
+                    );
+                }
+            }
+            transforms.store(Storage::F32);
         }
     }
     Ok(())

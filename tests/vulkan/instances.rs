@@ -1,6 +1,7 @@
 //! Devices under the validation layer, opened, used and closed by many threads at once, as the tests of one process do.
 
 use eyebox::engine::{Engine, Kernel, Purpose};
+use eyebox::gpu::{Gpu, Options};
 use eyebox_kernels::compare::INTENSITY;
 use eyebox_tests::both::{Case, assert_silent, vulkan, watched};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -42,4 +43,32 @@ fn watched_devices_come_and_go_on_many_threads() {
             });
         }
     });
+}
+
+/// A driver that was unloaded may not come back (NVIDIA's does not after four rounds): from the second device on it stays.
+#[test]
+#[cfg(target_os = "linux")]
+fn drivers_stay_loaded() {
+    let mut child = std::process::Command::new(std::env::current_exe().expect("this program"));
+    child.args(["--exact", "instances::what_stays_loaded", "--ignored"]);
+    let output = child.output().expect("it starts");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+#[ignore = "run by the test above, in a process without other devices"]
+fn what_stays_loaded() {
+    let open = || Gpu::open(&Options { allow_cpu: true, ..Options::default() }).expect("a device");
+    let loaded = || -> std::collections::BTreeSet<String> {
+        let maps = std::fs::read_to_string("/proc/self/maps").expect("maps");
+        maps.lines().filter_map(|line| Some(line.split_once('/')?.1.to_owned())).filter(|f| f.contains(".so")).collect()
+    };
+    let before = loaded();
+    drop(open());
+    let gpu = open();
+    let with = loaded();
+    drop(gpu);
+    assert!(with.len() > before.len());
+    assert_eq!(loaded(), with);
 }

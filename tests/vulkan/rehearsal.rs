@@ -287,7 +287,8 @@ fn nothing_is_made_while_pupils_change() {
 fn gpus_store_halves() {
     let stored = |gpu: &Gpu| VulkanEngine::new(gpu).unwrap().preferred_storage();
     assert_eq!(stored(&gpu()), Storage::F16);
-    assert_eq!(stored(&Gpu::open(&watched()).unwrap()), Storage::F32);
+    let software = Options { plan_as: Some(DeviceKind::Cpu), ..watched() };
+    assert_eq!(stored(&Gpu::open(&software).unwrap()), Storage::F32);
     // Fewer bytes for the same step.
     let aim = PupilDistribution::around(&Pupil { x: 1e-3, y: 0.0, diameter: 4e-3, depth: 1e-3 }, 0.3e-3);
     let bytes = |storage| {

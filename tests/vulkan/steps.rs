@@ -1,12 +1,14 @@
 //! Whole steps: both engines run the same lists, and may hand over anywhere.
 
 use eyebox::engine::cpu::CpuEngine;
+use eyebox::engine::vulkan::VulkanEngine;
 use eyebox::engine::{At, Buffer, Engine, EngineError, Handover, Kernel, Purpose, Step, Storage};
 use eyebox::evaluate::{self, Sums};
+use eyebox::gpu::{DeviceKind, Gpu, Options};
 use eyebox::plan::{Comparison, Viewpoint};
 use eyebox::solve::Validator;
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
-use eyebox_tests::both::{Case, Noise, assert_silent, distance, vulkan};
+use eyebox_tests::both::{Case, Noise, assert_silent, distance, vulkan, watched};
 use eyebox_tests::half_roundings;
 
 /// Runs `steps` from the same random phases; returns the losses and the phases.
@@ -108,9 +110,28 @@ fn both_engines_take_the_same_steps_for_eyes_that_move() {
     assert_silent(engine);
 }
 
+/// Kernel by kernel, and as a GPU fuses them, whatever the device is.
 #[test]
 fn both_engines_show_the_same_views_and_photographs() {
-    let mut engine = vulkan();
+    let singly = [
+        "modulate",
+        "field_forward",
+        "transfer",
+        "photograph",
+        "resample",
+        "pass_pupil",
+        "window_inverse",
+        "intensity",
+    ];
+    let fused = ["modulate", "transfer", "photograph", "resample", "pass_pupil"];
+    for (plan_as, ran) in [(DeviceKind::Cpu, &singly[..]), (DeviceKind::Discrete, &fused[..])] {
+        let engine = VulkanEngine::new(&Gpu::open(&Options { plan_as: Some(plan_as), ..watched() }).unwrap()).unwrap();
+        show_views_and_photographs(engine, ran);
+    }
+}
+
+fn show_views_and_photographs(mut engine: VulkanEngine, ran: &[&str]) {
+    engine.time_kernels(true);
     let case = Case::new(54, 70, 0, 4e-3, 4);
     let pupil_passes: Vec<_> = case.pupils.iter().map(|p| case.planner.pupil_pass(p, &Comparison::default())).collect();
     let (view, photograph) = (case.planner.view_step(pupil_passes.clone()), case.planner.photograph_step(pupil_passes));
@@ -130,19 +151,7 @@ fn both_engines_show_the_same_views_and_photographs() {
         }
     }
     let names: Vec<&str> = engine.timings().iter().map(|t| t.kernel.name()).collect();
-    assert_eq!(
-        names,
-        [
-            "modulate",
-            "field_forward",
-            "transfer",
-            "photograph",
-            "resample",
-            "pass_pupil",
-            "window_inverse",
-            "intensity"
-        ]
-    );
+    assert_eq!(names, ran);
     assert!(engine.timings().iter().all(|t| t.calls == 1 && t.seconds > 0.0), "{:?}", engine.timings());
     assert_silent(engine);
 }

@@ -27,8 +27,12 @@ pub(crate) fn read(path: &Path, properties: &vk::PhysicalDeviceProperties) -> Op
     is_for(data, properties).then(|| data.to_vec())
 }
 
-/// Writes the data beside the file and puts it in its place; says whether it did.
-pub(crate) fn write(path: &Path, data: &[u8]) -> bool {
+/// Writes the data beside the file and puts it in its place; says whether it did. What could not be read back (Mesa 26's
+/// software device gives 20 bytes, which name no device) is not written.
+pub(crate) fn write(path: &Path, data: &[u8], properties: &vk::PhysicalDeviceProperties) -> bool {
+    if !is_for(data, properties) {
+        return false;
+    }
     let Some(folder) = path.parent() else { return false };
     std::fs::create_dir_all(folder).is_ok() && crate::files::write_file(path, |out| out.write_all(&pack(data))).is_ok()
 }
@@ -79,7 +83,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("deeper").join("cache.bin");
         assert_eq!(read(&path, &device()), None);
-        assert!(write(&path, &data()));
+        assert!(!write(&path, &data()[..20], &device()) && !path.exists());
+        assert!(write(&path, &data(), &device()));
         assert_eq!(read(&path, &device()), Some(data()));
         assert_eq!(read(&path, &vk::PhysicalDeviceProperties { device_id: 8, ..device() }), None);
         let whole = std::fs::read(&path).unwrap();
@@ -100,6 +105,6 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("file");
         std::fs::write(&file, "").unwrap();
-        assert!(!write(&file.join("cache.bin"), &data()));
+        assert!(!write(&file.join("cache.bin"), &data(), &device()));
     }
 }

@@ -300,6 +300,13 @@ impl Device {
         }
     }
 
+    /// From now on kernels make the bits of halves, whatever the device promises.
+    pub(crate) fn make_halves(&self) {
+        if let Some(pipelines) = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
+            pipelines.make_halves();
+        }
+    }
+
     /// The pipelines that were made.
     #[cfg(test)]
     pub(crate) fn pipelines_made(&self) -> Vec<super::statistics_tests::Key> {

@@ -80,7 +80,9 @@ pub(crate) fn inspect(instance: &Instance, index: usize, raw: vk::PhysicalDevice
         storage_range: u64::from(basic.limits.max_storage_buffer_range),
         offset_alignment: basic.limits.min_storage_buffer_offset_alignment.max(4),
         shared_memory: basic.limits.max_compute_shared_memory_size,
-        invocations: basic.limits.max_compute_work_group_invocations.min(basic.limits.max_compute_work_group_size[0]),
+        // Kernels put their threads along either axis.
+        invocations: (basic.limits.max_compute_work_group_size[..2].iter())
+            .fold(basic.limits.max_compute_work_group_invocations, |least, &size| least.min(size)),
         groups: basic.limits.max_compute_work_group_count,
         buffers: basic.limits.max_per_stage_descriptor_storage_buffers,
         subgroup: subgroup.subgroup_size,
@@ -161,7 +163,7 @@ fn check(limits: &Limits) -> Result<(), String> {
     at_least("the storage buffer range", limits.storage_range, 1 << 27)?;
     at_least("the workgroup's shared memory", limits.shared_memory.into(), 16 << 10)?;
     at_least("the number of invocations in a workgroup", limits.invocations.into(), 128)?;
-    at_least("the number of storage buffers of a kernel", limits.buffers.into(), 4)?;
+    at_least("the number of storage buffers of a kernel", limits.buffers.into(), 7)?;
     if limits.memory > 0 { Ok(()) } else { Err("it has no memory that is DEVICE_LOCAL".into()) }
 }
 

@@ -3,6 +3,7 @@
 use super::error::EngineError;
 use ash::{ext, khr, vk};
 use std::ffi::{CStr, CString, c_void};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
@@ -121,6 +122,7 @@ impl Instance {
         if validation {
             info = info.push_next(&mut features).push_next(&mut listen);
         }
+        keep_drivers(&entry);
         // SAFETY: all pointers in `info` live until the call returns; the messages outlive the instance.
         let raw = unsafe { entry.create_instance(&info, None) }.map_err(|e| match e {
             vk::Result::ERROR_INCOMPATIBLE_DRIVER => none("the loader works, and no driver is installed".into()),
@@ -151,6 +153,20 @@ impl Drop for Instance {
                 self.raw.destroy_instance(None);
             }
         }
+    }
+}
+
+/// From a process's second instance on, one that is never destroyed keeps its drivers loaded. The loader unloads a driver with
+/// the last instance, and NVIDIA's takes room for thread-local variables that glibc does not get back: after a few rounds it
+/// cannot be loaded any more, and there is no device (seen on an H200 with 580.159.04).
+fn keep_drivers(entry: &ash::Entry) {
+    static OPENED: AtomicUsize = AtomicUsize::new(0);
+    if OPENED.fetch_add(1, Ordering::Relaxed) != 1 {
+        return;
+    }
+    // SAFETY: the information lives until the call returns; where it fails, nothing was made.
+    if let Ok(_kept) = unsafe { entry.create_instance(&vk::InstanceCreateInfo::default(), None) } {
+        std::mem::forget(entry.clone());
     }
 }
 

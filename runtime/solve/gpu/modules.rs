@@ -15,6 +15,8 @@ pub(super) fn instructions(words: &[u32]) -> impl Iterator<Item = (usize, u32, &
 
 /// Says, of a module with halves, that its device keeps halves that are subnormal when it unpacks them: see `half.glsl`.
 const PRESERVES_HALVES: u32 = 100;
+/// Says, of such a module, that its device rounds to the nearest when it packs them, and was not found to do otherwise.
+const ROUNDS_HALVES: u32 = 101;
 
 /// A module whose `main` returns at once, in SPIR-V 1.0: header, capability `Shader`, memory model, entry point, one lane to a
 /// workgroup, and the function.
@@ -44,6 +46,8 @@ pub(crate) struct FloatModes {
     modes: Vec<(u32, u32, u32)>,
     /// Whether subnormal halves are kept.
     preserves_halves: bool,
+    /// Whether halves are rounded to the nearest. That subnormal ones are kept shows when the device is tried.
+    pub(super) rounds_halves: bool,
 }
 
 impl FloatModes {
@@ -75,15 +79,23 @@ impl FloatModes {
                 add(PRESERVE_SUBNORMAL, 64);
             }
         }
-        Self { modes, preserves_halves }
+        let alone = controls.rounding_mode_independence == Independence::ALL;
+        let with_64 = controls.rounding_mode_independence == Independence::TYPE_32_ONLY
+            && controls.shader_rounding_mode_rte_float64 == vk::TRUE;
+        let rounds_halves = controls.shader_rounding_mode_rte_float16 == vk::TRUE && (alone || with_64);
+        if rounds_halves {
+            let widths: &[u32] = if alone { &[16] } else { &[16, 64] };
+            modes.extend(widths.iter().map(|width| (ROUND_TO_NEAREST.0, ROUND_TO_NEAREST.1, *width)));
+        }
+        Self { modes, preserves_halves, rounds_halves }
     }
 
     /// The specialisation constants 0, 1, ... of a module, and those that say what the device is.
     pub(super) fn specialised(&self, constants: &[u32]) -> (Vec<vk::SpecializationMapEntry>, Vec<u32>) {
-        let ids = (0..constants.len() as u32).chain([PRESERVES_HALVES]).zip(0..);
+        let ids = (0..constants.len() as u32).chain([PRESERVES_HALVES, ROUNDS_HALVES]).zip(0..);
         let entries =
             ids.map(|(id, i)| vk::SpecializationMapEntry { constant_id: id, offset: 4 * i, size: 4 }).collect();
-        (entries, constants.iter().copied().chain([u32::from(self.preserves_halves)]).collect())
+        (entries, constants.iter().copied().chain([self.preserves_halves, self.rounds_halves].map(u32::from)).collect())
     }
 
     /// The module, for such a device.
@@ -139,7 +151,18 @@ mod tests {
         let asked: Vec<&[u32]> = of(16).map(|mode| &mode[1..]).filter(|mode| mode[0] > 4000).collect();
         assert_eq!(asked, [[4461, 32], [4462, 32], [4459, 16], [4459, 64]]);
         assert_eq!(made.len(), words.len() + 3 * 2 + 4 * 4);
-        assert_eq!(modes.specialised(&[7]).1, [7, 1]);
+        assert_eq!(modes.specialised(&[7]).1, [7, 1, 0]);
+        // Their rounding as well: with float64, and alone.
+        let asked = |controls| {
+            let modes = FloatModes::of(&controls);
+            (modes.specialised(&[]).1, modes.modes.into_iter().filter(|m| m.1 == 4462).map(|m| m.2).collect::<Vec<_>>())
+        };
+        controls.shader_rounding_mode_rte_float16 = vk::TRUE;
+        assert_eq!(asked(controls), (vec![1, 0], vec![32]));
+        controls.shader_rounding_mode_rte_float64 = vk::TRUE;
+        assert_eq!(asked(controls), (vec![1, 1], vec![32, 16, 64]));
+        controls.rounding_mode_independence = Independence::ALL;
+        assert_eq!(asked(controls), (vec![1, 1], vec![32, 16]));
         // The order of a module's parts: no capability behind the entry point, no mode before it.
         let at = |wanted: u32| instructions(&made).position(|(_, code, _)| code == wanted).unwrap();
         assert!(at(17) < at(15) && at(15) < at(16));

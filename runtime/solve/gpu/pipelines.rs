@@ -47,6 +47,8 @@ type Layouts = HashMap<u32, (vk::DescriptorSetLayout, vk::PipelineLayout)>;
 /// All that were made on a device; it goes before the device does.
 pub(crate) struct Pipelines {
     made: HashMap<(&'static str, Vec<u32>), Pipeline>,
+    /// No longer handed out.
+    outdated: Vec<vk::Pipeline>,
     layouts: Layouts,
     cache: vk::PipelineCache,
     file: Option<PathBuf>,
@@ -136,6 +138,7 @@ impl Pipelines {
         let (device, name, properties) = (device.clone(), name.into(), *properties);
         Ok(Self {
             made,
+            outdated: Vec::new(),
             layouts,
             cache,
             file,
@@ -217,6 +220,14 @@ impl Pipelines {
         Ok(missing)
     }
 
+    /// From now on kernels make the bits of halves, whatever the device promises.
+    pub(crate) fn make_halves(&mut self) {
+        self.modes.rounds_halves = false;
+        // Somebody may still use them.
+        let halves = self.made.extract_if(|(module, _), _| module.ends_with("_half"));
+        self.outdated.extend(halves.map(|(_, pipeline)| pipeline.raw));
+    }
+
     /// Takes over what was made.
     pub(crate) fn insert(&mut self, wanted: Wanted, pipeline: Pipeline) {
         self.is_saved = false;
@@ -241,7 +252,7 @@ impl Pipelines {
         if let (Some(file), Ok(data)) = (&self.file, data)
             && cache::read(file, &self.properties).as_ref() != Some(&data)
         {
-            cache::write(file, &data);
+            cache::write(file, &data, &self.properties);
         }
     }
 
@@ -289,8 +300,8 @@ impl Drop for Pipelines {
         let raw = &self.device;
         // SAFETY: recordings are waited for before the pipelines are dropped; each is destroyed once.
         unsafe {
-            for pipeline in self.made.values() {
-                raw.destroy_pipeline(pipeline.raw, None);
+            for pipeline in self.made.values().map(|made| made.raw).chain(self.outdated.drain(..)) {
+                raw.destroy_pipeline(pipeline, None);
             }
             for (set, layout) in self.layouts.values() {
                 raw.destroy_pipeline_layout(*layout, None);

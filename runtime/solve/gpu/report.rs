@@ -85,6 +85,8 @@ pub struct Tested {
     pub transfer: f64,
     /// Of a transform.
     pub transform: f64,
+    /// Whether halves are what they should be, all of them, as the device packs them: if not, kernels make their bits.
+    pub halves: bool,
 }
 
 /// One device, and whether it can be used.

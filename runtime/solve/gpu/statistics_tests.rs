@@ -4,12 +4,14 @@
 use super::modules::FloatModes;
 use super::pipelines::PUSH_BYTES;
 use ash::{khr, vk};
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use std::collections::BTreeMap;
+use std::time::Instant;
 
 /// A pipeline to be compiled: the module's name, how many buffers it is bound to, its constants.
 pub(crate) type Key = (String, u32, Vec<u32>);
 
-/// Numbers by the names that the driver gives them.
+/// Numbers by the names that the driver gives them, and the microseconds that it took.
 pub(crate) type Statistics = BTreeMap<String, u64>;
 
 /// Compiles each for the first device that the loader finds; the device's name, and what it says of each.
@@ -61,7 +63,8 @@ unsafe fn of_device(
     unsafe { instance.get_physical_device_properties2(physical, &mut all) };
     let modes = FloatModes::of(&floats);
     // SAFETY: the device is alive, and nothing that was made of it is left when it is destroyed.
-    let told: Result<_, String> = keys.iter().map(|key| unsafe { of_pipeline(&device, &asked, &modes, key) }).collect();
+    let told: Result<_, String> =
+        keys.par_iter().map(|key| unsafe { of_pipeline(&device, &asked, &modes, key) }).collect();
     // SAFETY: as above.
     unsafe { device.destroy_device(None) };
     Ok((name, told?))
@@ -101,7 +104,9 @@ unsafe fn of_pipeline(
             .specialization_info(&special);
         let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout);
         let info = [info.flags(vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR)];
+        let begun = Instant::now();
         let made = device.create_compute_pipelines(vk::PipelineCache::null(), &info, None);
+        let took = ("microseconds".to_owned(), begun.elapsed().as_micros() as u64);
         let made = made.map_err(|(_, e)| failed("vkCreateComputePipelines")(e))?[0];
         let of = vk::PipelineExecutableInfoKHR::default().pipeline(made).executable_index(0);
         let numbers = asked.get_pipeline_executable_statistics(&of).map_err(failed("its statistics"));
@@ -113,6 +118,6 @@ unsafe fn of_pipeline(
             let name = s.name_as_c_str().map_or_else(|_| String::new(), |n| n.to_string_lossy().into_owned());
             (name, s.value.u64)
         };
-        Ok(numbers?.iter().map(number).collect())
+        Ok(numbers?.iter().map(number).chain([took]).collect())
     }
 }

@@ -1,9 +1,11 @@
-//! What a recorded step would take on a GPU: bytes through a cache, stages and submissions, one after the other.
+//! What a recorded step would take on a GPU: bytes through a cache beside arithmetic on waves, stages and submissions.
 //!
-//! Modelled, not measured: the bytes are those of the recording, the rates are of data sheets and a few published
-//! measurements. Right to about 40 %, ratios better.
+//! Modelled: the bytes are those of the recording. The H200's time for a value and between stages was fitted to its steps of
+//! 256 to 1920 pixels (docs/results/gpu-h200.json), within 20 % of each. The other devices' arithmetic is the H200's by what
+//! their data sheets say of float32, and their bandwidths are those of data sheets; none of them was measured.
 
 use super::traffic::{Move, Recording, Stage};
+use super::{Group, Kernel};
 use std::collections::{BTreeMap, HashMap};
 use std::time::Duration;
 
@@ -18,6 +20,9 @@ pub struct DeviceModel {
     pub cache: u64,
     /// Bytes a second from and to that cache.
     pub cache_bandwidth: f64,
+    /// Seconds for each complex value that a kernel of waves reads or writes, whatever its bytes: transforms wait for their own
+    /// arithmetic, not for memory.
+    pub value_s: f64,
     /// Seconds from the end of a stage's work to the beginning of the next one's.
     pub stage_s: f64,
     /// Seconds for each further dispatch in a stage.
@@ -33,7 +38,8 @@ pub const DEVICES: [DeviceModel; 3] = [
         bandwidth: 0.85 * 4.8e12,
         cache: 35_000_000,
         cache_bandwidth: 8.8e12,
-        stage_s: 2.2e-6,
+        value_s: 10e-12,
+        stage_s: 17e-6,
         dispatch_s: 0.7e-6,
         submission_s: 22e-6,
     },
@@ -42,7 +48,8 @@ pub const DEVICES: [DeviceModel; 3] = [
         bandwidth: 0.88 * 1.008e12,
         cache: 60_000_000,
         cache_bandwidth: 4e12,
-        stage_s: 2.2e-6,
+        value_s: 8.1e-12,
+        stage_s: 17e-6,
         dispatch_s: 0.7e-6,
         submission_s: 22e-6,
     },
@@ -51,7 +58,8 @@ pub const DEVICES: [DeviceModel; 3] = [
         bandwidth: 0.85 * 90e9,
         cache: 0,
         cache_bandwidth: 1e12,
-        stage_s: 4e-6,
+        value_s: 81e-12,
+        stage_s: 17e-6,
         dispatch_s: 1.2e-6,
         submission_s: 40e-6,
     },
@@ -69,6 +77,8 @@ pub(crate) const SUBMISSION_BYTES: u64 = 8 * DISPATCH_BYTES;
 pub struct Estimate {
     /// Moving bytes.
     pub memory: Duration,
+    /// Arithmetic on waves, which goes on meanwhile.
+    pub arithmetic: Duration,
     /// Between stages, and dispatches of one.
     pub stages: Duration,
     /// Waiting for the host, which waits for the device.
@@ -78,26 +88,32 @@ pub struct Estimate {
 impl Estimate {
     /// All of it, while the host does nothing.
     pub fn total(self) -> Duration {
-        self.memory + self.stages + self.submissions
+        self.memory.max(self.arithmetic) + self.stages + self.submissions
     }
 }
 
 impl DeviceModel {
-    /// What these recordings would take there, each met with a cache that holds what the one before it left: the mean over
+    /// What these recordings, of waves of so many bytes a value, would take there, each met with a cache that holds what the one before it left: the mean over
     /// all but the first, which finds it empty.
-    pub fn estimate(&self, recordings: &[&Recording]) -> Estimate {
+    pub fn estimate(&self, recordings: &[&Recording], value_bytes: usize) -> Estimate {
         let mut cache = Cache { room: self.cache, ..Cache::default() };
         let mut sum = Estimate::default();
         for (i, recording) in recordings.iter().enumerate() {
-            let one = self.one(recording, &mut cache);
+            let one = self.one(recording, value_bytes, &mut cache);
             if i > 0 || recordings.len() == 1 {
                 sum.memory += one.memory;
+                sum.arithmetic += one.arithmetic;
                 sum.stages += one.stages;
                 sum.submissions += one.submissions;
             }
         }
         let count = recordings.len().saturating_sub(1).max(1) as u32;
-        Estimate { memory: sum.memory / count, stages: sum.stages / count, submissions: sum.submissions / count }
+        Estimate {
+            memory: sum.memory / count,
+            arithmetic: sum.arithmetic / count,
+            stages: sum.stages / count,
+            submissions: sum.submissions / count,
+        }
     }
 
     /// What the dispatch of a recording that moves most bytes would take there, and the submission, no cache helping.
@@ -105,7 +121,7 @@ impl DeviceModel {
         recording.largest().map(|bytes| Duration::from_secs_f64(bytes as f64 / self.bandwidth))
     }
 
-    fn one(&self, recording: &Recording, cache: &mut Cache) -> Estimate {
+    fn one(&self, recording: &Recording, value_bytes: usize, cache: &mut Cache) -> Estimate {
         let (mut memory, mut between) = (0.0, 0.0);
         for stage in recording.stages() {
             let moved: u64 = stage.iter().flat_map(|moves| moves.iter()).map(|m| m.bytes).sum();
@@ -113,8 +129,12 @@ impl DeviceModel {
             memory += f64::max(missed as f64 / self.bandwidth, moved as f64 / self.cache_bandwidth);
             between += self.stage_s + self.dispatch_s * (stage.len() - 1) as f64;
         }
+        let waves = |kernel: Kernel| !matches!(kernel.group(), Group::Photograph | Group::Levels);
+        let of_waves = recording.by_kernel().into_iter().filter(|(kernel, ..)| waves(*kernel));
+        let values = of_waves.map(|(.., bytes)| bytes).sum::<u64>() as f64 / value_bytes as f64;
         Estimate {
             memory: Duration::from_secs_f64(memory),
+            arithmetic: Duration::from_secs_f64(values * self.value_s),
             stages: Duration::from_secs_f64(between),
             submissions: Duration::from_secs_f64(recording.stalls() as f64 * self.submission_s),
         }
@@ -207,6 +227,7 @@ mod tests {
             cache: 0,
             bandwidth: 1e9,
             cache_bandwidth: 1e15,
+            value_s: 1e-8,
             stage_s: 1e-3,
             dispatch_s: 1e-4,
             submission_s: 0.5,
@@ -219,6 +240,7 @@ mod tests {
             Entry::Barrier,
             Entry::Barrier,
             work(&[(1, 1_000_000_000, false)]),
+            Entry::Mark(Kernel::Modulate as usize),
             Entry::Submit,
             Entry::Stall,
         ] {
@@ -226,9 +248,17 @@ mod tests {
         }
         assert_eq!((recording.dispatches(), recording.barriers(), recording.stage_count()), (3, 2, 2));
         assert_eq!(recording.bytes(), [1_500_000_000, 500_000_000]);
-        let estimate = device.estimate(&[&recording]);
+        let estimate = device.estimate(&[&recording], 8);
         assert!((estimate.memory.as_secs_f64() - 2.0).abs() < 1e-9);
         assert!((estimate.stages.as_secs_f64() - 2.1e-3).abs() < 1e-9);
         assert!((estimate.total().as_secs_f64() - 2.5021).abs() < 1e-9);
+        // Values half as large are twice as many: 5e8 of them take longer than their bytes; of photographs none is counted.
+        let halves = device.estimate(&[&recording], 4);
+        assert!((halves.arithmetic.as_secs_f64() - 5.0).abs() < 1e-9 && estimate.memory == halves.memory);
+        assert!((halves.total().as_secs_f64() - 5.5021).abs() < 1e-9);
+        let mut seen = Recording::default();
+        seen.push(work(&[(1, 1_000_000_000, false)]));
+        seen.push(Entry::Mark(Kernel::Photograph as usize));
+        assert_eq!(device.estimate(&[&seen], 4).arithmetic, Duration::ZERO);
     }
 }

@@ -7,7 +7,7 @@ use super::steer::Refiner;
 use super::steering::Steering;
 use super::step::Steps;
 use crate::engine::vulkan::VulkanEngine;
-use crate::engine::{Engine, Memory};
+use crate::engine::{Engine, Memory, Storage};
 use crate::gpu::{Counts, EngineError, Gpu};
 use crate::optics::PupilDistribution;
 use crate::plan::{DeviceModel, Estimate, Recording};
@@ -28,6 +28,8 @@ pub struct RehearsedStep {
 pub struct Rehearsal {
     /// The steps; pipelines and memory are made for the first ones.
     pub steps: Vec<RehearsedStep>,
+    /// How they store waves.
+    pub storage: Storage,
     /// What the host takes to make, check and record a step: the median of as many further ones.
     pub host: Duration,
 }
@@ -45,7 +47,7 @@ impl Rehearsal {
         engine.load(&planner.shape(settings.optimizer.purpose()), Some(Arc::clone(&problem.pyramid)))?;
         Steps::new(problem, &planner, settings, 1.0, memory).prepare(settings.steps.max(2 * count), &mut engine)?;
         let (mut steps, mut under_way) = (Steps::new(problem, &planner, settings, 1.0, memory), None);
-        rehearse(gpu, count, || {
+        rehearse(gpu, count, settings.storage, || {
             let step = steps.next(0.5);
             let begun = engine.begin_step(&step, std::slice::from_ref(&(0..step.list.len())))?;
             under_way.replace(begun).map_or(Ok(()), |before| engine.end_step(before).map(drop))
@@ -65,9 +67,11 @@ impl Rehearsal {
         count: usize,
     ) -> Result<Self, SolveError> {
         let phases = vec![0.0; frames * problem.optics.height * problem.optics.width];
-        let mut refiner = Refiner::new(problem, &phases, 1.0, steering, Box::new(VulkanEngine::new(gpu)?))?;
+        let engine = VulkanEngine::new(gpu)?;
+        let storage = steering.storage.unwrap_or_else(|| engine.preferred_storage());
+        let mut refiner = Refiner::new(problem, &phases, 1.0, steering, Box::new(engine))?;
         refiner.aim(aim)?;
-        rehearse(gpu, count, || refiner.advance().map(drop))
+        rehearse(gpu, count, storage, || refiner.advance().map(drop))
     }
 
     /// The later half of the steps, for which most is made already.
@@ -77,7 +81,7 @@ impl Rehearsal {
 
     /// What one of the later half of the steps would take on a device, without the host.
     pub fn estimate(&self, device: &DeviceModel) -> Estimate {
-        device.estimate(&self.later().iter().map(|step| &step.recording).collect::<Vec<_>>())
+        device.estimate(&self.later().iter().map(|step| &step.recording).collect::<Vec<_>>(), self.storage.bytes())
     }
 
     /// The mean of a number over the later half of the steps.
@@ -89,6 +93,7 @@ impl Rehearsal {
 fn rehearse(
     gpu: &Gpu,
     count: usize,
+    storage: Storage,
     mut step: impl FnMut() -> Result<(), EngineError>,
 ) -> Result<Rehearsal, SolveError> {
     let mut steps = Vec::with_capacity(count);
@@ -106,5 +111,5 @@ fn rehearse(
         times.push(begun.elapsed());
     }
     times.sort();
-    Ok(Rehearsal { steps, host: times.get(times.len() / 2).copied().unwrap_or_default() })
+    Ok(Rehearsal { steps, storage, host: times.get(times.len() / 2).copied().unwrap_or_default() })
 }

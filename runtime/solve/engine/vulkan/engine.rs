@@ -224,6 +224,8 @@ impl VulkanEngine {
         let compared = list.iter().filter(|d| d.kernel.writes().any(|r| r == Resource::Losses));
         let parts = |i: usize| step.pupil_passes[i].loss_parts();
         let places = &flight.offsets;
+        // Of this recording alone: a step that is only prepared has answers as well.
+        flight.answers.clear();
         flight.answers.extend(compared.flat_map(|d| d.pupil_passes.clone()).map(|i| (i, places[i], parts(i))));
         flight.is_checked = list.iter().any(|d| d.kernel.writes().any(|r| r == Resource::NotFinite));
         if let Some(losses) = losses.as_ref() {

@@ -203,5 +203,9 @@ fn all_halves_are_read_exactly() {
     gpu.recorder.submit("halves").unwrap();
     let mut got = vec![0u16; all.len()];
     gpu.download(&block, bytemuck::cast_slice_mut(&mut got), [(0, 0, 2 * all.len() as u64)]).unwrap();
-    assert_eq!(got, half::pack(&half::unpack(&all)));
+    // Which NaN it is nobody asks.
+    let value = |bits: u16| if bits & 0x7fff > 0x7c00 { 0x7e00 } else { bits };
+    let want = half::pack(&half::unpack(&all));
+    let wrong = got.iter().zip(&want).enumerate().find(|(_, (got, want))| value(**got) != value(**want));
+    assert_eq!(wrong, None, "which, what was read, what it is");
 }

@@ -5,11 +5,11 @@
 
 use super::engine::VulkanEngine;
 use crate::engine::{Buffer, Dispatch, Engine, EngineError, Kernel, Purpose};
-use crate::gpu::{DeviceReport, Gpu, Tested};
+use crate::gpu::{Commands, DeviceReport, Gpu, Tested};
 use crate::optics::{Optics, Pupil, WindowFactor, transfer};
 use crate::plan::{Comparison, Planner};
-use eyebox_kernels::Complex64;
 use eyebox_kernels::fft::{Columns, Direction, transform_f64};
+use eyebox_kernels::{Complex64, half};
 use std::sync::PoisonError;
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -35,21 +35,55 @@ pub(crate) fn check(gpu: &Gpu) -> Result<(), EngineError> {
     let device = &gpu.device;
     // Who comes second waits for the first.
     let mut is_tested = device.is_tested.lock().unwrap_or_else(PoisonError::into_inner);
-    if *is_tested || device.record_only || device.record.as_ref().is_some_and(|record| record.read().is_some()) {
+    if *is_tested || device.record_only {
+        return Ok(());
+    }
+    if let Some(tested) = device.record.as_ref().and_then(|record| record.read()) {
+        if !tested.halves {
+            device.make_halves();
+        }
         *is_tested = true;
         return Ok(());
+    }
+    let halves = packs_halves(&mut Commands::new(gpu)?)?;
+    if !halves {
+        device.make_halves();
     }
     let [transfer, transform] = errors(VulkanEngine::untested(gpu)?)?;
     judge(&device.report, "the propagation kernel", transfer)?;
     judge(&device.report, "a transform", transform)?;
     let at_unix_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
-    let tested = Tested { at_unix_s, transfer, transform };
+    let tested = Tested { at_unix_s, transfer, transform, halves };
     tracing::debug!("{}: tried, error power {transfer:.1e} and {transform:.1e}", device.report.name);
     if let Some(record) = &device.record {
         record.write(tested);
     }
     *is_tested = true;
     Ok(())
+}
+
+/// Whether all halves, what lies between them and beyond them is packed as [`half::pack`] does, on either side of zero.
+fn packs_halves(gpu: &mut Commands) -> Result<bool, EngineError> {
+    const LARGEST: u16 = 0x7bff;
+    let about = |bits: u16| {
+        let (value, next) = (half::value(bits), if bits == LARGEST { 65536.0 } else { half::value(bits + 1) });
+        let between = (value + next) / 2.0;
+        [value, between.next_down(), between, between.next_up()]
+    };
+    let factors: Vec<f32> = (0..=LARGEST).flat_map(about).chain([f32::MAX, f32::INFINITY]).collect();
+    let mut got = half::pack(&[1.0, -1.0].repeat(factors.len()));
+    let want = half::pack(&factors.iter().flat_map(|x| [*x, -x]).collect::<Vec<_>>());
+    let bytes = 2 * got.len() as u64;
+    let (ones, scale) =
+        (gpu.filled(bytemuck::cast_slice(&got), "ones")?, gpu.filled(bytemuck::cast_slice(&factors), "halves")?);
+    let pipeline = gpu.pipeline(eyebox_spirv::APPLY_FACTOR.stored(true), 2, &[])?;
+    let count = factors.len() as u32;
+    gpu.recorder.begin(0)?;
+    let groups = [count.div_ceil(eyebox_kernels::WIDTH), 1, 1];
+    gpu.recorder.dispatch(pipeline, &[scale.all(), ones.all()], bytemuck::cast_slice(&[count, count]), groups)?;
+    gpu.recorder.submit("halves")?;
+    gpu.download(&ones, bytemuck::cast_slice_mut(&mut got), [(0, 0, bytes)])?;
+    Ok(got == want)
 }
 
 fn judge(report: &DeviceReport, what: &'static str, error: f64) -> Result<(), EngineError> {
@@ -127,7 +161,10 @@ mod tests {
         assert!(record.read().is_none());
         drop(VulkanEngine::new(&gpu).unwrap());
         let tested = record.read().unwrap();
-        assert!(tested.transfer < 1e-12 && tested.transform < 1e-12 && tested.at_unix_s > 1_700_000_000, "{tested:?}");
+        assert!(
+            tested.halves && tested.transfer < 1e-12 && tested.transform < 1e-12 && tested.at_unix_s > 1_700_000_000,
+            "{tested:?}"
+        );
         // Neither this process nor the next one tries it again.
         for gpu in [gpu.clone(), open(folder.path())] {
             let before = gpu.counts();
@@ -145,6 +182,24 @@ mod tests {
             }
         }
         assert!(devices().unwrap().iter().all(|d| d.usable.is_ok() || d.tested.is_none()));
+    }
+
+    /// Halves are made as the device does it, and by their bits if it does not do what it promises.
+    #[test]
+    fn halves_are_packed_either_way() {
+        let folder = tempfile::tempdir().unwrap();
+        let gpu = open(folder.path());
+        assert!(packs_halves(&mut Commands::new(&gpu).unwrap()).unwrap());
+        gpu.device.make_halves();
+        assert!(packs_halves(&mut Commands::new(&gpu).unwrap()).unwrap());
+        // Of a record that says so no device is asked again.
+        let record = gpu.device.record.as_ref().unwrap();
+        record.write(Tested { at_unix_s: 1, transfer: 0.0, transform: 0.0, halves: false });
+        let next = open(folder.path());
+        check(&next).unwrap();
+        let made = next.device.pipelines_made().len();
+        assert!(packs_halves(&mut Commands::new(&next).unwrap()).unwrap());
+        assert_eq!(next.device.pipelines_made().len(), made + 1);
     }
 
     #[test]

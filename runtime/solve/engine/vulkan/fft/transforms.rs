@@ -54,6 +54,43 @@ impl Transforms {
         Ok(self.fft.plans(&self.gpu, height, width))
     }
 
+    /// Seconds of each pass of a forward transform of `count` frames of zeros, by the device's clock: the median of `times` in one
+    /// submission, the first half left out, for devices that sleep wake slowly.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn time(
+        &mut self,
+        (height, width, count): (usize, usize, usize),
+        times: usize,
+    ) -> Result<Vec<(String, f64)>, EngineError> {
+        let mut zeros = vec![Complex32::default(); height * width * count];
+        self.run(&mut zeros, (height, width), Direction::Forward, Columns::all(width), 0)?;
+        let Some(block) = self.block.take() else { return Ok(Vec::new()) };
+        let value = self.storage.bytes() as u64;
+        let alignment = self.gpu.limits().offset_alignment;
+        let stride = ((value * (height * width) as u64).next_multiple_of(alignment.max(2 * value)) / value) as usize;
+        self.gpu.recorder.begin(64 * count * times)?;
+        self.fft.marks = Some(Vec::new());
+        for _ in 0..times {
+            let work = Frames { block: &block, offset: 0, count, height, width, stride, storage: self.storage };
+            self.fft.record(&mut self.gpu, work, Direction::Forward, Columns::all(width), Along::Both)?;
+            self.gpu.recorder.barrier();
+        }
+        let names = self.fft.marks.take().unwrap_or_default();
+        self.gpu.recorder.submit("transforms")?;
+        let taken: Vec<_> = self.gpu.recorder.times.drain(..).collect();
+        self.block = Some(block);
+        let passes = names.len() / times.max(1);
+        let median = |pass: usize| {
+            let mut of: Vec<f64> = taken.iter().filter(|t| t.label % passes == pass).map(|t| t.seconds).collect();
+            let mut late = of.split_off(of.len() / 2);
+            late.sort_by(f64::total_cmp);
+            late.get(late.len() / 2).copied().unwrap_or(f64::NAN)
+        };
+        Ok((0..passes).map(|pass| (names[pass].clone(), median(pass))).collect())
+    }
+
     /// Transforms frames (count, height, width) as [`kernels::fft`](eyebox_kernels::fft) does, `before` bytes into a
     /// buffer (rounded up to what the device allows), one after the other at the device's alignment.
     ///
