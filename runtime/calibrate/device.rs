@@ -4,7 +4,7 @@
 use super::parameters::{Parameter, Parameters};
 use super::pattern::{Pattern, transposed};
 use eyebox_kernels::{Complex64, fft};
-use eyebox_optics::{DisplayModel, Optics, frequency_bin};
+use eyebox_optics::{DisplayModel, Optics, SlmPart, frequency_bin};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
@@ -27,7 +27,9 @@ impl Window {
 /// The model as tables.
 #[derive(Clone)]
 pub(super) struct Device {
+    /// Of the part alone.
     optics: Optics,
+    part: SlmPart,
     /// Sub-pixels of a pixel along an axis.
     subpixels: usize,
     model: DisplayModel,
@@ -41,18 +43,24 @@ pub(super) struct Device {
     rest: Vec<Complex64>,
 }
 
-/// A set of patterns that follow each other, with the windows that are looked at.
+/// A set of patterns that follow each other on a part of the SLM, with the windows that are looked at.
 pub(super) struct Set {
     pub(super) pattern: Pattern,
     pub(super) windows: Vec<Window>,
+}
+
+/// The optics of a part of an SLM.
+pub(super) fn optics_of(part: &SlmPart, optics: &Optics) -> Optics {
+    Optics { height: part.size[0], width: part.size[1], ..*optics }
 }
 
 /// Fields in windows: by sub-frame, window, bin.
 type Fields = Vec<Vec<Vec<Complex64>>>;
 
 impl Device {
-    /// Tables of a model, with so many sub-pixels where there is crosstalk.
-    pub(super) fn new(model: &DisplayModel, optics: Optics, subpixels: usize) -> Self {
+    /// Tables of a model for a part of an SLM with these optics, with so many sub-pixels where there is crosstalk.
+    pub(super) fn new(model: &DisplayModel, part: SlmPart, optics: &Optics, subpixels: usize) -> Self {
+        let optics = optics_of(&part, optics);
         let (height, width) = (optics.height, optics.width);
         let p = if model.crosstalk.is_some() { subpixels } else { 1 };
         let sides = [height, width];
@@ -61,11 +69,11 @@ impl Device {
             let k = |i: usize| frequency_bin(i as i64, n) as f64 / n as f64;
             (0..n).map(|i| model.pixel_aperture(k(i), p) / p as f64).collect()
         });
-        let amplitude = model.source_amplitude(height, width);
+        let amplitude = model.source_amplitude(part);
         let rest = if model.undiffracted.is_empty() {
             vec![Complex64::default(); height * width]
         } else {
-            let share = model.undiffracted_share(height, width);
+            let share = model.undiffracted_share(part);
             let mut field: Vec<Complex64> = share.iter().zip(&amplitude).map(|(s, a)| s * a).collect();
             fft::transform_f64(&mut field, width, fft::Direction::Forward);
             let mut turned = transposed(&field, width);
@@ -78,8 +86,8 @@ impl Device {
             rest.iter_mut().enumerate().for_each(|(i, v)| *v *= sinc[0][i / width] * sinc[1][i % width]);
             rest
         };
-        let level = model.level_map(height, width);
-        Self { optics, subpixels: p, model: model.clone(), level, amplitude, transfer, aperture, rest }
+        let level = model.level_map(part);
+        Self { optics, part, subpixels: p, model: model.clone(), level, amplitude, transfer, aperture, rest }
     }
 
     fn crosstalk(model: &DisplayModel, optics: Optics, p: usize) -> Option<[Vec<Complex64>; 2]> {
@@ -100,15 +108,14 @@ impl Device {
     /// The tables a parameter's step further on.
     fn further(&self, at: &Parameters, parameter: Parameter) -> Self {
         let model = at.moved(parameter, parameter.step()).model;
-        let (height, width) = (self.optics.height, self.optics.width);
         match parameter {
             Parameter::Crosstalk(_) => {
                 let transfer = Self::crosstalk(&model, self.optics, self.subpixels);
                 Self { transfer, model, ..self.clone() }
             }
-            Parameter::Level(_) => Self { level: model.level_map(height, width), model, ..self.clone() },
+            Parameter::Level(_) => Self { level: model.level_map(self.part), model, ..self.clone() },
             Parameter::Bend(_) | Parameter::Lag => Self { model, ..self.clone() },
-            _ => Self::new(&model, self.optics, self.subpixels),
+            _ => Self::new(&model, self.part, &self.optics, self.subpixels),
         }
     }
 

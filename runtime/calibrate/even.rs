@@ -53,7 +53,7 @@ pub(super) struct Even {
 /// more than the closed form needs: where they contradict each other, and three do not, the fourth is not believed.
 pub(super) fn fit(sorted: &Sorted, start: &Parameters) -> Result<Even, CalibrateError> {
     let even = &sorted.even;
-    let Some((left, at)) = fit_to(sorted, start, even)? else {
+    let Some((left, at)) = fit_to(sorted, start, even, Search::Thorough)? else {
         return Ok(Even { at: start.clone(), strange: None });
     };
     let mut best = Even { at, strange: None };
@@ -63,7 +63,11 @@ pub(super) fn fit(sorted: &Sorted, start: &Parameters) -> Result<Even, Calibrate
     let mut least = ALONE * left;
     for strange in even {
         let others: Vec<usize> = even.iter().copied().filter(|v| v != strange).collect();
-        let Some((left, at)) = fit_to(sorted, start, &others)? else { continue };
+        let Some((left, _)) = fit_to(sorted, start, &others, Search::Strongest)? else { continue };
+        if left >= least {
+            continue;
+        }
+        let Some((left, at)) = fit_to(sorted, start, &others, Search::Thorough)? else { continue };
         let of_strange = sorted.mean_left(&at, &[*strange]);
         tracing::debug!(
             "without {}: {left:.4} is left, and {of_strange:.4} of it",
@@ -77,8 +81,22 @@ pub(super) fn fit(sorted: &Sorted, start: &Parameters) -> Result<Even, Calibrate
     Ok(best)
 }
 
+/// Which waves a fit starts from.
+#[derive(Clone, Copy, PartialEq)]
+enum Search {
+    /// All that were found, and those found in what they leave.
+    Thorough,
+    /// The strongest alone.
+    Strongest,
+}
+
 /// The share that is left of some even drives and the fit to them, from the start that leaves least.
-fn fit_to(sorted: &Sorted, start: &Parameters, which: &[usize]) -> Result<Option<(f64, Parameters)>, CalibrateError> {
+fn fit_to(
+    sorted: &Sorted,
+    start: &Parameters,
+    which: &[usize],
+    search: Search,
+) -> Result<Option<(f64, Parameters)>, CalibrateError> {
     if which.is_empty() {
         return Ok(None);
     }
@@ -87,6 +105,9 @@ fn fit_to(sorted: &Sorted, start: &Parameters, which: &[usize]) -> Result<Option
     let mut starts: Vec<Vec<Wave>> = single.into_iter().map(|wave| vec![wave]).collect();
     if !start.model.undiffracted.is_empty() || starts.is_empty() {
         starts.insert(0, start.model.undiffracted.clone());
+    }
+    if search == Search::Strongest {
+        starts.truncate(1);
     }
     let mut best: Option<(f64, Parameters)> = None;
     for waves in starts {
@@ -101,6 +122,9 @@ fn fit_to(sorted: &Sorted, start: &Parameters, which: &[usize]) -> Result<Option
     // A second reflection, of a window or of a lens, is found in what the first leaves.
     let Some((image, limit)) = unmodulated else { return Ok(best) };
     let Some((mut left, mut at)) = best else { return Ok(None) };
+    if search == Search::Strongest {
+        return Ok(Some((left, at)));
+    }
     'further: while at.model.undiffracted.len() < PEAKS {
         for wave in strongest(image.clone(), limit, &at.model.undiffracted) {
             let mut waves = at.model.undiffracted.clone();
@@ -163,7 +187,7 @@ fn ratios(sorted: &Sorted, at: &Parameters, which: &[usize]) -> Result<Option<(I
     }
     let Some(values) = unmodulated(&drives, &images) else { return Ok(None) };
     // Light beyond the iris is not in the pictures.
-    let widest = |v: &usize| pictures.views[*v].look.pupil.diameter / pictures.optics.eyebox();
+    let widest = |v: &usize| pictures.views[*v].pupil().diameter / pictures.optics.eyebox();
     let reach = PI * which.iter().map(widest).fold(0.0, f64::max) / 2.0;
     let limit = [reach * width as f64, reach * height as f64];
     Ok(Some((Image { rows, columns, values }, limit)))

@@ -5,9 +5,9 @@ use super::map::CameraMap;
 use super::parameters::{Parameter, Parameters, of_order};
 use super::pattern;
 use super::seen::Look;
-use super::views::{Pictures, View};
+use super::views::{PatternSet, Pictures, View};
 use eyebox_kernels::Complex64;
-use eyebox_optics::{DisplayModel, Iris, Optics, Pupil, Spread, transfer};
+use eyebox_optics::{DisplayModel, Iris, Optics, Pupil, SlmPart, Spread, transfer};
 use std::f64::consts::TAU;
 
 const SIZE: [usize; 2] = [20, 24];
@@ -31,14 +31,14 @@ fn everything() -> DisplayModel {
 fn pictures(at: &Parameters, pixels: Vec<[f64; 2]>) -> Pictures {
     let optics = Optics::new(SIZE[0], SIZE[1], 8e-6, 520e-9, 0.4).unwrap();
     let pattern = pattern::random(SIZE, 256.0, 3, 1);
-    let look = Look::new(optics, Pupil::from_mm([3.0, -2.0, 9.0, 4.0]), RADIUS, at, pixels);
-    let sets = vec![Set { pattern, windows: vec![look.window.clone()] }];
+    let slm = SlmPart::from(SIZE);
+    let look = Look::new((slm, &optics), Pupil::from_mm([3.0, -2.0, 9.0, 4.0]), RADIUS, at, pixels);
+    let parts = vec![Set { pattern: pattern.clone(), windows: vec![look.window.clone()] }];
     let n = look.pixels.len();
     let (counts, variance) = (vec![0.0; n], vec![1.0; n]);
     let view = View {
         set: 0,
-        window: 0,
-        look,
+        looks: vec![(look, 0)],
         counts,
         variance,
         signal: 1.0,
@@ -46,7 +46,26 @@ fn pictures(at: &Parameters, pixels: Vec<[f64; 2]>) -> Pictures {
         full_scale: 1.0,
         file: "a".into(),
     };
-    Pictures { optics, sets, views: vec![view], dark: 0.0 }
+    Pictures { optics, parts: vec![slm], sets: vec![PatternSet { pattern, parts }], views: vec![view], dark: 0.0 }
+}
+
+/// The same picture with the SLM in parts: pixels of the middle of each.
+fn in_parts(at: &Parameters, slm: [usize; 2], parts: &[SlmPart], pixels: &[Vec<[f64; 2]>]) -> Pictures {
+    let optics = Optics::new(slm[0], slm[1], 8e-6, 520e-9, 0.4).unwrap();
+    let pattern = pattern::random(slm, 256.0, 2, 1);
+    let iris = Pupil::from_mm([2.0, -1.0, 6.0, 1.0]);
+    let look =
+        |(part, pixels): (&SlmPart, &Vec<[f64; 2]>)| Look::new((*part, &optics), iris, RADIUS, at, pixels.clone());
+    let looks: Vec<(Look, usize)> = parts.iter().zip(pixels).map(look).map(|look| (look, 0)).collect();
+    let set = |(part, (look, _)): (&SlmPart, &(Look, usize))| Set {
+        pattern: pattern.part(part),
+        windows: vec![look.window.clone()],
+    };
+    let sets = vec![PatternSet { parts: parts.iter().zip(&looks).map(set).collect(), pattern }];
+    let n = pixels.iter().map(Vec::len).sum();
+    let (counts, variance, file) = (vec![0.0; n], vec![1.0; n], "a".into());
+    let view = View { set: 0, looks, counts, variance, signal: 1.0, exposure_ms: 1.0, full_scale: 1.0, file };
+    Pictures { optics, parts: parts.to_vec(), sets, views: vec![view], dark: 0.0 }
 }
 
 /// A camera whose pixels are points, on the SLM's own.
@@ -63,8 +82,8 @@ fn what_a_camera_sees_is_the_definitions_sum() {
     let seen = &pictures.see(&at, 1, &[0], &[])[0];
     let (optics, model) = (pictures.optics, &at.model);
     let [height, width] = SIZE;
-    let (level, source) = (model.level_map(height, width), model.source_amplitude(height, width));
-    let rest = model.undiffracted_share(height, width);
+    let (level, source) = (model.level_map([height, width]), model.source_amplitude([height, width]));
+    let rest = model.undiffracted_share([height, width]);
     let (shares, pattern) = (model.lag_shares(3), &pictures.sets[0].pattern);
     let pupil = model.true_pupil(&Pupil::from_mm([3.0, -2.0, 9.0, 4.0]));
     let bin = optics.bin_size();
@@ -104,6 +123,39 @@ fn what_a_camera_sees_is_the_definitions_sum() {
         // Its transfer is a sum of so many orders and no more.
         assert!((a - b).abs() < 3e-3 * most, "{a}, {b}");
     }
+}
+
+/// Of the whole SLM and of pieces with a margin, in the same order, with slopes: what is different is the light from beyond the
+/// pieces, and the bins at the edge of the iris.
+#[test]
+fn pieces_predict_what_the_whole_slm_does() {
+    let slm = [160, 176];
+    let map = CameraMap { slm, camera: slm, ..plain(everything()).map };
+    let at = Parameters { map, soft_edge: true, ..plain(everything()) };
+    let parts = [[0, 80], [64, 0]].map(|first| SlmPart { slm, first, size: [96; 2] });
+    let inside = |part: &SlmPart| -> Vec<[f64; 2]> {
+        let at = |i: usize| [1, 0].map(|axis| (part.first[axis] + 32 + (i * [7, 5][axis]) % 32) as f64 + 0.25);
+        (0..40).map(at).collect()
+    };
+    let pixels: Vec<Vec<[f64; 2]>> = parts.iter().map(inside).collect();
+    let mut free: Vec<Parameter> = Parameter::all(2).into_iter().filter(|p| !matches!(p, Parameter::Iris(_))).collect();
+    free.extend((2..=3).flat_map(of_order));
+    let of_pieces = in_parts(&at, slm, &parts, &pixels).see(&at, 2, &[0], &free).remove(0);
+    let whole = in_parts(&at, slm, &[slm.into()], &[pixels.concat()]).see(&at, 2, &[0], &free).remove(0);
+    let power = |v: &mut dyn Iterator<Item = f64>| v.map(|v| v * v).sum::<f64>();
+    let light = power(&mut whole.intensity.iter().copied());
+    let apart = |a: &[f64], b: &[f64]| power(&mut a.iter().zip(b).map(|(a, b)| a - b));
+    assert_eq!((of_pieces.intensity.len(), of_pieces.slopes.len()), (80, free.len()));
+    let off = apart(&of_pieces.intensity, &whole.intensity) / light;
+    assert!(off < 3e-3, "{off:e}");
+    // Slopes by what a usual step of the parameter changes of the light: a corner's level hardly shows in pieces elsewhere.
+    for (p, (of_pieces, whole)) in free.iter().zip(of_pieces.slopes.iter().zip(&whole.slopes)) {
+        let (off, all) = (apart(of_pieces, whole), power(&mut whole.iter().copied()));
+        assert!(off < 2e-2 * all || off * p.usual().powi(2) < 1e-4 * light, "{p:?}: {off:e} of {all:e}");
+    }
+    let places: Vec<[f64; 2]> = pixels.concat();
+    let anywhere = in_parts(&at, slm, &parts, &pixels).see_places(&at, 2, 0, &places);
+    assert!(apart(&anywhere, &whole.intensity) < 1e-9 * light);
 }
 
 #[test]

@@ -83,11 +83,11 @@ pub(super) fn left(sorted: &Sorted, fit: &Fit, fitted: &[usize], subpixels: usiz
             (false, true) => LEFT_OUT,
         };
         let counted = if role == LEFT_OUT { 0 } else { residuals.len() };
-        for (([x, y], r), variance) in view.look.pixels.iter().zip(residuals).zip(&view.variance).take(counted) {
-            let tile = &mut tiles[*y as usize / tile_px * columns + *x as usize / tile_px];
+        for (([x, y], r), variance) in view.pixels().zip(residuals).zip(&view.variance).take(counted) {
+            let tile = &mut tiles[y as usize / tile_px * columns + x as usize / tile_px];
             *tile = (tile.0 + r * r / variance, tile.1 + 1);
         }
-        let p = view.look.pupil;
+        let p = view.pupil();
         let file = view.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let iris_mm = [p.x, p.y, p.diameter].map(|v| v * 1e3);
         let kind = pictures.sets[view.set].pattern.kind();
@@ -128,7 +128,7 @@ pub(super) fn shown(sorted: &Sorted, fit: &Fit, subpixels: usize) -> Result<Vec<
             (margin - 0.5..columns - 0.5 - margin).contains(&x) && (margin - 0.5..rows - 0.5 - margin).contains(&y)
         };
         let light = |(at, i): (&[f64; 2], f64)| (exposure.dark + if inside(at, 0.0) { gain * i } else { 0.0 }) as f32;
-        let prediction: Vec<f32> = places.iter().zip(seen.intensity).map(light).collect();
+        let prediction: Vec<f32> = places.iter().zip(seen).map(light).collect();
         let picture: Vec<f32> = (0..places.len()).map(|i| picture.values[pixel(i)[1] * width + pixel(i)[0]]).collect();
         let apart = |(at, (a, b)): (&[f64; 2], (&f32, &f32))| if inside(at, 2.5) { (a - b).abs() } else { 0.0 };
         let difference = places.iter().zip(picture.iter().zip(&prediction)).map(apart).collect();

@@ -13,6 +13,7 @@
 
 mod acquire;
 mod age;
+mod aligned;
 mod bench;
 mod calibrated;
 mod camera_steps;
@@ -38,6 +39,7 @@ mod orders;
 mod parameters;
 mod pattern;
 mod picture;
+mod pieces;
 mod report;
 mod rim;
 mod seen;

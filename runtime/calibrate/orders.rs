@@ -35,7 +35,7 @@ impl Random {
         let pattern = |v: &usize| &pictures.sets[pictures.views[*v].set].pattern;
         let single = |v: &usize| pattern(v).frames == 1 && pattern(v).even_drive().is_none();
         let all: Vec<usize> = sorted.fitted.iter().copied().filter(single).collect();
-        let narrow = |v: &usize| pictures.views[*v].look.pupil.diameter <= SMALL * pictures.optics.eyebox();
+        let narrow = |v: &usize| pictures.views[*v].pupil().diameter <= SMALL * pictures.optics.eyebox();
         let small: Vec<usize> = all.iter().copied().filter(|v| narrow(v) && !pattern(v).is_smooth()).collect();
         // A bench whose irises are all wide has nothing better than these.
         let small = if small.len() < 3 { all.clone() } else { small };

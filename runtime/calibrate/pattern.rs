@@ -3,7 +3,7 @@
 use super::message::Hello;
 use eyebox_base::files::{self, FileError, write_file};
 use eyebox_kernels::{Complex64, fft};
-use eyebox_optics::Optics;
+use eyebox_optics::{Optics, SlmPart};
 use eyebox_solve::solve::SplitMix;
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
@@ -32,6 +32,15 @@ impl Pattern {
     pub(super) fn frame(&self, t: usize) -> &[f32] {
         let pixels = self.height * self.width;
         &self.drive[t * pixels..][..pixels]
+    }
+
+    /// A part of it.
+    pub(super) fn part(&self, part: &SlmPart) -> Self {
+        let ([row, column], [rows, columns]) = (part.first, part.size);
+        let line = |t: usize, y: usize| &self.frame(t)[(row + y) * self.width + column..][..columns];
+        let lines = (0..self.frames).flat_map(|t| (0..rows).map(move |y| (t, y)));
+        let drive = lines.flat_map(|(t, y)| line(t, y).iter().copied()).collect();
+        Self { height: rows, width: columns, drive, ..*self }
     }
 
     /// Whether it is the same but for rounding.

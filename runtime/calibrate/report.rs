@@ -118,7 +118,8 @@ impl Report {
         let verdict = Verdict::of(after, few, drift);
         warnings.extend(verdict::said(verdict, after, &pictures, &map));
         tracing::debug!("squares of the fit: {:.3} times the noise's", fit.squares);
-        let outside = sorted.pictures.views.iter().filter(|v| !v.look.holds(&fit.at)).count();
+        let outside =
+            sorted.pictures.views.iter().filter(|v| v.looks.iter().any(|(look, _)| !look.holds(&fit.at))).count();
         if outside > 0 {
             warnings.push(format!(
                 "the iris is so far from where it was asked for that {outside} pictures are not predicted to their edge: \

@@ -96,16 +96,17 @@ impl Look {
 }
 
 impl Pictures {
-    /// The iris where the bins at its edge are those that the pictures show; it stays where that is no better.
+    /// The iris where the bins at its edge are those that the pictures show; it stays where that is no better. The whole SLM is one
+    /// part: bins of a piece are coarser than the edge.
     pub(super) fn rim(&self, at: &Parameters, subpixels: usize, which: &[usize]) -> Rim {
-        let device = Device::new(&at.model, self.optics, subpixels);
-        let fields: Vec<_> = self.sets.par_iter().map(|set| device.enter(set, &[]).0).collect();
+        let device = Device::new(&at.model, self.parts[0], &self.optics, subpixels);
+        let fields: Vec<_> = self.sets.par_iter().map(|set| device.enter(&set.parts[0], &[]).0).collect();
         let entering = |v: usize| -> Vec<&[Complex64]> {
             let view = &self.views[v];
-            fields[view.set].iter().map(|frame| &frame[view.window][..]).collect()
+            fields[view.set].iter().map(|frame| &frame[view.looks[0].1][..]).collect()
         };
         let see = |at: &Parameters| -> Vec<Seen> {
-            which.par_iter().map(|v| self.views[*v].look.see(at, &entering(*v), &[], &[])).collect()
+            which.par_iter().map(|v| self.views[*v].looks[0].0.see(at, &entering(*v), &[], &[])).collect()
         };
         let mut rim = Rim { at: at.clone(), errors: [f64::INFINITY; 3] };
         let mut seen = see(at);
@@ -120,7 +121,7 @@ impl Pictures {
                     let weights: Vec<f64> = view.variance.iter().map(|v| v.recip()).collect();
                     let residuals = self.residuals(*v, seen);
                     let gain = self.exposure(*v, seen).gain * view.exposure_ms;
-                    (view.look.pupil, view.look.judged(&rim.at, &entering(*v), (&residuals, &weights, gain)))
+                    (view.pupil(), view.looks[0].0.judged(&rim.at, &entering(*v), (&residuals, &weights, gain)))
                 })
                 .collect();
             let scale = (squares / count as f64).max(1.0);

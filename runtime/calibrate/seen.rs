@@ -1,11 +1,11 @@
 //! From what enters an iris to what the camera's pixels see: the field at any places of the image, by a non-uniform transform.
 
-use super::device::Window;
+use super::device::{Window, optics_of};
 use super::map::CameraMap;
 use super::parameters::{Parameter, Parameters};
 use super::pattern::transposed;
 use eyebox_kernels::{Complex64, fft};
-use eyebox_optics::{Optics, Pupil, fast_size, transfer, zernike};
+use eyebox_optics::{Optics, Pupil, SlmPart, fast_size, transfer, zernike};
 use std::f64::consts::{PI, TAU};
 use std::sync::OnceLock;
 
@@ -51,10 +51,12 @@ fn bessel(x: f64) -> f64 {
     sum
 }
 
-/// What a camera's pixels look at through an iris.
+/// What a camera's pixels look at through an iris, on a part of the SLM.
 #[derive(Clone)]
 pub(super) struct Look {
+    /// Of the part alone.
     pub(super) optics: Optics,
+    part: SlmPart,
     pub(super) window: Window,
     /// The iris as it was asked for.
     pub(super) pupil: Pupil,
@@ -72,16 +74,37 @@ pub(super) struct Places {
 }
 
 /// Intensity at the camera's pixels, and its slopes.
+#[derive(Default)]
 pub(super) struct Seen {
     pub(super) intensity: Vec<f64>,
     pub(super) slopes: Vec<Vec<f64>>,
 }
 
+impl Seen {
+    /// What is seen on all parts of an SLM, one after the other.
+    pub(super) fn joined(parts: Vec<Self>) -> Self {
+        parts.into_iter().reduce(Self::and).unwrap_or_default()
+    }
+
+    fn and(mut self, other: Self) -> Self {
+        self.intensity.extend(other.intensity);
+        self.slopes.iter_mut().zip(other.slopes).for_each(|(slopes, more)| slopes.extend(more));
+        self
+    }
+}
+
 impl Look {
-    /// Through an iris as it was asked for; `radius`: of the wavefront's disc, metres.
-    pub(super) fn new(optics: Optics, pupil: Pupil, radius: f64, at: &Parameters, pixels: Vec<[f64; 2]>) -> Self {
+    /// Through an iris as it was asked for, on a part of an SLM with these optics; `radius`: of the wavefront's disc, metres.
+    pub(super) fn new(
+        (part, optics): (SlmPart, &Optics),
+        pupil: Pupil,
+        radius: f64,
+        at: &Parameters,
+        pixels: Vec<[f64; 2]>,
+    ) -> Self {
+        let optics = optics_of(&part, optics);
         let (window, side) = Self::frame(&optics, &at.model.true_pupil(&pupil));
-        Self { optics, window, pupil, radius, side, pixels }
+        Self { optics, part, window, pupil, radius, side, pixels }
     }
 
     /// The same of other pixels.
@@ -167,10 +190,12 @@ impl Look {
         }
     }
 
-    /// Points of the SLM's image that the pixels look at, `POINTS` each.
+    /// Points of the part's image that the pixels look at, `POINTS` each.
     pub(super) fn points(&self, map: &CameraMap, camera_pixel: f64) -> Vec<[f64; 2]> {
         let around = points_of_pixel(camera_pixel);
-        self.pixels.iter().flat_map(|[x, y]| around.map(|[dx, dy]| map.to_slm([x + dx, y + dy]))).collect()
+        let [row, column] = self.part.first.map(|n| n as f64);
+        let to_part = |[x, y]: [f64; 2]| [x - column, y - row];
+        self.pixels.iter().flat_map(|[x, y]| around.map(|[dx, dy]| to_part(map.to_slm([x + dx, y + dy])))).collect()
     }
 
     fn places(&self, points: &[[f64; 2]]) -> Places {
@@ -264,6 +289,9 @@ impl Look {
         free: &[Parameter],
         by: &[Vec<&[Complex64]>],
     ) -> Seen {
+        if self.pixels.is_empty() {
+            return Seen { intensity: Vec::new(), slopes: vec![Vec::new(); free.len()] };
+        }
         let kernel = self.kernel(at);
         let points = self.points(&at.map, at.camera_pixel);
         let (places, undo) = (self.places(&points), self.undo());
@@ -316,6 +344,9 @@ impl Look {
 
     /// Intensity at the pixels for what enters in each sub-frame, for cameras that look elsewhere: by camera.
     pub(super) fn see_from(&self, at: &Parameters, fields: &[&[Complex64]], cameras: &[CameraMap]) -> Vec<Vec<f64>> {
+        if self.pixels.is_empty() {
+            return vec![Vec::new(); cameras.len()];
+        }
         let (kernel, undo) = (self.kernel(at), self.undo());
         let lit = |field: &&[Complex64]| {
             let spectrum: Vec<_> = field.iter().zip(&kernel).map(|(f, k)| f * k).collect();

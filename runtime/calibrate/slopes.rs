@@ -25,13 +25,13 @@ pub(super) fn from_shifts(pictures: &Pictures, start: &Parameters, which: &[usiz
             .iter()
             .zip(shifts)
             .filter_map(|(v, shift)| {
-                let look = &pictures.views[*v].look;
+                let look = &pictures.views[*v].looks[0].0;
                 let iris = at.model.true_pupil(&look.pupil);
                 Some(([iris.x / look.radius, iris.y / look.radius], shift?))
             })
             .collect();
         // Pixels per wave and radius of the wavefront's disc.
-        let radius = pictures.views[which[0]].look.radius;
+        let radius = pictures.views[which[0]].looks[0].0.radius;
         let pixels = pictures.optics.eyebox() / radius;
         let Some((waves, common)) = wavefront(&slopes, pixels, terms) else { break };
         for (j, waves) in terms.iter().zip(waves) {
@@ -43,7 +43,13 @@ pub(super) fn from_shifts(pictures: &Pictures, start: &Parameters, which: &[usiz
 }
 
 /// The shift at which the model explains each picture best, SLM pixels; none where no shift does.
-fn shifts(pictures: &Pictures, at: &Parameters, which: &[usize], reach: i32, step: f64) -> Vec<Option<[f64; 2]>> {
+pub(super) fn shifts(
+    pictures: &Pictures,
+    at: &Parameters,
+    which: &[usize],
+    reach: i32,
+    step: f64,
+) -> Vec<Option<[f64; 2]>> {
     let side = 2 * reach + 1;
     let camera = |i: i32| shifted(at, [i % side - reach, i / side - reach].map(|n| f64::from(n) * step)).map;
     let cameras: Vec<CameraMap> = (0..side * side).map(camera).collect();

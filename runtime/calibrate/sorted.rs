@@ -9,10 +9,11 @@ use super::map::CameraMap;
 use super::noise::Noise;
 use super::parameters::Parameters;
 use super::picture::Picture;
+use super::pieces;
 use super::seen::Look;
-use super::views::{Pictures, View};
+use super::views::{PatternSet, Pictures, View};
 use super::{dots, pattern};
-use eyebox_optics::{Color, Display, Optics, Pupil};
+use eyebox_optics::{Color, Display, Pupil, SlmPart};
 use eyebox_solve::solve::SplitMix;
 use std::path::PathBuf;
 
@@ -53,7 +54,7 @@ pub(super) fn sort(display: &Display, color: Color, taken: &Taken) -> Result<Sor
     let slm = [display.height, display.width];
     let camera = taken.hello.camera.resolution;
     let wanted = pattern::dots_pattern(slm, taken.two_pi_level);
-    let (mut sets, mut names): (Vec<Set>, Vec<(PathBuf, String)>) = (Vec::new(), Vec::new());
+    let (mut sets, mut names): (Vec<PatternSet>, Vec<(PathBuf, String)>) = (Vec::new(), Vec::new());
     let (mut pattern_shots, mut dark, mut found) = (Vec::new(), None, None);
     for shot in &taken.shots {
         let Some(show) = &shot.show else {
@@ -65,7 +66,7 @@ pub(super) fn sort(display: &Display, color: Color, taken: &Taken) -> Result<Sor
             None => {
                 let pattern = shown(&show.0, &show.1, slm, taken.two_pi_level)?;
                 names.push(show.clone());
-                sets.push(Set { pattern, windows: Vec::new() });
+                sets.push(PatternSet { pattern, parts: Vec::new() });
                 sets.len() - 1
             }
         };
@@ -93,7 +94,13 @@ pub(super) fn sort(display: &Display, color: Color, taken: &Taken) -> Result<Sor
         )));
     }
     let radius = display.source_eyebox_min() / 2.0;
-    let pictures = Pictures { optics, sets, views: Vec::new(), dark: dark.unwrap_or(0.0) };
+    tracing::debug!("dots: {map_rms:.3} camera pixels rms, map {:.6?}", map.numbers);
+    let parts = pieces::pieces(&map);
+    for set in &mut sets {
+        let of_part = |part| Set { pattern: set.pattern.part(part), windows: Vec::new() };
+        set.parts = parts.iter().map(of_part).collect();
+    }
+    let pictures = Pictures { optics, parts, sets, views: Vec::new(), dark: dark.unwrap_or(0.0) };
     let (even, fitted, strange, pairs) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut sorted =
         Sorted { pictures, even, fitted, strange, pairs, map, map_rms, radius, camera, bits: taken.hello.camera.bits };
@@ -169,26 +176,49 @@ impl Sorted {
         Ok(())
     }
 
-    /// Some of the camera's pixels that look well inside the SLM's image and are not saturated.
+    /// Some of the camera's pixels that look well inside the SLM's image and are not saturated, part by part.
     fn pixels(&self, picture: &Picture, count: usize, seed: u64) -> Vec<usize> {
-        let [rows, columns] = self.map.slm.map(|n| n as f64);
         let mut random = SplitMix(seed ^ 0x7069_7865_6c73);
         let mut found = Vec::new();
-        // A camera that sees little of the SLM has few of them.
-        for _ in 0..40 * count {
+        // A camera that sees little of the SLM has few of them, and pieces hold a tenth.
+        let tries = if self.pictures.parts.len() > 1 { 400 } else { 40 };
+        for _ in 0..tries * count {
             if found.len() == count {
                 break;
             }
             let at = (random.unit() * picture.values.len() as f64) as usize;
-            let [x, y] = self.map.to_slm([(at % picture.width) as f64, (at / picture.width) as f64]);
-            let inside = (2.0..columns - 3.0).contains(&x) && (2.0..rows - 3.0).contains(&y);
-            if inside && !picture.is_full(at) {
+            if self.part_of(picture, at).is_some() && !picture.is_full(at) {
                 found.push(at);
             }
         }
         found.sort_unstable();
         found.dedup();
+        found.sort_by_key(|at| self.part_of(picture, *at));
         found
+    }
+
+    /// Some of the camera's pixels that look at a part and are not saturated.
+    pub(super) fn pixels_of(&self, picture: &Picture, part: usize, count: usize) -> Vec<usize> {
+        let mut random = SplitMix(part as u64 ^ 0x7069_6563_6573);
+        let SlmPart { first, size, .. } = self.pictures.parts[part];
+        let place = |random: &mut SplitMix| {
+            let [y, x] = [0, 1].map(|axis| first[axis] as f64 + size[axis] as f64 * random.unit());
+            let [column, row] = self.map.to_camera([x, y]).map(|at| at.round());
+            let inside = (0.0..picture.width as f64).contains(&column) && (0.0..picture.height as f64).contains(&row);
+            inside.then(|| row as usize * picture.width + column as usize)
+        };
+        let looks = |at: &usize| self.part_of(picture, *at) == Some(part) && !picture.is_full(*at);
+        let mut found: Vec<usize> =
+            (0..4 * count).filter_map(|_| place(&mut random)).filter(looks).take(count).collect();
+        found.sort_unstable();
+        found.dedup();
+        found
+    }
+
+    /// The part of the SLM that a camera's pixel looks at.
+    fn part_of(&self, picture: &Picture, at: usize) -> Option<usize> {
+        let place = [(at % picture.width) as f64, (at / picture.width) as f64];
+        pieces::holding(&self.pictures.parts, self.map.to_slm(place))
     }
 
     /// Adds a picture at these pixels: its number.
@@ -199,19 +229,23 @@ impl Sorted {
         pixels: &[usize],
         at: &Parameters,
     ) -> Result<usize, CalibrateError> {
-        let optics: Optics = self.pictures.optics;
         let Some([x, y, d]) = pattern_shot.shot.iris_mm else {
             let reason = "has no iris_mm: give `iris` X,Y,DIAMETER in mm of an iris that stands still".into();
             return Err(CalibrateError::Captures { file: pattern_shot.shot.file.display().to_string(), reason });
         };
         let pupil = Pupil::from_mm([x, y, d, pattern_shot.shot.focus_mm]).check()?;
         let place = |p: &usize| [(p % picture.width) as f64, (p / picture.width) as f64];
-        let look = Look::new(optics, pupil, self.radius, at, pixels.iter().map(place).collect());
-        let windows = &mut self.pictures.sets[pattern_shot.set].windows;
-        let window = windows.iter().position(|w| *w == look.window).unwrap_or_else(|| {
-            windows.push(look.window.clone());
-            windows.len() - 1
-        });
+        let mut looks = Vec::new();
+        for (i, part) in self.pictures.parts.iter().enumerate() {
+            let here = pixels.iter().filter(|p| self.part_of(picture, **p) == Some(i)).map(place).collect();
+            let look = Look::new((*part, &self.pictures.optics), pupil, self.radius, at, here);
+            let windows = &mut self.pictures.sets[pattern_shot.set].parts[i].windows;
+            let window = windows.iter().position(|w| *w == look.window).unwrap_or_else(|| {
+                windows.push(look.window.clone());
+                windows.len() - 1
+            });
+            looks.push((look, window));
+        }
         let counts: Vec<f64> = pixels.iter().map(|p| f64::from(picture.values[*p])).collect();
         if counts.is_empty() {
             return Err(CalibrateError::Captures {
@@ -222,8 +256,7 @@ impl Sorted {
         let exposure_ms = pattern_shot.shot.exposure_ms;
         self.pictures.views.push(View {
             set: pattern_shot.set,
-            window,
-            look,
+            looks,
             counts,
             variance: Vec::new(),
             signal: 0.0,

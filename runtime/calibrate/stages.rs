@@ -13,7 +13,7 @@ use super::report::Report;
 use super::sorted::{CAMERA_PIXEL, Sorted, sort};
 use super::unseen::judged;
 use super::views::Pictures;
-use super::{even, terms};
+use super::{aligned, even, terms};
 use eyebox_optics::{Color, Display, Spread};
 
 /// Sub-pixels along an axis at the end of a fit that reaches the noise.
@@ -74,7 +74,10 @@ pub(super) fn run(
         ));
     }
     let drift = quick.then(|| display.model.get(&color.into()).and_then(|terms| terms.unexplained).unwrap_or(0.0));
-    let start = Parameters { model, map: sorted.map, camera_pixel: CAMERA_PIXEL, soft_edge: false };
+    // Bins of a piece are coarser than the iris's edge.
+    let soft_edge = sorted.pictures.parts.len() > 1;
+    let mut start = Parameters { model, map: sorted.map, camera_pixel: CAMERA_PIXEL, soft_edge };
+    start.map = aligned::map(&mut sorted, &start)?;
     // The display as its file has it, and nothing but where the camera looks.
     let mut camera: Vec<Parameter> = (0..10).map(Parameter::Map).collect();
     camera.push(Parameter::CameraPixel);
@@ -100,7 +103,6 @@ pub(super) fn run(
             from_small_to_large(&sorted, [&known, &even.at], &mut observe)?
         }
     };
-    let pictures = &sorted.pictures;
     let fitted = believed(&sorted, &fit, &mut warnings);
     let (fit, effort) = finest(&sorted, &fitted, &known, fit, &mut |part| {
         at_share("fitting all pictures finely", 0.7, 0.9, part);
@@ -111,7 +113,7 @@ pub(super) fn run(
         warnings.push(through_one_iris(&untold, &pairs));
     }
     at_share("leaving out what does not show", 0.9, 0.9, 0.0);
-    let settled = terms::settle(pictures, &fitted, [&start, &known], fit.clone(), effort)?;
+    let settled = terms::settle(&sorted.pictures, &fitted, [&start, &known], fit.clone(), effort)?;
     let judge = |fit: &Fit| judged(&sorted, &fit.at, &fitted, effort.subpixels).left;
     let fit = if judge(&settled) < SETTLED * judge(&fit) { settled } else { fit };
     let fit = if own.squares < NO_BETTER * fit.squares { own } else { fit };
@@ -119,7 +121,7 @@ pub(super) fn run(
     let mut report = Report::new(&sorted, &start, &fit, &fitted, captures, warnings, effort.subpixels, drift);
     report.untold = untold;
     report.add_confused(pairs);
-    if !report.calibrated && has_other_sign(pictures, &start, &camera, &fitted, fit.squares)? {
+    if !report.calibrated && has_other_sign(&mut sorted, &start, &camera, &fitted, fit.squares)? {
         report.directions.phase = PhaseSign::Opposite;
         report.warnings.push(OTHER_SIGN.into());
     }
@@ -190,6 +192,15 @@ fn finest(
     let pictures = &sorted.pictures;
     let left = judged(sorted, &fit.at, which, ALL.subpixels).left;
     tracing::debug!("all pictures: {left:.5} is left");
+    if pictures.parts.len() > 1 {
+        if left > INSIDE {
+            return Ok((fit, ALL));
+        }
+        let finer = pictures.fit_near(known, &fit.at, &fit.free, which, END, observe)?;
+        let now = judged(sorted, &finer.at, which, FINE).left;
+        tracing::debug!("with sub-pixels: {now:.5} is left");
+        return Ok(if now < left { (finer, END) } else { (fit, ALL) });
+    }
     let hard = Parameters { soft_edge: false, ..fit.at.clone() };
     // The fewer bins an iris has, the more a soft edge leaves: whether a hard one explains more is cheap to ask.
     if left > INSIDE {
@@ -209,7 +220,7 @@ fn finest(
 
 /// Whether phases of the other sign predict the pictures of a bench far better than what was fitted.
 fn has_other_sign(
-    pictures: &Pictures,
+    sorted: &mut Sorted,
     start: &Parameters,
     camera: &[Parameter],
     which: &[usize],
@@ -218,7 +229,8 @@ fn has_other_sign(
     for times in NEGATIVES {
         let mut other = start.clone();
         other.model.level.iter_mut().flatten().for_each(|level| *level *= times);
-        let fit = pictures.fit(&other, camera, which, PLAIN, &mut |_| {})?;
+        other.map = aligned::map(sorted, &other)?;
+        let fit = sorted.pictures.fit(&other, camera, which, PLAIN, &mut |_| {})?;
         if 2.0 * fit.squares < squares {
             return Ok(true);
         }

@@ -1,21 +1,22 @@
 //! Pictures, and what a model predicts of them.
 
-use super::device::{Device, Further, Set};
+use super::device::{Device, Set};
 use super::map::CameraMap;
 use super::parameters::{Parameter, Parameters};
+use super::pattern::Pattern;
 use super::seen::{Look, Seen};
 use eyebox_kernels::Complex64;
-use eyebox_optics::Optics;
+use eyebox_optics::{Optics, Pupil, SlmPart};
 use rayon::prelude::*;
 use std::path::PathBuf;
 
 /// A picture's pixels that are compared.
 pub(super) struct View {
-    /// Which set, and which of its windows.
+    /// Which set.
     pub(super) set: usize,
-    pub(super) window: usize,
-    pub(super) look: Look,
-    /// Counts, 1 at full scale.
+    /// By part of the SLM: the pixels that look at it, and which of its windows they look through.
+    pub(super) looks: Vec<(Look, usize)>,
+    /// Counts, 1 at full scale, part by part.
     pub(super) counts: Vec<f64>,
     /// Their variance by the camera's noise.
     pub(super) variance: Vec<f64>,
@@ -27,58 +28,86 @@ pub(super) struct View {
     pub(super) file: PathBuf,
 }
 
+impl View {
+    /// The iris as it was asked for.
+    pub(super) fn pupil(&self) -> Pupil {
+        self.looks[0].0.pupil
+    }
+
+    /// Its pixels (x, y), part by part.
+    pub(super) fn pixels(&self) -> impl Iterator<Item = [f64; 2]> {
+        self.looks.iter().flat_map(|(look, _)| look.pixels.iter().copied())
+    }
+}
+
+/// What was shown: the whole SLM, and by part.
+pub(super) struct PatternSet {
+    pub(super) pattern: Pattern,
+    pub(super) parts: Vec<Set>,
+}
+
 /// Pictures, and what was shown for them.
 pub(super) struct Pictures {
     pub(super) optics: Optics,
-    pub(super) sets: Vec<Set>,
+    /// Parts of the SLM that are simulated.
+    pub(super) parts: Vec<SlmPart>,
+    pub(super) sets: Vec<PatternSet>,
     pub(super) views: Vec<View>,
     /// The camera's dark level, counts.
     pub(super) dark: f64,
 }
 
+/// What looks at a part, and what enters its iris: by sub-frame, and by parameter and sub-frame.
+type Entering<'a> = (&'a Look, &'a [&'a [Complex64]], &'a [Vec<&'a [Complex64]>]);
+
 impl Pictures {
-    /// Something of each of these views and of what enters its iris: by sub-frame, and by `further` and sub-frame. What leaves a set's
-    /// pixels is computed once for all of its views.
+    /// Something of each of these views, part by part. What leaves a set's pixels is computed once for all of its views.
     fn each<T: Send>(
         &self,
-        device: &Device,
-        further: &[Further],
+        (at, subpixels): (&Parameters, usize),
+        free: &[Parameter],
         which: &[usize],
-        of: impl Fn(&View, &[&[Complex64]], &[Vec<&[Complex64]>]) -> T + Sync,
-    ) -> Vec<T> {
+        of: impl Fn(Entering<'_>) -> T + Sync,
+    ) -> Vec<Vec<T>> {
         let mut sets: Vec<usize> = which.iter().map(|v| self.views[*v].set).collect();
         sets.sort_unstable();
         sets.dedup();
-        let of_set = |&set: &usize| {
-            let (fields, by) = device.enter(&self.sets[set], further);
-            let places: Vec<usize> = (0..which.len()).filter(|i| self.views[which[*i]].set == set).collect();
-            let of_view = |i: usize| {
-                let view = &self.views[which[i]];
-                let entering: Vec<_> = fields.iter().map(|frame| &frame[view.window][..]).collect();
-                let by: Vec<Vec<_>> =
-                    by.iter().map(|frames| frames.iter().map(|frame| &frame[view.window][..]).collect()).collect();
-                (i, of(view, &entering, &by))
+        let of_part = |part: usize| {
+            let device = Device::new(&at.model, self.parts[part], &self.optics, subpixels);
+            let further = device.all_further(at, free);
+            let of_set = |&set: &usize| {
+                let (fields, by) = device.enter(&self.sets[set].parts[part], &further);
+                let places: Vec<usize> = (0..which.len()).filter(|i| self.views[which[*i]].set == set).collect();
+                let of_view = |i: usize| {
+                    let (look, window) = &self.views[which[i]].looks[part];
+                    let entering: Vec<_> = fields.iter().map(|frame| &frame[*window][..]).collect();
+                    let by: Vec<Vec<_>> =
+                        by.iter().map(|frames| frames.iter().map(|frame| &frame[*window][..]).collect()).collect();
+                    ((i, part), of((look, &entering, &by)))
+                };
+                places.into_par_iter().map(of_view).collect::<Vec<_>>()
             };
-            places.into_par_iter().map(of_view).collect::<Vec<_>>()
+            sets.par_iter().flat_map(of_set).collect::<Vec<_>>()
         };
-        let mut all: Vec<(usize, T)> = sets.par_iter().flat_map(of_set).collect();
-        all.sort_by_key(|(i, _)| *i);
-        all.into_iter().map(|(_, of_view)| of_view).collect()
+        let mut all: Vec<((usize, usize), T)> = (0..self.parts.len()).into_par_iter().flat_map(of_part).collect();
+        all.sort_by_key(|(place, _)| *place);
+        let mut views: Vec<Vec<T>> = which.iter().map(|_| Vec::new()).collect();
+        all.into_iter().for_each(|((i, _), of_view)| views[i].push(of_view));
+        views
     }
 
     /// What the model predicts of each of these views, with slopes.
     pub(super) fn see(&self, at: &Parameters, subpixels: usize, which: &[usize], free: &[Parameter]) -> Vec<Seen> {
-        let device = Device::new(&at.model, self.optics, subpixels);
         let of_device: Vec<Parameter> = free.iter().copied().filter(|p| p.is_of_device()).collect();
-        let further = device.all_further(at, &of_device);
-        self.each(&device, &further, which, |view, entering, by| {
+        let parts = self.each((at, subpixels), &of_device, which, |(look, entering, by)| {
             let mut by = by.iter();
             let of_parameter = |p: &Parameter| match p.is_of_device() {
                 true => by.next().cloned().unwrap_or_default(),
                 false => Vec::new(),
             };
-            view.look.see(at, entering, free, &free.iter().map(of_parameter).collect::<Vec<_>>())
-        })
+            look.see(at, entering, free, &free.iter().map(of_parameter).collect::<Vec<_>>())
+        });
+        parts.into_iter().map(Seen::joined).collect()
     }
 
     /// What the model predicts of each of these views for cameras that look elsewhere: by view, then camera.
@@ -89,16 +118,25 @@ impl Pictures {
         which: &[usize],
         cameras: &[CameraMap],
     ) -> Vec<Vec<Seen>> {
-        let of_camera = |intensity| Seen { intensity, slopes: Vec::new() };
-        self.each(&Device::new(&at.model, self.optics, subpixels), &[], which, |view, entering, _| {
-            view.look.see_from(at, entering, cameras).into_iter().map(of_camera).collect()
-        })
+        let parts = self.each((at, subpixels), &[], which, |(look, entering, _)| look.see_from(at, entering, cameras));
+        let by_camera = |parts: Vec<Vec<Vec<f64>>>| -> Vec<Seen> {
+            let of_camera = |camera: usize| {
+                let intensity = parts.iter().flat_map(|cameras| cameras[camera].iter().copied()).collect();
+                Seen { intensity, slopes: Vec::new() }
+            };
+            (0..cameras.len()).map(of_camera).collect()
+        };
+        parts.into_iter().map(by_camera).collect()
     }
 
-    /// What the model predicts of a view at other camera pixels (x, y).
-    pub(super) fn see_places(&self, at: &Parameters, subpixels: usize, view: usize, places: &[[f64; 2]]) -> Seen {
-        let device = Device::new(&at.model, self.optics, subpixels);
-        self.each(&device, &[], &[view], |view, entering, _| view.look.of(places.to_vec()).see(at, entering, &[], &[]))
-            .swap_remove(0)
+    /// What the model predicts of a view at other camera pixels (x, y), wherever on the SLM they look.
+    pub(super) fn see_places(&self, at: &Parameters, subpixels: usize, view: usize, places: &[[f64; 2]]) -> Vec<f64> {
+        let (of_view, slm) = (&self.views[view], SlmPart::from([self.optics.height, self.optics.width]));
+        let radius = of_view.looks[0].0.radius;
+        let look = Look::new((slm, &self.optics), of_view.pupil(), radius, at, places.to_vec());
+        let set = Set { pattern: self.sets[of_view.set].pattern.clone(), windows: vec![look.window.clone()] };
+        let (fields, _) = Device::new(&at.model, slm, &self.optics, subpixels).enter(&set, &[]);
+        let entering: Vec<_> = fields.iter().map(|frame| &frame[0][..]).collect();
+        look.see(at, &entering, &[], &[]).intensity
     }
 }

@@ -60,6 +60,7 @@ pub use limits::{
 pub use mask::{Mask, MaskPhases};
 pub use model::WAVES;
 pub use model::{DisplayModel, Iris, Level, ModelOf, ModelSections, ModelTerms, Spread};
+pub use model_tables::SlmPart;
 pub use obstruction::Obstruction;
 pub use padding::Padding;
 pub use padding::{slow_sides, walk_off};

@@ -10,9 +10,29 @@ fn place(pixel: usize, count: usize) -> f64 {
     (2 * pixel + 1) as f64 / count as f64 - 1.0
 }
 
-/// `value(x, y)` at each pixel of `height` x `width`, row-major; x and y run from -1 to 1 over the SLM.
-fn per_pixel<T>(height: usize, width: usize, value: impl Fn(f64, f64) -> T) -> Vec<T> {
-    (0..height * width).map(|i| value(place(i % width, width), place(i / width, height))).collect()
+/// `value(x, y)` at each pixel of a part of an SLM, row-major; x and y run from -1 to 1 over the whole SLM.
+fn per_pixel<T>(part: SlmPart, value: impl Fn(f64, f64) -> T) -> Vec<T> {
+    let SlmPart { slm: [height, width], first: [row, column], size: [rows, columns] } = part;
+    let at = |i: usize| value(place(column + i % columns, width), place(row + i / columns, height));
+    (0..rows * columns).map(at).collect()
+}
+
+/// A rectangle of an SLM's pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SlmPart {
+    /// Rows and columns of the whole SLM.
+    pub slm: [usize; 2],
+    /// First row and column of the part.
+    pub first: [usize; 2],
+    /// Rows and columns of the part.
+    pub size: [usize; 2],
+}
+
+impl From<[usize; 2]> for SlmPart {
+    /// All rows and columns of an SLM.
+    fn from(slm: [usize; 2]) -> Self {
+        Self { slm, first: [0; 2], size: slm }
+    }
 }
 
 /// Most places along an axis at which the source's light is summed: between as many it is straight to a float32.
@@ -24,9 +44,9 @@ fn sinc(x: f64) -> f64 {
 }
 
 impl DisplayModel {
-    /// Phase at full drive in units of 2 pi, of each pixel: (height, width).
-    pub fn level_map(&self, height: usize, width: usize) -> Vec<f64> {
-        per_pixel(height, width, |x, y| self.level_at(x, y))
+    /// Phase at full drive in units of 2 pi, of each pixel of an SLM or of a part of it: (rows, columns).
+    pub fn level_map(&self, part: impl Into<SlmPart>) -> Vec<f64> {
+        per_pixel(part.into(), |x, y| self.level_at(x, y))
     }
 
     /// The same at (x, y), from -1 to 1 over the SLM.
@@ -125,9 +145,10 @@ impl DisplayModel {
     }
 
     /// Amplitude of the source at each pixel, (height, width): its mean square is 1.
-    pub fn source_amplitude(&self, height: usize, width: usize) -> Vec<f64> {
-        let root = self.source_root([height, width]);
-        per_pixel(height, width, |x, y| self.source_at(x, y) / root)
+    pub fn source_amplitude(&self, part: impl Into<SlmPart>) -> Vec<f64> {
+        let part = part.into();
+        let root = self.source_root(part.slm);
+        per_pixel(part, |x, y| self.source_at(x, y) / root)
     }
 
     /// The source's amplitude before its mean square is made 1.
@@ -142,7 +163,7 @@ impl DisplayModel {
         if self.source == [0.0; 5] {
             return 1.0;
         }
-        let all = per_pixel(height.min(PLACES), width.min(PLACES), |x, y| self.source_at(x, y).powi(2));
+        let all = per_pixel([height.min(PLACES), width.min(PLACES)].into(), |x, y| self.source_at(x, y).powi(2));
         (all.iter().sum::<f64>() / all.len() as f64).sqrt()
     }
 
@@ -157,8 +178,8 @@ impl DisplayModel {
     }
 
     /// `sum eta exp(i psi)` at each pixel, (height, width): the part of the source's amplitude that they do not modulate.
-    pub fn undiffracted_share(&self, height: usize, width: usize) -> Vec<Complex64> {
-        per_pixel(height, width, |x, y| self.undiffracted_at(x, y))
+    pub fn undiffracted_share(&self, part: impl Into<SlmPart>) -> Vec<Complex64> {
+        per_pixel(part.into(), |x, y| self.undiffracted_at(x, y))
     }
 
     fn undiffracted_at(&self, x: f64, y: f64) -> Complex64 {
@@ -346,12 +367,12 @@ mod tests {
             undiffracted: vec![[0.15, 0.1, 0.2, -0.1, 0.3], [-0.05, 0.02, -3.0, 1.0, 0.5]],
             ..DisplayModel::default()
         };
-        near(&model.level_map(5, 6)[..7], &[0.935, 0.965, 0.995, 1.02, 1.04, 1.06, 0.9716666666666667]);
-        let source = model.source_amplitude(5, 6);
+        near(&model.level_map([5, 6])[..7], &[0.935, 0.965, 0.995, 1.02, 1.04, 1.06, 0.9716666666666667]);
+        let source = model.source_amplitude([5, 6]);
         assert!((source.iter().map(|a| a * a).sum::<f64>() / 30.0 - 1.0).abs() < 1e-12);
         let modulated: Vec<f64> = source.iter().map(|a| a * model.modulated_share()).collect();
         near(&modulated[..3], &[0.8366805267601275, 0.9753297729739018, 1.0636294087342775]);
-        let rest = model.undiffracted_share(5, 6)[1] * source[1];
+        let rest = model.undiffracted_share([5, 6])[1] * source[1];
         near(&[rest.re, rest.im], &[0.08156187261724136, 0.09569661053376309]);
         // Bin 1 of 5 rows, and bin 2 of 6 columns, on 2 x 2 sub-pixels; bin 2 of 5 and bin 1 of 6 on one.
         let two = model.pixel_aperture(0.2, 2) * model.pixel_aperture(2.0 / 6.0, 2);

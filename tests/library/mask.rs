@@ -58,7 +58,7 @@ impl Masked {
         let (model, o, k) = (self.display.model(Color::Green), self.fine(), self.factor);
         let (h, w, rows, columns) = (self.display.height, self.display.width, o.height, o.width);
         let (level, source, rest) =
-            (model.level_map(h, w), model.source_amplitude(h, w), model.undiffracted_share(h, w));
+            (model.level_map([h, w]), model.source_amplitude([h, w]), model.undiffracted_share([h, w]));
         let pupil = model.true_pupil(asked);
         let bin = |at: usize, n: usize| if at < n - n / 2 { at as i64 } else { at as i64 - n as i64 };
         let propagate = |field: &mut Vec<Complex64>, kernel: &dyn Fn(i64, i64) -> Complex64| {

@@ -38,8 +38,8 @@ impl Bench {
     /// Spectrum of each sub-frame, with the pixels' aperture and the relay.
     pub(crate) fn spectra(&self, phases: &[f64]) -> Vec<Vec<Complex64>> {
         let ((h, w), model, frames) = (self.size(), &self.model, self.oracle.frames);
-        let (level, source) = (model.level_map(h, w), model.source_amplitude(h, w));
-        let rest = model.undiffracted_share(h, w);
+        let (level, source) = (model.level_map([h, w]), model.source_amplitude([h, w]));
+        let rest = model.undiffracted_share([h, w]);
         let driven: Vec<f64> =
             phases.iter().enumerate().map(|(i, p)| model.look_up(p.rem_euclid(TAU), level[i % (h * w)]).0).collect();
         let shares = model.lag_shares(frames);

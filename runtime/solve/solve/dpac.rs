@@ -72,11 +72,11 @@ pub(super) fn phases(problem: &Problem, settings: &Settings, engine: &mut dyn En
     };
     let (height, width) = (place.height as usize, place.width as usize);
     // Where the source is weaker, more of it is to be left.
-    for (i, amplitude) in model.source_amplitude(height, width).into_iter().enumerate() {
+    for (i, amplitude) in model.source_amplitude([height, width]).into_iter().enumerate() {
         let at = (i / width + place.top as usize) * place.grid_width as usize + i % width + place.left as usize;
         field[2 * at..2 * at + 2].iter_mut().for_each(|v| *v /= amplitude as f32);
     }
-    let levels = model.level_map(height, width);
+    let levels = model.level_map([height, width]);
     let mut phases = encode(&place, &field, settings.frames);
     for frame in phases.chunks_exact_mut(height * width) {
         let each = frame.iter_mut().zip(&levels);

@@ -159,7 +159,7 @@ fn the_light_is_what_a_pupil_in_the_middle_sees() {
     let seen = plain.views.coverage(&pupil);
     assert!((9..25).contains(&seen.len()), "{seen:?}");
     let model = DisplayModel { source: [0.3, 0.0, -0.5, 0.0, -0.2], ..DisplayModel::default() };
-    let lit = model.source_amplitude(height, width);
+    let lit = model.source_amplitude([height, width]);
     let model = ModelTables::new(model, 10e-3, 256, plain.optics, plain.optics);
     let shaded = Problem { model, ..plain.clone() };
     let [plain, padded, shaded] =

@@ -143,7 +143,7 @@ mod tests {
             bend: [0.12, -0.06],
             ..DisplayModel::default()
         };
-        let levels = model.level_map(64, 96);
+        let levels = model.level_map([64, 96]);
         let tables = ModelTables::new(model.clone(), 10e-3, 256, plain.optics, plain.optics);
         let faulty = Problem { model: tables, ..plain.clone() };
         let pupil = Pupil::from_mm([0.0, 0.0, 12.0, 0.0]);

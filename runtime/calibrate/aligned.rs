@@ -1,0 +1,169 @@
+//! The camera's map of a large SLM, by its pieces. Dots of a large SLM are many pixels wide, and an uneven beam moves their middles by
+//! several of them: more than a speckle is wide, so that no slope leads to the right place. Each piece is searched for where the
+//! model predicts it, and the map goes through the places that were found.
+
+use super::error::CalibrateError;
+use super::map::CameraMap;
+use super::orders::Random;
+use super::parameters::{Parameter, Parameters};
+use super::picture;
+use super::slopes::shifts;
+use super::sorted::Sorted;
+use super::views::View;
+use eyebox_optics::linear::solve;
+
+/// Shifts that are tried in each round, SLM pixels: reach and step. A speckle of a small iris is 5 pixels wide.
+const ROUNDS: [(i32, f64); 2] = [(5, 2.0), (3, 0.7)];
+/// Camera pixels of a piece.
+const PIXELS: usize = 2000;
+/// Pictures that are searched, of the irises that are nearest to the axis.
+const PICTURES: usize = 2;
+/// Numbers of the map: all but the higher distortion.
+const NUMBERS: usize = 9;
+/// Pieces at least that have to be found.
+const FEWEST: usize = 6;
+/// A place that is this many SLM pixels off the map through all places is not believed.
+const FAR: f64 = 3.0;
+
+/// A camera pixel (x, y) and the place on the SLM (x, y) at which it was found to look.
+type Found = ([f64; 2], [f64; 2]);
+
+/// The map on which the model predicts the pieces; the one of the dots where the SLM is simulated whole or too few are found.
+pub(super) fn map(sorted: &mut Sorted, start: &Parameters) -> Result<CameraMap, CalibrateError> {
+    let count = sorted.pictures.views.len();
+    let mut at = start.clone();
+    if sorted.pictures.parts.len() == 1 {
+        return Ok(at.map);
+    }
+    let middles = add_views(sorted)?;
+    let which: Vec<usize> = (count..sorted.pictures.views.len()).collect();
+    for (reach, step) in ROUNDS {
+        let shifts = shifts(&sorted.pictures, &at, &which, reach, step);
+        tracing::debug!("shifts of the pieces, pixels: {shifts:.1?}");
+        let found: Vec<Found> = (middles.iter().zip(shifts))
+            .filter_map(|([x, y], shift)| shift.map(|[dx, dy]| (at.map.to_camera([*x, *y]), [x + dx, y + dy])))
+            .collect();
+        let Some(map) = through(at.map, found, &at) else { break };
+        at.map = map;
+    }
+    sorted.pictures.views.truncate(count);
+    Ok(at.map)
+}
+
+/// Adds a view of each piece in the pictures that are searched; the middles of the pieces (x, y), view by view.
+fn add_views(sorted: &mut Sorted) -> Result<Vec<[f64; 2]>, CalibrateError> {
+    let mut small = Random::new(sorted).small;
+    let far = |v: &usize| {
+        let pupil = sorted.pictures.views[*v].pupil();
+        pupil.x.hypot(pupil.y)
+    };
+    small.sort_by(|a, b| far(a).total_cmp(&far(b)));
+    let mut middles = Vec::new();
+    for v in small.into_iter().take(PICTURES) {
+        let view = &sorted.pictures.views[v];
+        let wrong = |reason| CalibrateError::Captures { file: view.file.display().to_string(), reason };
+        let picture = picture::load(&view.file, sorted.camera, view.full_scale).map_err(wrong)?;
+        let mut pieces = Vec::new();
+        for (part, slm) in sorted.pictures.parts.iter().enumerate() {
+            let pixels = sorted.pixels_of(&picture, part, PIXELS);
+            let counts: Vec<f64> = pixels.iter().map(|p| f64::from(picture.values[*p])).collect();
+            let place = |p: &usize| [(p % picture.width) as f64, (p / picture.width) as f64];
+            let looks = view.looks.iter().enumerate().map(|(i, (look, window))| {
+                let here = if i == part { pixels.iter().map(place).collect() } else { Vec::new() };
+                (look.of(here), *window)
+            });
+            let variance = vec![view.variance.iter().sum::<f64>() / view.variance.len() as f64; counts.len()];
+            pieces.push(View { looks: looks.collect(), counts, variance, file: view.file.clone(), ..*view });
+            let middle = |axis: usize| slm.first[axis] as f64 + slm.size[axis] as f64 / 2.0;
+            middles.push([middle(1), middle(0)]);
+        }
+        sorted.pictures.views.extend(pieces);
+    }
+    Ok(middles)
+}
+
+/// The map nearest to one that goes through places, by Gauss and Newton; none where too few agree.
+fn through(start: CameraMap, mut found: Vec<Found>, at: &Parameters) -> Option<CameraMap> {
+    for _ in 0..2 {
+        if found.len() < FEWEST {
+            return None;
+        }
+        let map = nearest(start, &found, at)?;
+        let off = |(pixel, place): &Found| {
+            let [x, y] = map.to_slm(*pixel);
+            (x - place[0]).hypot(y - place[1])
+        };
+        let rms = (found.iter().map(|f| off(f).powi(2)).sum::<f64>() / found.len() as f64).sqrt();
+        tracing::debug!("{} pieces, {rms:.2} pixels off", found.len());
+        if found.iter().all(|f| off(f) < FAR) {
+            return Some(map);
+        }
+        found.retain(|f| off(f) < FAR.max(1.5 * rms));
+    }
+    nearest(start, &found, at)
+}
+
+fn nearest(start: CameraMap, found: &[Found], at: &Parameters) -> Option<CameraMap> {
+    let mut at = Parameters { map: start, ..at.clone() };
+    let free: Vec<Parameter> = (0..NUMBERS).map(Parameter::Map).collect();
+    for _ in 0..6 {
+        let (mut normal, mut right) = (vec![vec![0.0; NUMBERS]; NUMBERS], vec![0.0; NUMBERS]);
+        for (i, p) in free.iter().enumerate() {
+            // Pieces that are few leave the distortion where the dots have it.
+            normal[i][i] += (1.0 / p.usual()).powi(2);
+            right[i] -= (at.get(*p) - start.numbers[i]) / p.usual().powi(2);
+        }
+        for (pixel, place) in found {
+            let here = at.map.to_slm(*pixel);
+            let slopes: Vec<[f64; 2]> = (free.iter())
+                .map(|p| {
+                    let there = at.moved(*p, p.step()).map.to_slm(*pixel);
+                    [0, 1].map(|axis| (there[axis] - here[axis]) / p.step())
+                })
+                .collect();
+            for axis in 0..2 {
+                for i in 0..NUMBERS {
+                    right[i] += slopes[i][axis] * (place[axis] - here[axis]);
+                    (0..NUMBERS).for_each(|j| normal[i][j] += slopes[i][axis] * slopes[j][axis]);
+                }
+            }
+        }
+        at = at.stepped(&free, &solve(&normal, &right)?);
+    }
+    Some(at.map)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use eyebox_optics::DisplayModel;
+
+    #[test]
+    fn the_map_goes_through_the_pieces_that_were_found() {
+        let dots = CameraMap {
+            numbers: [-0.8687, 0.0771, -0.0411, 0.0761, 0.868, 0.0305, 0.0141, -0.01, 0.0068, 0.0],
+            slm: [1080, 1920],
+            camera: [1836, 3456],
+        };
+        let off = [0.0016, -0.0003, 0.0005, 0.0008, -0.0009, -0.0004, -0.0011, 0.0023, 0.0058, 0.0];
+        let truth = CameraMap { numbers: std::array::from_fn(|i| dots.numbers[i] + off[i]), ..dots };
+        let places = (0..12).map(|i| [96.0 + 576.0 * f64::from(i % 4), 96.0 + 444.0 * f64::from(i / 4)]);
+        let mut found: Vec<Found> = places.map(|place| (truth.to_camera(place), place)).collect();
+        let far = |map: CameraMap| {
+            let off =
+                |(pixel, place): &Found| (map.to_slm(*pixel)[0] - place[0]).hypot(map.to_slm(*pixel)[1] - place[1]);
+            found.iter().map(off).fold(0.0, f64::max)
+        };
+        let at = Parameters { model: DisplayModel::default(), map: dots, camera_pixel: 0.9, soft_edge: true };
+        let map = through(dots, found.clone(), &at).expect("a map");
+        assert!(far(dots) > 3.0 && far(map) < 0.1, "{} pixels off, then {}", far(dots), far(map));
+        // One that was found elsewhere is left out; too few are no map.
+        let wrong = found[5].1;
+        found[5].1 = [wrong[0] + 10.0, wrong[1] - 8.0];
+        let without = through(dots, found.clone(), &at).expect("a map");
+        found[5].1 = wrong;
+        let far = |map: CameraMap| (map.to_slm(found[5].0)[0] - wrong[0]).hypot(map.to_slm(found[5].0)[1] - wrong[1]);
+        assert!(far(without) < 0.3, "{}", far(without));
+        assert!(through(dots, found[..FEWEST - 1].to_vec(), &at).is_none());
+    }
+}
