@@ -60,23 +60,22 @@ pub(super) fn fit(sorted: &Sorted, start: &Parameters) -> Result<Even, Calibrate
     if left < CONTRADICT || even.len() < 4 {
         return Ok(best);
     }
-    let mut least = ALONE * left;
+    // The strongest wave alone shows which picture it is, if one is.
+    let mut least: Option<(f64, usize, Vec<usize>)> = None;
     for strange in even {
         let others: Vec<usize> = even.iter().copied().filter(|v| v != strange).collect();
-        let Some((left, _)) = fit_to(sorted, start, &others, Search::Strongest)? else { continue };
-        if left >= least {
-            continue;
+        let Some((now, _)) = fit_to(sorted, start, &others, Search::Strongest)? else { continue };
+        tracing::debug!("without {}: {now:.4} is left", sorted.pictures.views[*strange].file.display());
+        if now < least.as_ref().map_or(left, |(least, ..)| *least) {
+            least = Some((now, *strange, others));
         }
-        let Some((left, at)) = fit_to(sorted, start, &others, Search::Thorough)? else { continue };
-        let of_strange = sorted.mean_left(&at, &[*strange]);
-        tracing::debug!(
-            "without {}: {left:.4} is left, and {of_strange:.4} of it",
-            sorted.pictures.views[*strange].file.display()
-        );
-        if left < least {
-            least = left;
-            best = Even { at, strange: Some((*strange, of_strange)) };
-        }
+    }
+    if let Some((_, strange, others)) = least
+        && let Some((now, at)) = fit_to(sorted, start, &others, Search::Thorough)?
+        && now < ALONE * left
+    {
+        let of_strange = sorted.mean_left(&at, &[strange]);
+        best = Even { at, strange: Some((strange, of_strange)) };
     }
     Ok(best)
 }

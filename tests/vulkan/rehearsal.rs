@@ -89,8 +89,8 @@ fn steps_keep_to_their_budgets() {
     assert!(gpu.messages().lock().unwrap().is_empty(), "{:?}", gpu.messages());
 }
 
-/// Every term of a display's model at once: what its pixels move comes on top, and no further trip of the fields. As GPUs store
-/// it, that takes no more than 1.15 times a step for the ideal display.
+/// Every term of a display's model at once: what its pixels move comes on top, and no further trip of the fields. That takes
+/// no more than 1.2 times a step for the ideal display: the terms cost arithmetic, which is what a step waits for.
 #[test]
 fn every_term_keeps_to_its_budget() {
     let mut terms = ModelTerms { wavefront: [(4, 0.03), (8, 0.05)].into(), ..ModelTerms::default() };
@@ -99,7 +99,7 @@ fn every_term_keeps_to_its_budget() {
     (terms.crosstalk, terms.source) = (Some([[1.2, 2.03].into(); 4]), Some([0.0, 0.0, -0.4, 0.0, -0.4]));
     let ideal = Display { height: 1080, width: 1920, ..Display::preset("paper").expect("a preset") };
     let faulty = Display { model: [(ModelOf::Green, terms)].into(), ..ideal.clone() };
-    for (storage, most_planes, most_times) in [(Storage::F32, 9.0, 1.15), (Storage::F16, 6.0, 1.15)] {
+    for (storage, most_planes, most_times) in [(Storage::F32, 9.0, 1.2), (Storage::F16, 6.0, 1.2)] {
         let settings = Settings { pupils: 16, storage, ..Settings::default() };
         let [ideal, faulty] = [&ideal, &faulty].map(|display| {
             let solve = Rehearsal::of_solve(&problem_before([5, 5], display), &settings, &gpu(), 2).unwrap();

@@ -227,7 +227,7 @@ mod tests {
             cache: 0,
             bandwidth: 1e9,
             cache_bandwidth: 1e15,
-            value_s: 1e-8,
+            value_s: 5e-9,
             stage_s: 1e-3,
             dispatch_s: 1e-4,
             submission_s: 0.5,
@@ -254,8 +254,8 @@ mod tests {
         assert!((estimate.total().as_secs_f64() - 2.5021).abs() < 1e-9);
         // Values half as large are twice as many: 5e8 of them take longer than their bytes; of photographs none is counted.
         let halves = device.estimate(&[&recording], 4);
-        assert!((halves.arithmetic.as_secs_f64() - 5.0).abs() < 1e-9 && estimate.memory == halves.memory);
-        assert!((halves.total().as_secs_f64() - 5.5021).abs() < 1e-9);
+        assert!((halves.arithmetic.as_secs_f64() - 2.5).abs() < 1e-9 && estimate.memory == halves.memory);
+        assert!((halves.total().as_secs_f64() - 3.0021).abs() < 1e-9);
         let mut seen = Recording::default();
         seen.push(work(&[(1, 1_000_000_000, false)]));
         seen.push(Entry::Mark(Kernel::Photograph as usize));
