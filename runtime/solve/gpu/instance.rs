@@ -156,9 +156,9 @@ impl Drop for Instance {
     }
 }
 
-/// From a process's second instance on, one that is never destroyed keeps its drivers loaded. The loader unloads a driver with
-/// the last instance, and NVIDIA's takes room for thread-local variables that glibc does not get back: after a few rounds it
-/// cannot be loaded any more, and there is no device (seen on an H200 with 580.159.04).
+/// Keeps the drivers loaded from a process's second instance on, by an instance that is never destroyed. The loader unloads a driver
+/// with the last instance, and NVIDIA's (580.159.04 on an H200) could not be loaded any more after four rounds: there was no device.
+/// Thread-local storage that glibc does not get back is a likely cause.
 fn keep_drivers(entry: &ash::Entry) {
     static OPENED: AtomicUsize = AtomicUsize::new(0);
     if OPENED.fetch_add(1, Ordering::Relaxed) != 1 {
