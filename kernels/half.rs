@@ -1,8 +1,8 @@
 //! Complex fields stored as two halves (IEEE 754 binary16), the arithmetic staying in float32: the twin of `half.glsl`.
 //!
 //! A half has 11 bits and reaches from 6e-8 to 65504. Rounding is to the nearest, ties to even, on every device: Vulkan
-//! leaves the rounding of `packHalf2x16` to the device, so shaders round in integers where it does not promise that. What is too large becomes
-//! infinite, and what is no number stays none: `check_finite` finds both. The twin keeps float32 values and rounds them to what
+//! leaves the rounding of `packHalf2x16` to the device, so shaders round in integers where it does not promise that. What
+//! is too large becomes infinite, and what is no number stays none: `check_finite` finds both. The twin keeps float32 values and rounds them to what
 //! a half would hold, where a shader would store one.
 
 use crate::{Complex32, simd};

@@ -2,15 +2,15 @@
 //! several of them: more than a speckle is wide, so that no slope leads to the right place. Each piece is searched for where the
 //! model predicts it, and the map goes through the places that were found.
 
+use super::dots::{ALL, nearer};
 use super::error::CalibrateError;
 use super::map::CameraMap;
 use super::orders::Random;
-use super::parameters::{Parameter, Parameters};
+use super::parameters::Parameters;
 use super::picture;
 use super::slopes::shifts;
 use super::sorted::Sorted;
 use super::views::View;
-use eyebox_optics::linear::solve;
 
 /// Shifts that are tried in each round, SLM pixels: reach and step. A speckle of a small iris is 5 pixels wide.
 const ROUNDS: [(i32, f64); 2] = [(5, 2.0), (3, 0.7)];
@@ -18,21 +18,21 @@ const ROUNDS: [(i32, f64); 2] = [(5, 2.0), (3, 0.7)];
 const PIXELS: usize = 2000;
 /// Pictures that are searched, of the irises that are nearest to the axis.
 const PICTURES: usize = 2;
-/// Numbers of the map: all but the higher distortion.
-const NUMBERS: usize = 9;
+/// Steps of Gauss and Newton.
+const STEPS: usize = 6;
 /// Pieces at least that have to be found.
 const FEWEST: usize = 6;
 /// A place that is this many SLM pixels off the map through all places is not believed.
 const FAR: f64 = 3.0;
 
-/// A camera pixel (x, y) and the place on the SLM (x, y) at which it was found to look.
+/// A place on the SLM (x, y) and the camera pixel (x, y) that was found to look at it.
 type Found = ([f64; 2], [f64; 2]);
 
 /// The map on which the model predicts the pieces; the one of the dots where the SLM is simulated whole or too few are found.
 pub(super) fn map(sorted: &mut Sorted, start: &Parameters) -> Result<CameraMap, CalibrateError> {
     let count = sorted.pictures.views.len();
     let mut at = start.clone();
-    if sorted.pictures.parts.len() == 1 {
+    if sorted.pictures.are_whole() {
         return Ok(at.map);
     }
     let middles = add_views(sorted)?;
@@ -41,9 +41,9 @@ pub(super) fn map(sorted: &mut Sorted, start: &Parameters) -> Result<CameraMap, 
         let shifts = shifts(&sorted.pictures, &at, &which, reach, step);
         tracing::debug!("shifts of the pieces, pixels: {shifts:.1?}");
         let found: Vec<Found> = (middles.iter().zip(shifts))
-            .filter_map(|([x, y], shift)| shift.map(|[dx, dy]| (at.map.to_camera([*x, *y]), [x + dx, y + dy])))
+            .filter_map(|([x, y], shift)| shift.map(|[dx, dy]| ([x + dx, y + dy], at.map.to_camera([*x, *y]))))
             .collect();
-        let Some(map) = through(at.map, found, &at) else { break };
+        let Some(map) = through(at.map, found) else { break };
         at.map = map;
     }
     sorted.pictures.views.truncate(count);
@@ -82,61 +82,33 @@ fn add_views(sorted: &mut Sorted) -> Result<Vec<[f64; 2]>, CalibrateError> {
     Ok(middles)
 }
 
-/// The map nearest to one that goes through places, by Gauss and Newton; none where too few agree.
-fn through(start: CameraMap, mut found: Vec<Found>, at: &Parameters) -> Option<CameraMap> {
-    for _ in 0..2 {
+/// The map that takes places to the camera pixels that were found to look at them; none where too few agree.
+fn through(start: CameraMap, mut found: Vec<Found>) -> Option<CameraMap> {
+    loop {
         if found.len() < FEWEST {
             return None;
         }
-        let map = nearest(start, &found, at)?;
-        let off = |(pixel, place): &Found| {
+        let mut map = start;
+        for _ in 0..STEPS {
+            map = nearer(map, &found, &ALL)?.0;
+        }
+        let off = |(place, pixel): &Found| {
             let [x, y] = map.to_slm(*pixel);
             (x - place[0]).hypot(y - place[1])
         };
         let rms = (found.iter().map(|f| off(f).powi(2)).sum::<f64>() / found.len() as f64).sqrt();
         tracing::debug!("{} pieces, {rms:.2} pixels off", found.len());
-        if found.iter().all(|f| off(f) < FAR) {
+        let count = found.len();
+        found.retain(|f| off(f) < FAR.max(1.5 * rms));
+        if found.len() == count {
             return Some(map);
         }
-        found.retain(|f| off(f) < FAR.max(1.5 * rms));
     }
-    nearest(start, &found, at)
-}
-
-fn nearest(start: CameraMap, found: &[Found], at: &Parameters) -> Option<CameraMap> {
-    let mut at = Parameters { map: start, ..at.clone() };
-    let free: Vec<Parameter> = (0..NUMBERS).map(Parameter::Map).collect();
-    for _ in 0..6 {
-        let (mut normal, mut right) = (vec![vec![0.0; NUMBERS]; NUMBERS], vec![0.0; NUMBERS]);
-        for (i, p) in free.iter().enumerate() {
-            // Pieces that are few leave the distortion where the dots have it.
-            normal[i][i] += (1.0 / p.usual()).powi(2);
-            right[i] -= (at.get(*p) - start.numbers[i]) / p.usual().powi(2);
-        }
-        for (pixel, place) in found {
-            let here = at.map.to_slm(*pixel);
-            let slopes: Vec<[f64; 2]> = (free.iter())
-                .map(|p| {
-                    let there = at.moved(*p, p.step()).map.to_slm(*pixel);
-                    [0, 1].map(|axis| (there[axis] - here[axis]) / p.step())
-                })
-                .collect();
-            for axis in 0..2 {
-                for i in 0..NUMBERS {
-                    right[i] += slopes[i][axis] * (place[axis] - here[axis]);
-                    (0..NUMBERS).for_each(|j| normal[i][j] += slopes[i][axis] * slopes[j][axis]);
-                }
-            }
-        }
-        at = at.stepped(&free, &solve(&normal, &right)?);
-    }
-    Some(at.map)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use eyebox_optics::DisplayModel;
 
     #[test]
     fn the_map_goes_through_the_pieces_that_were_found() {
@@ -148,22 +120,21 @@ mod tests {
         let off = [0.0016, -0.0003, 0.0005, 0.0008, -0.0009, -0.0004, -0.0011, 0.0023, 0.0058, 0.0];
         let truth = CameraMap { numbers: std::array::from_fn(|i| dots.numbers[i] + off[i]), ..dots };
         let places = (0..12).map(|i| [96.0 + 576.0 * f64::from(i % 4), 96.0 + 444.0 * f64::from(i / 4)]);
-        let mut found: Vec<Found> = places.map(|place| (truth.to_camera(place), place)).collect();
+        let mut found: Vec<Found> = places.map(|place| (place, truth.to_camera(place))).collect();
         let far = |map: CameraMap| {
             let off =
-                |(pixel, place): &Found| (map.to_slm(*pixel)[0] - place[0]).hypot(map.to_slm(*pixel)[1] - place[1]);
+                |(place, pixel): &Found| (map.to_slm(*pixel)[0] - place[0]).hypot(map.to_slm(*pixel)[1] - place[1]);
             found.iter().map(off).fold(0.0, f64::max)
         };
-        let at = Parameters { model: DisplayModel::default(), map: dots, camera_pixel: 0.9, soft_edge: true };
-        let map = through(dots, found.clone(), &at).expect("a map");
+        let map = through(dots, found.clone()).expect("a map");
         assert!(far(dots) > 3.0 && far(map) < 0.1, "{} pixels off, then {}", far(dots), far(map));
         // One that was found elsewhere is left out; too few are no map.
-        let wrong = found[5].1;
-        found[5].1 = [wrong[0] + 10.0, wrong[1] - 8.0];
-        let without = through(dots, found.clone(), &at).expect("a map");
-        found[5].1 = wrong;
-        let far = |map: CameraMap| (map.to_slm(found[5].0)[0] - wrong[0]).hypot(map.to_slm(found[5].0)[1] - wrong[1]);
+        let wrong = found[5].0;
+        found[5].0 = [wrong[0] + 10.0, wrong[1] - 8.0];
+        let without = through(dots, found.clone()).expect("a map");
+        found[5].0 = wrong;
+        let far = |map: CameraMap| (map.to_slm(found[5].1)[0] - wrong[0]).hypot(map.to_slm(found[5].1)[1] - wrong[1]);
         assert!(far(without) < 0.3, "{}", far(without));
-        assert!(through(dots, found[..FEWEST - 1].to_vec(), &at).is_none());
+        assert!(through(dots, found[..FEWEST - 1].to_vec()).is_none());
     }
 }

@@ -175,37 +175,42 @@ fn refined(dots: &[[f64; 2]], spots: &[[f64; 2]], mut map: CameraMap, spacing: f
         if pairs.len() < 6 {
             return None;
         }
-        let miss = |map: &CameraMap| -> Vec<f64> {
-            pairs.iter().flat_map(|(d, s)| (0..2).map(|i| map.to_camera(*d)[i] - s[i]).collect::<Vec<_>>()).collect()
-        };
-        let now = miss(&map);
-        let slopes: Vec<Vec<f64>> = free
-            .iter()
-            .map(|&p| {
-                let mut moved = map;
-                moved.numbers[p] += 1e-6;
-                miss(&moved).iter().zip(&now).map(|(m, n)| (m - n) / 1e-6).collect()
-            })
-            .collect();
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        let normal: Vec<Vec<f64>> = slopes.iter().map(|a| slopes.iter().map(|b| dot(a, b)).collect()).collect();
-        let right: Vec<f64> = slopes.iter().map(|a| -dot(a, &now)).collect();
-        for (p, step) in free.iter().zip(solve(&normal, &right)?) {
-            map.numbers[*p] += step;
-        }
-        let left = miss(&map);
-        let rms = (dot(&left, &left) / pairs.len() as f64).sqrt();
-        if !rms.is_finite() {
-            return None;
-        }
+        let rms;
+        (map, rms) = nearer(map, &pairs, free)?;
         last = Some((pairs.len(), rms, map));
     }
     last
 }
 
+/// A step of Gauss and Newton to the map that takes places on the SLM (x, y) to camera pixels (x, y), and how far off that is, camera
+/// pixels, RMS.
+pub(super) fn nearer(mut map: CameraMap, pairs: &[([f64; 2], [f64; 2])], free: &[usize]) -> Option<(CameraMap, f64)> {
+    let miss = |map: &CameraMap| -> Vec<f64> {
+        pairs.iter().flat_map(|(d, s)| (0..2).map(|i| map.to_camera(*d)[i] - s[i]).collect::<Vec<_>>()).collect()
+    };
+    let now = miss(&map);
+    let slopes: Vec<Vec<f64>> = free
+        .iter()
+        .map(|&p| {
+            let mut moved = map;
+            moved.numbers[p] += 1e-6;
+            miss(&moved).iter().zip(&now).map(|(m, n)| (m - n) / 1e-6).collect()
+        })
+        .collect();
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let normal: Vec<Vec<f64>> = slopes.iter().map(|a| slopes.iter().map(|b| dot(a, b)).collect()).collect();
+    let right: Vec<f64> = slopes.iter().map(|a| -dot(a, &now)).collect();
+    for (p, step) in free.iter().zip(solve(&normal, &right)?) {
+        map.numbers[*p] += step;
+    }
+    let left = miss(&map);
+    let rms = (dot(&left, &left) / pairs.len() as f64).sqrt();
+    rms.is_finite().then_some((map, rms))
+}
+
 /// Numbers of the map that are moved.
 const AFFINE: [usize; 6] = [0, 1, 2, 3, 4, 5];
-const ALL: [usize; 9] = [0, 1, 2, 3, 4, 5, 6, 7, 8];
+pub(super) const ALL: [usize; 9] = [0, 1, 2, 3, 4, 5, 6, 7, 8];
 
 #[cfg(test)]
 mod tests {

@@ -53,7 +53,7 @@ pub(super) struct Even {
 /// more than the closed form needs: where they contradict each other, and three do not, the fourth is not believed.
 pub(super) fn fit(sorted: &Sorted, start: &Parameters) -> Result<Even, CalibrateError> {
     let even = &sorted.even;
-    let Some((left, at)) = fit_to(sorted, start, even, Search::Thorough)? else {
+    let Some((left, at)) = fit_to(sorted, start, even)? else {
         return Ok(Even { at: start.clone(), strange: None });
     };
     let mut best = Even { at, strange: None };
@@ -64,14 +64,15 @@ pub(super) fn fit(sorted: &Sorted, start: &Parameters) -> Result<Even, Calibrate
     let mut least: Option<(f64, usize, Vec<usize>)> = None;
     for strange in even {
         let others: Vec<usize> = even.iter().copied().filter(|v| v != strange).collect();
-        let Some((now, _)) = fit_to(sorted, start, &others, Search::Strongest)? else { continue };
+        let Some(waves) = starts(sorted, start, &others)?.0.into_iter().next() else { continue };
+        let (now, _) = from_waves(sorted, start, waves, &others)?;
         tracing::debug!("without {}: {now:.4} is left", sorted.pictures.views[*strange].file.display());
         if now < least.as_ref().map_or(left, |(least, ..)| *least) {
             least = Some((now, *strange, others));
         }
     }
     if let Some((_, strange, others)) = least
-        && let Some((now, at)) = fit_to(sorted, start, &others, Search::Thorough)?
+        && let Some((now, at)) = fit_to(sorted, start, &others)?
         && now < ALONE * left
     {
         let of_strange = sorted.mean_left(&at, &[strange]);
@@ -80,34 +81,26 @@ pub(super) fn fit(sorted: &Sorted, start: &Parameters) -> Result<Even, Calibrate
     Ok(best)
 }
 
-/// Which waves a fit starts from.
-#[derive(Clone, Copy, PartialEq)]
-enum Search {
-    /// All that were found, and those found in what they leave.
-    Thorough,
-    /// The strongest alone.
-    Strongest,
-}
+/// Waves that a fit to some even drives starts from, the strongest first, and the image in which they were found, with how far tilts
+/// can be.
+type Starts = (Vec<Vec<Wave>>, Option<(Image, [f64; 2])>);
 
-/// The share that is left of some even drives and the fit to them, from the start that leaves least.
-fn fit_to(
-    sorted: &Sorted,
-    start: &Parameters,
-    which: &[usize],
-    search: Search,
-) -> Result<Option<(f64, Parameters)>, CalibrateError> {
-    if which.is_empty() {
-        return Ok(None);
-    }
+fn starts(sorted: &Sorted, start: &Parameters, which: &[usize]) -> Result<Starts, CalibrateError> {
     let unmodulated = ratios(sorted, start, which)?;
     let single = unmodulated.as_ref().map_or_else(Vec::new, |(image, limit)| strongest(image.clone(), *limit, &[]));
     let mut starts: Vec<Vec<Wave>> = single.into_iter().map(|wave| vec![wave]).collect();
     if !start.model.undiffracted.is_empty() || starts.is_empty() {
         starts.insert(0, start.model.undiffracted.clone());
     }
-    if search == Search::Strongest {
-        starts.truncate(1);
+    Ok((starts, unmodulated))
+}
+
+/// The share that is left of some even drives and the fit to them, from the start that leaves least.
+fn fit_to(sorted: &Sorted, start: &Parameters, which: &[usize]) -> Result<Option<(f64, Parameters)>, CalibrateError> {
+    if which.is_empty() {
+        return Ok(None);
     }
+    let (starts, unmodulated) = starts(sorted, start, which)?;
     let mut best: Option<(f64, Parameters)> = None;
     for waves in starts {
         let (left, at) = from_waves(sorted, start, waves, which)?;
@@ -121,9 +114,6 @@ fn fit_to(
     // A second reflection, of a window or of a lens, is found in what the first leaves.
     let Some((image, limit)) = unmodulated else { return Ok(best) };
     let Some((mut left, mut at)) = best else { return Ok(None) };
-    if search == Search::Strongest {
-        return Ok(Some((left, at)));
-    }
     'further: while at.model.undiffracted.len() < PEAKS {
         for wave in strongest(image.clone(), limit, &at.model.undiffracted) {
             let mut waves = at.model.undiffracted.clone();

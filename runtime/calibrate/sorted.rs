@@ -181,7 +181,7 @@ impl Sorted {
         let mut random = SplitMix(seed ^ 0x7069_7865_6c73);
         let mut found = Vec::new();
         // A camera that sees little of the SLM has few of them, and pieces hold a tenth.
-        let tries = if self.pictures.parts.len() > 1 { 400 } else { 40 };
+        let tries = if self.pictures.are_whole() { 40 } else { 400 };
         for _ in 0..tries * count {
             if found.len() == count {
                 break;
@@ -193,7 +193,7 @@ impl Sorted {
         }
         found.sort_unstable();
         found.dedup();
-        found.sort_by_key(|at| self.part_of(picture, *at));
+        found.sort_by_cached_key(|at| self.part_of(picture, *at));
         found
     }
 
@@ -235,9 +235,10 @@ impl Sorted {
         };
         let pupil = Pupil::from_mm([x, y, d, pattern_shot.shot.focus_mm]).check()?;
         let place = |p: &usize| [(p % picture.width) as f64, (p / picture.width) as f64];
+        let parts: Vec<_> = pixels.iter().map(|p| self.part_of(picture, *p)).collect();
         let mut looks = Vec::new();
         for (i, part) in self.pictures.parts.iter().enumerate() {
-            let here = pixels.iter().filter(|p| self.part_of(picture, **p) == Some(i)).map(place).collect();
+            let here = pixels.iter().zip(&parts).filter(|(_, part)| **part == Some(i)).map(|(p, _)| place(p)).collect();
             let look = Look::new((*part, &self.pictures.optics), pupil, self.radius, at, here);
             let windows = &mut self.pictures.sets[pattern_shot.set].parts[i].windows;
             let window = windows.iter().position(|w| *w == look.window).unwrap_or_else(|| {

@@ -75,7 +75,7 @@ pub(super) fn run(
     }
     let drift = quick.then(|| display.model.get(&color.into()).and_then(|terms| terms.unexplained).unwrap_or(0.0));
     // Bins of a piece are coarser than the iris's edge.
-    let soft_edge = sorted.pictures.parts.len() > 1;
+    let soft_edge = !sorted.pictures.are_whole();
     let mut start = Parameters { model, map: sorted.map, camera_pixel: CAMERA_PIXEL, soft_edge };
     start.map = aligned::map(&mut sorted, &start)?;
     // The display as its file has it, and nothing but where the camera looks.
@@ -192,7 +192,7 @@ fn finest(
     let pictures = &sorted.pictures;
     let left = judged(sorted, &fit.at, which, ALL.subpixels).left;
     tracing::debug!("all pictures: {left:.5} is left");
-    if pictures.parts.len() > 1 {
+    if !pictures.are_whole() {
         if left > INSIDE {
             return Ok((fit, ALL));
         }

@@ -61,6 +61,11 @@ pub(super) struct Pictures {
 type Entering<'a> = (&'a Look, &'a [&'a [Complex64]], &'a [Vec<&'a [Complex64]>]);
 
 impl Pictures {
+    /// Whether the whole SLM is simulated, as one part.
+    pub(super) fn are_whole(&self) -> bool {
+        self.parts.len() == 1
+    }
+
     /// Something of each of these views, part by part. What leaves a set's pixels is computed once for all of its views.
     fn each<T: Send>(
         &self,

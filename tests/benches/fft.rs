@@ -108,7 +108,8 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
             }
             for (frames, storage) in [(1, Storage::F32), (8, Storage::F32), (8, Storage::F16)] {
                 transforms.store(storage);
-                for (name, seconds) in transforms.time((h, w, frames), 200 / frames)? {
+                for (name, seconds) in transforms.in_a_row((h, w, frames), 200 / frames)? {
+                    let seconds = median(&seconds[seconds.len() / 2..]);
                     println!(
                         "  {:>10.4} ms a frame, one of {frames} in {storage:?}, awake: {name}",
                         1e3 * seconds / frames as f64

@@ -123,3 +123,21 @@ fn losses_of_long_ago_are_refused() {
     let ended = begun.map(|begun| engine.end_step(begun));
     assert!(matches!(ended[0], Err(EngineError::Mismatch { .. })) && ended[1].is_ok() && ended[2].is_ok());
 }
+
+/// A step that is only prepared asks for its own losses, not for those of what was prepared before as well.
+#[test]
+fn what_is_prepared_reads_no_losses_twice() {
+    let case = Case::new(Storage::F32);
+    let step = case.step(1.0, false);
+    let mut engine = vulkan();
+    case.load(&mut engine, false);
+    let read = |engine: &mut VulkanEngine| {
+        let before = engine.gpu().counts();
+        engine.prepare(&mut std::iter::once(step.clone()), None).unwrap();
+        engine.gpu().counts().since(before).losses_read_back
+    };
+    let [first, .., last] = [(); 3].map(|()| read(&mut engine));
+    assert!(first > 0);
+    assert_eq!(first, last);
+    assert_silent(engine);
+}

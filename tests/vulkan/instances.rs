@@ -1,5 +1,6 @@
 //! Devices under the validation layer, opened, used and closed by many threads at once, as the tests of one process do.
 
+use crate::one_device::{INSIDE, again};
 use eyebox::engine::{Engine, Kernel, Purpose};
 use eyebox::gpu::{Gpu, Options};
 use eyebox_kernels::compare::INTENSITY;
@@ -49,16 +50,9 @@ fn watched_devices_come_and_go_on_many_threads() {
 #[test]
 #[cfg(target_os = "linux")]
 fn drivers_stay_loaded() {
-    let mut child = std::process::Command::new(std::env::current_exe().expect("this program"));
-    child.args(["--exact", "instances::what_stays_loaded", "--ignored"]);
-    let output = child.output().expect("it starts");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
-}
-
-#[test]
-#[cfg(target_os = "linux")]
-#[ignore = "run by the test above, in a process without other devices"]
-fn what_stays_loaded() {
+    if std::env::var_os(INSIDE).is_none() {
+        return drop(again("instances::drivers_stay_loaded", &[]));
+    }
     let open = || Gpu::open(&Options { allow_cpu: true, ..Options::default() }).expect("a device");
     let loaded = || -> std::collections::BTreeSet<String> {
         let maps = std::fs::read_to_string("/proc/self/maps").expect("maps");

@@ -14,10 +14,10 @@ use std::sync::PoisonError;
 #[path = "../../runtime/eyebox/examples/own_vulkan_device.rs"]
 mod own;
 
-const INSIDE: &str = "EYEBOX_TEST_INSIDE";
+pub(crate) const INSIDE: &str = "EYEBOX_TEST_INSIDE";
 
 /// Runs one of these tests again in a process of its own, with `variables`.
-fn again(test: &str, variables: &[(&str, &str)]) -> Output {
+pub(crate) fn again(test: &str, variables: &[(&str, &str)]) -> Output {
     let mut child = Command::new(std::env::current_exe().expect("this test's file"));
     child.args(["--exact", test, "--nocapture"]).env(INSIDE, "1").envs(variables.iter().copied());
     let output = child.output().expect("the test runs");

@@ -307,6 +307,12 @@ impl Device {
         }
     }
 
+    /// Whether it packs halves, as far as is known.
+    #[cfg(test)]
+    pub(crate) fn packs_halves(&self) -> bool {
+        self.pipelines.lock().unwrap_or_else(PoisonError::into_inner).as_ref().is_some_and(Pipelines::packs_halves)
+    }
+
     /// The pipelines that were made.
     #[cfg(test)]
     pub(crate) fn pipelines_made(&self) -> Vec<super::statistics_tests::Key> {

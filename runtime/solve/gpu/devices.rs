@@ -155,6 +155,9 @@ fn read_properties(
         (std::ptr::null_mut(), std::ptr::null_mut(), std::ptr::null_mut());
 }
 
+/// Storage buffers that a kernel is bound to at most.
+const BUFFERS: u64 = 7;
+
 /// What the kernels need beyond what every Vulkan device has.
 fn check(limits: &Limits) -> Result<(), String> {
     let at_least = |what: &str, has: u64, needed: u64| {
@@ -163,7 +166,7 @@ fn check(limits: &Limits) -> Result<(), String> {
     at_least("the storage buffer range", limits.storage_range, 1 << 27)?;
     at_least("the workgroup's shared memory", limits.shared_memory.into(), 16 << 10)?;
     at_least("the number of invocations in a workgroup", limits.invocations.into(), 128)?;
-    at_least("the number of storage buffers of a kernel", limits.buffers.into(), 7)?;
+    at_least("the number of storage buffers of a kernel", limits.buffers.into(), BUFFERS)?;
     if limits.memory > 0 { Ok(()) } else { Err("it has no memory that is DEVICE_LOCAL".into()) }
 }
 
@@ -206,7 +209,16 @@ fn pick(all: &[&DeviceReport], wanted: Option<&str>, allow_cpu: bool) -> Result<
 
 #[cfg(test)]
 mod tests {
+    use super::super::modules::instructions;
     use super::*;
+
+    #[test]
+    fn no_kernel_is_bound_to_more_buffers_than_are_asked_for() {
+        // OpDecorate of a Binding.
+        let bindings = |(_, code, words): (usize, u32, &[u32])| (code == 71 && words[2] == 33).then(|| words[3] + 1);
+        let of = |module: &eyebox_spirv::Module| instructions(module.words()).filter_map(bindings).max().unwrap_or(0);
+        assert_eq!(eyebox_spirv::ALL.iter().map(|module| u64::from(of(module))).max(), Some(BUFFERS));
+    }
 
     fn report(index: usize, name: &str, kind: DeviceKind, usable: Result<(), String>) -> DeviceReport {
         let limits = Limits {

@@ -68,26 +68,25 @@ impl FloatModes {
         {
             add(ROUND_TO_NEAREST, 32);
         }
-        let alone = controls.denorm_behavior_independence == Independence::ALL;
-        let with_64 = controls.denorm_behavior_independence == Independence::TYPE_32_ONLY
-            && controls.shader_denorm_preserve_float64 == vk::TRUE;
-        let preserves_halves = controls.shader_denorm_preserve_float16 == vk::TRUE && (alone || with_64);
-        if preserves_halves {
-            add(PRESERVE_SUBNORMAL, 16);
-            // What is said of one of them is said of both.
-            if !alone {
-                add(PRESERVE_SUBNORMAL, 64);
-            }
-        }
-        let alone = controls.rounding_mode_independence == Independence::ALL;
-        let with_64 = controls.rounding_mode_independence == Independence::TYPE_32_ONLY
-            && controls.shader_rounding_mode_rte_float64 == vk::TRUE;
-        let rounds_halves = controls.shader_rounding_mode_rte_float16 == vk::TRUE && (alone || with_64);
-        if rounds_halves {
-            let widths: &[u32] = if alone { &[16] } else { &[16, 64] };
-            modes.extend(widths.iter().map(|width| (ROUND_TO_NEAREST.0, ROUND_TO_NEAREST.1, *width)));
-        }
-        Self { modes, preserves_halves, rounds_halves }
+        // Of halves alone, or with float64: there what is said of one of them is said of both.
+        let widths = |independence, of_16, of_64| match independence {
+            Independence::ALL if of_16 == vk::TRUE => &[16][..],
+            Independence::TYPE_32_ONLY if of_16 == vk::TRUE && of_64 == vk::TRUE => &[16, 64],
+            _ => &[],
+        };
+        let kept = widths(
+            controls.denorm_behavior_independence,
+            controls.shader_denorm_preserve_float16,
+            controls.shader_denorm_preserve_float64,
+        );
+        let rounded = widths(
+            controls.rounding_mode_independence,
+            controls.shader_rounding_mode_rte_float16,
+            controls.shader_rounding_mode_rte_float64,
+        );
+        kept.iter().for_each(|width| add(PRESERVE_SUBNORMAL, *width));
+        rounded.iter().for_each(|width| add(ROUND_TO_NEAREST, *width));
+        Self { modes, preserves_halves: !kept.is_empty(), rounds_halves: !rounded.is_empty() }
     }
 
     /// The specialisation constants 0, 1, ... of a module, and those that say what the device is.

@@ -257,6 +257,11 @@ impl Pipelines {
     }
 
     #[cfg(test)]
+    pub(crate) fn packs_halves(&self) -> bool {
+        self.modes.rounds_halves
+    }
+
+    #[cfg(test)]
     pub(crate) fn keys(&self) -> Vec<super::statistics_tests::Key> {
         self.made.iter().map(|((name, constants), made)| (name.to_string(), made.bindings, constants.clone())).collect()
     }

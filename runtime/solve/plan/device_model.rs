@@ -93,7 +93,8 @@ impl Estimate {
 }
 
 impl DeviceModel {
-    /// What these recordings, of waves of so many bytes a value, would take there, each met with a cache that holds what the one before it left: the mean over
+    /// What these recordings, of waves of so many bytes a value, would take there, each met with a cache that holds what the
+    /// one before it left: the mean over
     /// all but the first, which finds it empty.
     pub fn estimate(&self, recordings: &[&Recording], value_bytes: usize) -> Estimate {
         let mut cache = Cache { room: self.cache, ..Cache::default() };

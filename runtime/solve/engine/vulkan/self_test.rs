@@ -196,7 +196,13 @@ mod tests {
         let record = gpu.device.record.as_ref().unwrap();
         record.write(Tested { at_unix_s: 1, transfer: 0.0, transform: 0.0, halves: false });
         let next = open(folder.path());
+        let packs = next.device.packs_halves();
         check(&next).unwrap();
+        assert!(!next.device.packs_halves() && !gpu.device.packs_halves());
+        record.write(Tested { at_unix_s: 1, transfer: 0.0, transform: 0.0, halves: true });
+        let again = open(folder.path());
+        check(&again).unwrap();
+        assert_eq!(again.device.packs_halves(), packs);
         let made = next.device.pipelines_made().len();
         assert!(packs_halves(&mut Commands::new(&next).unwrap()).unwrap());
         assert_eq!(next.device.pipelines_made().len(), made + 1);

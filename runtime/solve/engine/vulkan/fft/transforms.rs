@@ -54,22 +54,20 @@ impl Transforms {
         Ok(self.fft.plans(&self.gpu, height, width))
     }
 
-    /// Seconds of each pass of a forward transform of `count` frames of zeros, by the device's clock: the median of `times` in one
-    /// submission, the first half left out, for devices that sleep wake slowly.
+    /// Seconds of each pass of a forward transform of `count` frames of zeros, by the device's clock, of each of `times` in one
+    /// submission: a device that sleeps between transforms wakes slowly.
     ///
     /// # Errors
     /// The device's.
-    pub fn time(
+    pub fn in_a_row(
         &mut self,
         (height, width, count): (usize, usize, usize),
         times: usize,
-    ) -> Result<Vec<(String, f64)>, EngineError> {
+    ) -> Result<Vec<(String, Vec<f64>)>, EngineError> {
         let mut zeros = vec![Complex32::default(); height * width * count];
         self.run(&mut zeros, (height, width), Direction::Forward, Columns::all(width), 0)?;
         let Some(block) = self.block.take() else { return Ok(Vec::new()) };
-        let value = self.storage.bytes() as u64;
-        let alignment = self.gpu.limits().offset_alignment;
-        let stride = ((value * (height * width) as u64).next_multiple_of(alignment.max(2 * value)) / value) as usize;
+        let stride = self.stride(height * width) as usize;
         self.gpu.recorder.begin(64 * count * times)?;
         self.fft.marks = Some(Vec::new());
         for _ in 0..times {
@@ -77,18 +75,20 @@ impl Transforms {
             self.fft.record(&mut self.gpu, work, Direction::Forward, Columns::all(width), Along::Both)?;
             self.gpu.recorder.barrier();
         }
-        let names = self.fft.marks.take().unwrap_or_default();
+        let mut names = self.fft.marks.take().unwrap_or_default();
         self.gpu.recorder.submit("transforms")?;
-        let taken: Vec<_> = self.gpu.recorder.times.drain(..).collect();
         self.block = Some(block);
-        let passes = names.len() / times.max(1);
-        let median = |pass: usize| {
-            let mut of: Vec<f64> = taken.iter().filter(|t| t.label % passes == pass).map(|t| t.seconds).collect();
-            let mut late = of.split_off(of.len() / 2);
-            late.sort_by(f64::total_cmp);
-            late.get(late.len() / 2).copied().unwrap_or(f64::NAN)
-        };
-        Ok((0..passes).map(|pass| (names[pass].clone(), median(pass))).collect())
+        names.truncate(names.len() / times.max(1));
+        let mut passes: Vec<(String, Vec<f64>)> = names.into_iter().map(|name| (name, Vec::new())).collect();
+        let count = passes.len();
+        self.gpu.recorder.times.drain(..).for_each(|t| passes[t.label % count].1.push(t.seconds));
+        Ok(passes)
+    }
+
+    /// Values from one frame to the next: an even number, for pairs.
+    fn stride(&self, one: usize) -> u64 {
+        let value = self.storage.bytes() as u64;
+        (value * one as u64).next_multiple_of(self.gpu.limits().offset_alignment.max(2 * value)) / value
     }
 
     /// Transforms frames (count, height, width) as [`kernels::fft`](eyebox_kernels::fft) does, `before` bytes into a
@@ -112,8 +112,7 @@ impl Transforms {
         let alignment = self.gpu.limits().offset_alignment;
         let offset = before.next_multiple_of(alignment);
         let value = self.storage.bytes() as u64;
-        // An even number of values, for pairs.
-        let stride = (value * one as u64).next_multiple_of(alignment.max(2 * value)) / value;
+        let stride = self.stride(one);
         let size = offset + value * stride * count as u64;
         let bytes = value * one as u64;
         let pieces = move || (0..count as u64).map(move |i| (bytes * i, offset + value * stride * i, bytes));
