@@ -13,7 +13,7 @@ const LINES: usize = 500;
 
 /// The folders of crates outside `runtime`: each is looked at by itself.
 const CRATES: [&str; 7] =
-    ["kernels", "spirv", "tools/c", "tools/eyebox", "tools/live-input", "tools/python", "tools/spirv"];
+    ["kernels", "spirv", "tools/c", "tools/command", "tools/live-input", "tools/python", "tools/spirv"];
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace")
