@@ -15,8 +15,6 @@ pub mod apply_factor;
 pub mod binary_angle;
 pub mod check_finite;
 pub mod compare;
-pub mod compare_contrast;
-pub mod contrast_rows;
 pub mod crosstalk;
 pub mod decode_views;
 pub mod divide_by_overlap;

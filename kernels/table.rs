@@ -255,28 +255,6 @@ macro_rules! kernels {
                 },
                 shader: Each |c, p| c.parts(p.compare.parts(), &p.compare),
             }
-            /// Differences of contrast, smoothed along rows as an eye resolves them, where these are compared.
-            ContrastRows = "contrast_rows" {
-                over: PupilPasses, group: Window,
-                binds: [Read ContrastWeights, Read Image, Read Target, Write Contrast],
-                work: |u| u.window() * 2.0 + u.contrast(),
-                twin: |c| c.contrast_rows(),
-                shader: Each |c, p| match &p.contrast {
-                    Some(contrast) => c.rows(contrast.args.rows, contrast.args.columns, &contrast.args),
-                    None => Ok(()),
-                },
-            }
-            /// And along columns, to the factor and the loss that `compare` finds of differences of light.
-            CompareContrast = "compare_contrast" {
-                over: PupilPasses, group: Window,
-                binds: [Read ContrastWeights, Read Contrast, Read Target, Update Image, Write Losses],
-                work: |u| u.window() * 2.0 + u.contrast(),
-                twin: |c| c.compare_contrast(),
-                shader: Each |c, p| match &p.contrast {
-                    Some(contrast) => c.parts(p.compare.parts(), &contrast.args),
-                    None => Ok(()),
-                },
-            }
             /// Multiplies the retinal fields by that factor.
             ApplyFactor = "apply_factor" {
                 over: Windows, group: Window,

@@ -5,9 +5,7 @@ modules! {
     APPLY_FACTOR = "apply_factor", APPLY_FACTOR_HALF = "apply_factor_half";
     CHECK_FINITE = "check_finite";
     COMPARE = "compare";
-    COMPARE_CONTRAST = "compare_contrast";
     COMPARE_ROWS = "compare_rows", COMPARE_ROWS_HALF = "compare_rows_half";
-    CONTRAST_ROWS = "contrast_rows";
     CROSSTALK = "crosstalk", CROSSTALK_HALF = "crosstalk_half";
     DECODE_VIEWS = "decode_views";
     DIVIDE_BY_OVERLAP = "divide_by_overlap", DIVIDE_BY_OVERLAP_HALF = "divide_by_overlap_half";

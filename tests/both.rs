@@ -4,7 +4,7 @@ use eyebox::engine::vulkan::VulkanEngine;
 use eyebox::engine::{Buffer, Dispatch, Engine, Kernel, Purpose, Resource, Shape, Step};
 use eyebox::gpu::{Gpu, Messages, Options};
 use eyebox::optics::{DisplayModel, Iris, Optics, Padding, Pupil, Spread, WindowFactor};
-use eyebox::plan::{Comparison, ContrastLoss, Moving, Planner, ViewLayout, Viewpoint};
+use eyebox::plan::{Comparison, Moving, Planner, ViewLayout, Viewpoint};
 use eyebox::scene::{Pyramid, ViewGrid};
 use std::sync::{Arc, PoisonError};
 
@@ -128,26 +128,11 @@ impl Case {
         }
     }
 
-    /// The same, comparing contrasts as an eye resolves them of whom a pixel is a few, or one that looks there, radians.
-    pub fn of_contrast(&self, gaze: Option<[f64; 2]>) -> Self {
-        let contrast = Some(ContrastLoss { spread: 2.2 * 8e-6, black: 0.01, radian: 3.7e-3, gaze });
-        let planner = Planner { contrast, ..self.planner.clone() };
-        Self { planner, pyramid: Arc::clone(&self.pyramid), pupils: self.pupils.clone() }
-    }
-
     /// A step with this one kernel, over all pupil passes if it looks at pupil passes.
     pub fn single(&self, purpose: Purpose, mode: u32, power: f64, kernel: Kernel) -> Step {
         let mut step = self.step(purpose, mode, power, usize::MAX);
         if kernel == Kernel::Taper {
             step = self.stft_step(purpose, mode);
-        } else if matches!(kernel, Kernel::ContrastRows | Kernel::CompareContrast) {
-            // It looks so far away that a part of what there is is too fine for it, more on the one side than on the other.
-            step = self.of_contrast(Some([1.2, -0.014])).step(purpose, mode, power, usize::MAX);
-            // As in the far field, whose images begin with their middle.
-            for contrast in step.pupil_passes.iter_mut().filter_map(|pupil_pass| pupil_pass.contrast.as_mut()) {
-                let [rows, columns] = [contrast.args.rows, contrast.args.columns];
-                (contrast.args.first_y, contrast.args.first_x) = (rows / 2, columns / 2);
-            }
         } else if matches!(kernel, Kernel::Motion | Kernel::MotionBack) {
             step = self.moving_step(purpose, mode, usize::MAX);
         } else if matches!(kernel, Kernel::Energy | Kernel::EqualiseEyebox) {
@@ -231,7 +216,6 @@ pub fn compare(engine: &mut dyn Engine, twin: &mut dyn Engine, case: &Case, purp
         engine.write(buffer, &data).unwrap_or_else(|e| panic!("{buffer:?}: {e}"));
         twin.write(buffer, &data).unwrap_or_else(|e| panic!("{buffer:?}: {e}"));
     }
-    give_contrasts(engine, twin, step);
     let got = engine.run(step).unwrap_or_else(|e| panic!("{e}"));
     let want = twin.run(step).unwrap_or_else(|e| panic!("{e}"));
     let mut worst: f64 = 0.0;
@@ -249,21 +233,6 @@ pub fn compare(engine: &mut dyn Engine, twin: &mut dyn Engine, case: &Case, purp
         worst = worst.max(distance(buffer, &got, &want));
     }
     worst
-}
-
-/// Gives `compare_contrast` the contrasts of the images that it has, as the twin of the kernel before it leaves them. Of any others the
-/// loss would be a sum of products of either sign, of which next to nothing is left; of these it is a square's.
-fn give_contrasts(engine: &mut dyn Engine, twin: &mut dyn Engine, step: &Step) {
-    if step.list[0].kernel != Kernel::CompareContrast {
-        return;
-    }
-    let mut before = step.clone();
-    before.list[0].kernel = Kernel::ContrastRows;
-    twin.run(&before).unwrap_or_else(|e| panic!("{e}"));
-    for slot in 0..step.list[0].pupil_passes.len() {
-        let contrast = twin.read(Buffer::Contrast(slot)).unwrap_or_else(|e| panic!("{e}"));
-        engine.write(Buffer::Contrast(slot), &contrast).unwrap_or_else(|e| panic!("{e}"));
-    }
 }
 
 /// Zeroes a complex buffer outside the columns in use, if the step has one of these transforms of it.

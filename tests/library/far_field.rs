@@ -276,7 +276,6 @@ fn a_point_at_infinity_is_a_blazed_grating() {
         share: 1.0,
         model: None,
         eye: None,
-        contrast: None,
         modes: [].into(),
         regions: [].into(),
         choice: None,

@@ -261,7 +261,6 @@ fn problem(optics: Optics, views: ViewGrid, pyramid: Arc<Pyramid>) -> Problem {
         share: 1.0,
         model,
         eye,
-        contrast: None,
         modes,
         choice,
     }

@@ -82,9 +82,6 @@ kernels! {
     compare_projection: Compare, Project, PROJECTION, 1.0;
     compare_intensity: Compare, Adam, INTENSITY, 1.0;
     compare_amplitude: Compare, Adam, AMPLITUDE, 1.0;
-    contrast_rows: ContrastRows, Project, PROJECTION, 1.0;
-    compare_contrast_projection: CompareContrast, Project, PROJECTION, 1.0;
-    compare_contrast_derivative: CompareContrast, Adam, INTENSITY, 1.0;
     apply_factor: ApplyFactor, Project, PROJECTION, 1.0;
     window_forward: WindowForward, View, PROJECTION, 1.0;
     return_pupil: ReturnPupil, Project, PROJECTION, 1.0;

@@ -77,23 +77,6 @@ fn both_engines_take_the_same_steps() {
     assert_silent(engine);
 }
 
-/// Contrasts as an eye resolves them, one of them looking far away, in the place of light.
-#[test]
-fn both_engines_take_the_same_steps_of_contrasts() {
-    let mut engine = vulkan();
-    for (height, width, padding, frames, gaze) in [(45, 64, 0, 3, None), (40, 36, 5, 2, Some([1.2, -0.014]))] {
-        let case = Case::new(height, width, padding, 4e-3, frames).of_contrast(gaze);
-        for (purpose, mode) in [(Purpose::Project, PROJECTION), (Purpose::Adam, INTENSITY)] {
-            let steps = steps(&case, purpose, mode);
-            assert!(steps[0].list.iter().any(|d| d.kernel == Kernel::CompareContrast));
-            let got = solve(&mut engine, &case, purpose, &steps);
-            let want = solve(&mut CpuEngine::new(), &case, purpose, &steps);
-            assert_close(&got, &want, &format!("{height} x {width}, {purpose:?}, mode {mode}"));
-        }
-    }
-    assert_silent(engine);
-}
-
 /// Eyes that move, and windows of a stream, beside one at rest.
 #[test]
 fn both_engines_take_the_same_steps_for_eyes_that_move() {

@@ -9,8 +9,8 @@ use crate::patterns::{PatternArgs, iris};
 use crate::phases::{AtArgs, EncodedArgs, PhaseArgs, PhaseUnitArgs, UnfinishedArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
-    GivenPupil, Names, TermsOfModel, contrast, decibels, diameters, full, gaze, loss, memory, method, model_terms,
-    one_of, positive, pupil, rate, share, storage, window,
+    GivenPupil, Names, TermsOfModel, contrast, decibels, diameters, full, gaze, memory, method, model_terms, one_of,
+    positive, pupil, rate, share, storage, window,
 };
 use clap::Args;
 use clap::builder::TypedValueParser;
@@ -18,20 +18,20 @@ use eyebox::hologram::Start;
 use eyebox::optics::{Color, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::present::Rate;
-use eyebox::solve::{Diameters, FirstPhases, Full, Loss, Method, Optimizer, PaddingRule, Sequence};
+use eyebox::solve::{Diameters, FirstPhases, Full, Method, Optimizer, PaddingRule, Sequence};
 use std::path::PathBuf;
 
 /// `eyebox demo`
 #[derive(Args)]
 pub struct Demo {
     /// Where the hologram and the pictures go
-    #[arg(long, default_value = "demo", value_name = "OUT_DIR")]
+    #[arg(help_heading = "Output", long, default_value = "demo", value_name = "OUT_DIR")]
     pub out: PathBuf,
     /// Files of others
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
     /// Rows and columns of the hologram
-    #[arg(long, default_value_t = 512, value_name = "N")]
+    #[arg(help_heading = "Display", long, default_value_t = 512, value_name = "N")]
     pub size: usize,
     /// Quality
     #[command(flatten)]
@@ -92,14 +92,14 @@ pub struct Solve {
     #[arg(value_name = "SCENE")]
     pub more: Vec<String>,
     /// The hologram or sequence: NAME.zarr, or NAME.npy for the phases of one hologram alone
-    #[arg(short, long, value_name = "OUT", default_value = "hologram.zarr")]
+    #[arg(help_heading = "Output", short, long, value_name = "OUT", default_value = "hologram.zarr")]
     pub out: PathBuf,
     /// Holograms a second of a sequence
-    #[arg(long, value_name = "HZ", value_parser = rate, default_value = "30")]
+    #[arg(help_heading = "Time", long, value_name = "HZ", value_parser = rate, default_value = "30")]
     pub rate: Rate,
     /// Where in its schedule a frame of a sequence begins that starts from the one before, 0 to 1; or cold: from random
     /// phases
-    #[arg(long, value_name = "SHARE|cold", value_parser = warm, default_value = "0")]
+    #[arg(help_heading = "Steps", long, value_name = "SHARE|cold", value_parser = warm, default_value = "0")]
     pub warm_start: Start,
     /// Display
     #[command(flatten)]
@@ -111,134 +111,126 @@ pub struct Solve {
     #[command(flatten)]
     pub quality: QualityArgs,
     /// Sub-frames, optimised jointly on their mean intensity [default: 8]
-    #[arg(long, value_name = "F")]
+    #[arg(help_heading = "Quality", long, value_name = "F")]
     pub frames: Option<usize>,
     /// All colours at once: every laser lights every sub-frame, with a power of its own, and phases and powers are solved for all
     /// colours together; white is so many times brighter than of one colour after another by the same lasers, 1 to the number
     /// of colours [alone: 1]
-    #[arg(long, value_name = "TIMES", num_args = 0..=1, require_equals = true, default_missing_value = "1", value_parser = positive, conflicts_with = "camera")]
+    #[arg(help_heading = "Quality", long, value_name = "TIMES", num_args = 0..=1, require_equals = true, default_missing_value = "1", value_parser = positive, conflicts_with = "camera")]
     pub joint_color: Option<f64>,
     /// What is supervised: slfh, lf2fs, stft, stft-unfiltered, stft-exact, smooth, dpac, pupil-aware
-    #[arg(long, value_parser = method, default_value = "slfh", value_name = "NAME")]
+    #[arg(help_heading = "Quality", long, value_parser = method, default_value = "slfh", value_name = "NAME")]
     pub method: Method,
     /// Diameter of the STFT's circular Fourier filter, times the eyebox
-    #[arg(long, value_parser = positive, default_value_t = 0.95, value_name = "SHARE")]
+    #[arg(help_heading = "Quality", long, value_parser = positive, default_value_t = 0.95, value_name = "SHARE")]
     pub stft_filter: f64,
     /// Pixels of the STFT's window along each axis [default: the number of views]
-    #[arg(long, value_name = "N")]
+    #[arg(help_heading = "Quality", long, value_name = "N")]
     pub stft_samples: Option<usize>,
     /// Phase levels of the SLM to optimise for: how many, evenly spaced, or a file with one phase (rad) a line
     /// [default: any phase]
-    #[arg(long, value_name = "N|FILE")]
+    #[arg(help_heading = "Quality", long, value_name = "N|FILE")]
     pub levels: Option<String>,
     /// Weight of the light's evenness over the eyebox, for pupil-aware
-    #[arg(long, default_value_t = 0.5, value_name = "W")]
+    #[arg(help_heading = "Quality", long, default_value_t = 0.5, value_name = "W")]
     pub evenness: f64,
     /// Patches along the eyebox whose light pupil-aware evens out, 1 to 16
-    #[arg(long, default_value_t = 9, value_name = "N")]
+    #[arg(help_heading = "Quality", long, default_value_t = 9, value_name = "N")]
     pub patches: usize,
-    /// What is made small: differences of light, which is what PSNR sees, or of contrast, weighted by an eye's contrast sensitivity at
-    /// the display's pixels a degree and luminance
-    #[arg(long, value_parser = loss, default_value = "light", value_name = "light|contrast")]
-    pub loss: Loss,
-    /// Where the eye looks, degrees right of and below the picture's middle: with --loss contrast differences count by less the farther from
-    /// there they are
-    #[arg(long, value_parser = gaze, value_name = "X,Y", allow_hyphen_values = true)]
-    pub gaze: Option<[f64; 2]>,
-    /// How it is seen, for --loss contrast
+    /// How people see the display, for scores in JOD
     #[command(flatten)]
     pub viewing: ViewingArgs,
     /// What it begins with: phases that a table has for the picture, which is fitted once for a display and kept, or random ones
-    #[arg(long, value_parser = one_of(&FIRST_PHASES), value_name = "table|random", default_value = "table")]
+    #[arg(help_heading = "Steps", long, value_parser = one_of(&FIRST_PHASES), value_name = "table|random", default_value = "table")]
     pub first_phases: FirstPhases,
     /// How phases are moved [default: projection]
-    #[arg(long, value_parser = one_of(&OPTIMIZERS))]
+    #[arg(help_heading = "Steps", long, value_parser = one_of(&OPTIMIZERS))]
     pub optimizer: Option<Optimizer>,
     /// Share of the light that pupils are to see: less is dimmer and better, to a point [default: chosen for the scene]
-    #[arg(long, value_name = "0..1")]
+    #[arg(help_heading = "Quality", long, value_name = "0..1")]
     pub efficiency: Option<f64>,
     /// Which terms of the display's model are solved for: all, auto (those that are worth more than 0.05 dB on this scene, and
     /// as many sub-pixels as are worth 0.2 dB, measured in some seconds), none, or their names with commas between
-    #[arg(long, value_name = "all|auto|none|LIST", value_parser = model_terms, default_value = "all")]
+    #[arg(help_heading = "Display", long, value_name = "all|auto|none|LIST", value_parser = model_terms, default_value = "all")]
     pub model_terms: TermsOfModel,
     /// Pupils a step [default: 16; adam 8]
-    #[arg(long, value_name = "B")]
+    #[arg(help_heading = "Pupils", long, value_name = "B")]
     pub pupils: Option<usize>,
     /// Steps at most [default: 60; adam 200]
-    #[arg(long, value_name = "N")]
+    #[arg(help_heading = "Steps", long, value_name = "N")]
     pub steps: Option<usize>,
     /// Seconds at most, shared by the colours
-    #[arg(long, value_name = "S", value_parser = positive)]
+    #[arg(help_heading = "Steps", long, value_name = "S", value_parser = positive)]
     pub seconds: Option<f64>,
     /// Stop at this mean PSNR over validation pupils, dB
-    #[arg(long, value_name = "DB", value_parser = decibels, allow_hyphen_values = true)]
+    #[arg(help_heading = "Steps", long, value_name = "DB", value_parser = decibels, allow_hyphen_values = true)]
     pub psnr: Option<f64>,
     /// Spectrum per pupil: 1 or 2 times the pupil, or all of it [default: 1]
-    #[arg(long, value_parser = window, value_name = "1|2|full")]
+    #[arg(help_heading = "Quality", long, value_parser = window, value_name = "1|2|full")]
     pub window: Option<WindowFactor>,
     /// How complex fields are stored: fp16 takes half the memory on Vulkan; for comparison only on the CPU [default: fp16 on a
     /// GPU for an SLM of up to 573 levels, else fp32]
-    #[arg(long, value_parser = storage, value_name = "fp32|fp16")]
+    #[arg(help_heading = "Quality", long, value_parser = storage, value_name = "fp32|fp16")]
     pub storage: Option<Storage>,
     /// Pupil diameters drawn, mm [default: 2..20, or what fits the eyebox]
-    #[arg(long, value_name = "MIN..MAX", value_parser = diameters)]
+    #[arg(help_heading = "Pupils", long, value_name = "MIN..MAX", value_parser = diameters)]
     pub pupil_diameter: Option<[f64; 2]>,
     /// Distribution of diameters [default: log; adam uniform]
-    #[arg(long, value_parser = one_of(&DIAMETERS))]
+    #[arg(help_heading = "Pupils", long, value_parser = one_of(&DIAMETERS))]
     pub diameters: Option<Diameters>,
     /// Sequence of pupils
-    #[arg(long, value_parser = one_of(&SEQUENCES), default_value = "sobol")]
+    #[arg(help_heading = "Pupils", long, value_parser = one_of(&SEQUENCES), default_value = "sobol")]
     pub sequence: Sequence,
     /// Zeros around the SLM, as wide as light walks off, against circular propagation: never, always, or where the
     /// scene needs it; or exactly the SLM's size [default: never; alone: always]
-    #[arg(long, value_parser = one_of(&PADDINGS), value_name = "RULE", num_args = 0..=1, require_equals = true, default_missing_value = "always")]
+    #[arg(help_heading = "Quality", long, value_parser = one_of(&PADDINGS), value_name = "RULE", num_args = 0..=1, require_equals = true, default_missing_value = "always")]
     pub padding: Option<PaddingRule>,
     /// Model these parts in full whatever the scene requires: colors, views, padding, window, modes, or all
-    #[arg(long, value_name = "PARTS", num_args = 0..=1, require_equals = true, default_missing_value = "all", value_parser = full)]
+    #[arg(help_heading = "Quality", long, value_name = "PARTS", num_args = 0..=1, require_equals = true, default_missing_value = "all", value_parser = full)]
     pub full: Option<Full>,
     /// As many sub-frames as this speckle contrast needs, 0 to 1, instead of --frames
-    #[arg(long, value_name = "CONTRAST", value_parser = contrast, conflicts_with = "frames")]
+    #[arg(help_heading = "Quality", long, value_name = "CONTRAST", value_parser = contrast, conflicts_with = "frames")]
     pub speckle: Option<f64>,
     /// Seed of the first phases and of the pupils
-    #[arg(long, default_value_t = 0, value_name = "S")]
+    #[arg(help_heading = "Steps", long, default_value_t = 0, value_name = "S")]
     pub seed: u64,
     /// Memory that the solve of a far-field hologram keeps to: it is solved region by region, into its file, and the same
     /// command goes on where it was cut off [default: 4GiB where the hologram is larger, else all at once]
-    #[arg(long, value_name = "AMOUNT", value_parser = memory)]
+    #[arg(help_heading = "Steps", long, value_name = "AMOUNT", value_parser = memory)]
     pub memory: Option<u64>,
     /// With --memory: passes over the SLM [default: 3; --steps are those of one visit to a region, default 8]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..).map(usize::from))]
+    #[arg(help_heading = "Steps", long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..).map(usize::from))]
     pub passes: Option<usize>,
     /// With --memory: pixels along each axis of the scene's views [default: 1024, or the display's]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(16..=16384).map(usize::from))]
+    #[arg(help_heading = "Steps", long, value_name = "N", value_parser = clap::value_parser!(u16).range(16..=16384).map(usize::from))]
     pub picture: Option<usize>,
     /// The command of a camera behind the display: after the solve it takes part in --camera-steps (docs/calibrate.md)
-    #[arg(long, value_name = "COMMAND", requires = "camera_steps")]
+    #[arg(help_heading = "Camera", long, value_name = "COMMAND", requires = "camera_steps")]
     pub camera: Option<String>,
     /// Steps with the camera's pictures in the place of what the model has
-    #[arg(long, value_name = "N", requires = "camera", value_parser = clap::value_parser!(u16).range(1..).map(usize::from))]
+    #[arg(help_heading = "Camera", long, value_name = "N", requires = "camera", value_parser = clap::value_parser!(u16).range(1..).map(usize::from))]
     pub camera_steps: Option<usize>,
     /// Where an iris stands that does not move, mm, where the command does not say so
-    #[arg(long, value_name = "X,Y,DIAMETER", value_parser = iris, allow_hyphen_values = true, requires = "camera")]
+    #[arg(help_heading = "Camera", long, value_name = "X,Y,DIAMETER", value_parser = iris, allow_hyphen_values = true, requires = "camera")]
     pub iris: Option<[f64; 3]>,
     /// What shows the patterns
     #[command(flatten)]
     pub patterns: PatternArgs,
     /// Keep the camera's pictures here; in the folder of eyebox calibrate --keep they are added, and its dots say where the camera
     /// looks
-    #[arg(long, value_name = "OUT_DIR", requires = "camera")]
+    #[arg(help_heading = "Camera", long, value_name = "OUT_DIR", requires = "camera")]
     pub camera_keep: Option<PathBuf>,
     /// Seconds that the command may take for an answer [default: 60, and by exposure]
-    #[arg(long, value_name = "SECONDS", value_parser = positive, requires = "camera")]
+    #[arg(help_heading = "Camera", long, value_name = "SECONDS", value_parser = positive, requires = "camera")]
     pub camera_timeout: Option<f64>,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
     /// One JSON object on standard output, no progress bar
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     pub json: bool,
     /// Time per kernel, after the solve
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     pub timings: bool,
 }
 
@@ -251,7 +243,7 @@ pub struct Export {
     #[command(flatten)]
     pub which: AtArgs,
     /// NAME.npy (float32 radians), or a folder for one 8-bit grey PNG per colour and sub-frame
-    #[arg(short, long, value_name = "OUT.npy|OUT_DIR")]
+    #[arg(help_heading = "Output", short, long, value_name = "OUT.npy|OUT_DIR")]
     pub out: PathBuf,
     /// What is not finished
     #[command(flatten)]
@@ -270,7 +262,7 @@ pub struct Encode {
     #[command(flatten)]
     pub which: AtArgs,
     /// Where the video frames go; the folder appears whole
-    #[arg(short, long, value_name = "OUT_DIR")]
+    #[arg(help_heading = "Output", short, long, value_name = "OUT_DIR")]
     pub out: PathBuf,
     /// Display
     #[command(flatten)]
@@ -282,13 +274,13 @@ pub struct Encode {
     #[command(flatten)]
     pub unfinished: UnfinishedArgs,
     /// Which engine computes
-    #[arg(long, value_enum, default_value = "auto")]
+    #[arg(help_heading = "Engine", long, value_enum, default_value = "auto")]
     pub engine: EngineName,
     /// Device
     #[command(flatten)]
     pub device: DeviceArgs,
     /// One JSON object on standard output: what each frame holds
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     pub json: bool,
 }
 
@@ -299,16 +291,16 @@ pub struct Bench {
     #[command(flatten)]
     pub solve: Solve,
     /// Rounds
-    #[arg(long, default_value_t = 3, value_name = "N")]
+    #[arg(help_heading = "Engine", long, default_value_t = 3, value_name = "N")]
     pub rounds: usize,
     /// A command to run in turn with each round
-    #[arg(long, value_name = "COMMAND")]
+    #[arg(help_heading = "Engine", long, value_name = "COMMAND")]
     pub beside: Option<String>,
     /// Record the steps and run none: dispatches, barriers, bytes, submissions, and what GPUs would take
-    #[arg(long, conflicts_with = "beside")]
+    #[arg(help_heading = "Engine", long, conflicts_with = "beside")]
     pub dry: bool,
     /// With --dry: the steps of a refinement for this pupil: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
-    #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true, requires = "dry")]
+    #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true, requires = "dry")]
     pub pupil: Option<GivenPupil>,
 }
 
@@ -321,10 +313,10 @@ pub struct View {
     #[command(flatten)]
     pub which: AtArgs,
     /// Pupil: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
-    #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true)]
+    #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true)]
     pub pupil: GivenPupil,
     /// The picture (PNG), or the intensity (.npy, float32, no exposure)
-    #[arg(short, long, value_name = "OUT")]
+    #[arg(help_heading = "Output", short, long, value_name = "OUT")]
     pub out: PathBuf,
     /// Bare phases
     #[command(flatten)]
@@ -333,10 +325,10 @@ pub struct View {
     #[command(flatten)]
     pub encoded: EncodedArgs,
     /// Exposure of the PNG [default: the hologram's; where it is not known, the 99th percentile becomes white]
-    #[arg(long, value_parser = positive)]
+    #[arg(help_heading = "Bare phases", long, value_parser = positive)]
     pub exposure: Option<f64>,
     /// Look past the display's model, as if the display were ideal
-    #[arg(long)]
+    #[arg(help_heading = "Display", long)]
     pub ideal: bool,
     /// The eye that looks
     #[command(flatten)]
@@ -353,10 +345,10 @@ pub struct Photograph {
     #[command(flatten)]
     pub scene: SceneArgs,
     /// Pupil: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
-    #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true)]
+    #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true)]
     pub pupil: GivenPupil,
     /// The picture (PNG), or linear light (.npy, float32)
-    #[arg(short, long, value_name = "OUT")]
+    #[arg(help_heading = "Output", short, long, value_name = "OUT")]
     pub out: PathBuf,
     /// Display
     #[command(flatten)]
@@ -381,7 +373,7 @@ pub struct Score {
     #[command(flatten)]
     pub other: OtherSceneArgs,
     /// Look past the display's model, as if the display were ideal
-    #[arg(long)]
+    #[arg(help_heading = "Display", long)]
     pub ideal: bool,
     /// The eye that looks
     #[command(flatten)]
@@ -390,26 +382,26 @@ pub struct Score {
     #[command(flatten)]
     pub obstructions: ObstructedArgs,
     /// random:N, or a JSON file with a list of [x, y, diameter, focus] in mm, or the focus as "0.5D"
-    #[arg(long, default_value = "random:16", value_name = "random:N|FILE.json")]
+    #[arg(help_heading = "Pupils", long, default_value = "random:16", value_name = "random:N|FILE.json")]
     pub pupils: String,
     /// Diameters of random pupils, mm [default: 2..20, or what fits the eyebox]
-    #[arg(long, value_name = "MIN..MAX", value_parser = diameters)]
+    #[arg(help_heading = "Pupils", long, value_name = "MIN..MAX", value_parser = diameters)]
     pub pupil_diameter: Option<[f64; 2]>,
     /// Seed of random pupils
-    #[arg(long, default_value_t = 1000, value_name = "S")]
+    #[arg(help_heading = "Steps", long, default_value_t = 1000, value_name = "S")]
     pub seed: u64,
     /// What people see
     #[command(flatten)]
     pub seen: JodArgs,
     /// Judge the sub-frames as the video that they are, so many a second [default: their mean, as of an eye that is too slow for
     /// all flicker]
-    #[arg(long, value_name = "HZ", value_parser = positive, conflicts_with = "no_jod")]
+    #[arg(help_heading = "Quality", long, value_name = "HZ", value_parser = positive, conflicts_with = "no_jod")]
     pub sub_frame_rate: Option<f64>,
     /// Where the eye looks, degrees right of and below the picture's middle: the 5 by 5 degrees around there are judged alone, too
-    #[arg(long, value_parser = gaze, value_name = "X,Y", allow_hyphen_values = true, conflicts_with = "no_jod")]
+    #[arg(help_heading = "Quality", long, value_parser = gaze, value_name = "X,Y", allow_hyphen_values = true, conflicts_with = "no_jod")]
     pub gaze: Option<[f64; 2]>,
     /// Where JOD are lost: a picture for each pupil that is judged, in this folder
-    #[arg(long, value_name = "OUT_DIR", conflicts_with = "no_jod")]
+    #[arg(help_heading = "Output", long, value_name = "OUT_DIR", conflicts_with = "no_jod")]
     pub jod_maps: Option<PathBuf>,
     /// Bare phases
     #[command(flatten)]
@@ -421,7 +413,7 @@ pub struct Score {
     #[command(flatten)]
     pub engine: EngineArgs,
     /// One JSON object on standard output
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     pub json: bool,
 }
 
@@ -429,13 +421,13 @@ pub struct Score {
 #[derive(Args)]
 pub struct Devices {
     /// Say what this display can show: a preset or a TOML file
-    #[arg(long, value_name = "PRESET|FILE")]
+    #[arg(help_heading = "Display", long, value_name = "PRESET|FILE")]
     pub display: Option<String>,
     /// Take a display that looks like a mistake as it is
-    #[arg(long)]
+    #[arg(help_heading = "Display", long)]
     pub force: bool,
     /// One JSON object on standard output
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     pub json: bool,
 }
 

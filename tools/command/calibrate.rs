@@ -17,50 +17,56 @@ use std::time::Duration;
 #[derive(Args)]
 pub struct Calibrate {
     /// Display: a preset (eyebox displays lists them), or a TOML file; its own model is where the fit begins
-    #[arg(long, value_name = "PRESET|FILE")]
+    #[arg(help_heading = "Display", long, value_name = "PRESET|FILE")]
     pub display: String,
     /// Colour whose light is on [default: green, or the display's first]
-    #[arg(long, value_name = "red|green|blue", value_parser = color)]
+    #[arg(help_heading = "Display", long, value_name = "red|green|blue", value_parser = color)]
     pub color: Option<Color>,
     /// The command that shows patterns and takes pictures: docs/calibrate.md
-    #[arg(long, value_name = "COMMAND", required_unless_present = "captures", conflicts_with = "captures")]
+    #[arg(
+        help_heading = "Camera",
+        long,
+        value_name = "COMMAND",
+        required_unless_present = "captures",
+        conflicts_with = "captures"
+    )]
     pub camera: Option<String>,
     /// A folder of pictures in the place of a camera
-    #[arg(long, value_name = "DIR")]
+    #[arg(help_heading = "Camera", long, value_name = "DIR")]
     pub captures: Option<PathBuf>,
     /// Pictures at most
-    #[arg(long, default_value_t = 40, value_name = "N", conflicts_with = "captures")]
+    #[arg(help_heading = "Camera", long, default_value_t = 40, value_name = "N", conflicts_with = "captures")]
     pub captures_max: usize,
     /// Where an iris stands that does not move, mm, where the command does not say so
-    #[arg(long, value_name = "X,Y,DIAMETER", value_parser = iris, allow_hyphen_values = true)]
+    #[arg(help_heading = "Camera", long, value_name = "X,Y,DIAMETER", value_parser = iris, allow_hyphen_values = true)]
     pub iris: Option<[f64; 3]>,
     /// What shows the patterns
     #[command(flatten)]
     pub patterns: PatternArgs,
     /// Keep the pictures here; what a calibration that was broken off left here is not taken again
-    #[arg(long, value_name = "OUT_DIR", conflicts_with = "captures")]
+    #[arg(help_heading = "Camera", long, value_name = "OUT_DIR", conflicts_with = "captures")]
     pub keep: Option<PathBuf>,
     /// Seconds that the command may take for an answer [default: 60, and by exposure]
-    #[arg(long, value_name = "SECONDS", value_parser = positive, conflicts_with = "captures")]
+    #[arg(help_heading = "Camera", long, value_name = "SECONDS", value_parser = positive, conflicts_with = "captures")]
     pub camera_timeout: Option<f64>,
     /// Four pictures, for what drifts: the display's file has the rest
-    #[arg(long, conflicts_with = "captures")]
+    #[arg(help_heading = "Camera", long, conflicts_with = "captures")]
     pub quick: bool,
     /// Write where the camera sees the picture of this colour too, so that it is shown undistorted and colours coincide; the camera
     /// stands still from colour to colour. straight: it looks straight at the display, and keystone and turns are the display's
-    #[arg(long, value_name = "straight", num_args = 0..=1, require_equals = true, default_missing_value = "", value_parser = ["", "straight"], hide_possible_values = true)]
+    #[arg(help_heading = "Camera", long, value_name = "straight", num_args = 0..=1, require_equals = true, default_missing_value = "", value_parser = ["", "straight"], hide_possible_values = true)]
     pub register: Option<String>,
     /// The display file with the model
-    #[arg(short, long, value_name = "OUT.toml")]
+    #[arg(help_heading = "Output", short, long, value_name = "OUT.toml")]
     pub out: PathBuf,
     /// A page of what was seen, predicted and left
-    #[arg(long, value_name = "OUT.html")]
+    #[arg(help_heading = "Output", long, value_name = "OUT.html")]
     pub report: Option<PathBuf>,
     /// Temperature of the bench in degrees Celsius, kept with the model
-    #[arg(long, value_name = "CELSIUS", allow_hyphen_values = true, value_parser = celsius)]
+    #[arg(help_heading = "Camera", long, value_name = "CELSIUS", allow_hyphen_values = true, value_parser = celsius)]
     pub temperature: Option<f64>,
     /// One JSON object on standard output
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     pub json: bool,
 }
 

@@ -32,7 +32,7 @@ pub enum Command {
     Solve(Solve),
     /// Say what of a scene will be computed and why, and what time and memory it will take
     #[command(
-        after_help = "Examples:\n  eyebox plan builtin:still-life --size 512x512\n  eyebox plan lightfield/ --size 512x512 --json\n  eyebox plan builtin:plane --size 256x256 --check\n  eyebox plan builtin:still-life --size 512x512 --prescription '-0.1'\n\nIt takes the arguments of solve. The first plan on a machine times its engine for a few seconds; the rates are kept in\n$XDG_CACHE_HOME/eyebox, else ~/.cache/eyebox."
+        after_help = "Examples:\n  eyebox plan builtin:still-life --size 512x512\n  eyebox plan lightfield/ --size 512x512 --json\n  eyebox plan builtin:still-life --size 512x512 --prescription '-0.1'\n\nIt takes the arguments of solve. The first plan on a machine times its engine for a few seconds; the rates are kept in\n$XDG_CACHE_HOME/eyebox, else ~/.cache/eyebox."
     )]
     Plan(Box<crate::plan::Plan>),
     /// Say what a scene is as it is read: grid, order, parallax, depth, light; with a picture of all views

@@ -16,7 +16,7 @@ pub struct Displays {
     #[command(subcommand)]
     pub action: Option<Action>,
     /// One JSON object on standard output
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     pub json: bool,
 }
 
@@ -35,7 +35,7 @@ pub enum Action {
         #[arg(value_name = "PRESET")]
         preset: String,
         /// The file, which must not be there yet
-        #[arg(short, long, value_name = "OUT.toml")]
+        #[arg(help_heading = "Output", short, long, value_name = "OUT.toml")]
         out: PathBuf,
     },
 }

@@ -97,7 +97,7 @@ impl Failure {
 }
 
 /// Fields and arguments of the library that a sentence may name and the command's options say: all but a few have the same name.
-const FIELDS: [&str; 36] = [
+const FIELDS: [&str; 35] = [
     "ahead",
     "at",
     "clock",
@@ -110,7 +110,6 @@ const FIELDS: [&str; 36] = [
     "focal_length",
     "frames",
     "iris",
-    "loss",
     "model_terms",
     "near",
     "order",

@@ -20,32 +20,32 @@ pub struct Feed {
     #[arg(required = true, value_name = "SCENE")]
     pub scenes: Vec<String>,
     /// The display's name: it takes frames as live:NAME
-    #[arg(long)]
+    #[arg(help_heading = "Display", long)]
     pub name: String,
     /// Frames a second
-    #[arg(long, value_name = "HZ", value_parser = positive, default_value = "30")]
+    #[arg(help_heading = "Time", long, value_name = "HZ", value_parser = positive, default_value = "30")]
     pub rate: f64,
     /// A parameter of the one built-in scene that goes from one value to the other and back: camera=-2..2 moves the camera,
     /// shift=-0.3..0.3 the fruit of the still lifes or the pattern of builtin:plane sideways, depth=-1..1 builtin:plane in depth
-    #[arg(long, value_name = "KEY=A..B", value_parser = path, allow_hyphen_values = true)]
+    #[arg(help_heading = "Scene", long, value_name = "KEY=A..B", value_parser = path, allow_hyphen_values = true)]
     pub path: Option<Way>,
     /// Frames from one end of the path to the other
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(2..=1000))]
+    #[arg(help_heading = "Steps", long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(2..=1000))]
     pub steps: u32,
     /// Give the views that the display asks for, around the pupil: of built-in scenes
-    #[arg(long)]
+    #[arg(help_heading = "Scene", long)]
     pub per_pupil: bool,
     /// Keep the frames on the display's device, where it has one, and give them there: their samples never pass through the host
-    #[arg(long)]
+    #[arg(help_heading = "Scene", long)]
     pub on_device: bool,
     /// Frames to give; left out, until the display ends
-    #[arg(long, value_name = "N")]
+    #[arg(help_heading = "Quality", long, value_name = "N")]
     pub frames: Option<u64>,
     /// Display
     #[command(flatten)]
     pub display: DisplayArgs,
     /// What was asked and given as one JSON object on standard output
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     pub json: bool,
 }
 

@@ -17,22 +17,22 @@ pub struct Film {
     /// NAME.zarr, a hologram or a sequence of them; NAME.npy, phases with --scene; or a scene, which is solved first
     pub what: String,
     /// Where the eye goes: a JSON file with keys, such as `{"keys": [{"t_s": 0, "x_mm": -4}, {"t_s": 2, "x_mm": 4}], "blinks_s": [1]}`
-    #[arg(long, value_name = "FILE.json")]
+    #[arg(help_heading = "Scene", long, value_name = "FILE.json")]
     pub path: PathBuf,
     /// NAME.y4m, or a folder for one PNG a frame
-    #[arg(short, long, value_name = "OUT.y4m|OUT_DIR")]
+    #[arg(help_heading = "Output", short, long, value_name = "OUT.y4m|OUT_DIR")]
     pub out: PathBuf,
     /// Only what the eye sees, without what it should see beside it
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     pub alone: bool,
     /// Pixels along each axis that become one, their mean
-    #[arg(long, default_value_t = 1, value_name = "N")]
+    #[arg(help_heading = "Output", long, default_value_t = 1, value_name = "N")]
     pub binning: usize,
     /// How it is read
     #[command(flatten)]
     pub how: SubjectOptions,
     /// One JSON object on standard output, no progress bar
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     pub json: bool,
 }
 

@@ -20,22 +20,22 @@ use std::time::Duration;
 #[derive(Args)]
 pub struct FollowArgs {
     /// Take pictures of what is shown by this command, and let the display's model follow the bench: docs/calibrate.md
-    #[arg(long, value_name = "COMMAND")]
+    #[arg(help_heading = "Camera", long, value_name = "COMMAND")]
     pub camera: Option<String>,
     /// Minutes from one picture to the next
-    #[arg(long, default_value_t = 30.0, value_name = "MINUTES", value_parser = positive, requires = "camera")]
+    #[arg(help_heading = "Camera", long, default_value_t = 30.0, value_name = "MINUTES", value_parser = positive, requires = "camera")]
     pub camera_every: f64,
     /// Write the display file with the newest model
-    #[arg(long, value_name = "OUT.toml", requires = "camera")]
+    #[arg(help_heading = "Camera", long, value_name = "OUT.toml", requires = "camera")]
     pub camera_model: Option<PathBuf>,
     /// Keep the pictures in this folder
-    #[arg(long, value_name = "OUT_DIR", requires = "camera")]
+    #[arg(help_heading = "Camera", long, value_name = "OUT_DIR", requires = "camera")]
     pub camera_keep: Option<PathBuf>,
     /// Place and diameter of an iris that does not move, mm
-    #[arg(long, value_name = "X,Y,DIAMETER", value_parser = iris, allow_hyphen_values = true, requires = "camera")]
+    #[arg(help_heading = "Camera", long, value_name = "X,Y,DIAMETER", value_parser = iris, allow_hyphen_values = true, requires = "camera")]
     pub iris: Option<[f64; 3]>,
     /// Seconds from when the dots lit up until they stand
-    #[arg(long, default_value_t = 0.2, value_name = "SECONDS", value_parser = not_negative, requires = "camera")]
+    #[arg(help_heading = "Camera", long, default_value_t = 0.2, value_name = "SECONDS", value_parser = not_negative, requires = "camera")]
     pub settle: f64,
 }
 

@@ -36,10 +36,10 @@ pub enum Colors {
 #[derive(Args)]
 pub struct EngineArgs {
     /// Which engine computes
-    #[arg(long, value_enum, default_value = "auto")]
+    #[arg(help_heading = "Engine", long, value_enum, default_value = "auto")]
     pub engine: EngineName,
     /// With --engine vulkan: run the list of kernels on the CPU up to this kernel, and on Vulkan from it on
-    #[arg(long, value_name = "KERNEL")]
+    #[arg(help_heading = "Engine", long, value_name = "KERNEL")]
     pub vulkan_from: Option<String>,
     /// Device
     #[command(flatten)]
@@ -50,7 +50,7 @@ pub struct EngineArgs {
 #[derive(Args)]
 pub struct DeviceArgs {
     /// The Vulkan device: its number or a part of its name, as eyebox devices lists them [default: the best one]
-    #[arg(long, value_name = "N|NAME")]
+    #[arg(help_heading = "Engine", long, value_name = "N|NAME")]
     pub device: Option<String>,
 }
 
@@ -72,16 +72,16 @@ impl DeviceArgs {
 pub struct DisplayArgs {
     /// Display: a preset (eyebox displays lists them), or a TOML file [default: the one that a hologram was solved for, else
     /// paper]
-    #[arg(long, value_name = "PRESET|FILE")]
+    #[arg(help_heading = "Display", long, value_name = "PRESET|FILE")]
     pub display: Option<String>,
     /// Resolution instead of the display's own, rows x columns
-    #[arg(long, value_name = "HxW", value_parser = size)]
+    #[arg(help_heading = "Display", long, value_name = "HxW", value_parser = size)]
     pub size: Option<[usize; 2]>,
     /// Colours
-    #[arg(long, value_enum, default_value = "all")]
+    #[arg(help_heading = "Display", long, value_enum, default_value = "all")]
     pub color: Colors,
     /// Take sizes, wavelengths and pupils that look like a mistake as they are
-    #[arg(long)]
+    #[arg(help_heading = "Display", long)]
     pub force: bool,
 }
 
@@ -90,13 +90,13 @@ pub struct DisplayArgs {
 pub struct EyeArgs {
     /// Prescription of the eye that looks, in dioptres and degrees, such as "-2 -0.5 30"; or none for a perfect eye [default:
     /// what the hologram was solved for, or the display file says]
-    #[arg(long, value_name = "S C AXIS|none", value_parser = prescription, allow_hyphen_values = true)]
+    #[arg(help_heading = "Eye", long, value_name = "S C AXIS|none", value_parser = prescription, allow_hyphen_values = true)]
     pub prescription: Option<Prescription>,
     /// Where the prescription is one for spectacles, their distance from the eye, mm [default: it is meant at the eye]
-    #[arg(long, value_name = "MM", value_parser = positive, requires = "prescription")]
+    #[arg(help_heading = "Eye", long, value_name = "MM", value_parser = positive, requires = "prescription")]
     pub vertex_distance: Option<f64>,
     /// The eye that looks as a TOML file: sphere, cylinder, axis_deg, vertex_mm, zernikes_um, measured_mm
-    #[arg(long, value_name = "FILE", conflicts_with = "prescription")]
+    #[arg(help_heading = "Eye", long, value_name = "FILE", conflicts_with = "prescription")]
     pub eye_file: Option<PathBuf>,
 }
 
@@ -135,7 +135,7 @@ const OBSTRUCTIONS: Names<Obstruction, 4> = [
 #[derive(Args, Clone, Copy)]
 pub struct ObstructedArgs {
     /// Opaque marks in the eye's pupil
-    #[arg(long, value_parser = one_of(&OBSTRUCTIONS), value_name = "WHICH")]
+    #[arg(help_heading = "Pupils", long, value_parser = one_of(&OBSTRUCTIONS), value_name = "WHICH")]
     pub obstructed: Option<Obstruction>,
 }
 
@@ -173,28 +173,28 @@ pub struct SceneArgs {
 #[derive(Args, Clone, Default, PartialEq)]
 pub struct SceneOptions {
     /// Depth or disparity map of a picture (PNG, EXR, PFM or .npy): of several, one for each, or the folder of their maps
-    #[arg(long, value_name = "FILE|FOLDER")]
+    #[arg(help_heading = "Scene", long, value_name = "FILE|FOLDER")]
     pub depth_map: Vec<PathBuf>,
     /// Which values of the depth map are near [default: bright in 8 bits, else by the file's name]
-    #[arg(long, value_parser = one_of(&NEAR), value_name = "WHICH")]
+    #[arg(help_heading = "Scene", long, value_parser = one_of(&NEAR), value_name = "WHICH")]
     pub near: Option<Near>,
     /// Distance of neighbouring views in the pupil plane, mm [default: what the scene says, else eyebox / views]
-    #[arg(long, value_name = "MM", value_parser = positive)]
+    #[arg(help_heading = "Scene", long, value_name = "MM", value_parser = positive)]
     pub view_pitch: Option<f64>,
     /// Views per axis of scenes that are rendered or reprojected [default: 9, of a depth map as many as its depths need; in
     /// score, what the hologram was solved for]
-    #[arg(long, value_name = "N")]
+    #[arg(help_heading = "Scene", long, value_name = "N")]
     pub views: Option<usize>,
     /// Depths that matter, mm, or dioptres as in -0.02D..0.02D [default: what the scene says]; of a depth map, the depths
     /// that its values reach
-    #[arg(long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
+    #[arg(help_heading = "Scene", long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
     pub depth: Option<[Depth; 2]>,
     /// How the views of a folder really stand: as-named, or transpose, flip-rows, flip-columns with commas between [default:
     /// what its lightfield.toml says; else as named, refused where the pictures clearly show another]
-    #[arg(long, value_name = "ORDER")]
+    #[arg(help_heading = "Scene", long, value_name = "ORDER")]
     pub order: Option<Order>,
     /// Of which views of a folder photographs are made [default: auto; in score, what the hologram was solved for]
-    #[arg(long, value_parser = one_of(&PHOTOGRAPHS), value_name = "WHICH")]
+    #[arg(help_heading = "Scene", long, value_parser = one_of(&PHOTOGRAPHS), value_name = "WHICH")]
     pub photographs: Option<Photographs>,
 }
 
@@ -202,7 +202,7 @@ pub struct SceneOptions {
 #[derive(Args, Clone, Copy)]
 pub struct OtherSceneArgs {
     /// Take the scene though the hologram says that it shows another
-    #[arg(long)]
+    #[arg(help_heading = "Scene", long)]
     pub other_scene: bool,
 }
 
@@ -273,6 +273,6 @@ impl SceneOptions {
 #[derive(Args, Clone, Copy)]
 pub struct OverwriteArgs {
     /// Replace files in the folder that eyebox did not write, or that were changed since
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     pub overwrite: bool,
 }

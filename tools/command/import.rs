@@ -15,19 +15,19 @@ pub struct Import {
     /// Phases: NAME.npy, or a folder of PNGs
     pub file: PathBuf,
     /// The hologram: NAME.zarr
-    #[arg(short, long, value_name = "OUT.zarr")]
+    #[arg(help_heading = "Output", short, long, value_name = "OUT.zarr")]
     pub out: PathBuf,
     /// Bare phases
     #[command(flatten)]
     pub phases: PhaseArgs,
     /// The scene that they show: it is named in the hologram, and decides the exposures
-    #[arg(long, value_name = "SCENE")]
+    #[arg(help_heading = "Scene", long, value_name = "SCENE")]
     pub scene: Option<String>,
     /// How the scene is read
     #[command(flatten)]
     pub options: SceneOptions,
     /// The exposure that they were made for [default: with --scene, what fits it best; else not known]
-    #[arg(long, value_parser = positive, conflicts_with = "scene")]
+    #[arg(help_heading = "Bare phases", long, value_parser = positive, conflicts_with = "scene")]
     pub exposure: Option<f64>,
     /// Engine
     #[command(flatten)]

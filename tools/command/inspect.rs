@@ -19,10 +19,10 @@ pub struct Inspect {
     #[command(flatten)]
     pub display: DisplayArgs,
     /// All views beside each other, as they are read (PNG)
-    #[arg(short, long, value_name = "OUT.png")]
+    #[arg(help_heading = "Output", short, long, value_name = "OUT.png")]
     pub out: Option<PathBuf>,
     /// One JSON object on standard output
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     pub json: bool,
 }
 

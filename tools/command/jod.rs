@@ -9,10 +9,10 @@ use eyebox::optics::Viewing;
 #[derive(Args, Clone, Copy, Default, PartialEq)]
 pub struct JodArgs {
     /// Judge every pupil in just-objectionable differences (ColorVideoVDP) [default: some, spread evenly over the others]
-    #[arg(long, conflicts_with = "no_jod")]
+    #[arg(help_heading = "Quality", long, conflicts_with = "no_jod")]
     pub jod: bool,
     /// Judge none: PSNR and SSIM alone, which is faster
-    #[arg(long)]
+    #[arg(help_heading = "Quality", long)]
     pub no_jod: bool,
     /// How bright the display is seen
     #[command(flatten)]
@@ -23,13 +23,13 @@ pub struct JodArgs {
 #[derive(Args, Clone, Copy, Default, PartialEq)]
 pub struct ViewingArgs {
     /// Luminance of white, cd/m2, as JOD and contrast are seen [default: the display file's, else 200]
-    #[arg(long, value_name = "CD/M2", value_parser = positive)]
+    #[arg(help_heading = "Quality", long, value_name = "CD/M2", value_parser = positive)]
     pub luminance: Option<f64>,
     /// Luminance of black, cd/m2 [default: the display file's, else 0.2]
-    #[arg(long, value_name = "CD/M2", value_parser = not_negative)]
+    #[arg(help_heading = "Quality", long, value_name = "CD/M2", value_parser = not_negative)]
     pub black: Option<f64>,
     /// Pixels a degree, as if the picture were seen that large [default: the display file's, else its optics']
-    #[arg(long, value_name = "N", value_parser = positive)]
+    #[arg(help_heading = "Quality", long, value_name = "N", value_parser = positive)]
     pub pixels_per_degree: Option<f64>,
 }
 

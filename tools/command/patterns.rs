@@ -14,16 +14,16 @@ use std::time::Duration;
 #[derive(Args)]
 pub struct PatternArgs {
     /// A display of this machine shows the patterns, and the camera's command takes pictures alone
-    #[arg(long, value_enum, requires = "camera")]
+    #[arg(help_heading = "Display", long, value_enum, requires = "camera")]
     pub output: Option<OutputName>,
     /// The monitor of --output window or direct, as of play
-    #[arg(long, value_name = "MONITOR", requires = "output")]
+    #[arg(help_heading = "Display", long, value_name = "MONITOR", requires = "output")]
     pub monitor: Option<String>,
     /// With --output offscreen, the newest video frame to a file that others map, as of play
-    #[arg(long, value_name = "OUT", requires = "output")]
+    #[arg(help_heading = "Output", long, value_name = "OUT", requires = "output")]
     pub shared: Option<PathBuf>,
     /// Seconds from when a pattern lit up until it stands [default: 0.2]
-    #[arg(long, value_name = "SECONDS", value_parser = not_negative, requires = "output")]
+    #[arg(help_heading = "Camera", long, value_name = "SECONDS", value_parser = not_negative, requires = "output")]
     pub settle: Option<f64>,
 }
 

@@ -24,7 +24,7 @@ pub enum GeometryName {
 pub struct PhaseUnitArgs {
     /// What the numbers of bare phases are: rad, turns, deg, or how many levels are a full turn [default: rad in .npy,
     /// where they can be that; 256 in pictures]
-    #[arg(long, value_name = "UNIT", value_parser = phase_unit)]
+    #[arg(help_heading = "Bare phases", long, value_name = "UNIT", value_parser = phase_unit)]
     pub phase_unit: Option<PhaseUnit>,
 }
 
@@ -32,31 +32,31 @@ pub struct PhaseUnitArgs {
 #[derive(Args)]
 pub struct PhaseArgs {
     /// Of bare phases: the display that they are for, a preset or a TOML file
-    #[arg(long, value_name = "PRESET|FILE")]
+    #[arg(help_heading = "Display", long, value_name = "PRESET|FILE")]
     pub display: Option<String>,
     /// Of bare phases: its resolution instead of its own, rows x columns
-    #[arg(long, value_name = "HxW", value_parser = size, requires = "display")]
+    #[arg(help_heading = "Display", long, value_name = "HxW", value_parser = size, requires = "display")]
     pub size: Option<[usize; 2]>,
     /// The colour of bare phases of one colour; of more, and of holograms, the one to take
-    #[arg(long, value_enum, default_value = "all")]
+    #[arg(help_heading = "Display", long, value_enum, default_value = "all")]
     pub color: Colors,
     /// What their numbers are
     #[command(flatten)]
     pub unit: PhaseUnitArgs,
     /// Without --display: pixel pitch, um
-    #[arg(long, value_name = "UM", conflicts_with = "display")]
+    #[arg(help_heading = "Bare phases", long, value_name = "UM", conflicts_with = "display")]
     pub pitch: Option<f64>,
     /// Without --display: wavelength, nm; one per colour
-    #[arg(long, value_name = "NM", value_delimiter = ',', conflicts_with = "display")]
+    #[arg(help_heading = "Bare phases", long, value_name = "NM", value_delimiter = ',', conflicts_with = "display")]
     pub wavelength: Vec<f64>,
     /// Without --display: focal length, mm
-    #[arg(long, value_name = "MM", conflicts_with = "display")]
+    #[arg(help_heading = "Bare phases", long, value_name = "MM", conflicts_with = "display")]
     pub focal_length: Option<f64>,
     /// Without --display: where the SLM stands
-    #[arg(long, value_enum, default_value_t = GeometryName::Relay, conflicts_with = "display")]
+    #[arg(help_heading = "Bare phases", long, value_enum, default_value_t = GeometryName::Relay, conflicts_with = "display")]
     pub geometry: GeometryName,
     /// Take sizes, wavelengths and pupils that look like a mistake as they are
-    #[arg(long)]
+    #[arg(help_heading = "Display", long)]
     pub force: bool,
 }
 
@@ -64,7 +64,7 @@ pub struct PhaseArgs {
 #[derive(Args, Clone, Copy)]
 pub struct AtArgs {
     /// Which hologram of a sequence, from 0
-    #[arg(long, value_name = "N")]
+    #[arg(help_heading = "Output", long, value_name = "N")]
     pub at: Option<u64>,
 }
 
@@ -72,7 +72,7 @@ pub struct AtArgs {
 #[derive(Args, Clone, Copy)]
 pub struct UnfinishedArgs {
     /// Take a sequence, or a hologram in tiles, that is still being made as it is
-    #[arg(long)]
+    #[arg(help_heading = "Scene", long)]
     pub unfinished: bool,
 }
 
@@ -101,10 +101,10 @@ pub fn tell_unfinished(file: &Path) -> Result<Option<Unfinished>, Failure> {
 #[derive(Args)]
 pub struct EncodedArgs {
     /// What is given are video frames: PNGs of any origin, for --display; a folder of encode is known without
-    #[arg(long)]
+    #[arg(help_heading = "Video frames", long)]
     pub encoded: bool,
     /// Of video frames: leave gratings, corrections, turns, or all, as the SLM shows them, where they would be undone
-    #[arg(long, value_name = "PARTS", num_args = 0..=1, require_equals = true, default_missing_value = "all", value_parser = as_shown)]
+    #[arg(help_heading = "Video frames", long, value_name = "PARTS", num_args = 0..=1, require_equals = true, default_missing_value = "all", value_parser = as_shown)]
     pub as_shown: Option<AsShown>,
 }
 

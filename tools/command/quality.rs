@@ -14,11 +14,11 @@ use eyebox_lab::tuning::{Measured, within};
 pub struct QualityArgs {
     /// Settings of this quality: as `eyebox tradeoff` measured them on this device, else built in; settings that are given
     /// themselves win
-    #[arg(long, value_parser = one_of(&QUALITIES), value_name = "NAME")]
+    #[arg(help_heading = "Quality", long, value_parser = one_of(&QUALITIES), value_name = "NAME")]
     pub quality: Option<Quality>,
     /// The best settings that `eyebox tradeoff` measured on this device whose solve takes at most so many ms, shared by the
     /// colours; time is taken to follow pixels x log2(pixels) and sub-frames
-    #[arg(long, value_name = "MS", value_parser = crate::values::positive, conflicts_with = "quality")]
+    #[arg(help_heading = "Quality", long, value_name = "MS", value_parser = crate::values::positive, conflicts_with = "quality")]
     pub deadline: Option<f64>,
 }
 

@@ -38,25 +38,25 @@ pub struct Show {
     #[command(flatten)]
     pub unfinished: UnfinishedArgs,
     /// On a simulated clock, of what is refined: what a step of one colour takes, ms
-    #[arg(long, value_name = "MS", value_parser = positive)]
+    #[arg(help_heading = "Eye", long, value_name = "MS", value_parser = positive)]
     pub step_time: Option<f64>,
     /// With --step-time: what encoding a set takes, ms
-    #[arg(long, default_value_t = 1.0, value_name = "MS", value_parser = positive, requires = "step_time")]
+    #[arg(help_heading = "Eye", long, default_value_t = 1.0, value_name = "MS", value_parser = positive, requires = "step_time")]
     pub encode_time: f64,
     /// A camera that is followed
     #[command(flatten)]
     pub follow: FollowArgs,
     /// Sub-frames of what an application shows, of scenes that follow each other, or of a scene with --camera
-    #[arg(long, default_value_t = 8, value_name = "N", value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=64))]
+    #[arg(help_heading = "Quality", long, default_value_t = 8, value_name = "N", value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=64))]
     pub frames: usize,
     /// What an application is asked for
-    #[arg(long, value_enum, default_value = "views")]
+    #[arg(help_heading = "Display", long, value_enum, default_value = "views")]
     pub ask: Ask,
     /// Of live:NAME: keep in a new folder what came and what was decided, so that it can be shown again
-    #[arg(long, value_name = "OUT_DIR", conflicts_with = "replay")]
+    #[arg(help_heading = "Output", long, value_name = "OUT_DIR", conflicts_with = "replay")]
     pub journal: Option<PathBuf>,
     /// Of live:NAME, with the other options as they were: show again what was kept, byte for byte, on a simulated clock
-    #[arg(long, value_name = "DIR")]
+    #[arg(help_heading = "Output", long, value_name = "DIR")]
     pub replay: Option<PathBuf>,
 }
 

@@ -42,50 +42,50 @@ impl From<EyeName> for eyebox::gaze::Eye {
 #[derive(Args)]
 pub struct Trackers {
     /// Explain a HID report descriptor: binary, text in hexadecimal, or the first of a recording of hid-recorder
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["watch", "record"])]
+    #[arg(help_heading = "Samples", long, value_name = "FILE", conflicts_with_all = ["watch", "record"])]
     pub describe: Option<PathBuf>,
     /// Show decoded samples, one a line [default source: hid]
-    #[arg(long, value_name = "SOURCE", num_args = 0..=1, default_missing_value = "hid")]
+    #[arg(help_heading = "Samples", long, value_name = "SOURCE", num_args = 0..=1, default_missing_value = "hid")]
     pub watch: Option<String>,
     /// Record what is watched: FILE.hid (reports, of HID sources), or FILE.jsonl (samples)
-    #[arg(long, value_name = "OUT")]
+    #[arg(help_heading = "Output", long, value_name = "OUT")]
     pub record: Option<PathBuf>,
     /// Seconds to watch [default: until the recording ends, or Ctrl-C]
-    #[arg(long, value_name = "S", value_parser = positive)]
+    #[arg(help_heading = "Samples", long, value_name = "S", value_parser = positive)]
     pub duration: Option<f64>,
     /// A HID device with a layout of its own, described in a TOML file
-    #[arg(long, value_name = "FILE.toml")]
+    #[arg(help_heading = "Eye", long, value_name = "FILE.toml")]
     pub device_file: Option<PathBuf>,
     /// Time between the eye and the arrival of its sample, ms
-    #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative)]
+    #[arg(help_heading = "Samples", long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative)]
     pub latency: f64,
     /// Samples a second of the simulated tracker
-    #[arg(long, value_name = "HZ", default_value_t = 120.0, value_parser = positive)]
+    #[arg(help_heading = "Samples", long, value_name = "HZ", default_value_t = 120.0, value_parser = positive)]
     pub rate: f64,
     /// Replay recordings in real time, not as fast as they are read
-    #[arg(long)]
+    #[arg(help_heading = "Samples", long)]
     pub real_time: bool,
     /// Show, for each sample, what becomes of it: its place in the pupil plane, the filter, and the pupil expected after
     /// so many ms
-    #[arg(long, value_name = "MS", num_args = 0..=1, default_missing_value = "20", value_parser = not_negative)]
+    #[arg(help_heading = "Samples", long, value_name = "MS", num_args = 0..=1, default_missing_value = "20", value_parser = not_negative)]
     pub pupil: Option<f64>,
     /// With --pupil: focal length of the display's eyepiece, mm, which makes depths of a focus in dioptres
-    #[arg(long, value_name = "MM", value_parser = positive, requires = "pupil")]
+    #[arg(help_heading = "Samples", long, value_name = "MM", value_parser = positive, requires = "pupil")]
     pub focal_length: Option<f64>,
     /// Calibrate the source that is watched for a user: asks to look at each target, and writes the user's file
-    #[arg(long, value_name = "OUT.toml", conflicts_with_all = ["pupil", "record", "duration", "describe"])]
+    #[arg(help_heading = "Calibration", long, value_name = "OUT.toml", conflicts_with_all = ["pupil", "record", "duration", "describe"])]
     pub calibrate: Option<PathBuf>,
     /// With --calibrate: directions of the targets, degrees to the right and down
-    #[arg(long, value_name = "X,Y;X,Y;...", default_value = "0,0;-8,0;8,0;0,-6;0,6", value_parser = targets, allow_hyphen_values = true)]
+    #[arg(help_heading = "Calibration", long, value_name = "X,Y;X,Y;...", default_value = "0,0;-8,0;8,0;0,-6;0,6", value_parser = targets, allow_hyphen_values = true)]
     pub targets: Targets,
     /// With --pupil: a user's calibration
-    #[arg(long, value_name = "FILE.toml", requires = "pupil")]
+    #[arg(help_heading = "Calibration", long, value_name = "FILE.toml", requires = "pupil")]
     pub calibration: Option<PathBuf>,
     /// With --pupil: whose pupil
-    #[arg(long, value_enum, default_value = "mean")]
+    #[arg(help_heading = "Calibration", long, value_enum, default_value = "mean")]
     pub eye: EyeName,
     /// JSON on standard output: one object, or one a line
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     pub json: bool,
 }
 

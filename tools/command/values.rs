@@ -6,7 +6,7 @@ use eyebox::hologram::PhaseUnit;
 use eyebox::optics::{Depth, DisplayModel, Prescription, Pupil, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::present::Rate;
-use eyebox::solve::{Full, Loss, Method};
+use eyebox::solve::{Full, Method};
 
 fn numbers<const N: usize>(parts: Vec<&str>, form: &str) -> Result<[f64; N], String> {
     let count = parts.len();
@@ -259,29 +259,6 @@ pub fn one_of<T: Copy + Send + Sync, const N: usize>(names: &'static Names<T, N>
 pub fn gaze(text: &str) -> Result<[f64; 2], String> {
     let degrees = numbers::<2>(text.split(',').collect(), "X,Y in degrees, such as 3,-1.5")?;
     Ok(degrees.map(f64::to_radians))
-}
-
-/// Where an eye looks.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Gaze {
-    /// There, radians.
-    At([f64; 2]),
-    /// Where its pupil says.
-    Followed,
-}
-
-/// Where an eye looks that may be followed.
-pub fn followed_gaze(text: &str) -> Result<Gaze, String> {
-    match text {
-        "tracker" => Ok(Gaze::Followed),
-        _ => gaze(text).map(Gaze::At).map_err(|wrong| format!("{wrong}, or tracker")),
-    }
-}
-
-/// A loss by its name.
-pub fn loss(text: &str) -> Result<Loss, String> {
-    let found = Loss::ALL.into_iter().find(|loss| loss.name() == text);
-    found.ok_or_else(|| format!("expected {}", Loss::ALL.map(Loss::name).join(" or ")))
 }
 
 /// A method by its name.

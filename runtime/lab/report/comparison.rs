@@ -1,7 +1,6 @@
 //! The page of a comparison of methods.
 
-use super::findings::findings;
-use super::page::{document, figure, row, section, statements, table};
+use super::page::{document, figure, row, section, table};
 use super::{coherence, etendue, joint, pictures, plots, sources};
 use crate::comparison::{Results, SceneFigures, Series, mean};
 use eyebox::evaluate::{Group, Summary};
@@ -72,14 +71,7 @@ fn facts(results: &Results) -> Vec<(&'static str, String)> {
 }
 
 fn shows(results: &Results) -> Markup {
-    let claims =
-        findings(results).into_iter().map(|f| (f.class(), f.title.into(), f.words(), f.numbers, f.note.into()));
-    let body = html! {
-        (summary(results))
-        p { "What the paper says, and whether it holds here:" }
-        (statements(claims))
-    };
-    section("shows", "What this shows", body)
+    section("shows", "What this shows", summary(results))
 }
 
 /// A few sentences from the numbers.

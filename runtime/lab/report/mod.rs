@@ -9,7 +9,6 @@ mod comparison;
 mod content_study;
 mod drawing;
 mod etendue;
-mod findings;
 mod joint;
 mod page;
 mod pictures;

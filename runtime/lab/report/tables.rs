@@ -1,6 +1,5 @@
 //! The numbers of a comparison as CSV and JSON.
 
-use super::findings::findings;
 use crate::comparison::{
     CoherenceFigures, EtendueFigures, JointFigures, Results, SceneFigures, Series, SourcesFigures,
 };
@@ -166,13 +165,10 @@ pub fn json(results: &Results) -> Value {
         })
     };
     let scenes = results.scenes.iter().map(scene);
-    let claims = findings(results)
-        .into_iter()
-        .map(|f| json!({ "claim": f.title, "outcome": f.words(), "numbers": f.numbers, "note": f.note }));
     json!({
         "about": results.about, "missing": results.missing, "methods": results.methods,
         "scenes": scenes.collect::<Vec<_>>(), "over_scenes": results.series().iter().map(of_series).collect::<Vec<_>>(),
-        "runs": runs.collect::<Vec<_>>(), "speckle": results.speckle, "claims": claims.collect::<Vec<_>>(),
+        "runs": runs.collect::<Vec<_>>(), "speckle": results.speckle,
         "published": results.published, "joint": results.joint.iter().map(joint).collect::<Vec<_>>(),
         "coherence": results.coherence.iter().map(coherence).collect::<Vec<_>>(),
         "etendue": results.etendue.iter().map(etendue).collect::<Vec<_>>(),

@@ -69,3 +69,16 @@ fn tiles_and_sequences_open() {
     assert!(PhaseSource::open(&old("sequence"), None).unwrap_err().to_string().contains("sequence"));
     assert!(matches!(PhaseSource::open(&old("sequence"), Some(1)), Ok(PhaseSource::Whole(_))));
 }
+
+/// Settings that eyebox no longer has do not prevent that a file opens.
+#[test]
+fn a_hologram_of_the_contrast_loss_opens() {
+    let mut written: serde_json::Value =
+        serde_json::from_slice(&fs::read(old("relay").join("zarr.json")).unwrap()).unwrap();
+    written["attributes"].as_object_mut().unwrap().remove("document_crc32c");
+    let solve = &mut written["attributes"]["eyebox"]["settings"]["solve"];
+    solve["loss"] = "contrast".into();
+    solve["gaze"] = serde_json::json!([0.1, 0.0]);
+    let hologram = document::read_group(&document::sealed(written)).unwrap();
+    assert_eq!(hologram.metadata.solve.unwrap().steps, 3);
+}

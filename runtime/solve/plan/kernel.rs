@@ -256,12 +256,6 @@ impl Unit<'_> {
         shot.map_or(0.0, |s| 0.5 * s.taps.len() as f64 * f64::from(s.args.height) * f64::from(s.args.width))
     }
 
-    /// Sums over neighbours along one axis, where differences of contrast are filtered: the mean of both axes.
-    fn contrast(&self) -> f64 {
-        let reach = self.pass.and_then(|pass| pass.contrast.as_ref()).map_or(0, |c| c.args.reach_y + c.args.reach_x);
-        0.1 * f64::from(reach) * self.window()
-    }
-
     fn grid_transform(&self) -> f64 {
         let place = &self.shape.place;
         transform(place.grid_height as usize, place.grid_width as usize, self.step.columns.count)

@@ -54,8 +54,6 @@ pub enum Buffer {
     Image(usize),
     /// The photograph: (rows, columns).
     Target(usize),
-    /// Differences of contrast, filtered along rows, where these are compared: (rows, columns).
-    Contrast(usize),
     /// The photograph on its level of the pyramid.
     Accumulator(usize),
     /// What `exposure` sums: (parts, 6).
@@ -88,7 +86,6 @@ impl Buffer {
             Self::Window(slot) => (Resource::Window, Some(slot)),
             Self::Image(slot) => (Resource::Image, Some(slot)),
             Self::Target(slot) => (Resource::Target, Some(slot)),
-            Self::Contrast(slot) => (Resource::Contrast, Some(slot)),
             Self::Accumulator(slot) => (Resource::Accumulator, Some(slot)),
             Self::Sums(slot) => (Resource::Sums, Some(slot)),
         }
@@ -142,8 +139,6 @@ pub enum Resource {
     Image,
     /// [`Buffer::Target`].
     Target,
-    /// [`Buffer::Contrast`].
-    Contrast,
     /// [`Buffer::Accumulator`].
     Accumulator,
     /// [`Buffer::Sums`].
@@ -154,8 +149,6 @@ pub enum Resource {
     EyeTerms,
     /// Its weights of `taper`.
     TaperWeights,
-    /// Its filter of differences of contrast.
-    ContrastWeights,
     /// What each of its sub-frames is shifted by.
     Moments,
     /// The light field's views.
@@ -196,8 +189,8 @@ impl Resource {
     ];
 
     /// Those that are buffers of a slot.
-    pub const OF_SLOT: [Self; 7] =
-        [Self::Transfer, Self::Window, Self::Image, Self::Target, Self::Contrast, Self::Accumulator, Self::Sums];
+    pub const OF_SLOT: [Self; 6] =
+        [Self::Transfer, Self::Window, Self::Image, Self::Target, Self::Accumulator, Self::Sums];
 
     /// The buffer, of this slot where it is a pupil pass's; none for what comes with a step or is its answer.
     pub fn buffer(self, slot: usize) -> Option<Buffer> {
@@ -224,7 +217,6 @@ impl Resource {
             Self::Window => Buffer::Window(slot),
             Self::Image => Buffer::Image(slot),
             Self::Target => Buffer::Target(slot),
-            Self::Contrast => Buffer::Contrast(slot),
             Self::Accumulator => Buffer::Accumulator(slot),
             Self::Sums => Buffer::Sums(slot),
             _ => return None,

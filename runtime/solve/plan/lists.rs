@@ -7,16 +7,13 @@ use eyebox_kernels::{
 };
 use std::ops::Range;
 
-/// What a step does in a pupil's window, from the spectrum to the image and back; `Motion` and its adjoint where an eye moves,
-/// and one way to compare.
-const THROUGH_A_WINDOW: [Kernel; 10] = [
+/// What a step does in a pupil's window, from the spectrum to the image and back; `Motion` and its adjoint only if an eye moves.
+const THROUGH_A_WINDOW: [Kernel; 8] = [
     Kernel::PassPupil,
     Kernel::Motion,
     Kernel::WindowInverse,
     Kernel::Intensity,
     Kernel::Compare,
-    Kernel::ContrastRows,
-    Kernel::CompareContrast,
     Kernel::ApplyFactor,
     Kernel::WindowForward,
     Kernel::MotionBack,
@@ -364,17 +361,13 @@ impl Planner {
 }
 
 impl Step {
-    /// Adds these kernels over these pupil passes; `Taper`, `Relay`, `Eye` and `Motion` only where they do something, and what
-    /// compares light or contrast.
+    /// Adds these kernels over these pupil passes; `Taper`, `Relay`, `Eye` and `Motion` only where they do something.
     fn over_pupil_passes(&mut self, pupil_passes: Range<usize>, kernels: &[Kernel]) {
         let tapered = self.is_tapered();
         let relays = self.model.as_ref().is_some_and(|model| model.parts().relay > 0);
         let sees = self.pupil_passes.iter().any(|pupil_pass| pupil_pass.eye.is_some());
         let moves = self.pupil_passes.iter().any(PupilPass::moves);
-        let of_contrast = self.pupil_passes.iter().any(|pupil_pass| pupil_pass.contrast.is_some());
         let left_out = |kernel: Kernel| match kernel {
-            Kernel::Compare => of_contrast,
-            Kernel::ContrastRows | Kernel::CompareContrast => !of_contrast,
             Kernel::Motion | Kernel::MotionBack => !moves,
             Kernel::Taper => !tapered,
             Kernel::Relay => !relays,

@@ -3,7 +3,6 @@
 //! [`List`](Step) and its parts say what an engine runs; [`Planner`] makes them from optics, pupils and a scene.
 //! May import `optics` and `scene`.
 
-mod contrast;
 mod cost;
 #[cfg(feature = "vulkan")]
 mod device_model;
@@ -26,7 +25,6 @@ mod storage;
 mod traffic;
 mod viewpoint;
 
-pub use contrast::ContrastLoss;
 pub(crate) use cost::{Slots, pupil_pass_bytes, shared_bytes, work};
 #[cfg(feature = "vulkan")]
 pub use device_model::{DEVICES, DeviceModel, Estimate};
@@ -38,7 +36,7 @@ pub use list::{Buffer, Extent, ModelParts, PerFrame, Purpose, Resource, Shape};
 pub(crate) use lists::{StepLists, mean_loss};
 pub use model::ModelTables;
 pub use moments::{Moment, Moving};
-pub use pass::{ContrastPass, PupilPass, Shot};
+pub use pass::{PupilPass, Shot};
 pub use pupil_pass::{Comparison, Planner, ViewLayout};
 pub use storage::Storage;
 #[cfg(feature = "vulkan")]

@@ -4,8 +4,7 @@ use super::list::{Extent, Resource, Shape};
 use crate::optics::Window;
 use bytemuck::Zeroable;
 use eyebox_kernels::{
-    compare, contrast_rows, exposure, eye, fft::Columns, intensity, modulate, motion, pass_pupil, photograph, resample,
-    transfer,
+    compare, exposure, eye, fft::Columns, intensity, modulate, motion, pass_pupil, photograph, resample, transfer,
 };
 use std::sync::Arc;
 
@@ -24,15 +23,6 @@ pub struct Shot {
     pub rows: Arc<resample::Table>,
     /// Weights along columns.
     pub columns: Arc<resample::Table>,
-}
-
-/// How one pupil pass compares contrasts.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ContrastPass {
-    /// Arguments of `contrast_rows` and `compare_contrast`.
-    pub args: contrast_rows::Args,
-    /// Weights of the filter, as [`contrast_rows::Args::weights`] has them.
-    pub weights: Vec<f32>,
 }
 
 /// What one pupil needs.
@@ -60,8 +50,6 @@ pub struct PupilPass {
     pub intensity: intensity::Args,
     /// Arguments of `compare`.
     pub compare: compare::Args,
-    /// How contrasts are compared; none where light is.
-    pub contrast: Option<ContrastPass>,
     /// The photograph; none where only the wave is looked at.
     pub shot: Option<Shot>,
     /// Share of the source's light that its own mode has; 1 where there is one mode.
@@ -88,7 +76,6 @@ impl PupilPass {
             columns: Columns { first: 0, count: 0 },
             intensity: intensity::Args::zeroed(),
             compare: compare::Args::zeroed(),
-            contrast: None,
             shot: None,
             weight: 1.0,
             source_mode: 0,
@@ -173,7 +160,6 @@ impl PupilPass {
     pub fn extent(&self, resource: Resource, shape: &Shape) -> Extent {
         let (frames, values) = match resource {
             Resource::Image | Resource::Target => (1, self.count()),
-            Resource::Contrast => (usize::from(self.contrast.is_some()), self.count()),
             Resource::Transfer => (self.mode_count(), self.count()),
             Resource::Window => (self.mode_count() * shape.frames, self.count()),
             Resource::Accumulator => {

@@ -1,7 +1,7 @@
 //! From a pupil to what it needs: window, spans, taps, tables and the scales that make units right.
 
 use super::resample_tables::ResampleTables;
-use super::{ContrastLoss, EyeTables, ModelTables, PupilPass, Purpose, Shape, Shot, Storage};
+use super::{EyeTables, ModelTables, PupilPass, Purpose, Shape, Shot, Storage};
 use crate::optics::{FewerModes, Geometry, Optics, Padding, Pupil, SourceMode, Window, WindowFactor, fewer_modes};
 use crate::scene::{Pyramid, ViewGrid};
 use eyebox_kernels::{compare, fft::Columns, intensity, modulate, pass_pupil, photograph, resample, transfer};
@@ -83,8 +83,6 @@ pub struct Planner {
     pub model: Option<Arc<ModelTables>>,
     /// The eye that looks; none for a perfect one.
     pub eye: Option<Arc<EyeTables>>,
-    /// What is compared in the place of light: contrasts, as they are resolved; none for light.
-    pub contrast: Option<ContrastLoss>,
     /// The modes of the source (OPTICS 12), which add up as intensities; none for a laser on the axis. A model is told of
     /// them by [`with_source`](Self::with_source).
     pub modes: Arc<[SourceMode]>,
@@ -109,7 +107,6 @@ impl Planner {
             share: 1.0,
             model: None,
             eye: None,
-            contrast: None,
             modes: Arc::new([]),
             fewer: Arc::new([]),
             powers: Arc::new([]),
@@ -184,7 +181,6 @@ impl Planner {
         if let Some(views) = &mut self.views {
             views.unit /= unit;
         }
-        self.contrast = self.contrast.map(|contrast| contrast.in_units_of(unit));
     }
 
     /// With zeros around the SLM.
@@ -366,7 +362,6 @@ impl Planner {
                 gain: (gain / (in_window * in_window)) as f32,
                 accumulate: 0,
             },
-            contrast: self.contrast.map(|contrast| contrast.pass(grid, &window, &compared)),
             compare: compared,
             shot,
             weight: mode.weight as f32,

@@ -5,7 +5,7 @@ use super::Quality;
 use crate::optics::{Display, Geometry, WindowFactor};
 use crate::plan::Storage;
 use crate::scene::LightField;
-use crate::solve::{Diameters, Levels, Loss, Optimizer, PaddingRule, Settings};
+use crate::solve::{Diameters, Levels, Optimizer, PaddingRule, Settings};
 
 impl Settings {
     /// Steps of so many pupils by Adam, as its paper draws them.
@@ -126,9 +126,6 @@ impl std::fmt::Display for Settings {
             Optimizer::Projection { gain: [a, b], momentum, .. } => {
                 write!(f, ", gain {a} to {b}, momentum {momentum}")?
             }
-        }
-        if self.loss != Loss::default() {
-            write!(f, ", loss of {}", self.loss.name())?;
         }
         match self.diameters {
             Diameters::LogUniform => {}

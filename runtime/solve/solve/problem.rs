@@ -4,7 +4,7 @@ use super::settings::Settings;
 use crate::optics::{
     Color, Display, EyeboxRegion, Optics, OpticsError, Padding, SourceChoice, SourceMode, WindowFactor,
 };
-use crate::plan::{ContrastLoss, EyeTables, ModelTables, Planner, Storage, ViewLayout};
+use crate::plan::{EyeTables, ModelTables, Planner, Storage, ViewLayout};
 use crate::scene::{Bend, Enlarged, LightField, Pyramid, ViewGrid, shrink_to_share};
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -51,8 +51,6 @@ pub struct Problem {
     pub model: Option<Arc<ModelTables>>,
     /// The eye that looks (OPTICS 11); none for a perfect one.
     pub eye: Option<Arc<EyeTables>>,
-    /// How its contrasts are seen; none where that is not known.
-    pub contrast: Option<ContrastLoss>,
     /// The modes of the display's source (OPTICS 12); none for a laser on the axis.
     pub modes: Arc<[SourceMode]>,
     /// Which of the display's switchable sources are lit as the eye moves, where they are steered.
@@ -121,23 +119,8 @@ impl Problem {
         let eye = EyeTables::new(display.prescription.as_ref());
         let modes = display.modes(color).into();
         let (regions, mean) = (display.regions(color).into(), f64::NAN);
-        let (choice, contrast) = (SourceChoice::new(display, color), Some(ContrastLoss::of(display)));
-        Ok(Self {
-            optics,
-            padding,
-            eyebox,
-            regions,
-            views,
-            center,
-            pyramid,
-            mean,
-            share,
-            model,
-            eye,
-            contrast,
-            modes,
-            choice,
-        })
+        let choice = SourceChoice::new(display, color);
+        Ok(Self { optics, padding, eyebox, regions, views, center, pyramid, mean, share, model, eye, modes, choice })
     }
 
     /// Whether a static mask stands in front of the SLM.
@@ -162,9 +145,7 @@ impl Problem {
     pub fn planner_of(&self, settings: &Settings) -> Planner {
         let plain = self.planner(settings.solved_frames(), settings.window);
         let (levels, storage) = (settings.levels.count(), settings.storage);
-        // What is not known is refused before it is planned.
-        let contrast = settings.loss.of(settings.gaze, self.contrast).unwrap_or_default();
-        let plain = Planner { levels, storage, contrast, binary_angles: storage == Storage::F16, ..plain };
+        let plain = Planner { levels, storage, binary_angles: storage == Storage::F16, ..plain };
         if settings.all_modes { plain } else { plain.with_fewer_modes(self.eyebox) }
     }
 

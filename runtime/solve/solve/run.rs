@@ -3,7 +3,6 @@
 use super::error::SolveError;
 use super::exposure::{BrightEnd, peak};
 use super::fault;
-use super::loss::Loss;
 use super::method::Method;
 use super::optimizer::Optimizer;
 use super::outcome::{Flow, Progress, Stop, Warm};
@@ -261,9 +260,7 @@ impl Run<'_> {
         descent.judged = step;
         let planner = Planner { factor: WindowFactor::Full, ..self.planner.clone() };
         let score = self.validator.score(self.engine, &planner)?.in_units_of(self.unit);
-        // What is made small is not what is scored, where it is contrast: the last state is the best.
-        let by_score = self.settings.loss == Loss::Light || score.mean().is_nan();
-        let better = |b: &Validated| !by_score || score.mean() >= b.score.mean() || b.score.mean().is_nan();
+        let better = |b: &Validated| score.mean() >= b.score.mean() || b.score.mean().is_nan();
         if best.as_ref().is_none_or(better) {
             // What was scored is what the SLM shows.
             let shown = if self.planner.levels > 0 { Buffer::Shown } else { Buffer::Phases };

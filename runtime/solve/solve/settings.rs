@@ -3,7 +3,6 @@
 use super::error::SolveError;
 use super::joint::choice::Joint;
 use super::levels::Levels;
-use super::loss::Loss;
 use super::method::Method;
 use super::motion::Motion;
 use super::optimizer::Optimizer;
@@ -60,13 +59,6 @@ pub struct Settings {
     pub repeats: usize,
     /// What is looked through, and from which first phases.
     pub method: Method,
-    /// What is made small.
-    #[serde(skip_serializing_if = "Loss::is_light")]
-    pub loss: Loss,
-    /// Where the eye looks, radians of visual angle from the picture's middle (x, y): with [`Loss::Contrast`] differences count by
-    /// less the farther from there they are. None: that is not known.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub gaze: Option<[f64; 2]>,
     /// What it begins with, if no phases are given: a table's phases where the display has one.
     #[serde(skip_serializing_if = "is_table")]
     pub first_phases: FirstPhases,
@@ -140,8 +132,6 @@ impl Default for Settings {
             frames: 8,
             repeats: 1,
             method: Method::Slfh,
-            loss: Loss::Light,
-            gaze: None,
             first_phases: FirstPhases::Table,
             optimizer: Optimizer::projection(),
             steps: 60,
@@ -313,7 +303,6 @@ impl Settings {
                 return wrong("a phase level (rad)", level.to_string(), "a finite number of ordinary size");
             }
         }
-        self.loss.check(self.gaze)?;
         self.motion.check(self.solved_frames())?;
         self.check_joint()?;
         match self.efficiency {

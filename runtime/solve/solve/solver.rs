@@ -35,7 +35,6 @@ pub(super) fn solve_begun_by(
     engine: &mut dyn Engine,
     observe: &mut dyn FnMut(&Progress) -> Flow,
 ) -> Result<Solution, SolveError> {
-    settings.loss.of(settings.gaze, problem.contrast)?;
     super::source::check(&problem.modes, settings)?;
     super::mask::check(problem.has_mask(), settings.method)?;
     if settings.joint.is_some() {

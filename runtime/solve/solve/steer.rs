@@ -103,8 +103,7 @@ impl Refiner {
         }
         let storage = steering.storage.unwrap_or_else(|| engine.preferred_storage());
         let plain = problem.planner(frames, steering.window).with_fewer_modes(problem.eyebox);
-        let contrast = steering.loss.of(steering.gaze, problem.contrast)?;
-        let planner = Planner { storage, contrast, binary_angles: true, powers: powers.into(), ..plain };
+        let planner = Planner { storage, binary_angles: true, powers: powers.into(), ..plain };
         let purpose = steering.strategy.purpose();
         engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;
         let (half, centre) = (problem.eyebox / 2.0, problem.optics.center());
@@ -275,7 +274,6 @@ impl Refiner {
         }
         self.aim = aim;
         self.choose_sources();
-        self.look_where_it_is_turned();
         if jumped { self.forget() } else { Ok(()) }
     }
 

@@ -1,8 +1,8 @@
 //! Tests of steered refinement.
 
-use super::{Flow, Loss, Problem, Refiner, Settings, Steering, Strategy, solve};
+use super::{Flow, Problem, Refiner, Settings, Steering, Strategy, solve};
 use crate::engine::cpu::CpuEngine;
-use crate::optics::{Color, Display, Padding, Pupil, PupilDistribution, WindowFactor};
+use crate::optics::{Color, Display, Padding, Pupil, PupilDistribution};
 use crate::plan::Storage;
 use crate::scene::{self, Request};
 use std::time::{Duration, Instant};
@@ -59,38 +59,6 @@ fn the_eye_sees_better_and_the_eyebox_hardly_worse() {
         assert!(after.0 > before.0 + least, "{strategy:?}: {before:?} before, {after:?} after");
         assert!(after.1 > before.1 - 1.0, "{strategy:?}: {before:?} before, {after:?} after");
     }
-}
-
-/// An eye that is followed looks where it is turned to, as far as there is a picture: refined so, and for that gaze, phases are
-/// the same to the bit.
-#[test]
-fn the_gaze_is_where_the_pupil_says() {
-    let mut whole = solved();
-    // A picture of two degrees, not of a seventh: an eye that looks beside its middle does not resolve all at its end.
-    let seen = whole.0.contrast.as_mut().expect("a display that is seen");
-    (seen.radian, seen.spread) = (seen.radian / 16.0, seen.spread / 16.0);
-    let radian = seen.radian;
-    let contrast = Steering { loss: Loss::Contrast, window: WindowFactor::Full, ..Steering::default() };
-    let refined = |steering| {
-        let mut refiner = refiner(&whole, steering);
-        (0..3).for_each(|_| assert!(refiner.step().unwrap().is_finite()));
-        refiner.phases().unwrap()
-    };
-    let told = |gaze| refined(Steering { gaze: Some(gaze), ..contrast });
-    let followed = |radius| refined(Steering { gaze_radius: Some(radius), ..contrast });
-    assert_eq!(followed(0.4), told(AIM.centre.map(|place| (place / 0.4).asin())));
-    assert_ne!(followed(0.4), refined(contrast));
-    let pitch = whole.0.optics.pitch;
-    assert_eq!(followed(11e-3), told([112.0, -96.0].map(|pixels| 0.5 * (pixels * pitch) / radian)));
-    let refused = |steering| {
-        let engine = Box::new(CpuEngine::new());
-        let made = Refiner::new(whole.0.clone(), &whole.1, whole.2, steering, engine);
-        made.err().expect("a refusal").to_string()
-    };
-    let given = Steering { gaze_radius: Some(11e-3), ..contrast };
-    assert!(refused(Steering { loss: Loss::Light, ..given }).contains("`loss` contrast"));
-    assert!(refused(Steering { gaze: Some([0.0; 2]), ..given }).contains("given twice"));
-    assert!(refused(Steering { gaze_radius: Some(0.0), ..given }).contains("behind its pupil"));
 }
 
 /// Where every pupil drawn is the same, photographs that are made once are those that are made anew.

@@ -1,7 +1,6 @@
 //! The settings of a refinement, and the same as text.
 
 use super::error::SolveError;
-use super::loss::Loss;
 use super::step::Update;
 use crate::files::overlay;
 use crate::optics::WindowFactor;
@@ -78,15 +77,6 @@ impl Strategy {
 pub struct Steering {
     /// How the phases follow.
     pub strategy: Strategy,
-    /// What is made small.
-    #[serde(default, skip_serializing_if = "Loss::is_light")]
-    pub loss: Loss,
-    /// Where the eye looks, as in [`Settings::gaze`](super::Settings::gaze).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub gaze: Option<[f64; 2]>,
-    /// In its place, for an eye that is followed: how far behind its pupil it turns, metres. It then looks where its pupil says.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub gaze_radius: Option<f64>,
     /// Pupils around the eye a step.
     pub pupils: usize,
     /// Pupils over the whole eyebox a step, on average.
@@ -113,15 +103,6 @@ impl Steering {
         if !(0.0..=64.0).contains(&self.elsewhere) {
             return wrong("the pupils elsewhere a step", self.elsewhere.to_string(), "0 to 64");
         }
-        self.loss.check(self.gaze.or(self.gaze_radius.map(|_| [0.0; 2])))?;
-        if let Some(radius) = self.gaze_radius {
-            if self.gaze.is_some() {
-                return wrong("the gaze", "given twice".into(), "where the eye looks, or how it turns");
-            }
-            if !(1e-3..=1.0).contains(&radius) {
-                return wrong("how far behind its pupil the eye turns (metres)", radius.to_string(), "0.001 to 1");
-            }
-        }
         self.strategy.check()
     }
 }
@@ -136,9 +117,6 @@ impl Default for Steering {
                 momentum: 0.5,
                 overlap_power: 1.0,
             },
-            loss: Loss::Light,
-            gaze: None,
-            gaze_radius: None,
             pupils: 2,
             elsewhere: 0.5,
             window: WindowFactor::Two,
@@ -156,12 +134,9 @@ impl Steering {
     /// [`SolveError::Text`] with the key that is not known or has no such value; [`SolveError::Setting`].
     pub fn from_toml(text: &str) -> Result<Self, SolveError> {
         // What may be missing is there, so that the keys are.
-        let shown =
-            Self { storage: Some(Storage::F32), gaze: Some([0.0; 2]), gaze_radius: Some(0.0), ..Self::default() };
+        let shown = Self { storage: Some(Storage::F32), ..Self::default() };
         let (mut read, given) = overlay(&shown, &[], text).map_err(SolveError::Text)?;
         read.storage = read.storage.filter(|_| given.contains_key("storage"));
-        read.gaze = read.gaze.filter(|_| given.contains_key("gaze"));
-        read.gaze_radius = read.gaze_radius.filter(|_| given.contains_key("gaze_radius"));
         read.check()?;
         Ok(read)
     }

@@ -7,7 +7,7 @@ use super::problem::Problem;
 use super::settings::Settings;
 use super::viewpoints::Viewpoints;
 use crate::engine::{Buffer, Engine, EngineError, Memory, Step};
-use crate::plan::{Comparison, Dispatch, Kernel, Planner, PupilPass, StepLists, Viewpoint};
+use crate::plan::{Comparison, Kernel, Planner, PupilPass, StepLists, Viewpoint};
 use eyebox_kernels::compare;
 use std::ops::Range;
 use std::slice;
@@ -240,8 +240,7 @@ pub fn take_seen<E: From<EngineError>>(
     step: &Step,
     mut see: impl FnMut(usize, &[f32], &[f32]) -> Result<Vec<f32>, E>,
 ) -> Result<f64, E> {
-    let compares = |d: &Dispatch| matches!(d.kernel, Kernel::Compare | Kernel::ContrastRows);
-    let place = step.list.iter().position(compares).unwrap_or(step.list.len());
+    let place = step.list.iter().position(|d| d.kernel == Kernel::Compare).unwrap_or(step.list.len());
     debug_assert!(step.list.get(place).is_none_or(|d| d.pupil_passes.len() == step.pupil_passes.len()), "one group");
     engine.run_part(step, 0..place)?;
     for slot in 0..step.pupil_passes.len() {

@@ -3,7 +3,7 @@
 use super::{TiledError, Views};
 use crate::hologram::Tiles;
 use crate::optics::{Padding, Pupil, PupilDistribution};
-use crate::plan::{ContrastLoss, ModelTables};
+use crate::plan::ModelTables;
 use crate::solve::Problem;
 
 /// Where whole tiles lie in a far field.
@@ -116,7 +116,6 @@ impl Piece {
             share: views.share(),
             model,
             eye: None,
-            contrast: tiles.about().made_for().ok().map(|display| ContrastLoss::of(&display)),
             modes: [].into(),
             regions: [].into(),
             choice: None,

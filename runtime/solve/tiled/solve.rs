@@ -6,11 +6,11 @@ use super::{RegionSize, Schedule, TiledError, Views};
 use crate::engine::{Buffer, Engine, Purpose};
 use crate::hologram::Tiles;
 use crate::optics::{Optics, Pupil, WindowFactor};
-use crate::plan::{ContrastLoss, Kernel, ModelTables, Planner, Step, Viewpoint};
+use crate::plan::{Kernel, ModelTables, Planner, Step, Viewpoint};
 use crate::scene::Pyramid;
 use crate::solve::{
-    BrightEnd, Flow, Loss, Optimizer, PupilRange, Sampler, Settings, Update, cosine, exposure_under, release_early,
-    strides, take,
+    BrightEnd, Flow, Optimizer, PupilRange, Sampler, Settings, Update, cosine, exposure_under, release_early, strides,
+    take,
 };
 use std::slice;
 use std::sync::Arc;
@@ -34,18 +34,7 @@ pub struct Job<'a> {
     pub before: u64,
 }
 
-impl Job<'_> {
-    /// What images are compared by; none for light.
-    fn contrast(&self, tiles: &Tiles) -> Result<Option<ContrastLoss>, TiledError> {
-        match self.settings.loss {
-            Loss::Light => Ok(None),
-            Loss::Contrast => {
-                let gaze = self.settings.gaze;
-                Ok(Some(ContrastLoss { gaze, ..ContrastLoss::of(&tiles.about().made_for()?) }))
-            }
-        }
-    }
-}
+impl Job<'_> {}
 
 /// A visit that is done.
 #[derive(Debug, Clone, Copy)]
@@ -156,7 +145,6 @@ pub fn visit(job: &Job, k: usize, tiles: &Tiles, engine: &mut dyn Engine) -> Res
         [at[0] == 0, at[0] + size[0] == about.height],
     ];
     let plain = Planner::new(optics, about.frames, job.settings.window);
-    let plain = Planner { contrast: job.contrast(tiles)?, ..plain };
     let region = Region::new(job, plain, [at, size], outer, exposure);
     let (first, held) = region.held;
     let mut phases = tiles.read_around(job.color, first, held)?;
@@ -321,7 +309,7 @@ impl<'a> Region<'a> {
 
 /// Takes a step over all sub-frames on an engine that holds one of them; its loss.
 fn frame_by_frame(whole: &Step, phases: &mut [f32], engine: &mut dyn Engine) -> Result<f64, TiledError> {
-    use Kernel::{ApplyFactor, Clear, Compare, CompareContrast, ContrastRows, Eye, Intensity, Overlap};
+    use Kernel::{ApplyFactor, Clear, Compare, Eye, Intensity, Overlap};
     use Kernel::{Photograph, Relay, Resample, Taper, Transfer};
     let only = |keeps: &dyn Fn(usize, Kernel) -> bool| {
         let mut step = whole.clone();
@@ -329,7 +317,7 @@ fn frame_by_frame(whole: &Step, phases: &mut [f32], engine: &mut dyn Engine) -> 
         step.list.retain(|d| place.next().is_some_and(|i| keeps(i, d.kernel)));
         step
     };
-    let target = [Photograph, Resample, Compare, ContrastRows, CompareContrast];
+    let target = [Photograph, Resample, Compare];
     // What the pupils pass is the same for every sub-frame.
     let passing = [Transfer, Relay, Eye, Taper];
     let back = whole.list.iter().position(|d| d.kernel == ApplyFactor).unwrap_or(whole.list.len());

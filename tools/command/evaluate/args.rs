@@ -16,44 +16,44 @@ pub struct Evaluate {
     #[arg(required = true, value_name = "SCENE")]
     pub scenes: Vec<String>,
     /// The report and everything that it is made from; what is there already is not computed again
-    #[arg(short, long, value_name = "OUT_DIR")]
+    #[arg(help_heading = "Output", short, long, value_name = "OUT_DIR")]
     pub out: PathBuf,
     /// Files of others
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
     /// Solve for and look at an ideal display, whatever the display's model says
-    #[arg(long)]
+    #[arg(help_heading = "Display", long)]
     pub ideal: bool,
     /// The eye that looks
     #[command(flatten)]
     pub eye: EyeArgs,
     /// Methods to solve with [default: slfh,lf2fs,stft,smooth,dpac, behind a mask slfh,lf2fs,smooth; with --hologram, none]
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    #[arg(help_heading = "Scene", long, value_name = "LIST", value_delimiter = ',')]
     pub methods: Option<Vec<String>>,
     /// Sub-frames; several numbers compare them
-    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "8")]
+    #[arg(help_heading = "Quality", long, value_name = "LIST", value_delimiter = ',', default_value = "8")]
     pub frames: Vec<usize>,
     /// Compare all colours at once with one colour after another, too, with as many sub-frames in all (--frames) and the same
     /// lasers: white so many times brighter, several numbers with commas between [alone: 1,3; methods are then none by default]
-    #[arg(long, value_name = "TIMES", value_delimiter = ',', num_args = 0..=1, require_equals = true, default_missing_value = "1,3", value_parser = positive)]
+    #[arg(help_heading = "Quality", long, value_name = "TIMES", value_delimiter = ',', num_args = 0..=1, require_equals = true, default_missing_value = "1,3", value_parser = positive)]
     pub joint_color: Option<Vec<f64>>,
     /// Compare sources of these sizes, too, each solved for and seen in its own light: mm of a square source's image in the eyebox,
     /// 0 for a point, several numbers with commas between [alone: 0,0.5,1,2,3; methods are then none by default]
-    #[arg(long, value_name = "MM", value_delimiter = ',', num_args = 0..=1, require_equals = true, default_missing_value = "0,0.5,1,2,3")]
+    #[arg(help_heading = "Quality", long, value_name = "MM", value_delimiter = ',', num_args = 0..=1, require_equals = true, default_missing_value = "0,0.5,1,2,3")]
     pub coherence: Option<Vec<f64>>,
     /// Compare masks of finer pixels in front of the SLM, too, each solved for and looked through over its whole eyebox: their
     /// factors, 1 for none, 2 to 4, with a d behind it for a designed one, with commas between [alone: 1,2,3,4; methods are then none by default]
-    #[arg(long, value_name = "FACTOR", value_delimiter = ',', num_args = 0..=1, require_equals = true, default_missing_value = "1,2,3,4")]
+    #[arg(help_heading = "Quality", long, value_name = "FACTOR", value_delimiter = ',', num_args = 0..=1, require_equals = true, default_missing_value = "1,2,3,4")]
     pub etendue: Option<Vec<MaskKind>>,
     /// Measure what an eye sees across the eyebox of the display's switchable sources, too: steered, in turn and together; methods are
     /// then none by default
-    #[arg(long)]
+    #[arg(help_heading = "Quality", long)]
     pub sources: bool,
     /// A hologram that exists, or phases (.npy) for --display, under the name that the report gives it; may be repeated
-    #[arg(long, value_name = "NAME=FILE", value_parser = named)]
+    #[arg(help_heading = "Scene", long, value_name = "NAME=FILE", value_parser = named)]
     pub hologram: Vec<(String, PathBuf)>,
     /// Published numbers to draw beside the measured ones: columns method,category,n,mean,median,q25,q75,min,max,std
-    #[arg(long, value_name = "CSV")]
+    #[arg(help_heading = "Scene", long, value_name = "CSV")]
     pub reference: Option<PathBuf>,
     /// Display
     #[command(flatten)]
@@ -72,28 +72,28 @@ pub struct Evaluate {
     #[command(flatten)]
     pub quality: QualityArgs,
     /// Steps of every iterative method [default: 60]
-    #[arg(long, value_name = "N")]
+    #[arg(help_heading = "Steps", long, value_name = "N")]
     pub steps: Option<usize>,
     /// Pupils a step of every iterative method [default: 16]
-    #[arg(long, value_name = "B")]
+    #[arg(help_heading = "Pupils", long, value_name = "B")]
     pub pupils: Option<usize>,
     /// Pupil diameters of random pupils, mm [default: 2..20, or what fits the eyebox]
-    #[arg(long, value_name = "MIN..MAX", value_parser = diameters)]
+    #[arg(help_heading = "Pupils", long, value_name = "MIN..MAX", value_parser = diameters)]
     pub pupil_diameter: Option<[f64; 2]>,
     /// Seed of first phases and of the pupils drawn
-    #[arg(long, default_value_t = 0, value_name = "S")]
+    #[arg(help_heading = "Steps", long, default_value_t = 0, value_name = "S")]
     pub seed: u64,
     /// What people see
     #[command(flatten)]
     pub seen: JodArgs,
     /// Leave out the speckle of an even plane
-    #[arg(long)]
+    #[arg(help_heading = "Quality", long)]
     pub no_speckle: bool,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
     /// The report's numbers as one JSON object on standard output, no progress bar
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     pub json: bool,
 }
 

@@ -1,12 +1,11 @@
 //! Arguments that the commands which steer share.
 
-use crate::values::{Gaze, followed_gaze, loss, not_negative, positive, power, share, storage, window};
+use crate::values::{not_negative, positive, power, share, storage, window};
 use clap::{Args, ValueEnum};
-use eyebox::gaze::Settings;
 use eyebox::optics::WindowFactor;
 use eyebox::plan::Storage;
 use eyebox::session::Policy;
-use eyebox::solve::{Loss, Steering, Strategy};
+use eyebox::solve::{Steering, Strategy};
 
 /// How the phases follow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -21,49 +20,43 @@ pub enum StrategyName {
 #[derive(Args, Clone)]
 pub struct SteeringArgs {
     /// Pupils around the eye a step
-    #[arg(long, default_value_t = Steering::default().pupils, value_name = "B")]
+    #[arg(help_heading = "Pupils", long, default_value_t = Steering::default().pupils, value_name = "B")]
     pub pupils: usize,
     /// Pupils anywhere in the eyebox a step, on average
-    #[arg(long, default_value_t = Steering::default().elsewhere, value_name = "N", value_parser = not_negative)]
+    #[arg(help_heading = "Pupils", long, default_value_t = Steering::default().elsewhere, value_name = "N", value_parser = not_negative)]
     pub elsewhere: f64,
     /// Steps over the same pupils, whose photographs are made once
-    #[arg(long, default_value_t = Steering::default().repeats, value_name = "N")]
+    #[arg(help_heading = "Pupils", long, default_value_t = Steering::default().repeats, value_name = "N")]
     pub repeats: usize,
     /// Spectrum per pupil: 1 or 2 times the pupil, or all of it
-    #[arg(long, value_parser = window, default_value = "2", value_name = "1|2|full")]
+    #[arg(help_heading = "Quality", long, value_parser = window, default_value = "2", value_name = "1|2|full")]
     pub window: WindowFactor,
     /// How the phases follow
-    #[arg(long, value_enum, default_value = "projection")]
+    #[arg(help_heading = "Steps", long, value_enum, default_value = "projection")]
     pub strategy: StrategyName,
-    /// What is made small: differences of light, or contrast, those that an eye sees at the display's pixels a degree
-    #[arg(long, value_parser = loss, default_value = "light", value_name = "light|contrast")]
-    pub loss: Loss,
-    /// Where the eye looks, degrees right of and below the picture's middle, or tracker: where its pupil says; for --loss contrast
-    #[arg(long, value_parser = followed_gaze, value_name = "X,Y|tracker", allow_hyphen_values = true)]
-    pub gaze: Option<Gaze>,
     /// Gain of the projection's first step
-    #[arg(long, default_value_t = 3.0, value_name = "G", value_parser = positive)]
+    #[arg(help_heading = "Steps", long, default_value_t = 3.0, value_name = "G", value_parser = positive)]
     pub gain: f64,
     /// Its gain many steps later
-    #[arg(long, default_value_t = 1.0, value_name = "G", value_parser = positive)]
+    #[arg(help_heading = "Steps", long, default_value_t = 1.0, value_name = "G", value_parser = positive)]
     pub settled_gain: f64,
     /// Steps in which the difference of the two falls to 1/e
-    #[arg(long, default_value_t = 8.0, value_name = "N", value_parser = positive)]
+    #[arg(help_heading = "Steps", long, default_value_t = 8.0, value_name = "N", value_parser = positive)]
     pub settling: f64,
     /// Share of the projection's velocity that is kept
-    #[arg(long, default_value_t = 0.5, value_name = "SHARE", value_parser = share)]
+    #[arg(help_heading = "Steps", long, default_value_t = 0.5, value_name = "SHARE", value_parser = share)]
     pub momentum: f64,
     /// The projection's change is divided by the overlap to this power
-    #[arg(long, default_value_t = 1.0, value_name = "P", value_parser = power)]
+    #[arg(help_heading = "Steps", long, default_value_t = 1.0, value_name = "P", value_parser = power)]
     pub overlap_power: f64,
     /// Adam's rate, radians
-    #[arg(long, default_value_t = 0.05, value_name = "R", value_parser = positive)]
+    #[arg(help_heading = "Steps", long, default_value_t = 0.05, value_name = "R", value_parser = positive)]
     pub adam_rate: f64,
     /// How complex fields are stored; fp16 is for comparison only on the CPU [default: fp16 on a GPU, else fp32]
-    #[arg(long, value_parser = storage, value_name = "fp32|fp16")]
+    #[arg(help_heading = "Quality", long, value_parser = storage, value_name = "fp32|fp16")]
     pub storage: Option<Storage>,
     /// Decides the pupils
-    #[arg(long, default_value_t = 0, value_name = "S")]
+    #[arg(help_heading = "Steps", long, default_value_t = 0, value_name = "S")]
     pub seed: u64,
 }
 
@@ -75,13 +68,8 @@ impl SteeringArgs {
             StrategyName::Projection => Strategy::Projection { gain, settled, settling, momentum, overlap_power },
             StrategyName::Adam => Strategy::Adam { rate: self.adam_rate },
         };
-        let (gaze, gaze_radius) = match self.gaze {
-            Some(Gaze::At(angles)) => (Some(angles), None),
-            Some(Gaze::Followed) => (None, Some(Settings::default().radius)),
-            None => (None, None),
-        };
-        let Self { loss, pupils, elsewhere, window, repeats, storage, seed, .. } = *self;
-        Steering { strategy, loss, gaze, gaze_radius, pupils, elsewhere, window, repeats, storage, seed }
+        let Self { pupils, elsewhere, window, repeats, storage, seed, .. } = *self;
+        Steering { strategy, pupils, elsewhere, window, repeats, storage, seed }
     }
 }
 
@@ -92,7 +80,7 @@ pub struct PolicyArgs {
     #[command(flatten)]
     pub steering: SteeringArgs,
     /// Begin again with the hologram for the whole eyebox after a jump of so many pupil diameters; inf for never
-    #[arg(long, default_value_t = Policy::default().restart, value_name = "DIAMETERS", value_parser = restart)]
+    #[arg(help_heading = "Steps", long, default_value_t = Policy::default().restart, value_name = "DIAMETERS", value_parser = restart)]
     pub restart: f64,
 }
 

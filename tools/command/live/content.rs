@@ -18,28 +18,35 @@ use serde_json::{Value, json};
 #[derive(Args)]
 pub struct ContentArgs {
     /// Study content that does this, one scene after the other, set by set: with and without steering, with moments on and off
-    #[arg(long, value_enum, value_delimiter = ',', value_name = "still|moving|jumping,...")]
+    #[arg(help_heading = "Eye", long, value_enum, value_delimiter = ',', value_name = "still|moving|jumping,...")]
     content: Vec<ContentName>,
     /// With --content: sets
-    #[arg(long, default_value_t = 60, value_name = "N", requires = "content", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(help_heading = "Eye", long, default_value_t = 60, value_name = "N", requires = "content", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     sets: u32,
     /// With --content: steps of every colour for each set
-    #[arg(long, default_value_t = 3, value_name = "N", requires = "content", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(help_heading = "Eye", long, default_value_t = 3, value_name = "N", requires = "content", value_parser = clap::value_parser!(u32).range(1..=1000))]
     steps_per_set: u32,
     /// With --content: pixels that content moves by in a set
-    #[arg(long, default_value_t = 10, value_name = "PX", requires = "content", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(help_heading = "Eye", long, default_value_t = 10, value_name = "PX", requires = "content", value_parser = clap::value_parser!(u32).range(1..=1000))]
     moves: u32,
     /// With --content: sets between jumps
-    #[arg(long, default_value_t = 15, value_name = "N", requires = "content", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(help_heading = "Eye", long, default_value_t = 15, value_name = "N", requires = "content", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     jumps_every: u32,
     /// With --content: scenes that content jumps to, in turn [default: the scene's mirror image, elsewhere]
-    #[arg(long, value_delimiter = ',', value_name = "SCENE,...", requires = "content")]
+    #[arg(help_heading = "Eye", long, value_delimiter = ',', value_name = "SCENE,...", requires = "content")]
     jumps_to: Vec<String>,
     /// With --content: what is begun with after a jump
-    #[arg(long, value_enum, default_value = "table", value_name = "table|last|random", requires = "content")]
+    #[arg(
+        help_heading = "Eye",
+        long,
+        value_enum,
+        default_value = "table",
+        value_name = "table|last|random",
+        requires = "content"
+    )]
     jumps_from: StartName,
     /// With --content: show sets whole, though the display takes several video frames for one, as they else roll there
-    #[arg(long, requires = "content")]
+    #[arg(help_heading = "Steps", long, requires = "content")]
     whole_sets: bool,
 }
 

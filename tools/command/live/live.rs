@@ -56,40 +56,40 @@ pub struct LiveOptions {
     #[command(flatten)]
     pub shown: OutputArgs,
     /// From a video frame's beginning to its light, ms
-    #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative)]
+    #[arg(help_heading = "Display", long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative)]
     pub display_latency: f64,
     /// Seconds to go on for [default: until ctrl-C; in show, until the end of what ends]
-    #[arg(long, value_name = "S", value_parser = positive)]
+    #[arg(help_heading = "Time", long, value_name = "S", value_parser = positive)]
     pub duration: Option<f64>,
     /// Show the hologram for the whole eyebox: what there is without steering
-    #[arg(long)]
+    #[arg(help_heading = "Steps", long)]
     pub unsteered: bool,
     /// Show sets whole, though one takes several video frames; else each video frame is the newest set's whose turn it is
-    #[arg(long)]
+    #[arg(help_heading = "Steps", long)]
     pub whole_sets: bool,
     /// on: each sub-frame is refined for its own moment where the eye turns or the content moves, and phases move with the content;
     /// where both rest it is as off: for sets that are seen at once
-    #[arg(long, value_enum, default_value = "on", value_name = "on|off")]
+    #[arg(help_heading = "Steps", long, value_enum, default_value = "on", value_name = "on|off")]
     pub moments: Moments,
     /// Show in a window what the tracked eye sees; there the key s switches steering off and on
-    #[arg(long)]
+    #[arg(help_heading = "Window", long)]
     pub view: bool,
     /// How it follows
     #[command(flatten)]
     pub policy: PolicyArgs,
     /// Which of the display's switchable sources light each set, a line of JSON as the set is handed to the display: a file, or a
     /// pipe to what drives them
-    #[arg(long, value_name = "OUT")]
+    #[arg(help_heading = "Display", long, value_name = "OUT")]
     pub sources_out: Option<PathBuf>,
     /// What was shown, and how late, as JSON
-    #[arg(long, value_name = "OUT.json")]
+    #[arg(help_heading = "Output", long, value_name = "OUT.json")]
     pub stats: Option<PathBuf>,
     /// Keep the pictures of new sets as PNG, as many as the disk takes, and when they were shown, in a new folder; on a simulated
     /// clock, all of them
-    #[arg(long, value_name = "OUT_DIR")]
+    #[arg(help_heading = "Output", long, value_name = "OUT_DIR")]
     pub record: Option<PathBuf>,
     /// What each thread did when, for chrome://tracing
-    #[arg(long, value_name = "OUT.json")]
+    #[arg(help_heading = "Output", long, value_name = "OUT.json")]
     pub trace: Option<PathBuf>,
 }
 

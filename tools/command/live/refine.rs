@@ -34,16 +34,16 @@ pub struct Refine {
     #[command(flatten)]
     pub scene: OwnSceneArgs,
     /// Where the eye is: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
-    #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true)]
+    #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true)]
     pub pupil: GivenPupil,
     /// Standard deviation of where it is, mm
-    #[arg(long, value_name = "MM", default_value_t = 0.25, value_parser = not_negative)]
+    #[arg(help_heading = "Pupils", long, value_name = "MM", default_value_t = 0.25, value_parser = not_negative)]
     pub spread: f64,
     /// Its diameter, mm [default: half a millimetre about the pupil's]
-    #[arg(long, value_name = "MIN..MAX", value_parser = diameters)]
+    #[arg(help_heading = "Pupils", long, value_name = "MIN..MAX", value_parser = diameters)]
     pub diameter: Option<[f64; 2]>,
     /// Steps
-    #[arg(long, default_value_t = 16, value_name = "N")]
+    #[arg(help_heading = "Steps", long, default_value_t = 16, value_name = "N")]
     pub steps: usize,
     /// The eye that looks
     #[command(flatten)]
@@ -58,13 +58,13 @@ pub struct Refine {
     #[command(flatten)]
     pub phases: PhaseArgs,
     /// Where the refined hologram goes: NAME.zarr
-    #[arg(short, long, value_name = "OUT")]
+    #[arg(help_heading = "Output", short, long, value_name = "OUT")]
     pub out: Option<PathBuf>,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
     /// One JSON object on standard output
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     pub json: bool,
 }
 

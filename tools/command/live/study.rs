@@ -33,52 +33,52 @@ pub struct Study {
     #[command(flatten)]
     pub which: AtArgs,
     /// Where the plot and the numbers go
-    #[arg(short, long, default_value = "study", value_name = "OUT_DIR")]
+    #[arg(help_heading = "Output", short, long, default_value = "study", value_name = "OUT_DIR")]
     pub out: PathBuf,
     /// Files of others
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
     /// Seconds of the eye's life
-    #[arg(long, default_value_t = 6.0, value_name = "S", value_parser = positive)]
+    #[arg(help_heading = "Time", long, default_value_t = 6.0, value_name = "S", value_parser = positive)]
     pub duration: f64,
     /// Sets a second
-    #[arg(long, default_value_t = 60.0, value_name = "HZ", value_parser = positive)]
+    #[arg(help_heading = "Eye", long, default_value_t = 60.0, value_name = "HZ", value_parser = positive)]
     pub rate: f64,
     /// How long the eye fixates, ms
-    #[arg(long, default_value_t = 300.0, value_name = "MS", value_parser = positive)]
+    #[arg(help_heading = "Eye", long, default_value_t = 300.0, value_name = "MS", value_parser = positive)]
     pub fixation: f64,
     /// Share of fixations that become a pursuit
-    #[arg(long, default_value_t = 0.0, value_name = "SHARE", value_parser = share)]
+    #[arg(help_heading = "Eye", long, default_value_t = 0.0, value_name = "SHARE", value_parser = share)]
     pub pursuit: f64,
     /// Blinks a minute
-    #[arg(long, default_value_t = 0.0, value_name = "N", value_parser = not_negative)]
+    #[arg(help_heading = "Eye", long, default_value_t = 0.0, value_name = "N", value_parser = not_negative)]
     pub blinks: f64,
     /// Samples a second of the tracker
-    #[arg(long, default_value_t = 120.0, value_name = "HZ", value_parser = positive)]
+    #[arg(help_heading = "Eye", long, default_value_t = 120.0, value_name = "HZ", value_parser = positive)]
     pub tracker_rate: f64,
     /// The tracker's delay, ms
-    #[arg(long, default_value_t = 8.0, value_name = "MS", value_parser = not_negative)]
+    #[arg(help_heading = "Eye", long, default_value_t = 8.0, value_name = "MS", value_parser = not_negative)]
     pub tracker_delay: f64,
     /// The tracker's noise, mm
-    #[arg(long, default_value_t = 0.1, value_name = "MM", value_parser = not_negative)]
+    #[arg(help_heading = "Eye", long, default_value_t = 0.1, value_name = "MM", value_parser = not_negative)]
     pub tracker_noise: f64,
     /// One seed, one eye
-    #[arg(long, default_value_t = 0, value_name = "S")]
+    #[arg(help_heading = "Eye", long, default_value_t = 0, value_name = "S")]
     pub eye_seed: u64,
     /// Where the eye focuses, mm, or dioptres as in 0.5D
-    #[arg(long, default_value = "0", value_name = "MM|D", value_parser = depth, allow_hyphen_values = true)]
+    #[arg(help_heading = "Eye", long, default_value = "0", value_name = "MM|D", value_parser = depth, allow_hyphen_values = true)]
     pub focus: Depth,
     /// Content that changes
     #[command(flatten)]
     pub content: ContentArgs,
     /// What a step of one colour takes, ms, for one result on every machine [default: what it takes on this one]
-    #[arg(long, value_name = "MS", value_parser = positive)]
+    #[arg(help_heading = "Eye", long, value_name = "MS", value_parser = positive)]
     pub step_time: Option<f64>,
     /// With --step-time: what encoding a set takes, ms
-    #[arg(long, default_value_t = 1.0, value_name = "MS", value_parser = positive, requires = "step_time")]
+    #[arg(help_heading = "Eye", long, default_value_t = 1.0, value_name = "MS", value_parser = positive, requires = "step_time")]
     pub encode_time: f64,
     /// Do not judge the ends of fixations in just-objectionable differences (ColorVideoVDP): PSNR alone, which is faster
-    #[arg(long)]
+    #[arg(help_heading = "Quality", long)]
     pub no_jod: bool,
     /// How bright the display is seen
     #[command(flatten)]
@@ -87,7 +87,7 @@ pub struct Study {
     #[command(flatten)]
     pub policy: PolicyArgs,
     /// One JSON object on standard output
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     pub json: bool,
 }
 

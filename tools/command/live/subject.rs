@@ -33,7 +33,7 @@ pub struct SubjectArgs {
 #[derive(Args)]
 pub struct SubjectOptions {
     /// With a hologram: its scene [default: the one it was solved from]
-    #[arg(long, value_name = "SCENE")]
+    #[arg(help_heading = "Scene", long, value_name = "SCENE")]
     pub scene: Option<String>,
     /// A scene that the hologram was not made of
     #[command(flatten)]

@@ -17,25 +17,25 @@ use std::time::Duration;
 pub struct TrackerArgs {
     /// hid, FILE.hid, FILE.jsonl, pupil://HOST, udp://:PORT, mouse (with --view), simulated or simulated:SEED [default: simulated;
     /// in show, none]
-    #[arg(long, value_name = "SOURCE")]
+    #[arg(help_heading = "Eye", long, value_name = "SOURCE")]
     pub tracker: Option<String>,
     /// A HID device with a layout of its own, described in a TOML file
-    #[arg(long, value_name = "FILE.toml")]
+    #[arg(help_heading = "Eye", long, value_name = "FILE.toml")]
     pub device_file: Option<PathBuf>,
     /// Time between the eye and the arrival of its sample, ms
-    #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative)]
+    #[arg(help_heading = "Eye", long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative)]
     pub tracker_latency: f64,
     /// Samples a second of the simulated tracker
-    #[arg(long, value_name = "HZ", default_value_t = 120.0, value_parser = positive)]
+    #[arg(help_heading = "Eye", long, value_name = "HZ", default_value_t = 120.0, value_parser = positive)]
     pub tracker_rate: f64,
     /// A user's calibration
-    #[arg(long, value_name = "FILE.toml")]
+    #[arg(help_heading = "Eye", long, value_name = "FILE.toml")]
     pub calibration: Option<PathBuf>,
     /// Whose pupil
-    #[arg(long, value_enum, default_value = "mean")]
+    #[arg(help_heading = "Eye", long, value_enum, default_value = "mean")]
     pub eye: EyeName,
     /// Where the eye focuses, where the tracker does not measure it, mm, or dioptres as in 0.5D
-    #[arg(long, value_name = "MM|D", default_value = "0", value_parser = depth, allow_hyphen_values = true)]
+    #[arg(help_heading = "Eye", long, value_name = "MM|D", default_value = "0", value_parser = depth, allow_hyphen_values = true)]
     pub focus: Depth,
 }
 

@@ -1,7 +1,6 @@
 //! `eyebox plan`: what of a scene will be computed, why, and what it will take.
 
 mod args;
-mod check;
 mod tiled;
 
 pub use args::Plan;
@@ -21,7 +20,7 @@ use serde_json::json;
 /// Bytes of the program where the system does not say.
 const PROGRAM: u64 = 10 << 20;
 
-/// Plans, says it, and where asked, checks it.
+/// Plans a solve and prints the plan.
 pub fn run(args: &Plan) -> Result<(), Failure> {
     let solve = &args.solve;
     let mut display = common::display(&solve.display)?;
@@ -61,9 +60,6 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
         worth.iter().for_each(|worth| println!("  {:13}  {}", "", model_terms::in_words(worth)));
         slow.iter().for_each(|slow| println!("  {:13}  {slow}", "flicker"));
     }
-    let lists = engine.lists();
-    drop(engine);
-    let check = args.check.then(|| check::run(args, &forecasts)).transpose()?;
     if solve.json {
         let forecast = |(color, f): &(Color, Forecast)| {
             let groups: serde_json::Map<_, _> = Group::ALL
@@ -82,7 +78,7 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
             "settings": plan.settings, "forecast": forecasts.iter().map(forecast).collect::<Vec<_>>(),
             "depth_mm": plan.settings.depth.map(|z| z * 1e3),
             "depth_dioptres": plan.settings.depth.map(|z| dioptres(z, display.focal_length)),
-            "reach": display.reach(), "flicker": slow, "check": check, "lists": lists,
+            "reach": display.reach(), "flicker": slow, "lists": engine.lists(),
             "model_work": models.iter().map(|(color, work)| json!({ "color": color, "share_of_ideal_step": work })).collect::<Vec<_>>(),
             "model_worth": worth.iter().map(|worth| json!({ "measured": worth, "auto": worth.kept(), "subpixels": worth.subpixels() })).collect::<Vec<_>>(),
         });

@@ -9,11 +9,6 @@ use serde_json::json;
 
 pub fn run(args: &Plan, display: Display, colors: Vec<Color>, request: &TilesRequest) -> Result<(), Failure> {
     let solve = &args.solve;
-    if args.check {
-        let reason =
-            "--check is for what is solved all at once: a solve region by region says itself how long it will take";
-        return Err(Failure::Asked(reason.into()));
-    }
     let mut engine = common::engine(&solve.engine)?;
     let display = model_terms::chosen(solve, display, &colors, engine.as_mut())?;
     let settings = of_tiles(solve, &display)?;

@@ -43,17 +43,17 @@ pub enum ClockName {
 #[derive(Args)]
 pub struct OutputArgs {
     /// Where video frames go
-    #[arg(long, value_enum, default_value = "offscreen")]
+    #[arg(help_heading = "Display", long, value_enum, default_value = "offscreen")]
     pub output: OutputName,
     /// The monitor, by index, name or rows x columns; with --output direct, the display, by index, connector or monitor
     /// [default: the first of the video frame's size]
-    #[arg(long, value_name = "MONITOR")]
+    #[arg(help_heading = "Display", long, value_name = "MONITOR")]
     pub monitor: Option<String>,
     /// Video frames a second; with --output direct, of the mode [default: what the monitor says, else 60]
-    #[arg(long, value_name = "HZ", value_parser = rate)]
+    #[arg(help_heading = "Display", long, value_name = "HZ", value_parser = rate)]
     pub display_rate: Option<Rate>,
     /// Have Vulkan's use checked, and say what was wrong
-    #[arg(long)]
+    #[arg(help_heading = "Display", long)]
     pub validation: bool,
 }
 
@@ -78,16 +78,16 @@ pub struct Play {
     pub file: PathBuf,
     /// Display: a preset (eyebox displays lists them), or a TOML file [default: the one that it was solved for; of bare
     /// phases paper]
-    #[arg(long, value_name = "PRESET|FILE")]
+    #[arg(help_heading = "Display", long, value_name = "PRESET|FILE")]
     pub display: Option<String>,
     /// Resolution instead of the display's own, rows x columns
-    #[arg(long, value_name = "HxW", value_parser = size)]
+    #[arg(help_heading = "Display", long, value_name = "HxW", value_parser = size)]
     pub size: Option<[usize; 2]>,
     /// Take sizes and wavelengths that look like a mistake as they are
-    #[arg(long)]
+    #[arg(help_heading = "Display", long)]
     pub force: bool,
     /// Colours; bare phases of one colour are for this one
-    #[arg(long, value_enum, default_value = "all")]
+    #[arg(help_heading = "Display", long, value_enum, default_value = "all")]
     pub color: Colors,
     /// Bare phases
     #[command(flatten)]
@@ -102,22 +102,22 @@ pub struct Play {
     #[command(flatten)]
     pub unfinished: UnfinishedArgs,
     /// Seconds of content to play
-    #[arg(long, value_name = "S", value_parser = positive)]
+    #[arg(help_heading = "Time", long, value_name = "S", value_parser = positive)]
     pub duration: Option<f64>,
     /// Which engine encodes
-    #[arg(long, value_enum, default_value = "auto")]
+    #[arg(help_heading = "Engine", long, value_enum, default_value = "auto")]
     pub engine: EngineName,
     /// Device
     #[command(flatten)]
     pub device: DeviceArgs,
     /// What was shown, as JSON
-    #[arg(long, value_name = "OUT.json")]
+    #[arg(help_heading = "Output", long, value_name = "OUT.json")]
     pub stats: Option<PathBuf>,
     /// Keep every picture as PNG, and when it was shown, in a new folder
-    #[arg(long, value_name = "OUT_DIR")]
+    #[arg(help_heading = "Output", long, value_name = "OUT_DIR")]
     pub record: Option<PathBuf>,
     /// What each thread did when, for chrome://tracing
-    #[arg(long, value_name = "OUT.json")]
+    #[arg(help_heading = "Output", long, value_name = "OUT.json")]
     pub trace: Option<PathBuf>,
 }
 
@@ -125,43 +125,43 @@ pub struct Play {
 #[derive(Args)]
 pub struct StreamArgs {
     /// Holograms a second [default: what the sequence says]
-    #[arg(long, value_name = "HZ", value_parser = rate)]
+    #[arg(help_heading = "Time", long, value_name = "HZ", value_parser = rate)]
     pub rate: Option<Rate>,
     /// So many times as fast
-    #[arg(long, value_name = "FACTOR", value_parser = positive, default_value_t = 1.0)]
+    #[arg(help_heading = "Time", long, value_name = "FACTOR", value_parser = positive, default_value_t = 1.0)]
     pub speed: f64,
     /// Begin again at the end
-    #[arg(long = "loop")]
+    #[arg(help_heading = "Time", long = "loop")]
     pub looped: bool,
     /// Wait for a sequence that is still being written
-    #[arg(long)]
+    #[arg(help_heading = "Time", long)]
     pub follow: bool,
     /// Number of the hologram to begin with, from 0
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(help_heading = "Time", long, value_name = "N", default_value_t = 0)]
     pub first: u64,
     /// Begin at this time, ready or not: seconds since 1970, for displays that begin together
-    #[arg(long, value_name = "UNIX", value_parser = positive)]
+    #[arg(help_heading = "Time", long, value_name = "UNIX", value_parser = positive)]
     pub start_at: Option<f64>,
     /// Seconds of the sync picture before content: its first sub-frame's light goes aside along x, the others' along y
-    #[arg(long, value_name = "S", value_parser = not_negative, default_value_t = 0.0)]
+    #[arg(help_heading = "Time", long, value_name = "S", value_parser = not_negative, default_value_t = 0.0)]
     pub sync: f64,
     /// Side of such a mark in the upper left corner of every hologram, pixels
-    #[arg(long, value_name = "PX", value_parser = mark, default_value = "0")]
+    #[arg(help_heading = "Time", long, value_name = "PX", value_parser = mark, default_value = "0")]
     pub mark: usize,
     /// After a missed present, wait until sets are in phase with the first: for lasers that count video frames
-    #[arg(long)]
+    #[arg(help_heading = "Time", long)]
     pub keep_phase: bool,
     /// Sets that are encoded ahead
-    #[arg(long, value_name = "N", default_value_t = 4)]
+    #[arg(help_heading = "Time", long, value_name = "N", default_value_t = 4)]
     pub ahead: usize,
     /// Whose time [default: real; simulated with --record]
-    #[arg(long, value_enum)]
+    #[arg(help_heading = "Time", long, value_enum)]
     pub clock: Option<ClockName>,
     /// Append every video frame to a file or a pipe: 8 bits, (row, column, channel)
-    #[arg(long, value_name = "OUT", conflicts_with = "shared")]
+    #[arg(help_heading = "Output", long, value_name = "OUT", conflicts_with = "shared")]
     pub raw: Option<PathBuf>,
     /// Keep the newest video frame where another program maps it, as /dev/shm/NAME (docs/playback.md)
-    #[arg(long, value_name = "OUT")]
+    #[arg(help_heading = "Output", long, value_name = "OUT")]
     pub shared: Option<PathBuf>,
 }
 
@@ -177,6 +177,6 @@ impl StreamArgs {
 #[derive(Args)]
 pub struct Monitors {
     /// One JSON object on standard output
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     pub json: bool,
 }

@@ -16,10 +16,10 @@ pub struct Preview {
     #[command(flatten)]
     pub which: AtArgs,
     /// Pupil to begin with: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
-    #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true, default_value = "0,0,4,0")]
+    #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true, default_value = "0,0,4,0")]
     pub pupil: GivenPupil,
     /// The scene of the hologram, for its photograph and the PSNR: a folder of views, a picture, or builtin:NAME
-    #[arg(long, value_name = "SCENE")]
+    #[arg(help_heading = "Scene", long, value_name = "SCENE")]
     pub scene: Option<String>,
     /// A scene that the hologram was not made of
     #[command(flatten)]
@@ -28,16 +28,16 @@ pub struct Preview {
     #[command(flatten)]
     pub options: SceneOptions,
     /// Inside of the window, rows x columns [default: what suits the hologram and the monitor]
-    #[arg(long, value_name = "HxW", value_parser = size, conflicts_with = "zoom")]
+    #[arg(help_heading = "Window", long, value_name = "HxW", value_parser = size, conflicts_with = "zoom")]
     pub window: Option<[usize; 2]>,
     /// Pixels of the window for each of the hologram's, along each axis
-    #[arg(long, value_name = "FACTOR", value_parser = positive)]
+    #[arg(help_heading = "Window", long, value_name = "FACTOR", value_parser = positive)]
     pub zoom: Option<f64>,
     /// Holograms a second [default: what the sequence says]
-    #[arg(long, value_name = "HZ", value_parser = rate)]
+    #[arg(help_heading = "Time", long, value_name = "HZ", value_parser = rate)]
     pub rate: Option<Rate>,
     /// Where the key s puts its PNGs
-    #[arg(long, value_name = "OUT_DIR", default_value = ".")]
+    #[arg(help_heading = "Window", long, value_name = "OUT_DIR", default_value = ".")]
     pub save_to: PathBuf,
     /// Bare phases
     #[command(flatten)]
@@ -47,7 +47,7 @@ pub struct Preview {
     pub encoded: EncodedArgs,
     /// Exposure of the picture [default: the hologram's; where it is not known, the 99th percentile of the first becomes
     /// white]
-    #[arg(long, value_parser = positive)]
+    #[arg(help_heading = "Bare phases", long, value_parser = positive)]
     pub exposure: Option<f64>,
     /// The eye that looks
     #[command(flatten)]
@@ -59,6 +59,6 @@ pub struct Preview {
     #[command(flatten)]
     pub engine: EngineArgs,
     /// Have Vulkan's use checked, and say what was wrong
-    #[arg(long)]
+    #[arg(help_heading = "Display", long)]
     pub validation: bool,
 }

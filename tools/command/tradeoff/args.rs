@@ -13,34 +13,34 @@ pub struct Tradeoff {
     #[command(flatten)]
     pub scene: SceneArgs,
     /// The page, the numbers, and what a run that was stopped goes on from
-    #[arg(short, long, value_name = "OUT_DIR")]
+    #[arg(help_heading = "Output", short, long, value_name = "OUT_DIR")]
     pub out: PathBuf,
     /// Files of others
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
     /// Seconds for all of it
-    #[arg(long, value_name = "SECONDS", value_parser = positive, default_value_t = 250.0)]
+    #[arg(help_heading = "Quality", long, value_name = "SECONDS", value_parser = positive, default_value_t = 250.0)]
     pub budget: f64,
     /// Display; of all its colours, green is tried, or the middle one
     #[command(flatten)]
     pub display: DisplayArgs,
     /// Sub-frames shown
-    #[arg(long, default_value_t = 8, value_name = "F")]
+    #[arg(help_heading = "Quality", long, default_value_t = 8, value_name = "F")]
     pub frames: usize,
     /// Phase levels of the SLM: how many, evenly spaced, or a file with one phase (rad) a line [default: the display's]
-    #[arg(long, value_name = "N|FILE")]
+    #[arg(help_heading = "Quality", long, value_name = "N|FILE")]
     pub levels: Option<String>,
     /// Pupil diameters, mm [default: 2..20, or what fits the eyebox]
-    #[arg(long, value_name = "MIN..MAX", value_parser = diameters)]
+    #[arg(help_heading = "Pupils", long, value_name = "MIN..MAX", value_parser = diameters)]
     pub pupil_diameter: Option<[f64; 2]>,
     /// Seed of first phases, of the pupils drawn, and of the pupils that judge
-    #[arg(long, default_value_t = 0, value_name = "S")]
+    #[arg(help_heading = "Steps", long, default_value_t = 0, value_name = "S")]
     pub seed: u64,
     /// Measure the three settings of another run (its tradeoff.json) here too, and say how far from this front they are
-    #[arg(long, value_name = "FILE")]
+    #[arg(help_heading = "Quality", long, value_name = "FILE")]
     pub check: Option<PathBuf>,
     /// Do not keep what is found for --quality and --deadline
-    #[arg(long)]
+    #[arg(help_heading = "Quality", long)]
     pub no_store: bool,
     /// How it is judged by what people see
     #[command(flatten)]
@@ -49,6 +49,6 @@ pub struct Tradeoff {
     #[command(flatten)]
     pub engine: EngineArgs,
     /// The numbers as one JSON object on standard output, no progress bar
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     pub json: bool,
 }

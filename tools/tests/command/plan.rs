@@ -67,16 +67,6 @@ fn a_flat_scene_solved_from_one_view_is_the_same() {
 }
 
 #[test]
-fn forecasts_are_checked_by_a_solve_of_its_own() {
-    let temp = folder();
-    let at = temp.path();
-    let plan = json(at, "plan", "builtin:plane", &["--color", "green", "--steps", "4", "--check", "-o", "x.zarr"]);
-    assert!(plan["check"]["steps"][0]["measured_ms"].as_f64() > Some(0.0), "{plan}");
-    assert!(plan["check"]["measured_mib"].as_f64() > Some(1.0));
-    assert_eq!(std::fs::read_dir(at).unwrap().count(), 0, "the hologram of the check is not kept");
-}
-
-#[test]
 fn sub_frames_follow_the_speckle_asked_for() {
     let temp = folder();
     let at = temp.path();

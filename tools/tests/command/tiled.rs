@@ -119,7 +119,6 @@ fn what_is_solved_region_by_region_is_planned_so() {
     for what in ["depth", "views", "pupils", "regions", "steps", "memory", "disk", "time"] {
         assert!(words.lines().any(|line| line.trim_start().starts_with(what)), "{what}: {words}");
     }
-    refused(at, &[&plan[..], &["--check"]].concat(), "other.zarr", "--check is for what is solved all at once");
 }
 
 /// The view comes out at what the pupil resolves, right, and without reading the rest of the file.

@@ -2,12 +2,9 @@
 
 use super::buffers::{SPLIT, Slot};
 use crate::engine::{PupilPass, Shape};
-use crate::plan::ContrastPass;
 use crate::scene::Pyramid;
 use eyebox_kernels::{
     Complex32,
-    compare_contrast::compare_contrast,
-    contrast_rows::contrast_rows,
     fft::{Direction, Plans, Store},
     intensity::intensity,
     motion::motion,
@@ -47,18 +44,6 @@ impl Pass<'_> {
         let Some(shot) = &self.pass.shot else { return };
         let Slot { target, accumulator, scratch, .. } = &mut *self.slot;
         resample(&shot.resample, accumulator, &shot.rows, &shot.columns, target, scratch);
-    }
-
-    pub(super) fn contrast_rows(&mut self) {
-        let Some(ContrastPass { args, weights }) = &self.pass.contrast else { return };
-        let Slot { image, target, contrast, scratch, .. } = &mut *self.slot;
-        contrast_rows(args, weights, image, target, contrast, scratch);
-    }
-
-    pub(super) fn compare_contrast(&mut self) {
-        let Some(ContrastPass { args, weights }) = &self.pass.contrast else { return };
-        let Slot { image, target, contrast, scratch, loss, .. } = &mut *self.slot;
-        *loss = compare_contrast(args, weights, contrast, target, image, scratch);
     }
 
     pub(super) fn intensity(&mut self) {

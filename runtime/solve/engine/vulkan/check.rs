@@ -98,15 +98,6 @@ fn check_pupil_pass(pupil_pass: &PupilPass, shape: &Shape) -> Result<(), String>
     if pupil_pass.taper.as_ref().is_some_and(|w| w.len() != rows + columns) {
         return Err("its taper does not fit its window".into());
     }
-    if let Some(contrast) = &pupil_pass.contrast {
-        let args = &contrast.args;
-        let fits = |reach: u32, n: usize| 2 * (reach as usize) < n.max(1);
-        let weights = args.reach_y as usize + args.reach_x as usize + 2;
-        let reaches = fits(args.reach_y, rows) && fits(args.reach_x, columns);
-        if !sized(args.rows, args.columns) || !reaches || contrast.weights.len() != weights {
-            return Err("its filter of contrasts does not fit its window".into());
-        }
-    }
     let count = pupil_pass.count();
     if pupil_pass.intensity.count as usize != count || pupil_pass.compare.count as usize != count {
         return Err(format!(

@@ -73,7 +73,6 @@ struct PupilPassTables {
     spans: Place,
     eye: Option<Place>,
     taper: Option<Place>,
-    contrast: Option<Place>,
     moments: Option<Place>,
     rows: Place,
     columns: Place,
@@ -148,7 +147,6 @@ impl Tables {
         let mut tables = PupilPassTables { spans: self.add(&pass.spans), ..Default::default() };
         tables.eye = pass.eye.as_ref().map(|terms| self.add(&terms.pairs()));
         tables.taper = pass.taper.as_ref().map(|weights| self.add(weights));
-        tables.contrast = pass.contrast.as_ref().map(|contrast| self.add(&contrast.weights));
         tables.moments = pass.moves().then(|| self.add(pass.moments.words()));
         if let Some(shot) = &pass.shot {
             tables.rows = self.add_table(&shot.rows);
@@ -262,7 +260,6 @@ impl Tables {
             Resource::Spans => tables.spans,
             Resource::EyeTerms => tables.eye?,
             Resource::TaperWeights => tables.taper?,
-            Resource::ContrastWeights => tables.contrast?,
             Resource::Moments => tables.moments?,
             _ => return None,
         };

@@ -104,7 +104,6 @@ pub(super) fn solve_joint_begun_by(
     problem.check(&joint, settings)?;
     for color in problem.colors {
         color.check_eye(settings)?;
-        settings.loss.of(settings.gaze, color.contrast)?;
     }
     if let Some(from) = from.filter(|from| {
         from.phases.len() != settings.frames * problem.colors[0].optics.height * problem.colors[0].optics.width

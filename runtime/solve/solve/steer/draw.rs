@@ -32,14 +32,6 @@ impl Refiner {
         self.engine.prepare(&mut std::iter::once(step), Some(at_once))
     }
 
-    /// The eye looks where its pupil says, as far as there is a picture: what it sees finely is there.
-    pub(super) fn look_where_it_is_turned(&mut self) {
-        if let (Some(radius), Some(contrast)) = (self.steering.gaze_radius, &mut self.planner.contrast) {
-            let turned = self.aim.centre.map(|place| (place / radius).clamp(-1.0, 1.0).asin());
-            contrast.gaze = Some(contrast.within(&self.problem.optics, turned));
-        }
-    }
-
     /// Pupils for the next step: around the eye, and now and then anywhere; the surer that it is there, the rarer.
     pub(super) fn draw(&mut self, update: Update) {
         let (aim, eyebox) = (self.aim, self.problem.eyebox);

@@ -195,11 +195,9 @@ impl<'a> Call<'_, 'a> {
         let Work { stacks, arenas, tables, losses, .. } = &*self.work;
         let index = self.dispatch.pupil_passes.start + self.at;
         match resource {
-            Resource::Spans
-            | Resource::EyeTerms
-            | Resource::TaperWeights
-            | Resource::ContrastWeights
-            | Resource::Moments => tables.bound(tables.place(index, self.mode), resource).transpose(),
+            Resource::Spans | Resource::EyeTerms | Resource::TaperWeights | Resource::Moments => {
+                tables.bound(tables.place(index, self.mode), resource).transpose()
+            }
             // What kernels over several pupils find in their own tables.
             Resource::Views | Resource::Taps | Resource::RowWeights | Resource::ColumnWeights => Ok(None),
             Resource::Losses => {

@@ -12,10 +12,8 @@ pub(in super::super) struct Hazards {
 impl Default for Hazards {
     /// At the start of a recording the tables have been copied, and losses cleared.
     fn default() -> Self {
-        use Resource::{
-            ColumnWeights, ContrastWeights, EyeTerms, Losses, Moments, NotFinite, RowWeights, Spans, TaperWeights, Taps,
-        };
-        let tables = [Spans, EyeTerms, TaperWeights, ContrastWeights, Moments, Taps, RowWeights, ColumnWeights];
+        use Resource::{ColumnWeights, EyeTerms, Losses, Moments, NotFinite, RowWeights, Spans, TaperWeights, Taps};
+        let tables = [Spans, EyeTerms, TaperWeights, Moments, Taps, RowWeights, ColumnWeights];
         let written = [&tables[..], &[Losses, NotFinite]].concat();
         Self { read: Vec::new(), written }
     }
