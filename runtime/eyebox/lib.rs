@@ -65,30 +65,30 @@
 //!
 //! # Modules
 //!
-//! Along the way the light goes; each imports only those above it:
-//!
 //! | module | what belongs in it |
 //! |---|---|
-//! | [`memory`] | what memory there is; promised before it is taken |
-//! | [`files`] | regular files, read up to a limit; files that appear whole or not at all; `.npy` and PNG |
-//! | [`optics`] | geometry, pupil, propagation (angular spectrum method), window: pure functions in float64 |
-//! | [`scene`] | light fields: loading, built-in scenes, depth and disparity, photographs |
-//! | [`plan`] | what is to be computed, as plain data: lists of kernels and their arguments |
-//! | [`gpu`] | one Vulkan device, opened once and shared |
-//! | [`engine`] | runs lists of kernels over buffers, on the CPU or on Vulkan |
-//! | [`evaluate`] | what an eye sees and should see: PSNR, SSIM, exposure, energy, speckle, colour |
-//! | [`solve`] | pupil sampling, the optimisers, the solver and the refiner: one for every engine |
-//! | [`hologram`] | phase frames with their metadata and their file: whole, in sequences, in tiles |
-//! | [`tiled`] | far-field holograms larger than memory: region by region, from and to their file |
-//! | [`quality`] | what settings cost and gain, on one color of a scene |
-//! | [`produce`] | from scenes to holograms: all colours, sequences, tiles |
-//! | [`encode`] | calibration, levels, packing: phases to what the SLM receives |
-//! | [`calibrate`] | a model of the display as it is, fitted from pictures that a camera took |
-//! | [`trackers`] | eye trackers: devices, recordings, network, simulated; samples with a steady time |
-//! | [`gaze`] | from a tracker's samples to where the pupil will be, with its uncertainty |
-//! | [`present`] | video frames to light: windows, direct displays, memory; when what lit up |
-//! | [`session`] | content, eye and time under one scheduler: play, live, and the account of what was shown |
-//! | [`preview`] | what an eye sees, live, in an ordinary window |
+//! | [`files`] | Files: read in one way, which waits for nothing and believes no length (`read`); written whole or not at all; and the two plain formats that the runtime speaks, `.npy` and PNG |
+//! | [`mailbox`] | What passes between threads: a bounded queue that allocates nothing once it is made |
+//! | [`memory`] | What memory there is: it is promised before it is taken, so that nothing that is read or asked for ends in an abort |
+//! | [`steady`] | The system's monotonic clock, which never steps: one for trackers, displays and sessions |
+//! | [`linear`] | Small dense systems of equations |
+//! | [`scene`] | Light fields: loading, the built-in scenes, depth and disparity, the photograph |
+//! | [`encode`] | Phases to what the SLM receives |
+//! | [`engine`] | Runs lists of kernels over buffers: on the `cpu`, on `vulkan`, or on both in turn (`Handover`) |
+//! | [`evaluate`] | How good an image is, in numbers: PSNR, SSIM, the exposure that compares a hologram with its scene, and what a list of such numbers comes to |
+//! | [`gpu`] | One Vulkan device, opened once and shared |
+//! | [`hologram`] | Phase frames and their file |
+//! | [`plan`] | What is to be computed, decided once, as plain data: nothing here touches a buffer or a device |
+//! | [`produce`] | From scenes to holograms: one driver for all colours of a hologram, for a sequence of them, and for a far field in tiles |
+//! | [`quality`] | Speed against accuracy: what a solve costs and how good it is |
+//! | [`solve`] | Stochastic Light Field Holography (Schiffers et al. 2023): draws pupils, compares what the wave gives with what the light field gives, moves the phases |
+//! | [`tiled`] | Far-field holograms larger than memory: solved and looked at through the piece that a pupil covers (OPTICS 9) |
+//! | [`calibrate`] | A model of the display as it is, fitted from pictures that a camera took of it (OPTICS 10) |
+//! | [`present`] | Video frames to light: presenters, and when what they were given lit up |
+//! | [`gaze`] | From what a tracker says to where the pupil will be when the light arrives |
+//! | [`trackers`] | Eye trackers: what a device, a recording, a network or a simulation says, as `Sample`s with a steady time |
+//! | [`preview`] | What an eye sees, live, in an ordinary window: for people without an SLM, and beside one |
+//! | [`session`] | Content, an eye and time brought together: holograms on a display, on time, and a truthful account of what was shown |
 //!
 //! Comments that say "OPTICS n" mean section n of `docs/optics.md`. Lengths are metres, angles radians, images linear light, axis
 //! order (row = y, column = x), +y down. Errors are typed, one enum a module; no input panics.

@@ -1,6 +1,7 @@
 //! The library across its modules on the CPU and on a Vulkan device, against float64 and against damaged input.
 
 mod architecture;
+mod contents;
 mod encode_steady;
 mod extremes;
 mod eyes;
