@@ -34,6 +34,12 @@ EYEBOX=$target/release/eyebox tools/python.sh wheel
 stage "tests, at the ends of every range and for ten minutes of playing"
 EYEBOX_EXTREMES=full EYEBOX_SOAK=full EYEBOX_MUTATIONS=10000 EYEBOX_KILLS=200 cargo test --release --workspace
 
+# The transforms must not depend on the size of a subgroup: 4 and 16 lanes instead of this machine's 8.
+for width in 128 512; do
+    stage "shaders with vectors of $width bits"
+    LP_NATIVE_VECTOR_WIDTH=$width cargo test --release --workspace --test vulkan -- fft::
+done
+
 stage "what a compiler for real devices makes of every pipeline"
 cargo test --release --workspace --lib -- --include-ignored --nocapture nothing_spills
 
