@@ -111,7 +111,9 @@ pub use eyebox_session::preview;
 #[doc(inline)]
 pub use eyebox_session::session;
 #[doc(inline)]
-pub use eyebox_solve::{encode, engine, evaluate, gpu, hologram, plan, produce, quality, solve, tiled};
+pub use eyebox_solve::{
+    encode, encoded, engine, evaluate, gpu, hologram, plan, produce, quality, reconstruction, solve, tiled,
+};
 #[doc(inline)]
 pub use eyebox_tracking::{gaze, trackers};
 

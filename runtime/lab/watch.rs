@@ -71,12 +71,9 @@ pub(crate) fn unless_stopped<T>(result: Result<T, QualityError>) -> Result<Optio
 }
 
 fn is_stop(error: &QualityError) -> bool {
-    use eyebox::hologram::HologramError;
     use eyebox::solve::SolveError;
     let engine = match error {
         QualityError::Engine(engine) | QualityError::Solve(SolveError::Engine(engine)) => engine,
-        QualityError::Hologram(HologramError::Engine(engine)) => engine,
-        QualityError::Hologram(HologramError::Solve(SolveError::Engine(engine))) => engine,
         _ => return false,
     };
     matches!(engine, EngineError::Stopped)

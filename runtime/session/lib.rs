@@ -10,5 +10,5 @@ use eyebox_calibrate as calibrate;
 use eyebox_optics as optics;
 use eyebox_present as present;
 use eyebox_scene as scene;
-use eyebox_solve::{encode, engine, evaluate, gpu, hologram, plan, solve, tiled};
+use eyebox_solve::{encode, engine, evaluate, gpu, hologram, plan, reconstruction, solve, tiled};
 use eyebox_tracking::{gaze, trackers};

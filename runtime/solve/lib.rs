@@ -1,10 +1,12 @@
 //! **eyebox-solve**: from scenes to holograms, and to what an SLM receives, for [eyebox](https://github.com/eyebox/eyebox).
 //!
 //! [`plan`] says what is computed, as plain data; [`gpu`] is one Vulkan device, [`engine`] runs plans on it or on the CPU. [`evaluate`] sees
-//! what an eye sees, [`solve`](mod@solve) moves the phases. A [`hologram`] is kept in a file, [`tiled`] where it is larger than memory;
-//! [`quality`] measures what settings cost and gain, [`produce`] makes all colors of scenes and sequences, and [`encode`] makes the SLM's bytes.
+//! what an eye sees, [`solve`](mod@solve) moves the phases. A [`hologram`] is kept in a file, [`tiled`] where it is larger than memory, and
+//! [`reconstruction`] compares it with its scene. [`quality`] measures what settings cost and gain, and [`produce`] makes all colors of scenes
+//! and sequences. [`encode`] makes the SLM's bytes, and [`encoded`] reads and writes folders of them.
 
 pub mod encode;
+pub mod encoded;
 pub mod engine;
 pub mod evaluate;
 pub mod gpu;
@@ -12,6 +14,7 @@ pub mod hologram;
 pub mod plan;
 pub mod produce;
 pub mod quality;
+pub mod reconstruction;
 pub mod solve;
 pub mod tiled;
 

@@ -107,7 +107,7 @@ fn a_point_moves_as_the_optics_say() {
             depth - TAU * (y * point[0] + x * point[1]) / (o.wavelength * f)
         };
         let planner = Planner::new(o, 1, WindowFactor::Full);
-        let wrapped: Vec<f32> = (0..384 * 512).map(|i| eyebox::hologram::wrap_phase(phase(i) as f32)).collect();
+        let wrapped: Vec<f32> = (0..384 * 512).map(|i| eyebox::optics::wrap_phase(phase(i) as f32)).collect();
         if z0 == 0.0 {
             // A grating: every pixel differs from the next by the same phase.
             let step = |i: usize| (f64::from(wrapped[i + 1]) - f64::from(wrapped[i])).rem_euclid(TAU);

@@ -1,8 +1,8 @@
 //! Photographs of few views by Fourier disparity layers, against waves whose photographs are known in closed form (OPTICS 14).
 
 use eyebox::engine::cpu::CpuEngine;
-use eyebox::hologram::SceneSource;
 use eyebox::optics::{Color, Display, Pupil};
+use eyebox::reconstruction::SceneSource;
 use eyebox::scene::{self, Layers, LightField, Photographs, Request, ViewGrid};
 use std::f64::consts::TAU;
 

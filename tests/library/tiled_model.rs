@@ -3,12 +3,13 @@
 
 use eyebox::engine::{Buffer, Engine, cpu::CpuEngine};
 use eyebox::evaluate::Views;
-use eyebox::hologram::{ColorHologram, Hologram, Metadata, PhaseSource, Sampling, Tiles};
+use eyebox::hologram::{ColorHologram, Hologram, Metadata, PhaseSource, Tiles};
 use eyebox::optics::{
     Color, Display, DisplayModel, Geometry, Level, ModelOf, ModelTerms, Obstruction, Optics, Pupil, PupilDistribution,
     WindowFactor,
 };
 use eyebox::plan::{Comparison, ModelTables, Planner, Purpose};
+use eyebox::reconstruction::Sampling;
 use eyebox::scene::Request;
 use eyebox::solve::{Problem, Refiner, Steering};
 use eyebox::tiled::Piece;

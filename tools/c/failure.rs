@@ -2,9 +2,11 @@
 
 use eyebox::encode::EncodeError;
 use eyebox::engine::EngineError;
+use eyebox::evaluate::EvaluateError;
 use eyebox::hologram::HologramError;
 use eyebox::optics::OpticsError;
 use eyebox::produce::ProduceError;
+use eyebox::reconstruction::ReconstructionError;
 use eyebox::scene::SceneError;
 use eyebox::session::SessionError;
 use eyebox::solve::SolveError;
@@ -62,6 +64,8 @@ pub(crate) enum Failure {
     #[error(transparent)]
     Hologram(#[from] HologramError),
     #[error(transparent)]
+    Evaluate(#[from] EvaluateError),
+    #[error(transparent)]
     Encode(#[from] EncodeError),
     #[error(transparent)]
     Engine(#[from] EngineError),
@@ -77,6 +81,16 @@ pub(crate) enum Failure {
     Forked,
     #[error("an earlier call with this handle met a fault of eyebox: free it")]
     Broken,
+}
+
+impl From<ReconstructionError> for Failure {
+    fn from(error: ReconstructionError) -> Self {
+        match error {
+            ReconstructionError::Hologram(error) => Self::Hologram(error),
+            ReconstructionError::Engine(error) => Self::Engine(error),
+            ReconstructionError::Evaluate(error) => Self::Evaluate(error),
+        }
+    }
 }
 
 impl Failure {
@@ -99,12 +113,9 @@ impl Failure {
             Self::Scene(_) | Self::Produce(ProduceError::Scene(_)) | Self::Hologram(HologramError::Scene(_)) => {
                 EyeboxStatus::Scene
             }
-            Self::Engine(_)
-            | Self::Forked
-            | Self::Produce(ProduceError::Engine(_))
-            | Self::Hologram(HologramError::Engine(_)) => EyeboxStatus::Engine,
+            Self::Engine(_) | Self::Forked | Self::Produce(ProduceError::Engine(_)) => EyeboxStatus::Engine,
             Self::Produce(_) | Self::Solve(_) | Self::NotFinite { .. } => EyeboxStatus::Solve,
-            Self::Hologram(_) => EyeboxStatus::Hologram,
+            Self::Hologram(_) | Self::Evaluate(_) => EyeboxStatus::Hologram,
             Self::Encode(_) => EyeboxStatus::Encode,
             Self::Panic(_) | Self::Broken => EyeboxStatus::Internal,
         }

@@ -1,8 +1,9 @@
 //! Pupils, and what is seen through them in numbers.
 
 use crate::failure::Failure;
-use eyebox::hologram::{Hologram, PupilScore};
+use eyebox::hologram::Hologram;
 use eyebox::optics::Pupil;
+use eyebox::reconstruction::PupilScore;
 
 /// Where the eye's pupil is, how wide it is, and where it focuses. Metres.
 #[repr(C)]

@@ -12,6 +12,7 @@ use eyebox::present::PresentError;
 use eyebox::preview::PreviewError;
 use eyebox::produce::ProduceError;
 use eyebox::quality::QualityError;
+use eyebox::reconstruction::ReconstructionError;
 use eyebox::scene::SceneError;
 use eyebox::session::SessionError;
 use eyebox::solve::SolveError;
@@ -86,6 +87,16 @@ pub enum Failure {
     /// What was asked for does not fit together.
     #[error("{0}")]
     Asked(String),
+}
+
+impl From<ReconstructionError> for Failure {
+    fn from(error: ReconstructionError) -> Self {
+        match error {
+            ReconstructionError::Hologram(error) => Self::Hologram(error),
+            ReconstructionError::Engine(error) => Self::Engine(error),
+            ReconstructionError::Evaluate(error) => Self::Evaluate(error),
+        }
+    }
 }
 
 impl Failure {

@@ -7,7 +7,8 @@ use crate::phases::tell_unfinished;
 use crate::progress::{self, JobBar};
 use clap::Args;
 use eyebox::gpu::Options as VulkanOptions;
-use eyebox::hologram::{Hologram, Opening, SceneSource, Sequence};
+use eyebox::hologram::{Hologram, Opening, Sequence};
+use eyebox::reconstruction::SceneSource;
 use eyebox_lab::film::{self, Content, EyePath, FilmSettings};
 use std::path::{Path, PathBuf};
 

@@ -3,8 +3,9 @@
 use crate::Failure;
 use crate::values::{Names, depths, one_of, positive, prescription, size};
 use clap::{Args, ValueEnum};
-use eyebox::hologram::{Hologram, HologramError, InputOptions, SceneReading, SolveInput};
+use eyebox::hologram::{Hologram, HologramError};
 use eyebox::optics::{Depth, Display, Obstruction, Prescription};
+use eyebox::reconstruction::{InputOptions, SceneReading, SolveInput};
 use eyebox::scene::{Near, Order, Photographs};
 use std::path::{Path, PathBuf};
 

@@ -3,9 +3,9 @@
 use crate::Failure;
 use crate::args::Photograph;
 use crate::common::{self, Form};
-use eyebox::hologram::{Sampling, SceneSource};
 use eyebox::optics::depth_in_words;
 use eyebox::produce::is_larger_than_memory;
+use eyebox::reconstruction::{Sampling, SceneSource};
 
 /// Takes one photograph of a scene.
 pub fn run(args: &Photograph) -> Result<(), Failure> {

@@ -1,7 +1,7 @@
 //! What the commands that show have in common: a session is attended until it ends, and what came of it is told.
 
 use crate::{Failure, common, progress};
-use eyebox::encode;
+use eyebox::encoded;
 use eyebox::files;
 use eyebox::hologram::Hologram;
 use eyebox::session::{Ended, Ending, Session, SessionError, SessionEvent, Statistics, Status};
@@ -98,7 +98,7 @@ pub fn conclude(ended: Ended, stats: Option<&Path>, more: &Value) -> Result<(), 
 /// Keeps the powers of the lasers of colours that share their sub-frames with what is recorded.
 pub fn keep_powers(shown: &Hologram, record: Option<&Path>) -> Result<(), Failure> {
     if let Some(folder) = record {
-        encode::write_powers(shown, folder)?;
+        encoded::write_powers(shown, folder)?;
     }
     Ok(())
 }

@@ -11,12 +11,12 @@ use crate::score::decibels;
 use crate::settings::{self, job_of};
 use eyebox::calibrate::CameraGain;
 use eyebox::engine::Engine;
-use eyebox::hologram::PupilScore;
 use eyebox::optics::{Color, Display, depth_in_words, dioptres};
 use eyebox::produce::{
     SceneJob, SceneSolution, SolvedHologram, SolvedSequence, SolvedTiles, TilesRequest, is_larger_than_memory,
     solve_scene,
 };
+use eyebox::reconstruction::PupilScore;
 use eyebox::scene;
 use eyebox::solve::{Method, Optimizer, Settings, Solution, Stop};
 use eyebox::tiled::MemoryLimit;

@@ -2,6 +2,7 @@
 
 use eyebox::optics::OpticsError;
 use eyebox::produce::ProduceError;
+use eyebox::reconstruction::ReconstructionError;
 use pyo3::exceptions::PyValueError;
 use pyo3::{PyErr, create_exception};
 
@@ -41,6 +42,8 @@ pub(crate) enum Failure {
     #[error(transparent)]
     Hologram(#[from] eyebox::hologram::HologramError),
     #[error(transparent)]
+    Evaluate(#[from] eyebox::evaluate::EvaluateError),
+    #[error(transparent)]
     Calibrate(#[from] eyebox::calibrate::CalibrateError),
     #[error(transparent)]
     Encode(#[from] eyebox::encode::EncodeError),
@@ -57,6 +60,16 @@ pub(crate) enum Failure {
          multiprocessing.get_context(\"spawn\")"
     )]
     Forked { what: &'static str, remedy: &'static str },
+}
+
+impl From<ReconstructionError> for Failure {
+    fn from(error: ReconstructionError) -> Self {
+        match error {
+            ReconstructionError::Hologram(error) => Self::Hologram(error),
+            ReconstructionError::Engine(error) => Self::Engine(error),
+            ReconstructionError::Evaluate(error) => Self::Evaluate(error),
+        }
+    }
 }
 
 impl From<eyebox::session::SessionError> for Failure {
@@ -93,12 +106,11 @@ impl From<Failure> for PyErr {
                 | OfHologram::NoScene { .. }
                 | OfHologram::OtherSize { .. },
             ) => SceneError::new_err(said),
-            Failure::Engine(_)
-            | Failure::Forked { .. }
-            | Failure::Produce(ProduceError::Engine(_))
-            | Failure::Hologram(OfHologram::Engine(_)) => EngineError::new_err(said),
+            Failure::Engine(_) | Failure::Forked { .. } | Failure::Produce(ProduceError::Engine(_)) => {
+                EngineError::new_err(said)
+            }
             Failure::Produce(_) | Failure::Solve(_) | Failure::NotFinite(_) => SolveError::new_err(said),
-            Failure::Hologram(_) => HologramError::new_err(said),
+            Failure::Hologram(_) | Failure::Evaluate(_) => HologramError::new_err(said),
             Failure::Calibrate(_) => CalibrateError::new_err(said),
             Failure::Session(_) => SessionError::new_err(said),
             Failure::Encode(_) => EncodeError::new_err(said),

@@ -3,9 +3,9 @@
 //! `cargo run --release -p eyebox --example refine_with_pupil_updates`
 
 use eyebox::engine::{self, Choice};
-use eyebox::hologram::SceneSource;
 use eyebox::optics::{Display, Pupil, PupilDistribution};
 use eyebox::produce::{SceneJob, solve_scene};
+use eyebox::reconstruction::SceneSource;
 use eyebox::solve::{Flow, Settings, Steering};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

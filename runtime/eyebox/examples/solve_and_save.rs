@@ -3,9 +3,10 @@
 //! `cargo run --release -p eyebox --example solve_and_save [SCENE] [FILE.zarr]`
 
 use eyebox::engine::{self, Choice};
-use eyebox::hologram::{Hologram, SceneSource};
+use eyebox::hologram::Hologram;
 use eyebox::optics::{Display, Pupil};
 use eyebox::produce::{SceneEvent, SceneJob, solve_scene};
+use eyebox::reconstruction::SceneSource;
 use eyebox::solve::Flow;
 use std::path::Path;
 

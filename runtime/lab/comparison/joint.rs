@@ -5,9 +5,10 @@ use super::picture;
 use super::results::JointFigures;
 use eyebox::engine::Engine;
 use eyebox::evaluate::Summary;
-use eyebox::hologram::{ColorHologram, Hologram, SceneSource};
+use eyebox::hologram::{ColorHologram, Hologram};
 use eyebox::optics::{Color, Display, JointColor, Laser, Padding, Pupil};
 use eyebox::quality::QualityError;
+use eyebox::reconstruction::SceneSource;
 use eyebox::scene::LightField;
 use eyebox::solve::{self, Flow, Joint, JointProblem, Problem, Settings, Solution};
 

@@ -2,6 +2,7 @@
 
 use eyebox::files::FileError;
 use eyebox::hologram::HologramError;
+use eyebox::reconstruction::ReconstructionError;
 
 /// What a path looks like, in one line.
 pub(super) const EXAMPLE: &str = r#"{"rate_hz": 30, "keys": [{"t_s": 0, "x_mm": -4, "diameter_mm": 4, "focus": 0}, {"t_s": 2, "x_mm": 4, "focus": "0.01D"}], "blinks_s": [1]}"#;
@@ -24,6 +25,9 @@ pub enum FilmError {
     /// What is looked at.
     #[error(transparent)]
     Hologram(#[from] HologramError),
+    /// The hologram could not be looked at or scored.
+    #[error(transparent)]
+    Reconstruction(#[from] ReconstructionError),
     /// Something that does not fit together.
     #[error("{0}")]
     Setting(String),

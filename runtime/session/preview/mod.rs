@@ -44,6 +44,7 @@ use crate::engine::EngineError;
 use crate::hologram::HologramError;
 use crate::optics::OpticsError;
 use crate::present::PresentError;
+use crate::reconstruction::ReconstructionError;
 
 /// Why there is nothing to see.
 #[derive(Debug, thiserror::Error)]
@@ -61,6 +62,9 @@ pub enum PreviewError {
     /// A hologram that could not be read.
     #[error(transparent)]
     Hologram(#[from] HologramError),
+    /// The hologram could not be looked at.
+    #[error(transparent)]
+    Reconstruction(#[from] ReconstructionError),
     /// What is shown contradicts itself, or the scene.
     #[error("this cannot be looked at: {reason}")]
     Showing {

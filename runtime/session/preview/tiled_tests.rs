@@ -3,8 +3,9 @@
 use super::*;
 use crate::engine::cpu::CpuEngine;
 use crate::evaluate::Views;
-use crate::hologram::{ColorHologram, Hologram, PhaseSource, SceneSource, Tiles};
+use crate::hologram::{ColorHologram, Hologram, PhaseSource, Tiles};
 use crate::optics::{Color, Display, Padding, Pupil};
+use crate::reconstruction::SceneSource;
 use crate::scene::Request;
 use std::path::Path;
 use std::sync::Arc;

@@ -29,7 +29,7 @@ fn hologram(index: u64, display: &Display) -> Hologram {
         wavelength: c.wavelength,
         exposure: 0.4,
         efficiency: 0.4,
-        phases: (0..8 * 192).map(|_| crate::hologram::wrap_phase((7.0 * random.unit()) as f32)).collect(),
+        phases: (0..8 * 192).map(|_| crate::optics::wrap_phase((7.0 * random.unit()) as f32)).collect(),
     };
     let colors = display.wavelengths.iter().map(&mut color).collect();
     Hologram { height: 12, width: 16, ..Hologram::on(display, 8, colors) }
@@ -169,8 +169,7 @@ fn an_slm_of_two_turns_is_sent_its_drives() {
     display.dispersion.insert(Color::Red, 2.0);
     let mut random = SplitMix(4);
     // In the middle of a level each: none is rounded to its neighbour.
-    let level =
-        |_| crate::hologram::wrap_phase((std::f64::consts::TAU * (256.0 * random.unit()).floor() / 256.0) as f32);
+    let level = |_| crate::optics::wrap_phase((std::f64::consts::TAU * (256.0 * random.unit()).floor() / 256.0) as f32);
     let drives: Vec<f32> = (0..8 * 192).map(level).collect();
     let mut hologram = hologram(0, &display);
     let mut joint = JointColor::default();

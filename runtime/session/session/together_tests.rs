@@ -3,7 +3,7 @@
 use super::tests::{aim, cpu};
 use super::*;
 use crate::encode::Encoder;
-use crate::hologram::wrap_phase;
+use crate::optics::wrap_phase;
 use crate::optics::{Color, Display, Laser, Padding};
 use crate::scene::{self, Request};
 use crate::solve::{Problem, random_phases};

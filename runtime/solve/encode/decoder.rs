@@ -3,7 +3,7 @@
 use super::encoder::scale;
 use super::turning::Turning;
 use super::{EncodeError, Encoder, PackedSlot, VideoFrames, correction, levels};
-use crate::hologram::wrap_phase;
+use crate::optics::wrap_phase;
 use crate::optics::{Color, Display};
 use rayon::prelude::*;
 

@@ -10,17 +10,15 @@
 //! `calibration` and `correction` read files. All of it is decided before a phase is seen, as a [`Plan`] for the
 //! kernel `encode`; this room runs it on the CPU, the Vulkan engine on a device,
 //! and both give the same bytes. A [`Decoder`] is its inverse: video frames to the phases that they show, of a folder that this
-//! program wrote or of pictures of any origin ([`Encoded`]).
-//! This room imports [`optics`](crate::optics), [`files`](crate::files) and [`hologram`](crate::hologram).
+//! program wrote or of pictures of any origin ([`Encoded`](crate::encoded::Encoded)).
+//! This room imports [`optics`](crate::optics) and [`files`](crate::files).
 
 mod calibration;
 mod correction;
 mod decoder;
 mod encoder;
 mod flicker;
-mod folder;
 mod frames;
-mod hologram;
 mod levels;
 mod lighting;
 mod packing;
@@ -33,7 +31,6 @@ pub use decoder::{AsShown, Decoder};
 pub use encoder::Encoder;
 pub use eyebox_kernels::encode::Plan;
 pub use flicker::flicker;
-pub use folder::{Encoded, FrameContents, is_encoded, write_powers};
 pub use frames::{PhaseSet, VideoFrames};
 pub use lighting::{Lighting, LitTimes};
 pub use packing::{Packed, PackedSlot};

@@ -65,7 +65,7 @@ impl Packed {
     }
 
     /// What a video frame holds, as a display file's map says it: bits of one channel, or of the whole word.
-    pub(super) fn places(&self, colors: &[Color], video_frame: usize) -> Vec<Place> {
+    pub(crate) fn places(&self, colors: &[Color], video_frame: usize) -> Vec<Place> {
         let place = |s: &PackedSlot| {
             let one = s.bits.iter().all(|b| b / 8 == s.bits[0] / 8);
             let channel = match (self.channels, one, s.bits[0] / 8) {

@@ -1,9 +1,9 @@
 //! The files of a hologram folder: their names, its documents, its chunks; sealed, and checked when they are read.
 
 use super::HologramError;
-use super::wrap_phase;
 use crate::files::{FileError, FileKind, Folder, FolderDraft, Kind, Wanted, is_draft};
 use crate::memory;
+use crate::optics::wrap_phase;
 use std::fs::File;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::{self, Read, Write};

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::files::{FileError, write_npy};
+use crate::optics::wrap_phase;
 use serde_json::json;
 use std::{
     fs,

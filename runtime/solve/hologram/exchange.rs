@@ -5,9 +5,9 @@
 //! A PNG folder has one picture per colour and sub-frame, `green-00.png`, level = round(phase / 2 pi x 256) mod 256;
 //! a colour without a name is called by its number, `0-00.png`.
 
-use super::{ColorHologram, Hologram, HologramError, Metadata, level_of_phase, wrap_phase};
+use super::{ColorHologram, Hologram, HologramError, Metadata};
 use crate::files::{FileError, FolderDraft, encode_grey8, holds_only_own, write_listed, write_npy};
-use crate::optics::{Color, Display, Geometry};
+use crate::optics::{Color, Display, Geometry, level_of_phase, wrap_phase};
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 

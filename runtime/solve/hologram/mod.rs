@@ -3,7 +3,8 @@
 //! A [`Hologram`] is what a solve ends in and what everything after it starts from: phases per colour and sub-frame,
 //! the optics they are meant for, the exposure they were made with, and what made them. It is kept as a Zarr v3 folder
 //! (`store`), which any Zarr library opens; bare phases travel as `.npy` and as grey PNGs (`exchange`).
-//! This room imports [`optics`](crate::optics) and [`files`](crate::files).
+//! This room imports [`optics`](crate::optics), [`files`](crate::files), of [`scene`](crate::scene) and [`solve`](crate::solve) the settings that
+//! a file keeps, and of [`plan`](crate::plan) the tables of the display's model.
 //!
 //! # The folder
 //!
@@ -27,27 +28,19 @@
 //! its build script, whatever the features), and building this project needs cargo alone.
 
 mod chunks;
+mod display_model;
 mod document;
 mod exchange;
-mod exposure;
 mod foreign;
-mod input;
-mod jod;
 mod metadata;
 mod newest;
 mod open;
-mod phase;
 mod phase_files;
-mod refine;
 mod scene_record;
-mod scene_source;
-mod score;
-mod seen;
 mod sequence;
 mod sequence_parts;
 mod sequence_writer;
 mod shown_on;
-mod solved;
 mod source;
 mod store;
 mod tiles;
@@ -65,32 +58,23 @@ mod replaced_tests;
 mod sequence_tests;
 
 pub use exchange::{PhaseUnit, Phases, save_phases};
-pub use input::{InputOptions, SceneReading, SolveInput};
-pub use jod::{FOVEA_DEGREES, JodSettings};
 pub use metadata::{Metadata, Refined, Start, TakenWithCamera};
 pub use newest::{NewestHologram, OnScreen};
 pub use open::{BareOptics, Opening};
-pub use phase::{level_of_phase, phase_of_level, wrap_phase};
 pub use phase_files::{check_radians, load_phases};
-pub use refine::Refinement;
 pub use scene_record::SceneRecord;
-pub use scene_source::SceneSource;
-pub use score::{HologramScores, PupilScore};
 pub use sequence::Sequence;
 pub use sequence_parts::SequenceParts;
 pub use sequence_writer::SequenceWriter;
-pub use source::{PhaseSource, Sampling};
+pub use source::PhaseSource;
 pub use tiles::{Made, Patch, TileVersion, Tiles};
 pub use unfinished::Unfinished;
 
 use crate::memory::TooLarge;
 use crate::{
-    engine::EngineError,
-    evaluate::EvaluateError,
     files::FileError,
     optics::{Color, Display, Geometry, Optics, OpticsError, Wavelength, drives_of},
     scene::SceneError,
-    solve::SolveError,
 };
 use std::borrow::Cow;
 
@@ -194,15 +178,6 @@ pub enum HologramError {
     /// The scene that it is compared with.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// What looked at it.
-    #[error(transparent)]
-    Engine(#[from] EngineError),
-    /// It could not be scored.
-    #[error(transparent)]
-    Evaluate(#[from] EvaluateError),
-    /// It could not be refined.
-    #[error(transparent)]
-    Solve(#[from] SolveError),
     /// Its colours are not named, or are not those of its display.
     #[error("its colours are not named, or not those of its display: what it was made for is not known")]
     NoDisplay,

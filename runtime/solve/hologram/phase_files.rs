@@ -6,10 +6,10 @@
 
 use super::chunks::read_whole;
 use super::exchange::none;
-use super::{HologramError, PhaseUnit, Phases, phase_of_level};
+use super::{HologramError, PhaseUnit, Phases};
 use crate::files::{FileError, FileKind, Folder, NpyArray, Pixels, Samples, Wanted, read_pixels};
 use crate::memory;
-use crate::optics::Color;
+use crate::optics::{Color, phase_of_level};
 use crate::scene::natural;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;

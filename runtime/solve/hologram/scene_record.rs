@@ -58,7 +58,7 @@ impl SceneRecord {
     }
 
     /// A source as it was named, with the options that its own was read with where it has none.
-    pub(super) fn source_of(&self, named: &str) -> String {
+    pub(crate) fn source_of(&self, named: &str) -> String {
         let options = self.file.as_ref().and_then(|file| file.options.as_ref());
         match (options, scene::path_and_options(named)) {
             (Some(options), Some((path, ""))) if path.is_file() => format!("{named}?{options}"),

@@ -6,8 +6,9 @@
 use super::chunks::{ARRAY, LOCK, lock, open_folder, own_draft, unreadable, unwritable};
 use super::document::{self, SequenceAttributes};
 use super::sequence::sequence_chunk;
-use super::{Hologram, HologramError, Sequence, wrap_phase};
+use super::{Hologram, HologramError, Sequence};
 use crate::files::{Folder, Kind, is_draft};
+use crate::optics::wrap_phase;
 use std::io::{self, Write};
 use std::path::Path;
 

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::files::FileError;
+use crate::optics::wrap_phase;
 use crate::solve::SplitMix;
 use std::fs;
 use std::path::{Path, PathBuf};

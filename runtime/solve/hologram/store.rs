@@ -6,8 +6,9 @@ use super::chunks::{
 };
 use super::phase_files::far_outside;
 use super::tiles::Tiles;
-use super::{Hologram, HologramError, document, foreign, save_phases, wrap_phase};
+use super::{Hologram, HologramError, document, foreign, save_phases};
 use crate::files::Folder;
+use crate::optics::wrap_phase;
 use std::path::Path;
 
 impl Hologram {

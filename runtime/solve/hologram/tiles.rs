@@ -20,7 +20,7 @@ use super::chunks::{
 };
 use super::{Hologram, HologramError, Metadata, document};
 use crate::files::{Folder, Kind};
-use crate::optics::Geometry;
+use crate::optics::{Geometry, wrap_phase};
 use crate::plan::ModelTables;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -93,7 +93,7 @@ pub(crate) fn first_phase(seed: u64, color: usize, frame: usize, row: usize, col
     let plane = mix(seed.wrapping_add(0x9e37_79b9_7f4a_7c15) ^ ((color as u64) << 32 | frame as u64));
     let bits = mix(plane.wrapping_add(((row as u64) << 32 | column as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)));
     let turns = (bits >> 40) as f32 / (1u64 << 24) as f32 - 0.5;
-    super::wrap_phase(turns * std::f32::consts::TAU)
+    wrap_phase(turns * std::f32::consts::TAU)
 }
 
 impl Tiles {

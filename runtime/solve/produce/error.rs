@@ -5,6 +5,7 @@ use crate::evaluate::EvaluateError;
 use crate::hologram::HologramError;
 use crate::optics::{Color, OpticsError};
 use crate::quality::QualityError;
+use crate::reconstruction::ReconstructionError;
 use crate::scene::SceneError;
 use crate::solve::SolveError;
 use crate::tiled::TiledError;
@@ -48,4 +49,14 @@ pub enum ProduceError {
     /// A job that contradicts itself.
     #[error("{0}")]
     Job(String),
+}
+
+impl From<ReconstructionError> for ProduceError {
+    fn from(error: ReconstructionError) -> Self {
+        match error {
+            ReconstructionError::Hologram(error) => Self::Hologram(error),
+            ReconstructionError::Engine(error) => Self::Engine(error),
+            ReconstructionError::Evaluate(error) => Self::Evaluate(error),
+        }
+    }
 }

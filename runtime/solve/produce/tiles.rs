@@ -5,11 +5,10 @@ use super::job::{SceneEvent, SceneJob, TilesPlan, TilesRequest};
 use crate::engine::Engine;
 use crate::evaluate::Views;
 use crate::files::FileRecord;
-use crate::hologram::{
-    ColorHologram, Hologram, HologramScores, Metadata, PhaseSource, SceneRecord, SceneSource, Tiles,
-};
+use crate::hologram::{ColorHologram, Hologram, Metadata, PhaseSource, SceneRecord, Tiles};
 use crate::optics::{Color, Display, Geometry, Pupil};
 use crate::plan::ModelTables;
+use crate::reconstruction::{HologramScores, SceneSource};
 use crate::scene::{self, Photographs, Request};
 use crate::solve::{Flow, Settings};
 use crate::tiled::{self, Job, MemoryLimit, RegionSize, Schedule, TiledError};

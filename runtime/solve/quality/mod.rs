@@ -20,6 +20,7 @@ use crate::evaluate::EvaluateError;
 use crate::files::FileError;
 use crate::hologram::HologramError;
 use crate::optics::OpticsError;
+use crate::reconstruction::ReconstructionError;
 use crate::solve::SolveError;
 use serde::{Deserialize, Serialize};
 
@@ -79,4 +80,14 @@ pub enum QualityError {
         /// What is wrong with it, and what would be right.
         reason: String,
     },
+}
+
+impl From<ReconstructionError> for QualityError {
+    fn from(error: ReconstructionError) -> Self {
+        match error {
+            ReconstructionError::Hologram(error) => Self::Hologram(error),
+            ReconstructionError::Engine(error) => Self::Engine(error),
+            ReconstructionError::Evaluate(error) => Self::Evaluate(error),
+        }
+    }
 }

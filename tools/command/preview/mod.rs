@@ -9,12 +9,13 @@ use crate::common::{self, Form};
 use crate::phases::tell_unfinished;
 use crate::{Failure, progress, view};
 use eyebox::evaluate::Plane;
-use eyebox::hologram::{Hologram, Opening, PhaseSource, SceneSource, Sequence, Tiles};
+use eyebox::hologram::{Hologram, Opening, PhaseSource, Sequence, Tiles};
 use eyebox::optics::{Color, Obstruction, Padding, Prescription, Pupil};
 use eyebox::present::{Desktop, Monitor, PresentError, WindowEvent};
 use eyebox::preview::{
     Action, Controls, Look, Picture, PreviewError, PreviewWindow, Seen, Showing, Side, Viewer, places,
 };
+use eyebox::reconstruction::SceneSource;
 use sequence::Playing;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -1,6 +1,7 @@
 //! The decoder undoes the encoder, and says what no encoder made.
 
 use super::*;
+use crate::encoded::{Encoded, is_encoded};
 use crate::optics::PRESETS;
 
 /// Colours and sub-frames that fill one set of a display.

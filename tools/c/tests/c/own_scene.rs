@@ -2,8 +2,9 @@
 
 use crate::common::{handle, made};
 use eyebox::engine::{self, Choice};
-use eyebox::hologram::{PhaseSource, SceneSource};
+use eyebox::hologram::PhaseSource;
 use eyebox::optics::{Color, Display, Obstruction, Pupil};
+use eyebox::reconstruction::SceneSource;
 use eyebox::scene::Request;
 use eyebox_c::*;
 use std::ffi::{CStr, CString};

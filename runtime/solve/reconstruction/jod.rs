@@ -1,9 +1,10 @@
 //! What people see of the difference between a hologram and its scene, through some of many pupils.
 
-use super::{HologramError, HologramScores, PhaseSource, Sampling, SceneSource};
+use super::{HologramScores, ReconstructionError, Sampling, SceneSource};
 use crate::engine::Engine;
 use crate::evaluate::{EvaluateError, JodMetric, Judged, Plane, Rgb, lost_picture, rgb};
 use crate::files::{FileError, write_png};
+use crate::hologram::PhaseSource;
 use crate::optics::{Color, Pupil, Viewing};
 use std::ops::Range;
 use std::path::Path;
@@ -89,7 +90,7 @@ impl PhaseSource<'_> {
     /// of different sizes (holograms in tiles), and pictures too small or too large to be judged, have none.
     ///
     /// # Errors
-    /// [`HologramError::Evaluate`] for settings that cannot be; those of [`look_through`](Self::look_through) and of the
+    /// [`ReconstructionError::Evaluate`] for settings that cannot be; those of [`look_through`](Self::look_through) and of the
     /// files of maps.
     pub fn judge(
         &self,
@@ -98,7 +99,7 @@ impl PhaseSource<'_> {
         settings: &JodSettings,
         engine: &mut dyn Engine,
         observe: &mut dyn FnMut(usize),
-    ) -> Result<(), HologramError> {
+    ) -> Result<(), ReconstructionError> {
         for (done, place) in settings.places(scores.pupils.len()).into_iter().enumerate() {
             observe(done);
             let pupil = scores.pupils[place].pupil;
@@ -125,7 +126,7 @@ impl PhaseSource<'_> {
         exposures: &[f64],
         settings: &JodSettings,
         engine: &mut dyn Engine,
-    ) -> Result<Option<JudgedPupil>, HologramError> {
+    ) -> Result<Option<JudgedPupil>, ReconstructionError> {
         let mut wanted = Vec::new();
         for color in 0..exposures.len() {
             wanted.push(scene.photographs(color, &[*pupil], Sampling::Picture, engine)?.remove(0));

@@ -1,8 +1,9 @@
 //! A hologram's scene, found again and read as it was when the hologram was solved: the one way in for everything that
 //! compares the two or refines one for the other.
 
-use super::{Hologram, HologramError, SceneRecord, SceneSource};
+use super::SceneSource;
 use crate::evaluate::Views;
+use crate::hologram::{Hologram, HologramError, SceneRecord};
 use crate::optics::{Color, Display};
 use crate::scene::{self, LightField, Near, Order, Photographs, Request, SceneError};
 use std::path::{Path, PathBuf};

@@ -1,6 +1,6 @@
 //! From solutions to a hologram.
 
-use super::{ColorHologram, Hologram, Metadata};
+use crate::hologram::{ColorHologram, Hologram, Metadata};
 use crate::optics::{Color, Display, OpticsError, Padding};
 use crate::scene::LightField;
 use crate::solve::{Settings, Solution};

@@ -3,6 +3,7 @@
 use std::f32::consts::PI;
 
 /// The same phase in [-pi, pi), radians, as float32 sees pi. A phase that lies there already keeps its bits.
+#[inline]
 pub fn wrap_phase(phase: f32) -> f32 {
     if (-PI..PI).contains(&phase) {
         return phase;
@@ -13,12 +14,14 @@ pub fn wrap_phase(phase: f32) -> f32 {
 }
 
 /// The nearest of 256 grey levels, of which 256 levels are one turn: `round(phase / 2 pi * 256) mod 256`.
+#[inline]
 pub fn level_of_phase(phase: f32) -> u8 {
     let level = f64::from(phase) / std::f64::consts::TAU * 256.0;
     level.round().rem_euclid(256.0) as u8
 }
 
 /// The phase of a grey level, in [-pi, pi).
+#[inline]
 pub fn phase_of_level(level: u8) -> f32 {
     // Levels from 128 on are the negative half turn, as in two's complement.
     (f64::from(level as i8) / 256.0 * std::f64::consts::TAU) as f32

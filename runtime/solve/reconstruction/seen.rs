@@ -1,8 +1,9 @@
 //! What is asked of a hologram in memory by who has a scene and a pupil of its own: whether they fit it, and what the eye sees.
 
-use super::{Hologram, HologramError, SceneRecord};
+use super::ReconstructionError;
 use crate::engine::Engine;
 use crate::evaluate::Plane;
+use crate::hologram::{Hologram, HologramError, SceneRecord};
 use crate::optics::{OpticsError, Pupil};
 use crate::scene::LightField;
 
@@ -48,9 +49,9 @@ impl Hologram {
     ///
     /// # Errors
     /// [`HologramError::NoExposure`]; those of [`look`](Self::look).
-    pub fn seen(&self, pupil: &Pupil, engine: &mut dyn Engine) -> Result<Vec<Plane>, HologramError> {
+    pub fn seen(&self, pupil: &Pupil, engine: &mut dyn Engine) -> Result<Vec<Plane>, ReconstructionError> {
         if self.metadata.exposure_assumed {
-            return Err(HologramError::NoExposure);
+            return Err(HologramError::NoExposure.into());
         }
         let mut planes = self.as_seen(self.look(pupil, engine)?);
         for (plane, color) in planes.iter_mut().zip(&self.colors) {
@@ -102,6 +103,9 @@ mod tests {
         let seen = hologram.seen(&pupil, &mut CpuEngine::new()).unwrap();
         assert!(looked[0].values.iter().zip(&seen[0].values).all(|(raw, seen)| *seen == raw * 0.5));
         hologram.metadata.exposure_assumed = true;
-        assert!(matches!(hologram.seen(&pupil, &mut CpuEngine::new()), Err(HologramError::NoExposure)));
+        assert!(matches!(
+            hologram.seen(&pupil, &mut CpuEngine::new()),
+            Err(ReconstructionError::Hologram(HologramError::NoExposure))
+        ));
     }
 }

@@ -1,7 +1,8 @@
 //! Exposures of phases that came without.
 
-use super::{Hologram, HologramError, SceneSource};
+use super::{ReconstructionError, SceneSource};
 use crate::engine::Engine;
+use crate::hologram::Hologram;
 use crate::optics::Padding;
 use crate::scene::LightField;
 use crate::solve::{Problem, PupilRange, Sampler, Sequence};
@@ -15,7 +16,7 @@ impl Hologram {
     ///
     /// # Errors
     /// Those of [`made_for`](Self::made_for), of [`Problem::new`] and [`score`](Self::score).
-    pub fn fit_exposure(&mut self, field: &LightField, engine: &mut dyn Engine) -> Result<(), HologramError> {
+    pub fn fit_exposure(&mut self, field: &LightField, engine: &mut dyn Engine) -> Result<(), ReconstructionError> {
         if !self.metadata.exposure_assumed {
             return Ok(());
         }

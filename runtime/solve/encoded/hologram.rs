@@ -1,6 +1,6 @@
 //! A hologram as the video frames that a display receives.
 
-use super::{EncodeError, Encoder, PhaseSet, VideoFrames};
+use crate::encode::{EncodeError, Encoder, PhaseSet, VideoFrames};
 use crate::hologram::Hologram;
 use crate::optics::Display;
 

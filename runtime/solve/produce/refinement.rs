@@ -1,7 +1,8 @@
 //! A hologram that is refined while it is in use: all colours, for where the pupil is.
 
-use super::{Hologram, HologramError};
+use super::ProduceError;
 use crate::engine::{Engine, EngineError};
+use crate::hologram::{ColorHologram, Hologram, HologramError};
 use crate::optics::PupilDistribution;
 use crate::scene::LightField;
 use crate::solve::{
@@ -38,7 +39,7 @@ impl Hologram {
     /// [`problems`](Self::problems).
     pub fn joint_parts(&self, problems: Vec<Problem>) -> Option<Vec<JointPart>> {
         let joint = self.metadata.joint_color.as_ref()?;
-        let part = |(problem, color): (Problem, &super::ColorHologram)| {
+        let part = |(problem, color): (Problem, &ColorHologram)| {
             let laser = joint.lasers.get(&color.color?)?.clone();
             Some(JointPart { problem, exposure: color.exposure, laser })
         };
@@ -55,7 +56,7 @@ impl Hologram {
         field: &LightField,
         steering: Steering,
         mut open: impl FnMut() -> Result<Box<dyn Engine>, EngineError>,
-    ) -> Result<Refinement, HologramError> {
+    ) -> Result<Refinement, ProduceError> {
         let problems = self.problems(field)?;
         if let Some(parts) = self.joint_parts(problems.clone()) {
             let drives = self.sent_phases().swap_remove(0);
@@ -63,10 +64,10 @@ impl Hologram {
             drop(drives);
             return Ok(Refinement::new(self, Refiners::Together(Box::new(refiner))));
         }
-        let begin = |(problem, color): (Problem, &super::ColorHologram)| {
+        let begin = |(problem, color): (Problem, &ColorHologram)| {
             Ok(Refiner::new(problem, &color.phases, color.exposure, steering, open()?)?)
         };
-        let refiners = problems.into_iter().zip(&self.colors).map(begin).collect::<Result<_, HologramError>>()?;
+        let refiners = problems.into_iter().zip(&self.colors).map(begin).collect::<Result<_, ProduceError>>()?;
         Ok(Refinement::new(self, Refiners::Apart(refiners)))
     }
 }
@@ -164,8 +165,8 @@ impl Refinement {
 mod tests {
     use super::*;
     use crate::engine::cpu::CpuEngine;
-    use crate::hologram::SceneSource;
     use crate::optics::{Color, Display, Padding, Pupil};
+    use crate::reconstruction::SceneSource;
     use crate::scene::{self, Request};
     use crate::solve::{self, Settings};
 

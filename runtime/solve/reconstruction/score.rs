@@ -1,8 +1,9 @@
 //! A hologram against its scene.
 
-use super::{Hologram, HologramError, PhaseSource, Sampling, SceneSource};
+use super::{ReconstructionError, Sampling, SceneSource};
 use crate::engine::Engine;
 use crate::evaluate::{Ceiling, EvaluateError, Plane, Summary, Sums, ssim};
+use crate::hologram::{Hologram, HologramError, PhaseSource};
 use crate::optics::Pupil;
 
 /// Pupils whose pictures are in memory at once.
@@ -67,17 +68,18 @@ impl PhaseSource<'_> {
     /// them (OPTICS 2 and 8). The scene has the hologram's colours, in their order.
     ///
     /// # Errors
-    /// [`HologramError::Inconsistent`] for a scene of other colours; [`HologramError::Evaluate`] for a colour without light;
+    /// [`HologramError::Inconsistent`] for a scene of other colours; [`ReconstructionError::Evaluate`] for a colour without light;
     /// those of [`look`](Self::look).
     pub fn score(
         &self,
         scene: &SceneSource,
         pupils: &[Pupil],
         engine: &mut dyn Engine,
-    ) -> Result<HologramScores, HologramError> {
+    ) -> Result<HologramScores, ReconstructionError> {
         let (has, given) = (self.about().colors.len(), scene.colors());
         if has != given {
-            return Err(HologramError::Inconsistent(format!("it has {has} colours, and the scene {given}")));
+            let reason = format!("it has {has} colours, and the scene {given}");
+            return Err(HologramError::Inconsistent(reason).into());
         }
         let optics = (0..has).map(|color| self.about().optics(color)).collect::<Result<Vec<_>, _>>()?;
         let mut exposures = Vec::with_capacity(has);
@@ -87,11 +89,12 @@ impl PhaseSource<'_> {
         let mut against_clear: Vec<Vec<(Sums, f64)>> = vec![Vec::with_capacity(has); pupils.len()];
         let mut ceilings: Vec<Vec<Ceiling>> = vec![Vec::with_capacity(has); pupils.len()];
         for color in 0..has {
-            let pairs = |pupils: &[Pupil], engine: &mut dyn Engine| -> Result<Vec<(Plane, Plane)>, HologramError> {
-                let wanted = scene.photographs(color, pupils, Sampling::Pupil, engine)?;
-                let seen = self.look_through(color, None, pupils, Sampling::Pupil, engine)?;
-                Ok(seen.iter().map(Plane::pooled).zip(wanted.iter().map(Plane::pooled)).collect())
-            };
+            let pairs =
+                |pupils: &[Pupil], engine: &mut dyn Engine| -> Result<Vec<(Plane, Plane)>, ReconstructionError> {
+                    let wanted = scene.photographs(color, pupils, Sampling::Pupil, engine)?;
+                    let seen = self.look_through(color, None, pupils, Sampling::Pupil, engine)?;
+                    Ok(seen.iter().map(Plane::pooled).zip(wanted.iter().map(Plane::pooled)).collect())
+                };
             let whole = optics.get(color).filter(|_| self.shows_whole_pictures(color));
             let (mut of_color, mut kept) = (Vec::with_capacity(pupils.len()), Vec::new());
             for some in pupils.chunks(AT_ONCE) {
@@ -156,7 +159,7 @@ impl Hologram {
         scene: &SceneSource,
         pupils: &[Pupil],
         engine: &mut dyn Engine,
-    ) -> Result<HologramScores, HologramError> {
+    ) -> Result<HologramScores, ReconstructionError> {
         PhaseSource::from(self).score(scene, pupils, engine)
     }
 }

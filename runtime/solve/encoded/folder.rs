@@ -1,6 +1,6 @@
 //! Video frames on the disk: a folder that says its display and what its frames hold, and pictures of any origin.
 
-use super::{AsShown, Decoder, EncodeError, Encoder, Packed, VideoFrames};
+use crate::encode::{AsShown, Decoder, EncodeError, Encoder, Packed, VideoFrames};
 use crate::files::{FileError, Folder, FolderDraft, encode_grey8, encode_rgb8, read, read_png8, write_file};
 use crate::hologram::{ColorHologram, Hologram, Metadata};
 use crate::optics::{Color, Display, Place};
@@ -85,7 +85,7 @@ impl Encoder {
     /// [`EncodeError::File`].
     pub fn save(&self, frames: &VideoFrames, of: Option<&Hologram>, folder: &Path) -> Result<(), EncodeError> {
         let draft = FolderDraft::new(folder, holds_only_frames)?;
-        let mut display = self.display.clone();
+        let mut display = self.display().clone();
         let encoding = &mut display.encoding;
         for (color, file) in &mut encoding.look_up {
             *file = keep(&draft, file, &format!("{}{color}", CALIBRATION[0]))?;
@@ -251,7 +251,7 @@ impl Encoded {
         }
         let (size, channels, bytes) = ([frames.height, frames.width], frames.channels, frames.frame_bytes());
         let read = |(file, out): (&PathBuf, &mut [u8])| self.read(file, size, channels, out);
-        self.files.par_iter().zip(frames.bytes.par_chunks_exact_mut(bytes)).try_for_each(read)?;
+        self.files.par_iter().zip(frames.bytes_mut().par_chunks_exact_mut(bytes)).try_for_each(read)?;
         if let Some(folder) = self.folder.as_ref().filter(|folder| folder.is_replaced()) {
             let reason = "another program replaced it while it was read: do it again".into();
             return Err(EncodeError::Frame { frame: folder.path().display().to_string(), reason });

@@ -1,6 +1,6 @@
 //! What should be seen: a scene before a display, photographed through any pupil.
 
-use super::{HologramError, Sampling};
+use super::{ReconstructionError, Sampling};
 use crate::engine::{Engine, Purpose};
 use crate::evaluate::{self, Plane, Views};
 use crate::optics::{Display, OpticsError, Padding, Pupil, WindowFactor};
@@ -51,11 +51,11 @@ impl SceneSource {
     }
 
     /// The photograph in every colour through one pupil (OPTICS 3): linear light, in the samples of
-    /// [`PhaseSource::look`](super::PhaseSource::look).
+    /// [`PhaseSource::look`](crate::hologram::PhaseSource::look).
     ///
     /// # Errors
     /// Those of the engine.
-    pub fn photograph(&self, pupil: &Pupil, engine: &mut dyn Engine) -> Result<Vec<Plane>, HologramError> {
+    pub fn photograph(&self, pupil: &Pupil, engine: &mut dyn Engine) -> Result<Vec<Plane>, ReconstructionError> {
         let one = |color| Ok(self.photographs(color, &[*pupil], Sampling::Picture, engine)?.remove(0));
         (0..self.colors()).map(one).collect()
     }
@@ -73,7 +73,7 @@ impl SceneSource {
         pupils: &[Pupil],
         sampling: Sampling,
         engine: &mut dyn Engine,
-    ) -> Result<Vec<Plane>, HologramError> {
+    ) -> Result<Vec<Plane>, ReconstructionError> {
         match self {
             Self::Whole(problems) => {
                 let problem = &problems[color];

@@ -1,0 +1,23 @@
+//! What an eye sees of a hologram, and how like its scene that is.
+//!
+//! A pupil looks at a [`PhaseSource`](crate::hologram::PhaseSource) ([`Hologram::look`](crate::hologram::Hologram::look)); a
+//! [`SceneSource`] has the photographs of the scene through the same pupils, and [`HologramScores`] compare the two. [`SolveInput`] finds
+//! the scene of a hologram again and reads it as it was when the hologram was solved.
+//!
+//! May import everything that `hologram` may, and `hologram`.
+
+mod error;
+mod exposure;
+mod input;
+mod jod;
+mod look;
+mod scene_source;
+mod score;
+mod seen;
+
+pub use error::ReconstructionError;
+pub use input::{InputOptions, SceneReading, SolveInput};
+pub use jod::{FOVEA_DEGREES, JodSettings};
+pub use look::Sampling;
+pub use scene_source::SceneSource;
+pub use score::{HologramScores, PupilScore};
