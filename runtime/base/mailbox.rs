@@ -1,4 +1,4 @@
-//! What passes between threads: a bounded queue that allocates nothing once it is made.
+//! A bounded queue between threads that allocates nothing after it is made.
 //!
 //! Full, it refuses ([`put`](Mailbox::put)), makes room by giving up the oldest ([`push`](Mailbox::push)), or keeps one
 //! value up to date ([`update`](Mailbox::update)): with capacity 1 it is a cell in which the newest value wins. Channels of

@@ -1,4 +1,4 @@
-//! What memory there is: it is promised before it is taken, so that nothing that is read or asked for ends in an abort.
+//! Checks that memory is available before it is taken, so that no size in a file or an argument ends in an abort.
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 

@@ -1,4 +1,4 @@
-//! The system's monotonic clock, which never steps: one for trackers, displays and sessions.
+//! The system's monotonic clock, which never steps: one clock for trackers, displays and sessions.
 
 /// Whether other programs and drivers count from the same beginning.
 pub const IS_SYSTEM_WIDE: bool = cfg!(unix);

@@ -1,4 +1,4 @@
-//! A model of the display as it is, fitted from pictures that a camera took of it (OPTICS 10).
+//! Fits a model of a real display to pictures that a camera took of it (OPTICS 10).
 //!
 //! A camera's command, a folder of its pictures, or both are a *bench*: [`calibrate`] plans what is shown, asks for the
 //! pictures, and fits in the order in which the pictures tell the numbers apart: dots for where the camera looks, smooth
@@ -9,7 +9,6 @@
 //! `message`, `link` and `captures` are the protocol; `pattern` is what is shown; `dots` and `map` are where the camera looks;
 //! `device` and `seen` are the forward model with its slopes; `fit` is the least squares.
 //! `camera_steps` takes the camera into a solve's last steps.
-//! May import rooms above it.
 
 mod acquire;
 mod age;

@@ -67,28 +67,30 @@
 //!
 //! | module | what belongs in it |
 //! |---|---|
-//! | [`files`] | Files: read in one way, which waits for nothing and believes no length (`read`); written whole or not at all; and the two plain formats that the runtime speaks, `.npy` and PNG |
-//! | [`mailbox`] | What passes between threads: a bounded queue that allocates nothing once it is made |
-//! | [`memory`] | What memory there is: it is promised before it is taken, so that nothing that is read or asked for ends in an abort |
-//! | [`steady`] | The system's monotonic clock, which never steps: one for trackers, displays and sessions |
+//! | [`files`] | Reads files up to a limit, writes files whole or not at all, and has the two plain formats of the runtime, `.npy` and PNG |
+//! | [`mailbox`] | A bounded queue between threads that allocates nothing after it is made |
+//! | [`memory`] | Checks that memory is available before it is taken, so that no size in a file or an argument ends in an abort |
+//! | [`steady`] | The system's monotonic clock, which never steps: one clock for trackers, displays and sessions |
 //! | [`linear`] | Small dense systems of equations |
-//! | [`scene`] | Light fields: loading, the built-in scenes, depth and disparity, the photograph |
-//! | [`encode`] | Phases to what the SLM receives |
+//! | [`scene`] | Light fields: reading, built-in scenes, depth and disparity, target images |
+//! | [`encode`] | Converts phases to the bytes that the SLM receives: calibration, levels, packing |
+//! | [`encoded`] | Writes holograms as folders of video frames, and reads such folders back |
 //! | [`engine`] | Runs lists of kernels over buffers: on the `cpu`, on `vulkan`, or on both in turn (`Handover`) |
-//! | [`evaluate`] | How good an image is, in numbers: PSNR, SSIM, the exposure that compares a hologram with its scene, and what a list of such numbers comes to |
-//! | [`gpu`] | One Vulkan device, opened once and shared |
-//! | [`hologram`] | Phase frames and their file |
-//! | [`plan`] | What is to be computed, decided once, as plain data: nothing here touches a buffer or a device |
-//! | [`produce`] | From scenes to holograms: one driver for all colours of a hologram, for a sequence of them, and for a far field in tiles |
-//! | [`quality`] | Speed against accuracy: what a solve costs and how good it is |
+//! | [`evaluate`] | Measures images: PSNR, SSIM, exposure, energy, speckle and color, for each pupil and for groups of pupils |
+//! | [`gpu`] | One Vulkan device, opened once and shared: queues, memory, pipelines and their cache, validation messages |
+//! | [`hologram`] | The hologram file: phase frames with their metadata, whole, in sequences and in tiles |
+//! | [`plan`] | Decides what is computed and stores it as plain data: lists of kernels, their arguments and their cost |
+//! | [`produce`] | Makes holograms of scenes: all colors of one, sequences, tiled far fields, and the refinement of a finished one |
+//! | [`quality`] | Measures the cost and the quality of settings on one color of a scene |
+//! | [`reconstruction`] | Computes the image that an eye sees of a hologram, and compares it with the target image of the scene |
 //! | [`solve`] | Stochastic Light Field Holography (Schiffers et al. 2023): draws pupils, compares what the wave gives with what the light field gives, moves the phases |
-//! | [`tiled`] | Far-field holograms larger than memory: solved and looked at through the piece that a pupil covers (OPTICS 9) |
-//! | [`calibrate`] | A model of the display as it is, fitted from pictures that a camera took of it (OPTICS 10) |
-//! | [`present`] | Video frames to light: presenters, and when what they were given lit up |
-//! | [`gaze`] | From what a tracker says to where the pupil will be when the light arrives |
-//! | [`trackers`] | Eye trackers: what a device, a recording, a network or a simulation says, as `Sample`s with a steady time |
-//! | [`preview`] | What an eye sees, live, in an ordinary window: for people without an SLM, and beside one |
-//! | [`session`] | Content, an eye and time brought together: holograms on a display, on time, and a truthful account of what was shown |
+//! | [`tiled`] | Solves, refines and renders far-field holograms that are larger than memory, region by region (OPTICS 9) |
+//! | [`calibrate`] | Fits a model of a real display to pictures that a camera took of it (OPTICS 10) |
+//! | [`present`] | Brings video frames to light in a window, on a direct display or in memory, and reports when each one lit up |
+//! | [`gaze`] | Predicts where the pupil will be when the light arrives, as a distribution, from the samples of a tracker |
+//! | [`trackers`] | Reads eye trackers: devices, recordings, the network and a simulated eye, as `Sample`s with a steady time |
+//! | [`preview`] | Shows what an eye sees of a hologram, live, in an ordinary window |
+//! | [`session`] | Plays content on a display on time, refines it for the tracked pupil, and records what was shown |
 //!
 //! Comments that say "OPTICS n" mean section n of `docs/optics.md`. Lengths are metres, angles radians, images linear light, axis
 //! order (row = y, column = x), +y down. Errors are typed, one enum a module; no input panics.

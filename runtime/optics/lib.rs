@@ -1,9 +1,8 @@
-//! The optics, as pure functions in float64: no buffers, no threads, no files but the display's own.
+//! Display, pupil, propagation and window as pure functions in float64, without buffers or threads.
 //!
 //! A phase-only SLM of `height` x `width` pixels lit by a plane wave shows `u = exp(i phi)`. A 4f relay puts its
 //! Fourier plane where the eye's pupil is: frequency `q` lands at pupil position `wavelength * focal_length * q`. Or the
 //! SLM stands in the pupil plane itself ([`Geometry::FarField`]).
-//! This room imports nothing from the rest of the runtime.
 
 mod color;
 mod dispersion;

@@ -1,4 +1,4 @@
-//! Video frames to light: presenters, and when what they were given lit up.
+//! Brings video frames to light in a window, on a direct display or in memory, and reports when each one lit up.
 //!
 //! A [`Presenter`] takes video frames in order: [`Offscreen`] is memory (with its [`Sink`]s), a [`DisplayPresenter`] a window
 //! over a monitor of the [`Desktop`], or a display that no desktop drives ([`direct_displays`]). [`OrdinaryWindow`] is a
@@ -10,7 +10,6 @@
 //! `monitor` says which of a desktop's is meant; `system` what desktops do differently, `x_server` what happens when an X server goes away; `interference` names what a desktop
 //! does to levels and light, and `x_observer` reads it. `clock` is real or
 //! simulated, `rate` says how often, exactly. Every time carries its unit and its meaning in its name.
-//! This room imports `files` and `gpu`.
 
 mod clock;
 #[cfg(feature = "direct-display")]

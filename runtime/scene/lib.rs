@@ -1,7 +1,7 @@
-//! Light fields: loading, the built-in scenes, depth and disparity, the photograph.
+//! Light fields: reading, built-in scenes, depth and disparity, target images.
 //!
 //! What belongs here: everything between a path (or a built-in name) and views of linear light at the display's size,
-//! and what a camera would see of them. It imports only [`optics`](eyebox_optics).
+//! and what a camera would see of them.
 //!
 //! [`load`] takes a **source**:
 //!

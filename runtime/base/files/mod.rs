@@ -1,9 +1,8 @@
-//! Files: read in one way, which waits for nothing and believes no length ([`read`]); written whole or not at all; and the two
-//! plain formats that the runtime speaks, `.npy` and PNG.
+//! Reads files up to a limit, writes files whole or not at all, and has the two plain formats of the runtime, `.npy`
+//! and PNG.
 //!
 //! Everything is written beside its destination and renamed when it is complete and on the disk, so that a full disk,
-//! a crash or Ctrl-C leaves what was there before. This room knows bytes and shapes, nothing of optics; it imports
-//! nothing from the rest of the runtime.
+//! a crash or Ctrl-C leaves what was there before. This room knows bytes and shapes, nothing of optics.
 
 mod array;
 mod cache;

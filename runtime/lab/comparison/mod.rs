@@ -1,5 +1,5 @@
-//! Methods compared: holograms of the same scenes by every method, with the same steps, pupils and settings, each looked at
-//! through the same groups of pupils.
+//! Compares methods: each solves the same scenes with the same steps and pupils, and is scored through the same groups
+//! of pupils.
 //!
 //! A [`Comparison`] says what is compared; [`Comparison::run`] does it scene by scene and keeps every result as soon as it
 //! is there, so that a run that was stopped resumes where it was. What was measured is plain data ([`Results`]).

@@ -1,5 +1,4 @@
-//! Films of what an eye sees of a hologram while it moves, focuses and blinks, beside what it should see of the scene: for talks
-//! and papers.
+//! Writes films of what an eye sees while it moves, focuses and blinks, beside the target.
 //!
 //! An [`EyePath`] says where the eye is at every time; [`film`] looks at the content of that time from there ([`Content`]) and writes
 //! a Y4M video, or a folder of numbered PNGs. Nothing of it depends on the machine's time: the same path gives the same pictures.

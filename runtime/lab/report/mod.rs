@@ -1,4 +1,4 @@
-//! Reports: pages that open from disk, and the same numbers as CSV and JSON.
+//! Writes reports: pages that open from disk, and the same numbers as CSV and JSON.
 //!
 //! What was measured comes as plain data ([`comparison::Results`](crate::comparison::Results)); nothing here
 //! computes light. A [`Plot`] is the one type of drawing, `page` is what all pages are made of.

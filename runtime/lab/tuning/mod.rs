@@ -1,4 +1,4 @@
-//! Speed against accuracy: which settings are worth their time.
+//! Tries settings on this machine and recommends three of them.
 //!
 //! [`Settings`](eyebox::solve::Settings) hold every setting that trades quality for time. A [`Tuning`] tries a grid of them on a
 //! [`Subject`], [`front`](fn@front) says which trials none beats, [`recommend`] which three of them are `fast`, `balanced` and

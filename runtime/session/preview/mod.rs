@@ -1,4 +1,4 @@
-//! What an eye sees, live, in an ordinary window: for people without an SLM, and beside one.
+//! Shows what an eye sees of a hologram, live, in an ordinary window.
 //!
 //! A [`Viewer`] is a thread that owns the engines: it is given what the display shows ([`Showing`]) and where to look from
 //! ([`Look`]) as often as either changes, and has the newest picture ([`Seen`]); what came in between is never computed. A
@@ -8,11 +8,6 @@
 //!
 //! Pure, and tested without a window: `place` (where pictures lie, which pupil the mouse means), `picture` (from light to
 //! sRGB at any size), `controls`, `overlay` and its `font`.
-//!
-//! This room imports [`optics`](crate::optics), [`hologram`](crate::hologram), [`plan`](crate::plan),
-//! [`engine`](crate::engine), [`evaluate`](crate::evaluate), [`files`](crate::files) for the sRGB curve, of
-//! [`solve`](crate::solve) the `Problem` (a scene before a display), [`tiled`](crate::tiled) for holograms in tiles, and of
-//! [`present`](crate::present) the desktop.
 
 mod controls;
 mod eye;

@@ -1,4 +1,4 @@
-//! Content, an eye and time brought together: holograms on a display, on time, and a truthful account of what was shown.
+//! Plays content on a display on time, refines it for the tracked pupil, and records what was shown.
 //!
 //! A [`Session`] shows one of two things on an [`Output`]: a [`Play`], what was solved before; or [`Live`] content, which is
 //! refined for where the eye is while it is shown: one hologram, or [`Scenes`] that follow each other. It runs on threads of its own, and whoever holds it asks for its status,
@@ -19,10 +19,7 @@
 //! video frames from a [`TickedSession`] (`ticks`). `on_screen` stores which version of a hologram is on the screen, for the
 //! [`BenchFollower`], whose camera takes pictures of it. `marks`: the sync picture and the corner mark; `record`, `trace`, `notes`.
 //!
-//! Every time carries its unit and its meaning in its name. This room imports [`solve`](crate::solve),
-//! [`calibrate`](crate::calibrate),
-//! [`evaluate`](crate::evaluate), [`hologram`](crate::hologram), [`encode`](crate::encode), [`engine`](crate::engine),
-//! [`trackers`](crate::trackers), [`gaze`](crate::gaze) and the display's side, [`present`](crate::present).
+//! Every time carries its unit and its meaning in its name.
 
 mod account;
 #[cfg(target_os = "linux")]

@@ -1,4 +1,4 @@
-//! Phases to what the SLM receives.
+//! Converts phases to the bytes that the SLM receives: calibration, levels, packing.
 //!
 //! An [`Encoder`] is made once for a display, its calibration read and its tables built; then
 //! [`Encoder::encode_into`] turns the phases of a multiplex set ([`PhaseSet`]) into its video frames
@@ -11,7 +11,6 @@
 //! kernel `encode`; this room runs it on the CPU, the Vulkan engine on a device,
 //! and both give the same bytes. A [`Decoder`] is its inverse: video frames to the phases that they show, of a folder that this
 //! program wrote or of pictures of any origin ([`Encoded`](crate::encoded::Encoded)).
-//! This room imports [`optics`](crate::optics) and [`files`](crate::files).
 
 mod calibration;
 mod correction;

@@ -3,8 +3,6 @@
 //! A [`Step`] is plain data: a short list of named kernels ([`Dispatch`]) and, per pupil, the arguments and tables that
 //! they take ([`PupilPass`]). Every engine runs the same list and keeps the same buffers ([`Buffer`]), so that a wrong
 //! kernel is found by running the list on one engine up to it and on the other after it.
-//! This room may import `plan` (the lists), the pyramid of views from `scene`, the folder of caches from `files`, and the
-//! kernels.
 
 mod choose;
 pub mod cpu;

@@ -1,10 +1,8 @@
-//! How good an image is, in numbers: PSNR, SSIM, the exposure that compares a hologram with its scene, and what a list
-//! of such numbers comes to.
+//! Measures images: PSNR, SSIM, exposure, energy, speckle and color, for each pupil and for groups of pupils.
 //!
 //! Images are linear light, (row, column), with 1 as full scale; sums are kept in float64. The measures are pure
 //! functions of slices; [`views`] and [`photographs`] get the images from any engine, [`sums`] what exposure and PSNR need
-//! of them. May import `optics`, `scene`,
-//! `plan` and `engine`.
+//! of them.
 //!
 //! The order in which a hologram is scored (OPTICS 2 and 8): the intensity of every pupil and its photograph, averaged
 //! over 2 x 2 pixels ([`pool2`]), come to three [`Sums`], made of the images or where they are; one exposure is fitted for

@@ -1,4 +1,4 @@
-//! One Vulkan device, opened once and shared.
+//! One Vulkan device, opened once and shared: queues, memory, pipelines and their cache, validation messages.
 //!
 //! A [`Gpu`] is a handle: cloning it clones a reference. Engines, encoders, transforms and swapchains are made from one, each
 //! with a command pool, descriptor pools and staging of its own (`Commands`), so that each can live on a thread of its
@@ -10,7 +10,6 @@
 //! and `cache` compile; `recorder` records and submits; `commands` joins these for one user; `pictures` is what
 //! users pass to each other without the host; `external` is memory that another process has too; `tested` remembers which devices were tried; `open` makes the handle, of a
 //! device of its own or of one that a program brings.
-//! This room imports `files` (the folder of caches) and of `plan` what a recording is written down as.
 
 #![allow(unsafe_code)]
 

@@ -1,10 +1,8 @@
-//! Phase frames and their file.
+//! The hologram file: phase frames with their metadata, whole, in sequences and in tiles.
 //!
 //! A [`Hologram`] is what a solve ends in and what everything after it starts from: phases per colour and sub-frame,
 //! the optics they are meant for, the exposure they were made with, and what made them. It is kept as a Zarr v3 folder
 //! (`store`), which any Zarr library opens; bare phases travel as `.npy` and as grey PNGs (`exchange`).
-//! This room imports [`optics`](crate::optics), [`files`](crate::files), of [`scene`](crate::scene) and [`solve`](crate::solve) the settings that
-//! a file keeps, and of [`plan`](crate::plan) the tables of the display's model.
 //!
 //! # The folder
 //!

@@ -1,7 +1,7 @@
-//! What is to be computed, decided once, as plain data: nothing here touches a buffer or a device.
+//! Decides what is computed and stores it as plain data: lists of kernels, their arguments and their cost. Nothing here
+//! touches a buffer or a device.
 //!
 //! [`List`](Step) and its parts say what an engine runs; [`Planner`] makes them from optics, pupils and a scene.
-//! May import `optics` and `scene`.
 
 mod cost;
 #[cfg(feature = "vulkan")]

@@ -1,11 +1,9 @@
-//! From scenes to holograms: one driver for all colours of a hologram, for a sequence of them, and for a far field in tiles.
+//! Makes holograms of scenes: all colors of one, sequences, tiled far fields, and the refinement of a finished one.
 //!
 //! A [`SceneJob`] says which scenes, for which display and with which settings; [`solve_scene`] loads them, decides what of
 //! them is computed ([`ScenePlan`](crate::solve::ScenePlan)), solves every colour, and writes what came of it. Whoever
 //! watches is told of every step ([`SceneEvent`]) and may end it ([`Flow::Stop`](crate::solve::Flow::Stop)): what is made so far is kept.
 //! A [`Refinement`] refines all colors of a finished hologram for the tracked pupil.
-//!
-//! May import everything that `quality` may, and `quality`.
 
 mod colors;
 mod driver;

@@ -1,10 +1,8 @@
-//! Speed against accuracy: what a solve costs and how good it is.
+//! Measures the cost and the quality of settings on one color of a scene.
 //!
 //! [`Settings`](crate::solve::Settings) hold every setting that trades quality for time. A [`Subject`] is one color of a
 //! scene that they are tried on; a [`Reference`] scores what came of it, the same truth for all. A [`ModelWorth`] says what each
 //! term of a display's model is worth.
-//!
-//! May import everything that `hologram` may, and `hologram`.
 
 mod model_worth;
 mod recipe;

@@ -1,10 +1,8 @@
-//! What an eye sees of a hologram, and how like its scene that is.
+//! Computes the image that an eye sees of a hologram, and compares it with the target image of the scene.
 //!
 //! A pupil looks at a [`PhaseSource`](crate::hologram::PhaseSource) ([`Hologram::look`](crate::hologram::Hologram::look)); a
 //! [`SceneSource`] has the photographs of the scene through the same pupils, and [`HologramScores`] compare the two. [`SolveInput`] finds
 //! the scene of a hologram again and reads it as it was when the hologram was solved.
-//!
-//! May import everything that `hologram` may, and `hologram`.
 
 mod error;
 mod exposure;

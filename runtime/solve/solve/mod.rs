@@ -4,8 +4,6 @@
 //! The wave goes to the retina by the angular spectrum method. Phases are moved by one of two optimisers
 //! ([`Optimizer`]): the pupil-wise projection, which replaces amplitudes as Gerchberg and Saxton do and puts the changes
 //! of many pupils together as ptychography does, or Adam on the Wirtinger gradient.
-//!
-//! May import everything above it: `optics`, `scene`, `plan`, `engine`, `evaluate`.
 
 mod asking;
 mod begin;

@@ -1,4 +1,4 @@
-//! Far-field holograms larger than memory: solved and looked at through the piece that a pupil covers (OPTICS 9).
+//! Solves, refines and renders far-field holograms that are larger than memory, region by region (OPTICS 9).
 //!
 //! A pupil sees nothing but its own piece of a far-field SLM. So a solve visits one *region* after the other: it reads the
 //! region's phases from the hologram's tiles, takes a few ordinary steps over pupils inside of it, and puts the phases
@@ -7,8 +7,6 @@
 //!
 //! Everything about a visit follows from the job and its number, so that a solve which was cut off goes on and ends in the
 //! same bytes. Nothing is kept from visit to visit but the phases.
-//!
-//! May import all rooms of the way from `optics` to `hologram`.
 
 mod refine;
 mod region;

@@ -1,4 +1,4 @@
-//! From what a tracker says to where the pupil will be when the light arrives.
+//! Predicts where the pupil will be when the light arrives, as a distribution, from the samples of a tracker.
 //!
 //! The way of a sample, each stage a file, pure, with times from outside, and each printable:
 //!
@@ -9,8 +9,7 @@
 //! 4. [`Estimator`]: keeps these together, through blinks and losses (hold, then widen), and predicts.
 //!
 //! The result is a [`PupilDistribution`](eyebox_optics::PupilDistribution), not a point: that is what a solver draws pupils from, and its spread is a
-//! promise that is tested. This room imports [`trackers`](crate::trackers) (the samples), [`optics`](eyebox_optics) and
-//! [`files`](eyebox_base::files); it has no threads and no clock.
+//! promise that is tested.
 
 pub mod one_euro;
 pub mod place;

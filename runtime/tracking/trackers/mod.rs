@@ -1,10 +1,9 @@
-//! Eye trackers: what a device, a recording, a network or a simulation says, as [`Sample`]s with a steady time.
+//! Reads eye trackers: devices, recordings, the network and a simulated eye, as [`Sample`]s with a steady time.
 //!
 //! Every source is a [`Source`]: it waits for its next sample, on whatever thread asks. A [`Stream`] gives a source a
 //! thread of its own and keeps the newest samples for whoever is slower. Sources check what they receive (lengths,
 //! ranges, finite numbers) and invent nothing: what a position means for the pupil is the next room's business
-//! ([`gaze`](crate::gaze)). This room imports nothing of the engine, and of the runtime only
-//! [`files`](eyebox_base::files).
+//! ([`gaze`](crate::gaze)).
 //!
 //! | source | what it reads |
 //! |---|---|
