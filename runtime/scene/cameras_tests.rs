@@ -1,7 +1,7 @@
 //! Views of cameras that stand anywhere, rendered exactly, written as people write them, and read again: right, or refused with a
 //! remedy that is followed and works.
 
-use super::*;
+use crate::*;
 use eyebox_base::files::write_png;
 use eyebox_optics::{Color, Display};
 use std::f32::consts::TAU;
@@ -259,7 +259,7 @@ fn handheld_photographs_are_no_grid_until_their_positions_are_stated() {
         let scene = Anywhere { world: World::new(seed, size, [-0.7, 0.9]), step: eyebox / 6.0, positions };
         let temp = tempfile::tempdir().unwrap();
         scene.write(temp.path(), |i| format!("IMG_{}.png", 4026 + i));
-        let square = super::names::square(count).is_some();
+        let square = crate::read::names::square(count).is_some();
         if !square {
             let columns = if count % 5 == 0 { 5 } else { 4 };
             state(temp.path(), &format!("grid = [{}, {columns}]", count / columns));
@@ -390,7 +390,7 @@ fn a_constant_stride_is_a_stride() {
         let read = load(source, &Request::new(&small, &GREEN));
         // Nine in one row may be a square: the pictures show the row, and it is stated.
         let field = match read {
-            Err(SceneError::NotAGrid { .. }) if super::names::square(count).is_some() && rows == 1 => {
+            Err(SceneError::NotAGrid { .. }) if crate::read::names::square(count).is_some() && rows == 1 => {
                 state(temp.path(), &format!("grid = [1, {count}]"));
                 load(source, &Request::new(&small, &GREEN)).unwrap()
             }

@@ -1,7 +1,7 @@
 //! What people draw to try eyebox: a flat square before a plain, smooth, checkered or random background, in a few views. Its depths are
 //! measured right, or the views are refused.
 
-use super::*;
+use crate::*;
 use eyebox_optics::{Color, Display};
 
 #[derive(Debug, Clone, Copy)]
@@ -93,7 +93,7 @@ fn what_is_drawn_has_the_depths_that_it_was_drawn_with() {
         (Random, [64, 64], [7, 7], [-1, 2]),
     ] {
         let field = drawn(background, size, grid, disparity);
-        assert_eq!(standing::contradicted(&field), None, "{background:?}");
+        assert_eq!(read::standing::contradicted(&field), None, "{background:?}");
         // A plain wall has no depth of its own.
         let has_wall = !matches!(background, Plain | Smooth);
         let [far, near] = disparity.map(f64::from);
@@ -106,7 +106,7 @@ fn what_is_drawn_has_the_depths_that_it_was_drawn_with() {
             }
             other => wrong.push(format!("{background:?} {size:?} {disparity:?}: {other:?}")),
         }
-        let order = Parallax::of(&field).map(|parallax| order::judge(&parallax));
+        let order = Parallax::of(&field).map(|parallax| read::order::judge(&parallax));
         if let Some(OrderFound::Other { reason, .. }) = order {
             wrong.push(format!("{background:?} {disparity:?}: {reason}"));
         }
@@ -134,12 +134,12 @@ fn a_focal_stack_is_not_taken_for_views() {
         let mut views = vec![near.clone()];
         while views.len() < grid[0] * grid[1] {
             for _ in 0..4 {
-                near = subpixel::soften(&near, 96, 128);
+                near = depth::subpixel::soften(&near, 96, 128);
             }
             views.push(near.clone());
         }
         let field = LightField { grid, planes: vec![views], ..sharp };
-        assert_eq!(standing::contradicted(&field), Some(CamerasFound::OnePlace), "{grid:?}");
+        assert_eq!(read::standing::contradicted(&field), Some(CamerasFound::OnePlace), "{grid:?}");
     }
 }
 
@@ -168,7 +168,7 @@ fn a_disc_that_moves_over_stripes_is_a_grid_of_views() {
         };
         let planes = vec![(0..grid[0] * grid[1]).map(view).collect()];
         let field = LightField { grid, height: 128, width: 128, planes, ..drawn(Plain, [8, 8], [1, 1], [0, 0]) };
-        assert_eq!(standing::contradicted(&field), None, "{grid:?} {moves} {across:?}");
+        assert_eq!(read::standing::contradicted(&field), None, "{grid:?} {moves} {across:?}");
         let [low, high] = measured(&field).unwrap();
         // Edges are drawn in whole pixels.
         assert!(low.abs() < 0.25 && (high - 1.5).abs() < 0.55, "{grid:?} {moves} {across:?}: {low} to {high}");

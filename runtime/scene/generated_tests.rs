@@ -1,7 +1,7 @@
 //! Light fields of a generator, written to folders and read again: depth within a tenth of the truth or refused with the line
 //! that decides, and none inside out without a word.
 
-use super::*;
+use crate::*;
 use eyebox_base::files::write_png;
 use eyebox_optics::{Color, Display};
 use std::fmt;

@@ -1,6 +1,6 @@
 //! Views between views against the scene's own.
 
-use super::{Interpolator, LightField, Stage, ViewGrid};
+use crate::{Interpolator, LightField, Stage, ViewGrid};
 use eyebox_optics::{Color, Display};
 use proptest::prelude::*;
 

@@ -60,75 +60,20 @@
 //!
 //! Signs (OPTICS 3): columns of views follow +x of the pupil, rows +y; content of positive disparity is near.
 
-mod admit;
-mod array;
 mod builtin;
-mod cameras;
-mod closer;
 mod depth;
-mod displacement;
-mod error;
-mod flat;
-mod folder;
-mod frames;
-#[cfg(target_os = "linux")]
-mod given;
-mod identity;
-mod inspect;
-mod interpolate;
+mod formats;
 #[cfg(test)]
 mod interpolate_tests;
-mod layers;
-mod layout;
-mod light;
 mod light_field;
-mod map;
 #[cfg(test)]
 mod map_tests;
-mod maps;
-mod merge;
-mod mosaic;
-mod mosaic_grid;
-mod names;
-mod natural;
-mod near;
 #[cfg(test)]
 mod near_tests;
-mod neighbors;
-mod numbers;
-mod options;
-mod order;
-mod parallax;
-mod pfm;
-mod photograph;
-mod photographs;
-mod picture;
-mod png_tone;
-mod positions;
-mod pyramid;
-mod range;
-mod rays;
-mod registered;
-mod repeats;
-mod reproject;
-mod request;
-mod resize;
-mod settings;
-mod shape;
-mod single;
-mod source;
-mod stack;
-mod standing;
-mod still;
-mod subpixel;
-mod survey;
-mod sweep;
-mod tone;
+mod read;
+mod synthesis;
 #[cfg(test)]
 mod tone_tests;
-mod video;
-mod video_color;
-mod views;
 
 #[cfg(all(test, feature = "image-formats"))]
 mod cameras_tests;
@@ -150,44 +95,44 @@ mod sequence_tests;
 mod tests;
 
 pub use builtin::{BUILTINS, Builtin, Stage};
-pub use cameras::{CamerasFound, FirstTile, Tiles};
-pub use closer::ENOUGH;
-pub use depth::central_depth;
-pub use depth::central_view;
-pub use displacement::displacement;
-pub use error::SceneError;
-pub use frames::{frames, sequence};
+pub use depth::central::central_depth;
+pub use depth::central::central_view;
+pub use depth::displacement::displacement;
+pub use depth::maps::depth_maps;
+pub use depth::range::asked_or_found;
+pub use formats::near::Near;
+pub use light_field::cameras::{CamerasFound, FirstTile, Tiles};
+pub use light_field::error::SceneError;
+pub use light_field::field::LightField;
+pub use light_field::light::srgb_to_linear;
+pub use light_field::natural::natural;
+pub use light_field::photograph::ViewGrid;
+pub use light_field::photographs::{MadeViews, Photographs};
+pub use light_field::pyramid::{Level, Pyramid, ViewsOnDevice};
+pub use light_field::resize::Fit;
+pub use light_field::resize::{Enlarged, crop_share, shrink_to_share};
+pub use read::frames::{frames, sequence};
+pub use read::identity::path_and_options;
+pub use read::identity::{digest, digest_of_picture};
+pub use read::inspect::{Exposure, Inspection, contact_sheet, inspect};
+pub use read::order::{Order, OrderFound};
+pub use read::request::Request;
+pub use read::single::Reprojection;
+pub use synthesis::closer::ENOUGH;
 #[cfg(target_os = "linux")]
-pub use given::{Layer, Places, views_of_depths, views_of_layers};
-pub use identity::path_and_options;
-pub use identity::{digest, digest_of_picture};
-pub use inspect::{Exposure, Inspection, contact_sheet, inspect};
-pub use interpolate::Interpolator;
-pub use layers::Layers;
-pub use light::srgb_to_linear;
-pub use light_field::LightField;
-pub use maps::depth_maps;
-pub use natural::natural;
-pub use near::Near;
-pub use order::{Order, OrderFound};
-pub use parallax::Parallax;
-pub use photograph::ViewGrid;
-pub use photographs::{MadeViews, Photographs};
-pub use pyramid::{Level, Pyramid, ViewsOnDevice};
-pub use range::asked_or_found;
-pub use registered::Bend;
-pub use request::Request;
-pub use resize::Fit;
-pub use resize::{Enlarged, crop_share, shrink_to_share};
-pub use single::Reprojection;
+pub use synthesis::given::{Layer, Places, views_of_depths, views_of_layers};
+pub use synthesis::interpolate::Interpolator;
+pub use synthesis::layers::Layers;
+pub use synthesis::parallax::Parallax;
+pub use synthesis::registered::Bend;
 
-pub use tone::FullScale;
+pub use formats::tone::FullScale;
 
-pub use survey::DARK;
-pub use survey::{Black, DepthSource, Light};
+pub use depth::survey::DARK;
+pub use depth::survey::{Black, DepthSource, Light};
 
 use eyebox_base::files::NpyArray;
-use source::Source;
+use read::source::Source;
 use std::path::Path;
 
 /// Rows and columns of a source's own pictures, from their names and headers alone; none for built-in scenes, which
@@ -199,7 +144,7 @@ pub fn native_size(source: &str) -> Result<Option<[usize; 2]>, SceneError> {
     match Source::of(source)? {
         Source::BuiltIn(name) => builtin::check(name).map(|()| None),
         Source::Views(kept) => kept.size().map(Some),
-        Source::Picture(path) => still::size(path).map(Some),
+        Source::Picture(path) => formats::still::size(path).map(Some),
     }
 }
 
@@ -209,7 +154,7 @@ pub fn is_named(source: &str, known: &str) -> bool {
         return builtin::same(source, known);
     }
     let last = |path: &Path| path.file_name().map(|n| n.to_string_lossy().into_owned());
-    let [own, other] = [source, known].map(|source| options::parts(source).0);
+    let [own, other] = [source, known].map(|source| formats::options::parts(source).0);
     let whole = own.canonicalize().ok();
     let names = [last(own), whole.as_deref().and_then(last), own.file_stem().map(|n| n.to_string_lossy().into_owned())];
     source == known || names.iter().flatten().any(|name| name == known || Some(name) == last(other).as_ref())
@@ -251,14 +196,14 @@ pub fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
     match Source::of(source)? {
         Source::BuiltIn(name) => builtin::load(name, request),
         Source::Picture(path) => {
-            let field = single::load(path, request)?;
-            tone::warn_of_black(source, field.brightest());
+            let field = read::single::load(path, request)?;
+            formats::tone::warn_of_black(source, field.brightest());
             Ok(field)
         }
         Source::Views(kept) => {
-            let field = views::checked(source, kept.read(request)?)?;
+            let field = read::views::checked(source, kept.read(request)?)?;
             request.check_depths(field.depth)?;
-            tone::warn_of_black(source, field.brightest());
+            formats::tone::warn_of_black(source, field.brightest());
             LightField { view_pitch: request.view_pitch.or(field.view_pitch), ..field }
                 .with_views_for(request.display, request.photographs)
         }

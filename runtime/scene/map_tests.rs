@@ -1,7 +1,7 @@
 //! Pictures with maps of every kind: each is read the right way round, or refused with the line that says what decides.
 
-use super::tests::{GREEN, display, fails, get, picture_with_map, speckle};
-use super::*;
+use crate::tests::{GREEN, display, fails, get, picture_with_map, speckle};
+use crate::*;
 use image::{ImageBuffer, Luma, Rgb};
 use std::{fs, path::PathBuf};
 
@@ -135,7 +135,7 @@ fn what_a_map_lacks_comes_from_the_farther_side() {
     values[N..2 * N].fill(nan);
     write(&path, &values);
     for (near, between) in [(Near::Small, 5.0), (Near::Large, 3.0)] {
-        let map = map::read(&path, near::Stated { near: Some(near), depth: None }).unwrap();
+        let map = depth::map::read(&path, formats::near::Stated { near: Some(near), depth: None }).unwrap();
         assert_eq!(map.values[..4], [5.0, 5.0, between, between]);
         assert_eq!(map.values[5], if near == Near::Small { 3.0 } else { 1.0 });
         assert_eq!(map.values[N..2 * N], map.values[..N]);

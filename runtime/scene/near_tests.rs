@@ -1,9 +1,9 @@
 //! Depth maps as cameras, benchmarks, networks and renderers store them. Each is read with the right depths, or refused until the
 //! caller says which values are near.
 
-use super::SceneError;
-use super::map;
-use super::near::{Meaning, Near, Stated};
+use crate::SceneError;
+use crate::depth::map;
+use crate::formats::near::{Meaning, Near, Stated};
 use std::path::{Path, PathBuf};
 
 const N: usize = 16;

@@ -1,7 +1,7 @@
 //! Pictures that their metadata turn: read upright, so that a depth map of the upright picture fits.
 
-use super::tests::{GREEN, display};
-use super::*;
+use crate::tests::{GREEN, display};
+use crate::*;
 use image::{DynamicImage, ImageBuffer, ImageFormat, Rgb, metadata::Orientation};
 use std::fs;
 use std::io::Cursor;

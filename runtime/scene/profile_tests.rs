@@ -1,7 +1,7 @@
 //! Pictures with ICC profiles: light as the profile means it, against the color spaces' own equations in float64.
 
-use super::tests::display;
-use super::*;
+use crate::tests::display;
+use crate::*;
 use eyebox_optics::Color::{self, Blue, Green, Red};
 use image::codecs::{jpeg::JpegEncoder, png::PngEncoder};
 use image::{DynamicImage, ExtendedColorType, ImageBuffer, ImageEncoder, Luma, Rgb};
@@ -73,7 +73,7 @@ fn a_profile_decides_what_a_picture_s_values_mean() {
     let here = tempfile::tempdir().unwrap();
     let at = |name: &str| here.path().join(name);
     let gamma = |g: f64| move |v: f64| v.powf(g);
-    let srgb = light::srgb_to_linear;
+    let srgb = light_field::light::srgb_to_linear;
     let encoded = |profile: ColorProfile| profile.encode().unwrap();
     let parametric = |g: f32| ToneReprCurve::Parametric(vec![g]);
     let srgb_18 = with_curve(ColorProfile::new_srgb(), parametric(1.8));
@@ -121,7 +121,9 @@ fn profiles_of_srgb_and_of_linear_light_are_read_by_the_exact_curves() {
     save(&picture(), Some(ColorProfile::new_srgb().encode().unwrap()), &at("srgb.png"));
     assert_eq!(light(&at("srgb.png")).unwrap(), plain);
     // The curve as a table, as older profiles have it.
-    let table = (0..1024).map(|i| (light::srgb_to_linear(f64::from(i) / 1023.0) * 65535.0).round() as u16).collect();
+    let table = (0..1024)
+        .map(|i| (light_field::light::srgb_to_linear(f64::from(i) / 1023.0) * 65535.0).round() as u16)
+        .collect();
     save(&picture(), Some(with_curve(ColorProfile::new_srgb(), ToneReprCurve::Lut(table))), &at("table.png"));
     assert_eq!(light(&at("table.png")).unwrap(), plain);
     let linear = with_curve(ColorProfile::new_srgb(), ToneReprCurve::Parametric(vec![1.0]));

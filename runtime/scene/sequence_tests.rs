@@ -1,6 +1,6 @@
 //! Videos of colours and depths, and folders of pairs: frame by frame what single pictures with maps are.
 
-use super::*;
+use crate::*;
 use eyebox_optics::{Color, Display};
 use image::{ImageBuffer, Luma, Rgb};
 use std::{fs, path::PathBuf};

@@ -1,6 +1,6 @@
 //! What crosses the files of this room: signs, folders, pictures with maps, built-in scenes.
 
-use super::*;
+use crate::*;
 use eyebox_optics::{Color, Display};
 use image::{ImageBuffer, Luma, Rgb};
 use std::{fs, path::PathBuf};

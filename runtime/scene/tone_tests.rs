@@ -1,8 +1,8 @@
 //! Pictures and arrays whose values have another full scale than their type. Each is read with the right light, or refused until
 //! the value of white is stated.
 
-use super::tests::{GREEN, display};
-use super::*;
+use crate::tests::{GREEN, display};
+use crate::*;
 use std::fs;
 use std::path::PathBuf;
 

@@ -21,7 +21,7 @@ mod still_life;
 mod targets;
 mod texture;
 
-use super::{LightField, Request, SceneError};
+use crate::{LightField, Request, SceneError};
 use eyebox_base::memory;
 use eyebox_optics::Display;
 use render::{Canvas, Item};

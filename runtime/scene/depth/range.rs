@@ -1,0 +1,380 @@
+//! The range of a light field's disparities, found where the scene does not state it, from coarse to fine.
+//!
+//! Small copies of the central view are compared with its nearest neighbours over every disparity up to a third of the
+//! picture; larger copies, with farther views, over what was found. Only pixels count of which the pictures leave no
+//! doubt: alike in the views of both axes, like at no other disparity, and with a small standard error (`subpixel`). The range
+//! ends where enough of them agree; it is doubted where too much of the detail is not among them, for that may lie anywhere.
+
+use crate::depth::flat::{OFF, OFF_RANGE, WINDOW};
+use crate::depth::subpixel::Subpixel;
+use crate::depth::survey::Trust;
+use crate::depth::sweep::{Arm, Sweep, lowest, reach_within};
+use crate::light_field::resize::Resize;
+use crate::{DepthSource, Fit, LightField, SceneError, depth::flat};
+use eyebox_optics::Display;
+use rayon::prelude::*;
+
+/// Where disparities are sought where nothing shows any, pixels between neighbouring views.
+pub(crate) const USUAL: [f64; 2] = [-2.0, 2.0];
+
+/// Pixels along the longer side: coarse, and fine.
+const COARSE: usize = 128;
+const FINE: usize = 256;
+/// Steps to the farthest view that the fine copies are compared with.
+const STEPS: usize = 3;
+/// Another disparity is as unlike as this many times its best match, and as this many pixels, at least.
+const UNLIKE: [f32; 2] = [2.0, 0.4];
+/// Windows whose slopes sum to this much may be sure (5 x 5 pixels of 8 bits that differ from their neighbours by one).
+const SLOPE: f32 = 0.1;
+/// Standard errors of what is sure, pixels between neighbouring views, at most.
+const ERROR: f64 = 0.06;
+/// The share of the sure pixels that is no accident where they lie within as many pixels of each other, and their number.
+const ENOUGH: f64 = 0.005;
+const LEAST: usize = 12;
+const TOGETHER: f64 = 0.1;
+/// A range is trusted where so much of the detail is sure.
+const TRUSTED: f64 = 0.7;
+
+/// Detail whose disparity is not unique is explained if the range has one that is alike; a range is plausible that explains so much
+/// of it, of which so much is sure.
+const PLAUSIBLE: [f64; 2] = [0.9, 0.3];
+/// Pixels of the light field within which disparities are sought at least where they are not unique within more.
+const NARROWEST: f64 = 4.0;
+/// What is drawn lies at an end of the coarse look if the fine one ends by more pixels before.
+const LOST: f64 = 0.4;
+/// Light of views that differ by no more, square root of light, is the same.
+const SAME: f32 = 4e-3;
+
+/// What the views show.
+#[derive(Debug, Clone, Copy)]
+struct Found {
+    /// Smallest and largest disparity, pixels between neighbouring views; none where nothing is sure.
+    range: Option<[f64; 2]>,
+    /// The same with flat surfaces, which only their edges show.
+    beyond: [f64; 2],
+    /// The share of detail whose disparity is sure; none where there is no detail.
+    share: Option<f64>,
+    /// The share of detail that some disparity of the range explains.
+    explained: f64,
+}
+
+impl Found {
+    fn is_trusted(&self) -> bool {
+        self.share.is_none_or(|share| share >= TRUSTED)
+    }
+}
+
+/// Disparities that were not stated, pixels between neighbouring views at this resolution.
+pub(crate) struct Measured {
+    /// From the farthest to the nearest; none where the pictures show nothing.
+    pub range: Option<[f64; 2]>,
+    /// How far the range is trusted.
+    pub trust: Trust,
+}
+
+impl LightField {
+    /// What the views show of their disparities, whatever is stated.
+    pub(crate) fn measured(&self) -> Measured {
+        let first = look(self, None);
+        let shows_something = first.range.is_some() || !first.is_trusted();
+        if shows_something && self.stands_still() {
+            return Measured { range: Some([0.0; 2]), trust: Trust::Sure };
+        }
+        if first.is_trusted() {
+            return Measured { range: first.range, trust: Trust::Sure };
+        }
+        // What is drawn is flat, or repeats itself: windows as a whole, then within ever fewer pixels.
+        let mut within = self.height.max(self.width) as f64 / 9.0;
+        let mut best = first;
+        while within >= NARROWEST {
+            let found = look(self, Some(within));
+            let share = |found: &Found| found.share.filter(|_| found.range.is_some()).unwrap_or(0.0);
+            if found.range.is_some() && found.is_trusted() {
+                return Measured { range: found.range, trust: Trust::Plausible(share(&found)) };
+            }
+            if share(&found) > share(&best) {
+                best = found;
+            }
+            within /= 3.0;
+        }
+        let sure = best.share.unwrap_or(0.0);
+        let trust = match best.range {
+            Some(_) if best.explained >= PLAUSIBLE[0] && sure >= PLAUSIBLE[1] => Trust::Plausible(sure),
+            _ => Trust::Doubtful(first.share.unwrap_or(0.0)),
+        };
+        Measured { range: best.range.filter(|_| !matches!(trust, Trust::Doubtful(_))).or(first.range), trust }
+    }
+
+    /// Whether all views of the central row and column are the central one, but for rounding.
+    fn stands_still(&self) -> bool {
+        let [rows, columns] = self.grid;
+        let (r, c) = (rows / 2, columns / 2);
+        let mut others = (0..columns).map(|k| r * columns + k).chain((0..rows).map(|k| k * columns + c));
+        let brightest = self.planes.iter().flatten().flatten().copied().fold(f32::MIN_POSITIVE, f32::max);
+        let root = |v: f32| (v / brightest).max(0.0).sqrt();
+        others.all(|view| {
+            let same = |views: &Vec<Vec<f32>>| {
+                let both = views[view].iter().zip(&views[r * columns + c]);
+                both.map(|(a, b)| (root(*a) - root(*b)).abs()).fold(0.0, f32::max) <= SAME
+            };
+            self.planes.iter().all(same)
+        })
+    }
+
+    /// Where disparities are sought, pixels between neighbouring views at this resolution: in the range that the scene
+    /// states on `display`; else a little beyond what the views show.
+    pub(crate) fn disparities_sought(&self, display: &Display) -> [f64; 2] {
+        let per_pixel = display.focal_length * display.picture_pixel() / self.cell(display);
+        if let Some(stated) = self.depth_range(display) {
+            return stated.map(|z| z / per_pixel);
+        }
+        let around = |[low, high]: [f64; 2]| {
+            let margin = 0.05 * (high - low) + 0.25;
+            [low - margin, high + margin]
+        };
+        self.measured().range.map_or(USUAL, around)
+    }
+
+    /// The depths that matter on `display`, farthest first, metres: as asked, as the scene says, or as the views show.
+    ///
+    /// # Errors
+    /// [`SceneError::Request`] where nothing is asked or stated, and the views show too little.
+    pub fn depths(&self, display: &Display, asked: Option<[f64; 2]>) -> Result<[f64; 2], SceneError> {
+        asked_or_found(asked, || self.reach(display), display.focal_length)
+    }
+}
+
+/// Farthest and nearest depth, metres, before a lens of `focal_length`: as asked, or as found.
+///
+/// # Errors
+/// [`SceneError::Request`] where nothing is asked, and what is found is doubtful.
+pub fn asked_or_found(
+    asked: Option<[f64; 2]>,
+    find: impl FnOnce() -> ([f64; 2], DepthSource),
+    focal_length: f64,
+) -> Result<[f64; 2], SceneError> {
+    if let Some([a, b]) = asked {
+        return Ok([a.min(b), a.max(b)]);
+    }
+    let (found, source) = find();
+    source.sure(found, focal_length)
+}
+
+/// A view's light in all colours together, in units of the brightest.
+pub(crate) fn mean_light(field: &LightField) -> impl Fn(usize) -> Vec<f32> {
+    let brightest = field.planes.par_iter().flatten().flatten().copied().reduce(|| 0.0, f32::max);
+    let unit = 1.0 / (brightest.max(f32::MIN_POSITIVE) * field.planes.len().max(1) as f32);
+    move |view| {
+        let mut sum = vec![0.0f32; field.height * field.width];
+        for views in &field.planes {
+            sum.iter_mut().zip(&views[view]).for_each(|(s, v)| *s += unit * v);
+        }
+        sum
+    }
+}
+
+/// What the views show, coarse and then fine: within a third of the picture, or, with windows that are compared as a whole, within so
+/// many pixels.
+fn look(field: &LightField, by_window: Option<f64>) -> Found {
+    let longer = field.height.max(field.width);
+    let light = mean_light(field);
+    let at = |pixels: usize| {
+        let times = longer.div_ceil(pixels).max(1);
+        [field.height, field.width].map(|n| n.div_ceil(times))
+    };
+    let within = |size: [usize; 2], range: [f64; 2], most: usize| {
+        let scale = size[1] as f64 / field.width as f64;
+        let shrink = Resize::new([field.height, field.width], size, Fit::Stretch);
+        let range = range.map(|d| d * scale);
+        let middle = field.grid.map(|n| n / 2);
+        let sweep = Sweep::around(field.grid, middle, reach_within(range, most), size, |v| shrink.apply(&light(v)));
+        let found = ends(&sweep, range, by_window.is_some());
+        Found { range: found.range.map(|r| r.map(|d| d / scale)), beyond: found.beyond.map(|d| d / scale), ..found }
+    };
+    let third = by_window.unwrap_or(longer as f64 / 3.0);
+    let coarse = within(at(COARSE), [-third, third], 1);
+    let Some([low, high]) = coarse.range else { return coarse };
+    let margin = (longer as f64 / COARSE as f64).max(1.0) + 0.1 * (high - low);
+    let fine = within(at(FINE), [low - margin, high + margin], STEPS);
+    let mut found = if fine.range.is_some() { fine } else { coarse };
+    // Windows that cover the end of a flat surface see it in the nearest views alone.
+    if let (Some([a, b]), true) = (found.range, by_window.is_some()) {
+        found.range = Some([if low < a - LOST { low } else { a }, if high > b + LOST { high } else { b }]);
+    }
+    let [least, most] = coarse.beyond;
+    // What the coarse look finds beyond its own range is beyond that of the fine one.
+    let range = found
+        .range
+        .map(|[a, b]| [if least < low { a.min(least) } else { a }, if most > high { b.max(most) } else { b }]);
+    Found { range, ..found }
+}
+
+/// The smallest and the largest disparity that enough pixels surely have.
+fn ends(sweep: &Sweep, range: [f64; 2], by_window: bool) -> Found {
+    let (h, w, reach) = (sweep.height, sweep.width, sweep.reach());
+    let nothing = Found { range: None, beyond: [0.0; 2], share: None, explained: 0.0 };
+    if reach == 0.0 || h.min(w) < 4 * WINDOW {
+        return nothing;
+    }
+    let step = 0.5 / reach;
+    let count = ((range[1] - range[0]) / step).ceil() as usize + 1;
+    let slopes = windows(&sweep.slopes(), h, w, 1);
+    let at = |d: usize| range[0] + d as f64 * step;
+    let costs = match by_window {
+        true => costs_by_window(sweep, count, at),
+        false => windows(&sweep.costs(count, 0.0, at), h, w, count),
+    };
+    let mean = (slopes.iter().sum::<f32>() / slopes.len() as f32).max(1e-4);
+    let detail = slopes.iter().filter(|slope| **slope > mean).count();
+    // A match's own valley: a pixel and a half to each side.
+    let own = (1.5 / step).ceil() as usize;
+    let subpixel = Subpixel::of(sweep);
+    let sure = |(p, costs): (usize, &[f32])| {
+        let slope = slopes[p];
+        let best = (0..count).min_by(|&a, &b| costs[a].total_cmp(&costs[b]))?;
+        let alike = costs[best] <= OFF * slope && slope > mean.min(SLOPE);
+        let others = (0..count).filter(|d| d.abs_diff(best) > own).map(|d| costs[d]);
+        let unlike = others.fold(f32::INFINITY, f32::min);
+        let guess = range[0] + (best as f64 + lowest(costs, best)) * step;
+        let sure = alike && unlike >= (UNLIKE[0] * costs[best]).max(UNLIKE[1] * slope);
+        let [d, error] = subpixel.refined([p / w, p % w], WINDOW, guess).filter(|_| sure)?;
+        (error < ERROR).then_some((slope > mean, d))
+    };
+    let all: Vec<(bool, f64)> = costs.par_chunks_exact(count).enumerate().filter_map(sure).collect();
+    let share = (detail > 0).then(|| all.iter().filter(|(has, _)| *has).count() as f64 / detail as f64);
+    let mut all: Vec<f64> = all.into_iter().map(|(_, d)| d).collect();
+    all.sort_by(f64::total_cmp);
+    let enough = LEAST.max((ENOUGH * all.len() as f64) as usize);
+    let together = |run: &&[f64]| run[enough - 1] - run[0] <= TOGETHER;
+    // The middle one of the outermost that agree.
+    let low = all.windows(enough).find(together).map(|run| run[enough / 2]);
+    let high = all.windows(enough).rfind(together).map(|run| run[enough / 2]);
+    let Some((low, high)) = low.zip(high) else { return Found { range: None, share, ..nothing } };
+    let best = |p: usize| {
+        let costs = &costs[p * count..][..count];
+        (0..count).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).map_or(range[0], at)
+    };
+    // The coarse look finds flat surfaces; the fine one sees less than that.
+    let beyond = match sweep.reach() > 1.0 {
+        true => [low, high],
+        false => flat::extended(sweep, &slopes, mean.min(SLOPE), [range, [low, high]], step, best),
+    };
+    let range = [low, high];
+    let within: Vec<usize> =
+        (0..count).filter(|d| at(*d) >= range[0] - OFF_RANGE && at(*d) <= range[1] + OFF_RANGE).collect();
+    let is_explained = |p: &usize| within.iter().any(|d| costs[p * count + d] <= OFF * slopes[*p]);
+    let of_detail: Vec<usize> = (0..h * w).filter(|p| slopes[*p] > mean).collect();
+    let explained = of_detail.iter().filter(|p| is_explained(p)).count() as f64 / of_detail.len().max(1) as f64;
+    Found { range: Some(range), beyond, share, explained }
+}
+
+/// As [`Sweep::costs`] summed over windows, of which each is compared with one of two opposite arms as a whole: pixel by pixel flat
+/// surfaces are like one of them at any disparity.
+fn costs_by_window(sweep: &Sweep, count: usize, at: impl Fn(usize) -> f64 + Sync + Copy) -> Vec<f32> {
+    let (h, w) = (sweep.height, sweep.width);
+    let arm = |arm: usize| {
+        let mut arms: [Arm; 4] = Default::default();
+        arms[arm] = sweep.arms[arm].clone();
+        let alone = Sweep { height: h, width: w, center: sweep.center.clone(), arms };
+        windows(&alone.costs(count, 0.0, at), h, w, count)
+    };
+    let pair = |pair: usize| match [pair, pair + 1].map(|arm| !sweep.arms[arm].is_empty()) {
+        [true, true] => {
+            let mut least = arm(pair);
+            least.iter_mut().zip(arm(pair + 1)).for_each(|(a, b)| *a = a.min(b));
+            Some(least)
+        }
+        [first, second] => (first || second).then(|| arm(pair + usize::from(second))),
+    };
+    match (pair(0), pair(2)) {
+        (Some(mut all), Some(other)) => {
+            all.iter_mut().zip(other).for_each(|(a, b)| *a += b);
+            all
+        }
+        (one, other) => one.or(other).unwrap_or_default(),
+    }
+}
+
+/// Sums over windows of (height, width, depth).
+fn windows(values: &[f32], height: usize, width: usize, depth: usize) -> Vec<f32> {
+    let line = width * depth;
+    let mut across = vec![0.0f32; values.len()];
+    across.par_chunks_exact_mut(line).zip(values.par_chunks_exact(line)).for_each(|(out, row)| {
+        for x in 0..width {
+            for i in x.saturating_sub(WINDOW)..(x + WINDOW + 1).min(width) {
+                let from = &row[i * depth..][..depth];
+                out[x * depth..][..depth].iter_mut().zip(from).for_each(|(o, v)| *o += v);
+            }
+        }
+    });
+    let mut all = vec![0.0f32; values.len()];
+    all.par_chunks_exact_mut(line).enumerate().for_each(|(y, out)| {
+        for j in y.saturating_sub(WINDOW)..(y + WINDOW + 1).min(height) {
+            out.iter_mut().zip(&across[j * line..][..line]).for_each(|(o, v)| *o += v);
+        }
+    });
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{DepthSource, Request, load};
+    use eyebox_optics::Color;
+
+    /// A built-in scene whose depths are not told, its true disparities, and the display.
+    fn silent(scene: &str, views: usize) -> (LightField, [f64; 2], Display) {
+        let display = Display { height: 96, width: 112, ..Display::preset("paper").unwrap() };
+        let request = Request { views, ..Request::new(&display, &[Color::Green]) };
+        let field = load(&format!("builtin:{scene}"), &request).unwrap();
+        let truth = field.disparities_sought(&display);
+        (LightField { depth: None, disparity: None, ..field }, truth, display)
+    }
+
+    #[test]
+    fn disparities_are_found_however_far_the_views_stand_apart() {
+        for (scene, views) in
+            [("still-life?span=1.5", 5), ("still-life?span=2", 5), ("plane?depth=2.5", 3), ("points?span=1.5", 5)]
+        {
+            let (field, [low, high], display) = silent(scene, views);
+            let per_pixel = display.focal_length * display.picture_pixel() / field.cell(&display);
+            let (reach, source) = field.reach(&display);
+            assert_eq!(source, DepthSource::Measured, "{scene}");
+            let [a, b] = reach.map(|z| z / per_pixel);
+            let near = (0.1 * (high - low)).max(0.25);
+            assert!((a - low).abs() < near && (b - high).abs() < near, "{scene}: {a} .. {b}, not {low} .. {high}");
+            let [a, b] = field.disparities_sought(&display);
+            assert!(a < low + near && b > high - near, "{scene}: {a} .. {b}");
+        }
+    }
+
+    #[test]
+    fn views_that_show_nothing_have_no_depth_and_no_doubt() {
+        let (mut field, _, display) = silent("still-life", 9);
+        for light in [0.3, 0.0] {
+            field.planes.iter_mut().flatten().for_each(|view| view.fill(light));
+            assert_eq!(field.disparities_sought(&display), USUAL);
+            assert_eq!(field.reach(&display), ([0.0, 0.0], DepthSource::Measured));
+        }
+    }
+
+    #[test]
+    fn one_row_of_views_is_enough() {
+        let (field, [low, high], display) = silent("still-life?span=1.5", 5);
+        let planes = field.planes.iter().map(|views| views[10..15].to_vec()).collect();
+        let row = LightField { grid: [1, 5], planes, view_pitch: Some(field.cell(&display)), ..field };
+        let [a, b] = row.measured().range.unwrap();
+        let near = 0.1 * (high - low);
+        assert!((a - low).abs() < near && (b - high).abs() < near, "{a} .. {b}, not {low} .. {high}");
+    }
+
+    /// Thin blades that hide each other by eight pixels from view to view: what is lost is not passed over in silence.
+    #[test]
+    fn what_neighbouring_views_do_not_show_again_is_doubted() {
+        let (field, _, display) = silent("dense-grass?span=6", 5);
+        assert!(matches!(field.reach(&display).1, DepthSource::Doubtful(1..65)));
+        let line = field.depths(&display, None).unwrap_err().to_string();
+        assert!(line.contains("`depth`"), "{line}");
+        assert_eq!(field.depths(&display, Some([2e-3, -1e-3])), Ok([-1e-3, 2e-3]));
+    }
+}

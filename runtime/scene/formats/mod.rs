@@ -1,0 +1,11 @@
+//! Pixels of files: pictures, videos and maps, with their tone curves, as linear light.
+
+pub(crate) mod near;
+pub(crate) mod options;
+pub(crate) mod pfm;
+pub(crate) mod picture;
+pub(crate) mod png_tone;
+pub(crate) mod still;
+pub(crate) mod tone;
+pub(crate) mod video;
+pub(crate) mod video_color;

@@ -1,0 +1,285 @@
+//! The meaning of the numbers in a depth map: which values are near, and which values are unknown.
+
+use crate::SceneError;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Which values of a depth map are near, and whether 0 is a value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Near {
+    /// Large numbers, as in disparities. Zeros are unknown where a gap parts them from all other values.
+    Large,
+    /// Small numbers, as in distances. Zeros, and 65535 in 16 bits, are unknown.
+    Small,
+    /// Bright pixels of a picture. Every stored value counts.
+    Bright,
+    /// Dark pixels of a picture. Every stored value counts.
+    Dark,
+}
+
+impl Near {
+    /// Returns whether larger values are nearer.
+    pub(crate) fn is_larger(self) -> bool {
+        matches!(self, Self::Large | Self::Bright)
+    }
+}
+
+/// The kind of numbers that the file of a map stores.
+#[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use all of it"))]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// A picture of 8 bits.
+    Bytes,
+    /// A picture of 16 bits.
+    Words,
+    /// Floating point, or the integers of an array.
+    Floats,
+}
+
+/// The meaning of the values of a map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Meaning {
+    /// Pixels between neighboring views, larger is nearer.
+    Disparity,
+    /// Only their order and their proportions count.
+    Relative(Near),
+}
+
+/// The statements of the caller about a map.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Stated {
+    /// Which values are near.
+    pub near: Option<Near>,
+    /// The depths of the ends, metres. The nearer first says that small values are near.
+    pub depth: Option<[f64; 2]>,
+}
+
+impl Stated {
+    /// Returns which values are stated to be near in a map of this kind.
+    fn near(self, kind: Kind) -> Option<Near> {
+        let reversed = self.depth.is_some_and(|[a, b]| a > b);
+        let small = if kind == Kind::Bytes { Near::Dark } else { Near::Small };
+        self.near.or(reversed.then_some(small))
+    }
+}
+
+/// The remedy for a map that does not show which values are near.
+const DECIDES: &str = "`near` small (distances, 0 is unknown), `near` large (disparities), or `near` bright or `near` dark (a picture, 0 is a value)";
+/// Renderers write such values for infinitely far; no value beyond them is a distance or a disparity.
+const NOTHING: f32 = 1e9;
+/// The largest half float.
+const HALF_MOST: f32 = 65504.0;
+/// The largest value of 16 bits.
+const WORD_MOST: f32 = 65535.0;
+/// A distance this many times beyond all smaller ones stands for infinitely far.
+const BEYOND_ALL: f32 = 1000.0;
+/// Distances of one scene do not vary by more than this factor. Normalized maps do.
+const DEEPEST: f32 = 200.0;
+/// The largest values of normalized maps.
+const NORMALIZED: [f32; 3] = [1.0, 255.0, WORD_MOST];
+/// Zeros are unknown disparities if no other value is below this share of the largest.
+const GAP: f32 = 0.05;
+/// Maps of at most so many values are drawn by hand, as layers.
+const LAYERS: usize = 32;
+/// Parts of the range of values in which gaps between them are sought.
+const BINS: usize = 4096;
+
+/// The known values of a map in brief.
+struct Extent {
+    /// Smallest and largest known value other than 0.
+    low: f32,
+    high: f32,
+    /// The largest value that is not far beyond all others.
+    most: f32,
+    has_zero: bool,
+    /// Whether there are negative values, of which at least two differ. A single one marks unknown pixels of distances.
+    is_signed: bool,
+    /// Whether zero is clearly farther from the smallest value than any values are from each other.
+    zero_is_apart: bool,
+    /// Whether the values are those of a few layers.
+    is_layered: bool,
+}
+
+impl Extent {
+    fn of(values: &[f32]) -> Self {
+        let known = || values.iter().copied().filter(|v| is_number(*v));
+        let first_negative = known().find(|v| *v < 0.0);
+        let is_signed = first_negative.is_some_and(|first| known().any(|v| v < 0.0 && v != first));
+        let counts = |v: &f32| *v > 0.0 || is_signed && *v < 0.0;
+        let ends = known().filter(counts).fold([f32::INFINITY, f32::NEG_INFINITY], |[a, b], v| [a.min(v), b.max(v)]);
+        let [low, high] = ends;
+        let below = known().filter(|v| *v < high).fold(f32::NEG_INFINITY, f32::max);
+        let most = if below > 0.0 && high > BEYOND_ALL * below { below } else { high };
+        let mut filled = vec![false; BINS + 1];
+        let bins = known().filter(|v| counts(v) && *v <= most);
+        bins.for_each(|v| filled[((v - low) / (most - low).max(f32::MIN_POSITIVE) * BINS as f32) as usize] = true);
+        let longest = filled.split(|bin| *bin).map(<[bool]>::len).max().unwrap_or(0) + 1;
+        let zero_is_apart = most > low && low > 2.0 * longest as f32 * (most - low) / BINS as f32;
+        let mut layers: Vec<f32> = Vec::new();
+        for v in known().filter(counts) {
+            if layers.len() <= LAYERS && !layers.contains(&v) {
+                layers.push(v);
+            }
+        }
+        let is_layered = layers.len() <= LAYERS;
+        Self { low, high, most, has_zero: values.contains(&0.0), is_signed, zero_is_apart, is_layered }
+    }
+}
+
+/// Returns whether a stored value can stand for a distance or a disparity at all.
+fn is_number(v: f32) -> bool {
+    v.is_finite() && v.abs() < NOTHING && v != HALF_MOST
+}
+
+/// Decides the meaning of the values of a map: by what the caller states, by the name of the file, or by its kind. Returns the
+/// reason with it.
+///
+/// # Errors
+/// [`SceneError::Ambiguous`] if none of them decides it.
+pub(crate) fn meaning(
+    file: &Path,
+    kind: Kind,
+    values: &[f32],
+    stated: Stated,
+) -> Result<(Meaning, String), SceneError> {
+    let name = file.file_stem().map_or(String::new(), |n| n.to_string_lossy().to_lowercase());
+    let Extent { low, high, most, has_zero, is_signed, zero_is_apart, .. } = Extent::of(values);
+    let ambiguous =
+        |found: String| Err(SceneError::Ambiguous { file: file.display().to_string(), found, decides: DECIDES });
+    let is_disparity = kind == Kind::Floats && name.contains("disp");
+    let is_distance = |word: &str| {
+        ["depth", "depths", "depthmap", "dist", "distance", "distances", "range", "z", "mm", "metres", "meters"]
+            .contains(&word)
+    };
+    let mut words = name.split(|c: char| !c.is_alphabetic());
+    let is_inverse = name.contains("inv");
+    let relative = |near: Near, reason: &str| Ok((Meaning::Relative(near), reason.to_owned()));
+    match (kind, stated.near(kind)) {
+        (_, Some(Near::Small | Near::Dark)) if is_disparity => Err(SceneError::Ambiguous {
+            file: file.display().to_string(),
+            found: "its name says disparities, of which the larger are near".into(),
+            decides: "`near` large, or give the file another name",
+        }),
+        (_, near) if is_disparity && stated.depth.is_none() => {
+            let reason = "disparities by its name: pixels between neighboring views, larger is nearer".to_owned();
+            debug_assert!(near.is_none_or(Near::is_larger));
+            Ok((Meaning::Disparity, reason))
+        }
+        (_, Some(near)) => relative(near, &format!("as stated: {}", in_words(near))),
+        (_, None) if is_disparity => {
+            relative(Near::Large, "disparities by its name, scaled to the stated depths: larger is nearer")
+        }
+        (_, None) if low >= high && !(has_zero && low.is_finite()) => {
+            relative(Near::Bright, "a single value: one plane in the middle of the depths")
+        }
+        (Kind::Floats, None) if is_inverse || !words.any(is_distance) => ambiguous(format!(
+            "values from {} to {high}, and nothing says whether small or large is near",
+            if has_zero { low.min(0.0) } else { low }
+        )),
+        (Kind::Floats, None) if is_signed => {
+            ambiguous("its name says distances, but some values are negative, which no distance is".into())
+        }
+        (Kind::Floats, None) if most > DEEPEST * low || has_zero && !zero_is_apart && NORMALIZED.contains(&most) => {
+            let low = if has_zero { 0.0 } else { low };
+            ambiguous(format!(
+                "its name says distances, but its values go from {low} to {most}, as in a map that was normalized"
+            ))
+        }
+        (Kind::Floats, None) => relative(Near::Small, "distances by its name: smaller is nearer"),
+        (Kind::Words, None) => ambiguous(format!(
+            "16 bits with values from {} to {high}, and nothing says whether small or large is near",
+            if has_zero { 0.0 } else { low }
+        )),
+        (Kind::Bytes, None) if name.contains("disp") => {
+            relative(Near::Large, "disparities by its name, of 8 bits: larger is nearer")
+        }
+        (Kind::Bytes, None) => relative(Near::Bright, "a picture of 8 bits: bright is near"),
+    }
+}
+
+/// Refuses an array of 8 bits that says neither by its name nor by words what it is: networks write pictures so, and others
+/// distances.
+///
+/// # Errors
+/// [`SceneError::Ambiguous`].
+pub(crate) fn check_bytes(file: &Path, stated: Stated) -> Result<(), SceneError> {
+    let is_disparity = file.file_stem().is_some_and(|name| name.to_string_lossy().to_lowercase().contains("disp"));
+    if is_disparity || stated.near(Kind::Floats).is_some() {
+        return Ok(());
+    }
+    let found = "an array of 8 bits, and nothing says whether small or large is near".into();
+    Err(SceneError::Ambiguous { file: file.display().to_string(), found, decides: DECIDES })
+}
+
+fn in_words(near: Near) -> &'static str {
+    match near {
+        Near::Large => "larger is nearer",
+        Near::Small => "distances: smaller is nearer",
+        Near::Bright => "bright is near",
+        Near::Dark => "dark is near",
+    }
+}
+
+/// Returns the test for values that are unknown. NaN, infinity, 1e9 or more and the largest half float always are. Of
+/// distances also 0, 65535 in integers, a negative value, and a value far beyond all others are.
+fn unknown(kind: Kind, meaning: Meaning, values: &[f32]) -> impl Fn(f32) -> bool + use<> {
+    let Extent { low, high, most, is_signed, zero_is_apart, is_layered, .. } = Extent::of(values);
+    let is_distance = meaning == Meaning::Relative(Near::Small) && !is_signed;
+    let is_integer = kind != Kind::Floats || values.iter().all(|v| v.fract() == 0.0);
+    // Of a few layers the farthest may be at zero.
+    let has_gap = low >= GAP * high && (zero_is_apart || !is_layered) && !values.iter().any(|v| *v < 0.0);
+    let is_picture = matches!(meaning, Meaning::Relative(Near::Bright | Near::Dark));
+    let no_zero = is_distance || has_gap && !is_picture;
+    move |v: f32| {
+        !v.is_finite()
+            || v.abs() >= NOTHING
+            || kind == Kind::Floats && v == HALF_MOST
+            || is_distance && (v < 0.0 || v > most || is_integer && v == WORD_MOST)
+            || no_zero && v == 0.0
+    }
+}
+
+/// Gives pixels without a value that of the farther of their neighbors in the row, or, in rows without any, that of the rows
+/// beside. Returns how many there were.
+///
+/// # Errors
+/// The reason in words if more than half of the pixels have no value.
+pub(crate) fn fill(kind: Kind, meaning: Meaning, values: &mut [f32], width: usize) -> Result<usize, String> {
+    let empty = unknown(kind, meaning, values);
+    let count = values.iter().filter(|v| empty(**v)).count();
+    if count == 0 {
+        return Ok(0);
+    }
+    if 2 * count > values.len() {
+        return Err(format!(
+            "{count} of {} pixels have no value (0, not finite, or infinitely far): complete the map first, for example \
+             with the nearest value",
+            values.len()
+        ));
+    }
+    let larger_is_nearer = !matches!(meaning, Meaning::Relative(near) if !near.is_larger());
+    let farther = |a: f32, b: f32| if larger_is_nearer { a.min(b) } else { a.max(b) };
+    for row in values.chunks_exact_mut(width) {
+        let mut x = 0;
+        while x < width {
+            let run = row[x..].iter().take_while(|v| empty(**v)).count();
+            let left = x.checked_sub(1).map(|i| row[i]);
+            let value = match (left, row.get(x + run).copied()) {
+                (Some(a), Some(b)) => farther(a, b),
+                (a, b) => a.or(b).unwrap_or(f32::NAN),
+            };
+            row[x..x + run].fill(value);
+            x += run + 1;
+        }
+    }
+    // Rows without any: from above, then from below.
+    let height = values.len() / width;
+    for y in (1..height).chain((0..height - 1).rev()) {
+        if values[y * width].is_nan() {
+            let from = if y > 0 && !values[(y - 1) * width].is_nan() { y - 1 } else { (y + 1).min(height - 1) };
+            values.copy_within(from * width..(from + 1) * width, y * width);
+        }
+    }
+    Ok(count)
+}

@@ -1,0 +1,81 @@
+//! What stands behind the question mark of a file's name.
+
+use crate::formats::tone::Tone;
+use crate::light_field::light::Transfer;
+use std::path::Path;
+
+/// What options there are, for people.
+const ARRAYS: &str = "an array takes grid=ROWSxCOLUMNS, srgb, linear, full_scale=NUMBER and array=NAME, with & between";
+pub(crate) const PICTURES: &str = "a picture takes srgb, linear and full_scale=NUMBER, and one of many views grid=ROWSxCOLUMNS, mosaic or lenslets, with & between";
+
+/// The path of a source that is no built-in scene, and its options; a file may have a question mark in its name.
+pub(crate) fn parts(source: &str) -> (&Path, &str) {
+    let whole = Path::new(source);
+    match source.rsplit_once('?') {
+        Some((path, query)) if !whole.exists() => (Path::new(path), query),
+        _ => (whole, ""),
+    }
+}
+
+/// How views lie in a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Tiling {
+    /// Beside each other.
+    Views,
+    /// Under each lens a pixel of each view.
+    Lenslets,
+}
+
+/// What stands behind the question mark of a file's name.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct Options {
+    /// Rows and columns of views.
+    pub grid: Option<[usize; 2]>,
+    /// How values become light.
+    pub transfer: Option<Transfer>,
+    /// The stored value of white.
+    pub full_scale: Option<f32>,
+    /// Which array of an archive.
+    pub array: Option<String>,
+    /// How the views lie in a picture.
+    pub tiling: Option<Tiling>,
+}
+
+/// Reads the value of white.
+fn full_scale(text: &str) -> Result<f32, String> {
+    let value = text.parse::<f32>().ok().filter(|v| v.is_finite() && *v > 0.0);
+    value.ok_or_else(|| format!("full_scale is '{text}': it must be a positive number, the stored value of white"))
+}
+
+impl Options {
+    /// The statements about how values become light.
+    pub fn tone(&self) -> Tone {
+        Tone { transfer: self.transfer, full_scale: self.full_scale }
+    }
+
+    /// Reads them.
+    ///
+    /// # Errors
+    /// In words.
+    pub fn parse(query: &str, is_array: bool) -> Result<Self, String> {
+        let mut options = Self::default();
+        for part in query.split('&').filter(|part| !part.is_empty()) {
+            let number = |text: &str| text.parse::<usize>().ok().filter(|n| (1..=64).contains(n));
+            match part.split_once('=').unwrap_or((part, "")) {
+                ("grid", value) => {
+                    let sides = value.split_once('x').and_then(|(r, c)| Some([number(r)?, number(c)?]));
+                    let must = "rows and columns of views, 1 to 64 each, as in grid=9x9";
+                    options.grid = Some(sides.ok_or_else(|| format!("'{part}': it must be {must}"))?);
+                }
+                ("srgb", "") => options.transfer = Some(Transfer::Srgb),
+                ("linear", "") => options.transfer = Some(Transfer::Linear),
+                ("full_scale", value) => options.full_scale = Some(full_scale(value)?),
+                ("array", name) if is_array && !name.is_empty() => options.array = Some(name.into()),
+                ("mosaic", "") if !is_array => options.tiling = Some(Tiling::Views),
+                ("lenslets", "") if !is_array => options.tiling = Some(Tiling::Lenslets),
+                _ => return Err(format!("'{part}': {}", if is_array { ARRAYS } else { PICTURES })),
+            }
+        }
+        Ok(options)
+    }
+}

@@ -1,0 +1,144 @@
+//! Pictures from files, as planes of linear light.
+
+use crate::SceneError;
+use crate::formats::near::Kind;
+use crate::formats::png_tone;
+use crate::formats::tone::{Reading, Stored};
+use crate::light_field::light::{Picture, Transfer};
+use eyebox_base::files::{ColorSpace, FileError, Pixels, Samples, Wanted, color_space, holds_light};
+use eyebox_base::files::{picture_orientation, picture_size, read_pixels};
+use eyebox_optics::Color;
+use std::path::Path;
+
+/// Pixels of the largest picture that is read: 8K, and 24 megapixels of a camera. It is in memory as a whole, and as light.
+const MOST_PIXELS: u64 = 1 << 25;
+/// The same of one that holds many views.
+const MOST_OF_MANY: u64 = 1 << 27;
+
+/// Rows and columns, from the header alone.
+pub(crate) fn size(path: &Path) -> Result<[usize; 2], SceneError> {
+    size_within(path, MOST_PIXELS)
+}
+
+/// The same of a picture that holds many views.
+pub(crate) fn size_of_many(path: &Path) -> Result<[usize; 2], SceneError> {
+    size_within(path, MOST_OF_MANY)
+}
+
+fn size_within(path: &Path, most: u64) -> Result<[usize; 2], SceneError> {
+    picture_size(path, Wanted::Scene, most).map_err(SceneError::of_file)
+}
+
+/// The EXIF orientation that a picture is turned by, 1 to 8; 1 is as stored.
+pub(crate) fn orientation(path: &Path) -> Result<u8, SceneError> {
+    picture_orientation(path, Wanted::Scene).map_err(SceneError::of_file)
+}
+
+/// Decodes a file and turns it as its metadata say; values are not converted yet.
+fn decode(path: &Path, wanted: Wanted, most: u64) -> Result<Pixels, SceneError> {
+    read_pixels(path, wanted, most).map_err(SceneError::of_file)
+}
+
+/// Reads the planes of `colors` from a picture. A gray picture gives the same plane for each color; transparency is laid
+/// over black. `reading` says and counts how values become light.
+pub(crate) fn read(path: &Path, colors: &[Color], reading: &Reading) -> Result<Picture, SceneError> {
+    planes(path, &decode(path, Wanted::Scene, MOST_PIXELS)?, colors, reading)
+}
+
+/// The same of a picture that holds many views.
+pub(crate) fn read_of_many(path: &Path, colors: &[Color], reading: &Reading) -> Result<Picture, SceneError> {
+    planes(path, &decode(path, Wanted::Scene, MOST_OF_MANY)?, colors, reading)
+}
+
+/// The kind of a file whose values are light where nothing else is stated; none for others.
+pub(crate) fn linear(path: &Path) -> Option<&'static str> {
+    holds_light(path)
+}
+
+fn planes(path: &Path, image: &Pixels, colors: &[Color], reading: &Reading) -> Result<Picture, SceneError> {
+    let &Pixels { height, width, channels, premultiplied, orientation, .. } = image;
+    let (stored, says) = match &image.samples {
+        Samples::U8(v) => (Stored::Bytes(v), Transfer::Srgb),
+        Samples::U16(v) => (Stored::Words(v), Transfer::Srgb),
+        Samples::F32(v) => (Stored::Floats(v), Transfer::Linear),
+    };
+    let unknown = |found| SceneError::Transfer { file: path.display().to_string(), found };
+    let mut primaries = None;
+    let space = match reading.tone.transfer {
+        // The caller knows better than the file.
+        Some(_) => None,
+        None => {
+            let stated = png_tone::stated(path).map_err(unknown)?;
+            primaries = image.primaries.or(stated.primaries);
+            match stated.transfer {
+                Some(Transfer::Srgb) => Some(ColorSpace::Srgb),
+                Some(Transfer::Linear) => Some(ColorSpace::Linear),
+                None => color_space(image, reading.tone.full_scale.unwrap_or(stored.most())).map_err(unknown)?,
+            }
+        }
+    };
+    // A profile has primaries of its own.
+    let primaries = primaries.filter(|_| image.has_color() && image.profile.is_none());
+    let mix = primaries.map(|stated| stated.to_srgb().map_err(unknown)).transpose()?.flatten();
+    // All three colors of the file take part in each color of the light.
+    let read = if mix.is_some() { &[Color::Red, Color::Green, Color::Blue][..] } else { colors };
+    let (says, converted) = match &space {
+        None => (says, None),
+        Some(ColorSpace::Srgb) => (Transfer::Srgb, None),
+        Some(ColorSpace::Linear) => (Transfer::Linear, None),
+        Some(ColorSpace::Other { name, values }) => (Transfer::Srgb, Some((name, values))),
+    };
+    let planes = match converted {
+        None => reading.light(stored, channels, premultiplied, says, read),
+        Some((_, values)) => {
+            reading.count_words(stored, channels);
+            reading.light(Stored::Shares(values), channels, premultiplied, says, read)
+        }
+    };
+    let planes = planes.map_err(|(i, value)| SceneError::no_light(path.display(), [i / width, i % width], value))?;
+    let planes = match &mix {
+        Some(mix) => colors.iter().map(|color| mixed(&planes, mix[color.channel()])).collect(),
+        None => planes,
+    };
+    let turned = match orientation {
+        1 => String::new(),
+        n => format!(", turned by its EXIF orientation {n}"),
+    };
+    let profile = converted.map_or(String::new(), |(name, _)| format!(", converted from its ICC profile {name}"));
+    let from = primaries.filter(|_| mix.is_some());
+    let from = from.map_or(String::new(), |from| format!(", converted from its color primaries ({})", from.in_words()));
+    let read_as = format!("{}{profile}{from}{turned}", reading.in_words(stored, says));
+    Ok(Picture { height, width, planes, read_as })
+}
+
+/// One color of the light of sRGB's primaries. What lies outside of them is clipped.
+fn mixed(planes: &[Vec<f32>], shares: [f64; 3]) -> Vec<f32> {
+    let [r, g, b] = shares.map(|v| v as f32);
+    let pixels = planes[0].iter().zip(&planes[1]).zip(&planes[2]);
+    pixels.map(|((red, green), blue)| (r * red + g * green + b * blue).max(0.0)).collect()
+}
+
+/// Reads the stored values of a grey picture, row by row; its rows and columns. In floats, one channel in three may hold them.
+pub(crate) fn stored(path: &Path) -> Result<(usize, usize, Kind, Vec<f32>), SceneError> {
+    let image = decode(path, Wanted::DepthMap, MOST_PIXELS)?;
+    let (channels, has_color) = (image.channels, image.has_color());
+    let (kind, values): (_, Vec<f32>) = match &image.samples {
+        Samples::U8(v) => (Kind::Bytes, grey(v, channels, has_color, |a, b| a.abs_diff(b) <= 8)),
+        Samples::U16(v) => (Kind::Words, grey(v, channels, has_color, |a, b| a.abs_diff(b) <= 8 * 257)),
+        Samples::F32(v) => (Kind::Floats, grey(v, channels, has_color, |a, b| a.to_bits() == b.to_bits() || b == 0.0)),
+    };
+    if values.is_empty() {
+        let reason = "its pixels have colors, and nothing says what depth a color means: save its values as a gray picture or as an array (.npy)";
+        return Err(SceneError::of_file(FileError::content(path, reason)));
+    }
+    Ok((image.height, image.width, kind, values))
+}
+
+/// The first channel; nothing where another one is not `alike`.
+fn grey<T: Copy + Into<f32>>(v: &[T], channels: usize, has_color: bool, alike: impl Fn(T, T) -> bool) -> Vec<f32> {
+    let pixels = v.chunks_exact(channels);
+    if has_color && !pixels.clone().all(|p| alike(p[0], p[1]) && alike(p[0], p[2])) {
+        return Vec::new();
+    }
+    pixels.map(|p| p[0].into()).collect()
+}

@@ -1,0 +1,93 @@
+//! The matrix of a video: how luma and color differences become red, green and blue.
+
+use crate::SceneError;
+use std::path::Path;
+
+/// The matrix of a video.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Matrix {
+    /// ITU-R BT.601, the definition of YUV4MPEG2: standard definition.
+    Bt601,
+    /// ITU-R BT.709: high definition.
+    Bt709,
+}
+
+/// Rows and columns from which films are high definition.
+const HIGH_DEFINITION: [usize; 2] = [720, 1280];
+
+impl Matrix {
+    /// Reads the matrix behind the question mark of a source, as in `clip.y4m?matrix=bt709`.
+    pub fn stated(source: &Path) -> Option<Self> {
+        let (_, query) = source.to_str()?.rsplit_once('?')?;
+        query.split('&').find_map(|part| Self::named(part.strip_prefix("matrix=")?).ok())
+    }
+
+    /// Reads the name of a matrix.
+    ///
+    /// # Errors
+    /// The reason in words for a name of none that is read.
+    pub fn named(name: &str) -> Result<Self, String> {
+        match name.to_ascii_lowercase().as_str() {
+            "bt601" | "smpte170m" | "bt470bg" => Ok(Self::Bt601),
+            "bt709" => Ok(Self::Bt709),
+            other => Err(format!(
+                "its matrix is {other}: bt601 and bt709 are read; ffmpeg -i CLIP -vf scale=out_color_matrix=bt709 converts it"
+            )),
+        }
+    }
+
+    /// Determines the matrix of a video whose header states none. Files of ffmpeg have that of the film that they were made
+    /// of, and do not say which; others follow the format, unless they are high definition.
+    ///
+    /// # Errors
+    /// [`SceneError::Matrix`] if it is not known.
+    pub fn usual(file: &str, [rows, columns]: [usize; 2], of_ffmpeg: bool) -> Result<Self, SceneError> {
+        if of_ffmpeg || rows >= HIGH_DEFINITION[0] || columns >= HIGH_DEFINITION[1] {
+            return Err(SceneError::Matrix { file: file.into() });
+        }
+        Ok(Self::Bt601)
+    }
+
+    /// Red, green and blue of a luma and its color differences, each 0 to 1 for displayable colors.
+    pub fn rgb(self, luma: f32, [cb, cr]: [f32; 2]) -> [f32; 3] {
+        let [of_red, of_blue] = match self {
+            Self::Bt601 => [0.299, 0.114],
+            Self::Bt709 => [0.2126, 0.0722],
+        };
+        let (red, blue) = (luma + 2.0 * (1.0 - of_red) * cr, luma + 2.0 * (1.0 - of_blue) * cb);
+        [red, (luma - of_red * red - of_blue * blue) / (1.0 - of_red - of_blue), blue]
+    }
+}
+
+impl std::fmt::Display for Matrix {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(if *self == Self::Bt601 { "BT.601" } else { "BT.709" })
+    }
+}
+
+/// Refuses fields of interlaced films.
+///
+/// # Errors
+/// The reason in words, with the remedy.
+pub(crate) fn check_interlacing(word: &str) -> Result<(), String> {
+    match word {
+        "t" | "b" | "m" => {
+            Err("it is interlaced: each frame holds two moments; ffmpeg -i CLIP -vf yadif deinterlaces it".into())
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Refuses pixels that are not square.
+///
+/// # Errors
+/// The reason in words, with the remedy.
+pub(crate) fn check_aspect(word: &str) -> Result<(), String> {
+    let sides = word.split_once(':').and_then(|(a, b)| Some((a.parse::<u32>().ok()?, b.parse::<u32>().ok()?)));
+    match sides {
+        Some((wide, high)) if wide != high && wide > 0 && high > 0 => Err(format!(
+            "its pixels are {wide}:{high}, not square; ffmpeg -i CLIP -vf scale=iw*sar:ih,setsar=1 makes them so"
+        )),
+        _ => Ok(()),
+    }
+}

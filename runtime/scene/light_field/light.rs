@@ -1,0 +1,59 @@
+//! What pictures hold: planes of linear light.
+
+use serde::Deserialize;
+use std::sync::OnceLock;
+
+/// How stored values become light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Transfer {
+    /// The sRGB curve: what 8- and 16-bit files hold unless told otherwise.
+    Srgb,
+    /// Values are light: what EXR holds.
+    Linear,
+}
+
+/// One picture: its rows, its columns, and its planes in the order of the colours asked for.
+pub(crate) struct Picture {
+    pub height: usize,
+    pub width: usize,
+    pub planes: Vec<Vec<f32>>,
+    /// The meaning of its stored values, in words.
+    pub read_as: String,
+}
+
+/// The ways in which the value of white is stated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum FullScale {
+    /// Of a folder of pictures.
+    Folder,
+    /// Of a file.
+    File,
+    /// Of an array that a program gives.
+    Array,
+}
+
+impl FullScale {
+    /// The remedy for a file or folder whose value of white is likely `white`, in words.
+    pub(crate) fn states(self, file: &str, white: f32) -> String {
+        match self {
+            Self::Folder => format!("state the value of white, as in full_scale = {white} in lightfield.toml"),
+            Self::File => format!("state the value of white, as in {file}?full_scale={white}"),
+            Self::Array => format!("divide the array by the value of white, as by {white}"),
+        }
+    }
+}
+
+/// The exact sRGB curve: stored value in 0..=1 to linear light.
+pub fn srgb_to_linear(v: f64) -> f64 {
+    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+}
+
+/// The light of each stored value up to `full`, which is 255 or 65535.
+pub(crate) fn table(full: u16, transfer: Transfer) -> &'static [f32] {
+    static TABLES: [[OnceLock<Vec<f32>>; 2]; 2] = [const { [const { OnceLock::new() }; 2] }; 2];
+    let light = |v: f64| if transfer == Transfer::Srgb { srgb_to_linear(v) } else { v };
+    let build = || (0..=full).map(|i| light(f64::from(i) / f64::from(full)) as f32).collect();
+    TABLES[usize::from(full > 255)][transfer as usize].get_or_init(build)
+}

@@ -1,0 +1,12 @@
+//! The light field: views of linear light from a grid of pupil positions, their size, cameras and target images.
+
+pub(crate) mod cameras;
+pub(crate) mod error;
+pub(crate) mod field;
+pub(crate) mod light;
+pub(crate) mod natural;
+pub(crate) mod photograph;
+pub(crate) mod photographs;
+pub(crate) mod pyramid;
+pub(crate) mod resize;
+pub(crate) mod shape;

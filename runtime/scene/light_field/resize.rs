@@ -1,0 +1,202 @@
+//! Resizing in linear light: the exact area average downwards, Catmull-Rom upwards, never below zero.
+
+/// How a picture fills a display of another shape.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Fit {
+    /// All of it is seen; the rest of the display is black.
+    #[default]
+    Contain,
+    /// All of the display is filled; what stands over is cut off.
+    Cover,
+    /// Both axes are filled, each by its own scale. Depths then differ between the axes: the picture is astigmatic.
+    Stretch,
+}
+
+/// A planned resize of planes of one size to another.
+pub(crate) struct Resize {
+    scale: [f64; 2],
+    rows: Axis,
+    columns: Axis,
+}
+
+/// One axis: for each target pixel, the source pixels it is made of. Weights include the share of the target pixel
+/// that the picture covers, so the letterbox is black with a soft edge.
+struct Axis {
+    source: usize,
+    first_tap: Vec<usize>,
+    taps: Vec<(u32, f32)>,
+}
+
+impl Resize {
+    /// From `source` to `target` (rows, columns), the picture centred to a whole pixel.
+    pub fn new(source: [usize; 2], target: [usize; 2], fit: Fit) -> Self {
+        let own = [0, 1].map(|k| target[k] as f64 / source[k] as f64);
+        let scale = match fit {
+            Fit::Contain => [own[0].min(own[1]); 2],
+            Fit::Cover => [own[0].max(own[1]); 2],
+            Fit::Stretch => own,
+        };
+        let axis = |k: usize| {
+            let offset = ((target[k] as f64 - source[k] as f64 * scale[k]) / 2.0).round();
+            Axis::new(source[k], target[k], scale[k], offset)
+        };
+        Self { scale, rows: axis(0), columns: axis(1) }
+    }
+
+    /// A range of lengths in pixels, scaled: it covers both axes.
+    pub fn scale_range(&self, [low, high]: [f64; 2]) -> [f64; 2] {
+        let [a, b] = self.scale;
+        [(low * a).min(low * b), (high * a).max(high * b)]
+    }
+
+    /// Resizes one plane.
+    pub fn apply(&self, plane: &[f32]) -> Vec<f32> {
+        let (height, width) = (self.rows.len(), self.columns.len());
+        assert_eq!(plane.len(), self.rows.source * self.columns.source, "a plane of another size than planned");
+        if self.rows.is_identity() && self.columns.is_identity() {
+            return plane.to_vec();
+        }
+        let mut wide = vec![0.0f32; self.rows.source * width];
+        for (from, to) in plane.chunks_exact(self.columns.source).zip(wide.chunks_exact_mut(width)) {
+            for (i, value) in to.iter_mut().enumerate() {
+                *value = self.columns.taps(i).iter().map(|&(k, w)| from[k as usize] * w).sum();
+            }
+        }
+        let mut out = vec![0.0f32; height * width];
+        for (i, to) in out.chunks_exact_mut(width).enumerate() {
+            for &(k, w) in self.rows.taps(i) {
+                let from = &wide[k as usize * width..][..width];
+                to.iter_mut().zip(from).for_each(|(t, f)| *t += f * w);
+            }
+            to.iter_mut().for_each(|t| *t = t.max(0.0));
+        }
+        out
+    }
+}
+
+/// The picture shrunk to `share` of its size about its axis, black around: one colour's field of view, where it is wider
+/// than the picture (OPTICS 9). The pixel on the axis, `n / 2` of n, stays where it is.
+pub fn shrink_to_share(plane: &[f32], height: usize, width: usize, share: f64) -> Vec<f32> {
+    about_axis([height, width], share).apply(plane)
+}
+
+/// The middle `share` of one colour's image at the whole image's size: the picture again.
+pub fn crop_share(plane: &[f32], height: usize, width: usize, share: f64) -> Vec<f32> {
+    about_axis([height, width], 1.0 / share).apply(plane)
+}
+
+/// Planes of one size, so many times as large along each axis.
+pub struct Enlarged(Resize);
+
+impl Enlarged {
+    /// Of planes of so many rows and columns.
+    pub fn new(size: [usize; 2], times: usize) -> Self {
+        Self(Resize::new(size, size.map(|n| n * times), Fit::Stretch))
+    }
+
+    /// One of them.
+    pub fn apply(&self, plane: &[f32]) -> Vec<f32> {
+        self.0.apply(plane)
+    }
+}
+
+fn about_axis(size: [usize; 2], scale: f64) -> Resize {
+    let axis = |n: usize| Axis::new(n, n, scale, ((n / 2) as f64 + 0.5) * (1.0 - scale));
+    Resize { scale: [scale; 2], rows: axis(size[0]), columns: axis(size[1]) }
+}
+
+impl Axis {
+    fn new(source: usize, target: usize, scale: f64, offset: f64) -> Self {
+        let mut axis = Self { source, first_tap: Vec::with_capacity(target + 1), taps: Vec::new() };
+        let n = source as f64;
+        for i in 0..target {
+            axis.first_tap.push(axis.taps.len());
+            // The target pixel, in source pixels.
+            let (a, b) = ((i as f64 - offset) / scale, (i as f64 + 1.0 - offset) / scale);
+            let (from, to) = (a.max(0.0), b.min(n));
+            if to - from <= 1e-9 {
+                continue;
+            }
+            if scale <= 1.0 {
+                for k in from.floor() as usize..(to.ceil() as usize).min(source) {
+                    let share = (to.min(k as f64 + 1.0) - from.max(k as f64)) / (b - a);
+                    if share > 1e-9 {
+                        axis.taps.push((k as u32, share as f32));
+                    }
+                }
+            } else {
+                let covered = (to - from) / (b - a);
+                let center = (a + b) / 2.0 - 0.5;
+                for k in center.floor() as i64 - 1..=center.floor() as i64 + 2 {
+                    let inside = k.clamp(0, source as i64 - 1) as u32;
+                    let weight = covered * catmull_rom(center - k as f64);
+                    if weight != 0.0 {
+                        axis.taps.push((inside, weight as f32));
+                    }
+                }
+            }
+        }
+        axis.first_tap.push(axis.taps.len());
+        axis
+    }
+
+    fn len(&self) -> usize {
+        self.first_tap.len() - 1
+    }
+
+    fn taps(&self, i: usize) -> &[(u32, f32)] {
+        &self.taps[self.first_tap[i]..self.first_tap[i + 1]]
+    }
+
+    fn is_identity(&self) -> bool {
+        self.len() == self.source && (0..self.len()).all(|i| self.taps(i) == [(i as u32, 1.0)])
+    }
+}
+
+/// The Catmull-Rom kernel at distance `t`.
+pub(crate) fn catmull_rom(t: f64) -> f64 {
+    let t = t.abs();
+    if t < 1.0 {
+        1.5 * t.powi(3) - 2.5 * t.powi(2) + 1.0
+    } else if t < 2.0 {
+        -0.5 * t.powi(3) + 2.5 * t.powi(2) - 4.0 * t + 2.0
+    } else {
+        0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn downwards_keeps_the_light() {
+        let plane: Vec<f32> = (0..12 * 10).map(|i| (i * 37 % 11) as f32).collect();
+        let out = Resize::new([12, 10], [5, 3], Fit::Stretch).apply(&plane);
+        let mean = |v: &[f32]| v.iter().sum::<f32>() / v.len() as f32;
+        assert!((mean(&out) - mean(&plane)).abs() < 1e-4, "{} {}", mean(&out), mean(&plane));
+        let halved = Resize::new([12, 10], [6, 5], Fit::Contain).apply(&plane);
+        assert!((halved[0] - (plane[0] + plane[1] + plane[10] + plane[11]) / 4.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn upwards_keeps_ramps_and_never_goes_dark() {
+        let ramp: Vec<f32> = (0..8 * 8).map(|i| (i % 8) as f32).collect();
+        let out = Resize::new([8, 8], [16, 16], Fit::Contain).apply(&ramp);
+        for x in 4..12 {
+            assert!((out[5 * 16 + x] - ((x as f32 + 0.5) / 2.0 - 0.5)).abs() < 1e-5, "column {x}: {}", out[5 * 16 + x]);
+        }
+        let mut spike = vec![0.0; 64];
+        spike[27] = 1.0;
+        assert!(Resize::new([8, 8], [21, 21], Fit::Contain).apply(&spike).iter().all(|&v| v >= 0.0));
+    }
+
+    #[test]
+    fn the_same_size_is_the_same_picture_and_a_smaller_one_is_placed_untouched() {
+        let plane: Vec<f32> = (0..35).map(|i| i as f32).collect();
+        assert_eq!(Resize::new([5, 7], [5, 7], Fit::Contain).apply(&plane), plane);
+        let placed = Resize::new([5, 7], [5, 10], Fit::Contain).apply(&plane);
+        assert_eq!(placed[12..19], plane[7..14]);
+        assert_eq!((placed[10], placed[19]), (0.0, 0.0));
+    }
+}

@@ -1,0 +1,23 @@
+//! Reads scenes: folders, arrays, pictures of many views and focal stacks, with the order and positions of their cameras.
+
+pub(crate) mod admit;
+pub(crate) mod array;
+pub(crate) mod folder;
+pub(crate) mod frames;
+pub(crate) mod identity;
+pub(crate) mod inspect;
+pub(crate) mod layout;
+pub(crate) mod mosaic;
+pub(crate) mod mosaic_grid;
+pub(crate) mod names;
+pub(crate) mod numbers;
+pub(crate) mod order;
+pub(crate) mod positions;
+pub(crate) mod repeats;
+pub(crate) mod request;
+pub(crate) mod settings;
+pub(crate) mod single;
+pub(crate) mod source;
+pub(crate) mod stack;
+pub(crate) mod standing;
+pub(crate) mod views;

@@ -1,0 +1,202 @@
+//! Light fields in one picture: views beside each other, or the pixels under each lens of an array of them.
+
+use crate::formats::options::{Options, Tiling};
+use crate::formats::tone::{FullScale, Reading};
+use crate::light_field::cameras::{FirstTile, Positions, Quilt};
+use crate::light_field::resize::Resize;
+use crate::read::mosaic_grid::{Shown, shown};
+use crate::read::settings::{self, Settings};
+use crate::read::views::{self, Frame, Read};
+use crate::{Fit, Request, SceneError, formats::picture};
+use eyebox_base::memory;
+use eyebox_optics::Color;
+use rayon::prelude::*;
+use std::path::Path;
+
+/// Pixels of a view are square if its sides differ from the aspect in the quilt's name by no more than this share: sides
+/// are whole pixels, and some quilts leave a few out.
+const SQUARE: f64 = 0.02;
+
+/// What the picture's name, its options and the file beside it state. The name of a quilt says where its cameras stand.
+fn stated(file: &Path, options: &Options) -> Result<(Settings, Option<Quilt>), SceneError> {
+    let stated = settings::beside(file, options)?;
+    match Quilt::of(file).filter(|_| options.tiling != Some(Tiling::Lenslets)) {
+        Some(quilt) => Ok((of_quilt(quilt, file, stated)?, Some(quilt))),
+        None => Ok((stated, None)),
+    }
+}
+
+/// What the file beside a quilt states, with what its name does.
+///
+/// # Errors
+/// [`SceneError::Settings`] if both contradict each other.
+fn of_quilt(quilt: Quilt, file: &Path, stated: Settings) -> Result<Settings, SceneError> {
+    let [rows, columns] = quilt.grid;
+    let count = rows * columns;
+    let other = stated.grid.is_some_and(|grid| grid != [1, count]) || stated.tiles.is_some_and(|t| t != quilt.grid);
+    if other || stated.positions.is_some() {
+        let reason = format!(
+            "the name says that it is a quilt, one row of {count} cameras in {rows} x {columns} tiles, and another \
+             arrangement is stated: leave that out, or rename the file"
+        );
+        return Err(SceneError::Settings { file: file.display().to_string(), reason });
+    }
+    let first = stated.first.or(Some(FirstTile::BottomLeft));
+    Ok(Settings { grid: None, tiles: Some(quilt.grid), first, ..stated })
+}
+
+/// The grid of tiles that is stated.
+fn tiles(stated: &Settings) -> Option<[usize; 2]> {
+    let lines = stated.positions.as_ref().filter(|positions| matches!(positions, Positions::Lines(_)));
+    stated.tiles.or(stated.grid).or(lines.map(Positions::grid))
+}
+
+/// Rows and columns of each view.
+///
+/// # Errors
+/// Those of [`read`].
+pub(crate) fn size(file: &Path, tiling: Tiling, options: &Options) -> Result<[usize; 2], SceneError> {
+    let (stated, quilt) = stated(file, options)?;
+    let whole = picture::size_of_many(file)?;
+    let grid = match tiles(&stated) {
+        Some(grid) => grid,
+        None => find(file, &decoded(file, &[Color::Green], &stated, whole)?[0], whole, tiling)?.0,
+    };
+    Ok(square(parts(file, whole, grid, quilt.is_some())?, quilt))
+}
+
+/// Rows and columns of square pixels of a view.
+fn square([height, width]: [usize; 2], quilt: Option<Quilt>) -> [usize; 2] {
+    let aspect = width as f64 / height as f64;
+    match quilt.and_then(|quilt| quilt.aspect) {
+        // No detail is lost: one of the sides grows.
+        Some(a) if a > aspect * (1.0 + SQUARE) => [height, (height as f64 * a).round() as usize],
+        Some(a) if a < aspect * (1.0 - SQUARE) => [(width as f64 / a).round() as usize, width],
+        _ => [height, width],
+    }
+}
+
+/// Reads the views of a picture, its grid stated or found.
+///
+/// # Errors
+/// Every [`SceneError`] that a file can cause; it names the file.
+pub(crate) fn read(file: &Path, tiling: Tiling, options: &Options, request: &Request) -> Result<Read, SceneError> {
+    let (stated, quilt) = stated(file, options)?;
+    let whole = picture::size_of_many(file)?;
+    let planes = decoded(file, request.colors, &stated, whole)?;
+    let (grid, found) = match (tiles(&stated), quilt) {
+        (Some(grid), Some(_)) => (grid, "a quilt by its name"),
+        (Some(grid), None) => (grid, "as stated"),
+        (None, _) => find(file, &planes[0], whole, tiling)?,
+    };
+    let tile = parts(file, whole, grid, quilt.is_some())?;
+    // A quilt begins at the bottom left: lines that are no whole views are left over at the top and on the right.
+    let top = if quilt.is_some() { whole[0] - grid[0] * tile[0] } else { 0 };
+    let own = square(tile, quilt);
+    let squared = (own != tile).then(|| Resize::new(tile, own, Fit::Stretch));
+    let frame = Frame::new(own, grid[0] * grid[1], request)?;
+    let one = |view: usize| {
+        let at = [view / grid[1], view % grid[1]];
+        let view = planes.iter().map(|plane| {
+            let view = cut(&plane[top * whole[1]..], whole[1], grid, tile, at, tiling);
+            squared.as_ref().map_or_else(|| view.clone(), |resize| resize.apply(&view))
+        });
+        frame.fit(view.collect())
+    };
+    let fitted: Vec<_> = (0..grid[0] * grid[1]).into_par_iter().map(one).collect();
+    let field = frame.field(file, grid, fitted, request, &stated, stated.disparity);
+    let how = match tiling {
+        Tiling::Views => format!("views beside each other in one picture, {found}"),
+        Tiling::Lenslets => format!("pixels under each lens in one picture, {found}"),
+    };
+    let linear = picture::linear(file);
+    views::ordered(file, field, request, &stated, how, own, linear)
+}
+
+/// Planes of linear light of the whole picture.
+fn decoded(
+    file: &Path,
+    colors: &[Color],
+    stated: &Settings,
+    [height, width]: [usize; 2],
+) -> Result<Vec<Vec<f32>>, SceneError> {
+    let what = || format!("a picture of {height} x {width} pixels");
+    let bytes = memory::bytes_of(&[colors.len() + 2, height, width], 4);
+    memory::promise(what, bytes, "save its views as files of their own, or take `color`")?;
+    let reading = Reading::new(stated.tone());
+    let planes = picture::read_of_many(file, colors, &reading)?.planes;
+    reading.judge(file, FullScale::File)?;
+    Ok(planes)
+}
+
+/// Rows and columns of each view of a picture. A quilt may have lines left over.
+fn parts(file: &Path, whole: [usize; 2], grid: [usize; 2], is_quilt: bool) -> Result<[usize; 2], SceneError> {
+    if is_quilt && [0, 1].iter().all(|&i| whole[i] / grid[i] >= 2 && whole[i] % grid[i] <= whole[i] / grid[i] / 8) {
+        return Ok([0, 1].map(|i| whole[i] / grid[i]));
+    }
+    if [0, 1].iter().all(|&i| whole[i].is_multiple_of(grid[i])) {
+        return Ok([0, 1].map(|i| whole[i] / grid[i]));
+    }
+    let reason = format!("{}, or state the grid that it has", not_whole(whole, grid));
+    Err(SceneError::Corrupt { file: file.display().to_string(), reason })
+}
+
+fn not_whole(whole: [usize; 2], grid: [usize; 2]) -> String {
+    let [[height, width], [rows, columns]] = [whole, grid];
+    let [tall, wide] = [0, 1].map(|i| ((whole[i] + grid[i] / 2) / grid[i]).max(1) * grid[i]);
+    format!(
+        "{height} x {width} pixels are no {rows} x {columns} views of one size: cut off its border, or scale it to \
+         {tall} x {wide}"
+    )
+}
+
+/// Rows and columns of views that a picture clearly shows, and by what.
+///
+/// # Errors
+/// [`SceneError::NotAGrid`] with what states them; [`SceneError::Corrupt`] where they are not whole.
+fn find(
+    file: &Path,
+    plane: &[f32],
+    whole: [usize; 2],
+    tiling: Tiling,
+) -> Result<([usize; 2], &'static str), SceneError> {
+    let name = file.display().to_string();
+    match shown(plane, whole, tiling) {
+        Shown::Seams(grid) => Ok((grid, "found by where neighbouring lines differ")),
+        Shown::Repeats(grid) => Ok((grid, "found by how often it repeats")),
+        Shown::Parts(grid) => {
+            let [rows, columns] = grid;
+            let reason = format!("it repeats as {rows} x {columns} views do, but {}", not_whole(whole, grid));
+            Err(SceneError::Corrupt { file: name, reason })
+        }
+        Shown::Either(one, other) => {
+            let [[a, b], [c, d]] = [one, other];
+            let lenslets = if tiling == Tiling::Lenslets { "lenslets&" } else { "" };
+            let reason = format!(
+                "the picture may be {a} x {b} views or {c} x {d}: state which, as in {name}?{lenslets}grid={c}x{d}"
+            );
+            Err(SceneError::NotAGrid { folder: name, reason })
+        }
+        Shown::Nothing => {
+            let lenslets = if tiling == Tiling::Lenslets { "lenslets&" } else { "" };
+            let reason =
+                format!("nothing in the picture shows how many there are: state it, as in {name}?{lenslets}grid=9x9");
+            Err(SceneError::NotAGrid { folder: name, reason })
+        }
+    }
+}
+
+/// One view of the picture.
+fn cut(plane: &[f32], width: usize, grid: [usize; 2], own: [usize; 2], at: [usize; 2], tiling: Tiling) -> Vec<f32> {
+    let mut view = Vec::with_capacity(own[0] * own[1]);
+    for y in 0..own[0] {
+        match tiling {
+            Tiling::Views => view.extend(&plane[(at[0] * own[0] + y) * width + at[1] * own[1]..][..own[1]]),
+            Tiling::Lenslets => {
+                let line = &plane[(y * grid[0] + at[0]) * width..][..width];
+                view.extend(line.iter().skip(at[1]).step_by(grid[1]));
+            }
+        }
+    }
+    view
+}

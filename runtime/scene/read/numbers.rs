@@ -1,0 +1,213 @@
+//! The numbers in a file's name, and the lines of a grid that such numbers fall into.
+
+use std::collections::BTreeMap;
+
+/// A number as a name has it.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Number {
+    pub value: f64,
+    /// Digits before the point, without the sign.
+    pub digits: usize,
+    /// Whether a plus stands before it.
+    pub plus: bool,
+    /// Whether it has no point.
+    pub whole: bool,
+    /// Its letters in the name.
+    pub place: std::ops::Range<usize>,
+}
+
+/// A file's name: numbers, and the text around them.
+#[derive(Debug, Clone)]
+pub(crate) struct Name<'a> {
+    pub name: &'a str,
+    /// One more than there are numbers.
+    pub texts: Vec<String>,
+    pub numbers: Vec<Number>,
+    /// What follows the last point, in small letters.
+    pub end: String,
+}
+
+/// Numbers of a name beyond this make no grid.
+const NUMBERS: usize = 12;
+
+impl<'a> Name<'a> {
+    /// Reads the numbers of a name: runs of digits, or, where `signed`, with a point between digits and a sign that follows
+    /// no digit, nor a letter unless there is a point. None where there is no number, or one too long to be one.
+    pub fn read(name: &'a str, signed: bool) -> Option<Self> {
+        let (stem, end) = name.rsplit_once('.')?;
+        let bytes = stem.as_bytes();
+        let digit = |i: usize| bytes.get(i).is_some_and(u8::is_ascii_digit);
+        let (mut texts, mut numbers, mut start, mut i) = (Vec::new(), Vec::new(), 0, 0);
+        while i < bytes.len() {
+            let alone = i == 0 || !(bytes[i - 1].is_ascii_alphanumeric() || bytes[i - 1] >= 0x80);
+            let mut after = i + 1;
+            while digit(after) {
+                after += 1;
+            }
+            // Behind a letter only before a number with a point: view-3 is 3, y-4.5 is -4.5.
+            let decimal = bytes.get(after) == Some(&b'.') && digit(after + 1) && i > 0 && !digit(i - 1);
+            let sign = signed && matches!(bytes[i], b'-' | b'+') && digit(i + 1) && (alone || decimal);
+            if !sign && !digit(i) {
+                i += 1;
+                continue;
+            }
+            let from = i;
+            i += usize::from(sign);
+            while digit(i) {
+                i += 1;
+            }
+            let digits = i - from - usize::from(sign);
+            let point = signed && bytes.get(i) == Some(&b'.') && digit(i + 1);
+            if point {
+                i += 1;
+                while digit(i) {
+                    i += 1;
+                }
+            }
+            // Beyond this, whole numbers of float64 are not told apart.
+            if digits > 15 || numbers.len() == NUMBERS {
+                return None;
+            }
+            texts.push(stem[start..from].to_owned());
+            numbers.push(Number {
+                value: stem[from..i].parse().ok()?,
+                digits,
+                plus: bytes[from] == b'+',
+                whole: !point,
+                place: from..i,
+            });
+            start = i;
+        }
+        texts.push(stem[start..].to_owned());
+        (!numbers.is_empty()).then(|| Self { name, texts, numbers, end: end.to_ascii_lowercase() })
+    }
+
+    /// Whether the numbers are all the same.
+    pub fn same(&self, other: &Self) -> bool {
+        self.numbers.iter().zip(&other.numbers).all(|(a, b)| a.value == b.value)
+    }
+
+    /// A pattern for the names that have the same number `k`, whatever those of the others that are `changing`.
+    pub fn with_same(&self, k: usize, changing: &[usize]) -> String {
+        let mut pattern = String::new();
+        for (i, number) in self.numbers[..=k].iter().enumerate() {
+            pattern += &self.texts[i];
+            pattern += if i < k && changing.contains(&i) { "*" } else { &self.name[number.place.clone()] };
+        }
+        let is_last = k + 1 == self.numbers.len();
+        pattern + &self.name[self.numbers[k].place.end..][..self.texts[k + 1].len()] + if is_last { ".*" } else { "*" }
+    }
+
+    /// The name with these values for these numbers, as `family` writes them; a star for others that change.
+    pub fn with(&self, fields: &[usize], values: &[f64], family: &[Name]) -> String {
+        let mut name = self.texts[0].clone();
+        for (k, number) in self.numbers.iter().enumerate() {
+            let digits = family.iter().map(|n| n.numbers[k].digits).min().unwrap_or(1);
+            match fields.iter().position(|f| *f == k) {
+                Some(i) if values[i] < 0.0 => name += &format!("-{:0digits$}", -values[i]),
+                Some(i) => {
+                    let plus = if family.iter().any(|n| n.numbers[k].plus) { "+" } else { "" };
+                    name += &format!("{plus}{:0digits$}", values[i]);
+                }
+                None if family.iter().any(|n| n.numbers[k].value != number.value) => name.push('*'),
+                None => name += &format!("{:0width$}", number.value, width = number.digits),
+            }
+            name += &self.texts[k + 1];
+        }
+        format!("{name}.{}", self.name.rsplit_once('.').map_or("", |(_, end)| end))
+    }
+}
+
+/// Takes a minus or plus between a letter and a number for its sign if other names have another or none in that place: beside x10,
+/// x-20 is -20. Where every name has the same, it separates.
+pub(crate) fn take_signs(names: &mut [Name]) {
+    const SIGNS: [char; 2] = ['-', '+'];
+    let is_after_letter = |text: &str| text.strip_suffix(SIGNS).is_some_and(|rest| rest.ends_with(char::is_alphabetic));
+    let bare = |text: &String| if is_after_letter(text) { text[..text.len() - 1].to_owned() } else { text.clone() };
+    let mut alike: BTreeMap<Vec<String>, Vec<usize>> = BTreeMap::new();
+    for (i, name) in names.iter().enumerate() {
+        alike.entry(name.texts.iter().map(bare).collect()).or_default().push(i);
+    }
+    for (texts, group) in alike {
+        for slot in 0..texts.len() - 1 {
+            let sign =
+                |i: &usize| names[*i].texts[slot].chars().last().filter(|_| is_after_letter(&names[*i].texts[slot]));
+            let first = sign(&group[0]);
+            if group.iter().all(|i| sign(i) == first) {
+                continue;
+            }
+            for &i in &group {
+                let Name { texts, numbers, .. } = &mut names[i];
+                let number = &mut numbers[slot];
+                if is_after_letter(&texts[slot]) {
+                    number.plus = texts[slot].pop() == Some('+');
+                    number.value = if number.plus { number.value } else { -number.value };
+                    number.place.start -= 1;
+                }
+            }
+        }
+    }
+}
+
+/// Whether the words before two numbers say that the first is the column: x and y, c and r, column and row, u and v, s and t.
+pub(crate) fn is_column_first(name: &Name, first: usize, second: usize) -> bool {
+    let word = |k: usize| {
+        let text = name.texts[k].trim_end_matches(|c: char| !c.is_alphabetic()).to_lowercase();
+        let start = text.char_indices().rev().take_while(|(_, c)| c.is_alphabetic()).last().map_or(0, |(i, _)| i);
+        text[start..].to_owned()
+    };
+    let pairs = [("x", "y"), ("c", "r"), ("col", "row"), ("column", "row"), ("cols", "rows"), ("u", "v"), ("s", "t")];
+    pairs.contains(&(word(first).as_str(), word(second).as_str()))
+}
+
+/// The different values in ascending order, and for each value which of them it is. Coordinates that are measured scatter
+/// around their line: what lies closer than a third of the widest distance is one.
+pub(crate) fn lines(values: &[f64], whole: bool) -> (Vec<f64>, Vec<usize>) {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.dedup();
+    let widest = sorted.windows(2).map(|w| w[1] - w[0]).fold(0.0, f64::max);
+    let apart = if whole { 0.0 } else { widest / 3.0 };
+    let mut groups: Vec<Vec<f64>> = Vec::new();
+    for value in sorted {
+        match groups.last_mut() {
+            Some(group) if value - group[group.len() - 1] <= apart => group.push(value),
+            _ => groups.push(vec![value]),
+        }
+    }
+    let place = |v: &f64| groups.partition_point(|g| g[g.len() - 1] < *v);
+    let at = values.iter().map(place).collect();
+    (groups.iter().map(|g| g.iter().sum::<f64>() / g.len() as f64).collect(), at)
+}
+
+/// The step between whole numbers in ascending order: the largest that divides all differences. None if there are
+/// fewer than two.
+pub(crate) fn stride(numbers: &[f64]) -> Option<f64> {
+    let divisor = |mut a: u64, mut b: u64| {
+        while b > 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    };
+    let step = numbers.windows(2).fold(0, |step, w| divisor(step, (w[1] - w[0]) as u64)) as f64;
+    (step >= 1.0 && numbers.len() > 1).then_some(step)
+}
+
+/// Whether values in ascending order lie apart by no common step: as many are missing as are there.
+pub(crate) fn is_uneven(lines: &[f64], whole: bool) -> bool {
+    let least = lines.windows(2).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min);
+    let step = if whole { stride(lines).unwrap_or(1.0) } else { least };
+    let all = match lines {
+        [first, .., last] => (last - first) / step + 1.0,
+        _ => 1.0,
+    };
+    all >= 2.0 * lines.len() as f64
+}
+
+/// The first value that is missing among evenly spaced ones; coordinates are even within half a step.
+pub(crate) fn gap(lines: &[f64], whole: bool) -> Option<f64> {
+    let least = lines.windows(2).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min);
+    let step = if whole { stride(lines).unwrap_or(least) } else { least };
+    let most = if whole { step } else { 1.5 * step };
+    lines.windows(2).find(|w| w[1] - w[0] > most).map(|w| w[0] + step)
+}

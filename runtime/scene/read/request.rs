@@ -1,0 +1,92 @@
+//! What is wanted of a scene.
+
+use crate::{Near, Order, Photographs, SceneError};
+use eyebox_base::memory;
+use eyebox_optics::{Color, Display, check_usual_depth, check_usual_depths, check_usual_view_pitch};
+use std::path::Path;
+
+/// What is wanted of a scene.
+#[derive(Debug, Clone, Copy)]
+pub struct Request<'a> {
+    /// The display that shows it: it decides the resolution, and what a disparity means.
+    pub display: &'a Display,
+    /// Which colours to load.
+    pub colors: &'a [Color],
+    /// Metres between neighbouring views in the pupil plane, instead of what the scene says.
+    pub view_pitch: Option<f64>,
+    /// Views per axis, for scenes that are rendered or reprojected.
+    pub views: usize,
+    /// Of a picture with a depth map more views than that, where so many are needed for neighbouring ones to part by no more
+    /// than a pixel.
+    pub more_views: bool,
+    /// The depth or disparity map of a single picture.
+    pub depth_map: Option<&'a Path>,
+    /// Which values of the depth map are near; none for what its file tells.
+    pub near: Option<Near>,
+    /// Metres: the farthest and the nearest depth of a depth map. The nearer first says that small values are near.
+    /// Left out: as deep as the built-in scenes.
+    pub depth: Option<[f64; 2]>,
+    /// How the views of a folder really stand, instead of what the folder says; none refuses those whose pictures clearly
+    /// show another order than that of their names.
+    pub order: Option<Order>,
+    /// Take a view pitch and depths as they are that look like a mistake in their unit.
+    pub force: bool,
+    /// Of which views of a folder photographs are made: [`Photographs::Cells`] loads it as it is.
+    pub photographs: Photographs,
+}
+
+impl<'a> Request<'a> {
+    /// 9 x 9 views of these colours, a folder's own views as they are, nothing else stated.
+    pub fn new(display: &'a Display, colors: &'a [Color]) -> Self {
+        Self {
+            display,
+            colors,
+            view_pitch: None,
+            views: 9,
+            more_views: false,
+            depth_map: None,
+            near: None,
+            depth: None,
+            order: None,
+            force: false,
+            photographs: Photographs::Cells,
+        }
+    }
+
+    /// Refuses depths (meters) that most likely are in another unit.
+    pub(crate) fn check_depths(&self, depths: Option<[f64; 2]>) -> Result<(), SceneError> {
+        let mut all = depths.into_iter().flatten().filter(|_| !self.force);
+        Ok(all.try_for_each(|depth| check_usual_depth(depth, self.display.focal_length))?)
+    }
+
+    pub(crate) fn check(&self) -> Result<(), SceneError> {
+        let wrong = |what, value: String, must| Err(SceneError::Request { what, value, must });
+        if self.colors.is_empty() || (1..self.colors.len()).any(|i| self.colors[..i].contains(&self.colors[i])) {
+            return wrong("the list of colours", format!("{:?}", self.colors), "one to three different colours");
+        }
+        if !(1..=64).contains(&self.views) {
+            return wrong("the number of views per axis", self.views.to_string(), "1 to 64");
+        }
+        if self.view_pitch.is_some_and(|p| !(p.is_finite() && p > 0.0)) {
+            let pitch = self.view_pitch.unwrap_or_default() * 1e3;
+            return wrong("the view pitch (mm)", pitch.to_string(), "a positive, finite number");
+        }
+        if self.depth.is_some_and(|[a, b]| !(a.is_finite() && b.is_finite())) {
+            let depth = self.depth.unwrap_or_default().map(|v| v * 1e3);
+            return wrong("the depth range (mm)", format!("{depth:?}"), "two finite numbers");
+        }
+        if !self.force {
+            self.view_pitch.map_or(Ok(()), check_usual_view_pitch)?;
+            self.check_depths(self.depth)?;
+            self.depth.map_or(Ok(()), check_usual_depths)?;
+        }
+        let [height, width] = [self.display.height, self.display.width];
+        if !(1..=65536).contains(&height) || !(1..=65536).contains(&width) {
+            return wrong("the display's size", format!("{height}x{width}"), "1 to 65536 pixels on each axis");
+        }
+        // Of one colour they are held twice more: as levels of detail, and while these are made.
+        let counts = [self.views, self.views, self.colors.len() + 2, height, width];
+        let what = || format!("{0} x {0} views of {height} x {width} pixels", self.views);
+        Ok(memory::promise(what, memory::bytes_of(&counts, 4), "take a smaller `size` or fewer `views`")?)
+    }
+}

@@ -1,0 +1,248 @@
+//! A single picture with a depth or disparity map.
+
+use crate::{
+    Fit, LightField, Near, Request, SceneError, builtin,
+    depth::map::{self, Map},
+    formats::near::{Meaning, Stated},
+    formats::still,
+    light_field::resize::Resize,
+    synthesis::reproject::{Relief, relief},
+};
+use eyebox_base::memory;
+use eyebox_optics::{Color, Display};
+use rayon::prelude::*;
+use std::path::Path;
+
+/// A picture with its depths before a display, ready to be seen from anywhere in the eyebox.
+pub struct Reprojection {
+    name: String,
+    /// The meaning of the values of the picture and of its map, in words.
+    read_as: [String; 2],
+    relief: Relief,
+    /// Lays the letterbox around a finished view.
+    place: Resize,
+    size: [usize; 2],
+    /// Along each axis, over the eyebox.
+    views: usize,
+    cell: f64,
+    /// Smallest and largest disparity, pixels from one cell to the next.
+    ends: [f64; 2],
+    per_pixel: f64,
+}
+
+impl Reprojection {
+    /// The picture and its map ([`Request::depth_map`]) at the display's size.
+    ///
+    /// # Errors
+    /// [`SceneError::NoDepthMap`], [`SceneError::Ambiguous`], [`SceneError::Size`] when the map is not the picture's, [`SceneError::Request`] when the
+    /// depths displace content too far, and those of reading the files.
+    pub fn new(path: &Path, request: &Request) -> Result<Self, SceneError> {
+        request.check()?;
+        // Views are made where they are asked for: none stand too far apart.
+        Self::with_reach(path, &Request { more_views: false, ..*request }, |views| views / 2.0)
+    }
+
+    /// To be seen from no farther than `reach` cells from the middle, of so many views.
+    fn with_reach(path: &Path, request: &Request, reach: impl Fn(f64) -> f64) -> Result<Self, SceneError> {
+        let map_path = request.depth_map.ok_or_else(|| SceneError::NoDepthMap { file: path.display().to_string() })?;
+        let reversed = request.depth.is_some_and(|[a, b]| a > b);
+        if reversed && request.near.is_some_and(Near::is_larger) {
+            return Err(SceneError::Request {
+                what: "the depth range (mm)",
+                value: format!("{:?}, nearest first", request.depth.unwrap_or_default().map(|z| z * 1e3)),
+                must: "farthest first where large or bright values are near",
+            });
+        }
+        let map = map::read(map_path, Stated { near: request.near, depth: request.depth })?;
+        let picture = still::read(path, &[Color::Red, Color::Green, Color::Blue])?;
+        if (map.height, map.width) != (picture.height, picture.width) {
+            let orientation = still::orientation(path)?;
+            if orientation > 1 && (map.height, map.width) == (picture.width, picture.height) {
+                return Err(SceneError::Turned {
+                    file: map_path.display().to_string(),
+                    height: map.height,
+                    width: map.width,
+                    other: path.display().to_string(),
+                    orientation,
+                });
+            }
+            return Err(SceneError::Size {
+                file: map_path.display().to_string(),
+                height: map.height,
+                width: map.width,
+                other: path.display().to_string(),
+                other_height: picture.height,
+                other_width: picture.width,
+            });
+        }
+        if map.is_news {
+            tracing::info!("{}: {}", map_path.display(), map.read_as);
+        }
+        let display = request.display;
+        // The picture at its size on the display, without the letterbox: that is laid around the finished views.
+        let (rows, columns) = display.picture_size();
+        let scale = (rows as f64 / map.height as f64).min(columns as f64 / map.width as f64);
+        let [height, width] = [map.height, map.width].map(|n| ((n as f64 * scale).round() as usize).max(1));
+        let resize = Resize::new([map.height, map.width], [height, width], Fit::Stretch);
+        let planes: Vec<Vec<f32>> = picture.planes.par_iter().map(|plane| resize.apply(plane)).collect();
+        let range = request.depth.map_or_else(
+            || {
+                let half = builtin::half_span(display);
+                [-half, half]
+            },
+            |[a, b]| [a.min(b), a.max(b)],
+        );
+        let views = match map.meaning {
+            Meaning::Relative(_) if request.more_views => enough_views(path, request, range),
+            _ => request.views,
+        };
+        let cell = request.view_pitch.unwrap_or_else(|| display.eyebox_min() / views as f64);
+        let reach = reach(views as f64);
+        let (disparity, ends) = disparities(&map, [height, width], scale, reach, range, cell, display);
+        let parallax = ends[0].abs().max(ends[1].abs()) * reach;
+        if parallax > (height.min(width) as f64 / 4.0).max(2.0) {
+            return Err(SceneError::Request {
+                what: "the displacement in the outermost views (pixels)",
+                value: format!("{parallax:.1}"),
+                must: match map.meaning {
+                    Meaning::Disparity => {
+                        "at most a quarter of the picture: disparities of cameras that are far apart need the depth range that they \
+                         are scaled to, as in `depth`=-3..3"
+                    }
+                    Meaning::Relative(_) => {
+                        "at most a quarter of the picture: take a smaller depth range, or fewer or closer views"
+                    }
+                },
+            });
+        }
+        let size = [height, width];
+        Ok(Self {
+            read_as: [picture.read_as, map.read_as],
+            name: path.file_stem().map_or("picture".into(), |n| n.to_string_lossy().into_owned()),
+            relief: relief(&planes, &disparity, size, reach as f32),
+            place: Resize::new(size, [rows, columns], Fit::Contain),
+            size: [rows, columns],
+            views,
+            cell,
+            ends,
+            per_pixel: display.focal_length * display.picture_pixel() / cell,
+        })
+    }
+
+    /// The meaning of the values of the picture and of its map, in words.
+    pub fn read_as(&self) -> &[String; 2] {
+        &self.read_as
+    }
+
+    /// Pixels by which content at an end of the depths moves over so many metres of the pupil plane.
+    pub fn parallax(&self, metres: f64) -> f64 {
+        metres / self.cell * self.ends[0].abs().max(self.ends[1].abs())
+    }
+
+    /// Farthest and nearest depth, metres.
+    pub fn depth(&self) -> [f64; 2] {
+        self.ends.map(|d| d * self.per_pixel)
+    }
+
+    /// Bytes that it holds.
+    pub fn bytes(&self) -> u64 {
+        self.relief.bytes()
+    }
+
+    /// Views in one colour from these places (x, y) of the pupil plane, metres: (row, column) of the display's picture.
+    pub fn views(&self, color: Color, places: &[(f64, f64)]) -> Vec<Vec<f32>> {
+        let one = |&(x, y): &(f64, f64)| {
+            let view = self.relief.view((x / self.cell) as f32, (y / self.cell) as f32);
+            self.place.apply(&view[color.channel()])
+        };
+        places.par_iter().map(one).collect()
+    }
+}
+
+/// Reads the picture and its map and reprojects it to `views` x `views` at the display's size.
+///
+/// # Errors
+/// As [`Reprojection::new`].
+pub(crate) fn load(path: &Path, request: &Request) -> Result<LightField, SceneError> {
+    let from = Reprojection::with_reach(path, request, |views| (views - 1.0) / 2.0)?;
+    let n = from.views;
+    let middle = (n as f32 - 1.0) / 2.0;
+    let views: Vec<Vec<Vec<f32>>> = (0..n * n)
+        .into_par_iter()
+        .map(|k| {
+            let view = from.relief.view((k % n) as f32 - middle, (k / n) as f32 - middle);
+            request.colors.iter().map(|color| from.place.apply(&view[color.channel()])).collect()
+        })
+        .collect();
+    let mut planes: Vec<Vec<Vec<f32>>> = request.colors.iter().map(|_| Vec::with_capacity(n * n)).collect();
+    for view in views {
+        planes.iter_mut().zip(view).for_each(|(plane, view)| plane.push(view));
+    }
+    let [height, width] = from.size;
+    Ok(LightField {
+        grid: [n, n],
+        height,
+        width,
+        colors: request.colors.to_vec(),
+        planes,
+        view_pitch: Some(from.cell),
+        disparity: Some(from.ends),
+        depth: Some(from.depth()),
+        made: None,
+        name: from.name,
+    })
+}
+
+/// Most that views which nobody asked for may take, bytes.
+const MEMORY: u64 = 2 << 30;
+
+/// Views along each axis of which neighbours part by no more than a pixel over this range of depths (metres), as far as memory
+/// allows; no fewer than are asked for. Says how many.
+fn enough_views(path: &Path, request: &Request, [far, near]: [f64; 2]) -> usize {
+    let display = request.display;
+    let over_eyebox = display.eyebox_min() / (display.focal_length * display.picture_pixel());
+    let needed = ((near - far) * over_eyebox - 1e-6).ceil() as usize;
+    if request.view_pitch.is_some() || needed <= request.views {
+        return request.views;
+    }
+    let (height, width) = display.picture_size();
+    // As `Request::check` counts them.
+    let one = memory::bytes_of(&[request.colors.len() + 2, height, width], 4).max(1);
+    let most = MEMORY.min(memory::available().unwrap_or(MEMORY) / 2);
+    let fit = ((most / one) as f64).sqrt() as usize;
+    let views = needed.min(fit).min(64).max(request.views);
+    let why =
+        if views < needed { "as many as a share of the memory holds" } else { "neighbours part by a pixel at most" };
+    tracing::info!("{}: {views} x {views} views: {why} (`views` takes another number)", path.display());
+    views
+}
+
+/// Disparities at the picture's size on the display, and their smallest and largest.
+fn disparities(
+    map: &Map,
+    [height, width]: [usize; 2],
+    scale: f64,
+    reach: f64,
+    range: [f64; 2],
+    cell: f64,
+    display: &Display,
+) -> (Vec<f32>, [f64; 2]) {
+    let ends = |v: &[f32]| v.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |e, &v| [e[0].min(v), e[1].max(v)]);
+    let [low, high] = map.range.unwrap_or_else(|| ends(&map.values)).map(f64::from);
+    // value -> disparity: first + (value - low) * gain
+    let (first, gain) = if let Meaning::Relative(near) = map.meaning {
+        let [far, nearest] = range;
+        let ends = if near.is_larger() { [far, nearest] } else { [nearest, far] };
+        let [from, to] = ends.map(|z| z * cell / (display.focal_length * display.picture_pixel()));
+        if high > low { (from, (to - from) / (high - low)) } else { ((from + to) / 2.0, 0.0) }
+    } else {
+        (low * scale, scale)
+    };
+    // What opens more than a pixel and a half in the outermost view is an edge, and is not smoothed over.
+    let apart =
+        if gain == 0.0 { f64::INFINITY } else { (1.5 / (reach.max(0.5) * gain.abs())).min(f64::from(f32::MAX)) };
+    let resized = map.resize(height, width, apart as f32);
+    let disparity: Vec<f32> = resized.into_iter().map(|v| (first + (f64::from(v) - low) * gain) as f32).collect();
+    let found = ends(&disparity).map(f64::from);
+    (disparity, found)
+}

@@ -1,0 +1,155 @@
+//! Focal stacks: pictures through one aperture, each focused at a depth of its own.
+//!
+//! What an eye sees of them is no mean of neighbouring pictures: its pupil is another, and looks from elsewhere. Layers that explain all
+//! pictures (OPTICS 14) show the scene from any place within the aperture, so views are made of them, as of any light field.
+
+use crate::formats::tone::{FullScale, Reading};
+use crate::read::settings::{self, Settings};
+use crate::read::views::{Frame, Read};
+use crate::synthesis::layers::{Layers, Stack};
+use crate::{
+    LightField, Order, OrderFound, Parallax, Request, SceneError, ViewGrid, formats::picture, light_field::natural,
+    read::names,
+};
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+
+/// Views along an axis that are made: at least, and at most.
+const VIEWS: [usize; 2] = [3, 9];
+/// Pictures that are left out should be shown so well, dB.
+const ENOUGH: f64 = 30.0;
+
+/// A folder that states itself to be a focal stack.
+pub(crate) struct Found {
+    stated: Settings,
+    /// In the order of their numbers.
+    paths: Vec<PathBuf>,
+    /// The depth at which each is focused, and the diameter of the aperture, metres.
+    focus: Vec<f64>,
+    aperture: f64,
+}
+
+/// What a folder states of a focal stack; none where it states none.
+///
+/// # Errors
+/// [`SceneError::Settings`] where distances and pictures do not belong to each other, or nothing states the aperture.
+pub(crate) fn find(folder: &Path) -> Result<Option<Found>, SceneError> {
+    const NAME: &str = "lightfield.toml";
+    let file = folder.join(NAME);
+    if !file.exists() {
+        return Ok(None);
+    }
+    let stated = settings::read(folder, &[NAME.into()])?;
+    let wrong = |reason: String| Err(SceneError::Settings { file: file.display().to_string(), reason });
+    let (focus, aperture) = match (&stated.focus, stated.aperture) {
+        (None, None) => return Ok(None),
+        (Some(focus), Some(aperture)) => (focus.clone(), aperture),
+        (Some(_), None) => {
+            return wrong(
+                "focus_mm needs aperture_mm, the diameter of the pupil that saw the pictures, as in aperture_mm = 12"
+                    .into(),
+            );
+        }
+        (None, Some(_)) => {
+            return wrong(
+                "aperture_mm needs focus_mm, the depth at which each picture is sharp, as in focus_mm = [-3, 0, 3]"
+                    .into(),
+            );
+        }
+    };
+    let is_one = |name: &String| match &stated.files {
+        Some(files) => names::matches(files, name),
+        None => !names::is_auxiliary(name),
+    };
+    let mut pictures = natural::files(folder)?;
+    pictures.retain(|name| natural::is_picture(name) && is_one(name));
+    if pictures.len() != focus.len() {
+        return wrong(format!(
+            "focus_mm has {} depths, and the folder {} pictures: one for each, in the order of the numbers in their names",
+            focus.len(),
+            pictures.len()
+        ));
+    }
+    let paths = pictures.into_iter().map(|name| folder.join(name)).collect();
+    Ok(Some(Found { stated, paths, focus, aperture }))
+}
+
+impl Found {
+    /// The files that it is read from, the one with its settings first.
+    pub fn into_files(self, settings: PathBuf) -> Vec<PathBuf> {
+        [settings].into_iter().chain(self.paths).collect()
+    }
+
+    /// Rows and columns of the pictures, which have one size.
+    ///
+    /// # Errors
+    /// Those of reading their headers; [`SceneError::Size`].
+    pub fn size(&self) -> Result<[usize; 2], SceneError> {
+        let sizes: Vec<[usize; 2]> = self.paths.iter().map(|path| picture::size(path)).collect::<Result<_, _>>()?;
+        match sizes.iter().position(|size| *size != sizes[0]) {
+            None => Ok(sizes[0]),
+            Some(i) => Err(SceneError::Size {
+                file: self.paths[i].display().to_string(),
+                height: sizes[i][0],
+                width: sizes[i][1],
+                other: self.paths[0].display().to_string(),
+                other_height: sizes[0][0],
+                other_width: sizes[0][1],
+            }),
+        }
+    }
+
+    /// Reads the pictures and makes views of them.
+    ///
+    /// # Errors
+    /// Every [`SceneError`] that a file can cause; it names the file.
+    pub fn read(&self, folder: &Path, request: &Request) -> Result<Read, SceneError> {
+        let (own, display) = (self.size()?, request.display);
+        let frame = Frame::new(own, VIEWS[1] * VIEWS[1] + self.paths.len(), request)?;
+        let reading = Reading::new(self.stated.tone());
+        let read = |path: &PathBuf| Ok(frame.fit(picture::read(path, request.colors, &reading)?.planes));
+        let pictures = self.paths.par_iter().map(read).collect::<Result<Vec<_>, SceneError>>()?;
+        reading.judge(folder, FullScale::Folder)?;
+        let count = pictures.len();
+        // As a row of views, so that depths are those on the display.
+        let field = frame.field(folder, [1, count], pictures, request, &self.stated, None);
+        let focus = self.focus.iter().map(|z| frame.scale([*z; 2])[0]).collect();
+        let stack = Stack { focus, aperture: self.aperture };
+        let ends = stack.focus.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], z| [a.min(*z), b.max(*z)]);
+        let depth = field.depth.unwrap_or(ends);
+        let layers = Layers::of_stack(&field, &stack, display, depth)?;
+        let span = self.aperture.min(display.eyebox_min());
+        let moved = span * (depth[1] - depth[0]) / (display.focal_length * display.picture_pixel());
+        let n = (moved.ceil() as usize).clamp(VIEWS[0], VIEWS[1]);
+        let grid = ViewGrid { rows: n, columns: n, cell: span / n as f64 };
+        let places: Vec<(f64, f64)> = (0..n * n).map(|view| grid.position(view)).collect();
+        let planes = (0..request.colors.len()).map(|color| layers.views(color, &places)).collect();
+        let left_out = layers.residual().into_iter().fold(f64::INFINITY, f64::min);
+        if left_out < ENOUGH {
+            tracing::warn!(
+                "{}: layers show a picture that they were not told of to {left_out:.1} dB: aperture_mm or focus_mm may be wrong, or the \
+                 pictures stand askew",
+                folder.display()
+            );
+        }
+        let how = format!(
+            "a focal stack of {count} pictures through {:.4} mm, of which {} Fourier disparity layers make views; a picture left out is shown \
+             to {left_out:.1} dB",
+            self.aperture * 1e3,
+            layers.count()
+        );
+        let field = LightField {
+            grid: [n, n],
+            planes,
+            view_pitch: Some(grid.cell),
+            disparity: None,
+            depth: Some(depth),
+            ..field
+        };
+        let parallax = Parallax::of(&field);
+        let transfer = picture::linear(&self.paths[0]).map_or("sRGB".into(), |kind| format!("linear ({kind})"));
+        let transfer = self.stated.transfer.map_or(transfer, |_| "as stated".into());
+        let (order, order_found) = (Order::default(), OrderFound::AsNamed);
+        Ok(Read { field, how, order, order_stated: true, order_found, parallax, cameras: None, size: own, transfer })
+    }
+}

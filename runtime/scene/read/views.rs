@@ -1,0 +1,235 @@
+//! What is common to all ways in which views are kept: they are fitted to the display, and their order is asked of them.
+
+use crate::depth::range::Measured;
+use crate::depth::survey::Trust;
+use crate::light_field::cameras::Tiles;
+use crate::light_field::light::Transfer;
+use crate::light_field::resize::{Fit, Resize};
+use crate::read::settings::Settings;
+use crate::{
+    CamerasFound, LightField, Order, OrderFound, Parallax, Request, SceneError, read::order, read::positions,
+    read::standing,
+};
+use eyebox_base::memory;
+use std::path::Path;
+
+/// A light field as it was read, and how.
+pub(crate) struct Read {
+    pub field: LightField,
+    /// How the views' places were found.
+    pub how: String,
+    /// The order that is stated, or that of the names.
+    pub order: Order,
+    /// Whether it is stated.
+    pub order_stated: bool,
+    /// What the pictures say of it.
+    pub order_found: OrderFound,
+    pub parallax: Option<Parallax>,
+    /// What the pictures show of cameras that do not stand as the views are read.
+    pub cameras: Option<CamerasFound>,
+    /// Rows and columns of the pictures as they are.
+    pub size: [usize; 2],
+    /// How their values become light.
+    pub transfer: String,
+}
+
+/// How pictures of one size come to that of the display.
+pub(crate) struct Frame {
+    /// Rows and columns on the display.
+    size: [usize; 2],
+    resize: Option<Resize>,
+}
+
+impl Frame {
+    /// Of so many pictures of these rows and columns.
+    ///
+    /// # Errors
+    /// [`SceneError::Memory`] where memory does not hold them.
+    pub fn new(own: [usize; 2], count: usize, request: &Request) -> Result<Self, SceneError> {
+        let (height, width) = request.display.picture_size();
+        let counts = [count, request.colors.len(), height, width];
+        let what = || format!("{count} views of {height} x {width} pixels");
+        memory::promise(what, memory::bytes_of(&counts, 4), "take a smaller `size`, or fewer views")?;
+        let size = [height, width];
+        let resize = (size != own).then(|| Resize::new(own, size, Fit::default()));
+        Ok(Self { size, resize })
+    }
+
+    /// The planes of one picture.
+    pub fn fit(&self, planes: Vec<Vec<f32>>) -> Vec<Vec<f32>> {
+        match &self.resize {
+            Some(resize) => planes.iter().map(|plane| resize.apply(plane)).collect(),
+            None => planes,
+        }
+    }
+
+    /// What is measured in pixels of the pictures as they are, or follows from it, on the display.
+    pub fn scale(&self, range: [f64; 2]) -> [f64; 2] {
+        self.resize.as_ref().map_or(range, |resize| resize.scale_range(range))
+    }
+
+    /// All views; `views` has the planes of each, `disparity` is one of the pictures as they are.
+    pub fn field(
+        &self,
+        place: &Path,
+        grid: [usize; 2],
+        views: impl IntoIterator<Item = Vec<Vec<f32>>>,
+        request: &Request,
+        stated: &Settings,
+        disparity: Option<[f64; 2]>,
+    ) -> LightField {
+        let mut planes: Vec<Vec<Vec<f32>>> = request.colors.iter().map(|_| Vec::new()).collect();
+        for view in views {
+            planes.iter_mut().zip(view).for_each(|(planes, plane)| planes.push(plane));
+        }
+        let scale = |range: Option<[f64; 2]>| range.map(|range| self.scale(range));
+        let name = place.canonicalize().unwrap_or(place.into());
+        LightField {
+            name: name.file_name().map_or("light field".into(), |n| n.to_string_lossy().into_owned()),
+            grid,
+            height: self.size[0],
+            width: self.size[1],
+            colors: request.colors.to_vec(),
+            planes,
+            view_pitch: stated.view_pitch,
+            disparity: scale(disparity),
+            depth: scale(stated.depth),
+            made: None,
+        }
+    }
+}
+
+/// Views in the order that is asked for or stated, or that in which they come; and what they say of it. `how` they were found,
+/// `own` their size as they are, `linear` what is linear where nothing is stated.
+///
+/// # Errors
+/// [`SceneError::Settings`] where as many as are to be kept are not in the middle.
+pub(crate) fn ordered(
+    place: &Path,
+    field: LightField,
+    request: &Request,
+    stated: &Settings,
+    mut how: String,
+    own: [usize; 2],
+    linear: Option<&str>,
+) -> Result<Read, SceneError> {
+    let mut field = in_one_row(place, field, stated, &mut how)?;
+    let mut misplaced = None;
+    if let Some(positions) = &stated.positions {
+        let found = positions::resampled(place, field, positions, own, request)?;
+        how += &found.how;
+        (field, misplaced) = (found.field, found.cameras);
+    }
+    let field = match stated.keep {
+        Some(keep) => kept(place, field, keep)?,
+        None => field,
+    };
+    let asked = request.order.or(stated.order);
+    let field = asked.unwrap_or_default().apply(field);
+    let cameras = misplaced.or_else(|| stated.positions.is_none().then(|| standing::refused(&field, asked))?);
+    let parallax = Parallax::of(&field);
+    let mut order_found = order::found(&place.display().to_string(), parallax.as_ref(), asked.is_some());
+    if let (OrderFound::AsNamedOrReversed, None) = (&order_found, asked)
+        && let Some(stated) = stated_disparity(&field, request)
+        && let Measured { range: Some(measured), trust: Trust::Sure | Trust::Plausible(_) } = field.measured()
+    {
+        order_found = order::by_depths(stated, measured);
+    }
+    let transfer = match (stated.transfer, linear) {
+        (Some(Transfer::Linear), _) => "linear, as stated".to_owned(),
+        (Some(Transfer::Srgb), _) => "sRGB, as stated".into(),
+        (None, Some(kind)) => format!("linear ({kind})"),
+        (None, None) => "sRGB".into(),
+    };
+    let transfer = match stated.full_scale {
+        Some(white) => format!("{transfer}, white is {white}, as stated"),
+        None => transfer,
+    };
+    let (order, order_stated) = (asked.unwrap_or_default(), asked.is_some());
+    Ok(Read { field, how, order, order_stated, order_found, parallax, cameras, size: own, transfer })
+}
+
+/// Refuses views whose pictures contradict where they stand, or the order in which they come.
+///
+/// # Errors
+/// [`SceneError::Cameras`], [`SceneError::Order`].
+pub(crate) fn decide(name: &str, read: &Read) -> Result<(), SceneError> {
+    match &read.cameras {
+        Some(found) => Err(found.clone().of(name)),
+        None => order::check(name, &read.order_found, true),
+    }
+}
+
+/// The light field; where the pictures contradict the order in which the views come, and nothing else is stated, it is refused.
+///
+/// # Errors
+/// As [`decide`].
+pub(crate) fn checked(name: &str, read: Read) -> Result<LightField, SceneError> {
+    decide(name, &read)?;
+    if !read.order_stated && read.field.grid != [1, 1] {
+        order::say(name, &read.order_found);
+    }
+    Ok(read.field)
+}
+
+/// Views in the tiles that are stated, as the one row of cameras that they are.
+fn in_one_row(
+    place: &Path,
+    mut field: LightField,
+    stated: &Settings,
+    how: &mut String,
+) -> Result<LightField, SceneError> {
+    let wrong = |reason: String| Err(SceneError::Settings { file: place.display().to_string(), reason });
+    let (grid, first) = match (stated.tiles, stated.first) {
+        (None, None) => return Ok(field),
+        (Some(grid), Some(first)) => (grid, first),
+        (Some(_), None) => {
+            return wrong("tiles needs first, the tile of the leftmost camera, as in first = \"bottom-left\"".into());
+        }
+        (None, Some(_)) => {
+            return wrong("first needs tiles, the rows and columns of tiles, as in tiles = [6, 8]".into());
+        }
+    };
+    let count = field.grid[0] * field.grid[1];
+    if grid[0] * grid[1] != count {
+        return wrong(format!("tiles is [{}, {}], but there are {count} views", grid[0], grid[1]));
+    }
+    let tiles = Tiles { grid, first, serpentine: stated.serpentine == Some(true) };
+    let order = tiles.order();
+    for views in &mut field.planes {
+        *views = order.iter().map(|&tile| std::mem::take(&mut views[tile])).collect();
+    }
+    *how += &format!("; {tiles}");
+    Ok(LightField { grid: [1, count], ..field })
+}
+
+/// The rows and columns of views in the middle.
+fn kept(place: &Path, mut field: LightField, keep: [usize; 2]) -> Result<LightField, SceneError> {
+    let [rows, columns] = field.grid;
+    let fits = |i: usize| (1..=field.grid[i]).contains(&keep[i]) && (field.grid[i] - keep[i]).is_multiple_of(2);
+    if !(fits(0) && fits(1)) {
+        let reason = format!(
+            "keep is [{}, {}] of {rows} x {columns} views: it must leave out as many on both sides",
+            keep[0], keep[1]
+        );
+        return Err(SceneError::Settings { file: place.display().to_string(), reason });
+    }
+    let first = [0, 1].map(|i| (field.grid[i] - keep[i]) / 2);
+    let stays = |v: &usize| {
+        let at = [v / columns, v % columns];
+        [0, 1].iter().all(|&i| (first[i]..first[i] + keep[i]).contains(&at[i]))
+    };
+    for views in &mut field.planes {
+        let all = std::mem::take(views);
+        *views = all.into_iter().enumerate().filter(|(v, _)| stays(v)).map(|(_, view)| view).collect();
+    }
+    Ok(LightField { grid: keep, ..field })
+}
+
+/// The range of disparities that is stated, as such or as depths, pixels of the light field.
+fn stated_disparity(field: &LightField, request: &Request) -> Option<[f64; 2]> {
+    let cell = request.view_pitch.unwrap_or_else(|| field.cell(request.display));
+    let per_pixel = request.display.focal_length * request.display.picture_pixel() / cell;
+    let depths = request.depth.or(field.depth).map(|[a, b]| [a.min(b) / per_pixel, a.max(b) / per_pixel]);
+    depths.or(field.disparity)
+}

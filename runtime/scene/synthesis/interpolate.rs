@@ -1,0 +1,358 @@
+//! A light field seen from between its views, and from a little beyond them.
+//!
+//! Where views stand so far apart that content moves by pixels from one to the next, a photograph of them shows each edge
+//! as often as there are views. Here a view from any place is made of the four around it: each has disparities of its own
+//! (`depth`), along which a pixel's ray is followed until it meets the nearest surface that the view saw. What a view could
+//! not see, the others show; of several surfaces the nearest counts that is not looked through by more of them. What none saw is continued from the farther side.
+
+use crate::depth::central::{scratch, view_disparities};
+use crate::depth::sweep::Compared;
+use crate::synthesis::rays::{MOST_STEPS, NONE, Rays, Way};
+use crate::{LightField, ViewGrid};
+use eyebox_optics::Display;
+use rayon::prelude::*;
+use std::sync::OnceLock;
+
+/// Pixels between the steps along a ray.
+const STEP: f32 = 0.5;
+/// A surface is met where it is off the ray by no more than this many pixels; else the ray passes behind it.
+const MET: f32 = 1.0;
+/// Disparities that differ by more than this belong to two surfaces.
+const TEAR: f32 = 0.7;
+/// Views of a smaller share are asked only where the others saw nothing.
+const LEAST: f32 = 0.02;
+
+/// Views of a light field and their disparities, compact.
+pub struct Interpolator {
+    grid: ViewGrid,
+    size: [usize; 2],
+    planes: Vec<Stored>,
+    /// Smallest and largest disparity, pixels between neighbouring views.
+    range: [f64; 2],
+    /// Of the views that were needed so far: (row, column), 65535 = the range's larger end.
+    disparities: Vec<OnceLock<Vec<u16>>>,
+}
+
+/// One colour of all views.
+struct Stored {
+    /// Linear light of the value 65535.
+    scale: f32,
+    /// (view, row, column).
+    views: Vec<u16>,
+}
+
+impl Stored {
+    fn new(views: Vec<Vec<f32>>) -> Self {
+        let brightest = views.par_iter().flatten().copied().reduce(|| 0.0, f32::max);
+        let scale = if brightest > 0.0 { brightest } else { 1.0 };
+        let quantised = |v: &f32| (v / scale * 65535.0 + 0.5) as u16;
+        let mut stored = Vec::with_capacity(views.iter().map(Vec::len).sum());
+        views.into_iter().for_each(|view| stored.extend(view.iter().map(quantised)));
+        Self { scale, views: stored }
+    }
+}
+
+/// A view that lends its light to another.
+struct Lender<'a> {
+    light: &'a [u16],
+    disparities: &'a [u16],
+    /// Columns and rows of views from it to the other.
+    away: [f32; 2],
+    rays: Rays,
+    share: f32,
+}
+
+/// What a ray meets.
+#[derive(Clone, Copy)]
+struct Met {
+    disparity: f32,
+    light: f32,
+    share: f32,
+}
+
+impl Interpolator {
+    /// Of the colours of a light field before a display. Disparities are sought in the range that it states or that is found
+    /// (`LightField::disparities_sought`).
+    pub fn new(field: LightField, display: &Display) -> Self {
+        let cell = field.cell(display);
+        let range = field.disparities_sought(display);
+        let grid = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell };
+        let size = [field.height, field.width];
+        // What moves by more than a picture is seen by no two views.
+        let most = field.height.max(field.width) as f64;
+        let range = range.map(|d| d.clamp(-most, most));
+        let planes = field.planes.into_iter().map(Stored::new).collect();
+        let disparities = (0..grid.rows * grid.columns).map(|_| OnceLock::new()).collect();
+        Self { grid, size, planes, range, disparities }
+    }
+
+    /// Adds the colours of the same light field that were loaded after the others: loaded one by one, they are in memory as
+    /// they came one at a time.
+    ///
+    /// # Panics
+    /// If its views are others: the caller's mistake.
+    pub fn add(&mut self, field: LightField) {
+        let same = (field.grid, [field.height, field.width]) == ([self.grid.rows, self.grid.columns], self.size);
+        assert!(same, "a light field of another size");
+        self.planes.extend(field.planes.into_iter().map(Stored::new));
+    }
+
+    /// Rows and columns of a view.
+    pub fn size(&self) -> [usize; 2] {
+        self.size
+    }
+
+    /// Pixels by which content at an end of the depths moves over so many metres of the pupil plane.
+    pub fn parallax(&self, metres: f64) -> f64 {
+        metres / self.grid.cell * self.range[0].abs().max(self.range[1].abs())
+    }
+
+    /// Bytes that it holds, with the disparities of all views, and while they are sought.
+    pub fn bytes(&self) -> u64 {
+        let pixels = (self.size[0] * self.size[1]) as u64;
+        let views = (self.grid.rows * self.grid.columns) as u64;
+        2 * pixels * views * (self.planes.len() as u64 + 1) + scratch(self.size, self.range)
+    }
+
+    /// Views of colour `color` from these places (x, y) of the pupil plane, metres, in which the light field's own are those
+    /// of its [`ViewGrid`].
+    pub fn views(&self, color: usize, places: &[(f64, f64)]) -> Vec<Vec<f32>> {
+        // Seeking disparities uses all cores for one view already.
+        for &(x, y) in places {
+            for (view, ..) in self.around(x, y).into_iter().flatten() {
+                self.disparities_of(view);
+            }
+        }
+        places.par_iter().map(|&(x, y)| self.view(color, x, y)).collect()
+    }
+
+    /// The four views around a place, or fewer at the edge of a grid that is one view wide: each with the columns and rows
+    /// from it to the place, and its share. Beyond the outermost views, theirs alone.
+    fn around(&self, x: f64, y: f64) -> [Option<(usize, [f32; 2], f32)>; 4] {
+        let axis = |at: f64, n: usize| {
+            let at = at / self.grid.cell + (n - 1) as f64 / 2.0;
+            // What is off by rounding stands on the view.
+            let at = if (at - at.round()).abs() < 1e-6 { at.round() } else { at };
+            let first = at.floor().clamp(0.0, n.saturating_sub(2) as f64) as usize;
+            [first, first + 1]
+                .map(|i| (i < n).then_some((i, at - i as f64, 1.0 - (at.clamp(0.0, (n - 1) as f64) - i as f64).abs())))
+        };
+        let (columns, rows) = (axis(x, self.grid.columns), axis(y, self.grid.rows));
+        std::array::from_fn(|k| {
+            let ((c, u, across), (r, v, down)) = (columns[k % 2]?, rows[k / 2]?);
+            Some((r * self.grid.columns + c, [u as f32, v as f32], (across * down) as f32))
+        })
+    }
+
+    fn light_of(&self, color: usize, view: usize) -> &[u16] {
+        let pixels = self.size[0] * self.size[1];
+        &self.planes[color].views[view * pixels..][..pixels]
+    }
+
+    fn disparities_of(&self, view: usize) -> &[u16] {
+        self.disparities[view].get_or_init(|| {
+            let light = |view: usize| {
+                let mut sum = vec![0.0f32; self.size[0] * self.size[1]];
+                // In units of the brightest light: what differences weigh is the same for a scene of any brightness.
+                let brightest = self.planes.iter().map(|p| p.scale).fold(0.0, f32::max);
+                for (color, plane) in self.planes.iter().enumerate() {
+                    let unit = plane.scale / brightest / (65535.0 * self.planes.len() as f32);
+                    sum.iter_mut().zip(self.light_of(color, view)).for_each(|(s, v)| *s += unit * f32::from(*v));
+                }
+                sum
+            };
+            let found = view_disparities(&self.grid, view, self.size, self.range, Compared::AsSampled, light);
+            let [low, high] = self.range;
+            let unit = 65535.0 / (high - low).max(1e-12);
+            let own = found.iter().map(|d| ((f64::from(*d) - low) * unit + 0.5).clamp(0.0, 65535.0) as u16);
+            own.collect()
+        })
+    }
+
+    fn view(&self, color: usize, x: f64, y: f64) -> Vec<f32> {
+        let span = (self.range[1] - self.range[0]) as f32;
+        let range = self.range.map(|v| v as f32);
+        let lend = |(view, away, share): (usize, [f32; 2], f32)| {
+            let length = away[0].hypot(away[1]);
+            // Far beyond the views a ray is followed in longer steps.
+            let most = (4.0 * (self.size[0] + self.size[1]) as f32).min(MOST_STEPS);
+            let count = (length * span / STEP).ceil().clamp(1.0, most);
+            let rays = Rays::new(&Way { away, range, step: span / count, count: count as usize, met: MET / length });
+            let (light, disparities) = (self.light_of(color, view), self.disparities_of(view));
+            Lender { light, disparities, away, rays, share: share.max(1e-4) }
+        };
+        let mut lenders: Vec<Lender> = self.around(x, y).into_iter().flatten().map(lend).collect();
+        lenders.sort_by(|a, b| b.share.total_cmp(&a.share));
+        let unit = self.planes[color].scale / 65535.0;
+        if let Some(own) = lenders.first().filter(|l| l.away == [0.0, 0.0]) {
+            return own.light.iter().map(|v| f32::from(*v) * unit).collect();
+        }
+        let [height, width] = self.size;
+        let mut image = vec![0.0f32; height * width];
+        let mut depth = vec![f32::NAN; height * width];
+        let rows = image.par_chunks_exact_mut(width).zip(depth.par_chunks_exact_mut(width)).enumerate();
+        let room = || [const { Vec::new() }; 4];
+        rows.for_each_init(room, |room, (y, (image, depth))| self.row(&lenders, y, room, [image, depth], unit));
+        self.close(&mut image, &depth, lenders.first().map_or([1.0, 0.0], |l| l.away));
+        image
+    }
+
+    /// A row of a view and of its disparities: from all views of some share, or, where they saw nothing, from the others. `steps` is room
+    /// for where the rays through each meet something.
+    fn row(&self, lenders: &[Lender], y: usize, steps: &mut [Vec<u16>; 4], [image, depth]: [&mut [f32]; 2], unit: f32) {
+        let large = lenders.iter().take_while(|l| l.share >= LEAST).count().max(1);
+        let follow = |steps: &mut [Vec<u16>], lenders: &[Lender]| {
+            for (steps, lender) in steps.iter_mut().zip(lenders) {
+                steps.resize(self.size[1], NONE);
+                lender.rays.follow(lender.disparities, self.size, y, steps);
+            }
+        };
+        follow(&mut steps[..large], lenders);
+        let unseen = (0..self.size[1]).any(|x| steps[..large].iter().all(|steps| steps[x] == NONE));
+        if unseen {
+            follow(&mut steps[large..], &lenders[large..]);
+        }
+        for x in 0..self.size[1] {
+            let mut met = [None::<Met>; 4];
+            let mut meet = |k: usize| met[k] = (steps[k][x] < NONE).then(|| self.met(&lenders[k], x, y, steps[k][x]));
+            (0..large).for_each(&mut meet);
+            if unseen && steps[..large].iter().all(|steps| steps[x] == NONE) {
+                (large..lenders.len()).for_each(meet);
+            }
+            if let Some(met) = self.nearest(&lenders[..large], met, x, y) {
+                image[x] = met.light * unit;
+                depth[x] = met.disparity;
+            }
+        }
+    }
+
+    /// What is seen at a pixel, of what each view met: the nearest that is not looked through by more of them.
+    fn nearest(&self, large: &[Lender], met: [Option<Met>; 4], x: usize, y: usize) -> Option<Met> {
+        let mut limit = f32::INFINITY;
+        let mut best = None::<(f32, Met)>;
+        loop {
+            let below = met.iter().flatten().filter(|m| m.disparity < limit);
+            let nearest = below.clone().map(|m| m.disparity).fold(f32::NEG_INFINITY, f32::max);
+            if nearest == f32::NEG_INFINITY {
+                return best.map(|(_, met)| met);
+            }
+            let (mut light, mut share, mut depth) = (0.0, 0.0, 0.0);
+            for m in below.filter(|m| m.disparity >= nearest - TEAR) {
+                light += m.share * m.light;
+                depth += m.share * m.disparity;
+                share += m.share;
+            }
+            let found = Met { disparity: depth / share, light: light / share, share };
+            // Who looks through a surface denies it; who looks at something before it knows nothing of it.
+            let denied: f32 = (large.iter())
+                .filter(|l| self.beyond(l, x, y, found.disparity).is_some_and(|d| d < found.disparity - TEAR))
+                .map(|l| l.share)
+                .sum();
+            if share > denied {
+                return Some(found);
+            }
+            if best.as_ref().is_none_or(|(surplus, _)| share - denied > *surplus) {
+                best = Some((share - denied, found));
+            }
+            limit = nearest - TEAR;
+        }
+    }
+
+    /// What a view saw where a surface of this disparity would stand in it.
+    fn beyond(&self, lender: &Lender, x: usize, y: usize, disparity: f32) -> Option<f32> {
+        let [low, high] = self.range.map(|v| v as f32);
+        let at = (x as f32 + disparity * lender.away[0], y as f32 + disparity * lender.away[1]);
+        let at = pixel(self.size, at).map(|(j, i)| lender.disparities[j * self.size[1] + i])?;
+        Some(low + (high - low) / 65535.0 * f32::from(at))
+    }
+
+    /// What a pixel's ray through a view meets at a step: the surface there, between the view's pixels.
+    fn met(&self, lender: &Lender, x: usize, y: usize, step: u16) -> Met {
+        let (width, [low, high]) = (self.size[1], self.range.map(|v| v as f32));
+        let scale = (high - low) / 65535.0;
+        let own = |j: usize, i: usize| low + scale * f32::from(lender.disparities[j * width + i]);
+        let place = |d: f32| (x as f32 + d * lender.away[0], y as f32 + d * lender.away[1]);
+        let [down, right] = lender.rays.place(step);
+        let mut disparity = own((y as i32 + down) as usize, (x as i32 + right) as usize);
+        for _ in 0..2 {
+            disparity = smooth(self.size, place(disparity), &own).unwrap_or(disparity);
+        }
+        let (x, y) = place(disparity);
+        Met { disparity, light: sample(self.size, lender.light, x, y), share: lender.share }
+    }
+
+    /// What no view saw takes the light of the farther side along the way that content moves.
+    fn close(&self, image: &mut [f32], depth: &[f32], [u, v]: [f32; 2]) {
+        let [height, width] = self.size;
+        let length = u.hypot(v).max(1e-6);
+        let (du, dv) = (u / length, v / length);
+        let filled: Vec<(usize, f32)> = (0..image.len())
+            .into_par_iter()
+            .filter(|p| depth[*p].is_nan())
+            .map(|p| {
+                let (x, y) = ((p % width) as f32, (p / width) as f32);
+                let search = |sign: f32| {
+                    (1..width + height)
+                        .map(|k| ((x + sign * k as f32 * du).round(), (y + sign * k as f32 * dv).round()))
+                        .map_while(|(x, y)| {
+                            let inside = x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
+                            inside.then(|| y as usize * width + x as usize)
+                        })
+                        .find(|q| !depth[*q].is_nan())
+                };
+                let side = match (search(1.0), search(-1.0)) {
+                    (Some(a), Some(b)) => Some(if depth[a] <= depth[b] { a } else { b }),
+                    (a, b) => a.or(b),
+                };
+                (p, side.map_or(0.0, |q| image[q]))
+            })
+            .collect();
+        filled.into_iter().for_each(|(p, light)| image[p] = light);
+    }
+}
+
+/// The whole number below, and the rest: without the call that `floor` is where processors of any age are built for.
+fn split(x: f32) -> (i32, f32) {
+    let whole = x as i32;
+    let whole = if whole as f32 > x { whole.saturating_sub(1) } else { whole };
+    (whole, x - whole as f32)
+}
+
+/// The row and column of the pixel at a place (x, y), where there is one.
+fn pixel([height, width]: [usize; 2], (x, y): (f32, f32)) -> Option<(usize, usize)> {
+    let (i, j) = (split(x + 0.5).0, split(y + 0.5).0);
+    (i >= 0 && j >= 0 && i < width as i32 && j < height as i32).then_some((j as usize, i as usize))
+}
+
+/// Between four disparities of one surface; none where they are of two.
+fn smooth([height, width]: [usize; 2], (x, y): (f32, f32), own: &impl Fn(usize, usize) -> f32) -> Option<f32> {
+    let (x, y) = (x.clamp(0.0, (width - 1) as f32), y.clamp(0.0, (height - 1) as f32));
+    let (i, j) = (x as usize, y as usize);
+    let (fx, fy) = (x - i as f32, y - j as f32);
+    let (right, below) = ((i + 1).min(width - 1), (j + 1).min(height - 1));
+    let [a, b, c, d] = [own(j, i), own(j, right), own(below, i), own(below, right)];
+    if a.max(b).max(c).max(d) - a.min(b).min(c).min(d) > TEAR {
+        return None;
+    }
+    let (top, bottom) = (a + fx * (b - a), c + fx * (d - c));
+    Some(top + fy * (bottom - top))
+}
+
+/// Catmull-Rom, never below zero.
+fn sample([height, width]: [usize; 2], light: &[u16], x: f32, y: f32) -> f32 {
+    let weights = |t: f32| {
+        let (t2, t3) = (t * t, t * t * t);
+        [-0.5 * t + t2 - 0.5 * t3, 1.0 - 2.5 * t2 + 1.5 * t3, 0.5 * t + 2.0 * t2 - 1.5 * t3, 0.5 * (t3 - t2)]
+    };
+    let ((left, u), (top, v)) = (split(x), split(y));
+    let (across, down) = (weights(u), weights(v));
+    let index = |at: i32, k: usize, n: usize| at.saturating_add(k as i32 - 1).clamp(0, n as i32 - 1) as usize;
+    let columns: [usize; 4] = std::array::from_fn(|k| index(left, k, width));
+    let mut sum = 0.0;
+    for (k, weight) in down.iter().enumerate() {
+        let row = &light[index(top, k, height) * width..][..width];
+        let line: f32 = columns.iter().zip(across).map(|(&i, w)| w * f32::from(row[i])).sum();
+        sum += weight * line;
+    }
+    sum.max(0.0)
+}

@@ -1,0 +1,12 @@
+//! New views: by reprojection, between the views of a light field, from layers and from depth maps.
+
+pub(crate) mod closer;
+#[cfg(target_os = "linux")]
+pub(crate) mod given;
+pub(crate) mod interpolate;
+pub(crate) mod layers;
+pub(crate) mod merge;
+pub(crate) mod parallax;
+pub(crate) mod rays;
+pub(crate) mod registered;
+pub(crate) mod reproject;

@@ -1,0 +1,341 @@
+//! Views from one picture and its disparities.
+//!
+//! Each pixel is a small piece of surface. It is joined to those neighbours that are about as deep, and torn from the
+//! others. A view displaces its corners, so joined pieces stretch without cracks, and pieces are laid down from near
+//! to far, each taking what is still uncovered of the pixels it falls on: nearer covers farther, and outlines keep
+//! their partial coverage. Behind every tear the far surface is continued once, for all views alike (what comes out
+//! from behind something is the same from everywhere, so it refocuses), by its own mirror image: not smeared.
+
+use rayon::prelude::*;
+
+/// A difference of disparity that opens more than this many pixels in the outermost view is a tear.
+const TEAR: f32 = 1.5;
+
+/// Colours of a picture: all three, for they tell together what is mixed of what.
+const C: usize = 3;
+
+/// A pixel's neighbours, the closest first.
+const AROUND: [(i64, i64); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
+
+/// A picture with disparities, ready to be seen from any view.
+pub(crate) struct Relief {
+    height: usize,
+    width: usize,
+    /// From near to far.
+    pieces: Vec<Piece>,
+}
+
+/// A pixel's piece of surface.
+struct Piece {
+    x: f32,
+    y: f32,
+    disparity: f32,
+    /// Disparities of its left, right, upper and lower edge.
+    edges: [f32; 4],
+    /// Share of its area that it covers.
+    opacity: f32,
+    color: [f32; C],
+}
+
+/// The picture and its disparities, continued beyond the frame by mirroring.
+struct Padded {
+    height: usize,
+    width: usize,
+    pad: usize,
+    disparity: Vec<f32>,
+    color: Vec<[f32; C]>,
+}
+
+/// `disparity` is in pixels between neighbouring views (positive towards the camera); the outermost view is `reach`
+/// views from the centre. Each plane is `height * width`.
+pub(crate) fn relief(planes: &[Vec<f32>], disparity: &[f32], [height, width]: [usize; 2], reach: f32) -> Relief {
+    let tear = TEAR / reach.max(0.5);
+    let mut sharp = disparity.to_vec();
+    for _ in 0..2 {
+        sharp = snap(&sharp, height, width, tear);
+    }
+    let (low, high) = sharp.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), &v| (a.min(v), b.max(v)));
+    let pad = (low.abs().max(high.abs()) * reach).ceil() as usize + 2;
+    let mut front = Padded::new(planes, &sharp, height, width, pad);
+    let fringe = front.unmix(tear);
+    let hidden = front.behind(((high - low) * reach).ceil() as usize + 2, tear);
+    let mut pieces = Vec::with_capacity(front.disparity.len() + fringe.len());
+    pieces.extend(fringe);
+    front.cut(&front.disparity, |_| true, &front.color, tear, &mut pieces);
+    // The far layer: what is seen where nothing stands in front, what was continued behind what does.
+    let far: Vec<f32> = hidden.iter().zip(&front.disparity).map(|(h, &d)| h.map_or(d, |(d, _)| d)).collect();
+    let colors: Vec<[f32; C]> = hidden.iter().zip(&front.color).map(|(h, &c)| h.map_or(c, |(_, c)| c)).collect();
+    front.cut(&far, |i| hidden[i].is_some(), &colors, tear, &mut pieces);
+    // Stable: pieces of one depth stay in reading order.
+    pieces.sort_by(|a, b| b.disparity.total_cmp(&a.disparity));
+    Relief { height, width, pieces }
+}
+
+/// A map's edges are often a pixel or two wide; values in between take the side that they are closer to.
+fn snap(values: &[f32], height: usize, width: usize, tear: f32) -> Vec<f32> {
+    let mut out = values.to_vec();
+    for y in 0..height {
+        for x in 0..width {
+            let here = values[y * width + x];
+            let (mut low, mut high) = (here, here);
+            for j in y.saturating_sub(1)..(y + 2).min(height) {
+                for i in x.saturating_sub(1)..(x + 2).min(width) {
+                    low = low.min(values[j * width + i]);
+                    high = high.max(values[j * width + i]);
+                }
+            }
+            if high - low > tear {
+                out[y * width + x] = if high - here < here - low { high } else { low };
+            }
+        }
+    }
+    out
+}
+
+impl Padded {
+    fn new(planes: &[Vec<f32>], disparity: &[f32], height: usize, width: usize, pad: usize) -> Self {
+        let mirror = |i: usize, n: usize| {
+            let period = 2 * n as i64;
+            let at = (i as i64 - pad as i64).rem_euclid(period);
+            at.min(period - 1 - at) as usize
+        };
+        let (tall, wide) = (height + 2 * pad, width + 2 * pad);
+        let columns: Vec<usize> = (0..wide).map(|i| mirror(i, width)).collect();
+        let mut padded = Self {
+            height: tall,
+            width: wide,
+            pad,
+            disparity: vec![0.0; tall * wide],
+            color: vec![[0.0; C]; tall * wide],
+        };
+        for j in 0..tall {
+            let row = mirror(j, height) * width;
+            for (i, &column) in columns.iter().enumerate() {
+                padded.disparity[j * wide + i] = disparity[row + column];
+                padded.color[j * wide + i] = std::array::from_fn(|k| planes[k][row + column]);
+            }
+        }
+        padded
+    }
+
+    /// A pixel on the far rim of a tear often holds some of the near side's colour, for pictures are smooth and maps
+    /// are not. Takes it out, and returns it as pieces of the near surface that cover as much of the pixel as they
+    /// did: the picture from the centre stays what it was.
+    fn unmix(&mut self, tear: f32) -> Vec<Piece> {
+        let (h, w) = (self.height as i64, self.width as i64);
+        let at = |x: i64, y: i64| ((0..w).contains(&x) && (0..h).contains(&y)).then(|| (y * w + x) as usize);
+        let found: Vec<(usize, [f32; C], Piece)> = (0..self.disparity.len())
+            .into_par_iter()
+            .filter_map(|p| {
+                let here = self.disparity[p];
+                let (x, y) = (p as i64 % w, p as i64 / w);
+                let rises = |&(dx, dy): &(i64, i64)| at(x + dx, y + dy).filter(|&q| self.disparity[q] > here + tear);
+                let (&(dx, dy), near) = AROUND.iter().find_map(|d| Some((d, rises(d)?)))?;
+                let level = self.disparity[near];
+                let alike = |q: &usize, depth: f32| (self.disparity[*q] - depth).abs() <= tear;
+                // Pure colours: one pixel further in, two further out.
+                let front = self.color[at(x + 2 * dx, y + 2 * dy).filter(|q| alike(q, level)).unwrap_or(near)];
+                let clean = |k: i64| at(x - k * dx, y - k * dy).filter(|q| alike(q, here));
+                let back = self.color[clean(2).or_else(|| clean(1))?];
+                // This colour = back + share (front - back), as nearly as it can be.
+                let (mut dot, mut norm) = (0.0, 0.0);
+                for k in 0..C {
+                    dot += (self.color[p][k] - back[k]) * (front[k] - back[k]);
+                    norm += (front[k] - back[k]).powi(2);
+                }
+                // Less than half of it is near, or the map would say so. And it must be such a mixture: texture is not.
+                let share = (dot / norm.max(1e-6)).min(0.6);
+                let rest = |k: usize| self.color[p][k] - back[k] - share * (front[k] - back[k]);
+                let strange: f32 = (0..C).map(|k| rest(k).powi(2)).sum();
+                if share < 0.03 || strange > 0.05 * share * share * norm {
+                    return None;
+                }
+                let [x, y] = [x, y].map(|v| v as f32 - self.pad as f32);
+                Some((p, back, Piece { x, y, disparity: level, edges: [level; 4], opacity: share, color: front }))
+            })
+            .collect();
+        let mut pieces = Vec::with_capacity(found.len());
+        for (p, back, piece) in found {
+            self.color[p] = back;
+            pieces.push(piece);
+        }
+        pieces
+    }
+
+    /// For pixels within `reach` of a tear on its near side: disparity and colour of the far surface behind them.
+    fn behind(&self, reach: usize, tear: f32) -> Vec<Option<(f32, [f32; C])>> {
+        let (h, w) = (self.height as i64, self.width as i64);
+        let at = |x: i64, y: i64| ((0..w).contains(&x) && (0..h).contains(&y)).then(|| (y * w + x) as usize);
+        // The far rim of a tear.
+        let rim: Vec<bool> = (0..self.disparity.len())
+            .into_par_iter()
+            .map(|p| {
+                let (x, y) = (p as i64 % w, p as i64 / w);
+                let nearer = |q: usize| self.disparity[q] > self.disparity[p] + tear;
+                AROUND.iter().any(|&(dx, dy)| at(x + dx, y + dy).is_some_and(nearer))
+            })
+            .collect();
+        // For each pixel the nearest rim that is farther than itself, carried from neighbour to neighbour.
+        let mut nearest: Vec<Option<u32>> = vec![None; rim.len()];
+        let distance = |p: usize, rim: u32| {
+            let (dx, dy) = (p as i64 % w - i64::from(rim) % w, p as i64 / w - i64::from(rim) / w);
+            dx * dx + dy * dy
+        };
+        let reach = (reach * reach) as i64;
+        for sweep in 0..4 {
+            for step in 0..rim.len() {
+                let p = if sweep % 2 == 0 { step } else { rim.len() - 1 - step };
+                let (x, y) = (p as i64 % w, p as i64 / w);
+                for (dx, dy) in AROUND {
+                    let Some(q) = at(x + dx, y + dy) else { continue };
+                    for candidate in [nearest[q], rim[q].then_some(q as u32)].into_iter().flatten() {
+                        let far = self.disparity[candidate as usize] < self.disparity[p] - tear;
+                        let d = distance(p, candidate);
+                        if far && d <= reach && nearest[p].is_none_or(|old| d < distance(p, old)) {
+                            nearest[p] = Some(candidate);
+                        }
+                    }
+                }
+            }
+        }
+        let fill = |(p, rim): (usize, &Option<u32>)| {
+            let rim = (*rim)? as usize;
+            let (px, py) = (p as i64 % w, p as i64 / w);
+            let (rx, ry) = (rim as i64 % w, rim as i64 / w);
+            let depth = self.disparity[rim];
+            let same = |q: &usize| (self.disparity[*q] - depth).abs() <= tear;
+            // Its mirror image behind the rim, a little further out: colours right at an outline are mixed.
+            let length = (((rx - px).pow(2) + (ry - py).pow(2)) as f64).sqrt();
+            let out = |steps: f64| {
+                let along = |from: i64, to: i64| from + ((to - from) as f64 / length * steps).round() as i64;
+                at(along(px, rx), along(py, ry)).filter(same)
+            };
+            let tries = [2.0 * length + 2.0, 1.5 * length + 2.0, length + 3.0, length + 2.0, length + 1.0];
+            let from = tries.into_iter().find_map(out).unwrap_or(rim);
+            Some((depth, self.color[from]))
+        };
+        let filled: Vec<Option<(f32, [f32; C])>> = nearest.par_iter().enumerate().map(fill).collect();
+        // Neighbours mirrored at different rims can be strangers: averaged over 3 x 3, they make no lines.
+        let soften = |p: usize| {
+            let (depth, color) = filled[p]?;
+            let (x, y) = (p as i64 % w, p as i64 / w);
+            let (mut sum, mut count) = (color, 1.0);
+            for (dx, dy) in AROUND {
+                let Some((d, c)) = at(x + dx, y + dy).and_then(|q| filled[q]) else { continue };
+                if (d - depth).abs() <= tear {
+                    sum.iter_mut().zip(c).for_each(|(s, c)| *s += c);
+                    count += 1.0;
+                }
+            }
+            Some((depth, sum.map(|s| s / count)))
+        };
+        (0..filled.len()).into_par_iter().map(soften).collect()
+    }
+
+    /// Cuts a layer into pieces: pixels for which `wanted` says so, joined to their neighbours in the layer.
+    fn cut(
+        &self,
+        disparity: &[f32],
+        wanted: impl Fn(usize) -> bool,
+        color: &[[f32; C]],
+        tear: f32,
+        pieces: &mut Vec<Piece>,
+    ) {
+        let (h, w) = (self.height, self.width);
+        for y in 0..h {
+            for x in 0..w {
+                let p = y * w + x;
+                if !wanted(p) {
+                    continue;
+                }
+                let here = disparity[p];
+                let edge = |exists: bool, q: usize| {
+                    if exists && (disparity[q] - here).abs() <= tear { 0.5 * (disparity[q] + here) } else { here }
+                };
+                let edges = [
+                    edge(x > 0, p.wrapping_sub(1)),
+                    edge(x + 1 < w, p + 1),
+                    edge(y > 0, p.wrapping_sub(w)),
+                    edge(y + 1 < h, p + w),
+                ];
+                let [x, y] = [x, y].map(|v| v as f32 - self.pad as f32);
+                pieces.push(Piece { x, y, disparity: here, edges, opacity: 1.0, color: color[p] });
+            }
+        }
+    }
+}
+
+impl Relief {
+    /// Bytes in memory.
+    pub fn bytes(&self) -> u64 {
+        (self.pieces.capacity() * size_of::<Piece>()) as u64
+    }
+
+    /// The picture as seen `u` columns and `v` rows of views from the centre: one plane per colour.
+    pub fn view(&self, u: f32, v: f32) -> Vec<Vec<f32>> {
+        let (h, w) = (self.height, self.width);
+        let mut color = vec![[0.0f32; C]; h * w];
+        let mut covered = vec![0.0f32; h * w];
+        let mut depth = vec![0.0f32; h * w];
+        for piece in &self.pieces {
+            let left = (piece.x - u * piece.edges[0]).max(0.0);
+            let right = (piece.x + 1.0 - u * piece.edges[1]).min(w as f32);
+            let top = (piece.y - v * piece.edges[2]).max(0.0);
+            let bottom = (piece.y + 1.0 - v * piece.edges[3]).min(h as f32);
+            if right <= left || bottom <= top {
+                continue;
+            }
+            for j in top as usize..(bottom.ceil() as usize).min(h) {
+                let tall = bottom.min(j as f32 + 1.0) - top.max(j as f32);
+                for i in left as usize..(right.ceil() as usize).min(w) {
+                    let p = j * w + i;
+                    let free = 1.0 - covered[p];
+                    if free <= 0.0 {
+                        continue;
+                    }
+                    // A hundredth more than its area: where a surface bends both ways, pieces tile only nearly.
+                    let area = tall * (right.min(i as f32 + 1.0) - left.max(i as f32)) * piece.opacity;
+                    let share = (area * 1.01).min(free);
+                    covered[p] += share;
+                    depth[p] += share * piece.disparity;
+                    color[p].iter_mut().zip(piece.color).for_each(|(c, k)| *c += share * k);
+                }
+            }
+        }
+        self.close(&mut color, &covered, &depth, u, v);
+        (0..C).map(|k| color.iter().map(|c| c[k].max(0.0)).collect()).collect()
+    }
+
+    /// Pixels that nothing reached take the farther of the two sides along the direction of the parallax.
+    fn close(&self, color: &mut [[f32; C]], covered: &[f32], depth: &[f32], u: f32, v: f32) {
+        let (h, w) = (self.height as f32, self.width as f32);
+        let length = (u * u + v * v).sqrt().max(1e-6);
+        let (du, dv) = if u * u + v * v > 0.0 { (u / length, v / length) } else { (1.0, 0.0) };
+        let known: Vec<[f32; C]> = color.iter().zip(covered).map(|(c, &a)| c.map(|k| k / a.max(1e-6))).collect();
+        for p in 0..color.len() {
+            if covered[p] > 0.5 {
+                color[p] = known[p];
+                continue;
+            }
+            let (x, y) = ((p % self.width) as f32, (p / self.width) as f32);
+            let search = |sign: f32| {
+                (1..self.width + self.height)
+                    .map(|k| sign * k as f32)
+                    .map_while(|k| {
+                        let (x, y) = ((x + k * du).round(), (y + k * dv).round());
+                        (x >= 0.0 && y >= 0.0 && x < w && y < h).then_some(y as usize * self.width + x as usize)
+                    })
+                    .find(|&q| covered[q] > 0.5)
+            };
+            let far = |q: usize| depth[q] / covered[q];
+            let side = match (search(1.0), search(-1.0)) {
+                (Some(a), Some(b)) => Some(if far(a) <= far(b) { a } else { b }),
+                (a, b) => a.or(b),
+            };
+            if let Some(q) = side {
+                let rest = 1.0 - covered[p];
+                color[p].iter_mut().zip(known[q]).for_each(|(c, k)| *c += rest * k);
+            }
+        }
+    }
+}
