@@ -106,7 +106,7 @@ fn what_is_drawn_has_the_depths_that_it_was_drawn_with() {
             }
             other => wrong.push(format!("{background:?} {size:?} {disparity:?}: {other:?}")),
         }
-        let order = Parallax::of(&field).map(|parallax| read::order::judge(&parallax));
+        let order = Parallax::of(&field).map(|parallax| read::order_found::judge(&parallax));
         if let Some(OrderFound::Other { reason, .. }) = order {
             wrong.push(format!("{background:?} {disparity:?}: {reason}"));
         }

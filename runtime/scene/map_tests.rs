@@ -135,7 +135,7 @@ fn what_a_map_lacks_comes_from_the_farther_side() {
     values[N..2 * N].fill(nan);
     write(&path, &values);
     for (near, between) in [(Near::Small, 5.0), (Near::Large, 3.0)] {
-        let map = depth::map::read(&path, formats::near::Stated { near: Some(near), depth: None }).unwrap();
+        let map = depth::map::read(&path, light_field::near::Stated { near: Some(near), depth: None }).unwrap();
         assert_eq!(map.values[..4], [5.0, 5.0, between, between]);
         assert_eq!(map.values[5], if near == Near::Small { 3.0 } else { 1.0 });
         assert_eq!(map.values[N..2 * N], map.values[..N]);

@@ -3,7 +3,7 @@
 
 use crate::SceneError;
 use crate::depth::map;
-use crate::formats::near::{Meaning, Near, Stated};
+use crate::light_field::near::{Meaning, Near, Stated};
 use std::path::{Path, PathBuf};
 
 const N: usize = 16;

@@ -382,7 +382,7 @@ fn the_page_says_what_is_read_and_what_is_refused() {
         said(&folder("rows", &["r0/v0.png", "r0/v1.png", "r1/v0.png", "r1/v1.png"]), &request),
         depth_maps(&["a.png".into(), "b.png".into()], std::slice::from_ref(&map)).unwrap_err().to_string(),
         SceneError::doubtful_depth([0.0, 1.0], 30, display.focal_length).to_string(),
-        read::order::check("folder", &other, true).unwrap_err().to_string(),
+        read::order_found::check("folder", &other, true).unwrap_err().to_string(),
         said(&list, &request),
         said(&PathBuf::from(format!("{}?mosaic", plain.display())), &request),
         said(&PathBuf::from(format!("{}?grid=3x3", plain.display())), &request),

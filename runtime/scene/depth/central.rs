@@ -3,7 +3,7 @@
 use crate::depth::map::Map;
 use crate::depth::range::{USUAL, mean_light};
 use crate::depth::sweep::{Compared, MOST, Sweep, reach_within};
-use crate::formats::near::Meaning;
+use crate::light_field::near::Meaning;
 use crate::light_field::resize::Resize;
 use crate::{Fit, LightField, Pyramid, ViewGrid};
 use eyebox_optics::Display;

@@ -1,6 +1,6 @@
 //! Depth and disparity maps of a single picture.
 
-use crate::formats::near::{self, Kind, Meaning, Stated};
+use crate::light_field::near::{self, Kind, Meaning, Stated};
 use crate::{SceneError, formats::pfm, formats::still, formats::video};
 use eyebox_base::files::{self, FileError, FileKind, NpyArray, Wanted};
 use eyebox_base::memory;

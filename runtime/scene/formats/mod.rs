@@ -1,6 +1,5 @@
 //! Pixels of files: pictures, videos and maps, with their tone curves, as linear light.
 
-pub(crate) mod near;
 pub(crate) mod options;
 pub(crate) mod pfm;
 pub(crate) mod picture;

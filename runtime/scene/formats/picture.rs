@@ -1,10 +1,10 @@
 //! Pictures from files, as planes of linear light.
 
 use crate::SceneError;
-use crate::formats::near::Kind;
 use crate::formats::png_tone;
 use crate::formats::tone::{Reading, Stored};
 use crate::light_field::light::{Picture, Transfer};
+use crate::light_field::near::Kind;
 use eyebox_base::files::{ColorSpace, FileError, Pixels, Samples, Wanted, color_space, holds_light};
 use eyebox_base::files::{picture_orientation, picture_size, read_pixels};
 use eyebox_optics::Color;

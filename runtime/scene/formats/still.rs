@@ -1,10 +1,10 @@
 //! One picture: a file of its own, or a frame of a video.
 
-use crate::formats::near::Kind;
 use crate::formats::options::Options;
 use crate::formats::tone::{FullScale, Reading, Tone};
 use crate::formats::video_color::Matrix;
 use crate::light_field::light::Picture;
+use crate::light_field::near::Kind;
 use crate::{SceneError, formats::picture, formats::video};
 use eyebox_optics::Color;
 use std::path::Path;

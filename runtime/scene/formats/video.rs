@@ -4,9 +4,9 @@
 //! ([`Matrix::usual`]): limited range unless the file says `XCOLORRANGE=FULL`; 4:2:0, 4:2:2, 4:4:4 or gray, of 8 to 16 bits. The
 //! decoded values are sRGB.
 
-use crate::formats::near::Kind;
 use crate::formats::video_color::{Matrix, check_aspect, check_interlacing};
 use crate::light_field::light::Picture;
+use crate::light_field::near::Kind;
 use crate::{SceneError, srgb_to_linear};
 use eyebox_base::files::{FileError, FileKind, Wanted, read};
 use eyebox_optics::Color;

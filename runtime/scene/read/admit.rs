@@ -1,7 +1,7 @@
 //! Light fields of a program's own: arrays, for which no file says anything.
 
 use crate::formats::tone::{FullScale, Tally, Tone};
-use crate::{LightField, Order, Parallax, SceneError, read::order, read::standing};
+use crate::{LightField, Order, Parallax, SceneError, read::order_found, read::standing};
 use eyebox_optics::check_usual_view_pitch;
 use rayon::prelude::*;
 use std::path::Path;
@@ -35,7 +35,7 @@ impl LightField {
             return Err(found.of(&name));
         }
         let parallax = Parallax::of(&field);
-        order::check(&name, &order::found(&name, parallax.as_ref(), order.is_some()), false)?;
+        order_found::check(&name, &order_found::found(&name, parallax.as_ref(), order.is_some()), false)?;
         Ok(field)
     }
 }

@@ -1,9 +1,9 @@
 //! What a scene is, as it is read: for people who want to know before they compute.
 
 use crate::light_field::resize::{Fit, Resize};
-use crate::read::order::{Order, OrderFound};
 use crate::read::source::Source;
 use crate::{DepthSource, Layers, LightField, Parallax, Reprojection, Request, SceneError, read::views};
+use crate::{Order, OrderFound};
 use eyebox_optics::{Color, Display, Geometry, dioptres};
 use serde::Serialize;
 

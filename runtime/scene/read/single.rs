@@ -3,8 +3,8 @@
 use crate::{
     Fit, LightField, Near, Request, SceneError, builtin,
     depth::map::{self, Map},
-    formats::near::{Meaning, Stated},
     formats::still,
+    light_field::near::{Meaning, Stated},
     light_field::resize::Resize,
     synthesis::reproject::{Relief, relief},
 };

@@ -7,7 +7,7 @@ use crate::light_field::light::Transfer;
 use crate::light_field::resize::{Fit, Resize};
 use crate::read::settings::Settings;
 use crate::{
-    CamerasFound, LightField, Order, OrderFound, Parallax, Request, SceneError, read::order, read::positions,
+    CamerasFound, LightField, Order, OrderFound, Parallax, Request, SceneError, read::order_found, read::positions,
     read::standing,
 };
 use eyebox_base::memory;
@@ -128,12 +128,12 @@ pub(crate) fn ordered(
     let field = asked.unwrap_or_default().apply(field);
     let cameras = misplaced.or_else(|| stated.positions.is_none().then(|| standing::refused(&field, asked))?);
     let parallax = Parallax::of(&field);
-    let mut order_found = order::found(&place.display().to_string(), parallax.as_ref(), asked.is_some());
+    let mut order_found = order_found::found(&place.display().to_string(), parallax.as_ref(), asked.is_some());
     if let (OrderFound::AsNamedOrReversed, None) = (&order_found, asked)
         && let Some(stated) = stated_disparity(&field, request)
         && let Measured { range: Some(measured), trust: Trust::Sure | Trust::Plausible(_) } = field.measured()
     {
-        order_found = order::by_depths(stated, measured);
+        order_found = order_found::by_depths(stated, measured);
     }
     let transfer = match (stated.transfer, linear) {
         (Some(Transfer::Linear), _) => "linear, as stated".to_owned(),
@@ -156,7 +156,7 @@ pub(crate) fn ordered(
 pub(crate) fn decide(name: &str, read: &Read) -> Result<(), SceneError> {
     match &read.cameras {
         Some(found) => Err(found.clone().of(name)),
-        None => order::check(name, &read.order_found, true),
+        None => order_found::check(name, &read.order_found, true),
     }
 }
 
@@ -167,7 +167,7 @@ pub(crate) fn decide(name: &str, read: &Read) -> Result<(), SceneError> {
 pub(crate) fn checked(name: &str, read: Read) -> Result<LightField, SceneError> {
     decide(name, &read)?;
     if !read.order_stated && read.field.grid != [1, 1] {
-        order::say(name, &read.order_found);
+        order_found::say(name, &read.order_found);
     }
     Ok(read.field)
 }

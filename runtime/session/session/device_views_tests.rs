@@ -1,10 +1,10 @@
 //! Frames of an application that stay on the device, against the same frames from shared memory: two devices of one process, watched
 //! by the validation layer.
 
-use super::{Due, LiveInput, LiveKind, Newest, SceneFrame, Scenes};
 use crate::gpu::test_options::watched;
 use crate::gpu::{DeviceIds, Gpu, SharedLayout, SlotWriter};
 use crate::optics::{Color, Display, PupilDistribution};
+use crate::session::{Due, LiveInput, LiveKind, Newest, SceneFrame, Scenes};
 use eyebox_live_input::{Application, Content, FrameInfo, Sample, Transfer};
 use std::sync::PoisonError;
 use std::time::Duration;

@@ -1,14 +1,14 @@
 //! The handle to a session: start, status, events, stop, statistics.
 
-use super::content::{About, COMMANDS, Content, Ended, SessionEvent, SessionOptions, Shared, Status};
-use super::error::SessionError;
-use super::notes::{Heard, Notes};
-use super::output::Output;
-use super::player::Command;
-use super::present_thread::PresentThread;
-use super::statistics::Statistics;
 use crate::files::asked_to_end;
 use crate::mailbox::Mailbox;
+use crate::session::feeds::statistics::Statistics;
+use crate::session::frame_log::error::SessionError;
+use crate::session::frame_log::notes::{Heard, Notes};
+use crate::session::options::{About, COMMANDS, Content, Ended, SessionEvent, SessionOptions, Shared, Status};
+use crate::session::playback::output::Output;
+use crate::session::playback::player::Command;
+use crate::session::present_thread::PresentThread;
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -1,12 +1,12 @@
 //! Tests of what content that jumps is begun with.
 
-use super::scripted::{Application, EXPOSURE, Scripted, content_of, one_view, shown};
-use super::study::{ContentSettings, JumpStart, StudiedContent, StudySettings, study_content};
-use super::tests::cpu;
-use super::*;
 use crate::encode::Encoder;
 use crate::optics::{Color, Laser, PupilDistribution};
 use crate::scene::Pyramid;
+use crate::session::scripted::{Application, EXPOSURE, Scripted, content_of, one_view, shown};
+use crate::session::study::{ContentSettings, JumpStart, StudiedContent, StudySettings, study_content};
+use crate::session::tests::cpu;
+use crate::session::*;
 use crate::solve::{Flow, Problem, StartTable, random_phases};
 use crate::trackers::simulated;
 use std::sync::Arc;
@@ -190,7 +190,7 @@ fn another_picture_begins_with_drives_of_the_table() {
     assert!(!refined(vec![Some(Arc::new(StartTable::even(3))); 3]).wants_fit());
     // A session that is given no hologram has its first phases of it; an SLM as small as this one has no table of itself.
     let mut begun = slide.clone();
-    steerer::look_up::begin_with_tables(&mut begun, &[Some(table)]).unwrap();
+    refinement::steerer::look_up::begin_with_tables(&mut begun, &[Some(table)]).unwrap();
     for color in &begun {
         assert_eq!(color.phases, color.laser.as_ref().unwrap().phases(&looked_up));
     }

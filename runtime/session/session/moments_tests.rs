@@ -1,10 +1,12 @@
 //! Content and eyes that move, in simulated time: what moments gain, that a session of them is the same again, and how soon content
 //! is lit.
 
-use super::scripted::{Application, Scripted, content_of, shown};
-use super::study::{ContentRun, ContentSettings, JumpStart, StudiedContent, StudiedEye, StudySettings, study_content};
-use super::tests::cpu;
-use super::*;
+use crate::session::scripted::{Application, Scripted, content_of, shown};
+use crate::session::study::{
+    ContentRun, ContentSettings, JumpStart, StudiedContent, StudiedEye, StudySettings, study_content,
+};
+use crate::session::tests::cpu;
+use crate::session::*;
 use crate::solve::{Flow, Settings, solve};
 use crate::trackers::simulated;
 use std::time::Duration;

@@ -1,19 +1,19 @@
 //! The thread that presents: it owns the display, and waits for nothing but it.
 
-use super::content::{About, Content, Ended, FrameObserver, SessionOptions, Shared, Status};
-use super::error::SessionError;
-use super::following::HandedOver;
-use super::output::{OpenDisplay, Output};
-use super::player::{Flow, Player, PresentedFrame};
-use super::record::Recording;
-use super::report::Report;
-use super::running::{Running, Setup};
-use super::scheduler::Scheduler;
-use super::set_timing::as_ns;
-use super::statistics::{Ending, Statistics};
-use super::trace::{Trace, Written};
 use crate::gpu::{Gpu, Messages};
 use crate::present::{Interference, SECOND_NS};
+use crate::session::feeds::following::HandedOver;
+use crate::session::feeds::running::{Running, Setup};
+use crate::session::feeds::statistics::{Ending, Statistics};
+use crate::session::frame_log::error::SessionError;
+use crate::session::frame_log::trace::{Trace, Written};
+use crate::session::options::{About, Content, Ended, FrameObserver, SessionOptions, Shared, Status};
+use crate::session::playback::output::{OpenDisplay, Output};
+use crate::session::playback::player::{Flow, Player, PresentedFrame};
+use crate::session::playback::record::Recording;
+use crate::session::playback::report::Report;
+use crate::session::playback::scheduler::Scheduler;
+use crate::session::refinement::set_timing::as_ns;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;

@@ -1,15 +1,15 @@
 //! Sets that roll: the newest sub-frames replace the oldest, in turn, and what the eye adds up is as good as a whole set.
 
-use super::player::{Begins, Player, SetSource};
-use super::scenes_tests::seen;
-use super::scheduler::{Schedule, Scheduler, Start};
-use super::scripted::{Application, EXPOSURE, Scripted, content_of, samples, shown};
-use super::sets::set_channel;
-use super::tests::{encoder_of, made};
-use super::trace::Trace;
-use super::*;
 use crate::optics::Pupil;
 use crate::present::{Clock, Offscreen, Rate, SECOND_NS, SimulatedClock};
+use crate::session::feeds::sets::set_channel;
+use crate::session::frame_log::trace::Trace;
+use crate::session::playback::player::{Begins, Player, SetSource};
+use crate::session::playback::scheduler::{Schedule, Scheduler, Start};
+use crate::session::scenes_tests::seen;
+use crate::session::scripted::{Application, EXPOSURE, Scripted, content_of, samples, shown};
+use crate::session::tests::{encoder_of, made};
+use crate::session::*;
 use crate::solve::SplitMix;
 use crate::trackers::simulated::{Eye, Settings as EyeSettings};
 use std::collections::VecDeque;

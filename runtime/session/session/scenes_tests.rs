@@ -1,12 +1,12 @@
 //! Scenes that follow each other while they are refined, in simulated time: what is shown when, what it gains, and that it is the
 //! same every time.
 
-use super::player::{Begins, SetSource};
-use super::scripted::{Application, EXPOSURE, Scripted, samples, shown};
-use super::watch::Watch;
-use super::*;
 use crate::engine::cpu::CpuEngine;
 use crate::optics::Pupil;
+use crate::session::playback::player::{Begins, SetSource};
+use crate::session::refinement::watch::Watch;
+use crate::session::scripted::{Application, EXPOSURE, Scripted, samples, shown};
+use crate::session::*;
 use crate::solve::{Flow, Refiner, Settings, solve};
 use crate::trackers::simulated::{Eye, Settings as EyeSettings};
 use std::time::Duration;

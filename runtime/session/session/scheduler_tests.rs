@@ -1,11 +1,11 @@
 //! The scheduler and the pacer in simulated time: what the panel showed against plain arithmetic.
 
-use super::pacing::Pacer;
-use super::player::{Command, Flow};
-use super::scheduler::{Schedule, Start};
-use super::simulation::Simulation;
-use super::{Account, Cause, Speed};
 use crate::present::{Clock, Rate, SECOND_NS};
+use crate::session::playback::pacing::Pacer;
+use crate::session::playback::player::{Command, Flow};
+use crate::session::playback::scheduler::{Schedule, Start};
+use crate::session::simulation::Simulation;
+use crate::session::{Account, Cause, Speed};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 

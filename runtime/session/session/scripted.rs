@@ -1,16 +1,16 @@
 //! An application, an eye and whole sessions that exist in simulated time, for tests.
 
-use super::refine::{Refinement, RefinementOptions};
-use super::sets::LiveSource;
-use super::tests::cpu;
-use super::trace::Trace;
-use super::watch::{Samples, Watch};
-use super::*;
 use crate::encode::Encoder;
 use crate::gaze::{Estimator, Settings as GazeSettings};
 use crate::optics::{Color, Display, Padding};
 use crate::present::{Rate, SECOND_NS};
 use crate::scene::{self, LightField, Request};
+use crate::session::feeds::refine::{Refinement, RefinementOptions};
+use crate::session::feeds::sets::LiveSource;
+use crate::session::frame_log::trace::Trace;
+use crate::session::refinement::watch::{Samples, Watch};
+use crate::session::tests::cpu;
+use crate::session::*;
 use crate::solve::{Problem, random_phases};
 use crate::trackers::simulated::{Settings as EyeSettings, SimulatedSource};
 use crossbeam_utils::atomic::AtomicCell;
@@ -90,13 +90,13 @@ impl Scripted {
             journal: None,
             timing: Arc::new(AtomicCell::new(SetTiming::new(period_ns))),
             light_after: Duration::from_nanos(period_ns as u64 / 2),
-            moments: moments::Moments::default(),
+            moments: refinement::moments::Moments::default(),
             steered: Arc::new(AtomicBool::new(true)),
             whole: Some(whole_eyebox(self.display.eyebox_min(), [0.0; 2])),
             direct: None,
             with_phases: true,
             again: Box::new(move || Ok((Steerer::new(parts.clone(), policy, cpu)?, None))),
-            notes: notes::Notes::default(),
+            notes: frame_log::notes::Notes::default(),
             track: Trace::none().track("refine"),
         };
         Refinement::start(self.encoder(), options).unwrap()

@@ -1,13 +1,13 @@
 //! A display and a producer that exist in simulated time alone, with the faults that real ones have; and the log of what
 //! was really on the panel, which is what tests judge by.
 
-use super::SessionError;
-use super::player::{Begins, Flow, Player, SetSource};
-use super::scheduler::{Content, Readiness, Schedule, Scheduler};
-use super::trace::Trace;
 use crate::encode::{Encoder, VideoFrames};
 use crate::optics::{Color, Display};
 use crate::present::{Clock, Feedback, PresentError, Presenter, Rate, SimulatedClock};
+use crate::session::SessionError;
+use crate::session::frame_log::trace::Trace;
+use crate::session::playback::player::{Begins, Flow, Player, SetSource};
+use crate::session::playback::scheduler::{Content, Readiness, Schedule, Scheduler};
 use crate::solve::SplitMix;
 use std::collections::{BTreeSet, VecDeque};
 use std::rc::Rc;

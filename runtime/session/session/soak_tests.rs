@@ -2,9 +2,9 @@
 //! torn, and all accounts add up. `EYEBOX_SOAK=full` makes it ten minutes of simulated time for each, and a minute on the real clock of
 //! a machine whose cores are all busy.
 
-use super::scripted::{Application, Scripted, ShownFrame, shown};
-use super::*;
 use crate::present::SECOND_NS;
+use crate::session::scripted::{Application, Scripted, ShownFrame, shown};
+use crate::session::*;
 use crate::solve::SplitMix;
 use std::collections::HashMap;
 use std::sync::Arc;

@@ -2,11 +2,11 @@
 //! each for the sources that are chosen for it, and take as long as steps and encoding may take. And as whole sessions on a simulated
 //! clock, a quarter of a minute each; `EYEBOX_SOAK=full` makes them ten.
 
-use super::scripted::{Application, Scripted, ShownFrame, samples, shown};
-use super::soak_tests::{is_full, nothing_is_torn};
-use super::{Cost, LitSources};
 use crate::optics::{Color, Display, Pupil, SourceChoice, SourcesLit, SwitchedSource};
 use crate::present::SECOND_NS;
+use crate::session::scripted::{Application, Scripted, ShownFrame, samples, shown};
+use crate::session::soak_tests::{is_full, nothing_is_torn};
+use crate::session::{Cost, LitSources};
 use crate::solve::SplitMix;
 use crate::trackers::simulated::{Doing, Eye, Settings as EyeSettings};
 use std::collections::{BTreeMap, BTreeSet};

@@ -1,17 +1,17 @@
 //! The stream: what it hands over is what the encoder makes of the file, in order; damage, ends, loops and growth.
 
-use super::notes::Notes;
-use super::player::{Begins, Command, Flow, Player, PresentedFrame, SetSource};
-use super::scheduler::{Content, Readiness, Schedule, Scheduler, Start};
-use super::stream::{Stream, StreamEncoder, StreamOptions};
-use super::trace::Trace;
-use super::*;
 use crate::encode::{Encoder, PhaseSet};
 use crate::gpu::Gpu;
 use crate::gpu::test_options::watched;
 use crate::hologram::{ColorHologram, Hologram, NewestHologram, Sequence, SequenceWriter};
 use crate::optics::{Color, Display, JointColor, Laser, Optics};
 use crate::present::{Clock, Offscreen, Rate, SimulatedClock};
+use crate::session::frame_log::notes::Notes;
+use crate::session::frame_log::trace::Trace;
+use crate::session::playback::player::{Begins, Command, Flow, Player, PresentedFrame, SetSource};
+use crate::session::playback::scheduler::{Content, Readiness, Schedule, Scheduler, Start};
+use crate::session::playback::stream::{Stream, StreamEncoder, StreamOptions};
+use crate::session::*;
 use crate::solve::SplitMix;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;

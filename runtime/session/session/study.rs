@@ -1,6 +1,6 @@
 //! What steering gains: a simulated eye before a hologram that follows it, judged by what the eye really sees.
 //!
-//! Time is simulated: it passes by what refining and encoding cost ([`Cost`](super::Cost)), and stands still while quality is measured.
+//! Time is simulated: it passes by what refining and encoding cost ([`Cost`](crate::session::Cost)), and stands still while quality is measured.
 //! Everything else is as in a live session: samples come late and with noise, the pupil is predicted, sets are handed over
 //! whole, and those that come too late are shown a set later.
 
@@ -17,12 +17,12 @@ pub use content::{ContentRun, ContentSample, ContentSettings, StudiedContent, St
 pub use jump_start::JumpStart;
 pub use results::{Judging, Study, StudySample, StudySettings};
 
-use super::error::SessionError;
-use super::steerer::{Policy, SteeredColor, Steerer};
-use super::work_time::WorkTime;
 use crate::encode::{Encoder, PhaseSet, VideoFrames};
 use crate::engine::{Engine, EngineError};
 use crate::optics::Pupil;
+use crate::session::frame_log::error::SessionError;
+use crate::session::refinement::steerer::{Policy, SteeredColor, Steerer};
+use crate::session::refinement::work_time::WorkTime;
 use crate::trackers::simulated::Doing;
 use judged::Judge;
 use seen::SeenColor;

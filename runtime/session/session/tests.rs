@@ -1,16 +1,16 @@
 //! Tests of the room: what is handed over, when it begins again, and ten minutes of a refinement that is often late.
 
-use super::player::{Begins, Player, SetSource};
-use super::scheduler::{Content, Readiness, Schedule, Scheduler, Start};
-use super::sets::{LiveSource, SetSender, set_channel};
-use super::trace::Trace;
-use super::*;
 use crate::encode::{Encoder, VideoFrames};
 use crate::engine::cpu::CpuEngine;
 use crate::engine::{Engine, EngineError};
 use crate::optics::{Color, Display, Padding, PupilDistribution};
 use crate::present::{Clock, Offscreen, Rate, SimulatedClock};
 use crate::scene::{self, Request};
+use crate::session::feeds::sets::{LiveSource, SetSender, set_channel};
+use crate::session::frame_log::trace::Trace;
+use crate::session::playback::player::{Begins, Player, SetSource};
+use crate::session::playback::scheduler::{Content, Readiness, Schedule, Scheduler, Start};
+use crate::session::*;
 use crate::solve::{Flow, Problem, Settings, SplitMix, solve};
 use crossbeam_utils::atomic::AtomicCell;
 use std::cell::RefCell;

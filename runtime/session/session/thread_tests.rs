@@ -1,14 +1,5 @@
 //! Tests of the threads that follow the eye and refine: what floods, fails or ends takes the picture away from nobody.
 
-use super::notes::Notes;
-use super::player::SetSource;
-use super::pupil_tracker::PupilTracker;
-use super::refine::{Refinement, RefinementOptions};
-use super::scheduler::{Content, Readiness};
-use super::tests::{cpu, encoder, part};
-use super::trace::Trace;
-use super::watch::Watch;
-use super::*;
 use crate::encode::Encoder;
 use crate::engine::cpu::CpuEngine;
 use crate::engine::watched::Watched;
@@ -18,6 +9,15 @@ use crate::gpu::test_options::watched;
 use crate::gpu::{Gpu, PixelOrder};
 use crate::optics::{Color, Display};
 use crate::present::{Clock, RealClock};
+use crate::session::feeds::refine::{Refinement, RefinementOptions};
+use crate::session::frame_log::notes::Notes;
+use crate::session::frame_log::trace::Trace;
+use crate::session::playback::player::SetSource;
+use crate::session::playback::scheduler::{Content, Readiness};
+use crate::session::refinement::pupil_tracker::PupilTracker;
+use crate::session::refinement::watch::Watch;
+use crate::session::tests::{cpu, encoder, part};
+use crate::session::*;
 use crate::trackers::{
     About as TrackerAbout, Event, Quantity, Reading, Sample, Source, Stream, TrackerError, Unit, now_ns,
 };
@@ -173,7 +173,7 @@ fn options(
         whole: None,
         timing: Arc::clone(timing),
         light_after: Duration::from_millis(8),
-        moments: moments::Moments::default(),
+        moments: refinement::moments::Moments::default(),
         steered: Arc::new(AtomicBool::new(true)),
         direct: None,
         with_phases: true,

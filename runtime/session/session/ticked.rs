@@ -1,11 +1,11 @@
 //! Content whose video frames are taken by the program that holds it, one at each of its ticks: for programs that have a display, a
 //! loop and a clock of their own.
 
-use super::content::{About, Content, Ended, SessionOptions, Status};
-use super::error::SessionError;
-use super::handle::Session;
-use super::output::Output;
-use super::ticks::{Given, LastTick, TickedFrame, TickedOutput, Ticks};
+use crate::session::frame_log::error::SessionError;
+use crate::session::handle::Session;
+use crate::session::options::{About, Content, Ended, SessionOptions, Status};
+use crate::session::playback::output::Output;
+use crate::session::playback::ticks::{Given, LastTick, TickedFrame, TickedOutput, Ticks};
 use crate::steady;
 use std::time::Duration;
 

@@ -1,11 +1,11 @@
 //! Tests of a steerer of all colours at once.
 
-use super::tests::{aim, cpu};
-use super::*;
 use crate::encode::Encoder;
 use crate::optics::wrap_phase;
 use crate::optics::{Color, Display, Laser, Padding};
 use crate::scene::{self, Request};
+use crate::session::tests::{aim, cpu};
+use crate::session::*;
 use crate::solve::{Problem, random_phases};
 
 const ALL: [Color; 3] = [Color::Red, Color::Green, Color::Blue];

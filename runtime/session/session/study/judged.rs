@@ -4,7 +4,7 @@ use super::results::Judging;
 use super::seen::SeenColor;
 use crate::evaluate::{JodMetric, rgb};
 use crate::optics::{Color, Pupil};
-use crate::session::error::SessionError;
+use crate::session::frame_log::error::SessionError;
 
 /// Judges what the eye sees of all colours at once.
 pub(super) struct Judge {

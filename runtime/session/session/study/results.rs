@@ -2,8 +2,8 @@
 
 use crate::gaze;
 use crate::optics::{Color, Viewing};
-use crate::session::set_timing::SetTiming;
-use crate::session::work_time::Cost;
+use crate::session::refinement::set_timing::SetTiming;
+use crate::session::refinement::work_time::Cost;
 use crate::trackers::simulated;
 use serde::Serialize;
 

@@ -3,8 +3,8 @@
 use crate::engine::{Engine, EngineError};
 use crate::evaluate::Sums;
 use crate::optics::Pupil;
-use crate::session::error::SessionError;
-use crate::session::steerer::{Policy, SteeredColor};
+use crate::session::frame_log::error::SessionError;
+use crate::session::refinement::steerer::{Policy, SteeredColor};
 use crate::solve::{PupilRange, Refiner, Sampler, Sequence};
 use std::sync::Arc;
 

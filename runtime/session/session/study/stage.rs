@@ -3,9 +3,9 @@
 use super::results::StudySettings;
 use crate::gaze::{Estimator, GazeError};
 use crate::optics::PupilDistribution;
-use crate::session::error::SessionError;
-use crate::session::set_timing::SetTiming;
-use crate::session::watch::Samples;
+use crate::session::frame_log::error::SessionError;
+use crate::session::refinement::set_timing::SetTiming;
+use crate::session::refinement::watch::Samples;
 use crate::trackers::simulated::{Doing, Eye, SimulatedSource, Truth};
 
 pub(super) struct Stage {

@@ -1,7 +1,7 @@
 //! What is begun with after content has jumped, and what the eye sees then.
 
 use super::{ContentRun, ContentSample, Showing, SteeredColor};
-use crate::session::error::SessionError;
+use crate::session::frame_log::error::SessionError;
 use crate::session::study::jump_start::JumpStart;
 use crate::solve::random_phases;
 

@@ -1,0 +1,89 @@
+//! The order of views: which flips and exchanges turn the named grid into the real one.
+
+use crate::LightField;
+use serde::{Deserialize, Serialize};
+use std::{fmt, str::FromStr};
+
+/// How the views really stand, where their names tell it otherwise. First the names' rows and columns are exchanged, then rows
+/// and columns are reversed. As text: `as-named`, or what is done, with commas: `transpose,flip-rows`.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct Order {
+    /// What the names call the row is the column.
+    pub transpose: bool,
+    /// The first row is the lowest: it looks from the largest y.
+    pub flip_rows: bool,
+    /// The first column is the rightmost: it looks from the largest x.
+    pub flip_columns: bool,
+}
+
+impl Order {
+    fn parts(self) -> impl Iterator<Item = &'static str> {
+        let parts = [(self.transpose, "transpose"), (self.flip_rows, "flip-rows"), (self.flip_columns, "flip-columns")];
+        parts.into_iter().filter(|(done, _)| *done).map(|(_, name)| name)
+    }
+
+    /// The keys of `lightfield.toml`.
+    pub(crate) fn keys(self) -> String {
+        self.parts().map(|name| format!("`{} = true`", name.replace('-', "_"))).collect::<Vec<_>>().join(" and ")
+    }
+
+    /// For each place of the ordered grid, row by row, the view of the named one; and rows and columns of the ordered.
+    pub(crate) fn places(self, [rows, columns]: [usize; 2]) -> ([usize; 2], Vec<usize>) {
+        let [high, wide] = if self.transpose { [columns, rows] } else { [rows, columns] };
+        let named = |i: usize| {
+            let (r, c) = (i / wide, i % wide);
+            let r = if self.flip_rows { high - 1 - r } else { r };
+            let c = if self.flip_columns { wide - 1 - c } else { c };
+            if self.transpose { c * columns + r } else { r * columns + c }
+        };
+        ([high, wide], (0..high * wide).map(named).collect())
+    }
+
+    /// The same views in this order.
+    pub(crate) fn apply(self, mut field: LightField) -> LightField {
+        let (grid, places) = self.places(field.grid);
+        for views in &mut field.planes {
+            *views = places.iter().map(|&i| std::mem::take(&mut views[i])).collect();
+        }
+        LightField { grid, ..field }
+    }
+}
+
+impl fmt::Display for Order {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let parts: Vec<_> = self.parts().collect();
+        f.write_str(&if parts.is_empty() { "as-named".into() } else { parts.join(",") })
+    }
+}
+
+impl FromStr for Order {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let mut order = Self::default();
+        for part in text.split(',').filter(|_| text != "as-named") {
+            match part.trim() {
+                "transpose" => order.transpose = true,
+                "flip-rows" => order.flip_rows = true,
+                "flip-columns" => order.flip_columns = true,
+                _ => return Err("expected as-named, or transpose, flip-rows, flip-columns with commas between".into()),
+            }
+        }
+        Ok(order)
+    }
+}
+
+impl TryFrom<String> for Order {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse()
+    }
+}
+
+impl From<Order> for String {
+    fn from(order: Order) -> Self {
+        order.to_string()
+    }
+}

@@ -1,0 +1,495 @@
+//! Content from an application in another process, through shared memory (docs/live-input.md): what is asked of it, and views of
+//! what it answers.
+
+use crate::engine::Backend;
+use crate::gpu::Gpu;
+use crate::optics::{Color, Display, Padding, PupilDistribution, mean_light};
+use crate::scene::{Layer, LightField, Places, ViewGrid, views_of_depths, views_of_layers};
+use crate::session::content::device_views::{ColorViews, DeviceViews};
+use crate::session::content::scenes::{Due, Newest, SceneFrame, Scenes, Supply};
+use crate::session::frame_log::error::SessionError;
+use crate::session::refinement::steerer::SteeredColor;
+use crate::solve::{BrightEnd, Problem, random_phases};
+use eyebox_live_input::{Content, Display as Ring, Frame, Kind, Latest, Offer, Pupil as AskedPupil, Request, Wanted};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// How many frames the ring holds.
+const SLOTS: u32 = 3;
+/// The most of layers that are taken.
+const LAYERS: u32 = 16;
+/// Views that are wanted along an axis where a tracker tells where the eye is.
+const TRACKED_VIEWS: u32 = 3;
+/// Exposure before anything was seen, and the least (OPTICS 6c).
+const USUAL_EXPOSURE: f64 = 0.35;
+const LEAST_EXPOSURE: f64 = 0.05;
+/// A frame shows a moment so near the light, nanoseconds; an application that says otherwise has a clock of its own.
+const BELIEVED_NS: u64 = 1_000_000_000;
+/// An application is late where it gave nothing for so many times its usual interval, and for so many nanoseconds where it has
+/// none yet.
+const LATE: f64 = 1.5;
+const UNKNOWN_NS: i64 = 1_000_000_000;
+
+/// An application's frames as scenes.
+pub struct LiveInput {
+    name: String,
+    display: Display,
+    colors: Vec<Color>,
+    /// Which channel of a frame each colour is.
+    channels: Vec<usize>,
+    ring: Ring,
+    frame: Frame,
+    /// What decodes views where the engines have them.
+    device: Option<DeviceViews>,
+    kind: Kind,
+    interval: Interval,
+    /// What is shown is brought to this, colour by colour, since the first frame.
+    exposures: Option<Vec<f64>>,
+    /// The light that was asked for last, and frames so far.
+    asked_ns: Option<i64>,
+    frames: u64,
+}
+
+impl LiveInput {
+    /// Takes frames as `live:NAME` for these colours of a display: views, `views` along each axis at most, pictures with depths,
+    /// or layers; `kind` is what it asks for.
+    ///
+    /// # Errors
+    /// [`SessionError::LiveInput`]: another display of that name, a name that cannot be, a folder that is not safe.
+    pub fn open(
+        name: &str,
+        display: &Display,
+        colors: &[Color],
+        views: u32,
+        kind: LiveKind,
+    ) -> Result<Self, SessionError> {
+        let (height, width) = display.picture_size();
+        let offered = [Color::Red, Color::Green, Color::Blue].map(|color| colors.contains(&color));
+        let eyebox_mm = [display.eyebox_min() * 1e3; 2];
+        let offer = Offer {
+            size: [height as u32, width as u32],
+            colors: offered,
+            kinds: Kind::ALL.to_vec(),
+            views: [views; 2],
+            layers: LAYERS,
+            slots: SLOTS,
+            pixel_angle: display.picture_pixel() / display.focal_length,
+            eyebox_mm,
+        };
+        let ring = Ring::open(name, offer)?;
+        // The channels of a frame are those colours that are offered, in the order red, green, blue.
+        let place = |color: &Color| offered[..color.channel()].iter().filter(|is| **is).count();
+        Ok(Self {
+            name: name.into(),
+            display: display.clone(),
+            colors: colors.to_vec(),
+            channels: colors.iter().map(place).collect(),
+            frame: ring.frame(),
+            ring,
+            device: None,
+            kind: kind.into(),
+            interval: Interval::default(),
+            exposures: None,
+            asked_ns: None,
+            frames: 0,
+        })
+    }
+
+    /// Has views decoded on this device, for engines there: of a frame the host then sees sums of its light, and one view of one colour
+    /// at most 256 pixels wide, by which the content's motion is told. Should the device fail, the host decodes again. What a
+    /// session keeps in a journal and plays again to the bit has to be decoded on the host.
+    ///
+    /// # Errors
+    /// In words, why views have to pass through the host all the same: the display's model or its far field changes them first, or the
+    /// device is too small.
+    pub fn decode_on(&mut self, gpu: &Gpu) -> Result<(), String> {
+        self.device = Some(DeviceViews::new(gpu, self.ring.offer(), &self.display, &self.colors, &self.channels)?);
+        Ok(())
+    }
+
+    /// [Decodes](Self::decode_on) where these engines compute, if that is on a device. Answers why views pass through the host of
+    /// a device all the same, in words.
+    ///
+    /// # Errors
+    /// [`SessionError::Engine`] where their device is lost.
+    pub fn decode_with(&mut self, engines: &Backend) -> Result<Option<String>, SessionError> {
+        Ok(engines.gpu()?.and_then(|gpu| self.decode_on(&gpu).err()))
+    }
+
+    fn problem(&self, field: &LightField, color: Color, center: [f64; 2]) -> Result<Problem, SessionError> {
+        let problem = Problem::new(field, color, &self.display, Padding::default());
+        let problem = problem.map_err(|e| SessionError::Setting(e.to_string()))?;
+        Ok(Problem { center, ..problem })
+    }
+
+    fn field(&self, planes: Vec<Vec<Vec<f32>>>, grid: [usize; 2], pitch: f64) -> LightField {
+        let (height, width) = self.display.picture_size();
+        LightField {
+            name: format!("live:{}", self.name),
+            grid,
+            height,
+            width,
+            colors: self.colors.clone(),
+            planes,
+            view_pitch: Some(pitch),
+            disparity: None,
+            depth: None,
+            made: None,
+        }
+    }
+
+    /// Which views are wanted: a few close ones where a tracker tells where the pupil is, else as many as there may be over all
+    /// of the eyebox.
+    fn wanted(&self, due: &Due) -> Wanted {
+        let most = self.ring.offer().views[0];
+        let eyebox = self.display.eyebox_min();
+        let (views, side, center) = match due.tracked {
+            true => {
+                let side = (due.pupil.diameter[1] + 4.0 * due.pupil.spread).min(eyebox);
+                let reach = (eyebox - side) / 2.0;
+                (most.min(TRACKED_VIEWS), side, due.pupil.centre.map(|v| v.clamp(-reach, reach)))
+            }
+            false => (most, eyebox, [0.0; 2]),
+        };
+        let pitch_mm = side / f64::from(views) * 1e3;
+        Wanted { kind: self.kind, views: [views; 2], pitch_mm, center_mm: center.map(|v| v * 1e3) }
+    }
+
+    fn ask(&mut self, due: &Due) {
+        // Two requests for one light differ by the rounding of a set's period, a nanosecond.
+        if self.asked_ns.is_some_and(|asked| due.light_ns.abs_diff(asked) < due.period_ns.unsigned_abs() / 2) {
+            return;
+        }
+        self.asked_ns = Some(due.light_ns);
+        let PupilDistribution { centre, diameter: [low, high], focus: [near, far], .. } = due.pupil;
+        let focal_length = self.display.focal_length;
+        let request = Request {
+            number: 0,
+            lit_ns: i64::try_from(due.light_monotonic_ns).unwrap_or(i64::MAX),
+            period_ns: due.period_ns.unsigned_abs(),
+            pupil: AskedPupil {
+                center_mm: centre.map(|v| v * 1e3),
+                diameter_mm: 0.5 * (low + high) * 1e3,
+                focus_dioptres: 0.5 * (near + far) / (focal_length * focal_length),
+                velocity_mm_s: due.velocity.map(|v| v * 1e3),
+                tracked: due.tracked,
+            },
+            wanted: self.wanted(due),
+        };
+        self.ring.ask(&request);
+    }
+
+    /// The newest frame as views before every colour. Refused in words.
+    fn scene(&mut self, due: &Due) -> Result<Result<SceneFrame, String>, SessionError> {
+        let info = *self.frame.info();
+        let (height, width) = self.display.picture_size();
+        let pixels = height * width;
+        let metres = |mm: f64| mm * 1e-3;
+        let camera = info.center_mm.map(metres);
+        if let (Content::Views { grid, pitch_mm }, true) = (info.content, self.frame.is_taken()) {
+            let [rows, columns] = grid.map(|n| n as usize);
+            let views = ViewGrid { rows, columns, cell: metres(pitch_mm) };
+            return self.device_scene(views, camera, shown_at(info.content_time_ns, due), due.now_ns);
+        }
+        let (grid, pitch, center, planes) = match info.content {
+            Content::Views { grid, pitch_mm } => {
+                let views =
+                    |channel: &usize| self.frame.channel(*channel).par_chunks_exact(pixels).map(<[f32]>::to_vec);
+                let planes = self.channels.iter().map(|channel| views(channel).collect()).collect();
+                (grid, metres(pitch_mm), camera, planes)
+            }
+            content => {
+                // The views that are wanted now: nobody has to have been asked for them.
+                let Wanted { views, pitch_mm, center_mm, .. } = self.wanted(due);
+                let (pitch, center) = (metres(pitch_mm), center_mm.map(metres));
+                let place = |i: u32| {
+                    let at = |index: u32, axis: usize, count: u32| {
+                        (f64::from(index) - f64::from(count - 1) / 2.0) * pitch + center[axis] - camera[axis]
+                    };
+                    [at(i % views[1], 0, views[1]), at(i / views[1], 1, views[0])]
+                };
+                let places: Vec<[f64; 2]> = (0..views[0] * views[1]).map(place).collect();
+                let focal_length = self.display.focal_length;
+                let per_metre = 1.0 / (focal_length * self.display.picture_pixel());
+                let from = Places { places: &places, per_metre, size: [height, width] };
+                // OPTICS 8.
+                let depth = |dioptres: f32| f64::from(dioptres) * focal_length * focal_length;
+                let made = match content {
+                    Content::Layers(dioptres) => {
+                        let layer = |channel: usize, at: usize| {
+                            self.frame.channel(channel).get(at * pixels..(at + 1) * pixels).unwrap_or(&[])
+                        };
+                        let opacity = self.ring.offer().channels();
+                        let one = |(at, dioptres): (usize, &f32)| {
+                            let planes = self.channels.iter().map(|channel| layer(*channel, at)).collect();
+                            Layer { depth: depth(*dioptres), planes, opacity: layer(opacity, at) }
+                        };
+                        let layers: Vec<_> = dioptres.as_slice().iter().enumerate().map(one).collect();
+                        views_of_layers(&layers, &from)
+                    }
+                    _ => {
+                        let depths: Vec<f32> = self.frame.dioptres().iter().map(|d| depth(*d) as f32).collect();
+                        let planes: Vec<&[f32]> = self.channels.iter().map(|c| self.frame.channel(*c)).collect();
+                        views_of_depths(&planes, &depths, &from)
+                    }
+                };
+                match made {
+                    Ok(planes) => (views, pitch, center, planes),
+                    Err(reason) => return Ok(Err(format!("the application's frame is refused: {reason}"))),
+                }
+            }
+        };
+        let field = self.field(planes, grid.map(|n| n as usize), pitch);
+        let middle = |views: &Vec<Vec<f32>>| {
+            let end = BrightEnd::of(views.get(views.len() / 2).map(Vec::as_slice));
+            [end.contrast.max(end.mean), end.mean]
+        };
+        let ends: Vec<[f64; 2]> = field.planes.par_iter().map(middle).collect();
+        let exposures = self.exposures_of(&ends);
+        let mut colors = Vec::with_capacity(self.colors.len());
+        for (color, exposure) in self.colors.iter().zip(exposures) {
+            let problem = self.problem(&field, *color, center)?;
+            colors.push(SteeredColor { problem, phases: Vec::new(), exposure, laser: None });
+        }
+        Ok(Ok(self.next_scene(colors, shown_at(info.content_time_ns, due), due.now_ns)))
+    }
+
+    /// The newest frame, whose views are on the device.
+    fn device_scene(
+        &mut self,
+        views: ViewGrid,
+        center: [f64; 2],
+        shows_ns: i64,
+        now_ns: i64,
+    ) -> Result<Result<SceneFrame, String>, SessionError> {
+        let newest = match self.device.as_mut().map_or(Ok(Vec::new()), DeviceViews::newest) {
+            Ok(newest) => newest,
+            Err(reason) => return Ok(Err(format!("the application's frame is left out: {reason}"))),
+        };
+        // As `BrightEnd` has them of a picture on the host.
+        let ends = newest.iter().map(|ColorViews { light, .. }| match light.middle {
+            [mean, square, cube] if square > 0.0 => [(cube / square).max(mean), mean],
+            _ => [USUAL_EXPOSURE, 0.0],
+        });
+        let exposures = self.exposures_of(&ends.collect::<Vec<_>>());
+        let mut colors = Vec::with_capacity(newest.len());
+        for ((views_of_color, color), exposure) in newest.into_iter().zip(&self.colors).zip(exposures) {
+            let problem = views_of_color.problem(&self.display, *color, views, center)?;
+            colors.push(SteeredColor { problem, phases: Vec::new(), exposure, laser: None });
+        }
+        Ok(Ok(self.next_scene(colors, shows_ns, now_ns)))
+    }
+
+    fn next_scene(&mut self, colors: Vec<SteeredColor>, shows_ns: i64, now_ns: i64) -> SceneFrame {
+        self.frames += 1;
+        let (colors, arrived_ns, shows_ns) = (Arc::new(colors), Some(now_ns), Some(shows_ns));
+        SceneFrame { number: self.frames, colors, arrived_ns, shows_ns, piece: None }
+    }
+
+    /// One exposure for each colour, by the first frame; it only ever rises, where there would not be enough light.
+    /// `ends`: of the middle view of each a guess by its bright end, and its mean; an exposure is per unit of the sources' light.
+    fn exposures_of(&mut self, ends: &[[f64; 2]]) -> Vec<f64> {
+        let lights = self.colors.iter().map(|color| mean_light(&self.display.modes(*color)));
+        let ends: Vec<[f64; 2]> = ends.iter().zip(lights).map(|(end, light)| end.map(|v| v / light)).collect();
+        let exposures =
+            self.exposures.get_or_insert_with(|| ends.iter().map(|[guess, _]| guess.max(LEAST_EXPOSURE)).collect());
+        exposures.iter_mut().zip(&ends).for_each(|(exposure, [_, mean])| *exposure = exposure.max(*mean));
+        exposures.clone()
+    }
+}
+
+/// The moment that a frame shows, on the player's clock: as the application says, where that can be, else when it came.
+fn shown_at(content_time_ns: i64, due: &Due) -> i64 {
+    let behind_ns = i64::try_from(due.light_monotonic_ns).unwrap_or(i64::MAX).saturating_sub(content_time_ns);
+    match behind_ns.unsigned_abs() <= BELIEVED_NS {
+        true => due.light_ns - behind_ns,
+        false => due.now_ns,
+    }
+}
+
+/// What refinement begins with where the first scene has still to come: random phases of so many sub-frames, and darkness.
+///
+/// # Errors
+/// [`SessionError::Setting`] for a colour that the display does not have.
+pub fn darkness(
+    display: &Display,
+    colors: &[Color],
+    frames: usize,
+    seed: u64,
+) -> Result<Vec<SteeredColor>, SessionError> {
+    let (height, width) = display.picture_size();
+    let field = LightField {
+        name: String::new(),
+        grid: [1, 1],
+        height,
+        width,
+        colors: colors.to_vec(),
+        planes: vec![vec![vec![0.0; height * width]]; colors.len()],
+        view_pitch: Some(display.eyebox_min()),
+        disparity: None,
+        depth: None,
+        made: None,
+    };
+    let one = |(i, color): (usize, &Color)| {
+        let problem = Problem::new(&field, *color, display, Padding::default());
+        let problem = problem.map_err(|e| SessionError::Setting(e.to_string()))?;
+        let pixels = problem.optics.height * problem.optics.width;
+        let phases = random_phases(frames * pixels, seed.wrapping_add(i as u64));
+        Ok(SteeredColor { problem, phases, exposure: USUAL_EXPOSURE, laser: None })
+    };
+    colors.iter().enumerate().map(one).collect()
+}
+
+/// What an application is asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub enum LiveKind {
+    /// Views around the pupil.
+    #[default]
+    Views,
+    /// A picture with the depth of every pixel.
+    ColorAndDepth,
+    /// Layers with opacity.
+    Layers,
+}
+
+impl From<LiveKind> for Kind {
+    fn from(kind: LiveKind) -> Self {
+        match kind {
+            LiveKind::Views => Self::Views,
+            LiveKind::ColorAndDepth => Self::ColorAndDepth,
+            LiveKind::Layers => Self::Layers,
+        }
+    }
+}
+
+impl Scenes for LiveInput {
+    fn describe(&self) -> String {
+        format!("live:{}", self.name)
+    }
+
+    fn next(&mut self, due: &Due) -> Result<Newest, SessionError> {
+        self.ask(due);
+        let found = match &mut self.device {
+            Some(device) => self.ring.latest_to(&mut self.frame, device),
+            None => self.ring.latest(&mut self.frame),
+        };
+        Ok(match found {
+            Latest::New => {
+                self.interval.came(due.now_ns);
+                match self.scene(due)? {
+                    Ok(scene) => Newest::New(scene),
+                    Err(reason) => Newest::Refused(reason),
+                }
+            }
+            Latest::Gone => {
+                self.interval = Interval::default();
+                Newest::Late(Supply::ApplicationGone)
+            }
+            Latest::Refused(fault) => Newest::Refused(fault.to_string()),
+            _ if self.interval.is_late(due.now_ns) => Newest::Late(Supply::ApplicationLate),
+            _ => Newest::Same,
+        })
+    }
+
+    fn begins_with_one(&self) -> bool {
+        false
+    }
+}
+
+/// How often an application gives frames, by what it did: nanoseconds.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Interval {
+    last_ns: Option<i64>,
+    usual_ns: Option<f64>,
+}
+
+impl Interval {
+    fn came(&mut self, now_ns: i64) {
+        if let Some(last) = self.last_ns.replace(now_ns) {
+            let interval = now_ns.saturating_sub(last) as f64;
+            // A pause is no usual interval.
+            let usual = self.usual_ns.map_or(interval, |usual| usual + 0.25 * (interval.min(4.0 * usual) - usual));
+            self.usual_ns = Some(usual);
+        }
+    }
+
+    fn is_late(&self, now_ns: i64) -> bool {
+        let Some(last) = self.last_ns else { return false };
+        now_ns.saturating_sub(last) as f64 > self.usual_ns.map_or(UNKNOWN_NS as f64, |usual| LATE * usual)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::optics::SwitchedSource;
+    use eyebox_live_input::Application;
+
+    /// Half the light of the sources asks for twice the exposure.
+    #[test]
+    fn exposures_are_per_unit_of_the_sources_light() {
+        let exposures_at = |power: f64| {
+            let mut display = Display { height: 32, width: 48, ..Display::preset("small").unwrap() };
+            let source = |x| SwitchedSource { eyebox_mm: Some([x, 0.0]), power, ..SwitchedSource::default() };
+            display.sources.each = [-30.0, 30.0].map(source).to_vec();
+            let name = format!("lit-{}-{power}", std::process::id());
+            let mut input = LiveInput::open(&name, &display, &[Color::Green], 3, LiveKind::Views).unwrap();
+            [input.exposures_of(&[[0.3, 0.1]])[0], input.exposures_of(&[[0.2, 0.6]])[0]]
+        };
+        for (exposure, wanted) in exposures_at(0.5).into_iter().zip([0.6, 1.2]) {
+            assert!((exposure - wanted).abs() < 1e-12, "{exposure}, and {wanted} was expected");
+        }
+        assert_eq!(exposures_at(1.0), [0.3, 0.6]);
+    }
+
+    /// Where the pupil will be, how fast it moves, and when: as an application reads it.
+    #[test]
+    fn an_application_is_told_where_the_pupil_goes() {
+        let display = Display { height: 32, width: 48, ..Display::preset("small").unwrap() };
+        let name = format!("told-{}", std::process::id());
+        let mut input = LiveInput::open(&name, &display, &[Color::Green], 3, LiveKind::Views).unwrap();
+        let connecting = std::thread::spawn(move || Application::connect(&name));
+        let pupil = PupilDistribution {
+            centre: [1e-3, -2e-3],
+            spread: 1e-4,
+            diameter: [3e-3, 5e-3],
+            focus: [0.0; 2],
+            elsewhere: 0.0,
+        };
+        let due = Due {
+            now_ns: 0,
+            light_ns: 20_000_000,
+            light_monotonic_ns: 5_000_000_000,
+            period_ns: 16_000_000,
+            pupil,
+            velocity: [0.03, -0.002],
+            tracked: true,
+            patient: false,
+        };
+        // It is let in when it is looked for.
+        while !connecting.is_finished() {
+            assert!(matches!(input.next(&due).unwrap(), Newest::Same | Newest::Late(_)));
+        }
+        let asked = connecting.join().unwrap().unwrap().request().expect("a request");
+        let near = |a: [f64; 2], b: [f64; 2]| (0..2).all(|i| (a[i] - b[i]).abs() < 1e-9);
+        assert!(near(asked.pupil.center_mm, [1.0, -2.0]) && near(asked.pupil.velocity_mm_s, [30.0, -2.0]), "{asked:?}");
+        assert!((asked.pupil.diameter_mm - 4.0).abs() < 1e-9 && asked.pupil.tracked);
+        assert_eq!((asked.lit_ns, asked.period_ns), (5_000_000_000, 16_000_000));
+    }
+
+    #[test]
+    fn late_is_what_gives_nothing_for_longer_than_it_does() {
+        const MS: i64 = 1_000_000;
+        let mut interval = Interval::default();
+        assert!(!interval.is_late(5000 * MS), "nothing was ever given");
+        for i in 0..10 {
+            interval.came(i * 33 * MS);
+        }
+        assert!(!interval.is_late((9 * 33 + 40) * MS) && interval.is_late((9 * 33 + 60) * MS));
+        // A stall of a second does not make the next one usual.
+        interval.came(1300 * MS);
+        interval.came(1333 * MS);
+        assert!(interval.is_late(1500 * MS));
+    }
+}

@@ -1,0 +1,238 @@
+//! A far field in tiles that follows the eye: a pupil sees its own piece of the SLM alone, and only that piece is refined. Pieces
+//! are read, with their views of the scene, on a thread of their own, ahead of where the eye goes; the rest of the SLM stays lit
+//! as it is.
+
+use crate::evaluate::Views;
+use crate::hologram::{HologramError, Tiles};
+use crate::mailbox::Mailbox;
+use crate::optics::PupilDistribution;
+use crate::plan::ModelTables;
+use crate::present::SECOND_NS;
+use crate::session::content::scenes::{Due, Newest, SceneFrame, Scenes, Supply};
+use crate::session::frame_log::error::SessionError;
+use crate::session::refinement::field::Field;
+use crate::session::refinement::steerer::SteeredColor;
+use crate::tiled::{Extent, Piece, TiledError};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// How often the thread that reads looks whether it is to end, and how long who waits for it does at once.
+const PATIENCE: Duration = Duration::from_millis(20);
+/// Pieces are asked for where the eye will be in so many seconds, if it goes on.
+const AHEAD: f64 = 0.05;
+/// A pupil that comes so near the end of a piece, in shares of its diameter, has the next one read.
+const MARGIN: f64 = 0.25;
+
+/// What each colour is seen through, beside what a display does ideally.
+type Models = Vec<Option<Arc<ModelTables>>>;
+
+/// A piece that was read: its place, and its colours.
+type Read = Result<(Extent, Vec<SteeredColor>), String>;
+
+/// The pieces of a far field around an eye, one after the other.
+pub struct FarField {
+    name: String,
+    tiles: Arc<Tiles>,
+    models: Arc<Models>,
+    piece: Extent,
+    number: u64,
+    /// Where the pupil was, and for which light.
+    before: Option<(i64, [f64; 2])>,
+    wanted: Mailbox<Extent>,
+    arriving: Mailbox<Read>,
+    ahead: Option<(Extent, Vec<SteeredColor>)>,
+    /// What was asked for last, and has not come.
+    asked: Option<Extent>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl FarField {
+    /// Begins with the piece around `first`; `views` are the scene's, colour by colour of the hologram. What is refined first,
+    /// and all of the phases, which have to fit memory once to be shown.
+    ///
+    /// # Errors
+    /// [`SessionError::Hologram`]; [`SessionError::Setting`] for an aim that is nowhere on the SLM; [`SessionError::Thread`].
+    pub fn start(
+        name: &str,
+        tiles: Tiles,
+        views: Vec<Views>,
+        first: &PupilDistribution,
+    ) -> Result<(Self, Vec<SteeredColor>, Field), SessionError> {
+        let wrong = |reason: String| SessionError::Setting(format!("{name}: {reason}"));
+        let tiles = Arc::new(tiles);
+        let models = (0..views.len()).map(|color| Ok(tiles.model(color)?.map(|model| model.for_steps())));
+        let models: Arc<Models> = Arc::new(models.collect::<Result<_, HologramError>>()?);
+        let piece = extent(&tiles, &models, &widened(first)).map_err(|e| wrong(e.to_string()))?;
+        let reader = Reader { tiles: Arc::clone(&tiles), models: Arc::clone(&models), views };
+        let (piece, colors) = reader.read(piece).map_err(wrong)?;
+        let about = tiles.about();
+        let size = [about.height, about.width];
+        let phases = (0..about.colors.len()).map(|color| tiles.read(color, [0, 0], size)).collect::<Result<_, _>>()?;
+        let (wanted, arriving) = (Mailbox::<Extent>::new(1), Mailbox::new(1));
+        let (asks, reads) = (wanted.clone(), arriving.clone());
+        let thread = std::thread::Builder::new()
+            .name("eyebox reads tiles".into())
+            .spawn(move || {
+                // Alone, nobody waits any more.
+                while !asks.is_alone() {
+                    let Some(wanted) = asks.take_within(PATIENCE) else { continue };
+                    drop(reads.push(reader.read(wanted)));
+                }
+            })
+            .map_err(|e| SessionError::Thread { what: "reads tiles", reason: format!("could not be started ({e})") })?;
+        let field = Field { phases, size, piece };
+        let (before, ahead, asked) = (None, None, None);
+        let name = name.to_string();
+        let far = Self {
+            name,
+            tiles,
+            models,
+            piece,
+            number: 0,
+            before,
+            wanted,
+            arriving,
+            ahead,
+            asked,
+            thread: Some(thread),
+        };
+        Ok((far, colors, field))
+    }
+
+    /// Where the eye will be a little later, if it goes on as it does.
+    fn later(&mut self, due: &Due) -> PupilDistribution {
+        let before = self.before.replace((due.light_ns, due.pupil.centre));
+        let Some((light_ns, from)) = before.filter(|before| before.0 < due.light_ns) else { return due.pupil };
+        let seconds = (due.light_ns - light_ns) as f64 / SECOND_NS as f64;
+        let half = self.tiles.about().pitch * 0.5;
+        let about = self.tiles.about();
+        let reach = [about.width, about.height].map(|n| n as f64 * half);
+        let centre = [0, 1].map(|axis| {
+            let velocity = (due.pupil.centre[axis] - from[axis]) / seconds;
+            (due.pupil.centre[axis] + AHEAD * velocity).clamp(-reach[axis], reach[axis])
+        });
+        PupilDistribution { centre, ..due.pupil }
+    }
+
+    fn extent(&self, aim: &PupilDistribution) -> Result<Extent, TiledError> {
+        extent(&self.tiles, &self.models, aim)
+    }
+
+    /// Asks for the piece around an aim, once.
+    fn ask(&mut self, aim: &PupilDistribution) {
+        let Ok(extent) = self.extent(&widened(aim)) else { return };
+        if self.asked != Some(extent) && self.ahead.as_ref().is_none_or(|ahead| ahead.0 != extent) {
+            self.asked = Some(extent);
+            self.wanted.update(|_| extent);
+        }
+    }
+
+    /// Takes what was read, waiting for it where time waits.
+    fn take(&mut self, patient: bool) -> Result<(), String> {
+        while self.asked.is_some() {
+            let read = if patient { self.arriving.take_within(PATIENCE) } else { self.arriving.take() };
+            match read {
+                Some(Ok(read)) => {
+                    if self.asked == Some(read.0) {
+                        self.asked = None;
+                    }
+                    self.ahead = Some(read);
+                }
+                Some(Err(reason)) => {
+                    self.asked = None;
+                    return Err(reason);
+                }
+                None if patient && !self.thread.as_ref().is_none_or(JoinHandle::is_finished) => {}
+                None => break,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The tiles that hold every pupil of an aim, in every colour.
+fn extent(tiles: &Tiles, models: &Models, aim: &PupilDistribution) -> Result<Extent, TiledError> {
+    let mut all: Option<Extent> = None;
+    for (color, model) in models.iter().enumerate() {
+        let one = Extent::around(tiles, color, model.as_deref(), aim)?;
+        all = Some(all.map_or(one, |all| all.with(&one)));
+    }
+    all.ok_or_else(|| TiledError::Unsuitable("it has no colours".into()))
+}
+
+/// With room around it, so that a pupil does not come to its end at once.
+fn widened(aim: &PupilDistribution) -> PupilDistribution {
+    PupilDistribution { diameter: aim.diameter.map(|d| d * (1.0 + 2.0 * MARGIN)), ..*aim }
+}
+
+impl Scenes for FarField {
+    fn describe(&self) -> String {
+        let about = self.tiles.about();
+        format!("{}: {}x{} pixels in tiles of {}", self.name, about.height, about.width, self.tiles.side())
+    }
+
+    fn next(&mut self, due: &Due) -> Result<Newest, SessionError> {
+        // Beyond the SLM there is nothing to be refined, and nothing is wrong: eyes look away.
+        let Ok(needed) = self.extent(&due.pupil) else { return Ok(Newest::Same) };
+        let later = self.later(due);
+        let covered = self.piece.covers(&needed);
+        if !covered && self.ahead.as_ref().is_none_or(|ahead| !ahead.0.covers(&needed)) {
+            self.ask(&due.pupil);
+        } else if self.extent(&later).is_ok_and(|extent| !self.piece.covers(&extent)) {
+            self.ask(&later);
+        }
+        if let Err(reason) = self.take(due.patient) {
+            return Ok(Newest::Refused(reason));
+        }
+        if covered {
+            return Ok(Newest::Same);
+        }
+        let Some((extent, colors)) = self.ahead.take_if(|ahead| ahead.0.covers(&needed)) else {
+            return Ok(Newest::Late(Supply::LateContent));
+        };
+        self.number += 1;
+        self.piece = extent;
+        Ok(Newest::New(SceneFrame {
+            number: self.number,
+            colors: Arc::new(colors),
+            arrived_ns: None,
+            shows_ns: None,
+            piece: Some(extent),
+        }))
+    }
+
+    fn begins_with_one(&self) -> bool {
+        true
+    }
+}
+
+impl Drop for FarField {
+    fn drop(&mut self) {
+        // The thread ends when it holds the only end.
+        self.wanted = Mailbox::new(1);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// The thread that reads.
+struct Reader {
+    tiles: Arc<Tiles>,
+    models: Arc<Models>,
+    views: Vec<Views>,
+}
+
+impl Reader {
+    fn read(&self, extent: Extent) -> Read {
+        let about = self.tiles.about();
+        let one = |((i, views), model): ((usize, &Views), &Option<Arc<ModelTables>>)| -> Result<_, String> {
+            let piece = Piece::on(&self.tiles, i, views, model.as_deref(), extent).map_err(|e| e.to_string())?;
+            let phases = self.tiles.read(i, extent.at, extent.size).map_err(|e| e.to_string())?;
+            Ok(SteeredColor { problem: piece.problem, phases, exposure: about.colors[i].exposure, laser: None })
+        };
+        let colors = self.views.iter().enumerate().zip(self.models.iter()).map(one);
+        Ok((extent, colors.collect::<Result<_, _>>()?))
+    }
+}

@@ -1,0 +1,9 @@
+//! What is shown as time passes: scenes that follow each other, pieces of a far field, frames of other processes.
+
+#[cfg(target_os = "linux")]
+pub(crate) mod application;
+#[cfg(target_os = "linux")]
+pub(crate) mod device_views;
+pub(crate) mod far_field;
+pub(crate) mod moving;
+pub(crate) mod scenes;

@@ -1,0 +1,258 @@
+//! A sequence of holograms whose scenes are known: each is due at its time, read and loaded ahead, to be refined before it is lit.
+
+use crate::hologram::{Hologram, Sequence};
+use crate::mailbox::Mailbox;
+use crate::optics::{Color, Display, mean_light};
+use crate::present::Rate;
+use crate::scene::LightField;
+use crate::session::content::scenes::{Due, Newest, SceneFrame, Scenes, Supply};
+use crate::session::frame_log::error::SessionError;
+use crate::session::playback::timeline::{Speed, Timeline};
+use crate::session::refinement::steerer::SteeredColor;
+use crate::solve::Problem;
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// Scenes that wait to be due.
+const AHEAD: usize = 2;
+/// How often the thread that reads looks whether it is to end.
+const PATIENCE: Duration = Duration::from_millis(20);
+/// Scenes that come again are kept as far as they fit, bytes.
+const KEPT: usize = 1 << 30;
+
+/// Loads the scene that a hologram names, in the hologram's colours, and says which display it stands before. Fails in a sentence.
+pub type SceneLoader = Box<dyn FnMut(&Hologram) -> Result<(LightField, Display), String> + Send>;
+
+/// A sequence of holograms and their scenes.
+pub struct MovingSequence {
+    name: String,
+    rate: Rate,
+    count: u64,
+    looped: bool,
+    /// Which hologram is due, since the first was asked for.
+    timeline: Option<Timeline>,
+    first_light_ns: i64,
+    /// The newest that was given.
+    shown: u64,
+    arriving: Mailbox<Result<SceneFrame, String>>,
+    ahead: Option<Result<SceneFrame, String>>,
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+}
+
+#[derive(Default)]
+struct Shared {
+    stop: AtomicBool,
+    /// The position that is due: what is older is left out.
+    wanted: AtomicU64,
+}
+
+impl MovingSequence {
+    /// Loads the first hologram with its scene, which is what refinement begins with, and begins to read ahead. A sequence that is
+    /// `looped` begins again at its end.
+    ///
+    /// # Errors
+    /// [`SessionError::Hologram`]; [`SessionError::Setting`] for scenes that cannot be had, or holograms whose colours have no
+    /// names.
+    pub fn start(
+        mut sequence: Sequence,
+        looped: bool,
+        mut load: SceneLoader,
+    ) -> Result<(Self, Vec<SteeredColor>), SessionError> {
+        let name = sequence.path().display().to_string();
+        let (count, [numerator, denominator]) = (sequence.count(), sequence.rate());
+        let rate = Rate::new(numerator, denominator)?;
+        let wrong = |reason: String| SessionError::Setting(format!("{name}: {reason}"));
+        if count == 0 {
+            return Err(wrong("it has no hologram yet".into()));
+        }
+        let first = colors_of(&sequence.load(0)?, &mut load).map_err(wrong)?;
+        let (out, arriving) = {
+            let mailbox = Mailbox::new(AHEAD);
+            (mailbox.clone(), mailbox)
+        };
+        let shared = Arc::new(Shared::default());
+        let state = Arc::clone(&shared);
+        let first = Arc::new(first);
+        let begun = Arc::clone(&first);
+        let thread = std::thread::Builder::new()
+            .name("eyebox reads scenes".into())
+            .spawn(move || Reader { sequence, load, count, looped, out, shared: state }.run(begun))
+            .map_err(|e| SessionError::Thread {
+                what: "reads scenes",
+                reason: format!("could not be started ({e})"),
+            })?;
+        let (timeline, ahead, thread) = (None, None, Some(thread));
+        let (first_light_ns, shown) = (0, 0);
+        let all = Self { name, rate, count, looped, timeline, first_light_ns, shown, arriving, ahead, shared, thread };
+        Ok((all, Arc::unwrap_or_clone(first)))
+    }
+
+    /// The next that is read, waiting for it where time waits.
+    fn read(&mut self, patient: bool) -> Option<Result<SceneFrame, String>> {
+        loop {
+            if let Some(read) = self.ahead.take().or_else(|| self.arriving.take()) {
+                return Some(read);
+            }
+            if !patient || self.thread.as_ref().is_none_or(JoinHandle::is_finished) {
+                return self.arriving.take();
+            }
+            self.ahead = self.arriving.take_within(PATIENCE);
+        }
+    }
+}
+
+impl Scenes for MovingSequence {
+    fn describe(&self) -> String {
+        format!("{}: {} holograms at {} a second", self.name, self.count, self.rate)
+    }
+
+    fn next(&mut self, due: &Due) -> Result<Newest, SessionError> {
+        let rate = self.rate;
+        if self.timeline.is_none() {
+            self.first_light_ns = due.light_ns;
+        }
+        let timeline = self.timeline.get_or_insert_with(|| Timeline::new(rate, Speed::ONE, due.light_ns));
+        let position = timeline.due(due.light_ns).unwrap_or(0);
+        if !self.looped && position >= self.count {
+            return Ok(Newest::Ended);
+        }
+        self.shared.wanted.store(position, Ordering::Release);
+        let (mut newest, mut refused) = (None, None);
+        while newest.as_ref().map_or(self.shown, |scene: &SceneFrame| scene.number) < position {
+            match self.read(due.patient) {
+                Some(Ok(scene)) if scene.number <= position => newest = Some(scene),
+                Some(Ok(later)) => {
+                    self.ahead = Some(Ok(later));
+                    break;
+                }
+                Some(Err(reason)) => {
+                    refused = Some(reason);
+                    break;
+                }
+                None => break,
+            }
+        }
+        Ok(match (newest, refused) {
+            (Some(scene), _) => {
+                self.shown = scene.number;
+                let shows_ns = Some(self.first_light_ns.saturating_add(rate.time_of_ns(scene.number as i64)));
+                Newest::New(SceneFrame { shows_ns, ..scene })
+            }
+            (None, Some(reason)) => Newest::Refused(reason),
+            (None, None) if self.shown < position => Newest::Late(Supply::LateContent),
+            (None, None) => Newest::Same,
+        })
+    }
+
+    fn begins_with_one(&self) -> bool {
+        true
+    }
+}
+
+impl Drop for MovingSequence {
+    fn drop(&mut self) {
+        self.shared.stop.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// A hologram with its scene, colour by colour.
+fn colors_of(hologram: &Hologram, load: &mut SceneLoader) -> Result<Vec<SteeredColor>, String> {
+    let (field, display) = load(hologram)?;
+    SteeredColor::all_of(hologram, &field, &display).map_err(|e| e.to_string())
+}
+
+impl SteeredColor {
+    /// What is refined of a hologram of `field`, made for `display`: all of its colours.
+    ///
+    /// # Errors
+    /// [`SessionError::Setting`] where it has a colour that the scene or the display lacks.
+    pub fn all_of(hologram: &Hologram, field: &LightField, display: &Display) -> Result<Vec<Self>, SessionError> {
+        let padding = hologram.metadata.padding();
+        let one = |color: &crate::hologram::ColorHologram| {
+            let problem = Problem::new(field, color.color.unwrap_or(Color::Green), display, padding);
+            let problem = problem.map_err(|e| SessionError::Setting(e.to_string()))?;
+            let lasers = hologram.metadata.joint_color.as_ref().map(|joint| &joint.lasers);
+            let laser = lasers.and_then(|lasers| lasers.get(&color.color?)).cloned();
+            Ok(Self { problem, phases: color.phases.clone(), exposure: color.exposure, laser })
+        };
+        hologram.colors.iter().map(one).collect()
+    }
+
+    /// The same colors for another scene, which brings no phases. Each exposure rises if the scene is brighter than all of the light,
+    /// as it does when an application shows another picture.
+    ///
+    /// # Errors
+    /// [`SessionError::Setting`] if the scene or the display lacks a color.
+    pub fn for_scene(colors: &[Self], field: &LightField, display: &Display) -> Result<Vec<Self>, SessionError> {
+        let one = |(at, color): (usize, &Self)| {
+            let name = field.colors.get(at).copied().unwrap_or(Color::Green);
+            let problem = Problem::new(field, name, display, color.problem.padding);
+            let problem = problem.map_err(|e| SessionError::Setting(e.to_string()))?;
+            let exposure = color.exposure.max(problem.mean / mean_light(&display.modes(name)));
+            Ok(Self { problem, phases: Vec::new(), exposure, laser: color.laser.clone() })
+        };
+        colors.iter().enumerate().map(one).collect()
+    }
+}
+
+/// The thread that reads.
+struct Reader {
+    sequence: Sequence,
+    load: SceneLoader,
+    count: u64,
+    looped: bool,
+    out: Mailbox<Result<SceneFrame, String>>,
+    shared: Arc<Shared>,
+}
+
+impl Reader {
+    fn run(mut self, first: Arc<Vec<SteeredColor>>) {
+        let mut kept = HashMap::from([(0, first)]);
+        let mut bytes = 0;
+        let mut position = 0;
+        while !self.shared.stop.load(Ordering::Acquire) {
+            position = (position + 1).max(self.shared.wanted.load(Ordering::Acquire));
+            if !self.looped && position >= self.count {
+                return;
+            }
+            let index = position % self.count;
+            let read = match kept.get(&index) {
+                Some(colors) => Ok(Arc::clone(colors)),
+                None => self.load(index).map(Arc::new),
+            };
+            if let (Ok(colors), true) = (&read, self.looped && !kept.contains_key(&index)) {
+                let size = |c: &SteeredColor| c.problem.pyramid.bytes() + 4 * c.phases.len();
+                let more = colors.iter().map(size).sum::<usize>();
+                if bytes + more <= KEPT {
+                    bytes += more;
+                    kept.insert(index, Arc::clone(colors));
+                }
+            }
+            let mut item = read.map(|colors| SceneFrame {
+                number: position,
+                colors,
+                arrived_ns: None,
+                shows_ns: None,
+                piece: None,
+            });
+            while let Err(back) = self.out.put_within(item, PATIENCE) {
+                if self.shared.stop.load(Ordering::Acquire) {
+                    return;
+                }
+                item = back;
+            }
+        }
+    }
+
+    fn load(&mut self, index: u64) -> Result<Vec<SteeredColor>, String> {
+        let hologram = self.sequence.load(index).map_err(|e| format!("hologram {index} is left out: {e}"))?;
+        colors_of(&hologram, &mut self.load).map_err(|e| format!("hologram {index} is left out: {e}"))
+    }
+}

@@ -1,0 +1,498 @@
+//! Refining for every set that can still be reached: what is to be seen then, where the pupil will be, steps until it has to be
+//! handed over, and the set. On a thread, or, where time is simulated, when a set is asked for.
+
+mod beginning;
+mod handing_over;
+mod options;
+
+pub(crate) use options::{Begin, RefinementOptions};
+
+use crate::encode::Encoder;
+use crate::engine::vulkan::VulkanEncoder;
+use crate::gpu::Gpu;
+use crate::present::Clock;
+use crate::session::content::scenes::{Due, Newest, SceneFrame, Supply};
+use crate::session::feeds::journal::{Decision, Journal, Moves};
+use crate::session::feeds::sets::{LiveSource, SetSender, set_channel};
+use crate::session::feeds::showing::Taken;
+use crate::session::frame_log::account::Repeat;
+use crate::session::frame_log::error::SessionError;
+use crate::session::frame_log::latency::Timestamps;
+use crate::session::frame_log::trace::Track;
+use crate::session::playback::player::Begins;
+use crate::session::refinement::set_timing::{Target, as_ns};
+use crate::session::refinement::steerer::Steerer;
+use crate::session::refinement::work_time::{Cost, Times, WorkTime};
+use crossbeam_utils::atomic::AtomicCell;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Slack before a set is decided on: handing over takes no time, but threads wake late.
+const SLACK: Duration = Duration::from_micros(500);
+/// A lost engine is made anew so often, with this pause after an attempt that failed: a driver takes seconds to reset.
+const ATTEMPTS: u32 = 3;
+const PAUSE: Duration = Duration::from_secs(1);
+/// After so many sets an engine has worked, and its loss is a new one.
+const WORKED_SETS: u64 = 16;
+
+#[derive(Default)]
+struct Shared {
+    stop: AtomicBool,
+    restarts: AtomicU64,
+    steps: AtomicU64,
+    moving: AtomicU64,
+    carried: AtomicU64,
+    taken: AtomicCell<Taken>,
+}
+
+/// A hologram that is refined, on a thread where time is real; dropped, it stops.
+pub(crate) struct Refinement {
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<Track>>,
+}
+
+impl Refinement {
+    /// Starts refining. The first set, the hologram for the whole eyebox, is ready when this returns, unless the first scene has
+    /// still to come.
+    ///
+    /// # Errors
+    /// Those of the engines and of the encoder; [`SessionError::Thread`].
+    pub(crate) fn start(encoder: Encoder, mut options: RefinementOptions) -> Result<(Self, LiveSource), SessionError> {
+        let (steerer, gpu) = (options.again)()?;
+        let device = device_encoder(&steerer, gpu, &encoder)?;
+        let (sender, mut source) = set_channel(&encoder.frames(), || {
+            device.as_ref().zip(options.direct).map(|(device, order)| device.pictures(order)).transpose()
+        })?;
+        let shared = Arc::new(Shared::default());
+        let is_real = options.clock.is_some();
+        let mut refining = Refining {
+            steerer,
+            device,
+            encoder,
+            options,
+            sender,
+            shared: Arc::clone(&shared),
+            number: 0,
+            encoding: Duration::ZERO,
+            scene: None,
+            supply: Supply::Same,
+            told: None,
+            building: Duration::ZERO,
+            made_ns: i64::MIN,
+            looked_ns: 0,
+        };
+        let scenes = refining.first_of_scenes().map_or(0, |_| 1);
+        refining.shared.taken.store(Taken { scenes, ..Taken::default() });
+        // Twice: the first time takes longer than any other.
+        for _ in 0..2 {
+            let mut time = WorkTime::begin(refining.options.cost, 0);
+            if refining.waits() {
+                refining.rehearse()?;
+            } else {
+                refining.hand_over(Timestamps::default(), None, 0, &mut time)?;
+            }
+        }
+        let mut thread = None;
+        if is_real {
+            let run = std::thread::Builder::new().name("eyebox refines".into()).spawn(move || refining.live());
+            thread = Some(run.map_err(|e| SessionError::Thread {
+                what: "refines",
+                reason: format!("could not be started ({e})"),
+            })?);
+        } else {
+            source.made_by(Box::new(move |begins| refining.make_for(begins)));
+        }
+        Ok((Self { shared, thread }, source))
+    }
+
+    /// That of sets which are made elsewhere.
+    pub(crate) fn none() -> Self {
+        Self { shared: Arc::default(), thread: None }
+    }
+
+    /// What became of scenes.
+    pub(crate) fn taken(&self) -> Taken {
+        self.shared.taken.load()
+    }
+
+    /// How often it began again with the hologram for the whole eyebox, how many steps it took, how many sets it refined for what
+    /// moves in them, and how often the phases were moved.
+    pub(crate) fn counts(&self) -> [u64; 4] {
+        let Shared { restarts, steps, moving, carried, .. } = &*self.shared;
+        [restarts, steps, moving, carried].map(|count| count.load(Ordering::Relaxed))
+    }
+
+    /// Whether the thread is still there.
+    #[cfg(test)]
+    pub(crate) fn is_running(&self) -> bool {
+        self.thread.as_ref().is_some_and(|t| !t.is_finished())
+    }
+
+    /// Ends the thread: what it did.
+    pub(crate) fn stop(&mut self) -> Option<Track> {
+        self.shared.stop.store(true, Ordering::Release);
+        self.thread.take().and_then(|t| t.join().ok())
+    }
+}
+
+impl Drop for Refinement {
+    fn drop(&mut self) {
+        let _ = self.stop();
+    }
+}
+
+/// An encoder on the engines' device, if they have one: phases need not come to the host.
+fn device_encoder(
+    steerer: &Steerer,
+    gpu: Option<Gpu>,
+    encoder: &Encoder,
+) -> Result<Option<VulkanEncoder>, SessionError> {
+    let gpu = gpu.filter(|_| steerer.phases_on_device().is_some());
+    Ok(gpu.map(|gpu| VulkanEncoder::new(&gpu, encoder.plan())).transpose()?)
+}
+
+struct Refining {
+    steerer: Steerer,
+    device: Option<VulkanEncoder>,
+    encoder: Encoder,
+    options: RefinementOptions,
+    sender: SetSender,
+    shared: Arc<Shared>,
+    number: u64,
+    /// What encoding and handing over takes.
+    encoding: Duration,
+    /// What is to be seen, and how it came.
+    scene: Option<SceneFrame>,
+    supply: Supply,
+    /// What was told last of scenes that were left out.
+    told: Option<String>,
+    /// What making a scene ready takes.
+    building: Duration,
+    /// Until when sets are made, in simulated time, and what looking at the losses of the newest scene took.
+    made_ns: i64,
+    looked_ns: i64,
+}
+
+impl Refining {
+    fn live(mut self) -> Track {
+        let notes = self.options.notes.clone();
+        let _note = notes.on_panic("refinement has ended by a fault of its own; the picture stays");
+        let mut left = ATTEMPTS;
+        loop {
+            let before = self.number;
+            let Err(error) = self.run() else { return self.options.track };
+            self.sender.does(Repeat::EngineLost);
+            if self.number - before >= WORKED_SETS {
+                left = ATTEMPTS;
+            }
+            // The memory of a lost device is gone: the next frame brings other views.
+            self.scene.take_if(|scene| scene.is_lost());
+            let mut reason = error.to_string();
+            loop {
+                if left == 0 {
+                    notes.tell(format!("refinement has ended: {reason}; the picture stays"));
+                    return self.options.track;
+                }
+                left -= 1;
+                match self.open_again() {
+                    Ok(()) => break,
+                    Err(error) => reason = format!("{reason}; making its engine anew failed: {error}"),
+                }
+                if left > 0 && !self.pause() {
+                    return self.options.track;
+                }
+            }
+            notes.tell(format!("refinement begins anew: {reason}"));
+        }
+    }
+
+    /// Makes the engines anew, with the scene that is to be seen.
+    fn open_again(&mut self) -> Result<(), SessionError> {
+        let (mut steerer, gpu) = (self.options.again)()?;
+        match &self.scene {
+            Some(SceneFrame { piece: Some(piece), colors, .. }) => drop(steerer.move_to(*piece, colors)?),
+            Some(scene) => drop(steerer.follow(&scene.colors)?),
+            None => {}
+        }
+        let device = device_encoder(&steerer, gpu, &self.encoder)?;
+        (self.steerer, self.device) = (steerer, device);
+        self.options.journal.iter().for_each(Journal::break_off);
+        self.options.moments.begun_again();
+        Ok(())
+    }
+
+    /// Waits before another attempt: whether there is to be one.
+    fn pause(&self) -> bool {
+        let begun = Instant::now();
+        while begun.elapsed() < PAUSE {
+            if self.shared.stop.load(Ordering::Acquire) {
+                return false;
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        true
+    }
+
+    /// Until it is stopped, on the system's clock.
+    fn run(&mut self) -> Result<(), SessionError> {
+        let Some(clock) = self.options.clock else { return Ok(()) };
+        let mut whole = true;
+        while !self.shared.stop.load(Ordering::Acquire) {
+            let target = self.reachable(clock.now_ns());
+            let steered = self.refines();
+            let Some(changed) = self.look_for_scene(&target, clock.now_ns(), steered)? else { return Ok(()) };
+            if self.waits() {
+                std::thread::sleep(Duration::from_millis(2));
+                continue;
+            }
+            let now_ns = clock.now_ns();
+            let target = self.reachable(now_ns);
+            if steered {
+                whole = false;
+                self.refine_for(target, now_ns)?;
+                continue;
+            }
+            if !whole || changed {
+                self.show_whole(&target, now_ns)?;
+                whole = true;
+            }
+            // Nothing to do but to look again in a while.
+            self.sender.does(Repeat::Unchanged);
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        Ok(())
+    }
+
+    /// In simulated time: makes the set that begins there, if it can be made by then.
+    fn make_for(&mut self, begins: Begins) -> Result<(), SessionError> {
+        let period_ns = self.options.timing.load().period_ns;
+        let Begins { display_time_ns: start_ns, decided_ns: hand_over_ns, turn } = begins;
+        let target = Target { start_ns, hand_over_ns, turn };
+        let (round_ns, ends_ns) = (self.round_ns(), self.ends_ns());
+        let need_ns = round_ns.saturating_add(ends_ns);
+        // It begins when the set before was decided on, or one before that where that is too short a time; or when that was done
+        // with.
+        let ahead_ns = (need_ns.saturating_add(period_ns - 1) / period_ns.max(1)).max(1).saturating_mul(period_ns);
+        let free_ns = self.made_ns.max(target.hand_over_ns.saturating_sub(ahead_ns));
+        self.sender.does(Repeat::StepTooLong);
+        if free_ns.saturating_add(need_ns) > target.hand_over_ns {
+            return Ok(());
+        }
+        // Time that holds no whole round is let pass before the rounds, not behind them: what comes meanwhile, of the eye or of
+        // an application, is lit with this set and not with the next.
+        let spare_ns = |from_ns: i64| (target.hand_over_ns - ends_ns - from_ns).max(0) % round_ns.max(1);
+        let comes = self.options.scenes.as_ref().is_some_and(|scenes| !scenes.begins_with_one());
+        let now_ns = match comes {
+            // Nothing is refined yet: the last moment is the best.
+            true if self.waits() => target.hand_over_ns - need_ns,
+            true => free_ns + spare_ns(free_ns),
+            false => free_ns,
+        };
+        let steered = self.refines();
+        let Some(changed) = self.look_for_scene(&target, now_ns, steered)? else { return Ok(()) };
+        let ready_ns = now_ns + self.looked_ns;
+        match steered {
+            _ if self.waits() => Ok(()),
+            true => self.refine_for(target, ready_ns + spare_ns(ready_ns)),
+            false if changed => self.show_whole(&target, now_ns),
+            false => {
+                self.sender.does(Repeat::Unchanged);
+                Ok(())
+            }
+        }
+    }
+
+    /// Whether the first scene has still to come.
+    fn waits(&self) -> bool {
+        self.scene.is_none() && self.options.scenes.as_ref().is_some_and(|scenes| !scenes.begins_with_one())
+    }
+
+    /// Whether sets are refined, for the eye or for the whole eyebox.
+    fn refines(&self) -> bool {
+        self.options.whole.is_some() || self.options.steered.load(Ordering::Acquire)
+    }
+
+    /// The number of the scene that it began with, where others follow it.
+    fn first_of_scenes(&self) -> Option<u64> {
+        self.options.scenes.as_ref().filter(|scenes| scenes.begins_with_one()).map(|_| 0)
+    }
+
+    fn round_ns(&self) -> i64 {
+        self.options.cost.round_ns(self.steerer.colors(), || self.steerer.round())
+    }
+
+    /// What comes behind the steps.
+    fn ends_ns(&self) -> i64 {
+        match self.options.cost {
+            Cost::Measured => as_ns(self.encoding + SLACK),
+            // Nobody wakes late where time is simulated.
+            Cost::Fixed { encode, .. } => as_ns(encode),
+        }
+    }
+
+    fn reachable(&self, now_ns: i64) -> Target {
+        let need_ns = self.round_ns().saturating_add(self.ends_ns());
+        self.options.timing.load().reachable(now_ns, need_ns)
+    }
+
+    fn light_ns(&self, target: &Target) -> i64 {
+        target.start_ns.saturating_add(as_ns(self.options.light_after))
+    }
+
+    /// Takes the scene that is to be seen by this set's light: whether it is another one; none where there will be no more.
+    fn look_for_scene(&mut self, target: &Target, now_ns: i64, steered: bool) -> Result<Option<bool>, SessionError> {
+        let light_ns = self.light_ns(target);
+        let times = Times(self.options.clock);
+        self.sender.does(Repeat::SceneTooLong);
+        if self.options.scenes.is_none() {
+            return Ok(Some(false));
+        }
+        let light_monotonic_ns = times.monotonic_ns(light_ns);
+        let expected = self.options.expect(times.monotonic_ns(now_ns), light_monotonic_ns)?;
+        let (pupil, velocity) = (expected.pupil, expected.velocity.pupil);
+        let (period_ns, patient) = (self.options.timing.load().period_ns, self.options.clock.is_none());
+        let tracked = self.options.is_tracked();
+        let due = Due { now_ns, light_ns, light_monotonic_ns, period_ns, pupil, velocity, tracked, patient };
+        let begun = Instant::now();
+        let mut taken = self.shared.taken.load();
+        self.looked_ns = 0;
+        let Some(scenes) = &mut self.options.scenes else { return Ok(Some(false)) };
+        let scene = match scenes.next(&due)? {
+            Newest::New(scene) => scene,
+            Newest::Same => {
+                self.supply = Supply::Same;
+                return Ok(Some(false));
+            }
+            Newest::Late(supply) => {
+                self.supply = supply;
+                return Ok(Some(false));
+            }
+            Newest::Refused(reason) => {
+                taken.refused += 1;
+                self.shared.taken.store(taken);
+                if self.told.as_ref() != Some(&reason) {
+                    self.options.notes.tell(format!("{reason}; what was shown before stays"));
+                    self.told = Some(reason);
+                }
+                return Ok(Some(false));
+            }
+            Newest::Ended => {
+                self.sender.end();
+                return Ok(None);
+            }
+        };
+        if !steered {
+            // What is shown is the scene's own hologram: there is nothing to compare.
+            self.steerer.forget_aim();
+        }
+        if let Some(journal) = &self.options.journal {
+            journal.scene(&scene, !steered);
+        }
+        self.options.moments.follow(&scene.colors, scene.shows_ns.or(scene.arrived_ns).unwrap_or(light_ns));
+        let followed = match scene.piece {
+            Some(piece) => self.steerer.move_to(piece, &scene.colors)?,
+            None => self.steerer.follow(&scene.colors)?,
+        };
+        if followed.own > 0 {
+            self.options.moments.begun_again();
+        }
+        taken.scenes += 1;
+        taken.own_starts += u64::from(followed.own);
+        taken.kept_starts += u64::from(followed.kept);
+        self.shared.taken.store(taken);
+        self.looked_ns = self.options.cost.round_ns(followed.looks as usize, || Duration::ZERO);
+        self.options.track.span("scene", scene.number, begun);
+        self.building = begun.elapsed();
+        (self.scene, self.supply) = (Some(scene), Supply::New);
+        Ok(Some(true))
+    }
+
+    /// The hologram for the whole eyebox.
+    fn show_whole(&mut self, target: &Target, now_ns: i64) -> Result<(), SessionError> {
+        self.steerer.show_whole()?;
+        self.options.journal.iter().for_each(|journal| journal.keep(Decision::Whole {}));
+        let mut time = WorkTime::begin(self.options.cost, now_ns);
+        let timestamps = Timestamps {
+            refine_start_ns: now_ns,
+            aimed_ns: now_ns,
+            refine_end_ns: now_ns,
+            predicted_light_ns: self.light_ns(target),
+            ..Timestamps::default()
+        };
+        self.hand_over(timestamps, None, 0, &mut time)?;
+        self.made_ns = time.now_ns();
+        Ok(())
+    }
+
+    /// Steps until the set has to be handed over, and the set.
+    fn refine_for(&mut self, target: Target, now_ns: i64) -> Result<(), SessionError> {
+        let (light_ns, times) = (self.light_ns(&target), Times(self.options.clock));
+        let mut time = WorkTime::begin(self.options.cost, now_ns);
+        let begun = Instant::now();
+        let before = self.steerer.counts();
+        let deadline_ns = target.hand_over_ns.saturating_sub(self.ends_ns());
+        let mut steps = 0;
+        self.sender.does(Repeat::StepTooLong);
+        // Every round looks again where the pupil will be, and what is to be seen: samples and scenes come while it refines.
+        let (expected, aimed_ns, moves) = loop {
+            let at_ns = time.now_ns();
+            let expected = self.options.expect(times.monotonic_ns(at_ns), times.monotonic_ns(light_ns))?;
+            if self.steerer.aim(expected.pupil)? {
+                self.options.moments.begun_again();
+            }
+            let turn = usize::try_from(target.turn).unwrap_or(0);
+            let moves = Moves { motion: self.options.moments.motion(light_ns, &expected), turn };
+            self.steerer.moves(&moves.motion, self.options.moments.times(turn))?;
+            time.looked(self.carry(light_ns, &expected.pupil, &moves)?);
+            self.fit(&expected.pupil, &moves)?;
+            let taken = self.steerer.round_while(|steps, expected| time.steps_before(deadline_ns, steps, expected))?;
+            steps += taken;
+            self.options.journal.iter().for_each(|journal| journal.steps(&expected.pupil, &moves, taken));
+            let left_ns = deadline_ns.saturating_sub(time.now_ns()).saturating_sub(self.round_ns());
+            let moves = !moves.motion.is_still();
+            if taken == 0 || left_ns < 0 {
+                break (expected, at_ns, moves);
+            }
+            // What making a scene ready takes is said of no other machine.
+            let building = self.options.clock.map_or(Duration::ZERO, |_| self.building);
+            if left_ns > as_ns(building) {
+                if self.look_for_scene(&target, time.now_ns(), true)?.is_none() {
+                    break (expected, at_ns, moves);
+                }
+                self.sender.does(Repeat::StepTooLong);
+            }
+        };
+        self.steerer.settle()?;
+        self.options.track.span("refine", self.number, begun);
+        let after = self.steerer.counts();
+        self.shared.restarts.fetch_add(after[0] - before[0], Ordering::Relaxed);
+        self.shared.steps.fetch_add(u64::from(steps), Ordering::Relaxed);
+        if steps == 0 {
+            // The time was too short for a step: the next set is for the one after.
+            if self.options.clock.is_some() {
+                std::thread::sleep(SLACK);
+            }
+            self.made_ns = time.now_ns();
+            return Ok(());
+        }
+        self.shared.moving.fetch_add(u64::from(moves), Ordering::Relaxed);
+        let [sample_ns, decoded_ns, filtered_ns] =
+            [0, 1, 2].map(|i| expected.sample_ns.map(|s| times.at_monotonic_ns(s[i])));
+        let timestamps = Timestamps {
+            sample_ns,
+            decoded_ns,
+            filtered_ns,
+            refine_start_ns: now_ns,
+            aimed_ns,
+            refine_end_ns: time.now_ns(),
+            handed_over_ns: 0,
+            predicted_light_ns: light_ns,
+        };
+        let aim = self.options.is_tracked().then_some(expected.pupil);
+        self.hand_over(timestamps, aim, steps, &mut time)?;
+        self.made_ns = time.now_ns();
+        Ok(())
+    }
+}

@@ -1,0 +1,50 @@
+//! What the steps of a set begin with: the phases moved with the content, or others where it is another picture altogether.
+
+use super::Refining;
+use crate::optics::PupilDistribution;
+use crate::session::feeds::journal::{Decision, Moves, Shifts};
+use crate::session::frame_log::error::SessionError;
+use std::sync::atomic::Ordering;
+use std::time::Instant;
+
+impl Refining {
+    /// Moves the phases with the content, to where it is when they are lit, from `light_ns` on: how many losses were looked at.
+    pub(super) fn carry(
+        &mut self,
+        light_ns: i64,
+        pupil: &PupilDistribution,
+        moves: &Moves,
+    ) -> Result<u32, SessionError> {
+        let moments = &mut self.options.moments;
+        let Some(look) = moments.carry(light_ns, moves.turn) else { return Ok(0) };
+        let Some((pixels, lighting)) = moments.shifts() else { return Ok(0) };
+        if let Some(journal) = &self.options.journal {
+            // What losses are looked at through.
+            journal.steps(pupil, moves, 0);
+            journal.keep(Decision::Carry { pixels: Shifts::of(pixels), look });
+        }
+        let (moved, looks) = self.steerer.carry(pixels, lighting, look)?;
+        moments.carried(moved);
+        self.shared.carried.fetch_add(u64::from(moved), Ordering::Relaxed);
+        Ok(looks)
+    }
+
+    /// Begins anew where the content is another picture altogether.
+    pub(super) fn fit(&mut self, pupil: &PupilDistribution, moves: &Moves) -> Result<(), SessionError> {
+        if !self.steerer.wants_fit() {
+            return Ok(());
+        }
+        let begun = Instant::now();
+        if let Some(journal) = &self.options.journal {
+            journal.steps(pupil, moves, 0);
+            journal.keep(Decision::Fit {});
+        }
+        let looked_up = self.steerer.fit()?;
+        self.options.moments.begun_again();
+        let mut taken = self.shared.taken.load();
+        taken.looked_up_starts += u64::from(looked_up);
+        self.shared.taken.store(taken);
+        self.options.track.span("look-up", self.scene.as_ref().map_or(0, |scene| scene.number), begun);
+        Ok(())
+    }
+}

@@ -1,0 +1,116 @@
+//! Doing again what a session that was kept has done: the same sets, lit in the same order, on a simulated clock.
+
+use crate::encode::{Encoder, Lighting, PhaseSet};
+use crate::session::content::scenes::Supply;
+use crate::session::feeds::journal::{Decision, Kept};
+use crate::session::feeds::sets::{FinishedSet, LiveSource, SetSender, set_channel};
+use crate::session::frame_log::error::SessionError;
+use crate::session::frame_log::latency::Timestamps;
+use crate::session::refinement::steerer::{SteeredColor, Steerer};
+
+/// A session that is done again.
+pub(crate) struct Replay {
+    kept: Kept,
+    colors: Vec<SteeredColor>,
+    steerer: Steerer,
+    encoder: Encoder,
+    /// When the sub-frames of each colour are lit.
+    lighting: Lighting,
+    sender: SetSender,
+    /// The set that was handed over last, and the scene of those to come.
+    newest: Option<u64>,
+    content: Option<u64>,
+    steps: u32,
+}
+
+impl Replay {
+    /// From what it began with; sets are made when they are asked for.
+    ///
+    /// # Errors
+    /// Those of the channel's buffers.
+    pub(crate) fn start(
+        kept: Kept,
+        colors: Vec<SteeredColor>,
+        steerer: Steerer,
+        encoder: Encoder,
+        lighting: Lighting,
+    ) -> Result<LiveSource, SessionError> {
+        let (sender, mut source) = set_channel(&encoder.frames(), || Ok::<_, SessionError>(None))?;
+        let (newest, content, steps) = (None, None, 0);
+        let mut replay = Self { kept, colors, steerer, encoder, lighting, sender, newest, content, steps };
+        source.made_by(Box::new(move |_| replay.light_next()));
+        Ok(source)
+    }
+
+    /// The set that was lit next then.
+    fn light_next(&mut self) -> Result<(), SessionError> {
+        let Some(wanted) = self.kept.lit.next() else {
+            self.sender.end();
+            return Ok(());
+        };
+        while self.newest.is_none_or(|newest| newest < wanted) {
+            let Some(decision) = self.kept.decisions.next() else {
+                return Err(SessionError::Setting(format!(
+                    "set {wanted} was lit, and it was not kept how it was made"
+                )));
+            };
+            match decision {
+                Decision::Scene { number, anew, colors } => {
+                    if anew {
+                        self.steerer.forget_aim();
+                    }
+                    let scene = self.kept.scene(number, &colors, &self.colors)?;
+                    self.steerer.follow(&scene)?;
+                    self.content = Some(number);
+                }
+                Decision::Steps { pupil, motion, turn, steps } => {
+                    self.steerer.aim(Kept::pupil(pupil))?;
+                    self.steerer.moves(&Kept::motion(motion), self.lighting.times(turn))?;
+                    let mut left = steps;
+                    self.steerer.round_while(|_, _| {
+                        let more = left > 0;
+                        left = left.saturating_sub(1);
+                        more
+                    })?;
+                    self.steps += steps;
+                }
+                Decision::Carry { pixels, look } => {
+                    self.steerer.carry(pixels.turns(), &self.lighting, look)?;
+                }
+                Decision::Fit {} => drop(self.steerer.fit()?),
+                Decision::Whole {} => self.steerer.show_whole()?,
+                Decision::Set { number } => {
+                    self.newest = Some(number);
+                    if number >= wanted {
+                        self.hand_over(number)?;
+                    }
+                }
+                Decision::Lit { .. } => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn hand_over(&mut self, number: u64) -> Result<(), SessionError> {
+        let Some(mut buffer) = self.sender.buffer() else { return Ok(()) };
+        self.steerer.settle()?;
+        self.encoder.encode_into(&PhaseSet::trusted(&self.steerer.sent()?), &mut buffer.frames)?;
+        buffer.lit_by(self.steerer.sources());
+        self.sender.send(FinishedSet {
+            number,
+            buffer,
+            timestamps: Timestamps::default(),
+            pupil: [0.0; 2],
+            focus: None,
+            steps: std::mem::take(&mut self.steps),
+            content: self.content,
+            arrived_ns: None,
+            supply: Supply::Same,
+            estimated_db: None,
+            phases: None,
+            scene: None,
+            motion: Vec::new(),
+        });
+        Ok(())
+    }
+}

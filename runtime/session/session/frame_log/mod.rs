@@ -1,0 +1,7 @@
+//! What was shown and why: the account of video frames, latencies, notes and the trace.
+
+pub(crate) mod account;
+pub(crate) mod error;
+pub(crate) mod latency;
+pub(crate) mod notes;
+pub(crate) mod trace;

@@ -1,0 +1,252 @@
+//! What each thread did when, in the format of Chrome's tracing (`chrome://tracing`, Perfetto): an array of events, one a line,
+//! which those read without its end, too. A thread of its own writes it while it grows.
+
+use crate::encode::Packed;
+use crate::files::{FileError, GrowingFile};
+use crate::mailbox::Mailbox;
+use crate::session::frame_log::error::SessionError;
+use serde_json::{Value, json};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Spans that wait to be written: a second of thousands.
+const WAITING: usize = 1 << 14;
+/// How often the file is tended where nothing comes.
+const PATIENCE: Duration = Duration::from_millis(200);
+
+#[derive(Debug, Clone)]
+enum Entry {
+    Track { thread: u64, name: &'static str },
+    Span { thread: u64, name: &'static str, position: u64, start_ns: u64, duration_ns: u64 },
+    Lit { thread: u64, at_ns: u64, lit: Lit },
+    Light { thread: u64, at_ns: u64, light: Light },
+    End,
+}
+
+/// A new set of a refined hologram: times in nanoseconds on the player's clock.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Lit {
+    /// Its number, and that of the scene that it shows, where scenes follow each other.
+    pub set: u64,
+    pub content: Option<u64>,
+    /// How that came.
+    pub supply: &'static str,
+    /// When the newest sample was taken that it follows.
+    pub sample_ns: Option<i64>,
+    /// The middle of its light.
+    pub light_ns: i64,
+    /// Steps over all colours, and what the last of them saw.
+    pub steps: u32,
+    pub estimated_db: Option<f64>,
+}
+
+/// The light of one video frame of a refined hologram: of all of its sub-frames.
+#[derive(Debug, Clone)]
+pub(crate) struct Light {
+    /// Of its set; the light is this video frame's.
+    pub lit: Lit,
+    /// Which of the set.
+    pub video_frame: u64,
+    /// Why it is not the first light of these sub-frames, where it is not.
+    pub again: Option<&'static str>,
+    /// Which sub-frames a video frame holds.
+    pub packed: Arc<Packed>,
+}
+
+/// Hands out tracks of one beginning.
+#[derive(Debug, Clone)]
+pub struct Trace {
+    origin: Instant,
+    out: Option<Mailbox<Entry>>,
+    tracks: Arc<AtomicU64>,
+    /// Spans for which there was no room.
+    lost: Arc<AtomicU64>,
+}
+
+/// A trace that is being written.
+#[derive(Debug)]
+pub struct Written {
+    trace: Trace,
+    thread: JoinHandle<Result<(), FileError>>,
+}
+
+impl Trace {
+    /// One that keeps nothing.
+    pub fn none() -> Self {
+        Self { origin: Instant::now(), out: None, tracks: Arc::default(), lost: Arc::default() }
+    }
+
+    /// One that is written to a file until [`Written::finish`].
+    ///
+    /// # Errors
+    /// [`SessionError::File`], [`SessionError::Thread`].
+    pub fn write(file: &Path) -> Result<Written, SessionError> {
+        let (out, from) = (GrowingFile::new(file)?, Mailbox::new(WAITING));
+        let trace = Self { out: Some(from.clone()), ..Self::none() };
+        let lost = Arc::clone(&trace.lost);
+        let thread = std::thread::Builder::new().name("eyebox traces".into());
+        let thread = thread
+            .spawn(move || write(out, &from, &lost))
+            .map_err(|e| SessionError::Thread { what: "traces", reason: format!("could not be started ({e})") })?;
+        Ok(Written { trace, thread })
+    }
+
+    /// A track for a thread.
+    pub fn track(&self, name: &'static str) -> Track {
+        let track = Track { thread: self.tracks.fetch_add(1, Ordering::Relaxed), trace: self.clone() };
+        track.put(Entry::Track { thread: track.thread, name });
+        track
+    }
+}
+
+impl Written {
+    /// What hands out its tracks.
+    pub fn trace(&self) -> Trace {
+        self.trace.clone()
+    }
+
+    /// Writes what still waits, and the end.
+    ///
+    /// # Errors
+    /// [`SessionError::File`], of any time; what was written before is whole.
+    pub fn finish(self) -> Result<(), SessionError> {
+        if let Some(out) = &self.trace.out {
+            // Until it arrives: the thread waits for it.
+            let mut end = Entry::End;
+            while let Err(back) = out.put_within(end, PATIENCE) {
+                if self.thread.is_finished() {
+                    break;
+                }
+                end = back;
+            }
+        }
+        let failed = |_| SessionError::Thread { what: "traces", reason: "failed, which is a fault of eyebox".into() };
+        Ok(self.thread.join().map_err(failed)??)
+    }
+}
+
+/// Writes entries until the end; where that fails, the rest is taken all the same.
+fn write(mut out: GrowingFile, from: &Mailbox<Entry>, lost: &AtomicU64) -> Result<(), FileError> {
+    let mut written = out.add(|out| out.write_all(b"[\n"));
+    loop {
+        let added = match from.take_within(PATIENCE) {
+            Some(Entry::End) => break,
+            Some(entry) => out.add(|out| writeln!(out, "{},", event(entry))),
+            None => out.tend(),
+        };
+        written = written.and(added);
+    }
+    let end = json!({
+        "name": "process_name", "ph": "M", "pid": 1, "args": { "name": "eyebox", "lost": lost.load(Ordering::Relaxed) },
+    });
+    written.and(out.add(|out| writeln!(out, "{end}\n]"))).and(out.finish())
+}
+
+fn event(entry: Entry) -> Value {
+    let micros = |ns: u64| ns as f64 / 1000.0;
+    match entry {
+        Entry::Track { thread, name } => {
+            json!({ "name": "thread_name", "ph": "M", "pid": 1, "tid": thread, "args": { "name": name } })
+        }
+        Entry::Span { thread, name, position, start_ns, duration_ns } => json!({
+            "name": name, "cat": "playback", "ph": "X", "pid": 1, "tid": thread,
+            "ts": micros(start_ns), "dur": micros(duration_ns), "args": { "frame": position },
+        }),
+        Entry::Lit { thread, at_ns, lit } => json!({
+            "name": "set", "cat": "playback", "ph": "i", "s": "t", "pid": 1, "tid": thread, "ts": micros(at_ns),
+            "args": arguments(&lit),
+        }),
+        Entry::Light { thread, at_ns, light } => {
+            let Light { lit, video_frame, again, packed } = light;
+            let mut args = arguments(&lit);
+            let held = packed.slots.iter().filter(|slot| slot.video_frame as u64 == video_frame);
+            args["video_frame"] = json!(video_frame);
+            args["sub_frames"] = held.map(|slot| json!([slot.color, slot.sub_frame])).collect();
+            args["again"] = json!(again);
+            json!({
+                "name": "light", "cat": "playback", "ph": "i", "s": "t", "pid": 1, "tid": thread, "ts": micros(at_ns),
+                "args": args,
+            })
+        }
+        Entry::End => Value::Null,
+    }
+}
+
+fn arguments(lit: &Lit) -> Value {
+    let ms = |ns: i64| ns as f64 * 1e-6;
+    json!({
+        "set": lit.set, "content_frame": lit.content, "content": lit.supply, "sample_ms": lit.sample_ns.map(ms),
+        "light_ms": ms(lit.light_ns), "steps": lit.steps, "estimated_psnr_db": lit.estimated_db,
+    })
+}
+
+/// The spans of one thread. They wait in a buffer that is made once: where it is full, further ones are only counted.
+#[derive(Debug)]
+pub struct Track {
+    thread: u64,
+    trace: Trace,
+}
+
+impl Track {
+    /// Something that began at `start` and ends now, for a content frame by its number.
+    pub fn span(&mut self, name: &'static str, position: u64, start: Instant) {
+        let nanoseconds = |d: Duration| u64::try_from(d.as_nanos()).unwrap_or(u64::MAX);
+        let start_ns = nanoseconds(start.saturating_duration_since(self.trace.origin));
+        self.put(Entry::Span {
+            thread: self.thread,
+            name,
+            position,
+            start_ns,
+            duration_ns: nanoseconds(start.elapsed()),
+        });
+    }
+
+    /// A new set is on its way to the light.
+    pub(crate) fn lit(&mut self, lit: Lit) {
+        self.put(Entry::Lit { thread: self.thread, at_ns: self.now_ns(), lit });
+    }
+
+    /// A video frame is.
+    pub(crate) fn light(&mut self, light: Light) {
+        self.put(Entry::Light { thread: self.thread, at_ns: self.now_ns(), light });
+    }
+
+    fn now_ns(&self) -> u64 {
+        let now = Instant::now().saturating_duration_since(self.trace.origin);
+        u64::try_from(now.as_nanos()).unwrap_or(u64::MAX)
+    }
+
+    fn put(&self, entry: Entry) {
+        if self.trace.out.as_ref().is_some_and(|out| out.put(entry).is_err()) {
+            self.trace.lost.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_is_readable_while_it_grows_and_whole_at_its_end() {
+        let here = tempfile::tempdir().unwrap();
+        let file = here.path().join("t.json");
+        let written = Trace::write(&file).unwrap();
+        let mut track = written.trace().track("read");
+        track.span("decode", 7, Instant::now());
+        let text = || std::fs::read_to_string(&file).unwrap_or_default();
+        let begun = Instant::now();
+        while !text().contains("decode") && begun.elapsed() < Duration::from_secs(60) {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        let now = text();
+        let events: Vec<Value> = serde_json::from_str(&format!("{}]", now.trim_end().trim_end_matches(','))).unwrap();
+        assert_eq!((events.len(), &events[1]["args"]["frame"]), (2, &json!(7)));
+        written.finish().unwrap();
+        let events: Vec<Value> = serde_json::from_str(&text()).unwrap();
+        assert_eq!((events.len(), &events[2]["args"]["lost"]), (3, &json!(0)));
+    }
+}

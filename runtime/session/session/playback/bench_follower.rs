@@ -1,0 +1,217 @@
+//! A bench that is followed while a scene is shown on it: a camera takes a picture of the hologram on the screen now and then, the
+//! display's model follows the pictures, and the scene is solved again for the new model.
+//!
+//! A picture is only taken of the newest version of the hologram, once that is on the screen, and is thrown away if the screen changed
+//! during the exposure. [`NewestHologram`] has both from the present thread, so nothing here depends on how long sets are under way.
+
+use crate::calibrate::{CalibrateError, Calibration, Follower, Following, Look, Report};
+use crate::files::asked_to_end;
+use crate::hologram::{Hologram, NewestHologram};
+use crate::optics::{Color, Display};
+use crate::session::frame_log::error::SessionError;
+use crate::session::playback::output::Output;
+use crate::session::playback::pattern_output::PatternOutput;
+use std::sync::atomic::Ordering;
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// How often a wait looks at the screen, and whether the show is over.
+const PATIENCE: Duration = Duration::from_millis(20);
+
+/// An event while a bench is followed.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum FollowEvent<'a> {
+    /// A picture was thrown away, because the screen changed during its exposure.
+    Discarded,
+    /// The model does not explain the latest pictures, and stays.
+    Unexplained(&'a Report),
+    /// The latest pictures agree with the model, which was checked for drift today.
+    Agrees(&'a Calibration),
+    /// The model followed the bench. The scene is solved for it next.
+    Followed(&'a Calibration),
+    /// This version of the hologram was solved for the new model. It appears with the next set that is made.
+    Replaced(u64),
+    /// A picture or a fit failed, and the model stays. The next picture is taken all the same.
+    Failed(&'a CalibrateError),
+    /// The camera was lost. The model follows no more, and the show goes on.
+    Lost(&'a CalibrateError),
+}
+
+/// A bench whose model follows it while a scene is shown in one color.
+pub struct BenchFollower<'a> {
+    follower: Follower<'a>,
+    display: Display,
+    color: Color,
+    every: Duration,
+}
+
+/// Takes a picture of these phases. The function returns, after the exposure, whether they were on the screen all the time.
+type TakesPicture<'a> = dyn FnMut(&[f32], &dyn Fn() -> bool) -> Result<Look, CalibrateError> + 'a;
+
+impl<'a> BenchFollower<'a> {
+    /// Starts the camera's command, and shows the dots on `output`, which is closed again before this returns. `settle` is the time
+    /// from when the dots light up until the modulator stands, and `every` the time from one picture to the next.
+    ///
+    /// # Errors
+    /// [`SessionError::Calibrate`]; those of [`PatternOutput::open`].
+    pub fn open(
+        (display, color): (&Display, Color),
+        (output, settle): (&Output, Duration),
+        camera: &Following<'a>,
+        every: Duration,
+        say: &'a mut dyn FnMut(&str),
+    ) -> Result<Self, SessionError> {
+        let mut output = PatternOutput::open(output, display, &[color], settle)?;
+        let follower = Follower::open(display, color, camera, &mut output, say)?;
+        Ok(Self { follower, display: display.clone(), color, every })
+    }
+
+    /// Follows the bench until the show `is_over`. A session plays `newest` meanwhile, on another thread. `solve` solves the scene for a
+    /// model that followed the bench.
+    ///
+    /// # Errors
+    /// Those of `solve` and `observe`; [`SessionError::Setting`] for a hologram of another shape. The show goes on without the
+    /// follower.
+    pub fn follow<E: From<SessionError>>(
+        mut self,
+        newest: &NewestHologram,
+        is_over: &dyn Fn() -> bool,
+        solve: &mut dyn FnMut(&Display) -> Result<Hologram, E>,
+        observe: &mut dyn FnMut(FollowEvent) -> Result<(), E>,
+    ) -> Result<(), E> {
+        while waited(self.every, is_over) {
+            let Some(look) = picture(newest, is_over, &mut |phases, stood| self.follower.look(phases, stood), observe)?
+            else {
+                break;
+            };
+            match look {
+                Ok(Look::Discarded | Look::Taken) => {}
+                Ok(Look::Fitted(fitted)) => self.take_over(&fitted, newest, solve, observe)?,
+                Err(_) if asked_to_end().load(Ordering::SeqCst) => break,
+                Err(error) if error.is_ended() => return observe(FollowEvent::Lost(&error)),
+                Err(error) => observe(FollowEvent::Failed(&error))?,
+            }
+        }
+        self.follower.close();
+        Ok(())
+    }
+
+    /// The model becomes that of the fit, if the pictures are explained, and the scene is solved for it.
+    fn take_over<E: From<SessionError>>(
+        &mut self,
+        fitted: &Calibration,
+        newest: &NewestHologram,
+        solve: &mut dyn FnMut(&Display) -> Result<Hologram, E>,
+        observe: &mut dyn FnMut(FollowEvent) -> Result<(), E>,
+    ) -> Result<(), E> {
+        if !fitted.report.calibrated {
+            return observe(FollowEvent::Unexplained(&fitted.report));
+        }
+        let changed = fitted.display.model(self.color) != self.display.model(self.color);
+        self.display = fitted.display.clone();
+        if !changed {
+            return observe(FollowEvent::Agrees(fitted));
+        }
+        observe(FollowEvent::Followed(fitted))?;
+        let other = |_| SessionError::Setting("the scene was solved for another number of sub-frames or pixels".into());
+        let version = newest.replace(solve(&self.display)?).map_err(other)?;
+        observe(FollowEvent::Replaced(version))
+    }
+}
+
+/// Whether the show still goes on after this time.
+fn waited(time: Duration, is_over: &dyn Fn() -> bool) -> bool {
+    let begun = Instant::now();
+    while begun.elapsed() < time && !is_over() {
+        thread::sleep(PATIENCE.min(time));
+    }
+    !is_over()
+}
+
+/// Waits until the newest version is on the screen, and takes a picture of it, again if the screen changed during the exposure. None
+/// once the show is over.
+fn picture<E>(
+    newest: &NewestHologram,
+    is_over: &dyn Fn() -> bool,
+    take: &mut TakesPicture,
+    observe: &mut dyn FnMut(FollowEvent) -> Result<(), E>,
+) -> Result<Option<Result<Look, CalibrateError>>, E> {
+    while !is_over() {
+        let Some((shown, mut hologram)) = newest.shown() else {
+            thread::sleep(PATIENCE);
+            continue;
+        };
+        let stood = || newest.on_screen() == Some(shown);
+        match take(&hologram.colors.swap_remove(0).phases, &stood) {
+            Ok(Look::Discarded) => observe(FollowEvent::Discarded)?,
+            look => return Ok(Some(look)),
+        }
+    }
+    Ok(None)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hologram::{ColorHologram, OnScreen};
+    use std::cell::{Cell, RefCell};
+    use std::collections::VecDeque;
+
+    /// Every phase is this one.
+    fn hologram(phase: f32) -> Hologram {
+        let text = "resolution = [4, 4]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
+        let display = Display::from_toml(text, "test").unwrap();
+        let (exposure, efficiency, phases) = (0.4, 0.4, vec![phase; 16]);
+        let color = ColorHologram { color: Some(Color::Green), wavelength: 520e-9, exposure, efficiency, phases };
+        Hologram::on(&display, 1, vec![color])
+    }
+
+    /// Has pictures taken while the screen shows one thing after the other, one at each look, until there are no more. The second
+    /// `OnScreen` is what the screen shows by the end of an exposure. Returns for each picture the phase, the version on the screen, and
+    /// whether it was kept.
+    fn pictures(newest: &NewestHologram, script: &[[Option<OnScreen>; 2]]) -> (Vec<(f32, u64, bool)>, bool) {
+        let script = RefCell::new(VecDeque::from(script.to_vec()));
+        let (after, taken, discarded) = (Cell::new(None), RefCell::new(Vec::new()), Cell::new(0));
+        let is_over = || {
+            let Some([before, by_the_end]) = script.borrow_mut().pop_front() else { return true };
+            newest.put_on_screen(before);
+            after.set(by_the_end);
+            false
+        };
+        let mut take = |phases: &[f32], stood: &dyn Fn() -> bool| {
+            let version = newest.on_screen().map_or(u64::MAX, |shown| shown.version);
+            newest.put_on_screen(None);
+            newest.put_on_screen(after.get());
+            taken.borrow_mut().push((phases[0], version, stood()));
+            Ok(if stood() { Look::Taken } else { Look::Discarded })
+        };
+        let mut observe = |event: FollowEvent| {
+            assert!(matches!(event, FollowEvent::Discarded));
+            discarded.set(discarded.get() + 1);
+            Ok::<(), SessionError>(())
+        };
+        let kept = picture(newest, &is_over, &mut take, &mut observe).unwrap().is_some();
+        let taken = taken.into_inner();
+        assert_eq!(discarded.get(), taken.iter().filter(|(_, _, kept)| !kept).count());
+        (taken, kept)
+    }
+
+    #[test]
+    fn a_picture_is_taken_of_the_newest_version_alone_and_thrown_away_if_the_screen_changed() {
+        let newest = NewestHologram::new(hologram(1.0));
+        let at = |version, since| Some(OnScreen { version, since });
+        // Nothing is on the screen before the show is over.
+        assert_eq!(pictures(&newest, &[[None; 2]; 3]), (vec![], false));
+        let still = [at(0, 3); 2];
+        assert_eq!(pictures(&newest, &[[None; 2], still]), (vec![(1.0, 0, true)], true));
+        // After it was replaced, the old version may be on the screen for long.
+        newest.replace(hologram(2.0)).unwrap();
+        assert_eq!(pictures(&newest, &[still, still, [None; 2], [at(1, 9); 2]]), (vec![(2.0, 1, true)], true));
+        // Changes during an exposure: to another version, to none, and to something else and back.
+        for by_the_end in [at(2, 12), None, at(1, 12)] {
+            let script = [[at(1, 9), by_the_end], [None; 2], [at(1, 20); 2]];
+            assert_eq!(pictures(&newest, &script), (vec![(2.0, 1, false), (2.0, 1, true)], true), "{by_the_end:?}");
+        }
+    }
+}

@@ -1,0 +1,45 @@
+//! All phases of a far field, of which the piece around the eye is refined.
+
+use crate::tiled::Extent;
+use std::ops::Range;
+
+/// All phases of a far field, of which one piece is refined.
+#[derive(Debug, Clone)]
+pub struct Field {
+    /// Colour by colour: (frames, height, width), radians.
+    pub phases: Vec<Vec<f32>>,
+    /// Rows and columns.
+    pub size: [usize; 2],
+    /// Where the piece lies.
+    pub piece: Extent,
+}
+
+impl Field {
+    /// A piece as it is here: (frames, rows, columns).
+    pub(crate) fn cut(&self, color: usize, piece: Extent) -> Vec<f32> {
+        let mut out = Vec::with_capacity(piece.size[0] * piece.size[1]);
+        self.rows_of(color, piece).for_each(|row| out.extend_from_slice(&self.phases[color][row]));
+        out
+    }
+
+    /// Puts what was refined of the piece where it belongs.
+    pub(crate) fn put(&mut self, color: usize, phases: &[f32]) {
+        let rows = self.rows_of(color, self.piece);
+        let whole = &mut self.phases[color];
+        for (row, new) in rows.zip(phases.chunks_exact(self.piece.size[1].max(1))) {
+            whole[row].copy_from_slice(new);
+        }
+    }
+
+    /// Where the rows of a piece lie, sub-frame by sub-frame.
+    fn rows_of(&self, color: usize, Extent { at, size }: Extent) -> impl Iterator<Item = Range<usize>> + use<> {
+        let [height, width] = self.size;
+        let frames = self.phases[color].len() / (height * width).max(1);
+        (0..frames).flat_map(move |frame| {
+            (0..size[0]).map(move |row| {
+                let begin = (frame * height + at[0] + row) * width + at[1];
+                begin..begin + size[1]
+            })
+        })
+    }
+}

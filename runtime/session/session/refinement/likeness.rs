@@ -1,0 +1,44 @@
+//! Whether content that comes is another picture altogether.
+
+use crate::solve::Problem;
+
+/// Pictures are alike whose correlation coefficient is this or more.
+const ALIKE: f64 = 0.5;
+/// A picture is even whose variance is this share of its mean brightness, squared, or less.
+const EVEN: f64 = 1e-4;
+
+/// Whether two scenes are different pictures, by the smallest copy of their middle views: in time that counts for nothing. What
+/// fades, or becomes brighter, is the same picture.
+pub(crate) fn differ(before: &Problem, after: &Problem) -> bool {
+    let (Some((before, width)), Some((after, new_width))) = (picture(before), picture(after)) else { return true };
+    if (before.len(), width) != (after.len(), new_width) {
+        return true;
+    }
+    let mean = |light: &[f64]| light.iter().sum::<f64>() / light.len().max(1) as f64;
+    let (mean_before, mean_after) = (mean(&before), mean(&after));
+    let product = |a: &[f64], ma: f64, b: &[f64], mb: f64| {
+        a.iter().zip(b).map(|(a, b)| (a - ma) * (b - mb)).sum::<f64>() / a.len().max(1) as f64
+    };
+    let contrast =
+        [product(&before, mean_before, &before, mean_before), product(&after, mean_after, &after, mean_after)];
+    let even = |contrast: f64, mean: f64| contrast <= EVEN * mean * mean;
+    match (even(contrast[0], mean_before), even(contrast[1], mean_after)) {
+        (true, true) => mean_before == 0.0 && mean_after > 0.0,
+        (false, false) => {
+            let correlation = product(&before, mean_before, &after, mean_after);
+            correlation < ALIKE * (contrast[0] * contrast[1]).sqrt()
+        }
+        _ => true,
+    }
+}
+
+/// The smallest copy of the middle view, linear light, and its width.
+fn picture(problem: &Problem) -> Option<(Vec<f64>, usize)> {
+    let (pyramid, views) = (&problem.pyramid, &problem.views);
+    let level = pyramid.levels.last()?;
+    let pixels = level.height * level.width;
+    let middle = (views.rows / 2 * views.columns + views.columns / 2) * pixels;
+    let view = level.views.get(middle..middle + pixels)?;
+    let light = view.iter().map(|v| f64::from(*v) / 65535.0 * f64::from(pyramid.scale)).collect();
+    Some((light, level.width))
+}

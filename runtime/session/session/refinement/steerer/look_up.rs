@@ -1,0 +1,130 @@
+//! What a scene begins with that brings no phases and that the phases before do not fit: those that a table has for it
+//! ([`StartTable`]).
+
+use super::together::share;
+use super::{SteeredColor, Steerer};
+use crate::engine::EngineError;
+use crate::optics::Laser;
+use crate::session::frame_log::error::SessionError;
+use crate::solve::{Problem, SharedDrives, StartTable};
+use std::sync::Arc;
+
+/// The table of each color, from the user's cache or fitted, of which `observe` is told: the share of all that is fitted. None for colors
+/// that have none. Colors that share their sub-frames have one table, of their drive.
+///
+/// # Errors
+/// Those of the fit.
+pub fn start_tables(
+    colors: &[SteeredColor],
+    observe: &mut dyn FnMut(f64) -> bool,
+) -> Result<Vec<Option<Arc<StartTable>>>, SessionError> {
+    if share(colors) {
+        return Ok(vec![drive_table(colors, observe)?]);
+    }
+    let count = colors.len() as f64;
+    let one = |(at, color): (usize, &SteeredColor)| {
+        if !StartTable::fits(&color.problem) {
+            return Ok(None);
+        }
+        let mut observe = |share: f64| observe((at as f64 + share) / count);
+        Ok(StartTable::of(&color.problem, color.frames(), &mut observe)?.map(Arc::new))
+    };
+    colors.iter().enumerate().map(one).collect()
+}
+
+/// The table of the drive that these colors share, if their display has one.
+fn drive_table(
+    colors: &[SteeredColor],
+    observe: &mut dyn FnMut(f64) -> bool,
+) -> Result<Option<Arc<StartTable>>, SessionError> {
+    let problems: Vec<&Problem> = colors.iter().map(|color| &color.problem).collect();
+    let lasers: Vec<Laser> = colors.iter().filter_map(|color| color.laser.clone()).collect();
+    if !StartTable::fits_shared(&problems) {
+        return Ok(None);
+    }
+    SharedDrives::check(problems.iter().copied().zip(&lasers))?;
+    Ok(StartTable::of_shared(&problems, &lasers, observe)?.map(Arc::new))
+}
+
+/// Has these colors begin with the phases that their [`start_tables`] have for their scene; without a table they stay as they are.
+///
+/// # Errors
+/// Views on a device that does not answer.
+pub(in crate::session) fn begin_with_tables(
+    colors: &mut [SteeredColor],
+    tables: &[Option<Arc<StartTable>>],
+) -> Result<(), SessionError> {
+    if share(colors) {
+        let problems: Vec<&Problem> = colors.iter().map(|color| &color.problem).collect();
+        let exposures: Vec<f64> = colors.iter().map(|color| color.exposure).collect();
+        let Some(table) = tables.iter().flatten().next() else { return Ok(()) };
+        let Some(drives) = table.drives(&problems, &exposures)? else { return Ok(()) };
+        for color in colors {
+            color.phases = color.laser.iter().flat_map(|laser| laser.phases(&drives)).collect();
+        }
+        return Ok(());
+    }
+    for (color, table) in colors.iter_mut().zip(tables) {
+        if let Some(table) = table {
+            color.phases = table.phases(&color.problem, color.exposure)?;
+        }
+    }
+    Ok(())
+}
+
+impl Steerer {
+    /// With what [`start_tables`] gives for its colors; none where there is none. Phases of one color are not those of a drive that colors
+    /// share: such tables are left out.
+    #[must_use]
+    pub fn with_start_tables(mut self, tables: Vec<Option<Arc<StartTable>>>) -> Self {
+        let shares = self.shared.is_some();
+        let fitting = |table: Option<Arc<StartTable>>| table.filter(|table| table.is_of_shared() == shares);
+        if shares {
+            let table = tables.into_iter().find_map(fitting);
+            self.colors.iter_mut().for_each(|color| color.table.clone_from(&table));
+        } else {
+            self.colors.iter_mut().zip(tables).for_each(|(color, table)| color.table = fitting(table));
+        }
+        self
+    }
+
+    /// Whether [`fit`](Self::fit) has something to look at: a scene came that is another picture altogether, and brought no phases.
+    pub fn wants_fit(&self) -> bool {
+        self.colors.iter().any(|color| color.unfit)
+    }
+
+    /// Colors whose scene is another picture altogether go on with the phases of the table: how many that are. The phases before are not
+    /// compared with them, because two losses take longer than the one step that is worth more (measured).
+    ///
+    /// # Errors
+    /// Those of the engines.
+    pub fn fit(&mut self) -> Result<u32, EngineError> {
+        if self.shared.is_some() {
+            return self.fit_together();
+        }
+        let mut looked_up = 0;
+        for color in self.colors.iter_mut().filter(|color| color.unfit) {
+            color.unfit = false;
+            let Some(table) = &color.table else { continue };
+            color.refiner.look_up(table)?;
+            looked_up += 1;
+        }
+        Ok(looked_up)
+    }
+
+    /// Begins with phases that are given, color by color, whatever is lost. Colors that share their sub-frames begin with the first of them
+    /// as their drive, as phases of one turn.
+    ///
+    /// # Errors
+    /// Those of the engines.
+    pub fn begin_with(&mut self, phases: &[Vec<f32>]) -> Result<(), EngineError> {
+        self.colors.iter_mut().for_each(|color| color.unfit = false);
+        if let Some(shared) = &mut self.shared {
+            return phases.first().map_or(Ok(()), |drives| shared.restart(drives, &mut self.colors));
+        }
+        for (color, phases) in self.colors.iter_mut().zip(phases) {
+            color.refiner.restart(phases)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,183 @@
+//! All colours at once (OPTICS 13): colours that share their sub-frames' drives, and are refined together.
+
+use super::{Followed, OneColor, PhasesOfColors, SteeredColor, Steerer};
+use crate::encode::Lighting;
+use crate::engine::EngineError;
+use crate::optics::{Laser, drives_of};
+use crate::session::frame_log::error::SessionError;
+use crate::session::refinement::likeness;
+use crate::solve::{Problem, Refiner, SharedDrives, Steering, for_joint_colors};
+use std::time::Duration;
+
+impl AsRef<Refiner> for OneColor {
+    fn as_ref(&self) -> &Refiner {
+        &self.refiner
+    }
+}
+
+impl AsMut<Refiner> for OneColor {
+    fn as_mut(&mut self) -> &mut Refiner {
+        &mut self.refiner
+    }
+}
+
+/// Sub-frames that these colours have in a set: their own, or those that they share.
+pub(in crate::session) fn sub_frames_of(colors: &[SteeredColor]) -> usize {
+    let each = colors.iter().map(SteeredColor::frames);
+    if share(colors) { each.max().unwrap_or(0) } else { each.sum() }
+}
+
+/// Whether these colours share their sub-frames.
+pub(in crate::session) fn share(colors: &[SteeredColor]) -> bool {
+    colors.iter().any(|color| color.laser.is_some())
+}
+
+/// When the sub-frames of these colours are lit by what an encoder says of those that it sends.
+pub(in crate::session) fn lighting_of(lighting: Lighting, colors: &[SteeredColor]) -> Lighting {
+    if share(colors) { lighting.shared_by(colors.len()) } else { lighting }
+}
+
+impl Steerer {
+    /// The lasers of colours that share their sub-frames; none where none has one of its own.
+    ///
+    /// # Errors
+    /// [`SessionError::Setting`] where some have one and some have not; [`SessionError::Solve`] for colours that cannot share drives.
+    pub(super) fn lasers_of(colors: &[SteeredColor]) -> Result<Option<Vec<Laser>>, SessionError> {
+        let lit = || colors.iter().filter_map(|color| color.laser.as_ref());
+        match lit().count() {
+            0 => Ok(None),
+            all if all == colors.len() => {
+                SharedDrives::check(colors.iter().map(|color| &color.problem).zip(lit()))?;
+                Ok(Some(lit().cloned().collect()))
+            }
+            some => Err(SessionError::Setting(format!(
+                "{some} of {} colours share their sub-frames: all colours at once, or one after the other",
+                colors.len()
+            ))),
+        }
+    }
+
+    /// The drives that these colours have their phases of, as phases of one turn.
+    pub(super) fn drives_of(lasers: &[Laser], colors: &[SteeredColor]) -> Vec<f32> {
+        let slopes: Vec<f64> = lasers.iter().map(|laser| laser.slope).collect();
+        drives_of(&slopes, |color| &colors[color].phases)
+    }
+
+    /// A refinement of colours that share their sub-frames, or do not.
+    pub(super) fn steering_of(steering: Steering, shared: bool) -> Result<Steering, SessionError> {
+        Ok(if shared { for_joint_colors(steering)? } else { steering })
+    }
+
+    /// The phases that an SLM receives: of every colour, or the drives that all of them share.
+    ///
+    /// # Errors
+    /// Those of the engines.
+    pub fn sent(&mut self) -> Result<PhasesOfColors<'_>, EngineError> {
+        match self.shared {
+            Some(ref shared) => Ok(std::iter::once(shared.sent()).collect()),
+            None => self.phases(),
+        }
+    }
+
+    /// A step of all colours, if `may_begin` says so of as many steps: how many were taken.
+    pub(super) fn step_together(
+        &mut self,
+        may_begin: &mut dyn FnMut(u32, Duration) -> bool,
+    ) -> Result<u32, EngineError> {
+        let (count, colors) = (self.colors.len() as u32, &mut self.colors);
+        let Some(shared) = self.shared.as_mut().filter(|shared| may_begin(count, shared.expected(colors))) else {
+            return Ok(0);
+        };
+        if shared.step(colors)?.is_finite() {
+            colors.iter_mut().zip(shared.losses()).for_each(|(color, loss)| color.loss = Some(*loss));
+        } else {
+            shared.begin_again(colors)?;
+        }
+        self.steps += u64::from(count);
+        Ok(count)
+    }
+
+    /// The mean of the colours' losses through the pupils of the next step.
+    fn loss_together(&mut self) -> Result<f64, EngineError> {
+        let mut sum = 0.0;
+        for color in &mut self.colors {
+            sum += color.refiner.loss()?;
+        }
+        Ok(sum / self.colors.len().max(1) as f64)
+    }
+
+    /// [`carry`](Self::carry) of the drives that all colours share, which have one pixel.
+    pub(super) fn carry_together(
+        &mut self,
+        pixels: &[[i64; 2]],
+        lighting: &Lighting,
+        look: bool,
+    ) -> Result<(bool, u32), EngineError> {
+        let of = |turn: &usize| pixels.get(*turn).map_or([0.0; 2], |pixels| pixels.map(|p| p as f64));
+        let shifts: Vec<[f64; 2]> = lighting.turn_of(0).iter().map(of).collect();
+        if shifts.iter().all(|shift| *shift == [0.0; 2]) {
+            return Ok((true, 0));
+        }
+        let before = if look { Some(self.loss_together()?) } else { None };
+        let Some(shared) = &mut self.shared else { return Ok((false, 0)) };
+        if !shared.carry(&shifts, &mut self.colors)? {
+            return Ok((false, 0));
+        }
+        let Some(before) = before else { return Ok((true, 0)) };
+        let moved = self.loss_together()? < before;
+        if let Some(shared) = self.shared.as_mut().filter(|_| !moved) {
+            let back: Vec<[f64; 2]> = shifts.iter().map(|shift| shift.map(|by| -by)).collect();
+            shared.carry(&back, &mut self.colors)?;
+        }
+        Ok((moved, 2 * self.colors.len() as u32))
+    }
+
+    /// [`fit`](Self::fit) of the drive that all colors share: their number, if the scene is another picture in one of them.
+    pub(super) fn fit_together(&mut self) -> Result<u32, EngineError> {
+        let wanted = self.wants_fit();
+        self.colors.iter_mut().for_each(|color| color.unfit = false);
+        let table = self.colors.first().and_then(|color| color.table.clone());
+        let Some((table, shared)) = table.zip(self.shared.as_mut()).filter(|_| wanted) else { return Ok(0) };
+        let problems: Vec<&Problem> = self.colors.iter().map(|color| color.refiner.problem()).collect();
+        let exposures: Vec<f64> = self.colors.iter().map(|color| color.refiner.exposure()).collect();
+        let Some(drives) = table.drives(&problems, &exposures)? else { return Ok(0) };
+        shared.restart(&drives, &mut self.colors)?;
+        Ok(self.colors.len() as u32)
+    }
+
+    /// [`follow`](Self::follow) of colours that share their sub-frames: they go on with one drive, or begin with another together.
+    pub(super) fn follow_together(&mut self, scene: &[SteeredColor]) -> Result<Followed, SessionError> {
+        let Some(shared) = &self.shared else { return Ok(Followed::default()) };
+        if scene.iter().zip(shared.lasers()).any(|(new, laser)| new.laser.as_ref() != Some(laser)) {
+            let line = "a scene in the light of other lasers: their powers stay while all colours at once are refined";
+            return Err(SessionError::Setting(line.into()));
+        }
+        let brings_phases = scene.iter().all(|color| !color.phases.is_empty());
+        for (color, new) in self.colors.iter_mut().zip(scene) {
+            let other = color.table.is_some() && likeness::differ(color.refiner.problem(), &new.problem);
+            color.refiner.follow(new.problem.clone(), new.exposure)?;
+            color.loss = None;
+            color.unfit = !brings_phases && (color.unfit || other);
+        }
+        if !brings_phases {
+            return Ok(Followed::default());
+        }
+        let drives = Self::drives_of(shared.lasers(), scene);
+        let count = self.colors.len() as u32;
+        let before = match self.aimed {
+            Some(_) => Some((self.loss_together()?, self.sent()?[0].to_vec())),
+            None => None,
+        };
+        if let Some(shared) = &mut self.shared {
+            shared.begin_with(&drives, &mut self.colors)?;
+        }
+        let Some((loss, phases)) = before else { return Ok(Followed { own: count, ..Followed::default() }) };
+        if loss < self.loss_together()?
+            && let Some(shared) = &mut self.shared
+        {
+            shared.restart(&phases, &mut self.colors)?;
+            return Ok(Followed { kept: count, looks: 2 * count, ..Followed::default() });
+        }
+        Ok(Followed { own: count, looks: 2 * count, ..Followed::default() })
+    }
+}
