@@ -1,11 +1,11 @@
 //! The same list on both engines: steps with known contents, and how far results lie apart.
 
-use eyebox::engine::vulkan::VulkanEngine;
-use eyebox::engine::{Buffer, Dispatch, Engine, Kernel, Purpose, Resource, Shape, Step};
-use eyebox::gpu::{Gpu, Messages, Options};
-use eyebox::optics::{DisplayModel, Iris, Optics, Padding, Pupil, Spread, WindowFactor};
-use eyebox::plan::{Comparison, Moving, Planner, ViewLayout, Viewpoint};
-use eyebox::scene::{Pyramid, ViewGrid};
+use eyebox::low_level::engine::vulkan::VulkanEngine;
+use eyebox::low_level::engine::{Buffer, Dispatch, Engine, Kernel, Purpose, Resource, Shape, Step};
+use eyebox::low_level::gpu::{Gpu, Messages, Options};
+use eyebox::low_level::optics::{DisplayModel, Iris, Optics, Padding, Pupil, Spread, WindowFactor};
+use eyebox::low_level::plan::{Comparison, Moving, Planner, ViewLayout, Viewpoint};
+use eyebox::low_level::scene::{Pyramid, ViewGrid};
 use std::sync::{Arc, PoisonError};
 
 #[path = "../runtime/solve/gpu/test_options.rs"]

@@ -1,7 +1,7 @@
 //! Gradients: what an engine computes, against central differences of a loss in float64.
 
 use crate::noise;
-use eyebox::engine::{Buffer, Engine, cpu::CpuEngine};
+use eyebox::low_level::engine::{Buffer, Engine, cpu::CpuEngine};
 use std::f64::consts::TAU;
 
 /// Random phases (rad) that float32 holds exactly, in both precisions, and away from where a drive wraps: there the loss jumps.

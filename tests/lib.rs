@@ -6,15 +6,15 @@
 pub mod both;
 pub mod gradient;
 
-use eyebox::engine::{Buffer, Engine, cpu::CpuEngine};
-use eyebox::optics::{Optics, Pupil, transfer};
-use eyebox::plan::{Kernel, Planner, PupilPass, Purpose, Step};
+use eyebox::low_level::engine::{Buffer, Engine, cpu::CpuEngine};
+use eyebox::low_level::optics::{Optics, Pupil, transfer};
+use eyebox::low_level::plan::{Kernel, Planner, PupilPass, Purpose, Step};
 use eyebox_kernels::fft::{Direction, transform_f64};
 use rustfft::num_complex::Complex64;
 
 /// Noise in -1 .. 1, the same on every machine.
 pub fn noise(count: usize, seed: u64) -> Vec<f64> {
-    let mut random = eyebox::solve::SplitMix(seed);
+    let mut random = eyebox::low_level::solve::SplitMix(seed);
     (0..count).map(|_| 2.0 * random.unit() - 1.0).collect()
 }
 

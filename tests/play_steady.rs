@@ -6,16 +6,18 @@
 
 #![allow(unsafe_code)]
 
-use eyebox::encode::{Encoder, PhaseSet};
-use eyebox::engine::cpu::CpuEngine;
-use eyebox::gaze::{self, Estimator};
-use eyebox::gpu::{Gpu, Options as GpuOptions};
-use eyebox::hologram::{ColorHologram, Hologram, SequenceWriter};
-use eyebox::optics::Display;
-use eyebox::present::Rate;
-use eyebox::scene::{self, Request};
-use eyebox::session::{Cause, Cost, EngineOpener, Live, Output, Play, Session, SessionEvent, SessionOptions, Tracking};
-use eyebox::trackers;
+use eyebox::low_level::encode::{Encoder, PhaseSet};
+use eyebox::low_level::engine::cpu::CpuEngine;
+use eyebox::low_level::gaze::{self, Estimator};
+use eyebox::low_level::gpu::{Gpu, Options as GpuOptions};
+use eyebox::low_level::hologram::{ColorHologram, Hologram, SequenceWriter};
+use eyebox::low_level::optics::Display;
+use eyebox::low_level::present::Rate;
+use eyebox::low_level::scene::{self, Request};
+use eyebox::low_level::session::{
+    Cause, Cost, EngineOpener, Live, Output, Play, Session, SessionEvent, SessionOptions, Tracking,
+};
+use eyebox::low_level::trackers;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::sync_channel;
@@ -57,7 +59,7 @@ static COUNTING: Counting = Counting;
 
 fn hologram(index: u64, display: &Display) -> Hologram {
     let pixels = 8 * display.height * display.width;
-    let color = |c: &eyebox::optics::Wavelength| ColorHologram {
+    let color = |c: &eyebox::low_level::optics::Wavelength| ColorHologram {
         color: Some(c.color),
         wavelength: c.wavelength,
         exposure: 0.4,
@@ -100,7 +102,7 @@ fn refine() {
     let (tell, told) = sync_channel(1);
     let (mut frames, mut begun) = (0u64, ([0; 2], None));
     let last = 180 * (5 + seconds) - 10;
-    let observer = move |_: &eyebox::session::PresentedFrame<'_>| {
+    let observer = move |_: &eyebox::low_level::session::PresentedFrame<'_>| {
         frames += 1;
         if frames == 900 || frames == last {
             let counted = || [&ALLOCATIONS, &QUEUE_BLOCKS].map(|counter| counter.load(Ordering::Relaxed));
@@ -155,7 +157,7 @@ fn play(what: &'static str, device: Option<Gpu>) {
     let (tell, told) = sync_channel(1);
     let (mut wrong, mut next, mut frames, mut begun) = (0u64, 0, 0u64, (0, None));
     let last = 60 * (5 + seconds) - 10;
-    let observer = move |frame: &eyebox::session::PresentedFrame<'_>| {
+    let observer = move |frame: &eyebox::low_level::session::PresentedFrame<'_>| {
         if let Some(index) = frame.index {
             // In order, and byte for byte.
             wrong += u64::from(index != next || frame.picture != expected[index as usize]);

@@ -3,9 +3,9 @@
 //!
 //! It runs itself again with a virtual X server's name, so that this process's surroundings stay as they are.
 
-use eyebox::gpu::{Gpu, Options};
-use eyebox::present::{Desktop, Presenter, RealClock, WindowEvent};
-use eyebox::preview::{Overlay, Picture, PreviewWindow, places};
+use eyebox::low_level::gpu::{Gpu, Options};
+use eyebox::low_level::present::{Desktop, Presenter, RealClock, WindowEvent};
+use eyebox::low_level::preview::{Overlay, Picture, PreviewWindow, places};
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};

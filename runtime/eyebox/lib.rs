@@ -68,23 +68,15 @@
 //! | module | what belongs in it |
 //! |---|---|
 //! | [`files`] | Reads files up to a limit, writes files whole or not at all, and has the two plain formats of the runtime, `.npy` and PNG |
-//! | [`mailbox`] | A bounded queue between threads that allocates nothing after it is made |
-//! | [`memory`] | Checks that memory is available before it is taken, so that no size in a file or an argument ends in an abort |
-//! | [`steady`] | The system's monotonic clock, which never steps: one clock for trackers, displays and sessions |
-//! | [`linear`] | Small dense systems of equations |
+//! | [`optics`] | Display, pupil, propagation and window as pure functions in float64, without buffers or threads |
 //! | [`scene`] | Light fields: reading, built-in scenes, depth and disparity, target images |
 //! | [`encode`] | Converts phases to the bytes that the SLM receives: calibration, levels, packing |
-//! | [`encoded`] | Writes holograms as folders of video frames, and reads such folders back |
 //! | [`engine`] | Runs lists of kernels over buffers: on the `cpu`, on `vulkan`, or on both in turn (`Handover`) |
-//! | [`evaluate`] | Measures images: PSNR, SSIM, exposure, energy, speckle and color, for each pupil and for groups of pupils |
 //! | [`gpu`] | One Vulkan device, opened once and shared: queues, memory, pipelines and their cache, validation messages |
 //! | [`hologram`] | The hologram file: phase frames with their metadata, whole, in sequences and in tiles |
-//! | [`plan`] | Decides what is computed and stores it as plain data: lists of kernels, their arguments and their cost |
 //! | [`produce`] | Makes holograms of scenes: all colors of one, sequences, tiled far fields, and the refinement of a finished one |
-//! | [`quality`] | Measures the cost and the quality of settings on one color of a scene |
 //! | [`reconstruction`] | Computes the image that an eye sees of a hologram, and compares it with the target image of the scene |
 //! | [`solve`] | Stochastic Light Field Holography (Schiffers et al. 2023): draws pupils, compares what the wave gives with what the light field gives, moves the phases |
-//! | [`tiled`] | Solves, refines and renders far-field holograms that are larger than memory, region by region (OPTICS 9) |
 //! | [`calibrate`] | Fits a model of a real display to pictures that a camera took of it (OPTICS 10) |
 //! | [`present`] | Brings video frames to light in a window, on a direct display or in memory, and reports when each one lit up |
 //! | [`gaze`] | Predicts where the pupil will be when the light arrives, as a distribution, from the samples of a tracker |
@@ -95,29 +87,128 @@
 //! Comments that say "OPTICS n" mean section n of `docs/optics.md`. Lengths are metres, angles radians, images linear light, axis
 //! order (row = y, column = x), +y down. Errors are typed, one enum a module; no input panics.
 
-#[doc(inline)]
-pub use eyebox_base::{files, memory};
-#[doc(inline)]
-pub use eyebox_calibrate as calibrate;
-#[doc(inline)]
-pub use eyebox_optics as optics;
+pub mod low_level;
+
+/// Reads files up to a limit, writes files whole or not at all.
+pub mod files {
+    pub use eyebox_base::files::{FileError, encode_png, end_without_drafts, read_npy, write_npy, write_png};
+}
+
+/// Display, pupil and optics: lengths in meters, float64.
+pub mod optics {
+    pub use eyebox_optics::{Color, Depth, Display, DisplayModel, Encoding, Geometry, JointColor, Obstruction, Optics};
+    pub use eyebox_optics::{OpticsError, PRESETS, Packing, Padding, Prescription, Pupil, PupilDistribution, Sources};
+    pub use eyebox_optics::{Viewing, Wavelength, WindowFactor, depth_of_dioptres, dioptres, wrap_phase};
+}
+
+/// Light fields: reading, built-in scenes, depth and disparity.
+pub mod scene {
+    pub use eyebox_scene::{BUILTINS, Fit, Inspection, LightField, Near, Order, Photographs, Request, SceneError};
+    #[cfg(target_os = "linux")]
+    pub use eyebox_scene::{Layer, Places, views_of_depths, views_of_layers};
+    pub use eyebox_scene::{inspect, load, srgb_to_linear};
+}
+
+/// One Vulkan device, opened once and shared.
+pub mod gpu {
+    pub use eyebox_solve::gpu::{DeviceReport, Gpu, Options, devices};
+}
+
+/// Engines: the CPU's and Vulkan's.
+pub mod engine {
+    pub use eyebox_solve::engine::cpu::CpuEngine;
+    #[cfg(feature = "vulkan")]
+    pub use eyebox_solve::engine::vulkan::VulkanEngine;
+    pub use eyebox_solve::engine::{Backend, Choice, Engine, EngineError, open};
+    pub use eyebox_solve::plan::Storage;
+}
+
+/// Solvers: from a light field to phases, and the refinement of phases for a pupil.
+pub mod solve {
+    pub use eyebox_solve::solve::{
+        Diameters, FirstPhases, Flow, Full, Levels, Method, Optimizer, PaddingRule, Problem,
+    };
+    pub use eyebox_solve::solve::{
+        Progress, Refiner, Sequence, Settings, Solution, SolveError, Steering, Stop, Strategy,
+    };
+    pub use eyebox_solve::solve::{solve, solve_from};
+}
+
+/// The hologram file: phase frames with their metadata, whole, in sequences and in tiles.
+pub mod hologram {
+    pub use eyebox_solve::hologram::{ColorHologram, Hologram, HologramError, Metadata, NewestHologram, Opening};
+    pub use eyebox_solve::hologram::{
+        PhaseSource, PhaseUnit, SceneRecord, Sequence, SequenceParts, Start, check_radians,
+    };
+}
+
+/// The image that an eye sees of a hologram, and its scores.
+pub mod reconstruction {
+    pub use eyebox_solve::evaluate::{EvaluateError, Group, Plane, Summary, psnr, ssim};
+    pub use eyebox_solve::reconstruction::{
+        HologramScores, InputOptions, JodSettings, PupilScore, ReconstructionError,
+    };
+    pub use eyebox_solve::reconstruction::{SceneReading, SceneSource, SolveInput};
+}
+
+/// Holograms of scenes: all colors of one, sequences, tiled far fields, and the refinement of a finished one.
+pub mod produce {
+    pub use eyebox_solve::produce::solve_scene;
+    pub use eyebox_solve::produce::{ProduceError, Refinement, SceneEvent, SceneJob, SceneSolution, SequencePieces};
+    pub use eyebox_solve::produce::{SequenceRequest, SolvedHologram, TilePieces, TilesRequest, solve_light_field};
+    pub use eyebox_solve::quality::Quality;
+    pub use eyebox_solve::tiled::{MemoryLimit, TiledError};
+}
+
+/// Phases as the bytes that the SLM receives.
+pub mod encode {
+    pub use eyebox_solve::encode::{Decoder, EncodeError, Encoder, PhaseSet, VideoFrames};
+    pub use eyebox_solve::encoded::Encoded;
+}
+
+/// A model of a real display, fitted to pictures that a camera took of it.
+pub mod calibrate {
+    pub use eyebox_calibrate::{Bench, CalibrateError, Calibration, Event, FEWEST, Report, ShowsPatterns, calibrate};
+}
+
+/// Eye trackers: devices, recordings, the network and a simulated eye, as samples with a steady time.
+pub mod trackers {
+    pub use eyebox_tracking::trackers::pushed::SampleSender;
+    pub use eyebox_tracking::trackers::{
+        Event, Options, Quantity, Reading, Sample, Source, Spec, Stream, TrackerError,
+    };
+    pub use eyebox_tracking::trackers::{Unit, now_ns, open};
+}
+
+/// From the samples of a tracker to where the pupil will be when the light arrives.
+pub mod gaze {
+    pub use eyebox_tracking::gaze::{Calibration, Estimator, Eye, EyeVelocity, Eyepiece, GazeError, Settings};
+}
+
+/// Displays: windows over monitors, direct displays, memory.
 #[cfg(feature = "window")]
-#[doc(inline)]
-pub use eyebox_present as present;
-#[doc(inline)]
-pub use eyebox_scene as scene;
+pub mod present {
+    pub use eyebox_present::{DirectDisplay, Monitor, Offscreen, PresentError, Rate, Sink};
+}
+
+/// Plays content on a display on time, refines it for the tracked pupil, and records what was shown.
+#[cfg(feature = "window")]
+pub mod session {
+    pub use eyebox_session::session::{
+        Command, Content, Cost, EngineSource, FarField, Live, LiveStatus, MovingSequence,
+    };
+    #[cfg(target_os = "linux")]
+    pub use eyebox_session::session::{LiveInput, LiveKind, darkness};
+    pub use eyebox_session::session::{Output, Play, Policy, PresentedFrame, Report, Scenes, Session, SessionError};
+    pub use eyebox_session::session::{SessionEvent, SessionOptions, Speed, Status, SteeredColor, TickedFrame};
+    pub use eyebox_session::session::{TickedOutput, TickedSession, Tracking};
+}
+
+/// Shows what an eye sees of a hologram, live, in an ordinary window.
 #[cfg(feature = "preview")]
-#[doc(inline)]
-pub use eyebox_session::preview;
-#[cfg(feature = "window")]
-#[doc(inline)]
-pub use eyebox_session::session;
-#[doc(inline)]
-pub use eyebox_solve::{
-    encode, encoded, engine, evaluate, gpu, hologram, plan, produce, quality, reconstruction, solve, tiled,
-};
-#[doc(inline)]
-pub use eyebox_tracking::{gaze, trackers};
+pub mod preview {
+    pub use eyebox_session::preview::{Controls, Look, PreviewError, PreviewWindow, Seen, Showing, Side, Viewer};
+}
 
 /// The README's program is compiled and run with the tests.
 #[cfg(doctest)]

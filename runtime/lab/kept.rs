@@ -3,9 +3,9 @@
 //! A result is used again if what decides it is, to the letter, what the file says. Anything else, a damaged file
 //! included, is computed again and replaced.
 
-use eyebox::files::{self, FileError};
-use eyebox::optics::Display;
-use eyebox::scene::LightField;
+use eyebox::low_level::files::{self, FileError};
+use eyebox::low_level::optics::Display;
+use eyebox::low_level::scene::LightField;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::path::{Path, PathBuf};
 
@@ -80,7 +80,7 @@ pub(crate) fn append(sum: u32, values: &[f32]) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use eyebox::optics::{Color, Geometry};
+    use eyebox::low_level::optics::{Color, Geometry};
 
     #[test]
     fn only_what_was_made_the_same_way_is_used_again() {

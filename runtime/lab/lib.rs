@@ -1,8 +1,8 @@
 //! **eyebox-lab**: the laboratory. What holograms are worth, and which settings are worth their time.
 //!
 //! [`comparison`] solves the same scenes by every method and looks through the same groups of pupils. [`tuning`] tries a grid of
-//! [`Settings`](eyebox::solve::Settings) and recommends three of them for this device. [`film`] writes what an eye sees while it moves.
-//! [`report`] makes pages, tables and plots of all of this, of studies ([`session::study()`](eyebox::session::study())) and of calibrations.
+//! [`Settings`](eyebox::low_level::solve::Settings) and recommends three of them for this device. [`film`] writes what an eye sees while it moves.
+//! [`report`] makes pages, tables and plots of all of this, of studies ([`session::study()`](eyebox::low_level::session::study())) and of calibrations.
 //!
 //! Nothing that solves or shows holograms needs it.
 

@@ -1,9 +1,9 @@
 //! An engine that takes no more work once its user stops: long jobs end at their next list, wherever they are.
 
-use eyebox::engine::{
+use eyebox::low_level::engine::{
     Begun, Buffer, Engine, EngineError, LookUp, Memory, PhasesOnDevice, Shape, Step, Storage, Taken, Timing,
 };
-use eyebox::scene::Pyramid;
+use eyebox::low_level::scene::Pyramid;
 use std::ops::Range;
 use std::sync::Arc;
 

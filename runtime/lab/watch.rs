@@ -1,8 +1,8 @@
 //! The observer of a long job, who may stop it between any two lists of its engine.
 
-use eyebox::engine::EngineError;
-use eyebox::quality::QualityError;
-use eyebox::solve::Flow;
+use eyebox::low_level::engine::EngineError;
+use eyebox::low_level::quality::QualityError;
+use eyebox::low_level::solve::Flow;
 use std::sync::{Mutex, PoisonError};
 
 /// Observer of a long job: it gets what is being done and how much of all is done, 0 to 1. [`Flow::Stop`] ends the job with the
@@ -71,7 +71,7 @@ pub(crate) fn unless_stopped<T>(result: Result<T, QualityError>) -> Result<Optio
 }
 
 fn is_stop(error: &QualityError) -> bool {
-    use eyebox::solve::SolveError;
+    use eyebox::low_level::solve::SolveError;
     let engine = match error {
         QualityError::Engine(engine) | QualityError::Solve(SolveError::Engine(engine)) => engine,
         _ => return false,

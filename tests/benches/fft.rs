@@ -7,9 +7,9 @@ mod clock;
 
 use clap::Parser;
 use clock::{least, median, timed};
-use eyebox::engine::Storage;
-use eyebox::engine::vulkan::Transforms;
-use eyebox::gpu::{Gpu, Options};
+use eyebox::low_level::engine::Storage;
+use eyebox::low_level::engine::vulkan::Transforms;
+use eyebox::low_level::gpu::{Gpu, Options};
 use eyebox_kernels::Complex32;
 use eyebox_kernels::fft::{Columns, Direction, Plans};
 use rustfft::FftPlanner;

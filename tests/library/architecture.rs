@@ -36,7 +36,7 @@ const LINES: usize = 500;
 const CRATES: [&str; 7] =
     ["kernels", "spirv", "tools/c", "tools/command", "tools/live-input", "tools/python", "tools/spirv"];
 
-fn root() -> &'static Path {
+pub(crate) fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace")
 }
 
@@ -52,7 +52,7 @@ fn crates() -> Vec<String> {
     all
 }
 
-fn rust_files(folder: &Path, found: &mut Vec<PathBuf>) {
+pub(crate) fn rust_files(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display())) {
         let path = entry.expect("an entry").path();
         let name = path.file_name().expect("a name").to_string_lossy();
@@ -66,7 +66,7 @@ fn rust_files(folder: &Path, found: &mut Vec<PathBuf>) {
 }
 
 /// Identifiers and punctuation, `::` as one token; without comments, literals and lifetimes.
-fn tokens(text: &str) -> Vec<&str> {
+pub(crate) fn tokens(text: &str) -> Vec<&str> {
     let bytes = text.as_bytes();
     let word = |b: u8| b.is_ascii_alphanumeric() || b == b'_' || b >= 0x80;
     let find = |from: usize, what: &str| text[from..].find(what).map_or(bytes.len(), |at| from + at + what.len());
@@ -150,10 +150,10 @@ fn without_tests<'a>(tokens: &[&'a str]) -> Vec<&'a str> {
 }
 
 /// One name that a `use` brings in: by which name ("*" for all), and its path.
-type Import = (String, Vec<String>);
+pub(crate) type Import = (String, Vec<String>);
 
 /// Reads a use tree; returns the index after it.
-fn use_tree(tokens: &[&str], mut at: usize, prefix: &[String], out: &mut Vec<Import>) -> usize {
+pub(crate) fn use_tree(tokens: &[&str], mut at: usize, prefix: &[String], out: &mut Vec<Import>) -> usize {
     let mut path = prefix.to_vec();
     loop {
         match tokens[at] {

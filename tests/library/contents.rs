@@ -132,10 +132,12 @@ fn plain(sentence: &str) -> String {
 fn facade(rooms: &[Room]) -> String {
     let front = fs::read_to_string(root().join("runtime/eyebox/lib.rs")).expect("the facade");
     let mut out = String::from("//! | module | what belongs in it |\n//! |---|---|\n");
+    let is_public = |name: &str| front.contains(&format!("pub mod {name} {{"));
     for room in rooms.iter().filter(|room| room.name != "eyebox" && room.name != "eyebox-lab") {
         let one = [(short(&room.name).to_owned(), first_sentence(&room.folder.join("lib.rs")))];
-        let modules = if room.modules.is_empty() { &one[..] } else { &room.modules };
-        let is_public = |name: &str| front.contains(name);
+        let is_one =
+            room.modules.is_empty() || is_public(&one[0].0) && room.modules.iter().all(|(name, _)| *name != one[0].0);
+        let modules = if is_one { &one[..] } else { &room.modules };
         for (name, about) in modules.iter().filter(|(name, _)| is_public(name)) {
             writeln!(out, "//! | [`{name}`] | {} |", plain(about)).unwrap();
         }

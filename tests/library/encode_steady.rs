@@ -1,7 +1,7 @@
 //! The steady state of encoding: nothing is allocated.
 
-use eyebox::encode::{Encoder, PhaseSet};
-use eyebox::optics::{Color, Display};
+use eyebox::low_level::encode::{Encoder, PhaseSet};
+use eyebox::low_level::optics::{Color, Display};
 use eyebox_tests::pool;
 
 #[test]

@@ -4,12 +4,12 @@
 //! The longest cases are shortened; `EYEBOX_EXTREMES=full cargo test --release -p eyebox-tests --test library extremes::` runs them
 //! whole (docs/measurements.md says what came of it).
 
-use eyebox::engine::{Buffer, Engine, cpu::CpuEngine};
-use eyebox::evaluate;
-use eyebox::optics::{Color, Display, Optics, Padding, Pupil, Wavelength, WindowFactor};
-use eyebox::plan::{Comparison, Kernel, Planner, Purpose, Storage};
-use eyebox::scene::LightField;
-use eyebox::solve::{self, Flow, Method, Optimizer, Problem, Settings, Solution, Stop};
+use eyebox::low_level::engine::{Buffer, Engine, cpu::CpuEngine};
+use eyebox::low_level::evaluate;
+use eyebox::low_level::optics::{Color, Display, Optics, Padding, Pupil, Wavelength, WindowFactor};
+use eyebox::low_level::plan::{Comparison, Kernel, Planner, Purpose, Storage};
+use eyebox::low_level::scene::LightField;
+use eyebox::low_level::solve::{self, Flow, Method, Optimizer, Problem, Settings, Solution, Stop};
 use eyebox_tests::both::{assert_silent, vulkan};
 use eyebox_tests::{Oracle, error_power, half_roundings, noise, phases};
 use std::f64::consts::{PI, TAU};

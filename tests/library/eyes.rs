@@ -1,14 +1,14 @@
 //! Eyes with a prescription (OPTICS 11): the kernel against float64, its depth, what one correction does for every pupil, and
 //! what it is worth to solve with it.
 
-use eyebox::engine::{Buffer, Engine, Kernel, cpu::CpuEngine};
-use eyebox::evaluate;
-use eyebox::optics::{
+use eyebox::low_level::engine::{Buffer, Engine, Kernel, cpu::CpuEngine};
+use eyebox::low_level::evaluate;
+use eyebox::low_level::optics::{
     Color, Display, Obstruction, Optics, Padding, Prescription, Pupil, PupilDistribution, WindowFactor,
 };
-use eyebox::plan::{Comparison, EyeTables, Planner, Purpose};
-use eyebox::scene;
-use eyebox::solve::{self, Flow, Problem, PupilRange, Refiner, Sampler, Sequence, Settings, Steering};
+use eyebox::low_level::plan::{Comparison, EyeTables, Planner, Purpose};
+use eyebox::low_level::scene;
+use eyebox::low_level::solve::{self, Flow, Problem, PupilRange, Refiner, Sampler, Sequence, Settings, Steering};
 use eyebox_kernels::compare;
 use eyebox_tests::gradient::{assert_derivative, gradient_of, intensity_loss, random_targets};
 use eyebox_tests::{Oracle, error_power, fft2, loaded, phases, step_with_targets};

@@ -1,12 +1,12 @@
 //! The far field against float64, by direct sums: views, the gradient, the projection, the signs; the same on both engines
 //! (OPTICS 9).
 
-use eyebox::engine::{Buffer, Engine, Kernel, Purpose, cpu::CpuEngine};
-use eyebox::evaluate;
-use eyebox::optics::{Color, Display, Geometry, Optics, Padding, Pupil, WindowFactor};
-use eyebox::plan::{Comparison, Planner, PupilPass, Step, ViewLayout};
-use eyebox::scene::{self, Pyramid, Request, ViewGrid};
-use eyebox::solve::{self, Flow, Problem, Settings};
+use eyebox::low_level::engine::{Buffer, Engine, Kernel, Purpose, cpu::CpuEngine};
+use eyebox::low_level::evaluate;
+use eyebox::low_level::optics::{Color, Display, Geometry, Optics, Padding, Pupil, WindowFactor};
+use eyebox::low_level::plan::{Comparison, Planner, PupilPass, Step, ViewLayout};
+use eyebox::low_level::scene::{self, Pyramid, Request, ViewGrid};
+use eyebox::low_level::solve::{self, Flow, Problem, Settings};
 use eyebox_kernels::compare;
 use eyebox_tests::both::{Case, Noise, assert_silent, vulkan};
 use eyebox_tests::gradient::{assert_derivative, gradient_of, intensity_loss};
@@ -107,7 +107,8 @@ fn a_point_moves_as_the_optics_say() {
             depth - TAU * (y * point[0] + x * point[1]) / (o.wavelength * f)
         };
         let planner = Planner::new(o, 1, WindowFactor::Full);
-        let wrapped: Vec<f32> = (0..384 * 512).map(|i| eyebox::optics::wrap_phase(phase(i) as f32)).collect();
+        let wrapped: Vec<f32> =
+            (0..384 * 512).map(|i| eyebox::low_level::optics::wrap_phase(phase(i) as f32)).collect();
         if z0 == 0.0 {
             // A grating: every pixel differs from the next by the same phase.
             let step = |i: usize| (f64::from(wrapped[i + 1]) - f64::from(wrapped[i])).rem_euclid(TAU);

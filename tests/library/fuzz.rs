@@ -4,12 +4,12 @@
 //! run is part of the tests; `EYEBOX_FUZZ_SECONDS=3600 cargo test --release -p eyebox-tests --test library fuzz::` goes on for that
 //! long in every subject, each on a thread of its own, with new seeds every time.
 
-use eyebox::gaze::{Estimator, EyeVelocity, Settings};
-use eyebox::hologram::{self, ColorHologram, Hologram};
-use eyebox::optics::{Color, Display, Optics, Pupil, WindowFactor};
-use eyebox::plan::{Comparison, Planner, ViewLayout};
-use eyebox::scene::{self, Pyramid, Request, ViewGrid};
-use eyebox::trackers::{Sample, line};
+use eyebox::low_level::gaze::{Estimator, EyeVelocity, Settings};
+use eyebox::low_level::hologram::{self, ColorHologram, Hologram};
+use eyebox::low_level::optics::{Color, Display, Optics, Pupil, WindowFactor};
+use eyebox::low_level::plan::{Comparison, Planner, ViewLayout};
+use eyebox::low_level::scene::{self, Pyramid, Request, ViewGrid};
+use eyebox::low_level::trackers::{Sample, line};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestCaseError, TestRunner};
 use std::fs;
@@ -226,7 +226,7 @@ fn files_of_many_views() {
     let temp = tempfile::tempdir().expect("a folder");
     let values: Vec<f32> = (0..2 * 3 * 12 * 10 * 3).map(|i| (i * 7 % 23) as f32 / 23.0).collect();
     let npy = temp.path().join("views.npy");
-    eyebox::files::write_npy(&npy, &[2, 3, 12, 10, 3], &values).expect("an array");
+    eyebox::low_level::files::write_npy(&npy, &[2, 3, 12, 10, 3], &values).expect("an array");
     let array = fs::read(&npy).expect("there");
     let tiles = image::RgbImage::from_fn(30, 24, |x, y| image::Rgb([(x * 8) as u8, (y * 9) as u8, 90]));
     tiles.save(temp.path().join("tiles.png")).expect("a picture");
@@ -276,7 +276,7 @@ fn pictures_with_maps() {
         image::ImageBuffer::<image::Luma<u16>, _>::from_fn(10, 12, |x, y| image::Luma([(x * y * 500) as u16]));
     depth16.save(temp.path().join("depth.png")).expect("a map");
     let values: Vec<f32> = (0..120).map(|i| (i % 10) as f32 * 0.1 - 0.4).collect();
-    eyebox::files::write_npy(&temp.path().join("disp.npy"), &[12, 10], &values).expect("a map");
+    eyebox::low_level::files::write_npy(&temp.path().join("disp.npy"), &[12, 10], &values).expect("a map");
     let pfm = [b"Pf\n10 12\n-1\n".to_vec(), values.iter().flat_map(|v| v.to_le_bytes()).collect()].concat();
     fs::write(temp.path().join("disp.pfm"), pfm).expect("a map");
     let exr = image::Rgb32FImage::from_fn(10, 12, |x, y| image::Rgb([(x * y) as f32; 3]));
@@ -293,7 +293,7 @@ fn pictures_with_maps() {
         let request = Request {
             views: 3,
             depth_map: Some(&map),
-            near: Some(eyebox::scene::Near::Large),
+            near: Some(eyebox::low_level::scene::Near::Large),
             depth: Some([-1e-3, 1e-3]),
             ..Request::new(&display, &[Color::Red])
         };
@@ -363,14 +363,14 @@ fn hologram_files() {
         width: 6,
         pitch: 8e-6,
         focal_length: 0.4,
-        geometry: eyebox::optics::Geometry::Relay,
+        geometry: eyebox::low_level::optics::Geometry::Relay,
         colors: vec![color(Color::Red), color(Color::Green)],
         seed: 7,
         version: "0.1.0".into(),
         display: "small".into(),
         display_wavelengths: display.wavelengths,
         scene: "s".into(),
-        metadata: eyebox::hologram::Metadata { seconds: Some(3.0), ..Default::default() },
+        metadata: eyebox::low_level::hologram::Metadata { seconds: Some(3.0), ..Default::default() },
     };
     whole.save(&path).expect("saved");
     let names = ["zarr.json", "phases/zarr.json", "phases/c/0/1/0/0"];
@@ -397,7 +397,7 @@ fn hologram_files() {
 fn bare_phases() {
     let temp = tempfile::tempdir().expect("a folder");
     let file = temp.path().join("p.npy");
-    eyebox::files::write_npy(&file, &[2, 3, 4], &[0.5; 24]).expect("written");
+    eyebox::low_level::files::write_npy(&file, &[2, 3, 4], &[0.5; 24]).expect("written");
     let whole = fs::read(&file).expect("there");
     fuzz("bare phases", prop::collection::vec(edit(), 1..6), |edits| {
         fs::write(&file, damage(whole.clone(), &edits)).expect("written");

@@ -5,6 +5,7 @@ mod contents;
 mod encode_steady;
 mod extremes;
 mod eyes;
+mod facade;
 mod far_field;
 mod fuzz;
 mod header;

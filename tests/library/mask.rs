@@ -1,9 +1,9 @@
 //! A static mask of finer pixels in front of the SLM (OPTICS 12): what is seen through it against float64, and its gradient.
 
-use eyebox::evaluate;
-use eyebox::files::write_npy;
-use eyebox::optics::{Color, Display, Optics, Pupil, WindowFactor, transfer};
-use eyebox::plan::{Comparison, ModelTables, Planner, Purpose};
+use eyebox::low_level::evaluate;
+use eyebox::low_level::files::write_npy;
+use eyebox::low_level::optics::{Color, Display, Optics, Pupil, WindowFactor, transfer};
+use eyebox::low_level::plan::{Comparison, ModelTables, Planner, Purpose};
 use eyebox_kernels::{Complex64, compare};
 use eyebox_tests::gradient::{assert_derivative, gradient_of, intensity_loss, random_targets, unwrapped_phases};
 use eyebox_tests::{error_power, fft2, loaded, noise, phases, step_with_targets};

@@ -1,11 +1,11 @@
 //! The methods beside random pupils, against float64 and against their definitions.
 
-use eyebox::engine::{Buffer, Engine, Kernel, cpu::CpuEngine};
-use eyebox::evaluate;
-use eyebox::optics::{Color, Display, Optics, Padding, Pupil, WindowFactor};
-use eyebox::plan::{Comparison, Planner, Purpose, ViewLayout, Viewpoint};
-use eyebox::scene::{self, Pyramid, Request, ViewGrid};
-use eyebox::solve::{self, Flow, Method, Optimizer, Problem, Settings};
+use eyebox::low_level::engine::{Buffer, Engine, Kernel, cpu::CpuEngine};
+use eyebox::low_level::evaluate;
+use eyebox::low_level::optics::{Color, Display, Optics, Padding, Pupil, WindowFactor};
+use eyebox::low_level::plan::{Comparison, Planner, Purpose, ViewLayout, Viewpoint};
+use eyebox::low_level::scene::{self, Pyramid, Request, ViewGrid};
+use eyebox::low_level::solve::{self, Flow, Method, Optimizer, Problem, Settings};
 use eyebox_kernels::compare::INTENSITY;
 use eyebox_tests::both::{assert_silent, vulkan};
 use eyebox_tests::gradient::{assert_derivative, gradient_of};

@@ -1,14 +1,14 @@
 //! Displays as they are: the lists through every term of a model against float64, and what it is worth to solve with it.
 
-use eyebox::engine::{Buffer, Engine, Kernel, cpu::CpuEngine};
-use eyebox::evaluate;
-use eyebox::optics::{
+use eyebox::low_level::engine::{Buffer, Engine, Kernel, cpu::CpuEngine};
+use eyebox::low_level::evaluate;
+use eyebox::low_level::optics::{
     Color, Display, DisplayModel, Geometry, Level, ModelOf, ModelTerms, Optics, Padding, Pupil, WindowFactor,
 };
-use eyebox::plan::{Comparison, ModelTables, Planner, Purpose};
-use eyebox::quality::{ModelWorth, Subject};
-use eyebox::scene::{self, LightField};
-use eyebox::solve::{self, Flow, Problem, Settings};
+use eyebox::low_level::plan::{Comparison, ModelTables, Planner, Purpose};
+use eyebox::low_level::quality::{ModelWorth, Subject};
+use eyebox::low_level::scene::{self, LightField};
+use eyebox::low_level::solve::{self, Flow, Problem, Settings};
 use eyebox_kernels::compare;
 use eyebox_tests::both::every_fault;
 use eyebox_tests::gradient::{assert_derivative, gradient_of, intensity_loss, random_targets, unwrapped_phases};

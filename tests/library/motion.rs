@@ -1,11 +1,13 @@
 //! Eyes and content that move while the sub-frames are shown, against float64 (OPTICS 15).
 
 use crate::model::{Bench, RADIUS, optics};
-use eyebox::engine::{Buffer, Engine, Kernel, cpu::CpuEngine};
-use eyebox::evaluate;
-use eyebox::optics::{DisplayModel, Pupil, WindowFactor};
-use eyebox::plan::{Comparison, ModelTables, Moment, Moving, Planner, PupilPass, Purpose, ViewLayout, Viewpoint};
-use eyebox::scene::{Pyramid, ViewGrid};
+use eyebox::low_level::engine::{Buffer, Engine, Kernel, cpu::CpuEngine};
+use eyebox::low_level::evaluate;
+use eyebox::low_level::optics::{DisplayModel, Pupil, WindowFactor};
+use eyebox::low_level::plan::{
+    Comparison, ModelTables, Moment, Moving, Planner, PupilPass, Purpose, ViewLayout, Viewpoint,
+};
+use eyebox::low_level::scene::{Pyramid, ViewGrid};
 use eyebox_kernels::compare;
 use eyebox_tests::both::every_fault;
 use eyebox_tests::gradient::{assert_derivative, gradient_of, intensity_loss, random_targets, unwrapped_phases};

@@ -1,9 +1,9 @@
 //! Photographs of few views by Fourier disparity layers, against waves whose photographs are known in closed form (OPTICS 14).
 
-use eyebox::engine::cpu::CpuEngine;
-use eyebox::optics::{Color, Display, Pupil};
-use eyebox::reconstruction::SceneSource;
-use eyebox::scene::{self, Layers, LightField, Photographs, Request, ViewGrid};
+use eyebox::low_level::engine::cpu::CpuEngine;
+use eyebox::low_level::optics::{Color, Display, Pupil};
+use eyebox::low_level::reconstruction::SceneSource;
+use eyebox::low_level::scene::{self, Layers, LightField, Photographs, Request, ViewGrid};
 use std::f64::consts::TAU;
 
 const SIZE: usize = 48;

@@ -1,12 +1,12 @@
 //! Pictures bent so that they are seen straight: lines are straight and colours coincide, through a simulated distortion.
 
-use eyebox::engine::{Engine, cpu::CpuEngine};
-use eyebox::evaluate::{self, Plane};
-use eyebox::hologram::{ColorHologram, Hologram};
-use eyebox::optics::{Color, Display, Padding, Picture, Pupil, Seen, WindowFactor};
-use eyebox::plan::Purpose;
-use eyebox::scene::LightField;
-use eyebox::solve::Problem;
+use eyebox::low_level::engine::{Engine, cpu::CpuEngine};
+use eyebox::low_level::evaluate::{self, Plane};
+use eyebox::low_level::hologram::{ColorHologram, Hologram};
+use eyebox::low_level::optics::{Color, Display, Padding, Picture, Pupil, Seen, WindowFactor};
+use eyebox::low_level::plan::Purpose;
+use eyebox::low_level::scene::LightField;
+use eyebox::low_level::solve::Problem;
 
 const SIZE: [usize; 2] = [72, 96];
 /// Where vertical and horizontal lines stand.

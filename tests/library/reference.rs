@@ -1,11 +1,11 @@
 //! The CPU engine's lists against float64: views, windows, the gradient, the projection; and the signs of the optics.
 
-use eyebox::engine::{Buffer, Engine, cpu::CpuEngine};
-use eyebox::evaluate;
-use eyebox::optics::{Optics, Padding, Pupil, Window, WindowFactor};
-use eyebox::plan::{Comparison, Dispatch, Kernel, Planner, Purpose};
-use eyebox::scene::{Pyramid, ViewGrid};
-use eyebox::solve::{self, Flow, Optimizer, Problem, Settings};
+use eyebox::low_level::engine::{Buffer, Engine, cpu::CpuEngine};
+use eyebox::low_level::evaluate;
+use eyebox::low_level::optics::{Optics, Padding, Pupil, Window, WindowFactor};
+use eyebox::low_level::plan::{Comparison, Dispatch, Kernel, Planner, Purpose};
+use eyebox::low_level::scene::{Pyramid, ViewGrid};
+use eyebox::low_level::solve::{self, Flow, Optimizer, Problem, Settings};
 use eyebox_kernels::compare;
 use eyebox_tests::gradient::{assert_derivative, gradient_of, intensity_loss, random_targets};
 use eyebox_tests::{Oracle, error_power, fft2, loaded, noise, phases, step_with_targets};
@@ -234,7 +234,7 @@ fn the_photograph_of_a_plane_is_sharp_at_its_depth_and_nowhere_else() {
     let z0 = 12e-3;
     let (grid, pyramid, image) = plane(&o, z0, 5);
     let planner = Planner {
-        views: Some(eyebox::plan::ViewLayout::new(grid, &pyramid)),
+        views: Some(eyebox::low_level::plan::ViewLayout::new(grid, &pyramid)),
         ..Planner::new(o, 1, WindowFactor::Full)
     };
     let mut engine = CpuEngine::new();

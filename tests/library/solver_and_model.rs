@@ -1,10 +1,10 @@
 //! The solver uses a display's model: a term that it knows never makes the result worse, and neither do more steps.
 
 use super::model::seen_on;
-use eyebox::engine::cpu::CpuEngine;
-use eyebox::optics::{Color, Display, Level, ModelOf, ModelTerms, Padding};
-use eyebox::scene::{self, LightField};
-use eyebox::solve::{self, Flow, Optimizer, Problem, Settings, Solution};
+use eyebox::low_level::engine::cpu::CpuEngine;
+use eyebox::low_level::optics::{Color, Display, Level, ModelOf, ModelTerms, Padding};
+use eyebox::low_level::scene::{self, LightField};
+use eyebox::low_level::solve::{self, Flow, Optimizer, Problem, Settings, Solution};
 
 /// Every term of a bench, with crosstalk towards each side of this sigma (pixels^-1).
 fn terms(sigma: Option<f64>) -> ModelTerms {

@@ -1,15 +1,15 @@
 //! Light with a source (OPTICS 12): modes against float64, their gradient, and what one centred mode is.
 
 use super::model::{RADIUS, optics};
-use eyebox::engine::{Buffer, Engine, Memory};
-use eyebox::evaluate;
-use eyebox::optics::{
+use eyebox::low_level::engine::{Buffer, Engine, Memory};
+use eyebox::low_level::evaluate;
+use eyebox::low_level::optics::{
     Color, Display, DisplayModel, Iris, Optics, Padding, Prescription, Pupil, SourceKind, SourceMode, SourceShape,
     WindowFactor,
 };
-use eyebox::plan::{Comparison, EyeTables, ModelTables, Planner, Purpose, Viewpoint};
-use eyebox::scene;
-use eyebox::solve::{self, Flow, Optimizer, Problem, Settings};
+use eyebox::low_level::plan::{Comparison, EyeTables, ModelTables, Planner, Purpose, Viewpoint};
+use eyebox::low_level::scene;
+use eyebox::low_level::solve::{self, Flow, Optimizer, Problem, Settings};
 use eyebox_kernels::compare;
 use eyebox_tests::gradient::{assert_derivative, gradient_of, intensity_loss, random_targets};
 use eyebox_tests::{Oracle, error_power, fft2, loaded, noise, phases, step_with_targets};
@@ -199,7 +199,7 @@ fn a_tilt_is_a_linear_phase() {
 fn solving_with_a_source_averages_speckle() {
     let plain = Display { height: 96, width: 96, ..Display::preset("small").unwrap() };
     let mut wide = plain.clone();
-    let mut terms = eyebox::optics::SourceTerms::default();
+    let mut terms = eyebox::low_level::optics::SourceTerms::default();
     (terms.kind, terms.image_mm, terms.samples) = (Some(SourceKind::Led), Some(2.0), Some(3));
     wide.source.insert(Color::Green.into(), terms);
     let field = scene::load("builtin:still-life", &scene::Request::new(&plain, &[Color::Green])).unwrap();
@@ -214,7 +214,7 @@ fn solving_with_a_source_averages_speckle() {
             optimizer,
             ..Settings::default()
         };
-        let mut engine = eyebox::engine::cpu::CpuEngine::new();
+        let mut engine = eyebox::low_level::engine::cpu::CpuEngine::new();
         let solution = solve::solve(&problem, &settings, &mut engine, &mut |_| Flow::Continue).unwrap();
         solution.validation.mean()
     };
@@ -230,7 +230,7 @@ fn solving_with_a_source_averages_speckle() {
 fn wide_pupils_need_few_modes() {
     let plain = Display { height: 96, width: 96, ..Display::preset("small").unwrap() };
     let mut wide = plain.clone();
-    let mut terms = eyebox::optics::SourceTerms::default();
+    let mut terms = eyebox::low_level::optics::SourceTerms::default();
     (terms.image_mm, terms.shape, terms.samples) = (Some(2.0), Some(SourceShape::Square), Some(3));
     wide.source.insert(Color::Green.into(), terms);
     let field = scene::load("builtin:still-life", &scene::Request::new(&plain, &[Color::Green])).unwrap();
@@ -266,7 +266,7 @@ fn wide_pupils_need_few_modes() {
             all_modes,
             ..Settings::default()
         };
-        let mut engine = eyebox::engine::cpu::CpuEngine::new();
+        let mut engine = eyebox::low_level::engine::cpu::CpuEngine::new();
         let solution = solve::solve(&problem, &settings, &mut engine, &mut |_| Flow::Continue).unwrap();
         let work = solve::Cost::new(&problem, &settings, Memory::Host, 512).step.iter().sum::<f64>();
         (solution.validation.mean(), work)

@@ -2,12 +2,14 @@
 //! a hologram gains from being solved for the one that is lit.
 
 use super::model::optics;
-use eyebox::engine::cpu::CpuEngine;
-use eyebox::evaluate;
-use eyebox::optics::{Color, Display, Padding, Pupil, PupilDistribution, SourceMode, SourcesLit, WindowFactor};
-use eyebox::plan::{Comparison, Planner, Purpose};
-use eyebox::scene;
-use eyebox::solve::{self, Flow, Problem, Refiner, Settings, Steering};
+use eyebox::low_level::engine::cpu::CpuEngine;
+use eyebox::low_level::evaluate;
+use eyebox::low_level::optics::{
+    Color, Display, Padding, Pupil, PupilDistribution, SourceMode, SourcesLit, WindowFactor,
+};
+use eyebox::low_level::plan::{Comparison, Planner, Purpose};
+use eyebox::low_level::scene;
+use eyebox::low_level::solve::{self, Flow, Problem, Refiner, Settings, Steering};
 use eyebox_kernels::compare;
 use eyebox_tests::gradient::{assert_derivative, gradient_of, intensity_loss, random_targets};
 use eyebox_tests::{Oracle, error_power, fft2, loaded, phases, step_with_targets};
@@ -155,8 +157,9 @@ fn a_refinement_takes_its_sources_with_the_eye() {
     let mut display = Display { height: 96, width: 96, ..Display::preset("small").unwrap() };
     display.wavelengths.retain(|w| w.color == Color::Green);
     let place = |i: usize| [26.0 * ((i % 3) as f64 - 1.0), 26.0 * ((i / 3) as f64 - 1.0)];
-    display.sources.each =
-        (0..9).map(|i| eyebox::optics::SwitchedSource { eyebox_mm: Some(place(i)), ..Default::default() }).collect();
+    display.sources.each = (0..9)
+        .map(|i| eyebox::low_level::optics::SwitchedSource { eyebox_mm: Some(place(i)), ..Default::default() })
+        .collect();
     display.sources.lit = SourcesLit::Steered;
     let request = scene::Request::new(&display, &[Color::Green]);
     let field = scene::load("builtin:still-life", &request).unwrap();

@@ -1,10 +1,10 @@
 //! Steered refinement on both engines: the same pupils, the same steps, the same phases.
 
-use eyebox::engine::Engine;
-use eyebox::engine::cpu::CpuEngine;
-use eyebox::optics::{Color, Display, Padding, PupilDistribution, WindowFactor};
-use eyebox::scene::{self, Request};
-use eyebox::solve::{Flow, Problem, Refiner, Settings, Steering, Strategy, solve};
+use eyebox::low_level::engine::Engine;
+use eyebox::low_level::engine::cpu::CpuEngine;
+use eyebox::low_level::optics::{Color, Display, Padding, PupilDistribution, WindowFactor};
+use eyebox::low_level::scene::{self, Request};
+use eyebox::low_level::solve::{Flow, Problem, Refiner, Settings, Steering, Strategy, solve};
 use eyebox_tests::both::vulkan;
 
 const STEPS: usize = 4;

@@ -1,18 +1,18 @@
 //! A far field in tiles on a display that is not ideal: what is seen and refined of it, a piece at a time, is what it is in one
 //! piece, on both engines (OPTICS 9, 10).
 
-use eyebox::engine::{Buffer, Engine, cpu::CpuEngine};
-use eyebox::evaluate::Views;
-use eyebox::hologram::{ColorHologram, Hologram, Metadata, PhaseSource, Tiles};
-use eyebox::optics::{
+use eyebox::low_level::engine::{Buffer, Engine, cpu::CpuEngine};
+use eyebox::low_level::evaluate::Views;
+use eyebox::low_level::hologram::{ColorHologram, Hologram, Metadata, PhaseSource, Tiles};
+use eyebox::low_level::optics::{
     Color, Display, DisplayModel, Geometry, Level, ModelOf, ModelTerms, Obstruction, Optics, Pupil, PupilDistribution,
     WindowFactor,
 };
-use eyebox::plan::{Comparison, ModelTables, Planner, Purpose};
-use eyebox::reconstruction::Sampling;
-use eyebox::scene::Request;
-use eyebox::solve::{Problem, Refiner, Steering};
-use eyebox::tiled::Piece;
+use eyebox::low_level::plan::{Comparison, ModelTables, Planner, Purpose};
+use eyebox::low_level::reconstruction::Sampling;
+use eyebox::low_level::scene::Request;
+use eyebox::low_level::solve::{Problem, Refiner, Steering};
+use eyebox::low_level::tiled::Piece;
 use eyebox_tests::both::{every_fault, vulkan};
 use eyebox_tests::error_power;
 use serde_json::Value;
@@ -77,7 +77,7 @@ fn seen_whole(
     engine.run(&planner.view_step(vec![planner.pupil_pass(pupil, &Comparison::default())])).unwrap();
     let image = engine.read(Buffer::Image(0)).unwrap();
     let n = (image.len() as f64).sqrt() as usize;
-    eyebox::evaluate::centered(&image, n, n)
+    eyebox::low_level::evaluate::centered(&image, n, n)
 }
 
 /// In the middle, at a side and over a corner; terms alone and all together, whole sets and one sub-frame.

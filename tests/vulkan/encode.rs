@@ -1,8 +1,8 @@
 //! The kernel `encode` on the device against its twin: byte for byte, and not a word from the validation layer.
 
-use eyebox::encode::{Encoder, PhaseSet};
-use eyebox::engine::vulkan::VulkanEncoder;
-use eyebox::optics::{Color, Display};
+use eyebox::low_level::encode::{Encoder, PhaseSet};
+use eyebox::low_level::engine::vulkan::VulkanEncoder;
+use eyebox::low_level::optics::{Color, Display};
 use eyebox_tests::both::{Noise, gpu};
 use std::f32::consts::TAU;
 use std::sync::PoisonError;

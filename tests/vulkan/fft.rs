@@ -1,9 +1,9 @@
 //! The Vulkan engine's transforms against RustFFT in float64. Needs a Vulkan device (a software one will do) and the
 //! validation layer: `tools/setup.sh` installs both.
 
-use eyebox::engine::Storage;
-use eyebox::engine::vulkan::Transforms;
-use eyebox::gpu::{DeviceKind, Gpu, Options};
+use eyebox::low_level::engine::Storage;
+use eyebox::low_level::engine::vulkan::Transforms;
+use eyebox::low_level::gpu::{DeviceKind, Gpu, Options};
 use eyebox_kernels::Complex32;
 use eyebox_kernels::fft::{Columns, Direction, transform_f64};
 use eyebox_tests::both::{gpu, watched};

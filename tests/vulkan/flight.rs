@@ -1,11 +1,11 @@
 //! Steps in flight: losses are judged on the device, and known a step late.
 
-use eyebox::engine::vulkan::VulkanEngine;
-use eyebox::engine::{Buffer, Engine, EngineError, Step, Storage};
-use eyebox::gpu::{DeviceKind, Gpu, Options};
-use eyebox::optics::{Optics, Pupil, WindowFactor};
-use eyebox::plan::{Comparison, Planner, Purpose, ViewLayout};
-use eyebox::scene::{Pyramid, ViewGrid};
+use eyebox::low_level::engine::vulkan::VulkanEngine;
+use eyebox::low_level::engine::{Buffer, Engine, EngineError, Step, Storage};
+use eyebox::low_level::gpu::{DeviceKind, Gpu, Options};
+use eyebox::low_level::optics::{Optics, Pupil, WindowFactor};
+use eyebox::low_level::plan::{Comparison, Planner, Purpose, ViewLayout};
+use eyebox::low_level::scene::{Pyramid, ViewGrid};
 use eyebox_tests::both::{Noise, assert_silent, vulkan, watched};
 use std::slice;
 use std::sync::Arc;

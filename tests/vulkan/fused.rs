@@ -1,10 +1,10 @@
 //! Fused kernels against the list that they stand for, run entry by entry on the same device.
 
-use eyebox::engine::vulkan::VulkanEngine;
-use eyebox::engine::{Buffer, Engine, Kernel, Purpose, Step, Storage};
-use eyebox::gpu::{DeviceKind, Gpu, Options};
-use eyebox::optics::DisplayModel;
-use eyebox::plan::ModelTables;
+use eyebox::low_level::engine::vulkan::VulkanEngine;
+use eyebox::low_level::engine::{Buffer, Engine, Kernel, Purpose, Step, Storage};
+use eyebox::low_level::gpu::{DeviceKind, Gpu, Options};
+use eyebox::low_level::optics::DisplayModel;
+use eyebox::low_level::plan::ModelTables;
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
 use eyebox_tests::both::{Case, Noise, assert_silent, distance, every_fault, watched};
 use eyebox_tests::half_roundings;

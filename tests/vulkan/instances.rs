@@ -1,8 +1,8 @@
 //! Devices under the validation layer, opened, used and closed by many threads at once, as the tests of one process do.
 
 use crate::one_device::{INSIDE, again};
-use eyebox::engine::{Engine, Kernel, Purpose};
-use eyebox::gpu::{Gpu, Options};
+use eyebox::low_level::engine::{Engine, Kernel, Purpose};
+use eyebox::low_level::gpu::{Gpu, Options};
 use eyebox_kernels::compare::INTENSITY;
 use eyebox_tests::both::{Case, assert_silent, vulkan, watched};
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -1,10 +1,10 @@
 //! All colours at once, refined on the device and on the CPU: the same steps. Not a word from the validation layer.
 
-use eyebox::engine::cpu::CpuEngine;
-use eyebox::engine::vulkan::VulkanEngine;
-use eyebox::optics::{Color, Display, Laser, Padding, Pupil, PupilDistribution};
-use eyebox::scene::{self, Request};
-use eyebox::solve::{JointPart, JointRefiner, Motion, Problem, Steering, Strategy, random_phases};
+use eyebox::low_level::engine::cpu::CpuEngine;
+use eyebox::low_level::engine::vulkan::VulkanEngine;
+use eyebox::low_level::optics::{Color, Display, Laser, Padding, Pupil, PupilDistribution};
+use eyebox::low_level::scene::{self, Request};
+use eyebox::low_level::solve::{JointPart, JointRefiner, Motion, Problem, Steering, Strategy, random_phases};
 use eyebox_tests::both::gpu;
 use std::sync::PoisonError;
 

@@ -1,12 +1,12 @@
 //! Each kernel on the device against its twin: error power below 1e-10 of signal power, and not a word from the
 //! validation layer; with fields stored as halves, below the power of the roundings in which the two may differ.
 
-use eyebox::engine::cpu::CpuEngine;
-use eyebox::engine::vulkan::VulkanEngine;
-use eyebox::engine::{Buffer, Engine, Kernel, Purpose, Shape, Storage};
-use eyebox::gpu::{Gpu, Options};
-use eyebox::optics::Prescription;
-use eyebox::plan::{EyeTables, ModelTables};
+use eyebox::low_level::engine::cpu::CpuEngine;
+use eyebox::low_level::engine::vulkan::VulkanEngine;
+use eyebox::low_level::engine::{Buffer, Engine, Kernel, Purpose, Shape, Storage};
+use eyebox::low_level::gpu::{Gpu, Options};
+use eyebox::low_level::optics::Prescription;
+use eyebox::low_level::plan::{EyeTables, ModelTables};
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
 use eyebox_tests::both::{Case, assert_silent, compare, every_fault, vulkan, watched};
 use eyebox_tests::half_roundings;

@@ -1,11 +1,11 @@
 //! A static mask of finer pixels on the device (OPTICS 12): its kernels against their twins, and whole steps.
 
 use super::steps::{assert_close, assert_same_views, solve, steps};
-use eyebox::engine::cpu::CpuEngine;
-use eyebox::engine::{Kernel, Purpose, Storage};
-use eyebox::optics::{Color, Display, Padding, Pupil, WindowFactor};
-use eyebox::plan::{ModelTables, Planner, ViewLayout};
-use eyebox::scene::{Pyramid, ViewGrid};
+use eyebox::low_level::engine::cpu::CpuEngine;
+use eyebox::low_level::engine::{Kernel, Purpose, Storage};
+use eyebox::low_level::optics::{Color, Display, Padding, Pupil, WindowFactor};
+use eyebox::low_level::plan::{ModelTables, Planner, ViewLayout};
+use eyebox::low_level::scene::{Pyramid, ViewGrid};
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
 use eyebox_tests::both::{Case, Noise, assert_silent, compare, vulkan};
 use eyebox_tests::half_roundings;

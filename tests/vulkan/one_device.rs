@@ -1,12 +1,12 @@
 //! One Vulkan device for all that a program does: counted by what the loader says, in a process of its own.
 
-use eyebox::encode::{Encoder, PhaseSet};
-use eyebox::engine::vulkan::{Transforms, VulkanEncoder, VulkanEngine};
-use eyebox::engine::{Backend, Buffer, Choice, Engine, Storage};
-use eyebox::gpu::{Options, PhasesOnDevice, PixelOrder};
-use eyebox::optics::{Color, Display, Padding};
-use eyebox::scene::{self, Request};
-use eyebox::solve::{Flow, Problem, Refiner, Settings, Steering, solve};
+use eyebox::low_level::encode::{Encoder, PhaseSet};
+use eyebox::low_level::engine::vulkan::{Transforms, VulkanEncoder, VulkanEngine};
+use eyebox::low_level::engine::{Backend, Buffer, Choice, Engine, Storage};
+use eyebox::low_level::gpu::{Options, PhasesOnDevice, PixelOrder};
+use eyebox::low_level::optics::{Color, Display, Padding};
+use eyebox::low_level::scene::{self, Request};
+use eyebox::low_level::solve::{Flow, Problem, Refiner, Settings, Steering, solve};
 use eyebox_tests::both::gpu;
 use std::process::{Command, Output};
 use std::sync::PoisonError;

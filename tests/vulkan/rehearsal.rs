@@ -1,13 +1,13 @@
 //! What a step asks of a device at 1080 x 1920 x 8, recorded and not run: budgets that only fall.
 
-use eyebox::encode::Encoder;
-use eyebox::engine::Engine;
-use eyebox::engine::vulkan::{VulkanEncoder, VulkanEngine};
-use eyebox::gpu::{DeviceKind, Gpu, Options};
-use eyebox::optics::{Color, Display, ModelOf, ModelTerms, Pupil, PupilDistribution};
-use eyebox::plan::{DEVICES, Storage};
-use eyebox::scene::LightField;
-use eyebox::solve::{Problem, Refiner, Rehearsal, RehearsedStep, Settings, Steering};
+use eyebox::low_level::encode::Encoder;
+use eyebox::low_level::engine::Engine;
+use eyebox::low_level::engine::vulkan::{VulkanEncoder, VulkanEngine};
+use eyebox::low_level::gpu::{DeviceKind, Gpu, Options};
+use eyebox::low_level::optics::{Color, Display, ModelOf, ModelTerms, Pupil, PupilDistribution};
+use eyebox::low_level::plan::{DEVICES, Storage};
+use eyebox::low_level::scene::LightField;
+use eyebox::low_level::solve::{Problem, Refiner, Rehearsal, RehearsedStep, Settings, Steering};
 use eyebox_tests::both::watched;
 
 /// Nine views: a photograph then moves less than one of 81, everything else the same.

@@ -2,8 +2,8 @@
 //! to the other and never to the host.
 #![cfg(target_os = "linux")]
 
-use eyebox::engine::vulkan::{StoredViews, ViewDecoder};
-use eyebox::gpu::{DeviceIds, Gpu, SharedLayout, SharedMemory, SlotWriter};
+use eyebox::low_level::engine::vulkan::{StoredViews, ViewDecoder};
+use eyebox::low_level::gpu::{DeviceIds, Gpu, SharedLayout, SharedMemory, SlotWriter};
 use eyebox_kernels::decode_views::U8;
 use eyebox_tests::both::{gpu, watched};
 use std::sync::PoisonError;

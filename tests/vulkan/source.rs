@@ -1,10 +1,10 @@
 //! Light with a source on the device: kernels over modes against their twins, and whole steps.
 
 use super::steps::{assert_close, assert_same_views, solve, steps};
-use eyebox::engine::cpu::CpuEngine;
-use eyebox::engine::{Engine, Kernel, Purpose, Storage};
-use eyebox::optics::{FewerModes, Prescription, SourceMode};
-use eyebox::plan::{Comparison, EyeTables, ModelTables, Viewpoint};
+use eyebox::low_level::engine::cpu::CpuEngine;
+use eyebox::low_level::engine::{Engine, Kernel, Purpose, Storage};
+use eyebox::low_level::optics::{FewerModes, Prescription, SourceMode};
+use eyebox::low_level::plan::{Comparison, EyeTables, ModelTables, Viewpoint};
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
 use eyebox_tests::both::{Case, assert_silent, compare, every_fault, vulkan};
 

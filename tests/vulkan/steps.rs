@@ -1,12 +1,12 @@
 //! Whole steps: both engines run the same lists, and may hand over anywhere.
 
-use eyebox::engine::cpu::CpuEngine;
-use eyebox::engine::vulkan::VulkanEngine;
-use eyebox::engine::{At, Buffer, Engine, EngineError, Handover, Kernel, Purpose, Step, Storage};
-use eyebox::evaluate::{self, Sums};
-use eyebox::gpu::{DeviceKind, Gpu, Options};
-use eyebox::plan::{Comparison, Viewpoint};
-use eyebox::solve::Validator;
+use eyebox::low_level::engine::cpu::CpuEngine;
+use eyebox::low_level::engine::vulkan::VulkanEngine;
+use eyebox::low_level::engine::{At, Buffer, Engine, EngineError, Handover, Kernel, Purpose, Step, Storage};
+use eyebox::low_level::evaluate::{self, Sums};
+use eyebox::low_level::gpu::{DeviceKind, Gpu, Options};
+use eyebox::low_level::plan::{Comparison, Viewpoint};
+use eyebox::low_level::solve::Validator;
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
 use eyebox_tests::both::{Case, Noise, assert_silent, distance, vulkan, watched};
 use eyebox_tests::half_roundings;

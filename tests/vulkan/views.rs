@@ -1,11 +1,11 @@
 //! The kernels `decode_views` and `halve_views` on the device against their twins and the host's pyramid; and engines that look at
 //! what they made where it is. Not a word from the validation layer.
 
-use eyebox::engine::vulkan::{NoLight, StoredViews, ViewDecoder, VulkanEngine};
-use eyebox::gpu::Gpu;
-use eyebox::optics::{Color, Display, Padding, Pupil};
-use eyebox::scene::{Pyramid, ViewGrid};
-use eyebox::solve::{Problem, Refiner, Steering};
+use eyebox::low_level::engine::vulkan::{NoLight, StoredViews, ViewDecoder, VulkanEngine};
+use eyebox::low_level::gpu::Gpu;
+use eyebox::low_level::optics::{Color, Display, Padding, Pupil};
+use eyebox::low_level::scene::{Pyramid, ViewGrid};
+use eyebox::low_level::solve::{Problem, Refiner, Steering};
 use eyebox_kernels::decode_views::{self, Args, F16, F32, U8, U16, decode_views};
 use eyebox_kernels::halve_views::{self, halve_views};
 use eyebox_tests::both::{Noise, gpu};

@@ -2,10 +2,10 @@
 
 use eyebox::encode::EncodeError;
 use eyebox::engine::EngineError;
-use eyebox::evaluate::EvaluateError;
 use eyebox::hologram::HologramError;
 use eyebox::optics::OpticsError;
 use eyebox::produce::ProduceError;
+use eyebox::reconstruction::EvaluateError;
 use eyebox::reconstruction::ReconstructionError;
 use eyebox::scene::SceneError;
 use eyebox::session::SessionError;

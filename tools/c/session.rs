@@ -11,7 +11,7 @@ use eyebox::hologram::Sequence;
 use eyebox::present::Rate;
 use eyebox::session::{Live, Play, SessionError, SessionOptions, TickedSession, Tracking};
 use eyebox::solve::Steering;
-use eyebox::trackers::{now_ns, pushed::SampleSender};
+use eyebox::trackers::{SampleSender, now_ns};
 use std::ffi::{c_char, c_void};
 use std::mem::MaybeUninit;
 use std::path::Path;

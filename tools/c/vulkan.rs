@@ -4,9 +4,11 @@ use crate::arrays::hand_over;
 use crate::failure::{Failure, answer, starts_threads};
 use crate::{EyeboxEngine, EyeboxStatus};
 use eyebox::engine::Backend;
-use eyebox::gpu::ash::vk::Handle;
-use eyebox::gpu::ash::{self, vk};
-use eyebox::gpu::{EngineError, Gpu, RawDevice};
+use eyebox::engine::EngineError;
+use eyebox::gpu::Gpu;
+use eyebox::low_level::gpu::RawDevice;
+use eyebox::low_level::gpu::ash::vk::Handle;
+use eyebox::low_level::gpu::ash::{self, vk};
 use std::ffi::c_void;
 use std::mem::MaybeUninit;
 

@@ -14,11 +14,11 @@ use crate::values::{
 };
 use clap::Args;
 use clap::builder::TypedValueParser;
-use eyebox::hologram::Start;
-use eyebox::optics::{Color, WindowFactor};
-use eyebox::plan::Storage;
-use eyebox::present::Rate;
-use eyebox::solve::{Diameters, FirstPhases, Full, Method, Optimizer, PaddingRule, Sequence};
+use eyebox::low_level::hologram::Start;
+use eyebox::low_level::optics::{Color, WindowFactor};
+use eyebox::low_level::plan::Storage;
+use eyebox::low_level::present::Rate;
+use eyebox::low_level::solve::{Diameters, FirstPhases, Full, Method, Optimizer, PaddingRule, Sequence};
 use std::path::PathBuf;
 
 /// `eyebox demo`

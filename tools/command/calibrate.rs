@@ -6,10 +6,10 @@ use crate::patterns::{self, PatternArgs, iris};
 use crate::progress::{self, JobBar};
 use crate::values::positive;
 use clap::Args;
-use eyebox::calibrate::{Bench, Event, FEWEST, ModelAge, Report, TAKING, Verdict, calibrate};
-use eyebox::engine;
-use eyebox::files;
-use eyebox::optics::{Color, Display, Seen};
+use eyebox::low_level::calibrate::{Bench, Event, FEWEST, ModelAge, Report, TAKING, Verdict, calibrate};
+use eyebox::low_level::engine;
+use eyebox::low_level::files;
+use eyebox::low_level::optics::{Color, Display, Seen};
 use std::path::PathBuf;
 use std::time::Duration;
 

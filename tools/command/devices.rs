@@ -3,8 +3,8 @@
 use crate::Failure;
 use crate::args::Devices;
 use crate::common;
-use eyebox::engine::{self, Engine, cpu::CpuEngine};
-use eyebox::gpu::{self, DeviceReport};
+use eyebox::low_level::engine::{self, Engine, cpu::CpuEngine};
+use eyebox::low_level::gpu::{self, DeviceReport};
 use serde_json::json;
 use std::time::{Duration, UNIX_EPOCH};
 

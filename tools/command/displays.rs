@@ -3,8 +3,8 @@
 use crate::Failure;
 use crate::{common, progress};
 use clap::{Args, Subcommand};
-use eyebox::files;
-use eyebox::optics::{Color, Display, PRESETS, display_template, preset_about, preset_text};
+use eyebox::low_level::files;
+use eyebox::low_level::optics::{Color, Display, PRESETS, display_template, preset_about, preset_text};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 

@@ -2,10 +2,10 @@
 
 use crate::Failure;
 use crate::args::Bench;
-use eyebox::gpu::{DeviceKind, Gpu, Options};
-use eyebox::optics::PupilDistribution;
-use eyebox::plan::DEVICES;
-use eyebox::solve::{Problem, Rehearsal, Settings, Steering};
+use eyebox::low_level::gpu::{DeviceKind, Gpu, Options};
+use eyebox::low_level::optics::PupilDistribution;
+use eyebox::low_level::plan::DEVICES;
+use eyebox::low_level::solve::{Problem, Rehearsal, Settings, Steering};
 use serde_json::{Value, json};
 
 /// How well the place of an eye is known, metres.
@@ -40,7 +40,7 @@ type Row = (&'static str, u64, f64);
 
 fn rows(rehearsal: &Rehearsal) -> [Row; 12] {
     let first = &rehearsal.steps[0];
-    let row = |name, of: fn(&eyebox::solve::RehearsedStep) -> u64| (name, of(first), rehearsal.mean(of));
+    let row = |name, of: fn(&eyebox::low_level::solve::RehearsedStep) -> u64| (name, of(first), rehearsal.mean(of));
     [
         row("dispatches", |s| s.recording.dispatches() as u64),
         row("barriers", |s| s.recording.barriers() as u64),

@@ -3,11 +3,11 @@
 use crate::Failure;
 use crate::args::{DisplayArgs, Encode, EngineName};
 use crate::common;
-use eyebox::encode::{self, Encoder, PhaseSet, VideoFrames};
-use eyebox::engine::vulkan::VulkanEncoder;
-use eyebox::gpu::{Gpu, Options};
-use eyebox::hologram::{ColorHologram, Hologram, Opening, Phases};
-use eyebox::optics::{Color, Display, USUAL_RATE_HZ};
+use eyebox::low_level::encode::{self, Encoder, PhaseSet, VideoFrames};
+use eyebox::low_level::engine::vulkan::VulkanEncoder;
+use eyebox::low_level::gpu::{Gpu, Options};
+use eyebox::low_level::hologram::{ColorHologram, Hologram, Opening, Phases};
+use eyebox::low_level::optics::{Color, Display, USUAL_RATE_HZ};
 use serde_json::{Value, json};
 use std::borrow::Cow;
 

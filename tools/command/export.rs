@@ -3,7 +3,7 @@
 use crate::Failure;
 use crate::args::Export;
 use crate::common::{self, Form};
-use eyebox::hologram::{self, Opening};
+use eyebox::low_level::hologram::{self, Opening};
 
 /// Writes the phases as one array, or as a folder of grey pictures.
 pub fn run(args: &Export) -> Result<(), Failure> {

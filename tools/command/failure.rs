@@ -1,23 +1,23 @@
 //! What can go wrong in a command: one line each.
 
-use eyebox::calibrate::CalibrateError;
-use eyebox::encode::EncodeError;
-use eyebox::engine::EngineError;
-use eyebox::evaluate::EvaluateError;
-use eyebox::files::FileError;
-use eyebox::gaze::GazeError;
-use eyebox::hologram::HologramError;
-use eyebox::optics::OpticsError;
-use eyebox::present::PresentError;
-use eyebox::preview::PreviewError;
-use eyebox::produce::ProduceError;
-use eyebox::quality::QualityError;
-use eyebox::reconstruction::ReconstructionError;
-use eyebox::scene::SceneError;
-use eyebox::session::SessionError;
-use eyebox::solve::SolveError;
-use eyebox::tiled::TiledError;
-use eyebox::trackers::TrackerError;
+use eyebox::low_level::calibrate::CalibrateError;
+use eyebox::low_level::encode::EncodeError;
+use eyebox::low_level::engine::EngineError;
+use eyebox::low_level::evaluate::EvaluateError;
+use eyebox::low_level::files::FileError;
+use eyebox::low_level::gaze::GazeError;
+use eyebox::low_level::hologram::HologramError;
+use eyebox::low_level::optics::OpticsError;
+use eyebox::low_level::present::PresentError;
+use eyebox::low_level::preview::PreviewError;
+use eyebox::low_level::produce::ProduceError;
+use eyebox::low_level::quality::QualityError;
+use eyebox::low_level::reconstruction::ReconstructionError;
+use eyebox::low_level::scene::SceneError;
+use eyebox::low_level::session::SessionError;
+use eyebox::low_level::solve::SolveError;
+use eyebox::low_level::tiled::TiledError;
+use eyebox::low_level::trackers::TrackerError;
 use eyebox_lab::film::FilmError;
 use eyebox_live_input::LiveError;
 

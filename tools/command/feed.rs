@@ -7,8 +7,8 @@ use crate::signals;
 use crate::values::positive;
 use clap::Args;
 #[cfg(target_os = "linux")]
-use eyebox::gpu::SlotWriter as Writer;
-use eyebox::scene::{self, Request, Stage, ViewGrid};
+use eyebox::low_level::gpu::SlotWriter as Writer;
+use eyebox::low_level::scene::{self, Request, Stage, ViewGrid};
 use eyebox_live_input::{Application, Content, FrameInfo, Kind, LiveError, Offer, Sample, Transfer, Wanted};
 use serde::Serialize;
 use std::time::{Duration, Instant};
@@ -115,7 +115,7 @@ pub fn run(args: &Feed) -> Result<(), Failure> {
 /// What gives frames on the display's device; none where it has none to share, which is said.
 #[cfg(target_os = "linux")]
 fn device_of(application: &mut Application) -> Result<Option<Writer>, Failure> {
-    use eyebox::gpu::{DeviceIds, Gpu, Options, SharedLayout};
+    use eyebox::low_level::gpu::{DeviceIds, Gpu, Options, SharedLayout};
 
     let host = |reason: &str| {
         eprintln!("note: frames pass through the host: {reason}");
@@ -179,7 +179,11 @@ fn load(args: &Feed, sources: &[String], offer: &Offer) -> Result<Vec<Ready>, Fa
     let size = args.display.size.unwrap_or(offer.size.map(|n| n as usize));
     let display =
         common::display_of_size(args.display.display.as_deref().unwrap_or("paper"), Some(size), args.display.force)?;
-    let wanted = [eyebox::optics::Color::Red, eyebox::optics::Color::Green, eyebox::optics::Color::Blue];
+    let wanted = [
+        eyebox::low_level::optics::Color::Red,
+        eyebox::low_level::optics::Color::Green,
+        eyebox::low_level::optics::Color::Blue,
+    ];
     let colors: Vec<_> = wanted.into_iter().zip(offer.colors).filter(|(_, is)| *is).map(|(color, _)| color).collect();
     colors.iter().try_for_each(|color| display.optics(*color).map(drop))?;
     let views = offer.views[0].min(offer.views[1]) as usize;

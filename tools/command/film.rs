@@ -6,9 +6,9 @@ use crate::live::{SubjectOptions, is_hologram, solved};
 use crate::phases::tell_unfinished;
 use crate::progress::{self, JobBar};
 use clap::Args;
-use eyebox::gpu::Options as VulkanOptions;
-use eyebox::hologram::{Hologram, Opening, Sequence};
-use eyebox::reconstruction::SceneSource;
+use eyebox::low_level::gpu::Options as VulkanOptions;
+use eyebox::low_level::hologram::{Hologram, Opening, Sequence};
+use eyebox::low_level::reconstruction::SceneSource;
 use eyebox_lab::film::{self, Content, EyePath, FilmSettings};
 use std::path::{Path, PathBuf};
 

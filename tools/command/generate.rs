@@ -2,7 +2,7 @@
 
 use crate::Failure;
 use clap::{Args, Command};
-use eyebox::files;
+use eyebox::low_level::files;
 use eyebox_lab::writable;
 use std::path::PathBuf;
 

@@ -3,10 +3,10 @@
 use crate::Failure;
 use crate::values::{Names, depths, one_of, positive, prescription, size};
 use clap::{Args, ValueEnum};
-use eyebox::hologram::{Hologram, HologramError};
-use eyebox::optics::{Depth, Display, Obstruction, Prescription};
-use eyebox::reconstruction::{InputOptions, SceneReading, SolveInput};
-use eyebox::scene::{Near, Order, Photographs};
+use eyebox::low_level::hologram::{Hologram, HologramError};
+use eyebox::low_level::optics::{Depth, Display, Obstruction, Prescription};
+use eyebox::low_level::reconstruction::{InputOptions, SceneReading, SolveInput};
+use eyebox::low_level::scene::{Near, Order, Photographs};
 use std::path::{Path, PathBuf};
 
 /// Which engine computes.

@@ -6,7 +6,7 @@ use crate::phases::PhaseArgs;
 use crate::values::positive;
 use crate::{Failure, score};
 use clap::Args;
-use eyebox::hologram::{Phases, SceneRecord};
+use eyebox::low_level::hologram::{Phases, SceneRecord};
 use std::path::PathBuf;
 
 /// `eyebox import`

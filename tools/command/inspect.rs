@@ -5,8 +5,8 @@ use crate::args::{DisplayArgs, SceneArgs};
 use crate::common::{self, Form};
 use crate::failure::in_options;
 use clap::Args;
-use eyebox::evaluate::Plane;
-use eyebox::scene::{self, Inspection};
+use eyebox::low_level::evaluate::Plane;
+use eyebox::low_level::scene::{self, Inspection};
 use std::path::PathBuf;
 
 /// `eyebox inspect`

@@ -3,7 +3,7 @@
 use crate::Failure;
 use crate::values::{not_negative, positive};
 use clap::Args;
-use eyebox::optics::Viewing;
+use eyebox::low_level::optics::Viewing;
 
 /// Whether and how pictures are judged by what people see of their differences.
 #[derive(Args, Clone, Copy, Default, PartialEq)]

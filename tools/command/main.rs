@@ -72,7 +72,7 @@ fn main() -> ExitCode {
     signals::outlive_limits();
     #[cfg(unix)]
     signals::end_without_drafts();
-    eyebox::engine::prepare_threads();
+    eyebox::low_level::engine::prepare_threads();
     let done = match &cli.command {
         Command::Demo(args) => demo::run(args),
         Command::Solve(args) => solve::run(args),

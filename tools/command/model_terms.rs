@@ -4,10 +4,10 @@ use crate::args::Solve;
 use crate::settings::base_of;
 use crate::values::TermsOfModel;
 use crate::{Failure, common};
-use eyebox::engine::Engine;
-use eyebox::optics::{Color, Display};
-use eyebox::quality::{ModelWorth, Subject};
-use eyebox::solve::Levels;
+use eyebox::low_level::engine::Engine;
+use eyebox::low_level::optics::{Color, Display};
+use eyebox::low_level::quality::{ModelWorth, Subject};
+use eyebox::low_level::solve::Levels;
 use std::time::Duration;
 
 /// What measuring what a colour's terms are worth may take.

@@ -4,9 +4,9 @@ use crate::Failure;
 use crate::play::OutputName;
 use crate::values::not_negative;
 use clap::Args;
-use eyebox::calibrate::ShowsPatterns;
-use eyebox::optics::{Color, Display};
-use eyebox::session::{PatternOutput, SinkFile};
+use eyebox::low_level::calibrate::ShowsPatterns;
+use eyebox::low_level::optics::{Color, Display};
+use eyebox::low_level::session::{PatternOutput, SinkFile};
 use std::path::PathBuf;
 use std::time::Duration;
 

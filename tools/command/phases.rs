@@ -5,10 +5,10 @@ use crate::common;
 use crate::groups::{Colors, DisplayArgs};
 use crate::values::{as_shown, phase_unit, size};
 use clap::{Args, ValueEnum};
-use eyebox::encode::AsShown;
-use eyebox::encoded::{Encoded, is_encoded};
-use eyebox::hologram::{BareOptics, HologramError, Opening, PhaseSource, PhaseUnit, Phases, Unfinished};
-use eyebox::optics::{Color, Display, Geometry, Optics};
+use eyebox::low_level::encode::AsShown;
+use eyebox::low_level::encoded::{Encoded, is_encoded};
+use eyebox::low_level::hologram::{BareOptics, HologramError, Opening, PhaseSource, PhaseUnit, Phases, Unfinished};
+use eyebox::low_level::optics::{Color, Display, Geometry, Optics};
 use std::path::Path;
 
 /// Where an SLM stands, by name.

@@ -3,9 +3,9 @@
 use crate::Failure;
 use crate::args::Photograph;
 use crate::common::{self, Form};
-use eyebox::optics::depth_in_words;
-use eyebox::produce::is_larger_than_memory;
-use eyebox::reconstruction::{Sampling, SceneSource};
+use eyebox::low_level::optics::depth_in_words;
+use eyebox::low_level::produce::is_larger_than_memory;
+use eyebox::low_level::reconstruction::{Sampling, SceneSource};
 
 /// Takes one photograph of a scene.
 pub fn run(args: &Photograph) -> Result<(), Failure> {

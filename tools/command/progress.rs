@@ -1,7 +1,7 @@
 //! The progress bar, the lines in its place where there is no terminal; and whether ctrl-C was pressed.
 
 pub use crate::signals::{catch_interrupt, interrupted, let_interrupt};
-use eyebox::solve::{Flow, Progress, ValidationScore};
+use eyebox::low_level::solve::{Flow, Progress, ValidationScore};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};

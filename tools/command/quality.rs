@@ -3,10 +3,10 @@
 use crate::Failure;
 use crate::values::{Names, one_of};
 use clap::Args;
-use eyebox::engine::Engine;
-use eyebox::files::cache_folder;
-use eyebox::quality::Quality;
-use eyebox::solve::Settings;
+use eyebox::low_level::engine::Engine;
+use eyebox::low_level::files::cache_folder;
+use eyebox::low_level::quality::Quality;
+use eyebox::low_level::solve::Settings;
 use eyebox_lab::tuning::{Measured, within};
 
 /// How much time quality may take, in every command that solves.

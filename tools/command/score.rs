@@ -4,12 +4,12 @@ use crate::Failure;
 use crate::args::Score;
 use crate::common;
 use crate::progress::JobBar;
-use eyebox::evaluate::Summary;
-use eyebox::files::MadeFolder;
-use eyebox::hologram::{Hologram, PhaseSource};
-use eyebox::optics::{Color, Depth, Display, Pupil, dioptres, dioptres_in_words};
-use eyebox::reconstruction::{FOVEA_DEGREES, HologramScores, JodSettings, PupilScore};
-use eyebox::solve::{Diameters, PupilRange, Sampler, Sequence};
+use eyebox::low_level::evaluate::Summary;
+use eyebox::low_level::files::MadeFolder;
+use eyebox::low_level::hologram::{Hologram, PhaseSource};
+use eyebox::low_level::optics::{Color, Depth, Display, Pupil, dioptres, dioptres_in_words};
+use eyebox::low_level::reconstruction::{FOVEA_DEGREES, HologramScores, JodSettings, PupilScore};
+use eyebox::low_level::solve::{Diameters, PupilRange, Sampler, Sequence};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -201,8 +201,8 @@ fn pupils(
             "{text}: {reason}; expected random:N or a JSON file such as [[0, 0, 4, 1.5], [2, -1, 6, \"0.01D\"]]"
         ))
     };
-    let read =
-        eyebox::files::read::text(Path::new(text), eyebox::files::read::TABLE).map_err(|e| wrong(e.to_string()))?;
+    let read = eyebox::low_level::files::read::text(Path::new(text), eyebox::low_level::files::read::TABLE)
+        .map_err(|e| wrong(e.to_string()))?;
     let rows: Vec<(f64, f64, f64, Depth)> = serde_json::from_str(&read).map_err(|e| wrong(e.to_string()))?;
     if rows.is_empty() {
         return Err(wrong("it lists no pupil".into()));
@@ -224,8 +224,8 @@ mod tests {
     use super::*;
     use crate::commands::{Cli, Command};
     use clap::Parser;
-    use eyebox::hologram::ColorHologram;
-    use eyebox::optics::Color;
+    use eyebox::low_level::hologram::ColorHologram;
+    use eyebox::low_level::optics::Color;
 
     /// Judged over one colour's own, wider eyebox, a hologram of that colour loses light that it never aimed there.
     #[test]

@@ -1,10 +1,10 @@
 //! What the commands that show have in common: a session is attended until it ends, and what came of it is told.
 
 use crate::{Failure, common, progress};
-use eyebox::encoded;
-use eyebox::files;
-use eyebox::hologram::Hologram;
-use eyebox::session::{Ended, Ending, Session, SessionError, SessionEvent, Statistics, Status};
+use eyebox::low_level::encoded;
+use eyebox::low_level::files;
+use eyebox::low_level::hologram::Hologram;
+use eyebox::low_level::session::{Ended, Ending, Session, SessionError, SessionEvent, Statistics, Status};
 use serde_json::{Value, json};
 use std::io::{IsTerminal, Write};
 use std::path::Path;
@@ -111,7 +111,7 @@ fn lost(error: SessionError) -> Failure {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use eyebox::present::PresentError;
+    use eyebox::low_level::present::PresentError;
 
     #[test]
     fn a_display_that_goes_away_and_a_thread_that_fails_have_codes_of_their_own() {

@@ -3,11 +3,11 @@
 use crate::args::Solve;
 use crate::quality::Chosen;
 use crate::{Failure, common};
-use eyebox::engine::Engine;
-use eyebox::optics::{Color, Display};
-use eyebox::produce::{SceneJob, SequenceRequest, TilesRequest};
-use eyebox::scene::LightField;
-use eyebox::solve::{Joint, Levels, Optimizer, ScenePlan, Settings, even_levels};
+use eyebox::low_level::engine::Engine;
+use eyebox::low_level::optics::{Color, Display};
+use eyebox::low_level::produce::{SceneJob, SequenceRequest, TilesRequest};
+use eyebox::low_level::scene::LightField;
+use eyebox::low_level::solve::{Joint, Levels, Optimizer, ScenePlan, Settings, even_levels};
 
 /// The settings that the arguments mean, for depths in metres, and what there is to say of them: the defaults, or what
 /// quality and deadline ask for; what is given itself wins.
@@ -130,7 +130,8 @@ fn levels(text: &str) -> Result<Vec<f64>, Failure> {
     if size > 1 << 20 {
         return Err(wrong("a file of levels has one phase a line, 256 at most".into()));
     }
-    let file = eyebox::files::read::text(text.as_ref(), eyebox::files::read::TEXT).map_err(|e| wrong(e.to_string()))?;
+    let file = eyebox::low_level::files::read::text(text.as_ref(), eyebox::low_level::files::read::TEXT)
+        .map_err(|e| wrong(e.to_string()))?;
     let lines = file.lines().map(|l| l.split('#').next().unwrap_or("").trim()).enumerate();
     let phase = |(i, line): (usize, &str)| {
         line.parse::<f64>().map_err(|_| wrong(format!("line {}: '{line}' is not a phase in radians", i + 1)))

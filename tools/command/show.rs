@@ -10,11 +10,11 @@ use crate::play::{self, ClockName, OutputName, Playing, StreamArgs};
 use crate::solve::Watch;
 use crate::values::positive;
 use clap::Args;
-use eyebox::hologram::{Opening, Phases, Sequence};
-use eyebox::optics::Display;
-use eyebox::produce::{SceneJob, SceneSolution, solve_scene};
-use eyebox::scene;
-use eyebox::session::Cost;
+use eyebox::low_level::hologram::{Opening, Phases, Sequence};
+use eyebox::low_level::optics::Display;
+use eyebox::low_level::produce::{SceneJob, SceneSolution, solve_scene};
+use eyebox::low_level::scene;
+use eyebox::low_level::session::Cost;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -178,7 +178,7 @@ fn solve(args: &Show, scenes: Vec<String>, file: &Path) -> Result<Display, Failu
     let mut settings = chosen.map(|chosen| chosen.settings).unwrap_or_default();
     settings.frames = args.frames;
     let options: &SceneOptions = &args.subject.options;
-    let rate = args.stream.rate.map_or([30, 1], eyebox::present::Rate::fraction);
+    let rate = args.stream.rate.map_or([30, 1], eyebox::low_level::present::Rate::fraction);
     let mut job = SceneJob::new(&scenes[0], &display);
     job.scenes = scenes;
     job.colors = colors;
@@ -292,10 +292,10 @@ fn endless_needs_duration(args: &Show, cost: Option<Cost>, endless: bool) -> Res
 /// Frames of an application in another process.
 #[cfg(target_os = "linux")]
 fn application(args: &Show, name: &str) -> Result<(), Failure> {
-    use eyebox::encode::Encoder;
-    use eyebox::hologram::{ColorHologram, Hologram};
-    use eyebox::optics::Color;
-    use eyebox::session::{LiveInput, LiveKind, SteeredColor, darkness};
+    use eyebox::low_level::encode::Encoder;
+    use eyebox::low_level::hologram::{ColorHologram, Hologram};
+    use eyebox::low_level::optics::Color;
+    use eyebox::low_level::session::{LiveInput, LiveKind, SteeredColor, darkness};
 
     let cost = match &args.replay {
         // Nothing is timed that was decided before.

@@ -1,6 +1,6 @@
 //! Signals: ctrl-C, and its kin.
 
-use eyebox::files::asked_to_end;
+use eyebox::low_level::files::asked_to_end;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -61,7 +61,7 @@ pub fn end_without_drafts() {
                 }
                 continue;
             }
-            eyebox::files::end_without_drafts(|| drop(emulate_default_handler(signal)));
+            eyebox::low_level::files::end_without_drafts(|| drop(emulate_default_handler(signal)));
         }
     };
     // A thread that does little: the least stack that there is.

@@ -9,17 +9,17 @@ use crate::common::{self, Form};
 use crate::model_terms;
 use crate::score::decibels;
 use crate::settings::{self, job_of};
-use eyebox::calibrate::CameraGain;
-use eyebox::engine::Engine;
-use eyebox::optics::{Color, Display, depth_in_words, dioptres};
-use eyebox::produce::{
+use eyebox::low_level::calibrate::CameraGain;
+use eyebox::low_level::engine::Engine;
+use eyebox::low_level::optics::{Color, Display, depth_in_words, dioptres};
+use eyebox::low_level::produce::{
     SceneJob, SceneSolution, SolvedHologram, SolvedSequence, SolvedTiles, TilesRequest, is_larger_than_memory,
     solve_scene,
 };
-use eyebox::reconstruction::PupilScore;
-use eyebox::scene;
-use eyebox::solve::{Method, Optimizer, Settings, Solution, Stop};
-use eyebox::tiled::MemoryLimit;
+use eyebox::low_level::reconstruction::PupilScore;
+use eyebox::low_level::scene;
+use eyebox::low_level::solve::{Method, Optimizer, Settings, Solution, Stop};
+use eyebox::low_level::tiled::MemoryLimit;
 use serde_json::{Value, json};
 use std::time::Instant;
 pub use watch::Watch;
@@ -78,9 +78,9 @@ pub fn tiles_of(args: &Solve, scenes: &[String], display: &Display) -> Result<Op
         return Ok(None);
     }
     let frames = args.frames.unwrap_or(Settings::default().frames);
-    let relay = display.geometry == eyebox::optics::Geometry::Relay;
+    let relay = display.geometry == eyebox::low_level::optics::Geometry::Relay;
     // In a relay every pupil sees all of the SLM: it fits, or is refused.
-    args.memory.filter(|_| relay).into_iter().for_each(eyebox::memory::limit);
+    args.memory.filter(|_| relay).into_iter().for_each(eyebox::low_level::memory::limit);
     if relay || args.memory.is_none() && !is_larger_than_memory(display, frames) {
         if args.passes.is_some() || args.picture.is_some() {
             return Err(Failure::Asked(
@@ -94,7 +94,7 @@ pub fn tiles_of(args: &Solve, scenes: &[String], display: &Display) -> Result<Op
         (args.method != Method::Slfh, "--method"),
         (args.levels.is_some(), "--levels"),
         (matches!(args.optimizer, Some(Optimizer::Adam { .. })), "--optimizer adam"),
-        (args.storage.is_some_and(|s| s != eyebox::plan::Storage::F32), "--storage fp16"),
+        (args.storage.is_some_and(|s| s != eyebox::low_level::plan::Storage::F32), "--storage fp16"),
         (args.seconds.is_some(), "--seconds"),
         (args.psnr.is_some(), "--psnr"),
         (args.pupils.is_some(), "--pupils"),
@@ -114,7 +114,7 @@ pub fn tiles_of(args: &Solve, scenes: &[String], display: &Display) -> Result<Op
 
 /// What each kernel took.
 fn timings(engine: &dyn Engine) -> Vec<Value> {
-    let one = |t: &eyebox::plan::Timing| json!({ "kernel": t.kernel.name(), "calls": t.calls, "ms": t.seconds * 1e3 });
+    let one = |t: &eyebox::low_level::plan::Timing| json!({ "kernel": t.kernel.name(), "calls": t.calls, "ms": t.seconds * 1e3 });
     engine.timings().iter().map(one).collect()
 }
 

@@ -5,12 +5,12 @@ use crate::progress;
 use crate::talk;
 use crate::values::{Targets, not_negative, positive, targets};
 use clap::{Args, ValueEnum};
-use eyebox::files::{FileError, GrowingFile};
-use eyebox::gaze::place::Counts;
-use eyebox::gaze::{Calibration, Estimator, Eyepiece, Settings};
-use eyebox::trackers::hid::{self, Description, DeviceFile};
-use eyebox::trackers::recording::{self, Head, Recording};
-use eyebox::trackers::{Dropped, Event, Options, Sample, Source, Spec, Stream, TrackerError, line, open};
+use eyebox::low_level::files::{FileError, GrowingFile};
+use eyebox::low_level::gaze::place::Counts;
+use eyebox::low_level::gaze::{Calibration, Estimator, Eyepiece, Settings};
+use eyebox::low_level::trackers::hid::{self, Description, DeviceFile};
+use eyebox::low_level::trackers::recording::{self, Head, Recording};
+use eyebox::low_level::trackers::{Dropped, Event, Options, Sample, Source, Spec, Stream, TrackerError, line, open};
 use serde_json::json;
 use std::fmt::Write as _;
 use std::io::{self, Read, Write};
@@ -28,7 +28,7 @@ pub enum EyeName {
     Mean,
 }
 
-impl From<EyeName> for eyebox::gaze::Eye {
+impl From<EyeName> for eyebox::low_level::gaze::Eye {
     fn from(name: EyeName) -> Self {
         match name {
             EyeName::Left => Self::Left,
@@ -132,7 +132,7 @@ fn descriptor_of(file: &Path) -> Result<Vec<u8>, Failure> {
     let wrong = |reason: String| Failure::from(TrackerError::file(file, reason));
     // Enough to tell what it is: a recording may be long.
     let mut start = Vec::new();
-    let open = eyebox::files::read::open(file).map_err(|e| wrong(e.to_string()))?;
+    let open = eyebox::low_level::files::read::open(file).map_err(|e| wrong(e.to_string()))?;
     open.take(256 << 10).read_to_end(&mut start).map_err(|e| wrong(e.to_string()))?;
     let Some(text) = std::str::from_utf8(&start).ok().filter(|t| !t.contains('\0')) else { return Ok(start) };
     if text.lines().any(|l| l.starts_with("R:")) {

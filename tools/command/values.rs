@@ -1,12 +1,12 @@
 //! Values on the command line: what people write, and what it means inside.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use eyebox::encode::AsShown;
-use eyebox::hologram::PhaseUnit;
-use eyebox::optics::{Depth, DisplayModel, Prescription, Pupil, WindowFactor};
-use eyebox::plan::Storage;
-use eyebox::present::Rate;
-use eyebox::solve::{Full, Method};
+use eyebox::low_level::encode::AsShown;
+use eyebox::low_level::hologram::PhaseUnit;
+use eyebox::low_level::optics::{Depth, DisplayModel, Prescription, Pupil, WindowFactor};
+use eyebox::low_level::plan::Storage;
+use eyebox::low_level::present::Rate;
+use eyebox::low_level::solve::{Full, Method};
 
 fn numbers<const N: usize>(parts: Vec<&str>, form: &str) -> Result<[f64; N], String> {
     let count = parts.len();

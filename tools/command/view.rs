@@ -3,9 +3,9 @@
 use crate::Failure;
 use crate::args::View;
 use crate::common::{self, Form};
-use eyebox::evaluate::Plane;
-use eyebox::hologram::{Hologram, PhaseSource};
-use eyebox::optics::depth_in_words;
+use eyebox::low_level::evaluate::Plane;
+use eyebox::low_level::hologram::{Hologram, PhaseSource};
+use eyebox::low_level::optics::depth_in_words;
 
 /// Shows one pupil.
 pub fn run(args: &View) -> Result<(), Failure> {

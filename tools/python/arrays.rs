@@ -1,7 +1,7 @@
 //! Arrays, there and back.
 
 use crate::failure::{Answer, Failure};
-use eyebox::evaluate::Plane;
+use eyebox::reconstruction::Plane;
 use eyebox::scene::srgb_to_linear;
 use numpy::{IntoPyArray, PyArray1, PyArray3, PyArrayMethods, PyReadonlyArrayDyn};
 use pyo3::prelude::*;

@@ -42,7 +42,7 @@ pub(crate) enum Failure {
     #[error(transparent)]
     Hologram(#[from] eyebox::hologram::HologramError),
     #[error(transparent)]
-    Evaluate(#[from] eyebox::evaluate::EvaluateError),
+    Evaluate(#[from] eyebox::reconstruction::EvaluateError),
     #[error(transparent)]
     Calibrate(#[from] eyebox::calibrate::CalibrateError),
     #[error(transparent)]

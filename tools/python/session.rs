@@ -14,7 +14,7 @@ use eyebox::hologram::{Opening, Sequence};
 use eyebox::present::Rate;
 use eyebox::session::{Command, Content, Cost, Live, Output, Play, Policy, SessionEvent, SessionOptions, Tracking};
 use eyebox::solve::Steering;
-use eyebox::trackers::{self, pushed::SampleSender};
+use eyebox::trackers::{self, SampleSender};
 use numpy::PyArray3;
 use pyo3::exceptions::PyBaseException;
 use pyo3::prelude::*;

@@ -2,9 +2,10 @@
 
 #![allow(unsafe_code)]
 
-use eyebox::engine::vulkan::VulkanEngine;
-use eyebox::gpu::ash::{self, vk};
-use eyebox::gpu::{Gpu, RawDevice};
+use eyebox::engine::VulkanEngine;
+use eyebox::gpu::Gpu;
+use eyebox::low_level::gpu::RawDevice;
+use eyebox::low_level::gpu::ash::{self, vk};
 use eyebox::optics::{Color, Display, Padding};
 use eyebox::scene::{self, Request};
 use eyebox::solve::{Flow, Problem, Settings, solve};

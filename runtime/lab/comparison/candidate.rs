@@ -1,10 +1,10 @@
 //! What is compared: methods to solve with, and holograms that exist.
 
 use super::MethodAbout;
-use eyebox::hologram::Hologram;
-use eyebox::optics::{Color, Display, Prescription};
-use eyebox::quality::QualityError;
-use eyebox::solve::Method;
+use eyebox::low_level::hologram::Hologram;
+use eyebox::low_level::optics::{Color, Display, Prescription};
+use eyebox::low_level::quality::QualityError;
+use eyebox::low_level::solve::Method;
 use std::path::PathBuf;
 
 /// One column of the comparison.

@@ -4,14 +4,16 @@
 use super::picture;
 use super::results::CoherenceFigures;
 use super::speckle::{self, GREY, plane, seen_of};
-use eyebox::engine::Engine;
-use eyebox::evaluate::{self, Summary};
-use eyebox::hologram::Hologram;
-use eyebox::optics::{Color, Display, Padding, Pupil, SourceKind, SourceShape, SourceTerms, dioptres, fewer_modes};
-use eyebox::quality::QualityError;
-use eyebox::reconstruction::SceneSource;
-use eyebox::scene::LightField;
-use eyebox::solve::{self, Flow, Problem, PupilRange, Settings};
+use eyebox::low_level::engine::Engine;
+use eyebox::low_level::evaluate::{self, Summary};
+use eyebox::low_level::hologram::Hologram;
+use eyebox::low_level::optics::{
+    Color, Display, Padding, Pupil, SourceKind, SourceShape, SourceTerms, dioptres, fewer_modes,
+};
+use eyebox::low_level::quality::QualityError;
+use eyebox::low_level::reconstruction::SceneSource;
+use eyebox::low_level::scene::LightField;
+use eyebox::low_level::solve::{self, Flow, Problem, PupilRange, Settings};
 use std::f64::consts::TAU;
 
 /// About how long one source takes, in units of a solve.
@@ -189,7 +191,7 @@ impl Sources<'_> {
 
     /// As a scene's settings, for targets of middle brightness that windows hold whole.
     fn for_targets(&self) -> Settings {
-        let (efficiency, window) = (Some(speckle::EFFICIENCY), eyebox::optics::WindowFactor::Two);
+        let (efficiency, window) = (Some(speckle::EFFICIENCY), eyebox::low_level::optics::WindowFactor::Two);
         Settings { efficiency, window, ..self.settings.clone() }
     }
 
@@ -275,8 +277,8 @@ fn modulation(image: &[f32], width: usize, periods: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use eyebox::engine::cpu::CpuEngine;
-    use eyebox::scene::{self, Request};
+    use eyebox::low_level::engine::cpu::CpuEngine;
+    use eyebox::low_level::scene::{self, Request};
 
     #[test]
     fn bars_have_the_modulation_they_are_made_with() {

@@ -5,14 +5,14 @@ use super::picture;
 use super::pupils::Pupils;
 use super::results::EtendueFigures;
 use super::speckle::{self, plane, seen_of};
-use eyebox::engine::Engine;
-use eyebox::evaluate::{self, Group, Summary};
-use eyebox::hologram::Hologram;
-use eyebox::optics::{Color, Display, Mask, Padding, Pupil};
-use eyebox::quality::QualityError;
-use eyebox::reconstruction::SceneSource;
-use eyebox::scene::LightField;
-use eyebox::solve::{self, Flow, Problem, Settings};
+use eyebox::low_level::engine::Engine;
+use eyebox::low_level::evaluate::{self, Group, Summary};
+use eyebox::low_level::hologram::Hologram;
+use eyebox::low_level::optics::{Color, Display, Mask, Padding, Pupil};
+use eyebox::low_level::quality::QualityError;
+use eyebox::low_level::reconstruction::SceneSource;
+use eyebox::low_level::scene::LightField;
+use eyebox::low_level::solve::{self, Flow, Problem, Settings};
 use std::fmt;
 use std::str::FromStr;
 
@@ -171,8 +171,8 @@ impl Masks<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use eyebox::engine::cpu::CpuEngine;
-    use eyebox::scene::{self, Request};
+    use eyebox::low_level::engine::cpu::CpuEngine;
+    use eyebox::low_level::scene::{self, Request};
 
     #[test]
     fn kinds_are_read() {

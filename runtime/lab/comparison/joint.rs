@@ -3,14 +3,14 @@
 
 use super::picture;
 use super::results::JointFigures;
-use eyebox::engine::Engine;
-use eyebox::evaluate::Summary;
-use eyebox::hologram::{ColorHologram, Hologram};
-use eyebox::optics::{Color, Display, JointColor, Laser, Padding, Pupil};
-use eyebox::quality::QualityError;
-use eyebox::reconstruction::SceneSource;
-use eyebox::scene::LightField;
-use eyebox::solve::{self, Flow, Joint, JointProblem, Problem, Settings, Solution};
+use eyebox::low_level::engine::Engine;
+use eyebox::low_level::evaluate::Summary;
+use eyebox::low_level::hologram::{ColorHologram, Hologram};
+use eyebox::low_level::optics::{Color, Display, JointColor, Laser, Padding, Pupil};
+use eyebox::low_level::quality::QualityError;
+use eyebox::low_level::reconstruction::SceneSource;
+use eyebox::low_level::scene::LightField;
+use eyebox::low_level::solve::{self, Flow, Joint, JointProblem, Problem, Settings, Solution};
 
 /// How the lasers light sub-frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -93,7 +93,7 @@ impl Colors<'_> {
 
     /// Sub-frames that each colour has of so many.
     fn shares(&self, frames: usize) -> Vec<usize> {
-        let powers = eyebox::optics::powers_in_sequence(self.colors.len(), frames);
+        let powers = eyebox::low_level::optics::powers_in_sequence(self.colors.len(), frames);
         powers.iter().map(|of_color| of_color.iter().filter(|p| **p > 0.0).count()).collect()
     }
 

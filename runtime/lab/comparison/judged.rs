@@ -1,9 +1,9 @@
 //! What people see of the differences: JOD of some pupils of every group, over all colours together.
 
 use super::results::Row;
-use eyebox::evaluate::{Group, JodMetric, Member, rgb};
-use eyebox::optics::{Color, Display};
-use eyebox::quality::QualityError;
+use eyebox::low_level::evaluate::{Group, JodMetric, Member, rgb};
+use eyebox::low_level::optics::{Color, Display};
+use eyebox::low_level::quality::QualityError;
 
 /// One colour's pictures, at full size, and the exposure that they are seen at.
 pub struct Whole<'a> {
@@ -63,8 +63,8 @@ fn named<'a>(of: &[Whole], planes: &'a [Vec<f32>]) -> Vec<(Option<Color>, &'a [f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use eyebox::evaluate::members;
-    use eyebox::optics::Pupil;
+    use eyebox::low_level::evaluate::members;
+    use eyebox::low_level::optics::Pupil;
 
     #[test]
     fn a_few_of_each_group_are_judged_and_all_their_colours_are_told() {

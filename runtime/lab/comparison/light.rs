@@ -5,11 +5,11 @@ use super::etendue::{self, Masks};
 use super::measure::leading;
 use super::results::{CoherenceFigures, EtendueFigures, Results};
 use super::{OfScene, Work};
-use eyebox::engine::Engine;
-use eyebox::evaluate::Group;
-use eyebox::optics::Pupil;
-use eyebox::quality::QualityError;
-use eyebox::solve::Settings;
+use eyebox::low_level::engine::Engine;
+use eyebox::low_level::evaluate::Group;
+use eyebox::low_level::optics::Pupil;
+use eyebox::low_level::quality::QualityError;
+use eyebox::low_level::solve::Settings;
 use serde_json::json;
 
 impl OfScene<'_> {

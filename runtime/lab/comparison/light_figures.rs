@@ -1,7 +1,7 @@
 //! What a comparison of sources and of masks comes to, as plain data.
 
 use super::shown::Picture;
-use eyebox::optics::Color;
+use eyebox::low_level::optics::Color;
 use serde::{Deserialize, Serialize};
 
 /// A source of one size, measured against one scene, in one colour.

@@ -6,14 +6,14 @@ use super::pupils::{Pupils, SHOWN};
 use super::results::{ColorError, ColorFigures, Row, Run, SceneFigures, mean};
 use super::shown::{EnergyMap, Picture, Pictures};
 use crate::watch::Watch;
-use eyebox::engine::{Buffer, Engine};
-use eyebox::evaluate::{self, Ceiling, Group, Member, Plane, RowFinder, Sums};
-use eyebox::hologram::Hologram;
-use eyebox::optics::{Color, Display, Padding, Pupil, WindowFactor, dioptres};
-use eyebox::plan::{ModelTables, Planner, Purpose};
-use eyebox::quality::QualityError;
-use eyebox::scene::{LightField, central_depth};
-use eyebox::solve::Problem;
+use eyebox::low_level::engine::{Buffer, Engine};
+use eyebox::low_level::evaluate::{self, Ceiling, Group, Member, Plane, RowFinder, Sums};
+use eyebox::low_level::hologram::Hologram;
+use eyebox::low_level::optics::{Color, Display, Padding, Pupil, WindowFactor, dioptres};
+use eyebox::low_level::plan::{ModelTables, Planner, Purpose};
+use eyebox::low_level::quality::QualityError;
+use eyebox::low_level::scene::{LightField, central_depth};
+use eyebox::low_level::solve::Problem;
 use std::sync::Arc;
 
 /// Pupils looked through at a time: their pictures are in memory together.

@@ -2,8 +2,8 @@
 
 use super::shown::Picture;
 use base64::{Engine as _, engine::general_purpose::STANDARD};
-use eyebox::files::{encode_jpeg8, encode_rgb8, linear_to_srgb};
-use eyebox::optics::Color;
+use eyebox::low_level::files::{encode_jpeg8, encode_rgb8, linear_to_srgb};
+use eyebox::low_level::optics::Color;
 
 const QUALITY: u8 = 78;
 

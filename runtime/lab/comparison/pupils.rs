@@ -1,8 +1,8 @@
 //! Every pupil that an evaluation looks through.
 
-use eyebox::evaluate::{self, Group, Member};
-use eyebox::optics::Pupil;
-use eyebox::solve::{Diameters, PupilRange, Sampler, Sequence};
+use eyebox::low_level::evaluate::{self, Group, Member};
+use eyebox::low_level::optics::Pupil;
+use eyebox::low_level::solve::{Diameters, PupilRange, Sampler, Sequence};
 
 /// Random pupils, of the paper's distribution.
 const RANDOM: usize = 24;

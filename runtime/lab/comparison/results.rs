@@ -3,9 +3,9 @@
 
 pub use super::light_figures::{CoherenceFigures, EtendueFigures};
 use super::shown::{Picture, Pictures};
-use eyebox::evaluate::{Group, Summary};
-use eyebox::optics::Color;
-use eyebox::quality::QualityError;
+use eyebox::low_level::evaluate::{Group, Summary};
+use eyebox::low_level::optics::Color;
+use eyebox::low_level::quality::QualityError;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -251,7 +251,8 @@ impl Published {
             what: file.display().to_string(),
             reason: reason.replace('\n', " "),
         };
-        let text = eyebox::files::read::text(file, eyebox::files::read::TABLE).map_err(|e| wrong(e.to_string()))?;
+        let text = eyebox::low_level::files::read::text(file, eyebox::low_level::files::read::TABLE)
+            .map_err(|e| wrong(e.to_string()))?;
         let rows: Result<Vec<Self>, _> =
             csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes()).deserialize().collect();
         let rows =

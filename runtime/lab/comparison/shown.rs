@@ -1,6 +1,6 @@
 //! Pictures of a comparison, as files beside its page.
 
-use eyebox::optics::Color;
+use eyebox::low_level::optics::Color;
 use serde::{Deserialize, Serialize};
 
 /// A picture, ready to be put into a page.

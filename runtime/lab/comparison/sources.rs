@@ -3,14 +3,16 @@
 
 use super::results::{Results, SourcesFigures};
 use super::{Comparison, LOOK, OfScene, SOLVE, Work, picture};
-use eyebox::engine::Engine;
-use eyebox::evaluate::Summary;
-use eyebox::hologram::{ColorHologram, Hologram};
-use eyebox::optics::{Color, Display, EyeboxRegion, Padding, Pupil, PupilDistribution, SourceChoice, SourcesLit};
-use eyebox::quality::QualityError;
-use eyebox::reconstruction::SceneSource;
-use eyebox::scene::LightField;
-use eyebox::solve::{self, Flow, Problem, Settings, Solution, Warm, pupils_of};
+use eyebox::low_level::engine::Engine;
+use eyebox::low_level::evaluate::Summary;
+use eyebox::low_level::hologram::{ColorHologram, Hologram};
+use eyebox::low_level::optics::{
+    Color, Display, EyeboxRegion, Padding, Pupil, PupilDistribution, SourceChoice, SourcesLit,
+};
+use eyebox::low_level::quality::QualityError;
+use eyebox::low_level::reconstruction::SceneSource;
+use eyebox::low_level::scene::LightField;
+use eyebox::low_level::solve::{self, Flow, Problem, Settings, Solution, Warm, pupils_of};
 use serde_json::json;
 
 /// A scene on a display whose sources are compared.

@@ -3,13 +3,13 @@
 
 use super::measure::leading;
 use super::results::SpeckleFigures;
-use eyebox::engine::{Buffer, Engine};
-use eyebox::evaluate;
-use eyebox::optics::{Color, Display, Padding, Pupil, WindowFactor};
-use eyebox::plan::Purpose;
-use eyebox::quality::QualityError;
-use eyebox::scene::LightField;
-use eyebox::solve::{self, Flow, Method, Problem, Settings};
+use eyebox::low_level::engine::{Buffer, Engine};
+use eyebox::low_level::evaluate;
+use eyebox::low_level::optics::{Color, Display, Padding, Pupil, WindowFactor};
+use eyebox::low_level::plan::Purpose;
+use eyebox::low_level::quality::QualityError;
+use eyebox::low_level::scene::LightField;
+use eyebox::low_level::solve::{self, Flow, Method, Problem, Settings};
 
 /// Sub-frames.
 pub(crate) const COUNTS: [usize; 5] = [1, 2, 4, 8, 16];
@@ -116,7 +116,7 @@ pub(super) fn plane(side: usize, color: Color, views: [usize; 2]) -> LightField 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use eyebox::engine::cpu::CpuEngine;
+    use eyebox::low_level::engine::cpu::CpuEngine;
 
     #[test]
     fn independent_frames_follow_the_root_and_joint_ones_are_smoother() {

@@ -1,8 +1,8 @@
 //! A comparison that is stopped: no list runs afterwards, and the results until then are kept.
 
 use super::*;
-use eyebox::engine::cpu::CpuEngine;
-use eyebox::scene::{self, Request};
+use eyebox::low_level::engine::cpu::CpuEngine;
+use eyebox::low_level::scene::{self, Request};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 const COLORS: [Color; 2] = [Color::Red, Color::Green];

@@ -1,8 +1,8 @@
 //! What can be wrong with a film.
 
-use eyebox::files::FileError;
-use eyebox::hologram::HologramError;
-use eyebox::reconstruction::ReconstructionError;
+use eyebox::low_level::files::FileError;
+use eyebox::low_level::hologram::HologramError;
+use eyebox::low_level::reconstruction::ReconstructionError;
 
 /// What a path looks like, in one line.
 pub(super) const EXAMPLE: &str = r#"{"rate_hz": 30, "keys": [{"t_s": 0, "x_mm": -4, "diameter_mm": 4, "focus": 0}, {"t_s": 2, "x_mm": 4, "focus": "0.01D"}], "blinks_s": [1]}"#;

@@ -12,13 +12,13 @@ mod y4m;
 pub use error::FilmError;
 pub use path::{EyePath, Key, Moment};
 
-use eyebox::engine::Engine;
-use eyebox::evaluate::Plane;
-use eyebox::files::{FileError, FolderDraft, encode_rgb8, write_file};
-use eyebox::hologram::PhaseSource;
-use eyebox::optics::{Color, Pupil};
-use eyebox::reconstruction::{Sampling, SceneSource};
-use eyebox::solve::Flow;
+use eyebox::low_level::engine::Engine;
+use eyebox::low_level::evaluate::Plane;
+use eyebox::low_level::files::{FileError, FolderDraft, encode_rgb8, write_file};
+use eyebox::low_level::hologram::PhaseSource;
+use eyebox::low_level::optics::{Color, Pupil};
+use eyebox::low_level::reconstruction::{Sampling, SceneSource};
+use eyebox::low_level::solve::Flow;
 use picture::Canvas;
 use std::fs;
 use std::io;
@@ -214,10 +214,10 @@ fn look(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use eyebox::engine::cpu::CpuEngine;
-    use eyebox::hologram::{ColorHologram, Hologram};
-    use eyebox::optics::Display;
-    use eyebox::scene::{self, Request};
+    use eyebox::low_level::engine::cpu::CpuEngine;
+    use eyebox::low_level::hologram::{ColorHologram, Hologram};
+    use eyebox::low_level::optics::Display;
+    use eyebox::low_level::scene::{self, Request};
 
     fn content(salt: usize) -> Content {
         let display = Display { height: 24, width: 24, ..Display::preset("small").unwrap() };

@@ -1,8 +1,8 @@
 //! Where an eye is, what it focuses on, and when it blinks.
 
 use super::error::FilmError;
-use eyebox::files::read;
-use eyebox::optics::{Depth, Pupil};
+use eyebox::low_level::files::read;
+use eyebox::low_level::optics::{Depth, Pupil};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

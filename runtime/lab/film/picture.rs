@@ -1,8 +1,8 @@
 //! From linear light to a frame.
 
-use eyebox::evaluate::{Plane, rgb};
-use eyebox::files::linear_to_srgb;
-use eyebox::optics::Color;
+use eyebox::low_level::evaluate::{Plane, rgb};
+use eyebox::low_level::files::linear_to_srgb;
+use eyebox::low_level::optics::Color;
 use rayon::prelude::*;
 
 /// Grey between two pictures, encoded.

@@ -3,7 +3,7 @@
 use super::page::{document, figure, row, section, table};
 use super::{coherence, etendue, joint, pictures, plots, sources};
 use crate::comparison::{Results, SceneFigures, Series, mean};
-use eyebox::evaluate::{Group, Summary};
+use eyebox::low_level::evaluate::{Group, Summary};
 use maud::{Markup, html};
 
 /// All of it.

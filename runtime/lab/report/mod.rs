@@ -24,10 +24,10 @@ pub use plot::{Axis, Plot};
 
 use crate::comparison::Results;
 use crate::tuning::Tuned;
-use eyebox::calibrate::Calibration;
-use eyebox::files::{FileError, OwnFolder};
-use eyebox::optics::Color;
-use eyebox::session::{ContentRun, Study};
+use eyebox::low_level::calibrate::Calibration;
+use eyebox::low_level::files::{FileError, OwnFolder};
+use eyebox::low_level::optics::Color;
+use eyebox::low_level::session::{ContentRun, Study};
 use serde_json::Value;
 
 /// What [`write_comparison`] writes, as [`OwnFolder::open`] takes it.

@@ -2,7 +2,7 @@
 
 use super::plot::{Axis, Plot};
 use crate::comparison::{Published, Results, Series, SpeckleFigures, mean};
-use eyebox::evaluate::{Group, Summary};
+use eyebox::low_level::evaluate::{Group, Summary};
 
 /// Class of a method's colour.
 pub fn color(results: &Results, method: &str) -> String {

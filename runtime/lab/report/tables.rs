@@ -3,7 +3,7 @@
 use crate::comparison::{
     CoherenceFigures, EtendueFigures, JointFigures, Results, SceneFigures, Series, SourcesFigures,
 };
-use eyebox::evaluate::{Group, Summary};
+use eyebox::low_level::evaluate::{Group, Summary};
 use serde_json::{Map, Value, json};
 
 /// A CSV file of these lines.

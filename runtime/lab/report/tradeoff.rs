@@ -4,9 +4,9 @@ use super::page::{document, figure, row, section, statements, table};
 use super::plot::{Axis, Plot};
 use super::tables;
 use crate::tuning::{NEAR_DB, Trial, Tuned};
-use eyebox::optics::WindowFactor;
-use eyebox::quality::{Quality, REFERENCE_PUPILS};
-use eyebox::solve::{Levels, Optimizer, PaddingRule, Settings};
+use eyebox::low_level::optics::WindowFactor;
+use eyebox::low_level::quality::{Quality, REFERENCE_PUPILS};
+use eyebox::low_level::solve::{Levels, Optimizer, PaddingRule, Settings};
 use maud::{Markup, html};
 use serde_json::{Value, json};
 

@@ -1,6 +1,6 @@
 //! The Pareto front: trials that no other trial beats.
 
-use eyebox::solve::Settings;
+use eyebox::low_level::solve::Settings;
 use serde::{Deserialize, Serialize};
 
 /// A recipe that was measured.

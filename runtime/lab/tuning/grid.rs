@@ -4,9 +4,9 @@
 //! and `fast` will be looked for. Then each setting changed alone around the default, and the grid itself: steps, windows and
 //! optimisers, and for the shorter ones the same work shared out to fewer and more pupils a step.
 
-use eyebox::optics::WindowFactor;
-use eyebox::plan::Storage;
-use eyebox::solve::{Diameters, Levels, Optimizer, PaddingRule, Settings};
+use eyebox::low_level::optics::WindowFactor;
+use eyebox::low_level::plan::Storage;
+use eyebox::low_level::solve::{Diameters, Levels, Optimizer, PaddingRule, Settings};
 
 /// What there is to choose from.
 #[derive(Debug, Clone, Copy)]

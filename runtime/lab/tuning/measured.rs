@@ -3,8 +3,8 @@
 //! A convenience: a file that is damaged, of another version or of another device is not used, and says so in a line.
 
 use super::{Quality, Recommended, Trial};
-use eyebox::files::{FileError, write_file};
-use eyebox::optics::Color;
+use eyebox::low_level::files::{FileError, write_file};
+use eyebox::low_level::optics::Color;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -33,7 +33,7 @@ pub enum MeasuredError {
 /// What a run of `tradeoff` found on one device.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
-    /// The engine, as it [describes](eyebox::engine::Engine::describe) itself.
+    /// The engine, as it [describes](eyebox::low_level::engine::Engine::describe) itself.
     pub device: String,
     /// The scene.
     pub scene: String,
@@ -74,7 +74,7 @@ impl Measured {
         if size > LARGEST {
             return Err(wrong("is too large for measured settings"));
         }
-        let bytes = eyebox::files::read::bytes(&path, LARGEST).map_err(|e| FileError::read(&path, e))?;
+        let bytes = eyebox::low_level::files::read::bytes(&path, LARGEST).map_err(|e| FileError::read(&path, e))?;
         let text = std::str::from_utf8(&bytes).map_err(|_| wrong("is no text"))?;
         let (head, body) = text.split_once('\n').ok_or_else(|| wrong("is cut off"))?;
         let sum = head.strip_prefix(HEAD).ok_or_else(|| wrong("holds no settings of this version of eyebox"))?;

@@ -6,10 +6,10 @@ use super::{Quality, QualityError, Recommended, Reference, Solved, Subject, Tria
 use crate::kept::{Keep, checksum, identity};
 use crate::stoppable::Stoppable;
 use crate::watch::{Observe, Watch, unless_stopped};
-use eyebox::engine::{Engine, Memory};
-use eyebox::evaluate::JodMetric;
-use eyebox::optics::{Padding, WindowFactor};
-use eyebox::solve::{Cost, Flow, Levels, Settings, ValidationScore, even_levels};
+use eyebox::low_level::engine::{Engine, Memory};
+use eyebox::low_level::evaluate::JodMetric;
+use eyebox::low_level::optics::{Padding, WindowFactor};
+use eyebox::low_level::solve::{Cost, Flow, Levels, Settings, ValidationScore, even_levels};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::Path;
@@ -36,7 +36,7 @@ pub struct Tuning<'a> {
     /// Settings of another run, which are measured too.
     pub check: Vec<Recommended>,
     /// Through how many pupils a trial is judged in JOD, beside its PSNR, as the subject's display is seen (its
-    /// [`Viewing`](eyebox::optics::Viewing)); 0 for none.
+    /// [`Viewing`](eyebox::low_level::optics::Viewing)); 0 for none.
     pub judged: usize,
     /// When this run began.
     pub begun: Instant,

@@ -1,7 +1,7 @@
 //! What a tuning found, as plain data: what its page, its tables and its JSON are made from.
 
 use super::{Measured, Recommended, Trial, front, recommend, short_of};
-use eyebox::optics::Color;
+use eyebox::low_level::optics::Color;
 use serde::{Deserialize, Serialize};
 
 /// How much worse than the front a setting of another run may be, dB.

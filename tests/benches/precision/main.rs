@@ -8,7 +8,7 @@ mod waves;
 
 use clap::Parser;
 use errors::Errors;
-use eyebox::engine::{Choice, Engine, open};
+use eyebox::low_level::engine::{Choice, Engine, open};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -74,7 +74,9 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
         println!("\n{}", plot.table());
         if let Some(folder) = &arguments.out {
             std::fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
-            eyebox::files::write_file(&folder.join(format!("{name}.svg")), |out| writeln!(out, "{}", plot.draw()))?;
+            eyebox::low_level::files::write_file(&folder.join(format!("{name}.svg")), |out| {
+                writeln!(out, "{}", plot.draw())
+            })?;
         }
     }
     Ok(())

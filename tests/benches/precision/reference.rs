@@ -1,7 +1,7 @@
 //! The same in float64, as plainly as it can be said, and how far something lies from it.
 
-use eyebox::optics::{Optics, Pupil, transfer};
-use eyebox::solve::SplitMix;
+use eyebox::low_level::optics::{Optics, Pupil, transfer};
+use eyebox::low_level::solve::SplitMix;
 use rustfft::FftPlanner;
 use rustfft::num_complex::Complex64;
 

@@ -3,9 +3,9 @@
 use crate::errors::Errors;
 use crate::reference::{error, error_of, noise};
 use crate::{Engines, Failure};
-use eyebox::engine::{Buffer, Dispatch, Kernel, Step, Storage};
-use eyebox::optics::{Optics, Pupil, WindowFactor};
-use eyebox::plan::{Comparison, Planner, Purpose};
+use eyebox::low_level::engine::{Buffer, Dispatch, Kernel, Step, Storage};
+use eyebox::low_level::optics::{Optics, Pupil, WindowFactor};
+use eyebox::low_level::plan::{Comparison, Planner, Purpose};
 use eyebox_kernels::{Complex32, ZERO, adam, compare, half, modulate, return_pupil};
 use std::f64::consts::TAU;
 

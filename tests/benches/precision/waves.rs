@@ -3,12 +3,12 @@
 use crate::errors::Errors;
 use crate::reference::{error, error_of, fft2, kernel, noise, parts, view};
 use crate::{Engines, Failure};
-use eyebox::engine::vulkan::Transforms;
-use eyebox::engine::{Buffer, Dispatch, Kernel, Storage};
-use eyebox::evaluate;
-use eyebox::gpu::{Gpu, Options};
-use eyebox::optics::{Optics, Pupil, WindowFactor};
-use eyebox::plan::{Comparison, Planner, Purpose};
+use eyebox::low_level::engine::vulkan::Transforms;
+use eyebox::low_level::engine::{Buffer, Dispatch, Kernel, Storage};
+use eyebox::low_level::evaluate;
+use eyebox::low_level::gpu::{Gpu, Options};
+use eyebox::low_level::optics::{Optics, Pupil, WindowFactor};
+use eyebox::low_level::plan::{Comparison, Planner, Purpose};
 use eyebox_kernels::Complex32;
 use eyebox_kernels::fft::{Columns, Direction, Plans};
 use eyebox_kernels::half;

@@ -2,10 +2,10 @@
 
 use crate::values::{not_negative, positive, power, share, storage, window};
 use clap::{Args, ValueEnum};
-use eyebox::optics::WindowFactor;
-use eyebox::plan::Storage;
-use eyebox::session::Policy;
-use eyebox::solve::{Steering, Strategy};
+use eyebox::low_level::optics::WindowFactor;
+use eyebox::low_level::plan::Storage;
+use eyebox::low_level::session::Policy;
+use eyebox::low_level::solve::{Steering, Strategy};
 
 /// How the phases follow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

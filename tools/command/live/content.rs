@@ -7,8 +7,8 @@ use crate::args::{SceneArgs, SceneOptions};
 use crate::common::{self, Engines};
 use crate::progress::{self, JobBar};
 use clap::{Args, ValueEnum};
-use eyebox::files::OwnFolder;
-use eyebox::session::{
+use eyebox::low_level::files::OwnFolder;
+use eyebox::low_level::session::{
     self, ContentRun, ContentSettings, JumpStart, SteeredColor, StudiedContent, StudiedEye, StudySettings, start_tables,
 };
 use eyebox_lab::report;

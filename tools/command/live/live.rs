@@ -11,15 +11,15 @@ use crate::session::{attend, conclude, ended_by, keep_powers};
 use crate::values::{not_negative, positive};
 use crate::{Failure, common, progress};
 use clap::{Args, ValueEnum};
-use eyebox::encode;
-use eyebox::gaze::Eyepiece;
-use eyebox::gpu::{Gpu, Options as VulkanOptions};
-use eyebox::optics::{Color, depth_in_words, depths_in_words, dioptres};
-use eyebox::session::{
+use eyebox::low_level::encode;
+use eyebox::low_level::gaze::Eyepiece;
+use eyebox::low_level::gpu::{Gpu, Options as VulkanOptions};
+use eyebox::low_level::optics::{Color, depth_in_words, depths_in_words, dioptres};
+use eyebox::low_level::session::{
     self, Cost, Histogram, LitSources, LiveStatistics, Repeat, Session, SinkFile, SourceSwitch, Stage as Part,
     Statistics, Status, Supply, Tracking,
 };
-use eyebox::solve::Flow;
+use eyebox::low_level::solve::Flow;
 use serde_json::{Map, Value, json};
 use std::fs::File;
 use std::io::Write;
@@ -202,7 +202,7 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: Showing<'_>, stage: S
     options.gpu = gpu;
     options.duration = args.duration.map(|s| Duration::from_secs_f64(s.min(1e9)));
     (options.record, options.trace) = (args.record.clone(), args.trace.clone());
-    args.stats.iter().try_for_each(|file| eyebox::files::check_place(file))?;
+    args.stats.iter().try_for_each(|file| eyebox::low_level::files::check_place(file))?;
     progress::catch_interrupt();
     let session = Session::start(live, args.shown.output(simulated.is_some(), sink), options)?;
     let shown = session.about();

@@ -9,15 +9,15 @@ use crate::progress::{self, JobBar};
 use crate::score;
 use crate::values::{GivenPupil, diameters, not_negative, pupil};
 use clap::Args;
-use eyebox::evaluate::Sums;
-use eyebox::gpu::Options;
-use eyebox::hologram::{Hologram, Metadata, Patch, Refined, Tiles};
-use eyebox::optics::{Display, Pupil, PupilDistribution, depth_in_words, dioptres};
-use eyebox::scene::LightField;
-use eyebox::solve::{
+use eyebox::low_level::evaluate::Sums;
+use eyebox::low_level::gpu::Options;
+use eyebox::low_level::hologram::{Hologram, Metadata, Patch, Refined, Tiles};
+use eyebox::low_level::optics::{Display, Pupil, PupilDistribution, depth_in_words, dioptres};
+use eyebox::low_level::scene::LightField;
+use eyebox::low_level::solve::{
     BestKeeper, BestState, Diameters, Flow, JointRefiner, Problem, PupilRange, Refinable, Refiner, Sampler, Sequence,
 };
-use eyebox::tiled::Piece;
+use eyebox::low_level::tiled::Piece;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -304,7 +304,7 @@ fn follow(
             break;
         }
         let mut seconds = 0.0;
-        let (loss, count) = eyebox::solve::refine(&mut [(&mut *refined, &mut keeper)], more, &mut |at| {
+        let (loss, count) = eyebox::low_level::solve::refine(&mut [(&mut *refined, &mut keeper)], more, &mut |at| {
             seconds = at.seconds;
             let done = format!("{} of {} steps {what}", at.step, args.steps);
             let flow = bar.show(&done, at.step as f64 / args.steps as f64);

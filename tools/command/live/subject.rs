@@ -7,15 +7,15 @@ use crate::quality::QualityArgs;
 use crate::solve::Watch;
 use crate::{Failure, progress, score};
 use clap::Args;
-use eyebox::encode::Encoder;
-use eyebox::engine::Engine;
-use eyebox::hologram::{Hologram, Opening, Phases, Sequence, Tiles, Unfinished};
-use eyebox::optics::{Color, Display, PupilDistribution};
-use eyebox::produce::solve_colors;
-use eyebox::quality::Subject;
-use eyebox::scene::{self, LightField};
-use eyebox::session::{FarField, Field, MovingSequence, Scenes, SteeredColor, whole_eyebox};
-use eyebox::solve::{Levels, Settings};
+use eyebox::low_level::encode::Encoder;
+use eyebox::low_level::engine::Engine;
+use eyebox::low_level::hologram::{Hologram, Opening, Phases, Sequence, Tiles, Unfinished};
+use eyebox::low_level::optics::{Color, Display, PupilDistribution};
+use eyebox::low_level::produce::solve_colors;
+use eyebox::low_level::quality::Subject;
+use eyebox::low_level::scene::{self, LightField};
+use eyebox::low_level::session::{FarField, Field, MovingSequence, Scenes, SteeredColor, whole_eyebox};
+use eyebox::low_level::solve::{Levels, Settings};
 use std::path::Path;
 
 /// What is steered, in every command that does.

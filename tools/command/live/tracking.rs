@@ -4,11 +4,11 @@ use crate::Failure;
 use crate::trackers::EyeName;
 use crate::values::{depth, not_negative, positive};
 use clap::Args;
-use eyebox::gaze::{Calibration, Estimator, Eyepiece, Settings};
-use eyebox::optics::Depth;
-use eyebox::session::Tracking;
-use eyebox::trackers::mouse::MouseHandle;
-use eyebox::trackers::{Options, Spec, TrackerError};
+use eyebox::low_level::gaze::{Calibration, Estimator, Eyepiece, Settings};
+use eyebox::low_level::optics::Depth;
+use eyebox::low_level::session::Tracking;
+use eyebox::low_level::trackers::mouse::MouseHandle;
+use eyebox::low_level::trackers::{Options, Spec, TrackerError};
 use std::path::PathBuf;
 use std::time::Duration;
 

@@ -2,15 +2,15 @@
 
 use super::subject::Steered;
 use crate::Failure;
-use eyebox::gpu::Gpu;
-use eyebox::optics::Padding;
-use eyebox::present::{Desktop, WindowEvent, WindowKey};
-use eyebox::preview::{
+use eyebox::low_level::gpu::Gpu;
+use eyebox::low_level::optics::Padding;
+use eyebox::low_level::present::{Desktop, WindowEvent, WindowKey};
+use eyebox::low_level::preview::{
     Look, Opener, Overlay, Picture, PreviewError, PreviewWindow, Showing, Shown, Side, Viewer, places, pupil_at,
 };
-use eyebox::session::{Asked, Companion, CompanionOpener, FinishedSet, Now};
-use eyebox::solve::Problem;
-use eyebox::trackers::mouse::MouseHandle;
+use eyebox::low_level::session::{Asked, Companion, CompanionOpener, FinishedSet, Now};
+use eyebox::low_level::solve::Problem;
+use eyebox::low_level::trackers::mouse::MouseHandle;
 use std::sync::Arc;
 
 /// What is known before there is a window.

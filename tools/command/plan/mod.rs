@@ -9,12 +9,12 @@ use crate::failure::in_options;
 use crate::settings::{plan_of, settings_of};
 use crate::solve::{scenes_of, tiles_of};
 use crate::{Failure, common, model_terms};
-use eyebox::encode;
-use eyebox::engine::Engine;
-use eyebox::optics::{Color, Display, USUAL_RATE_HZ, dioptres};
-use eyebox::plan::Group;
-use eyebox::scene::LightField;
-use eyebox::solve::{Forecast, Loaded, Problem, Rates, ScenePlan, forecast, model_work};
+use eyebox::low_level::encode;
+use eyebox::low_level::engine::Engine;
+use eyebox::low_level::optics::{Color, Display, USUAL_RATE_HZ, dioptres};
+use eyebox::low_level::plan::Group;
+use eyebox::low_level::scene::LightField;
+use eyebox::low_level::solve::{Forecast, Loaded, Problem, Rates, ScenePlan, forecast, model_work};
 use serde_json::json;
 
 /// Bytes of the program where the system does not say.

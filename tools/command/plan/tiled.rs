@@ -3,8 +3,8 @@
 use super::args::Plan;
 use crate::settings::{job_of, of_tiles};
 use crate::{Failure, common, model_terms};
-use eyebox::optics::{Color, Display, depths_in_words, dioptres};
-use eyebox::produce::{TilesRequest, plan_tiles};
+use eyebox::low_level::optics::{Color, Display, depths_in_words, dioptres};
+use eyebox::low_level::produce::{TilesRequest, plan_tiles};
 use serde_json::json;
 
 pub fn run(args: &Plan, display: Display, colors: Vec<Color>, request: &TilesRequest) -> Result<(), Failure> {

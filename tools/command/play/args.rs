@@ -4,8 +4,8 @@ use crate::args::{Colors, DeviceArgs, EngineName};
 use crate::phases::{PhaseUnitArgs, UnfinishedArgs};
 use crate::values::{mark, not_negative, positive, rate, size};
 use clap::{Args, ValueEnum};
-use eyebox::present::Rate;
-use eyebox::session::{Output, SessionOptions, SinkFile};
+use eyebox::low_level::present::Rate;
+use eyebox::low_level::session::{Output, SessionOptions, SinkFile};
 use std::path::PathBuf;
 
 /// Where video frames go.

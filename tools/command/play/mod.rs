@@ -9,10 +9,10 @@ pub use monitors::monitors;
 use crate::args::{DeviceArgs, EngineName};
 use crate::session::{attend, conclude, ended_by, keep_powers};
 use crate::{Failure, common, progress};
-use eyebox::encode;
-use eyebox::hologram::{Opening, Phases, Sequence};
-use eyebox::optics::Display;
-use eyebox::session::{self, Output, Session, SessionOptions, Statistics, Status};
+use eyebox::low_level::encode;
+use eyebox::low_level::hologram::{Opening, Phases, Sequence};
+use eyebox::low_level::optics::Display;
+use eyebox::low_level::session::{self, Output, Session, SessionOptions, Statistics, Status};
 use serde_json::json;
 use std::path::Path;
 use std::time::{Duration, UNIX_EPOCH};
@@ -77,7 +77,7 @@ pub fn play(playing: Playing<'_>) -> Result<(), Failure> {
     let (shown_of, colors, record) =
         (play.sequence.about().clone(), play.encoder.colors().to_vec(), options.record.clone());
     let (count, rate) = (play.sequence.count(), play.rate);
-    stats.iter().try_for_each(|file| eyebox::files::check_place(file))?;
+    stats.iter().try_for_each(|file| eyebox::low_level::files::check_place(file))?;
     progress::catch_interrupt();
     options.gpu = gpu;
     let session = Session::start(play, output, options)?;

@@ -2,7 +2,7 @@
 
 use super::Monitors;
 use crate::Failure;
-use eyebox::present::{Desktop, DirectDisplay, Monitor, Rate, direct_displays};
+use eyebox::low_level::present::{Desktop, DirectDisplay, Monitor, Rate, direct_displays};
 use serde_json::{Value, json};
 
 /// Lists the monitors of the desktop, and the displays that can be shown on directly.

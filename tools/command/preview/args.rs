@@ -4,7 +4,7 @@ use crate::args::{EngineArgs, EyeArgs, ObstructedArgs, OtherSceneArgs, SceneOpti
 use crate::phases::{AtArgs, EncodedArgs, PhaseArgs};
 use crate::values::{GivenPupil, positive, pupil, rate, size};
 use clap::Args;
-use eyebox::present::Rate;
+use eyebox::low_level::present::Rate;
 use std::path::PathBuf;
 
 /// `eyebox preview`

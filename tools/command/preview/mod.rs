@@ -8,14 +8,14 @@ pub use args::Preview;
 use crate::common::{self, Form};
 use crate::phases::tell_unfinished;
 use crate::{Failure, progress, view};
-use eyebox::evaluate::Plane;
-use eyebox::hologram::{Hologram, Opening, PhaseSource, Sequence, Tiles};
-use eyebox::optics::{Color, Obstruction, Padding, Prescription, Pupil};
-use eyebox::present::{Desktop, Monitor, PresentError, WindowEvent};
-use eyebox::preview::{
+use eyebox::low_level::evaluate::Plane;
+use eyebox::low_level::hologram::{Hologram, Opening, PhaseSource, Sequence, Tiles};
+use eyebox::low_level::optics::{Color, Obstruction, Padding, Prescription, Pupil};
+use eyebox::low_level::present::{Desktop, Monitor, PresentError, WindowEvent};
+use eyebox::low_level::preview::{
     Action, Controls, Look, Picture, PreviewError, PreviewWindow, Seen, Showing, Side, Viewer, places,
 };
-use eyebox::reconstruction::SceneSource;
+use eyebox::low_level::reconstruction::SceneSource;
 use sequence::Playing;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -1,8 +1,8 @@
 //! Which hologram of a sequence is due.
 
 use crate::Failure;
-use eyebox::hologram::{Hologram, Sequence};
-use eyebox::preview::Reader;
+use eyebox::low_level::hologram::{Hologram, Sequence};
+use eyebox::low_level::preview::Reader;
 use std::time::Instant;
 
 /// A sequence that is played, begun again at its end.

@@ -4,12 +4,12 @@ use crate::Failure;
 use crate::args::Solve;
 use crate::patterns;
 use crate::progress::{self, JobBar};
-use eyebox::calibrate::{CalibrateError, CameraBench, CameraGain, CameraSteps, CameraSubject, Event};
-use eyebox::engine::Engine;
-use eyebox::hologram::TakenWithCamera;
-use eyebox::optics::{Color, Display};
-use eyebox::produce::SolvedHologram;
-use eyebox::session::PatternOutput;
+use eyebox::low_level::calibrate::{CalibrateError, CameraBench, CameraGain, CameraSteps, CameraSubject, Event};
+use eyebox::low_level::engine::Engine;
+use eyebox::low_level::hologram::TakenWithCamera;
+use eyebox::low_level::optics::{Color, Display};
+use eyebox::low_level::produce::SolvedHologram;
+use eyebox::low_level::session::PatternOutput;
 use serde_json::{Value, json};
 use std::time::Duration;
 

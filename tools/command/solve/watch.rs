@@ -3,9 +3,9 @@
 use crate::failure::in_options;
 use crate::progress::{self, Bar};
 use crate::score::decibels;
-use eyebox::optics::{Color, Padding, depths_in_words};
-use eyebox::produce::{SceneEvent, SceneJob, TilesPlan};
-use eyebox::solve::{Flow, Solution};
+use eyebox::low_level::optics::{Color, Padding, depths_in_words};
+use eyebox::low_level::produce::{SceneEvent, SceneJob, TilesPlan};
+use eyebox::low_level::solve::{Flow, Solution};
 use serde_json::{Value, json};
 
 /// Says what is decided, shows bars, and asks to stop on ctrl-C.

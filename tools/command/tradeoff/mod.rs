@@ -9,10 +9,10 @@ use crate::Failure;
 use crate::common;
 use crate::progress::{self, JobBar};
 use crate::settings::levels_of;
-use eyebox::files::{OwnFolder, cache_folder};
-use eyebox::optics::Color;
-use eyebox::quality::Subject;
-use eyebox::solve::Settings;
+use eyebox::low_level::files::{OwnFolder, cache_folder};
+use eyebox::low_level::optics::Color;
+use eyebox::low_level::quality::Subject;
+use eyebox::low_level::solve::Settings;
 use eyebox_lab::report;
 use eyebox_lab::tuning::{NEAR_DB, Recommended, Tuned, Tuning};
 use eyebox_lab::writable;
@@ -87,7 +87,8 @@ fn read_check(file: &Path) -> Result<Vec<Recommended>, Failure> {
     if size > 64 << 20 {
         return Err(wrong("is too large for a tradeoff.json".into()));
     }
-    let text = eyebox::files::read::text(file, eyebox::files::read::RESULTS).map_err(|e| wrong(e.to_string()))?;
+    let text = eyebox::low_level::files::read::text(file, eyebox::low_level::files::read::RESULTS)
+        .map_err(|e| wrong(e.to_string()))?;
     #[derive(serde::Deserialize)]
     struct Other {
         recommended: Vec<Recommended>,

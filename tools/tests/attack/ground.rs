@@ -198,7 +198,7 @@ fn pictures(base: &Path) {
     let bytes: Vec<u8> = numbers.iter().flat_map(|v| v.to_le_bytes()).collect();
     fs::write(base.join("depth.pfm"), [b"Pf\n16 16\n-1.0\n", &bytes[..]].concat()).expect("a file");
     for file in ["depth.npy", "bench/flat.npy"] {
-        eyebox::files::write_npy(&base.join(file), &[16, 16], &numbers).expect("a file");
+        eyebox::low_level::files::write_npy(&base.join(file), &[16, 16], &numbers).expect("a file");
     }
 }
 

@@ -40,7 +40,7 @@ fn every_command_takes_the_hologram_that_is_named() {
             ),
         );
         run(at, &format!("view s.zarr --at {i} --pupil=1,2,4,0 --engine cpu -o view{i}.npy"));
-        let light = |name: &str| eyebox::files::read_npy(&at.join(name)).expect("a view").values;
+        let light = |name: &str| eyebox::low_level::files::read_npy(&at.join(name)).expect("a view").values;
         let [bare, own] = [light(&format!("bare{i}.npy")), light(&format!("view{i}.npy"))];
         // Bare phases have no exposure: the views are the same but for a factor.
         let sums = [&bare, &own].map(|v| v.iter().sum::<f32>());

@@ -2,7 +2,7 @@
 
 use crate::common::{self, text};
 use crate::simulated;
-use eyebox::optics::{Color, Display, Picture, Seen};
+use eyebox::low_level::optics::{Color, Display, Picture, Seen};
 use serde_json::Value;
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -387,7 +387,7 @@ fn a_show_follows_the_bench_that_its_camera_sees() {
     let shown = |k: usize| {
         let name = format!("shown-{k}.npy");
         assert!(captures.iter().any(|c| c["shown"]["file"] == name && c["answer"].is_object()), "{captures:?}");
-        eyebox::files::read_npy(&at.join("kept").join(name)).expect("phases").values
+        eyebox::low_level::files::read_npy(&at.join("kept").join(name)).expect("phases").values
     };
     // Three pictures of the hologram that was solved first; those after the fit are of another one.
     assert!(shown(0) == shown(2) && shown(0) != shown(3));

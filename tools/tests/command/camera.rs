@@ -1,8 +1,8 @@
 //! `eyebox solve --camera`: a simulated bench with faults that no model has, and cameras that fail on the way.
 
 use crate::common::{self, eyebox, folder, refused, text};
-use eyebox::files::{read_npy, write_npy};
-use eyebox::hologram::Hologram;
+use eyebox::low_level::files::{read_npy, write_npy};
+use eyebox::low_level::hologram::Hologram;
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
 use std::fs;

@@ -42,7 +42,7 @@ fn a_file_begun_from_a_preset_is_taken_as_a_display() {
     let begun = std::fs::read_to_string(at.join("bench.toml")).unwrap();
     let measured = begun.replace("#two_pi_level", "two_pi_level").replace("green = 256", "green = 218");
     std::fs::write(at.join("bench.toml"), measured).unwrap();
-    ::eyebox::files::write_npy(&at.join("p.npy"), &[1, 2, 3], &[0.0, 1.0, 2.0, 3.0, -1.0, -0.02]).unwrap();
+    ::eyebox::low_level::files::write_npy(&at.join("p.npy"), &[1, 2, 3], &[0.0, 1.0, 2.0, 3.0, -1.0, -0.02]).unwrap();
     let encode =
         ["encode", "p.npy", "--display", "bench.toml", "--color", "green", "--size", "2x3", "-o", "x", "--json"];
     let report: serde_json::Value = serde_json::from_str(&done(at, &encode)).expect("JSON");
@@ -92,7 +92,7 @@ fn a_preset_puts_the_bits_of_a_level_where_its_slm_reads_them() {
     // Level n of 1023 / 4 a turn.
     let levels = [0, 1, 37, 128, 255];
     let phases = levels.map(|n| (f64::from(n) / 255.75 * std::f64::consts::TAU) as f32);
-    ::eyebox::files::write_npy(&at.join("p.npy"), &[1, 1, 5], &phases).unwrap();
+    ::eyebox::low_level::files::write_npy(&at.join("p.npy"), &[1, 1, 5], &phases).unwrap();
     let encode = ["encode", "p.npy", "--display", "santec-slm-200", "--color", "green", "--size", "1x5", "-o", "x"];
     done(at, &encode);
     let frame = image::open(at.join("x/frame-00000.png")).unwrap().into_rgb8();
@@ -108,7 +108,7 @@ fn a_preset_puts_the_bits_of_a_level_where_its_slm_reads_them() {
 fn a_set_that_flickers_is_said() {
     let temp = folder();
     let at = temp.path();
-    ::eyebox::files::write_npy(&at.join("p.npy"), &[8, 4, 6], &[0.5; 192]).unwrap();
+    ::eyebox::low_level::files::write_npy(&at.join("p.npy"), &[8, 4, 6], &[0.5; 192]).unwrap();
     let encode = |display| ["encode", "p.npy", "--display", display, "--color", "green", "--size", "4x6", "-o", "x"];
     let said = text(&eyebox(at, &encode("grey8")).stderr);
     assert!(said.contains("7.50 sets a second") && said.contains("bit-planes"), "{said}");

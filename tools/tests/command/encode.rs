@@ -9,7 +9,7 @@ fn refused(folder: &Path, args: &[&str], what: &str) {
 
 fn phases(folder: &Path, name: &str, shape: &[usize]) -> Vec<f32> {
     let values: Vec<f32> = (0..shape.iter().product()).map(|i: usize| (i * 131 % 1009) as f32 * 0.02 - 10.0).collect();
-    ::eyebox::files::write_npy(&folder.join(name), shape, &values).unwrap();
+    ::eyebox::low_level::files::write_npy(&folder.join(name), shape, &values).unwrap();
     values
 }
 
@@ -145,7 +145,7 @@ fn mistakes_are_one_line() {
     refused(at, &encode("p.npy", "none", "4x6"), "planes24");
     let mut values = vec![0.0f32; 24];
     values[7] = f32::NAN;
-    ::eyebox::files::write_npy(&at.join("nan.npy"), &[1, 4, 6], &values).unwrap();
+    ::eyebox::low_level::files::write_npy(&at.join("nan.npy"), &[1, 4, 6], &values).unwrap();
     refused(at, &encode("nan.npy", "grey8", "4x6"), "[0, 1, 1]");
 
     let head = "resolution = [4, 6]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { red = 660, green = 520, blue = 440 }\n";

@@ -9,7 +9,7 @@ const BENCH: &str = "resolution = [40, 48]\npitch_um = 8.0\nfocal_length_mm = 40
 
 fn seen(folder: &Path, args: &[&str]) -> Vec<f32> {
     done(folder, &[&["view"][..], args, &["--pupil=0,0,4,0", "--engine", "cpu", "-o", "seen.npy"]].concat());
-    ::eyebox::files::read_npy(&folder.join("seen.npy")).unwrap().values
+    ::eyebox::low_level::files::read_npy(&folder.join("seen.npy")).unwrap().values
 }
 
 /// Mean difference of two pictures over the mean of the first.
@@ -70,7 +70,7 @@ fn frames_that_do_not_fit_are_one_line() {
     let temp = folder();
     let at = temp.path();
     std::fs::write(at.join("bench.toml"), BENCH).unwrap();
-    ::eyebox::files::write_npy(&at.join("p.npy"), &[1, 40, 48], &[1.0; 1920]).unwrap();
+    ::eyebox::low_level::files::write_npy(&at.join("p.npy"), &[1, 40, 48], &[1.0; 1920]).unwrap();
     done(at, &["encode", "p.npy", "--display", "bench.toml", "--color", "green", "-o", "frames"]);
     std::fs::create_dir(at.join("mine")).unwrap();
     std::fs::copy(at.join("frames/frame-00000.png"), at.join("mine/0.png")).unwrap();

@@ -1,7 +1,7 @@
 //! Eyes with a prescription, from the solve to the picture.
 
 use crate::common::{done, eyebox, folder, refused, text};
-use eyebox::files::read_npy;
+use eyebox::low_level::files::read_npy;
 
 const BENCH: &str =
     "resolution = [64, 64]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";

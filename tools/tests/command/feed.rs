@@ -1,8 +1,8 @@
 //! `eyebox feed`, an application for tests, as a display sees it.
 
 use super::common::{self, done, refused, text};
-use eyebox::optics::{Color, Display as Optics};
-use eyebox::scene::{self, Request};
+use eyebox::low_level::optics::{Color, Display as Optics};
+use eyebox::low_level::scene::{self, Request};
 use eyebox_live_input::{Content, Display, Kind, Latest, Offer};
 use std::path::Path;
 use std::process::Stdio;

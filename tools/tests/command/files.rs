@@ -2,7 +2,7 @@
 
 use crate::common::made::tiff;
 use crate::common::{done, eyebox, folder, refused, text};
-use eyebox::files::{read_npy, write_npy};
+use eyebox::low_level::files::{read_npy, write_npy};
 use image::{GrayImage, ImageBuffer, Luma, Rgb, RgbImage};
 use std::f32::consts::TAU;
 use std::fs;

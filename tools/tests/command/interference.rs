@@ -2,7 +2,7 @@
 
 use crate::common::power::PowerSaving;
 use crate::common::screen::{Screen, hologram, play};
-use eyebox::optics::Display;
+use eyebox::low_level::optics::Display;
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
 use std::process::Command;

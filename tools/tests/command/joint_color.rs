@@ -1,7 +1,7 @@
 //! All colours at once, from the command line to the picture, the video frames and the report.
 
 use crate::common::{done, eyebox, figures_of, folder, refused, text};
-use eyebox::files::read_npy;
+use eyebox::low_level::files::read_npy;
 use std::path::Path;
 
 const SCENE: &str = "builtin:still-life";

@@ -1,8 +1,8 @@
 //! Nothing that was made is lost: several writers of one name, drafts of the dead, disks that are full.
 
 use crate::common::{command, done, eyebox, folder, refused, text};
-use ::eyebox::hologram::{ColorHologram, Hologram, HologramError, SequenceWriter, Tiles};
-use ::eyebox::optics::Display;
+use ::eyebox::low_level::hologram::{ColorHologram, Hologram, HologramError, SequenceWriter, Tiles};
+use ::eyebox::low_level::optics::Display;
 use serde_json::{Value, json};
 use std::path::Path;
 use std::process::{Command, Output, Stdio};

@@ -1,7 +1,7 @@
 //! Numbers in files of people who do not say what they mean: right, or refused with a remedy that works.
 
 use crate::common::{done, eyebox, folder, text};
-use eyebox::files::read_npy;
+use eyebox::low_level::files::read_npy;
 use image::{ImageBuffer, Luma, Rgb};
 use serde_json::Value;
 use std::path::Path;

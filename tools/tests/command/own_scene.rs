@@ -133,7 +133,7 @@ fn arrays_pictures_and_tiles_are_found_as_they_were_read() {
     made::views(&at.join("views"), "builtin:still-life", |r, c| [r, c]);
     // Views one after the other, which need their grid, with another pitch than by default.
     let light: Vec<f32> = (0..6 * 64).map(|i| (i % 64 * 37 % 97) as f32 / 97.0).collect();
-    eyebox::files::write_npy(&at.join("array.npy"), &[6, 8, 8], &light).unwrap();
+    eyebox::low_level::files::write_npy(&at.join("array.npy"), &[6, 8, 8], &light).unwrap();
     solve(&at, "array.npy?grid=2x3", "array.zarr", &["--view-pitch", "2", "--depth", "0..0"]);
     let photograph = ["photograph", "builtin:still-life", "--size", "40x40", "--views", "3", "--pupil=0,0,2,0"];
     done(&at, &[&photograph[..], &["-o", "photo.png"]].concat());
@@ -169,7 +169,7 @@ fn arrays_pictures_and_tiles_are_found_as_they_were_read() {
     fs::copy(at.join("other.png"), at.join("depth.png")).unwrap();
     refused_unless_asked(&away, &["../at/photo.zarr"], "not what the hologram was solved from");
     let light: Vec<f32> = light.iter().map(|v| 1.0 - v).collect();
-    eyebox::files::write_npy(&at.join("array.npy"), &[6, 8, 8], &light).unwrap();
+    eyebox::low_level::files::write_npy(&at.join("array.npy"), &[6, 8, 8], &light).unwrap();
     refused_unless_asked(&at, &["array.zarr"], "not what the hologram was solved from");
     refused_unless_asked(&at, &["plane.zarr", "builtin:plane?depth=0.6"], "another scene");
     // What is under way in tiles is another job once the views have changed.

@@ -1,7 +1,7 @@
 //! Phases of other programs, in every command that takes a hologram.
 
 use crate::common::{done, eyebox, folder, refused, text};
-use eyebox::files::{Npy, read_npy};
+use eyebox::low_level::files::{Npy, read_npy};
 use serde_json::Value;
 use std::f32::consts::{PI, TAU};
 use std::path::Path;

@@ -363,7 +363,7 @@ fn capture(bench: &Bench, ask: &Value, wrong: Option<&str>, random: &mut fastran
             bench.seen(&levels, 1, iris)
         }
         (Some(file), None) if !ask["color"].is_null() => {
-            let npy = eyebox::files::read_npy(std::path::Path::new(file)).expect("a pattern");
+            let npy = eyebox::low_level::files::read_npy(std::path::Path::new(file)).expect("a pattern");
             bench.seen(&npy.values, npy.shape[0], iris)
         }
         _ => vec![0.0; CAMERA * CAMERA],
@@ -382,6 +382,6 @@ fn capture(bench: &Bench, ask: &Value, wrong: Option<&str>, random: &mut fastran
     };
     let picture: Vec<f32> = intensity.iter().map(count).collect();
     let file = format!("{asked}.npy");
-    eyebox::files::write_npy(std::path::Path::new(&file), &[CAMERA, CAMERA], &picture).expect("a picture");
+    eyebox::low_level::files::write_npy(std::path::Path::new(&file), &[CAMERA, CAMERA], &picture).expect("a picture");
     json!({"id": ask["id"], "file": file, "full_scale": 4095.0, "exposure_ms": exposure, "iris_mm": ask["iris_mm"], "focus_mm": 0.0})
 }

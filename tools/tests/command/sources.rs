@@ -1,7 +1,7 @@
 //! Switchable sources, from the display file to the picture.
 
 use crate::common::{done, eyebox, folder, refused, text};
-use eyebox::files::read_npy;
+use eyebox::low_level::files::read_npy;
 use serde_json::Value;
 use std::fmt::Write;
 use std::path::Path;

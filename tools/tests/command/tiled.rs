@@ -1,9 +1,9 @@
 //! Far-field holograms that are solved region by region, as a user runs it: memory, ends by force, looking.
 
 use crate::common::{command, done, folder, refused, text};
-use eyebox::files::write_png;
-use eyebox::optics::{Color, Display};
-use eyebox::scene::{self, Request};
+use eyebox::low_level::files::write_png;
+use eyebox::low_level::optics::{Color, Display};
+use eyebox::low_level::scene::{self, Request};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,10 +1,10 @@
 //! `eyebox tradeoff`, `--quality` and `--deadline` as a user meets them.
 
 use crate::common::{self, folder, text};
-use eyebox::engine::{Engine, cpu::CpuEngine};
-use eyebox::optics::{Color, WindowFactor};
-use eyebox::quality::Quality;
-use eyebox::solve::{Levels, PaddingRule, Settings};
+use eyebox::low_level::engine::{Engine, cpu::CpuEngine};
+use eyebox::low_level::optics::{Color, WindowFactor};
+use eyebox::low_level::quality::Quality;
+use eyebox::low_level::solve::{Levels, PaddingRule, Settings};
 use eyebox_lab::tuning::{Measured, Recommended, Trial};
 use serde_json::Value;
 use std::path::Path;
@@ -295,7 +295,7 @@ fn holograms_of_reduced_problems_are_whole() {
     let phases = |name: &str| -> Vec<f32> {
         done(at, &solve(&["--quality", name, "--display", "plm"]));
         done(at, &["export", "x.zarr", "-o", "x.npy"]);
-        let npy = eyebox::files::read_npy(&at.join("x.npy")).unwrap();
+        let npy = eyebox::low_level::files::read_npy(&at.join("x.npy")).unwrap();
         assert_eq!(npy.shape, [8, 32, 40], "{name}");
         let (said, _) = done(at, &["score", "x.zarr", "builtin:still-life", "--engine", "cpu", "--json"]);
         let score: Value = serde_json::from_str(&said).unwrap();

@@ -1,7 +1,7 @@
 //! People's units: dioptres and degrees beside millimetres, what diffraction leaves, and mistakes that are refused.
 
 use crate::common::{done, folder, refused};
-use eyebox::hologram::Hologram;
+use eyebox::low_level::hologram::Hologram;
 use serde_json::Value;
 use std::path::Path;
 

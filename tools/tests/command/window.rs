@@ -1,8 +1,8 @@
 //! `eyebox play --output window` on a virtual X server: what is on the screen, byte for byte.
 
 use crate::common::screen::{Screen, hologram, play};
-use eyebox::encode::{Encoder, PhaseSet};
-use eyebox::optics::{Color, Display};
+use eyebox::low_level::encode::{Encoder, PhaseSet};
+use eyebox::low_level::optics::{Color, Display};
 use std::collections::BTreeSet;
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};

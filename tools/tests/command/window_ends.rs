@@ -3,7 +3,7 @@
 
 use crate::common;
 use crate::common::screen::{Screen, hologram, play};
-use eyebox::optics::Display;
+use eyebox::low_level::optics::Display;
 use std::path::Path;
 use std::process::{Child, Command, Output};
 use std::time::{Duration, Instant};

@@ -4,7 +4,7 @@ use crate::common::done;
 use crate::frame::{Case, Chapter, Outcome, case, change};
 use crate::judge::Judge;
 use crate::write::file;
-use eyebox::files::read_npy;
+use eyebox::low_level::files::read_npy;
 use std::path::Path;
 use std::sync::OnceLock;
 

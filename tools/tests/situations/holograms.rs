@@ -18,7 +18,7 @@ const SCORED: Judge = Judge::By(|outcome| scored(outcome, |own, found| (own - fo
 const OTHER: Judge = Judge::By(|outcome| scored(outcome, |own, found| (own - found).abs() > 0.1));
 /// The phases of the first hologram were written.
 const FIRST: Judge = Judge::By(|outcome| {
-    let phases = eyebox::files::read_npy(&outcome.folder.join("p.npy")).map_err(|e| e.to_string())?;
+    let phases = eyebox::low_level::files::read_npy(&outcome.folder.join("p.npy")).map_err(|e| e.to_string())?;
     let right = phases.values.len() == 48 * 64 && phases.values.iter().any(|v| *v != 0.0);
     if right { Ok(()) } else { Err(format!("phases of shape {:?}", phases.shape)) }
 });
@@ -230,7 +230,7 @@ fn from_old(name: &'static str, have: &str, words: &str) -> Case {
 
 /// The phases are those that the old file has in these chunks.
 fn are_phases(outcome: &Outcome, chunks: &[&str]) -> Result<(), String> {
-    let found = eyebox::files::read_npy(&outcome.folder.join("p.npy")).map_err(|e| e.to_string())?.values;
+    let found = eyebox::low_level::files::read_npy(&outcome.folder.join("p.npy")).map_err(|e| e.to_string())?.values;
     let stored = |chunk: &&str| {
         let bytes = fs::read(outcome.folder.join("old.zarr/phases/c").join(chunk)).expect("a chunk");
         let values = bytes[..bytes.len() - 4].chunks_exact(4);

@@ -2,7 +2,7 @@
 
 use crate::common::eyebox;
 use crate::frame::{Outcome, PHOTOGRAPH};
-use eyebox::files::read_npy;
+use eyebox::low_level::files::read_npy;
 use std::path::Path;
 use std::sync::OnceLock;
 

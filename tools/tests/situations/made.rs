@@ -1,7 +1,7 @@
 //! The scenes that situations bring, and how they are written.
 
 use crate::judge::{Canon, Judge};
-use eyebox::files::write_npy;
+use eyebox::low_level::files::write_npy;
 use image::{Rgb, RgbImage};
 use std::fs;
 use std::path::Path;

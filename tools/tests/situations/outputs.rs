@@ -5,7 +5,7 @@ use crate::frame::{Case, Chapter, Outcome, Remedy, Situation, case, change};
 use crate::ground::{Ground, open};
 use crate::judge::Judge;
 use crate::write::file;
-use eyebox::files::read_npy;
+use eyebox::low_level::files::read_npy;
 use std::path::Path;
 use std::sync::OnceLock;
 

@@ -4,7 +4,7 @@ use crate::common::done;
 use crate::frame::{Case, Chapter, Outcome, Remedy, Situation, case, change, convert};
 use crate::judge::Judge;
 use crate::write::{file, npy, png, zip};
-use eyebox::files::{read_npy, write_npy};
+use eyebox::low_level::files::{read_npy, write_npy};
 use image::{ImageBuffer, Luma, Rgb};
 use std::f32::consts::TAU;
 use std::path::Path;

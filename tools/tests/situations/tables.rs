@@ -4,7 +4,7 @@ use crate::common::done;
 use crate::frame::{Case, Chapter, Outcome, case, change};
 use crate::judge::Judge;
 use crate::write::file;
-use eyebox::files::write_npy;
+use eyebox::low_level::files::write_npy;
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 use std::sync::OnceLock;

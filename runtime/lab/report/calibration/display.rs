@@ -4,7 +4,7 @@ use super::super::page::{figure, row, table};
 use super::super::pictures::{img, ramp};
 use super::super::plot::{Axis, Plot};
 use crate::comparison::map as picture_of;
-use eyebox::calibrate::{Figures, IrisFound, Kernel, Map, Report, Table, Wavefront, ZeroOrder};
+use eyebox::low_level::calibrate::{Figures, IrisFound, Kernel, Map, Report, Table, Wavefront, ZeroOrder};
 use maud::{Markup, html};
 use std::f64::consts::TAU;
 

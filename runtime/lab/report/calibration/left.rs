@@ -3,8 +3,8 @@
 use super::super::page::{row, section, table};
 use super::super::pictures::img;
 use crate::comparison::{Picture, light_exact, map as picture_of};
-use eyebox::calibrate::{LeftMap, Report, Shown};
-use eyebox::optics::Color;
+use eyebox::low_level::calibrate::{LeftMap, Report, Shown};
+use eyebox::low_level::optics::Color;
 use maud::{Markup, html};
 
 /// Pictures that were not fitted, beside their predictions.

@@ -6,8 +6,8 @@ mod left;
 mod worth;
 
 use super::page::{bare, row, section, table};
-use eyebox::calibrate::{Calibration, Report, Verdict};
-use eyebox::optics::Color;
+use eyebox::low_level::calibrate::{Calibration, Report, Verdict};
+use eyebox::low_level::optics::Color;
 use maud::{Markup, html};
 
 /// The whole page.

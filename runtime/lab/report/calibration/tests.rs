@@ -1,8 +1,8 @@
 //! The page's structure, by the data behind its drawings.
 
 use super::page;
-use eyebox::calibrate::{Calibration, Directions, Figures, Gain, LeftMap, Mend, PhaseSign, Report, Verdict};
-use eyebox::optics::{Color, Display, ModelTerms, Spread};
+use eyebox::low_level::calibrate::{Calibration, Directions, Figures, Gain, LeftMap, Mend, PhaseSign, Report, Verdict};
+use eyebox::low_level::optics::{Color, Display, ModelTerms, Spread};
 
 const TEXT: &str = "resolution = [64, 64]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
 
@@ -46,7 +46,7 @@ fn an_ideal_display_has_no_drawings_of_faults() {
 #[test]
 fn every_fault_is_drawn_once_and_what_to_mend_comes_first() {
     let terms = ModelTerms {
-        level: Some(eyebox::optics::Level::Even(1.05)),
+        level: Some(eyebox::low_level::optics::Level::Even(1.05)),
         crosstalk: Some([Spread { q: 1.2, sigma: 2.0 }; 4]),
         source: Some([0.1, 0.0, -0.2, 0.0, -0.1]),
         undiffracted: Some(vec![[0.2, 0.1, 3.0, 900.0, 0.0]]),

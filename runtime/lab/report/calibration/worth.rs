@@ -2,7 +2,7 @@
 
 use super::super::page::{figure, section, statements};
 use super::super::plot::{Axis, Plot};
-use eyebox::calibrate::Gain;
+use eyebox::low_level::calibrate::Gain;
 use maud::{Markup, html};
 
 /// Faults that are worth mending, with what is turned for each.

@@ -1,7 +1,7 @@
 //! Sessions that are ticked by their caller, and engines on the caller's own device.
 
 use crate::common::{handle, made, said};
-use eyebox::gpu::ash::{self, vk, vk::Handle};
+use eyebox::low_level::gpu::ash::{self, vk, vk::Handle};
 use eyebox_c::*;
 use std::ffi::{CStr, c_void};
 use std::mem::MaybeUninit;

@@ -1,14 +1,14 @@
 //! Holograms that nobody solved, and views.
 
-use eyebox::files::write_png;
-use eyebox::hologram::{ColorHologram, Hologram};
-use eyebox::optics::{Color, Display};
-use eyebox::scene;
+use eyebox::low_level::files::write_png;
+use eyebox::low_level::hologram::{ColorHologram, Hologram};
+use eyebox::low_level::optics::{Color, Display};
+use eyebox::low_level::scene;
 use std::path::Path;
 
 /// So many sub-frames of 36 x 64 in the display's colours; another for every `salt`.
 pub fn hologram(display: &Display, frames: usize, salt: usize) -> Hologram {
-    let color = |(i, w): (usize, &eyebox::optics::Wavelength)| ColorHologram {
+    let color = |(i, w): (usize, &eyebox::low_level::optics::Wavelength)| ColorHologram {
         color: Some(w.color),
         wavelength: w.wavelength,
         exposure: 0.4,

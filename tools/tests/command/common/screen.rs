@@ -2,8 +2,8 @@
 
 use super::made;
 use super::xvfb::Server;
-use eyebox::hologram::Hologram;
-use eyebox::optics::Display;
+use eyebox::low_level::hologram::Hologram;
+use eyebox::low_level::optics::Display;
 use std::path::Path;
 use std::process::{Command, Stdio};
 

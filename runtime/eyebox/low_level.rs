@@ -1,0 +1,26 @@
+//! All public items of the crates behind the facade, without a promise that they stay: kernels and plans, buffers of engines, the Vulkan
+//! device with its handles (`ash`), stages of sessions, fits of calibrations. The command, the laboratory and the tests use it.
+
+#[doc(inline)]
+pub use eyebox_base::{files, memory};
+#[doc(inline)]
+pub use eyebox_calibrate as calibrate;
+#[doc(inline)]
+pub use eyebox_optics as optics;
+#[cfg(feature = "window")]
+#[doc(inline)]
+pub use eyebox_present as present;
+#[doc(inline)]
+pub use eyebox_scene as scene;
+#[cfg(feature = "preview")]
+#[doc(inline)]
+pub use eyebox_session::preview;
+#[cfg(feature = "window")]
+#[doc(inline)]
+pub use eyebox_session::session;
+#[doc(inline)]
+pub use eyebox_solve::{
+    encode, encoded, engine, evaluate, gpu, hologram, plan, produce, quality, reconstruction, solve, tiled,
+};
+#[doc(inline)]
+pub use eyebox_tracking::{gaze, trackers};

@@ -1,0 +1,30 @@
+//! The items that programs may rely on: the facade names each, and the list is short.
+
+use crate::architecture::{root, rust_files, tokens, use_tree};
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+/// Items that programs may rely on; everything else is in `low_level`.
+const MAX_FACADE_ITEMS: usize = 200;
+
+/// The facade names each of its items, and only there is Vulkan's own crate in sight that promises nothing.
+#[test]
+fn the_facade_names_what_it_promises() {
+    let text = std::fs::read_to_string(root().join("runtime/eyebox/lib.rs")).expect("the facade");
+    let all = tokens(&text);
+    let mut items = Vec::new();
+    for at in (0..all.len()).filter(|i| all[*i] == "use" && all[i - 1] == "pub") {
+        use_tree(&all, at + 1, &[], &mut items);
+    }
+    let names: BTreeSet<String> = items.iter().map(|(_, path)| path.join("::")).collect();
+    assert!(names.len() > 100 && names.len() <= MAX_FACADE_ITEMS, "{} items", names.len());
+    assert!(items.iter().all(|(name, path)| name != "*" && path.len() > 1), "{items:?}");
+    assert!(names.iter().all(|name| !name.contains("ash")), "{names:?}");
+    // What C and Python need besides has one place each.
+    let mut paths = Vec::new();
+    ["tools/c", "tools/python"].iter().for_each(|folder| rust_files(&root().join(folder), &mut paths));
+    let uses = |path: &PathBuf| tokens(&std::fs::read_to_string(path).expect("a file")).contains(&"low_level");
+    let users: Vec<_> =
+        paths.iter().filter(|path| !path.display().to_string().contains("tests") && uses(path)).collect();
+    assert!(users.len() == 1 && users[0].ends_with("tools/c/vulkan.rs"), "{users:?}");
+}
