@@ -66,6 +66,9 @@ cp Cargo.lock tests/embed/Cargo.lock
 target=$(cargo metadata --format-version 1 --no-deps | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')
 cargo run --quiet --manifest-path tests/embed/Cargo.toml --target-dir "$target"
 
+stage "the language of documents, help, messages and comments"
+EYEBOX=$target/debug/eyebox tools/prose.py
+
 stage "the README's commands"
 # With the program that the tests have built.
 EYEBOX=$target/debug/eyebox tools/readme.sh
