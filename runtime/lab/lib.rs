@@ -2,7 +2,7 @@
 //!
 //! [`comparison`] solves the same scenes by every method and looks through the same groups of pupils. [`tuning`] tries a grid of
 //! [`Settings`](eyebox::low_level::solve::Settings) and recommends three of them for this device. [`film`] writes what an eye sees while it moves.
-//! [`report`] makes pages, tables and plots of all of this, of studies ([`session::study()`](eyebox::low_level::session::study())) and of calibrations.
+//! [`study`] measures what refinement for a simulated eye gains. [`report`] makes pages, tables and plots of all of this, of studies and of calibrations.
 //!
 //! Nothing that solves or shows holograms needs it.
 
@@ -11,6 +11,7 @@ pub mod film;
 mod kept;
 pub mod report;
 mod stoppable;
+pub mod study;
 pub mod tuning;
 mod watch;
 

@@ -2,7 +2,7 @@
 
 use super::page::{document, figure, row, section, table};
 use super::plot::{Axis, Plot};
-use eyebox::low_level::session::{ContentRun, StudiedContent, StudiedEye};
+use crate::study::{ContentRun, StudiedContent, StudiedEye};
 use maud::html;
 
 /// The ways that each content is shown, in the order of the runs: class and name of their lines.

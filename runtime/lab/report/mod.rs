@@ -23,11 +23,11 @@ mod tradeoff;
 pub use plot::{Axis, Plot};
 
 use crate::comparison::Results;
+use crate::study::{ContentRun, Study};
 use crate::tuning::Tuned;
 use eyebox::low_level::calibrate::Calibration;
 use eyebox::low_level::files::{FileError, OwnFolder};
 use eyebox::low_level::optics::Color;
-use eyebox::low_level::session::{ContentRun, Study};
 use serde_json::Value;
 
 /// What [`write_comparison`] writes, as [`OwnFolder::open`] takes it.

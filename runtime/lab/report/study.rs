@@ -2,7 +2,7 @@
 
 use super::page::{document, figure, section};
 use super::plot::{Axis, Plot};
-use eyebox::low_level::session::{Study, StudySample};
+use crate::study::{Study, StudySample};
 use maud::html;
 
 /// Milliseconds over which gains are averaged.

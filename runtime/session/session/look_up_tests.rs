@@ -1,14 +1,11 @@
 //! Tests of what content that jumps is begun with.
 
-use crate::encode::Encoder;
-use crate::optics::{Color, Laser, PupilDistribution};
+use crate::optics::{Laser, PupilDistribution};
 use crate::scene::Pyramid;
-use crate::session::scripted::{Application, EXPOSURE, Scripted, content_of, one_view, shown};
-use crate::session::study::{ContentSettings, JumpStart, StudiedContent, StudySettings, study_content};
+use crate::session::scripted::{Application, EXPOSURE, Scripted, content_of, shown};
 use crate::session::tests::cpu;
 use crate::session::*;
-use crate::solve::{Flow, Problem, StartTable, random_phases};
-use crate::trackers::simulated;
+use crate::solve::{Problem, StartTable, random_phases};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -21,7 +18,7 @@ fn tables(stage: &Scripted) -> Vec<Option<Arc<StartTable>>> {
 }
 
 fn moved(stage: &Scripted, shift: usize) -> SteeredColor {
-    study::moved_color(&stage.scenes[0], shift)
+    shifted_color(&stage.scenes[0], shift)
 }
 
 /// Where another picture comes, the phases that a table has for it show it better than the last ones, and are gone on with. What is
@@ -94,42 +91,6 @@ fn a_session_of_jumping_content_is_the_same_again() {
     assert!(first.len() > 25 && first == second, "{} {}", first.len(), second.len());
 }
 
-/// In a study, too, content that jumps begins with the phases of its table: its first set is better than from the last phases, and from
-/// random ones; of sets that roll, too, though all of their video frames have one step.
-#[test]
-fn a_study_of_jumping_content_begins_with_the_table() {
-    for (packing, rolls) in [("planes8", false), ("grey8", true)] {
-        let stage = Scripted::new(packing, SIDE, 1);
-        let [table, last, random] = [JumpStart::Table, JumpStart::Last, JumpStart::Random]
-            .map(|start| first_set_after_a_jump(&stage, start, rolls));
-        println!("{table} dB from the table, {last} from the last phases, {random} from random ones");
-        assert!(table > last + 0.5 && table > random + 0.5, "{table} {last} {random}");
-    }
-}
-
-/// PSNR of the first set after a jump, with a step for every set, dB.
-fn first_set_after_a_jump(stage: &Scripted, start: JumpStart, rolls: bool) -> f64 {
-    let eye = simulated::Settings { fixation: [60.0; 2], blinks: 0.0, noise: 0.02e-3, ..Default::default() };
-    let study = StudySettings { eye, ..StudySettings::default() };
-    let lighting = stage.encoder().lighting(rolls);
-    assert_eq!(lighting.turns() > 1, rolls);
-    let content = ContentSettings {
-        contents: vec![StudiedContent::Jumping],
-        sets: 8,
-        steps: 1,
-        speed: 10,
-        jumps_every: 3,
-        slides: Vec::new(),
-        start,
-        start_tables: tables(stage),
-        lighting,
-    };
-    let runs = study_content(&stage.begun(), &Policy::default(), &content, &study, &mut cpu, &mut |_| Flow::Continue);
-    let runs = runs.unwrap();
-    let run = runs.iter().find(|r| r.steered && !r.moments).expect("it is shown steered, without moments");
-    run.after_jumps(1).expect("sets after a jump")
-}
-
 /// Another picture: what is bright in these colors is dark in it.
 fn inverted(colors: &[SteeredColor]) -> Vec<SteeredColor> {
     let one = |color: &SteeredColor| {
@@ -162,7 +123,7 @@ fn another_picture_begins_with_drives_of_the_table() {
         let mut steerer = Steerer::new(whole.clone(), policy, cpu).unwrap().with_start_tables(tables);
         steerer.aim(tests::aim(2e-3)).unwrap();
         (0..6).for_each(|_| assert_eq!(steerer.round_while(|_, _| true).unwrap(), 3));
-        let same = |color: &SteeredColor| SteeredColor { phases: Vec::new(), ..study::moved_color(color, 1) };
+        let same = |color: &SteeredColor| SteeredColor { phases: Vec::new(), ..shifted_color(color, 1) };
         steerer.follow(&whole.iter().map(same).collect::<Vec<_>>()).unwrap();
         assert!(!steerer.wants_fit(), "the same picture, one pixel on");
         assert_eq!(steerer.follow(&slide).unwrap(), Followed::default());
@@ -195,72 +156,4 @@ fn another_picture_begins_with_drives_of_the_table() {
         assert_eq!(color.phases, color.laser.as_ref().unwrap().phases(&looked_up));
     }
     assert_eq!(start_tables(&whole, &mut |_| true).unwrap(), [None]);
-}
-
-/// In a study of colors that share their sub-frames content that jumps begins with the drives of the table, too.
-#[test]
-fn a_study_of_joint_colors_begins_with_the_table() {
-    let whole = together_tests::colors();
-    let eye = simulated::Settings { fixation: [60.0; 2], blinks: 0.0, noise: 0.02e-3, ..Default::default() };
-    let study = StudySettings { eye, ..StudySettings::default() };
-    let table = drive_table(&whole);
-    let first_set = |start| {
-        let content = ContentSettings {
-            contents: vec![StudiedContent::Jumping],
-            sets: 8,
-            steps: 1,
-            speed: 10,
-            jumps_every: 3,
-            slides: vec![inverted(&whole)],
-            start,
-            start_tables: vec![Some(Arc::clone(&table))],
-            lighting: Encoder::new(&together_tests::display(), &[Color::Red], 3).unwrap().lighting(false),
-        };
-        let runs = study_content(&whole, &Policy::default(), &content, &study, &mut cpu, &mut |_| Flow::Continue);
-        let runs = runs.unwrap();
-        let run = runs.iter().find(|r| r.steered && !r.moments).expect("it is shown steered, without moments");
-        run.after_jumps(1).expect("sets after a jump")
-    };
-    let [table, last, random] = [JumpStart::Table, JumpStart::Last, JumpStart::Random].map(first_set);
-    println!("{table:.2} dB from the table, {last:.2} from the last drives, {random:.2} from random ones");
-    assert!(table > last && table > random + 0.5, "{table} {last} {random}");
-}
-
-/// Slides follow each other, and after the last comes the scene again. Of a black slide there is no PSNR, so that the sets which have one
-/// are those of the scene. A slide of another number of colors is refused.
-#[test]
-fn a_study_of_slides_shows_them_in_turn() {
-    let stage = Scripted::new("planes8", SIDE, 1);
-    let even = |light: f32| {
-        let field = one_view(&stage.display, vec![light; SIDE * SIDE]);
-        SteeredColor::for_scene(&stage.begun(), &field, &stage.display).unwrap()
-    };
-    let black = even(0.0);
-    let content = |slides| ContentSettings {
-        contents: vec![StudiedContent::Jumping],
-        sets: 14,
-        steps: 1,
-        speed: 10,
-        jumps_every: 2,
-        slides,
-        start: JumpStart::Last,
-        start_tables: Vec::new(),
-        lighting: stage.encoder().lighting(false),
-    };
-    let study = |slides| {
-        let eye = simulated::Settings { fixation: [60.0; 2], blinks: 0.0, ..Default::default() };
-        let study = StudySettings { eye, ..StudySettings::default() };
-        let (begun, settings) = (stage.begun(), content(slides));
-        study_content(&begun, &Policy::default(), &settings, &study, &mut cpu, &mut |_| Flow::Continue)
-    };
-    let lit = |slides| study(slides).unwrap()[0].samples.iter().map(|s| s.since_jump).collect::<Vec<_>>();
-    // Scene, black, black, scene, black, black, scene: the first has not jumped.
-    assert_eq!(lit(vec![black.clone(), black.clone()]), [0, 1, 0, 1, 0, 1]);
-    assert_eq!(lit(vec![black.clone()]), [0, 1, 0, 1, 0, 1, 0, 1]);
-    let two = [black.clone(), black.clone()].concat();
-    assert!(matches!(study(vec![two]), Err(SessionError::Setting(reason)) if reason.contains("2 colors")));
-    // A slide that is brighter than all of the light raises the exposure, a darker one leaves it.
-    assert_eq!(black[0].exposure, EXPOSURE);
-    assert!((even(0.8)[0].exposure - 0.8).abs() < 1e-3, "{}", even(0.8)[0].exposure);
-    assert!(black[0].phases.is_empty());
 }

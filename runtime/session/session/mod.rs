@@ -14,8 +14,7 @@
 //! one that takes a tracker's samples), whose sets pass through `sets`; on a simulated clock sets are made when they are asked for,
 //! and `work_time` passes by what steps are said to take. [`MovingSequence`] reads ahead what follows, [`FarField`] the tiles around where the eye goes; `application` takes
 //! frames from other processes; `showing` accounts for both. `moments` tells from frames and samples what moves while a set is lit. Each can end without taking the picture away.
-//! `latency` accounts for every set that was shown, from the sample to the light; [`study()`] measures what steering gains
-//! with a simulated eye in simulated time. A program with a display and a loop of its own takes
+//! `latency` accounts for every set that was shown, from the sample to the light; A program with a display and a loop of its own takes
 //! video frames from a [`TickedSession`] (`ticks`). `on_screen` stores which version of a hologram is on the screen, for the
 //! [`BenchFollower`], whose camera takes pictures of it. `marks`: the sync picture and the corner mark; `record`, `trace`, `notes`.
 //!
@@ -29,7 +28,6 @@ mod options;
 mod playback;
 mod present_thread;
 mod refinement;
-mod study;
 mod ticked;
 
 #[cfg(all(test, target_os = "linux"))]
@@ -91,6 +89,11 @@ pub use refinement::set_timing::{SetTiming, Target};
 pub use refinement::steerer::look_up::start_tables;
 pub use refinement::steerer::{EngineOpener, Followed, PhasesOfColors, Policy, SteeredColor, Steerer};
 pub use refinement::work_time::Cost;
-pub use study::{ContentRun, ContentSample, ContentSettings, JumpStart, StudiedContent, StudiedEye, study_content};
-pub use study::{Judging, Observer, Study, StudySample, StudySettings, study};
 pub use ticked::TickedSession;
+// What a study of simulated eyes has in common with a session.
+pub use content::shifted::{shifted_color, shifted_problem};
+pub use refinement::moments::MotionCompensation;
+pub use refinement::pupil_tracker::PupilEstimate;
+pub use refinement::steerer::together::lighting_of;
+pub use refinement::watch::{PupilSource, Samples};
+pub use refinement::work_time::WorkTime;

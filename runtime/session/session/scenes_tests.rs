@@ -4,7 +4,7 @@
 use crate::engine::cpu::CpuEngine;
 use crate::optics::Pupil;
 use crate::session::playback::player::{Begins, SetSource};
-use crate::session::refinement::watch::Watch;
+use crate::session::refinement::watch::PupilSource;
 use crate::session::scripted::{Application, EXPOSURE, Scripted, samples, shown};
 use crate::session::*;
 use crate::solve::{Flow, Refiner, Settings, solve};
@@ -29,7 +29,7 @@ pub(super) fn seen(phases: &[f32], exposure: f64, frame: &SteeredColor, pupil: P
 /// Decibels at the true eye of every fifth set of a second, and the content frames; `tracked`, or over the whole eyebox.
 fn seen_of(stage: &Scripted, tracked: bool) -> Vec<(f64, u64, Pupil)> {
     let whole = whole_eyebox(stage.display.eyebox_min(), [0.0; 2]);
-    let watch = if tracked { samples(eye()) } else { Watch::Nobody(whole) };
+    let watch = if tracked { samples(eye()) } else { PupilSource::Nobody(whole) };
     let (_refinement, mut source) = stage.sets(Application::new(stage, 30, [0, i64::MAX]), watch, COST, PERIOD_NS);
     let mut eye = Eye::new(eye(), 0);
     let (mut all, mut newest) = (Vec::new(), None);

@@ -8,7 +8,7 @@ use crate::scene::{self, LightField, Request};
 use crate::session::feeds::refine::{Refinement, RefinementOptions};
 use crate::session::feeds::sets::LiveSource;
 use crate::session::frame_log::trace::Trace;
-use crate::session::refinement::watch::{Samples, Watch};
+use crate::session::refinement::watch::{PupilSource, Samples};
 use crate::session::tests::cpu;
 use crate::session::*;
 use crate::solve::{Problem, random_phases};
@@ -79,7 +79,13 @@ impl Scripted {
     }
 
     /// Sets of this application, made when they are asked for, for sets that begin every `period_ns`.
-    pub(super) fn sets(&self, app: Application, watch: Watch, cost: Cost, period_ns: i64) -> (Refinement, LiveSource) {
+    pub(super) fn sets(
+        &self,
+        app: Application,
+        watch: PupilSource,
+        cost: Cost,
+        period_ns: i64,
+    ) -> (Refinement, LiveSource) {
         let policy = Policy { restart: f64::INFINITY, ..Policy::default() };
         let parts = self.begun();
         let options = RefinementOptions {
@@ -90,7 +96,7 @@ impl Scripted {
             journal: None,
             timing: Arc::new(AtomicCell::new(SetTiming::new(period_ns))),
             light_after: Duration::from_nanos(period_ns as u64 / 2),
-            moments: refinement::moments::Moments::default(),
+            moments: refinement::moments::MotionCompensation::default(),
             steered: Arc::new(AtomicBool::new(true)),
             whole: Some(whole_eyebox(self.display.eyebox_min(), [0.0; 2])),
             direct: None,
@@ -120,10 +126,10 @@ impl Scripted {
 }
 
 /// The samples of an eye, as they arrive.
-pub(super) fn samples(eye: EyeSettings) -> Watch {
+pub(super) fn samples(eye: EyeSettings) -> PupilSource {
     let source = SimulatedSource::starting(eye, false, 0).unwrap();
     let estimator = Estimator::new(GazeSettings::default(), None).unwrap();
-    Watch::Samples(Box::new(Samples::new(Box::new(source), estimator, Arc::default())))
+    PupilSource::Samples(Box::new(Samples::new(Box::new(source), estimator, Arc::default())))
 }
 
 /// An application that gives so many frames a second while it is alive, but for stalls: times in nanoseconds.

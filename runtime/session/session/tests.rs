@@ -40,9 +40,6 @@ pub(super) fn encoder_of(preset: &str) -> Encoder {
     Encoder::new(&display, &[Color::Green], 8).unwrap()
 }
 
-/// What steps and encoding cost in simulated time.
-const COST: Cost = Cost::Fixed { step: Duration::from_millis(4), encode: Duration::from_millis(1) };
-
 pub(super) fn aim(x: f64) -> PupilDistribution {
     let diameter = [3.8e-3, 4.2e-3];
     PupilDistribution { centre: [x, 0.0], spread: 1e-4, diameter, focus: [0.0, 0.0], elsewhere: 0.0 }
@@ -81,42 +78,6 @@ fn no_step_is_begun_that_would_end_too_late() {
     assert!(Steerer::new(Vec::new(), Policy::default(), cpu).is_err());
     let policy = Policy { restart: f64::NAN, ..Policy::default() };
     assert!(Steerer::new(vec![part()], policy, cpu).is_err());
-}
-
-/// In simulated time, with a cost that is the same on every machine: the eye sees better after a while, and every set is
-/// measured.
-#[test]
-fn a_simulated_eye_sees_better_when_steered() {
-    let settings = StudySettings { seconds: 1.2, cost: COST, ..StudySettings::default() };
-    let mut shares = Vec::new();
-    let mut seen = Vec::new();
-    let whole = part();
-    let parts = [whole.clone()];
-    let result = study(&parts, &Policy::default(), &encoder(), &settings, &mut cpu, &mut |moment, phases, share| {
-        assert_eq!(phases.len(), 1);
-        seen.push((moment.new, phases[0] == whole.phases));
-        shares.push(share);
-        true
-    })
-    .unwrap();
-    let sets = (settings.seconds * 1e9 / settings.period_ns as f64) as usize;
-    assert!(result.moments.len().abs_diff(sets) <= 1, "{} of {sets}", result.moments.len());
-    assert!(shares.windows(2).all(|w| w[0] < w[1]) && shares.iter().all(|s| (0.0..=1.1).contains(s)));
-    let refined = seen.iter().position(|s| s.0).expect("a new set");
-    assert!(seen[..refined].iter().all(|s| s.1), "until then it is the hologram for the whole eyebox");
-    assert!(seen[refined..].iter().all(|s| !s.1), "and from then on it is not");
-    assert!(seen.iter().any(|s| s.0) && result.steps > 0);
-    let landed: Vec<&StudySample> =
-        result.moments.iter().filter(|m| m.since_landing_ms.is_some_and(|t| t > 150.0)).collect();
-    assert!(!landed.is_empty());
-    let gain = landed.iter().map(|m| m.gain_db()).sum::<f64>() / landed.len() as f64;
-    let error = landed.iter().filter_map(|m| m.error).fold(0.0, f64::max);
-    assert!(gain > 0.5 && error < 0.5e-3, "{gain} dB, {error} m");
-    // What ends it early leaves what there is.
-    let few = study(&parts, &Policy::default(), &encoder(), &settings, &mut cpu, &mut |_, _, share| share < 0.3);
-    assert!((1..sets / 2).contains(&few.unwrap().moments.len()));
-    let wrong = StudySettings { period_ns: 0, ..settings };
-    assert!(study(&parts, &Policy::default(), &encoder(), &wrong, &mut cpu, &mut |_, _, _| true).is_err());
 }
 
 fn channel(frames: &VideoFrames) -> (SetSender, LiveSource) {

@@ -15,7 +15,7 @@ use crate::session::frame_log::trace::Trace;
 use crate::session::playback::player::SetSource;
 use crate::session::playback::scheduler::{Content, Readiness};
 use crate::session::refinement::pupil_tracker::PupilTracker;
-use crate::session::refinement::watch::Watch;
+use crate::session::refinement::watch::PupilSource;
 use crate::session::tests::{cpu, encoder, part};
 use crate::session::*;
 use crate::trackers::{
@@ -167,13 +167,13 @@ fn options(
     RefinementOptions {
         clock: Some(clock),
         cost: Cost::Measured,
-        watch: Watch::Tracker(tracker),
+        watch: PupilSource::Tracker(tracker),
         scenes: None,
         journal: None,
         whole: None,
         timing: Arc::clone(timing),
         light_after: Duration::from_millis(8),
-        moments: refinement::moments::Moments::default(),
+        moments: refinement::moments::MotionCompensation::default(),
         steered: Arc::new(AtomicBool::new(true)),
         direct: None,
         with_phases: true,

@@ -117,7 +117,7 @@ fn drives_go_with_the_content() {
     }
     // Another view of it, in the light of the same lasers: the drives stay. Other lasers are refused.
     let moved: Vec<SteeredColor> =
-        whole.iter().map(|color| SteeredColor { phases: Vec::new(), ..study::moved_color(color, 5) }).collect();
+        whole.iter().map(|color| SteeredColor { phases: Vec::new(), ..shifted_color(color, 5) }).collect();
     let kept = phases(&mut steerer);
     assert_eq!(steerer.follow(&moved).unwrap(), Followed::default());
     assert!(phases(&mut steerer) == kept && !steerer.wants_fit());

@@ -8,10 +8,11 @@ use crate::common::{self, Engines};
 use crate::progress::{self, JobBar};
 use clap::{Args, ValueEnum};
 use eyebox::low_level::files::OwnFolder;
-use eyebox::low_level::session::{
-    self, ContentRun, ContentSettings, JumpStart, SteeredColor, StudiedContent, StudiedEye, StudySettings, start_tables,
-};
+use eyebox::low_level::session::{SteeredColor, start_tables};
 use eyebox_lab::report;
+use eyebox_lab::study::{
+    ContentRun, ContentSettings, JumpStart, StudiedContent, StudiedEye, StudySettings, study_content,
+};
 use serde_json::{Value, json};
 
 /// What content does, in the command that studies it.
@@ -135,7 +136,7 @@ pub fn run(
     let bar = JobBar::new(quiet);
     let mut open = || engines.open();
     let mut observe = |share| bar.show("content", share);
-    let runs = session::study_content(&subject.parts, &policy.policy(), &settings, study, &mut open, &mut observe)?;
+    let runs = study_content(&subject.parts, &policy.policy(), &settings, study, &mut open, &mut observe)?;
     bar.finish();
     let row = |run: &ContentRun| {
         let [mean, worst, best] = run.summary(SETTLES).map_or([None; 3], |all| all.map(Some));

@@ -15,10 +15,11 @@ use eyebox::low_level::files::{self, OwnFolder};
 use eyebox::low_level::gpu::Options as VulkanOptions;
 use eyebox::low_level::hologram::Sequence;
 use eyebox::low_level::optics::{Depth, Display, depth_in_words, dioptres};
-use eyebox::low_level::session::{self, Cost, Judging, SetTiming, Study as Result_, StudySettings};
+use eyebox::low_level::session::{Cost, SetTiming};
 use eyebox::low_level::solve::Flow;
 use eyebox::low_level::trackers::simulated;
 use eyebox_lab::report;
+use eyebox_lab::study::{self, Judging, Study as Result_, StudySettings};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -201,7 +202,7 @@ fn study(
     progress::catch_interrupt();
     let bar = JobBar::new(quiet);
     let mut open = || engines.open();
-    let result = session::study(
+    let result = study::study(
         &subject.parts,
         &args.policy.policy(),
         &subject.encoder,

@@ -7,3 +7,4 @@ pub(crate) mod device_views;
 pub(crate) mod far_field;
 pub(crate) mod moving;
 pub(crate) mod scenes;
+pub(crate) mod shifted;

@@ -24,13 +24,13 @@ use crate::session::playback::output::OpenDisplay;
 use crate::session::playback::scheduler::{Schedule, Start};
 use crate::session::playback::timeline::Speed;
 use crate::session::refinement::field::Field;
-use crate::session::refinement::moments::Moments;
+use crate::session::refinement::moments::MotionCompensation;
 use crate::session::refinement::pupil_tracker::{PupilTracker, TrackerCounts};
 use crate::session::refinement::set_timing::{SetTiming, as_ns};
 use crate::session::refinement::steerer::look_up::{begin_with_tables, start_tables};
 use crate::session::refinement::steerer::together::{lighting_of, sub_frames_of};
 use crate::session::refinement::steerer::{EngineOpener, Policy, SteeredColor, Steerer};
-use crate::session::refinement::watch::{Samples, Watch};
+use crate::session::refinement::watch::{PupilSource, Samples};
 use crate::session::refinement::work_time::{Cost, Times};
 use crate::solve::{PupilRange, StartTable};
 use crate::trackers::mouse::{self, MouseHandle};
@@ -162,7 +162,7 @@ impl EngineSource {
 
 /// Whoever is followed.
 struct FollowedEye {
-    watch: Watch,
+    watch: PupilSource,
     /// A tracker on its thread.
     tracker: Option<Arc<PupilTracker>>,
     truth: Option<simulated::Eye>,
@@ -182,7 +182,7 @@ impl FollowedEye {
     ) -> Result<Self, SessionError> {
         let Some(tracking) = tracking else {
             let name = "no eye tracker: pupils over the whole eyebox".into();
-            let (watch, counts) = (Watch::Nobody(whole), Arc::default());
+            let (watch, counts) = (PupilSource::Nobody(whole), Arc::default());
             return Ok(Self { watch, tracker: None, truth: None, name, may_be_silent: false, counts });
         };
         let counts = Arc::<AtomicCell<TrackerCounts>>::default();
@@ -192,13 +192,13 @@ impl FollowedEye {
         if !real_time {
             let note = source.tracker().and_then(|name| estimator.note_on(&name));
             note.into_iter().for_each(|note| notes.tell(note));
-            let watch = Watch::Samples(Box::new(Samples::new(source, estimator, Arc::clone(&counts))));
+            let watch = PupilSource::Samples(Box::new(Samples::new(source, estimator, Arc::clone(&counts))));
             return Ok(Self { watch, tracker: None, truth, name, may_be_silent, counts });
         }
         let (stream, track) = (Stream::start(source)?, trace.track("gaze"));
         let tracker = PupilTracker::start(stream, estimator, Arc::clone(&counts), notes.clone(), track)?;
         let tracker = Arc::new(tracker);
-        let watch = Watch::Tracker(Arc::clone(&tracker));
+        let watch = PupilSource::Tracker(Arc::clone(&tracker));
         Ok(Self { watch, tracker: Some(tracker), truth, name, may_be_silent, counts })
     }
 }
@@ -403,7 +403,7 @@ impl Live {
                 journal: keeping.as_ref().map(Keeping::journal),
                 timing: Arc::clone(&timing),
                 light_after,
-                moments: Moments::when(self.moments, lighting, set_ns, &colors),
+                moments: MotionCompensation::when(self.moments, lighting, set_ns, &colors),
                 steered: Arc::clone(&steered),
                 whole: whole_of_none,
                 direct,

@@ -37,7 +37,7 @@ struct Seen {
 
 /// What moves, as a session knows it. By default nothing does: all sub-frames of a set are taken to be lit at once.
 #[derive(Default)]
-pub(crate) struct Moments {
+pub struct MotionCompensation {
     /// When the sub-frames of each colour are lit, and how long a set is, nanoseconds; none where that does not count.
     lit: Option<(Lighting, i64)>,
     seen: Option<Seen>,
@@ -59,9 +59,9 @@ pub(crate) struct Moments {
     trusted: bool,
 }
 
-impl Moments {
+impl MotionCompensation {
     /// With sub-frames at times of their own, in sets that follow each other after `set_ns`; `pixel` is the first colour's, radians.
-    pub(crate) fn of(lighting: Lighting, set_ns: i64, pixel: f64) -> Self {
+    pub fn of(lighting: Lighting, set_ns: i64, pixel: f64) -> Self {
         let (carried, shifts) = (vec![[0.0; 2]; lighting.turns()], vec![[0; 2]; lighting.turns()]);
         Self { lit: Some((lighting, set_ns)), pixel, carried, shifts, ..Self::default() }
     }
@@ -73,18 +73,18 @@ impl Moments {
     }
 
     /// When the sub-frames of each colour are lit from this turn on.
-    pub(crate) fn times(&self, turn: usize) -> &[LitTimes] {
+    pub fn times(&self, turn: usize) -> &[LitTimes] {
         self.lit.as_ref().map_or(&[], |(lighting, _)| lighting.times(turn))
     }
 
     /// What the display lights when, and by how many pixels of the first colour [`carry`](Self::carry) has found that what is lit
     /// with each turn has to be moved.
-    pub(crate) fn shifts(&self) -> Option<(&[[i64; 2]], &Lighting)> {
+    pub fn shifts(&self) -> Option<(&[[i64; 2]], &Lighting)> {
         self.lit.as_ref().map(|(lighting, _)| (self.shifts.as_slice(), lighting))
     }
 
     /// Another content frame, which shows the moment `shows_ns`.
-    pub(crate) fn follow(&mut self, colors: &[SteeredColor], shows_ns: i64) {
+    pub fn follow(&mut self, colors: &[SteeredColor], shows_ns: i64) {
         let Some(first) = colors.first().filter(|_| self.lit.is_some()) else { return };
         let new = view_of(&first.problem, shows_ns);
         let before = self.displaced.take();
@@ -141,7 +141,7 @@ impl Moments {
     }
 
     /// The phases are those that were solved for the last frame.
-    pub(crate) fn begun_again(&mut self) {
+    pub fn begun_again(&mut self) {
         self.carried.fill(self.position);
     }
 
@@ -158,7 +158,7 @@ impl Moments {
     /// Finds by how many whole pixels of the first colour the phases have to be moved to show the content where it is when they
     /// are lit: those whose turn it is at `light_ns`, the others one after the other until it is their turn again. Whether it has to
     /// be looked whether that is better; none where nothing need be moved.
-    pub(crate) fn carry(&mut self, light_ns: i64, turn: usize) -> Option<bool> {
+    pub fn carry(&mut self, light_ns: i64, turn: usize) -> Option<bool> {
         let (lighting, set_ns) = self.lit.as_ref()?;
         let turns = lighting.turns();
         let ([vx, vy], since) = self.content(light_ns).unwrap_or_default();
@@ -173,7 +173,7 @@ impl Moments {
     }
 
     /// The phases were moved so, or stay as they are for that is better.
-    pub(crate) fn carried(&mut self, moved: bool) {
+    pub fn carried(&mut self, moved: bool) {
         for (carried, shift) in self.carried.iter_mut().zip(&self.shifts) {
             *carried = [0, 1].map(|i| carried[i] + shift[i] as f64 * self.pixel);
         }
@@ -182,7 +182,7 @@ impl Moments {
 
     /// What moves while a set is lit that is reckoned from `light_ns`, for an eye of which this is known: in pixels of the first
     /// colour.
-    pub(crate) fn motion(&self, light_ns: i64, eye: &PupilEstimate) -> Motion {
+    pub fn motion(&self, light_ns: i64, eye: &PupilEstimate) -> Motion {
         let Some((_, set_ns)) = &self.lit else { return Motion::default() };
         let set = *set_ns as f64 * 1e-9;
         let drift = eye.velocity.pupil.map(|v| v * set);
@@ -266,7 +266,8 @@ mod tests {
     fn content_that_moves_is_foreseen_and_phases_go_with_it() {
         let display = display();
         let encoder = Encoder::new(&display, &[Color::Green], 8).unwrap();
-        let mut moments = Moments::of(encoder.lighting(false), SET_NS, frame(&display, 0, 1)[0].problem.pixel());
+        let mut moments =
+            MotionCompensation::of(encoder.lighting(false), SET_NS, frame(&display, 0, 1)[0].problem.pixel());
         let frame_ns = 2 * SET_NS;
         let mut shown = 0;
         for k in 0..5i64 {
@@ -308,7 +309,7 @@ mod tests {
         for gap_ns in [1, -1, 0, 2, 50, -50, 1000, 100_000, 1_000_000, -1_000_000, 1_999_000] {
             for (apart, moving) in [(0, 4), (1, 4), (1, 0), (2, 0)] {
                 let mut moments =
-                    Moments::of(encoder.lighting(false), SET_NS, frame(&display, 0, 1)[0].problem.pixel());
+                    MotionCompensation::of(encoder.lighting(false), SET_NS, frame(&display, 0, 1)[0].problem.pixel());
                 for k in 0..6i64 {
                     let shift = (moving * k) as usize;
                     moments.follow(&frame(&display, shift, 1), k * frame_ns);
@@ -333,7 +334,8 @@ mod tests {
     fn of_sets_that_roll_what_was_lit_moves_on_by_a_set() {
         let display = Display { height: SIDE, width: SIDE, ..Display::preset("grey8").unwrap() };
         let encoder = Encoder::new(&display, &[Color::Green], 8).unwrap();
-        let mut moments = Moments::of(encoder.lighting(true), SET_NS, frame(&display, 0, 1)[0].problem.pixel());
+        let mut moments =
+            MotionCompensation::of(encoder.lighting(true), SET_NS, frame(&display, 0, 1)[0].problem.pixel());
         let turn_ns = SET_NS / 8;
         let mut stands = [0; 8];
         for n in 0..64i64 {

@@ -64,7 +64,7 @@ impl SetTiming {
     }
 
     /// The first set after the last one that something which takes `need_ns` from now on can still be handed over for.
-    pub(crate) fn reachable(&self, now_ns: i64, need_ns: i64) -> Target {
+    pub fn reachable(&self, now_ns: i64, need_ns: i64) -> Target {
         let period = self.period_ns.max(1);
         let first = self.start_ns.saturating_add(period);
         let ready = now_ns.saturating_add(need_ns.max(0)).saturating_add(self.lead_ns);

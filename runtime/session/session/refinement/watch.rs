@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 /// Who is asked where the pupil will be.
-pub(crate) enum Watch {
+pub enum PupilSource {
     /// A tracker, on its thread.
     Tracker(Arc<PupilTracker>),
     /// A tracker that is asked for what has arrived, in simulated time.
@@ -19,12 +19,12 @@ pub(crate) enum Watch {
     Nobody(PupilDistribution),
 }
 
-impl Watch {
+impl PupilSource {
     /// What is expected at `light_ns`, by what has arrived by `now_ns`: times on the trackers' clock.
     ///
     /// # Errors
     /// Those of a tracker in simulated time.
-    pub(crate) fn expect(&mut self, now_ns: u64, light_ns: u64) -> Result<PupilEstimate, SessionError> {
+    pub fn expect(&mut self, now_ns: u64, light_ns: u64) -> Result<PupilEstimate, SessionError> {
         match self {
             Self::Tracker(tracker) => Ok(tracker.expect(light_ns)),
             Self::Samples(samples) => {
@@ -44,9 +44,10 @@ impl Watch {
 }
 
 /// A tracker's samples, taken as they arrive in simulated time.
-pub(crate) struct Samples {
+pub struct Samples {
     source: Box<dyn Source>,
-    pub(crate) estimator: Estimator,
+    /// The filter that the samples go through.
+    pub estimator: Estimator,
     waiting: Option<Sample>,
     /// When the newest was taken, had arrived and had gone through the filter.
     newest: Option<[u64; 3]>,
@@ -55,7 +56,7 @@ pub(crate) struct Samples {
 
 impl Samples {
     /// From a source that does not wait for real time.
-    pub(crate) fn new(source: Box<dyn Source>, estimator: Estimator, counts: Arc<AtomicCell<TrackerCounts>>) -> Self {
+    pub fn new(source: Box<dyn Source>, estimator: Estimator, counts: Arc<AtomicCell<TrackerCounts>>) -> Self {
         Self { source, estimator, waiting: None, newest: None, counts }
     }
 
@@ -63,7 +64,7 @@ impl Samples {
     ///
     /// # Errors
     /// [`SessionError::Tracker`].
-    pub(crate) fn arrive(&mut self, now_ns: u64) -> Result<(), SessionError> {
+    pub fn arrive(&mut self, now_ns: u64) -> Result<(), SessionError> {
         loop {
             let sample = match self.waiting.take() {
                 Some(sample) => sample,

@@ -20,7 +20,7 @@ pub enum Cost {
 
 impl Cost {
     /// What a step of each of so many colours is expected to take, where `measured` says it of this machine.
-    pub(crate) fn round_ns(self, colors: usize, measured: impl FnOnce() -> Duration) -> i64 {
+    pub fn round_ns(self, colors: usize, measured: impl FnOnce() -> Duration) -> i64 {
         match self {
             Self::Measured => as_ns(measured()),
             Self::Fixed { step, .. } => as_ns(step).saturating_mul(colors as i64),
@@ -29,7 +29,7 @@ impl Cost {
 }
 
 /// Time that passes by what work costs, nanoseconds.
-pub(crate) struct WorkTime {
+pub struct WorkTime {
     cost: Cost,
     began_ns: i64,
     begun: Instant,
@@ -37,17 +37,19 @@ pub(crate) struct WorkTime {
 }
 
 impl WorkTime {
-    pub(crate) fn begin(cost: Cost, now_ns: i64) -> Self {
+    /// Begins at a time, nanoseconds.
+    pub fn begin(cost: Cost, now_ns: i64) -> Self {
         Self { cost, began_ns: now_ns, begun: Instant::now(), spent: Duration::ZERO }
     }
 
-    pub(crate) fn now_ns(&self) -> i64 {
+    /// Returns the time by now, nanoseconds.
+    pub fn now_ns(&self) -> i64 {
         let spent = if self.cost == Cost::Measured { self.begun.elapsed() } else { self.spent };
         self.began_ns.saturating_add(as_ns(spent))
     }
 
     /// Whether so many steps, which are `expected` to take so long together where it is measured, end in time; if so, they are taken.
-    pub(crate) fn steps_before(&mut self, deadline_ns: i64, steps: u32, expected: Duration) -> bool {
+    pub fn steps_before(&mut self, deadline_ns: i64, steps: u32, expected: Duration) -> bool {
         let cost = match self.cost {
             Cost::Measured => expected,
             Cost::Fixed { step, .. } => step * steps,
@@ -67,7 +69,7 @@ impl WorkTime {
     }
 
     /// A set was encoded.
-    pub(crate) fn encoded(&mut self) {
+    pub fn encoded(&mut self) {
         if let Cost::Fixed { encode, .. } = self.cost {
             self.spent += encode;
         }

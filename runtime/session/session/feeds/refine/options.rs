@@ -8,11 +8,11 @@ use crate::session::feeds::journal::Journal;
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::notes::Notes;
 use crate::session::frame_log::trace::Track;
-use crate::session::refinement::moments::Moments;
+use crate::session::refinement::moments::MotionCompensation;
 use crate::session::refinement::pupil_tracker::PupilEstimate;
 use crate::session::refinement::set_timing::SetTiming;
 use crate::session::refinement::steerer::Steerer;
-use crate::session::refinement::watch::Watch;
+use crate::session::refinement::watch::PupilSource;
 use crate::session::refinement::work_time::Cost;
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
@@ -29,7 +29,7 @@ pub(crate) struct RefinementOptions {
     /// What work takes.
     pub cost: Cost,
     /// Who is asked where the pupil will be.
-    pub watch: Watch,
+    pub watch: PupilSource,
     /// What is to be seen, where that changes.
     pub scenes: Option<Box<dyn Scenes>>,
     /// Where decisions are kept.
@@ -39,7 +39,7 @@ pub(crate) struct RefinementOptions {
     /// From the beginning of a set to the middle of its light.
     pub light_after: Duration,
     /// What moves while a set is lit.
-    pub moments: Moments,
+    pub moments: MotionCompensation,
     /// Whether the hologram follows the eye; if not, the one for the whole eyebox is shown.
     pub steered: Arc<AtomicBool>,
     /// Where no scene brings one: the pupils that are refined for in its place.

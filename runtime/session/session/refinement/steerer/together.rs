@@ -33,7 +33,7 @@ pub(in crate::session) fn share(colors: &[SteeredColor]) -> bool {
 }
 
 /// When the sub-frames of these colours are lit by what an encoder says of those that it sends.
-pub(in crate::session) fn lighting_of(lighting: Lighting, colors: &[SteeredColor]) -> Lighting {
+pub fn lighting_of(lighting: Lighting, colors: &[SteeredColor]) -> Lighting {
     if share(colors) { lighting.shared_by(colors.len()) } else { lighting }
 }
 

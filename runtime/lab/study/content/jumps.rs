@@ -1,9 +1,9 @@
 //! What is begun with after content has jumped, and what the eye sees then.
 
 use super::{ContentRun, ContentSample, Showing, SteeredColor};
-use crate::session::frame_log::error::SessionError;
-use crate::session::study::jump_start::JumpStart;
-use crate::solve::random_phases;
+use crate::study::jump_start::JumpStart;
+use eyebox::low_level::session::SessionError;
+use eyebox::low_level::solve::random_phases;
 
 impl ContentRun {
     /// Mean of the sets outside saccades that are the `nth` after a jump, from 1, dB; none where there is none.

@@ -1,10 +1,10 @@
 //! What is studied, and what came of it.
 
-use crate::gaze;
-use crate::optics::{Color, Viewing};
-use crate::session::refinement::set_timing::SetTiming;
-use crate::session::refinement::work_time::Cost;
-use crate::trackers::simulated;
+use eyebox::low_level::gaze;
+use eyebox::low_level::optics::{Color, Viewing};
+use eyebox::low_level::session::Cost;
+use eyebox::low_level::session::SetTiming;
+use eyebox::low_level::trackers::simulated;
 use serde::Serialize;
 
 /// What is studied.

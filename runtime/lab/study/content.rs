@@ -10,22 +10,17 @@ mod jumps;
 use super::SeenColor;
 use super::jump_start::JumpStart;
 use super::results::StudySettings;
-use crate::encode::{Lighting, LitTimes};
-use crate::engine::{Engine, EngineError};
-use crate::gaze::Estimator;
-use crate::optics::Pupil;
-use crate::scene::Pyramid;
-use crate::session::feeds::live::whole_eyebox;
-use crate::session::frame_log::error::SessionError;
-use crate::session::refinement::moments::Moments;
-use crate::session::refinement::pupil_tracker::PupilEstimate;
-use crate::session::refinement::set_timing::SetTiming;
-use crate::session::refinement::steerer::together::lighting_of;
-use crate::session::refinement::steerer::{Policy, SteeredColor, Steerer};
-use crate::session::refinement::watch::{Samples, Watch};
-use crate::solve::{Flow, Motion, Problem, StartTable};
-use crate::trackers::simulated::{Doing, Eye, SimulatedSource};
-use crate::trackers::{About, Event, Source, TrackerError};
+use eyebox::low_level::encode::{Lighting, LitTimes};
+use eyebox::low_level::engine::{Engine, EngineError};
+use eyebox::low_level::gaze::Estimator;
+use eyebox::low_level::optics::Pupil;
+use eyebox::low_level::session::{
+    MotionCompensation, Policy, PupilEstimate, PupilSource, Samples, SessionError, SetTiming, SteeredColor, Steerer,
+    lighting_of, shifted_problem, whole_eyebox,
+};
+use eyebox::low_level::solve::{Flow, Motion, StartTable};
+use eyebox::low_level::trackers::simulated::{Doing, Eye, SimulatedSource};
+use eyebox::low_level::trackers::{About, Event, Source, TrackerError};
 use serde::Serialize;
 use std::sync::Arc;
 use std::time::Duration;
@@ -69,7 +64,7 @@ pub struct ContentSettings {
     pub slides: Vec<Vec<SteeredColor>>,
     /// What is begun with after a jump.
     pub start: JumpStart,
-    /// The tables, as [`start_tables`](crate::session::start_tables) gives them; empty where none is used.
+    /// The tables, as [`start_tables`](eyebox::low_level::session::start_tables) gives them; empty where none is used.
     pub start_tables: Vec<Option<Arc<StartTable>>>,
     /// When the sub-frames of each colour are lit: of sets that are shown whole, or that roll.
     pub lighting: Lighting,
@@ -240,38 +235,13 @@ impl Frames<'_> {
             Picture::Slide(at) => return self.settings.slides[at].clone(),
         };
         let frame = |color: &SteeredColor| SteeredColor {
-            problem: moved(&color.problem, shift, mirrored),
+            problem: shifted_problem(&color.problem, shift, mirrored),
             phases: Vec::new(),
             exposure: color.exposure,
             laser: color.laser.clone(),
         };
         self.colors.iter().map(frame).collect()
     }
-}
-
-/// All views moved to the right by so many pixels, round their edges; before that, the whole light field as in a mirror.
-fn moved(problem: &Problem, shift: usize, mirrored: bool) -> Problem {
-    let Some(level) = problem.pyramid.levels.first() else { return problem.clone() };
-    let (width, pixels) = (level.width, level.height * level.width);
-    let columns = problem.views.columns;
-    let view = |index: usize| {
-        let from = if mirrored { index / columns * columns + columns - 1 - index % columns } else { index };
-        let from = &level.views[from * pixels..(from + 1) * pixels];
-        let value = |at: usize| {
-            let column = (at % width + width - shift % width) % width;
-            let column = if mirrored { width - 1 - column } else { column };
-            f32::from(from[at / width * width + column]) / 65535.0 * problem.pyramid.scale
-        };
-        (0..pixels).map(value).collect::<Vec<f32>>()
-    };
-    let views: Vec<Vec<f32>> = (0..problem.pyramid.count).map(view).collect();
-    Problem { pyramid: Arc::new(Pyramid::new(&views, level.height, width)), ..problem.clone() }
-}
-
-/// One colour of it, moved to the right.
-#[cfg(test)]
-pub(in crate::session) fn moved_color(color: &SteeredColor, shift: usize) -> SteeredColor {
-    SteeredColor { problem: moved(&color.problem, shift, false), ..color.clone() }
 }
 
 /// One way to show one content.
@@ -282,8 +252,8 @@ struct Showing<'a> {
     study: &'a StudySettings,
     depth: f64,
     eye: Eye,
-    watch: Watch,
-    moments: Moments,
+    watch: PupilSource,
+    moments: MotionCompensation,
     scene: Vec<SteeredColor>,
     /// Which frame that is, and the moment that it shows.
     shown: Picture,
@@ -317,12 +287,12 @@ impl<'a> Showing<'a> {
         let source = Pursuing { source, speed: pursuit * study.eye.radius };
         let estimator = Estimator::new(study.gaze.clone(), None)?;
         let watch = match run.steered {
-            true => Watch::Samples(Box::new(Samples::new(Box::new(source), estimator, Arc::default()))),
-            false => Watch::Nobody(whole_eyebox(first.problem.eyebox, [depth; 2])),
+            true => PupilSource::Samples(Box::new(Samples::new(Box::new(source), estimator, Arc::default()))),
+            false => PupilSource::Nobody(whole_eyebox(first.problem.eyebox, [depth; 2])),
         };
         let moments = match run.moments {
-            true => Moments::of(lighting.clone(), study.period_ns, pixel),
-            false => Moments::default(),
+            true => MotionCompensation::of(lighting.clone(), study.period_ns, pixel),
+            false => MotionCompensation::default(),
         };
         let phases: Vec<Vec<f32>> = frames.colors.iter().map(|color| color.phases.clone()).collect();
         Ok(Self {

@@ -2,9 +2,9 @@
 
 use super::results::Judging;
 use super::seen::SeenColor;
-use crate::evaluate::{JodMetric, rgb};
-use crate::optics::{Color, Pupil};
-use crate::session::frame_log::error::SessionError;
+use eyebox::low_level::evaluate::{JodMetric, rgb};
+use eyebox::low_level::optics::{Color, Pupil};
+use eyebox::low_level::session::SessionError;
 
 /// Judges what the eye sees of all colours at once.
 pub(super) struct Judge {

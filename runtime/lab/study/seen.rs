@@ -1,11 +1,11 @@
 //! What an eye sees of the holograms of a study.
 
-use crate::engine::{Engine, EngineError};
-use crate::evaluate::Sums;
-use crate::optics::Pupil;
-use crate::session::frame_log::error::SessionError;
-use crate::session::refinement::steerer::{Policy, SteeredColor};
-use crate::solve::{PupilRange, Refiner, Sampler, Sequence};
+use eyebox::low_level::engine::{Engine, EngineError};
+use eyebox::low_level::evaluate::Sums;
+use eyebox::low_level::optics::Pupil;
+use eyebox::low_level::session::SessionError;
+use eyebox::low_level::session::{Policy, SteeredColor};
+use eyebox::low_level::solve::{PupilRange, Refiner, Sampler, Sequence};
 use std::sync::Arc;
 
 /// Pupils that the exposure is fitted over.

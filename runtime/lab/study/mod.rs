@@ -1,6 +1,6 @@
 //! What steering gains: a simulated eye before a hologram that follows it, judged by what the eye really sees.
 //!
-//! Time is simulated: it passes by what refining and encoding cost ([`Cost`](crate::session::Cost)), and stands still while quality is measured.
+//! Time is simulated: it passes by what refining and encoding cost ([`Cost`](eyebox::low_level::session::Cost)), and stands still while quality is measured.
 //! Everything else is as in a live session: samples come late and with noise, the pupil is predicted, sets are handed over
 //! whole, and those that come too late are shown a set later.
 
@@ -10,20 +10,20 @@ mod jump_start;
 mod results;
 mod seen;
 mod stage;
-
 #[cfg(test)]
-pub(super) use content::moved_color;
+mod tests;
+
 pub use content::{ContentRun, ContentSample, ContentSettings, StudiedContent, StudiedEye, study_content};
 pub use jump_start::JumpStart;
 pub use results::{Judging, Study, StudySample, StudySettings};
 
-use crate::encode::{Encoder, PhaseSet, VideoFrames};
-use crate::engine::{Engine, EngineError};
-use crate::optics::Pupil;
-use crate::session::frame_log::error::SessionError;
-use crate::session::refinement::steerer::{Policy, SteeredColor, Steerer};
-use crate::session::refinement::work_time::WorkTime;
-use crate::trackers::simulated::Doing;
+use eyebox::low_level::encode::{Encoder, PhaseSet, VideoFrames};
+use eyebox::low_level::engine::{Engine, EngineError};
+use eyebox::low_level::optics::Pupil;
+use eyebox::low_level::session::SessionError;
+use eyebox::low_level::session::WorkTime;
+use eyebox::low_level::session::{Policy, SteeredColor, Steerer};
+use eyebox::low_level::trackers::simulated::Doing;
 use judged::Judge;
 use seen::SeenColor;
 use stage::Stage;

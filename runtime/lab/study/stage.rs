@@ -1,12 +1,12 @@
 //! A study's simulated world: the eye, its tracker, and time.
 
 use super::results::StudySettings;
-use crate::gaze::{Estimator, GazeError};
-use crate::optics::PupilDistribution;
-use crate::session::frame_log::error::SessionError;
-use crate::session::refinement::set_timing::SetTiming;
-use crate::session::refinement::watch::Samples;
-use crate::trackers::simulated::{Doing, Eye, SimulatedSource, Truth};
+use eyebox::low_level::gaze::{Estimator, GazeError};
+use eyebox::low_level::optics::PupilDistribution;
+use eyebox::low_level::session::Samples;
+use eyebox::low_level::session::SessionError;
+use eyebox::low_level::session::SetTiming;
+use eyebox::low_level::trackers::simulated::{Doing, Eye, SimulatedSource, Truth};
 
 pub(super) struct Stage {
     settings: StudySettings,

@@ -1,0 +1,368 @@
+//! Tests of studies: what steering, motion compensation and tables of first phases gain.
+
+use crate::study::{ContentRun, ContentSettings, JumpStart, StudiedContent, StudiedEye, StudySample, StudySettings};
+use crate::study::{study, study_content};
+use eyebox::low_level::encode::Encoder;
+use eyebox::low_level::engine::cpu::CpuEngine;
+use eyebox::low_level::engine::{Engine, EngineError};
+use eyebox::low_level::optics::{Color, Display, Laser, Padding};
+use eyebox::low_level::scene::{self, LightField, Pyramid, Request};
+use eyebox::low_level::session::{Cost, Policy, SessionError, SteeredColor};
+use eyebox::low_level::solve::{Flow, Problem, Settings, StartTable, random_phases, solve};
+use eyebox::low_level::trackers::simulated;
+use std::sync::Arc;
+use std::time::Duration;
+
+const SIDE: usize = 64;
+const EXPOSURE: f64 = 0.35;
+const ALL: [Color; 3] = [Color::Red, Color::Green, Color::Blue];
+const SIZE: [usize; 2] = [48, 64];
+
+fn cpu() -> Result<Box<dyn Engine>, EngineError> {
+    Ok(Box::new(CpuEngine::new()))
+}
+
+/// A square display of one color before a still life, and where its solve begins.
+struct Stage {
+    display: Display,
+    scene: SteeredColor,
+}
+
+impl Stage {
+    fn new(preset: &str, side: usize) -> Self {
+        let display = Display { height: side, width: side, ..Display::preset(preset).unwrap() };
+        let request = Request { views: 5, ..Request::new(&display, &[Color::Green]) };
+        let field = scene::load("builtin:still-life?shift=0", &request).unwrap();
+        let problem = Problem::new(&field, Color::Green, &display, Padding::default()).unwrap();
+        Self { display, scene: SteeredColor { problem, phases: Vec::new(), exposure: EXPOSURE, laser: None } }
+    }
+
+    /// Random phases of eight sub-frames.
+    fn begun(&self) -> Vec<SteeredColor> {
+        let pixels = self.display.height * self.display.width;
+        vec![SteeredColor { phases: random_phases(8 * pixels, 1), ..self.scene.clone() }]
+    }
+
+    fn encoder(&self) -> Encoder {
+        Encoder::new(&self.display, &[Color::Green], 8).unwrap()
+    }
+
+    /// A table of the display, fitted in fewer steps than usual.
+    fn tables(&self) -> Vec<Option<Arc<StartTable>>> {
+        let color = &self.begun()[0];
+        vec![Some(Arc::new(StartTable::quick(&color.problem, color.frames())))]
+    }
+}
+
+/// A green picture of the size of a display, the same from all over its eyebox.
+fn one_view(display: &Display, view: Vec<f32>) -> LightField {
+    LightField {
+        name: String::new(),
+        grid: [1, 1],
+        height: display.height,
+        width: display.width,
+        colors: vec![Color::Green],
+        planes: vec![vec![view]],
+        view_pitch: Some(display.eyebox_min()),
+        disparity: None,
+        depth: None,
+        made: None,
+    }
+}
+
+/// Random drives before three lasers.
+fn colors_of(display: &Display) -> Vec<SteeredColor> {
+    let field = scene::load("builtin:still-life", &Request { views: 3, ..Request::new(display, &ALL) }).unwrap();
+    let powers = [vec![0.4, 1.9, 0.7], vec![1.0, 0.2, 1.8], vec![1.5, 1.5, 0.0]];
+    let drives = random_phases(3 * SIZE[0] * SIZE[1], 4);
+    let one = |((color, slope), powers): ((Color, f64), Vec<f64>)| {
+        let problem = Problem::new(&field, color, display, Padding::default()).unwrap();
+        let laser = Laser { slope, powers };
+        SteeredColor { problem, phases: laser.phases(&drives), exposure: 0.35, laser: Some(laser) }
+    };
+    ALL.into_iter().zip(display.slopes(&ALL)).zip(powers).map(one).collect()
+}
+
+/// Another picture: what is bright in these colors is dark in it.
+fn inverted(colors: &[SteeredColor]) -> Vec<SteeredColor> {
+    let one = |color: &SteeredColor| {
+        let (pyramid, level) = (&color.problem.pyramid, &color.problem.pyramid.levels[0]);
+        let value = |v: &u16| 0.3 * (1.0 - f32::from(*v) / 65_535.0 * pyramid.scale).max(0.0);
+        let views = level.views.chunks_exact(level.height * level.width);
+        let views: Vec<Vec<f32>> = views.map(|view| view.iter().map(value).collect()).collect();
+        let pyramid = Arc::new(Pyramid::new(&views, level.height, level.width));
+        let problem = Problem { pyramid, ..color.problem.clone() };
+        SteeredColor { problem, phases: Vec::new(), ..color.clone() }
+    };
+    colors.iter().map(one).collect()
+}
+
+/// The table of the drive that these colors share, fitted in fewer steps than usual.
+fn drive_table(colors: &[SteeredColor]) -> Arc<StartTable> {
+    let problems: Vec<&Problem> = colors.iter().map(|color| &color.problem).collect();
+    let lasers: Vec<Laser> = colors.iter().filter_map(|color| color.laser.clone()).collect();
+    Arc::new(StartTable::quick_shared(&problems, &lasers))
+}
+
+/// In a study, too, content that jumps begins with the phases of its table: its first set is better than from the last phases, and from
+/// random ones; of sets that roll, too, though all of their video frames have one step.
+#[test]
+fn a_study_of_jumping_content_begins_with_the_table() {
+    for (packing, rolls) in [("planes8", false), ("grey8", true)] {
+        let stage = Stage::new(packing, SIDE);
+        let [table, last, random] = [JumpStart::Table, JumpStart::Last, JumpStart::Random]
+            .map(|start| first_set_after_a_jump(&stage, start, rolls));
+        println!("{table} dB from the table, {last} from the last phases, {random} from random ones");
+        assert!(table > last + 0.5 && table > random + 0.5, "{table} {last} {random}");
+    }
+}
+
+/// PSNR of the first set after a jump, with a step for every set, dB.
+fn first_set_after_a_jump(stage: &Stage, start: JumpStart, rolls: bool) -> f64 {
+    let eye = simulated::Settings { fixation: [60.0; 2], blinks: 0.0, noise: 0.02e-3, ..Default::default() };
+    let study = StudySettings { eye, ..StudySettings::default() };
+    let lighting = stage.encoder().lighting(rolls);
+    assert_eq!(lighting.turns() > 1, rolls);
+    let content = ContentSettings {
+        contents: vec![StudiedContent::Jumping],
+        sets: 8,
+        steps: 1,
+        speed: 10,
+        jumps_every: 3,
+        slides: Vec::new(),
+        start,
+        start_tables: stage.tables(),
+        lighting,
+    };
+    let runs = study_content(&stage.begun(), &Policy::default(), &content, &study, &mut cpu, &mut |_| Flow::Continue);
+    let runs = runs.unwrap();
+    let run = runs.iter().find(|r| r.steered && !r.moments).expect("it is shown steered, without moments");
+    run.after_jumps(1).expect("sets after a jump")
+}
+
+/// In a study of colors that share their sub-frames content that jumps begins with the drives of the table, too.
+#[test]
+fn a_study_of_joint_colors_begins_with_the_table() {
+    let whole = colors_of(&joint_display());
+    let eye = simulated::Settings { fixation: [60.0; 2], blinks: 0.0, noise: 0.02e-3, ..Default::default() };
+    let study = StudySettings { eye, ..StudySettings::default() };
+    let table = drive_table(&whole);
+    let first_set = |start| {
+        let content = ContentSettings {
+            contents: vec![StudiedContent::Jumping],
+            sets: 8,
+            steps: 1,
+            speed: 10,
+            jumps_every: 3,
+            slides: vec![inverted(&whole)],
+            start,
+            start_tables: vec![Some(Arc::clone(&table))],
+            lighting: Encoder::new(&joint_display(), &[Color::Red], 3).unwrap().lighting(false),
+        };
+        let runs = study_content(&whole, &Policy::default(), &content, &study, &mut cpu, &mut |_| Flow::Continue);
+        let runs = runs.unwrap();
+        let run = runs.iter().find(|r| r.steered && !r.moments).expect("it is shown steered, without moments");
+        run.after_jumps(1).expect("sets after a jump")
+    };
+    let [table, last, random] = [JumpStart::Table, JumpStart::Last, JumpStart::Random].map(first_set);
+    println!("{table:.2} dB from the table, {last:.2} from the last drives, {random:.2} from random ones");
+    assert!(table > last && table > random + 0.5, "{table} {last} {random}");
+}
+
+/// Slides follow each other, and after the last comes the scene again. Of a black slide there is no PSNR, so that the sets which have one
+/// are those of the scene. A slide of another number of colors is refused.
+#[test]
+fn a_study_of_slides_shows_them_in_turn() {
+    let stage = Stage::new("planes8", SIDE);
+    let even = |light: f32| {
+        let field = one_view(&stage.display, vec![light; SIDE * SIDE]);
+        SteeredColor::for_scene(&stage.begun(), &field, &stage.display).unwrap()
+    };
+    let black = even(0.0);
+    let content = |slides| ContentSettings {
+        contents: vec![StudiedContent::Jumping],
+        sets: 14,
+        steps: 1,
+        speed: 10,
+        jumps_every: 2,
+        slides,
+        start: JumpStart::Last,
+        start_tables: Vec::new(),
+        lighting: stage.encoder().lighting(false),
+    };
+    let study = |slides| {
+        let eye = simulated::Settings { fixation: [60.0; 2], blinks: 0.0, ..Default::default() };
+        let study = StudySettings { eye, ..StudySettings::default() };
+        let (begun, settings) = (stage.begun(), content(slides));
+        study_content(&begun, &Policy::default(), &settings, &study, &mut cpu, &mut |_| Flow::Continue)
+    };
+    let lit = |slides| study(slides).unwrap()[0].samples.iter().map(|s| s.since_jump).collect::<Vec<_>>();
+    // Scene, black, black, scene, black, black, scene: the first has not jumped.
+    assert_eq!(lit(vec![black.clone(), black.clone()]), [0, 1, 0, 1, 0, 1]);
+    assert_eq!(lit(vec![black.clone()]), [0, 1, 0, 1, 0, 1, 0, 1]);
+    let two = [black.clone(), black.clone()].concat();
+    assert!(matches!(study(vec![two]), Err(SessionError::Setting(reason)) if reason.contains("2 colors")));
+    // A slide that is brighter than all of the light raises the exposure, a darker one leaves it.
+    assert_eq!(black[0].exposure, EXPOSURE);
+    assert!((even(0.8)[0].exposure - 0.8).abs() < 1e-3, "{}", even(0.8)[0].exposure);
+    assert!(black[0].phases.is_empty());
+}
+
+fn mean(run: &ContentRun) -> f64 {
+    run.summary(8).expect("sets that have settled")[0]
+}
+
+/// Content that moves by ten pixels a set is seen, with moments, within a decibel of what stands still: sharp by an eye that follows
+/// it, as the photograph integrated over the motion by one that rests; without, who follows sees it smeared. What stands still and
+/// what jumps lose nothing.
+#[test]
+fn what_moves_is_seen_as_well_as_what_stands_still() {
+    let stage = Stage::new("planes8", 96);
+    let scene = &stage.scene;
+    let settings = Settings { steps: 20, diameter: [2e-3, 8e-3], depth: [0.0; 2], ..Settings::default() };
+    let solution = solve(&scene.problem, &settings, &mut CpuEngine::new(), &mut |_| Flow::Continue);
+    let solution = solution.unwrap();
+    let color = SteeredColor { phases: solution.phases, exposure: solution.exposure, ..scene.clone() };
+    let content = ContentSettings {
+        contents: vec![StudiedContent::Still, StudiedContent::Moving, StudiedContent::Jumping],
+        sets: 32,
+        steps: 3,
+        speed: 10,
+        jumps_every: 16,
+        slides: Vec::new(),
+        start: JumpStart::Last,
+        start_tables: Vec::new(),
+        lighting: stage.encoder().lighting(false),
+    };
+    let eye =
+        simulated::Settings { fixation: [60.0; 2], pursuit: 0.0, blinks: 0.0, noise: 0.02e-3, ..Default::default() };
+    let study = StudySettings { eye, ..StudySettings::default() };
+    let runs =
+        study_content(&[color], &Policy::default(), &content, &study, &mut cpu, &mut |_| Flow::Continue).unwrap();
+    assert_eq!(runs.len(), 16);
+    let of = |content, eye, steered, moments| {
+        let is = |r: &&ContentRun| (r.content, r.eye, r.steered, r.moments) == (content, eye, steered, moments);
+        mean(runs.iter().find(is).expect("one of each"))
+    };
+    let (still, moving, jumping) = (StudiedContent::Still, StudiedContent::Moving, StudiedContent::Jumping);
+    let (rests, follows) = (StudiedEye::Rests, StudiedEye::Follows);
+    let all: Vec<String> = runs
+        .iter()
+        .map(|r| format!("{:?} {:?} {} {}: {:.2}", r.content, r.eye, r.steered, r.moments, mean(r)))
+        .collect();
+    let all = all.join("\n");
+    println!("{all}");
+    let at_rest = of(still, rests, true, true);
+    assert!((at_rest - of(still, rests, true, false)).abs() < 0.3, "{all}");
+    assert!(of(jumping, rests, true, true) > of(jumping, rests, true, false) - 0.3, "{all}");
+    for eye in [rests, follows] {
+        assert!(of(moving, eye, true, true) > at_rest - 1.0, "{eye:?}:\n{all}");
+        assert!(of(moving, eye, true, true) > of(moving, eye, true, false) + 1.0, "{eye:?}:\n{all}");
+    }
+    assert!(at_rest > of(still, rests, false, false) + 1.5, "steering:\n{all}");
+}
+
+/// Of sets that roll any window of a set's time is a good set, of content that stands still and of content that moves by ten pixels
+/// a set: the worst video frame to end with is within 0.3 dB of the best. With moments, what moves is seen within a decibel of what stands
+/// still.
+#[test]
+fn windows_of_sets_that_roll_are_as_good_as_each_other() {
+    let stage = Stage::new("grey8", 64);
+    let scene = &stage.scene;
+    let settings = Settings { steps: 20, diameter: [2e-3, 8e-3], depth: [0.0; 2], ..Settings::default() };
+    let solution = solve(&scene.problem, &settings, &mut CpuEngine::new(), &mut |_| Flow::Continue);
+    let solution = solution.unwrap();
+    let color = SteeredColor { phases: solution.phases, exposure: solution.exposure, ..scene.clone() };
+    let content = ContentSettings {
+        contents: vec![StudiedContent::Still, StudiedContent::Moving],
+        sets: 24,
+        steps: 8,
+        speed: 10,
+        jumps_every: 16,
+        slides: Vec::new(),
+        start: JumpStart::Last,
+        start_tables: Vec::new(),
+        lighting: stage.encoder().lighting(true),
+    };
+    let eye =
+        simulated::Settings { fixation: [60.0; 2], pursuit: 0.0, blinks: 0.0, noise: 0.02e-3, ..Default::default() };
+    let study = StudySettings { eye, ..StudySettings::default() };
+    let runs =
+        study_content(&[color], &Policy::default(), &content, &study, &mut cpu, &mut |_| Flow::Continue).unwrap();
+    let of = |content, eye, moments| {
+        let is = |r: &&ContentRun| (r.content, r.eye, r.steered, r.moments) == (content, eye, true, moments);
+        runs.iter().find(is).expect("one of each")
+    };
+    let line = |r: &ContentRun| {
+        format!("{:?} {:?} {} {}: {:.2}, {:.2?}", r.content, r.eye, r.steered, r.moments, mean(r), r.windows(8))
+    };
+    let all = runs.iter().map(line).collect::<Vec<_>>().join("\n");
+    println!("{all}");
+    assert_eq!(runs[0].samples.len(), 24 * 8);
+    let (still, moving) = (StudiedContent::Still, StudiedContent::Moving);
+    let (rests, follows) = (StudiedEye::Rests, StudiedEye::Follows);
+    let at_rest = mean(of(still, rests, true));
+    for (content, eye) in [(still, rests), (moving, rests), (moving, follows)] {
+        let [worst, best] = of(content, eye, true).windows(8).unwrap();
+        assert!(best - worst < 0.3, "{content:?} {eye:?}: {worst:.2} to {best:.2} dB\n{all}");
+    }
+    for eye in [rests, follows] {
+        let (on, off) = (mean(of(moving, eye, true)), mean(of(moving, eye, false)));
+        assert!(on > at_rest - 1.0 && on > off + 1.0, "{eye:?}:\n{all}");
+    }
+}
+
+fn joint_display() -> Display {
+    Display { height: SIZE[0], width: SIZE[1], ..Display::preset("grey8").unwrap() }
+}
+
+fn part() -> SteeredColor {
+    let display = Display { height: 96, width: 112, ..Display::preset("small").unwrap() };
+    let field = scene::load("builtin:still-life", &Request::new(&display, &[Color::Green])).unwrap();
+    let problem = Problem::new(&field, Color::Green, &display, Padding::default()).unwrap();
+    let settings = Settings { steps: 24, diameter: [2e-3, 18e-3], depth: [-5e-4, 5e-4], ..Settings::default() };
+    let solution = solve(&problem, &settings, &mut CpuEngine::new(), &mut |_| Flow::Continue).unwrap();
+    SteeredColor { problem, phases: solution.phases, exposure: solution.exposure, laser: None }
+}
+
+fn encoder() -> Encoder {
+    let display = Display { height: 96, width: 112, ..Display::preset("planes8").unwrap() };
+    Encoder::new(&display, &[Color::Green], 8).unwrap()
+}
+
+/// In simulated time, with a cost that is the same on every machine: the eye sees better after a while, and every set is
+/// measured.
+#[test]
+fn a_simulated_eye_sees_better_when_steered() {
+    let cost = Cost::Fixed { step: Duration::from_millis(4), encode: Duration::from_millis(1) };
+    let settings = StudySettings { seconds: 1.2, cost, ..StudySettings::default() };
+    let mut shares = Vec::new();
+    let mut seen = Vec::new();
+    let (whole, encoder) = (part(), encoder());
+    let parts = [whole.clone()];
+    let result = study(&parts, &Policy::default(), &encoder, &settings, &mut cpu, &mut |moment, phases, share| {
+        assert_eq!(phases.len(), 1);
+        seen.push((moment.new, phases[0] == whole.phases));
+        shares.push(share);
+        true
+    })
+    .unwrap();
+    let sets = (settings.seconds * 1e9 / settings.period_ns as f64) as usize;
+    assert!(result.moments.len().abs_diff(sets) <= 1, "{} of {sets}", result.moments.len());
+    assert!(shares.windows(2).all(|w| w[0] < w[1]) && shares.iter().all(|s| (0.0..=1.1).contains(s)));
+    let refined = seen.iter().position(|s| s.0).expect("a new set");
+    assert!(seen[..refined].iter().all(|s| s.1), "until then it is the hologram for the whole eyebox");
+    assert!(seen[refined..].iter().all(|s| !s.1), "and from then on it is not");
+    assert!(seen.iter().any(|s| s.0) && result.steps > 0);
+    let landed: Vec<&StudySample> =
+        result.moments.iter().filter(|m| m.since_landing_ms.is_some_and(|t| t > 150.0)).collect();
+    assert!(!landed.is_empty());
+    let gain = landed.iter().map(|m| m.gain_db()).sum::<f64>() / landed.len() as f64;
+    let error = landed.iter().filter_map(|m| m.error).fold(0.0, f64::max);
+    assert!(gain > 0.5 && error < 0.5e-3, "{gain} dB, {error} m");
+    // What ends it early leaves what there is.
+    let few = study(&parts, &Policy::default(), &encoder, &settings, &mut cpu, &mut |_, _, share| share < 0.3);
+    assert!((1..sets / 2).contains(&few.unwrap().moments.len()));
+    let wrong = StudySettings { period_ns: 0, ..settings };
+    assert!(study(&parts, &Policy::default(), &encoder, &wrong, &mut cpu, &mut |_, _, _| true).is_err());
+}
