@@ -30,7 +30,7 @@ FILES = [
     (
         "lightfield.toml",
         "In a folder of views: how they stand and how deep they are. More: [scenes](../scenes.md).",
-        [("", "scene/settings.rs", "Toml")],
+        [("", "scene/read/settings.rs", "Toml")],
     ),
     (
         "Settings of a solve",
