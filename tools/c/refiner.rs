@@ -6,7 +6,7 @@ use crate::scene::scene_of;
 use crate::{EyeboxEngine, EyeboxHologram, EyeboxPupil, EyeboxScene, EyeboxStatus};
 use eyebox::hologram::Hologram;
 use eyebox::optics::PupilDistribution;
-use eyebox::produce::Refinement;
+use eyebox::produce::{ProduceError, Refinement};
 use eyebox::solve::{Flow, Steering};
 use std::ffi::c_char;
 use std::mem::MaybeUninit;
@@ -41,7 +41,11 @@ pub unsafe extern "C" fn eyebox_refiner_new(
             let backend = given(engine, "engine")?.backend.clone();
             let field = scene_of(scene, &hologram.hologram)?;
             let whole = hologram.hologram.clone();
-            let refinement = Mutex::new(whole.refine(&field, steering, || backend.engine())?);
+            let refinement = whole.refine(&field, steering, || backend.engine()).map_err(|error| match error {
+                ProduceError::Hologram(error) => Failure::Hologram(error),
+                error => error.into(),
+            })?;
+            let refinement = Mutex::new(refinement);
             let colors = hologram.hologram.colors.iter();
             let colors = colors.map(|c| eyebox::hologram::ColorHologram { phases: Vec::new(), ..c.clone() }).collect();
             Ok(EyeboxRefiner { refinement, about: Hologram { colors, ..hologram.hologram.clone() } })

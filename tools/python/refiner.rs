@@ -10,7 +10,7 @@ use crate::scene::Scene;
 use crate::told::Told;
 use eyebox::hologram::ColorHologram;
 use eyebox::optics::PupilDistribution;
-use eyebox::produce::Refinement;
+use eyebox::produce::{ProduceError, Refinement};
 use eyebox::solve::{Flow, Steering};
 use pyo3::prelude::*;
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -49,7 +49,11 @@ impl Refiner {
             let steering = Steering::from_toml(&settings)?;
             check_scene(hologram, scene, other_scene)?;
             let backend = engine.get().backend()?;
-            let refinement = hologram.clone().refine(&scene.field, steering, || backend.engine())?;
+            let refined = hologram.clone().refine(&scene.field, steering, || backend.engine());
+            let refinement = refined.map_err(|error| match error {
+                ProduceError::Hologram(error) => Failure::Hologram(error),
+                error => error.into(),
+            })?;
             let bare = |c: &ColorHologram| ColorHologram { phases: Vec::new(), ..c.clone() };
             let colors = hologram.colors.iter().map(bare).collect();
             let about = eyebox::hologram::Hologram {
