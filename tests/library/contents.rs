@@ -3,16 +3,13 @@
 //!
 //! `EYEBOX_WRITE=1 cargo test -p eyebox-tests --test library contents` writes them again.
 
+use crate::architecture::root;
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-
-fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace")
-}
 
 /// A crate of `runtime/`, as its manifest and its front page have it.
 struct Room {

@@ -2,106 +2,62 @@
 
 use crate::study::{ContentRun, ContentSettings, JumpStart, StudiedContent, StudiedEye, StudySample, StudySettings};
 use crate::study::{study, study_content};
-use eyebox::low_level::encode::Encoder;
+use eyebox::low_level::encode::{Encoder, Lighting};
 use eyebox::low_level::engine::cpu::CpuEngine;
-use eyebox::low_level::engine::{Engine, EngineError};
-use eyebox::low_level::optics::{Color, Display, Laser, Padding};
-use eyebox::low_level::scene::{self, LightField, Pyramid, Request};
+use eyebox::low_level::optics::Color;
+use eyebox::low_level::session::stage::{
+    EXPOSURE, Scripted, cpu, drive_table, encoder, inverted, joint_colors, joint_display, one_view, part,
+};
 use eyebox::low_level::session::{Cost, Policy, SessionError, SteeredColor};
-use eyebox::low_level::solve::{Flow, Problem, Settings, StartTable, random_phases, solve};
+use eyebox::low_level::solve::{Flow, Settings, solve};
 use eyebox::low_level::trackers::simulated;
 use std::sync::Arc;
 use std::time::Duration;
 
 const SIDE: usize = 64;
-const EXPOSURE: f64 = 0.35;
-const ALL: [Color; 3] = [Color::Red, Color::Green, Color::Blue];
-const SIZE: [usize; 2] = [48, 64];
 
-fn cpu() -> Result<Box<dyn Engine>, EngineError> {
-    Ok(Box::new(CpuEngine::new()))
+/// An eye that looks at one place for a minute and does not blink.
+fn calm_eye() -> simulated::Settings {
+    simulated::Settings { fixation: [60.0; 2], blinks: 0.0, noise: 0.02e-3, ..Default::default() }
 }
 
-/// A square display of one color before a still life, and where its solve begins.
-struct Stage {
-    display: Display,
-    scene: SteeredColor,
-}
-
-impl Stage {
-    fn new(preset: &str, side: usize) -> Self {
-        let display = Display { height: side, width: side, ..Display::preset(preset).unwrap() };
-        let request = Request { views: 5, ..Request::new(&display, &[Color::Green]) };
-        let field = scene::load("builtin:still-life?shift=0", &request).unwrap();
-        let problem = Problem::new(&field, Color::Green, &display, Padding::default()).unwrap();
-        Self { display, scene: SteeredColor { problem, phases: Vec::new(), exposure: EXPOSURE, laser: None } }
-    }
-
-    /// Random phases of eight sub-frames.
-    fn begun(&self) -> Vec<SteeredColor> {
-        let pixels = self.display.height * self.display.width;
-        vec![SteeredColor { phases: random_phases(8 * pixels, 1), ..self.scene.clone() }]
-    }
-
-    fn encoder(&self) -> Encoder {
-        Encoder::new(&self.display, &[Color::Green], 8).unwrap()
-    }
-
-    /// A table of the display, fitted in fewer steps than usual.
-    fn tables(&self) -> Vec<Option<Arc<StartTable>>> {
-        let color = &self.begun()[0];
-        vec![Some(Arc::new(StartTable::quick(&color.problem, color.frames())))]
+/// Eight sets of content that jumps every three, with one step each.
+fn jumping(lighting: Lighting) -> ContentSettings {
+    ContentSettings {
+        contents: vec![StudiedContent::Jumping],
+        sets: 8,
+        steps: 1,
+        speed: 10,
+        jumps_every: 3,
+        slides: Vec::new(),
+        start: JumpStart::Last,
+        start_tables: Vec::new(),
+        lighting,
     }
 }
 
-/// A green picture of the size of a display, the same from all over its eyebox.
-fn one_view(display: &Display, view: Vec<f32>) -> LightField {
-    LightField {
-        name: String::new(),
-        grid: [1, 1],
-        height: display.height,
-        width: display.width,
-        colors: vec![Color::Green],
-        planes: vec![vec![view]],
-        view_pitch: Some(display.eyebox_min()),
-        disparity: None,
-        depth: None,
-        made: None,
-    }
+/// A study of the stage's color, solved for pupils of 2 to 8 mm, before an eye that pursues nothing.
+fn solved_and_studied(stage: &Scripted, content: &ContentSettings) -> Vec<ContentRun> {
+    let scene = &stage.scenes[0];
+    let settings = Settings { steps: 20, diameter: [2e-3, 8e-3], depth: [0.0; 2], ..Settings::default() };
+    let solution = solve(&scene.problem, &settings, &mut CpuEngine::new(), &mut |_| Flow::Continue).unwrap();
+    let color = SteeredColor { phases: solution.phases, exposure: solution.exposure, ..scene.clone() };
+    studied(&[color], content, simulated::Settings { pursuit: 0.0, ..calm_eye() }).unwrap()
 }
 
-/// Random drives before three lasers.
-fn colors_of(display: &Display) -> Vec<SteeredColor> {
-    let field = scene::load("builtin:still-life", &Request { views: 3, ..Request::new(display, &ALL) }).unwrap();
-    let powers = [vec![0.4, 1.9, 0.7], vec![1.0, 0.2, 1.8], vec![1.5, 1.5, 0.0]];
-    let drives = random_phases(3 * SIZE[0] * SIZE[1], 4);
-    let one = |((color, slope), powers): ((Color, f64), Vec<f64>)| {
-        let problem = Problem::new(&field, color, display, Padding::default()).unwrap();
-        let laser = Laser { slope, powers };
-        SteeredColor { problem, phases: laser.phases(&drives), exposure: 0.35, laser: Some(laser) }
-    };
-    ALL.into_iter().zip(display.slopes(&ALL)).zip(powers).map(one).collect()
+fn studied(
+    colors: &[SteeredColor],
+    content: &ContentSettings,
+    eye: simulated::Settings,
+) -> Result<Vec<ContentRun>, SessionError> {
+    let study = StudySettings { eye, ..StudySettings::default() };
+    study_content(colors, &Policy::default(), content, &study, &mut cpu, &mut |_| Flow::Continue)
 }
 
-/// Another picture: what is bright in these colors is dark in it.
-fn inverted(colors: &[SteeredColor]) -> Vec<SteeredColor> {
-    let one = |color: &SteeredColor| {
-        let (pyramid, level) = (&color.problem.pyramid, &color.problem.pyramid.levels[0]);
-        let value = |v: &u16| 0.3 * (1.0 - f32::from(*v) / 65_535.0 * pyramid.scale).max(0.0);
-        let views = level.views.chunks_exact(level.height * level.width);
-        let views: Vec<Vec<f32>> = views.map(|view| view.iter().map(value).collect()).collect();
-        let pyramid = Arc::new(Pyramid::new(&views, level.height, level.width));
-        let problem = Problem { pyramid, ..color.problem.clone() };
-        SteeredColor { problem, phases: Vec::new(), ..color.clone() }
-    };
-    colors.iter().map(one).collect()
-}
-
-/// The table of the drive that these colors share, fitted in fewer steps than usual.
-fn drive_table(colors: &[SteeredColor]) -> Arc<StartTable> {
-    let problems: Vec<&Problem> = colors.iter().map(|color| &color.problem).collect();
-    let lasers: Vec<Laser> = colors.iter().filter_map(|color| color.laser.clone()).collect();
-    Arc::new(StartTable::quick_shared(&problems, &lasers))
+/// PSNR of the first set after a jump of content that is refined, without motion compensation, dB.
+fn after_the_jump(runs: &[ContentRun]) -> f64 {
+    let run = runs.iter().find(|r| r.steered && !r.moments).expect("it is shown steered, without moments");
+    run.after_jumps(1).expect("sets after a jump")
 }
 
 /// In a study, too, content that jumps begins with the phases of its table: its first set is better than from the last phases, and from
@@ -109,7 +65,7 @@ fn drive_table(colors: &[SteeredColor]) -> Arc<StartTable> {
 #[test]
 fn a_study_of_jumping_content_begins_with_the_table() {
     for (packing, rolls) in [("planes8", false), ("grey8", true)] {
-        let stage = Stage::new(packing, SIDE);
+        let stage = Scripted::new(packing, SIDE, 1);
         let [table, last, random] = [JumpStart::Table, JumpStart::Last, JumpStart::Random]
             .map(|start| first_set_after_a_jump(&stage, start, rolls));
         println!("{table} dB from the table, {last} from the last phases, {random} from random ones");
@@ -118,51 +74,23 @@ fn a_study_of_jumping_content_begins_with_the_table() {
 }
 
 /// PSNR of the first set after a jump, with a step for every set, dB.
-fn first_set_after_a_jump(stage: &Stage, start: JumpStart, rolls: bool) -> f64 {
-    let eye = simulated::Settings { fixation: [60.0; 2], blinks: 0.0, noise: 0.02e-3, ..Default::default() };
-    let study = StudySettings { eye, ..StudySettings::default() };
+fn first_set_after_a_jump(stage: &Scripted, start: JumpStart, rolls: bool) -> f64 {
     let lighting = stage.encoder().lighting(rolls);
     assert_eq!(lighting.turns() > 1, rolls);
-    let content = ContentSettings {
-        contents: vec![StudiedContent::Jumping],
-        sets: 8,
-        steps: 1,
-        speed: 10,
-        jumps_every: 3,
-        slides: Vec::new(),
-        start,
-        start_tables: stage.tables(),
-        lighting,
-    };
-    let runs = study_content(&stage.begun(), &Policy::default(), &content, &study, &mut cpu, &mut |_| Flow::Continue);
-    let runs = runs.unwrap();
-    let run = runs.iter().find(|r| r.steered && !r.moments).expect("it is shown steered, without moments");
-    run.after_jumps(1).expect("sets after a jump")
+    let content = ContentSettings { start, start_tables: stage.tables(), ..jumping(lighting) };
+    after_the_jump(&studied(&stage.begun(), &content, calm_eye()).unwrap())
 }
 
 /// In a study of colors that share their sub-frames content that jumps begins with the drives of the table, too.
 #[test]
 fn a_study_of_joint_colors_begins_with_the_table() {
-    let whole = colors_of(&joint_display());
-    let eye = simulated::Settings { fixation: [60.0; 2], blinks: 0.0, noise: 0.02e-3, ..Default::default() };
-    let study = StudySettings { eye, ..StudySettings::default() };
+    let whole = joint_colors(&joint_display());
     let table = drive_table(&whole);
+    let lighting = Encoder::new(&joint_display(), &[Color::Red], 3).unwrap().lighting(false);
     let first_set = |start| {
-        let content = ContentSettings {
-            contents: vec![StudiedContent::Jumping],
-            sets: 8,
-            steps: 1,
-            speed: 10,
-            jumps_every: 3,
-            slides: vec![inverted(&whole)],
-            start,
-            start_tables: vec![Some(Arc::clone(&table))],
-            lighting: Encoder::new(&joint_display(), &[Color::Red], 3).unwrap().lighting(false),
-        };
-        let runs = study_content(&whole, &Policy::default(), &content, &study, &mut cpu, &mut |_| Flow::Continue);
-        let runs = runs.unwrap();
-        let run = runs.iter().find(|r| r.steered && !r.moments).expect("it is shown steered, without moments");
-        run.after_jumps(1).expect("sets after a jump")
+        let (slides, start_tables) = (vec![inverted(&whole)], vec![Some(Arc::clone(&table))]);
+        let content = ContentSettings { slides, start, start_tables, ..jumping(lighting.clone()) };
+        after_the_jump(&studied(&whole, &content, calm_eye()).unwrap())
     };
     let [table, last, random] = [JumpStart::Table, JumpStart::Last, JumpStart::Random].map(first_set);
     println!("{table:.2} dB from the table, {last:.2} from the last drives, {random:.2} from random ones");
@@ -173,28 +101,17 @@ fn a_study_of_joint_colors_begins_with_the_table() {
 /// are those of the scene. A slide of another number of colors is refused.
 #[test]
 fn a_study_of_slides_shows_them_in_turn() {
-    let stage = Stage::new("planes8", SIDE);
+    let stage = Scripted::new("planes8", SIDE, 1);
     let even = |light: f32| {
         let field = one_view(&stage.display, vec![light; SIDE * SIDE]);
         SteeredColor::for_scene(&stage.begun(), &field, &stage.display).unwrap()
     };
     let black = even(0.0);
-    let content = |slides| ContentSettings {
-        contents: vec![StudiedContent::Jumping],
-        sets: 14,
-        steps: 1,
-        speed: 10,
-        jumps_every: 2,
-        slides,
-        start: JumpStart::Last,
-        start_tables: Vec::new(),
-        lighting: stage.encoder().lighting(false),
-    };
     let study = |slides| {
-        let eye = simulated::Settings { fixation: [60.0; 2], blinks: 0.0, ..Default::default() };
-        let study = StudySettings { eye, ..StudySettings::default() };
-        let (begun, settings) = (stage.begun(), content(slides));
-        study_content(&begun, &Policy::default(), &settings, &study, &mut cpu, &mut |_| Flow::Continue)
+        let plain = jumping(stage.encoder().lighting(false));
+        let content = ContentSettings { sets: 14, jumps_every: 2, slides, ..plain };
+        let eye = simulated::Settings { noise: simulated::Settings::default().noise, ..calm_eye() };
+        studied(&stage.begun(), &content, eye)
     };
     let lit = |slides| study(slides).unwrap()[0].samples.iter().map(|s| s.since_jump).collect::<Vec<_>>();
     // Scene, black, black, scene, black, black, scene: the first has not jumped.
@@ -217,28 +134,15 @@ fn mean(run: &ContentRun) -> f64 {
 /// what jumps lose nothing.
 #[test]
 fn what_moves_is_seen_as_well_as_what_stands_still() {
-    let stage = Stage::new("planes8", 96);
-    let scene = &stage.scene;
-    let settings = Settings { steps: 20, diameter: [2e-3, 8e-3], depth: [0.0; 2], ..Settings::default() };
-    let solution = solve(&scene.problem, &settings, &mut CpuEngine::new(), &mut |_| Flow::Continue);
-    let solution = solution.unwrap();
-    let color = SteeredColor { phases: solution.phases, exposure: solution.exposure, ..scene.clone() };
+    let stage = Scripted::new("planes8", 96, 1);
     let content = ContentSettings {
         contents: vec![StudiedContent::Still, StudiedContent::Moving, StudiedContent::Jumping],
         sets: 32,
         steps: 3,
-        speed: 10,
         jumps_every: 16,
-        slides: Vec::new(),
-        start: JumpStart::Last,
-        start_tables: Vec::new(),
-        lighting: stage.encoder().lighting(false),
+        ..jumping(stage.encoder().lighting(false))
     };
-    let eye =
-        simulated::Settings { fixation: [60.0; 2], pursuit: 0.0, blinks: 0.0, noise: 0.02e-3, ..Default::default() };
-    let study = StudySettings { eye, ..StudySettings::default() };
-    let runs =
-        study_content(&[color], &Policy::default(), &content, &study, &mut cpu, &mut |_| Flow::Continue).unwrap();
+    let runs = solved_and_studied(&stage, &content);
     assert_eq!(runs.len(), 16);
     let of = |content, eye, steered, moments| {
         let is = |r: &&ContentRun| (r.content, r.eye, r.steered, r.moments) == (content, eye, steered, moments);
@@ -267,28 +171,15 @@ fn what_moves_is_seen_as_well_as_what_stands_still() {
 /// still.
 #[test]
 fn windows_of_sets_that_roll_are_as_good_as_each_other() {
-    let stage = Stage::new("grey8", 64);
-    let scene = &stage.scene;
-    let settings = Settings { steps: 20, diameter: [2e-3, 8e-3], depth: [0.0; 2], ..Settings::default() };
-    let solution = solve(&scene.problem, &settings, &mut CpuEngine::new(), &mut |_| Flow::Continue);
-    let solution = solution.unwrap();
-    let color = SteeredColor { phases: solution.phases, exposure: solution.exposure, ..scene.clone() };
+    let stage = Scripted::new("grey8", 64, 1);
     let content = ContentSettings {
         contents: vec![StudiedContent::Still, StudiedContent::Moving],
         sets: 24,
         steps: 8,
-        speed: 10,
         jumps_every: 16,
-        slides: Vec::new(),
-        start: JumpStart::Last,
-        start_tables: Vec::new(),
-        lighting: stage.encoder().lighting(true),
+        ..jumping(stage.encoder().lighting(true))
     };
-    let eye =
-        simulated::Settings { fixation: [60.0; 2], pursuit: 0.0, blinks: 0.0, noise: 0.02e-3, ..Default::default() };
-    let study = StudySettings { eye, ..StudySettings::default() };
-    let runs =
-        study_content(&[color], &Policy::default(), &content, &study, &mut cpu, &mut |_| Flow::Continue).unwrap();
+    let runs = solved_and_studied(&stage, &content);
     let of = |content, eye, moments| {
         let is = |r: &&ContentRun| (r.content, r.eye, r.steered, r.moments) == (content, eye, true, moments);
         runs.iter().find(is).expect("one of each")
@@ -310,24 +201,6 @@ fn windows_of_sets_that_roll_are_as_good_as_each_other() {
         let (on, off) = (mean(of(moving, eye, true)), mean(of(moving, eye, false)));
         assert!(on > at_rest - 1.0 && on > off + 1.0, "{eye:?}:\n{all}");
     }
-}
-
-fn joint_display() -> Display {
-    Display { height: SIZE[0], width: SIZE[1], ..Display::preset("grey8").unwrap() }
-}
-
-fn part() -> SteeredColor {
-    let display = Display { height: 96, width: 112, ..Display::preset("small").unwrap() };
-    let field = scene::load("builtin:still-life", &Request::new(&display, &[Color::Green])).unwrap();
-    let problem = Problem::new(&field, Color::Green, &display, Padding::default()).unwrap();
-    let settings = Settings { steps: 24, diameter: [2e-3, 18e-3], depth: [-5e-4, 5e-4], ..Settings::default() };
-    let solution = solve(&problem, &settings, &mut CpuEngine::new(), &mut |_| Flow::Continue).unwrap();
-    SteeredColor { problem, phases: solution.phases, exposure: solution.exposure, laser: None }
-}
-
-fn encoder() -> Encoder {
-    let display = Display { height: 96, width: 112, ..Display::preset("planes8").unwrap() };
-    Encoder::new(&display, &[Color::Green], 8).unwrap()
 }
 
 /// In simulated time, with a cost that is the same on every machine: the eye sees better after a while, and every set is

@@ -1,21 +1,14 @@
 //! Tests of what content that jumps is begun with.
 
-use crate::optics::{Laser, PupilDistribution};
-use crate::scene::Pyramid;
-use crate::session::scripted::{Application, EXPOSURE, Scripted, content_of, shown};
-use crate::session::tests::cpu;
+use crate::optics::PupilDistribution;
+use crate::session::scripted::{Application, content_of, shown};
+use crate::session::stage::*;
 use crate::session::*;
 use crate::solve::{Problem, StartTable, random_phases};
 use std::sync::Arc;
 use std::time::Duration;
 
 const SIDE: usize = 64;
-
-/// A table of the stage's display, fitted in fewer steps than usual.
-fn tables(stage: &Scripted) -> Vec<Option<Arc<StartTable>>> {
-    let color = &stage.begun()[0];
-    vec![Some(Arc::new(StartTable::quick(&color.problem, color.frames())))]
-}
 
 fn moved(stage: &Scripted, shift: usize) -> SteeredColor {
     shifted_color(&stage.scenes[0], shift)
@@ -45,11 +38,11 @@ fn another_picture_begins_with_the_phases_of_the_table() {
         steerer.follow(&[moved(&stage, SIDE / 2)]).unwrap();
         steerer
     };
-    let mut good = refined(tables(&stage));
+    let mut good = refined(stage.tables());
     let before = good.phases().unwrap()[0].to_vec();
     assert!(good.wants_fit());
     assert_eq!((good.fit().unwrap(), good.wants_fit()), (1, false));
-    let table = &tables(&stage)[0];
+    let table = &stage.tables()[0];
     let color = moved(&stage, SIDE / 2);
     let looked_up = table.as_ref().unwrap().phases(&color.problem, color.exposure).unwrap();
     assert!(good.phases().unwrap()[0] != before && good.phases().unwrap()[0] == looked_up);
@@ -70,7 +63,7 @@ fn a_session_of_jumping_content_is_the_same_again() {
     let stage = Scripted::new("planes8", SIDE, 1);
     let here = tempfile::tempdir().unwrap();
     let kept = here.path().join("kept");
-    let tables = tables(&stage);
+    let tables = stage.tables();
     let mut app = Application::new(&stage, 10, [50_000_000, i64::MAX]);
     app.scenes = (0..2).map(|k| moved(&stage, SIDE / 2 * k)).collect();
     assert_eq!(app.scenes[0].exposure, EXPOSURE);
@@ -91,31 +84,10 @@ fn a_session_of_jumping_content_is_the_same_again() {
     assert!(first.len() > 25 && first == second, "{} {}", first.len(), second.len());
 }
 
-/// Another picture: what is bright in these colors is dark in it.
-fn inverted(colors: &[SteeredColor]) -> Vec<SteeredColor> {
-    let one = |color: &SteeredColor| {
-        let (pyramid, level) = (&color.problem.pyramid, &color.problem.pyramid.levels[0]);
-        let value = |v: &u16| 0.3 * (1.0 - f32::from(*v) / 65_535.0 * pyramid.scale).max(0.0);
-        let views = level.views.chunks_exact(level.height * level.width);
-        let views: Vec<Vec<f32>> = views.map(|view| view.iter().map(value).collect()).collect();
-        let pyramid = Arc::new(Pyramid::new(&views, level.height, level.width));
-        let problem = Problem { pyramid, ..color.problem.clone() };
-        SteeredColor { problem, phases: Vec::new(), ..color.clone() }
-    };
-    colors.iter().map(one).collect()
-}
-
-/// The table of the drive that these colors share, fitted in fewer steps than usual.
-fn drive_table(colors: &[SteeredColor]) -> Arc<StartTable> {
-    let problems: Vec<&Problem> = colors.iter().map(|color| &color.problem).collect();
-    let lasers: Vec<Laser> = colors.iter().filter_map(|color| color.laser.clone()).collect();
-    Arc::new(StartTable::quick_shared(&problems, &lasers))
-}
-
 /// Colors that share their sub-frames begin another picture with the drives of their table, all together, and it shows it better.
 #[test]
 fn another_picture_begins_with_drives_of_the_table() {
-    let whole = together_tests::colors();
+    let whole = joint_colors(&joint_display());
     let table = drive_table(&whole);
     let slide = inverted(&whole);
     let refined = |tables: Vec<Option<Arc<StartTable>>>| {

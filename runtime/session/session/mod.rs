@@ -50,6 +50,8 @@ mod simulation;
 mod soak_tests;
 #[cfg(test)]
 mod source_handover_tests;
+#[cfg(any(test, feature = "test-hooks"))]
+pub mod stage;
 #[cfg(test)]
 mod stream_tests;
 #[cfg(test)]
@@ -91,9 +93,9 @@ pub use refinement::steerer::{EngineOpener, Followed, PhasesOfColors, Policy, St
 pub use refinement::work_time::Cost;
 pub use ticked::TickedSession;
 // What a study of simulated eyes has in common with a session.
-pub use content::shifted::{shifted_color, shifted_problem};
+pub use content::shifted::shifted_problem;
 pub use refinement::moments::MotionCompensation;
+pub use refinement::pupil_source::{PupilSource, Samples};
 pub use refinement::pupil_tracker::PupilEstimate;
 pub use refinement::steerer::together::lighting_of;
-pub use refinement::watch::{PupilSource, Samples};
 pub use refinement::work_time::WorkTime;

@@ -1,7 +1,7 @@
 //! Content and eyes that move, in simulated time: that a session of them is the same again, and how soon content is lit.
 
-use crate::session::scripted::{Application, Scripted, content_of, shown};
-use crate::session::tests::cpu;
+use crate::session::scripted::{Application, content_of, shown};
+use crate::session::stage::*;
 use crate::session::*;
 use std::time::Duration;
 

@@ -7,8 +7,9 @@ use crate::session::frame_log::trace::Trace;
 use crate::session::playback::player::{Begins, Player, SetSource};
 use crate::session::playback::scheduler::{Schedule, Scheduler, Start};
 use crate::session::scenes_tests::seen;
-use crate::session::scripted::{Application, EXPOSURE, Scripted, content_of, samples, shown};
-use crate::session::tests::{encoder_of, made};
+use crate::session::scripted::{Application, content_of, samples, shown};
+use crate::session::stage::*;
+use crate::session::tests::made;
 use crate::session::*;
 use crate::solve::SplitMix;
 use crate::trackers::simulated::{Eye, Settings as EyeSettings};
@@ -176,7 +177,7 @@ fn a_session_whose_sets_roll_is_the_same_again() {
     let mut live = stage.live(app, COST, 9);
     live.journal = Some(kept.clone());
     let (_, first) = shown(live, 480, 0.6);
-    let engines: EngineOpener = Box::new(tests::cpu);
+    let engines: EngineOpener = Box::new(cpu);
     let mut again = Live::new(stage.begun(), stage.encoder(), engines, None);
     // As of all whose first scene has still to come.
     (again.replay, again.policy.restart) = (Some(kept), f64::INFINITY);

@@ -4,8 +4,9 @@
 use crate::engine::cpu::CpuEngine;
 use crate::optics::Pupil;
 use crate::session::playback::player::{Begins, SetSource};
-use crate::session::refinement::watch::PupilSource;
-use crate::session::scripted::{Application, EXPOSURE, Scripted, samples, shown};
+use crate::session::refinement::pupil_source::PupilSource;
+use crate::session::scripted::{Application, samples, shown};
+use crate::session::stage::*;
 use crate::session::*;
 use crate::solve::{Flow, Refiner, Settings, solve};
 use crate::trackers::simulated::{Eye, Settings as EyeSettings};

@@ -1,83 +1,20 @@
 //! An application, an eye and whole sessions that exist in simulated time, for tests.
 
-use crate::encode::Encoder;
 use crate::gaze::{Estimator, Settings as GazeSettings};
-use crate::optics::{Color, Display, Padding};
 use crate::present::{Rate, SECOND_NS};
-use crate::scene::{self, LightField, Request};
 use crate::session::feeds::refine::{Refinement, RefinementOptions};
 use crate::session::feeds::sets::LiveSource;
 use crate::session::frame_log::trace::Trace;
-use crate::session::refinement::watch::{PupilSource, Samples};
-use crate::session::tests::cpu;
+use crate::session::refinement::pupil_source::{PupilSource, Samples};
+use crate::session::stage::*;
 use crate::session::*;
-use crate::solve::{Problem, random_phases};
 use crate::trackers::simulated::{Settings as EyeSettings, SimulatedSource};
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-pub(super) const EXPOSURE: f64 = 0.35;
-
-/// A green picture of the size of a display, the same from all over its eyebox.
-pub(super) fn one_view(display: &Display, view: Vec<f32>) -> LightField {
-    LightField {
-        name: String::new(),
-        grid: [1, 1],
-        height: display.height,
-        width: display.width,
-        colors: vec![Color::Green],
-        planes: vec![vec![view]],
-        view_pitch: Some(display.eyebox_min()),
-        disparity: None,
-        depth: None,
-        made: None,
-    }
-}
-
-/// A square display of one colour, and what a fruit at different places is before it.
-pub(super) struct Scripted {
-    pub display: Display,
-    pub scenes: Vec<SteeredColor>,
-}
-
 impl Scripted {
-    /// With this preset's packing.
-    pub(super) fn new(preset: &str, side: usize, scenes: usize) -> Self {
-        Self::before(Display { height: side, width: side, ..Display::preset(preset).unwrap() }, scenes)
-    }
-
-    /// Of a display.
-    pub(super) fn before(display: Display, scenes: usize) -> Self {
-        let scene = |i: usize| {
-            let request = Request { views: 5, ..Request::new(&display, &[Color::Green]) };
-            let name = format!("builtin:still-life?shift={}", i as f64 * 0.05);
-            let field = scene::load(&name, &request).unwrap();
-            let problem = Problem::new(&field, Color::Green, &display, Padding::default()).unwrap();
-            SteeredColor { problem, phases: Vec::new(), exposure: EXPOSURE, laser: None }
-        };
-        let scenes = (0..scenes).map(scene).collect();
-        Self { display, scenes }
-    }
-
-    /// What content frame `number` shows: to and fro.
-    pub(super) fn scene(&self, number: u64) -> &SteeredColor {
-        let last = self.scenes.len() - 1;
-        let at = number as usize % (2 * last).max(1);
-        &self.scenes[if at > last { 2 * last - at } else { at }]
-    }
-
-    /// Random phases of eight sub-frames.
-    pub(super) fn begun(&self) -> Vec<SteeredColor> {
-        let pixels = self.display.height * self.display.width;
-        vec![SteeredColor { phases: random_phases(8 * pixels, 1), ..self.scenes[0].clone() }]
-    }
-
-    pub(super) fn encoder(&self) -> Encoder {
-        Encoder::new(&self.display, &[Color::Green], 8).unwrap()
-    }
-
     /// Sets of this application, made when they are asked for, for sets that begin every `period_ns`.
     pub(super) fn sets(
         &self,

@@ -3,7 +3,8 @@
 //! a machine whose cores are all busy.
 
 use crate::present::SECOND_NS;
-use crate::session::scripted::{Application, Scripted, ShownFrame, shown};
+use crate::session::scripted::{Application, ShownFrame, shown};
+use crate::session::stage::*;
 use crate::session::*;
 use crate::solve::SplitMix;
 use std::collections::HashMap;

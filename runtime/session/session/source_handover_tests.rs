@@ -4,8 +4,9 @@
 
 use crate::optics::{Color, Display, Pupil, SourceChoice, SourcesLit, SwitchedSource};
 use crate::present::SECOND_NS;
-use crate::session::scripted::{Application, Scripted, ShownFrame, samples, shown};
+use crate::session::scripted::{Application, ShownFrame, samples, shown};
 use crate::session::soak_tests::{is_full, nothing_is_torn};
+use crate::session::stage::Scripted;
 use crate::session::{Cost, LitSources};
 use crate::solve::SplitMix;
 use crate::trackers::simulated::{Doing, Eye, Settings as EyeSettings};

@@ -1,45 +1,21 @@
 //! Tests of the room: what is handed over, when it begins again, and ten minutes of a refinement that is often late.
 
-use crate::encode::{Encoder, VideoFrames};
-use crate::engine::cpu::CpuEngine;
-use crate::engine::{Engine, EngineError};
-use crate::optics::{Color, Display, Padding, PupilDistribution};
+use crate::encode::VideoFrames;
+use crate::optics::PupilDistribution;
 use crate::present::{Clock, Offscreen, Rate, SimulatedClock};
-use crate::scene::{self, Request};
 use crate::session::feeds::sets::{LiveSource, SetSender, set_channel};
 use crate::session::frame_log::trace::Trace;
 use crate::session::playback::player::{Begins, Player, SetSource};
 use crate::session::playback::scheduler::{Content, Readiness, Schedule, Scheduler, Start};
+use crate::session::stage::*;
 use crate::session::*;
-use crate::solve::{Flow, Problem, Settings, SplitMix, solve};
+use crate::solve::SplitMix;
 use crossbeam_utils::atomic::AtomicCell;
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::Duration;
 
 /// A hologram of the still life for the whole eyebox.
-pub(super) fn part() -> SteeredColor {
-    let display = Display { height: 96, width: 112, ..Display::preset("small").unwrap() };
-    let field = scene::load("builtin:still-life", &Request::new(&display, &[Color::Green])).unwrap();
-    let problem = Problem::new(&field, Color::Green, &display, Padding::default()).unwrap();
-    let settings = Settings { steps: 24, diameter: [2e-3, 18e-3], depth: [-5e-4, 5e-4], ..Settings::default() };
-    let solution = solve(&problem, &settings, &mut CpuEngine::new(), &mut |_| Flow::Continue).unwrap();
-    SteeredColor { problem, phases: solution.phases, exposure: solution.exposure, laser: None }
-}
-
-pub(super) fn cpu() -> Result<Box<dyn Engine>, EngineError> {
-    Ok(Box::new(CpuEngine::new()))
-}
-
-pub(super) fn encoder() -> Encoder {
-    encoder_of("planes8")
-}
-
-pub(super) fn encoder_of(preset: &str) -> Encoder {
-    let display = Display { height: 96, width: 112, ..Display::preset(preset).unwrap() };
-    Encoder::new(&display, &[Color::Green], 8).unwrap()
-}
-
 pub(super) fn aim(x: f64) -> PupilDistribution {
     let diameter = [3.8e-3, 4.2e-3];
     PupilDistribution { centre: [x, 0.0], spread: 1e-4, diameter, focus: [0.0, 0.0], elsewhere: 0.0 }

@@ -14,9 +14,9 @@ use crate::session::frame_log::notes::Notes;
 use crate::session::frame_log::trace::Trace;
 use crate::session::playback::player::SetSource;
 use crate::session::playback::scheduler::{Content, Readiness};
+use crate::session::refinement::pupil_source::PupilSource;
 use crate::session::refinement::pupil_tracker::PupilTracker;
-use crate::session::refinement::watch::PupilSource;
-use crate::session::tests::{cpu, encoder, part};
+use crate::session::stage::{cpu, encoder, part};
 use crate::session::*;
 use crate::trackers::{
     About as TrackerAbout, Event, Quantity, Reading, Sample, Source, Stream, TrackerError, Unit, now_ns,

@@ -102,7 +102,7 @@ mod tests {
     use super::*;
     use crate::engine::{Backend, Choice};
     use crate::gpu::Options;
-    use crate::session::tests::{encoder, part};
+    use crate::session::stage::{encoder, part};
     use crate::session::{Ending, Live, Tracking};
     use std::collections::{BTreeMap, BTreeSet};
     use std::time::Instant;

@@ -1,36 +1,12 @@
 //! Tests of a steerer of all colours at once.
 
 use crate::encode::Encoder;
+use crate::optics::Color;
 use crate::optics::wrap_phase;
-use crate::optics::{Color, Display, Laser, Padding};
-use crate::scene::{self, Request};
-use crate::session::tests::{aim, cpu};
+use crate::session::stage::*;
+use crate::session::tests::aim;
 use crate::session::*;
-use crate::solve::{Problem, random_phases};
-
-const ALL: [Color; 3] = [Color::Red, Color::Green, Color::Blue];
-const SIZE: [usize; 2] = [48, 64];
-
-pub(super) fn display() -> Display {
-    Display { height: SIZE[0], width: SIZE[1], ..Display::preset("grey8").unwrap() }
-}
-
-/// Random drives before three lasers.
-pub(super) fn colors() -> Vec<SteeredColor> {
-    colors_of(&display())
-}
-
-fn colors_of(display: &Display) -> Vec<SteeredColor> {
-    let field = scene::load("builtin:still-life", &Request { views: 3, ..Request::new(display, &ALL) }).unwrap();
-    let powers = [vec![0.4, 1.9, 0.7], vec![1.0, 0.2, 1.8], vec![1.5, 1.5, 0.0]];
-    let drives = random_phases(3 * SIZE[0] * SIZE[1], 4);
-    let one = |((color, slope), powers): ((Color, f64), Vec<f64>)| {
-        let problem = Problem::new(&field, color, display, Padding::default()).unwrap();
-        let laser = Laser { slope, powers };
-        SteeredColor { problem, phases: laser.phases(&drives), exposure: 0.35, laser: Some(laser) }
-    };
-    ALL.into_iter().zip(display.slopes(&ALL)).zip(powers).map(one).collect()
-}
+use crate::solve::random_phases;
 
 fn phases(steerer: &mut Steerer) -> Vec<Vec<f32>> {
     steerer.phases().unwrap().iter().map(|of_color| of_color.to_vec()).collect()
@@ -39,7 +15,7 @@ fn phases(steerer: &mut Steerer) -> Vec<Vec<f32>> {
 /// A step is one of all colours, whose phases stay those of one drive; a jump begins again with that of the whole eyebox.
 #[test]
 fn colours_are_stepped_together_and_begin_again_together() {
-    let whole = colors();
+    let whole = joint_colors(&joint_display());
     let mut steerer = Steerer::new(whole.clone(), Policy::default(), cpu).unwrap();
     let begun = phases(&mut steerer);
     for (color, phases) in whole.iter().zip(&begun) {
@@ -76,9 +52,9 @@ fn colours_are_stepped_together_and_begin_again_together() {
 /// Where every colour makes more than a turn over all drives, what is sent are the drives, and not a colour's phases.
 #[test]
 fn an_slm_of_two_turns_receives_its_drives() {
-    let mut display = display();
+    let mut display = joint_display();
     display.dispersion.insert(Color::Red, 2.0);
-    let whole = colors_of(&display);
+    let whole = joint_colors(&display);
     let drives = random_phases(3 * SIZE[0] * SIZE[1], 4);
     let mut steerer = Steerer::new(whole.clone(), Policy::default(), cpu).unwrap();
     let apart = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| wrap_phase(a - b).abs()).fold(0.0, f32::max);
@@ -97,8 +73,8 @@ fn an_slm_of_two_turns_receives_its_drives() {
 /// stay.
 #[test]
 fn drives_go_with_the_content() {
-    let whole = colors();
-    let lighting = Encoder::new(&display(), &ALL[..1], 3).unwrap().lighting(false).shared_by(3);
+    let whole = joint_colors(&joint_display());
+    let lighting = Encoder::new(&joint_display(), &ALL[..1], 3).unwrap().lighting(false).shared_by(3);
     let mut steerer = Steerer::new(whole.clone(), Policy::default(), cpu).unwrap();
     steerer.aim(aim(0.0)).unwrap();
     (0..6).for_each(|_| assert_eq!(steerer.round_while(|_, _| true).unwrap(), 3));
@@ -131,11 +107,11 @@ fn drives_go_with_the_content() {
 
 #[test]
 fn colours_share_their_sub_frames_all_or_none() {
-    let mut some = colors();
+    let mut some = joint_colors(&joint_display());
     some[2].laser = None;
     let said = Steerer::new(some, Policy::default(), cpu).err().expect("a refusal").to_string();
     assert!(said.contains("2 of 3 colours share their sub-frames"), "{said}");
-    let mut steep = colors();
+    let mut steep = joint_colors(&joint_display());
     steep[0].laser.as_mut().unwrap().slope = 1.1;
     let said = Steerer::new(steep, Policy::default(), cpu).err().expect("a refusal").to_string();
     assert!(said.contains("the dispersion of the colours"), "{said}");

@@ -4,7 +4,7 @@ use super::guard::Guard;
 use super::hid::{DeviceFile, HidSource, system_bus};
 use super::line::LineSource;
 #[cfg(feature = "trackers")]
-use super::pupil_labs::PupilSource;
+use super::pupil_labs::PupilCoreSource;
 use super::recording::{Recording, RecordingSource};
 use super::simulated::{Settings, SimulatedSource};
 use super::udp::UdpSource;
@@ -131,7 +131,7 @@ pub fn open(spec: &Spec, options: &Options) -> Result<Box<dyn Source>, TrackerEr
         }
         Spec::Lines(path) => Box::new(LineSource::open(path, options.real_time, latency_ns)?),
         #[cfg(feature = "trackers")]
-        Spec::Pupil { host, port } => Box::new(PupilSource::new(host, *port, latency_ns)),
+        Spec::Pupil { host, port } => Box::new(PupilCoreSource::new(host, *port, latency_ns)),
         #[cfg(not(feature = "trackers"))]
         Spec::Pupil { .. } => {
             return Err(TrackerError::Setting(

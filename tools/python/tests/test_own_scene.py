@@ -145,3 +145,13 @@ def test_each_hologram_of_a_sequence_is_scored(tmp_path, display):
     own = [psnr(eyebox.Hologram.load(out, at)) for at in (0, 1)]
     assert [[score["psnr"] for score in one["scores"]] for one in found] == own
     assert json.loads((tmp_path / "scores.json").read_text()) == found
+
+
+def test_a_refinement_that_cannot_begin_names_its_cause(display):
+    scene = eyebox.Scene("builtin:still-life", display, ["red", "green"])
+    hologram = eyebox.solve(scene, display, frames=1, steps=1, pupils=1, engine="cpu")
+    green = eyebox.Scene("builtin:still-life", display, "green")
+    with pytest.raises(eyebox.DisplayError):
+        eyebox.Refiner(hologram, green, engine="cpu", other_scene=True)
+    with pytest.raises(eyebox.SolveError):
+        eyebox.Refiner(hologram, scene, engine="cpu", pupils=0)

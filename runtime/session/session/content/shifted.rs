@@ -1,7 +1,6 @@
 //! Content that is shifted, as studies and tests show it.
 
 use crate::scene::Pyramid;
-use crate::session::refinement::steerer::SteeredColor;
 use crate::solve::Problem;
 use std::sync::Arc;
 
@@ -22,9 +21,4 @@ pub fn shifted_problem(problem: &Problem, shift: usize, mirrored: bool) -> Probl
     };
     let views: Vec<Vec<f32>> = (0..problem.pyramid.count).map(view).collect();
     Problem { pyramid: Arc::new(Pyramid::new(&views, level.height, width)), ..problem.clone() }
-}
-
-/// Returns a color of which the content is shifted to the right, pixels.
-pub fn shifted_color(color: &SteeredColor, shift: usize) -> SteeredColor {
-    SteeredColor { problem: shifted_problem(&color.problem, shift, false), ..color.clone() }
 }

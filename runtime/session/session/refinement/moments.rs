@@ -230,7 +230,7 @@ mod tests {
     use crate::encode::Encoder;
     use crate::gaze::EyeVelocity;
     use crate::optics::{Color, Display, Padding, PupilDistribution};
-    use crate::session::scripted::one_view;
+    use crate::session::stage::one_view;
 
     const SET_NS: i64 = 16_666_667;
     const SIDE: usize = 64;

@@ -44,7 +44,7 @@ struct Link {
 }
 
 /// Pupil Core over the network; connects again when the connection is lost.
-pub struct PupilSource {
+pub struct PupilCoreSource {
     host: String,
     port: u16,
     latency_ns: u64,
@@ -64,7 +64,7 @@ pub struct PupilSource {
     ready: VecDeque<Sample>,
 }
 
-impl PupilSource {
+impl PupilCoreSource {
     /// A source that connects when it is first asked.
     pub fn new(host: &str, port: u16, latency_ns: u64) -> Self {
         Self {
@@ -198,7 +198,7 @@ fn nanoseconds(seconds: f64) -> i128 {
     (seconds * 1e9).round() as i128
 }
 
-impl Source for PupilSource {
+impl Source for PupilCoreSource {
     fn about(&self) -> About {
         let state = if self.link.is_some() { "connected" } else { "not connected" };
         About { name: self.name(), kind: "network", rate_hz: None, notes: vec![state.into()] }

@@ -99,7 +99,7 @@ fn message(topic: &str, payload: &[u8]) -> Vec<u8> {
     [frame(topic.as_bytes(), 1), frame(payload, 0)].concat()
 }
 
-fn samples(source: &mut PupilSource, most: usize) -> (Vec<Sample>, Vec<String>) {
+fn samples(source: &mut PupilCoreSource, most: usize) -> (Vec<Sample>, Vec<String>) {
     let (mut samples, mut notes) = (Vec::new(), Vec::new());
     for _ in 0..100_000 {
         match source.next(Duration::from_millis(20)).unwrap() {
@@ -135,7 +135,7 @@ fn both_eyes_arrive(ahead: i64) {
         message("pupil.1.3d", &datum(1, 0.51, 0.8, seconds(later + ahead), Some(3.0))),
     ];
     let (port, handle) = peer(messages, ahead);
-    let mut source = PupilSource::new("127.0.0.1", port, 0);
+    let mut source = PupilCoreSource::new("127.0.0.1", port, 0);
     let (samples, notes) = samples(&mut source, 3);
     drop(source);
     handle.join().unwrap();
@@ -169,7 +169,7 @@ fn ten_thousand_messages_of_nonsense_are_survived() {
     }
     messages.push(good);
     let (port, handle) = peer(messages, 0);
-    let mut source = PupilSource::new("127.0.0.1", port, 0);
+    let mut source = PupilCoreSource::new("127.0.0.1", port, 0);
     let (samples, notes) = samples(&mut source, 1);
     assert!(source.wrong >= 9_900, "{}", source.wrong);
     drop(source);
@@ -181,14 +181,14 @@ fn ten_thousand_messages_of_nonsense_are_survived() {
 #[test]
 fn a_peer_that_breaks_the_protocol_is_given_up_and_nobody_is_waited_for() {
     let (port, handle) = peer(vec![frame(&[0; 10], 0xf8)], 0);
-    let mut source = PupilSource::new("127.0.0.1", port, 0);
+    let mut source = PupilCoreSource::new("127.0.0.1", port, 0);
     let (none, notes) = samples(&mut source, 1);
     assert!(none.is_empty() && notes[1].contains("flags 0xf8"), "{notes:?}");
     drop(source);
     handle.join().unwrap();
 
     // Nobody listens there any more.
-    let mut source = PupilSource::new("127.0.0.1", port, 0);
+    let mut source = PupilCoreSource::new("127.0.0.1", port, 0);
     assert!(matches!(source.next(Duration::ZERO).unwrap(), Event::Note(_)));
     assert_eq!(source.next(Duration::ZERO).unwrap(), Event::Nothing, "said once");
 }
@@ -230,7 +230,7 @@ proptest! {
 
     #[test]
     fn no_payload_does_harm(payload in prop::collection::vec(any::<u8>(), 0..200), flip in 0usize..90, to in any::<u8>()) {
-        let mut source = PupilSource::new("127.0.0.1", 1, 0);
+        let mut source = PupilCoreSource::new("127.0.0.1", 1, 0);
         let _ = source.take(&[b"pupil.0".to_vec(), payload], 1_000_000_000);
         let mut real = datum(0, 0.5, 1.0, 1.0, Some(3.0));
         if let Some(byte) = real.get_mut(flip) {

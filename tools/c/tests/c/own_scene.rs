@@ -219,3 +219,25 @@ fn views_that_are_no_neighbors_are_refused_unless_a_grid_is_stated() {
     assert!(scene(Some(c"backwards")).err().unwrap().contains("views.order"));
     scene(Some(c"as-named")).unwrap();
 }
+
+/// A refinement reports the display as its cause of failure if the scene lacks a color of the hologram.
+#[test]
+fn a_refinement_that_cannot_begin_names_its_cause() {
+    let bench = Bench::new();
+    let folder = tempfile::tempdir().unwrap();
+    let file = CString::new(folder.path().join("both.zarr").to_str().unwrap()).unwrap();
+    // SAFETY: C's literals end with zero.
+    unsafe {
+        let name = c"builtin:plane".as_ptr();
+        let both = EYEBOX_RED | EYEBOX_GREEN;
+        let both = handle(|out| eyebox_scene_load(name, Some(&bench.display), both, 3, Some(out))).unwrap();
+        let hologram = bench.solved(&both, &file);
+        let green = bench.scene(c"builtin:plane", 3);
+        let begin = |settings: *const std::ffi::c_char, scene| {
+            let mut refiner = MaybeUninit::uninit();
+            eyebox_refiner_new(Some(&hologram), Some(scene), settings, Some(&bench.engine), Some(&mut refiner))
+        };
+        assert!(matches!(begin(null(), &green), EyeboxStatus::Display));
+        assert!(matches!(begin(c"pupils = 0".as_ptr(), &both), EyeboxStatus::Solve));
+    }
+}
