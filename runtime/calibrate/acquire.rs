@@ -6,6 +6,8 @@ use super::error::CalibrateError;
 use super::link::Link;
 use super::message::Hello;
 use super::pattern;
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use eyebox_optics::{Color, Display, TwoPi};
 use std::path::Path;
 use std::time::Duration;
@@ -53,27 +55,39 @@ pub(super) fn check(
     hello: &Hello,
     shows: bool,
 ) -> Result<(Color, f64), CalibrateError> {
-    let wrong = |reason: String| Err(CalibrateError::Bench { display: display.name.clone(), reason });
+    let wrong = |reason: Reason| Err(CalibrateError::Bench { display: display.name.clone(), reason });
     let optics = display.optics(color)?;
     if !display.geometry.is_relay() {
-        return wrong("it stands in the far field, and calibration is for displays behind a relay".into());
+        return wrong(reason!(
+            "far-field",
+            "it stands in the far field, and calibration is for displays behind a relay"
+        ));
     }
     let [rows, columns] = hello.slm.resolution;
     if [rows, columns] != [display.height, display.width] {
         let (height, width) = (display.height, display.width);
-        return wrong(format!("its SLM has {rows}x{columns} pixels, and the display file says {height}x{width}"));
+        return wrong(reason!(
+            "bench-slm",
+            "its SLM has {rows}x{columns} pixels, and the display file says {height}x{width}"
+        ));
     }
     let pitch_um = display.pitch * 1e6;
     if let Some(theirs) = hello.slm.pitch_um.filter(|um| (um / pitch_um - 1.0).abs() > 0.01) {
-        return wrong(format!("its pixels are {theirs} um wide, and the display file says {pitch_um} um"));
+        return wrong(reason!(
+            "bench-pitch",
+            "its pixels are {theirs} um wide, and the display file says {pitch_um} um"
+        ));
     }
     let nm = optics.wavelength * 1e9;
     let Some(theirs) = hello.colors.get(&color.to_string()) else {
         let has: Vec<&str> = hello.colors.keys().map(String::as_str).collect();
-        return wrong(format!("it has no {color} light: it has {}", has.join(", ")));
+        return wrong(reason!("bench-color", "it has no {color} light: it has {}", has.join(", ")));
     };
     if (theirs - nm).abs() > NANOMETRES {
-        return wrong(format!("its {color} light has {theirs} nm, and the display file says {nm:.1} nm"));
+        return wrong(reason!(
+            "bench-wavelength",
+            "its {color} light has {theirs} nm, and the display file says {nm:.1} nm"
+        ));
     }
     let encoding = &display.encoding;
     let plain = encoding.look_up.is_empty()
@@ -87,11 +101,11 @@ pub(super) fn check(
         && !encoding.flip.mirrors()
         && !encoding.flip.overturns();
     if shows && !plain && !hello.slm.takes.iter().any(|kind| kind == "phases") {
-        return wrong(
+        return wrong(reason!(
+            "levels-alone",
             "it takes levels alone, and the display file's encoding is more than levels: a command that takes \
                       phases has to turn them into what the SLM receives"
-                .into(),
-        );
+        ));
     }
     Ok((color, *theirs))
 }
@@ -105,10 +119,11 @@ pub(super) fn take(
     tell: &dyn Fn(Event),
 ) -> Result<Taken, CalibrateError> {
     let Bench::Command { command, keep, limit, most, quick, iris_mm } = *bench else {
-        return Err(CalibrateError::Pictures("a folder takes no pictures".into()));
+        return Err(CalibrateError::Pictures(reason!("folder-takes-none", "a folder takes no pictures")));
     };
     if most < FEWEST && !quick {
-        return Err(CalibrateError::Pictures(format!(
+        return Err(CalibrateError::Pictures(reason!(
+            "too-few",
             "{most} pictures are too few: a calibration takes {FEWEST} at least"
         )));
     }
@@ -137,7 +152,10 @@ pub(super) fn take(
             if shot.iris_mm.or(iris_mm).is_none() {
                 let reason = "its iris does not move, and nothing says where it stands: answer iris_mm, or give \
                               `iris` X,Y,DIAMETER in mm";
-                return Err(CalibrateError::Bench { display: display.name.clone(), reason: reason.into() });
+                return Err(CalibrateError::Bench {
+                    display: display.name.clone(),
+                    reason: Reason::new("no-iris", reason),
+                });
             }
             shots.push(shot);
         }
@@ -190,7 +208,7 @@ pub(super) fn read(
         .iter()
         .filter(|c| c.request.color.as_ref().is_none_or(|c| *c == name))
         .filter_map(|c| c.shot(folder))
-        .collect::<Result<Vec<_>, String>>();
+        .collect::<Result<Vec<_>, Reason>>();
     let mut shots = shots.map_err(|reason| CalibrateError::Captures { file: folder.display().to_string(), reason })?;
     stand(&mut shots, iris_mm);
     let two_pi_level = two_pi_level(display, color);

@@ -7,7 +7,9 @@ use super::link::Link;
 use super::message::{Answer, Hello, Request, Show};
 use super::pattern::Pattern;
 use super::picture::{self, Picture};
+use eyebox_base::error::Reason;
 use eyebox_base::files::{self, FileError, read, write_file};
+use eyebox_base::reason;
 use eyebox_optics::Color;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -39,7 +41,7 @@ impl Capture {
     }
 
     /// The picture, where there is one; files lie in `folder`. Says what is wrong with its answer.
-    pub(super) fn shot(&self, folder: &Path) -> Option<Result<Shot, String>> {
+    pub(super) fn shot(&self, folder: &Path) -> Option<Result<Shot, Reason>> {
         let answer = self.answer.as_ref().filter(|a| a.get("error").is_none())?;
         Some(Answer::read(answer).map(|answer| shot_of(folder, self.show(), &self.request, &answer)))
     }
@@ -108,9 +110,9 @@ pub(super) struct Session<'a> {
 pub(super) fn load(folder: &Path) -> Result<(Hello, Vec<Capture>), CalibrateError> {
     let file = folder.join(DOCUMENT);
     let text = read::text(&file, read::TABLE).map_err(|e| FileError::read(&file, e))?;
-    let wrong = |reason: String| CalibrateError::Captures { file: file.display().to_string(), reason };
-    let read: Document = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
-    let hello = serde_json::to_value(&read.hello).map_err(|e| wrong(e.to_string()))?;
+    let wrong = |reason: Reason| CalibrateError::Captures { file: file.display().to_string(), reason };
+    let read: Document = serde_json::from_str(&text).map_err(|e| wrong(e.to_string().into()))?;
+    let hello = serde_json::to_value(&read.hello).map_err(|e| wrong(e.to_string().into()))?;
     Ok((Hello::read(&hello).map_err(wrong)?, read.captures))
 }
 
@@ -135,7 +137,8 @@ impl<'a> Session<'a> {
         if folder.join(DOCUMENT).exists() {
             let (theirs, captures) = load(&folder)?;
             if theirs != hello {
-                let reason = "holds pictures of another bench: give another folder to keep these in".into();
+                let reason =
+                    reason!("another-bench", "holds pictures of another bench: give another folder to keep these in");
                 return Err(CalibrateError::Captures { file: folder.join(DOCUMENT).display().to_string(), reason });
             }
             before = captures.into();
@@ -244,7 +247,8 @@ impl<'a> Session<'a> {
         if let Some(show) = &mut asked.show {
             show.file = absolute(&show.file);
         }
-        let question = serde_json::to_value(&asked).map_err(|e| CalibrateError::Pictures(e.to_string()))?;
+        let question =
+            serde_json::to_value(&asked).map_err(|e| CalibrateError::Pictures(Reason::new("not-json", e)))?;
         let mut question = question;
         question.as_object_mut().map(|o| o.remove("id"));
         let begun = Instant::now();
@@ -263,7 +267,7 @@ impl<'a> Session<'a> {
                 (serde_json::to_value(&answer).ok(), Some((shot, saturated)))
             }
             Err(text) => {
-                self.left_out.push(text);
+                self.left_out.push(text.to_string());
                 (None, None)
             }
         };
@@ -280,7 +284,8 @@ impl<'a> Session<'a> {
         let document =
             Document { protocol: super::message::PROTOCOL, hello: self.hello.clone(), captures: self.taken.clone() };
         let file = self.folder.join(DOCUMENT);
-        let text = serde_json::to_string_pretty(&document).map_err(|e| CalibrateError::Pictures(e.to_string()))?;
+        let text = serde_json::to_string_pretty(&document)
+            .map_err(|e| CalibrateError::Pictures(Reason::new("not-json", e)))?;
         Ok(write_file(&file, |out| out.write_all(text.as_bytes()))?)
     }
 
@@ -312,12 +317,21 @@ fn shot_of(folder: &Path, show: Option<&Show>, request: &Request, answer: &Answe
 /// A pattern that was shown, as the phases that were asked for.
 pub(super) fn shown(file: &Path, kind: &str, slm: [usize; 2], two_pi_level: f64) -> Result<Pattern, CalibrateError> {
     let npy = files::read_npy(file)?;
-    let wrong = |reason: String| CalibrateError::Captures { file: file.display().to_string(), reason };
+    let wrong = |reason: Reason| CalibrateError::Captures { file: file.display().to_string(), reason };
     let [frames, height, width] = npy.shape[..] else {
-        return Err(wrong(format!("has {} axes: patterns are (sub-frame, row, column)", npy.shape.len())));
+        return Err(wrong(reason!(
+            "pattern-axes",
+            "has {} axes: patterns are (sub-frame, row, column)",
+            npy.shape.len()
+        )));
     };
     if [height, width] != slm || frames == 0 {
-        return Err(wrong(format!("has {frames} patterns of {height}x{width}: the SLM has {}x{}", slm[0], slm[1])));
+        return Err(wrong(reason!(
+            "pattern-size",
+            "has {frames} patterns of {height}x{width}: the SLM has {}x{}",
+            slm[0],
+            slm[1]
+        )));
     }
     let turn = if kind == "levels" { std::f64::consts::TAU / two_pi_level } else { 1.0 };
     let drive = npy.values.iter().map(|v| (f64::from(*v) * turn).rem_euclid(std::f64::consts::TAU) as f32).collect();

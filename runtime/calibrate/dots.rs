@@ -3,6 +3,8 @@
 use super::map::CameraMap;
 use super::pattern;
 use super::picture::Picture;
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use eyebox_optics::linear::solve;
 use std::f64::consts::PI;
 
@@ -88,7 +90,7 @@ fn nearest(spots: &[[f64; 2]], [x, y]: [f64; 2]) -> (usize, f64) {
 }
 
 /// The map by its dots, and its error in camera pixels, RMS. Says what is wrong where it cannot be told.
-pub(super) fn find(picture: &Picture, slm: [usize; 2]) -> Result<(CameraMap, f64), String> {
+pub(super) fn find(picture: &Picture, slm: [usize; 2]) -> Result<(CameraMap, f64), Reason> {
     let camera = [picture.height, picture.width];
     let (dots, radius) = pattern::dots(slm);
     let spacing = radius / 0.21;
@@ -113,8 +115,8 @@ pub(super) fn find(picture: &Picture, slm: [usize; 2]) -> Result<(CameraMap, f64
     }
     match best {
         Some((count, rms, map)) if count as f64 >= NEEDED * dots.len() as f64 => Ok((map, rms)),
-        Some((count, ..)) => Err(format!("{count} of {} dots were found", dots.len())),
-        None => Err(format!("none of {} dots was found", dots.len())),
+        Some((count, ..)) => Err(reason!("few-dots", "{count} of {} dots were found", dots.len())),
+        None => Err(reason!("no-dots", "none of {} dots was found", dots.len())),
     }
 }
 

@@ -1,5 +1,6 @@
 //! What can go wrong while a display is calibrated.
 
+use eyebox_base::error::Reason;
 use eyebox_base::files::FileError;
 use eyebox_optics::OpticsError;
 use eyebox_scene::SceneError;
@@ -8,18 +9,23 @@ use eyebox_solve::quality::QualityError;
 use std::io;
 
 /// Why a calibration ended without a model.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error, serde::Serialize)]
+#[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum CalibrateError {
     /// The camera's command is no list of words as a POSIX shell has them.
-    #[error("the camera's command '{0}' has no words, or a quote that is not closed")]
-    Words(String),
+    #[error("the camera's command '{command}' has no words, or a quote that is not closed")]
+    Words {
+        /// The command.
+        command: String,
+    },
     /// It does not start.
     #[error("the camera's command '{program}' does not start: {source}")]
     Start {
         /// Its first word.
         program: String,
         /// Why.
+        #[serde(serialize_with = "eyebox_base::error::as_text")]
         source: io::Error,
     },
     /// The bench is not the display's.
@@ -28,7 +34,7 @@ pub enum CalibrateError {
         /// The display's name.
         display: String,
         /// What the two say.
-        reason: String,
+        reason: Reason,
     },
     /// The bench said why it could not do something that cannot be left out.
     #[error("the bench could not {what}: {text}")]
@@ -44,7 +50,7 @@ pub enum CalibrateError {
         /// How often.
         deaths: usize,
         /// What happened the last time.
-        reason: String,
+        reason: Reason,
     },
     /// The user stopped it.
     #[error("the calibration was stopped: nothing is written")]
@@ -55,16 +61,18 @@ pub enum CalibrateError {
         /// The file.
         file: String,
         /// What is wrong, where, and what would be right.
-        reason: String,
+        reason: Reason,
     },
     /// The pictures do not say what they have to.
     #[error("{0}")]
-    Pictures(String),
+    Pictures(Reason),
     /// The display that shows the patterns.
     #[error("the patterns cannot be shown: {0}")]
+    #[serde(serialize_with = "eyebox_base::error::as_text")]
     Shows(Box<dyn std::error::Error + Send + Sync>),
     /// What the fit is worth could not be measured.
     #[error(transparent)]
+    #[serde(rename = "quality")]
     Gain(#[from] QualityError),
     /// The scene by which that is measured.
     #[error(transparent)]

@@ -7,6 +7,7 @@ use super::parameters::{Parameter, Parameters};
 use super::seen::Seen;
 use super::views::{Pictures, View};
 use eyebox_base::files::asked_to_end;
+use eyebox_base::reason;
 use eyebox_optics::linear::{inverse, solve};
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
@@ -198,7 +199,7 @@ impl Pictures {
         observe: &mut dyn FnMut(f64),
     ) -> Result<Fit, CalibrateError> {
         if which.is_empty() {
-            return Err(CalibrateError::Pictures("there is nothing to fit".into()));
+            return Err(CalibrateError::Pictures(reason!("nothing-to-fit", "there is nothing to fit")));
         }
         let count: usize = which.iter().map(|v| self.views[*v].counts.len()).sum();
         let (mut at, mut damping) = (start.clone(), 1e-3);
@@ -255,9 +256,10 @@ impl Pictures {
         }
         let squares = self.squares(which, &seen) / count as f64;
         let covariance = self.covariance(which, [&seen, &slopes], &at, free).ok_or_else(|| {
-            CalibrateError::Pictures(
-                "the pictures do not tell the model's numbers apart: more of them are needed".into(),
-            )
+            CalibrateError::Pictures(reason!(
+                "not-told-apart",
+                "the pictures do not tell the model's numbers apart: more of them are needed"
+            ))
         })?;
         Ok(Fit { at, free: free.to_vec(), squares, covariance })
     }

@@ -9,6 +9,7 @@ use super::error::CalibrateError;
 use super::link::Link;
 use super::pattern::{self, Pattern};
 use super::stages;
+use eyebox_base::error::Reason;
 use eyebox_optics::{Color, Display};
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
@@ -101,7 +102,10 @@ impl<'a> Follower<'a> {
         }
         if first.iter().any(|shot| shot.iris_mm.or(iris_mm).is_none()) {
             let reason = "its iris does not move, and nothing says where it stands: answer iris_mm, or give `iris` X,Y,DIAMETER in mm";
-            return Err(CalibrateError::Bench { display: display.name.clone(), reason: reason.into() });
+            return Err(CalibrateError::Bench {
+                display: display.name.clone(),
+                reason: Reason::new("no-iris", reason),
+            });
         }
         if session.hello.camera.dark {
             first.extend(session.take(&Ask { show: None, iris_mm: None, focus_mm: 0.0, average: AVERAGE })?);

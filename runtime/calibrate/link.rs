@@ -2,7 +2,9 @@
 
 use super::error::CalibrateError;
 use super::message::{Heard, Hello, LONGEST_LINE, PROTOCOL};
+use eyebox_base::error::Reason;
 use eyebox_base::files::asked_to_end;
+use eyebox_base::reason;
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::io::{self, BufRead, BufReader, Read, Write};
@@ -38,7 +40,7 @@ struct Process {
 /// Why there is no answer.
 enum Trouble {
     /// The command is lost: what it did.
-    Lost(String),
+    Lost(Reason),
     Stopped,
     /// It said why, and whether to ask again.
     Failed {
@@ -181,13 +183,13 @@ impl<'a> Link<'a> {
         say: &'a mut dyn FnMut(&str),
     ) -> Result<(Self, Hello), CalibrateError> {
         let words = shlex::split(command).filter(|w| !w.is_empty());
-        let words = words.ok_or_else(|| CalibrateError::Words(command.into()))?;
+        let words = words.ok_or_else(|| CalibrateError::Words { command: command.into() })?;
         let process = Process::start(&words);
         let process = process.map_err(|source| CalibrateError::Start { program: words[0].clone(), source })?;
         let mut link = Self { words, limit, process: Some(process), hello: None, deaths: 0, next: 0, say };
         let hello = link.greeted(|link| match &link.hello {
             Some(hello) => Hello::read(hello),
-            None => Err("did not answer hello".into()),
+            None => Err(reason!("no-hello", "did not answer hello")),
         })?;
         Ok((link, hello))
     }
@@ -201,8 +203,8 @@ impl<'a> Link<'a> {
         &mut self,
         question: &Value,
         limit: Duration,
-        mut check: impl FnMut(&Value) -> Result<T, String>,
-    ) -> Result<Result<T, String>, CalibrateError> {
+        mut check: impl FnMut(&Value) -> Result<T, Reason>,
+    ) -> Result<Result<T, Reason>, CalibrateError> {
         let mut failed = 0;
         loop {
             let trouble = match self.try_ask(question, limit) {
@@ -214,7 +216,7 @@ impl<'a> Link<'a> {
             };
             match trouble {
                 Trouble::Stopped => return Err(CalibrateError::Stopped),
-                Trouble::Failed { text, again } if !again || failed >= AGAIN => return Ok(Err(text)),
+                Trouble::Failed { text, again } if !again || failed >= AGAIN => return Ok(Err(text.into())),
                 Trouble::Failed { text, .. } => {
                     (self.say)(&format!("the camera's command could not ({text}): it is asked again"));
                     failed += 1;
@@ -235,7 +237,7 @@ impl<'a> Link<'a> {
     }
 
     /// One more death; the process is ended.
-    fn lost(&mut self, reason: String) -> Result<(), CalibrateError> {
+    fn lost(&mut self, reason: Reason) -> Result<(), CalibrateError> {
         self.process = None;
         self.deaths += 1;
         if self.deaths >= DEATHS {
@@ -246,7 +248,7 @@ impl<'a> Link<'a> {
     }
 
     /// Starts it where it does not run, and says hello, which it answers as it did before.
-    fn greeted<T>(&mut self, read: impl Fn(&Self) -> Result<T, String>) -> Result<T, CalibrateError> {
+    fn greeted<T>(&mut self, read: impl Fn(&Self) -> Result<T, Reason>) -> Result<T, CalibrateError> {
         loop {
             if self.process.is_none() {
                 let started = Process::start(&self.words);
@@ -257,12 +259,15 @@ impl<'a> Link<'a> {
                 Ok(mut hello) => {
                     hello.as_object_mut().map(|o| o.remove("id"));
                     if self.hello.as_ref().is_some_and(|before| *before != hello) {
-                        "answers hello otherwise than before".into()
+                        reason!("other-hello", "answers hello otherwise than before")
                     } else {
                         self.hello = Some(hello);
                         match read(self) {
                             Ok(read) => return Ok(read),
-                            Err(text) => return Err(CalibrateError::Refused { what: "say what it is".into(), text }),
+                            Err(reason) => {
+                                let (what, text) = ("say what it is".into(), reason.to_string());
+                                return Err(CalibrateError::Refused { what, text });
+                            }
                         }
                     }
                 }
@@ -281,14 +286,14 @@ impl<'a> Link<'a> {
         let limit = self.limit.unwrap_or(limit);
         let id = self.next;
         self.next += 1;
-        let process = self.process.as_mut().ok_or_else(|| Trouble::Lost("does not run".into()))?;
+        let process = self.process.as_mut().ok_or_else(|| Trouble::Lost(reason!("not-running", "does not run")))?;
         let mut asked = json!({"id": id});
         for (key, value) in question.as_object().into_iter().flatten() {
             asked[key.as_str()] = value.clone();
         }
         let sent = process.input.as_mut().map(|input| writeln!(input, "{asked}").and_then(|()| input.flush()));
         if !matches!(sent, Some(Ok(()))) {
-            return Err(Trouble::Lost(process.obituary()));
+            return Err(Trouble::Lost(process.obituary().into()));
         }
         let mut until = Instant::now() + limit;
         let mut allowed = limit;
@@ -298,7 +303,9 @@ impl<'a> Link<'a> {
             }
             let left = until.saturating_duration_since(Instant::now());
             match process.lines.recv_timeout(left.min(LOOK)) {
-                Ok(None) => return Err(Trouble::Lost(format!("said a line of more than {LONGEST_LINE} bytes"))),
+                Ok(None) => {
+                    return Err(Trouble::Lost(reason!("line-length", "said a line of more than {LONGEST_LINE} bytes")));
+                }
                 Ok(Some(line)) => match Heard::read(&line, id).map_err(Trouble::Lost)? {
                     Heard::Said(line) => (self.say)(&line),
                     Heard::Wait(seconds) => {
@@ -308,9 +315,13 @@ impl<'a> Link<'a> {
                     Heard::Failed { text, again } => return Err(Trouble::Failed { text, again }),
                     Heard::Answered(answer) => return Ok(answer),
                 },
-                Err(RecvTimeoutError::Disconnected) => return Err(Trouble::Lost(process.obituary())),
+                Err(RecvTimeoutError::Disconnected) => return Err(Trouble::Lost(process.obituary().into())),
                 Err(RecvTimeoutError::Timeout) if left.is_zero() => {
-                    return Err(Trouble::Lost(format!("gave no answer within {:.0} s", allowed.as_secs_f64())));
+                    return Err(Trouble::Lost(reason!(
+                        "no-answer",
+                        "gave no answer within {:.0} s",
+                        allowed.as_secs_f64()
+                    )));
                 }
                 Err(RecvTimeoutError::Timeout) => {}
             }

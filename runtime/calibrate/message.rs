@@ -1,5 +1,7 @@
 //! What eyebox and a camera's command say to each other: one JSON object a line.
 
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -72,13 +74,18 @@ fn one() -> usize {
 
 impl Hello {
     /// From an answer, checked.
-    pub(super) fn read(answer: &Value) -> Result<Self, String> {
-        let hello = Self::deserialize(answer).map_err(|e| format!("answers hello with what it cannot be: {e}"))?;
+    pub(super) fn read(answer: &Value) -> Result<Self, Reason> {
+        let hello =
+            Self::deserialize(answer).map_err(|e| reason!("hello", "answers hello with what it cannot be: {e}"))?;
         let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
         let ordered = |range: &[f64; 2]| finite(range) && range[0] <= range[1];
-        let wrong = |what: &str| Err(format!("answers hello with {what}"));
+        let wrong = |what: &str| Err(reason!("hello", "answers hello with {what}"));
         if hello.protocol != PROTOCOL {
-            return Err(format!("speaks version {} of the protocol: this program speaks {PROTOCOL}", hello.protocol));
+            return Err(reason!(
+                "protocol",
+                "speaks version {} of the protocol: this program speaks {PROTOCOL}",
+                hello.protocol
+            ));
         }
         if hello.colors.is_empty() || hello.colors.values().any(|nm| !(100.0..=20_000.0).contains(nm)) {
             return wrong("colors that are none, or a wavelength that is not in nanometres");
@@ -157,15 +164,19 @@ pub(super) struct Answer {
 
 impl Answer {
     /// From an answer, checked.
-    pub(super) fn read(answer: &Value) -> Result<Self, String> {
-        let read = Self::deserialize(answer).map_err(|e| format!("answers a capture with what it cannot be: {e}"))?;
+    pub(super) fn read(answer: &Value) -> Result<Self, Reason> {
+        let read = Self::deserialize(answer)
+            .map_err(|e| reason!("capture", "answers a capture with what it cannot be: {e}"))?;
         let positive = |v: f64| v.is_finite() && v > 0.0;
         if !positive(read.full_scale) || read.exposure_ms.is_some_and(|ms| !positive(ms)) {
-            return Err("answers a capture with a full_scale or an exposure_ms that is no positive number".into());
+            return Err(reason!(
+                "capture-scale",
+                "answers a capture with a full_scale or an exposure_ms that is no positive number"
+            ));
         }
         let stages = read.iris_mm.iter().flatten().chain(&read.focus_mm).chain(&read.saturated).chain(&read.time_s);
         if stages.copied().any(|v| !v.is_finite()) {
-            return Err("answers a capture with a number that is not finite".into());
+            return Err(reason!("capture-not-finite", "answers a capture with a number that is not finite"));
         }
         Ok(read)
     }
@@ -186,15 +197,15 @@ pub(super) enum Heard {
 
 impl Heard {
     /// Reads a line that is to answer question `id`.
-    pub(super) fn read(line: &str, id: u64) -> Result<Self, String> {
+    pub(super) fn read(line: &str, id: u64) -> Result<Self, Reason> {
         if !line.starts_with('{') {
             return Ok(Self::Said(line.to_string()));
         }
         let shown = || line.chars().take(80).collect::<String>().replace(char::is_control, " ");
         let value: Value =
-            serde_json::from_str(line).map_err(|e| format!("said '{}', which is no JSON: {e}", shown()))?;
+            serde_json::from_str(line).map_err(|e| reason!("not-json", "said '{}', which is no JSON: {e}", shown()))?;
         if value.get("id").and_then(Value::as_u64) != Some(id) {
-            return Err(format!("said '{}', which does not answer question {id}", shown()));
+            return Err(reason!("other-question", "said '{}', which does not answer question {id}", shown()));
         }
         if let Some(error) = value.get("error") {
             let text = error.as_str().map_or_else(|| error.to_string(), str::to_string);
@@ -205,7 +216,7 @@ impl Heard {
             None => Ok(Self::Answered(value)),
             Some(wait) => match wait.as_f64() {
                 Some(seconds) if (0.0..=86_400.0).contains(&seconds) => Ok(Self::Wait(seconds)),
-                _ => Err(format!("said '{}': wait_s must be 0 to 86400 seconds", shown())),
+                _ => Err(reason!("wait", "said '{}': wait_s must be 0 to 86400 seconds", shown())),
             },
         }
     }

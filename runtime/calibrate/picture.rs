@@ -1,6 +1,8 @@
 //! A camera's picture: linear counts, as shares of full scale.
 
+use eyebox_base::error::Reason;
 use eyebox_base::files;
+use eyebox_base::reason;
 use std::path::Path;
 
 /// Share of full scale from which a pixel may have been saturated.
@@ -16,17 +18,26 @@ pub(super) struct Picture {
 }
 
 /// Reads a picture of the camera's size; `full_scale` is the value at which it saturates. Says what is wrong with it.
-pub(super) fn load(file: &Path, [height, width]: [usize; 2], full_scale: f64) -> Result<Picture, String> {
+pub(super) fn load(file: &Path, [height, width]: [usize; 2], full_scale: f64) -> Result<Picture, Reason> {
     let size = |rows: usize, columns: usize| {
-        format!("sent {}: it has {rows}x{columns} pixels, and the camera has {height}x{width}", file.display())
+        reason!(
+            "picture-size",
+            "sent {}: it has {rows}x{columns} pixels, and the camera has {height}x{width}",
+            file.display()
+        )
     };
-    let one_line = |e: files::FileError| format!("sent a picture that is none: {e}");
+    let one_line = |e: files::FileError| reason!("no-picture", "sent a picture that is none: {e}");
     let scale = full_scale.recip();
     let values = if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy")) {
         let npy = files::read_npy(file).map_err(one_line)?;
         if npy.shape != [height, width] {
             let [rows, columns] = npy.shape[..] else {
-                return Err(format!("sent {}: it has {} axes, and pictures have 2", file.display(), npy.shape.len()));
+                return Err(reason!(
+                    "picture-axes",
+                    "sent {}: it has {} axes, and pictures have 2",
+                    file.display(),
+                    npy.shape.len()
+                ));
             };
             return Err(size(rows, columns));
         }
@@ -35,7 +46,11 @@ pub(super) fn load(file: &Path, [height, width]: [usize; 2], full_scale: f64) ->
         let grey = files::read_grey(file, [height, width]).map_err(one_line)?;
         let grey = grey.map_err(|[rows, columns]| size(rows, columns))?;
         if grey.levels < 65536 && full_scale > 255.0 {
-            return Err(format!("sent {}: it has 8 bits, and its full scale is {full_scale}", file.display()));
+            return Err(reason!(
+                "picture-full-scale",
+                "sent {}: it has 8 bits, and its full scale is {full_scale}",
+                file.display()
+            ));
         }
         grey.values.iter().map(|v| (f64::from(*v) * scale) as f32).collect()
     };

@@ -13,6 +13,7 @@ use super::pieces;
 use super::seen::Look;
 use super::views::{PatternSet, Pictures, View};
 use super::{dots, pattern};
+use eyebox_base::reason;
 use eyebox_optics::{Color, Display, Pupil, SlmPart};
 use eyebox_solve::solve::SplitMix;
 use std::path::PathBuf;
@@ -73,7 +74,8 @@ pub(super) fn sort(display: &Display, color: Color, taken: &Taken) -> Result<Sor
         if sets[set].pattern.is_like(&wanted) {
             let picture = shot.picture(camera)?;
             found = Some(dots::find(&picture, slm).map_err(|reason| {
-                CalibrateError::Pictures(format!(
+                CalibrateError::Pictures(reason!(
+                    "dots",
                     "{}: in the picture of the dots {reason}: is the SLM lit, and in focus on the camera?",
                     shot.file.display()
                 ))
@@ -83,12 +85,14 @@ pub(super) fn sort(display: &Display, color: Color, taken: &Taken) -> Result<Sor
         }
     }
     let Some((map, map_rms)) = found else {
-        return Err(CalibrateError::Pictures(
-            "there is no picture of the dots, which say where the camera looks".into(),
-        ));
+        return Err(CalibrateError::Pictures(reason!(
+            "no-picture-of-dots",
+            "there is no picture of the dots, which say where the camera looks"
+        )));
     };
     if pattern_shots.len() < 3 {
-        return Err(CalibrateError::Pictures(format!(
+        return Err(CalibrateError::Pictures(reason!(
+            "too-few",
             "{} pictures of patterns are too few to fit a model to",
             pattern_shots.len()
         )));
@@ -230,7 +234,8 @@ impl Sorted {
         at: &Parameters,
     ) -> Result<usize, CalibrateError> {
         let Some([x, y, d]) = pattern_shot.shot.iris_mm else {
-            let reason = "has no iris_mm: give `iris` X,Y,DIAMETER in mm of an iris that stands still".into();
+            let reason =
+                reason!("no-iris", "has no iris_mm: give `iris` X,Y,DIAMETER in mm of an iris that stands still");
             return Err(CalibrateError::Captures { file: pattern_shot.shot.file.display().to_string(), reason });
         };
         let pupil = Pupil::from_mm([x, y, d, pattern_shot.shot.focus_mm]).check()?;
@@ -251,7 +256,7 @@ impl Sorted {
         if counts.is_empty() {
             return Err(CalibrateError::Captures {
                 file: pattern_shot.shot.file.display().to_string(),
-                reason: "has no pixel that looks at the SLM and is not saturated".into(),
+                reason: reason!("saturated", "has no pixel that looks at the SLM and is not saturated"),
             });
         }
         let exposure_ms = pattern_shot.shot.exposure_ms;

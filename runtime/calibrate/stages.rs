@@ -14,6 +14,7 @@ use super::sorted::{CAMERA_PIXEL, Sorted, sort};
 use super::unseen::judged;
 use super::views::Pictures;
 use super::{aligned, even, terms};
+use eyebox_base::reason;
 use eyebox_optics::{Color, Display, Spread};
 
 /// Sub-pixels along an axis at the end of a fit that reaches the noise.
@@ -69,9 +70,10 @@ pub(super) fn run(
         warnings.push("no picture was taken twice: how large the camera's noise is was not measured".into());
     }
     if sorted.pictures.signal(&sorted.fitted) < DARK {
-        return Err(CalibrateError::Pictures(
-            "the pictures show nothing but the camera's noise: is the light on, and the exposure long enough?".into(),
-        ));
+        return Err(CalibrateError::Pictures(reason!(
+            "only-noise",
+            "the pictures show nothing but the camera's noise: is the light on, and the exposure long enough?"
+        )));
     }
     let drift = quick.then(|| display.model.get(&color.into()).and_then(|terms| terms.unexplained).unwrap_or(0.0));
     // Bins of a piece are coarser than the iris's edge.
@@ -363,10 +365,8 @@ mod tests {
         let pairs =
             [(Parameter::Wavefront(3), Parameter::Wavefront(11), 0.998), (Parameter::Map(8), Parameter::Map(9), -0.96)];
         let said = through_one_iris(&untold(&fit), &pairs);
-        assert!(
-            said.contains("nothing of wavefront 12; they do not tell wavefront 3 from wavefront 11, which"),
-            "{said}"
-        );
+        let numbers: Vec<_> = said.split(|c: char| !c.is_ascii_digit()).filter(|n| !n.is_empty()).collect();
+        assert_eq!(numbers, ["12", "3", "11"], "{said}");
         assert!(!said.contains("camera"), "{said}");
     }
 }

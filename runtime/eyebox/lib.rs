@@ -89,6 +89,11 @@
 
 pub mod low_level;
 
+/// Errors as data: the code that every error of this library has, and the fields that it names.
+pub mod error {
+    pub use eyebox_base::error::{ErrorData, Reason};
+}
+
 /// Reads files up to a limit, writes files whole or not at all.
 pub mod files {
     pub use eyebox_base::files::{FileError, encode_png, end_without_drafts, read_npy, write_npy, write_png};

@@ -20,6 +20,7 @@ impl Display {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use eyebox_base::error::ErrorData;
 
     #[test]
     fn dispersion_comes_from_the_file_or_the_wavelengths() {
@@ -39,13 +40,14 @@ mod tests {
         assert!(green == 2.0 && (blue - 2.0 * 520.0 / 440.0).abs() < 1e-12);
         assert_eq!(Display::from_toml(&measured.to_toml(), "b").unwrap().dispersion, measured.dispersion);
         for (wrong, says) in [
-            ("dispersion = { blue = -1.5 }\n", "dispersion of blue is -1.5"),
-            ("dispersion = { blue = 80 }\n", "at most 8"),
-            ("dispersion = { red = 1.2 }\n", "whole"),
-            ("dispersion = { red = 2, green = 1.5 }\n", "2 or more"),
+            ("dispersion = { blue = -1.5 }\n", "display-file/dispersion"),
+            ("dispersion = { blue = 80 }\n", "display-file/dispersion"),
+            ("dispersion = { red = 1.2 }\n", "display-file/dispersion-whole"),
+            ("dispersion = { red = 2, green = 1.5 }\n", "display-file/dispersion-order"),
         ] {
-            let said = read(wrong).unwrap_err().to_string();
-            assert!(said.contains("b.toml") && said.contains(says) && !said.contains('\n'), "{said}");
+            let error = read(wrong).unwrap_err();
+            assert!(error.to_string().contains("b.toml") && !error.to_string().contains('\n'), "{error}");
+            assert_eq!(ErrorData::of(&error).code, says, "{error}");
         }
     }
 }

@@ -9,7 +9,9 @@ use super::{
     Geometry, Mask, Optics, OpticsError, Picture, PictureMap, Prescription, SourceSections, Sources, SourcesLit,
     SwitchedSource, Viewing,
 };
+use eyebox_base::error::Reason;
 use eyebox_base::files::FileRecord;
+use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::Path};
 
@@ -185,16 +187,19 @@ impl Display {
     /// # Errors
     /// [`OpticsError::DisplayFile`] and those of [`Optics::new`].
     pub fn from_toml(text: &str, file: &str) -> Result<Self, OpticsError> {
-        let wrong = |reason: String| OpticsError::DisplayFile { file: file.into(), reason };
+        let wrong = |reason: Reason| OpticsError::DisplayFile { file: file.into(), reason };
         let read: File = eyebox_base::files::read::toml(text).map_err(wrong)?;
         if read.wavelengths_nm.is_empty() {
-            return Err(wrong("wavelengths_nm names no colour: give one to three of red, green, blue".into()));
+            return Err(wrong(reason!(
+                "no-color",
+                "wavelengths_nm names no colour: give one to three of red, green, blue"
+            )));
         }
         if !(2..=65536).contains(&read.levels) {
-            return Err(wrong(format!("levels is {}: it must be 2 to 65536", read.levels)));
+            return Err(wrong(reason!("levels", "levels is {}: it must be 2 to 65536", read.levels)));
         }
         if let Some(hz) = read.rate_hz.filter(|hz| !(1.0..=100_000.0).contains(hz)) {
-            return Err(wrong(format!("rate_hz is {hz}: it must be 1 to 100000 video frames a second")));
+            return Err(wrong(reason!("rate", "rate_hz is {hz}: it must be 1 to 100000 video frames a second")));
         }
         read.encoding.check(read.levels).map_err(&wrong)?;
         let wavelengths: Vec<(Color, f64)> = read.wavelengths_nm.iter().map(|(color, nm)| (*color, *nm)).collect();
@@ -207,7 +212,7 @@ impl Display {
         }
         let mut mask = read.mask;
         if let Some(mask) = &mut mask {
-            mask.resolve(beside, read.resolution).map_err(|reason| wrong(format!("[mask]: {reason}")))?;
+            mask.resolve(beside, read.resolution).map_err(|reason| wrong(reason.within("[mask]")))?;
         }
         let mut model = read.model;
         wavefront_map::resolve(&mut model, beside, |color| read.wavelengths_nm.get(&color).copied()).map_err(&wrong)?;
@@ -238,27 +243,27 @@ impl Display {
             viewing: read.viewing,
             file: None,
         };
-        display.check_mask().map_err(|reason| wrong(format!("[mask]: {reason}")))?;
+        display.check_mask().map_err(|reason| wrong(reason.within("[mask]")))?;
         let sources = display.timed_sources();
         let display = Self { mask: display.mask.filter(|mask| !mask.is_clear()), sources, ..display };
         let colors: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
         model::check(&display.model, &colors).map_err(&wrong)?;
         display.picture.check(display.picture_size().into()).map_err(&wrong)?;
         if let Some(Err(reason)) = display.prescription.as_ref().map(Prescription::check) {
-            return Err(wrong(format!("[prescription]: {reason}")));
+            return Err(wrong(reason.within("[prescription]")));
         }
-        display.viewing.check().map_err(|reason| wrong(format!("[viewing]: {reason}")))?;
+        display.viewing.check().map_err(|reason| wrong(reason.within("[viewing]")))?;
         if display.geometry == Geometry::FarField && colors.iter().any(|c| display.model(*c).fill > 0.0) {
             let reason = "[model] has a fill, which in the far field dims the picture's edges and not the eyebox: \
                           leave it out";
-            return Err(wrong(reason.into()));
+            return Err(wrong(Reason::new("model-far-field", reason)));
         }
         if display.geometry == Geometry::FarField && colors.iter().any(|c| display.model(*c).subpixels > 1) {
             let reason = "[model] has subpixels, of which the far field knows only 1: leave it out";
-            return Err(wrong(reason.into()));
+            return Err(wrong(Reason::new("model-far-field", reason)));
         }
         for w in &display.wavelengths {
-            display.optics(w.color).map_err(|e| wrong(e.to_string()))?;
+            display.optics(w.color).map_err(|e| wrong(Reason::of(&e)))?;
         }
         display.check_source().map_err(&wrong)?;
         Ok(display)
@@ -361,14 +366,17 @@ impl Display {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use eyebox_base::error::ErrorData;
 
     #[test]
     fn errors_say_which_line_and_key() {
         let text = "resolution = [8, 8]\npitch_um = 8.0\npich = 1\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
-        let error = Display::from_toml(text, "bench.toml").unwrap_err().to_string();
-        assert!(error.contains("bench.toml") && error.contains("line 3") && error.contains("pich"), "{error}");
+        let error = Display::from_toml(text, "bench.toml").unwrap_err();
+        assert_eq!(ErrorData::of(&error).code, "display-file/toml");
+        assert!(["bench.toml", "line 3", "pich"].iter().all(|part| error.to_string().contains(part)), "{error}");
         let zero = text.replace("pich = 1\n", "").replace("520", "0");
-        assert!(Display::from_toml(&zero, "b").unwrap_err().to_string().contains("wavelength"));
+        let error = Display::from_toml(&zero, "b").unwrap_err();
+        assert_eq!(ErrorData::of(&error).code, "display-file/not-positive", "{error}");
     }
 
     const BENCH: &str =
@@ -409,25 +417,25 @@ mod tests {
     #[test]
     fn a_model_that_cannot_be_is_refused_with_its_section() {
         let cases = [
-            ("[model.red]\nlag = 0.1\n", "[model.red]: wavelengths_nm has no such colour"),
-            ("[model.all]\nwavefront = { 4 = 0.1 }\n", "waves of one colour"),
-            ("[model.green]\nlag = 2\n", "lag has 2: it must be 0 to 0.9"),
-            ("[model.green]\nlagg = 0.1\n", "lagg"),
-            ("[model.green]\nfill = nan\n", "fill has NaN"),
-            ("[model.green]\nwavefront = { tilt = 1 }\n", "ANSI index"),
-            ("[model.green]\nundiffracted = [[0.1, 0, 0, 0, 0], [0.1, 0.8, 0, 0, 0]]\n", "amplitude has 0.8"),
-            ("[model.green]\nundiffracted = [[0.7, 0, 0, 0, 0], [0.7, 0.1, 9, 0, 0]]\n", "share of the light has 0.98"),
-            ("[model.green]\nundiffracted = [[0.1, 0, 0, 0, 0], [0.1, 0, 0, 0]]\n", "five numbers"),
+            ("[model.red]\nlag = 0.1\n", "display-file/no-such-color"),
+            ("[model.all]\nwavefront = { 4 = 0.1 }\n", "display-file/wavefront-of-all-colors"),
+            ("[model.green]\nlag = 2\n", "display-file/model-range"),
+            ("[model.green]\nlagg = 0.1\n", "display-file/toml"),
+            ("[model.green]\nfill = nan\n", "display-file/model-range"),
+            ("[model.green]\nwavefront = { tilt = 1 }\n", "display-file/toml"),
+            ("[model.green]\nundiffracted = [[0.1, 0, 0, 0, 0], [0.1, 0.8, 0, 0, 0]]\n", "display-file/model-range"),
+            ("[model.green]\nundiffracted = [[0.7, 0, 0, 0, 0], [0.7, 0.1, 9, 0, 0]]\n", "display-file/model-range"),
+            ("[model.green]\nundiffracted = [[0.1, 0, 0, 0, 0], [0.1, 0, 0, 0]]\n", "display-file/toml"),
             (
                 "[model.green]\nundiffracted = [[0.1, 0, 0, 0, 0], [0.1, 0, 1, 0, 0], [0.1, 0, 2, 0, 0], [0.1, 0, 3, 0, 0], \
                  [0.1, 0, 4, 0, 0]]\n",
-                "5 waves",
+                "display-file/undiffracted-waves",
             ),
-            ("[model.cyan]\nlag = 0.1\n", "cyan"),
+            ("[model.cyan]\nlag = 0.1\n", "display-file/toml"),
         ];
         for (text, says) in cases {
-            let error = Display::from_toml(&format!("{BENCH}{text}"), "b").unwrap_err().to_string();
-            assert!(error.contains(says), "{error}");
+            let error = Display::from_toml(&format!("{BENCH}{text}"), "b").unwrap_err();
+            assert_eq!(ErrorData::of(&error).code, says, "{error}");
         }
     }
 }

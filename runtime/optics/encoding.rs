@@ -1,6 +1,8 @@
 //! How a display takes its phases, as its file says it: plain data, read by the room `encode`.
 
 use super::color::Color;
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::PathBuf};
 
@@ -251,9 +253,9 @@ impl Encoding {
     }
 
     /// What no display file may say. Says what is wrong and what would be right.
-    pub(super) fn check(&self, levels: u32) -> Result<(), String> {
+    pub(super) fn check(&self, levels: u32) -> Result<(), Reason> {
         if !matches!(self.rotation_deg, 0 | 90 | 180 | 270) {
-            return Err(format!("rotation_deg is {}: it must be 0, 90, 180 or 270", self.rotation_deg));
+            return Err(reason!("rotation", "rotation_deg is {}: it must be 0, 90, 180 or 270", self.rotation_deg));
         }
         let two_pi = match &self.two_pi_level {
             None => vec![],
@@ -261,21 +263,29 @@ impl Encoding {
             Some(TwoPi::Each(each)) => each.values().copied().collect(),
         };
         if let Some(level) = two_pi.into_iter().find(|l| !(1.0..=65536.0).contains(l)) {
-            return Err(format!("two_pi_level is {level}: it must be 1 to 65536"));
+            return Err(reason!("two-pi-level", "two_pi_level is {level}: it must be 1 to 65536"));
         }
         for c in &self.correction {
             let file = c.file.display();
             if c.sign != 1 && c.sign != -1 {
-                return Err(format!("the correction {file} has the sign {}: 1 adds it, -1 takes it away", c.sign));
+                return Err(reason!(
+                    "correction-sign",
+                    "the correction {file} has the sign {}: 1 adds it, -1 takes it away",
+                    c.sign
+                ));
             }
             if let Some(level) = c.two_pi_level.filter(|l| !(1.0..=65536.0).contains(l)) {
-                return Err(format!("the correction {file} has the two_pi_level {level}: it must be 1 to 65536"));
+                return Err(reason!(
+                    "correction-two-pi-level",
+                    "the correction {file} has the two_pi_level {level}: it must be 1 to 65536"
+                ));
             }
         }
         for g in &self.grating {
             if !((2.0..=1e9).contains(&g.period_px) && g.direction_deg.is_finite()) {
                 let (period, direction) = (g.period_px, g.direction_deg);
-                return Err(format!(
+                return Err(reason!(
+                    "grating",
                     "a grating has period_px {period} and direction_deg {direction}: give a period of at least two \
                      pixels and a finite direction"
                 ));
@@ -283,21 +293,28 @@ impl Encoding {
         }
         for (name, count) in [("phases_turns", self.phases_turns.len()), ("codes", self.codes.len())] {
             if count != 0 && count != levels as usize {
-                return Err(format!("{name} has {count} entries: it must have one for each of the {levels} levels"));
+                return Err(reason!(
+                    "table-length",
+                    "{name} has {count} entries: it must have one for each of the {levels} levels"
+                ));
             }
         }
         if let Some(phase) = self.phases_turns.iter().find(|p| !p.is_finite()) {
-            return Err(format!("phases_turns has {phase}: every phase must be finite"));
+            return Err(reason!("not-finite", "phases_turns has {phase}: every phase must be finite"));
         }
         let columns = self.cells.first().map_or(0, Vec::len);
         let even = self.cells.iter().all(|row| columns > 0 && row.len() == columns);
         if self.cells.len() * columns > 4 || !even || self.cells.iter().flatten().any(|bit| *bit > 7) {
-            return Err(
-                "cells must be rows of bit numbers, 0 to 7, all of one length, of at most 4 cells in all".into()
-            );
+            return Err(reason!(
+                "cells",
+                "cells must be rows of bit numbers, 0 to 7, all of one length, of at most 4 cells in all"
+            ));
         }
         if (self.packing == Packing::Map) == self.map.is_empty() {
-            return Err("packing = \"map\" and a map belong together: one is given without the other".into());
+            return Err(reason!(
+                "map-without-packing",
+                "packing = \"map\" and a map belong together: one is given without the other"
+            ));
         }
         Ok(())
     }

@@ -1,5 +1,7 @@
 //! Depths in people's units: what a depth asks of the eye, and depths as they are written.
 
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
 use std::{fmt, str::FromStr};
 
@@ -60,9 +62,9 @@ impl Depth {
 const FARTHEST: f64 = 1e9;
 
 impl FromStr for Depth {
-    type Err = String;
+    type Err = Reason;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, Reason> {
         let text = text.trim();
         let (number, in_dioptres) = match text.strip_suffix(['D', 'd']) {
             Some(number) => (number.trim_end(), true),
@@ -71,7 +73,10 @@ impl FromStr for Depth {
         match number.parse::<f64>() {
             Ok(value) if value.abs() <= FARTHEST && in_dioptres => Ok(Self::Dioptres(value)),
             Ok(value) if value.abs() <= FARTHEST => Ok(Self::Metres(value * 1e-3)),
-            _ => Err(format!("'{text}' is no depth: expected mm, such as 1.5, or dioptres, such as 0.5D, 1e9 at most")),
+            _ => Err(reason!(
+                "depth",
+                "'{text}' is no depth: expected mm, such as 1.5, or dioptres, such as 0.5D, 1e9 at most"
+            )),
         }
     }
 }
@@ -94,9 +99,9 @@ enum Written {
 }
 
 impl TryFrom<Written> for Depth {
-    type Error = String;
+    type Error = Reason;
 
-    fn try_from(written: Written) -> Result<Self, String> {
+    fn try_from(written: Written) -> Result<Self, Reason> {
         match written {
             Written::Millimetres(value) => Ok(Self::Metres(value * 1e-3)),
             Written::Text(text) => text.parse(),

@@ -2,6 +2,8 @@
 //! al. 2023).
 
 use super::Color;
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -72,33 +74,41 @@ impl JointColor {
     ///
     /// # Errors
     /// What is wrong, and what would be right.
-    pub fn check(&self, colors: &[Option<Color>], frames: usize) -> Result<(), String> {
+    pub fn check(&self, colors: &[Option<Color>], frames: usize) -> Result<(), Reason> {
         let lit = |color: &Option<Color>| color.is_some_and(|color| self.lasers.contains_key(&color));
         if let Some(dark) = colors.iter().position(|color| !lit(color)) {
-            return Err(format!("joint_color has no laser of its colour {dark}: it must have one of each"));
+            return Err(reason!("no-laser", "joint_color has no laser of its colour {dark}: it must have one of each"));
         }
         for (color, Laser { slope, powers }) in &self.lasers {
             if !(*slope > 0.0 && *slope <= STEEPEST) {
-                return Err(format!(
+                return Err(reason!(
+                    "slope",
                     "joint_color has the slope {slope} of {color}: it must be above 0, at most {STEEPEST}"
                 ));
             }
             if powers.len() != frames {
-                return Err(format!(
+                return Err(reason!(
+                    "powers-count",
                     "joint_color has {} powers of {color}: it must be {frames}, one a sub-frame",
                     powers.len()
                 ));
             }
             if let Some(power) = powers.iter().find(|power| !(power.is_finite() && **power >= 0.0)) {
-                return Err(format!("joint_color has the power {power} of {color}: it must be 0 or more"));
+                return Err(reason!("power", "joint_color has the power {power} of {color}: it must be 0 or more"));
             }
             let mean = powers.iter().sum::<f64>() / frames as f64;
             if (mean - 1.0).abs() > 1e-6 {
-                return Err(format!("joint_color has powers of {color} with the mean {mean}: it must be 1"));
+                return Err(reason!(
+                    "powers-mean",
+                    "joint_color has powers of {color} with the mean {mean}: it must be 1"
+                ));
             }
         }
         if self.reference().is_none() {
-            return Err("joint_color has no slope of 1, 2 ..: one colour must make whole turns over all drives".into());
+            return Err(reason!(
+                "no-whole-slope",
+                "joint_color has no slope of 1, 2 ..: one colour must make whole turns over all drives"
+            ));
         }
         Ok(())
     }
@@ -184,25 +194,30 @@ pub fn phase_of(drive: f64, slope: f64) -> f32 {
 }
 
 /// Refuses a `dispersion` that no SLM has, of a display of these wavelengths (metres). Says what is wrong.
-pub(super) fn check_dispersion(dispersion: &BTreeMap<Color, f64>, wavelengths: &[(Color, f64)]) -> Result<(), String> {
+pub(super) fn check_dispersion(dispersion: &BTreeMap<Color, f64>, wavelengths: &[(Color, f64)]) -> Result<(), Reason> {
     let longest = wavelengths.iter().map(|w| w.1).fold(0.0, f64::max);
     let color_of_longest = wavelengths.iter().find(|w| w.1 == longest).map(|w| w.0);
     let fewest = color_of_longest.and_then(|color| dispersion.get(&color)).copied().unwrap_or(1.0);
     for (color, slope) in dispersion {
         let Some((_, wavelength)) = wavelengths.iter().find(|w| w.0 == *color) else {
-            return Err(format!("dispersion names {color}, of which wavelengths_nm has none"));
+            return Err(reason!("dispersion-color", "dispersion names {color}, of which wavelengths_nm has none"));
         };
         if !(*slope > 0.0 && *slope <= STEEPEST) {
-            return Err(format!("dispersion of {color} is {slope}: it must be above 0, at most {STEEPEST}"));
+            return Err(reason!(
+                "dispersion",
+                "dispersion of {color} is {slope}: it must be above 0, at most {STEEPEST}"
+            ));
         }
         if *wavelength == longest && (*slope < 1.0 || slope.fract() != 0.0) {
-            return Err(format!(
+            return Err(reason!(
+                "dispersion-whole",
                 "dispersion of {color} is {slope}: it is a whole number of turns for the longest wavelength, which drives are meant \
                  at, 1 as a rule"
             ));
         }
         if *slope < fewest {
-            return Err(format!(
+            return Err(reason!(
+                "dispersion-order",
                 "dispersion of {color} is {slope}: it is {fewest} or more, as the longest wavelength has"
             ));
         }
@@ -242,15 +257,15 @@ mod tests {
             joint
         };
         for (wrong, says) in [
-            (with(vec![-1.0, 3.0], 1.2), "the power -1 of red"),
-            (with(vec![f64::NAN, 1.0], 1.2), "the power NaN"),
-            (with(vec![2.0; 2], 1.2), "the mean 2"),
-            (with(vec![1.0; 3], 1.2), "it must be 2, one a sub-frame"),
-            (with(vec![1.0; 2], 0.0), "the slope 0 of green"),
-            (joint(vec![vec![1.0; 2]; 2]), "no laser of its colour 2"),
+            (with(vec![-1.0, 3.0], 1.2), "power"),
+            (with(vec![f64::NAN, 1.0], 1.2), "power"),
+            (with(vec![2.0; 2], 1.2), "powers-mean"),
+            (with(vec![1.0; 3], 1.2), "powers-count"),
+            (with(vec![1.0; 2], 0.0), "slope"),
+            (joint(vec![vec![1.0; 2]; 2]), "no-laser"),
         ] {
             let said = wrong.check(&ALL.map(Some), 2).unwrap_err();
-            assert!(said.contains(says) && !said.contains('\n'), "{said}");
+            assert_eq!(said.code(), says, "{said}");
         }
     }
 

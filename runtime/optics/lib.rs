@@ -82,8 +82,11 @@ pub use viewing::Viewing;
 pub use window::{Window, WindowFactor, fast_size};
 pub use zernike::{zernike, zernike_name};
 
+use eyebox_base::error::Reason;
+
 /// What can be wrong with a display, a pupil or a grid.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error, serde::Serialize)]
+#[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum OpticsError {
     /// A number that has to be positive and finite is not.
@@ -161,7 +164,7 @@ pub enum OpticsError {
         /// The presets.
         presets: String,
         /// Why it could not be read.
-        reason: String,
+        reason: Reason,
     },
     /// A display file that does not say what it must.
     #[error("display file {file}: {reason}")]
@@ -169,13 +172,13 @@ pub enum OpticsError {
         /// The file.
         file: String,
         /// What is wrong in it, where.
-        reason: String,
+        reason: Reason,
     },
     /// A prescription that cannot be.
     #[error("the prescription: {reason}")]
     Prescription {
         /// What is wrong with it, and where.
-        reason: String,
+        reason: Reason,
     },
     /// An obstruction that has no such name.
     #[error("the obstruction '{name}' is unknown: expected {known}")]
@@ -189,7 +192,7 @@ pub enum OpticsError {
     #[error("the viewing: {reason}")]
     Viewing {
         /// What is wrong with it.
-        reason: String,
+        reason: Reason,
     },
     /// An eye that blurs too much for the picture.
     #[error(

@@ -3,6 +3,8 @@
 use super::quadrature::MOST;
 use super::source::{LINES, SourceMode, SourceShape, SourceTerms};
 use super::{Color, Display, Geometry, ModelOf};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use serde::Serialize;
 use std::f64::consts::PI;
 
@@ -52,9 +54,12 @@ impl Display {
     }
 
     /// What is wrong with its source, in words.
-    pub(super) fn check_source(&self) -> Result<(), String> {
+    pub(super) fn check_source(&self) -> Result<(), Reason> {
         if !self.sources.is_empty() && self.geometry == Geometry::FarField {
-            return Err("[[sources]]: they are for an SLM behind a relay: leave them out".into());
+            return Err(reason!(
+                "sources-without-relay",
+                "[[sources]]: they are for an SLM behind a relay: leave them out"
+            ));
         }
         let all: Vec<Color> = self.wavelengths.iter().map(|w| w.color).collect();
         self.sources.check(&all, self.focal_length)?;
@@ -63,12 +68,15 @@ impl Display {
             let colors = self.wavelengths.iter().map(|w| w.color).filter(|color| is_its(*color));
             let colors: Vec<Color> = colors.collect();
             let name = toml::Value::try_from(of).map_or_else(|_| String::new(), |v| v.as_str().unwrap_or("").into());
-            let wrong = |reason: String| format!("[source.{name}]: {reason}");
+            let wrong = |reason: Reason| reason.within(format!("[source.{name}]"));
             if colors.is_empty() {
-                return Err(wrong("wavelengths_nm has no such colour".into()));
+                return Err(wrong(reason!("no-such-color", "wavelengths_nm has no such colour")));
             }
             if self.geometry == Geometry::FarField {
-                return Err(wrong("a source is for an SLM behind a relay: leave it out".into()));
+                return Err(wrong(reason!(
+                    "source-without-relay",
+                    "a source is for an SLM behind a relay: leave it out"
+                )));
             }
             for color in colors {
                 let optics = self.optics(color).map_err(|e| e.to_string())?;

@@ -1,6 +1,8 @@
 use super::super::Pupil;
 use super::super::source::WIDTHS;
 use super::*;
+use crate::OpticsError;
+use eyebox_base::error::ErrorData;
 
 const BENCH: &str =
     "resolution = [8, 8]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { red = 660, green = 520 }\n";
@@ -9,10 +11,10 @@ fn display(source: &str) -> Display {
     Display::from_toml(&format!("{BENCH}{source}"), "b.toml").unwrap()
 }
 
-fn refused(source: &str) -> String {
-    let said = Display::from_toml(&format!("{BENCH}{source}"), "b.toml").unwrap_err().to_string();
-    assert!(said.contains("b.toml") && !said.trim_end().contains('\n'), "{said}");
-    said
+fn refused(source: &str) -> OpticsError {
+    let error = Display::from_toml(&format!("{BENCH}{source}"), "b.toml").unwrap_err();
+    assert!(error.to_string().contains("b.toml") && !error.to_string().trim_end().contains('\n'), "{error}");
+    error
 }
 
 /// The sum of the weights, the mean of the angle and its spread along x (standard deviation), radians.
@@ -75,31 +77,28 @@ fn a_colour_s_source_comes_before_that_of_all_and_survives_the_file() {
 fn sources_that_cannot_be_are_refused_in_a_line() {
     let mode = |rest: &str| format!("[source.green]\nmodes = [{{ weight = 1 }}, {{ {rest} }}]\n");
     let cases = [
-        ("[source.green]\nmodes = [{ weight = 0 }]\n".to_owned(), "no mode has any light"),
-        (mode("weight = -0.5"), "the weight of mode 2 is -0.5"),
-        (mode("weight = nan"), "the weight of mode 2"),
-        (mode("weight = 1, wavelength_nm = 560"), "a wavelength of 560.0 nm is more than 2 %"),
-        (mode("weight = 1, wavelength_nm = -1"), "a wavelength of -1.0 nm"),
+        ("[source.green]\nmodes = [{ weight = 0 }]\n".to_owned(), "display-file/source-without-light"),
+        (mode("weight = -0.5"), "display-file/range"),
+        (mode("weight = nan"), "display-file/range"),
+        (mode("weight = 1, wavelength_nm = 560"), "display-file/line-width"),
+        (mode("weight = 1, wavelength_nm = -1"), "display-file/line-width"),
         // 520 nm over 2 x 8 um.
-        (
-            mode("weight = 1, angle_mrad = [0, 33]"),
-            "an angle of 33.00 mrad is beyond what the SLM diffracts to, 32.50 mrad",
-        ),
-        (mode("weight = 1, power = 2"), "power"),
-        ("[source.blue]\nkind = \"led\"\n".into(), "[source.blue]: wavelengths_nm has no such colour"),
-        ("[source.all]\nkind = \"sun\"\n".into(), "sun"),
-        ("[source.all]\nimage_mm = -1\n".into(), "image_mm is -1"),
-        ("[source.all]\nimage_mm = 40\n".into(), "beyond what the SLM diffracts to"),
-        ("[source.all]\nimage_mm = 1\nangle_mrad = 1\n".into(), "give one of them"),
-        ("[source.all]\nlinewidth_nm = 60\n".into(), "more than 2 %"),
-        ("[source.all]\nkind = \"led\"\nsamples = 9\n".into(), "samples is 9"),
+        (mode("weight = 1, angle_mrad = [0, 33]"), "display-file/source-angle"),
+        (mode("weight = 1, power = 2"), "display-file/toml"),
+        ("[source.blue]\nkind = \"led\"\n".into(), "display-file/no-such-color"),
+        ("[source.all]\nkind = \"sun\"\n".into(), "display-file/toml"),
+        ("[source.all]\nimage_mm = -1\n".into(), "display-file/range"),
+        ("[source.all]\nimage_mm = 40\n".into(), "display-file/source-angle"),
+        ("[source.all]\nimage_mm = 1\nangle_mrad = 1\n".into(), "display-file/source-place-twice"),
+        ("[source.all]\nlinewidth_nm = 60\n".into(), "display-file/line-width"),
+        ("[source.all]\nkind = \"led\"\nsamples = 9\n".into(), "display-file/range"),
     ];
     for (text, says) in cases {
-        let said = refused(&text);
-        assert!(said.contains(says), "{said}");
+        let error = refused(&text);
+        assert_eq!(ErrorData::of(&error).code, says, "{error}");
     }
     let far = "geometry = \"far-field\"\n[source.all]\nkind = \"led\"\n";
-    assert!(refused(far).contains("behind a relay"));
+    assert_eq!(ErrorData::of(&refused(far)).code, "display-file/source-without-relay");
 }
 
 /// A source image of 2 x 2 mm leaves speckle through 4 mm a contrast of 0.64 (OPTICS 12).

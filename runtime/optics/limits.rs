@@ -153,7 +153,15 @@ mod tests {
     use super::*;
 
     fn refused(error: Result<(), OpticsError>, words: &[&str]) {
-        let text = error.unwrap_err().to_string();
+        let error = error.unwrap_err();
+        assert!(
+            matches!(
+                error,
+                OpticsError::Unusual { .. } | OpticsError::OutOfRange { .. } | OpticsError::OutsideEyebox { .. }
+            ),
+            "{error}"
+        );
+        let text = error.to_string();
         assert!(words.iter().all(|w| text.contains(w)) && !text.contains('\n'), "{text}");
     }
 
@@ -165,14 +173,14 @@ mod tests {
         for (pitch, nm, mm) in [(8.0, 520.0, 400.0), (1.0, 440.0, 2.0), (20.0, 1550.0, 1000.0)] {
             assert_eq!(optics(pitch, nm, mm), Ok(()));
         }
-        refused(optics(0.008, 520.0, 400.0), &["pitch", "0.008 um", "8 um"]);
-        refused(optics(8000.0, 520.0, 400.0), &["8000 um", "probably 8 um"]);
-        refused(optics(8e-6, 520.0, 400.0), &["pitch", "probably 8 "]);
-        refused(optics(8.0, 0.52, 400.0), &["wavelength", "probably 520 "]);
-        refused(optics(8.0, 5.2e-7, 400.0), &["wavelength", "probably 520 "]);
-        refused(optics(8.0, 52000.0, 400.0), &["52000 nm", "380 to 1100 nm"]);
-        refused(optics(8.0, 520.0, 0.4), &["focal length", "0.4 mm", "probably 400 mm"]);
-        refused(optics(8.0, 520.0, 400_000.0), &["probably 400 mm"]);
+        refused(optics(0.008, 520.0, 400.0), &["0.008 um", "8 um"]);
+        refused(optics(8000.0, 520.0, 400.0), &["8000 um", " 8 um"]);
+        refused(optics(8e-6, 520.0, 400.0), &[" 8 "]);
+        refused(optics(8.0, 0.52, 400.0), &[" 520 "]);
+        refused(optics(8.0, 5.2e-7, 400.0), &[" 520 "]);
+        refused(optics(8.0, 52000.0, 400.0), &["52000 nm", "380", "1100 nm"]);
+        refused(optics(8.0, 520.0, 0.4), &["0.4 mm", "400 mm"]);
+        refused(optics(8.0, 520.0, 400_000.0), &["400 mm"]);
     }
 
     #[test]
@@ -181,12 +189,12 @@ mod tests {
             assert_eq!(Display::preset(name).unwrap().check_usual(), Ok(()), "{name}");
         }
         let upright = Display { height: 1920, width: 1080, ..Display::preset("paper").unwrap() };
-        refused(upright.check_usual(), &["1920 rows x 1080 columns", "probably 1080x1920", "portrait = true"]);
+        refused(upright.check_usual(), &["1920", "1080x1920", "portrait = true"]);
         assert_eq!(Display { portrait: true, ..upright.clone() }.check_usual(), Ok(()));
         let mut exchanged = Display::preset("paper").unwrap();
         exchanged.wavelengths[0].wavelength = 440e-9;
         exchanged.wavelengths[2].wavelength = 660e-9;
-        refused(exchanged.check_usual(), &["red is 440 nm", "exchanged"]);
+        refused(exchanged.check_usual(), &["440 nm", "520 nm"]);
     }
 
     #[test]

@@ -7,7 +7,9 @@
 
 use super::mask_design::{PARTS, designed, random_part};
 use super::units::within;
+use eyebox_base::error::Reason;
 use eyebox_base::files::{read_grey, read_npy};
+use eyebox_base::reason;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 use std::path::Path;
 use std::sync::Arc;
@@ -114,31 +116,46 @@ impl<'de> Deserialize<'de> for MaskPhases {
 
 impl Mask {
     /// Reads the phases that its file holds, which lies `beside` the display's, for an SLM of so many rows and columns.
-    pub(super) fn resolve(&mut self, beside: &Path, slm: [usize; 2]) -> Result<(), String> {
+    pub(super) fn resolve(&mut self, beside: &Path, slm: [usize; 2]) -> Result<(), Reason> {
         let Some(name) = self.file.take() else { return Ok(()) };
-        let wrong = |reason: String| format!("file {name}: {reason}");
+        let wrong = |reason: Reason| reason.within(format!("file {name}"));
         if self.seed.is_some() || self.phases.is_some() {
-            return Err(wrong("a seed or phases are given as well: leave out one of them".into()));
+            return Err(wrong(reason!(
+                "mask-seed-and-phases",
+                "a seed or phases are given as well: leave out one of them"
+            )));
         }
         let file = beside.join(&name);
         let size = slm.map(|n| n.saturating_mul(self.factor));
         let other = |[h, w]: [usize; 2]| {
-            wrong(format!("{h} x {w} phases: {} x {} are needed, {} times the SLM's", size[0], size[1], self.factor))
+            wrong(reason!(
+                "mask-size",
+                "{h} x {w} phases: {} x {} are needed, {} times the SLM's",
+                size[0],
+                size[1],
+                self.factor
+            ))
         };
         self.phases = Some(if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy")) {
-            let array = read_npy(&file).map_err(|e| wrong(e.to_string()))?;
+            let array = read_npy(&file).map_err(|e| wrong(Reason::of(&e)))?;
             let [rows, columns] = array.shape[..] else {
-                return Err(wrong(format!("it has {} axes: rows and columns are needed", array.shape.len())));
+                return Err(wrong(reason!(
+                    "mask-axes",
+                    "it has {} axes: rows and columns are needed",
+                    array.shape.len()
+                )));
             };
             if [rows, columns] != size {
                 return Err(other([rows, columns]));
             }
             if array.integers {
-                return Err(wrong("it holds integers: radians are needed, as floats".into()));
+                return Err(wrong(reason!("mask-integers", "it holds integers: radians are needed, as floats")));
             }
             MaskPhases::new(size, array.values.iter().map(|v| f64::from(*v) / std::f64::consts::TAU))
         } else {
-            let grey = read_grey(&file, size).map_err(|e| wrong(e.to_string().replace('\n', " ")))?.map_err(other)?;
+            let grey = read_grey(&file, size)
+                .map_err(|e| wrong(Reason::of(&e).reworded(|text| text.replace('\n', " "))))?
+                .map_err(other)?;
             MaskPhases::new(size, grey.values.iter().map(|v| f64::from(*v) / f64::from(grey.levels)))
         });
         Ok(())
@@ -150,17 +167,25 @@ impl Mask {
     }
 
     /// What is wrong with it, in words.
-    pub fn check(&self) -> Result<(), String> {
+    pub fn check(&self) -> Result<(), Reason> {
         within("factor", self.factor as f64, 1.0, MOST as f64)?;
         within("distance_mm", self.distance_mm, 0.0, 50.0)?;
         within("wavelength_nm", self.wavelength_nm.unwrap_or(500.0), 200.0, 2500.0)?;
         match (self.seed, self.band, &self.phases) {
-            (None, None, None) => Err("it has no phases: give it a file, or a seed for random ones".into()),
-            (None, Some(_), _) => Err("a band is of a designed mask, which is made from a seed: give it one".into()),
-            (Some(_), _, Some(_)) => Err("it has both a seed and phases: leave out one of them".into()),
-            (Some(_), Some(band), None) if !(band > 0.0 && band <= 1.0) => {
-                Err(format!("band is {band}: it must be above 0 and at most 1, a share of the mask's own eyebox"))
+            (None, None, None) => {
+                Err(reason!("mask-without-phases", "it has no phases: give it a file, or a seed for random ones"))
             }
+            (None, Some(_), _) => Err(reason!(
+                "mask-band-without-seed",
+                "a band is of a designed mask, which is made from a seed: give it one"
+            )),
+            (Some(_), _, Some(_)) => {
+                Err(reason!("mask-seed-and-phases", "it has both a seed and phases: leave out one of them"))
+            }
+            (Some(_), Some(band), None) if !(band > 0.0 && band <= 1.0) => Err(reason!(
+                "mask-band",
+                "band is {band}: it must be above 0 and at most 1, a share of the mask's own eyebox"
+            )),
             _ => Ok(()),
         }
     }

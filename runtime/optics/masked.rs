@@ -1,6 +1,8 @@
 //! A display with a static mask in front of its SLM (OPTICS 12).
 
 use super::{Display, Geometry, Mask};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 
 impl Display {
     /// Pixels of its mask along an axis of an SLM pixel; 1 without a mask.
@@ -12,7 +14,7 @@ impl Display {
     ///
     /// # Errors
     /// What of it does not go with the mask, in words.
-    pub fn with_mask(&self, mask: Option<Mask>) -> Result<Self, String> {
+    pub fn with_mask(&self, mask: Option<Mask>) -> Result<Self, Reason> {
         let display = Self { mask, ..self.clone() };
         display.check_mask()?;
         Ok(display)
@@ -26,25 +28,29 @@ impl Display {
     }
 
     /// What is wrong with its mask on this display, in words.
-    pub(super) fn check_mask(&self) -> Result<(), String> {
+    pub(super) fn check_mask(&self) -> Result<(), Reason> {
         let Some(mask) = &self.mask else { return Ok(()) };
         mask.check()?;
         if self.geometry == Geometry::FarField {
-            return Err("a mask is for an SLM behind a relay: leave it out".into());
+            return Err(reason!("mask-without-relay", "a mask is for an SLM behind a relay: leave it out"));
         }
         let largest = self.height.max(self.width) * mask.factor;
         if largest > 65536 {
-            return Err(format!("{largest} of its pixels along an axis: at most 65536 are taken"));
+            return Err(reason!("mask-pixels", "{largest} of its pixels along an axis: at most 65536 are taken"));
         }
         for color in self.wavelengths.iter().map(|w| w.color) {
             if self.model(color).subpixels > 1 {
-                return Err(format!(
+                return Err(reason!(
+                    "mask-and-subpixels",
                     "[model] has subpixels in {color}, which the mask's pixels stand for: leave them out"
                 ));
             }
             if mask.distance_mm > 0.0 && self.modes(color).iter().any(|mode| mode.angle != [0.0; 2]) {
                 let why = "a source off the axis lights a mask at a distance from elsewhere";
-                return Err(format!("{why}: give the mask no distance_mm, or {color} no source off the axis"));
+                return Err(reason!(
+                    "mask-and-source",
+                    "{why}: give the mask no distance_mm, or {color} no source off the axis"
+                ));
             }
         }
         Ok(())

@@ -1,6 +1,8 @@
 //! The display as it is: what a real SLM and relay do to the light, one model a colour (OPTICS 10).
 
 use super::Color;
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -131,10 +133,10 @@ impl DisplayModel {
     }
 
     /// What is wrong with it, in words.
-    pub(super) fn check(&self) -> Result<(), String> {
+    pub(super) fn check(&self) -> Result<(), Reason> {
         let within = |name: &str, values: &[f64], low: f64, high: f64| {
             let wrong = values.iter().find(|v| !(low..=high).contains(*v));
-            wrong.map_or(Ok(()), |v| Err(format!("{name} has {v}: it must be {low} to {high}")))
+            wrong.map_or(Ok(()), |v| Err(reason!("model-range", "{name} has {v}: it must be {low} to {high}")))
         };
         within("level", self.level.as_flattened(), 0.2, 3.0)?;
         within("bend", &self.bend, -1.0, 1.0)?;
@@ -147,7 +149,11 @@ impl DisplayModel {
         within("fill", &[self.fill], 0.0, 1.0)?;
         within("source", &self.source, -5.0, 5.0)?;
         if self.undiffracted.len() > WAVES {
-            return Err(format!("undiffracted has {} waves: at most {WAVES} are known", self.undiffracted.len()));
+            return Err(reason!(
+                "undiffracted-waves",
+                "undiffracted has {} waves: at most {WAVES} are known",
+                self.undiffracted.len()
+            ));
         }
         for wave in &self.undiffracted {
             within("undiffracted's amplitude", &wave[..2], -0.7, 0.7)?;
@@ -156,7 +162,8 @@ impl DisplayModel {
         within("undiffracted's share of the light", &[self.undiffracted_light()], 0.0, 0.98)?;
         for (j, waves) in &self.wavefront {
             if *j > 65 {
-                return Err(format!(
+                return Err(reason!(
+                    "polynomial",
                     "wavefront names polynomial {j}: the ANSI index must be 0 to 65 (the tenth order)"
                 ));
             }
@@ -405,24 +412,30 @@ pub(super) fn of_color(sections: &ModelSections, color: Color) -> DisplayModel {
 }
 
 /// What is wrong with the sections of a file that is of these colours, in words.
-pub(super) fn check(sections: &ModelSections, colors: &[Color]) -> Result<(), String> {
+pub(super) fn check(sections: &ModelSections, colors: &[Color]) -> Result<(), Reason> {
     for (of, terms) in sections {
         let name = toml::Value::try_from(of).map_or_else(|_| String::new(), |v| v.as_str().unwrap_or_default().into());
-        let wrong = |reason: String| format!("[model.{name}]: {reason}");
+        let wrong = |reason: Reason| reason.within(format!("[model.{name}]"));
         if *of == ModelOf::All && !terms.wavefront.is_empty() {
-            return Err(wrong("wavefront is in waves of one colour: give it under that colour".into()));
+            return Err(wrong(reason!(
+                "wavefront-of-all-colors",
+                "wavefront is in waves of one colour: give it under that colour"
+            )));
         }
         if *of != ModelOf::All && !colors.iter().any(|c| ModelOf::from(*c) == *of) {
-            return Err(wrong("wavelengths_nm has no such colour".into()));
+            return Err(wrong(reason!("no-such-color", "wavelengths_nm has no such colour")));
         }
         if terms.errors.as_ref().is_some_and(|errors| errors.errors.is_some()) {
-            return Err(wrong("errors have no errors of their own".into()));
+            return Err(wrong(reason!("errors-of-errors", "errors have no errors of their own")));
         }
         if let Some(celsius) = terms.temperature_c.filter(|c| !(-100.0..=200.0).contains(c)) {
-            return Err(wrong(format!("temperature_c has {celsius}: it must be -100 to 200 degrees Celsius")));
+            return Err(wrong(reason!(
+                "temperature",
+                "temperature_c has {celsius}: it must be -100 to 200 degrees Celsius"
+            )));
         }
         if let Some(share) = terms.unexplained.filter(|share| !(0.0..=1.0).contains(share)) {
-            return Err(wrong(format!("unexplained has {share}: it must be 0 to 1")));
+            return Err(wrong(reason!("unexplained", "unexplained has {share}: it must be 0 to 1")));
         }
         let mut model = DisplayModel::default();
         terms.apply(&mut model);

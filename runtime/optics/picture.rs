@@ -2,6 +2,8 @@
 
 use super::Color;
 use super::linear::least_squares;
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
 
 /// `[picture]` of a display file: where a camera saw each colour's picture. Places run from -1 to 1 across the widths of the
@@ -175,14 +177,19 @@ impl Picture {
     ///
     /// # Errors
     /// The reason.
-    pub fn check(&self, [rows, columns]: [usize; 2]) -> Result<(), String> {
+    pub fn check(&self, [rows, columns]: [usize; 2]) -> Result<(), Reason> {
         for color in [Color::Red, Color::Green, Color::Blue] {
             let Some(seen) = self.seen(color) else { continue };
             let numbers = seen.homography.iter().chain(&seen.distortion);
             if !numbers.clone().all(|v| v.is_finite() && v.abs() <= 100.0) {
-                return Err(format!("[picture.{color}] has a number beyond 100"));
+                return Err(reason!("picture-range", "[picture.{color}] has a number beyond 100"));
             }
-            let odd = || Err(format!("[picture.{color}] folds the picture: its map must take every place to another"));
+            let odd = || {
+                Err(reason!(
+                    "picture-folds",
+                    "[picture.{color}] folds the picture: its map must take every place to another"
+                ))
+            };
             let Some(map) = self.map(color, [rows, columns]) else { return odd() };
             // Whether the way back is that of the way forth, and areas keep their sign, over the picture.
             let mut sign = 0.0;
@@ -199,7 +206,8 @@ impl Picture {
             }
             let moved = 2.0 * self.farthest(color, [rows, columns]) / columns as f64;
             if moved > 0.5 {
-                return Err(format!(
+                return Err(reason!(
+                    "picture-moves",
                     "[picture.{color}] moves the picture by {moved:.2} of half its width: at most 0.5"
                 ));
             }
@@ -275,6 +283,6 @@ mod tests {
         let moved = map.forth([1.0, 1.0]);
         assert!((moved[0] - 1.0).hypot(moved[1] - 1.0) > 0.02, "{moved:?}");
         let folded = Some(Seen { homography: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], distortion: [-1.0, 0.0] });
-        assert!(Picture { green: folded, ..Picture::default() }.check([40, 40]).unwrap_err().contains("folds"));
+        assert!(Picture { green: folded, ..Picture::default() }.check([40, 40]).unwrap_err().code() == "picture-folds");
     }
 }

@@ -2,7 +2,9 @@
 
 use super::units::within;
 use super::{Optics, OpticsError, Pupil};
+use eyebox_base::error::Reason;
 use eyebox_base::files::read;
+use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -54,8 +56,8 @@ impl Prescription {
     /// # Errors
     /// [`OpticsError::Prescription`].
     pub fn load(path: &Path) -> Result<Self, OpticsError> {
-        let wrong = |reason: String| OpticsError::Prescription { reason: format!("{}: {reason}", path.display()) };
-        let text = read::text(path, read::TEXT).map_err(|e| wrong(e.to_string()))?;
+        let wrong = |reason: Reason| OpticsError::Prescription { reason: reason.within(format!("{}", path.display())) };
+        let text = read::text(path, read::TEXT).map_err(|e| wrong(e.to_string().into()))?;
         let given: Self = read::toml(&text).map_err(wrong)?;
         given.check().map_err(wrong)?;
         Ok(given)
@@ -65,14 +67,15 @@ impl Prescription {
     ///
     /// # Errors
     /// The reason.
-    pub fn check(&self) -> Result<(), String> {
+    pub fn check(&self) -> Result<(), Reason> {
         within("the sphere in dioptres", self.sphere, -40.0, 40.0)?;
         within("the cylinder in dioptres", self.cylinder, -20.0, 20.0)?;
         within("the axis in degrees", self.axis_deg, 0.0, 180.0)?;
         within("vertex_mm, the distance of the spectacles,", self.vertex_mm, 0.0, 30.0)?;
         for (j, um) in &self.zernikes_um {
             if !(3..=LARGEST_INDEX).contains(j) {
-                return Err(format!(
+                return Err(reason!(
+                    "polynomial",
                     "zernikes_um names polynomial {j}: the ANSI index must be 3 to {LARGEST_INDEX} (piston and tilt are no \
                      errors of sight; the sixth order is the last that is read)"
                 ));
@@ -80,8 +83,11 @@ impl Prescription {
             within("zernikes_um in micrometres", *um, -100.0, 100.0)?;
         }
         match (self.zernikes_um.is_empty(), self.measured_mm == 0.0) {
-            (false, true) => Err("zernikes_um needs measured_mm, the diameter of the pupil that was measured".into()),
-            (true, false) => Err("measured_mm needs zernikes_um".into()),
+            (false, true) => Err(reason!(
+                "zernikes-without-diameter",
+                "zernikes_um needs measured_mm, the diameter of the pupil that was measured"
+            )),
+            (true, false) => Err(reason!("diameter-without-zernikes", "measured_mm needs zernikes_um")),
             (true, true) => Ok(()),
             (false, false) => within("measured_mm", self.measured_mm, 1.0, 12.0),
         }

@@ -111,7 +111,7 @@ impl Display {
         let text = read::text(Path::new(name), read::TEXT).map_err(|e| OpticsError::UnknownDisplay {
             name: name.into(),
             presets: PRESETS.join(", "),
-            reason: e.to_string(),
+            reason: e.to_string().into(),
         })?;
         let mut display = Self::from_toml(&text, name)?;
         display.file = Some(FileRecord::of_text(Path::new(name), &text));
@@ -201,7 +201,8 @@ mod tests {
 
     #[test]
     fn a_display_that_is_none_is_told_the_presets() {
-        assert!(Display::load("no-such-display").unwrap_err().to_string().contains("paper"));
+        let error = Display::load("no-such-display").unwrap_err();
+        assert!(matches!(&error, OpticsError::UnknownDisplay { presets, .. } if presets.contains("paper")), "{error}");
     }
 
     #[test]

@@ -6,6 +6,8 @@
 use super::quadrature::{self, MOST};
 use super::units::within;
 use super::{ModelOf, Optics, Pupil};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -241,9 +243,12 @@ impl SourceTerms {
     }
 
     /// What is wrong with it at a colour of these optics, in words.
-    pub(super) fn check(&self, optics: &Optics) -> Result<(), String> {
+    pub(super) fn check(&self, optics: &Optics) -> Result<(), Reason> {
         if self.image_mm.is_some() && self.angle_mrad.is_some() {
-            return Err("image_mm and angle_mrad say the same of a source: give one of them".into());
+            return Err(reason!(
+                "source-place-twice",
+                "image_mm and angle_mrad say the same of a source: give one of them"
+            ));
         }
         within("image_mm", self.image_mm.unwrap_or(0.0), 0.0, 100.0)?;
         within("angle_mrad", self.angle_mrad.unwrap_or(0.0), 0.0, 1000.0)?;
@@ -257,10 +262,10 @@ impl SourceTerms {
             within(&name("angle_mrad"), mode.angle_mrad[1], -1000.0, 1000.0)?;
         }
         if !self.modes.is_empty() && self.modes.iter().all(|mode| mode.weight == 0.0) {
-            return Err("no mode has any light: one weight must be above 0".into());
+            return Err(reason!("source-without-light", "no mode has any light: one weight must be above 0"));
         }
         if self.modes.len() > 256 {
-            return Err(format!("{} modes: at most 256 are taken", self.modes.len()));
+            return Err(reason!("source-modes", "{} modes: at most 256 are taken", self.modes.len()));
         }
         let nm = optics.wavelength * 1e9;
         // As many samples as there may be reach farthest.
@@ -268,7 +273,8 @@ impl SourceTerms {
         let reach = 0.5 * optics.wavelength / optics.pitch;
         for mode in widest.modes(optics.wavelength, optics.focal_length) {
             if (mode.wavelength / optics.wavelength - 1.0).abs() > NEAR {
-                return Err(format!(
+                return Err(reason!(
+                    "line-width",
                     "a wavelength of {:.1} nm is more than {:.0} % from the colour's {nm:.1} nm: the SLM's phase would \
                      change over the line",
                     mode.wavelength * 1e9,
@@ -276,7 +282,8 @@ impl SourceTerms {
                 ));
             }
             if let Some(angle) = mode.angle.into_iter().find(|t| t.abs() > reach) {
-                return Err(format!(
+                return Err(reason!(
+                    "source-angle",
                     "an angle of {:.2} mrad is beyond what the SLM diffracts to, {:.2} mrad at {nm:.0} nm",
                     angle * 1e3,
                     reach * 1e3

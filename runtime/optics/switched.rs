@@ -3,6 +3,8 @@
 
 use super::units::within;
 use super::{Color, SourceMode};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -189,26 +191,37 @@ impl Sources {
     }
 
     /// What is wrong with them on a display of these colours, in words.
-    pub(super) fn check(&self, colors: &[Color], focal_length: f64) -> Result<(), String> {
+    pub(super) fn check(&self, colors: &[Color], focal_length: f64) -> Result<(), Reason> {
         if self.each.is_empty() {
             let unlit = "sources_lit says which sources are lit, and there is none: give [[sources]]";
-            return if self.lit == SourcesLit::InTurn { Ok(()) } else { Err(unlit.into()) };
+            return if self.lit == SourcesLit::InTurn {
+                Ok(())
+            } else {
+                Err(Reason::new("lit-without-sources", unlit))
+            };
         }
         if self.each.len() > MOST {
-            return Err(format!("{} sources: at most {MOST} are taken", self.each.len()));
+            return Err(reason!("sources-count", "{} sources: at most {MOST} are taken", self.each.len()));
         }
         for (i, source) in self.each.iter().enumerate() {
-            self.check_one(i, colors, focal_length).map_err(|reason| format!("[[sources]] {}: {reason}", i + 1))?;
+            self.check_one(i, colors, focal_length)
+                .map_err(|reason| reason.within(format!("[[sources]] {}", i + 1)))?;
             let alike = |other: &&SwitchedSource| {
                 let shared = colors.iter().any(|color| source.has(*color) && other.has(*color));
                 shared && source.angle(focal_length) == other.angle(focal_length)
             };
             if let Some(j) = self.each[..i].iter().position(|other| alike(&other)) {
-                return Err(format!("[[sources]] {}: it stands where source {} stands", i + 1, j + 1));
+                return Err(reason!(
+                    "sources-same-place",
+                    "[[sources]] {}: it stands where source {} stands",
+                    i + 1,
+                    j + 1
+                ));
             }
         }
         if let Some(dark) = colors.iter().find(|color| self.of(**color).is_empty()) {
-            return Err(format!(
+            return Err(reason!(
+                "sources-without-color",
                 "[[sources]]: none has any {dark} light: one of that colour must have a power above 0"
             ));
         }
@@ -220,22 +233,31 @@ impl Sources {
         if let SourcesLit::Only(chosen) = &self.lit {
             let known = |number: &usize| (1..=self.each.len()).contains(number);
             if let Some(other) = chosen.values().flatten().find(|number| !known(number)) {
-                return Err(format!("sources_lit names source {other}: there are {}", self.each.len()));
+                return Err(reason!("lit-source", "sources_lit names source {other}: there are {}", self.each.len()));
             }
             if let Some(dark) = colors.iter().find(|color| self.lit(**color, focal_length).is_empty()) {
-                return Err(format!("sources_lit lights no source of {dark}: it must name one that has that colour"));
+                return Err(reason!(
+                    "lit-color",
+                    "sources_lit lights no source of {dark}: it must name one that has that colour"
+                ));
             }
         }
         match colors.iter().filter(|_| self.lit != SourcesLit::InTurn).find_map(together) {
-            Some([a, b]) => Err(format!("sources_lit lights {a} and {b} together, which their `with` does not allow")),
+            Some([a, b]) => Err(reason!(
+                "lit-together",
+                "sources_lit lights {a} and {b} together, which their `with` does not allow"
+            )),
             None => self.check_times(colors, focal_length),
         }
     }
 
-    fn check_one(&self, at: usize, colors: &[Color], focal_length: f64) -> Result<(), String> {
+    fn check_one(&self, at: usize, colors: &[Color], focal_length: f64) -> Result<(), Reason> {
         let SwitchedSource { angle_mrad, eyebox_mm, power, switching_us, with, .. } = &self.each[at];
         if angle_mrad.is_some() && eyebox_mm.is_some() {
-            return Err("angle_mrad and eyebox_mm say the same of a source: give one of them".into());
+            return Err(reason!(
+                "source-place-twice",
+                "angle_mrad and eyebox_mm say the same of a source: give one of them"
+            ));
         }
         within("power", *power, 0.0, 1e6)?;
         within("switching_us", *switching_us, 0.0, 1e6)?;
@@ -244,16 +266,17 @@ impl Sources {
         }
         let angle = self.each[at].angle(focal_length).map(|t| t * 1e3);
         if let Some(beyond) = angle.into_iter().find(|mrad| mrad.abs() > STEEPEST_MRAD) {
-            return Err(format!(
+            return Err(reason!(
+                "source-angle",
                 "an angle of {beyond:.1} mrad is beyond what lights an SLM, {STEEPEST_MRAD:.0} mrad (30 degrees)"
             ));
         }
         if let Some(other) = self.each[at].colors.iter().find(|color| !colors.contains(color)) {
-            return Err(format!("wavelengths_nm has no {other}"));
+            return Err(reason!("no-such-color", "wavelengths_nm has no {other}"));
         }
         let count = self.each.len();
         match with.iter().flatten().find(|number| !(1..=count).contains(*number)) {
-            Some(number) => Err(format!("with names source {number}: there are {count}")),
+            Some(number) => Err(reason!("source-number", "with names source {number}: there are {count}")),
             None => Ok(()),
         }
     }

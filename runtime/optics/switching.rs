@@ -1,6 +1,8 @@
 //! The time that switchable sources take to be switched, out of the light of the sub-frames (OPTICS 12).
 
 use super::{Color, Display, Encoding, Packing, SourceMode, Sources, SourcesLit, Wavelength};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 
 /// Video frames a second of a display whose file names no rate.
 pub const USUAL_RATE_HZ: f64 = 60.0;
@@ -66,12 +68,13 @@ impl Sources {
     }
 
     /// Refuses sources that take turns and are switched for longer than a sub-frame is shown, in words.
-    pub(super) fn check_times(&self, colors: &[Color], focal_length: f64) -> Result<(), String> {
+    pub(super) fn check_times(&self, colors: &[Color], focal_length: f64) -> Result<(), Reason> {
         let Some(sub_frame) = self.sub_frame_us else { return Ok(()) };
         for color in colors {
             let shares = self.lit_shares(*color, focal_length);
             if let Some((source, share)) = self.lit(*color, focal_length).iter().zip(shares).find(|(_, s)| *s <= 0.0) {
-                return Err(format!(
+                return Err(reason!(
+                    "switching-times",
                     "[[sources]] {}: its {color} sub-frames begin with {:.0} us in which sources are switched, and last \
                      {sub_frame:.0} us: give a switching_us below that, a display of longer sub-frames, or sources_lit = \
                      \"together\" or \"steered\"",
@@ -96,8 +99,10 @@ pub fn mean_light(modes: &[SourceMode]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::OpticsError;
+    use eyebox_base::error::ErrorData;
 
-    fn display(lit: &str, each: [f64; 3], rest: &str) -> Result<Display, String> {
+    fn display(lit: &str, each: [f64; 3], rest: &str) -> Result<Display, OpticsError> {
         let sources = each
             .iter()
             .enumerate()
@@ -107,7 +112,7 @@ mod tests {
              wavelengths_nm = {{ green = 520 }}\n{}[encoding]\npacking = \"planes24\"\n{rest}",
             sources.collect::<String>()
         );
-        Display::from_toml(&text, "b.toml").map_err(|error| error.to_string())
+        Display::from_toml(&text, "b.toml")
     }
 
     #[test]
@@ -139,8 +144,9 @@ mod tests {
     #[test]
     fn sources_slower_than_a_sub_frame_take_no_turns() {
         let refused = display("in-turn", [0.0, 900.0, 0.0], "").unwrap_err();
-        assert!(refused.contains("[[sources]] 2: its green sub-frames begin with 900 us"), "{refused}");
-        assert!(refused.contains("last 833 us") && !refused.contains('\n'), "{refused}");
+        assert_eq!(ErrorData::of(&refused).code, "display-file/switching-times");
+        let line = refused.to_string();
+        assert!(["[[sources]] 2", "900 us", "833 us"].iter().all(|part| line.contains(part)), "{line}");
         assert!(display("steered", [0.0, 900.0, 0.0], "").is_ok());
     }
 

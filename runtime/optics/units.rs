@@ -1,6 +1,8 @@
 //! Lengths in the unit that people took for another.
 
 use super::OpticsError;
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 
 /// A quantity: what it is usually, and what is taken without asking, in its unit.
 pub(super) struct Usual {
@@ -61,6 +63,10 @@ pub(super) fn guess(what: &str, value: f64) -> String {
 }
 
 /// Refuses a number of a file that is out of its range; `name` says what it is, with its unit.
-pub(super) fn within(name: &str, value: f64, low: f64, high: f64) -> Result<(), String> {
-    if (low..=high).contains(&value) { Ok(()) } else { Err(format!("{name} is {value}: it must be {low} to {high}")) }
+pub(super) fn within(name: &str, value: f64, low: f64, high: f64) -> Result<(), Reason> {
+    if (low..=high).contains(&value) {
+        Ok(())
+    } else {
+        Err(reason!("range", "{name} is {value}: it must be {low} to {high}"))
+    }
 }

@@ -2,6 +2,7 @@
 
 use super::OpticsError;
 use super::units::within;
+use eyebox_base::error::Reason;
 use serde::{Deserialize, Serialize};
 
 /// `[viewing]` of a display file. It changes no hologram, only how what is seen of one is judged.
@@ -55,7 +56,7 @@ impl Viewing {
     ///
     /// # Errors
     /// The reason.
-    pub fn check(&self) -> Result<(), String> {
+    pub fn check(&self) -> Result<(), Reason> {
         within("the luminance of white in cd/m2", self.luminance_cd_m2, 0.1, 10_000.0)?;
         within("the luminance of black in cd/m2", self.black_cd_m2, 0.0, self.luminance_cd_m2)?;
         self.pixels_per_degree.map_or(Ok(()), |n| within("the number of pixels a degree", n, 1.0, 10_000.0))
@@ -66,6 +67,7 @@ impl Viewing {
 mod tests {
     use super::*;
     use crate::Display;
+    use eyebox_base::error::ErrorData;
 
     const BENCH: &str =
         "resolution = [8, 8]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
@@ -87,14 +89,15 @@ mod tests {
     #[test]
     fn what_no_eye_sees_is_refused() {
         for (line, says) in [
-            ("luminance_cd_m2 = 0", "luminance of white"),
-            ("luminance_cd_m2 = nan", "luminance of white"),
-            ("black_cd_m2 = 300", "luminance of black"),
-            ("pixels_per_degree = -1", "pixels a degree"),
-            ("brightness = 3", "brightness"),
+            ("luminance_cd_m2 = 0", "display-file/range"),
+            ("luminance_cd_m2 = nan", "display-file/range"),
+            ("black_cd_m2 = 300", "display-file/range"),
+            ("pixels_per_degree = -1", "display-file/range"),
+            ("brightness = 3", "display-file/toml"),
         ] {
-            let said = Display::from_toml(&format!("{BENCH}[viewing]\n{line}\n"), "b.toml").unwrap_err().to_string();
-            assert!(said.contains("b.toml") && said.contains(says), "{said}");
+            let error = Display::from_toml(&format!("{BENCH}[viewing]\n{line}\n"), "b.toml").unwrap_err();
+            assert!(error.to_string().contains("b.toml"), "{error}");
+            assert_eq!(ErrorData::of(&error).code, says, "{error}");
         }
         assert!(Viewing::default().with(Some(-1.0), None, None).is_err());
     }

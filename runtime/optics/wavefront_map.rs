@@ -2,7 +2,9 @@
 
 use super::model::{ModelOf, ModelSections};
 use super::{Color, linear::least_squares, zernike};
+use eyebox_base::error::Reason;
 use eyebox_base::files::read_npy_with_gaps;
+use eyebox_base::reason;
 use std::path::Path;
 
 /// Polynomials that are fitted: all to the tenth order.
@@ -18,28 +20,35 @@ pub(super) fn resolve(
     sections: &mut ModelSections,
     beside: &Path,
     nm: impl Fn(Color) -> Option<f64>,
-) -> Result<(), String> {
+) -> Result<(), Reason> {
     for (of, terms) in sections {
         let Some(name) = terms.wavefront_map.take() else { continue };
-        let said = |reason: String| format!("wavefront_map {name}: {reason}");
-        let wrong = |reason: String| Err(said(reason));
+        let said = |reason: Reason| reason.within(format!("wavefront_map {name}"));
+        let wrong = |reason: Reason| Err(said(reason));
         let color = [Color::Red, Color::Green, Color::Blue].into_iter().find(|c| ModelOf::from(*c) == *of);
         let Some(nm) = color.and_then(&nm) else {
-            return wrong("a map is of one colour: give it under a colour of the display".into());
+            return wrong(reason!(
+                "map-of-all-colors",
+                "a map is of one colour: give it under a colour of the display"
+            ));
         };
         if !terms.wavefront.is_empty() {
-            return wrong("the section has a wavefront as well: leave out one of them".into());
+            return wrong(reason!("map-and-wavefront", "the section has a wavefront as well: leave out one of them"));
         }
         let map = read_npy_with_gaps(&beside.join(&name)).map_err(|e| e.to_string())?;
         let [rows, columns] = map.shape[..] else {
-            return wrong(format!("it has {} axes: rows and columns are needed", map.shape.len()));
+            return wrong(reason!("map-axes", "it has {} axes: rows and columns are needed", map.shape.len()));
         };
         if rows != columns || rows < 16 {
-            return wrong(format!("{rows} x {columns} values: it is a square of the eyebox, 16 x 16 or more"));
+            return wrong(reason!(
+                "map-size",
+                "{rows} x {columns} values: it is a square of the eyebox, 16 x 16 or more"
+            ));
         }
-        let (waves, left) = fit(&map.values, rows, 1e3 / nm).ok_or_else(|| said(FEW.into()))?;
+        let (waves, left) = fit(&map.values, rows, 1e3 / nm).ok_or_else(|| said(Reason::new("map-too-small", FEW)))?;
         if left > MOST_LEFT {
-            return wrong(format!(
+            return wrong(reason!(
+                "map-not-smooth",
                 "polynomials to the tenth order leave {left:.2} waves RMS of it, and {MOST_LEFT} at most are taken: is it in \
                  micrometres, and without jumps?"
             ));
@@ -77,6 +86,7 @@ fn fit(values: &[f32], n: usize, scale: f64) -> Option<([f64; COUNT], f64)> {
 #[cfg(test)]
 mod tests {
     use crate::{Color, Display};
+    use eyebox_base::error::ErrorData;
     use eyebox_base::files::write_npy;
 
     const BENCH: &str =
@@ -108,13 +118,16 @@ mod tests {
         // What is written is numbers.
         assert!(!display.to_toml().contains("wavefront_map"));
         for (section, says) in [
-            ("[model.green]\nwavefront_map = \"rough.npy\"\n", "waves RMS"),
-            ("[model.green]\nwavefront_map = \"none.npy\"\n", "none.npy"),
-            ("[model.all]\nwavefront_map = \"good.npy\"\n", "of one colour"),
-            ("[model.green]\nwavefront_map = \"good.npy\"\nwavefront = { 4 = 0.1 }\n", "leave out one"),
+            ("[model.green]\nwavefront_map = \"rough.npy\"\n", "display-file/map-not-smooth"),
+            ("[model.green]\nwavefront_map = \"none.npy\"\n", "display-file"),
+            ("[model.all]\nwavefront_map = \"good.npy\"\n", "display-file/map-of-all-colors"),
+            (
+                "[model.green]\nwavefront_map = \"good.npy\"\nwavefront = { 4 = 0.1 }\n",
+                "display-file/map-and-wavefront",
+            ),
         ] {
-            let error = load(section).unwrap_err().to_string();
-            assert!(error.contains(says), "{error}");
+            let error = load(section).unwrap_err();
+            assert_eq!(ErrorData::of(&error).code, says, "{error}");
         }
     }
 }

@@ -6,6 +6,7 @@
 
 use super::window::{OrdinaryWindow, Windows};
 use super::{Event, Interference, Monitor, PresentError, no_desktop, system};
+use eyebox_base::reason;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -138,7 +139,7 @@ impl Desktop {
             let text = e.to_string();
             let why = text.rsplit(".rs:").next().and_then(|t| t.split_once(": ")).map_or(text.as_str(), |(_, why)| why);
             let why = why.trim_end_matches([')', '.']);
-            no_desktop(format!("there is none to open a window on ({why}): {}", system::MISSING))
+            no_desktop(reason!("no-desktop", "there is none to open a window on ({why}): {}", system::MISSING))
         })?;
         system::survive(&event_loop);
         let mut desktop = Self { event_loop, handler: Handler::default() };
@@ -167,7 +168,7 @@ impl Desktop {
         let window = loop {
             self.pump()?;
             if let Some(failure) = self.handler.failure.take() {
-                return Err(no_desktop(format!("a window could not be opened ({failure})")));
+                return Err(no_desktop(reason!("window-not-opened", "a window could not be opened ({failure})")));
             }
             if let Some(window) = self.handler.window.clone() {
                 let is = [window.inner_size().height as usize, window.inner_size().width as usize];
@@ -175,14 +176,16 @@ impl Desktop {
                     break window;
                 }
                 if since.elapsed() > PATIENCE {
-                    return Err(no_desktop(format!(
+                    return Err(no_desktop(reason!(
+                        "window-not-opened",
                         "the window came up with {}x{} pixels on monitor {monitor}: nothing is scaled, so they must be equal",
-                        is[0], is[1]
+                        is[0],
+                        is[1]
                     )));
                 }
             }
             if self.handler.window.is_none() && since.elapsed() > PATIENCE {
-                return Err(no_desktop("a window was asked for and did not come".into()));
+                return Err(no_desktop(reason!("window-not-opened", "a window was asked for and did not come")));
             }
             std::thread::sleep(Duration::from_millis(5));
         };
@@ -206,10 +209,10 @@ impl Desktop {
             match self.handler.windows.made.take() {
                 Some(Ok(window)) => return Ok(window),
                 Some(Err(failure)) => {
-                    return Err(no_desktop(format!("a window could not be opened ({failure})")));
+                    return Err(no_desktop(reason!("window-not-opened", "a window could not be opened ({failure})")));
                 }
                 None if since.elapsed() > PATIENCE => {
-                    return Err(no_desktop("a window was asked for and did not come".into()));
+                    return Err(no_desktop(reason!("window-not-opened", "a window was asked for and did not come")));
                 }
                 None => {}
             }
@@ -221,7 +224,7 @@ impl Desktop {
     /// # Errors
     /// [`PresentError::Display`] when the desktop is gone.
     pub fn pump_for(&mut self, most: Duration) -> Result<(), PresentError> {
-        let gone = || no_desktop("the connection to it is gone: its server ended".into());
+        let gone = || no_desktop(reason!("server-gone", "the connection to it is gone: its server ended"));
         if system::is_gone() {
             return Err(gone());
         }
@@ -247,7 +250,7 @@ impl OnDesktop {
         }
         match &self.desktop.handler.lost {
             None => Ok(()),
-            Some(reason) => Err(PresentError::display("the window", reason)),
+            Some(reason) => Err(PresentError::display("the window", reason.clone())),
         }
     }
 
@@ -269,7 +272,7 @@ impl OnDesktop {
             && let Err(PresentError::Display { reason, .. }) = self.desktop.pump()
         {
             // What is shown next says so.
-            self.desktop.handler.lost.get_or_insert(reason);
+            self.desktop.handler.lost.get_or_insert(reason.to_string());
         }
         self.desktop.handler.events.pop_front()
     }

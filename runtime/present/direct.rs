@@ -21,7 +21,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 fn refused(reason: impl ToString) -> PresentError {
-    PresentError::display("direct display", reason)
+    PresentError::display("direct display", reason.to_string())
 }
 
 struct Handles {
@@ -56,7 +56,8 @@ impl DisplayPresenter {
         clock: RealClock,
     ) -> Result<Self, PresentError> {
         let all = Displays::of(&gpu.device.instance).map_err(refused)?;
-        let (index, mode) = choose(&all.found, wanted, size, rate).map_err(refused)?;
+        let (index, mode) =
+            choose(&all.found, wanted, size, rate).map_err(|r| PresentError::display("direct display", r))?;
         let found = all.found[index].clone();
         let rate = Rate::from_hz(f64::from(found.modes[mode].millihertz) / 1000.0).ok();
         let taken = all.acquire(index, mode).map_err(refused)?;

@@ -29,7 +29,7 @@ impl Desktop {
         // SAFETY: the window lives in the presenter, and the swapchain is dropped before it.
         #[allow(unsafe_code)]
         let swapchain = unsafe { Swapchain::open(gpu, handle, Policy::Exact(monitor.size)) }
-            .map_err(|e| PresentError::display("the window", e))?;
+            .map_err(|e| PresentError::display("the window", e.to_string()))?;
         let name = format!("a window on monitor {monitor}");
         Ok(DisplayPresenter { swapchain, name, rate: monitor.rate, clock, window: Some(on) })
     }
@@ -52,9 +52,11 @@ impl DisplayPresenter {
 
     fn explained(&mut self, done: Result<(), EngineError>) -> Result<(), PresentError> {
         let Err(error) = done else { return Ok(()) };
-        let Some(window) = &mut self.window else { return Err(PresentError::display("direct display", error)) };
+        let Some(window) = &mut self.window else {
+            return Err(PresentError::display("direct display", error.to_string()));
+        };
         window.explain()?;
-        Err(PresentError::display("the window", error))
+        Err(PresentError::display("the window", error.to_string()))
     }
 }
 

@@ -65,10 +65,12 @@ pub use swapchain::{Policy, Swapchain};
 pub use timing::PresentTiming;
 pub use window::{OrdinaryWindow, WindowEvent, WindowKey};
 
+use eyebox_base::error::Reason;
 use eyebox_base::files::FileError;
 
 /// What can go wrong between a video frame and its light.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error, serde::Serialize)]
+#[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum PresentError {
     /// A rate that cannot be.
@@ -86,16 +88,16 @@ pub enum PresentError {
         /// Which one.
         presenter: String,
         /// What is wrong, and what would be right.
-        reason: String,
+        reason: Reason,
     },
 }
 
 impl PresentError {
-    fn display(presenter: &str, reason: impl ToString) -> Self {
-        Self::Display { presenter: presenter.into(), reason: reason.to_string() }
+    fn display(presenter: &str, reason: impl Into<Reason>) -> Self {
+        Self::Display { presenter: presenter.into(), reason: reason.into() }
     }
 }
 
-fn no_desktop(reason: String) -> PresentError {
+fn no_desktop(reason: Reason) -> PresentError {
     PresentError::display("the desktop", reason)
 }

@@ -1,6 +1,8 @@
 //! Displays that no desktop drives, as a driver lists them, and which of them is meant, in which mode.
 
 use super::Rate;
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use std::fmt;
 
 /// A mode of a display.
@@ -43,32 +45,39 @@ pub(super) fn choose(
     wanted: Option<&str>,
     size: [usize; 2],
     rate: Option<Rate>,
-) -> Result<(usize, usize), String> {
+) -> Result<(usize, usize), Reason> {
     let [height, width] = size;
     let has = || list.iter().map(DirectDisplay::to_string).collect::<Vec<_>>().join(", ");
     if list.is_empty() {
-        return Err(
+        return Err(Reason::new(
+            "no-displays",
             "no driver here shows on a display by itself: it takes a graphics card with a display plugged in that \
-                    no desktop drives, or `output` window"
-                .into(),
-        );
+                    no desktop drives, or `output` window",
+        ));
     }
     let Some(text) = wanted else {
         let first = list.iter().find_map(|c| mode(&c.modes, size, rate).map(|m| (c.index, m)));
         return first.ok_or_else(|| {
             let at = rate.map(|r| format!(" at {r} Hz")).unwrap_or_default();
-            format!("no display has {height}x{width} pixels{at}, as the video frames have: there are {}", has())
+            reason!(
+                "no-display-fits",
+                "no display has {height}x{width} pixels{at}, as the video frames have: there are {}",
+                has()
+            )
         });
     };
     let found = (text.parse::<usize>().ok().and_then(|i| list.get(i)))
         .or_else(|| list.iter().find(|c| c.name == text))
         .or_else(|| list.iter().find(|c| c.monitor.as_deref() == Some(text)))
-        .ok_or_else(|| format!("no display is called '{text}': there are {}", has()))?;
+        .ok_or_else(|| reason!("no-such-display", "no display is called '{text}': there are {}", has()))?;
     mode(&found.modes, size, rate).map(|m| (found.index, m)).ok_or_else(|| {
         let modes = |m: &DirectMode| format!("{}x{} at {:.3} Hz", m.size[0], m.size[1], f64::from(m.millihertz) / 1e3);
         let modes = found.modes.iter().map(modes).collect::<Vec<_>>().join(", ");
         let at = rate.map(|r| format!(" at {r} Hz")).unwrap_or_default();
-        format!("display {found} has no mode of {height}x{width}{at}: nothing is scaled; it has {modes}")
+        reason!(
+            "no-such-mode",
+            "display {found} has no mode of {height}x{width}{at}: nothing is scaled; it has {modes}"
+        )
     })
 }
 
@@ -136,25 +145,17 @@ mod tests {
         assert_eq!(of(Some("PLUTO-2"), hd, Some("60")), Ok((0, 1)));
         assert_eq!(of(Some("DP-2"), hd, None), Ok((1, 1)));
         assert_eq!(of(Some("1"), hd, Some("60")), Ok((1, 2)));
-        for (wanted, size, rate, what) in [
-            (
-                None,
-                [7, 7],
-                None,
-                "no display has 7x7 pixels, as the video frames have: there are 0 'HDMI-A-1' (PLUTO-2)",
-            ),
-            (None, hd, Some("144"), "at 144 Hz"),
-            (Some("VGA-1"), hd, None, "no display is called 'VGA-1'"),
-            (
-                Some("HDMI-A-1"),
-                [1600, 2716],
-                None,
-                "has no mode of 1600x2716: nothing is scaled; it has 1080x1920 at 59.940",
-            ),
+        for (wanted, size, rate, code, parts) in [
+            (None, [7, 7], None, "no-display-fits", &["7x7", "0 'HDMI-A-1' (PLUTO-2)"][..]),
+            (None, hd, Some("144"), "no-display-fits", &["144 Hz"]),
+            (Some("VGA-1"), hd, None, "no-such-display", &["'VGA-1'"]),
+            (Some("HDMI-A-1"), [1600, 2716], None, "no-such-mode", &["1600x2716", "1080x1920", "59.940"]),
         ] {
-            let text = of(wanted, size, rate).unwrap_err();
-            assert!(text.contains(what) && !text.contains('\n'), "{text}");
+            let refused = of(wanted, size, rate).unwrap_err();
+            let text = refused.text();
+            assert_eq!(refused.code(), code, "{text}");
+            assert!(parts.iter().all(|part| text.contains(part)) && !text.contains('\n'), "{text}");
         }
-        assert!(choose(&[], None, hd, None).unwrap_err().contains("no driver here shows"));
+        assert_eq!(choose(&[], None, hd, None).unwrap_err().code(), "no-displays");
     }
 }

@@ -1,6 +1,7 @@
 //! The monitors of a desktop, and which of them is meant.
 
 use super::{PresentError, Rate, no_desktop};
+use eyebox_base::reason;
 use std::fmt;
 use winit::monitor::MonitorHandle;
 
@@ -59,7 +60,8 @@ impl Monitor {
         let [height, width] = size;
         let Some(text) = wanted else {
             return monitors.iter().find(|m| m.size == size).cloned().ok_or_else(|| {
-                no_desktop(format!(
+                no_desktop(reason!(
+                    "monitor",
                     "no monitor has {height}x{width} pixels, as the video frames have: there are {}",
                     has()
                 ))
@@ -71,11 +73,12 @@ impl Monitor {
             by_index.or_else(|| monitors.iter().find(|m| m.name == text)).or_else(|| monitors.iter().find(by_size));
         match found {
             Some(monitor) if monitor.size == size => Ok(monitor.clone()),
-            Some(monitor) => Err(no_desktop(format!(
+            Some(monitor) => Err(no_desktop(reason!(
+                "monitor",
                 "monitor {monitor} is not {height}x{width} pixels, as the video frames are: nothing is scaled, so choose \
                  another monitor, mode or display"
             ))),
-            None => Err(no_desktop(format!("no monitor is called '{text}': there are {}", has()))),
+            None => Err(no_desktop(reason!("no-such-monitor", "no monitor is called '{text}': there are {}", has()))),
         }
     }
 

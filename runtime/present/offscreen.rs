@@ -1,6 +1,7 @@
 //! A display that is memory: video frames light up at the ticks of a clock, and nowhere else.
 
 use super::{Clock, Feedback, PresentError, Presenter, Rate, Sink};
+use eyebox_base::reason;
 use std::collections::VecDeque;
 use std::rc::Rc;
 
@@ -48,7 +49,12 @@ impl Presenter for Offscreen {
 
     fn upload(&mut self, picture: &[u8]) -> Result<(), PresentError> {
         if picture.len() != self.picture.len() {
-            let reason = format!("a picture has {} bytes, and {} were expected", picture.len(), self.picture.len());
+            let reason = reason!(
+                "picture-length",
+                "a picture has {} bytes, and {} were expected",
+                picture.len(),
+                self.picture.len()
+            );
             return Err(PresentError::Display { presenter: self.describe(), reason });
         }
         self.picture.copy_from_slice(picture);

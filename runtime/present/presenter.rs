@@ -1,6 +1,7 @@
 //! The display's side: takes video frames in order and says when they lit up.
 
 use super::{Interference, PresentError, Rate};
+use eyebox_base::reason;
 use eyebox_solve::gpu::{Gpu, Pictures, PixelOrder};
 
 /// When a video frame lit up.
@@ -59,7 +60,7 @@ pub trait Presenter {
     /// # Errors
     /// [`PresentError::Display`]: it is lost, or takes none such, in a sentence.
     fn take(&mut self, _pictures: &Pictures, _index: usize) -> Result<(), PresentError> {
-        Err(PresentError::display(&self.describe(), "it takes video frames from the host only"))
+        Err(PresentError::display(&self.describe(), reason!("host-only", "it takes video frames from the host only")))
     }
 
     /// Puts the video frame that was taken in last in line. `id` rises from call to call; `desired_present_time_ns` is

@@ -2,6 +2,7 @@
 
 use super::PresentError;
 use eyebox_base::files::{FileError, Patient};
+use eyebox_base::reason;
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -59,7 +60,7 @@ fn is_free(file: &Path) -> Result<(), FileError> {
     match std::fs::metadata(file).is_ok_and(|there| there.is_file()) {
         true => Err(FileError::Taken {
             path: file.display().to_string(),
-            reason: "is there already, and is left alone: remove it or give another name".into(),
+            reason: reason!("exists", "is there already, and is left alone: remove it or give another name"),
         }),
         false => Ok(()),
     }
@@ -91,8 +92,10 @@ fn shared_file(file: &Path, length: u64) -> Result<File, FileError> {
                 Some(_) => std::fs::remove_file(file).and_then(|()| new()).map_err(failed),
                 None => Err(FileError::Taken {
                     path: file.display().to_string(),
-                    reason: "is there already and was not made by eyebox, or is a link: remove it or give another name"
-                        .into(),
+                    reason: reason!(
+                        "exists",
+                        "is there already and was not made by eyebox, or is a link: remove it or give another name"
+                    ),
                 }),
             }
         }
@@ -195,13 +198,14 @@ impl Sink {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use eyebox_base::error::ErrorData;
 
     #[cfg(windows)]
     #[test]
     fn shared_memory_is_refused() {
         let here = tempfile::tempdir().unwrap();
-        let error = Sink::shared(&here.path().join("s"), [2, 3, 1]).unwrap_err().to_string();
-        assert!(error.contains("`raw`") && !here.path().join("s").exists(), "{error}");
+        let error = Sink::shared(&here.path().join("s"), [2, 3, 1]).unwrap_err();
+        assert!(error.to_string().contains("`raw`") && !here.path().join("s").exists(), "{error}");
     }
 
     #[cfg(unix)]
@@ -213,7 +217,7 @@ mod tests {
         std::os::unix::fs::symlink(at("notes"), at("link")).unwrap();
         for name in ["notes", "link"] {
             let errors = [Sink::raw(&at(name)).unwrap_err(), Sink::shared(&at(name), [2, 3, 1]).unwrap_err()];
-            assert!(errors.iter().all(|e| e.to_string().contains("already")), "{errors:?}");
+            assert!(errors.iter().all(|e| ErrorData::of(e).code.ends_with("taken/exists")), "{errors:?}");
         }
         assert_eq!(std::fs::read(at("notes")).unwrap(), b"mine");
         drop(Sink::shared(&at("s"), [2, 3, 1]).unwrap());
@@ -242,7 +246,7 @@ mod tests {
         {
             let mut full = Sink::raw(Path::new("/dev/full")).unwrap();
             let put = (0..10_000).find_map(|_| full.put(b"abcdef", 0).err()).expect("a full disk");
-            assert!(put.to_string().contains("full"), "{put}");
+            assert!(ErrorData::of(&put).code.ends_with("full"), "{put}");
         }
     }
 }

@@ -6,6 +6,7 @@ use super::surface::WindowHandle;
 use super::swapchain::{Policy, Swapchain};
 use super::timing::{PresentTiming, present_number};
 use ash::vk::{self, Result as Code};
+use eyebox_base::error::ErrorData;
 use eyebox_optics::{Color, Display};
 use eyebox_solve::encode::{Encoder, PhaseSet};
 use eyebox_solve::engine::vulkan::VulkanEncoder;
@@ -131,7 +132,7 @@ fn a_swapchain_that_is_no_longer_right_is_made_again_and_shows_the_picture() {
         }
         assert!(swapchain.pretended.is_empty(), "{faults:?}");
     }
-    assert!(swapchain.describe().contains("timed by"), "{}", swapchain.describe());
+    assert!(swapchain.describe().contains(swapchain.timed_by()), "{}", swapchain.describe());
     quiet(swapchain);
 }
 
@@ -140,17 +141,17 @@ fn what_cannot_be_made_right_is_an_error_that_says_what_happened() {
     let desk = Desk::new();
     let lost = Code::ERROR_SURFACE_LOST_KHR;
     for (faults, what) in [
-        (vec![("acquire", Code::ERROR_DEVICE_LOST)], "was lost while it ran vkAcquireNextImageKHR"),
-        (vec![("present", Code::ERROR_DEVICE_LOST)], "was lost while it ran vkQueuePresentKHR"),
-        (vec![("acquire", lost); 3], "surface is gone"),
-        (vec![("acquire", Code::ERROR_OUT_OF_DATE_KHR); 3], "swapchain is out of date"),
-        (vec![("acquire", Code::TIMEOUT); 2], "takes no pictures any more"),
-        (vec![("acquire", Code::ERROR_OUT_OF_HOST_MEMORY)], "ERROR_OUT_OF_HOST_MEMORY"),
+        (vec![("acquire", Code::ERROR_DEVICE_LOST)], "device-lost"),
+        (vec![("present", Code::ERROR_DEVICE_LOST)], "device-lost"),
+        (vec![("acquire", lost); 3], "screen-lost"),
+        (vec![("acquire", Code::ERROR_OUT_OF_DATE_KHR); 3], "screen-lost"),
+        (vec![("acquire", Code::TIMEOUT); 2], "screen-lost"),
+        (vec![("acquire", Code::ERROR_OUT_OF_HOST_MEMORY)], "vulkan"),
     ] {
         let mut swapchain = desk.swapchain(true);
         swapchain.pretended.extend(&faults);
-        let error = swapchain.upload(&picture(1)).and_then(|()| swapchain.present(0)).expect_err("a fault").to_string();
-        assert!(error.contains(what) && !error.contains('\n'), "{faults:?}: {error}");
+        let error = swapchain.upload(&picture(1)).and_then(|()| swapchain.present(0)).expect_err("a fault");
+        assert_eq!(ErrorData::of(&error).code, what, "{faults:?}: {error}");
         quiet(swapchain);
     }
 }
@@ -165,13 +166,13 @@ fn after_a_failure_it_is_refused_or_right_and_never_undefined() {
     put(&mut swapchain, 0).expect("shown");
     // Nothing was taken in: commands in flight are not recorded again.
     for _ in 0..3 {
-        let error = swapchain.present(1).expect_err("no picture").to_string();
-        assert!(error.contains("no picture was taken in"), "{error}");
+        let error = swapchain.present(1).expect_err("no picture");
+        assert!(matches!(error, EngineError::Mismatch { .. }), "{error}");
     }
     // A swapchain that could not be made again is made again the next time, and what is shown then is right.
     let full = Code::ERROR_OUT_OF_DEVICE_MEMORY;
     swapchain.pretended.extend([("acquire", Code::ERROR_OUT_OF_DATE_KHR), ("create", full)]);
-    assert!(put(&mut swapchain, 2).expect_err("no memory").to_string().contains("OUT_OF_DEVICE_MEMORY"));
+    assert!(put(&mut swapchain, 2).is_err(), "no memory");
     swapchain.pretended.extend([("create", full)]);
     assert!(put(&mut swapchain, 3).is_err(), "there is none to present to");
     put(&mut swapchain, 4).expect("made again");
@@ -259,7 +260,7 @@ fn a_window_of_another_size_is_refused_while_it_shows() {
     desk.connection.configure_window(desk.window, &ConfigureWindowAux::new().width(48)).expect("sent");
     desk.connection.sync_();
     let text = until_it_fails(&mut swapchain).to_string();
-    assert!(text.contains("the window is 24x48 pixels, and a video frame has 24x40"), "{text}");
+    assert!(text.contains("24x48") && text.contains("24x40"), "{text}");
 }
 
 #[test]
@@ -269,16 +270,16 @@ fn a_window_that_was_destroyed_and_a_server_that_ended_are_errors() {
     swapchain.upload(&picture(0)).and_then(|()| swapchain.present(0)).expect("shown");
     desk.connection.destroy_window(desk.window).expect("sent");
     desk.connection.sync_();
-    let text = until_it_fails(&mut swapchain).to_string();
-    assert!(text.contains("surface is gone"), "{text}");
+    let error = until_it_fails(&mut swapchain);
+    assert!(matches!(error, EngineError::ScreenLost { .. }), "{error}");
     drop(swapchain);
     let mut desk = Desk::new();
     let mut swapchain = desk.swapchain(false);
     swapchain.upload(&picture(0)).and_then(|()| swapchain.present(0)).expect("shown");
     desk.server.kill().expect("killed");
     desk.server.wait().expect("ended");
-    let text = until_it_fails(&mut swapchain).to_string();
-    assert!(text.contains("surface is gone"), "{text}");
+    let error = until_it_fails(&mut swapchain);
+    assert!(matches!(error, EngineError::ScreenLost { .. }), "{error}");
 }
 
 /// Pictures up to this number are out.

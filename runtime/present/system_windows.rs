@@ -5,6 +5,7 @@ use super::surface::WindowHandle;
 pub(super) use super::unobserved::card_number;
 pub(super) use super::unobserved::{MISSING, Observer, is_gone, survive};
 use super::{PresentError, no_desktop};
+use eyebox_base::reason;
 use std::ffi::c_void;
 use winit::event_loop::{EventLoop, EventLoopBuilder};
 use winit::platform::windows::EventLoopBuilderExtWindows;
@@ -25,7 +26,7 @@ pub(super) fn handle_of(window: &SystemWindow) -> Result<WindowHandle, PresentEr
             instance: window.hinstance.map_or(std::ptr::null_mut(), |i| i.get() as *mut c_void),
             window: window.hwnd.get() as *mut c_void,
         }),
-        Ok(_) => Err(no_desktop("windows of this kind are not known here".into())),
-        Err(e) => Err(no_desktop(format!("the window has no handle ({e})"))),
+        Ok(_) => Err(no_desktop(reason!("window-kind", "windows of this kind are not known here"))),
+        Err(e) => Err(no_desktop(reason!("no-handle", "the window has no handle ({e})"))),
     }
 }

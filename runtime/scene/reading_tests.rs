@@ -1,6 +1,8 @@
 //! Light fields as people bring them: names, orders and holes, each read right or refused with a line that helps.
 
+use super::tests::coded;
 use crate::*;
+use eyebox_base::error::Reason;
 use eyebox_base::files::write_png;
 use eyebox_optics::{Color, Display};
 use image::{ImageBuffer, Luma};
@@ -92,7 +94,7 @@ fn ways() -> Vec<Row> {
             "letters and numbers",
             grid(3, 5, |r, c| format!("{}{c}.png", ["a", "b", "c"][r])),
             "",
-            Err(&["named in several ways"]),
+            Err(&["not-a-grid/several-names"]),
         ),
         ("r3c7, one-based", grid(5, 4, |r, c| format!("r{}c{}.png", r + 1, c + 1)), "", Ok([5, 4])),
         ("columns first by name", grid(3, 4, |r, c| format!("col{c:02}row{r:02}.png")), "", Ok([3, 4])),
@@ -100,10 +102,30 @@ fn ways() -> Vec<Row> {
         ("coordinates alone", grid(5, 5, coordinates), "", Ok([5, 5])),
         ("running number and indices", grid(3, 3, |r, c| format!("{:02}_r{r}_c{c}.png", 3 * r + c)), "", Ok([3, 3])),
         ("indices with a point between", grid(3, 3, |r, c| format!("lf{r}.{c}.png")), "", Ok([3, 3])),
-        ("one missing", without(grid(4, 5, |r, c| format!("LF_{r}_{c}.png")), 7), "", Err(&["LF_1_2.png", "missing"])),
-        ("one of the archive's missing", without(grid(5, 5, stanford), 8), "", Err(&["out_01_03_*_*_.png", "missing"])),
-        ("one of a running number missing", without(grid(9, 9, hci), 40), "", Err(&["input_Cam040.png", "missing"])),
-        ("the last missing", without(grid(9, 9, hci), 80), "", Err(&["80 views", "input_Cam080.png", "grid"])),
+        (
+            "one missing",
+            without(grid(4, 5, |r, c| format!("LF_{r}_{c}.png")), 7),
+            "",
+            Err(&["missing-view: ", "LF_1_2.png"]),
+        ),
+        (
+            "one of the archive's missing",
+            without(grid(5, 5, stanford), 8),
+            "",
+            Err(&["missing-view: ", "out_01_03_*_*_.png"]),
+        ),
+        (
+            "one of a running number missing",
+            without(grid(9, 9, hci), 40),
+            "",
+            Err(&["missing-view: ", "input_Cam040.png"]),
+        ),
+        (
+            "the last missing",
+            without(grid(9, 9, hci), 80),
+            "",
+            Err(&["not-a-grid/grid-doubtful", "80", "input_Cam080.png", "`grid"]),
+        ),
         (
             "two light fields",
             and(
@@ -111,7 +133,7 @@ fn ways() -> Vec<Row> {
                 &["b_0_0.png", "b_0_1.png", "b_1_0.png", "b_1_1.png", "b_2_2.png"],
             ),
             "",
-            Err(&["named in several ways", "files"]),
+            Err(&["not-a-grid/several-names", "`files"]),
         ),
         (
             "one of two, stated",
@@ -126,25 +148,25 @@ fn ways() -> Vec<Row> {
             "frames of a light field",
             grid(6, 3, |r, c| format!("t{}_{}_{c}.png", r / 3, r % 3)),
             "",
-            Err(&["2 sets of 9", "files"]),
+            Err(&["not-a-grid/several-sets", "`files"]),
         ),
         (
             "two times nine by nine",
             grid(2, 81, |r, c| format!("s{r}_{c:03}.png")),
             "",
-            Err(&["2 light fields of 9 x 9", "grid", "files"]),
+            Err(&["not-a-grid/grid-or-sequence", "9 x 9", "`grid", "`files"]),
         ),
         (
             "another grid than is stated",
             grid(3, 4, |r, c| format!("v_{r}_{c}.png")),
             "grid = [4, 3]",
-            Err(&["3 x 4", "4 x 3"]),
+            Err(&["not-a-grid/grid-count", "3 x 4", "4 x 3"]),
         ),
         (
             "names without a pattern",
             vec![("a1b.png".into(), [0, 0]), ("c2d.png".into(), [0, 1]), ("e3f.png".into(), [0, 2])],
             "",
-            Err(&["named in several ways"]),
+            Err(&["not-a-grid/several-names"]),
         ),
     ]
 }
@@ -168,7 +190,7 @@ fn every_way_of_naming_is_read_right_or_refused() {
                 }
             }
             (Err(error), Err(words)) => {
-                let line = error.to_string();
+                let line = coded(&error);
                 assert!(words.iter().all(|w| line.contains(w)) && !line.contains('\n'), "{what}: {line}");
             }
             (Ok(field), Err(_)) => panic!("{what}: read as {:?}", field.grid),
@@ -280,8 +302,8 @@ fn stated_depths_tell_near_from_far_where_nothing_is_covered() {
         let (found, _) = inspect(source, &request).unwrap();
         assert_eq!(found.order_confirmed, wanted, "{order}, {toml}: {found:?}");
         if wanted == Some(false) {
-            let line = load(source, &request).unwrap_err().to_string();
-            assert!(line.contains("`order` flip-rows,flip-columns (or"), "{line}");
+            let line = coded(&load(source, &request).unwrap_err());
+            assert!(line.starts_with("order/") && line.contains("`order` flip-rows,flip-columns"), "{line}");
         }
     }
 }
@@ -299,14 +321,17 @@ fn rows_that_run_backwards_are_seen() {
         });
         let read = |toml: &str| {
             fs::write(temp.path().join("lightfield.toml"), toml).unwrap();
-            load(temp.path().to_str().unwrap(), &Request::new(&display, &GREEN)).map_err(|e| e.to_string())
+            load(temp.path().to_str().unwrap(), &Request::new(&display, &GREEN)).map_err(|error| coded(&error))
         };
         let grid = format!("grid = [{rows}, {columns}]\n");
         let line = read(&grid).unwrap_err();
-        assert!(line.contains("every second row runs backwards: `serpentine = true`"), "{line}");
+        assert!(line.starts_with("not-a-grid/every-second-row-backwards: "), "{line}");
         // Without the grid, 15 are neither a square nor one row.
         let line = read("").unwrap_err();
-        assert!(line.contains(if rows == columns { "serpentine = true" } else { "not a square" }), "{line}");
+        assert!(
+            line.starts_with(if rows == columns { "not-a-grid/every-second" } else { "not-a-grid/grid-doubtful" }),
+            "{line}"
+        );
         let found = read(&format!("{grid}serpentine = true")).unwrap();
         let apart =
             |a: &[f32], b: &[f32]| a.iter().zip(b).fold(0.0f32, |most, (a, b)| most.max((a - b.min(1.0)).abs()));
@@ -360,7 +385,7 @@ fn the_page_says_what_is_read_and_what_is_refused() {
     ImageBuffer::from_pixel(9, 8, Luma([7u8])).save(sizes.join("v_1_1.png")).unwrap();
     let picture = folder("one", &["v.png"]).join("v.png");
     let said = |path: &Path, request: &Request| load(path.to_str().unwrap(), request).unwrap_err().to_string();
-    let other = OrderFound::Other { orders: vec![Order::default()], reason: "?".into() };
+    let other = OrderFound::Other { orders: vec![Order::default()], reason: Reason::new("?", "?") };
     let list = at.join("list.npy");
     eyebox_base::files::write_npy(&list, &[4, 8, 8], &[0.5; 4 * 8 * 8]).unwrap();
     let plain = at.join("plain.png");

@@ -1,6 +1,7 @@
 //! What crosses the files of this room: signs, folders, pictures with maps, built-in scenes.
 
 use crate::*;
+use eyebox_base::error::ErrorData;
 use eyebox_optics::{Color, Display};
 use image::{ImageBuffer, Luma, Rgb};
 use std::{fs, path::PathBuf};
@@ -16,10 +17,15 @@ pub(super) fn get(source: &str, request: &Request) -> LightField {
     load(source, request).unwrap_or_else(|e| panic!("{source}: {e}"))
 }
 
+/// The error's code and its sentence.
+pub(super) fn coded(error: &SceneError) -> String {
+    format!("{}: {error}", ErrorData::of(error).code)
+}
+
 pub(super) fn fails(source: &str, request: &Request) -> String {
     match load(source, request) {
         Ok(field) => panic!("{} must be refused", field.name),
-        Err(e) => e.to_string(),
+        Err(error) => coded(&error),
     }
 }
 
@@ -105,7 +111,7 @@ fn a_stated_view_pitch_changes_disparities_not_depths() {
     assert_eq!(field.cell(&display), 3e-3);
     is_sharp_at(&field, &display, 2e-3);
     let far_apart = Request { view_pitch: Some(10.0), ..request };
-    assert!(fails("builtin:plane?depth=2", &far_apart).contains("view pitch"));
+    assert!(fails("builtin:plane?depth=2", &far_apart).starts_with("optics/unusual: "));
 }
 
 #[test]
@@ -164,7 +170,7 @@ fn dark_and_bright_are_and_brightness_multiplies() {
 fn built_in_names_and_parameters_are_checked() {
     let display = display(8, 8);
     let request = Request::new(&display, &GREEN);
-    assert!(fails("builtin:stil-life", &request).contains("still-life"));
+    assert!(fails("builtin:stil-life", &request).starts_with("builtin/no-such-scene: "));
     for bad in [
         "plane?depth",
         "plane?depth=x",
@@ -210,7 +216,8 @@ fn a_camera_that_stands_aside_sees_the_neighbouring_views() {
         assert!(apart(view, view) > 2.0 * apart(view, view + 1), "{view}: {}", apart(view, view));
     }
     assert_eq!((aside.depth, aside.disparity), (here.depth, here.disparity));
-    assert!(fails("builtin:still-life?camera=2000", &request).contains("camera"));
+    let error = fails("builtin:still-life?camera=2000", &request);
+    assert!(error.contains("/parameter"), "{error}");
 }
 
 // Folders.
@@ -261,7 +268,7 @@ fn a_folder_of_views_is_read_in_order_and_in_linear_light() {
     assert_eq!(get(folder.path().to_str().unwrap(), &pitch).cell(&display), 1e-3);
     fs::write(folder.path().join("lightfield.toml"), "view_pitch = 2\n").unwrap();
     let error = fails(folder.path().to_str().unwrap(), &request);
-    assert!(error.contains("lightfield.toml") && error.contains("line 1") && error.contains("view_pitch"), "{error}");
+    assert!(error.contains("lightfield.toml") && error.contains('1') && error.contains("view_pitch"), "{error}");
 }
 
 #[test]
@@ -290,13 +297,13 @@ fn what_is_wrong_with_a_folder_names_the_file() {
     let display = display(6, 8);
     let request = Request::new(&display, &GREEN);
     let error = fails("/no/such/folder", &request);
-    assert!(error.contains("/no/such/folder") && error.contains("no such"), "{error}");
+    assert!(error.starts_with("not-found: ") && error.contains("/no/such/folder"), "{error}");
     let folder = folder_of(2, 3, |r, c| format!("LF_{r}_{c}.png"));
     let path = folder.path().to_str().unwrap();
     let view = |r, c| folder.path().join(format!("LF_{r}_{c}.png"));
 
     fs::remove_file(view(1, 1)).unwrap();
-    assert!(fails(path, &request).contains("LF_1_1.png: this view is missing"));
+    assert!(fails(path, &request).starts_with("missing-view: "));
     write_view(view(1, 1), 6, 9, 0);
     let error = fails(path, &request);
     assert!(error.contains("LF_1_1.png") && error.contains("6 x 9") && error.contains("6 x 8"), "{error}");
@@ -309,9 +316,9 @@ fn what_is_wrong_with_a_folder_names_the_file() {
         assert!(fails(path, &request).contains("LF_0_2.png"), "cut to {length} of {}", whole.len());
     }
     let empty = tempfile::tempdir().unwrap();
-    assert!(fails(empty.path().to_str().unwrap(), &request).contains("no views here"));
+    assert!(fails(empty.path().to_str().unwrap(), &request).starts_with("empty: "));
     let map = Request { depth_map: Some(Path::new("m.png")), ..request };
-    assert!(fails(path, &map).contains("views of its own"));
+    assert!(fails(path, &map).starts_with("request: "));
 }
 
 #[test]
@@ -349,8 +356,9 @@ fn exr_is_linear_light_and_must_be_light() {
     fs::remove_file(folder.path().join("lightfield.toml")).unwrap();
     for bad in [f32::NAN, f32::INFINITY, -0.1] {
         save(bad);
-        let error = fails(folder.path().to_str().unwrap(), &request);
-        assert!(error.contains("view_0_0.exr") && error.contains("row 2, column 1"), "{error}");
+        let error = load(folder.path().to_str().unwrap(), &request).unwrap_err();
+        assert!(error.to_string().contains("view_0_0.exr"), "{error}");
+        assert!(matches!(error, SceneError::Value { row: 2, column: 1, .. }), "{error}");
     }
 }
 

@@ -2,6 +2,7 @@
 
 use eyebox::encode::EncodeError;
 use eyebox::engine::EngineError;
+use eyebox::error::ErrorData;
 use eyebox::hologram::HologramError;
 use eyebox::optics::OpticsError;
 use eyebox::produce::ProduceError;
@@ -10,12 +11,14 @@ use eyebox::reconstruction::ReconstructionError;
 use eyebox::scene::SceneError;
 use eyebox::session::SessionError;
 use eyebox::solve::SolveError;
+use serde::Serialize;
 use std::any::Any;
 use std::cell::RefCell;
 use std::ffi::{CString, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, MutexGuard};
+use std::thread::LocalKey;
 
 /// What a function answers. `eyebox_last_error` says the rest.
 #[repr(C)]
@@ -45,7 +48,8 @@ pub enum EyeboxStatus {
     Session = 10,
 }
 
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error, Serialize)]
+#[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 pub(crate) enum Failure {
     #[error("{0} is null")]
     Null(&'static str),
@@ -94,8 +98,8 @@ impl From<ReconstructionError> for Failure {
 }
 
 impl Failure {
-    pub(crate) fn argument(what: &'static str, value: impl ToString, right: impl Into<String>) -> Self {
-        Self::Argument { what, value: value.to_string(), right: right.into() }
+    pub(crate) fn argument(what: &'static str, value: impl ToString, right: impl ToString) -> Self {
+        Self::Argument { what, value: value.to_string(), right: right.to_string() }
     }
 
     fn status(&self) -> EyeboxStatus {
@@ -125,25 +129,43 @@ impl Failure {
 thread_local! {
     /// The text of the last failure.
     static LAST: RefCell<CString> = RefCell::default();
+    /// Its code.
+    static LAST_CODE: RefCell<CString> = RefCell::default();
     /// The text that the caller has: nothing but `eyebox_last_error` replaces it.
     static GIVEN: RefCell<CString> = RefCell::default();
+    /// The code that the caller has: nothing but `eyebox_last_error_code` replaces it.
+    static GIVEN_CODE: RefCell<CString> = RefCell::default();
 }
 
 /// Returns why the last call of this thread that failed did so: one sentence in UTF-8, empty before the first failure. The text stays
 /// valid and unchanged, whatever else fails, until the same thread calls `eyebox_last_error` after another failure, or ends.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_last_error() -> *const c_char {
+    give(&LAST, &GIVEN)
+}
+
+/// Returns which error the last call of this thread that failed met, as a code that stays when sentences are reworded, such as
+/// `scene/missing-view`; empty before the first failure. The text stays valid until the same thread calls
+/// `eyebox_last_error_code` after another failure, or ends.
+#[unsafe(no_mangle)]
+pub extern "C" fn eyebox_last_error_code() -> *const c_char {
+    give(&LAST_CODE, &GIVEN_CODE)
+}
+
+type Text = LocalKey<RefCell<CString>>;
+
+fn give(last: &'static Text, given: &'static Text) -> *const c_char {
     let give = |given: &RefCell<CString>| {
         let mut given = given.borrow_mut();
         // The same text stays where it is: one expression may ask for it twice.
-        LAST.with_borrow(|last| {
+        last.with_borrow(|last| {
             if *last != *given {
                 given.clone_from(last)
             }
         });
         given.as_ptr()
     };
-    GIVEN.try_with(give).unwrap_or(c"".as_ptr())
+    given.try_with(give).unwrap_or(c"".as_ptr())
 }
 
 /// The process that started threads first; 0 before.
@@ -166,7 +188,10 @@ pub(crate) fn answer(call: impl FnOnce() -> Result<(), Failure>) -> EyeboxStatus
     let Err(failure) = answered else { return EyeboxStatus::Ok };
     let text = failure.to_string().replace('\0', " ");
     // A thread that is ending has no place for it any more.
-    let _ = LAST.try_with(|last| *last.borrow_mut() = CString::new(text).unwrap_or_default());
+    let code = ErrorData::of(&failure).code;
+    for (place, text) in [(&LAST, text), (&LAST_CODE, code)] {
+        let _ = place.try_with(|last| *last.borrow_mut() = CString::new(text).unwrap_or_default());
+    }
     failure.status()
 }
 

@@ -30,7 +30,7 @@ pub use encoder::{
     EyeboxEncoder, EyeboxVideo, eyebox_encode, eyebox_encoder_free, eyebox_encoder_new, eyebox_encoder_video,
 };
 pub use engine::{EyeboxEngine, eyebox_engine_free, eyebox_engine_open, eyebox_engine_reason};
-pub use failure::{EyeboxStatus, eyebox_last_error};
+pub use failure::{EyeboxStatus, eyebox_last_error, eyebox_last_error_code};
 pub use hologram::{
     EyeboxHologram, EyeboxSize, eyebox_hologram_display, eyebox_hologram_free, eyebox_hologram_metadata,
     eyebox_hologram_open, eyebox_hologram_phases, eyebox_hologram_save, eyebox_hologram_size, eyebox_scene_of_hologram,

@@ -1,5 +1,6 @@
 //! Scenes: light fields of files, built in, or of the caller's own views.
 
+use eyebox::error::Reason;
 use crate::arrays::{array, given, hand_over, text};
 use crate::display::colors;
 use crate::failure::{Failure, answer, free, starts_threads};
@@ -116,7 +117,7 @@ pub unsafe extern "C" fn eyebox_scene_load(
 
 /// The order in which views stand, by its name.
 fn order(name: &str) -> Result<Order, Failure> {
-    name.parse().map_err(|right: String| Failure::argument("views.order", format!("{name:?}"), right))
+    name.parse().map_err(|right: Reason| Failure::argument("views.order", format!("{name:?}"), right))
 }
 
 /// Takes over a light field of the caller's own for a display. The views are copied.

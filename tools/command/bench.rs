@@ -6,6 +6,7 @@ use crate::settings::settings_of;
 use crate::{common, dry, model_terms};
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::quality::{Prepared, Subject};
+use eyebox::low_level::reason;
 use eyebox::low_level::solve::{self, FirstPhases, Flow, Levels, Problem, Settings, StartTable};
 use serde_json::json;
 use std::process::Command;
@@ -72,10 +73,12 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
     for round in 1..=args.rounds.max(1) {
         if let Some(other) = &args.beside {
             println!("round {round}, beside: {other}");
-            let status =
-                Command::new("sh").args(["-c", other]).status().map_err(|e| Failure::Asked(format!("{other}: {e}")))?;
+            let status = Command::new("sh")
+                .args(["-c", other])
+                .status()
+                .map_err(|e| Failure::Arguments(reason!("command", "{other}: {e}")))?;
             if !status.success() {
-                return Err(Failure::Asked(format!("{other}: it ended with {status}")));
+                return Err(Failure::Arguments(reason!("command", "{other}: it ended with {status}")));
             }
         }
         let (mut last, mut times) = (None, Vec::new());

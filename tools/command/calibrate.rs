@@ -8,8 +8,10 @@ use crate::values::positive;
 use clap::Args;
 use eyebox::low_level::calibrate::{Bench, Event, FEWEST, ModelAge, Report, TAKING, Verdict, calibrate};
 use eyebox::low_level::engine;
+use eyebox::low_level::error::Reason;
 use eyebox::low_level::files;
 use eyebox::low_level::optics::{Color, Display, Seen};
+use eyebox::low_level::reason;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -85,12 +87,12 @@ fn celsius(text: &str) -> Result<f64, String> {
 /// Calibrates, writes the display's file, says how sure it is.
 pub fn run(args: &Calibrate) -> Result<(), Failure> {
     if args.out.extension().is_none_or(|e| e != "toml") {
-        return Err(Failure::Asked(format!("{}: the name must end in .toml", args.out.display())));
+        return Err(Failure::Arguments(reason!("ending", "{}: the name must end in .toml", args.out.display())));
     }
     files::check_place(&args.out)?;
     if let Some(page) = &args.report {
         if page.extension().is_none_or(|e| e != "html") {
-            return Err(Failure::Asked(format!("{}: the name must end in .html", page.display())));
+            return Err(Failure::Arguments(reason!("ending", "{}: the name must end in .html", page.display())));
         }
         files::check_place(page)?;
     }
@@ -111,10 +113,14 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
             iris_mm: args.iris,
         },
         (None, Some(folder)) => Bench::Folder { folder, iris_mm: args.iris },
-        (None, None) => return Err(Failure::Asked("--camera or --captures is needed".into())),
+        (None, None) => return Err(Failure::Arguments(reason!("no-camera", "--camera or --captures is needed"))),
     };
     if args.captures_max < FEWEST {
-        return Err(Failure::Asked(format!("--captures-max {} is too few: give {FEWEST} or more", args.captures_max)));
+        return Err(Failure::Arguments(reason!(
+            "captures-max",
+            "--captures-max {} is too few: give {FEWEST} or more",
+            args.captures_max
+        )));
     }
     if args.camera.is_some() {
         progress::catch_interrupt();
@@ -145,7 +151,7 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
     if let Some(how) = &args.register {
         fitted.picture.straight = how == "straight";
         fitted.picture.set(color, Seen::by_camera(calibrated.report.camera_map));
-        fitted.picture.check(fitted.picture_size().into()).map_err(Failure::Asked)?;
+        fitted.picture.check(fitted.picture_size().into()).map_err(Failure::Arguments)?;
         let off = fitted.picture.farthest(color, fitted.picture_size().into());
         eprintln!("the {color} picture is seen up to {off:.2} pixels off its place, which is corrected from now on");
     }
@@ -160,8 +166,9 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
         files::write_file(page, |to| to.write_all(html.as_bytes()))?;
     }
     if args.json {
-        let mut report = serde_json::to_value(&calibrated.report).map_err(|e| Failure::Asked(e.to_string()))?;
-        report["model_before"] = serde_json::to_value(&age).map_err(|e| Failure::Asked(e.to_string()))?;
+        let mut report =
+            serde_json::to_value(&calibrated.report).map_err(|e| Failure::Arguments(Reason::new("json", e)))?;
+        report["model_before"] = serde_json::to_value(&age).map_err(|e| Failure::Arguments(Reason::new("json", e)))?;
         println!("{report}");
     } else {
         say(&calibrated.report);

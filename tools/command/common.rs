@@ -6,6 +6,7 @@ use crate::progress::{self, JobBar};
 use crate::values::GivenPupil;
 use eyebox::low_level::calibrate::ModelAge;
 use eyebox::low_level::engine::{self, Backend, Engine, EngineError};
+use eyebox::low_level::error::Reason;
 use eyebox::low_level::evaluate::{Plane, Views};
 use eyebox::low_level::files;
 use eyebox::low_level::gpu::{Gpu, Options};
@@ -13,6 +14,7 @@ use eyebox::low_level::hologram::Hologram;
 use eyebox::low_level::optics::{Color, Display, OpticsError, Pupil, check_usual_diameters};
 use eyebox::low_level::preview::Opener;
 use eyebox::low_level::produce::{TilesRequest, load_around};
+use eyebox::low_level::reason;
 use eyebox::low_level::scene::{self, Inspection, LightField};
 use eyebox::low_level::session::EngineSource;
 use eyebox::low_level::solve::{Flow, PupilRange, Settings, StartTable};
@@ -78,7 +80,7 @@ pub fn usual(force: bool, checked: Result<(), OpticsError>) -> Result<(), Failur
     match checked {
         Err(OpticsError::Unusual { .. } | OpticsError::OutsideEyebox { .. }) if force => Ok(()),
         Err(e @ (OpticsError::Unusual { .. } | OpticsError::OutsideEyebox { .. })) => {
-            Err(Failure::Asked(format!("{e}; --force takes it as it is")))
+            Err(Failure::Arguments(Reason::of(&e).reworded(|text| format!("{text}; --force takes it as it is"))))
         }
         checked => Ok(checked?),
     }
@@ -199,8 +201,9 @@ impl Engines {
     pub fn new(args: &EngineArgs, options: &Options) -> Result<Self, Failure> {
         let names = || engine::Kernel::ALL.map(engine::Kernel::name).join(", ");
         let known = |name: &String| {
-            engine::Kernel::by_name(name)
-                .ok_or_else(|| Failure::Asked(format!("no kernel is called '{name}': there are {}", names())))
+            engine::Kernel::by_name(name).ok_or_else(|| {
+                Failure::Arguments(reason!("no-such-kernel", "no kernel is called '{name}': there are {}", names()))
+            })
         };
         let from = args.vulkan_from.as_ref().map(known).transpose()?;
         let choice = if from.is_some() { engine::Choice::Vulkan } else { engine_choice(args)? };
@@ -269,10 +272,11 @@ pub fn form(out: &Path, allowed: &[Form]) -> Result<Form, Failure> {
     };
     let form = found.filter(|f| allowed.contains(f)).ok_or_else(|| {
         let ends = allowed.iter().map(name).collect::<Vec<_>>().join(" or ");
-        Failure::Asked(format!("{}: the name must end in {ends}", out.display()))
+        Failure::Arguments(reason!("ending", "{}: the name must end in {ends}", out.display()))
     })?;
     match out.parent().filter(|p| !p.as_os_str().is_empty()) {
-        Some(folder) if !folder.is_dir() => Err(Failure::Asked(format!(
+        Some(folder) if !folder.is_dir() => Err(Failure::Arguments(reason!(
+            "no-such-folder",
             "{}: there is no such folder to write into: make it, or give another place",
             folder.display()
         ))),

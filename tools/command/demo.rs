@@ -6,13 +6,14 @@ use crate::common;
 use crate::evaluate;
 use crate::progress;
 use crate::score;
-use crate::solve::Watch;
+use crate::solve::SolveProgress;
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::files::{self, FileError, OwnFolder};
 use eyebox::low_level::hologram::Hologram;
 use eyebox::low_level::optics::{Color, Display, Pupil, dioptres_in_words};
 use eyebox::low_level::produce::solve_colors;
 use eyebox::low_level::quality::Subject;
+use eyebox::low_level::reason;
 use eyebox::low_level::reconstruction::SceneSource;
 use eyebox::low_level::scene;
 use eyebox::low_level::solve::{Levels, Method, Settings};
@@ -30,7 +31,7 @@ const MADE: [&str; 7] = [HOLOGRAM, "left.png", "right.png", "near.png", "far.png
 pub fn run(args: &Demo) -> Result<(), Failure> {
     let start = Instant::now();
     if !(16..=4096).contains(&args.size) {
-        return Err(Failure::Asked(format!("--size {}: a demo has 16 to 4096 pixels a side", args.size)));
+        return Err(Failure::Arguments(reason!("size", "--size {}: a demo has 16 to 4096 pixels a side", args.size)));
     }
     let mut own = OwnFolder::open(&args.out, &MADE, args.overwrite.overwrite)?;
     let mut compared = OwnFolder::open(&args.out.join("report"), &report::COMPARISON, args.overwrite.overwrite)?;
@@ -56,7 +57,7 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
     let padding = subject.padding(&settings)?;
     let _made = files::MadeFolder::new(&args.out)?;
     progress::catch_interrupt();
-    let mut watch = Watch::new(false);
+    let mut watch = SolveProgress::new(false);
     let solved = solve_colors(&subject, &colors, &settings, engine.as_mut(), &mut |event| watch.see(event))?;
     let hologram = Hologram::from_solutions(&field, &display, &subject.settings(&settings), padding, &solved)?;
     let saved = args.out.join(HOLOGRAM);

@@ -5,6 +5,7 @@ use crate::{common, progress};
 use clap::{Args, Subcommand};
 use eyebox::low_level::files;
 use eyebox::low_level::optics::{Color, Display, PRESETS, display_template, preset_about, preset_text};
+use eyebox::low_level::reason;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -54,13 +55,20 @@ pub fn run(args: &Displays) -> Result<(), Failure> {
         Some(Action::New { preset, out }) => {
             let Some(text) = display_template(preset) else {
                 let all = PRESETS.join(", ");
-                return Err(Failure::Asked(format!("no preset is called '{preset}': there are {all}")));
+                return Err(Failure::Arguments(reason!(
+                    "no-such-preset",
+                    "no preset is called '{preset}': there are {all}"
+                )));
             };
             if out.extension().is_none_or(|e| e != "toml") {
-                return Err(Failure::Asked(format!("{}: the name must end in .toml", out.display())));
+                return Err(Failure::Arguments(reason!("ending", "{}: the name must end in .toml", out.display())));
             }
             if out.exists() {
-                return Err(Failure::Asked(format!("{}: it is there already, and left alone", out.display())));
+                return Err(Failure::Arguments(reason!(
+                    "exists",
+                    "{}: it is there already, and left alone",
+                    out.display()
+                )));
             }
             files::write_file(out, |to| to.write_all(text.as_bytes()))?;
             eprintln!("wrote {}: give it as --display {}", out.display(), out.display());

@@ -8,6 +8,7 @@ use eyebox::low_level::engine::vulkan::VulkanEncoder;
 use eyebox::low_level::gpu::{Gpu, Options};
 use eyebox::low_level::hologram::{ColorHologram, Hologram, Opening, Phases};
 use eyebox::low_level::optics::{Color, Display, USUAL_RATE_HZ};
+use eyebox::low_level::reason;
 use serde_json::{Value, json};
 use std::borrow::Cow;
 
@@ -31,7 +32,8 @@ pub fn run(args: &Encode) -> Result<(), Failure> {
         let (name, turned) = (&display.name, if display.encoding.rotation_deg % 180 == 0 { "" } else { ", turned," });
         // What --size would have to say, of an SLM that shows the hologram turned.
         let [sh, sw] = if turned.is_empty() { [h, w] } else { [w, h] };
-        return Err(Failure::Asked(format!(
+        return Err(Failure::Arguments(reason!(
+            "size",
             "{}: it is {h}x{w} pixels, and the display '{name}'{turned} takes {eh}x{ew}: give --size {sh}x{sw}, or the \
              display that it was made for",
             args.hologram.display()
@@ -74,7 +76,9 @@ fn load(args: &Encode) -> Result<(Input, Display), Failure> {
     let display = display.map_or_else(solved_for, Ok)?;
     let notes = differences(&hologram, &display);
     let named = |c: &ColorHologram| {
-        c.color.ok_or_else(|| Failure::Asked(format!("{}: its colours are not named", args.hologram.display())))
+        c.color.ok_or_else(|| {
+            Failure::Arguments(reason!("colors-not-named", "{}: its colours are not named", args.hologram.display()))
+        })
     };
     let (frames, size) = (hologram.frames, [hologram.height, hologram.width]);
     let names = hologram.colors.iter().map(named).collect::<Result<Vec<_>, _>>()?;

@@ -3,6 +3,7 @@
 use eyebox::low_level::calibrate::CalibrateError;
 use eyebox::low_level::encode::EncodeError;
 use eyebox::low_level::engine::EngineError;
+use eyebox::low_level::error::{ErrorData, Reason};
 use eyebox::low_level::evaluate::EvaluateError;
 use eyebox::low_level::files::FileError;
 use eyebox::low_level::gaze::GazeError;
@@ -20,9 +21,13 @@ use eyebox::low_level::tiled::TiledError;
 use eyebox::low_level::trackers::TrackerError;
 use eyebox_lab::film::FilmError;
 use eyebox_live_input::LiveError;
+use serde::Serialize;
+use serde_json::json;
+use std::process::ExitCode;
 
 /// Why a command failed.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error, Serialize)]
+#[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 pub enum Failure {
     /// The display, the pupil or the grid.
     #[error(transparent)]
@@ -80,13 +85,14 @@ pub enum Failure {
     Preview(#[from] PreviewError),
     /// A display that takes frames.
     #[error(transparent)]
+    #[serde(serialize_with = "eyebox::low_level::error::as_text")]
     Live(#[from] LiveError),
     /// The display was lost while it was played to.
     #[error("{0}")]
-    Lost(String),
+    Lost(Reason),
     /// What was asked for does not fit together.
     #[error("{0}")]
-    Asked(String),
+    Arguments(Reason),
 }
 
 impl From<ReconstructionError> for Failure {
@@ -101,11 +107,33 @@ impl From<ReconstructionError> for Failure {
 
 impl Failure {
     /// The exit code.
-    pub fn code(&self) -> u8 {
+    pub fn exit_code(&self) -> u8 {
         let ended = matches!(self, Self::Calibrate(e) | Self::Session(SessionError::Calibrate(e)) if e.is_ended());
         if ended || matches!(self, Self::Lost(_)) { 3 } else { 2 }
     }
 }
+
+/// Prints a failure as one line on standard error and returns its exit code: a sentence, or JSON where a program asks for it.
+pub fn print(failure: &Failure) -> ExitCode {
+    print_error(&in_options(&failure.to_string()), &ErrorData::of(failure));
+    ExitCode::from(failure.exit_code())
+}
+
+/// Prints what went wrong as one line on standard error: as JSON with `--json`, or where [`AS_JSON`] is set to 1, as for programs that
+/// call commands without that option.
+pub fn print_error(message: &str, data: &ErrorData) {
+    let asked =
+        std::env::args_os().any(|word| word == "--json") || std::env::var_os(AS_JSON).is_some_and(|set| set == "1");
+    if asked {
+        let error = json!({ "code": data.code, "message": message, "fields": data.fields });
+        eprintln!("{}", json!({ "error": error }));
+    } else {
+        eprintln!("eyebox: {message}");
+    }
+}
+
+/// The variable that asks for errors as JSON.
+const AS_JSON: &str = "EYEBOX_JSON_ERRORS";
 
 /// Fields and arguments of the library that a sentence may name and the command's options say: all but a few have the same name.
 const FIELDS: [&str; 35] = [

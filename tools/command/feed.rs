@@ -8,6 +8,7 @@ use crate::values::positive;
 use clap::Args;
 #[cfg(target_os = "linux")]
 use eyebox::low_level::gpu::SlotWriter as Writer;
+use eyebox::low_level::reason;
 use eyebox::low_level::scene::{self, Request, Stage, ViewGrid};
 use eyebox_live_input::{Application, Content, FrameInfo, Kind, LiveError, Offer, Sample, Transfer, Wanted};
 use serde::Serialize;
@@ -28,7 +29,7 @@ pub struct Feed {
     /// A parameter of the one built-in scene that goes from one value to the other and back: camera=-2..2 moves the camera,
     /// shift=-0.3..0.3 the fruit of the still lifes or the pattern of builtin:plane sideways, depth=-1..1 builtin:plane in depth
     #[arg(help_heading = "Scene", long, value_name = "KEY=A..B", value_parser = path, allow_hyphen_values = true)]
-    pub path: Option<Way>,
+    pub path: Option<ParameterPath>,
     /// Frames from one end of the path to the other
     #[arg(help_heading = "Steps", long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(2..=1000))]
     pub steps: u32,
@@ -51,7 +52,7 @@ pub struct Feed {
 
 /// A parameter and its ends.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Way {
+pub struct ParameterPath {
     key: String,
     ends: [f64; 2],
 }
@@ -66,12 +67,12 @@ const ANSWER: Duration = Duration::from_secs(10);
 /// The most that frames may take, bytes: they are made before the first is given.
 const MOST: u64 = 4 << 30;
 
-fn path(text: &str) -> Result<Way, String> {
+fn path(text: &str) -> Result<ParameterPath, String> {
     let read = || {
         let (key, ends) = text.split_once('=')?;
         let (a, b) = ends.split_once("..")?;
         let ends = [a.parse().ok()?, b.parse().ok()?];
-        (!key.is_empty() && ends.iter().all(|v: &f64| v.is_finite())).then(|| Way { key: key.into(), ends })
+        (!key.is_empty() && ends.iter().all(|v: &f64| v.is_finite())).then(|| ParameterPath { key: key.into(), ends })
     };
     read().ok_or_else(|| "a path is KEY=A..B, such as camera=-2..2".into())
 }
@@ -102,7 +103,7 @@ pub fn run(args: &Feed) -> Result<(), Failure> {
     let writer = if args.on_device { device_of(&mut application)? } else { None };
     let account = give(args, &mut application, &frames, writer)?;
     if args.json {
-        let text = serde_json::to_string(&account).map_err(|e| Failure::Asked(format!("no JSON: {e}")))?;
+        let text = serde_json::to_string(&account).map_err(|e| Failure::Arguments(reason!("json", "no JSON: {e}")))?;
         println!("{text}");
     } else {
         let Account { asked, given, on_device, late, seconds, ended } = account;
@@ -149,9 +150,11 @@ fn device_of(_application: &mut Application) -> Result<Option<Writer>, Failure> 
 /// The scenes, one a frame; they begin again after the last.
 fn sources(args: &Feed) -> Result<Vec<String>, Failure> {
     let one = || args.scenes.first().filter(|_| args.scenes.len() == 1);
-    if let Some(Way { key, ends: [a, b] }) = &args.path {
+    if let Some(ParameterPath { key, ends: [a, b] }) = &args.path {
         let built_in = one().filter(|s| s.starts_with("builtin:"));
-        let scene = built_in.ok_or_else(|| Failure::Asked("--path moves one built-in scene: give one alone".into()))?;
+        let scene = built_in.ok_or_else(|| {
+            Failure::Arguments(reason!("path-of-many", "--path moves one built-in scene: give one alone"))
+        })?;
         let mark = if scene.contains('?') { '&' } else { '?' };
         let at = |step: u32| a + (b - a) * f64::from(step) / f64::from(args.steps - 1);
         let there_and_back = (0..args.steps).chain((1..args.steps - 1).rev());
@@ -172,7 +175,7 @@ enum Ready {
 }
 
 fn load(args: &Feed, sources: &[String], offer: &Offer) -> Result<Vec<Ready>, Failure> {
-    let asked = |reason: String| Failure::Asked(format!("live:{}: {reason}", args.name));
+    let asked = |reason: String| Failure::Arguments(reason!("live", "live:{}: {reason}", args.name));
     if !offer.kinds.contains(&Kind::Views) {
         return Err(asked("the display takes no views, and scenes are views".into()));
     }

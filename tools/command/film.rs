@@ -8,6 +8,7 @@ use crate::progress::{self, JobBar};
 use clap::Args;
 use eyebox::low_level::gpu::Options as VulkanOptions;
 use eyebox::low_level::hologram::{Hologram, Opening, Sequence};
+use eyebox::low_level::reason;
 use eyebox::low_level::reconstruction::SceneSource;
 use eyebox_lab::film::{self, Content, EyePath, FilmSettings};
 use std::path::{Path, PathBuf};
@@ -42,7 +43,7 @@ pub fn run(args: &Film) -> Result<(), Failure> {
     let path = EyePath::read(&args.path)?;
     if args.out.extension().is_some() && !args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("y4m")) {
         let reason = "a film is NAME.y4m, or a folder of PNGs, whose name has no ending";
-        return Err(Failure::Asked(format!("{}: {reason}", args.out.display())));
+        return Err(Failure::Arguments(reason!("film", "{}: {reason}", args.out.display())));
     }
     let engines = Engines::new(&args.how.engine, &VulkanOptions::default())?;
     let mut reel = Reel::open(args, &engines)?;
@@ -54,7 +55,8 @@ pub fn run(args: &Film) -> Result<(), Failure> {
         |frame: usize, frames: usize| bar.show(&format!("frame {frame} of {frames}"), frame as f64 / frames as f64);
     let made = film::film(&path, &settings, &mut |t| reel.at(t), &args.out, engine.as_mut(), &mut observe)?;
     bar.finish();
-    let made = made.ok_or_else(|| Failure::Asked(format!("{}: stopped: nothing is written", args.out.display())))?;
+    let made = made
+        .ok_or_else(|| Failure::Arguments(reason!("stopped", "{}: stopped: nothing is written", args.out.display())))?;
     let [rows, columns] = made.size;
     if args.json {
         let report = serde_json::json!({

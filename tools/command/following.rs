@@ -11,6 +11,7 @@ use eyebox::low_level::calibrate::{Following, Report};
 use eyebox::low_level::files;
 use eyebox::low_level::hologram::{NewestHologram, Sequence};
 use eyebox::low_level::optics::Display;
+use eyebox::low_level::reason;
 use eyebox::low_level::session::{BenchFollower, FollowEvent};
 use std::path::{Path, PathBuf};
 use std::thread;
@@ -41,7 +42,7 @@ pub struct FollowArgs {
 
 /// A scene that is shown, and how.
 #[derive(Clone, Copy)]
-pub struct Shown<'a> {
+pub struct SceneToShow<'a> {
     pub scene: &'a str,
     pub subject: &'a SubjectOptions,
     pub live: &'a LiveOptions,
@@ -52,25 +53,28 @@ pub struct Shown<'a> {
 
 /// Shows a scene without a tracker, and follows the bench by the camera's command.
 pub fn show(
-    args: Shown,
+    args: SceneToShow,
     camera: &str,
     play: impl FnOnce(Sequence, Display) -> Result<(), Failure> + Send,
 ) -> Result<(), Failure> {
-    let Shown { scene, subject, live, stream, follow, frames } = args;
+    let SceneToShow { scene, subject, live, stream, follow, frames } = args;
     if stream.clock == Some(ClockName::Simulated) || live.record.is_some() {
-        return Err(Failure::Asked("--camera lives in real time: leave out --clock simulated and --record".into()));
+        return Err(Failure::Arguments(reason!(
+            "camera-and-clock",
+            "--camera lives in real time: leave out --clock simulated and --record"
+        )));
     }
     let model = follow.camera_model.as_deref();
     if let Some(file) = model {
         if file.extension().is_none_or(|e| e != "toml") {
-            return Err(Failure::Asked(format!("{}: the name must end in .toml", file.display())));
+            return Err(Failure::Arguments(reason!("ending", "{}: the name must end in .toml", file.display())));
         }
         files::check_place(file)?;
     }
     let mut display = common::display(&subject.display)?;
     subject.eye.replace(&mut display.prescription)?;
     let [color] = common::colors(&subject.display, &display)?[..] else {
-        return Err(Failure::Asked("--camera follows one color: give --color".into()));
+        return Err(Failure::Arguments(reason!("camera-without-color", "--camera follows one color: give --color")));
     };
     let mut engine = common::engine(&subject.engine)?;
     let mut solve = |display: &Display| -> Result<_, Failure> {
@@ -93,7 +97,8 @@ pub fn show(
         {
             eprintln!("eyebox: {failure}: the model does not follow any more");
         }
-        let gone = |_| Err(Failure::Asked("the thread that shows failed, which is a fault of eyebox".into()));
+        let gone =
+            |_| Err(Failure::Arguments(reason!("fault", "the thread that shows failed, which is a fault of eyebox")));
         shows.join().unwrap_or_else(gone).and(followed)
     })
 }

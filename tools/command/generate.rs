@@ -3,6 +3,7 @@
 use crate::Failure;
 use clap::{Args, Command};
 use eyebox::low_level::files;
+use eyebox::low_level::reason;
 use eyebox_lab::writable;
 use std::path::PathBuf;
 
@@ -39,7 +40,7 @@ pub fn man(args: &Man, mut command: Command) -> Result<(), Failure> {
         let name = page.get_display_name().unwrap_or("eyebox").to_owned();
         let mut text = Vec::new();
         let man = clap_mangen::Man::new(page.clone()).source(concat!("eyebox ", env!("CARGO_PKG_VERSION")));
-        man.render(&mut text).map_err(|e| Failure::Asked(format!("{name}.1: {e}")))?;
+        man.render(&mut text).map_err(|e| Failure::Arguments(reason!("not-written", "{name}.1: {e}")))?;
         files::write_file(&args.out.join(format!("{name}.1")), |out| out.write_all(&text))?;
     }
     Ok(())

@@ -3,8 +3,10 @@
 use crate::Failure;
 use crate::values::{Names, depths, one_of, positive, prescription, size};
 use clap::{Args, ValueEnum};
+use eyebox::low_level::error::Reason;
 use eyebox::low_level::hologram::{Hologram, HologramError};
 use eyebox::low_level::optics::{Depth, Display, Obstruction, Prescription};
+use eyebox::low_level::reason;
 use eyebox::low_level::reconstruction::{InputOptions, SceneReading, SolveInput};
 use eyebox::low_level::scene::{Near, Order, Photographs};
 use std::path::{Path, PathBuf};
@@ -60,7 +62,8 @@ impl DeviceArgs {
     pub fn engine(&self, asked: EngineName) -> Result<EngineName, Failure> {
         match (&self.device, asked) {
             (Some(_), EngineName::Auto) => Ok(EngineName::Vulkan),
-            (Some(device), EngineName::Cpu) => Err(Failure::Asked(format!(
+            (Some(device), EngineName::Cpu) => Err(Failure::Arguments(reason!(
+                "device-of-cpu",
                 "--device {device} is a device for Vulkan, and --engine cpu uses none: leave out one of them"
             ))),
             _ => Ok(asked),
@@ -110,7 +113,7 @@ impl EyeArgs {
         let mut given = self.prescription.clone();
         if let (Some(eye), Some(mm)) = (&mut given, self.vertex_distance) {
             eye.vertex_mm = mm;
-            eye.check().map_err(Failure::Asked)?;
+            eye.check().map_err(Failure::Arguments)?;
         }
         Ok(given)
     }
@@ -232,7 +235,7 @@ impl OtherSceneArgs {
                 HologramError::Scene(_) => return error.into(),
                 _ => "",
             };
-            Failure::Asked(format!("{}: {error}{how}", file.display()))
+            Failure::Arguments(Reason::of(&error).reworded(|text| format!("{}: {text}{how}", file.display())))
         })
     }
 }
@@ -266,7 +269,7 @@ impl SceneOptions {
             return Ok(());
         }
         let line = "--depth-map, --near, --view-pitch, --views, --depth, --order and --photographs say how a scene is read: give --scene";
-        Err(Failure::Asked(line.into()))
+        Err(Failure::Arguments(Reason::new("scene-options-without-scene", line)))
     }
 }
 

@@ -7,6 +7,7 @@ use crate::values::positive;
 use crate::{Failure, score};
 use clap::Args;
 use eyebox::low_level::hologram::{Phases, SceneRecord};
+use eyebox::low_level::reason;
 use std::path::PathBuf;
 
 /// `eyebox import`
@@ -40,7 +41,7 @@ pub fn run(args: &Import) -> Result<(), Failure> {
     args.options.check(args.scene.as_ref())?;
     let what = args.file.display();
     if !Phases::are_at(&args.file) {
-        return Err(Failure::Asked(format!("{what} is a hologram already")));
+        return Err(Failure::Arguments(reason!("hologram-already", "{what} is a hologram already")));
     }
     let mut hologram = args.phases.opening(&args.file, None)?.hologram(&args.file)?;
     hologram.version = env!("CARGO_PKG_VERSION").into();

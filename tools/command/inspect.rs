@@ -6,6 +6,7 @@ use crate::common::{self, Form};
 use crate::failure::in_options;
 use clap::Args;
 use eyebox::low_level::evaluate::Plane;
+use eyebox::low_level::reason;
 use eyebox::low_level::scene::{self, Inspection};
 use std::path::PathBuf;
 
@@ -39,7 +40,7 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
     let (mut found, field) = common::inspect(&args.scene, &display, &colors)?;
     found.doubt = found.doubt.map(|line| in_options(&line));
     if args.json {
-        let text = serde_json::to_string(&found).map_err(|e| Failure::Asked(format!("no JSON: {e}")))?;
+        let text = serde_json::to_string(&found).map_err(|e| Failure::Arguments(reason!("json", "no JSON: {e}")))?;
         println!("{text}");
     } else {
         say(&found);

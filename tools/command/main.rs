@@ -109,9 +109,6 @@ fn main() -> ExitCode {
     match done {
         Ok(()) if talk::finish() => ExitCode::SUCCESS,
         Ok(()) => ExitCode::from(2),
-        Err(failure) => {
-            eprintln!("eyebox: {}", failure::in_options(&failure.to_string()));
-            ExitCode::from(failure.code())
-        }
+        Err(failure) => failure::print(&failure),
     }
 }

@@ -6,6 +6,7 @@ use crate::values::not_negative;
 use clap::Args;
 use eyebox::low_level::calibrate::ShowsPatterns;
 use eyebox::low_level::optics::{Color, Display};
+use eyebox::low_level::reason;
 use eyebox::low_level::session::{PatternOutput, SinkFile};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -32,7 +33,10 @@ impl PatternArgs {
     pub fn open(&self, display: &Display, colors: &[Color]) -> Result<Option<PatternOutput>, Failure> {
         let Some(name) = self.output else { return Ok(None) };
         if self.shared.is_some() && name != OutputName::Offscreen {
-            return Err(Failure::Asked("--shared goes with --output offscreen".into()));
+            return Err(Failure::Arguments(reason!(
+                "share-without-offscreen",
+                "--shared goes with --output offscreen"
+            )));
         }
         let output = name.output(self.monitor.clone(), false, self.shared.clone().map(SinkFile::Shared));
         let settle = Duration::from_secs_f64(self.settle.unwrap_or(0.2).min(1e6));

@@ -7,8 +7,10 @@ use crate::values::{as_shown, phase_unit, size};
 use clap::{Args, ValueEnum};
 use eyebox::low_level::encode::AsShown;
 use eyebox::low_level::encoded::{Encoded, is_encoded};
+use eyebox::low_level::error::Reason;
 use eyebox::low_level::hologram::{BareOptics, HologramError, Opening, PhaseSource, PhaseUnit, Phases, Unfinished};
 use eyebox::low_level::optics::{Color, Display, Geometry, Optics};
+use eyebox::low_level::reason;
 use std::path::Path;
 
 /// Where an SLM stands, by name.
@@ -82,7 +84,7 @@ impl UnfinishedArgs {
     pub fn failure(self, error: HologramError) -> Failure {
         match error {
             HologramError::Unfinished { .. } => {
-                Failure::Asked(format!("{error}, or take it as it is with --unfinished"))
+                Failure::Arguments(reason!("unfinished", "{error}, or take it as it is with --unfinished"))
             }
             other => other.into(),
         }
@@ -112,17 +114,20 @@ pub struct EncodedArgs {
 impl EncodedArgs {
     /// What `file` shows: video frames are decoded, everything else is opened as `phases` say, and how far it is is told.
     pub fn source(&self, phases: &PhaseArgs, file: &Path, at: Option<u64>) -> Result<PhaseSource<'static>, Failure> {
-        let wrong = |reason: &str| Err(Failure::Asked(format!("{}: {reason}", file.display())));
+        let wrong = |reason: Reason| Err(Failure::Arguments(reason.within(file.display())));
         if !self.encoded && !is_encoded(file) {
             if self.as_shown.is_some() {
-                return wrong("--as-shown is for video frames: give --encoded if it holds some");
+                return wrong(reason!(
+                    "as-shown-of-phases",
+                    "--as-shown is for video frames: give --encoded if it holds some"
+                ));
             }
             tell_unfinished(file)?;
             return Ok(Opening { unfinished: true, ..phases.opening(file, at)? }.source(file)?);
         }
         let stray = at.is_some() || phases.unit.phase_unit.is_some() || phases.pitch.is_some();
         if stray || phases.focal_length.is_some() || !phases.wavelength.is_empty() {
-            return wrong("video frames take --display, --size and --color alone");
+            return wrong(reason!("options-of-phases", "video frames take --display, --size and --color alone"));
         }
         let display =
             phases.display.as_ref().map(|name| common::display_of_size(name, phases.size, phases.force)).transpose()?;
@@ -142,7 +147,8 @@ impl PhaseArgs {
             || self.focal_length.is_some()
             || !self.wavelength.is_empty();
         if given && !Phases::are_at(file) {
-            return Err(Failure::Asked(format!(
+            return Err(Failure::Arguments(reason!(
+                "own-optics",
                 "{what} holds its own optics: leave out --display, --pitch, --wavelength and --focal-length"
             )));
         }
@@ -168,7 +174,10 @@ impl PhaseArgs {
                 };
                 Ok(Some(BareOptics::Values { pitch, focal_length, geometry, wavelengths }))
             }
-            _ => Err(Failure::Asked(format!("{what}: --pitch, --wavelength and --focal-length go together"))),
+            _ => Err(Failure::Arguments(reason!(
+                "optics-together",
+                "{what}: --pitch, --wavelength and --focal-length go together"
+            ))),
         }
     }
 }

@@ -6,6 +6,7 @@ use clap::Args;
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::files::cache_folder;
 use eyebox::low_level::quality::Quality;
+use eyebox::low_level::reason;
 use eyebox::low_level::solve::Settings;
 use eyebox_lab::tuning::{Measured, within};
 
@@ -70,7 +71,8 @@ impl QualityArgs {
         }
         let Some(deadline) = self.deadline else { return Ok(None) };
         let Some(measured) = measured else {
-            return Err(Failure::Asked(format!(
+            return Err(Failure::Arguments(reason!(
+                "nothing-measured",
                 "--deadline {deadline}: nothing was measured on {device}: run `eyebox tradeoff SCENE -o DIR` first, or stop by the clock with --seconds"
             )));
         };
@@ -79,9 +81,11 @@ impl QualityArgs {
         let Some(trial) = within(&measured.front, share, scale) else {
             let least = measured.front.iter().map(|t| t.milliseconds).fold(f64::INFINITY, f64::min);
             let least = (least * scale * colors.max(1) as f64).ceil();
-            return Err(Failure::Asked(format!(
+            return Err(Failure::Arguments(reason!(
+                "deadline",
                 "--deadline {deadline}: the fastest that was measured takes {least} ms for {colors} of {} x {} pixels with {frames} sub-frames on {device}",
-                size[0], size[1]
+                size[0],
+                size[1]
             )));
         };
         let from = expected(&measured, trial.milliseconds);

@@ -8,6 +8,7 @@ use eyebox::low_level::evaluate::Summary;
 use eyebox::low_level::files::MadeFolder;
 use eyebox::low_level::hologram::{Hologram, PhaseSource};
 use eyebox::low_level::optics::{Color, Depth, Display, Pupil, dioptres, dioptres_in_words};
+use eyebox::low_level::reason;
 use eyebox::low_level::reconstruction::{FOVEA_DEGREES, HologramScores, JodSettings, PupilScore};
 use eyebox::low_level::solve::{Diameters, PupilRange, Sampler, Sequence};
 use serde_json::{Value, json};
@@ -168,7 +169,7 @@ fn row(score: &PupilScore, display: &Display) -> Value {
 
 /// The display that a hologram, read from `file`, was made for.
 pub fn display_of(file: &Path, hologram: &Hologram) -> Result<Display, Failure> {
-    hologram.made_for().map_err(|e| Failure::Asked(format!("{}: {e}", file.display())))
+    hologram.made_for().map_err(|e| Failure::Arguments(reason!("scores", "{}: {e}", file.display())))
 }
 
 /// The hologram, and the display that it is for.
@@ -189,15 +190,17 @@ fn pupils(
     let text = &args.pupils;
     if let Some(count) = text.strip_prefix("random:") {
         let count = count.parse::<usize>().ok().filter(|n| (1..=100_000).contains(n));
-        let count = count
-            .ok_or_else(|| Failure::Asked(format!("--pupils {text}: expected random:N with N from 1 to 100000")))?;
+        let count = count.ok_or_else(|| {
+            Failure::Arguments(reason!("pupils", "--pupils {text}: expected random:N with N from 1 to 100000"))
+        })?;
         let range = PupilRange { eyebox: display.eyebox_min(), diameter, depth, diameters: Diameters::Uniform };
         let regions = color.map_or_else(Vec::new, |color| display.regions(color));
         let mut sampler = Sampler::new(range, Sequence::Random, args.seed).over(regions);
         return Ok((0..count).map(|_| sampler.draw()).collect());
     }
     let wrong = |reason: String| {
-        Failure::Asked(format!(
+        Failure::Arguments(reason!(
+            "pupils",
             "{text}: {reason}; expected random:N or a JSON file such as [[0, 0, 4, 1.5], [2, -1, 6, \"0.01D\"]]"
         ))
     };

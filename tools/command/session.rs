@@ -2,8 +2,10 @@
 
 use crate::{Failure, common, progress};
 use eyebox::low_level::encoded;
+use eyebox::low_level::error::Reason;
 use eyebox::low_level::files;
 use eyebox::low_level::hologram::Hologram;
+use eyebox::low_level::reason;
 use eyebox::low_level::session::{Ended, Ending, Session, SessionError, SessionEvent, Statistics, Status};
 use serde_json::{Value, json};
 use std::io::{IsTerminal, Write};
@@ -91,7 +93,7 @@ pub fn conclude(ended: Ended, stats: Option<&Path>, more: &Value) -> Result<(), 
     written?;
     match statistics.validation.len() {
         0 => Ok(()),
-        count => Err(Failure::Asked(format!("the validation layer found {count} faults, above"))),
+        count => Err(Failure::Arguments(reason!("validation", "the validation layer found {count} faults, above"))),
     }
 }
 
@@ -105,7 +107,7 @@ pub fn keep_powers(shown: &Hologram, record: Option<&Path>) -> Result<(), Failur
 
 /// A display that goes away while it is shown on has an exit code of its own.
 fn lost(error: SessionError) -> Failure {
-    if error.is_of_display() { Failure::Lost(error.to_string()) } else { error.into() }
+    if error.is_of_display() { Failure::Lost(Reason::new("display", error)) } else { error.into() }
 }
 
 #[cfg(test)]
@@ -115,8 +117,9 @@ mod tests {
 
     #[test]
     fn a_display_that_goes_away_and_a_thread_that_fails_have_codes_of_their_own() {
-        let gone = PresentError::Display { presenter: "the window".into(), reason: "it is gone".into() };
+        let gone =
+            PresentError::Display { presenter: "the window".into(), reason: reason!("server-gone", "it is gone") };
         let failed = SessionError::Thread { what: "encodes", reason: "failed".into() };
-        assert_eq!((lost(gone.into()).code(), lost(failed).code()), (3, 2));
+        assert_eq!((lost(gone.into()).exit_code(), lost(failed).exit_code()), (3, 2));
     }
 }

@@ -6,6 +6,7 @@ use crate::{Failure, common};
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::optics::{Color, Display};
 use eyebox::low_level::produce::{SceneJob, SequenceRequest, TilesRequest};
+use eyebox::low_level::reason;
 use eyebox::low_level::scene::LightField;
 use eyebox::low_level::solve::{Joint, Levels, Optimizer, ScenePlan, Settings, even_levels};
 
@@ -124,7 +125,7 @@ fn levels(text: &str) -> Result<Vec<f64>, Failure> {
     if let Ok(n) = text.parse::<usize>() {
         return Ok(even_levels(n.min(1 << 16)));
     }
-    let wrong = |what: String| Failure::Asked(format!("{text}: {what}"));
+    let wrong = |what: String| Failure::Arguments(reason!("levels", "{text}: {what}"));
     let size =
         std::fs::metadata(text).map_err(|e| wrong(format!("neither a number of levels nor a file ({e})")))?.len();
     if size > 1 << 20 {

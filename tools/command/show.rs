@@ -7,12 +7,13 @@ use crate::following::{self, FollowArgs};
 use crate::live::{self, LiveOptions, Stage, Steered, SubjectOptions};
 use crate::phases::UnfinishedArgs;
 use crate::play::{self, ClockName, OutputName, Playing, StreamArgs};
-use crate::solve::Watch;
+use crate::solve::SolveProgress;
 use crate::values::positive;
 use clap::Args;
 use eyebox::low_level::hologram::{Opening, Phases, Sequence};
 use eyebox::low_level::optics::Display;
 use eyebox::low_level::produce::{SceneJob, SceneSolution, solve_scene};
+use eyebox::low_level::reason;
 use eyebox::low_level::scene;
 use eyebox::low_level::session::Cost;
 use std::path::{Path, PathBuf};
@@ -93,10 +94,13 @@ pub fn run(args: &Show) -> Result<(), Failure> {
         return match what {
             What::Scene(scene) if !tracked => {
                 let Show { subject, live, stream, follow, frames, .. } = args;
-                let shown = following::Shown { scene: &scene, subject, live, stream, follow, frames: *frames };
+                let shown = following::SceneToShow { scene: &scene, subject, live, stream, follow, frames: *frames };
                 following::show(shown, camera, |sequence, display| play(args, sequence, display))
             }
-            _ => Err(Failure::Asked("--camera follows one scene that is shown without a tracker".into())),
+            _ => Err(Failure::Arguments(reason!(
+                "camera-and-tracker",
+                "--camera follows one scene that is shown without a tracker"
+            ))),
         };
     }
     match what {
@@ -117,7 +121,8 @@ pub fn run(args: &Show) -> Result<(), Failure> {
             play(args, Sequence::single(Path::new(&scene), hologram), display)
         }
         What::Scenes(scenes) => {
-            let folder = tempfile::tempdir().map_err(|e| Failure::Asked(format!("a folder for its holograms: {e}")))?;
+            let folder = tempfile::tempdir()
+                .map_err(|e| Failure::Arguments(reason!("folder", "a folder for its holograms: {e}")))?;
             let file = folder.path().join("scenes.zarr");
             let display = solve(args, scenes, &file)?;
             if tracked {
@@ -133,7 +138,9 @@ fn what(args: &Show) -> Result<What, Failure> {
     let one = args.what.first().filter(|_| args.what.len() == 1);
     let Some(one) = one else {
         return match args.what.iter().find(|what| what.starts_with("live:") || is_phases(what)) {
-            Some(what) => Err(Failure::Asked(format!("{what} is shown alone: only scenes follow each other"))),
+            Some(what) => {
+                Err(Failure::Arguments(reason!("shown-alone", "{what} is shown alone: only scenes follow each other")))
+            }
             None => Ok(What::Scenes(args.what.clone())),
         };
     };
@@ -188,12 +195,17 @@ fn solve(args: &Show, scenes: Vec<String>, file: &Path) -> Result<Display, Failu
         (options.depth_map.clone(), options.depth_before(&display), args.subject.display.force);
     job.settings = settings;
     job.sequence.rate = rate;
-    let mut watch = Watch::of_job(&job, engine.describe(), None, false);
+    let mut watch = SolveProgress::of_job(&job, engine.describe(), None, false);
     let solved = solve_scene(&job, Some(file), engine.as_mut(), &mut |event| watch.see(event))?;
     if let SceneSolution::Sequence(solved) = &solved
         && solved.done < solved.count
     {
-        return Err(Failure::Asked(format!("interrupted: {} of {} scenes were solved", solved.done, solved.count)));
+        return Err(Failure::Arguments(reason!(
+            "interrupted",
+            "interrupted: {} of {} scenes were solved",
+            solved.done,
+            solved.count
+        )));
     }
     Ok(display)
 }
@@ -210,7 +222,10 @@ fn play(args: &Show, sequence: Sequence, display: Display) -> Result<(), Failure
         (args.live.display_latency > 0.0, "--display-latency"),
     ];
     if let Some((_, option)) = refused.iter().find(|(given, _)| *given) {
-        return Err(Failure::Asked(format!("{option} is for what is refined while it is shown: give --tracker")));
+        return Err(Failure::Arguments(reason!(
+            "without-tracker",
+            "{option} is for what is refined while it is shown: give --tracker"
+        )));
     }
     let mut options = args.live.shown.options();
     options.duration = args.live.duration.map(|s| Duration::from_secs_f64(s.min(1e9)));
@@ -227,7 +242,10 @@ fn follow(args: &Show, what: &str) -> Result<(), Failure> {
     let cost = refined(args)?;
     if args.stream.rate.is_some() && live::is_hologram(Path::new(what)) {
         // What a sequence says of its time holds.
-        return Err(Failure::Asked("--rate is for what is played: with --tracker a sequence keeps its own".into()));
+        return Err(Failure::Arguments(reason!(
+            "rate-with-tracker",
+            "--rate is for what is played: with --tracker a sequence keeps its own"
+        )));
     }
     let endless = !Sequence::is_at(Path::new(what)) || args.stream.looped;
     endless_needs_duration(args, cost, endless)?;
@@ -256,35 +274,41 @@ fn refined(args: &Show) -> Result<Option<Cost>, Failure> {
         (stream.mark > 0, "--mark"),
         (stream.keep_phase, "--keep-phase"),
     ];
-    let refuse = |reason: String| Err(Failure::Asked(reason));
+    let refuse = |reason| Err(Failure::Arguments(reason));
     if let Some((_, option)) = given.iter().find(|(given, _)| *given) {
-        return refuse(format!("{option} is for what is played: leave it out, or --tracker"));
+        return refuse(reason!("with-tracker", "{option} is for what is played: leave it out, or --tracker"));
     }
     let simulated = stream.clock == Some(ClockName::Simulated);
     if (simulated || stream.sink().is_some()) && args.live.shown.output != OutputName::Offscreen {
-        return refuse("--raw, --shared and a simulated clock go with --output offscreen".into());
+        return refuse(reason!(
+            "without-offscreen",
+            "--raw, --shared and a simulated clock go with --output offscreen"
+        ));
     }
     let time = |ms: f64| Duration::from_secs_f64((ms * 1e-3).min(1e3));
     match (simulated, args.step_time) {
         (true, Some(step)) => Ok(Some(Cost::Fixed { step: time(step), encode: time(args.encode_time) })),
-        (true, None) => refuse("a simulated clock has to be told what a step takes: --step-time".into()),
-        (false, Some(_)) => refuse("--step-time is for a simulated clock: add --clock simulated".into()),
+        (true, None) => {
+            refuse(reason!("no-step-time", "a simulated clock has to be told what a step takes: --step-time"))
+        }
+        (false, Some(_)) => refuse(reason!("step-time", "--step-time is for a simulated clock: add --clock simulated")),
         (false, None) => Ok(None),
     }
 }
 
 fn kept_of_applications(args: &Show) -> Result<(), Failure> {
     match args.journal.is_some() || args.replay.is_some() {
-        true => Err(Failure::Asked(
-            "--journal and --replay are for live:NAME; other content is the same again by itself".into(),
-        )),
+        true => Err(Failure::Arguments(reason!(
+            "journal-without-live",
+            "--journal and --replay are for live:NAME; other content is the same again by itself"
+        ))),
         false => Ok(()),
     }
 }
 
 fn endless_needs_duration(args: &Show, cost: Option<Cost>, endless: bool) -> Result<(), Failure> {
     match endless && cost.is_some() && args.live.duration.is_none() {
-        true => Err(Failure::Asked("a simulated clock would go on for ever: give --duration".into())),
+        true => Err(Failure::Arguments(reason!("endless", "a simulated clock would go on for ever: give --duration"))),
         false => Ok(()),
     }
 }
@@ -300,12 +324,17 @@ fn application(args: &Show, name: &str) -> Result<(), Failure> {
     let cost = match &args.replay {
         // Nothing is timed that was decided before.
         Some(_) if args.live.tracker.tracker.is_none() => Some(Cost::Measured),
-        Some(_) => return Err(Failure::Asked("--replay has its samples in it: leave out --tracker".into())),
+        Some(_) => {
+            return Err(Failure::Arguments(reason!(
+                "replay-with-tracker",
+                "--replay has its samples in it: leave out --tracker"
+            )));
+        }
         None => refined(args)?,
     };
     if cost.is_some() && args.replay.is_none() {
         let line = "an application lives in real time: leave out --clock simulated";
-        return Err(Failure::Asked(format!("live:{name}: {line}")));
+        return Err(Failure::Arguments(reason!("live", "live:{name}: {line}")));
     }
     let stage = Stage::open(&args.subject, &args.live)?;
     let display = display(args, None)?;
@@ -348,5 +377,5 @@ fn application(args: &Show, name: &str) -> Result<(), Failure> {
 
 #[cfg(not(target_os = "linux"))]
 fn application(_args: &Show, name: &str) -> Result<(), Failure> {
-    Err(Failure::Asked(format!("live:{name}: live content exists on Linux alone")))
+    Err(Failure::Arguments(reason!("live-on-linux", "live:{name}: live content exists on Linux alone")))
 }

@@ -1,7 +1,7 @@
 //! `eyebox solve`.
 
 mod camera;
-mod watch;
+mod progress;
 
 use crate::Failure;
 use crate::args::Solve;
@@ -16,13 +16,14 @@ use eyebox::low_level::produce::{
     SceneJob, SceneSolution, SolvedHologram, SolvedSequence, SolvedTiles, TilesRequest, is_larger_than_memory,
     solve_scene,
 };
+use eyebox::low_level::reason;
 use eyebox::low_level::reconstruction::PupilScore;
 use eyebox::low_level::scene;
 use eyebox::low_level::solve::{Method, Optimizer, Settings, Solution, Stop};
 use eyebox::low_level::tiled::MemoryLimit;
 use serde_json::{Value, json};
 use std::time::Instant;
-pub use watch::Watch;
+pub use progress::SolveProgress;
 
 /// Solves, saves, and says what came of it.
 pub fn run(args: &Solve) -> Result<(), Failure> {
@@ -48,7 +49,7 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
         None => settings::settings_of(args, engine.as_ref(), &display, [0.0, 0.0], colors.len())?,
     };
     let job = job_of(args, &display, scenes, colors, settings, tiles);
-    let mut watch = Watch::of_job(&job, engine.describe(), chosen, args.json);
+    let mut watch = SolveProgress::of_job(&job, engine.describe(), chosen, args.json);
     let mut solved = solve_scene(&job, Some(&args.out), engine.as_mut(), &mut |event| watch.see(event))?;
     if let (SceneSolution::Hologram(solved), Some(camera)) = (&mut solved, camera) {
         let gains = camera::run(args, solved, camera, engine.as_mut())?;
@@ -83,9 +84,10 @@ pub fn tiles_of(args: &Solve, scenes: &[String], display: &Display) -> Result<Op
     args.memory.filter(|_| relay).into_iter().for_each(eyebox::low_level::memory::limit);
     if relay || args.memory.is_none() && !is_larger_than_memory(display, frames) {
         if args.passes.is_some() || args.picture.is_some() {
-            return Err(Failure::Asked(
-                "--passes and --picture are for far fields with --memory: this is solved all at once".into(),
-            ));
+            return Err(Failure::Arguments(reason!(
+                "not-in-tiles",
+                "--passes and --picture are for far fields with --memory: this is solved all at once"
+            )));
         }
         return Ok(None);
     }
@@ -100,7 +102,8 @@ pub fn tiles_of(args: &Solve, scenes: &[String], display: &Display) -> Result<Op
         (args.pupils.is_some(), "--pupils"),
     ];
     if let Some((_, name)) = given.iter().find(|g| g.0) {
-        return Err(Failure::Asked(format!(
+        return Err(Failure::Arguments(reason!(
+            "in-tiles",
             "{name} is not for a hologram that is solved region by region: leave it out, or take a smaller display"
         )));
     }
@@ -199,7 +202,8 @@ fn say_sequence(
     let (out, SolvedSequence { done, count, solved, .. }) = (args.out.display(), *solved);
     let seconds = start.elapsed().as_secs_f64();
     if done < count {
-        return Err(Failure::Asked(format!(
+        return Err(Failure::Arguments(reason!(
+            "interrupted",
             "interrupted: {out} has {done} of {count} holograms; the same command goes on with the next"
         )));
     }

@@ -8,8 +8,8 @@ use std::io::{self, Write};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 macro_rules! println {
-    () => { $crate::talk::say(format_args!("")) };
-    ($($text:tt)*) => { $crate::talk::say(format_args!($($text)*)) };
+    () => { $crate::talk::print_line(format_args!("")) };
+    ($($text:tt)*) => { $crate::talk::print_line(format_args!($($text)*)) };
 }
 macro_rules! eprintln {
     ($($text:tt)*) => { $crate::talk::note(format_args!($($text)*)) };
@@ -24,7 +24,7 @@ static CLOSED: AtomicBool = AtomicBool::new(false);
 static LOST: AtomicBool = AtomicBool::new(false);
 
 /// A line on standard output.
-pub fn say(text: Arguments<'_>) {
+pub fn print_line(text: Arguments<'_>) {
     if CLOSED.load(Relaxed) {
         return;
     }
@@ -48,20 +48,20 @@ pub fn write_note(text: Arguments<'_>) {
 /// Standard output takes no more. That a reader ended is what the user wanted; anything else is a loss, and is said.
 fn close(error: &io::Error) {
     CLOSED.store(true, Relaxed);
-    if !gone(error) {
+    if !is_broken_pipe(error) {
         LOST.store(true, Relaxed);
         note(format_args!("eyebox: standard output cannot be written, what it was to say is lost: {error}"));
     }
 }
 
 /// Says that something which was to be kept is lost: the work goes on, and the exit code tells.
-pub fn lose(text: Arguments<'_>) {
+pub fn discard(text: Arguments<'_>) {
     LOST.store(true, Relaxed);
     note(text);
 }
 
 /// Whether the reader of a pipe, or the terminal, has gone.
-pub fn gone(error: &io::Error) -> bool {
+pub fn is_broken_pipe(error: &io::Error) -> bool {
     error.kind() == io::ErrorKind::BrokenPipe || error.raw_os_error() == Some(5)
 }
 

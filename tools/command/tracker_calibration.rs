@@ -4,7 +4,9 @@ use crate::Failure;
 use crate::progress;
 use crate::trackers::Trackers;
 use crate::trackers::options;
+use eyebox::low_level::error::Reason;
 use eyebox::low_level::gaze::{Calibration, Fit, Pair, Settings};
+use eyebox::low_level::reason;
 use eyebox::low_level::trackers::{Reading, Sample, Spec, Stream, Unit, open};
 use std::io::{self, BufRead};
 use std::path::Path;
@@ -29,9 +31,14 @@ pub fn run(args: &Trackers, file: &Path) -> Result<(), Failure> {
     for (i, [x, y]) in args.targets.0.iter().enumerate() {
         eprintln!("{} of {}: look at ({x}, {y}) degrees and press Enter", i + 1, args.targets.0.len());
         let mut line = String::new();
-        let read = enter.read_line(&mut line).map_err(|e| Failure::Asked(format!("standard input: {e}")))?;
+        let read = enter
+            .read_line(&mut line)
+            .map_err(|e| Failure::Arguments(reason!("standard-input", "standard input: {e}")))?;
         if read == 0 || progress::interrupted() {
-            return Err(Failure::Asked("the calibration was broken off: nothing is written".into()));
+            return Err(Failure::Arguments(reason!(
+                "broken-off",
+                "the calibration was broken off: nothing is written"
+            )));
         }
         let samples = fixation(&stream)?;
         let pupil = [x, y].map(|degrees| radius * degrees.to_radians().sin());
@@ -53,7 +60,7 @@ pub fn run(args: &Trackers, file: &Path) -> Result<(), Failure> {
     let calibration = Calibration { user, tracker: stream.tracker(), left, right, combined };
     let fits = [("left", &calibration.left), ("right", &calibration.right), ("combined", &calibration.combined)];
     if fits.iter().all(|(_, fit)| fit.is_none()) {
-        return Err(Failure::Asked("no eye was seen at every target: nothing is written".into()));
+        return Err(Failure::Arguments(reason!("no-eye", "no eye was seen at every target: nothing is written")));
     }
     calibration.save(file)?;
     for (name, fit) in fits {
@@ -85,10 +92,13 @@ fn fixation(stream: &Stream) -> Result<Vec<Sample>, Failure> {
             return Ok(samples);
         }
         if let Some(failure) = stream.status().failure {
-            return Err(Failure::Asked(failure));
+            return Err(Failure::Arguments(Reason::new("tracker", failure)));
         }
         if (first.is_none() && asked.elapsed() > PATIENCE) || progress::interrupted() {
-            return Err(Failure::Asked("the tracker saw no eye for five seconds: nothing is written".into()));
+            return Err(Failure::Arguments(reason!(
+                "no-eye",
+                "the tracker saw no eye for five seconds: nothing is written"
+            )));
         }
     }
 }

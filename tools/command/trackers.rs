@@ -5,9 +5,11 @@ use crate::progress;
 use crate::talk;
 use crate::values::{Targets, not_negative, positive, targets};
 use clap::{Args, ValueEnum};
+use eyebox::low_level::error::Reason;
 use eyebox::low_level::files::{FileError, GrowingFile};
 use eyebox::low_level::gaze::place::Counts;
 use eyebox::low_level::gaze::{Calibration, Estimator, Eyepiece, Settings};
+use eyebox::low_level::reason;
 use eyebox::low_level::trackers::hid::{self, Description, DeviceFile};
 use eyebox::low_level::trackers::recording::{self, Head, Recording};
 use eyebox::low_level::trackers::{Dropped, Event, Options, Sample, Source, Spec, Stream, TrackerError, line, open};
@@ -110,7 +112,7 @@ fn say(line: &str) -> io::Result<()> {
 
 fn said(result: io::Result<()>) -> Result<(), Failure> {
     match result {
-        Err(e) if !talk::gone(&e) => Err(Failure::Asked(format!("standard output: {e}"))),
+        Err(e) if !talk::is_broken_pipe(&e) => Err(Failure::Arguments(reason!("standard-output", "standard output: {e}"))),
         _ => Ok(()),
     }
 }
@@ -234,7 +236,7 @@ impl Feed {
             Some((sample, report)) => Ok(Event::Sample(sample, report)),
             None if !status.ended => Ok(Event::Nothing),
             None => match status.failure {
-                Some(reason) => Err(TrackerError::Setting(reason)),
+                Some(reason) => Err(TrackerError::Setting(Reason::new("tracker", reason))),
                 None => Ok(Event::End),
             },
         }
@@ -335,7 +337,9 @@ fn watch(args: &Trackers, source: &str) -> Result<(), Failure> {
     let empty = recorder.out.is_empty();
     lost(recorder.out.finish());
     match shown {
-        Ok(()) if empty => Err(Failure::Asked(format!("{}: no report has come to record", file.display()))),
+        Ok(()) if empty => {
+            Err(Failure::Arguments(reason!("no-report", "{}: no report has come to record", file.display())))
+        }
         shown => shown,
     }
 }
@@ -343,7 +347,7 @@ fn watch(args: &Trackers, source: &str) -> Result<(), Failure> {
 /// What cannot be recorded is said, and everything else goes on.
 fn lost(recorded: Result<(), FileError>) {
     if let Err(error) = recorded {
-        talk::lose(format_args!("eyebox: {error}; what was recorded until then is kept"));
+        talk::discard(format_args!("eyebox: {error}; what was recorded until then is kept"));
     }
 }
 
@@ -389,12 +393,13 @@ fn summary(dropped: Dropped, counts: Option<Counts>) -> Option<String> {
 fn form(file: &Path, spec: &Spec) -> Result<Form, Failure> {
     match file.extension().and_then(|e| e.to_str()) {
         Some("hid") if matches!(spec, Spec::Hid | Spec::Recording(_)) => Ok(Form::Hid),
-        Some("hid") => Err(Failure::Asked(format!(
+        Some("hid") => Err(Failure::Arguments(reason!(
+            "not-hid",
             "{}: only HID sources have reports to record: record this one as .jsonl",
             file.display()
         ))),
         Some("jsonl") => Ok(Form::Lines),
-        _ => Err(Failure::Asked(format!("{}: the name must end in .hid or .jsonl", file.display()))),
+        _ => Err(Failure::Arguments(reason!("ending", "{}: the name must end in .hid or .jsonl", file.display()))),
     }
 }
 
@@ -430,7 +435,7 @@ fn show(args: &Trackers, feed: &mut Feed, stored: bool, mut recorder: Option<&mu
                     lost(recorder.sample(&sample, report.as_deref(), || feed.head()));
                 }
                 match say(&text) {
-                    Err(e) if talk::gone(&e) => break,
+                    Err(e) if talk::is_broken_pipe(&e) => break,
                     other => said(other)?,
                 }
             }
@@ -448,7 +453,11 @@ fn show(args: &Trackers, feed: &mut Feed, stored: bool, mut recorder: Option<&mu
     }
     if first_ns.is_none() {
         let source = args.watch.as_deref().unwrap_or_default();
-        return Err(Failure::Asked(format!("{source}: no sample came in {:.1} s", start.elapsed().as_secs_f64())));
+        return Err(Failure::Arguments(reason!(
+            "no-sample",
+            "{source}: no sample came in {:.1} s",
+            start.elapsed().as_secs_f64()
+        )));
     }
     Ok(())
 }

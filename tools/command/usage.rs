@@ -1,7 +1,10 @@
 //! Mistakes on the command line: one line each, with a remedy that works.
 
+use crate::failure::print_error;
 use clap::Error;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
+use eyebox::low_level::error::ErrorData;
+use serde_json::Value;
 use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
@@ -26,10 +29,32 @@ pub fn print(error: &Error) -> ExitCode {
             if error.exit_code() == 0 { ExitCode::SUCCESS } else { ExitCode::from(2) }
         }
         _ => {
-            eprintln!("eyebox: {}", line(error));
+            print_error(&line(error), &data(error));
             ExitCode::from(2)
         }
     }
+}
+
+/// The mistake as data: its kind as clap names it, the argument and the value.
+fn data(error: &Error) -> ErrorData {
+    let kind = format!("{:?}", error.kind());
+    let kind = kind.char_indices().fold(String::new(), |kind, (at, c)| match c {
+        c if c.is_uppercase() && at > 0 => kind + "-" + &c.to_lowercase().to_string(),
+        c => kind + &c.to_lowercase().to_string(),
+    });
+    let value = |kind| match error.get(kind)? {
+        ContextValue::String(text) => Some(Value::from(text.as_str())),
+        ContextValue::Strings(all) => Some(Value::from(all.as_slice())),
+        _ => None,
+    };
+    let named = [
+        ("argument", ContextKind::InvalidArg),
+        ("value", ContextKind::InvalidValue),
+        ("command", ContextKind::InvalidSubcommand),
+        ("with", ContextKind::PriorArg),
+    ];
+    let fields = named.into_iter().filter_map(|(name, kind)| Some((name.to_owned(), value(kind)?))).collect();
+    ErrorData { code: format!("usage/{kind}"), fields }
 }
 
 /// What is wrong, and what would be right.

@@ -2,6 +2,7 @@
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use eyebox::low_level::encode::AsShown;
+use eyebox::low_level::error::Reason;
 use eyebox::low_level::hologram::PhaseUnit;
 use eyebox::low_level::optics::{Depth, DisplayModel, Prescription, Pupil, WindowFactor};
 use eyebox::low_level::plan::Storage;
@@ -40,7 +41,7 @@ pub fn pupil(text: &str) -> Result<GivenPupil, String> {
     })?;
     let [x, y, diameter] = numbers::<3>(vec![x, y, diameter], form)?;
     let place = Pupil::from_mm([x, y, diameter, 0.0]).check().map_err(|e| e.to_string())?;
-    Ok(GivenPupil { place, focus: focus.parse()? })
+    Ok(GivenPupil { place, focus: depth(focus)? })
 }
 
 /// Sphere, cylinder and axis as opticians write them.
@@ -56,7 +57,7 @@ pub fn prescription(text: &str) -> Result<Prescription, String> {
         _ => numbers::<3>(parts, form)?,
     };
     let eye = Prescription::new(sphere, cylinder, axis);
-    eye.check()?;
+    eye.check().map_err(|wrong| wrong.to_string())?;
     Ok(eye)
 }
 
@@ -85,7 +86,7 @@ pub fn model_terms(text: &str) -> Result<TermsOfModel, String> {
 
 /// A depth: mm, or dioptres with a D behind.
 pub fn depth(text: &str) -> Result<Depth, String> {
-    text.parse()
+    text.parse().map_err(|wrong: Reason| wrong.to_string())
 }
 
 pub fn size(text: &str) -> Result<[usize; 2], String> {

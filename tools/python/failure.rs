@@ -1,10 +1,13 @@
 //! The library's errors as Python's exceptions: its sentences, by the room that said them.
 
+use eyebox::error::ErrorData;
 use eyebox::optics::OpticsError;
 use eyebox::produce::ProduceError;
 use eyebox::reconstruction::ReconstructionError;
 use pyo3::exceptions::PyValueError;
-use pyo3::{PyErr, create_exception};
+use pyo3::types::PyAnyMethods;
+use pyo3::{PyErr, Python, create_exception};
+use serde::Serialize;
 
 create_exception!(
     eyebox,
@@ -27,7 +30,8 @@ create_exception!(
 create_exception!(eyebox, EngineError, EyeboxError, "The engine or its device.");
 
 /// What went wrong, on its way to Python.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error, Serialize)]
+#[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 pub(crate) enum Failure {
     #[error("{0}")]
     Argument(String),
@@ -89,7 +93,8 @@ impl From<Failure> for PyErr {
     fn from(failure: Failure) -> Self {
         use eyebox::hologram::HologramError as OfHologram;
         let said = failure.to_string();
-        match failure {
+        let data = ErrorData::of(&failure);
+        let error = match failure {
             Failure::Argument(_) => PyValueError::new_err(said),
             Failure::Optics(_)
             | Failure::Produce(ProduceError::Optics(_))
@@ -114,7 +119,15 @@ impl From<Failure> for PyErr {
             Failure::Calibrate(_) => CalibrateError::new_err(said),
             Failure::Session(_) => SessionError::new_err(said),
             Failure::Encode(_) => EncodeError::new_err(said),
-        }
+        };
+        // What cannot be attached is missed by nobody who reads the sentence.
+        Python::attach(|py| {
+            let exception = error.value(py);
+            let _ = exception.setattr("code", data.code);
+            let fields = serde_json::Value::Object(data.fields).to_string();
+            let _ = py.import("json").and_then(|json| json.call_method1("loads", (fields,))).map(|fields| exception.setattr("fields", fields));
+        });
+        error
     }
 }
 

@@ -3,6 +3,7 @@
 use super::npy::{NpyReader, from_fortran};
 use super::{FileError, FileKind, npz_line, read, zip};
 use crate::memory;
+use crate::reason;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
@@ -61,7 +62,12 @@ impl NpyArray {
         let names = || arrays().map(|(name, _)| name).collect::<Vec<_>>();
         if let Some(name) = name {
             let found = arrays().find(|(its, _)| *its == name);
-            let none = || FileError::content(file, format!("has no array '{name}': it has {}", names().join(", ")));
+            let none = || {
+                FileError::content(
+                    file,
+                    reason!("no-such-array", "has no array '{name}': it has {}", names().join(", ")),
+                )
+            };
             return array(found.ok_or_else(none)?.1);
         }
         let mut found = Vec::new();
@@ -74,7 +80,7 @@ impl NpyArray {
         let count = found.len();
         let which = || {
             let count = if count == 0 { "none of its arrays has" } else { "several of its arrays have" };
-            format!("{count} a shape that could be meant: {}", remedy(&names()))
+            reason!("no-such-shape", "{count} a shape that could be meant: {}", remedy(&names()))
         };
         found.pop().filter(|_| count == 1).ok_or_else(|| FileError::content(file, which()))
     }
@@ -111,6 +117,7 @@ impl NpyArray {
 mod tests {
     use super::super::{npy_header, write_npy, zip::tests::archive};
     use super::*;
+    use crate::error::ErrorData;
 
     #[test]
     fn arrays_are_read_a_part_at_a_time_from_either_file() {
@@ -129,9 +136,9 @@ mod tests {
         assert_eq!((&views.shape[..], &views.kind[..]), (&[2, 3, 4][..], "f4"));
         assert_eq!(parts(&mut views), values);
         assert_eq!(open(Some("x"), 3).unwrap().kind, "u1");
-        for (name, axes, says) in [(Some("y"), 3, "no array 'y': it has x, views"), (None, 2, "?array=x")] {
-            let error = open(name, axes).err().unwrap().to_string();
-            assert!(error.contains(says), "{error}");
+        for (name, axes, says) in [(Some("y"), 3, "content/no-such-array"), (None, 2, "content/no-such-shape")] {
+            let error = open(name, axes).err().unwrap();
+            assert_eq!(ErrorData::of(&error).code, says, "{error}");
         }
 
         // The same in Fortran order, of halves.

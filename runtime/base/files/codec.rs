@@ -1,6 +1,7 @@
 //! Pictures to bytes and back, by the crate `image`.
 
 use super::FileError;
+use crate::reason;
 use image::{ExtendedColorType, ImageEncoder, ImageReader, codecs::jpeg::JpegEncoder, codecs::png::PngEncoder};
 use std::{
     fs::File,
@@ -45,9 +46,9 @@ fn plain(error: image::ImageError) -> io::Error {
 pub fn read_png8(opened: File, file: &Path) -> Result<(usize, usize, usize, Vec<u8>), FileError> {
     use image::DynamicImage as Image;
     let reader = ImageReader::with_format(BufReader::new(opened), image::ImageFormat::Png);
-    let image = reader
-        .decode()
-        .map_err(|e| FileError::content(file, format!("is no whole PNG: {}", e.to_string().replace('\n', " "))))?;
+    let image = reader.decode().map_err(|e| {
+        FileError::content(file, reason!("no-whole-png", "is no whole PNG: {}", e.to_string().replace('\n', " ")))
+    })?;
     let (height, width) = (image.height() as usize, image.width() as usize);
     let opaque = match &image {
         Image::ImageLumaA8(i) => i.pixels().all(|p| p[1] == 255),
@@ -57,14 +58,15 @@ pub fn read_png8(opened: File, file: &Path) -> Result<(usize, usize, usize, Vec<
     if !opaque {
         return Err(FileError::content(
             file,
-            "has pixels that are not opaque: what a display shows of them is not known",
+            reason!("not-opaque", "has pixels that are not opaque: what a display shows of them is not known"),
         ));
     }
     match image {
         Image::ImageLuma8(_) | Image::ImageLumaA8(_) => Ok((height, width, 1, image.into_luma8().into_raw())),
         Image::ImageRgb8(_) | Image::ImageRgba8(_) => Ok((height, width, 3, image.into_rgb8().into_raw())),
-        other => {
-            Err(FileError::content(file, format!("holds {:?} pixels: 8 bits a channel are wanted", other.color())))
-        }
+        other => Err(FileError::content(
+            file,
+            reason!("bits", "holds {:?} pixels: 8 bits a channel are wanted", other.color()),
+        )),
     }
 }

@@ -1,6 +1,8 @@
 //! ICC profiles of pictures: stored values of other color spaces are converted to sRGB.
 
 use super::{ColorSpace, Pixels, Samples, linear_to_srgb};
+use crate::error::Reason;
+use crate::reason;
 use moxcms::{ColorProfile, DataColorSpace, Layout, ProfileText, TransformOptions};
 
 /// Difference of sRGB values up to which color spaces count as one, so that pictures are read by the exact curve.
@@ -16,19 +18,21 @@ const BLOCK: usize = 1 << 16;
 ///
 /// # Errors
 /// What is wrong with the profile, in words.
-pub fn color_space(picture: &Pixels, full: f32) -> Result<Option<ColorSpace>, String> {
+pub fn color_space(picture: &Pixels, full: f32) -> Result<Option<ColorSpace>, Reason> {
     let Some(bytes) = &picture.profile else { return Ok(None) };
-    let profile = ColorProfile::new_from_slice(bytes).map_err(|e| format!("a damaged ICC profile ({e})"))?;
+    let profile =
+        ColorProfile::new_from_slice(bytes).map_err(|e| reason!("damaged-profile", "a damaged ICC profile ({e})"))?;
     let name = name(&profile);
     let is_gray = match profile.color_space {
         DataColorSpace::Gray => true,
         DataColorSpace::Rgb => false,
-        other => return Err(format!("the ICC profile {name} of the color space {other:?}")),
+        other => return Err(reason!("color-space", "the ICC profile {name} of the color space {other:?}")),
     };
     if is_gray && picture.has_color() {
-        return Err(format!("the ICC profile {name} of gray for a picture in color"));
+        return Err(reason!("gray-profile", "the ICC profile {name} of gray for a picture in color"));
     }
-    let transform = Transform::new(&profile, is_gray).map_err(|e| format!("the ICC profile {name} ({e})"))?;
+    let transform =
+        Transform::new(&profile, is_gray).map_err(|e| reason!("profile", "the ICC profile {name} ({e})"))?;
     if transform.agrees_with(|v| v)? {
         return Ok(Some(ColorSpace::Srgb));
     }
@@ -45,7 +49,7 @@ pub fn color_space(picture: &Pixels, full: f32) -> Result<Option<ColorSpace>, St
         Samples::U8(v) => v.iter().enumerate().map(|(i, v)| share(i, (*v).into(), 255.0)).collect(),
         Samples::U16(v) => v.iter().enumerate().map(|(i, v)| share(i, (*v).into(), 65535.0)).collect(),
         // They may lie beyond white, where profiles say nothing.
-        Samples::F32(_) => return Err(format!("the ICC profile {name} for floats")),
+        Samples::F32(_) => return Err(reason!("profile-of-floats", "the ICC profile {name} for floats")),
     };
     // A gray picture can have a profile of colors: that profile's gray axis holds for it.
     let colors = if picture.has_color() { 3 } else { 1 };
@@ -74,7 +78,7 @@ impl Transform {
     }
 
     /// Converts pixels of three values each; of those of a gray profile the first counts.
-    fn colors(&self, stored: &[f32]) -> Result<Vec<f32>, String> {
+    fn colors(&self, stored: &[f32]) -> Result<Vec<f32>, Reason> {
         let mut converted = vec![0.0; stored.len()];
         let done = if self.is_gray {
             let gray: Vec<f32> = stored.chunks(3).map(|p| p[0]).collect();
@@ -82,12 +86,12 @@ impl Transform {
         } else {
             self.inner.transform(stored, &mut converted)
         };
-        done.map_err(|e| format!("an ICC profile that cannot be applied ({e})"))?;
+        done.map_err(|e| reason!("profile", "an ICC profile that cannot be applied ({e})"))?;
         Ok(converted)
     }
 
     /// Whether each color comes out as `expected` of its own three values.
-    fn agrees_with(&self, expected: impl Fn(f32) -> f32) -> Result<bool, String> {
+    fn agrees_with(&self, expected: impl Fn(f32) -> f32) -> Result<bool, Reason> {
         let level = |i: usize| (i % LATTICE) as f32 / (LATTICE - 1) as f32;
         let lattice: Vec<f32> = if self.is_gray {
             (0..LATTICE).flat_map(|i| [level(i); 3]).collect()

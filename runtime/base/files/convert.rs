@@ -4,7 +4,8 @@ use super::FileKind;
 use std::path::Path;
 
 /// What a reader wants.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Wanted {
     /// Views of a scene, or one picture.

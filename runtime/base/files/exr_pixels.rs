@@ -1,6 +1,8 @@
 //! Channels of OpenEXR files, as renderers write them: colors or depth, in one part or many, with layers in the names.
 
 use super::{FileError, Pixels, Primaries, Samples, Wanted, read};
+use crate::error::Reason;
+use crate::reason;
 use exr::block::reader::{ChunksReader, Reader};
 use exr::compression::Compression;
 use exr::meta::attribute::{ChannelDescription, Chromaticities, SampleType};
@@ -27,7 +29,10 @@ fn size_of(file: &Path, headers: &[Header]) -> Result<[usize; 2], FileError> {
     let window = headers.first().map(|header| header.shared_attributes.display_window.size);
     match window {
         Some(size) if (1..=65536).contains(&size.0) && (1..=65536).contains(&size.1) => Ok([size.1, size.0]),
-        _ => Err(FileError::content(file, "its display window must have 1 to 65536 rows and columns")),
+        _ => Err(FileError::content(
+            file,
+            reason!("exr-window", "its display window must have 1 to 65536 rows and columns"),
+        )),
     }
 }
 
@@ -41,11 +46,17 @@ pub(super) fn read(file: &Path, wanted: Wanted) -> Result<Pixels, FileError> {
     let header = reader.headers()[part].clone();
     let list = &header.channels.list;
     if header.deep || channels.iter().any(|&i| list[i].sampling.0 != 1 || list[i].sampling.1 != 1) {
-        let reason = "it holds deep or subsampled pixels, which are not read: save it with plain R, G and B";
+        let reason = reason!(
+            "deep-pixels",
+            "it holds deep or subsampled pixels, which are not read: save it with plain R, G and B"
+        );
         return Err(FileError::content(file, reason));
     }
     if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
-        return Err(FileError::content(file, "it is compressed by DWA, which is not read: save it with ZIP or PIZ"));
+        return Err(FileError::content(
+            file,
+            reason!("dwa", "it is compressed by DWA, which is not read: save it with ZIP or PIZ"),
+        ));
     }
     let offset = header.own_attributes.layer_position - header.shared_attributes.display_window.position;
     let count = channels.len();
@@ -135,7 +146,7 @@ fn names(headers: &[Header]) -> String {
 
 /// The channels of a picture: red, green, blue and alpha without a layer, of the one layer that has them, or of the one called
 /// Combined, beauty or rgba; otherwise the only channel.
-fn colors(headers: &[Header]) -> Result<Choice, String> {
+fn colors(headers: &[Header]) -> Result<Choice, Reason> {
     let all = all(headers);
     let get = |part: usize, layer: &str, last: &str| {
         all.iter().find(|(p, _, name)| *p == part && split(name) == (layer, last)).map(|(_, i, _)| *i)
@@ -159,24 +170,33 @@ fn colors(headers: &[Header]) -> Result<Choice, String> {
             return Ok(Choice { part, channels });
         }
         [] => {}
-        _ => return Err(format!("its channels are {}: several layers have colors; save the one", names(headers))),
+        _ => {
+            return Err(reason!(
+                "layers",
+                "its channels are {}: several layers have colors; save the one",
+                names(headers)
+            ));
+        }
     }
     let gray: Vec<_> = all.iter().filter(|(_, _, name)| !["a", "z"].contains(&split(name).1)).collect();
     match gray[..] {
         [(part, channel, name)] if !name.contains("depth") => Ok(Choice { part: *part, channels: vec![*channel] }),
-        _ => Err(format!("its channels are {}: a picture has R, G and B, or one channel", names(headers))),
+        _ => Err(reason!("channels", "its channels are {}: a picture has R, G and B, or one channel", names(headers))),
     }
 }
 
 /// The channel of a depth map: Z or depth, alone or in a layer; the only channel; or colors, which must be alike.
-fn depth(headers: &[Header]) -> Result<Choice, String> {
+fn depth(headers: &[Header]) -> Result<Choice, Reason> {
     let all = all(headers);
     let one = |found: &[&(usize, usize, String)]| match found {
         [] => None,
         [(part, channel, _)] => Some(Ok(Choice { part: *part, channels: vec![*channel] })),
         _ => {
             let of = format!("its channels are {}", names(headers));
-            Some(Err(format!("{of}: several of them are depths; save the one that belongs to the picture")))
+            Some(Err(reason!(
+                "several-depths",
+                "{of}: several of them are depths; save the one that belongs to the picture"
+            )))
         }
     };
     let by = |is: &dyn Fn(&str) -> bool| all.iter().filter(|(_, _, name)| is(name)).collect::<Vec<_>>();

@@ -1,6 +1,7 @@
 //! Gray levels of pictures: corrections, masks and pictures of a camera.
 
 use super::{FileError, FileKind, Grey, Samples, Wanted, picture_size, read_pixels};
+use crate::reason;
 use std::path::Path;
 
 /// Pixels of a picture of levels, at most: that of the largest display, or camera.
@@ -28,7 +29,10 @@ pub fn read_grey(file: &Path, size: [usize; 2]) -> Result<Result<Grey, [usize; 2
         match values.chunks_exact(channels).position(colored) {
             Some(at) => {
                 let (row, column) = (at / size[1], at % size[1]);
-                Err(FileError::content(file, format!("is coloured at row {row}, column {column}: grey is wanted")))
+                Err(FileError::content(
+                    file,
+                    reason!("not-gray", "is coloured at row {row}, column {column}: grey is wanted"),
+                ))
             }
             None => Ok(values.into_iter().step_by(channels).collect()),
         }
@@ -39,6 +43,8 @@ pub fn read_grey(file: &Path, size: [usize; 2]) -> Result<Result<Grey, [usize; 2
             Ok(Ok(Grey { levels: 256, values }))
         }
         Samples::U16(v) => Ok(Ok(Grey { levels: 65536, values: gray(v.clone())? })),
-        Samples::F32(_) => Err(FileError::content(file, "holds floats: save 8 or 16 bits, or an .npy")),
+        Samples::F32(_) => {
+            Err(FileError::content(file, reason!("floats", "holds floats: save 8 or 16 bits, or an .npy")))
+        }
     }
 }

@@ -1,7 +1,8 @@
 //! What a file is, from its first bytes. Every reader asks here before it refuses a file, so that the refusal names the file's real kind.
 
 /// Kind of a file, determined from its content.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum FileKind {
     /// No bytes at all.

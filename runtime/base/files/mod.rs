@@ -87,6 +87,8 @@ mod kind_tests;
 #[cfg(all(test, feature = "image-formats"))]
 mod pixels_tests;
 
+use crate::error::Reason;
+use crate::reason;
 use std::{io, path::Path};
 
 /// Grey levels of a picture.
@@ -110,7 +112,8 @@ pub fn reason_to_read(error: &io::Error) -> String {
 }
 
 /// What can be wrong with a file.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error, serde::Serialize)]
+#[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 pub enum FileError {
     /// It could not be read.
     #[error("{file}: cannot be read: {source}")]
@@ -118,6 +121,7 @@ pub enum FileError {
         /// The file.
         file: String,
         /// Why.
+        #[serde(serialize_with = "crate::error::as_text")]
         source: io::Error,
     },
     /// It could not be written; nothing was left behind.
@@ -126,6 +130,7 @@ pub enum FileError {
         /// The file.
         file: String,
         /// Why.
+        #[serde(serialize_with = "crate::error::as_text")]
         source: io::Error,
     },
     /// The system denies it: the folder or the disk is read-only for whoever runs this; nothing was left behind.
@@ -134,6 +139,7 @@ pub enum FileError {
         /// The file.
         file: String,
         /// What the system said.
+        #[serde(serialize_with = "crate::error::as_text")]
         source: io::Error,
     },
     /// The disk, the quota or the file size limit is exhausted; nothing was left behind.
@@ -142,6 +148,7 @@ pub enum FileError {
         /// The file.
         file: String,
         /// What the system said.
+        #[serde(serialize_with = "crate::error::as_text")]
         source: io::Error,
     },
     /// Its content is not what it should be.
@@ -150,7 +157,7 @@ pub enum FileError {
         /// The file.
         file: String,
         /// What is wrong, where, and what would be right.
-        reason: String,
+        reason: Reason,
     },
     /// It is a file of another kind than the one that is read here.
     #[error(transparent)]
@@ -161,7 +168,7 @@ pub enum FileError {
         /// The place.
         path: String,
         /// What is there.
-        reason: String,
+        reason: Reason,
     },
 }
 
@@ -182,16 +189,22 @@ impl FileError {
         let own = source.get_ref().and_then(|error| error.source()).and_then(|error| error.downcast_ref::<io::Error>());
         let own = own.map(|own| own.raw_os_error().map_or_else(|| own.kind().into(), io::Error::from_raw_os_error));
         let source = own.unwrap_or(source);
-        let taken = |path: &Path, reason: &str| Self::Taken { path: path.display().to_string(), reason: reason.into() };
+        let taken = |path: &Path, reason| Self::Taken { path: path.display().to_string(), reason };
         let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
         match source.kind() {
             io::ErrorKind::NotFound | io::ErrorKind::NotADirectory => {
                 if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
-                    return taken(folder, "there is no such folder to write into: make it, or give another place");
+                    return taken(
+                        folder,
+                        reason!(
+                            "no-such-folder",
+                            "there is no such folder to write into: make it, or give another place"
+                        ),
+                    );
                 }
             }
             io::ErrorKind::AlreadyExists if file.is_file() => {
-                return taken(file, "is a file: a folder cannot replace it; give another place");
+                return taken(file, reason!("is-a-file", "is a file: a folder cannot replace it; give another place"));
             }
             _ => {}
         }
@@ -211,7 +224,10 @@ impl FileError {
         let reason = error.to_string().replace('\n', " ");
         Self::content(
             file,
-            format!("{reason}: the file is damaged or of a kind that is not read; copy it again or save it anew"),
+            reason!(
+                "damaged",
+                "{reason}: the file is damaged or of a kind that is not read; copy it again or save it anew"
+            ),
         )
     }
 
@@ -228,7 +244,7 @@ impl FileError {
     }
 
     /// `file` does not hold what it should.
-    pub fn content(file: &Path, reason: impl Into<String>) -> Self {
+    pub fn content(file: &Path, reason: impl Into<Reason>) -> Self {
         Self::Content { file: file.display().to_string(), reason: reason.into() }
     }
 }

@@ -1,6 +1,7 @@
 //! A build without the feature `image-formats` neither reads nor writes pictures, and says so.
 
 use super::FileError;
+use crate::error::Reason;
 use std::{
     fs::File,
     io::{self, Write},
@@ -27,5 +28,5 @@ pub fn encode_jpeg8(_: &mut dyn Write, _: usize, _: usize, _: &[u8], _: u8) -> i
 /// # Errors
 /// [`FileError::Content`], always.
 pub fn read_png8(_: File, file: &Path) -> Result<(usize, usize, usize, Vec<u8>), FileError> {
-    Err(FileError::content(file, WHY))
+    Err(FileError::content(file, Reason::new("no-image-formats", WHY)))
 }

@@ -1,11 +1,12 @@
 //! A build without the feature `image-formats` decodes no pictures.
 
 use super::{ColorSpace, FileError, Pixels, Wanted};
+use crate::error::Reason;
 use std::path::Path;
 
 fn absent<T>(file: &Path) -> Result<T, FileError> {
     let reason = "this program was built without the feature `image-formats`: pictures cannot be read";
-    Err(FileError::content(file, reason))
+    Err(FileError::content(file, Reason::new("no-image-formats", reason)))
 }
 
 /// Rows and columns of a picture.
@@ -29,6 +30,6 @@ pub fn holds_light(_: &Path) -> Option<&'static str> {
 }
 
 /// The color space of a picture.
-pub fn color_space(_: &Pixels, _: f32) -> Result<Option<ColorSpace>, String> {
+pub fn color_space(_: &Pixels, _: f32) -> Result<Option<ColorSpace>, Reason> {
     Ok(None)
 }

@@ -6,7 +6,9 @@
 
 use super::npy_header::Header;
 use super::{FileError, read, write_file};
+use crate::error::Reason;
 use crate::memory;
+use crate::reason;
 use std::{
     io::{self, BufReader, Read, Write},
     path::Path,
@@ -88,7 +90,7 @@ pub fn write_le(out: &mut dyn Write, values: &[f32]) -> io::Result<()> {
 
 pub(super) enum Wrong {
     Io(io::Error),
-    Content(String),
+    Content(Reason),
 }
 
 impl Wrong {
@@ -101,18 +103,18 @@ impl Wrong {
     }
 }
 
-impl From<String> for Wrong {
-    fn from(reason: String) -> Self {
+impl From<Reason> for Wrong {
+    fn from(reason: Reason) -> Self {
         Self::Content(reason)
     }
 }
 
 impl Npy {
     /// Refuses values that are not finite, in words.
-    fn finite(&self) -> Result<(), String> {
+    fn finite(&self) -> Result<(), Reason> {
         let Some(at) = self.values.iter().position(|v| !v.is_finite()) else { return Ok(()) };
         let index = index_of(&self.shape, at);
-        Err(format!("has {} at index {index:?}: every value must be a finite float32", self.values[at]))
+        Err(reason!("not-finite", "has {} at index {index:?}: every value must be a finite float32", self.values[at]))
     }
 }
 
@@ -121,7 +123,7 @@ fn parse(from: &mut dyn Read, length: u64) -> Result<Npy, Wrong> {
     let mut reader = NpyReader::new(from, length)?;
     let (count, copies) = (reader.left, 1 + usize::from(reader.header.fortran_order));
     let what = || format!("its shape {:?}", reader.header.shape);
-    memory::promise(what, memory::bytes_of(&[count, copies], 4), "read a part of it").map_err(|e| e.to_string())?;
+    memory::promise(what, memory::bytes_of(&[count, copies], 4), "read a part of it").map_err(|e| Reason::of(&e))?;
     let mut values = reader.take(count)?;
     let NpyReader { header, .. } = reader;
     if header.fortran_order {
@@ -151,37 +153,43 @@ impl<R: Read> NpyReader<R> {
         let mut start = [0; 8];
         fill(&mut from, &mut start)?;
         if &start[..6] != MAGIC {
-            return Err(Wrong::Content("is no .npy file: it does not start with \\x93NUMPY".into()));
+            return Err(Wrong::Content(reason!("not-npy", "is no .npy file: it does not start with \\x93NUMPY")));
         }
         let mut size = [0; 4];
         let size = match start[6] {
             1 => fill(&mut from, &mut size[..2]).map(|()| u32::from_le_bytes(size) as usize)?,
             2 | 3 => fill(&mut from, &mut size).map(|()| u32::from_le_bytes(size) as usize)?,
-            other => return Err(format!("has .npy version {other}: 1, 2 and 3 are known").into()),
+            other => return Err(reason!("npy-version", "has .npy version {other}: 1, 2 and 3 are known").into()),
         };
         let before = if start[6] == 1 { 10 } else { 12 } + size as u64;
         if size > LONGEST_HEADER {
-            return Err(format!("has a header of {size} bytes: at most {LONGEST_HEADER} are read").into());
+            return Err(
+                reason!("npy-header-size", "has a header of {size} bytes: at most {LONGEST_HEADER} are read").into()
+            );
         }
         let mut header = vec![0; size];
         fill(&mut from, &mut header)?;
         let header = Header::parse(&header).ok_or_else(|| {
             let text = String::from_utf8_lossy(&header[..header.len().min(100)]).escape_debug().to_string();
-            format!("has a header that cannot be understood: {text}")
+            reason!("npy-header", "has a header that cannot be understood: {text}")
         })?;
         let element = element(&header.descr)?;
         let big = match header.descr.as_bytes()[0] {
             b'<' => false,
             b'>' => true,
             b'=' | b'|' => cfg!(target_endian = "big"),
-            _ => return Err(format!("holds '{}': '<f4' or '<f8' is wanted", header.descr).into()),
+            _ => return Err(reason!("npy-type", "holds '{}': '<f4' or '<f8' is wanted", header.descr).into()),
         };
         let count = header.shape.iter().try_fold(1u64, |n, &axis| n.checked_mul(axis as u64));
         let bytes = count.and_then(|n| n.checked_mul(element.0 as u64)).and_then(|n| n.checked_add(before));
         if bytes != Some(length) {
             let wanted = bytes.map_or("more than any file holds".into(), |n| format!("{n} bytes"));
             let remedy = if bytes.is_some_and(|n| n > length) { ": it is cut short, copy it again" } else { "" };
-            let reason = format!("is {length} bytes long, but its shape {:?} needs {wanted}{remedy}", header.shape);
+            let reason = reason!(
+                "npy-length",
+                "is {length} bytes long, but its shape {:?} needs {wanted}{remedy}",
+                header.shape
+            );
             return Err(reason.into());
         }
         Ok(Self { element, big, left: (length - before) as usize / element.0, header, from })
@@ -208,7 +216,7 @@ impl<R: Read> NpyReader<R> {
 }
 
 /// Bytes of an element of this type, and its value.
-fn element(descr: &str) -> Result<(usize, Value), String> {
+fn element(descr: &str) -> Result<(usize, Value), Reason> {
     Ok(match descr.get(1..) {
         Some("f2") => (2, |b| half::f16::from_le_bytes(first(b)).to_f32()),
         Some("f4") => (4, |b| f32::from_le_bytes(first(b))),
@@ -229,14 +237,14 @@ fn element(descr: &str) -> Result<(usize, Value), String> {
             } else {
                 ""
             };
-            return Err(format!("holds '{descr}': {known} are read{hint}"));
+            return Err(reason!("npy-type", "holds '{descr}': {known} are read{hint}"));
         }
     })
 }
 
 fn fill(from: &mut impl Read, to: &mut [u8]) -> Result<(), Wrong> {
     from.read_exact(to).map_err(|e| match e.kind() {
-        io::ErrorKind::UnexpectedEof => Wrong::Content("is cut short".into()),
+        io::ErrorKind::UnexpectedEof => Wrong::Content(reason!("cut-short", "is cut short")),
         _ => Wrong::Io(e),
     })
 }
@@ -293,7 +301,7 @@ mod tests {
         bytes
     }
 
-    fn read(bytes: &[u8]) -> Result<Npy, String> {
+    fn read(bytes: &[u8]) -> Result<Npy, Reason> {
         let array = parse(&mut &bytes[..], bytes.len() as u64).map_err(|e| match e {
             Wrong::Io(e) => panic!("{e}"),
             Wrong::Content(reason) => reason,
@@ -342,22 +350,22 @@ mod tests {
         let header = |shape: &str| format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({shape}), }}\n");
         let says = |bytes: &[u8], what: &str| {
             let error = read(bytes).unwrap_err();
-            assert!(error.contains(what), "{error}");
+            assert_eq!(error.code(), what, "{error}");
         };
-        says(b"PK\x03\x04....", "no .npy");
-        says(b"\x93NUM", "cut short");
-        says(&npy(&header("2, 3"), &[0; 23]), "needs");
-        says(&npy(&header("2, 3"), &[0; 25]), "needs");
-        says(&npy(&header("4294967296, 4294967296, 4294967296"), &[]), "more than any file");
-        says(&npy(&header("99999999999999999999"), &[]), "cannot be understood");
-        says(&npy(&header("1,1,1,1,1,1,1,1,1"), &[0; 4]), "cannot be understood");
-        says(&npy(&header("1").replace("<f4", "<c8"), &[0; 8]), "'<c8'");
-        says(&npy(&header("1").replace("<f4", "|O"), &[0; 8]), "'|O'");
+        says(b"PK\x03\x04....", "not-npy");
+        says(b"\x93NUM", "cut-short");
+        says(&npy(&header("2, 3"), &[0; 23]), "npy-length");
+        says(&npy(&header("2, 3"), &[0; 25]), "npy-length");
+        says(&npy(&header("4294967296, 4294967296, 4294967296"), &[]), "npy-length");
+        says(&npy(&header("99999999999999999999"), &[]), "npy-header");
+        says(&npy(&header("1,1,1,1,1,1,1,1,1"), &[0; 4]), "npy-header");
+        says(&npy(&header("1").replace("<f4", "<c8"), &[0; 8]), "npy-type");
+        says(&npy(&header("1").replace("<f4", "|O"), &[0; 8]), "npy-type");
         let mut data = [0; 24];
         data[16..20].copy_from_slice(&f32::NAN.to_le_bytes());
-        says(&npy(&header("2, 3"), &data), "NaN at index [1, 1]");
+        says(&npy(&header("2, 3"), &data), "not-finite");
         let huge = 1e300f64.to_le_bytes();
-        says(&npy(&header("1,").replace("f4", "f8"), &huge), "inf at index [0]");
+        says(&npy(&header("1,").replace("f4", "f8"), &huge), "not-finite");
     }
 
     proptest! {

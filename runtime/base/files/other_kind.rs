@@ -3,7 +3,7 @@
 use super::{FileKind, Wanted};
 
 /// A file of another kind than the one that is read.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error, serde::Serialize)]
 #[error("{file}: it is {}, which is not read as {}; {remedy}", found.describe(), wanted.describe())]
 pub struct OtherKind {
     /// The file.

@@ -1,5 +1,7 @@
 //! Settings as text: what is said there lies over what is by default.
 
+use crate::error::Reason;
+use crate::reason;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
@@ -13,25 +15,25 @@ pub fn overlay<T: Serialize + DeserializeOwned>(
     default: &T,
     beside: &[&str],
     text: &str,
-) -> Result<(T, Map<String, Value>), String> {
+) -> Result<(T, Map<String, Value>), Reason> {
     let given: toml::Table = super::read::toml(text)?;
     let Ok(Value::Object(mut whole)) = serde_json::to_value(default) else {
-        return Err("settings are keys with values".into());
+        return Err(reason!("not-keys", "settings are keys with values"));
     };
     let mut all = Map::new();
     for (key, value) in given {
-        let value = serde_json::to_value(value).map_err(|e| format!("{key}: {e}"))?;
+        let value = serde_json::to_value(value).map_err(|e| reason!("value", "{key}: {e}"))?;
         // TOML has no null: it is what becomes of a number that is not finite.
         if has_null(&value) {
-            return Err(format!("{key}: every number must be finite"));
+            return Err(reason!("not-finite", "{key}: every number must be finite"));
         }
         if !beside.contains(&&key[..]) {
             if !whole.contains_key(&key) {
                 let known: Vec<&str> = whole.keys().map(String::as_str).chain(beside.iter().copied()).collect();
-                return Err(format!("{key}: no such setting: there are {}", known.join(", ")));
+                return Err(reason!("no-such-setting", "{key}: no such setting: there are {}", known.join(", ")));
             }
             whole.insert(key.clone(), value.clone());
-            T::deserialize(Value::Object(whole.clone())).map_err(|e| format!("{key}: {e}"))?;
+            T::deserialize(Value::Object(whole.clone())).map_err(|e| reason!("value", "{key}: {e}"))?;
         }
         all.insert(key, value);
     }

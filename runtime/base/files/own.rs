@@ -1,6 +1,7 @@
 //! Folders of results that are written again and again: which of their files are this program's is kept in a list beside them.
 
 use super::{FileError, FolderDraft, is_draft, read, write_file};
+use crate::reason;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -31,7 +32,7 @@ impl OwnFolder {
     /// [`FileError::Taken`] for a file that is not this program's, or was changed since.
     pub fn open(folder: &Path, names: &[&str], overwrite: bool) -> Result<Self, FileError> {
         if folder.is_file() {
-            let reason = "is a file: a folder cannot replace it; give another place".into();
+            let reason = reason!("is-a-file", "is a file: a folder cannot replace it; give another place");
             return Err(FileError::Taken { path: folder.display().to_string(), reason });
         }
         let list = read::bytes(&folder.join(LIST), read::TABLE).ok();
@@ -110,9 +111,11 @@ impl OwnFolder {
         if ours || self.overwrite {
             return Ok(());
         }
-        let reason =
-            "eyebox did not write it, or it was changed since: give another folder, or `overwrite` to replace it";
-        Err(FileError::Taken { path: path.display().to_string(), reason: reason.into() })
+        let reason = reason!(
+            "not-ours",
+            "eyebox did not write it, or it was changed since: give another folder, or `overwrite` to replace it"
+        );
+        Err(FileError::Taken { path: path.display().to_string(), reason })
     }
 
     /// The sum of what stands there, if it is a file that is no link.
@@ -152,6 +155,7 @@ fn sum(bytes: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::ErrorData;
 
     fn files(text: &str) -> Vec<(String, Vec<u8>)> {
         ["a.html", "figures/b.svg"].map(|name| (name.to_owned(), text.as_bytes().to_vec())).to_vec()
@@ -166,8 +170,9 @@ mod tests {
         open(false).unwrap().write(files("2")).unwrap();
         assert_eq!(fs::read(at.join("figures/b.svg")).unwrap(), b"2");
         let refused = |what: &str| {
-            let error = open(false).unwrap_err().to_string();
-            assert!(error.contains(what) && error.contains("`overwrite`"), "{error}");
+            let error = open(false).unwrap_err();
+            assert_eq!(ErrorData::of(&error).code, "taken/not-ours", "{error}");
+            assert!(matches!(&error, FileError::Taken { path, .. } if path.ends_with(what)), "{error}");
         };
         fs::write(at.join("figures/mine.svg"), "mine").unwrap();
         refused("mine.svg");

@@ -68,7 +68,7 @@ mod tests {
         let opened = std::fs::File::open(file).map_err(|e| FileError::read(file, e))?;
         match read_png8(opened, file)? {
             (height, width, 1, levels) => Ok((height, width, levels)),
-            _ => Err(FileError::content(file, "has colors")),
+            _ => Err(FileError::content(file, crate::reason!("colors", "has colors"))),
         }
     }
 

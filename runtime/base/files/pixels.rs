@@ -1,6 +1,7 @@
 //! Pictures as their files store them: PNG, JPEG, BMP, PPM and GIF by the crate `image`, EXR and TIFF by crates of their own.
 
 use super::{FileError, FileKind, Pixels, Samples, Wanted, exr_pixels, read, tiff_pixels};
+use crate::reason;
 use image::metadata::Orientation;
 use image::{AnimationDecoder, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, codecs::gif::GifDecoder};
 use std::{fs::File, io::BufReader, path::Path};
@@ -90,7 +91,10 @@ pub fn read_pixels(file: &Path, wanted: Wanted, most: u64) -> Result<Pixels, Fil
         Format::Tiff => tiff_pixels::read(file)?,
         Format::Other(format) => {
             if format == ImageFormat::Jpeg && !jpeg_ends(file)? {
-                return Err(FileError::content(file, "the file is cut short: a JPEG must reach its end marker"));
+                return Err(FileError::content(
+                    file,
+                    reason!("cut-short", "the file is cut short: a JPEG must reach its end marker"),
+                ));
             }
             let image = open(file, format)?.decode().map_err(|e| FileError::damaged(file, e))?;
             let profile = if format == ImageFormat::Pnm { None } else { profile(file, format)? };
@@ -116,7 +120,8 @@ fn check_size(file: &Path, [height, width]: [usize; 2], most: u64) -> Result<(),
         return Ok(());
     }
     let most = most >> 20;
-    let reason = format!(
+    let reason = reason!(
+        "too-many-pixels",
         "it has {height} x {width} pixels: at most {most} Mpx are read; scale it down to what the display shows"
     );
     Err(FileError::content(file, reason))
@@ -157,7 +162,10 @@ fn of_image(file: &Path, image: DynamicImage) -> Result<Pixels, FileError> {
         DynamicImage::ImageRgb16(p) => Samples::U16(p.into_raw()),
         DynamicImage::ImageRgba16(p) => Samples::U16(p.into_raw()),
         other => {
-            return Err(FileError::content(file, format!("pixels of type {:?} are not supported", other.color())));
+            return Err(FileError::content(
+                file,
+                reason!("pixel-type", "pixels of type {:?} are not supported", other.color()),
+            ));
         }
     };
     Ok(Pixels {

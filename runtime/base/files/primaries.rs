@@ -1,5 +1,8 @@
 //! Color primaries that a file states: light of other primaries is converted to those of sRGB.
 
+use crate::error::Reason;
+use crate::reason;
+
 type Matrix = [[f64; 3]; 3];
 
 /// Chromaticities x and y of red, green, blue and white (CIE 1931).
@@ -35,8 +38,8 @@ impl Primaries {
     ///
     /// # Errors
     /// What is wrong with the chromaticities, in words.
-    pub fn to_srgb(self) -> Result<Option<Matrix>, String> {
-        let impossible = || format!("color primaries that span no colors ({})", self.in_words());
+    pub fn to_srgb(self) -> Result<Option<Matrix>, Reason> {
+        let impossible = || reason!("primaries", "color primaries that span no colors ({})", self.in_words());
         let from = self.to_xyz().ok_or_else(impossible)?;
         let srgb = Self::SRGB.to_xyz().and_then(inverse).ok_or_else(impossible)?;
         let adapted = adaptation(self.0[3]).ok_or_else(impossible)?;

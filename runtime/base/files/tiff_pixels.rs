@@ -1,6 +1,8 @@
 //! TIFF pictures: gray or red, green, blue, with or without alpha; 8 or 16 bits, or floats.
 
 use super::{FileError, Pixels, Primaries, Samples, read};
+use crate::error::Reason;
+use crate::reason;
 use std::{fs::File, io::BufReader, path::Path};
 use tiff::ColorType;
 use tiff::decoder::ifd::Value;
@@ -23,7 +25,10 @@ pub(super) fn size(file: &Path) -> Result<[usize; 2], FileError> {
     if (1..=65536).contains(&width) && (1..=65536).contains(&height) {
         return Ok([height as usize, width as usize]);
     }
-    Err(FileError::content(file, format!("it has {height} x {width} pixels: 1 to 65536 rows and columns are read")))
+    Err(FileError::content(
+        file,
+        reason!("pixels", "it has {height} x {width} pixels: 1 to 65536 rows and columns are read"),
+    ))
 }
 
 /// The EXIF orientation that its tag states; 1 without a sound one.
@@ -70,7 +75,7 @@ fn rational(value: &Value) -> Option<f64> {
 
 /// Reads the only page.
 pub(super) fn read(file: &Path) -> Result<Pixels, FileError> {
-    let wrong = |reason: &str| Err(FileError::content(file, reason));
+    let wrong = |reason: Reason| Err(FileError::content(file, reason));
     let [height, width] = size(file)?;
     let mut tiff = open(file)?;
     let kind = tiff.colortype().map_err(|e| FileError::damaged(file, e))?;
@@ -84,12 +89,20 @@ pub(super) fn read(file: &Path) -> Result<Pixels, FileError> {
         ColorType::RGBA(_) => 4,
         ColorType::Multiband { num_samples, .. } => {
             let n = num_samples;
-            return wrong(&format!("it has {n} channels that are no colors: save gray or red, green, blue"));
+            return wrong(reason!(
+                "tiff-channels",
+                "it has {n} channels that are no colors: save gray or red, green, blue"
+            ));
         }
-        other => return wrong(&format!("its colors are {other:?}: save it as gray or RGB, as by magick -colorspace")),
+        other => {
+            return wrong(reason!(
+                "tiff-colors",
+                "its colors are {other:?}: save it as gray or RGB, as by magick -colorspace"
+            ));
+        }
     };
     if kind.bit_depth() < 8 {
-        return wrong(&format!("it has {} bits per value: save it with 8 or 16", kind.bit_depth()));
+        return wrong(reason!("tiff-bits", "it has {} bits per value: save it with 8 or 16", kind.bit_depth()));
     }
     let profile = tiff.get_tag_u8_vec(Tag::IccProfile).ok();
     let primaries = primaries(&mut tiff);
@@ -97,7 +110,7 @@ pub(super) fn read(file: &Path) -> Result<Pixels, FileError> {
     let layout = tiff.read_image_to_buffer(&mut decoded).map_err(|e| FileError::damaged(file, e))?;
     let planes = if layout.complete_len > layout.len { channels } else { 1 };
     if second_page(&mut tiff, [height, width]) {
-        return wrong("it has several pages: save each as a file of its own");
+        return wrong(reason!("pages", "it has several pages: save each as a file of its own"));
     }
     let samples = match decoded {
         DecodingResult::U8(v) => Samples::U8(v),
@@ -105,7 +118,12 @@ pub(super) fn read(file: &Path) -> Result<Pixels, FileError> {
         DecodingResult::F16(v) => Samples::F32(v.into_iter().map(|v| v.to_f32()).collect()),
         DecodingResult::F32(v) => Samples::F32(v),
         DecodingResult::F64(v) => Samples::F32(v.into_iter().map(|v| v as f32).collect()),
-        _ => return wrong("its values are signed or wider than 16 bits: save 8 or 16 bits without a sign, or floats"),
+        _ => {
+            return wrong(reason!(
+                "tiff-values",
+                "its values are signed or wider than 16 bits: save 8 or 16 bits without a sign, or floats"
+            ));
+        }
     };
     let samples = match samples {
         Samples::U8(v) => Samples::U8(interleaved(v, planes)),
@@ -118,7 +136,10 @@ pub(super) fn read(file: &Path) -> Result<Pixels, FileError> {
         Samples::F32(v) => v.len(),
     };
     if found != height * width * channels {
-        return wrong(&format!("{height} x {width} x {channels} values are stated, and {found} are there"));
+        return wrong(reason!(
+            "tiff-cut-short",
+            "{height} x {width} x {channels} values are stated, and {found} are there"
+        ));
     }
     let premultiplied = extra.first() == Some(&1);
     Ok(Pixels { height, width, channels, premultiplied, orientation: 1, profile, primaries, samples })

@@ -3,6 +3,8 @@
 use super::os::{canonical, exchange, is_same, sync_folder};
 use super::patient::Patient;
 use super::{FileError, drafts};
+use crate::error::Reason;
+use crate::reason;
 use std::{
     fs::{self, File, TryLockError},
     io::{self, BufWriter, Write},
@@ -24,7 +26,7 @@ pub fn write_file(file: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<(
     let failed = |e| FileError::write(file, e);
     if let Ok(there) = fs::metadata(file) {
         if there.is_dir() {
-            return Err(taken(file, "is a folder: a file cannot replace it"));
+            return Err(taken(file, reason!("is-a-folder", "is a folder: a file cannot replace it")));
         }
         if !there.is_file() {
             let mut out = BufWriter::new(Patient::open(file).map_err(failed)?);
@@ -46,7 +48,9 @@ pub fn write_file(file: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<(
 /// [`FileError::Write`], [`FileError::Full`], [`FileError::Taken`].
 pub fn check_place(file: &Path) -> Result<(), FileError> {
     match fs::metadata(file) {
-        Ok(there) if there.is_dir() => Err(taken(file, "is a folder: a file cannot replace it")),
+        Ok(there) if there.is_dir() => {
+            Err(taken(file, reason!("is-a-folder", "is a folder: a file cannot replace it")))
+        }
         Ok(there) if !there.is_file() => Ok(()),
         _ => drafts::file(parent(file)).map(drop).map_err(|e| FileError::write(file, e)),
     }
@@ -74,10 +78,19 @@ impl FolderDraft {
         let place = canonical(place).unwrap_or_else(|_| place.to_path_buf());
         match fs::metadata(&place) {
             Ok(there) if !there.is_dir() => {
-                return Err(taken(&place, "is a file: a folder cannot replace it; give another place"));
+                return Err(taken(
+                    &place,
+                    reason!("is-a-file", "is a file: a folder cannot replace it; give another place"),
+                ));
             }
             Ok(_) if !is_empty(&place) && !ours(&place) => {
-                return Err(taken(&place, "holds something else: it is left alone; give another place or remove it"));
+                return Err(taken(
+                    &place,
+                    reason!(
+                        "holds-something-else",
+                        "holds something else: it is left alone; give another place or remove it"
+                    ),
+                ));
             }
             _ => {}
         }
@@ -176,7 +189,10 @@ fn turn(place: &Path) -> Option<File> {
 /// Puts a folder in the place of one that `ours` says may be replaced, which is removed.
 fn replace(draft: tempfile::TempDir, place: &Path, ours: fn(&Path) -> bool) -> Result<(), FileError> {
     let changed = |path: &Path| {
-        let left = "something else was put there meanwhile: it is left alone; give another place or remove it";
+        let left = reason!(
+            "taken-meanwhile",
+            "something else was put there meanwhile: it is left alone; give another place or remove it"
+        );
         taken(path, left)
     };
     let new = draft.path();
@@ -210,15 +226,18 @@ fn move_aside(new: &Path, place: &Path) -> Result<(), FileError> {
         if fs::rename(&old, place).is_err() {
             // Whatever happens, the old one is not deleted.
             let _ = aside.keep();
-            return Err(taken(place, &format!("could not be replaced ({e}); it now is {}", old.display())));
+            return Err(taken(
+                place,
+                reason!("not-replaced", "could not be replaced ({e}); it now is {}", old.display()),
+            ));
         }
         return Err(failed(e));
     }
     Ok(())
 }
 
-fn taken(place: &Path, reason: &str) -> FileError {
-    FileError::Taken { path: place.display().to_string(), reason: reason.into() }
+fn taken(place: &Path, reason: Reason) -> FileError {
+    FileError::Taken { path: place.display().to_string(), reason }
 }
 
 fn is_empty(folder: &Path) -> bool {
@@ -277,7 +296,7 @@ mod tests {
     fn a_full_device_is_called_full() {
         let error = write_file(Path::new("/dev/full"), |w| w.write_all(&[0; 100_000])).unwrap_err();
         assert!(matches!(error, FileError::Full { .. }), "{error}");
-        assert!(error.to_string().contains("/dev/full") && error.to_string().contains("full"));
+        assert!(error.to_string().contains("/dev/full"));
     }
 
     #[test]

@@ -4,6 +4,7 @@ use super::pictures::{CameraBench, OfColor, Seen};
 use super::registration::{self, Pair, registered};
 use super::sensor::{Fine, Grid};
 use crate::{CalibrateError, Event};
+use eyebox_base::reason;
 use eyebox_optics::{Color, Pupil, WindowFactor};
 use eyebox_solve::engine::{Buffer, Engine};
 use eyebox_solve::evaluate::Sums;
@@ -105,7 +106,9 @@ impl<'r, 'a> Run<'r, 'a> {
     ) -> Result<Self, CalibrateError> {
         let CameraSubject { problem, settings, color, .. } = subject;
         let of = bench.colors.iter().position(|of| of.color == color);
-        let of = of.ok_or_else(|| CalibrateError::Pictures(format!("the camera was not opened for {color}")))?;
+        let of = of.ok_or_else(|| {
+            CalibrateError::Pictures(reason!("camera-color", "the camera was not opened for {color}"))
+        })?;
         let frames = phases.len() / (problem.optics.height * problem.optics.width);
         let settings = Settings { frames, repeats: 1, window: WindowFactor::Two, ..settings.clone() };
         let mut planner = problem.planner_of(&settings);
@@ -231,7 +234,8 @@ impl<'r, 'a> Run<'r, 'a> {
         let alike = mean(&alike.collect::<Vec<_>>());
         tracing::debug!("pictures and model: correlation {alike:.3}, {:.3e} of full scale a ms", self.gain);
         if alike.is_nan() || alike < ALIKE {
-            return Err(CalibrateError::Pictures(format!(
+            return Err(CalibrateError::Pictures(reason!(
+                "other-pictures",
                 "the camera's pictures are not of what is shown: their correlation with what the model predicts is {alike:.2}; \
                  calibrate first, and take the dots again if the camera was moved"
             )));
@@ -263,8 +267,9 @@ impl<'r, 'a> Run<'r, 'a> {
             let (image, target): (Vec<f32>, Vec<f32>) = pairs.map(|(l, t)| (l * per, *t)).unzip();
             Sums::of_images(&image, &target)
         };
-        let wrong =
-            |e: eyebox_solve::evaluate::EvaluateError| CalibrateError::Pictures(format!("the held-out pictures: {e}"));
+        let wrong = |e: eyebox_solve::evaluate::EvaluateError| {
+            CalibrateError::Pictures(reason!("held-out", "the held-out pictures: {e}"))
+        };
         let sums = seen.iter().zip(&self.targets).map(of).collect::<Result<Vec<_>, _>>().map_err(wrong)?;
         let exposure = Sums::fit_exposure(&sums).map_err(wrong)?;
         Ok(sums.iter().map(|s| s.psnr(exposure)).collect())
@@ -310,7 +315,10 @@ impl<'r, 'a> Run<'r, 'a> {
         self.register(&seen, &predicted, &registration::PLACE);
         match loss.is_finite() {
             true => Ok(()),
-            false => Err(CalibrateError::Pictures("a camera step gave numbers that are not finite".into())),
+            false => Err(CalibrateError::Pictures(reason!(
+                "camera-step-not-finite",
+                "a camera step gave numbers that are not finite"
+            ))),
         }
     }
 }

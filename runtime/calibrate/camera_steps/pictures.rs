@@ -9,6 +9,8 @@ use crate::link::Link;
 use crate::pattern::{self, Pattern};
 use crate::picture::Picture;
 use crate::{CalibrateError, ShowsPatterns};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use eyebox_optics::{Color, Display, Pupil};
 use std::path::PathBuf;
 
@@ -69,11 +71,11 @@ impl<'a> CameraBench<'a> {
         say: &'a mut dyn FnMut(&str),
     ) -> Result<Self, CalibrateError> {
         if display.prescription.as_ref().is_some_and(|eye| !eye.is_perfect()) {
-            let reason = "a camera has no eye's prescription: solve with `prescription` none".into();
+            let reason = reason!("prescription", "a camera has no eye's prescription: solve with `prescription` none");
             return Err(CalibrateError::Bench { display: display.name.clone(), reason });
         }
         if colors.iter().any(|color| !display.modes(*color).is_empty()) {
-            let reason = "steps with a camera know one mode of a source: leave out [source]".into();
+            let reason = reason!("source-modes", "steps with a camera know one mode of a source: leave out [source]");
             return Err(CalibrateError::Bench { display: display.name.clone(), reason });
         }
         let (link, hello) = Link::start(steps.command, steps.limit, say)?;
@@ -117,16 +119,17 @@ impl Camera<'_> {
                 self.shot(&ask)?.ok_or_else(|| self.refused("take the picture of the dots"))?.1
             }
         };
-        let unclear = |reason: String| {
-            CalibrateError::Pictures(format!(
-                "in the picture of the dots {reason}: is the SLM lit, and in focus on the camera?"
-            ))
+        let unclear = |reason: Reason| {
+            CalibrateError::Pictures(reason.reworded(|text| {
+                format!("in the picture of the dots {text}: is the SLM lit, and in focus on the camera?")
+            }))
         };
         let (map, rms) = dots::find(&picture, self.slm).map_err(unclear)?;
         let spacing = pattern::spacing(self.slm) * map.zoom();
         tracing::debug!("{color}: the camera's map is off by {rms:.2} of its pixels");
         if rms > OFF * spacing {
-            return Err(unclear(format!(
+            return Err(unclear(reason!(
+                "dots-off",
                 "dots are {rms:.1} camera pixels off where they should be, {spacing:.0} apart"
             )));
         }
@@ -203,7 +206,10 @@ impl Camera<'_> {
             let Some([x, y, d]) = shot.iris_mm.or(self.iris_mm) else {
                 let reason = "its answer has no iris_mm: of a fixed iris the camera's command has to say where it is, or \
                               `iris` X,Y,DIAMETER in mm";
-                return Err(CalibrateError::Captures { file: shot.file.display().to_string(), reason: reason.into() });
+                return Err(CalibrateError::Captures {
+                    file: shot.file.display().to_string(),
+                    reason: Reason::new("no-iris", reason),
+                });
             };
             let pupil = Pupil::from_mm([x, y, d, shot.focus_mm]).check()?;
             let sum = seen.get_or_insert_with(|| Seen { pupil, light: vec![0.0; light.len()] });
@@ -232,7 +238,8 @@ impl OfColor {
         if mean.is_nan() || mean < BLACK {
             return Err(CalibrateError::Captures {
                 file: shot.file.display().to_string(),
-                reason: format!(
+                reason: reason!(
+                    "black",
                     "is black: over the SLM's image it has {:.2} % of full scale after {:.3} ms; is the laser on, and the iris open?",
                     100.0 * mean,
                     shot.exposure_ms

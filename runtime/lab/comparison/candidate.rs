@@ -1,9 +1,11 @@
 //! What is compared: methods to solve with, and holograms that exist.
 
 use super::MethodAbout;
+use eyebox::low_level::error::Reason;
 use eyebox::low_level::hologram::Hologram;
 use eyebox::low_level::optics::{Color, Display, Prescription};
 use eyebox::low_level::quality::QualityError;
+use eyebox::low_level::reason;
 use eyebox::low_level::solve::Method;
 use std::path::PathBuf;
 
@@ -79,23 +81,27 @@ impl Given {
         scenes: &[String],
         other_scene: bool,
     ) -> Result<Self, QualityError> {
-        let wrong = |reason: String| QualityError::Input { what: file.display().to_string(), reason };
+        let wrong = |reason: Reason| QualityError::Input { what: file.display().to_string(), reason };
         if Method::by_name(name).is_some() {
-            return Err(wrong(format!("'{name}' is the name of a method: give the hologram another")));
+            return Err(wrong(reason!(
+                "name-of-a-method",
+                "'{name}' is the name of a method: give the hologram another"
+            )));
         }
         if hologram.colors.iter().any(|c| c.color.is_none()) || hologram.display_wavelengths.is_empty() {
-            return Err(wrong("its colours are not named, or its display is not known".into()));
+            return Err(wrong(reason!("no-display", "its colours are not named, or its display is not known")));
         }
         let scene = match scenes {
             [one] => {
                 let checked = if other_scene { Ok(()) } else { hologram.check_scene(one) };
-                checked.map(|()| 0).map_err(|e| wrong(e.to_string()))?
+                checked.map(|()| 0).map_err(|e| wrong(Reason::of(&e)))?
             }
-            _ if hologram.scene.is_empty() => return Err(wrong("it does not say which of the scenes it shows".into())),
-            _ => scenes
-                .iter()
-                .position(|s| hologram.check_scene(s).is_ok())
-                .ok_or_else(|| wrong(format!("it shows '{}', which is none of the scenes given", hologram.scene)))?,
+            _ if hologram.scene.is_empty() => {
+                return Err(wrong(reason!("no-scene", "it does not say which of the scenes it shows")));
+            }
+            _ => scenes.iter().position(|s| hologram.check_scene(s).is_ok()).ok_or_else(|| {
+                wrong(reason!("other-scene", "it shows '{}', which is none of the scenes given", hologram.scene))
+            })?,
         };
         Ok(Self { name: name.into(), file, hologram, scene })
     }
@@ -106,24 +112,25 @@ impl Given {
     /// [`QualityError::Input`].
     pub fn check(&self, display: &Display, colors: &[Color]) -> Result<(), QualityError> {
         let h = &self.hologram;
-        let wrong = |reason: String| Err(QualityError::Input { what: self.file.display().to_string(), reason });
+        let wrong = |reason: Reason| Err(QualityError::Input { what: self.file.display().to_string(), reason });
         if (h.height, h.width) != (display.height, display.width) {
             let ([a, b], [c, d]) = ([h.height, h.width], [display.height, display.width]);
-            return wrong(format!("{a} x {b} pixels, but what it is compared with has {c} x {d}"));
+            return wrong(reason!("size", "{a} x {b} pixels, but what it is compared with has {c} x {d}"));
         }
         if self.hologram.named_colors() != colors || h.colors.len() != colors.len() {
             let list = |c: &[Color]| c.iter().map(Color::to_string).collect::<Vec<_>>().join(", ");
             let (has, wanted) = (list(&self.hologram.named_colors()), list(colors));
-            return wrong(format!("its colours are {has}, not {wanted}: choose with `color`"));
+            return wrong(reason!("colors", "its colours are {has}, not {wanted}: choose with `color`"));
         }
         if h.geometry != display.geometry {
             let (made, is) = (h.geometry.name(), display.geometry.name());
-            return wrong(format!("made for a {made} display, and '{}' is {is}", display.name));
+            return wrong(reason!("geometry", "made for a {made} display, and '{}' is {is}", display.name));
         }
         if h.metadata.prescription != display.prescription {
             let in_words = |eye: &Option<Prescription>| eye.as_ref().map_or("none".into(), Prescription::to_string);
             let (made, looks) = (in_words(&h.metadata.prescription), in_words(&display.prescription));
-            return wrong(format!(
+            return wrong(reason!(
+                "prescription",
                 "its prescription is {made}, and that of the eye that looks {looks}: `prescription` decides"
             ));
         }
@@ -131,9 +138,11 @@ impl Given {
         let same_waves = h.display_wavelengths.len() == display.wavelengths.len()
             && h.display_wavelengths.iter().zip(&display.wavelengths).all(|(a, b)| near(a.wavelength, b.wavelength));
         if !same_waves || !near(h.pitch, display.pitch) || !near(h.focal_length, display.focal_length) {
-            return wrong(format!(
+            return wrong(reason!(
+                "display",
                 "made for the display '{}', whose pitch, focal length or wavelengths are not those of '{}'",
-                h.display, display.name
+                h.display,
+                display.name
             ));
         }
         Ok(())
@@ -150,7 +159,7 @@ pub fn candidates(methods: &[Method], given: Vec<Given>) -> Result<Vec<Candidate
     for one in given {
         match all.iter_mut().find(|s| s.name == one.name).map(|s| &mut s.source) {
             Some(Source::Given(same)) if same.iter().any(|g| g.scene == one.scene) => {
-                let reason = format!("'{}' is given twice for one scene", one.name);
+                let reason = reason!("twice", "'{}' is given twice for one scene", one.name);
                 return Err(QualityError::Input { what: one.file.display().to_string(), reason });
             }
             Some(Source::Given(same)) => same.push(one),

@@ -6,10 +6,12 @@ use super::pupils::Pupils;
 use super::results::EtendueFigures;
 use super::speckle::{self, plane, seen_of};
 use eyebox::low_level::engine::Engine;
+use eyebox::low_level::error::Reason;
 use eyebox::low_level::evaluate::{self, Group, Summary};
 use eyebox::low_level::hologram::Hologram;
 use eyebox::low_level::optics::{Color, Display, Mask, Padding, Pupil};
 use eyebox::low_level::quality::QualityError;
+use eyebox::low_level::reason;
 use eyebox::low_level::reconstruction::SceneSource;
 use eyebox::low_level::scene::LightField;
 use eyebox::low_level::solve::{self, Flow, Problem, Settings};
@@ -35,14 +37,14 @@ pub struct MaskKind {
 }
 
 impl FromStr for MaskKind {
-    type Err = String;
+    type Err = Reason;
 
     /// A factor, with a `d` behind it for a designed mask.
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, Reason> {
         let (factor, designed) = text.strip_suffix('d').map_or((text, false), |factor| (factor, true));
         match factor.parse() {
             Ok(factor) if (1..=4).contains(&factor) && !(designed && factor == 1) => Ok(Self { factor, designed }),
-            _ => Err("expected a factor: 1 for no mask, 2 to 4, or 2d to 4d for designed ones".into()),
+            _ => Err(reason!("etendue", "expected a factor: 1 for no mask, 2 to 4, or 2d to 4d for designed ones")),
         }
     }
 }
@@ -62,7 +64,7 @@ impl MaskKind {
     ///
     /// # Errors
     /// What of the display does not go with it, in words.
-    pub fn before(&self, display: &Display) -> Result<Display, String> {
+    pub fn before(&self, display: &Display) -> Result<Display, Reason> {
         let band = self.designed.then_some(BAND);
         display.with_mask((self.factor > 1).then(|| Mask::of_seed(self.factor, SEED, band)))
     }

@@ -3,9 +3,11 @@
 
 pub use super::light_figures::{CoherenceFigures, EtendueFigures};
 use super::shown::{Picture, Pictures};
+use eyebox::low_level::error::Reason;
 use eyebox::low_level::evaluate::{Group, Summary};
 use eyebox::low_level::optics::Color;
 use eyebox::low_level::quality::QualityError;
+use eyebox::low_level::reason;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -247,20 +249,21 @@ impl Published {
     /// # Errors
     /// [`QualityError::Input`].
     pub fn read(file: &Path) -> Result<Vec<Self>, QualityError> {
-        let wrong = |reason: String| QualityError::Input {
+        let wrong = |reason: Reason| QualityError::Input {
             what: file.display().to_string(),
-            reason: reason.replace('\n', " "),
+            reason: reason.reworded(|text| text.replace('\n', " ")),
         };
         let text = eyebox::low_level::files::read::text(file, eyebox::low_level::files::read::TABLE)
-            .map_err(|e| wrong(e.to_string()))?;
+            .map_err(|e| wrong(e.to_string().into()))?;
         let rows: Result<Vec<Self>, _> =
             csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes()).deserialize().collect();
-        let rows =
-            rows.map_err(|e| wrong(format!("{e}; the columns are method,category,n,mean,median,q25,q75,min,max,std")))?;
+        let rows = rows.map_err(|e| {
+            wrong(reason!("columns", "{e}; the columns are method,category,n,mean,median,q25,q75,min,max,std"))
+        })?;
         let numbers = |r: &Self| [r.mean, r.median, r.q25, r.q75, r.min, r.max, r.std];
         match rows.iter().position(|r| numbers(r).iter().any(|v| !v.is_finite())) {
-            Some(row) => Err(wrong(format!("row {} has a number that is not finite", row + 1))),
-            None if rows.is_empty() => Err(wrong("it has no rows".into())),
+            Some(row) => Err(wrong(reason!("not-finite", "row {} has a number that is not finite", row + 1))),
+            None if rows.is_empty() => Err(wrong(reason!("no-rows", "it has no rows"))),
             None => Ok(rows),
         }
     }

@@ -1,5 +1,6 @@
 //! What can be wrong with a film.
 
+use eyebox::low_level::error::Reason;
 use eyebox::low_level::files::FileError;
 use eyebox::low_level::hologram::HologramError;
 use eyebox::low_level::reconstruction::ReconstructionError;
@@ -8,7 +9,8 @@ use eyebox::low_level::reconstruction::ReconstructionError;
 pub(super) const EXAMPLE: &str = r#"{"rate_hz": 30, "keys": [{"t_s": 0, "x_mm": -4, "diameter_mm": 4, "focus": 0}, {"t_s": 2, "x_mm": 4, "focus": "0.01D"}], "blinks_s": [1]}"#;
 
 /// What can be wrong with a film.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error, serde::Serialize)]
+#[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum FilmError {
     /// The file could not be written.
@@ -20,7 +22,7 @@ pub enum FilmError {
         /// The file.
         file: String,
         /// What is wrong, and where.
-        reason: String,
+        reason: Reason,
     },
     /// What is looked at.
     #[error(transparent)]
@@ -30,5 +32,5 @@ pub enum FilmError {
     Reconstruction(#[from] ReconstructionError),
     /// Something that does not fit together.
     #[error("{0}")]
-    Setting(String),
+    Setting(Reason),
 }

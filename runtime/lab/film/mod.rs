@@ -13,10 +13,12 @@ pub use error::FilmError;
 pub use path::{EyePath, Key, Moment};
 
 use eyebox::low_level::engine::Engine;
+use eyebox::low_level::error::Reason;
 use eyebox::low_level::evaluate::Plane;
 use eyebox::low_level::files::{FileError, FolderDraft, encode_rgb8, write_file};
 use eyebox::low_level::hologram::PhaseSource;
 use eyebox::low_level::optics::{Color, Pupil};
+use eyebox::low_level::reason;
 use eyebox::low_level::reconstruction::{Sampling, SceneSource};
 use eyebox::low_level::solve::Flow;
 use picture::Canvas;
@@ -77,7 +79,7 @@ pub fn film<E: From<FilmError>>(
     observe: &mut dyn FnMut(usize, usize) -> Flow,
 ) -> Result<Option<Film>, E> {
     if !(1..=64).contains(&settings.binning) {
-        let reason = format!("the binning is {} pixels: it must be 1 to 64", settings.binning);
+        let reason = reason!("binning", "the binning is {} pixels: it must be 1 to 64", settings.binning);
         return Err(FilmError::Setting(reason).into());
     }
     let mut shooting = Shooting { path, settings, content: None, last: None, looked: 0, load, observe };
@@ -157,7 +159,8 @@ impl<E: From<FilmError>> Shooting<'_, '_, E> {
                 (self.content, self.last) = (Some(content), None);
             }
             let content = self.content.as_ref();
-            let content = content.ok_or_else(|| FilmError::Setting("there is nothing to look at".into()))?;
+            let content =
+                content.ok_or_else(|| FilmError::Setting(reason!("nothing", "there is nothing to look at")))?;
             let moment = self.path.at(time, content.source.about().focal_length);
             if self.last.as_ref().is_none_or(|(pupil, _)| *pupil != moment.pupil) {
                 let pictures = look(content, &moment.pupil, self.settings, engine)?;
@@ -169,7 +172,7 @@ impl<E: From<FilmError>> Shooting<'_, '_, E> {
             let pictures: Vec<&[Plane]> = seen.iter().chain(wanted).map(|planes| &planes[..]).collect();
             let canvas = Canvas::of(&pictures, &names, moment.lid as f32);
             if size.is_some_and(|before| before != canvas.size) {
-                let reason = "its holograms have pictures of different sizes: a film has one size".into();
+                let reason = reason!("sizes", "its holograms have pictures of different sizes: a film has one size");
                 return Err(FilmError::Setting(reason).into());
             }
             size = Some(canvas.size);
@@ -205,7 +208,8 @@ fn look(
     let of_one_size =
         |planes: &[Plane]| planes.windows(2).all(|p| (p[0].rows, p[0].columns) == (p[1].rows, p[1].columns));
     if !of_one_size(&seen) || wanted.as_ref().is_some_and(|w| !of_one_size(w)) {
-        let reason = "its colours have pictures of different sizes, as in tiles: film one colour".into();
+        let reason =
+            reason!("sizes-of-colors", "its colours have pictures of different sizes, as in tiles: film one colour");
         return Err(FilmError::Setting(reason));
     }
     Ok([Some(binned(seen)), wanted.map(binned)])
@@ -292,9 +296,10 @@ mod tests {
             let settings = FilmSettings::default();
             let path = path(STILL_AND_BLINK);
             assert_eq!(film(&path, &settings, &mut load, &out, &mut engine, stop).unwrap(), None);
-            let mut nothing = |_| -> Result<_, FilmError> { Err(FilmError::Setting("no such scene".into())) };
+            let mut nothing =
+                |_| -> Result<_, FilmError> { Err(FilmError::Setting(Reason::new("no-such-scene", "no such scene"))) };
             let failed = film(&path, &settings, &mut nothing, &out, &mut engine, &mut |_, _| Flow::Continue);
-            assert_eq!(failed.unwrap_err().to_string(), "no such scene");
+            assert!(matches!(failed, Err(FilmError::Setting(reason)) if reason.code() == "no-such-scene"));
             let none = FilmSettings { binning: 0, ..settings };
             assert!(film(&path, &none, &mut load, &out, &mut engine, &mut |_, _| Flow::Continue).is_err());
             assert_eq!(std::fs::read_dir(here.path()).unwrap().count(), 0);

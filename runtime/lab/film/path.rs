@@ -1,8 +1,10 @@
 //! Where an eye is, what it focuses on, and when it blinks.
 
 use super::error::FilmError;
+use eyebox::low_level::error::Reason;
 use eyebox::low_level::files::read;
 use eyebox::low_level::optics::{Depth, Pupil};
+use eyebox::low_level::reason;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -74,8 +76,8 @@ impl EyePath {
     /// [`FilmError::Path`].
     pub fn read(file: &Path) -> Result<Self, FilmError> {
         let name = file.display().to_string();
-        let text =
-            read::text(file, read::TABLE).map_err(|e| FilmError::Path { file: name.clone(), reason: e.to_string() })?;
+        let text = read::text(file, read::TABLE)
+            .map_err(|e| FilmError::Path { file: name.clone(), reason: e.to_string().into() })?;
         Self::from_json(&text, &name)
     }
 
@@ -84,24 +86,28 @@ impl EyePath {
     /// # Errors
     /// [`FilmError::Path`].
     pub fn from_json(text: &str, file: &str) -> Result<Self, FilmError> {
-        let wrong = |reason: String| FilmError::Path { file: file.into(), reason };
-        let path: Self = serde_json::from_str(text).map_err(|e| wrong(e.to_string()))?;
+        let wrong = |reason: Reason| FilmError::Path { file: file.into(), reason };
+        let path: Self = serde_json::from_str(text).map_err(|e| wrong(e.to_string().into()))?;
         path.check().map_err(wrong)?;
         Ok(path)
     }
 
-    fn check(&self) -> Result<(), String> {
+    fn check(&self) -> Result<(), Reason> {
         if !(1.0..=1000.0).contains(&self.rate_hz) {
-            return Err(format!("rate_hz is {}: it must be 1 to 1000", self.rate_hz));
+            return Err(reason!("rate", "rate_hz is {}: it must be 1 to 1000", self.rate_hz));
         }
         if self.keys.is_empty() {
-            return Err("it has no keys".into());
+            return Err(reason!("no-keys", "it has no keys"));
         }
         let mut before = 0.0;
         for (i, key) in self.keys.iter().enumerate() {
             let number = i + 1;
             if !(key.t_s >= before && key.t_s.is_finite()) {
-                return Err(format!("t_s of key {number} is {}: times are seconds, 0 or more, and rise", key.t_s));
+                return Err(reason!(
+                    "time",
+                    "t_s of key {number} is {}: times are seconds, 0 or more, and rise",
+                    key.t_s
+                ));
             }
             before = key.t_s;
             for (name, value, least) in [
@@ -110,16 +116,19 @@ impl EyePath {
                 ("diameter_mm", key.diameter_mm, 0.01),
             ] {
                 if let Some(value) = value.filter(|v| !(least..=FARTHEST_MM).contains(v)) {
-                    return Err(format!("{name} of key {number} is {value}: it must be {least} to {FARTHEST_MM}"));
+                    return Err(reason!(
+                        "key-range",
+                        "{name} of key {number} is {value}: it must be {least} to {FARTHEST_MM}"
+                    ));
                 }
             }
         }
         if let Some(t) = self.blinks_s.iter().find(|t| !t.is_finite()) {
-            return Err(format!("a blink begins at {t} s: it must be a finite number"));
+            return Err(reason!("blink", "a blink begins at {t} s: it must be a finite number"));
         }
         let frames = before * self.rate_hz;
         if frames >= MOST_FRAMES {
-            return Err(format!("it takes {frames:.0} frames: at most {MOST_FRAMES}"));
+            return Err(reason!("frames-count", "it takes {frames:.0} frames: at most {MOST_FRAMES}"));
         }
         Ok(())
     }
@@ -191,6 +200,7 @@ fn open(since: f64) -> f64 {
 mod tests {
     use super::super::error::EXAMPLE;
     use super::*;
+    use eyebox::low_level::error::ErrorData;
 
     #[test]
     fn an_eye_goes_from_key_to_key() {
@@ -223,23 +233,21 @@ mod tests {
     #[test]
     fn a_path_that_no_eye_goes_is_refused_in_one_line() {
         for (text, says) in [
-            ("", "EOF"),
+            ("", "path: "),
             ("{}", "keys"),
-            (r#"{"keys": []}"#, "no keys"),
-            (r#"{"keys": [{"t_s": -1}]}"#, "t_s of key 1 is -1"),
-            (r#"{"keys": [{"t_s": 1}, {"t_s": 0.5}]}"#, "t_s of key 2 is 0.5"),
-            (r#"{"keys": [{"t_s": 0, "x": 1}]}"#, "unknown field `x`"),
-            (r#"{"keys": [{"t_s": 0, "x_mm": 1e9}]}"#, "x_mm of key 1"),
-            (r#"{"keys": [{"t_s": 0, "diameter_mm": 0}]}"#, "diameter_mm of key 1 is 0"),
+            (r#"{"keys": []}"#, "path/no-keys"),
+            (r#"{"keys": [{"t_s": -1}]}"#, "path/time"),
+            (r#"{"keys": [{"t_s": 1}, {"t_s": 0.5}]}"#, "path/time"),
+            (r#"{"keys": [{"t_s": 0, "x": 1}]}"#, "`x`"),
+            (r#"{"keys": [{"t_s": 0, "x_mm": 1e9}]}"#, "path/key-range"),
+            (r#"{"keys": [{"t_s": 0, "diameter_mm": 0}]}"#, "path/key-range"),
             (r#"{"keys": [{"t_s": 0, "focus": "near"}]}"#, "near"),
-            (r#"{"keys": [{"t_s": 1e6}]}"#, "at most 100000"),
-            (r#"{"rate_hz": 0, "keys": [{"t_s": 0}]}"#, "rate_hz is 0"),
+            (r#"{"keys": [{"t_s": 1e6}]}"#, "path/frames-count"),
+            (r#"{"rate_hz": 0, "keys": [{"t_s": 0}]}"#, "path/rate"),
         ] {
-            let said = EyePath::from_json(text, "p.json").unwrap_err().to_string();
-            assert!(
-                said.starts_with("p.json: ") && said.contains(says) && said.contains("such as {"),
-                "{text}: {said}"
-            );
+            let said = EyePath::from_json(text, "p.json").unwrap_err();
+            let said = format!("{}: {said}", ErrorData::of(&said).code);
+            assert!(said.contains("p.json") && said.contains(says), "{text}: {said}");
             assert_eq!(said.lines().count(), 1, "{said}");
         }
         assert!(matches!(EyePath::read(Path::new("none.json")), Err(FilmError::Path { .. })));

@@ -14,6 +14,7 @@ use eyebox::low_level::encode::{Lighting, LitTimes};
 use eyebox::low_level::engine::{Engine, EngineError};
 use eyebox::low_level::gaze::Estimator;
 use eyebox::low_level::optics::Pupil;
+use eyebox::low_level::reason;
 use eyebox::low_level::session::{
     MotionCompensation, Policy, PupilEstimate, PupilSource, Samples, SessionError, SetTiming, SteeredColor, Steerer,
     lighting_of, shifted_problem, whole_eyebox,
@@ -146,11 +147,14 @@ pub fn study_content(
 ) -> Result<Vec<ContentRun>, SessionError> {
     let ContentSettings { sets, steps, jumps_every, .. } = *settings;
     if sets == 0 || steps == 0 || jumps_every == 0 || study.period_ns <= 0 || study.lead_ns < 0 {
-        return Err(SessionError::Setting("a study of content has a set, a step and a period at least".into()));
+        return Err(SessionError::Setting(reason!(
+            "study",
+            "a study of content has a set, a step and a period at least"
+        )));
     }
     if let Some(slide) = settings.slides.iter().find(|slide| slide.len() != colors.len()) {
         let (has, wanted) = (slide.len(), colors.len());
-        return Err(SessionError::Setting(format!("a slide has {has} colors, and the scene {wanted}")));
+        return Err(SessionError::Setting(reason!("slide-colors", "a slide has {has} colors, and the scene {wanted}")));
     }
     let lighting = lighting_of(settings.lighting.clone(), colors);
     let settings = &ContentSettings { lighting, ..settings.clone() };
@@ -277,7 +281,8 @@ impl<'a> Showing<'a> {
         depth: f64,
     ) -> Result<Self, SessionError> {
         let ContentSettings { speed, lighting, .. } = frames.settings;
-        let first = frames.colors.first().ok_or_else(|| SessionError::Setting("there is no colour".into()))?;
+        let first =
+            frames.colors.first().ok_or_else(|| SessionError::Setting(reason!("no-color", "there is no colour")))?;
         let pixel = first.problem.pixel();
         let pursuit = match run.eye {
             StudiedEye::Follows => f64::from(*speed) * pixel / (study.period_ns as f64 * 1e-9),

@@ -2,6 +2,7 @@
 
 use super::results::Judging;
 use super::seen::SeenColor;
+use eyebox::low_level::error::Reason;
 use eyebox::low_level::evaluate::{JodMetric, rgb};
 use eyebox::low_level::optics::{Color, Pupil};
 use eyebox::low_level::session::SessionError;
@@ -17,7 +18,7 @@ impl Judge {
     /// [`SessionError::Setting`] for a viewing that cannot be.
     pub(super) fn new(judging: &Judging) -> Result<Self, SessionError> {
         let metric = JodMetric::new(&judging.viewing, judging.pixels_per_degree, false);
-        let metric = metric.map_err(|e| SessionError::Setting(e.to_string()))?;
+        let metric = metric.map_err(|e| SessionError::Setting(Reason::of(&e)))?;
         Ok(Self { metric, colors: judging.colors.clone() })
     }
 
@@ -53,7 +54,7 @@ impl Judge {
             planes.iter().enumerate().map(|(i, p)| (self.colors.get(i).copied(), p.as_slice())).collect::<Vec<_>>()
         });
         let found = self.metric.picture(&rgb(&seen, &black), &rgb(&wanted, &black), size.0, size.1);
-        let found = found.map_err(|e| SessionError::Setting(e.to_string()))?;
+        let found = found.map_err(|e| SessionError::Setting(Reason::of(&e)))?;
         Ok(found.map(|judged| judged.jod))
     }
 }

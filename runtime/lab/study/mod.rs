@@ -20,6 +20,7 @@ pub use results::{Judging, Study, StudySample, StudySettings};
 use eyebox::low_level::encode::{Encoder, PhaseSet, VideoFrames};
 use eyebox::low_level::engine::{Engine, EngineError};
 use eyebox::low_level::optics::Pupil;
+use eyebox::low_level::reason;
 use eyebox::low_level::session::SessionError;
 use eyebox::low_level::session::WorkTime;
 use eyebox::low_level::session::{Policy, SteeredColor, Steerer};
@@ -86,7 +87,10 @@ pub fn study(
     observe: &mut Observer<'_>,
 ) -> Result<Study, SessionError> {
     if settings.period_ns <= 0 || settings.lead_ns < 0 || !(settings.seconds > 0.0 && settings.seconds <= 3600.0) {
-        return Err(SessionError::Setting("a study lasts up to an hour, with sets of a positive period".into()));
+        return Err(SessionError::Setting(reason!(
+            "study",
+            "a study lasts up to an hour, with sets of a positive period"
+        )));
     }
     let depth = 0.5 * (settings.gaze.focus[0] + settings.gaze.focus[1]);
     let mut steerer = Steerer::new(colors.to_vec(), *policy, &mut *engine)?;

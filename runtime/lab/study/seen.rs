@@ -1,6 +1,7 @@
 //! What an eye sees of the holograms of a study.
 
 use eyebox::low_level::engine::{Engine, EngineError};
+use eyebox::low_level::error::Reason;
 use eyebox::low_level::evaluate::Sums;
 use eyebox::low_level::optics::Pupil;
 use eyebox::low_level::session::SessionError;
@@ -35,7 +36,7 @@ impl SeenColor {
         let mut sampler = Sampler::new(range, Sequence::Sobol, 0x006a_7564_6765).over(regions);
         let pupils: Vec<Pupil> = (0..EXPOSED).map(|_| sampler.draw()).collect();
         // Lasers stay as they are: one exposure, that of the hologram for the whole eyebox.
-        let exposure = Sums::fit_exposure(&seen.look(&pupils)?).map_err(|e| SessionError::Setting(e.to_string()))?;
+        let exposure = Sums::fit_exposure(&seen.look(&pupils)?).map_err(|e| SessionError::Setting(Reason::of(&e)))?;
         Ok(Self { seen, exposure })
     }
 

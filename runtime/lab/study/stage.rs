@@ -1,6 +1,7 @@
 //! A study's simulated world: the eye, its tracker, and time.
 
 use super::results::StudySettings;
+use eyebox::low_level::error::Reason;
 use eyebox::low_level::gaze::{Estimator, GazeError};
 use eyebox::low_level::optics::PupilDistribution;
 use eyebox::low_level::session::Samples;
@@ -24,7 +25,7 @@ pub(super) struct Stage {
 
 impl Stage {
     pub(super) fn new(settings: &StudySettings) -> Result<Self, SessionError> {
-        let wrong = |e: GazeError| SessionError::Setting(e.to_string());
+        let wrong = |e: GazeError| SessionError::Setting(Reason::of(&e));
         Ok(Self {
             eye: Eye::new(settings.eye.clone(), 0),
             ahead: Eye::new(settings.eye.clone(), 0),

@@ -3,8 +3,10 @@
 //! A convenience: a file that is damaged, of another version or of another device is not used, and says so in a line.
 
 use super::{Quality, Recommended, Trial};
+use eyebox::low_level::error::Reason;
 use eyebox::low_level::files::{FileError, write_file};
 use eyebox::low_level::optics::Color;
+use eyebox::low_level::reason;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -14,7 +16,8 @@ const HEAD: &str = "eyebox tradeoff 1 ";
 const LARGEST: u64 = 8 << 20;
 
 /// Why a file of measured settings is not used.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error, serde::Serialize)]
+#[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum MeasuredError {
     /// It could not be read or written.
@@ -26,7 +29,7 @@ pub enum MeasuredError {
         /// The file.
         file: String,
         /// What is wrong.
-        reason: String,
+        reason: Reason,
     },
 }
 
@@ -65,28 +68,31 @@ impl Measured {
     /// [`MeasuredError`]: go on without it.
     pub fn load(folder: &Path, device: &str) -> Result<Option<Self>, MeasuredError> {
         let path = Self::file(folder, device);
-        let wrong = |reason: &str| MeasuredError::Content { file: path.display().to_string(), reason: reason.into() };
+        let wrong = |reason| MeasuredError::Content { file: path.display().to_string(), reason };
         let size = match std::fs::metadata(&path) {
             Ok(there) => there.len(),
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(e) => return Err(FileError::read(&path, e).into()),
         };
         if size > LARGEST {
-            return Err(wrong("is too large for measured settings"));
+            return Err(wrong(reason!("length", "is too large for measured settings")));
         }
         let bytes = eyebox::low_level::files::read::bytes(&path, LARGEST).map_err(|e| FileError::read(&path, e))?;
-        let text = std::str::from_utf8(&bytes).map_err(|_| wrong("is no text"))?;
-        let (head, body) = text.split_once('\n').ok_or_else(|| wrong("is cut off"))?;
-        let sum = head.strip_prefix(HEAD).ok_or_else(|| wrong("holds no settings of this version of eyebox"))?;
+        let text = std::str::from_utf8(&bytes).map_err(|_| wrong(reason!("no-text", "is no text")))?;
+        let (head, body) = text.split_once('\n').ok_or_else(|| wrong(reason!("cut-off", "is cut off")))?;
+        let sum = head
+            .strip_prefix(HEAD)
+            .ok_or_else(|| wrong(reason!("version", "holds no settings of this version of eyebox")))?;
         if sum != format!("{:08x}", crc32c::crc32c(body.as_bytes())) {
-            return Err(wrong("is damaged"));
+            return Err(wrong(reason!("checksum", "is damaged")));
         }
-        let found: Self = serde_json::from_str(body).map_err(|e| wrong(&format!("holds something else ({e})")))?;
+        let found: Self =
+            serde_json::from_str(body).map_err(|e| wrong(reason!("content", "holds something else ({e})")))?;
         if found.device != device {
-            return Err(wrong("is of another device"));
+            return Err(wrong(reason!("another-device", "is of another device")));
         }
         if !found.is_sound() {
-            return Err(wrong("holds settings that cannot be"));
+            return Err(wrong(reason!("settings", "holds settings that cannot be")));
         }
         Ok(Some(found))
     }
@@ -136,6 +142,7 @@ mod tests {
     use super::super::front::tests::trial;
     use super::super::{front, recommend};
     use super::*;
+    use eyebox::low_level::error::ErrorData;
 
     fn measured() -> Measured {
         let trials = [trial(3, 1.0, 20.25), trial(20, 10.0, 28.5), trial(200, 100.0, 28.75)];
@@ -160,7 +167,7 @@ mod tests {
         assert!(Measured::load(&folder, "another").unwrap().is_none());
         // Another device's file under this device's name.
         std::fs::rename(&file, Measured::file(&folder, "another")).unwrap();
-        assert!(Measured::load(&folder, "another").unwrap_err().to_string().contains("another device"));
+        assert_eq!(ErrorData::of(&Measured::load(&folder, "another").unwrap_err()).code, "content/another-device");
         assert_eq!(measured().of(Quality::Accurate).mean, 28.75);
     }
 

@@ -7,6 +7,7 @@ use crate::kept::{Keep, checksum, identity};
 use crate::stoppable::Stoppable;
 use crate::watch::{Observe, Watch, unless_stopped};
 use eyebox::low_level::engine::{Engine, Memory};
+use eyebox::low_level::error::Reason;
 use eyebox::low_level::evaluate::JodMetric;
 use eyebox::low_level::optics::{Padding, WindowFactor};
 use eyebox::low_level::solve::{Cost, Flow, Levels, Settings, ValidationScore, even_levels};
@@ -244,7 +245,7 @@ impl Work<'_, '_, '_> {
         if score.quality().is_none() {
             let what = self.tuning.subject.field.name.clone();
             let reason = "it is black through all pupils that judge, so no setting is better than another: give a scene with light";
-            return Err(QualityError::Input { what, reason: reason.into() });
+            return Err(QualityError::Input { what, reason: Reason::new("black", reason) });
         }
         let jod = self.judge(&solved, score.exposure, reference)?;
         let mut trial = Trial::new(recipe.clone(), solved.milliseconds, score.psnr, self.cost(recipe)?.bytes());

@@ -22,7 +22,9 @@ mod targets;
 mod texture;
 
 use crate::{LightField, Request, SceneError};
+use eyebox_base::error::Reason;
 use eyebox_base::memory;
+use eyebox_base::reason;
 use eyebox_optics::Display;
 use render::{Canvas, Item};
 pub use stage::Stage;
@@ -69,17 +71,20 @@ struct Parameters {
     depth: f64,
 }
 
-fn unknown(name: &str, reason: impl Into<String>) -> SceneError {
+fn unknown(name: &str, reason: Reason) -> SceneError {
     let known = BUILTINS.map(|b| b.name).join(", ");
-    SceneError::Builtin { name: format!("builtin:{name}"), reason: reason.into(), known }
+    SceneError::Builtin { name: format!("builtin:{name}"), reason, known }
 }
 
 fn parse(source: &str) -> Result<(&'static str, Parameters), SceneError> {
     let (name, query) = source.split_once('?').unwrap_or((source, ""));
-    let found = BUILTINS.iter().find(|b| b.name == name).ok_or_else(|| unknown(source, "there is no such scene"))?;
+    let found = BUILTINS
+        .iter()
+        .find(|b| b.name == name)
+        .ok_or_else(|| unknown(source, reason!("no-such-scene", "there is no such scene")))?;
     let mut read = Parameters { brightness: 1.0, span: None, camera: 0.0, shift: 0.0, depth: 0.0 };
     for pair in query.split('&').filter(|p| !p.is_empty()) {
-        let wrong = |must: &str| unknown(source, format!("'{pair}': {must}"));
+        let wrong = |must: &str| unknown(source, reason!("parameter", "'{pair}': {must}"));
         let (key, value) = pair.split_once('=').ok_or_else(|| wrong("parameters are written key=value"))?;
         let number = value.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(|| wrong("not a number"))?;
         match key {

@@ -2,8 +2,10 @@
 
 use crate::light_field::near::{self, Kind, Meaning, Stated};
 use crate::{SceneError, formats::pfm, formats::still, formats::video};
+use eyebox_base::error::Reason;
 use eyebox_base::files::{self, FileError, FileKind, NpyArray, Wanted};
 use eyebox_base::memory;
+use eyebox_base::reason;
 use std::path::Path;
 
 /// A map, rows from the top; every value is finite.
@@ -27,9 +29,9 @@ pub(crate) struct Map {
 /// # Errors
 /// [`SceneError::NotFound`], [`SceneError::Corrupt`], [`SceneError::Ambiguous`].
 pub(crate) fn read(path: &Path, stated: Stated) -> Result<Map, SceneError> {
-    let corrupt = |reason: String| SceneError::Corrupt { file: path.display().to_string(), reason };
+    let corrupt = |reason: Reason| SceneError::Corrupt { file: path.display().to_string(), reason };
     if path.is_dir() {
-        return Err(corrupt("a folder, not a depth map".into()));
+        return Err(corrupt(reason!("map-folder", "a folder, not a depth map")));
     }
     let bytes = || files::read::bytes(path, files::read::PICTURE).map_err(|e| SceneError::unreadable(path, &e));
     let mut range = None;
@@ -43,7 +45,8 @@ pub(crate) fn read(path: &Path, stated: Stated) -> Result<Map, SceneError> {
         let [height @ 1..=65536, width @ 1..=65536] = shape[..] else {
             let remedy =
                 if shape.len() > 2 { "; save one of several maps, as numpy.save('map.npy', maps[0])" } else { "" };
-            return Err(corrupt(format!(
+            return Err(corrupt(reason!(
+                "map-shape",
                 "has the shape {shape:?}: a depth map has rows and columns, 1 to 65536{remedy}"
             )));
         };

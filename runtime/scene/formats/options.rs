@@ -2,6 +2,8 @@
 
 use crate::formats::tone::Tone;
 use crate::light_field::light::Transfer;
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use std::path::Path;
 
 /// What options there are, for people.
@@ -42,9 +44,11 @@ pub(crate) struct Options {
 }
 
 /// Reads the value of white.
-fn full_scale(text: &str) -> Result<f32, String> {
+fn full_scale(text: &str) -> Result<f32, Reason> {
     let value = text.parse::<f32>().ok().filter(|v| v.is_finite() && *v > 0.0);
-    value.ok_or_else(|| format!("full_scale is '{text}': it must be a positive number, the stored value of white"))
+    value.ok_or_else(|| {
+        reason!("full-scale", "full_scale is '{text}': it must be a positive number, the stored value of white")
+    })
 }
 
 impl Options {
@@ -57,7 +61,7 @@ impl Options {
     ///
     /// # Errors
     /// In words.
-    pub fn parse(query: &str, is_array: bool) -> Result<Self, String> {
+    pub fn parse(query: &str, is_array: bool) -> Result<Self, Reason> {
         let mut options = Self::default();
         for part in query.split('&').filter(|part| !part.is_empty()) {
             let number = |text: &str| text.parse::<usize>().ok().filter(|n| (1..=64).contains(n));
@@ -65,7 +69,7 @@ impl Options {
                 ("grid", value) => {
                     let sides = value.split_once('x').and_then(|(r, c)| Some([number(r)?, number(c)?]));
                     let must = "rows and columns of views, 1 to 64 each, as in grid=9x9";
-                    options.grid = Some(sides.ok_or_else(|| format!("'{part}': it must be {must}"))?);
+                    options.grid = Some(sides.ok_or_else(|| reason!("option-value", "'{part}': it must be {must}"))?);
                 }
                 ("srgb", "") => options.transfer = Some(Transfer::Srgb),
                 ("linear", "") => options.transfer = Some(Transfer::Linear),
@@ -73,7 +77,7 @@ impl Options {
                 ("array", name) if is_array && !name.is_empty() => options.array = Some(name.into()),
                 ("mosaic", "") if !is_array => options.tiling = Some(Tiling::Views),
                 ("lenslets", "") if !is_array => options.tiling = Some(Tiling::Lenslets),
-                _ => return Err(format!("'{part}': {}", if is_array { ARRAYS } else { PICTURES })),
+                _ => return Err(reason!("option", "'{part}': {}", if is_array { ARRAYS } else { PICTURES })),
             }
         }
         Ok(options)

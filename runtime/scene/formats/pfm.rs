@@ -1,5 +1,8 @@
 //! Portable float maps: `Pf`, width and height, a scale whose sign tells the byte order, rows from the bottom up.
 
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
+
 /// A grey float map, rows from the top down.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Pfm {
@@ -12,38 +15,45 @@ pub(crate) struct Pfm {
 ///
 /// # Errors
 /// What is wrong, in words. Nothing is allocated before the file proves to hold it.
-pub(crate) fn parse(bytes: &[u8]) -> Result<Pfm, String> {
+pub(crate) fn parse(bytes: &[u8]) -> Result<Pfm, Reason> {
     let mut rest = bytes;
-    let mut token = |what: &str| -> Result<&str, String> {
-        let start =
-            rest.iter().position(|b| !b.is_ascii_whitespace()).ok_or(format!("the header ends before {what}"))?;
+    let mut token = |what: &str| -> Result<&str, Reason> {
+        let start = rest
+            .iter()
+            .position(|b| !b.is_ascii_whitespace())
+            .ok_or(reason!("pfm-header", "the header ends before {what}"))?;
         let length = rest[start..].iter().take(32).position(u8::is_ascii_whitespace);
-        let length = length.ok_or(format!("the header ends in {what}"))?;
-        let found = std::str::from_utf8(&rest[start..start + length]).map_err(|_| format!("{what} is not text"))?;
+        let length = length.ok_or(reason!("pfm-header", "the header ends in {what}"))?;
+        let found = std::str::from_utf8(&rest[start..start + length])
+            .map_err(|_| reason!("pfm-header", "{what} is not text"))?;
         // Exactly one white space follows the header; what follows it may look like white space too.
         rest = &rest[start + length + 1..];
         Ok(found)
     };
     match token("its kind")? {
         "Pf" => {}
-        "PF" => return Err("a colour float map (PF): a depth map has one channel (Pf)".into()),
-        other => return Err(format!("not a float map: it begins with {other:?}, not \"Pf\"")),
+        "PF" => return Err(reason!("pfm-color", "a colour float map (PF): a depth map has one channel (Pf)")),
+        other => return Err(reason!("not-pfm", "not a float map: it begins with {other:?}, not \"Pf\"")),
     }
-    let mut axis = |what: &str| -> Result<usize, String> {
+    let mut axis = |what: &str| -> Result<usize, Reason> {
         let text = token(what)?;
-        let value: usize = text.parse().map_err(|_| format!("{what} is {text:?}: not a number"))?;
-        if (1..=65536).contains(&value) { Ok(value) } else { Err(format!("{what} is {value}: it must be 1 to 65536")) }
+        let value: usize = text.parse().map_err(|_| reason!("pfm-header", "{what} is {text:?}: not a number"))?;
+        if (1..=65536).contains(&value) {
+            Ok(value)
+        } else {
+            Err(reason!("pfm-size", "{what} is {value}: it must be 1 to 65536"))
+        }
     };
     let (width, height) = (axis("the width")?, axis("the height")?);
     let text = token("the scale")?;
-    let scale: f64 = text.parse().map_err(|_| format!("the scale is {text:?}: not a number"))?;
+    let scale: f64 = text.parse().map_err(|_| reason!("pfm-scale", "the scale is {text:?}: not a number"))?;
     if scale == 0.0 || !scale.is_finite() {
-        return Err(format!("the scale is {scale}: its sign must tell the byte order"));
+        return Err(reason!("pfm-scale", "the scale is {scale}: its sign must tell the byte order"));
     }
     // At most 2^34: no overflow on 64 bits; refused on 32.
     let needed = (width as u64) * (height as u64) * 4;
     if rest.len() as u64 != needed {
-        return Err(format!("{height} x {width} values need {needed} bytes, {} are there", rest.len()));
+        return Err(reason!("pfm-length", "{height} x {width} values need {needed} bytes, {} are there", rest.len()));
     }
     let value = |b: &[u8]| {
         let b = [b[0], b[1], b[2], b[3]];
@@ -69,10 +79,10 @@ mod tests {
         let read = parse(&little).unwrap();
         assert_eq!(read.values, [1.0, 2.0, 3.0, 4.0]);
         assert_eq!(parse(&big).unwrap(), read);
-        assert!(parse(&little[..little.len() - 1]).unwrap_err().contains("16 bytes"));
-        assert!(parse(b"PF 1 1 -1\n").unwrap_err().contains("one channel"));
+        assert!(parse(&little[..little.len() - 1]).unwrap_err().code() == "pfm-length");
+        assert!(parse(b"PF 1 1 -1\n").unwrap_err().code() == "pfm-color");
         assert!(parse(b"Pf 4000000000 1 -1\n").is_err());
-        assert!(parse(b"Pf 65536 65536 -1\n").unwrap_err().contains("bytes"));
+        assert!(parse(b"Pf 65536 65536 -1\n").unwrap_err().code() == "pfm-length");
     }
 
     proptest! {

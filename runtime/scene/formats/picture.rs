@@ -5,8 +5,10 @@ use crate::formats::png_tone;
 use crate::formats::tone::{Reading, Stored};
 use crate::light_field::light::{Picture, Transfer};
 use crate::light_field::near::Kind;
+use eyebox_base::error::Reason;
 use eyebox_base::files::{ColorSpace, FileError, Pixels, Samples, Wanted, color_space, holds_light};
 use eyebox_base::files::{picture_orientation, picture_size, read_pixels};
+use eyebox_base::reason;
 use eyebox_optics::Color;
 use std::path::Path;
 
@@ -62,7 +64,7 @@ fn planes(path: &Path, image: &Pixels, colors: &[Color], reading: &Reading) -> R
         Samples::U16(v) => (Stored::Words(v), Transfer::Srgb),
         Samples::F32(v) => (Stored::Floats(v), Transfer::Linear),
     };
-    let unknown = |found| SceneError::Transfer { file: path.display().to_string(), found };
+    let unknown = |found: Reason| SceneError::Transfer { file: path.display().to_string(), found };
     let mut primaries = None;
     let space = match reading.tone.transfer {
         // The caller knows better than the file.
@@ -128,7 +130,10 @@ pub(crate) fn stored(path: &Path) -> Result<(usize, usize, Kind, Vec<f32>), Scen
         Samples::F32(v) => (Kind::Floats, grey(v, channels, has_color, |a, b| a.to_bits() == b.to_bits() || b == 0.0)),
     };
     if values.is_empty() {
-        let reason = "its pixels have colors, and nothing says what depth a color means: save its values as a gray picture or as an array (.npy)";
+        let reason = reason!(
+            "map-colors",
+            "its pixels have colors, and nothing says what depth a color means: save its values as a gray picture or as an array (.npy)"
+        );
         return Err(SceneError::of_file(FileError::content(path, reason)));
     }
     Ok((image.height, image.width, kind, values))

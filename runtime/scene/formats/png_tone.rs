@@ -2,7 +2,9 @@
 //! them that is there. If it has a color profile (`iCCP`), that decides instead of all but `cICP`.
 
 use crate::light_field::light::Transfer;
+use eyebox_base::error::Reason;
 use eyebox_base::files::{Primaries, read};
+use eyebox_base::reason;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
@@ -36,27 +38,29 @@ pub(crate) struct Stated {
 ///
 /// # Errors
 /// The statement in words, if the transfer function is neither sRGB nor linear light, or the primaries are unknown.
-pub(crate) fn stated(path: &Path) -> Result<Stated, String> {
+pub(crate) fn stated(path: &Path) -> Result<Stated, Reason> {
     // A file that cannot be read is refused by its decoder.
     let Ok(Some(chunks)) = chunks(path) else { return Ok(Stated::default()) };
     let transfer = match chunks {
         Chunks { code: Some([_, 1 | 4 | 6 | 13..=15]), .. } => Some(Transfer::Srgb),
         Chunks { code: Some([_, 8]), .. } => Some(Transfer::Linear),
-        Chunks { code: Some([_, 16]), .. } => return Err("the transfer function PQ of HDR".into()),
-        Chunks { code: Some([_, 18]), .. } => return Err("the transfer function HLG of HDR".into()),
-        Chunks { code: Some([_, other]), .. } => return Err(format!("the transfer function {other} of ITU-T H.273")),
+        Chunks { code: Some([_, 16]), .. } => return Err(reason!("pq", "the transfer function PQ of HDR")),
+        Chunks { code: Some([_, 18]), .. } => return Err(reason!("hlg", "the transfer function HLG of HDR")),
+        Chunks { code: Some([_, other]), .. } => {
+            return Err(reason!("transfer", "the transfer function {other} of ITU-T H.273"));
+        }
         Chunks { is_profiled: true, .. } => None,
         Chunks { is_srgb: true, .. } => Some(Transfer::Srgb),
         Chunks { gamma: Some(gamma), .. } if SRGB_GAMMA.contains(&gamma) => Some(Transfer::Srgb),
         Chunks { gamma: Some(gamma), .. } if LINEAR_GAMMA.contains(&gamma) => Some(Transfer::Linear),
-        Chunks { gamma: Some(gamma), .. } => return Err(format!("a gamma of {gamma}")),
+        Chunks { gamma: Some(gamma), .. } => return Err(reason!("gamma", "a gamma of {gamma}")),
         _ => None,
     };
     let primaries = match chunks {
         // 2 leaves them open.
         Chunks { code: Some([2, _]), .. } => None,
         Chunks { code: Some([code, _]), .. } => match Primaries::of_code(code) {
-            None => return Err(format!("the color primaries {code} of ITU-T H.273")),
+            None => return Err(reason!("primaries", "the color primaries {code} of ITU-T H.273")),
             known => known,
         },
         Chunks { is_profiled: false, is_srgb: false, primaries, .. } => primaries,

@@ -8,7 +8,9 @@ use crate::formats::video_color::{Matrix, check_aspect, check_interlacing};
 use crate::light_field::light::Picture;
 use crate::light_field::near::Kind;
 use crate::{SceneError, srgb_to_linear};
+use eyebox_base::error::Reason;
 use eyebox_base::files::{FileError, FileKind, Wanted, read};
+use eyebox_base::reason;
 use eyebox_optics::Color;
 use rayon::prelude::*;
 use std::fs::File;
@@ -166,7 +168,9 @@ impl Video {
             return Err(SceneError::of_file(FileError::of_kind(path, kind, Wanted::Scene)));
         }
         let head = video.line()?;
-        let words = head.strip_prefix("YUV4MPEG2 ").ok_or_else(|| video.corrupt("it does not start with YUV4MPEG2"))?;
+        let words = head
+            .strip_prefix("YUV4MPEG2 ")
+            .ok_or_else(|| video.corrupt(reason!("not-y4m", "it does not start with YUV4MPEG2")))?;
         for word in words.split_ascii_whitespace() {
             let (key, value) = word.split_at(word.chars().next().map_or(0, char::len_utf8));
             let number = || value.parse().ok().filter(|n| (1..=65536).contains(n));
@@ -174,13 +178,13 @@ impl Video {
                 "W" => video.size[1] = number().unwrap_or(0),
                 "H" => video.size[0] = number().unwrap_or(0),
                 "C" => video.space(value)?,
-                "I" => check_interlacing(value).map_err(|reason| video.corrupt(&reason))?,
-                "A" => check_aspect(value).map_err(|reason| video.corrupt(&reason))?,
+                "I" => check_interlacing(value).map_err(|reason| video.corrupt(reason))?,
+                "A" => check_aspect(value).map_err(|reason| video.corrupt(reason))?,
                 "X" if value == "COLORRANGE=FULL" => video.full = true,
                 "X" if value.starts_with("YSCSS=") => video.of_ffmpeg = true,
                 "X" => {
                     if let Some(name) = value.strip_prefix("COLORMATRIX=") {
-                        video.matrix = Some(Matrix::named(name).map_err(|reason| video.corrupt(&reason))?);
+                        video.matrix = Some(Matrix::named(name).map_err(|reason| video.corrupt(reason))?);
                     }
                 }
                 _ => {}
@@ -188,7 +192,8 @@ impl Video {
         }
         let [height, width] = video.size;
         if height == 0 || width == 0 || height * width > MOST_PIXELS {
-            return Err(video.corrupt(&format!(
+            return Err(video.corrupt(reason!(
+                "video-size",
                 "its first line says {head:?}: W and H must be columns and rows of at most {} Mpx",
                 MOST_PIXELS >> 20
             )));
@@ -207,21 +212,27 @@ impl Video {
             "420" => Some([2, 2]),
             "422" => Some([1, 2]),
             "444" => Some([1, 1]),
-            _ => return Err(self.corrupt(&format!("samples are C{text}: C420, C422, C444 and Cmono are read"))),
+            _ => {
+                return Err(
+                    self.corrupt(reason!("video-chroma", "samples are C{text}: C420, C422, C444 and Cmono are read"))
+                );
+            }
         };
         self.left = matches!(bits, "mpeg2" | "paldv") || kind == "422";
         self.bits = match bits.strip_prefix('p').unwrap_or(bits) {
             "" | "jpeg" | "mpeg2" | "paldv" | "aldv" => 8,
             bits => match bits.parse() {
                 Ok(bits @ 8..=16) => bits,
-                _ => return Err(self.corrupt(&format!("samples are C{text}: they must have 8 to 16 bits"))),
+                _ => {
+                    return Err(self.corrupt(reason!("video-bits", "samples are C{text}: they must have 8 to 16 bits")));
+                }
             },
         };
         Ok(())
     }
 
-    fn corrupt(&self, reason: &str) -> SceneError {
-        SceneError::Corrupt { file: self.name.clone(), reason: reason.into() }
+    fn corrupt(&self, reason: Reason) -> SceneError {
+        SceneError::Corrupt { file: self.name.clone(), reason }
     }
 
     fn failed(&self, error: &std::io::Error) -> SceneError {
@@ -234,7 +245,7 @@ impl Video {
         let read = self.from.by_ref().take(LINE).read_until(b'\n', &mut line);
         read.map_err(|e| self.failed(&e))?;
         if line.pop().is_some_and(|last| last != b'\n') {
-            return Err(self.corrupt("it is no video: a line has no end"));
+            return Err(self.corrupt(reason!("not-video", "it is no video: a line has no end")));
         }
         Ok(String::from_utf8_lossy(&line).into_owned())
     }
@@ -261,13 +272,17 @@ impl Video {
             return Ok(false);
         }
         if line.split(' ').next() != Some("FRAME") {
-            return Err(self.corrupt("a frame does not start with FRAME: the one before has another size"));
+            return Err(self.corrupt(reason!(
+                "frame-start",
+                "a frame does not start with FRAME: the one before has another size"
+            )));
         }
         let at = self.from.stream_position().map_err(|e| self.failed(&e))?;
         if at + self.bytes() as u64 > self.length {
-            return Err(
-                self.corrupt("its last frame is cut short: copy it again, or take an earlier frame by ?frame=N")
-            );
+            return Err(self.corrupt(reason!(
+                "frame-cut-short",
+                "its last frame is cut short: copy it again, or take an earlier frame by ?frame=N"
+            )));
         }
         Ok(true)
     }
@@ -285,11 +300,17 @@ impl Video {
     fn frame(&mut self, frame: usize) -> Result<Vec<u8>, SceneError> {
         for before in 0..frame {
             if !self.skip()? {
-                return Err(self.corrupt(&format!("it has {before} frames, and frame {frame} is asked for, from 0 on")));
+                return Err(self.corrupt(reason!(
+                    "no-such-frame",
+                    "it has {before} frames, and frame {frame} is asked for, from 0 on"
+                )));
             }
         }
         if !self.begin()? {
-            return Err(self.corrupt(&format!("it has {frame} frames, and frame {frame} is asked for, from 0 on")));
+            return Err(self.corrupt(reason!(
+                "no-such-frame",
+                "it has {frame} frames, and frame {frame} is asked for, from 0 on"
+            )));
         }
         let mut bytes = vec![0; self.bytes()];
         self.from.read_exact(&mut bytes).map_err(|e| self.failed(&e))?;

@@ -1,6 +1,8 @@
 //! The matrix of a video: how luma and color differences become red, green and blue.
 
 use crate::SceneError;
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use std::path::Path;
 
 /// The matrix of a video.
@@ -26,11 +28,12 @@ impl Matrix {
     ///
     /// # Errors
     /// The reason in words for a name of none that is read.
-    pub fn named(name: &str) -> Result<Self, String> {
+    pub fn named(name: &str) -> Result<Self, Reason> {
         match name.to_ascii_lowercase().as_str() {
             "bt601" | "smpte170m" | "bt470bg" => Ok(Self::Bt601),
             "bt709" => Ok(Self::Bt709),
-            other => Err(format!(
+            other => Err(reason!(
+                "video-matrix",
                 "its matrix is {other}: bt601 and bt709 are read; ffmpeg -i CLIP -vf scale=out_color_matrix=bt709 converts it"
             )),
         }
@@ -69,11 +72,12 @@ impl std::fmt::Display for Matrix {
 ///
 /// # Errors
 /// The reason in words, with the remedy.
-pub(crate) fn check_interlacing(word: &str) -> Result<(), String> {
+pub(crate) fn check_interlacing(word: &str) -> Result<(), Reason> {
     match word {
-        "t" | "b" | "m" => {
-            Err("it is interlaced: each frame holds two moments; ffmpeg -i CLIP -vf yadif deinterlaces it".into())
-        }
+        "t" | "b" | "m" => Err(reason!(
+            "interlaced",
+            "it is interlaced: each frame holds two moments; ffmpeg -i CLIP -vf yadif deinterlaces it"
+        )),
         _ => Ok(()),
     }
 }
@@ -82,10 +86,11 @@ pub(crate) fn check_interlacing(word: &str) -> Result<(), String> {
 ///
 /// # Errors
 /// The reason in words, with the remedy.
-pub(crate) fn check_aspect(word: &str) -> Result<(), String> {
+pub(crate) fn check_aspect(word: &str) -> Result<(), Reason> {
     let sides = word.split_once(':').and_then(|(a, b)| Some((a.parse::<u32>().ok()?, b.parse::<u32>().ok()?)));
     match sides {
-        Some((wide, high)) if wide != high && wide > 0 && high > 0 => Err(format!(
+        Some((wide, high)) if wide != high && wide > 0 && high > 0 => Err(reason!(
+            "pixel-aspect",
             "its pixels are {wide}:{high}, not square; ffmpeg -i CLIP -vf scale=iw*sar:ih,setsar=1 makes them so"
         )),
         _ => Ok(()),

@@ -4,11 +4,13 @@
 //! in rows of tiles from the bottom left: its name says so (`NAME_qs8x6a0.75.png`: 8 columns and 6 rows of tiles, each
 //! view 0.75 times as wide as it is high).
 
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use serde::Deserialize;
 use std::{fmt, path::Path};
 
 /// The tile of the leftmost camera of a row that is laid out in tiles.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FirstTile {
     /// Left to right, then up, as in quilts.
@@ -33,7 +35,7 @@ impl fmt::Display for FirstTile {
 }
 
 /// One row of cameras that is laid out in rows and columns of tiles.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 pub struct Tiles {
     /// Rows and columns of tiles.
     pub grid: [usize; 2],
@@ -118,7 +120,7 @@ const FARTHEST_MM: f64 = 1e4;
 impl PositionsToml {
     /// # Errors
     /// In words, if a number is not finite, or two cameras stand in one place.
-    pub(crate) fn metres(self) -> Result<Positions, String> {
+    pub(crate) fn metres(self) -> Result<Positions, Reason> {
         let metres = |mm: &f64| mm * 1e-3;
         let found = match self {
             Self::Row(x) => Positions::Each(x.iter().map(|x| [metres(x), 0.0]).collect()),
@@ -129,10 +131,16 @@ impl PositionsToml {
         };
         let all = found.all();
         if all.len() < 2 || all.iter().flatten().any(|v| v.is_nan() || v.abs() > FARTHEST_MM * 1e-3) {
-            return Err(format!("positions_mm must be two or more positions within {FARTHEST_MM} mm of 0"));
+            return Err(reason!(
+                "positions",
+                "positions_mm must be two or more positions within {FARTHEST_MM} mm of 0"
+            ));
         }
         if (1..all.len()).any(|i| all[..i].contains(&all[i])) {
-            return Err("positions_mm has two cameras in one place: each view must have a position of its own".into());
+            return Err(reason!(
+                "positions-same",
+                "positions_mm has two cameras in one place: each view must have a position of its own"
+            ));
         }
         Ok(found)
     }
@@ -192,7 +200,8 @@ impl Quilt {
 }
 
 /// What the pictures show of cameras that do not stand as the views are read.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum CamerasFound {
     /// They stand in one row, which is laid out in tiles.

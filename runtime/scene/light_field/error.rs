@@ -2,13 +2,16 @@
 
 use crate::CamerasFound;
 use crate::light_field::light::FullScale;
+use eyebox_base::error::Reason;
 use eyebox_base::files::{FileError, OtherKind, reason_to_read};
 use eyebox_base::memory::TooLarge;
+use eyebox_base::reason;
 use eyebox_optics::{OpticsError, depths_in_words};
 use std::{io, path::Path};
 
 /// A scene that cannot be loaded: every variant names the file or folder.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error, serde::Serialize)]
+#[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum SceneError {
     /// Views that memory does not hold.
@@ -28,7 +31,7 @@ pub enum SceneError {
         /// The path.
         path: String,
         /// What the system says.
-        reason: String,
+        reason: Reason,
     },
     /// A file of another kind than those that are read here.
     #[error(transparent)]
@@ -55,7 +58,7 @@ pub enum SceneError {
         /// The folder.
         folder: String,
         /// How many there are, and what would be a grid.
-        reason: String,
+        reason: Reason,
     },
     /// Folders that may be the rows of one light field, or light fields.
     #[error(
@@ -116,7 +119,7 @@ pub enum SceneError {
         /// The folder.
         folder: String,
         /// What is seen.
-        reason: String,
+        reason: Reason,
         /// The orders that read them right.
         flags: String,
         /// The keys of lightfield.toml that do; none where there is no such file.
@@ -185,7 +188,7 @@ pub enum SceneError {
         /// The file.
         file: String,
         /// What the decoder says.
-        reason: String,
+        reason: Reason,
     },
     /// A pixel that is no light: not a number, infinite or negative.
     #[error("{file}: the value at row {row}, column {column} is {value}: it must be {must}")]
@@ -216,7 +219,8 @@ pub enum SceneError {
         /// The picture.
         file: String,
         /// The statement, in words.
-        found: String,
+        #[serde(rename = "reason")]
+        found: Reason,
     },
     /// Pictures whose value of white is not known.
     #[error("{file}: {found}, and nothing says which value is white: {}", how.states(file, *white))]
@@ -251,7 +255,7 @@ pub enum SceneError {
         /// The file.
         file: String,
         /// Which key, and what it must be.
-        reason: String,
+        reason: Reason,
     },
     /// A picture alone has no depth.
     #[error(
@@ -263,12 +267,12 @@ pub enum SceneError {
         file: String,
     },
     /// A depth map that does not show which of its values are near.
-    #[error("{file}: {found}: say which values are near: {decides}")]
+    #[error("{file}: {reason}: say which values are near: {decides}")]
     Ambiguous {
         /// The map.
         file: String,
         /// The values of the map, in words.
-        found: String,
+        reason: Reason,
         /// The statements that decide it.
         decides: &'static str,
     },
@@ -286,7 +290,7 @@ pub enum SceneError {
         /// What was asked for.
         name: String,
         /// What is wrong with it.
-        reason: String,
+        reason: Reason,
         /// Their names.
         known: String,
     },
@@ -299,7 +303,7 @@ pub enum SceneError {
         /// The source.
         scene: String,
         /// Which option, and what would be right.
-        reason: String,
+        reason: Reason,
     },
     /// Depths that views show too little of.
     #[error(
@@ -345,7 +349,7 @@ impl SceneError {
             | FileError::Denied { file, .. }
             | FileError::Full { file, .. }
             | FileError::Taken { path: file, .. } => {
-                Self::Unreadable { path: file, reason: "it cannot be read".into() }
+                Self::Unreadable { path: file, reason: reason!("not-readable", "it cannot be read") }
             }
         }
     }
@@ -355,7 +359,7 @@ impl SceneError {
         let path = path.display().to_string();
         match error.kind() {
             io::ErrorKind::NotFound => Self::NotFound { path, what: "file" },
-            _ => Self::Unreadable { path, reason: reason_to_read(error) },
+            _ => Self::Unreadable { path, reason: reason_to_read(error).into() },
         }
     }
 }

@@ -23,7 +23,8 @@ pub(crate) struct Picture {
 }
 
 /// The ways in which the value of white is stated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum FullScale {
     /// Of a folder of pictures.

@@ -1,6 +1,7 @@
 //! The files of a folder in the order of the numbers in their names.
 
 use crate::SceneError;
+use eyebox_base::reason;
 use std::{fs, path::Path};
 
 /// The names of a folder's files, in the order of their numbers.
@@ -33,7 +34,7 @@ pub(crate) fn name(entry: &fs::DirEntry) -> Result<Option<String>, SceneError> {
         Some(name) => Ok((!name.starts_with('.')).then(|| name.to_owned())),
         None if is_picture(&name.to_string_lossy()) => Err(SceneError::Unreadable {
             path: entry.path().display().to_string(),
-            reason: "its name is not UTF-8: rename it".into(),
+            reason: reason!("name-not-utf8", "its name is not UTF-8: rename it"),
         }),
         None => Ok(None),
     }

@@ -1,6 +1,8 @@
 //! The meaning of the numbers in a depth map: which values are near, and which values are unknown.
 
 use crate::SceneError;
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -146,7 +148,7 @@ pub(crate) fn meaning(
     let name = file.file_stem().map_or(String::new(), |n| n.to_string_lossy().to_lowercase());
     let Extent { low, high, most, has_zero, is_signed, zero_is_apart, .. } = Extent::of(values);
     let ambiguous =
-        |found: String| Err(SceneError::Ambiguous { file: file.display().to_string(), found, decides: DECIDES });
+        |reason: Reason| Err(SceneError::Ambiguous { file: file.display().to_string(), reason, decides: DECIDES });
     let is_disparity = kind == Kind::Floats && name.contains("disp");
     let is_distance = |word: &str| {
         ["depth", "depths", "depthmap", "dist", "distance", "distances", "range", "z", "mm", "metres", "meters"]
@@ -158,7 +160,7 @@ pub(crate) fn meaning(
     match (kind, stated.near(kind)) {
         (_, Some(Near::Small | Near::Dark)) if is_disparity => Err(SceneError::Ambiguous {
             file: file.display().to_string(),
-            found: "its name says disparities, of which the larger are near".into(),
+            reason: reason!("disparities", "its name says disparities, of which the larger are near"),
             decides: "`near` large, or give the file another name",
         }),
         (_, near) if is_disparity && stated.depth.is_none() => {
@@ -173,21 +175,25 @@ pub(crate) fn meaning(
         (_, None) if low >= high && !(has_zero && low.is_finite()) => {
             relative(Near::Bright, "a single value: one plane in the middle of the depths")
         }
-        (Kind::Floats, None) if is_inverse || !words.any(is_distance) => ambiguous(format!(
+        (Kind::Floats, None) if is_inverse || !words.any(is_distance) => ambiguous(reason!(
+            "values",
             "values from {} to {high}, and nothing says whether small or large is near",
             if has_zero { low.min(0.0) } else { low }
         )),
-        (Kind::Floats, None) if is_signed => {
-            ambiguous("its name says distances, but some values are negative, which no distance is".into())
-        }
+        (Kind::Floats, None) if is_signed => ambiguous(reason!(
+            "negative-distances",
+            "its name says distances, but some values are negative, which no distance is"
+        )),
         (Kind::Floats, None) if most > DEEPEST * low || has_zero && !zero_is_apart && NORMALIZED.contains(&most) => {
             let low = if has_zero { 0.0 } else { low };
-            ambiguous(format!(
+            ambiguous(reason!(
+                "normalized-distances",
                 "its name says distances, but its values go from {low} to {most}, as in a map that was normalized"
             ))
         }
         (Kind::Floats, None) => relative(Near::Small, "distances by its name: smaller is nearer"),
-        (Kind::Words, None) => ambiguous(format!(
+        (Kind::Words, None) => ambiguous(reason!(
+            "values",
             "16 bits with values from {} to {high}, and nothing says whether small or large is near",
             if has_zero { 0.0 } else { low }
         )),
@@ -208,8 +214,8 @@ pub(crate) fn check_bytes(file: &Path, stated: Stated) -> Result<(), SceneError>
     if is_disparity || stated.near(Kind::Floats).is_some() {
         return Ok(());
     }
-    let found = "an array of 8 bits, and nothing says whether small or large is near".into();
-    Err(SceneError::Ambiguous { file: file.display().to_string(), found, decides: DECIDES })
+    let reason = reason!("values", "an array of 8 bits, and nothing says whether small or large is near");
+    Err(SceneError::Ambiguous { file: file.display().to_string(), reason, decides: DECIDES })
 }
 
 fn in_words(near: Near) -> &'static str {
@@ -245,14 +251,15 @@ fn unknown(kind: Kind, meaning: Meaning, values: &[f32]) -> impl Fn(f32) -> bool
 ///
 /// # Errors
 /// The reason in words if more than half of the pixels have no value.
-pub(crate) fn fill(kind: Kind, meaning: Meaning, values: &mut [f32], width: usize) -> Result<usize, String> {
+pub(crate) fn fill(kind: Kind, meaning: Meaning, values: &mut [f32], width: usize) -> Result<usize, Reason> {
     let empty = unknown(kind, meaning, values);
     let count = values.iter().filter(|v| empty(**v)).count();
     if count == 0 {
         return Ok(0);
     }
     if 2 * count > values.len() {
-        return Err(format!(
+        return Err(reason!(
+            "map-holes",
             "{count} of {} pixels have no value (0, not finite, or infinitely far): complete the map first, for example \
              with the nearest value",
             values.len()

@@ -1,6 +1,8 @@
 //! The order of views: which flips and exchanges turn the named grid into the real one.
 
 use crate::LightField;
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
 use std::{fmt, str::FromStr};
 
@@ -58,16 +60,21 @@ impl fmt::Display for Order {
 }
 
 impl FromStr for Order {
-    type Err = String;
+    type Err = Reason;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, Reason> {
         let mut order = Self::default();
         for part in text.split(',').filter(|_| text != "as-named") {
             match part.trim() {
                 "transpose" => order.transpose = true,
                 "flip-rows" => order.flip_rows = true,
                 "flip-columns" => order.flip_columns = true,
-                _ => return Err("expected as-named, or transpose, flip-rows, flip-columns with commas between".into()),
+                _ => {
+                    return Err(reason!(
+                        "order",
+                        "expected as-named, or transpose, flip-rows, flip-columns with commas between"
+                    ));
+                }
             }
         }
         Ok(order)
@@ -75,9 +82,9 @@ impl FromStr for Order {
 }
 
 impl TryFrom<String> for Order {
-    type Error = String;
+    type Error = Reason;
 
-    fn try_from(text: String) -> Result<Self, String> {
+    fn try_from(text: String) -> Result<Self, Reason> {
         text.parse()
     }
 }

@@ -63,14 +63,17 @@ mod tests {
         let says = |change: &dyn Fn(&mut LightField)| {
             let mut field = field.clone();
             change(&mut field);
-            field.admit(None).unwrap_err().to_string()
+            match field.admit(None).unwrap_err() {
+                SceneError::Request { value, .. } => value,
+                other => panic!("{other}"),
+            }
         };
         let nan = says(&|f| f.planes[0][1][4] = f32::NAN);
-        assert!(nan.contains("NaN in red, view 1, row 1, column 1"), "{nan}");
-        assert!(says(&|f| f.planes[0][1][4] = -0.1).contains("not negative"));
-        assert!(says(&|f| f.planes[0][1].truncate(5)).contains("one plane a colour"));
-        assert!(says(&|f| f.grid = [0, 1]).contains("0 x 1") && says(&|f| f.width = 0).contains("2 x 0"));
-        assert!(says(&|f| f.view_pitch = Some(0.0)).contains("view pitch"));
+        assert!(nan.starts_with("NaN") && ["red", "1"].iter().all(|part| nan.contains(part)), "{nan}");
+        assert!(says(&|f| f.planes[0][1][4] = -0.1).starts_with("-0.1"));
+        assert!(says(&|f| f.planes[0][1].truncate(5)).starts_with("1 "));
+        assert_eq!([says(&|f| f.grid = [0, 1]), says(&|f| f.width = 0)], ["0 x 1", "2 x 0"]);
+        assert_eq!(says(&|f| f.view_pitch = Some(0.0)), "0");
         let wrong = |change: &dyn Fn(&mut LightField)| {
             let mut field = field.clone();
             change(&mut field);

@@ -8,8 +8,10 @@ use crate::read::layout::{self, Layout};
 use crate::read::settings::{self, Settings};
 use crate::read::views::{self, Frame, Read};
 use crate::{Request, SceneError};
+use eyebox_base::error::Reason;
 use eyebox_base::files::NpyArray;
 use eyebox_base::memory;
+use eyebox_base::reason;
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -22,7 +24,7 @@ enum Elements {
 }
 
 impl Elements {
-    fn of(kind: &str) -> Result<Self, String> {
+    fn of(kind: &str) -> Result<Self, Reason> {
         match kind {
             "u1" => Ok(Self::Bytes),
             "u2" => Ok(Self::Words),
@@ -32,7 +34,8 @@ impl Elements {
                     Some('b') => "save views.astype('float32')",
                     _ => "save views.astype('uint8') if 255 is full scale, views.astype('uint16') if 65535 is",
                 };
-                Err(format!(
+                Err(reason!(
+                    "array-type",
                     "holds '{kind}': views are of 8 or 16 bits without a sign ('u1', 'u2'), or floats of which 1 is full scale; {remedy}"
                 ))
             }
@@ -52,7 +55,7 @@ fn open(file: &Path, options: &Options) -> Result<Opened, SceneError> {
     let stated = settings::beside(file, options)?;
     let array = NpyArray::open(file, options.array.as_deref(), |shape| matches!(shape.len(), 4 | 5));
     let array = array.map_err(SceneError::of_file)?;
-    let corrupt = |reason: String| SceneError::Corrupt { file: file.display().to_string(), reason };
+    let corrupt = |reason: Reason| SceneError::Corrupt { file: file.display().to_string(), reason };
     let one_by_one = array.shape.len() == 3 || (array.shape.len() == 4 && matches!(array.shape[3], 1 | 3 | 4));
     let in_a_row = stated.positions.as_ref().map(Positions::grid).filter(|_| one_by_one);
     let color = if layout::needs_contents(&array.shape) { color_axis(file, options, &array.shape)? } else { None };

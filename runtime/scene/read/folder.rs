@@ -5,6 +5,8 @@ use crate::light_field::cameras::Positions;
 use crate::light_field::shape::{is_serpentine, shape};
 use crate::read::views::{self, Frame, Read};
 use crate::{LightField, Request, SceneError, formats::picture, light_field::natural, read::names, read::settings};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use rayon::prelude::*;
 use std::{
     fs,
@@ -36,7 +38,10 @@ pub(crate) fn read(folder: &Path, request: &Request) -> Result<Read, SceneError>
     let mut field = frame.field(folder, views.grid, read, request, &stated, disparity);
     if views.running && stated.tiles.is_none() && stated.positions.is_none() {
         if stated.serpentine.is_none() && is_serpentine(&field, views.grid) {
-            let reason = "every second row runs backwards: `serpentine = true` in lightfield.toml reads them so".into();
+            let reason = reason!(
+                "every-second-row-backwards",
+                "every second row runs backwards: `serpentine = true` in lightfield.toml reads them so"
+            );
             return Err(SceneError::NotAGrid { folder: folder.display().to_string(), reason });
         }
         if stated.grid.is_none() && stated.serpentine.is_none() {
@@ -63,7 +68,8 @@ fn rows_and_columns(
     let refuse = |reason| Err(SceneError::NotAGrid { folder: folder.display().to_string(), reason });
     let [rows, columns] = views.grid;
     match shape(field) {
-        Some(shown) if views.doubt.is_empty() && shown != views.grid => refuse(format!(
+        Some(shown) if views.doubt.is_empty() && shown != views.grid => refuse(reason!(
+            "grid-differs",
             "{} views with a running number would be {rows} x {columns}, but their pictures change as in {} x {}: \
              `grid = [rows, columns]` in lightfield.toml decides",
             rows * columns,
@@ -75,7 +81,7 @@ fn rows_and_columns(
             Ok(shown)
         }
         None if views.doubt.is_empty() => Ok(views.grid),
-        None => refuse(views.doubt.clone()),
+        None => refuse(Reason::new("grid-doubtful", &views.doubt)),
     }
 }
 
@@ -110,8 +116,10 @@ pub(crate) fn find(folder: &Path) -> Result<Found, SceneError> {
     };
     if stated.serpentine == Some(true) && stated.tiles.is_none() {
         if !(views.running && views.doubt.is_empty()) {
-            let reason =
-                "serpentine = true is for views with a running number that fill a grid: state the `grid`".into();
+            let reason = reason!(
+                "serpentine",
+                "serpentine = true is for views with a running number that fill a grid: state the `grid`"
+            );
             return Err(SceneError::Settings { file: folder.join("lightfield.toml").display().to_string(), reason });
         }
         views.files.chunks_mut(views.grid[1]).skip(1).step_by(2).for_each(<[String]>::reverse);

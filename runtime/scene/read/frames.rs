@@ -4,6 +4,7 @@ use crate::light_field::natural::{files, is_picture, natural};
 use crate::read::names::{is_auxiliary, square};
 use crate::{SceneError, formats::video, read::folder, read::stack};
 use eyebox_base::files::{FileError, FileKind};
+use eyebox_base::reason;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -90,8 +91,10 @@ pub(crate) fn explain(folder: &Path, error: SceneError) -> SceneError {
         return other;
     }
     if folder.join("zarr.json").exists() {
-        let reason =
-            "a hologram, and no scene: that is a folder of views, a picture with a depth map, or builtin:NAME".into();
+        let reason = reason!(
+            "hologram-not-scene",
+            "a hologram, and no scene: that is a folder of views, a picture with a depth map, or builtin:NAME"
+        );
         return SceneError::Corrupt { file: folder.display().to_string(), reason };
     }
     let found = folders(folder).unwrap_or_default();

@@ -1,6 +1,8 @@
 //! What the axes of an array of views are. Other programs write them in other orders: such an array is refused with the line that
 //! turns it.
 
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use std::path::Path;
 
 /// Views along an axis, and pixels of a view, at most.
@@ -35,13 +37,14 @@ impl Layout {
     ///
     /// # Errors
     /// In words, with what would be right.
-    pub fn of(shape: &[usize], grid: Option<[usize; 2]>, color: Option<usize>, file: &Path) -> Result<Self, String> {
+    pub fn of(shape: &[usize], grid: Option<[usize; 2]>, color: Option<usize>, file: &Path) -> Result<Self, Reason> {
         let of_colors = |n: usize| matches!(n, 1 | 3 | 4);
         let fills = |n: usize| grid.is_some_and(|[rows, columns]| rows * columns == n);
         // A stated grid that the first axes have says that they are views.
         let stated = grid.is_some_and(|grid| shape.starts_with(&grid)) || shape.first().is_some_and(|n| fills(*n));
         if let Some(turn) = turned(shape, color).filter(|_| !stated) {
-            return Err(format!(
+            return Err(reason!(
+                "array-shape",
                 "has the shape {shape:?}: views are (rows of views, columns of views, rows of pixels, columns of pixels, \
                  colors), as by {turn}"
             ));
@@ -52,7 +55,8 @@ impl Layout {
             [n, height, width, c] if of_colors(c) && fills(n) => (grid.unwrap_or_default(), [height, width], c),
             [n, height, width] if fills(n) => (grid.unwrap_or_default(), [height, width], 1),
             [height, width, 3 | 4] | [height, width] if height >= FEWEST_PIXELS && width >= FEWEST_PIXELS => {
-                return Err(format!(
+                return Err(reason!(
+                    "array-one-picture",
                     "has the shape {shape:?}, which is one picture: an array holds views; save the picture as PNG, TIFF or EXR"
                 ));
             }
@@ -60,7 +64,8 @@ impl Layout {
                 // The most even grid.
                 let rows = (1..=MOST_VIEWS).rev().find(|rows| rows * rows <= n && n.is_multiple_of(*rows)).unwrap_or(1);
                 let example = format!("{rows}x{}", n / rows);
-                return Err(format!(
+                return Err(reason!(
+                    "array-row-of-views",
                     "has the shape {shape:?}: {n} views one after the other need their rows and columns, as in {}?grid={example}",
                     file.display()
                 ));
@@ -68,14 +73,20 @@ impl Layout {
             [rows, columns, height, width] => ([rows, columns], [height, width], 1),
             [1, ref inner @ ..] if inner.len() >= 5 => return Self::of(inner, grid, None, file),
             _ => {
-                return Err(format!(
+                return Err(reason!(
+                    "array-shape",
                     "has the shape {shape:?}: views are (rows of views, columns of views, rows of pixels, columns of pixels, \
                      colours), as (9, 9, 512, 512, 3), without the last where they are grey"
                 ));
             }
         };
         if let Some([rows, columns]) = grid.filter(|grid| *grid != found) {
-            return Err(format!("has {} x {} views, but a grid of {rows} x {columns} is stated", found[0], found[1]));
+            return Err(reason!(
+                "grid-count",
+                "has {} x {} views, but a grid of {rows} x {columns} is stated",
+                found[0],
+                found[1]
+            ));
         }
         let is_size = |n: &usize| (1..=65536).contains(n);
         if !found.iter().all(|n| (1..=MOST_VIEWS).contains(n))
@@ -83,7 +94,8 @@ impl Layout {
             || size[0] * size[1] > MOST_PIXELS
         {
             let most = MOST_PIXELS >> 20;
-            return Err(format!(
+            return Err(reason!(
+                "array-size",
                 "has the shape {shape:?}: at most {MOST_VIEWS} x {MOST_VIEWS} views of {most} Mpx are read, and one pixel at least"
             ));
         }

@@ -9,6 +9,7 @@ use crate::read::settings::{self, Settings};
 use crate::read::views::{self, Frame, Read};
 use crate::{Fit, Request, SceneError, formats::picture};
 use eyebox_base::memory;
+use eyebox_base::reason;
 use eyebox_optics::Color;
 use rayon::prelude::*;
 use std::path::Path;
@@ -35,7 +36,8 @@ fn of_quilt(quilt: Quilt, file: &Path, stated: Settings) -> Result<Settings, Sce
     let count = rows * columns;
     let other = stated.grid.is_some_and(|grid| grid != [1, count]) || stated.tiles.is_some_and(|t| t != quilt.grid);
     if other || stated.positions.is_some() {
-        let reason = format!(
+        let reason = reason!(
+            "quilt-arrangement",
             "the name says that it is a quilt, one row of {count} cameras in {rows} x {columns} tiles, and another \
              arrangement is stated: leave that out, or rename the file"
         );
@@ -137,7 +139,7 @@ fn parts(file: &Path, whole: [usize; 2], grid: [usize; 2], is_quilt: bool) -> Re
     if [0, 1].iter().all(|&i| whole[i].is_multiple_of(grid[i])) {
         return Ok([0, 1].map(|i| whole[i] / grid[i]));
     }
-    let reason = format!("{}, or state the grid that it has", not_whole(whole, grid));
+    let reason = reason!("mosaic-remedy", "{}, or state the grid that it has", not_whole(whole, grid));
     Err(SceneError::Corrupt { file: file.display().to_string(), reason })
 }
 
@@ -166,21 +168,25 @@ fn find(
         Shown::Repeats(grid) => Ok((grid, "found by how often it repeats")),
         Shown::Parts(grid) => {
             let [rows, columns] = grid;
-            let reason = format!("it repeats as {rows} x {columns} views do, but {}", not_whole(whole, grid));
+            let reason =
+                reason!("mosaic-size", "it repeats as {rows} x {columns} views do, but {}", not_whole(whole, grid));
             Err(SceneError::Corrupt { file: name, reason })
         }
         Shown::Either(one, other) => {
             let [[a, b], [c, d]] = [one, other];
             let lenslets = if tiling == Tiling::Lenslets { "lenslets&" } else { "" };
-            let reason = format!(
+            let reason = reason!(
+                "mosaic-two-grids",
                 "the picture may be {a} x {b} views or {c} x {d}: state which, as in {name}?{lenslets}grid={c}x{d}"
             );
             Err(SceneError::NotAGrid { folder: name, reason })
         }
         Shown::Nothing => {
             let lenslets = if tiling == Tiling::Lenslets { "lenslets&" } else { "" };
-            let reason =
-                format!("nothing in the picture shows how many there are: state it, as in {name}?{lenslets}grid=9x9");
+            let reason = reason!(
+                "mosaic-no-grid",
+                "nothing in the picture shows how many there are: state it, as in {name}?{lenslets}grid=9x9"
+            );
             Err(SceneError::NotAGrid { folder: name, reason })
         }
     }

@@ -7,6 +7,8 @@
 use crate::SceneError;
 use crate::light_field::natural::{self, is_picture};
 use crate::read::numbers::{self, Name};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use std::{cmp::Ordering, collections::BTreeMap, path::Path};
 
 /// A file name and its size in bytes.
@@ -74,7 +76,7 @@ pub(crate) fn arrange(
     let not_a_grid = |reason| SceneError::NotAGrid { folder: folder.display().to_string(), reason };
     let pictures = pictures(names, files);
     if pictures.is_empty() && files.is_some() {
-        return Err(not_a_grid(format!("no picture is called {}", files.unwrap_or_default())));
+        return Err(not_a_grid(reason!("no-such-pictures", "no picture is called {}", files.unwrap_or_default())));
     }
     // Numbers with sign and point first; where they make no grid, digits alone.
     let mut first = None;
@@ -111,7 +113,8 @@ pub(crate) fn in_order(
 ) -> Result<Arrangement, SceneError> {
     let mut files: Vec<String> = pictures(names, files).into_iter().map(|(name, _)| name.clone()).collect();
     if files.len() != count {
-        let reason = format!(
+        let reason = reason!(
+            "positions-count",
             "positions_mm has {count} positions, but there are {} pictures: give one for each, in the order of the numbers in \
              their names",
             files.len()
@@ -137,7 +140,7 @@ pub(crate) fn in_order(
 }
 
 /// The largest family; refused where others are as large, or where most pictures belong to none.
-fn family<'a>(pictures: &[&'a Named], signed: bool) -> Result<Option<Family<'a>>, String> {
+fn family<'a>(pictures: &[&'a Named], signed: bool) -> Result<Option<Family<'a>>, Reason> {
     let mut families: BTreeMap<String, BTreeMap<String, Family>> = BTreeMap::new();
     let (mut read, bytes): (Vec<Name>, Vec<u64>) =
         pictures.iter().filter_map(|(name, bytes)| Some((Name::read(name, signed)?, *bytes))).unzip();
@@ -162,7 +165,8 @@ fn family<'a>(pictures: &[&'a Named], signed: bool) -> Result<Option<Family<'a>>
         let (count, one) = (first.names.len(), first.names[0].name);
         let start = &first.names[0].texts[0];
         let pattern = if start.is_empty() { "PATTERN*".into() } else { format!("{start}*") };
-        return Err(format!(
+        return Err(reason!(
+            "several-names",
             "{} pictures are named in several ways, {count} like {one}, others like {second}: \
              `files = \"{pattern}\"` in lightfield.toml says which are the views; if all are views, rename them, as in view_0_0.png",
             count + others
@@ -198,7 +202,7 @@ impl Family<'_> {
             let grid = pair.grid();
             if let (Some([rows, columns]), true) = (stated, pair.fill(count) == 1.0) {
                 let found = format!("the names make {} x {}", grid[0], grid[1]);
-                return Err(not_a_grid(format!("{found}, but a grid of {rows} x {columns} is stated")));
+                return Err(not_a_grid(reason!("grid-count", "{found}, but a grid of {rows} x {columns} is stated")));
             }
             let is_there = |r, c| pair.at.iter().any(|at| at[..] == [r, c]);
             let places = (0..grid[0]).flat_map(|r| (0..grid[1]).map(move |c| [r, c]));
@@ -214,13 +218,13 @@ impl Family<'_> {
     }
 
     /// Why numbers without a reading make no grid.
-    fn why_not(&self, changing: &[usize]) -> String {
+    fn why_not(&self, changing: &[usize]) -> Reason {
         let count = self.names.len();
         let [first, last] = [&self.names[0], &self.names[count - 1]].map(|n| n.name);
         let says = |pattern: &str| format!("`files = \"{pattern}\"` in lightfield.toml says which are the views");
         for (i, one) in self.names.iter().enumerate() {
             if let Some(other) = self.names[..i].iter().find(|other| one.same(other)) {
-                return format!("{} and {} have the same number", other.name, one.name);
+                return reason!("same-number", "{} and {} have the same number", other.name, one.name);
             }
         }
         // Several light fields in one folder?
@@ -232,9 +236,10 @@ impl Family<'_> {
         };
         if let Some((k, (sets, size))) = changing.iter().find_map(|k| Some((*k, sets(k)?))) {
             let says = says(&self.names[0].with_same(k, changing));
-            return format!("{count} pictures ({first} to {last}) are {sets} sets of {size}: {says}");
+            return reason!("several-sets", "{count} pictures ({first} to {last}) are {sets} sets of {size}: {says}");
         }
-        format!(
+        reason!(
+            "no-grid",
             "the numbers in the names of {count} pictures ({first} to {last}) fill none, neither as row and column nor as a \
              running number: {}, `grid` their rows and columns",
             says("PATTERN*")
@@ -332,10 +337,12 @@ impl Family<'_> {
             let side = square(many).unwrap_or(1);
             return Err(SceneError::NotAGrid {
                 folder: folder.display().to_string(),
-                reason: format!(
+                reason: reason!(
+                    "grid-or-sequence",
                     "{} x {} views, or {few} light fields of {side} x {side}: `grid` in lightfield.toml says the one, \
                      `files = \"PATTERN*\"` the other",
-                    grid[0], grid[1]
+                    grid[0],
+                    grid[1]
                 ),
             });
         }
@@ -380,7 +387,12 @@ impl Family<'_> {
         let grid = stated.unwrap_or([1, count]);
         let not_a_grid = |reason| Err(SceneError::NotAGrid { folder: folder.display().to_string(), reason });
         if grid[0].checked_mul(grid[1]) != Some(count) {
-            return not_a_grid(format!("{count} views, but a grid of {} x {} is stated", grid[0], grid[1]));
+            return not_a_grid(reason!(
+                "grid-count",
+                "{count} views, but a grid of {} x {} is stated",
+                grid[0],
+                grid[1]
+            ));
         }
         if stated.is_none() && (numbers::is_uneven(numbers, false) || numbers::gap(numbers, false).is_some()) {
             return not_a_grid(uneven(count, &format!("{} to {}", files[0], files[count - 1]), numbers));
@@ -411,7 +423,10 @@ impl Family<'_> {
             if rows.checked_mul(columns) == Some(count) {
                 return Ok(Arrangement { grid: [rows, columns], files, how, running: true, ..Arrangement::default() });
             }
-            return Err(not_a_grid(format!("{count} views ({ends}), but a grid of {rows} x {columns} is stated")));
+            return Err(not_a_grid(reason!(
+                "grid-count",
+                "{count} views ({ends}), but a grid of {rows} x {columns} is stated"
+            )));
         }
         let (step, uneven) = (stride.unwrap_or(1.0), numbers::is_uneven(numbers, true));
         if uneven {
@@ -449,8 +464,9 @@ impl Reading {
 }
 
 /// The refusal of views in a row whose numbers are not evenly spaced.
-fn uneven(count: usize, ends: &str, numbers: &[f64]) -> String {
-    format!(
+fn uneven(count: usize, ends: &str, numbers: &[f64]) -> Reason {
+    reason!(
+        "uneven",
         "the numbers of {count} views ({ends}) are not evenly spaced: state `grid = [rows, columns]` in lightfield.toml if the \
          views are, or `positions_mm = {numbers:?}` if the numbers are positions in millimeters of cameras in a row"
     )

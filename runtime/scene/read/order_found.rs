@@ -2,6 +2,8 @@
 
 use crate::synthesis::parallax::Parallax;
 use crate::{Order, SceneError};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 
 /// What the pictures say of the order.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,7 +20,7 @@ pub enum OrderFound {
         /// What would read the views right; two where the pictures leave it open.
         orders: Vec<Order>,
         /// What is seen, for people.
-        reason: String,
+        reason: Reason,
     },
 }
 
@@ -53,7 +55,7 @@ pub(crate) fn judge(found: &Parallax) -> OrderFound {
     } else if found.near_covers == Some(false) {
         seen.push("what moves as far content should covers what moves as near content should");
     }
-    OrderFound::Other { orders, reason: seen.join("; ") }
+    OrderFound::Other { orders, reason: Reason::new("moves-otherwise", seen.join("; ")) }
 }
 
 /// Pixels by which what is measured may lie outside of what is stated, and by which it clearly does.
@@ -68,9 +70,10 @@ pub(crate) fn by_depths(stated: [f64; 2], measured: [f64; 2]) -> OrderFound {
         (named, reversed) if named <= WITHIN && reversed > OUTSIDE => OrderFound::AsNamed,
         (named, reversed) if reversed <= WITHIN && named > OUTSIDE => OrderFound::Other {
             orders: vec![Order { transpose: false, flip_rows: true, flip_columns: true }],
-            reason:
+            reason: reason!(
+                "near-moves-as-far",
                 "what should be near by the depths that are stated moves as far content does, and the other way round"
-                    .into(),
+            ),
         },
         _ => OrderFound::AsNamedOrReversed,
     }

@@ -8,6 +8,7 @@ use crate::light_field::cameras::Positions;
 use crate::synthesis::layers::Layers;
 use crate::{CamerasFound, LightField, Request, SceneError, ViewGrid};
 use eyebox_base::memory;
+use eyebox_base::reason;
 use std::path::Path;
 
 /// Views along an axis that are made: at least, and at most.
@@ -51,8 +52,11 @@ pub(crate) fn resampled(
     let count = field.grid[0] * field.grid[1];
     let all = positions.all();
     if all.len() != count {
-        let reason =
-            format!("positions_mm has {} positions, but there are {count} views: give one for each", all.len());
+        let reason = reason!(
+            "positions-count",
+            "positions_mm has {} positions, but there are {count} views: give one for each",
+            all.len()
+        );
         return Err(SceneError::Settings { file: place.display().to_string(), reason });
     }
     // Around the middle of all.

@@ -4,7 +4,9 @@
 use crate::formats::options::Options;
 use crate::light_field::cameras::{FirstTile, Positions, PositionsToml};
 use crate::{Order, SceneError, formats::pfm, formats::tone::Tone, light_field::light::Transfer, read::names};
+use eyebox_base::error::Reason;
 use eyebox_base::files::read;
+use eyebox_base::reason;
 use eyebox_optics::{check_usual_aperture, check_usual_depths, check_usual_view_pitch};
 use serde::Deserialize;
 use std::path::Path;
@@ -89,8 +91,8 @@ struct Toml {
 /// Reads `lightfield.toml` if there is one, else `parameters.cfg`, else nothing. `names` are the folder's files.
 pub(crate) fn read(folder: &Path, names: &[String]) -> Result<Settings, SceneError> {
     for (name, parse) in [
-        ("lightfield.toml", from_toml as fn(&str) -> Result<Settings, String>),
-        ("parameters.cfg", from_cfg as fn(&str) -> Result<Settings, String>),
+        ("lightfield.toml", from_toml as fn(&str) -> Result<Settings, Reason>),
+        ("parameters.cfg", from_cfg as fn(&str) -> Result<Settings, Reason>),
     ] {
         if names.iter().any(|n| n == name) {
             let path = folder.join(name);
@@ -152,48 +154,55 @@ pub(crate) fn ground_truth(folder: &Path, names: &[String], size: [usize; 2]) ->
 /// The most pictures of a focal stack.
 const MOST_FOCUSED: usize = 64;
 
-fn focus(depths: Option<Vec<f64>>) -> Result<Option<Vec<f64>>, String> {
+fn focus(depths: Option<Vec<f64>>) -> Result<Option<Vec<f64>>, Reason> {
     let Some(depths) = depths else { return Ok(None) };
     if !(2..=MOST_FOCUSED).contains(&depths.len()) || depths.iter().any(|z| !z.is_finite() || z.abs() > 1e6) {
-        return Err(format!("focus_mm is {depths:?}: it must be 2 to {MOST_FOCUSED} depths, one for each picture"));
+        return Err(reason!(
+            "focus-count",
+            "focus_mm is {depths:?}: it must be 2 to {MOST_FOCUSED} depths, one for each picture"
+        ));
     }
     if depths.iter().enumerate().any(|(i, z)| depths[..i].contains(z)) {
-        return Err(format!("focus_mm is {depths:?}: every picture must have another depth"));
+        return Err(reason!("focus-same", "focus_mm is {depths:?}: every picture must have another depth"));
     }
     let depths: Vec<f64> = depths.into_iter().map(|z| z * 1e-3).collect();
     let ends = depths.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], z| [a.min(*z), b.max(*z)]);
-    check_usual_depths(ends).map_err(|e| format!("focus_mm: {e}"))?;
+    check_usual_depths(ends).map_err(|e| reason!("focus", "focus_mm: {e}"))?;
     Ok(Some(depths))
 }
 
-fn aperture(diameter: Option<f64>) -> Result<Option<f64>, String> {
+fn aperture(diameter: Option<f64>) -> Result<Option<f64>, Reason> {
     let diameter = diameter.map(|mm| mm * 1e-3);
-    diameter.map_or(Ok(()), check_usual_aperture).map_err(|e| format!("aperture_mm: {e}"))?;
+    diameter.map_or(Ok(()), check_usual_aperture).map_err(|e| reason!("aperture", "aperture_mm: {e}"))?;
     Ok(diameter)
 }
 
-fn range(key: &str, value: Option<[f64; 2]>, unit: f64) -> Result<Option<[f64; 2]>, String> {
+fn range(key: &str, value: Option<[f64; 2]>, unit: f64) -> Result<Option<[f64; 2]>, Reason> {
     match value {
         Some([a, b]) if !(a.is_finite() && b.is_finite() && a <= b) => {
-            Err(format!("{key} is [{a}, {b}]: it must be two finite numbers, the smaller first"))
+            Err(reason!("range", "{key} is [{a}, {b}]: it must be two finite numbers, the smaller first"))
         }
         _ => Ok(value.map(|r| r.map(|v| v * unit))),
     }
 }
 
 /// The tiles that are stated, if nothing that is stated beside them contradicts them.
-fn cameras(read: &Toml) -> Result<Option<[usize; 2]>, String> {
+fn cameras(read: &Toml) -> Result<Option<[usize; 2]>, Reason> {
     if let (Some(_), Some(_)) = (&read.positions_mm, read.tiles.or(read.grid)) {
-        return Err("positions_mm says where each camera stands: leave out `grid` and `tiles`".into());
+        return Err(reason!(
+            "positions-and-grid",
+            "positions_mm says where each camera stands: leave out `grid` and `tiles`"
+        ));
     }
     if read.positions_mm.is_some() && (read.view_pitch_mm.is_some() || read.disparity.is_some()) {
         let reason = "positions_mm says how far apart cameras stand: leave out `view_pitch_mm` and `disparity`";
-        return Err(reason.into());
+        return Err(Reason::new("positions-and-pitch", reason));
     }
     let Some([rows, columns]) = read.tiles else { return Ok(None) };
     let count = rows.checked_mul(columns).filter(|count| *count > 1);
     if count.is_none() || read.grid.is_some_and(|grid| Some(grid) != count.map(|count| [1, count])) {
-        return Err(format!(
+        return Err(reason!(
+            "tiles",
             "tiles is [{rows}, {columns}]: it must be rows and columns of the tiles of one row of cameras, \
              without another `grid`"
         ));
@@ -201,26 +210,29 @@ fn cameras(read: &Toml) -> Result<Option<[usize; 2]>, String> {
     Ok(read.tiles)
 }
 
-fn from_toml(text: &str) -> Result<Settings, String> {
+fn from_toml(text: &str) -> Result<Settings, Reason> {
     let read: Toml = eyebox_base::files::read::toml(text)?;
     if let Some(pitch) = read.view_pitch_mm
         && !(pitch.is_finite() && pitch > 0.0)
     {
-        return Err(format!("view_pitch_mm is {pitch}: it must be positive"));
+        return Err(reason!("view-pitch", "view_pitch_mm is {pitch}: it must be positive"));
     }
     if let Some(pitch) = read.view_pitch_mm {
-        check_usual_view_pitch(pitch * 1e-3).map_err(|e| format!("view_pitch_mm: {e}"))?;
+        check_usual_view_pitch(pitch * 1e-3).map_err(|e| reason!("view-pitch", "view_pitch_mm: {e}"))?;
     }
     if let Some([rows, columns]) = read.grid
         && (rows == 0 || columns == 0)
     {
-        return Err(format!("grid is [{rows}, {columns}]: it must be rows and columns of at least 1"));
+        return Err(reason!("grid", "grid is [{rows}, {columns}]: it must be rows and columns of at least 1"));
     }
     if let Some(white) = read.full_scale.filter(|v| !(v.is_finite() && *v > 0.0)) {
-        return Err(format!("full_scale is {white}: it must be a positive number, the stored value of white"));
+        return Err(reason!(
+            "full-scale",
+            "full_scale is {white}: it must be a positive number, the stored value of white"
+        ));
     }
     let depth = range("depth_mm", read.depth_mm, 1e-3)?;
-    depth.map_or(Ok(()), check_usual_depths).map_err(|e| format!("depth_mm: {e}"))?;
+    depth.map_or(Ok(()), check_usual_depths).map_err(|e| reason!("depth", "depth_mm: {e}"))?;
     let tiles = cameras(&read)?;
     let says_order = [read.transpose, read.flip_rows, read.flip_columns].iter().any(Option::is_some);
     let order = Order {
@@ -248,22 +260,29 @@ fn from_toml(text: &str) -> Result<Settings, String> {
 }
 
 /// The benchmark's file says much about its cameras; what matters here is the number of views and the disparities.
-fn from_cfg(text: &str) -> Result<Settings, String> {
-    let number = |key: &str| -> Result<Option<f64>, String> {
+fn from_cfg(text: &str) -> Result<Settings, Reason> {
+    let number = |key: &str| -> Result<Option<f64>, Reason> {
         for (i, line) in text.lines().enumerate() {
             let Some((name, value)) = line.split_once('=') else { continue };
             if name.trim() == key {
                 let value = value.trim();
                 let read = value.parse::<f64>().ok().filter(|v| v.is_finite());
-                return read.map(Some).ok_or(format!("line {}: {key} is {value:?}: it must be a number", i + 1));
+                return read.map(Some).ok_or(reason!(
+                    "number",
+                    "line {}: {key} is {value:?}: it must be a number",
+                    i + 1
+                ));
             }
         }
         Ok(None)
     };
-    let pair = |a: &str, b: &str| Ok::<_, String>(number(a)?.zip(number(b)?).map(|(a, b)| [a, b]));
+    let pair = |a: &str, b: &str| Ok::<_, Reason>(number(a)?.zip(number(b)?).map(|(a, b)| [a, b]));
     let grid = match pair("num_cams_y", "num_cams_x")? {
         Some(counts) if counts.iter().any(|&n| n.fract() != 0.0 || !(1.0..=65536.0).contains(&n)) => {
-            return Err(format!("num_cams_y, num_cams_x are {counts:?}: they must be whole numbers of at least 1"));
+            return Err(reason!(
+                "cameras-count",
+                "num_cams_y, num_cams_x are {counts:?}: they must be whole numbers of at least 1"
+            ));
         }
         counts => counts.map(|c| c.map(|n| n as usize)),
     };
@@ -290,12 +309,12 @@ mod tests {
         assert_eq!(read.depth, Some([-2.0e-3, 3.0e-3]));
         assert_eq!(read.transfer, Some(Transfer::Linear));
         let error = from_toml("view_pitch_mm = 2\nviewpitch = 3\n").unwrap_err();
-        assert!(error.contains("line 2") && error.contains("viewpitch"), "{error}");
+        assert!(error.text().contains('2') && error.text().contains("viewpitch"), "{error}");
         for bad in
             ["view_pitch_mm = 0", "view_pitch_mm = nan", "disparity = [2, 1]", "depth_mm = [0, inf]", "grid = [0, 1]"]
         {
             let key = bad.split(' ').next().unwrap();
-            assert!(from_toml(bad).unwrap_err().contains(key), "{bad}");
+            assert!(from_toml(bad).unwrap_err().text().contains(key), "{bad}");
         }
     }
 
@@ -305,18 +324,18 @@ mod tests {
         let cases = [
             ("view_pitch_mm = 0.0022", "2.2"),
             ("view_pitch_mm = 2200", "2.2"),
-            ("depth_mm = [-0.003, 0.005]", "-3 to 5 mm"),
+            ("depth_mm = [-0.003, 0.005]", "-3 to 5"),
             ("depth_mm = [0, 0.0014]", "0 to 1.4 mm"),
             ("depth_mm = [-6e-6, -2e-6]", "-6 to -2 mm"),
             ("focus_mm = [-0.003, 0, 0.003]\naperture_mm = 12", "-3 to 3 mm"),
             ("focus_mm = [-3, 0, 3]\naperture_mm = 0.012", "12"),
             ("focus_mm = [-3, 0, 3]\naperture_mm = 12000", "12"),
             ("focus_mm = [-3, 0, 3]\naperture_mm = 1.2e-5", "12"),
-            ("focus_mm = [-3, 0, 3]\naperture_mm = 0", "usual"),
+            ("focus_mm = [-3, 0, 3]\naperture_mm = 0", "aperture_mm"),
         ];
         for (text, meant) in cases {
             let error = from_toml(text).unwrap_err();
-            assert!(error.contains(meant), "{text}: {error}");
+            assert!(error.text().contains(meant), "{text}: {error}");
         }
         for text in ["depth_mm = [0, 0]", "depth_mm = [-0.1, 0.1]", "focus_mm = [0.5, 0]\naperture_mm = 3"] {
             assert!(from_toml(text).is_ok(), "{text}");
@@ -329,7 +348,7 @@ mod tests {
                     [meta]\nscene = x\ndisp_min = -2.1\ndisp_max =  3.2 \n";
         let read = from_cfg(text).unwrap();
         assert_eq!((read.disparity, read.grid), (Some([-2.1, 3.2]), Some([7, 9])));
-        assert!(from_cfg("disp_min = x\ndisp_max = 1").unwrap_err().contains("line 1"));
+        assert_eq!(from_cfg("disp_min = x\ndisp_max = 1").unwrap_err().code(), "number");
         assert_eq!(from_cfg("").unwrap(), Settings::default());
     }
 }

@@ -7,7 +7,9 @@ use crate::{
     Request, SceneError, formats::picture, formats::video, read::array, read::folder, read::frames, read::mosaic,
     read::stack,
 };
+use eyebox_base::error::Reason;
 use eyebox_base::files::{FileError, FileKind, Wanted};
+use eyebox_base::reason;
 use std::path::Path;
 
 /// What a source names. What is a file or folder is there.
@@ -78,18 +80,21 @@ impl<'a> Source<'a> {
         let is_video = |path: &Path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("y4m"));
         if !query.is_empty() && is_video(path) && path.is_file() {
             let takes = "a video takes matrix=bt601 or matrix=bt709, and frame=NUMBER, with & between";
-            return Err(SceneError::Options { scene: source.into(), reason: format!("'{query}': {takes}") });
+            return Err(SceneError::Options {
+                scene: source.into(),
+                reason: reason!("option-of-another", "'{query}': {takes}"),
+            });
         }
         if !path.exists() {
             return Err(SceneError::NotFound { path: source.into(), what: "folder, picture, array or built-in scene" });
         }
-        let wrong = |reason: String| SceneError::Options { scene: source.into(), reason };
+        let wrong = |reason: Reason| SceneError::Options { scene: source.into(), reason };
         if path.is_dir() {
             let says = "a folder takes none: its lightfield.toml says how it is read";
             return if query.is_empty() {
                 Ok(Self::Views(Kept::Folder(path)))
             } else {
-                Err(wrong(format!("'{query}': {says}")))
+                Err(wrong(reason!("option", "'{query}': {says}")))
             };
         }
         let kind = FileKind::of(path).map_err(|e| SceneError::unreadable(path, &e))?;

@@ -11,6 +11,8 @@ use crate::{
     LightField, Order, OrderFound, Parallax, Request, SceneError, ViewGrid, formats::picture, light_field::natural,
     read::names,
 };
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
@@ -40,21 +42,21 @@ pub(crate) fn find(folder: &Path) -> Result<Option<Found>, SceneError> {
         return Ok(None);
     }
     let stated = settings::read(folder, &[NAME.into()])?;
-    let wrong = |reason: String| Err(SceneError::Settings { file: file.display().to_string(), reason });
+    let wrong = |reason: Reason| Err(SceneError::Settings { file: file.display().to_string(), reason });
     let (focus, aperture) = match (&stated.focus, stated.aperture) {
         (None, None) => return Ok(None),
         (Some(focus), Some(aperture)) => (focus.clone(), aperture),
         (Some(_), None) => {
-            return wrong(
+            return wrong(reason!(
+                "focus-without-aperture",
                 "focus_mm needs aperture_mm, the diameter of the pupil that saw the pictures, as in aperture_mm = 12"
-                    .into(),
-            );
+            ));
         }
         (None, Some(_)) => {
-            return wrong(
+            return wrong(reason!(
+                "aperture-without-focus",
                 "aperture_mm needs focus_mm, the depth at which each picture is sharp, as in focus_mm = [-3, 0, 3]"
-                    .into(),
-            );
+            ));
         }
     };
     let is_one = |name: &String| match &stated.files {
@@ -64,7 +66,8 @@ pub(crate) fn find(folder: &Path) -> Result<Option<Found>, SceneError> {
     let mut pictures = natural::files(folder)?;
     pictures.retain(|name| natural::is_picture(name) && is_one(name));
     if pictures.len() != focus.len() {
-        return wrong(format!(
+        return wrong(reason!(
+            "focus-count",
             "focus_mm has {} depths, and the folder {} pictures: one for each, in the order of the numbers in their names",
             focus.len(),
             pictures.len()

@@ -10,7 +10,9 @@ use crate::{
     CamerasFound, LightField, Order, OrderFound, Parallax, Request, SceneError, read::order_found, read::positions,
     read::standing,
 };
+use eyebox_base::error::Reason;
 use eyebox_base::memory;
+use eyebox_base::reason;
 use std::path::Path;
 
 /// A light field as it was read, and how.
@@ -179,20 +181,26 @@ fn in_one_row(
     stated: &Settings,
     how: &mut String,
 ) -> Result<LightField, SceneError> {
-    let wrong = |reason: String| Err(SceneError::Settings { file: place.display().to_string(), reason });
+    let wrong = |reason: Reason| Err(SceneError::Settings { file: place.display().to_string(), reason });
     let (grid, first) = match (stated.tiles, stated.first) {
         (None, None) => return Ok(field),
         (Some(grid), Some(first)) => (grid, first),
         (Some(_), None) => {
-            return wrong("tiles needs first, the tile of the leftmost camera, as in first = \"bottom-left\"".into());
+            return wrong(reason!(
+                "tiles-without-first",
+                "tiles needs first, the tile of the leftmost camera, as in first = \"bottom-left\""
+            ));
         }
         (None, Some(_)) => {
-            return wrong("first needs tiles, the rows and columns of tiles, as in tiles = [6, 8]".into());
+            return wrong(reason!(
+                "first-without-tiles",
+                "first needs tiles, the rows and columns of tiles, as in tiles = [6, 8]"
+            ));
         }
     };
     let count = field.grid[0] * field.grid[1];
     if grid[0] * grid[1] != count {
-        return wrong(format!("tiles is [{}, {}], but there are {count} views", grid[0], grid[1]));
+        return wrong(reason!("tiles-count", "tiles is [{}, {}], but there are {count} views", grid[0], grid[1]));
     }
     let tiles = Tiles { grid, first, serpentine: stated.serpentine == Some(true) };
     let order = tiles.order();
@@ -208,9 +216,11 @@ fn kept(place: &Path, mut field: LightField, keep: [usize; 2]) -> Result<LightFi
     let [rows, columns] = field.grid;
     let fits = |i: usize| (1..=field.grid[i]).contains(&keep[i]) && (field.grid[i] - keep[i]).is_multiple_of(2);
     if !(fits(0) && fits(1)) {
-        let reason = format!(
+        let reason = reason!(
+            "keep",
             "keep is [{}, {}] of {rows} x {columns} views: it must leave out as many on both sides",
-            keep[0], keep[1]
+            keep[0],
+            keep[1]
         );
         return Err(SceneError::Settings { file: place.display().to_string(), reason });
     }

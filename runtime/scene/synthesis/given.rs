@@ -1,6 +1,8 @@
 //! Views of what a program gives instead of views: a picture with its depths, or pictures one before the other.
 
 use crate::synthesis::reproject::relief;
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use rayon::prelude::*;
 
 /// The most by which content may be displaced, as a share of the picture's shorter side.
@@ -23,14 +25,17 @@ impl Places<'_> {
     }
 
     /// Refuses depths (metres) that displace content by more than a part of the picture, in words.
-    fn check(&self, depths: impl Iterator<Item = f64>) -> Result<(), String> {
+    fn check(&self, depths: impl Iterator<Item = f64>) -> Result<(), Reason> {
         let deepest = depths.fold(0.0, |far: f64, z| z.abs().max(far));
         let moved = deepest * self.per_metre * self.reach();
         let most = (MOST * self.size[0].min(self.size[1]) as f64).max(2.0);
         if moved <= most {
             return Ok(());
         }
-        Err(format!("its depths displace content by {moved:.0} pixels from where the eye may be; {most:.0} at most"))
+        Err(reason!(
+            "displacement",
+            "its depths displace content by {moved:.0} pixels from where the eye may be; {most:.0} at most"
+        ))
     }
 }
 
@@ -38,7 +43,7 @@ impl Places<'_> {
 ///
 /// # Errors
 /// In words, for depths that displace content too far.
-pub fn views_of_depths(planes: &[&[f32]], depths: &[f32], from: &Places<'_>) -> Result<Vec<Vec<Vec<f32>>>, String> {
+pub fn views_of_depths(planes: &[&[f32]], depths: &[f32], from: &Places<'_>) -> Result<Vec<Vec<Vec<f32>>>, Reason> {
     from.check(depths.iter().map(|z| f64::from(*z)))?;
     // Three colours tell together what is mixed of what.
     let three: Vec<Vec<f32>> = (0..3).map(|i| planes[i.min(planes.len() - 1)].to_vec()).collect();
@@ -64,7 +69,7 @@ pub struct Layer<'a> {
 ///
 /// # Errors
 /// In words, for depths that displace content too far.
-pub fn views_of_layers(layers: &[Layer<'_>], from: &Places<'_>) -> Result<Vec<Vec<Vec<f32>>>, String> {
+pub fn views_of_layers(layers: &[Layer<'_>], from: &Places<'_>) -> Result<Vec<Vec<Vec<f32>>>, Reason> {
     from.check(layers.iter().map(|layer| layer.depth))?;
     let colors = layers.first().map_or(0, |layer| layer.planes.len());
     let [height, width] = from.size;
@@ -170,7 +175,7 @@ mod tests {
     fn depths_that_no_display_shows_are_refused() {
         let (picture, deep) = (square(), vec![16.0f32; 24 * 32]);
         let from = Places { places: &[[1e-2, 0.0]], per_metre: 3e5, size: SIZE };
-        assert!(views_of_depths(&[&picture], &deep, &from).unwrap_err().contains("6 at most"));
+        assert!(views_of_depths(&[&picture], &deep, &from).unwrap_err().code() == "displacement");
         assert!(views_of_layers(&[Layer { depth: 16.0, planes: vec![&picture], opacity: &picture }], &from).is_err());
     }
 }

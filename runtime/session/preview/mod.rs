@@ -40,9 +40,11 @@ use crate::hologram::HologramError;
 use crate::optics::OpticsError;
 use crate::present::PresentError;
 use crate::reconstruction::ReconstructionError;
+use eyebox_base::error::Reason;
 
 /// Why there is nothing to see.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error, serde::Serialize)]
+#[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum PreviewError {
     /// The desktop.
@@ -64,7 +66,7 @@ pub enum PreviewError {
     #[error("this cannot be looked at: {reason}")]
     Showing {
         /// What does not fit.
-        reason: String,
+        reason: Reason,
     },
     /// A thread that could not be started, or ended without a word.
     #[error("the thread that {what} {reason}")]

@@ -6,6 +6,8 @@ use crate::hologram::{ColorHologram, Hologram, HologramError, Tiles};
 use crate::optics::{Color, Obstruction, Optics, Padding, PictureMap, SourceMode};
 use crate::plan::{EyeTables, ModelTables, Planner};
 use crate::solve::{Motion, Problem};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use std::sync::Arc;
 
 /// One colour of what is shown.
@@ -62,7 +64,7 @@ impl Showing {
     /// Its optics, or a hologram that contradicts itself.
     pub fn new(hologram: Hologram, padding: Padding) -> Result<Self, PreviewError> {
         if hologram.colors.is_empty() {
-            return Err(PreviewError::Showing { reason: "it has no colours".into() });
+            return Err(PreviewError::Showing { reason: reason!("no-color", "it has no colours") });
         }
         let optics = (0..hologram.colors.len()).map(|i| hologram.optics(i)).collect::<Result<Vec<_>, _>>()?;
         let solved = optics.iter().map(|o| o.wavelength);
@@ -117,14 +119,14 @@ impl Showing {
     /// # Errors
     /// [`PreviewError::Showing`].
     pub fn check(&self) -> Result<(), PreviewError> {
-        let wrong = |reason: String| Err(PreviewError::Showing { reason });
+        let wrong = |reason: Reason| Err(PreviewError::Showing { reason });
         let [height, width] = self.colors.first().map_or([0, 0], |c| [c.optics.height, c.optics.width]);
         if self.colors.is_empty() || self.frames == 0 {
-            return wrong(format!("{} colours and {} sub-frames", self.colors.len(), self.frames));
+            return wrong(reason!("size", "{} colours and {} sub-frames", self.colors.len(), self.frames));
         }
         let about = self.tiles.as_ref().map(|t| t.about());
         if about.is_some_and(|a| (a.frames, a.colors.len()) != (self.frames, self.colors.len())) {
-            return wrong("its tiles hold other sub-frames or colours".into());
+            return wrong(reason!("other-tiles", "its tiles hold other sub-frames or colours"));
         }
         for (i, c) in self.colors.iter().enumerate() {
             let expected = match self.tiles {
@@ -132,7 +134,8 @@ impl Showing {
                 None => height.checked_mul(width).and_then(|n| n.checked_mul(self.frames)),
             };
             if [c.optics.height, c.optics.width] != [height, width] || Some(c.phases.len()) != expected {
-                return wrong(format!(
+                return wrong(reason!(
+                    "phases-count",
                     "colour {i} has {} phases of {}x{}, not {} sub-frames of {height}x{width}",
                     c.phases.len(),
                     c.optics.height,

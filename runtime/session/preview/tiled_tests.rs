@@ -7,6 +7,7 @@ use crate::hologram::{ColorHologram, Hologram, PhaseSource, Tiles};
 use crate::optics::{Color, Display, Padding, Pupil};
 use crate::reconstruction::SceneSource;
 use crate::scene::Request;
+use eyebox_base::error::ErrorData;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -139,9 +140,9 @@ fn the_viewer_shows_tiles_coarse_first_and_their_photograph() {
     let since = Instant::now();
     let error = loop {
         match viewer.newest() {
-            Err(error) => break error.to_string(),
+            Err(error) => break error,
             Ok(seen) => assert!(seen.is_none() && since.elapsed() < Duration::from_secs(60)),
         }
     };
-    assert!(error.contains("the scene's"), "{error}");
+    assert_eq!(ErrorData::of(&error).code, "showing/other-optics", "{error}");
 }

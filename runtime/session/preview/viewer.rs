@@ -11,6 +11,7 @@ use crate::plan::{Planner, Viewpoint};
 use crate::reconstruction::SceneSource;
 use crate::scene::Pyramid;
 use crate::solve::Problem;
+use eyebox_base::reason;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::thread::JoinHandle;
@@ -247,7 +248,9 @@ impl Looker {
 
     /// The scene's photograph in each colour.
     fn photograph(&mut self, showing: &Showing, pupil: &Pupil) -> Result<Vec<Plane>, PreviewError> {
-        let other = || PreviewError::Showing { reason: "its colours or its optics are not the scene's".into() };
+        let other = || PreviewError::Showing {
+            reason: reason!("other-optics", "its colours or its optics are not the scene's"),
+        };
         let scene: &[Problem] = match (&self.scene, &showing.tiles) {
             _ if showing.scene.is_some() => showing.scene.as_deref().map_or(&[], Vec::as_slice),
             (scene @ SceneSource::Around(views), Some(_)) if views.len() == showing.colors.len() => {

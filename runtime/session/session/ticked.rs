@@ -7,6 +7,7 @@ use crate::session::options::{About, Content, Ended, SessionOptions, Status};
 use crate::session::playback::output::Output;
 use crate::session::playback::ticks::{Given, LastTick, TickedFrame, TickedOutput, Ticks};
 use crate::steady;
+use eyebox_base::reason;
 use std::time::Duration;
 
 /// How far from now a tick's light may be.
@@ -32,7 +33,10 @@ impl TickedSession {
     /// Those of [`Session::start`]; [`SessionError::Setting`] for options with an observer, whose place the ticks take.
     pub fn start(content: impl Into<Content>, mut options: SessionOptions) -> Result<Self, SessionError> {
         if options.observer.is_some() {
-            return Err(SessionError::Setting("a session that is ticked has no other observer than its caller".into()));
+            return Err(SessionError::Setting(reason!(
+                "observer",
+                "a session that is ticked has no other observer than its caller"
+            )));
         }
         let ticks = Ticks::new();
         let given = Given::new(&ticks);
@@ -52,7 +56,8 @@ impl TickedSession {
         let lit_ns = lit_ns.unwrap_or_else(|| now.saturating_add(self.period.as_nanos() as u64));
         if u128::from(lit_ns.abs_diff(now)) > REACH.as_nanos() {
             let off = (i128::from(lit_ns) - i128::from(now)) as f64 * 1e-9;
-            return Err(SessionError::Setting(format!(
+            return Err(SessionError::Setting(reason!(
+                "lights-up",
                 "a video frame that lights up {off:.3} s from now: it must be within a second, on the steady clock"
             )));
         }
@@ -104,6 +109,7 @@ mod tests {
     use crate::gpu::Options;
     use crate::session::stage::{encoder, part};
     use crate::session::{Ending, Live, Tracking};
+    use eyebox_base::error::ErrorData;
     use std::collections::{BTreeMap, BTreeSet};
     use std::time::Instant;
 
@@ -129,7 +135,7 @@ mod tests {
         let pictures: BTreeSet<_> = sets.values().collect();
         assert_eq!((sets.len(), pictures.len()), (4, 4), "each set is another picture");
         assert!(numbers.windows(2).all(|pair| pair[0] < pair[1]), "{numbers:?}");
-        assert!(session.tick(Some(0)).unwrap_err().to_string().contains("within a second"));
+        assert_eq!(ErrorData::of(&session.tick(Some(0)).unwrap_err()).code, "setting/lights-up");
         let status = session.status();
         assert!(status.live.is_some_and(|live| live.sets_new >= 4 && live.steps >= 4), "{status:?}");
         let ended = session.stop();

@@ -2,6 +2,8 @@
 
 use super::EncodeError;
 use crate::files::{FileError, FileKind, Wanted, decode_text, read};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use std::path::Path;
 
 /// Turns that a calibrated SLM reaches, at least and at most: what a named unit has to give.
@@ -128,7 +130,7 @@ fn latin1(bytes: Vec<u8>) -> Result<String, ()> {
     if text { Ok(bytes.into_iter().map(char::from).collect()) } else { Err(()) }
 }
 
-fn parse(text: &str, levels: u32) -> Result<Vec<(u8, f64)>, (usize, String)> {
+fn parse(text: &str, levels: u32) -> Result<Vec<(u8, f64)>, (usize, Reason)> {
     let (mut head, mut separator) = (None, None);
     let mut rows: Vec<(usize, Vec<&str>)> = Vec::new();
     let data = text.lines().map(str::trim).find_map(|row| if is_comment(row) { None } else { Separator::of(row) });
@@ -158,12 +160,19 @@ fn parse(text: &str, levels: u32) -> Result<Vec<(u8, f64)>, (usize, String)> {
     if rows.len() < 2 {
         return Err((
             last,
-            format!("is the last, and there are {} levels: at least two are wanted; {FORMS}", rows.len()),
+            reason!(
+                "levels-count",
+                "is the last, and there are {} levels: at least two are wanted; {FORMS}",
+                rows.len()
+            ),
         ));
     }
     let columns = rows[0].1.len();
     if let Some((line, cells)) = rows.iter().find(|r| r.1.len() != columns || r.1.len() < 2) {
-        return Err((*line, format!("has {} columns: level and phase are wanted; {FORMS}", cells.len())));
+        return Err((
+            *line,
+            reason!("columns-count", "has {} columns: level and phase are wanted; {FORMS}", cells.len()),
+        ));
     }
     let separator = separator.unwrap_or(Separator::Char(','));
     let head = match head {
@@ -192,23 +201,23 @@ fn values(
     head: Head,
     levels: u32,
     unit: Unit,
-) -> Result<Vec<(u8, f64)>, (usize, String)> {
+) -> Result<Vec<(u8, f64)>, (usize, Reason)> {
     let mut found: Vec<(u8, f64)> = Vec::new();
     for (line, cells) in rows {
         let (line, count) = (*line, cells.len());
         if count <= head.level.max(head.phase) {
-            return Err((line, format!("has {count} columns: level and phase are wanted")));
+            return Err((line, reason!("columns-count", "has {count} columns: level and phase are wanted")));
         }
         let (level, phase) = (cells[head.level], cells[head.phase]);
         let level = level_of(separator, level, levels).ok_or_else(|| {
-            (line, format!("has the level '{level}': a number from 0 to {} is wanted", levels.min(256) - 1))
+            (line, reason!("level", "has the level '{level}': a number from 0 to {} is wanted", levels.min(256) - 1))
         })?;
         let turns = separator.number(phase).map(|p| p * unit.turns()).filter(|t| t.abs() <= 1000.0);
         let turns = turns.ok_or_else(|| {
-            (line, format!("has the phase '{phase}': a finite number of at most 1000 turns is wanted"))
+            (line, reason!("phase", "has the phase '{phase}': a finite number of at most 1000 turns is wanted"))
         })?;
         if found.iter().any(|l| l.0 == level) {
-            return Err((line, format!("has level {level} a second time")));
+            return Err((line, reason!("level-twice", "has level {level} a second time")));
         }
         found.push((level, turns));
     }
@@ -222,10 +231,13 @@ fn level_of(separator: Separator, cell: &str, levels: u32) -> Option<u8> {
 }
 
 /// Which column is which where no line says so: levels are the whole numbers.
-fn unnamed(rows: &[(usize, Vec<&str>)], separator: Separator, levels: u32) -> Result<Head, (usize, String)> {
+fn unnamed(rows: &[(usize, Vec<&str>)], separator: Separator, levels: u32) -> Result<Head, (usize, Reason)> {
     let (line, columns) = (rows[0].0, rows[0].1.len());
     if columns != 2 {
-        return Err((line, format!("has {columns} columns, and no line before it names them; {FORMS}")));
+        return Err((
+            line,
+            reason!("columns-not-named", "has {columns} columns, and no line before it names them; {FORMS}"),
+        ));
     }
     let whole = |column: usize| {
         let level =
@@ -241,17 +253,20 @@ fn unnamed(rows: &[(usize, Vec<&str>)], separator: Separator, levels: u32) -> Re
     if (whole(0) && driver(1)) || (whole(1) && driver(0)) {
         let reason = "and those after it hold levels and other whole numbers, as the values of an SLM's driver (voltages) are: \
                       give the phase that was measured at each level, under a first line such as 'level,phase_rad'";
-        return Err((line, reason.into()));
+        return Err((line, Reason::new("driver-values", reason)));
     }
     match (whole(0), whole(1)) {
-        (true, true) => Err((line, format!("and those after it could be levels in either column: name them; {FORMS}"))),
+        (true, true) => Err((
+            line,
+            reason!("levels-in-either", "and those after it could be levels in either column: name them; {FORMS}"),
+        )),
         (false, true) => Ok(Head { level: 1, phase: 0, unit: None }),
         _ => Ok(Head { level: 0, phase: 1, unit: None }),
     }
 }
 
 /// What a first line says.
-fn header(row: &str, data: Option<Separator>) -> Result<Head, String> {
+fn header(row: &str, data: Option<Separator>) -> Result<Head, Reason> {
     let between = [data, Some(Separator::Char('\t')), Some(Separator::Char(';')), Some(Separator::Char(','))];
     let between = between.into_iter().flatten().filter(|s| *s != Separator::Blanks);
     let cells = between.map(|s| s.split(row)).find(|cells| cells.len() > 1).unwrap_or_else(|| two_names(row));
@@ -266,7 +281,7 @@ fn header(row: &str, data: Option<Separator>) -> Result<Head, String> {
         named.iter().filter_map(|&(i, c)| if let Column::Phase(unit) = c { Some((i, unit)) } else { None }).collect();
     match (&levels[..], &phases[..]) {
         (&[level], &[(phase, unit)]) => Ok(Head { level, phase, unit }),
-        _ => Err(format!("'{row}' does not name one column of levels and one of phases; {FORMS}")),
+        _ => Err(reason!("columns", "'{row}' does not name one column of levels and one of phases; {FORMS}")),
     }
 }
 
@@ -294,7 +309,7 @@ fn is_phase(word: &str) -> bool {
 }
 
 /// What a name says, if it names one of the two.
-fn column_of(name: &str) -> Result<Option<Column>, String> {
+fn column_of(name: &str) -> Result<Option<Column>, Reason> {
     let name = name.to_lowercase();
     let words: Vec<&str> =
         name.split(|c: char| !c.is_alphanumeric() && c != '\u{b0}').filter(|w| !w.is_empty()).collect();
@@ -319,21 +334,21 @@ fn column_of(name: &str) -> Result<Option<Column>, String> {
         } else {
             Unit::of(word)
         };
-        let known =
-            known.ok_or_else(|| format!("calls a column '{name}', and '{word}' is no unit of phase; {FORMS}"))?;
+        let known = known
+            .ok_or_else(|| reason!("unit", "calls a column '{name}', and '{word}' is no unit of phase; {FORMS}"))?;
         found.push(known);
     }
     // "pi rad" is pi, "2 pi" is a turn, and "2 pi rad" too.
     let strongest = [Unit::Turns, Unit::Pi].into_iter().find(|u| found.contains(u));
     if found.contains(&Unit::Degrees) && found.iter().any(|u| *u != Unit::Degrees) {
-        return Err(format!("calls a column '{name}', which names two units of phase; {FORMS}"));
+        return Err(reason!("two-units", "calls a column '{name}', which names two units of phase; {FORMS}"));
     }
     Ok(Some(Column::Phase(strongest.or(found.first().copied()))))
 }
 
 /// Refuses phases that no SLM has in their unit and, where none is named, those that are no radians or could be something
 /// else too.
-fn check_unit(found: &[(u8, f64)], named: Option<Unit>, unit: Unit) -> Result<(), String> {
+fn check_unit(found: &[(u8, f64)], named: Option<Unit>, unit: Unit) -> Result<(), Reason> {
     let largest = found.iter().map(|l| l.1).fold(f64::NEG_INFINITY, f64::max);
     let smallest = found.iter().map(|l| l.1).fold(f64::INFINITY, f64::min);
     let (turns, span) = (largest - smallest, (largest - smallest) / unit.turns());
@@ -348,7 +363,8 @@ fn check_unit(found: &[(u8, f64)], named: Option<Unit>, unit: Unit) -> Result<()
         }
         let others = readings(USUAL_REACH);
         let others = if others.is_empty() { String::new() } else { format!(" (it would be {})", others.join(" or ")) };
-        return Err(format!(
+        return Err(reason!(
+            "span",
             "is the last, and the table spans {span:.4} {}, {turns:.3} turns: an SLM reaches 1/6 to 8{others}; {FORMS}",
             unit.name()
         ));
@@ -359,7 +375,10 @@ fn check_unit(found: &[(u8, f64)], named: Option<Unit>, unit: Unit) -> Result<()
     }
     let readings = readings(if fitting.is_empty() { REACH } else { USUAL_REACH });
     let could = if readings.is_empty() { "no unit that is known".into() } else { readings.join(" or ") };
-    Err(format!("is the last, and the table spans {span:.4} and names no unit: it could be {could}; {FORMS}"))
+    Err(reason!(
+        "no-unit",
+        "is the last, and the table spans {span:.4} and names no unit: it could be {could}; {FORMS}"
+    ))
 }
 
 #[cfg(test)]

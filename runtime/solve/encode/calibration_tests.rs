@@ -1,5 +1,6 @@
 //! Tables as laboratories write them: read right, or refused with the forms that are read.
 
+use super::super::tests::numbers;
 use super::*;
 use proptest::prelude::*;
 
@@ -36,63 +37,76 @@ fn table(head: &str, reach: f64) -> String {
     format!("{head}\n{}", (0..256).map(row).collect::<String>())
 }
 
+/// The numbers of turns, which have three digits.
+fn turns(reason: &Reason) -> Vec<&str> {
+    numbers(reason.text())
+        .into_iter()
+        .filter(|n| n.split_once('.').is_some_and(|(_, digits)| digits.len() == 3))
+        .collect()
+}
+
 #[test]
 fn without_a_unit_only_what_can_be_nothing_but_radians_is_read() {
     for head in ["", "level,phase", "# a comment"] {
-        for (reach, says) in [
+        for (reach, could_be) in [
             (std::f64::consts::TAU, None),
             (14.5, None),
-            (4.9, Some("in radians or 2.450 turns in units of pi")),
-            (2.0, Some("1.000 turns in units of pi or 2.000 turns in turns")),
-            (1.0, Some("1.000 turns in turns")),
-            (360.0, Some("1.000 turns in degrees")),
-            (720.0, Some("2.000 turns in degrees")),
-            (100.0, Some("0.278 turns in degrees")),
-            (4000.0, Some("no unit that is known")),
+            // In radians or units of pi.
+            (4.9, Some(&["0.780", "2.450"][..])),
+            // In units of pi or turns.
+            (2.0, Some(&["1.000", "2.000"])),
+            (1.0, Some(&["1.000"])),
+            // In degrees.
+            (360.0, Some(&["1.000"])),
+            (720.0, Some(&["2.000"])),
+            (100.0, Some(&["0.278"])),
+            (4000.0, Some(&[])),
         ] {
-            match (parse(&table(head, reach), 256), says) {
+            match (parse(&table(head, reach), 256), could_be) {
                 (Ok(read), None) => assert!((read[255].1 - reach / std::f64::consts::TAU).abs() < 1e-6),
-                (Err((_, reason)), Some(says)) => {
-                    assert!(reason.contains(says) && reason.contains("level,phase_rad"), "{head} {reach}: {reason}");
+                (Err((_, reason)), Some(could_be)) => {
+                    assert_eq!((reason.code(), &turns(&reason)[..]), ("no-unit", could_be), "{head} {reach}: {reason}");
+                    assert!(reason.text().contains("level,phase_rad"), "{reason}");
                 }
                 (found, _) => panic!("{head} {reach}: {:?}", found.map(|t| t[255])),
             }
         }
     }
     // Nor can one unit be taken for another that was named.
-    for (head, reach, says) in [
-        ("level,phase_rad", 360.0, "1.000 turns in degrees"),
-        ("level,phase_rad", 1.0, "an SLM reaches"),
-        ("level,phase_deg", std::f64::consts::TAU, "1.000 turns in radians"),
-        ("level,phase_pi", 360.0, "1.000 turns in degrees"),
-        ("level,phase_turns", 360.0, "1.000 turns in degrees"),
+    for (head, reach, is) in [
+        ("level,phase_rad", 360.0, "57.296"),
+        ("level,phase_rad", 1.0, "0.159"),
+        ("level,phase_deg", std::f64::consts::TAU, "0.017"),
+        ("level,phase_pi", 360.0, "180.000"),
+        ("level,phase_turns", 360.0, "360.000"),
     ] {
         let (_, reason) = parse(&table(head, reach), 256).unwrap_err();
-        assert!(reason.contains(says), "{head} {reach}: {reason}");
+        assert_eq!((reason.code(), &turns(&reason)[..]), ("span", &[is, "1.000"][..]), "{head} {reach}: {reason}");
     }
 }
 
 #[test]
 fn the_wrong_line_is_named() {
-    for (text, line, what) in [
-        ("0,0\n1,x\n", 2, "phase 'x'"),
-        ("0,0\n1\n", 2, "columns"),
-        ("level,phase\n0,0\n\n#\n256,1\n", 5, "0 to 255"),
-        ("level,phase\n0,0\n0,1\n", 3, "second time"),
-        ("level,phase_mm\n0,0\n", 1, "'mm' is no unit"),
-        ("level,phase (deg rad)\n0,0\n", 1, "two units"),
-        ("voltage,current\n0,0\n", 1, "does not name"),
-        ("0,0,0\n1,1,1\n", 1, "3 columns"),
-        ("0,nan\n1,2", 1, "nan"),
-        ("0,0\n1,inf", 2, "inf"),
-        ("0,0\n", 1, "at least two"),
-        ("", 1, "at least two"),
-        ("0,0\nlevel,phase\n", 2, "level"),
-        ("0 0\n1 6\n", 1, "either column"),
-        ("0;1,5\n1;2.5,0\n", 2, "2.5,0"),
+    for (text, line, code, what) in [
+        ("0,0\n1,x\n", 2, "phase", "'x'"),
+        ("0,0\n1\n", 2, "columns-count", "1"),
+        ("level,phase\n0,0\n\n#\n256,1\n", 5, "level", "255"),
+        ("level,phase\n0,0\n0,1\n", 3, "level-twice", "0"),
+        ("level,phase_mm\n0,0\n", 1, "unit", "'mm'"),
+        ("level,phase (deg rad)\n0,0\n", 1, "two-units", "phase (deg rad)"),
+        ("voltage,current\n0,0\n", 1, "columns", "voltage,current"),
+        ("0,0,0\n1,1,1\n", 1, "columns-not-named", "3"),
+        ("0,nan\n1,2", 1, "phase", "nan"),
+        ("0,0\n1,inf", 2, "phase", "inf"),
+        ("0,0\n", 1, "levels-count", "1"),
+        ("", 1, "levels-count", "0"),
+        ("0,0\nlevel,phase\n", 2, "level", "'level'"),
+        ("0 0\n1 6\n", 1, "levels-in-either", ""),
+        ("0;1,5\n1;2.5,0\n", 2, "phase", "2.5,0"),
     ] {
         let (at, reason) = parse(text, 256).unwrap_err();
-        assert!(at == line && reason.contains(what), "{text:?}: line {at}: {reason}");
+        assert_eq!((at, reason.code()), (line, code), "{text:?}: {reason}");
+        assert!(reason.text().contains(what), "{text:?}: {reason}");
     }
 }
 

@@ -4,6 +4,7 @@
 use super::{EncodeError, turning::Turning};
 use crate::files::{FileError, FileKind, read_grey, read_npy};
 use crate::optics::{Color, Correction, Display, Grating, Orientation};
+use eyebox_base::reason;
 
 /// The sum of everything that the display adds to this colour, per pixel of the SLM; empty where it adds nothing.
 ///
@@ -69,12 +70,13 @@ fn read(correction: &Correction, [height, width]: [usize; 2]) -> Result<Vec<u32>
             Orientation::Hologram => "a correction in the hologram's orientation must have the hologram's size",
             Orientation::Slm => "a correction in the SLM's orientation must have the SLM's size",
         };
-        Err(FileError::content(file, format!("is {h}x{w} pixels, not {height}x{width}: {what}")).into())
+        Err(FileError::content(file, reason!("correction-size", "is {h}x{w} pixels, not {height}x{width}: {what}"))
+            .into())
     };
     if FileKind::of(file).map_err(|e| FileError::read(file, e))? == FileKind::Npy {
         let array = read_npy(file)?;
         let [h, w] = array.shape[..] else {
-            let reason = format!("has the shape {:?}: (row, column) is wanted", array.shape);
+            let reason = reason!("correction-shape", "has the shape {:?}: (row, column) is wanted", array.shape);
             return Err(FileError::content(file, reason).into());
         };
         size(h, w)?;
@@ -82,7 +84,10 @@ fn read(correction: &Correction, [height, width]: [usize; 2]) -> Result<Vec<u32>
             (false, None) => std::f64::consts::TAU,
             (_, Some(level)) => level,
             (true, None) => {
-                let reason = "holds integers: say their level of 2 pi with two_pi_level, or store radians as floats";
+                let reason = reason!(
+                    "correction-integers",
+                    "holds integers: say their level of 2 pi with two_pi_level, or store radians as floats"
+                );
                 return Err(FileError::content(file, reason).into());
             }
         };

@@ -5,6 +5,8 @@ use super::turning::Turning;
 use super::{EncodeError, Encoder, PackedSlot, VideoFrames, correction, levels};
 use crate::optics::wrap_phase;
 use crate::optics::{Color, Display};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use rayon::prelude::*;
 
 /// What is left in decoded phases as the SLM shows it. The default undoes everything: what comes out is the hologram that
@@ -129,7 +131,7 @@ impl Decoder {
     }
 
     /// One sub-frame.
-    fn slot(&self, slot: &PackedSlot, frame: &[u8]) -> Result<Vec<f32>, String> {
+    fn slot(&self, slot: &PackedSlot, frame: &[u8]) -> Result<Vec<f32>, Reason> {
         let OfColor { phases, undone } = &self.of_colors[slot.color];
         let bits = self.bits(slot);
         let (height, width) = (self.encoder.display.height, self.encoder.display.width);
@@ -150,12 +152,14 @@ impl Decoder {
         Ok(out)
     }
 
-    fn no_level(&self, slot: &PackedSlot, code: u8, [y, x]: [usize; 2]) -> String {
+    fn no_level(&self, slot: &PackedSlot, code: u8, [y, x]: [usize; 2]) -> Reason {
         let (color, display) = (self.encoder.colors()[slot.color], &self.encoder.display);
-        format!(
+        reason!(
+            "no-level",
             "{color} sub-frame {} holds {code} at the SLM's row {y}, column {x}, which is no level of the display '{}': give \
              the display that it was encoded for with `display`",
-            slot.sub_frame, display.name
+            slot.sub_frame,
+            display.name
         )
     }
 
@@ -184,7 +188,7 @@ impl Decoder {
     }
 
     /// Refuses light in bits that the packing leaves black: then it is another packing, or another display's frame.
-    fn check_unused(&self, frames: &VideoFrames, index: usize) -> Result<(), String> {
+    fn check_unused(&self, frames: &VideoFrames, index: usize) -> Result<(), Reason> {
         let mut used = vec![0u8; frames.channels];
         for bit in self.encoder.packed().slots.iter().filter(|s| s.video_frame == index).flat_map(|s| &s.bits) {
             used[usize::from(bit / 8)] |= 1 << (bit % 8);
@@ -195,7 +199,8 @@ impl Decoder {
         let Some((at, channel, bits)) = stray.find(|(_, _, bits)| *bits != 0) else { return Ok(()) };
         let channel = if frames.channels == 1 { "grey" } else { ["red", "green", "blue"][channel] };
         let (row, column) = (at / frames.width, at % frames.width);
-        Err(format!(
+        Err(reason!(
+            "lit-bit",
             "bit {} of {channel} is lit at row {row}, column {column}, and the packing of the display '{}' leaves it black: \
              give the display that it was encoded for with `display`",
             bits.trailing_zeros(),

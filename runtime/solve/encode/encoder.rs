@@ -4,6 +4,8 @@ use super::levels::{Scale, levels};
 use super::turning::Turning;
 use super::{EncodeError, Lighting, Packed, PackedSlot, PhaseSet, VideoFrames, calibration, correction};
 use crate::optics::{Color, Display, TwoPi};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use eyebox_kernels::encode::{self, Args, Part, Plan, Slot};
 use rayon::prelude::*;
 
@@ -30,13 +32,13 @@ impl Encoder {
         let wrong = |reason| EncodeError::Display { display: name(), reason };
         let (encoding, height, width) = (&display.encoding, display.height, display.width);
         let Some(pixels) = (height.checked_mul(width)).filter(|n| (1..=1 << 32).contains(n)) else {
-            return Err(wrong(format!("it is {height}x{width} pixels: each axis must be 1 to 65536")));
+            return Err(wrong(reason!("size", "it is {height}x{width} pixels: each axis must be 1 to 65536")));
         };
         if let Some(color) = colors.iter().find(|c| !display.wavelengths.iter().any(|w| w.color == **c)) {
             let has: Vec<_> = display.wavelengths.iter().map(|w| w.color.to_string()).collect();
             return Err(EncodeError::Mismatch {
                 display: name(),
-                reason: format!("it has a {color} part, and the display has {} only", has.join(", ")),
+                reason: reason!("no-such-color", "it has a {color} part, and the display has {} only", has.join(", ")),
             });
         }
         let packed = Packed::new(encoding, colors, sub_frames)
@@ -80,7 +82,11 @@ impl Encoder {
         // Every buffer of a set can be counted in usize.
         let most = pixels.checked_mul(args.row_bytes() / width).and_then(|n| n.checked_mul(packed.video_frames));
         if most.is_none() {
-            return Err(wrong(format!("{} video frames of that size fit no memory", packed.video_frames)));
+            return Err(wrong(reason!(
+                "too-many-frames",
+                "{} video frames of that size fit no memory",
+                packed.video_frames
+            )));
         }
         let plan = Plan { args, colors: of_colors, video_frames, sub_frames };
         Ok(Self { display: display.clone(), colors: colors.to_vec(), packed, hologram: turning.hologram, plan, notes })
@@ -156,7 +162,7 @@ impl Encoder {
         self.check_phases(phases)?;
         let wanted = self.bytes();
         if out.len() != wanted {
-            let reason = format!("its video frames take {wanted} bytes, and there are {}", out.len());
+            let reason = reason!("frames-length", "its video frames take {wanted} bytes, and there are {}", out.len());
             return Err(EncodeError::Mismatch { display: self.display.name.clone(), reason });
         }
         self.fill(phases, out);
@@ -202,13 +208,17 @@ impl Encoder {
         let wrong = |reason| Err(EncodeError::Mismatch { display: self.display.name.clone(), reason });
         let phases = phases.colors();
         if phases.len() != self.colors.len() {
-            return wrong(format!("it has {} colours, not {}", phases.len(), self.colors.len()));
+            return wrong(reason!("colors-count", "it has {} colours, not {}", phases.len(), self.colors.len()));
         }
         let [height, width] = self.hologram;
         let expected = self.plan.sub_frames * height * width;
         if let Some((i, p)) = phases.iter().enumerate().find(|(_, p)| p.len() != expected) {
             let count = self.plan.sub_frames;
-            return wrong(format!("colour {i} has {} phases, not {count} x {height} x {width}", p.len()));
+            return wrong(reason!(
+                "phases-count",
+                "colour {i} has {} phases, not {count} x {height} x {width}",
+                p.len()
+            ));
         }
         Ok(())
     }
@@ -223,7 +233,7 @@ impl Encoder {
         let count = self.packed.video_frames;
         if (frames.height, frames.width, frames.channels) != size || frames.bytes.len() != count * frames.frame_bytes()
         {
-            let reason = "the video frames were made for another encoder".into();
+            let reason = reason!("other-encoder", "the video frames were made for another encoder");
             return Err(EncodeError::Mismatch { display: self.display.name.clone(), reason });
         }
         Ok(())
@@ -236,12 +246,15 @@ pub(super) fn scale(display: &Display, color: Color) -> Result<Scale, EncodeErro
     let (encoding, levels) = (&display.encoding, display.levels);
     let given = [!encoding.look_up.is_empty(), !encoding.phases_turns.is_empty(), encoding.two_pi_level.is_some()];
     if given.iter().filter(|g| **g).count() > 1 {
-        return Err(wrong("look_up, phases_turns and two_pi_level exclude each other: give one".into()));
+        return Err(wrong(reason!(
+            "two-tables",
+            "look_up, phases_turns and two_pi_level exclude each other: give one"
+        )));
     }
     if levels > 256 {
-        return Err(wrong(format!("it has {levels} levels: a video frame carries at most 256")));
+        return Err(wrong(reason!("levels", "it has {levels} levels: a video frame carries at most 256")));
     }
-    let missing = |what: &str| wrong(format!("it has {what} for other colours, and none for {color}"));
+    let missing = |what: &str| wrong(reason!("no-table", "it has {what} for other colours, and none for {color}"));
     if !encoding.look_up.is_empty() {
         let file = encoding.look_up.get(&color).ok_or_else(|| missing("a look_up table"))?;
         return Ok(Scale::Listed(calibration::read_table(file, levels)?));
@@ -258,7 +271,7 @@ pub(super) fn scale(display: &Display, color: Color) -> Result<Scale, EncodeErro
 }
 
 /// The pieces that a slot's bits come in: runs of neighbouring bits of one channel; or, with cells, one bit of each.
-fn parts(slot: &PackedSlot, cells: &[u8], bits: u32) -> Result<Vec<Part>, String> {
+fn parts(slot: &PackedSlot, cells: &[u8], bits: u32) -> Result<Vec<Part>, Reason> {
     let part = |cell: usize, from: u32, bit: u8| Part {
         cell: cell as u32,
         channel: u32::from(bit / 8),
@@ -268,19 +281,19 @@ fn parts(slot: &PackedSlot, cells: &[u8], bits: u32) -> Result<Vec<Part>, String
     };
     if !cells.is_empty() {
         let [bit] = slot.bits[..] else {
-            return Err(
-                "pixels of several cells take one bit of the video frame each: use planes24, planes8 or a map \
-                        of single bits"
-                    .into(),
-            );
+            return Err(reason!(
+                "cells-and-bits",
+                "pixels of several cells take one bit of the video frame each: use planes24, planes8 or a map of single bits"
+            ));
         };
         if let Some(lost) = (0..bits as u8).find(|b| !cells.contains(b)) {
-            return Err(format!("its codes have {bits} bits, and no cell holds bit {lost}"));
+            return Err(reason!("lost-bit", "its codes have {bits} bits, and no cell holds bit {lost}"));
         }
         return Ok(cells.iter().enumerate().map(|(cell, from)| part(cell, u32::from(*from), bit)).collect());
     }
     if bits as usize > slot.bits.len() {
-        return Err(format!(
+        return Err(reason!(
+            "bits",
             "its levels need {bits} bits, and the packing has {} for each sub-frame: say levels = {}",
             slot.bits.len(),
             1u32 << slot.bits.len()

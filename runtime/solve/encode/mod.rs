@@ -24,7 +24,7 @@ mod packing;
 mod turning;
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 pub use decoder::{AsShown, Decoder};
 pub use encoder::Encoder;
@@ -35,9 +35,11 @@ pub use lighting::{Lighting, LitTimes};
 pub use packing::{Packed, PackedSlot};
 
 use crate::files::FileError;
+use eyebox_base::error::Reason;
 
 /// What can be wrong with an encoding, its calibration, or the phases given to it.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error, serde::Serialize)]
+#[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum EncodeError {
     /// A calibration file could not be read, or video frames not be written.
@@ -51,7 +53,7 @@ pub enum EncodeError {
         /// Its line, from 1.
         line: usize,
         /// What is wrong, and what would be right.
-        reason: String,
+        reason: Reason,
     },
     /// The display's encoding contradicts itself, or does not fit these colours.
     #[error("the display '{display}': {reason}")]
@@ -59,7 +61,7 @@ pub enum EncodeError {
         /// Its name.
         display: String,
         /// What is wrong, and what would be right.
-        reason: String,
+        reason: Reason,
     },
     /// Phases of another size, or another number of colours or sub-frames.
     #[error("the hologram does not fit the display '{display}': {reason}")]
@@ -67,7 +69,7 @@ pub enum EncodeError {
         /// The display's name.
         display: String,
         /// What is there, and what would be right.
-        reason: String,
+        reason: Reason,
     },
     /// Video frames that no encoder makes for this display.
     #[error("{frame}: {reason}")]
@@ -75,7 +77,7 @@ pub enum EncodeError {
         /// The frame's file, or its number.
         frame: String,
         /// What is wrong with it, where, and what would be right.
-        reason: String,
+        reason: Reason,
     },
     /// A phase that is none.
     #[error(

@@ -1,6 +1,8 @@
 //! Packings: a map (colour, sub-frame) -> (video frame, channel, bits), as data.
 
 use crate::optics::{Channel, Color, Encoding, Packing, Place};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 
 /// Where the levels of one sub-frame go.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -41,12 +43,13 @@ fn place(channel: Channel) -> (u8, u8, usize) {
 
 impl Packed {
     /// The packing for these colours and so many sub-frames of each. Says what would be right if they do not fit.
-    pub fn new(encoding: &Encoding, colors: &[Color], sub_frames: usize) -> Result<Self, String> {
+    pub fn new(encoding: &Encoding, colors: &[Color], sub_frames: usize) -> Result<Self, Reason> {
         let one = Self::set(encoding, colors)?;
         if sub_frames == 0 || !sub_frames.is_multiple_of(one.sub_frames) {
             let (n, per) = (colors.len(), one.sub_frames);
             let (video, plural) = (one.video_frames, if one.video_frames == 1 { "" } else { "s" });
-            return Err(format!(
+            return Err(reason!(
+                "sub-frames",
                 "it has {sub_frames} sub-frames, and {video} video frame{plural} of this packing hold{} {per} of each \
                  of {n} colour{}: {per} sub-frames would be right, or a multiple of it",
                 if video == 1 { "s" } else { "" },
@@ -83,11 +86,12 @@ impl Packed {
     }
 
     /// The packing of so many video frames that hold these colours. Says what would be right if they hold no whole sets.
-    pub fn of_video_frames(encoding: &Encoding, colors: &[Color], video_frames: usize) -> Result<Self, String> {
+    pub fn of_video_frames(encoding: &Encoding, colors: &[Color], video_frames: usize) -> Result<Self, Reason> {
         let one = Self::set(encoding, colors)?;
         if video_frames == 0 || !video_frames.is_multiple_of(one.video_frames) {
             let names: Vec<_> = colors.iter().map(Color::to_string).collect();
-            return Err(format!(
+            return Err(reason!(
+                "video-frames",
                 "there are {video_frames} video frames, and a set of {} takes {}: give whole sets, or say with `color` \
                  which colour they are",
                 names.join(", "),
@@ -98,10 +102,10 @@ impl Packed {
     }
 
     /// The shortest run of sub-frames that fills whole video frames.
-    fn set(encoding: &Encoding, colors: &[Color]) -> Result<Self, String> {
+    fn set(encoding: &Encoding, colors: &[Color]) -> Result<Self, Reason> {
         let count = colors.len();
         if count == 0 {
-            return Err("it has no colours".into());
+            return Err(reason!("no-colors", "it has no colours"));
         }
         let order = encoding.channel_order.channels();
         let whole = |first: u8| (first..first + 8).collect::<Vec<u8>>();
@@ -110,7 +114,10 @@ impl Packed {
             Packing::Grey8 | Packing::Planes8 => {
                 let (first, bits, channels) = place(encoding.channel);
                 if bits != 8 {
-                    return Err("channel = \"rgb\" is no single channel: use grey, red, green or blue".into());
+                    return Err(reason!(
+                        "channel",
+                        "channel = \"rgb\" is no single channel: use grey, red, green or blue"
+                    ));
                 }
                 if encoding.packing == Packing::Grey8 {
                     let slots = (0..count).map(|c| slot(c, 0, c, whole(first))).collect();
@@ -126,7 +133,10 @@ impl Packed {
             }
             Packing::Planes24 => {
                 if !24usize.is_multiple_of(count) {
-                    return Err(format!("it has {count} colours, and 24 planes hold 1, 2 or 3 evenly"));
+                    return Err(reason!(
+                        "colors-of-planes",
+                        "it has {count} colours, and 24 planes hold 1, 2 or 3 evenly"
+                    ));
                 }
                 let each = 24 / count;
                 let plane = |n: usize| slot(n / each, n % each, 0, vec![8 * order[n / 8] + (n % 8) as u8]);
@@ -136,7 +146,7 @@ impl Packed {
         }
     }
 
-    fn of_map(encoding: &Encoding, colors: &[Color]) -> Result<Self, String> {
+    fn of_map(encoding: &Encoding, colors: &[Color]) -> Result<Self, Reason> {
         // A set has at most so many sub-frames and video frames: what a map means has to stay small.
         const MOST: u32 = 4096;
         let wanted: Vec<_> = encoding.map.iter().filter(|p| colors.contains(&p.color)).collect();
@@ -146,17 +156,24 @@ impl Packed {
             let what = format!("the map's entry for {} sub-frame {}", p.color, p.sub_frame);
             let (first, width, of) = place(p.channel);
             if p.sub_frame >= MOST || p.video_frame >= MOST {
-                return Err(format!("{what} is beyond {MOST} sub-frames or video frames"));
+                return Err(reason!("too-many", "{what} is beyond {MOST} sub-frames or video frames"));
             }
             if of != channels {
-                return Err(format!("{what} is in a grey frame, others in a coloured one: all must be of one kind"));
+                return Err(reason!(
+                    "mixed-frames",
+                    "{what} is in a grey frame, others in a coloured one: all must be of one kind"
+                ));
             }
             if p.bits.is_empty() || p.bits.len() > 8 || p.bits.iter().any(|bit| *bit >= width) {
-                return Err(format!("{what} must have 1 to 8 bits, each below {width}"));
+                return Err(reason!("map-bits", "{what} must have 1 to 8 bits, each below {width}"));
             }
             let bits: Vec<u8> = p.bits.iter().map(|bit| first + bit).collect();
             if let Some(bit) = bits.iter().find(|bit| !taken.insert((p.video_frame, **bit))) {
-                return Err(format!("{what} takes bit {bit} of video frame {}, which is taken already", p.video_frame));
+                return Err(reason!(
+                    "bit-taken",
+                    "{what} takes bit {bit} of video frame {}, which is taken already",
+                    p.video_frame
+                ));
             }
             let color = colors.iter().position(|c| *c == p.color).expect("only these colours were kept");
             slots.push(PackedSlot {
@@ -172,7 +189,8 @@ impl Packed {
             for f in 0..sub_frames {
                 let count = slots.iter().filter(|s| (s.color, s.sub_frame) == (index, f)).count();
                 if count != 1 {
-                    return Err(format!(
+                    return Err(reason!(
+                        "map-entries",
                         "the map has {count} entries for {color} sub-frame {f}: it must have one for each of \
                          {sub_frames} sub-frames of each colour of the hologram"
                     ));
@@ -181,7 +199,7 @@ impl Packed {
         }
         let video_frames = 1 + encoding.map.iter().map(|p| p.video_frame as usize).max().unwrap_or(0);
         if sub_frames == 0 {
-            return Err("the map has no entry for the hologram's colours".into());
+            return Err(reason!("map-without-color", "the map has no entry for the hologram's colours"));
         }
         Ok(Self { sub_frames, video_frames, channels, slots })
     }

@@ -7,6 +7,7 @@ mod turned;
 
 use super::*;
 use crate::optics::{Color, Display};
+use eyebox_base::error::ErrorData;
 use proptest::prelude::*;
 use std::{f32, f64::consts::TAU};
 
@@ -28,6 +29,12 @@ const EDGES: [f32; 14] = [
     1e-30,
     0.0123,
 ];
+
+/// The numbers of a sentence, in its order.
+pub(crate) fn numbers(text: &str) -> Vec<&str> {
+    let words = text.split(|c: char| !c.is_alphanumeric() && c != '.').map(|word| word.trim_end_matches('.'));
+    words.filter(|word| word.starts_with(|c: char| c.is_ascii_digit()) && word.parse::<f64>().is_ok()).collect()
+}
 
 fn noise(count: usize, seed: u64) -> Vec<f32> {
     let mut random = crate::solve::SplitMix(seed);
@@ -308,8 +315,8 @@ fn nothing_is_written_of_phases_that_are_none() {
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 5e6, -1e30] {
         let mut phases = sets(3, 24);
         phases[1][12 + 4 + 2] = bad;
-        let said = PhaseSet::new(&slices(&phases), encoder.hologram_size()).unwrap_err().to_string();
-        assert!(said.contains("colour 1, sub-frame 1, row 1, column 2"), "{said}");
+        let said = PhaseSet::new(&slices(&phases), encoder.hologram_size()).unwrap_err();
+        assert!(matches!(said, EncodeError::Phase { color: 1, sub_frame: 1, row: 1, column: 2, .. }), "{said}");
         // Trusted by mistake: some picture, no panic.
         encoder.encode(&PhaseSet::trusted(&slices(&phases))).unwrap();
     }
@@ -327,40 +334,43 @@ fn nothing_is_written_of_phases_that_are_none() {
 
 #[test]
 fn what_a_packing_holds_is_said() {
-    let said = |preset: &str, colors: &[Color], n: usize| {
-        Encoder::new(&display(preset, 4, 4), colors, n).unwrap_err().to_string()
+    let refused = |display: &Display, colors: &[Color], n: usize, code: &str, holds: &str| {
+        let said = Encoder::new(display, colors, n).unwrap_err();
+        assert_eq!(ErrorData::of(&said).code, code, "{said}");
+        assert!(said.to_string().contains(holds), "{said}");
     };
-    assert!(said("planes24", &ALL, 5).contains("8 sub-frames would be right"), "{}", said("planes24", &ALL, 5));
-    assert!(said("planes24", &ALL[..1], 8).contains("24 sub-frames would be right"));
-    assert!(said("plm", &ALL, 0).contains("8 sub-frames would be right"));
-    assert!(said("planes8", &ALL, 3).contains("8 sub-frames would be right"));
-    assert!(said("grey8", &[], 3).contains("no colours"));
-    let here = here();
-    for (text, levels, what) in [
-        ("packing = \"planes24\"", 16, "levels = 2"),
-        ("packing = \"planes8\"\nchannel = \"rgb\"", 2, "no single channel"),
-        ("cells = [[1, 0]]", 4, "one bit of the video frame"),
-        ("packing = \"planes24\"\ncells = [[1, 0]]", 16, "no cell holds bit 2"),
-        ("two_pi_level = { red = 200 }", 256, "none for green"),
-        ("two_pi_level = 200\nlook_up = { red = \"x.csv\" }", 256, "exclude each other"),
-        ("", 300, "at most 256"),
+    for (preset, colors, n, right) in [
+        ("planes24", &ALL[..], 5, "8"),
+        ("planes24", &ALL[..1], 8, "24"),
+        ("plm", &ALL, 0, "8"),
+        ("planes8", &ALL, 3, "8"),
     ] {
-        let display = with(text, here.path(), [4, 4], levels);
-        let said = Encoder::new(&display, &ALL, 8).unwrap_err().to_string();
-        assert!(said.contains(what), "{text}: {said}");
+        refused(&display(preset, 4, 4), colors, n, "mismatch/sub-frames", right);
     }
-    let map = |more: &str| {
+    refused(&display("grey8", 4, 4), &[], 3, "mismatch/no-colors", "");
+    let here = here();
+    for (text, levels, code, holds) in [
+        ("packing = \"planes24\"", 16, "display/bits", "levels = 2"),
+        ("packing = \"planes8\"\nchannel = \"rgb\"", 2, "mismatch/channel", "channel = \"rgb\""),
+        ("cells = [[1, 0]]", 4, "display/cells-and-bits", "planes24"),
+        ("packing = \"planes24\"\ncells = [[1, 0]]", 16, "display/lost-bit", "2"),
+        ("two_pi_level = { red = 200 }", 256, "display/no-table", "green"),
+        ("two_pi_level = 200\nlook_up = { red = \"x.csv\" }", 256, "display/two-tables", "two_pi_level"),
+        ("", 300, "display/levels", "256"),
+    ] {
+        refused(&with(text, here.path(), [4, 4], levels), &ALL, 8, code, holds);
+    }
+    let map = |more: &str, code: &str, holds: &str| {
         let one = |f: u32, bit: u32| {
             format!("{{ color = \"red\", sub_frame = {f}, video_frame = 0, channel = \"red\", bits = [{bit}] }}")
         };
         let text = format!("packing = \"map\"\nmap = [{}, {}]", one(0, 0), more.replace("ONE", &one(1, 0)));
-        let display = with(&text, here.path(), [4, 4], 2);
-        Encoder::new(&display, &ALL[..1], 2).unwrap_err().to_string()
+        refused(&with(&text, here.path(), [4, 4], 2), &ALL[..1], 2, code, holds);
     };
-    assert!(map("ONE").contains("taken already"));
+    map("ONE", "mismatch/bit-taken", "0");
     let gap = "{ color = \"red\", sub_frame = 2, video_frame = 0, channel = \"red\", bits = [3] }";
-    assert!(map(gap).contains("sub-frame 1"), "{}", map(gap));
-    assert!(map(&gap.replace("\"red\", bits", "\"grey\", bits")).contains("one kind"));
-    assert!(map(&gap.replace("[3]", "[8]")).contains("below 8"));
-    assert!(map(&gap.replace("sub_frame = 2", "sub_frame = 4000000000")).contains("beyond 4096"));
+    map(gap, "mismatch/map-entries", "1");
+    map(&gap.replace("\"red\", bits", "\"grey\", bits"), "mismatch/mixed-frames", "2");
+    map(&gap.replace("[3]", "[8]"), "mismatch/map-bits", "8");
+    map(&gap.replace("sub_frame = 2", "sub_frame = 4000000000"), "mismatch/too-many", "4096");
 }

@@ -4,6 +4,8 @@ use crate::encode::{AsShown, Decoder, EncodeError, Encoder, Packed, VideoFrames}
 use crate::files::{FileError, Folder, FolderDraft, encode_grey8, encode_rgb8, read, read_png8, write_file};
 use crate::hologram::{ColorHologram, Hologram, Metadata};
 use crate::optics::{Color, Display, Place};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -181,23 +183,33 @@ impl Encoded {
     /// [`EncodeError::File`] for what cannot be read; [`EncodeError::Frame`] where there are no frames, where nobody says
     /// for which display they are, and where they are no whole sets.
     pub fn open(path: &Path, display: Option<&Display>, color: Option<Color>) -> Result<Self, EncodeError> {
-        let wrong = |reason: String| EncodeError::Frame { frame: path.display().to_string(), reason };
+        let wrong = |reason: Reason| EncodeError::Frame { frame: path.display().to_string(), reason };
         let folder = Folder::open(path).ok();
         if is_encoded(path) {
             let file = path.join(DOCUMENT);
             let bytes = read::bytes(&file, read::TABLE).map_err(|e| FileError::read(&file, e))?;
-            let damaged = |e: serde_json::Error| FileError::content(&file, format!("is damaged: {e}"));
+            let damaged = |e: serde_json::Error| FileError::content(&file, reason!("damaged", "is damaged: {e}"));
             let Document { format, colors, sub_frames, frames, mut hologram } =
                 serde_json::from_slice(&bytes).map_err(damaged)?;
             if format != FORMAT {
-                return Err(FileError::content(&file, format!("has the format {format}: {FORMAT} is known")).into());
+                return Err(
+                    FileError::content(&file, reason!("format", "has the format {format}: {FORMAT} is known")).into()
+                );
             }
             if let Some(asked) = color.filter(|c| colors != [*c]) {
                 let has: Vec<_> = colors.iter().map(Color::to_string).collect();
-                return Err(wrong(format!("it holds {}, not {asked} alone: leave out `color`", has.join(", "))));
+                return Err(wrong(reason!(
+                    "other-color",
+                    "it holds {}, not {asked} alone: leave out `color`",
+                    has.join(", ")
+                )));
             }
             if let Some(outside) = frames.iter().find(|f| Path::new(&f.file).components().count() != 1) {
-                return Err(FileError::content(&file, format!("names {}, which is not beside it", outside.file)).into());
+                return Err(FileError::content(
+                    &file,
+                    reason!("missing-frame", "names {}, which is not beside it", outside.file),
+                )
+                .into());
             }
             let own = || {
                 let own = path.join(DISPLAY);
@@ -212,10 +224,13 @@ impl Encoded {
         }
         let files = pictures(path)?;
         if files.is_empty() {
-            return Err(wrong("it holds no PNG: video frames are wanted".into()));
+            return Err(wrong(reason!("no-png", "it holds no PNG: video frames are wanted")));
         }
         let display = display.ok_or_else(|| {
-            wrong(format!("it does not say for which display its frames are (it has no {DOCUMENT}): give `display`"))
+            wrong(reason!(
+                "no-display",
+                "it does not say for which display its frames are (it has no {DOCUMENT}): give `display`"
+            ))
         })?;
         let colors = color.map_or_else(|| display.wavelengths.iter().map(|w| w.color).collect(), |c| vec![c]);
         let packed = Packed::of_video_frames(&display.encoding, &colors, files.len()).map_err(wrong)?;
@@ -246,14 +261,15 @@ impl Encoded {
         let mut frames = decoder.encoder().frames();
         if frames.count() != self.files.len() {
             let (display, n) = (self.display.name.clone(), self.files.len());
-            let reason = format!("there are {n} video frames, and its packing takes {}", frames.count());
+            let reason =
+                reason!("frames-count", "there are {n} video frames, and its packing takes {}", frames.count());
             return Err(EncodeError::Mismatch { display, reason });
         }
         let (size, channels, bytes) = ([frames.height, frames.width], frames.channels, frames.frame_bytes());
         let read = |(file, out): (&PathBuf, &mut [u8])| self.read(file, size, channels, out);
         self.files.par_iter().zip(frames.bytes_mut().par_chunks_exact_mut(bytes)).try_for_each(read)?;
         if let Some(folder) = self.folder.as_ref().filter(|folder| folder.is_replaced()) {
-            let reason = "another program replaced it while it was read: do it again".into();
+            let reason = reason!("replaced", "another program replaced it while it was read: do it again");
             return Err(EncodeError::Frame { frame: folder.path().display().to_string(), reason });
         }
         let phases = decoder.decode(&frames, |i| self.files[i].display().to_string())?;
@@ -280,7 +296,10 @@ impl Encoded {
                 hologram.metadata.padded = hologram.metadata.padded.map(|[rows, columns]| [columns, rows]);
             }
         }
-        let damaged = |e| EncodeError::Mismatch { display: display.name.clone(), reason: format!("{e}") };
+        let damaged = |e: crate::hologram::HologramError| EncodeError::Mismatch {
+            display: display.name.clone(),
+            reason: Reason::of(&e),
+        };
         hologram.check().map_err(damaged)?;
         Ok(hologram)
     }
@@ -306,11 +325,12 @@ impl Encoded {
         out: &mut [u8],
     ) -> Result<(), EncodeError> {
         let (h, w, has, bytes) = read_png8(read::open(file).map_err(|e| FileError::read(file, e))?, file)?;
-        let wrong = |reason: String| Err(FileError::content(file, reason).into());
+        let wrong = |reason: Reason| Err(FileError::content(file, reason).into());
         if [h, w] != [height, width] {
             let [cell_rows, cell_columns] = [height / self.display.height, width / self.display.width];
             let (name, [sh, sw]) = (&self.display.name, [h / cell_rows.max(1), w / cell_columns.max(1)]);
-            return wrong(format!(
+            return wrong(reason!(
+                "frame-size",
                 "it is {h}x{w} pixels, and a video frame of the display '{name}' is {height}x{width}: give `size` {sh}x{sw}, or \
                  the display that it was made for"
             ));
@@ -320,7 +340,8 @@ impl Encoded {
             (3, 1) => {
                 if let Some(at) = bytes.chunks_exact(3).position(|p| p[0] != p[1] || p[1] != p[2]) {
                     let (row, column, name) = (at / w, at % w, &self.display.name);
-                    return wrong(format!(
+                    return wrong(reason!(
+                        "frame-colored",
                         "it is coloured at row {row}, column {column}, and the display '{name}' takes grey video frames"
                     ));
                 }

@@ -3,6 +3,7 @@
 use crate::encode::{EncodeError, Encoder, PhaseSet, VideoFrames};
 use crate::hologram::Hologram;
 use crate::optics::Display;
+use eyebox_base::reason;
 
 impl Hologram {
     /// Its video frames on a display; of all colours at once, those of the drives that they share. For frame after frame make an [`Encoder`] once, and let it encode into memory that is
@@ -14,7 +15,7 @@ impl Hologram {
     pub fn encode(&self, display: &Display) -> Result<VideoFrames, EncodeError> {
         let colors = self.named_colors();
         if colors.len() != self.colors.len() {
-            let reason = "the hologram's colours are not all named".into();
+            let reason = reason!("colors-not-named", "the hologram's colours are not all named");
             return Err(EncodeError::Display { display: display.name.clone(), reason });
         }
         let (sent, phases) = (self.sent_colors(), self.sent_phases());

@@ -380,9 +380,7 @@ mod tests {
         let of_layers = asked(few, Photographs::Layers).once();
         assert!(once.held() > sparse.held() && of_layers.held() > layered.held());
         let words = [&exact, &sparse, &once, &of_layers, &views(many.path().to_str().unwrap())].map(Views::in_words);
-        let said =
-            ["rendered", "made around each region", "made once, ", "Fourier disparity layers", "11 x 11, its own"];
-        assert!(words.iter().zip(said).all(|(words, said)| words.contains(said)), "{words:#?}");
+        assert!((1..5).all(|i| !words[..i].contains(&words[i])) && words[4].contains("11 x 11"), "{words:#?}");
         let seen = [[0.0, 0.0], [1e-4, -2e-4]].map(|center| once.around(center, display.eyebox_min() / 4.0).0);
         assert!(Arc::ptr_eq(&seen[0], &seen[1]), "made once");
         let (optics, mut engine) = (display.optics(Color::Green).unwrap(), CpuEngine::new());

@@ -139,7 +139,7 @@ impl JodMetric {
 }
 
 fn refused(error: Error) -> EvaluateError {
-    EvaluateError::Jod { reason: error.to_string() }
+    EvaluateError::Jod { reason: error.to_string().into() }
 }
 
 fn judged(found: colorvideovdp::Result<Prediction>, pixels: usize) -> Result<Option<Judged>, EvaluateError> {

@@ -49,8 +49,11 @@ pub use ssim::ssim;
 pub use summary::Summary;
 pub use sums::{Sums, sums};
 
+use eyebox_base::error::Reason;
+
 /// Why there is no number.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error, serde::Serialize)]
+#[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum EvaluateError {
     /// Two images that cannot be compared.
@@ -75,7 +78,7 @@ pub enum EvaluateError {
     #[error("JOD: {reason}")]
     Jod {
         /// Why not.
-        reason: String,
+        reason: Reason,
     },
     /// No exposure makes anything of images without light.
     #[error("the images are black: no exposure brings them to their targets")]

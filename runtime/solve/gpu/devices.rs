@@ -257,10 +257,15 @@ mod tests {
         assert_eq!(pick(&all[..1], None, true).unwrap(), 0);
         assert_eq!(pick(&all, Some("PIPE"), false).unwrap(), 0);
         assert_eq!(pick(&all, Some("1"), false).unwrap(), 1);
-        let refused = pick(&all[..1], None, false).unwrap_err().to_string();
-        assert!(refused.contains("llvmpipe") && refused.contains("asked for"), "{refused}");
-        assert!(pick(&all, Some("Broken"), false).unwrap_err().to_string().contains("too small"));
-        assert!(pick(&all, Some("nothing"), false).unwrap_err().to_string().contains("Onboard"));
+        let refused = pick(&all[..1], None, false).unwrap_err();
+        assert!(matches!(&refused, EngineError::NoDevice { reason } if reason.contains("llvmpipe")), "{refused}");
+        let small = pick(&all, Some("Broken"), false).unwrap_err();
+        assert!(
+            matches!(&small, EngineError::Unsuitable { device, reason } if device == "Broken" && reason == "too small"),
+            "{small}"
+        );
+        let unknown = pick(&all, Some("nothing"), false).unwrap_err();
+        assert!(matches!(&unknown, EngineError::NoDevice { reason } if reason.contains("Onboard")), "{unknown}");
     }
 
     #[test]
@@ -268,7 +273,8 @@ mod tests {
         let mut limits = report(0, "", DeviceKind::Cpu, Ok(())).limits;
         assert_eq!(check(&limits), Ok(()));
         limits.shared_memory = 8 << 10;
-        assert!(check(&limits).unwrap_err().contains("shared memory is 8192, 16384 is needed"));
+        let small = check(&limits).unwrap_err();
+        assert!(small.contains("8192") && small.contains("16384"), "{small}");
         let without = Limits { memory: 0, shared_memory: 16 << 10, ..limits };
         assert!(check(&without).unwrap_err().contains("DEVICE_LOCAL"));
     }

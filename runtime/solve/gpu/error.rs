@@ -4,7 +4,8 @@
 use ash::vk;
 
 /// What an engine can answer instead of a result.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error, serde::Serialize)]
+#[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum EngineError {
     /// No device, no driver or no loader.
@@ -121,9 +122,10 @@ mod tests {
     fn memory_that_is_missing_is_said_in_true_size() {
         let text =
             |wanted| EngineError::OutOfMemory { device: "host".into(), what: "phases".into(), wanted }.to_string();
-        assert!(text(Some(1)).contains("host memory: 1 KiB for phases"), "{}", text(Some(1)));
-        assert!(text(Some((1 << 20) - 1)).contains("1024 KiB for"));
-        assert!(text(Some(1 << 20)).contains(" 1 MiB for") && text(Some((3 << 20) + 1)).contains(" 4 MiB for"));
-        assert!(text(None).contains("room for phases could not be had") && !text(None).contains('0'));
+        let little = text(Some(1));
+        assert!([" host ", " 1 KiB ", " phases "].iter().all(|part| little.contains(part)), "{little}");
+        assert!(text(Some((1 << 20) - 1)).contains(" 1024 KiB "));
+        assert!(text(Some(1 << 20)).contains(" 1 MiB ") && text(Some((3 << 20) + 1)).contains(" 4 MiB "));
+        assert!(text(None).contains("phases") && !text(None).contains(|c: char| c.is_ascii_digit()));
     }
 }

@@ -4,6 +4,8 @@ use super::HologramError;
 use crate::files::{FileError, FileKind, Folder, FolderDraft, Kind, Wanted, is_draft};
 use crate::memory;
 use crate::optics::wrap_phase;
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use std::fs::File;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::{self, Read, Write};
@@ -68,7 +70,7 @@ pub(super) fn check_is_one(folder: &Folder) -> Result<(), HologramError> {
     let path = folder.path().display().to_string();
     Err(match folder.is_replaced() {
         true => HologramError::Replaced { path },
-        false => HologramError::NotAHologram { path, reason: "the folder has no zarr.json".into() },
+        false => HologramError::NotAHologram { path, reason: reason!("no-zarr-json", "the folder has no zarr.json") },
     })
 }
 
@@ -130,8 +132,8 @@ pub(super) fn is_staged(name: &str) -> bool {
     is_draft(name) || numbers
 }
 
-pub(super) fn damaged(file: &Path, reason: impl Into<String>) -> HologramError {
-    HologramError::Damaged { file: file.display().to_string(), reason: reason.into() }
+pub(super) fn damaged(file: &Path, reason: Reason) -> HologramError {
+    HologramError::Damaged { file: file.display().to_string(), reason }
 }
 
 /// A file of a hologram that cannot be read: it is missing there, or the hologram was replaced and all of it is gone.
@@ -141,7 +143,7 @@ pub(super) fn unreadable(folder: &Folder, name: &str, e: io::Error) -> HologramE
         io::ErrorKind::NotFound if folder.is_replaced() => {
             HologramError::Replaced { path: folder.path().display().to_string() }
         }
-        io::ErrorKind::NotFound => damaged(&file, "it is missing"),
+        io::ErrorKind::NotFound => damaged(&file, reason!("missing", "it is missing")),
         _ => FileError::read(&file, e).into(),
     }
 }
@@ -151,7 +153,7 @@ pub(super) fn unwritable(folder: &Folder, name: &str, e: io::Error) -> HologramE
     let file = folder.path().join(name);
     match e.kind() {
         // What stands in its way is a link, or no file.
-        io::ErrorKind::InvalidInput => damaged(&file, format!("{e}: nothing was changed")),
+        io::ErrorKind::InvalidInput => damaged(&file, reason!("not-changed", "{e}: nothing was changed")),
         _ => FileError::write(&file, e).into(),
     }
 }
@@ -178,7 +180,7 @@ pub(super) fn check_length(folder: &Folder, name: &str, pixels: usize, summed: b
     let length = folder.length(name).map_err(|e| unreadable(folder, name, e))?;
     let expected = 4 * (pixels as u64 + u64::from(summed));
     if length != expected {
-        return Err(damaged(&folder.path().join(name), format!("it is {length} bytes long, not {expected}")));
+        return Err(damaged(&folder.path().join(name), reason!("length", "it is {length} bytes long, not {expected}")));
     }
     Ok(())
 }
@@ -198,7 +200,7 @@ pub(super) fn read_chunk(
         let found = crc32c::crc32c(values);
         if stated != found {
             let file = folder.path().join(name);
-            return Err(damaged(&file, format!("its checksum is {found:08x}, and it states {stated:08x}")));
+            return Err(damaged(&file, reason!("checksum", "its checksum is {found:08x}, and it states {stated:08x}")));
         }
     }
     phases.extend(values.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])));
@@ -211,7 +213,7 @@ pub(super) fn read_tile(folder: &Folder, name: &str, values: usize) -> Result<Ve
     let mut phases = Vec::with_capacity(values);
     read_chunk(folder, name, values, true, &mut phases)?;
     if let Some(at) = phases.iter().position(|p| !p.is_finite()) {
-        return Err(damaged(&folder.path().join(name), format!("phase {at} is {}", phases[at])));
+        return Err(damaged(&folder.path().join(name), reason!("phase", "phase {at} is {}", phases[at])));
     }
     Ok(phases)
 }

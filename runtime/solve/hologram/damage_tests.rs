@@ -3,6 +3,7 @@
 use super::*;
 use crate::files::{FileError, write_npy};
 use crate::optics::wrap_phase;
+use eyebox_base::error::ErrorData;
 use serde_json::json;
 use std::{
     fs,
@@ -104,8 +105,9 @@ fn every_cut_and_every_missing_file_is_noticed() {
             assert!(names(&error, &file), "cut to {length}: {error}");
         }
         fs::remove_file(&file).unwrap();
-        let error = Hologram::load(&path).expect_err("a missing file").to_string();
-        assert!(names(&error, &file) && error.contains("missing"), "{error}");
+        let error = Hologram::load(&path).expect_err("a missing file");
+        assert!(names(&error.to_string(), &file), "{error}");
+        assert_eq!(ErrorData::of(&error).code, "damaged/missing", "{error}");
         fs::write(&file, whole).unwrap();
     }
 }
@@ -140,20 +142,20 @@ fn only_holograms_are_replaced_and_only_holograms_are_loaded() {
 fn a_hologram_that_cannot_be_is_not_written() {
     let here = tempfile::tempdir().unwrap();
     let path = here.path().join("x.zarr");
-    let refuses = |change: &dyn Fn(&mut Hologram), what: &str| {
+    let refuses = |change: &dyn Fn(&mut Hologram), code: &str, holds: &[&str]| {
         let mut hologram = small();
         change(&mut hologram);
-        let error = hologram.save(&path).unwrap_err().to_string();
-        assert!(error.contains(what), "{error}");
-        assert!(!path.exists());
+        let HologramError::Inconsistent(reason) = hologram.save(&path).unwrap_err() else { panic!("{code}") };
+        assert_eq!(reason.code(), code, "{reason}");
+        assert!(holds.iter().all(|part| reason.text().contains(part)) && !path.exists(), "{reason}");
     };
-    refuses(&|h| h.colors[1].phases[21] = f32::NAN, "blue has the phase NaN at sub-frame 1, row 1, column 1");
-    refuses(&|h| _ = h.colors[0].phases.pop(), "29 phases");
-    refuses(&|h| h.colors[0].wavelength = 0.0, "wavelength");
-    refuses(&|h| h.display_wavelengths[1].wavelength = f64::INFINITY, "display's green");
-    refuses(&|h| h.colors.clear(), "0 colours");
-    refuses(&|h| h.frames = usize::MAX, "phases, not");
-    refuses(&|h| h.colors[0].exposure = f64::INFINITY, "exposure inf");
+    refuses(&|h| h.colors[1].phases[24] = f32::NAN, "phase", &["blue", "NaN", "1", "4"]);
+    refuses(&|h| _ = h.colors[0].phases.pop(), "phases-count", &["red", "29"]);
+    refuses(&|h| h.colors[0].wavelength = 0.0, "optics", &["red"]);
+    refuses(&|h| h.display_wavelengths[1].wavelength = f64::INFINITY, "display", &["green"]);
+    refuses(&|h| h.colors.clear(), "empty", &["0"]);
+    refuses(&|h| h.frames = usize::MAX, "phases-count", &["30"]);
+    refuses(&|h| h.colors[0].exposure = f64::INFINITY, "exposure", &["inf"]);
 }
 
 #[test]
@@ -175,7 +177,9 @@ fn phases_travel_as_npy_and_as_pictures() {
         }
     }
     fs::remove_file(pngs.join("blue-00.png")).unwrap();
-    assert!(load_phases(&pngs, None).unwrap_err().to_string().contains("blue-00.png is missing"));
+    let missing = load_phases(&pngs, None).unwrap_err();
+    assert_eq!(ErrorData::of(&missing).code, "not-a-hologram/missing-sub-frame");
+    assert!(missing.to_string().contains("blue-00.png"), "{missing}");
     fs::write(pngs.join("mine.txt"), "").unwrap();
     assert!(small().save_pngs(&pngs).is_err());
 
@@ -184,7 +188,9 @@ fn phases_travel_as_npy_and_as_pictures() {
     assert_eq!((one.frames, one.height, one.width), (1, 2, 2));
     assert_eq!(one.colors[0].1[1], wrap_phase(7.0));
     write_npy(&npy, &[4], &[0.0; 4]).unwrap();
-    assert!(load_phases(&npy, None).unwrap_err().to_string().contains("[4]"));
+    let shape = load_phases(&npy, None).unwrap_err();
+    assert_eq!(ErrorData::of(&shape).code, "not-a-hologram/shape");
+    assert!(shape.to_string().contains("[4]"), "{shape}");
     write_npy(&npy, &[0, 4, 4], &[]).unwrap();
     assert!(load_phases(&npy, None).is_err());
 }

@@ -2,6 +2,8 @@
 
 use super::{ColorHologram, Hologram, Metadata};
 use crate::optics::{Color, Geometry, Wavelength};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -168,46 +170,56 @@ pub(super) fn sequence_array(count: u64, shape: [usize; 4], complete: bool) -> V
 
 /// Reads the array's document of a sequence whose holograms have this shape: how many there are, and whether there will
 /// be no more. Says what is wrong.
-pub(super) fn read_sequence_array(bytes: &[u8], shape: [usize; 4]) -> Result<(u64, bool), String> {
+pub(super) fn read_sequence_array(bytes: &[u8], shape: [usize; 4]) -> Result<(u64, bool), Reason> {
     let found = unseal(bytes)?;
-    let count = found["shape"][0].as_u64().ok_or("its shape does not begin with a number")?;
-    let complete = found["attributes"]["complete"].as_bool().ok_or("it does not say whether it is complete")?;
+    let count = found["shape"][0].as_u64().ok_or(reason!("shape", "its shape does not begin with a number"))?;
+    let complete = found["attributes"]["complete"]
+        .as_bool()
+        .ok_or(reason!("not-complete", "it does not say whether it is complete"))?;
     expect_like(&found, &sequence_array(count, shape, complete), &[])?;
     Ok((count, complete))
 }
 
 /// Reads the group's document of one hologram into a hologram that has no phases yet. Says what is wrong.
-pub(super) fn read_group(bytes: &[u8]) -> Result<Hologram, String> {
+pub(super) fn read_group(bytes: &[u8]) -> Result<Hologram, Reason> {
     match read_any_group(bytes)? {
         (hologram, None) => Ok(hologram),
-        (_, Some(_)) => Err(IS_SEQUENCE.into()),
+        (_, Some(_)) => Err(Reason::new("is-a-sequence", IS_SEQUENCE)),
     }
 }
 
 /// Reads the group's document of a hologram or of a sequence. Says what is wrong.
-pub(super) fn read_any_group(bytes: &[u8]) -> Result<(Hologram, Option<SequenceAttributes>), String> {
+pub(super) fn read_any_group(bytes: &[u8]) -> Result<(Hologram, Option<SequenceAttributes>), Reason> {
     let document = read(bytes, false)?;
     let attributes = &document["attributes"]["eyebox"];
     // A newer layout is told by its number before anything else in it is judged.
     let format = match attributes["format"].as_u64() {
         Some(format @ FORMAT..=GEOMETRY_FORMAT) => format,
         Some(newer) if newer > GEOMETRY_FORMAT => {
-            return Err(format!(
+            return Err(reason!(
+                "newer-format",
                 "it has format {newer}, made by a newer eyebox: this one reads formats {FORMAT} to {GEOMETRY_FORMAT}"
             ));
         }
-        _ => return Err("it states no format".into()),
+        _ => return Err(reason!("no-format", "it states no format")),
     };
-    let read = Attributes::deserialize(attributes).map_err(|e| format!("attributes.eyebox: {e}"))?;
+    let read = Attributes::deserialize(attributes).map_err(|e| reason!("attributes", "attributes.eyebox: {e}"))?;
     if (read.geometry == Geometry::Relay) != (format < GEOMETRY_FORMAT) {
-        return Err(format!("it has format {format}, and {GEOMETRY_FORMAT} has a `geometry`, the others have not"));
+        return Err(reason!(
+            "format-of-geometry",
+            "it has format {format}, and {GEOMETRY_FORMAT} has a `geometry`, the others have not"
+        ));
     }
     if format < GEOMETRY_FORMAT && read.sequence.is_some() != (format == SEQUENCE_FORMAT) {
-        return Err(format!("it has format {format}, and {SEQUENCE_FORMAT} has `sequence`, {FORMAT} has not"));
+        return Err(reason!(
+            "format-of-sequence",
+            "it has format {format}, and {SEQUENCE_FORMAT} has `sequence`, {FORMAT} has not"
+        ));
     }
     if !read.version.is_empty() && !is_sealed(bytes) {
         let version = read.version;
-        return Err(format!(
+        return Err(reason!(
+            "no-checksum",
             "it carries no document_crc32c, and eyebox {version}, which wrote it by its `version`, has one"
         ));
     }
@@ -219,7 +231,7 @@ pub(super) fn read_any_group(bytes: &[u8]) -> Result<(Hologram, Option<SequenceA
         true if !is_sealed(bytes) => read.colors.iter().filter_map(known).collect(),
         _ => read.display_wavelengths_nm,
     };
-    metadata.check().map_err(|e| format!("attributes.eyebox.settings: {e}"))?;
+    metadata.check().map_err(|e| reason!("settings", "attributes.eyebox.settings: {e}"))?;
     let hologram = Hologram {
         frames: 0,
         height: 0,
@@ -250,10 +262,10 @@ pub(super) fn read_any_group(bytes: &[u8]) -> Result<(Hologram, Option<SequenceA
 
 /// Reads the array's document, which is sealed where the group's is. Without a seal, another program wrote it, and what
 /// has no meaning here may be missing. Says what is wrong.
-pub(super) fn read_array(bytes: &[u8], sealed: bool) -> Result<Array, String> {
+pub(super) fn read_array(bytes: &[u8], sealed: bool) -> Result<Array, Reason> {
     let mut found = read(bytes, sealed)?;
-    let shape: [usize; 4] =
-        Deserialize::deserialize(&found["shape"]).map_err(|e| format!("its shape is not four lengths: {e}"))?;
+    let shape: [usize; 4] = Deserialize::deserialize(&found["shape"])
+        .map_err(|e| reason!("shape", "its shape is not four lengths: {e}"))?;
     let chunk = &found["chunk_grid"]["configuration"]["chunk_shape"];
     // The whole of a single sub-frame is both.
     let whole = *chunk == json!([1, 1, shape[2], shape[3]]);
@@ -276,13 +288,14 @@ pub(super) fn read_array(bytes: &[u8], sealed: bool) -> Result<Array, String> {
 }
 
 /// There is one way to say everything but the attributes and what is `free`, so documents are compared as a whole.
-fn expect_like(found: &Value, expected: &[u8], free: &[&str]) -> Result<(), String> {
+fn expect_like(found: &Value, expected: &[u8], free: &[&str]) -> Result<(), Reason> {
     let expected: Value = serde_json::from_slice(expected).expect("what is written here can be read");
     let mut keys = expected.as_object().expect("an object").iter();
     let differs = |(key, value): &(&String, &Value)| {
         *key != "attributes" && !free.contains(&key.as_str()) && found.get(key.as_str()) != Some(value)
     };
-    keys.find(differs).map_or(Ok(()), |(key, value)| Err(format!("its {key} is {}, not {value}", found[key.as_str()])))
+    keys.find(differs)
+        .map_or(Ok(()), |(key, value)| Err(reason!("array-key", "its {key} is {}, not {value}", found[key.as_str()])))
 }
 
 /// The number in the unit of people that, divided by `per`, gives back exactly `value`; the shortest such.
@@ -312,11 +325,11 @@ pub(super) fn sealed(mut document: Value) -> Vec<u8> {
 }
 
 /// Reads such a document. One from before they were sealed is taken as it is. Says what is wrong.
-pub(super) fn read_sealed(bytes: &[u8]) -> Result<Value, String> {
+pub(super) fn read_sealed(bytes: &[u8]) -> Result<Value, Reason> {
     if seal_place(bytes).is_some() {
         return unseal(bytes);
     }
-    serde_json::from_slice(bytes).map_err(|e| format!("it is no JSON: {e}"))
+    serde_json::from_slice(bytes).map_err(|e| reason!("not-json", "it is no JSON: {e}"))
 }
 
 /// Whether a document carries a checksum.
@@ -325,27 +338,30 @@ pub(super) fn is_sealed(bytes: &[u8]) -> bool {
 }
 
 /// Reads a document that another program may have written, without a seal, unless it must be `sealed`.
-fn read(bytes: &[u8], sealed: bool) -> Result<Value, String> {
+fn read(bytes: &[u8], sealed: bool) -> Result<Value, Reason> {
     if sealed || is_sealed(bytes) {
         return unseal(bytes);
     }
-    let document: Value = serde_json::from_slice(bytes).map_err(|e| format!("it is no JSON: {e}"))?;
+    let document: Value = serde_json::from_slice(bytes).map_err(|e| reason!("not-json", "it is no JSON: {e}"))?;
     match &document["attributes"]["document_crc32c"] {
         Value::Null => Ok(document),
-        _ => Err("its document_crc32c is not written as `\"document_crc32c\": \"` and eight digits".into()),
+        _ => Err(reason!(
+            "checksum-form",
+            "its document_crc32c is not written as `\"document_crc32c\": \"` and eight digits"
+        )),
     }
 }
 
-fn unseal(bytes: &[u8]) -> Result<Value, String> {
-    let at = seal_place(bytes).ok_or("it carries no document_crc32c")?;
+fn unseal(bytes: &[u8]) -> Result<Value, Reason> {
+    let at = seal_place(bytes).ok_or(reason!("no-checksum", "it carries no document_crc32c"))?;
     let mut blank = bytes.to_vec();
     blank[at..at + 8].copy_from_slice(BLANK);
     let sum = format!("{:08x}", crc32c::crc32c(&blank));
     if bytes[at..at + 8] != *sum.as_bytes() {
         let stated = String::from_utf8_lossy(&bytes[at..at + 8]).escape_debug().to_string();
-        return Err(format!("its checksum is {sum}, and it states {stated}"));
+        return Err(reason!("checksum", "its checksum is {sum}, and it states {stated}"));
     }
-    serde_json::from_slice(bytes).map_err(|e| format!("it is no JSON: {e}"))
+    serde_json::from_slice(bytes).map_err(|e| reason!("not-json", "it is no JSON: {e}"))
 }
 
 /// Where the digits stand: after the last mention, for what comes before it may hold anything.
@@ -387,6 +403,6 @@ mod tests {
     fn a_newer_format_is_called_newer() {
         let text =
             String::from_utf8(seal(json!({"attributes": {"eyebox": {"format": 9}, "document_crc32c": "00000000"}})));
-        assert!(read_group(text.unwrap().as_bytes()).unwrap_err().contains("newer"));
+        assert!(read_group(text.unwrap().as_bytes()).unwrap_err().code() == "newer-format");
     }
 }

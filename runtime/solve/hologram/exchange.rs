@@ -8,6 +8,8 @@
 use super::{ColorHologram, Hologram, HologramError, Metadata};
 use crate::files::{FileError, FolderDraft, encode_grey8, holds_only_own, write_listed, write_npy};
 use crate::optics::{Color, Display, Geometry, level_of_phase, wrap_phase};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
@@ -78,7 +80,10 @@ impl Phases {
     ) -> Result<Hologram, HologramError> {
         if self.colors.len() != wavelengths.len() {
             let (has, given) = (self.colors.len(), wavelengths.len());
-            return Err(none(&self.file, format!("it has {has} colours, {given} wavelengths were given")));
+            return Err(none(
+                &self.file,
+                reason!("wavelengths-count", "it has {has} colours, {given} wavelengths were given"),
+            ));
         }
         self.check_axes(None)?;
         let Self { frames, height, width, colors, .. } = self;
@@ -100,7 +105,7 @@ impl Phases {
             scene: String::new(),
             metadata: Metadata { exposure_assumed: true, ..Metadata::default() },
         };
-        hologram.check().map_err(|e| none(&self.file, e.to_string()))?;
+        hologram.check().map_err(|e| none(&self.file, Reason::of(&e)))?;
         Ok(hologram)
     }
 
@@ -122,7 +127,7 @@ impl Phases {
         let (height, width) = if turned { (display.width, display.height) } else { (display.height, display.width) };
         if height != width && (self.height, self.width) == (width, height) {
             let (h, w) = (self.height, self.width);
-            let found = format!("its {h} rows and {w} columns lie across the display '{}'", display.name);
+            let found = reason!("across", "its {h} rows and {w} columns lie across the display '{}'", display.name);
             let decide = format!(
                 "if its axes are exchanged, give numpy.swapaxes(phases, -1, -2); otherwise `size` {h}x{w} takes it as it is"
             );
@@ -135,11 +140,11 @@ impl Phases {
         let wanted = names.into_iter().zip(self.colors).filter(|(name, _)| color.is_none_or(|c| c == *name));
         let colors = wanted.map(of).collect::<Result<Vec<_>, HologramError>>()?;
         if let (Some(color), true) = (color, colors.is_empty()) {
-            return Err(none(&self.file, format!("it has no {color} part")));
+            return Err(none(&self.file, reason!("no-such-color", "it has no {color} part")));
         }
         let mut hologram = Hologram::on(&display, self.frames, colors);
         hologram.metadata.exposure_assumed = true;
-        hologram.check().map_err(|e| none(&self.file, e.to_string()))?;
+        hologram.check().map_err(|e| none(&self.file, Reason::of(&e)))?;
         Ok(hologram)
     }
 
@@ -152,7 +157,7 @@ impl Phases {
         if is_display(*height, *width) || !(is_display(*frames, *height) || few) {
             return Ok(());
         }
-        let found = format!("it would be {frames} sub-frames of {height}x{width} pixels");
+        let found = reason!("sub-frames-last", "it would be {frames} sub-frames of {height}x{width} pixels");
         let n = colors.len();
         let decide = match n {
             1 => "if the last axis counts sub-frames, save numpy.moveaxis(phases, -1, 0)".into(),
@@ -176,8 +181,11 @@ impl Phases {
                 let all = known.iter().map(Color::to_string).collect::<Vec<_>>().join(", ");
                 let (name, f, h, w) = (&display.name, self.frames, self.height, self.width);
                 let found = match has {
-                    1 => format!("it has one colour, {f} sub-frames, and the display '{name}' has {all}"),
-                    _ => format!("it has {has} colours, and the display '{name}' has {all}"),
+                    1 => reason!(
+                        "colors-not-named",
+                        "it has one colour, {f} sub-frames, and the display '{name}' has {all}"
+                    ),
+                    _ => reason!("colors-not-named", "it has {has} colours, and the display '{name}' has {all}"),
                 };
                 let n = known.len();
                 let decide = format!("say which one with `color`, or give ({n}, sub-frame, {h}, {w}) for all of them");
@@ -227,6 +235,6 @@ impl Hologram {
     }
 }
 
-pub(super) fn none(path: &Path, reason: String) -> HologramError {
+pub(super) fn none(path: &Path, reason: Reason) -> HologramError {
     HologramError::NotAHologram { path: path.display().to_string(), reason }
 }

@@ -5,6 +5,8 @@ use super::HologramError;
 use super::chunks::{GROUP, damaged, promise, unreadable};
 use super::document;
 use crate::files::{Folder, zarr_line};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use serde_json::Value;
 use std::io;
 use std::path::Path;
@@ -31,19 +33,24 @@ pub(super) struct Stored {
 }
 
 /// A store that is no hologram of this program: why, and the line that makes one of it.
-fn refused(folder: &Path, why: &str) -> HologramError {
-    let reason = format!("another program wrote it, and {why}; convert it by: {}", zarr_line(folder));
+fn refused(folder: &Path, why: Reason) -> HologramError {
+    let reason =
+        why.reworded(|why| format!("another program wrote it, and {why}; convert it by: {}", zarr_line(folder)));
     HologramError::NotAHologram { path: folder.display().to_string(), reason }
 }
 
 /// Refuses a store of Zarr's version 2, which has no `zarr.json`.
 pub(super) fn check_version(folder: &Folder) -> Result<(), HologramError> {
     let old = [".zgroup", ".zarray", ".zattrs"].iter().any(|name| folder.has(name));
-    if old && !folder.has(GROUP) { Err(refused(folder.path(), "it is in Zarr's version 2")) } else { Ok(()) }
+    if old && !folder.has(GROUP) {
+        Err(refused(folder.path(), reason!("zarr-2", "it is in Zarr's version 2")))
+    } else {
+        Ok(())
+    }
 }
 
 /// What is wrong with a group's document that cannot be read.
-pub(super) fn of_group(folder: &Folder, bytes: &[u8], reason: String) -> HologramError {
+pub(super) fn of_group(folder: &Folder, bytes: &[u8], reason: Reason) -> HologramError {
     let file = folder.path().join(GROUP);
     // A document of this program states its version.
     let others = serde_json::from_slice::<Value>(bytes)
@@ -51,7 +58,7 @@ pub(super) fn of_group(folder: &Folder, bytes: &[u8], reason: String) -> Hologra
     match document::is_sealed(bytes) {
         true if is_rewritten(bytes) => rewritten(folder.path()),
         false if others => {
-            let reason = format!("another program wrote it, and {reason}");
+            let reason = reason.reworded(|text| format!("another program wrote it, and {text}"));
             HologramError::NotAHologram { path: file.display().to_string(), reason }
         }
         _ => damaged(&file, reason),
@@ -68,7 +75,7 @@ fn is_rewritten(bytes: &[u8]) -> bool {
 /// A sealed document that another program wrote anew.
 fn rewritten(folder: &Path) -> HologramError {
     let file = folder.join(GROUP);
-    let found = "another program changed it after eyebox had written it".to_owned();
+    let found = reason!("rewritten", "another program changed it after eyebox had written it");
     let line = "python -c \"import sys, json; d = json.load(open(sys.argv[1])); a = d['attributes']; \
                 a.pop('document_crc32c'); a['eyebox'].pop('version'); json.dump(d, open(sys.argv[1], 'w'))\"";
     let decide = format!("if the change is meant, remove its checksum by: {line} {}", file.display());
@@ -81,51 +88,57 @@ impl Stored {
     /// # Errors
     /// [`HologramError::NotAHologram`] with the line that converts what is not read.
     pub fn of(folder: &Folder, bytes: &[u8]) -> Result<Self, HologramError> {
-        Self::parse(bytes).map_err(|why| refused(folder.path(), &why))
+        Self::parse(bytes).map_err(|why| refused(folder.path(), why))
     }
 
-    fn parse(bytes: &[u8]) -> Result<Self, String> {
+    fn parse(bytes: &[u8]) -> Result<Self, Reason> {
         let found: Value =
-            serde_json::from_slice(bytes).map_err(|e| format!("its phases/zarr.json is no JSON: {e}"))?;
+            serde_json::from_slice(bytes).map_err(|e| reason!("not-json", "its phases/zarr.json is no JSON: {e}"))?;
         let lengths = |value: &Value| -> Option<Vec<usize>> {
             value.as_array()?.iter().map(|n| n.as_u64().and_then(|n| usize::try_from(n).ok())).collect()
         };
         let shape = lengths(&found["shape"]).and_then(|axes| <[usize; 4]>::try_from(axes).ok());
         let shape = shape.ok_or_else(|| {
-            format!("its phases have the shape {}: (color, sub-frame, row, column) are read", found["shape"])
+            reason!(
+                "foreign-shape",
+                "its phases have the shape {}: (color, sub-frame, row, column) are read",
+                found["shape"]
+            )
         })?;
         let chunk = lengths(&found["chunk_grid"]["configuration"]["chunk_shape"]);
         let chunk = chunk.and_then(|axes| <[usize; 4]>::try_from(axes).ok()).filter(|axes| !axes.contains(&0));
-        let chunk = chunk.ok_or("its chunks have no four lengths")?;
+        let chunk = chunk.ok_or(reason!("chunk-lengths", "its chunks have no four lengths"))?;
         let width = match found["data_type"].as_str() {
             Some("float32") => 4,
             Some("float64") => 8,
-            _ => return Err(format!("its phases are {}: float32 radians are read", found["data_type"])),
+            _ => {
+                return Err(reason!("foreign-type", "its phases are {}: float32 radians are read", found["data_type"]));
+            }
         };
         let (mut big, mut summed) = (false, false);
-        for codec in found["codecs"].as_array().ok_or("it lists no codecs")? {
+        for codec in found["codecs"].as_array().ok_or(reason!("no-codecs", "it lists no codecs"))? {
             match codec["name"].as_str() {
                 Some("bytes") => big = codec["configuration"]["endian"] == "big",
                 Some("crc32c") => summed = true,
-                Some("sharding_indexed") => return Err("its chunks are in shards".into()),
+                Some("sharding_indexed") => return Err(reason!("shards", "its chunks are in shards")),
                 Some(name @ ("zstd" | "gzip" | "blosc" | "zlib" | "bz2" | "lz4")) => {
-                    return Err(format!("its phases are compressed ({name})"));
+                    return Err(reason!("compressed", "its phases are compressed ({name})"));
                 }
-                _ => return Err(format!("its phases are coded by {}", codec["name"])),
+                _ => return Err(reason!("codec", "its phases are coded by {}", codec["name"])),
             }
         }
         let encoding = &found["chunk_key_encoding"];
         let default = if encoding["name"] == "v2" { "." } else { "/" };
         let separator = encoding["configuration"]["separator"].as_str().unwrap_or(default).to_owned();
         if encoding["name"] != "default" || !["/", "."].contains(&separator.as_str()) {
-            return Err(format!("its chunks are named by {encoding}"));
+            return Err(reason!("chunk-names", "its chunks are named by {encoding}"));
         }
         let fill = found["fill_value"].as_f64().unwrap_or(0.0) as f32;
         let stored = Self { shape, chunk, width, big, summed, separator, fill };
         let count = stored.grid().iter().try_fold(1u64, |n, &axis| n.checked_mul(axis as u64));
         let bytes = chunk.iter().try_fold(width as u64 + 4, |n, &axis| n.checked_mul(axis as u64));
         if shape.contains(&0) || count.is_none_or(|n| n > MOST_CHUNKS) || bytes.is_none_or(|n| n > LONGEST_CHUNK) {
-            return Err(format!("its shape {shape:?} in chunks of {chunk:?} is not read"));
+            return Err(reason!("chunks", "its shape {shape:?} in chunks of {chunk:?} is not read"));
         }
         Ok(stored)
     }
@@ -166,7 +179,7 @@ impl Stored {
 
     /// The values of a chunk; none for one that is not there, which is `fill` throughout.
     fn chunk(&self, folder: &Folder, name: &str) -> Result<Option<Vec<f32>>, HologramError> {
-        let wrong = |reason: String| {
+        let wrong = |reason: Reason| {
             let file = folder.path().join(name).display().to_string();
             Err(HologramError::Damaged { file, reason })
         };
@@ -178,13 +191,13 @@ impl Stored {
             Err(e) => return Err(unreadable(folder, name, e)),
         };
         if bytes.len() != expected {
-            return wrong(format!("it is {} bytes long, not {expected}", bytes.len()));
+            return wrong(reason!("length", "it is {} bytes long, not {expected}", bytes.len()));
         }
         let (values, sum) = bytes.split_at(count * self.width);
         if let (true, Ok(stated)) = (self.summed, sum.try_into().map(u32::from_le_bytes)) {
             let found = crc32c::crc32c(values);
             if stated != found {
-                return wrong(format!("its checksum is {found:08x}, and it states {stated:08x}"));
+                return wrong(reason!("checksum", "its checksum is {found:08x}, and it states {stated:08x}"));
             }
         }
         let value = |b: &[u8]| -> f32 {

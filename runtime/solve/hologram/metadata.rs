@@ -8,6 +8,7 @@ use crate::optics::{
 };
 use crate::scene::{Near, Order, Photographs};
 use crate::solve::{Settings, Steering};
+use eyebox_base::reason;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
@@ -156,10 +157,11 @@ impl Metadata {
     /// Refuses what no computation can follow.
     pub(super) fn check(&self) -> Result<(), HologramError> {
         if let Some(Err(reason)) = self.mask.as_ref().map(Mask::check) {
-            return Err(HologramError::Inconsistent(format!("its mask: {reason}")));
+            return Err(HologramError::Inconsistent(reason.within("its mask")));
         }
         match self.padded {
-            Some([rows, columns]) if rows.max(columns) > MOST_PADDING => Err(HologramError::Inconsistent(format!(
+            Some([rows, columns]) if rows.max(columns) > MOST_PADDING => Err(HologramError::Inconsistent(reason!(
+                "padding",
                 "its padding is {rows} rows and {columns} columns: at most {MOST_PADDING} each"
             ))),
             _ => Ok(()),

@@ -74,10 +74,13 @@ use crate::{
     optics::{Color, Display, Geometry, Optics, OpticsError, Wavelength, drives_of},
     scene::SceneError,
 };
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use std::borrow::Cow;
 
 /// What can be wrong with a hologram or its file.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error, serde::Serialize)]
+#[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum HologramError {
     /// Reading or writing failed.
@@ -89,7 +92,7 @@ pub enum HologramError {
         /// The file.
         file: String,
         /// What is wrong with it.
-        reason: String,
+        reason: Reason,
     },
     /// There is something, but no hologram.
     #[error("{path}: is no hologram: {reason}")]
@@ -97,15 +100,15 @@ pub enum HologramError {
         /// The place.
         path: String,
         /// What is there, and what would be right.
-        reason: String,
+        reason: Reason,
     },
     /// It can be read in more than one way.
-    #[error("{path}: {found}: {decide}")]
+    #[error("{path}: {reason}: {decide}")]
     Doubtful {
         /// The place.
         path: String,
         /// What was found.
-        found: String,
+        reason: Reason,
         /// What decides.
         decide: String,
     },
@@ -161,14 +164,14 @@ pub enum HologramError {
     },
     /// A hologram that contradicts itself.
     #[error("the hologram cannot be: {0}")]
-    Inconsistent(String),
+    Inconsistent(Reason),
     /// A sequence that stands there and is another one than is to be written.
     #[error("{path}: {reason}")]
     OtherSequence {
         /// The place.
         path: String,
         /// How it differs, and what to do.
-        reason: String,
+        reason: Reason,
     },
     /// Its optics cannot be, or have no such colour or pupil.
     #[error(transparent)]
@@ -425,10 +428,14 @@ impl Hologram {
     /// # Errors
     /// [`HologramError::Inconsistent`].
     pub fn check(&self) -> Result<(), HologramError> {
-        let wrong = |reason: String| Err(HologramError::Inconsistent(reason));
+        let wrong = |reason: Reason| Err(HologramError::Inconsistent(reason));
         let (frames, height, width) = (self.frames, self.height, self.width);
         if self.colors.is_empty() || frames == 0 {
-            return wrong(format!("it has {} colours and {frames} sub-frames: at least one each", self.colors.len()));
+            return wrong(reason!(
+                "empty",
+                "it has {} colours and {frames} sub-frames: at least one each",
+                self.colors.len()
+            ));
         }
         self.metadata.check()?;
         if let Some(joint) = &self.metadata.joint_color {
@@ -437,24 +444,34 @@ impl Hologram {
         }
         for w in &self.display_wavelengths {
             if let Err(e) = Optics::new(height, width, self.pitch, w.wavelength, self.focal_length) {
-                return wrong(format!("its display's {}: {e}", w.color));
+                return wrong(reason!("display", "its display's {}: {e}", w.color));
             }
         }
         let expected = height.checked_mul(width).and_then(|n| n.checked_mul(frames));
         for (i, c) in self.colors.iter().enumerate() {
             let name = color_name(c.color, i);
             if let Err(e) = self.optics(i) {
-                return wrong(format!("{name}: {e}"));
+                return wrong(reason!("optics", "{name}: {e}"));
             }
             if Some(c.phases.len()) != expected {
-                return wrong(format!("{name} has {} phases, not {frames} x {height} x {width}", c.phases.len()));
+                return wrong(reason!(
+                    "phases-count",
+                    "{name} has {} phases, not {frames} x {height} x {width}",
+                    c.phases.len()
+                ));
             }
             if !(c.exposure.is_finite() && c.exposure > 0.0 && c.efficiency.is_finite()) {
-                return wrong(format!("{name} has the exposure {} and the efficiency {}", c.exposure, c.efficiency));
+                return wrong(reason!(
+                    "exposure",
+                    "{name} has the exposure {} and the efficiency {}",
+                    c.exposure,
+                    c.efficiency
+                ));
             }
             if let Some(at) = c.phases.iter().position(|p| !p.is_finite()) {
                 let (f, row, column) = (at / (height * width), at / width % height, at % width);
-                return wrong(format!(
+                return wrong(reason!(
+                    "phase",
                     "{name} has the phase {} at sub-frame {f}, row {row}, column {column}",
                     c.phases[at]
                 ));

@@ -4,6 +4,8 @@ use super::chunks::GROUP;
 use super::{Hologram, HologramError, PhaseSource, PhaseUnit, Phases, Sequence, Tiles, Unfinished, load_phases};
 use crate::files::FileError;
 use crate::optics::{Color, Display, Geometry};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use std::path::{Path, PathBuf};
 
 /// What is said beside a file of phases. Where it is a hologram, `bare` and `unit` say nothing.
@@ -52,7 +54,7 @@ impl Opening {
         if let (Some(color), false) = (self.color, bare) {
             hologram.colors.retain(|c| c.color == Some(color));
             if hologram.colors.is_empty() {
-                return Err(no(path, format!("it has no {color} part")));
+                return Err(no(path, reason!("no-such-color", "it has no {color} part")));
             }
         }
         Ok(hologram)
@@ -70,9 +72,10 @@ impl Opening {
         self.allow(path, source.unfinished())?;
         match (source, self.color) {
             (PhaseSource::Whole(_), Some(_)) => Ok(self.hologram(path)?.into()),
-            (PhaseSource::Tiled(tiles), Some(color)) if tiles.about().named_colors() != [color] => {
-                Err(no(path, "it is stored in tiles, all colours of which are read: leave out `color`".into()))
-            }
+            (PhaseSource::Tiled(tiles), Some(color)) if tiles.about().named_colors() != [color] => Err(no(
+                path,
+                reason!("color-of-tiles", "it is stored in tiles, all colours of which are read: leave out `color`"),
+            )),
             (source, _) => Ok(source),
         }
     }
@@ -94,7 +97,10 @@ impl Opening {
         match self.color {
             Some(color) if sequence.about().named_colors() != [color] => {
                 if !sequence.is_single() {
-                    return Err(no(path, "all colours of a sequence are shown: leave out `color`".into()));
+                    return Err(no(
+                        path,
+                        reason!("color-of-sequence", "all colours of a sequence are shown: leave out `color`"),
+                    ));
                 }
                 Ok(Sequence::single(path, self.hologram(path)?))
             }
@@ -118,28 +124,36 @@ impl Opening {
 
     fn bare_hologram(&self, path: &Path) -> Result<Hologram, HologramError> {
         if self.at.is_some() {
-            return Err(no(path, "bare phases are one hologram, not a sequence: leave out `at`".into()));
+            return Err(no(
+                path,
+                reason!("not-a-sequence", "bare phases are one hologram, not a sequence: leave out `at`"),
+            ));
         }
         // What is not there is no phases that lack something.
         if let Err(e) = std::fs::metadata(path) {
             let is_scene = path.to_string_lossy().starts_with("builtin:");
             if is_scene {
-                return Err(no(path, "it is a scene: a hologram is first solved of it".into()));
+                return Err(no(path, reason!("scene", "it is a scene: a hologram is first solved of it")));
             }
             let with_ending = path.with_added_extension("zarr");
             if with_ending.join(GROUP).exists() {
-                return Err(no(path, format!("nothing is there; {} is one", with_ending.display())));
+                return Err(no(path, reason!("nothing-there", "nothing is there; {} is one", with_ending.display())));
             }
             return Err(FileError::read(path, e).into());
         }
         // A hologram is a folder.
         if path.file_name().is_some_and(|name| name == GROUP) {
             let whole = path.parent().unwrap_or(path).display();
-            return Err(no(path, format!("it is one file of a hologram: give its folder {whole}")));
+            return Err(no(
+                path,
+                reason!("file-of-a-hologram", "it is one file of a hologram: give its folder {whole}"),
+            ));
         }
         // What are no phases lacks more than optics.
         let phases = load_phases(path, self.unit).map_err(|error| match only_hologram_in(path) {
-            Some(inside) => no(path, format!("it is a folder that holds one: {}", inside.display())),
+            Some(inside) => {
+                no(path, reason!("folder-of-a-hologram", "it is a folder that holds one: {}", inside.display()))
+            }
             None => error,
         })?;
         let missing = || HologramError::NoOptics { path: path.display().to_string() };
@@ -168,6 +182,6 @@ fn only_hologram_in(folder: &Path) -> Option<PathBuf> {
     holograms.next().filter(|_| holograms.next().is_none())
 }
 
-fn no(path: &Path, reason: String) -> HologramError {
+fn no(path: &Path, reason: Reason) -> HologramError {
     HologramError::NotAHologram { path: path.display().to_string(), reason }
 }

@@ -11,6 +11,8 @@ use crate::files::{FileError, FileKind, Folder, NpyArray, Pixels, Samples, Wante
 use crate::memory;
 use crate::optics::{Color, phase_of_level};
 use crate::scene::natural;
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::fs;
@@ -36,7 +38,7 @@ const MOST_PIXELS: u64 = 1 << 28;
 /// size; [`HologramError::Doubtful`] for numbers that may well be something else than radians, or than levels.
 pub fn load_phases(path: &Path, unit: Option<PhaseUnit>) -> Result<Phases, HologramError> {
     if unit.is_some_and(|u| !(u.turn() > 0.0 && u.turn().is_finite())) {
-        return Err(none(path, "a turn must have a positive number of levels".into()));
+        return Err(none(path, reason!("phase-unit", "a turn must have a positive number of levels")));
     }
     let unreadable = |e| FileError::read(path, e);
     if fs::metadata(path).map_err(unreadable)?.is_dir() {
@@ -60,7 +62,7 @@ fn of_array(path: &Path, unit: Option<PhaseUnit>) -> Result<Phases, HologramErro
     };
     let wrong = |why: &str| {
         let right = "(row, column), (sub-frame, row, column) or (colour, sub-frame, row, column)";
-        Err(none(path, format!("its shape is {shape:?}{why}, not {right}")))
+        Err(none(path, reason!("shape", "its shape is {shape:?}{why}, not {right}")))
     };
     let count = shape.iter().product();
     if shape.len() == 5 {
@@ -82,7 +84,8 @@ fn of_array(path: &Path, unit: Option<PhaseUnit>) -> Result<Phases, HologramErro
     let values = array.take(count)?;
     if let Some(at) = values.iter().position(|v| !v.is_finite()) {
         let index = index_of(&shape, at);
-        let reason = format!("has {} at index {index:?}: every value must be a finite float32", values[at]);
+        let reason =
+            reason!("not-finite", "has {} at index {index:?}: every value must be a finite float32", values[at]);
         return Err(FileError::content(path, reason).into());
     }
     let unit = match unit {
@@ -125,24 +128,25 @@ pub fn check_radians(phases: &[f32]) -> Result<(), HologramError> {
 }
 
 /// Numbers that are hardly radians.
-pub(super) fn far_outside(values: &[f32]) -> Option<String> {
+pub(super) fn far_outside(values: &[f32]) -> Option<Reason> {
     let [low, high] = ends(values);
     let far = low.abs().max(high.abs()) > MANY_TURNS * TAU as f32;
-    far.then(|| format!("its values go from {low} to {high}, far outside a turn in radians"))
+    far.then(|| reason!("not-radians", "its values go from {low} to {high}, far outside a turn in radians"))
 }
 
 /// Why numbers may not be radians.
-fn doubt(values: &[f32], integers: bool) -> Option<String> {
+fn doubt(values: &[f32], integers: bool) -> Option<Reason> {
     let [low, high] = ends(values);
     let from = format!("from {low} to {high}");
     if integers || (high > low && values.iter().all(|v| v.fract() == 0.0)) {
-        return Some(format!("it holds whole numbers {from}"));
+        return Some(reason!("whole-numbers", "it holds whole numbers {from}"));
     }
     if let Some(found) = far_outside(values) {
         return Some(found);
     }
     let fills = |a: f32, b: f32| low >= a && high <= b && high - low > 0.9 * (b - a) && values.len() >= 64;
-    (fills(0.0, 1.0) || fills(-0.5, 0.5)).then(|| format!("its values go {from}, which looks like turns, not radians"))
+    (fills(0.0, 1.0) || fills(-0.5, 0.5))
+        .then(|| reason!("turns", "its values go {from}, which looks like turns, not radians"))
 }
 
 /// Colors by their name, or by their number: either way in the order of the array.
@@ -178,7 +182,7 @@ fn of_folder(opened: &Folder, unit: Option<PhaseUnit>) -> Result<Phases, Hologra
     names.sort_by_cached_key(|name| natural(name));
     if names.iter().any(|name| name == VIDEO_FRAMES) {
         let reason = "it holds encoded video frames, whose levels are those of an SLM: give the hologram of which they were made";
-        return Err(none(folder, reason.into()));
+        return Err(none(folder, Reason::new("video-frames", reason)));
     }
     let named = names.iter().any(|name| is_lossless(name) && parse_name(name).is_some());
     let found = match (named, names.iter().any(|name| is_lossless(name))) {
@@ -199,13 +203,13 @@ fn refuse(folder: &Path, names: &[String]) -> HologramError {
     let first = names.iter().map(|name| folder.join(name)).find(|path| path.is_file());
     match first.and_then(|first| Some((FileKind::of(&first).ok()?, first))) {
         Some((FileKind::Jpeg, first)) => {
-            let reason = "it is a JPEG picture, which changes levels: save phases as PNG, BMP or TIFF";
+            let reason = reason!("jpeg", "it is a JPEG picture, which changes levels: save phases as PNG, BMP or TIFF");
             FileError::content(&first, reason).into()
         }
         Some((kind, first)) if !matches!(kind, FileKind::Text | FileKind::Unknown | FileKind::Empty) => {
-            none(folder, format!("its first file, {}, is {}: {FORMS}", first.display(), kind.describe()))
+            none(folder, reason!("no-pictures", "its first file, {}, is {}: {FORMS}", first.display(), kind.describe()))
         }
-        _ => none(folder, format!("it holds no pictures: {FORMS}")),
+        _ => none(folder, reason!("no-pictures", "it holds no pictures: {FORMS}")),
     }
 }
 
@@ -215,26 +219,35 @@ fn numbered(folder: &Path, names: &[String]) -> Result<Vec<PathBuf>, HologramErr
     let parts: Vec<_> = names.iter().map(|name| natural(name)).collect();
     let texts = |i: usize| parts[i].iter().map(|(text, _)| text).collect::<Vec<_>>();
     if let Some(other) = (1..names.len()).find(|&i| texts(i) != texts(0)) {
-        let reason = format!(
+        let reason = reason!(
+            "named-differently",
             "{} and {} are named in different ways: name sub-frames by a running number",
-            names[0], names[other]
+            names[0],
+            names[other]
         );
         return Err(none(folder, reason));
     }
     let changing = |k: usize| parts.iter().any(|p| p[k].1 != parts[0][k].1);
     let numbers: Vec<usize> = (0..parts[0].len()).filter(|&k| changing(k)).collect();
     if let [number, _, ..] = numbers[..] {
-        let reason = format!(
+        let reason = reason!(
+            "several-numbers",
             "names such as {} have several numbers that change, from {} on: views of a scene are solved first, and of phases one number \
              counts sub-frames",
-            names[0], parts[0][number].1
+            names[0],
+            parts[0][number].1
         );
         return Err(none(folder, reason));
     }
     if let Some(&k) = numbers.first()
         && let Some(i) = (1..parts.len()).find(|&i| parts[i][k].1 != parts[i - 1][k].1 + 1)
     {
-        let reason = format!("sub-frames are counted one by one, and {} follows {}", names[i], names[i - 1]);
+        let reason = reason!(
+            "missing-sub-frame",
+            "sub-frames are counted one by one, and {} follows {}",
+            names[i],
+            names[i - 1]
+        );
         return Err(none(folder, reason));
     }
     Ok(names.into_iter().map(|name| folder.join(name)).collect())
@@ -246,7 +259,7 @@ fn of_named(folder: &Path, names: &[String], unit: Option<PhaseUnit>) -> Result<
     let pictures = names.iter().filter(|name| is_lossless(name));
     for (name, (key, frame)) in pictures.filter_map(|name| Some((name, parse_name(name)?))) {
         if let Some(other) = found.entry(key).or_default().insert(frame, name) {
-            return Err(none(folder, format!("{other} and {name} are the same sub-frame")));
+            return Err(none(folder, reason!("same-sub-frame", "{other} and {name} are the same sub-frame")));
         }
     }
     let frames = found.values().map(BTreeMap::len).max().unwrap_or(0);
@@ -257,12 +270,19 @@ fn of_named(folder: &Path, names: &[String], unit: Option<PhaseUnit>) -> Result<
         for frame in 0..frames {
             let Some(name) = pictures.get(&frame) else {
                 let color = color.map_or_else(|| number.to_string(), |c| c.to_string());
-                return Err(none(folder, format!("{color}-{frame:02}.png is missing of {frames} sub-frames a colour")));
+                return Err(none(
+                    folder,
+                    reason!("missing-sub-frame", "{color}-{frame:02}.png is missing of {frames} sub-frames a colour"),
+                ));
             };
             let file = folder.join(name);
             let levels = levels(&file, &mut size)?;
             if levels.has_color {
-                return Err(FileError::content(&file, "has colors: its name says that it is of one").into());
+                return Err(FileError::content(
+                    &file,
+                    reason!("colors", "has colors: its name says that it is of one"),
+                )
+                .into());
             }
             phases.extend(levels.channel(0, unit, &file)?);
         }
@@ -279,7 +299,11 @@ fn of_pictures(place: &Path, files: &[PathBuf], unit: Option<PhaseUnit>) -> Resu
     let pictures = files.iter().map(read).collect::<Result<Vec<_>, HologramError>>()?;
     let has_color = pictures.iter().any(|(levels, _)| levels.has_color);
     if let Some((_, file)) = pictures.iter().find(|(levels, _)| has_color && levels.channels < 3) {
-        return Err(FileError::content(file, "is gray, and others have colors: give one kind").into());
+        return Err(FileError::content(
+            file,
+            reason!("gray-and-colors", "is gray, and others have colors: give one kind"),
+        )
+        .into());
     }
     // A picture by itself may be called green-00.png.
     let color = match files {
@@ -309,13 +333,16 @@ struct Levels {
 /// Reads a picture, which must have the `size` of those before it.
 fn levels(file: &Path, size: &mut Option<[usize; 2]>) -> Result<Levels, HologramError> {
     if FileKind::of(file).map_err(|e| FileError::read(file, e))? == FileKind::Jpeg {
-        let reason = "it is a JPEG picture, which changes levels: save phases as PNG, BMP or TIFF";
+        let reason = reason!("jpeg", "it is a JPEG picture, which changes levels: save phases as PNG, BMP or TIFF");
         return Err(FileError::content(file, reason).into());
     }
     let picture = read_pixels(file, Wanted::Phases, MOST_PIXELS)?;
     let [h, w] = *size.get_or_insert([picture.height, picture.width]);
     if [h, w] != [picture.height, picture.width] {
-        return Err(none(file, format!("it is {}x{} pixels, the others {h}x{w}", picture.height, picture.width)));
+        return Err(none(
+            file,
+            reason!("size", "it is {}x{} pixels, the others {h}x{w}", picture.height, picture.width),
+        ));
     }
     let Pixels { channels, .. } = picture;
     let has_alpha = picture.has_alpha();
@@ -325,7 +352,11 @@ fn levels(file: &Path, size: &mut Option<[usize; 2]>) -> Result<Levels, Hologram
         Samples::F32(v) => survey(v, channels, 1.0),
     };
     if has_alpha && !opaque {
-        return Err(FileError::content(file, "has pixels that are not opaque: save phases without transparency").into());
+        return Err(FileError::content(
+            file,
+            reason!("not-opaque", "has pixels that are not opaque: save phases without transparency"),
+        )
+        .into());
     }
     Ok(Levels { channels, has_color: picture.has_color() && !gray, samples: picture.samples })
 }
@@ -347,7 +378,7 @@ impl Levels {
             Samples::F32(v) => {
                 let values: Vec<f32> = step(0).map_while(|i| v.get(i)).copied().collect();
                 if let Some(bad) = values.iter().find(|v| !v.is_finite()) {
-                    let reason = format!("has the value {bad}: every value must be a finite float32");
+                    let reason = reason!("not-finite", "has the value {bad}: every value must be a finite float32");
                     return Err(FileError::content(file, reason).into());
                 }
                 let unit = match (unit, doubt(&values, false)) {
@@ -363,7 +394,7 @@ impl Levels {
         let full = turn as f32 - 1.0;
         let ends = [0.0, full].map(|end| values.contains(&end));
         if ends == [true, true] && values.len() >= 64 && values.iter().all(|v| *v == 0.0 || *v == full) {
-            let found = format!("it holds 0 and {full} alone, as a hologram of two phases does");
+            let found = reason!("two-levels", "it holds 0 and {full} alone, as a hologram of two phases does");
             let decide =
                 format!("say how many levels are a turn with `phase_unit`: {} for 0 and half a turn", 2.0 * full);
             return Err(HologramError::doubtful(file, found, &decide));
@@ -375,7 +406,7 @@ impl Levels {
 }
 
 impl HologramError {
-    pub(super) fn doubtful(path: &Path, found: String, decide: &str) -> Self {
-        Self::Doubtful { path: path.display().to_string(), found, decide: decide.into() }
+    pub(super) fn doubtful(path: &Path, reason: Reason, decide: &str) -> Self {
+        Self::Doubtful { path: path.display().to_string(), reason, decide: decide.into() }
     }
 }

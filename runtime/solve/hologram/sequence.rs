@@ -7,6 +7,8 @@ use super::document::{self, SequenceAttributes};
 use super::newest::NewestHologram;
 use super::{Hologram, HologramError, foreign};
 use crate::files::Folder;
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use std::fmt::Write as _;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -59,7 +61,7 @@ impl Sequence {
 
     fn open_in(folder: &Folder) -> Result<Self, HologramError> {
         let path = folder.path();
-        let no = |reason: &str| HologramError::NotAHologram { path: path.display().to_string(), reason: reason.into() };
+        let no = |reason| HologramError::NotAHologram { path: path.display().to_string(), reason };
         foreign::check_version(folder)?;
         check_is_one(folder)?;
         let file = path.join(GROUP);
@@ -79,7 +81,7 @@ impl Sequence {
                     document::read_array(&read_document(folder, ARRAY)?, true).map_err(|e| damaged(&array, e))?;
                 let document::Array { shape, side, .. } = read;
                 if side.is_some() {
-                    return Err(no("it is stored in tiles, and cannot be streamed: export it first"));
+                    return Err(no(reason!("tiles", "it is stored in tiles, and cannot be streamed: export it first")));
                 }
                 SequenceAttributes { rate: [1, 1], shape, planned: Some(1) }
             }
@@ -88,7 +90,10 @@ impl Sequence {
         (about.frames, about.height, about.width) = (frames, height, width);
         if colors != about.colors.len() || colors == 0 || frames == 0 {
             let (shape, described) = (attributes.shape, about.colors.len());
-            return Err(damaged(&file, format!("its shape is {shape:?}, and it describes {described} colours")));
+            return Err(damaged(
+                &file,
+                reason!("shape", "its shape is {shape:?}, and it describes {described} colours"),
+            ));
         }
         for i in 0..colors {
             let file = file.display().to_string();
@@ -269,7 +274,8 @@ impl Sequence {
     pub fn read_into(&mut self, index: u64, phases: &mut [f32]) -> Result<u64, HologramError> {
         let values = self.values();
         if phases.len() != values {
-            return Err(HologramError::Inconsistent(format!(
+            return Err(HologramError::Inconsistent(reason!(
+                "phases-count",
                 "{values} phases were read into room for {}",
                 phases.len()
             )));
@@ -306,14 +312,14 @@ impl Sequence {
     pub fn load(&mut self, index: u64) -> Result<Hologram, HologramError> {
         if index >= self.count {
             let (path, last) = (self.path.display().to_string(), self.count.saturating_sub(1));
-            let reason = format!("it has no hologram {index}: its last is {last}");
+            let reason = reason!("no-such-hologram", "it has no hologram {index}: its last is {last}");
             return Err(HologramError::NotAHologram { path, reason });
         }
         // As long as it must be, before memory is taken for it.
         if !self.single && !self.is_whole(index) {
             self.with_file(index, |folder, name| {
                 folder.length(name).map_err(|e| unreadable(folder, name, e))?;
-                Err(damaged(&folder.path().join(name), "it is not as long as it must be"))
+                Err(damaged(&folder.path().join(name), reason!("length", "it is not as long as it must be")))
             })?;
         }
         match &self.phases {
@@ -337,7 +343,7 @@ impl Sequence {
         for (c, part) in hologram.colors.iter_mut().zip(phases.chunks_exact(each)) {
             c.phases = part.to_vec();
         }
-        hologram.check().map_err(|e| damaged(&self.path, e.to_string()))?;
+        hologram.check().map_err(|e| damaged(&self.path, Reason::of(&e)))?;
         Ok(hologram)
     }
 
@@ -356,7 +362,9 @@ impl Sequence {
         sequence_chunk(&mut self.name, index);
         match &self.phases {
             Phases::In(folder) => run(folder, &self.name),
-            Phases::Here(_) | Phases::Newest(_) => Err(damaged(&self.path, "it is one hologram, and in memory")),
+            Phases::Here(_) | Phases::Newest(_) => {
+                Err(damaged(&self.path, reason!("in-memory", "it is one hologram, and in memory")))
+            }
         }
     }
 }
@@ -375,14 +383,14 @@ fn read_checked(folder: &Folder, name: &str, values: &mut [f32]) -> Result<(), H
     let mut opened = folder.file(name).map_err(unreadable)?;
     let (length, expected) = (opened.metadata().map_err(unreadable)?.len(), 4 * values.len() as u64 + 4);
     if length != expected {
-        return Err(damaged(format!("it is {length} bytes long, not {expected}")));
+        return Err(damaged(reason!("length", "it is {length} bytes long, not {expected}")));
     }
     let bytes: &mut [u8] = bytemuck::cast_slice_mut(values);
     let mut sum = [0; 4];
     opened.read_exact(bytes).and_then(|()| opened.read_exact(&mut sum)).map_err(unreadable)?;
     let (stated, found) = (u32::from_le_bytes(sum), crc32c::crc32c(bytes));
     if stated != found {
-        return Err(damaged(format!("its checksum is {found:08x}, and it states {stated:08x}")));
+        return Err(damaged(reason!("checksum", "its checksum is {found:08x}, and it states {stated:08x}")));
     }
     if cfg!(target_endian = "big") {
         values.iter_mut().for_each(|v| *v = f32::from_bits(v.to_bits().swap_bytes()));

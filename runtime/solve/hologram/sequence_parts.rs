@@ -9,6 +9,8 @@ use super::sequence::sequence_chunk;
 use super::{Hologram, HologramError, Sequence};
 use crate::files::{Folder, Kind, is_draft};
 use crate::optics::wrap_phase;
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -48,7 +50,8 @@ impl SequenceParts {
         let (rate, shape, planned) = (there.rate(), there.shape(), there.planned());
         if there.is_single() || planned.is_none() {
             let what = "it is a single hologram, or a sequence whose length nobody knows";
-            let reason = format!("{}: {what}: several programs cannot write it", there.path().display());
+            let reason =
+                reason!("several-programs", "{}: {what}: several programs cannot write it", there.path().display());
             return Err(HologramError::Inconsistent(reason));
         }
         let attributes = SequenceAttributes { rate, shape, planned };
@@ -79,7 +82,7 @@ impl SequenceParts {
     /// Those of [`SequenceWriter::append`](super::SequenceWriter::append); [`HologramError::Inconsistent`] for a place that it has not.
     pub fn write(&self, index: u64, hologram: &Hologram) -> Result<(), HologramError> {
         if index >= self.planned() {
-            let reason = format!("it has {} holograms, and no place {index}", self.planned());
+            let reason = reason!("no-such-place", "it has {} holograms, and no place {index}", self.planned());
             return Err(HologramError::Inconsistent(reason));
         }
         self.put(&own_draft(), index, hologram)
@@ -93,7 +96,10 @@ impl SequenceParts {
     pub fn finish(self) -> Result<(), HologramError> {
         let planned = self.planned();
         if let Some(missing) = (0..planned).find(|index| !self.has(*index)) {
-            return Err(HologramError::Inconsistent(format!("hologram {missing} of {planned} is not there yet")));
+            return Err(HologramError::Inconsistent(reason!(
+                "not-there-yet",
+                "hologram {missing} of {planned} is not there yet"
+            )));
         }
         let _lock = lock(&self.folder)?;
         for (name, kind) in self.folder.entries("").map_err(|e| unreadable(&self.folder, "", e))? {
@@ -145,11 +151,15 @@ impl SequenceParts {
         let shape = [hologram.colors.len(), hologram.frames, hologram.height, hologram.width];
         if shape != self.attributes.shape {
             let of = self.attributes.shape;
-            return Err(HologramError::Inconsistent(format!("it is {shape:?}, and the sequence's are {of:?}")));
+            return Err(HologramError::Inconsistent(reason!(
+                "shape",
+                "it is {shape:?}, and the sequence's are {of:?}"
+            )));
         }
         for (c, of) in hologram.colors.iter().zip(&self.about.colors) {
             if (c.color, c.wavelength, c.exposure) != (of.color, of.wavelength, of.exposure) {
-                let reason = format!(
+                let reason = reason!(
+                    "exposure-differs",
                     "a colour at {:.1} nm has the exposure {}, and the sequence has {:.1} nm and {}: one for all",
                     c.wavelength * 1e9,
                     c.exposure,
@@ -170,12 +180,12 @@ pub(super) fn check_same(
     rate: [u32; 2],
     planned: Option<u64>,
 ) -> Result<Hologram, HologramError> {
-    let other = |reason: String| {
-        let reason = format!("{reason}; give it another name, or remove it");
+    let other = |reason: Reason| {
+        let reason = reason.reworded(|text| format!("{text}; give it another name, or remove it"));
         Err(HologramError::OtherSequence { path: there.path().display().to_string(), reason })
     };
     if there.is_single() {
-        return other("a single hologram stands there, not a sequence".into());
+        return other(reason!("single-hologram", "a single hologram stands there, not a sequence"));
     }
     let shape = [like.colors.len(), like.frames, like.height, like.width];
     let attributes = SequenceAttributes { rate, shape, planned };
@@ -197,7 +207,8 @@ pub(super) fn check_same(
         (w.exposure, w.efficiency, w.phases) = (a.exposure, a.efficiency, Vec::new());
     }
     if there.shape() != shape || there.rate() != rate || there.planned() != planned {
-        return other(format!(
+        return other(reason!(
+            "shape-or-rate",
             "a sequence of {:?} at {}/{} a second stands there, not of {shape:?} at {}/{}",
             there.shape(),
             there.rate()[0],
@@ -209,21 +220,21 @@ pub(super) fn check_same(
     let document = |h: &Hologram| document::group_with(h, h.metadata.without_places(), Some(attributes));
     if document(&about) != document(&wanted) {
         let what = difference(&about, &wanted);
-        return other(format!("a sequence made otherwise stands there ({what})"));
+        return other(what.reworded(|what| format!("a sequence made otherwise stands there ({what})")));
     }
     Ok(about)
 }
 
 /// Which part of two descriptions is not the same.
-fn difference(is: &Hologram, wanted: &Hologram) -> String {
+fn difference(is: &Hologram, wanted: &Hologram) -> Reason {
     if is.display != wanted.display {
-        return format!("for the display '{}', not '{}'", is.display, wanted.display);
+        return reason!("other-display", "for the display '{}', not '{}'", is.display, wanted.display);
     }
     if is.scene != wanted.scene {
-        return format!("of {}, not {}", is.scene, wanted.scene);
+        return reason!("other-scene", "of {}, not {}", is.scene, wanted.scene);
     }
     match is.metadata.without_places().difference(&wanted.metadata.without_places()) {
-        Some(key) => format!("its settings differ in '{key}'"),
-        None => "other optics, seed or version".into(),
+        Some(key) => reason!("other-setting", "its settings differ in '{key}'"),
+        None => reason!("made-otherwise", "other optics, seed or version"),
     }
 }

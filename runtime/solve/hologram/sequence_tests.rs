@@ -1,9 +1,11 @@
 //! Sequences through their folder: growing, cut off, damaged, on a full disk.
 
 use super::*;
+use crate::encode::tests::numbers;
 use crate::files::FileError;
 use crate::optics::wrap_phase;
 use crate::solve::SplitMix;
+use eyebox_base::error::ErrorData;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -112,8 +114,7 @@ fn a_sequence_comes_back_and_grows_while_it_is_read() {
     std::fs::write(path.join("progress.lock"), "").unwrap();
     assert!(SequenceWriter::resume(&path, &small(0), RATE, Some(5)).unwrap().is_none());
     assert!(!path.join("progress.lock").exists(), "the lock of the dead is removed");
-    let error = Hologram::load(&path).unwrap_err().to_string();
-    assert!(error.contains("sequence"), "{error}");
+    assert_eq!(ErrorData::of(&Hologram::load(&path).unwrap_err()).code, "not-a-hologram/is-a-sequence");
 }
 
 #[test]
@@ -127,23 +128,26 @@ fn a_single_hologram_is_a_sequence_of_one() {
     let mut phases = vec![0.0; sequence.values()];
     sequence.read_into(0, &mut phases).unwrap();
     assert_eq!(phases, [small(3).colors[0].phases.clone(), small(3).colors[1].phases.clone()].concat());
-    assert!(SequenceWriter::resume(&path, &small(3), RATE, None).unwrap_err().to_string().contains("single"));
+    let error = SequenceWriter::resume(&path, &small(3), RATE, None).unwrap_err();
+    assert_eq!(ErrorData::of(&error).code, "other-sequence/single-hologram");
 }
 
 #[test]
 fn only_the_same_sequence_is_gone_on_with() {
     let (_here, path) = written(2, false);
-    let refused = |change: &dyn Fn(&mut Hologram), what: &str| {
+    let refused = |change: &dyn Fn(&mut Hologram), code: &str, what: &str| {
         let mut like = small(0);
         change(&mut like);
-        let error = SequenceWriter::resume(&path, &like, RATE, Some(5)).unwrap_err().to_string();
-        assert!(error.contains(what) && error.contains(path.to_str().unwrap()), "{error}");
+        let error = SequenceWriter::resume(&path, &like, RATE, Some(5)).unwrap_err();
+        let HologramError::OtherSequence { path: at, reason } = &error else { panic!("{error}") };
+        assert_eq!((&at[..], reason.code()), (path.to_str().unwrap(), code), "{error}");
+        assert!(reason.text().contains(what), "{error}");
     };
-    refused(&|h| h.metadata.seconds = Some(61.0), "seconds");
-    refused(&|h| h.scene = "others".into(), "others");
-    refused(&|h| h.display = "paper".into(), "paper");
-    refused(&|h| h.seed = 8, "seed");
-    refused(&|h| h.height = 4, "[2, 2, 4, 5]");
+    refused(&|h| h.metadata.seconds = Some(61.0), "other-setting", "'seconds'");
+    refused(&|h| h.scene = "others".into(), "other-scene", "others");
+    refused(&|h| h.display = "paper".into(), "other-display", "'paper'");
+    refused(&|h| h.seed = 8, "made-otherwise", "");
+    refused(&|h| h.height = 4, "shape-or-rate", "[2, 2, 4, 5]");
     assert!(SequenceWriter::resume(&path, &small(0), [60, 1], Some(5)).is_err());
     assert!(matches!(
         SequenceWriter::create(&path, &small(0), RATE, None),
@@ -152,7 +156,7 @@ fn only_the_same_sequence_is_gone_on_with() {
     let mut writer = SequenceWriter::resume(&path, &small(0), RATE, Some(5)).unwrap().unwrap();
     let mut other = small(2);
     other.colors[1].exposure = 0.5;
-    assert!(writer.append(&other).unwrap_err().to_string().contains("exposure"));
+    assert_eq!(ErrorData::of(&writer.append(&other).unwrap_err()).code, "inconsistent/exposure-differs");
     other.colors.pop();
     assert!(writer.append(&other).is_err());
     assert_eq!(Sequence::open(&path).unwrap().count(), 2);
@@ -171,7 +175,8 @@ fn cut_off_at_any_byte_it_has_all_that_is_whole_and_says_so() {
             let mut cut = Sequence::open(&path).unwrap();
             let left = cut_in as u64 - 2;
             assert_eq!(cut.count(), left);
-            assert!(cut.notes()[0].contains(&format!("cut off: {left} of its 3")), "{:?}", cut.notes());
+            let told = numbers(&cut.notes()[0]);
+            assert_eq!(told[told.len() - 2..], [&left.to_string()[..], "3"], "{:?}", cut.notes());
             assert!(!cut.is_complete());
             (0..left).for_each(|i| assert_eq!(cut.load(i).unwrap(), small(i)));
         }

@@ -4,6 +4,7 @@ use super::chunks::{ARRAY, GROUP, LOCK, draft_in_place_of, lock, open_folder, un
 use super::document::{self, SequenceAttributes};
 use super::sequence_parts::{DRAFT, SequenceParts, check_same};
 use super::{Hologram, HologramError, Sequence};
+use eyebox_base::reason;
 use std::fs::File;
 use std::path::Path;
 
@@ -27,7 +28,7 @@ impl SequenceWriter {
     pub fn create(path: &Path, like: &Hologram, rate: [u32; 2], planned: Option<u64>) -> Result<Self, HologramError> {
         like.check()?;
         if rate.contains(&0) {
-            return Err(HologramError::Inconsistent(format!("it has the rate {} / {}", rate[0], rate[1])));
+            return Err(HologramError::Inconsistent(reason!("rate", "it has the rate {} / {}", rate[0], rate[1])));
         }
         let mut about = like.clone();
         about.colors.iter_mut().for_each(|c| c.phases = Vec::new());

@@ -3,6 +3,7 @@
 use super::tiles::Tiles;
 use super::{Hologram, HologramError, Sequence};
 use crate::optics::{Obstruction, OpticsError, Prescription};
+use eyebox_base::error::Reason;
 use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
@@ -45,7 +46,7 @@ impl PhaseSource<'_> {
             }
             Self::Tiled(_) if eye.is_some_and(|eye| !eye.is_perfect()) => {
                 let reason = "a hologram in tiles is looked at by a perfect eye only";
-                Err(OpticsError::Prescription { reason: reason.into() }.into())
+                Err(OpticsError::Prescription { reason: Reason::new("eye-of-tiles", reason) }.into())
             }
             tiled @ Self::Tiled(_) => Ok(tiled),
         }

@@ -9,6 +9,8 @@ use super::tiles::Tiles;
 use super::{Hologram, HologramError, document, foreign, save_phases};
 use crate::files::Folder;
 use crate::optics::wrap_phase;
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use std::path::Path;
 
 impl Hologram {
@@ -55,7 +57,7 @@ impl Hologram {
 
     pub(super) fn load_from(folder: &Folder) -> Result<Self, HologramError> {
         let path = folder.path();
-        let no = |reason: &str| HologramError::NotAHologram { path: path.display().to_string(), reason: reason.into() };
+        let no = |reason| HologramError::NotAHologram { path: path.display().to_string(), reason };
         foreign::check_version(folder)?;
         check_is_one(folder)?;
         let group = read_document(folder, GROUP)?;
@@ -63,7 +65,7 @@ impl Hologram {
         let (mut hologram, sequence) =
             document::read_any_group(&group).map_err(|e| foreign::of_group(folder, &group, e))?;
         if sequence.is_some() {
-            return Err(no(document::IS_SEQUENCE));
+            return Err(no(Reason::new("is-a-sequence", document::IS_SEQUENCE)));
         }
         hologram.metadata.read_at(path);
         let file = path.join(ARRAY);
@@ -88,7 +90,10 @@ impl Hologram {
         let [colors, frames, height, width] = shape;
         if colors != hologram.colors.len() || colors == 0 || frames == 0 {
             let described = hologram.colors.len();
-            return Err(damaged(&file, format!("its shape is {shape:?}, and zarr.json describes {described} colours")));
+            return Err(damaged(
+                &file,
+                reason!("shape", "its shape is {shape:?}, and zarr.json describes {described} colours"),
+            ));
         }
         (hologram.frames, hologram.height, hologram.width) = (frames, height, width);
         for i in 0..colors {
@@ -104,11 +109,11 @@ impl Hologram {
         } else {
             hologram.read_chunks(folder, summed)?;
         }
-        hologram.check().map_err(|e| if sealed { damaged(path, e.to_string()) } else { no(&e.to_string()) })?;
+        hologram.check().map_err(|e| if sealed { damaged(path, Reason::of(&e)) } else { no(Reason::of(&e)) })?;
         if !sealed {
             for c in &mut hologram.colors {
                 if let Some(found) = far_outside(&c.phases) {
-                    return Err(no(&format!("{found}: its phases must be radians")));
+                    return Err(no(reason!("no-radians", "{found}: its phases must be radians")));
                 }
                 c.phases.iter_mut().for_each(|p| *p = wrap_phase(*p));
             }

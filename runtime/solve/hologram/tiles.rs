@@ -22,6 +22,8 @@ use super::{Hologram, HologramError, Metadata, document};
 use crate::files::{Folder, Kind};
 use crate::optics::{Geometry, wrap_phase};
 use crate::plan::ModelTables;
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -112,7 +114,7 @@ impl Tiles {
         let draft = draft(path)?;
         let shape = [about.colors.len(), about.frames, about.height, about.width];
         for i in 0..about.colors.len() {
-            about.optics(i).map_err(|e| HologramError::Inconsistent(e.to_string()))?;
+            about.optics(i).map_err(|e| HologramError::Inconsistent(Reason::of(&e)))?;
         }
         draft.write(GROUP, |out| out.write_all(&document::group_at(path, about, None)))?;
         draft.write(ARRAY, |out| out.write_all(&document::array(shape, Some(side))))?;
@@ -160,17 +162,20 @@ impl Tiles {
         let file = path.join(ARRAY);
         let array = document::read_array(&read_document(folder, ARRAY)?, true).map_err(|e| damaged(&file, e))?;
         let (shape, Some(side)) = (array.shape, array.side) else {
-            let (path, reason) = (path.display().to_string(), "it is not stored in tiles".to_owned());
+            let (path, reason) = (path.display().to_string(), reason!("not-tiles", "it is not stored in tiles"));
             return Err(HologramError::NotAHologram { path, reason });
         };
         let [colors, frames, height, width] = shape;
         if colors != about.colors.len() || colors == 0 || frames == 0 {
-            return Err(damaged(&file, format!("its shape is {shape:?}, not that of zarr.json")));
+            return Err(damaged(&file, reason!("shape", "its shape is {shape:?}, not that of zarr.json")));
         }
         if about.geometry != Geometry::FarField {
             return Err(damaged(
                 &file,
-                "its shape is that of tiles, which hold far fields, and zarr.json is a relay's",
+                reason!(
+                    "tiles-of-a-relay",
+                    "its shape is that of tiles, which hold far fields, and zarr.json is a relay's"
+                ),
             ));
         }
         (about.frames, about.height, about.width) = (frames, height, width);
@@ -182,7 +187,7 @@ impl Tiles {
         }
         let made = if folder.has(PROGRESS) {
             let made = document::read_sealed(&read_document(folder, PROGRESS)?);
-            let made = made.and_then(|value| Made::deserialize(value).map_err(|e| e.to_string()));
+            let made = made.and_then(|value| Made::deserialize(value).map_err(|e| Reason::new("progress", e)));
             Some(made.map_err(|e| damaged(&path.join(PROGRESS), e))?)
         } else {
             None
@@ -204,9 +209,10 @@ impl Tiles {
     fn locked(&self) -> Result<(), HologramError> {
         match self.lock {
             Some(_) => Ok(()),
-            None => {
-                Err(HologramError::Inconsistent("it was opened to be looked at: resume it to go on with it".into()))
-            }
+            None => Err(HologramError::Inconsistent(reason!(
+                "not-resumed",
+                "it was opened to be looked at: resume it to go on with it"
+            ))),
         }
     }
 
@@ -308,9 +314,10 @@ impl Tiles {
     /// If a rectangle is none of whole tiles, or its phases are not as many: the caller's mistake.
     pub fn copy(&self, path: &Path, metadata: &Metadata, patches: &[Patch]) -> Result<(), HologramError> {
         if self.made.is_some() {
-            return Err(HologramError::Inconsistent(
-                "it is still being solved: it is copied when it is finished".into(),
-            ));
+            return Err(HologramError::Inconsistent(reason!(
+                "unfinished",
+                "it is still being solved: it is copied when it is finished"
+            )));
         }
         let about = Hologram { metadata: metadata.clone(), ..self.about.clone() };
         let draft = draft(path)?;

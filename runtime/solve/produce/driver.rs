@@ -13,6 +13,7 @@ use crate::optics::Color;
 use crate::quality::Subject;
 use crate::scene::{LightField, SceneError};
 use crate::solve::{Flow, Levels, ScenePlan, Settings, Solution, Stop};
+use eyebox_base::reason;
 use std::path::Path;
 
 /// What came of a job.
@@ -78,7 +79,7 @@ pub fn solve_scene(
     engine: &mut dyn Engine,
     observe: &mut dyn FnMut(&SceneEvent) -> Flow,
 ) -> Result<SceneSolution, ProduceError> {
-    let needs = |what: &str| ProduceError::Job(format!("{what} is solved into its file: say where"));
+    let needs = |what: &str| ProduceError::Job(reason!("no-file", "{what} is solved into its file: say where"));
     job.check_usual()?;
     if job.scenes.len() > 1 || job.tiles.is_some() {
         job.check_one_by_one()?;
@@ -87,12 +88,13 @@ pub fn solve_scene(
     if let Some(brightness) = job.settings.joint.map(|joint| joint.brightness).filter(|b| *b > job.colors.len() as f64)
     {
         let most = job.colors.len();
-        return Err(ProduceError::Job(format!(
+        return Err(ProduceError::Job(reason!(
+            "brightness",
             "the brightness of joint colours is {brightness}: it must be 1 to {most}, the number of colours"
         )));
     }
     match (job.scenes.len(), &job.tiles) {
-        (0, _) => Err(ProduceError::Job("there is no scene to solve".into())),
+        (0, _) => Err(ProduceError::Job(reason!("no-scene", "there is no scene to solve"))),
         (1, Some(tiles)) => {
             let out = out.ok_or_else(|| needs("a far field in tiles"))?;
             Ok(SceneSolution::Tiles(Box::new(tiles::solve(job, tiles, out, engine, observe)?)))
@@ -104,7 +106,10 @@ pub fn solve_scene(
             }
             Ok(SceneSolution::Hologram(Box::new(solved)))
         }
-        (_, Some(_)) => Err(ProduceError::Job("a sequence is not solved in tiles: leave out one or the other".into())),
+        (_, Some(_)) => Err(ProduceError::Job(reason!(
+            "sequence-in-tiles",
+            "a sequence is not solved in tiles: leave out one or the other"
+        ))),
         (_, None) => {
             let out = out.ok_or_else(|| needs("a sequence"))?;
             Ok(SceneSolution::Sequence(sequence::solve(job, out, engine, observe)?))
@@ -149,7 +154,8 @@ pub fn solve_light_field(
     let (size, wanted) = ((field.height, field.width), job.display.picture_size());
     if size != wanted {
         let ((h, w), (rows, columns)) = (size, wanted);
-        return Err(ProduceError::Job(format!(
+        return Err(ProduceError::Job(reason!(
+            "light-field-size",
             "the light field has {h} x {w} pixels: the display shows {rows} x {columns}"
         )));
     }

@@ -9,9 +9,11 @@ use crate::reconstruction::ReconstructionError;
 use crate::scene::SceneError;
 use crate::solve::SolveError;
 use crate::tiled::TiledError;
+use eyebox_base::error::Reason;
 
 /// Why a job failed.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error, serde::Serialize)]
+#[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum ProduceError {
     /// The display, a colour that it does not have, or a pupil outside of its eyebox.
@@ -48,7 +50,7 @@ pub enum ProduceError {
     },
     /// A job that contradicts itself.
     #[error("{0}")]
-    Job(String),
+    Job(Reason),
 }
 
 impl From<ReconstructionError> for ProduceError {

@@ -6,6 +6,7 @@ use crate::optics::{Color, Display, check_usual_diameters};
 use crate::scene::{self, LightField, Near, Order, Photographs, Request};
 use crate::solve::{Full, PlanRequest, Progress, PupilRange, ScenePlan, Settings, Solution};
 use crate::tiled::{self, RegionSize};
+use eyebox_base::error::Reason;
 use std::path::{Path, PathBuf};
 
 /// Scenes that are to become a hologram, or a sequence of holograms.
@@ -215,7 +216,7 @@ impl<'a> SceneJob<'a> {
         }
         let reason =
             "all colours at once is for one scene that is solved whole: leave out the other scenes and the tiles";
-        Err(ProduceError::Job(reason.into()))
+        Err(ProduceError::Job(Reason::new("joint-of-many", reason)))
     }
 
     /// What is loaded of its scenes; the map is that of one of them.

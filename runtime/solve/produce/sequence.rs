@@ -9,6 +9,8 @@ use crate::hologram::{
 use crate::optics::{Color, Display, Padding};
 use crate::scene::LightField;
 use crate::solve::{Flow, Levels, Problem, Progress, Settings, Solution, Warm, solve_from};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -117,7 +119,7 @@ impl SequencePieces {
         observe: &mut dyn FnMut(&SceneEvent) -> Flow,
     ) -> Result<Option<bool>, ProduceError> {
         if index >= job.scenes.len() || (index > 0 && !self.out.exists()) {
-            let reason = format!("piece {index} of {}: pieces but 0 are solved after it", job.scenes.len());
+            let reason = reason!("piece", "piece {index} of {}: pieces but 0 are solved after it", job.scenes.len());
             return Err(ProduceError::Job(reason));
         }
         if !self.out.exists() {
@@ -154,7 +156,8 @@ fn check_scene(job: &SceneJob, out: &Path, about: &Hologram, index: usize) -> Re
     if (&known.file, &known.depth_map) == (&now.file, &now.depth_map) {
         return Ok(());
     }
-    let reason = format!(
+    let reason = reason!(
+        "scene-changed",
         "its scene {index}, {}, is not what it was when the sequence was begun: give it another name, or remove it",
         job.scenes[index]
     );
@@ -167,7 +170,7 @@ fn check_pieces(job: &SceneJob) -> Result<(), ProduceError> {
     if job.sequence.start != Start::Cold || job.scenes.is_empty() {
         let reason =
             "pieces are of a sequence of one scene or more whose holograms begin cold, none where another ended";
-        return Err(ProduceError::Job(reason.into()));
+        return Err(ProduceError::Job(Reason::new("pieces-begin-cold", reason)));
     }
     Ok(())
 }
@@ -336,15 +339,18 @@ mod tests {
         let mut solve = |who: &SequencePieces, job: &SceneJob, index| {
             who.solve(job, index, engine.as_mut(), &mut |_| Flow::Continue)
         };
-        assert!(solve(&one, &job, 1).unwrap_err().to_string().contains("piece 1 of 3"));
+        let early = solve(&one, &job, 1).unwrap_err();
+        assert!(matches!(&early, ProduceError::Job(reason) if reason.code() == "piece"), "{early}");
         assert_eq!(solve(&one, &job, 0).unwrap(), Some(true));
         assert_eq!(solve(&other, &job, 2).unwrap(), Some(true));
         assert_eq!(solve(&one, &job, 2).unwrap(), Some(false), "it is there");
         assert!(solve(&one, &job, 3).is_err());
         // Who reads it sees the holograms up to the first that is missing; who says it is whole is told which.
         assert_eq!(Sequence::open(&out).unwrap().count(), 1);
-        let early = SequenceParts::open(&out).unwrap().finish().unwrap_err().to_string();
-        assert!(early.contains("hologram 1 of 3"), "{early}");
+        let HologramError::Inconsistent(early) = SequenceParts::open(&out).unwrap().finish().unwrap_err() else {
+            panic!("another error")
+        };
+        assert!(early.code() == "not-there-yet" && early.text().contains("1 of 3"), "{early}");
         // Somebody died while he wrote.
         std::fs::write(out.join(".eyebox-00112233aabbccdd.part"), "half").unwrap();
         let asked = one.solve(&job, 1, engine::open(Choice::Cpu).unwrap().as_mut(), &mut |_| Flow::Stop).unwrap();

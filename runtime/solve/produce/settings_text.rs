@@ -5,6 +5,8 @@ use crate::engine::Engine;
 use crate::files::overlay;
 use crate::quality::Quality;
 use crate::solve::{FirstPhases, PaddingRule, Settings};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
@@ -20,7 +22,7 @@ impl SceneJob<'_> {
     /// # Errors
     /// [`ProduceError::Job`] with the key that is not known or has no such value.
     pub fn take_settings(&mut self, text: &str, engine: &dyn Engine) -> Result<(), ProduceError> {
-        let wrong = |reason| ProduceError::Job(format!("the settings: {reason}"));
+        let wrong = |reason: Reason| ProduceError::Job(reason.within("the settings"));
         // All keys are there: those that files leave out where they are as by default, too.
         let shown = Settings {
             repeats: 2,
@@ -36,11 +38,11 @@ impl SceneJob<'_> {
             Some(quality) => base = base.with_quality_of(&Settings::of(quality)),
             None => base.storage = engine.preferred_storage().for_levels(self.display.levels as usize),
         }
-        let mut whole = serde_json::to_value(base).map_err(|e| wrong(e.to_string()))?;
+        let mut whole = serde_json::to_value(base).map_err(|e| wrong(e.to_string().into()))?;
         for (key, value) in given.iter().filter(|(key, _)| !BESIDE.contains(&&key[..])) {
             whole[key] = value.clone();
         }
-        self.settings = Settings::deserialize(whole).map_err(|e| wrong(e.to_string()))?;
+        self.settings = Settings::deserialize(whole).map_err(|e| wrong(e.to_string().into()))?;
         self.settings.check()?;
         // These two are the job's own, and come before those of the settings.
         self.depth = given.contains_key("depth").then_some(self.settings.depth);
@@ -51,8 +53,8 @@ impl SceneJob<'_> {
     }
 }
 
-fn value<T: DeserializeOwned>(given: &Map<String, Value>, key: &str) -> Result<Option<T>, String> {
-    given.get(key).map(|v| T::deserialize(v).map_err(|e| format!("{key}: {e}"))).transpose()
+fn value<T: DeserializeOwned>(given: &Map<String, Value>, key: &str) -> Result<Option<T>, Reason> {
+    given.get(key).map(|v| T::deserialize(v).map_err(|e| reason!("value", "{key}: {e}"))).transpose()
 }
 
 #[cfg(test)]
@@ -61,6 +63,7 @@ mod tests {
     use crate::engine::cpu::CpuEngine;
     use crate::optics::Display;
     use crate::solve::Optimizer;
+    use eyebox_base::error::ErrorData;
 
     #[test]
     fn what_is_said_lies_over_what_is_by_default() {
@@ -76,17 +79,18 @@ mod tests {
         assert_eq!((fast.settings.steps, fast.settings.pupils, fast.depth), (40, 3, None));
         assert_eq!(fast.settings.optimizer, Optimizer::momentum());
         assert_eq!(take("first_phases = \"random\"").unwrap().settings.first_phases, FirstPhases::Random);
-        for (text, says) in [
-            ("stpes = 3", "stpes: no such setting: there are frames"),
-            ("steps = \"many\"", "steps: invalid type"),
-            ("depth = [1, 2, 3]", "depth"),
-            ("psnr = nan", "psnr: every number must be finite"),
-            ("quality = \"good\"", "quality: unknown variant"),
-            ("frames = 0", "the number of sub-frames is 0"),
-            ("steps = ", "line 1"),
+        for (text, code, names) in [
+            ("stpes = 3", "job/no-such-setting", "stpes"),
+            ("steps = \"many\"", "job/value", "steps"),
+            ("depth = [1, 2, 3]", "job/value", "depth"),
+            ("psnr = nan", "job/not-finite", "psnr"),
+            ("quality = \"good\"", "job/value", "quality"),
+            ("frames = 0", "solve/setting", "0"),
+            ("steps = ", "job/toml", "1"),
         ] {
-            let error = take(text).unwrap_err().to_string();
-            assert!(error.contains(says), "{text}: {error}");
+            let error = take(text).unwrap_err();
+            assert_eq!(ErrorData::of(&error).code, code, "{text}: {error}");
+            assert!(error.to_string().contains(names), "{text}: {error}");
         }
     }
 }

@@ -7,6 +7,7 @@ use crate::engine::Engine;
 use crate::hologram::{TileVersion, Tiles};
 use crate::optics::Color;
 use crate::tiled::{self, Job, Waits};
+use eyebox_base::reason;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -39,7 +40,7 @@ impl TilePieces {
         job.check_usual()?;
         job.check_one_by_one()?;
         if job.scenes.len() != 1 {
-            return Err(ProduceError::Job("a far field in tiles has one scene".into()));
+            return Err(ProduceError::Job(reason!("far-field-one-scene", "a far field in tiles has one scene")));
         }
         let prepared = Prepared::new(job, request)?;
         let mut work = prepared.work(job, request, engine);
@@ -138,14 +139,22 @@ impl TilePieces {
     /// [`ProduceError::Job`] where some are missing; those of its file.
     pub fn finish(out: &Path) -> Result<(), ProduceError> {
         if !Tiles::open(out)?.is_whole() {
-            return Err(ProduceError::Job(format!("{}: not every region has been solved", out.display())));
+            return Err(ProduceError::Job(reason!(
+                "regions-not-solved",
+                "{}: not every region has been solved",
+                out.display()
+            )));
         }
         Ok(Tiles::resume(out)?.finish()?)
     }
 
     fn place(&self, visit: usize) -> Result<(usize, usize), ProduceError> {
         if visit >= self.visits() {
-            return Err(ProduceError::Job(format!("there is no visit {visit}: there are {}", self.visits())));
+            return Err(ProduceError::Job(reason!(
+                "no-such-visit",
+                "there is no visit {visit}: there are {}",
+                self.visits()
+            )));
         }
         Ok((visit / self.prepared.plan.visits, visit % self.prepared.plan.visits))
     }
@@ -155,7 +164,7 @@ impl TilePieces {
             return Ok(begun);
         }
         if !super::tiles::is_under_way(&self.out, &self.work)? {
-            return Err(ProduceError::Job(format!("{}: the far field was not begun", self.out.display())));
+            return Err(ProduceError::Job(reason!("not-begun", "{}: the far field was not begun", self.out.display())));
         }
         let tiles = Tiles::open(&self.out)?;
         let about = tiles.about();
@@ -207,14 +216,15 @@ mod tests {
 
             let out = here.path().join("pieces.zarr");
             let who = [0, 1].map(|_| TilePieces::new(&job, &request, &out, &engine).unwrap());
-            assert!(who[0].visit(0, &mut engine).is_err_and(|e| e.to_string().contains("not begun")));
+            let is = |error: ProduceError, code: &str| matches!(error, ProduceError::Job(r) if r.code() == code);
+            assert!(who[0].visit(0, &mut engine).is_err_and(|e| is(e, "not-begun")));
             who[0].begin(&job, &request, &mut engine).unwrap();
             who[1].begin(&job, &request, &mut engine).unwrap();
             let visits = who[0].visits();
             assert!(who[0].longest_chain().unwrap() < visits, "regions side by side");
             // One machine does not go on with it, and does not change it.
             let other = solve_scene(&job, Some(&out), &mut engine, &mut |_| Flow::Continue);
-            assert!(other.is_err_and(|e| e.to_string().contains("another job")));
+            assert!(other.is_err_and(|e| is(e, "another-job")));
             let mut taken = Vec::new();
             while taken.len() < visits {
                 let may = |v: &usize| who[0].after(*v).unwrap().iter().all(|before| who[0].is_done(*before).unwrap());

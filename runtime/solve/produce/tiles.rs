@@ -12,6 +12,8 @@ use crate::reconstruction::{HologramScores, SceneSource};
 use crate::scene::{self, Photographs, Request};
 use crate::solve::{Flow, Settings};
 use crate::tiled::{self, Job, MemoryLimit, RegionSize, Schedule, TiledError};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -171,17 +173,21 @@ fn plan(
 ) -> Result<(TilesPlan, Schedule), ProduceError> {
     let display = job.display;
     if display.geometry != Geometry::FarField {
-        return Err(ProduceError::Job(
-            "tiles are for far-field displays: in a relay every pupil sees all of the SLM".into(),
-        ));
+        return Err(ProduceError::Job(reason!(
+            "tiles-in-a-relay",
+            "tiles are for far-field displays: in a relay every pupil sees all of the SLM"
+        )));
     }
     if !display.picture.is_empty() {
         let reason =
             "a display's [picture] is not for holograms that are solved in tiles: take it out of the display file";
-        return Err(ProduceError::Job(reason.into()));
+        return Err(ProduceError::Job(Reason::new("tiles-with-picture", reason)));
     }
     if display.prescription.as_ref().is_some_and(|eye| !eye.is_perfect()) {
-        return Err(ProduceError::Job("a prescription is not for holograms that are solved in tiles".into()));
+        return Err(ProduceError::Job(reason!(
+            "tiles-with-prescription",
+            "a prescription is not for holograms that are solved in tiles"
+        )));
     }
     let (optics, side) = (display.optics(job.colors[0])?, tile_side(display));
     let largest = display.eyebox_min() / 2.0;
@@ -200,7 +206,8 @@ fn plan(
     let settings = Settings { diameter, depth: views[0].depths(job.depth)?, ..job.settings.clone() };
     settings.check()?;
     if !(1..=STEPS).contains(&settings.steps) {
-        return Err(ProduceError::Job(format!(
+        return Err(ProduceError::Job(reason!(
+            "steps-of-a-visit",
             "`steps` {}: a visit to a region takes 1 to {STEPS}, for it is done whole or not at all; take more `passes`",
             settings.steps
         )));
@@ -260,7 +267,8 @@ pub(super) fn is_under_way(path: &Path, work: &Value) -> Result<bool, ProduceErr
     match Tiles::open(path)?.made() {
         None => Ok(false),
         Some(made) if made.job == *work || is_older(&made.job, work) => Ok(true),
-        Some(_) => Err(ProduceError::Job(format!(
+        Some(_) => Err(ProduceError::Job(reason!(
+            "another-job",
             "{}: another job is under way there: repeat its command to go on, or remove it",
             path.display()
         ))),

@@ -20,6 +20,7 @@ use crate::hologram::HologramError;
 use crate::optics::OpticsError;
 use crate::reconstruction::ReconstructionError;
 use crate::solve::SolveError;
+use eyebox_base::error::Reason;
 use serde::{Deserialize, Serialize};
 
 /// How much time quality may take.
@@ -46,7 +47,8 @@ impl Quality {
 }
 
 /// Why settings could not be tried, or methods not compared.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error, serde::Serialize)]
+#[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum QualityError {
     /// The display, or a colour that it does not have.
@@ -76,7 +78,7 @@ pub enum QualityError {
         /// The file, or the setting.
         what: String,
         /// What is wrong with it, and what would be right.
-        reason: String,
+        reason: Reason,
     },
 }
 

@@ -6,6 +6,7 @@ use crate::evaluate::{EvaluateError, JodMetric, Judged, Plane, Rgb, lost_picture
 use crate::files::{FileError, write_png};
 use crate::hologram::PhaseSource;
 use crate::optics::{Color, Pupil, Viewing};
+use eyebox_base::reason;
 use std::ops::Range;
 use std::path::Path;
 
@@ -69,7 +70,8 @@ fn fovea([x, y]: [f64; 2], pixels_per_degree: f64, size: [usize; 2]) -> Result<[
     if found.iter().any(|range| range.len() < LEAST) {
         let [right, below] = [x, y].map(f64::to_degrees);
         let [tall, wide] = size.map(|pixels| pixels as f64 / pixels_per_degree);
-        let reason = format!(
+        let reason = reason!(
+            "gaze-at-the-edge",
             "where the eye looks, {right:.1} degrees right of the middle and {below:.1} below it, there is too little of a picture \
              {wide:.1} degrees wide and {tall:.1} tall: {LEAST} pixels are needed each way"
         );

@@ -5,6 +5,7 @@ use crate::engine::Engine;
 use crate::evaluate::{Ceiling, EvaluateError, Plane, Summary, Sums, ssim};
 use crate::hologram::{Hologram, HologramError, PhaseSource};
 use crate::optics::Pupil;
+use eyebox_base::reason;
 
 /// Pupils whose pictures are in memory at once.
 const AT_ONCE: usize = 64;
@@ -78,7 +79,7 @@ impl PhaseSource<'_> {
     ) -> Result<HologramScores, ReconstructionError> {
         let (has, given) = (self.about().colors.len(), scene.colors());
         if has != given {
-            let reason = format!("it has {has} colours, and the scene {given}");
+            let reason = reason!("colors-count", "it has {has} colours, and the scene {given}");
             return Err(HologramError::Inconsistent(reason).into());
         }
         let optics = (0..has).map(|color| self.about().optics(color)).collect::<Result<Vec<_>, _>>()?;

@@ -87,9 +87,11 @@ mod tests {
         };
         let record = |source| SceneRecord::of_source(source, None).unwrap();
         hologram.check_shows(&record("builtin:plane"), &field(16)).unwrap();
-        let refused = |source, side| hologram.check_shows(&record(source), &field(side)).unwrap_err().to_string();
-        assert!(refused("builtin:plane", 20).contains("20 x 24 pixels, and 16 x 24 are seen"));
-        assert!(refused("builtin:point", 16).contains("another scene"));
+        let refused = |source, side| hologram.check_shows(&record(source), &field(side)).unwrap_err();
+        let size = refused("builtin:plane", 20);
+        assert!(matches!(size, HologramError::OtherSize { given: (20, 24), shows: (16, 24) }), "{size}");
+        let other = refused("builtin:point", 16);
+        assert!(matches!(&other, HologramError::OtherScene { given, .. } if given == "builtin:point"), "{other}");
 
         let pupil = Pupil { x: 1e-3, y: 0.0, diameter: 4e-3, depth: 0.0 };
         assert_eq!(hologram.check_pupil(pupil), Ok(pupil));

@@ -3,9 +3,11 @@
 use crate::engine::EngineError;
 use crate::optics::OpticsError;
 use crate::scene::SceneError;
+use eyebox_base::error::Reason;
 
 /// Why a solve failed.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error, serde::Serialize)]
+#[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum SolveError {
     /// A setting that cannot be.
@@ -20,7 +22,7 @@ pub enum SolveError {
     },
     /// Settings as text that cannot be read.
     #[error("the settings: {0}")]
-    Text(String),
+    Text(Reason),
     /// A scene that does not tell what is needed of it.
     #[error(transparent)]
     Scene(#[from] SceneError),

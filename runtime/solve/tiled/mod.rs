@@ -28,7 +28,8 @@ use crate::scene::SceneError;
 use crate::solve::SolveError;
 
 /// Why a large hologram could not be solved or looked at.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error, serde::Serialize)]
+#[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum TiledError {
     /// The optics.

@@ -2,8 +2,10 @@
 
 use super::GazeError;
 use crate::trackers::Unit;
+use eyebox_base::error::Reason;
 use eyebox_base::files;
 use eyebox_base::files::read;
+use eyebox_base::reason;
 use eyebox_optics::linear;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -218,8 +220,8 @@ impl Calibration {
     /// # Errors
     /// [`GazeError::File`], naming file, line and key.
     pub fn load(file: &Path) -> Result<Self, GazeError> {
-        let wrong = |reason: String| GazeError::File { file: file.display().to_string(), reason };
-        let text = read::text(file, read::TEXT).map_err(|e| wrong(e.to_string()))?;
+        let wrong = |reason: Reason| GazeError::File { file: file.display().to_string(), reason };
+        let text = read::text(file, read::TEXT).map_err(|e| wrong(e.to_string().into()))?;
         Self::from_toml(&text).map_err(wrong)
     }
 
@@ -230,20 +232,20 @@ impl Calibration {
     pub fn save(&self, file: &Path) -> Result<(), GazeError> {
         let text = self.to_toml();
         files::write_file(file, |out| out.write_all(text.as_bytes()))
-            .map_err(|e| GazeError::File { file: file.display().to_string(), reason: e.to_string() })
+            .map_err(|e| GazeError::File { file: file.display().to_string(), reason: e.to_string().into() })
     }
 
     /// Reads the text of such a file.
     ///
     /// # Errors
     /// What is wrong, with its line or key.
-    pub fn from_toml(text: &str) -> Result<Self, String> {
+    pub fn from_toml(text: &str) -> Result<Self, Reason> {
         let file: File = eyebox_base::files::read::toml(text)?;
-        let fit = |name: &str, text: Option<FitText>| -> Result<Option<Fit>, String> {
+        let fit = |name: &str, text: Option<FitText>| -> Result<Option<Fit>, Reason> {
             let Some(text) = text else { return Ok(None) };
             let numbers = text.x_mm.iter().chain(&text.y_mm).chain([&text.residual_mm]);
             if !numbers.clone().all(|v| v.is_finite()) || text.residual_mm < 0.0 {
-                return Err(format!("{name}: every number must be finite, the residual not negative"));
+                return Err(reason!("not-finite", "{name}: every number must be finite, the residual not negative"));
             }
             let scale = text.unit.scale();
             let row = |r: [f64; 3]| [r[0] * 1e-3 / scale, r[1] * 1e-3 / scale, r[2] * 1e-3];
@@ -259,7 +261,7 @@ impl Calibration {
         let (left, right) = (fit("left", file.left)?, fit("right", file.right)?);
         let combined = fit("combined", file.combined)?;
         if left.is_none() && right.is_none() && combined.is_none() {
-            return Err("no map: give [left], [right] or [combined]".into());
+            return Err(reason!("no-map", "no map: give [left], [right] or [combined]"));
         }
         Ok(Self { user: file.user, tracker: file.tracker, left, right, combined })
     }

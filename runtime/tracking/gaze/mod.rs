@@ -33,8 +33,11 @@ pub use estimator::{Estimator, EyeVelocity};
 pub use settings::{Eye, Eyepiece, Settings};
 pub use stages::{Phase, Stages};
 
+use eyebox_base::error::Reason;
+
 /// What can be wrong with a calibration or a setting.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error, serde::Serialize)]
+#[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum GazeError {
     /// Too few fixations, or all on a line.
@@ -56,9 +59,9 @@ pub enum GazeError {
         /// The file.
         file: String,
         /// What is wrong, where, and what would be right.
-        reason: String,
+        reason: Reason,
     },
     /// A setting is out of its range.
     #[error("{0}")]
-    Setting(String),
+    Setting(Reason),
 }

@@ -1,6 +1,7 @@
 //! What the way from sample to pupil is set to.
 
 use super::GazeError;
+use eyebox_base::reason;
 use serde::Serialize;
 
 /// Whose pupil.
@@ -124,7 +125,7 @@ impl Settings {
             ("saccades", self.saccades),
         ];
         let wrong = |name: &str, value: f64, rule: &str| {
-            Err(GazeError::Setting(format!("gaze: {name} is {value}: it must be {rule}")))
+            Err(GazeError::Setting(reason!("gaze-setting", "gaze: {name} is {value}: it must be {rule}")))
         };
         for (name, value) in positive {
             if !(value.is_finite() && value > 0.0) {

@@ -4,6 +4,7 @@ use super::calibration_tests::{off, targets};
 use super::*;
 use crate::trackers::simulated::{self, Doing, SimulatedSource, Truth};
 use crate::trackers::{Event, Quantity, Reading, Sample, Source, Unit};
+use eyebox_base::error::ErrorData;
 use eyebox_optics::PupilDistribution;
 use proptest::prelude::*;
 use std::time::Duration;
@@ -384,9 +385,10 @@ fn a_calibration_is_stored_and_used() {
     assert_eq!(placer.place(&s, 1e-4), Err(place::Refusal::NoMap), "made for another unit");
 
     std::fs::write(&file, std::fs::read_to_string(&file).unwrap().replace("x_mm", "x_cm")).unwrap();
-    let error = Calibration::load(&file).unwrap_err().to_string();
-    assert!(error.contains("ada.toml: line ") && error.contains("x_cm"), "{error}");
-    assert!(Calibration::from_toml("user = \"x\"\n").unwrap_err().contains("no map"));
+    let error = Calibration::load(&file).unwrap_err();
+    assert_eq!(ErrorData::of(&error).code, "file/toml");
+    assert!(error.to_string().contains("ada.toml") && error.to_string().contains("x_cm"), "{error}");
+    assert_eq!(Calibration::from_toml("user = \"x\"\n").unwrap_err().code(), "no-map");
 }
 
 #[test]

@@ -1,24 +1,29 @@
 //! What can be wrong with a tracker.
 
 use super::hid::HidError;
+use eyebox_base::error::Reason;
 use std::path::Path;
 
 /// A source that cannot be opened or has failed for good.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error, serde::Serialize)]
+#[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum TrackerError {
     /// No source has such a name.
     #[error(
-        "'{0}' is no tracker: use hid, FILE.hid, FILE.jsonl, pupil://HOST[:PORT], udp://[HOST]:PORT, mouse or simulated[:SEED]"
+        "'{name}' is no tracker: use hid, FILE.hid, FILE.jsonl, pupil://HOST[:PORT], udp://[HOST]:PORT, mouse or simulated[:SEED]"
     )]
-    Spec(String),
+    Spec {
+        /// What was asked for.
+        name: String,
+    },
     /// A file cannot be used.
     #[error("{file}: {reason}")]
     File {
         /// The file.
         file: String,
         /// What is wrong, where, and what would be right.
-        reason: String,
+        reason: Reason,
     },
     /// A HID device or its descriptor.
     #[error(transparent)]
@@ -29,7 +34,7 @@ pub enum TrackerError {
         /// The address.
         address: String,
         /// What is wrong.
-        reason: String,
+        reason: Reason,
     },
     /// Times of a recording without a unit, of which no tracker's rate or several are plausible.
     #[error(
@@ -53,12 +58,12 @@ pub enum TrackerError {
     },
     /// A setting of a source.
     #[error("{0}")]
-    Setting(String),
+    Setting(Reason),
 }
 
 impl TrackerError {
     /// `file` cannot be used.
-    pub fn file(file: &Path, reason: impl Into<String>) -> Self {
+    pub fn file(file: &Path, reason: impl Into<Reason>) -> Self {
         Self::File { file: file.display().to_string(), reason: reason.into() }
     }
 }

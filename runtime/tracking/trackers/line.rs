@@ -17,6 +17,8 @@
 
 use super::time_unit::TimeUnit;
 use super::{Quantity, Reading, Sample, Unit};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use serde::{Deserialize, Deserializer, Serialize};
 
 mod replay;
@@ -229,9 +231,9 @@ fn vergence(left: Option<Reading>, right: Option<Reading>, apart_mm: f64) -> Opt
 ///
 /// # Errors
 /// The reason, if it is no sample.
-pub fn parse(line: &[u8]) -> Result<Line, String> {
+pub fn parse(line: &[u8]) -> Result<Line, Reason> {
     if line.len() > LONGEST_LINE {
-        return Err(format!("{} bytes: a line has {LONGEST_LINE} at most", line.len()));
+        return Err(reason!("line-length", "{} bytes: a line has {LONGEST_LINE} at most", line.len()));
     }
     match read(line) {
         // Python, C and others write numbers that JSON does not have.
@@ -240,9 +242,9 @@ pub fn parse(line: &[u8]) -> Result<Line, String> {
     }
 }
 
-fn read(line: &[u8]) -> Result<Line, String> {
+fn read(line: &[u8]) -> Result<Line, Reason> {
     if !line.trim_ascii_start().starts_with(b"{") {
-        return Err(format!("not a JSON object: {EXAMPLE}"));
+        return Err(reason!("not-json", "not a JSON object: {EXAMPLE}"));
     }
     let text: SampleText = serde_json::from_slice(line).map_err(|e| e.to_string())?;
     let mut texts = [text.left, text.right, text.combined];
@@ -252,10 +254,18 @@ fn read(line: &[u8]) -> Result<Line, String> {
     }
     let readings = texts.map(|r| r.map(ReadingText::reading));
     if readings.iter().all(Option::is_none) {
-        return Err("no position: expected x and y, at the top or under left, right or combined".into());
+        return Err(reason!(
+            "no-position",
+            "no position: expected x and y, at the top or under left, right or combined"
+        ));
     }
     if let Some(apart) = text.ipd_mm.filter(|apart| !BETWEEN_EYES.contains(apart)) {
-        return Err(format!("ipd_mm is {apart}: eyes are {} to {} mm apart", BETWEEN_EYES.start(), BETWEEN_EYES.end()));
+        return Err(reason!(
+            "ipd",
+            "ipd_mm is {apart}: eyes are {} to {} mm apart",
+            BETWEEN_EYES.start(),
+            BETWEEN_EYES.end()
+        ));
     }
     let focus = text.focus_d.or_else(|| vergence(readings[0], readings[1], text.ipd_mm?));
     let focus_dioptres = focus.filter(|focus| FOCUS.contains(focus));
@@ -365,8 +375,8 @@ mod tests {
                 assert_eq!(of(eye), [0, 1, 2].map(|i| i == slot), "{eye}");
             }
         }
-        assert!(parse(br#"{"eye": "third", "x": 1, "y": 0}"#).unwrap_err().contains("left"));
-        assert!(parse(b"timestamp,x,y").unwrap_err().contains("JSON object"));
+        assert!(parse(br#"{"eye": "third", "x": 1, "y": 0}"#).unwrap_err().text().contains("left"));
+        assert_eq!(parse(b"timestamp,x,y").unwrap_err().code(), "not-json");
         for bad in ["", "{}", "[]", "null", "{\"x\": \"1\"}", "{\"x\": 1", "{\"t\": 1}", "{\"left\": 3}", "\u{1}"] {
             assert!(parse(bad.as_bytes()).is_err(), "{bad}");
         }
@@ -392,7 +402,7 @@ mod tests {
         assert!((found - 2.0).abs() < 1e-9, "{found}");
         assert_eq!(focus(&eyes(0.132, 0.068, "")), None, "not asked for");
         assert_eq!(focus(&eyes(0.132, 0.068, r#", "ipd_mm": 64, "focus_d": 0.5"#)), Some(0.5), "what is said wins");
-        assert!(parse(eyes(0.1, 0.1, r#", "ipd_mm": 0.064"#).as_bytes()).unwrap_err().contains("40 to 85 mm"));
+        assert!(parse(eyes(0.1, 0.1, r#", "ipd_mm": 0.064"#).as_bytes()).unwrap_err().code() == "ipd");
     }
 
     #[test]

@@ -9,6 +9,7 @@ use super::recording::{Recording, RecordingSource};
 use super::simulated::{Settings, SimulatedSource};
 use super::udp::UdpSource;
 use super::{Source, TrackerError};
+use eyebox_base::reason;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -49,7 +50,7 @@ impl std::str::FromStr for Spec {
     type Err = TrackerError;
 
     fn from_str(text: &str) -> Result<Self, TrackerError> {
-        let wrong = || TrackerError::Spec(text.into());
+        let wrong = || TrackerError::Spec { name: text.into() };
         let address = |rest: &str, default: Option<u16>| -> Option<(String, u16)> {
             let rest = rest.strip_suffix('/').unwrap_or(rest);
             // [::1]:50020 is an address of IPv6, whose colons are its own.
@@ -134,12 +135,18 @@ pub fn open(spec: &Spec, options: &Options) -> Result<Box<dyn Source>, TrackerEr
         Spec::Pupil { host, port } => Box::new(PupilCoreSource::new(host, *port, latency_ns)),
         #[cfg(not(feature = "trackers"))]
         Spec::Pupil { .. } => {
-            return Err(TrackerError::Setting(
-                "pupil:// needs a program that was built with the feature `trackers`".into(),
-            ));
+            return Err(TrackerError::Setting(reason!(
+                "no-trackers-feature",
+                "pupil:// needs a program that was built with the feature `trackers`"
+            )));
         }
         Spec::Udp { host, port } => Box::new(UdpSource::bind(host, *port, latency_ns)?),
-        Spec::Mouse => return Err(TrackerError::Setting("the mouse is a tracker in a window only".into())),
+        Spec::Mouse => {
+            return Err(TrackerError::Setting(reason!(
+                "mouse-without-window",
+                "the mouse is a tracker in a window only"
+            )));
+        }
         Spec::Simulated(seed) => {
             let settings = Settings { rate_hz: options.rate_hz, seed: *seed, ..Settings::default() };
             Box::new(SimulatedSource::new(settings, options.real_time)?)

@@ -15,6 +15,8 @@ pub use super::source::Head;
 use super::source::{About, Dropped, Event, Source};
 use super::time_unit::timeline;
 use super::{TrackerError, now_ns};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use std::io::{self, BufRead, Read, Write};
 use std::path::Path;
 use std::time::Duration;
@@ -61,7 +63,7 @@ impl Recording {
     ///
     /// # Errors
     /// What is wrong, with its line.
-    pub fn read(text: impl BufRead) -> Result<Self, String> {
+    pub fn read(text: impl BufRead) -> Result<Self, Reason> {
         let mut text = text.take(LONGEST);
         let mut recording = Self::default();
         let mut device = 0;
@@ -73,7 +75,7 @@ impl Recording {
                 break;
             }
             if got as u64 == LONGEST_LINE {
-                return Err(format!("line {number}: longer than {LONGEST_LINE} bytes: no recording"));
+                return Err(reason!("line-length", "line {number}: longer than {LONGEST_LINE} bytes: no recording"));
             }
             let whole = line.ends_with(b"\n");
             let line = String::from_utf8_lossy(&line);
@@ -83,31 +85,34 @@ impl Recording {
                 Err(_) if !whole && !recording.reports.is_empty() => {
                     recording.notes.push(format!("the recording is cut off in line {number}, which is left out"));
                 }
-                Err(reason) => return Err(format!("line {number}: {reason}")),
+                Err(reason) => return Err(reason.within(format!("line {number}"))),
             }
         }
         if text.limit() == 0 {
-            return Err(format!("longer than {} MiB", LONGEST >> 20));
+            return Err(reason!("recording-length", "longer than {} MiB", LONGEST >> 20));
         }
         if recording.devices.iter().all(|d| d.descriptor.is_empty()) {
-            return Err("no report descriptor (a line that starts with 'R:'): no recording of hid-recorder".into());
+            return Err(reason!(
+                "no-descriptor",
+                "no report descriptor (a line that starts with 'R:'): no recording of hid-recorder"
+            ));
         }
         Ok(recording)
     }
 
-    fn line(&mut self, line: &str, device: &mut usize) -> Result<(), String> {
+    fn line(&mut self, line: &str, device: &mut usize) -> Result<(), Reason> {
         let wrong = "expected a letter and a colon, as in 'R: 2 05 12'";
         let Some((tag, rest)) = line.split_once(':').filter(|(tag, _)| tag.len() == 1 && !line.starts_with('#')) else {
             // People write between the lines; before the first device it is another kind of file.
             let remark = line.is_empty() || line.starts_with('#') || !self.devices.is_empty();
-            return if remark { Ok(()) } else { Err(wrong.into()) };
+            return if remark { Ok(()) } else { Err(Reason::new("not-a-recording", wrong)) };
         };
         let rest = rest.trim();
         match tag {
             "D" => {
-                *device = rest.parse().map_err(|_| "D: expected the index of a device")?;
+                *device = rest.parse().map_err(|_| reason!("device-index", "D: expected the index of a device"))?;
                 if *device >= MOST_DEVICES {
-                    return Err(format!("D: device {device}: {MOST_DEVICES} at most"));
+                    return Err(reason!("devices-count", "D: device {device}: {MOST_DEVICES} at most"));
                 }
             }
             "R" => self.device(*device).descriptor = bytes(rest)?,
@@ -118,13 +123,15 @@ impl Recording {
                 let mut word = || u16::from_str_radix(words.next()?, 16).ok();
                 let id = [word(), word(), word()];
                 let [Some(bus), Some(vendor), Some(product)] = id else {
-                    return Err("I: expected bus, vendor and product in hexadecimal".into());
+                    return Err(reason!("device-id", "I: expected bus, vendor and product in hexadecimal"));
                 };
                 self.device(*device).id = [bus, vendor, product];
             }
             "E" => {
-                let (time, rest) = rest.split_once(char::is_whitespace).ok_or("E: expected a time and bytes")?;
-                let time_us = microseconds(time).ok_or("E: expected a time such as 0.001000")?;
+                let (time, rest) =
+                    rest.split_once(char::is_whitespace).ok_or(reason!("report", "E: expected a time and bytes"))?;
+                let time_us =
+                    microseconds(time).ok_or(reason!("report-time", "E: expected a time such as 0.001000"))?;
                 let report = bytes(rest.trim())?;
                 self.reports.push(Recorded { time_us, device: *device, report });
             }
@@ -143,13 +150,18 @@ impl Recording {
 }
 
 /// `LENGTH BYTE BYTE ...`, the length in decimal, bytes in hexadecimal.
-fn bytes(text: &str) -> Result<Vec<u8>, String> {
+fn bytes(text: &str) -> Result<Vec<u8>, Reason> {
     let mut words = text.split_whitespace();
-    let length: usize = words.next().and_then(|w| w.parse().ok()).ok_or("expected a number of bytes")?;
+    let length: usize =
+        words.next().and_then(|w| w.parse().ok()).ok_or(reason!("report-length", "expected a number of bytes"))?;
     let byte = |w: &str| u8::from_str_radix(w, 16).ok().filter(|_| w.len() == 2);
     let bytes: Option<Vec<u8>> = words.map(byte).collect();
-    let bytes = bytes.ok_or("expected bytes of two hexadecimal digits")?;
-    if bytes.len() == length { Ok(bytes) } else { Err(format!("{} bytes where {length} are announced", bytes.len())) }
+    let bytes = bytes.ok_or(reason!("report-digits", "expected bytes of two hexadecimal digits"))?;
+    if bytes.len() == length {
+        Ok(bytes)
+    } else {
+        Err(reason!("report-length", "{} bytes where {length} are announced", bytes.len()))
+    }
 }
 
 /// Exact, as a float would not be.
@@ -328,23 +340,23 @@ mod tests {
     #[test]
     fn mistakes_name_their_line() {
         for (text, what) in [
-            ("R: 2 05\n", "line 1: 1 bytes where 2"),
-            ("R: 1 05\nE: x 1 00\n", "line 2: E: expected a time"),
-            ("R: 1 05\nE: 0.1 1 zz\n", "line 2"),
-            ("R: 1 05\nE: 0.1 1 5\n", "two hexadecimal digits"),
-            ("R: 1 05\nE: 0.1 2 00", "line 2"),
-            ("R: 1 05\nD: 99999999999\n", "line 2"),
-            ("R: 1 05\nD: 999\n", "256 at most"),
-            ("R: 1 05\nI: 3 x 1\n", "hexadecimal"),
-            ("hello\n", "line 1"),
-            ("https://x\n", "line 1"),
-            ("N: name\n", "no report descriptor"),
-            ("", "no report descriptor"),
+            ("R: 2 05\n", "report-length"),
+            ("R: 1 05\nE: x 1 00\n", "report-time"),
+            ("R: 1 05\nE: 0.1 1 zz\n", "report-digits"),
+            ("R: 1 05\nE: 0.1 1 5\n", "report-digits"),
+            ("R: 1 05\nE: 0.1 2 00", "report-length"),
+            ("R: 1 05\nD: 99999999999\n", "devices-count"),
+            ("R: 1 05\nD: 999\n", "devices-count"),
+            ("R: 1 05\nI: 3 x 1\n", "device-id"),
+            ("hello\n", "not-a-recording"),
+            ("https://x\n", "not-a-recording"),
+            ("N: name\n", "no-descriptor"),
+            ("", "no-descriptor"),
         ] {
             let error = Recording::read(text.as_bytes()).unwrap_err();
-            assert!(error.contains(what), "{text}: {error}");
+            assert_eq!(error.code(), what, "{error}");
         }
         let long = [vec![b'x'; 300 << 10], b"\n".to_vec()].concat();
-        assert!(Recording::read(&long[..]).unwrap_err().contains("longer"));
+        assert_eq!(Recording::read(&long[..]).unwrap_err().code(), "line-length");
     }
 }

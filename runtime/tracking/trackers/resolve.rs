@@ -1,5 +1,6 @@
 //! Addresses of names, within a time: the system's resolver has none that a program can set.
 
+use eyebox_base::reason;
 use std::io::{self, ErrorKind};
 use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 use std::sync::mpsc::channel;
@@ -23,8 +24,11 @@ fn within<T: Send + 'static>(
     let (tell, told) = channel();
     std::thread::Builder::new().name("eyebox resolves".into()).spawn(move || drop(tell.send(find())))?;
     told.recv_timeout(timeout).unwrap_or_else(|_| {
-        let reason =
-            format!("its name was not resolved within {} s: give its address in numbers", timeout.as_secs_f64());
+        let reason = reason!(
+            "name-not-resolved",
+            "its name was not resolved within {} s: give its address in numbers",
+            timeout.as_secs_f64()
+        );
         Err(io::Error::new(ErrorKind::TimedOut, reason))
     })
 }

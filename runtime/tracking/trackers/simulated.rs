@@ -6,6 +6,7 @@
 //! led astray while the lid moves. One seed, one eye.
 
 use super::{About, Event, Quantity, Reading, Sample, Source, TrackerError, Unit, now_ns};
+use eyebox_base::reason;
 use fastrand::Rng;
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
@@ -310,7 +311,7 @@ impl SimulatedSource {
     /// # Errors
     /// [`TrackerError::Setting`].
     pub fn starting(settings: Settings, real_time: bool, start_ns: u64) -> Result<Self, TrackerError> {
-        let wrong = |text: &str| Err(TrackerError::Setting(format!("the simulated eye: {text}")));
+        let wrong = |text: &str| Err(TrackerError::Setting(reason!("simulated", "the simulated eye: {text}")));
         if !(1.0..=20_000.0).contains(&settings.rate_hz) {
             return wrong("the rate must be 1 to 20000 Hz");
         }

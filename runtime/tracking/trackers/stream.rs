@@ -7,6 +7,7 @@ use super::guard::Guard;
 use super::recording::Head;
 use super::{About, Dropped, Event, Sample, Source, TrackerError};
 use eyebox_base::mailbox::Mailbox;
+use eyebox_base::reason;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -68,7 +69,7 @@ impl Stream {
         let thread = std::thread::Builder::new()
             .name("tracker".into())
             .spawn(move || run(source, &arrive, &tell, &theirs))
-            .map_err(|e| TrackerError::Setting(format!("no thread for the tracker: {e}")))?;
+            .map_err(|e| TrackerError::Setting(reason!("thread", "no thread for the tracker: {e}")))?;
         Ok(Self { samples, notes, shared, thread: Some(thread) })
     }
 

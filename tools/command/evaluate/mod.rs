@@ -13,6 +13,7 @@ use eyebox::low_level::engine::Engine;
 use eyebox::low_level::evaluate::Group;
 use eyebox::low_level::files::OwnFolder;
 use eyebox::low_level::optics::{Color, Display, Geometry};
+use eyebox::low_level::reason;
 use eyebox::low_level::scene;
 use eyebox::low_level::solve::{Method, Settings};
 use eyebox_lab::comparison::{Comparison, Given, JUDGED, MaskKind, Published, Results, candidates};
@@ -146,12 +147,12 @@ fn print_table(results: &Results) {
 /// What the arguments ask for; nothing is computed or written yet.
 fn job(args: &Evaluate) -> Result<Comparison, Failure> {
     if args.frames.is_empty() || args.frames.iter().any(|f| !(1..=4096).contains(f)) {
-        return Err(Failure::Asked("--frames: the numbers of sub-frames must be 1 to 4096".into()));
+        return Err(Failure::Arguments(reason!("frames", "--frames: the numbers of sub-frames must be 1 to 4096")));
     }
     let defaults = Settings::default();
     let (steps, pupils) = (args.steps.unwrap_or(defaults.steps), args.pupils.unwrap_or(defaults.pupils));
     if !(1..=1_000_000).contains(&steps) {
-        return Err(Failure::Asked(format!("--steps {steps}: it must be 1 to 1000000")));
+        return Err(Failure::Arguments(reason!("steps", "--steps {steps}: it must be 1 to 1000000")));
     }
     let mut methods = match &args.methods {
         Some(names) => methods(names)?,
@@ -183,7 +184,7 @@ fn job(args: &Evaluate) -> Result<Comparison, Failure> {
     frames.sort_unstable();
     frames.dedup();
     if let Some((_, scene)) = args.scenes.iter().enumerate().find(|(i, s)| args.scenes[..*i].contains(s)) {
-        return Err(Failure::Asked(format!("{scene}: this scene is given twice")));
+        return Err(Failure::Arguments(reason!("scene-twice", "{scene}: this scene is given twice")));
     }
     if args.display.size.is_none() {
         same_size(&args.scenes)?;
@@ -228,7 +229,7 @@ fn compares_light(args: &Evaluate) -> bool {
 fn masks(args: &Evaluate, display: &Display) -> Result<Vec<MaskKind>, Failure> {
     let mut masks = args.etendue.clone().unwrap_or_default();
     for kind in &masks {
-        kind.before(display).map_err(|why| Failure::Asked(format!("--etendue, {kind}: {why}")))?;
+        kind.before(display).map_err(|why| Failure::Arguments(reason!("etendue", "--etendue, {kind}: {why}")))?;
     }
     masks.sort_unstable();
     masks.dedup();
@@ -238,7 +239,11 @@ fn masks(args: &Evaluate, display: &Display) -> Result<Vec<MaskKind>, Failure> {
 /// Whether the display's switchable sources are measured: it has to have some.
 fn sources(args: &Evaluate, display: &Display) -> Result<bool, Failure> {
     if args.sources && display.sources.is_empty() {
-        return Err(Failure::Asked(format!("--sources: the display {} has no [[sources]]", display.name)));
+        return Err(Failure::Arguments(reason!(
+            "no-sources",
+            "--sources: the display {} has no [[sources]]",
+            display.name
+        )));
     }
     Ok(args.sources)
 }
@@ -248,10 +253,16 @@ fn joint(args: &Evaluate, colors: &[Color], frames: &[usize]) -> Result<Vec<f64>
     let times = args.joint_color.clone().unwrap_or_default();
     let most = colors.len() as f64;
     if let Some(wrong) = times.iter().find(|times| !(1.0..=most).contains(*times)) {
-        return Err(Failure::Asked(format!("--joint-color {wrong}: it must be 1 to {most}, the number of colours")));
+        return Err(Failure::Arguments(reason!(
+            "joint-color",
+            "--joint-color {wrong}: it must be 1 to {most}, the number of colours"
+        )));
     }
     if !times.is_empty() && frames.iter().all(|f| *f < colors.len()) {
-        return Err(Failure::Asked(format!("--joint-color: --frames must have {most} or more, one for each colour")));
+        return Err(Failure::Arguments(reason!(
+            "joint-color-frames",
+            "--joint-color: --frames must have {most} or more, one for each colour"
+        )));
     }
     Ok(times)
 }
@@ -261,10 +272,16 @@ fn coherence(args: &Evaluate, display: &Display) -> Result<Vec<f64>, Failure> {
     let mut sizes = args.coherence.clone().unwrap_or_default();
     let most = display.eyebox_min() * 0.5e3;
     if let Some(wrong) = sizes.iter().find(|mm| !(0.0..=most).contains(*mm)) {
-        return Err(Failure::Asked(format!("--coherence {wrong}: it must be 0 to {most:.1} mm, half of the eyebox")));
+        return Err(Failure::Arguments(reason!(
+            "coherence",
+            "--coherence {wrong}: it must be 0 to {most:.1} mm, half of the eyebox"
+        )));
     }
     if !sizes.is_empty() && display.geometry == Geometry::FarField {
-        return Err(Failure::Asked("--coherence: a source is for an SLM behind a relay".into()));
+        return Err(Failure::Arguments(reason!(
+            "coherence-far-field",
+            "--coherence: a source is for an SLM behind a relay"
+        )));
     }
     sizes.sort_by(f64::total_cmp);
     sizes.dedup();
@@ -276,8 +293,9 @@ fn methods(names: &[String]) -> Result<Vec<Method>, Failure> {
     let mut methods = Vec::new();
     for name in names {
         let known = || Method::ALL.map(Method::name).join(", ");
-        let method = Method::by_name(name.trim())
-            .ok_or_else(|| Failure::Asked(format!("no method is called '{name}': there are {}", known())))?;
+        let method = Method::by_name(name.trim()).ok_or_else(|| {
+            Failure::Arguments(reason!("no-such-method", "no method is called '{name}': there are {}", known()))
+        })?;
         if !methods.contains(&method) {
             methods.push(method);
         }
@@ -304,9 +322,13 @@ fn same_size(sources: &[String]) -> Result<(), Failure> {
         let Some(size) = scene::native_size(source)? else { continue };
         match first {
             Some((other, before)) if before != size => {
-                return Err(Failure::Asked(format!(
+                return Err(Failure::Arguments(reason!(
+                    "sizes",
                     "{source}: {} x {} pixels, but {other} has {} x {}: say with --size what all are fitted to",
-                    size[0], size[1], before[0], before[1]
+                    size[0],
+                    size[1],
+                    before[0],
+                    before[1]
                 )));
             }
             _ => first = first.or(Some((source, size))),

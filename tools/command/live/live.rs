@@ -15,6 +15,7 @@ use eyebox::low_level::encode;
 use eyebox::low_level::gaze::Eyepiece;
 use eyebox::low_level::gpu::{Gpu, Options as VulkanOptions};
 use eyebox::low_level::optics::{Color, depth_in_words, depths_in_words, dioptres};
+use eyebox::low_level::reason;
 use eyebox::low_level::session::{
     self, Cost, Histogram, LitSources, LiveStatistics, Repeat, Session, SinkFile, SourceSwitch, Stage as Part,
     Statistics, Status, Supply, Tracking,
@@ -172,9 +173,10 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: Showing<'_>, stage: S
     );
     let companion = match gpu.clone().filter(|_| args.view) {
         Some(_) if steered.field.is_some() => {
-            return Err(Failure::Asked(
-                "--view shows what is seen of whole holograms: a far field in tiles has none".into(),
-            ));
+            return Err(Failure::Arguments(reason!(
+                "view-of-tiles",
+                "--view shows what is seen of whole holograms: a far field in tiles has none"
+            )));
         }
         Some(gpu) => Some(Viewing::new(&steered, engines.opener(), mouse)?.opener(gpu)),
         None => None,
@@ -226,7 +228,8 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: Showing<'_>, stage: S
 
 /// Tells whoever drives a display's sources which of them light each set, by their numbers from 1.
 fn switch(file: &Path, colors: &[Color]) -> Result<SourceSwitch, Failure> {
-    let failed = |e: std::io::Error| Failure::Asked(format!("--sources-out {}: {e}", file.display()));
+    let failed =
+        |e: std::io::Error| Failure::Arguments(reason!("sources-out", "--sources-out {}: {e}", file.display()));
     let mut out = File::options().write(true).create(true).truncate(true).open(file).map_err(failed)?;
     let (colors, name) = (colors.to_vec(), file.display().to_string());
     let mut told = false;

@@ -13,6 +13,7 @@ use eyebox::low_level::evaluate::Sums;
 use eyebox::low_level::gpu::Options;
 use eyebox::low_level::hologram::{Hologram, Metadata, Patch, Refined, Tiles};
 use eyebox::low_level::optics::{Display, Pupil, PupilDistribution, depth_in_words, dioptres};
+use eyebox::low_level::reason;
 use eyebox::low_level::scene::LightField;
 use eyebox::low_level::solve::{
     BestKeeper, BestState, Diameters, Flow, JointRefiner, Problem, PupilRange, Refinable, Refiner, Sampler, Sequence,
@@ -161,7 +162,11 @@ fn together(
     let problems = hologram.problems(field)?;
     problems.iter().try_for_each(|problem| problem.check_blur(aim.diameter[1]))?;
     let (Some(first), Some(parts)) = (problems.first(), hologram.joint_parts(problems.clone())) else {
-        return Err(Failure::Asked(format!("{}: its colours are not those of its lasers", args.hologram.display())));
+        return Err(Failure::Arguments(reason!(
+            "colors-of-lasers",
+            "{}: its colours are not those of its lasers",
+            args.hologram.display()
+        )));
     };
     let anywhere = wide_pupils(PupilRange::over(first.eyebox, aim.focus), first, steering.seed);
     let drives = hologram.sent_phases().swap_remove(0);
@@ -186,12 +191,16 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
     let tiles = Tiles::open(&args.hologram)?;
     if args.eye.given()?.is_some_and(|eye| !eye.is_perfect()) {
         let file = args.hologram.display();
-        return Err(Failure::Asked(format!("{file}: a hologram in tiles is refined for a perfect eye only")));
+        return Err(Failure::Arguments(reason!(
+            "eye-of-tiles",
+            "{file}: a hologram in tiles is refined for a perfect eye only"
+        )));
     }
     let about = tiles.about();
     if tiles.made().is_some() && args.out.is_some() {
         let file = args.hologram.display();
-        return Err(Failure::Asked(format!(
+        return Err(Failure::Arguments(reason!(
+            "unfinished",
             "{file}: it is still being solved: repeat its command, and refine it then"
         )));
     }

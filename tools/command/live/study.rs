@@ -15,6 +15,7 @@ use eyebox::low_level::files::{self, OwnFolder};
 use eyebox::low_level::gpu::Options as VulkanOptions;
 use eyebox::low_level::hologram::Sequence;
 use eyebox::low_level::optics::{Depth, Display, depth_in_words, dioptres};
+use eyebox::low_level::reason;
 use eyebox::low_level::session::{Cost, SetTiming};
 use eyebox::low_level::solve::Flow;
 use eyebox::low_level::trackers::simulated;
@@ -124,10 +125,11 @@ pub fn run(args: &Study) -> Result<(), Failure> {
     let subject = subject::load(&args.subject.what, &args.subject.how, (args.which.at, true), &engines)?;
     if subject.scenes.is_some() {
         let what = &args.subject.what;
-        return Err(Failure::Asked(if Sequence::is_at(Path::new(what)) {
-            format!("{what} is a sequence: study takes one of its holograms, as by --at 0")
+        return Err(Failure::Arguments(if Sequence::is_at(Path::new(what)) {
+            reason!("sequence", "{what} is a sequence: study takes one of its holograms, as by --at 0")
         } else {
-            format!(
+            reason!(
+                "tiles",
                 "{what} is a far field in tiles, which study does not take: give a hologram that is not in tiles, or a scene"
             )
         }));

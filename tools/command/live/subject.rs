@@ -4,7 +4,7 @@ use crate::args::{DisplayArgs, EngineArgs, EyeArgs, OtherSceneArgs, SceneArgs, S
 use crate::common::{self, Engines};
 use crate::phases::{PhaseUnitArgs, tell_unfinished};
 use crate::quality::QualityArgs;
-use crate::solve::Watch;
+use crate::solve::SolveProgress;
 use crate::{Failure, progress, score};
 use clap::Args;
 use eyebox::low_level::encode::Encoder;
@@ -13,6 +13,7 @@ use eyebox::low_level::hologram::{Hologram, Opening, Phases, Sequence, Tiles, Un
 use eyebox::low_level::optics::{Color, Display, PupilDistribution};
 use eyebox::low_level::produce::solve_colors;
 use eyebox::low_level::quality::Subject;
+use eyebox::low_level::reason;
 use eyebox::low_level::scene::{self, LightField};
 use eyebox::low_level::session::{FarField, Field, MovingSequence, Scenes, SteeredColor, whole_eyebox};
 use eyebox::low_level::solve::{Levels, Settings};
@@ -103,7 +104,8 @@ pub fn load(
         (hologram, parts, unfinished)
     } else {
         if at.is_some() {
-            return Err(Failure::Asked(format!(
+            return Err(Failure::Arguments(reason!(
+                "at-of-scene",
                 "{what} is a scene, and --at takes a hologram of a sequence: leave it out"
             )));
         }
@@ -142,7 +144,7 @@ pub fn solved_on(
     engine: &mut dyn Engine,
 ) -> Result<(Hologram, LightField), Failure> {
     if args.scene.is_some() {
-        return Err(Failure::Asked(format!("{what} is a scene already: leave out --scene")));
+        return Err(Failure::Arguments(reason!("scene-of-scene", "{what} is a scene already: leave out --scene")));
     }
     let scene = SceneArgs::new(what, &args.options);
     let colors = common::colors(&args.display, display)?;
@@ -157,7 +159,7 @@ pub fn solved_on(
     let subject = Subject { field: &field, color: colors[0], display, base, levels };
     eprintln!("solving {what} for the whole eyebox: {settings}");
     progress::catch_interrupt();
-    let mut watch = Watch::new(false);
+    let mut watch = SolveProgress::new(false);
     let solved = solve_colors(&subject, &colors, &settings, engine, &mut |event| watch.see(event))?;
     let padding = subject.padding(&settings)?;
     let hologram = Hologram::from_solutions(&field, display, &subject.settings(&settings), padding, &solved)?;
@@ -168,7 +170,8 @@ pub fn solved_on(
 fn moving(path: &Path, args: &SubjectOptions, looped: bool, engines: &Engines) -> Result<Steered, Failure> {
     let what = path.display().to_string();
     if args.scene.is_some() {
-        return Err(Failure::Asked(format!(
+        return Err(Failure::Arguments(reason!(
+            "scene-of-sequence",
             "{what} is a sequence, whose holograms name their scenes: leave out --scene"
         )));
     }
@@ -198,7 +201,10 @@ fn far_field(path: &Path, args: &SubjectOptions, engines: &Engines) -> Result<St
     // It holds its own optics.
     args.unit.chosen(&args.display)?;
     if args.eye.given()?.is_some_and(|eye| !eye.is_perfect()) {
-        return Err(Failure::Asked(format!("{what}: a hologram in tiles is refined for a perfect eye only")));
+        return Err(Failure::Arguments(reason!(
+            "eye-of-tiles",
+            "{what}: a hologram in tiles is refined for a perfect eye only"
+        )));
     }
     let unfinished = tell_unfinished(path)?;
     let tiles = Tiles::open(path)?;
@@ -234,7 +240,8 @@ impl Steered {
         let ([eh, ew], [h, w]) = (encoder.hologram_size(), [hologram.height, hologram.width]);
         if [eh, ew] != [h, w] {
             let name = &shown.name;
-            return Err(Failure::Asked(format!(
+            return Err(Failure::Arguments(reason!(
+                "size",
                 "{what}: it is {h}x{w} pixels, and the display '{name}' takes {eh}x{ew}: give --size, or another --display"
             )));
         }

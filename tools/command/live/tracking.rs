@@ -6,6 +6,7 @@ use crate::values::{depth, not_negative, positive};
 use clap::Args;
 use eyebox::low_level::gaze::{Calibration, Estimator, Eyepiece, Settings};
 use eyebox::low_level::optics::Depth;
+use eyebox::low_level::reason;
 use eyebox::low_level::session::Tracking;
 use eyebox::low_level::trackers::mouse::MouseHandle;
 use eyebox::low_level::trackers::{Options, Spec, TrackerError};
@@ -63,9 +64,11 @@ pub fn tracking(
         rate_hz: args.tracker_rate,
     };
     match spec {
-        Spec::Mouse if !view => {
-            Err(TrackerError::Setting("the mouse is a tracker in a window only: add --view".into()).into())
-        }
+        Spec::Mouse if !view => Err(TrackerError::Setting(reason!(
+            "mouse-without-view",
+            "the mouse is a tracker in a window only: add --view"
+        ))
+        .into()),
         Spec::Mouse => {
             let (mouse, tracking) = Tracking::mouse(estimator);
             Ok((Some(mouse), tracking))

@@ -12,6 +12,7 @@ use crate::{Failure, common, progress};
 use eyebox::low_level::encode;
 use eyebox::low_level::hologram::{Opening, Phases, Sequence};
 use eyebox::low_level::optics::Display;
+use eyebox::low_level::reason;
 use eyebox::low_level::session::{self, Output, Session, SessionOptions, Statistics, Status};
 use serde_json::json;
 use std::path::Path;
@@ -106,19 +107,25 @@ fn output(shown: &OutputArgs, stream: &StreamArgs, options: &SessionOptions, end
         Some(clock) => clock == ClockName::Simulated,
         None => records,
     };
-    let refuse = |reason: &str| Err(Failure::Asked(reason.into()));
+    let refuse = |reason| Err(Failure::Arguments(reason));
     if records && !simulated {
-        return refuse("--record takes longer than a video frame: leave out --clock real");
+        return refuse(reason!(
+            "record-in-real-time",
+            "--record takes longer than a video frame: leave out --clock real"
+        ));
     }
     if stream.start_at.is_some() && simulated {
-        return refuse("--start-at is a time of day, and a simulated clock has none");
+        return refuse(reason!("start-at", "--start-at is a time of day, and a simulated clock has none"));
     }
     if endless && options.duration.is_none() && simulated {
-        return refuse("a simulated clock would go on for ever: give --duration");
+        return refuse(reason!("endless", "a simulated clock would go on for ever: give --duration"));
     }
     let sink = stream.sink();
     if shown.output != OutputName::Offscreen && (simulated || sink.is_some()) {
-        return refuse("--record, --raw, --shared and a simulated clock go with --output offscreen");
+        return refuse(reason!(
+            "without-offscreen",
+            "--record, --raw, --shared and a simulated clock go with --output offscreen"
+        ));
     }
     Ok(shown.output(simulated, sink))
 }

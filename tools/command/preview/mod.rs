@@ -8,6 +8,7 @@ pub use args::Preview;
 use crate::common::{self, Form};
 use crate::phases::tell_unfinished;
 use crate::{Failure, progress, view};
+use eyebox::low_level::error::Reason;
 use eyebox::low_level::evaluate::Plane;
 use eyebox::low_level::hologram::{Hologram, Opening, PhaseSource, Sequence, Tiles};
 use eyebox::low_level::optics::{Color, Obstruction, Padding, Prescription, Pupil};
@@ -15,6 +16,7 @@ use eyebox::low_level::present::{Desktop, Monitor, PresentError, WindowEvent};
 use eyebox::low_level::preview::{
     Action, Controls, Look, Picture, PreviewError, PreviewWindow, Seen, Showing, Side, Viewer, places,
 };
+use eyebox::low_level::reason;
 use eyebox::low_level::reconstruction::SceneSource;
 use sequence::Playing;
 use std::path::{Path, PathBuf};
@@ -41,7 +43,7 @@ pub fn run(args: &Preview) -> Result<(), Failure> {
     let colors: Vec<Option<Color>> = hologram.colors.iter().map(|c| c.color).collect();
     let size = hologram.picture_size().into();
     let window = window_size(args, size, &desktop);
-    let mut shown = Shown {
+    let mut shown = PreviewedContent {
         name: args.file.file_name().map_or_else(|| "phases".into(), |n| n.to_string_lossy().into_owned()),
         rate: playing.as_ref().map_or(1.0, |p| p.1),
         playing: playing.map(|p| p.0),
@@ -72,7 +74,11 @@ pub fn run(args: &Preview) -> Result<(), Failure> {
     let messages = messages.lock().map(|m| m.clone()).unwrap_or_default();
     messages.iter().for_each(|m| eprintln!("validation: {m}"));
     if ended.is_ok() && !messages.is_empty() {
-        return Err(Failure::Asked(format!("the validation layer found {} faults, above", messages.len())));
+        return Err(Failure::Arguments(reason!(
+            "validation",
+            "the validation layer found {} faults, above",
+            messages.len()
+        )));
     }
     ended
 }
@@ -130,9 +136,10 @@ fn expose(args: &Preview, mut hologram: Hologram, pupil: &Pupil) -> Result<Holog
 fn scene(args: &Preview, hologram: &Hologram, moves: bool, tiled: bool) -> Result<SceneSource, Failure> {
     let Some(scene) = &args.scene else { return Ok(SceneSource::Whole(Vec::new())) };
     if moves {
-        return Err(Failure::Asked(
-            "--scene is the scene of one hologram, and a sequence has many: choose with --at".into(),
-        ));
+        return Err(Failure::Arguments(reason!(
+            "scene-of-sequence",
+            "--scene is the scene of one hologram, and a sequence has many: choose with --at"
+        )));
     }
     let input = args.other.open(&args.file, hologram, Some(scene), &args.options)?;
     if tiled {
@@ -160,7 +167,7 @@ fn window_size(args: &Preview, size: [usize; 2], desktop: &Desktop) -> [usize; 2
 }
 
 /// What is shown, and what is known of it.
-struct Shown {
+struct PreviewedContent {
     name: String,
     playing: Option<Playing>,
     rate: f64,
@@ -177,7 +184,7 @@ struct Shown {
     folder: PathBuf,
 }
 
-impl Shown {
+impl PreviewedContent {
     fn show(&mut self, viewer: &mut Viewer, showing: Arc<Showing>) {
         viewer.show(showing);
         self.contents += 1;
@@ -244,7 +251,7 @@ fn watch(
     window: &mut PreviewWindow,
     viewer: &mut Viewer,
     mut controls: Controls,
-    shown: &mut Shown,
+    shown: &mut PreviewedContent,
 ) -> Result<(), Failure> {
     let (mut asked, mut seen): (Option<Look>, Option<Seen>) = (None, None);
     let (mut save, mut drawn) = (false, None);
@@ -313,7 +320,7 @@ fn watch(
 }
 
 /// Says what was written, or why not: a full disk is no reason to close the window.
-fn keep(shown: &Shown, seen: &Seen) {
+fn keep(shown: &PreviewedContent, seen: &Seen) {
     match shown.save(seen) {
         Ok(files) => files.iter().for_each(|f| eprintln!("wrote {}", f.display())),
         Err(error) => eprintln!("note: {error}"),
@@ -322,9 +329,9 @@ fn keep(shown: &Shown, seen: &Seen) {
 
 /// A desktop that goes away while it is shown on has an exit code of its own.
 fn lost(error: PresentError) -> Failure {
-    Failure::Lost(error.to_string())
+    Failure::Lost(Reason::new("display", error))
 }
 
 fn gone(error: PreviewError) -> Failure {
-    Failure::Lost(format!("the preview's window: {error}"))
+    Failure::Lost(reason!("window", "the preview's window: {error}"))
 }

@@ -9,6 +9,7 @@ use eyebox::low_level::engine::Engine;
 use eyebox::low_level::hologram::TakenWithCamera;
 use eyebox::low_level::optics::{Color, Display};
 use eyebox::low_level::produce::SolvedHologram;
+use eyebox::low_level::reason;
 use eyebox::low_level::session::PatternOutput;
 use serde_json::{Value, json};
 use std::time::Duration;
@@ -24,10 +25,10 @@ pub fn open<'a>(
 ) -> Result<Option<CameraBench<'a>>, Failure> {
     let (Some(command), Some(steps)) = (&args.camera, args.camera_steps) else { return Ok(None) };
     if !single {
-        return Err(Failure::Asked(
+        return Err(Failure::Arguments(reason!(
+            "camera-of-many",
             "--camera is for one hologram that is solved all at once: leave it out, or give one scene and no --memory"
-                .into(),
-        ));
+        )));
     }
     progress::catch_interrupt();
     let limit = args.camera_timeout.map(Duration::from_secs_f64);

@@ -12,6 +12,7 @@ use crate::settings::levels_of;
 use eyebox::low_level::files::{OwnFolder, cache_folder};
 use eyebox::low_level::optics::Color;
 use eyebox::low_level::quality::Subject;
+use eyebox::low_level::reason;
 use eyebox::low_level::solve::Settings;
 use eyebox_lab::report;
 use eyebox_lab::tuning::{NEAR_DB, Recommended, Tuned, Tuning};
@@ -53,7 +54,10 @@ pub fn run(args: &Tradeoff) -> Result<(), Failure> {
     let tuned = tuning.run(&args.out, engine.as_mut(), &mut |what, share| bar.show(what, share))?;
     bar.finish();
     if tuned.trials.is_empty() {
-        return Err(Failure::Asked("stopped before anything was measured: the same command starts again".into()));
+        return Err(Failure::Arguments(reason!(
+            "stopped",
+            "stopped before anything was measured: the same command starts again"
+        )));
     }
     report::write_tuned(&tuned, &mut own)?;
     let stored = if args.no_store { None } else { store(&tuned) };
@@ -66,7 +70,8 @@ pub fn run(args: &Tradeoff) -> Result<(), Failure> {
         }
     }
     match tuned.check.iter().find(|c| !c.holds()) {
-        Some(c) if c.short_db.is_some() => Err(Failure::Asked(format!(
+        Some(c) if c.short_db.is_some() => Err(Failure::Arguments(reason!(
+            "below-the-front",
             "{} is {:.2} dB below the front here: {NEAR_DB:.1} is allowed",
             c.setting.quality.name(),
             c.short_db.unwrap_or_default()
@@ -82,7 +87,7 @@ fn leading(colors: &[Color]) -> Color {
 
 /// The three settings that another run recommends.
 fn read_check(file: &Path) -> Result<Vec<Recommended>, Failure> {
-    let wrong = |what: String| Failure::Asked(format!("{}: {what}", file.display()));
+    let wrong = |what: String| Failure::Arguments(reason!("tradeoff-file", "{}: {what}", file.display()));
     let size = std::fs::metadata(file).map_err(|e| wrong(e.to_string()))?.len();
     if size > 64 << 20 {
         return Err(wrong("is too large for a tradeoff.json".into()));

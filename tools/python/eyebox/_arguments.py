@@ -204,10 +204,12 @@ def _check_full_scale(words: np.ndarray, what: str) -> None:
     """Refuses 16 bits that hold 14 bits or fewer, or a dark picture; multiples of 257 are 8 bits that were stretched."""
     most = int(words.max())
     if 0 < most <= 16383 and (words % 257).any():
-        raise _eyebox.SceneError(
+        error = _eyebox.SceneError(
             f"{what}: 16-bit values up to {most}, as of {max(most.bit_length(), 8)} bits or of a dark picture, and nothing says "
             "which value is white: scale them, as by (array * (65535 / 1023)).astype(numpy.uint16)"
         )
+        error.code, error.fields = "scene/full-scale", {"file": what, "white": most}
+        raise error
 
 
 def toml(settings: dict[str, Any]) -> str:

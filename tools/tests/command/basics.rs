@@ -1,6 +1,6 @@
 //! The command as a user runs it: what it answers to mistakes, and that it does what its help says.
 
-use crate::common::{self, command, done, eyebox, folder, refused, text};
+use crate::common::{self, command, done, eyebox, folder, refusal, refused, text};
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -27,26 +27,31 @@ fn views(folder: &Path) -> PathBuf {
 fn mistakes_in_arguments_are_one_line() {
     let temp = folder();
     let at = temp.path();
-    refused(at, &solve("none", "x.zarr", &[]), "x.zarr", "none: no such folder");
-    refused(at, &solve("builtin:none", "x.zarr", &[]), "x.zarr", "still-life");
-    refused(at, &solve("builtin:plane", "x.tiff", &[]), "x.tiff", ".zarr or .npy");
-    refused(at, &solve("builtin:plane", "none/x.zarr", &[]), "none", "no such folder");
-    refused(at, &solve("builtin:plane", "x.zarr", &["--efficiency", "0"]), "x.zarr", "efficiency");
-    refused(at, &solve("builtin:plane", "x.zarr", &["--efficiency", "2"]), "x.zarr", "efficiency");
-    refused(at, &solve("builtin:plane", "x.zarr", &["--frames", "0"]), "x.zarr", "sub-frames");
-    refused(at, &solve("builtin:plane", "x.zarr", &["--pupils", "0"]), "x.zarr", "pupils");
-    refused(at, &solve("builtin:plane", "x.zarr", &["--pupil-diameter", "0..2"]), "x.zarr", "smallest first");
-    refused(at, &solve("builtin:plane", "x.zarr", &["--vulkan-from", "none"]), "x.zarr", "modulate");
-    refused(at, &solve("builtin:plane", "x.zarr", &["--device", "0"]), "x.zarr", "--engine cpu uses none");
+    refused(at, &solve("none", "x.zarr", &[]), "x.zarr", "scene/not-found");
+    refused(at, &solve("builtin:none", "x.zarr", &[]), "x.zarr", "scene/builtin/no-such-scene still-life");
+    refused(at, &solve("builtin:plane", "x.tiff", &[]), "x.tiff", "arguments/ending");
+    refused(at, &solve("builtin:plane", "none/x.zarr", &[]), "none", "arguments/no-such-folder");
+    refused(at, &solve("builtin:plane", "x.zarr", &["--efficiency", "0"]), "x.zarr", "solve/setting efficiency");
+    refused(at, &solve("builtin:plane", "x.zarr", &["--efficiency", "2"]), "x.zarr", "solve/setting efficiency");
+    refused(at, &solve("builtin:plane", "x.zarr", &["--frames", "0"]), "x.zarr", "solve/setting sub-frames");
+    refused(at, &solve("builtin:plane", "x.zarr", &["--pupils", "0"]), "x.zarr", "solve/setting pupils");
+    refused(at, &solve("builtin:plane", "x.zarr", &["--pupil-diameter", "0..2"]), "x.zarr", "usage/value-validation");
+    refused(
+        at,
+        &solve("builtin:plane", "x.zarr", &["--vulkan-from", "none"]),
+        "x.zarr",
+        "arguments/no-such-kernel modulate",
+    );
+    refused(at, &solve("builtin:plane", "x.zarr", &["--device", "0"]), "x.zarr", "arguments/device-of-cpu --engine");
     let nowhere = ["solve", "builtin:plane", "-o", "x.zarr", "--size", "8x8", "--device", "nowhere"];
-    refused(at, &nowhere, "x.zarr", "there is no Vulkan device: none is called \"nowhere\"");
-    refused(at, &["solve", "builtin:plane", "-o", "x.zarr", "--size", "0x8"], "x.zarr", "1 to 65536");
-    refused(at, &["solve", "builtin:plane", "-o", "x.zarr", "--display", "none"], "x.zarr", "paper, plm, small");
+    refused(at, &nowhere, "x.zarr", "engine/no-device");
+    refused(at, &["solve", "builtin:plane", "-o", "x.zarr", "--size", "0x8"], "x.zarr", "usage/value-validation 65536");
+    refused(at, &["solve", "builtin:plane", "-o", "x.zarr", "--display", "none"], "x.zarr", "optics/unknown-display");
     let photograph = |pupil| ["photograph", "builtin:plane", "--size", "40x48", pupil, "-o", "x.png"];
-    refused(at, &photograph("--pupil=0,0,0,0"), "x.png", "diameter");
-    refused(at, &photograph("--pupil=0,0,-3,0"), "x.png", "diameter");
-    refused(at, &photograph("--pupil=0,0,3"), "x.png", "x,y,diameter,focus");
-    refused(at, &photograph("--pupil=12,0,3,0"), "x.png", "eyebox");
+    refused(at, &photograph("--pupil=0,0,0,0"), "x.png", "usage/value-validation diameter");
+    refused(at, &photograph("--pupil=0,0,-3,0"), "x.png", "usage/value-validation diameter");
+    refused(at, &photograph("--pupil=0,0,3"), "x.png", "usage/value-validation");
+    refused(at, &photograph("--pupil=12,0,3,0"), "x.png", "arguments/outside-eyebox");
 }
 
 /// Without a driver, and without a loader: Vulkan by name is refused in one line that offers help, and nothing is
@@ -94,11 +99,11 @@ fn mistakes_in_display_files_are_one_line() {
     let at = temp.path();
     let right = "resolution = [40, 48]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
     for (wrong, what) in [
-        (format!("{right}levles = 16\n"), "levles"),
-        (right.replace("520", "0"), "wavelength"),
-        (right.replace("40, 48", "0, 48"), "0x48"),
-        (right.replace("pitch_um = 8.0\n", ""), "pitch_um"),
-        ("[".into(), "line 1"),
+        (format!("{right}levles = 16\n"), "optics/display-file/toml levles"),
+        (right.replace("520", "0"), "optics/display-file/not-positive wavelength"),
+        (right.replace("40, 48", "0, 48"), "optics/display-file/size 0x48"),
+        (right.replace("pitch_um = 8.0\n", ""), "optics/display-file/toml pitch_um"),
+        ("[".into(), "optics/display-file/toml"),
     ] {
         std::fs::write(at.join("bench.toml"), wrong).unwrap();
         refused(
@@ -113,7 +118,7 @@ fn mistakes_in_display_files_are_one_line() {
         at,
         &["solve", "builtin:plane", "-o", "x.zarr", "--display", "bench.toml", "--color", "red"],
         "x.zarr",
-        "red",
+        "optics/no-color",
     );
     done(at, &["solve", "builtin:plane", "-o", "x.zarr", "--display", "bench.toml", "--steps", "2", "--engine", "cpu"]);
 }
@@ -126,12 +131,12 @@ fn faults_in_folders_of_views_are_one_line() {
     done(at, &solve("views", "whole.zarr", &[]));
     let (last, kept) = (views.join("view_08.png"), std::fs::read(views.join("view_08.png")).unwrap());
     std::fs::write(&last, &kept[..kept.len() / 2]).unwrap();
-    refused(at, &solve("views", "x.zarr", &[]), "x.zarr", "view_08.png");
+    refused(at, &solve("views", "x.zarr", &[]), "x.zarr", "scene/corrupt/damaged view_08.png");
     std::fs::remove_file(&last).unwrap();
-    refused(at, &solve("views", "x.zarr", &[]), "x.zarr", "views");
+    refused(at, &solve("views", "x.zarr", &[]), "x.zarr", "scene/not-a-grid/grid-doubtful");
     std::fs::write(&last, &kept).unwrap();
     std::fs::remove_file(views.join("view_04.png")).unwrap();
-    refused(at, &solve("views", "x.zarr", &[]), "x.zarr", "view_04.png");
+    refused(at, &solve("views", "x.zarr", &[]), "x.zarr", "scene/missing-view view_04.png");
 }
 
 #[test]
@@ -153,13 +158,14 @@ fn damaged_holograms_are_one_line() {
         flipped[whole.len() / 2] ^= 1;
         for damaged in [&flipped[..], &whole[..whole.len() - 5]] {
             std::fs::write(&file, damaged).unwrap();
-            refused(at, &view, "x.png", &name);
+            let refusal = refusal(at, &view);
+            assert!(refusal.message.contains(&name) && !at.join("x.png").exists(), "{refusal:?}");
         }
         std::fs::write(&file, whole).unwrap();
     }
     done(at, &view);
-    refused(at, &["view", "none.zarr", "--pupil=0,0,5,0", "-o", "y.png"], "y.png", "none.zarr");
-    refused(at, &["view", "h.zarr", "--pupil=0,0,5,0", "--pitch", "8", "-o", "y.png"], "y.png", "its own optics");
+    refused(at, &["view", "none.zarr", "--pupil=0,0,5,0", "-o", "y.png"], "y.png", "file/read none.zarr");
+    refused(at, &["view", "h.zarr", "--pupil=0,0,5,0", "--pitch", "8", "-o", "y.png"], "y.png", "arguments/own-optics");
 }
 
 #[test]
@@ -183,15 +189,15 @@ fn bare_phases_need_sound_optics() {
         ]
     };
     done(at, &view("520", "v.npy"));
-    refused(at, &view("0", "x.npy"), "x.npy", "wavelength");
-    refused(at, &view("520,440", "x.npy"), "x.npy", "1 colours, 2 wavelengths");
-    refused(at, &["view", "p.npy", "--pupil=0,0,5,0", "-o", "x.npy"], "x.npy", "--pitch");
+    refused(at, &view("0", "x.npy"), "x.npy", "optics/not-positive wavelength");
+    refused(at, &view("520,440", "x.npy"), "x.npy", "hologram/not-a-hologram/wavelengths-count");
+    refused(at, &["view", "p.npy", "--pupil=0,0,5,0", "-o", "x.npy"], "x.npy", "hologram/no-optics --pitch");
     // A NaN among the phases.
     let mut bytes = std::fs::read(at.join("p.npy")).unwrap();
     let end = bytes.len();
     bytes[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
     std::fs::write(at.join("p.npy"), bytes).unwrap();
-    refused(at, &view("520", "x.npy"), "x.npy", "p.npy");
+    refused(at, &view("520", "x.npy"), "x.npy", "file/content/not-finite p.npy");
 }
 
 #[test]
@@ -264,7 +270,12 @@ fn from_a_scene_to_a_score_in_three_colours() {
     std::fs::write(at.join("pupils.json"), "[[0, 0, 4, 0], [2, -1, 6, 0.2]]").unwrap();
     assert!(done(at, &["score", "h.zarr", "builtin:still-life", "--pupils", "pupils.json"]).contains("over 2 pupils"));
     std::fs::write(at.join("pupils.json"), "[[0, 0, 4]]").unwrap();
-    refused(at, &["score", "h.zarr", "builtin:still-life", "--pupils", "pupils.json"], "x", "pupils.json");
+    refused(
+        at,
+        &["score", "h.zarr", "builtin:still-life", "--pupils", "pupils.json"],
+        "x",
+        "arguments/pupils pupils.json",
+    );
     done(at, &["export", "h.zarr", "-o", "p.npy"]);
     done(at, &["export", "h.zarr", "-o", "frames"]);
     assert_eq!(std::fs::read_dir(at.join("frames")).unwrap().count(), 6 + 1, "and the list of them");
@@ -446,7 +457,12 @@ fn storage_is_chosen_kept_and_refused() {
     };
     let (full, half) = (run("fp32"), run("fp16"));
     assert!((full - half).abs() < 0.05 && full != half, "{full} and {half} dB");
-    refused(at, &solve("builtin:still-life", "x.zarr", &["--storage", "fp8"]), "x.zarr", "fp32 or fp16");
+    refused(
+        at,
+        &solve("builtin:still-life", "x.zarr", &["--storage", "fp8"]),
+        "x.zarr",
+        "usage/value-validation fp32 fp16",
+    );
 }
 
 #[test]
@@ -460,15 +476,15 @@ fn every_method_solves_from_the_command_line() {
         assert!(report["colors"][0]["psnr_mean_db"].as_f64().is_some(), "{report}");
     }
     let refused = |more: &[&str], what: &str| refused(at, &solve("builtin:still-life", "n.npy", more), "n.npy", what);
-    refused(&["--method", "hogel"], "stft-exact");
-    refused(&["--method", "stft", "--stft-filter", "0"], "stft-filter");
-    refused(&["--method", "stft", "--stft-samples", "0"], "window of the STFT");
-    refused(&["--method", "pupil-aware", "--evenness=-1"], "evenness");
-    refused(&["--method", "pupil-aware", "--patches", "17"], "patches");
-    refused(&["--levels", "0"], "phase levels");
-    refused(&["--levels", "levels.txt"], "levels.txt");
+    refused(&["--method", "hogel"], "usage/value-validation stft-exact");
+    refused(&["--method", "stft", "--stft-filter", "0"], "usage/value-validation stft-filter");
+    refused(&["--method", "stft", "--stft-samples", "0"], "solve/setting");
+    refused(&["--method", "pupil-aware", "--evenness=-1"], "solve/setting evenness");
+    refused(&["--method", "pupil-aware", "--patches", "17"], "solve/setting patches");
+    refused(&["--levels", "0"], "solve/setting");
+    refused(&["--levels", "levels.txt"], "arguments/levels levels.txt");
     std::fs::write(at.join("levels.txt"), "# measured\n0\n1.5\n3.2\nfour\n").unwrap();
-    refused(&["--levels", "levels.txt"], "line 5");
+    refused(&["--levels", "levels.txt"], "arguments/levels");
     std::fs::write(at.join("levels.txt"), "# measured\n0\n1.5 # second\n\n3.2\n4.7\n").unwrap();
     for levels in ["levels.txt", "16"] {
         done(at, &solve("builtin:still-life", "l.npy", &["--levels", levels]));

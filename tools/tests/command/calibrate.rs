@@ -97,16 +97,16 @@ fn what_cannot_be_asked_for_is_one_line() {
     let at = here.path();
     let base = ["calibrate", "--display", "bench.toml", "-o", "out.toml"];
     for (more, what) in [
-        (&["--camera", "'unclosed"][..], "quote that is not closed"),
-        (&["--camera", "no-such-program-here"], "does not start"),
-        (&["--camera", "sh camera.sh", "--captures-max", "3"], "too few"),
-        (&["--captures", "nowhere"], "captures.json"),
-        (&[], "--camera"),
-        (&["--captures", "x", "--camera", "y"], "cannot be used with"),
+        (&["--camera", "'unclosed"][..], "calibrate/words"),
+        (&["--camera", "no-such-program-here"], "calibrate/start"),
+        (&["--camera", "sh camera.sh", "--captures-max", "3"], "arguments/captures-max"),
+        (&["--captures", "nowhere"], "file/read captures.json"),
+        (&[], "usage/missing-required-argument --camera"),
+        (&["--captures", "x", "--camera", "y"], "usage/argument-conflict"),
     ] {
         common::refused(at, &[&base[..], more].concat(), "out.toml", what);
     }
     fs::create_dir(at.join("kept")).expect("a folder");
     fs::write(at.join("kept/captures.json"), "{\"protocol\": 1}").expect("a document");
-    common::refused(at, &[&base[..], &["--captures", "kept"]].concat(), "out.toml", "captures.json");
+    common::refused(at, &[&base[..], &["--captures", "kept"]].concat(), "out.toml", "calibrate/captures captures.json");
 }

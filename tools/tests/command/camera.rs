@@ -298,13 +298,13 @@ fn what_cannot_be_asked_of_a_camera_is_one_line() {
     let run = |display: &str, more: &[&str], what: &str| {
         refused(at, &[&base[..], &["--display", display], more].concat(), "h.zarr", what);
     };
-    run("bench.toml", &camera, "does not start");
-    run("bench.toml", &[&camera[..], &["builtin:still-life"]].concat(), "--camera is for one hologram");
+    run("bench.toml", &camera, "calibrate/start");
+    run("bench.toml", &[&camera[..], &["builtin:still-life"]].concat(), "arguments/camera-of-many --camera");
     let hello = hello(false, false).to_string().replacen('{', "{\"id\": 0, ", 1);
     fs::write(at.join("hello"), format!("{hello}\n")).expect("an answer");
     let camera = ["--camera", "sh -c 'read line; cat hello; read line'", "--camera-steps", "2"];
-    run("red.toml", &camera, "has no red light");
-    run("bench.toml", &[&camera[..], &["--prescription=-0.1 0 0"]].concat(), "no eye's prescription");
+    run("red.toml", &camera, "calibrate/bench/bench-color");
+    run("bench.toml", &[&camera[..], &["--prescription=-0.1 0 0"]].concat(), "calibrate/bench/prescription");
     let answer = eyebox(at, &[&base[..], &["--display", "bench.toml", "--camera", "x"]].concat());
     assert!(text(&answer.stderr).contains("--camera-steps"), "{}", text(&answer.stderr));
 }

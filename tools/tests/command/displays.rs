@@ -31,7 +31,7 @@ fn presets_are_listed_and_shown_with_their_sources() {
     let again = done(at, &["displays", "show", "fields"]);
     std::fs::write(at.join("fields.toml"), &again).unwrap();
     assert!(again.ends_with(&done(at, &["displays", "show", "fields.toml"])));
-    refused(at, &["displays", "show", "none"], "x", "holoeye-pluto-2.1");
+    refused(at, &["displays", "show", "none"], "x", "optics/unknown-display holoeye-pluto-2.1");
 }
 
 #[test]
@@ -49,9 +49,9 @@ fn a_file_begun_from_a_preset_is_taken_as_a_display() {
     assert_eq!(report["display"], "bench");
     let frame = image::open(at.join("x/frame-00000.png")).unwrap().into_luma8().into_raw();
     assert_eq!(frame, [0, 35, 69, 104, 183, 217]);
-    refused(at, &["displays", "new", "paper", "-o", "bench.toml"], "none", "left alone");
-    refused(at, &["displays", "new", "none", "-o", "y.toml"], "y.toml", "no preset is called");
-    refused(at, &["displays", "new", "paper", "-o", "y.txt"], "y.txt", ".toml");
+    refused(at, &["displays", "new", "paper", "-o", "bench.toml"], "none", "arguments/exists");
+    refused(at, &["displays", "new", "none", "-o", "y.toml"], "y.toml", "arguments/no-such-preset");
+    refused(at, &["displays", "new", "paper", "-o", "y.txt"], "y.txt", "arguments/ending");
 }
 
 /// A file that is begun brings its first phases, one table a color: a solve of all colors reads them and fits none. What is in the cache

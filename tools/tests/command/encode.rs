@@ -1,8 +1,9 @@
 //! `eyebox encode` as a user runs it.
 
-use crate::common::{self, done, eyebox, folder, text};
+use crate::common::{self, done, eyebox, folder, refusal, text};
 use std::path::Path;
 
+#[track_caller]
 fn refused(folder: &Path, args: &[&str], what: &str) {
     common::refused(folder, args, "x", what);
 }
@@ -45,13 +46,16 @@ fn grey_frames_hold_every_level_in_order() {
     }
     assert_eq!(pictures(at, "x"), 6);
     // Two colours of a display that has three.
-    refused_at(at, &["encode", "p.npy", "--display", "grey8", "--size", "5x7", "-o", "y"], "--color");
+    refused_at(
+        at,
+        &["encode", "p.npy", "--display", "grey8", "--size", "5x7", "-o", "y"],
+        "hologram/doubtful/colors-not-named --color",
+    );
 }
 
+#[track_caller]
 fn refused_at(folder: &Path, args: &[&str], what: &str) {
-    let answer = eyebox(folder, args);
-    let said = text(&answer.stderr);
-    assert!(answer.status.code() == Some(2) && said.contains(what), "{said}");
+    refusal(folder, args).is(what);
 }
 
 #[test]
@@ -122,7 +126,7 @@ fn a_folder_of_frames_is_replaced_and_any_other_left_alone() {
     done(at, &args("q.npy"));
     assert_eq!(pictures(at, "f"), 1, "nothing of the longer one is left");
     std::fs::write(at.join("f/notes.txt"), "mine").unwrap();
-    refused_at(at, &args("p.npy"), "left alone");
+    refused_at(at, &args("p.npy"), "file/taken/holds-something-else");
     assert_eq!(std::fs::read_to_string(at.join("f/notes.txt")).unwrap(), "mine");
     assert_eq!(pictures(at, "f"), 1);
 }
@@ -136,38 +140,42 @@ fn mistakes_are_one_line() {
     phases(at, "flat.npy", &[24]);
     let encode =
         |input, display, size| ["encode", input, "--display", display, "--color", "green", "--size", size, "-o", "x"];
-    refused(at, &["encode", "p.npy", "--display", "grey8", "--color", "green", "-o", "x"], "--size 4x6");
-    refused(at, &encode("p.npy", "grey8", "4x5"), "takes 4x5");
-    refused(at, &encode("p.npy", "planes24", "4x6"), "24 sub-frames would be right");
-    refused(at, &["encode", "p.npy", "--display", "fields", "--size", "4x6", "-o", "x"], "--color");
-    refused(at, &encode("flat.npy", "grey8", "4x6"), "sub-frame, row, column");
-    refused(at, &encode("none.npy", "grey8", "4x6"), "none.npy");
-    refused(at, &encode("p.npy", "none", "4x6"), "planes24");
+    refused(at, &["encode", "p.npy", "--display", "grey8", "--color", "green", "-o", "x"], "arguments/size --size 4x6");
+    refused(at, &encode("p.npy", "grey8", "4x5"), "arguments/size 4x5");
+    refused(at, &encode("p.npy", "planes24", "4x6"), "encode/mismatch/sub-frames 24");
+    refused(
+        at,
+        &["encode", "p.npy", "--display", "fields", "--size", "4x6", "-o", "x"],
+        "hologram/doubtful/colors-not-named --color",
+    );
+    refused(at, &encode("flat.npy", "grey8", "4x6"), "hologram/not-a-hologram/shape");
+    refused(at, &encode("none.npy", "grey8", "4x6"), "file/read none.npy");
+    refused(at, &encode("p.npy", "none", "4x6"), "optics/unknown-display planes24");
     let mut values = vec![0.0f32; 24];
     values[7] = f32::NAN;
     ::eyebox::low_level::files::write_npy(&at.join("nan.npy"), &[1, 4, 6], &values).unwrap();
-    refused(at, &encode("nan.npy", "grey8", "4x6"), "[0, 1, 1]");
+    refused(at, &encode("nan.npy", "grey8", "4x6"), "file/content/not-finite [0 1]");
 
     let head = "resolution = [4, 6]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { red = 660, green = 520, blue = 440 }\n";
     std::fs::write(at.join("bad.csv"), "level,phase\n0,0\n1,two\n").unwrap();
     std::fs::write(at.join("text.png"), "text").unwrap();
     for (encoding, what) in [
-        ("packing = \"grey9\"", "grey9"),
-        ("pakcing = \"grey8\"", "line 6"),
-        ("rotation_deg = 45", "0, 90, 180 or 270"),
-        ("packing = \"map\"", "belong together"),
-        ("two_pi_level = 0", "1 to 65536"),
-        ("two_pi_level = { red = 200 }", "none for green"),
-        ("look_up = { red = \"none.csv\", green = \"none.csv\", blue = \"none.csv\" }", "none.csv"),
-        ("look_up = { red = \"bad.csv\" }", "bad.csv, line 3"),
-        ("codes = [1, 2]", "256 levels"),
-        ("phases_turns = [0.0]", "256 levels"),
-        ("cells = [[0, 1], [2]]", "cells"),
-        ("[[encoding.correction]]\nfile = \"text.png\"", "sign"),
-        ("[[encoding.correction]]\nfile = \"text.png\"\nsign = 2", "-1 takes it away"),
-        ("[[encoding.correction]]\nfile = \"text.png\"\nsign = 1", "text.png"),
-        ("[[encoding.correction]]\nfile = \"none.png\"\nsign = 1", "none.png"),
-        ("[[encoding.grating]]\nperiod_px = 0\ndirection_deg = 0", "two pixels"),
+        ("packing = \"grey9\"", "optics/display-file/toml grey9"),
+        ("pakcing = \"grey8\"", "optics/display-file/toml"),
+        ("rotation_deg = 45", "optics/display-file/rotation 90 180 270"),
+        ("packing = \"map\"", "optics/display-file/map-without-packing"),
+        ("two_pi_level = 0", "optics/display-file/two-pi-level 65536"),
+        ("two_pi_level = { red = 200 }", "encode/display/no-table"),
+        ("look_up = { red = \"none.csv\", green = \"none.csv\", blue = \"none.csv\" }", "file/read none.csv"),
+        ("look_up = { red = \"bad.csv\" }", "encode/table/phase bad.csv"),
+        ("codes = [1, 2]", "optics/display-file/table-length 256"),
+        ("phases_turns = [0.0]", "optics/display-file/table-length 256"),
+        ("cells = [[0, 1], [2]]", "optics/display-file/cells"),
+        ("[[encoding.correction]]\nfile = \"text.png\"", "optics/display-file/toml sign"),
+        ("[[encoding.correction]]\nfile = \"text.png\"\nsign = 2", "optics/display-file/correction-sign"),
+        ("[[encoding.correction]]\nfile = \"text.png\"\nsign = 1", "file/kind text.png"),
+        ("[[encoding.correction]]\nfile = \"none.png\"\nsign = 1", "file/read none.png"),
+        ("[[encoding.grating]]\nperiod_px = 0\ndirection_deg = 0", "optics/display-file/grating"),
     ] {
         std::fs::write(at.join("bench.toml"), format!("{head}[encoding]\n{encoding}\n")).unwrap();
         refused(at, &["encode", "three.npy", "--display", "bench.toml", "-o", "x"], what);
@@ -176,6 +184,6 @@ fn mistakes_are_one_line() {
     refused_at(
         at,
         &["encode", "p.npy", "--display", "grey8", "--color", "red", "--size", "4x6", "-o", "file"],
-        "is a file",
+        "file/taken/is-a-file",
     );
 }

@@ -76,22 +76,22 @@ fn frames_that_do_not_fit_are_one_line() {
     std::fs::copy(at.join("frames/frame-00000.png"), at.join("mine/0.png")).unwrap();
     let view = |more: &[&'static str]| [&["view"][..], more, &["--pupil=0,0,4,0", "-o", "x.png"]].concat();
     for (args, what) in [
-        (&["mine", "--encoded"][..], "give --display"),
-        (&["mine", "--encoded", "--display", "paper", "--color", "green"], "--size 40x48"),
-        (&["mine", "--encoded", "--display", "fields", "--size", "40x48", "--color", "green"], "leaves it black"),
-        (&["mine", "--encoded", "--display", "paper", "--size", "40x48"], "a set of red, green, blue takes 3"),
-        (&["p.npy", "--encoded", "--display", "bench.toml"], "no PNG"),
-        (&["p.npy", "--as-shown", "--display", "bench.toml"], "--encoded"),
-        (&["frames", "--as-shown=flips"], "gratings, corrections, turns"),
-        (&["frames", "--pitch", "8"], "--display, --size and --color alone"),
-        (&["frames", "--color", "red"], "it holds green"),
+        (&["mine", "--encoded"][..], "encode/frame/no-display --display"),
+        (&["mine", "--encoded", "--display", "paper", "--color", "green"], "file/content/frame-size --size 40x48"),
+        (&["mine", "--encoded", "--display", "fields", "--size", "40x48", "--color", "green"], "encode/frame/lit-bit"),
+        (&["mine", "--encoded", "--display", "paper", "--size", "40x48"], "encode/frame/video-frames"),
+        (&["p.npy", "--encoded", "--display", "bench.toml"], "encode/frame/no-png"),
+        (&["p.npy", "--as-shown", "--display", "bench.toml"], "arguments/as-shown-of-phases --encoded"),
+        (&["frames", "--as-shown=flips"], "usage/value-validation"),
+        (&["frames", "--pitch", "8"], "arguments/options-of-phases --display --size --color"),
+        (&["frames", "--color", "red"], "encode/frame/other-color"),
     ] {
         refused(at, &view(args), "x.png", what);
     }
     std::fs::remove_file(at.join("frames/frame-00000.png")).unwrap();
-    refused(at, &view(&["frames"]), "x.png", "frame-00000.png");
+    refused(at, &view(&["frames"]), "x.png", "file/read frame-00000.png");
     std::fs::write(at.join("frames/frames.json"), "{\"format\": 1}").unwrap();
-    refused(at, &view(&["frames"]), "x.png", "frames.json");
+    refused(at, &view(&["frames"]), "x.png", "file/content/damaged frames.json");
     let said =
         text(&eyebox(at, &["encode", "p.npy", "--display", "bench.toml", "--color", "green", "-o", "frames"]).stderr);
     assert!(said.contains("wrote frames"), "{said}");

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant, SystemTime};
 
+#[track_caller]
 fn refused(folder: &Path, args: &[&str], what: &str) {
     common::refused(folder, args, "out", what);
 }
@@ -185,17 +186,21 @@ fn holograms_that_exist_are_measured_as_they_are() {
     solve("32x32", "other.zarr");
     let wrong =
         ["evaluate", "builtin:plane", "--hologram", "mine=mine.zarr", "--hologram", "other=other.zarr", "-o", "out"];
-    refused(at, &wrong, "other.zarr: 32 x 32 pixels");
-    refused(at, &evaluate(&["builtin:plane"], &["--hologram", "mine=mine.zarr"]), "--color");
+    refused(at, &wrong, "quality/input/size other.zarr 32");
+    refused(at, &evaluate(&["builtin:plane"], &["--hologram", "mine=mine.zarr"]), "quality/input/colors --color");
     refused(
         at,
         &evaluate(&["builtin:plane"], &["--color", "green", "--hologram", "slfh=mine.zarr"]),
-        "name of a method",
+        "quality/input/name-of-a-method",
     );
-    refused(at, &evaluate(&["builtin:plane"], &["--color", "green", "--hologram", "x=none.zarr"]), "none.zarr");
-    refused(at, &evaluate(&["builtin:plane"], &["--hologram", "mine.zarr"]), "NAME=FILE");
+    refused(
+        at,
+        &evaluate(&["builtin:plane"], &["--color", "green", "--hologram", "x=none.zarr"]),
+        "file/read none.zarr",
+    );
+    refused(at, &evaluate(&["builtin:plane"], &["--hologram", "mine.zarr"]), "usage/value-validation NAME=FILE");
     let two = evaluate(&["builtin:chart", "builtin:points"], &["--color", "green", "--hologram", "mine=mine.zarr"]);
-    refused(at, &two, "none of the scenes");
+    refused(at, &two, "quality/input/other-scene");
     // Its own size and colours, without being told.
     done(at, &["evaluate", "builtin:plane", "--hologram", "Mine & <co>=mine.zarr", "--engine", "cpu", "-o", "out"]);
     let report: serde_json::Value = serde_json::from_str(&read(at, "report.json")).unwrap();
@@ -211,43 +216,35 @@ fn holograms_that_exist_are_measured_as_they_are() {
 fn mistakes_are_one_line_and_leave_nothing() {
     let temp = tempfile::tempdir().unwrap();
     let at = temp.path();
-    refused(at, &evaluate(&["builtin:plane"], &["--methods", "slfh,magic"]), "'magic': there are slfh, lf2fs");
-    refused(at, &evaluate(&[], &[]), "SCENE");
-    refused(at, &evaluate(&["none"], &[]), "none: no such folder");
-    refused(at, &evaluate(&["builtin:none"], &[]), "still-life");
-    refused(at, &evaluate(&["builtin:plane", "builtin:plane"], &[]), "twice");
-    refused(at, &evaluate(&["builtin:plane"], &["--frames", "0"]), "sub-frames");
-    refused(at, &evaluate(&["builtin:plane"], &["--pupils", "0"]), "pupils");
-    refused(at, &evaluate(&["builtin:plane"], &["--pupil-diameter", "0..2"]), "smallest first");
-    refused(at, &evaluate(&["builtin:plane"], &["--display", "none"]), "paper, plm, small");
-    refused(
-        at,
-        &evaluate(&["builtin:plane", "builtin:chart"], &["--depth-map", "d.png"]),
-        "one map of 2 different pictures",
-    );
-    refused(at, &evaluate(&["builtin:plane"], &["--reference", "none.csv"]), "none.csv");
+    refused(at, &evaluate(&["builtin:plane"], &["--methods", "slfh,magic"]), "arguments/no-such-method 'magic' lf2fs");
+    refused(at, &evaluate(&[], &[]), "usage/missing-required-argument");
+    refused(at, &evaluate(&["none"], &[]), "scene/not-found");
+    refused(at, &evaluate(&["builtin:none"], &[]), "scene/builtin/no-such-scene still-life");
+    refused(at, &evaluate(&["builtin:plane", "builtin:plane"], &[]), "arguments/scene-twice");
+    refused(at, &evaluate(&["builtin:plane"], &["--frames", "0"]), "arguments/frames");
+    refused(at, &evaluate(&["builtin:plane"], &["--pupils", "0"]), "solve/setting pupils");
+    refused(at, &evaluate(&["builtin:plane"], &["--pupil-diameter", "0..2"]), "usage/value-validation");
+    refused(at, &evaluate(&["builtin:plane"], &["--display", "none"]), "optics/unknown-display");
+    refused(at, &evaluate(&["builtin:plane", "builtin:chart"], &["--depth-map", "d.png"]), "scene/maps");
+    refused(at, &evaluate(&["builtin:plane"], &["--reference", "none.csv"]), "quality/input none.csv");
     std::fs::write(at.join("bad.csv"), "method,mean\nslfh,1\n").unwrap();
-    refused(at, &evaluate(&["builtin:plane"], &["--reference", "bad.csv"]), "bad.csv");
+    refused(at, &evaluate(&["builtin:plane"], &["--reference", "bad.csv"]), "quality/input/columns bad.csv");
     let mut zero = evaluate(&["builtin:plane"], &[]);
     zero[5] = "0";
-    refused(at, &zero, "--steps 0");
+    refused(at, &zero, "arguments/steps --steps");
     // Folders of pictures of different sizes, with nothing said of what they are fitted to.
     views(at, "wide", "20x40");
     views(at, "tall", "40x36");
-    refused(
-        at,
-        &["evaluate", "wide", "tall", "--engine", "cpu", "-o", "out"],
-        "tall: 40 x 36 pixels, but wide has 20 x 40",
-    );
+    refused(at, &["evaluate", "wide", "tall", "--engine", "cpu", "-o", "out"], "arguments/sizes 40 36 20");
     // A view that is missing is found before anything is written.
     std::fs::remove_file(at.join("wide/view_02.png")).unwrap();
-    refused(at, &evaluate(&["builtin:plane", "wide"], &[]), "wide");
+    refused(at, &evaluate(&["builtin:plane", "wide"], &[]), "scene/missing-view");
     // A file where the folder should be.
     std::fs::write(at.join("file"), "kept").unwrap();
     let mut into = evaluate(&["builtin:plane"], &[]);
-    for place in ["file", "file/out"] {
+    for (place, what) in [("file", "file/taken/is-a-file"), ("file/out", "file/taken/not-ours")] {
         *into.iter_mut().find(|a| **a == "out" || a.starts_with("file")).unwrap() = place;
-        refused(at, &into, "file");
+        refused(at, &into, what);
     }
     assert_eq!(std::fs::read_to_string(at.join("file")).unwrap(), "kept");
 }

@@ -38,7 +38,7 @@ fn a_score_says_what_an_obstruction_costs() {
     assert!(floaters > opacity - 3.0 && scratches > opacity - 3.0, "{floaters} {scratches}");
     let said = done(at, &["score", "h.zarr", "--pupils", "pupils.json", "--no-jod", "--obstructed", "lashes"]);
     assert!(said.contains(&format!("worst {lashes:.2} dB")), "{said}");
-    refused(at, &["score", "h.zarr", "--obstructed", "nose"], "x", "lashes, floaters, opacity, scratches");
+    refused(at, &["score", "h.zarr", "--obstructed", "nose"], "x", "usage/invalid-value");
 }
 
 /// A hologram keeps the eye that it was solved for and is looked at with it, unless another is given.
@@ -151,20 +151,17 @@ fn eyes_that_cannot_be_are_refused() {
         let solve = ["solve", "builtin:still-life", "--display", "bench.toml", "--engine", "cpu", "-o", "h.zarr"];
         refused(at, &[&solve[..], more].concat(), "h.zarr", says);
     };
-    solve(&["--prescription", "-2 -0.5"], "a cylinder needs its axis");
-    solve(
-        &["--prescription", "-2", "--pupil-diameter", "2..8"],
-        "this display serves that eye through pupils up to 0.32 mm",
-    );
-    solve(&["--prescription", "-0.02", "--method", "dpac", "--pupil-diameter", "2..4"], "prescription");
+    solve(&["--prescription", "-2 -0.5"], "usage/value-validation");
+    solve(&["--prescription", "-2", "--pupil-diameter", "2..8"], "optics/blur 0.32");
+    solve(&["--prescription", "-0.02", "--method", "dpac", "--pupil-diameter", "2..4"], "solve/setting prescription");
     for (text, says) in [
-        ("sphere = -100\n", "-40 to 40"),
-        ("sphere = 0\nzernikes_um = { 7 = 0.1 }\n", "measured_mm"),
-        ("zernikes_um = { 1 = 0.1 }\nmeasured_mm = 6\n", "piston and tilt"),
-        ("spere = 1\n", "spere"),
+        ("sphere = -100\n", "optics/prescription/range -40 40"),
+        ("sphere = 0\nzernikes_um = { 7 = 0.1 }\n", "optics/prescription/zernikes-without-diameter measured_mm"),
+        ("zernikes_um = { 1 = 0.1 }\nmeasured_mm = 6\n", "optics/prescription/polynomial"),
+        ("spere = 1\n", "optics/prescription/toml"),
     ] {
         std::fs::write(at.join("eye.toml"), text).unwrap();
         solve(&["--eye-file", "eye.toml"], says);
     }
-    solve(&["--eye-file", "nothing.toml"], "nothing.toml");
+    solve(&["--eye-file", "nothing.toml"], "optics/prescription nothing.toml");
 }

@@ -63,9 +63,9 @@ fn a_path_is_fed_as_it_is_loaded() {
 fn mistakes_are_one_line() {
     let temp = common::folder();
     let at = temp.path();
-    refused(at, &["feed", "builtin:plane", "--name", "../x"], "x", "a name has 1 to 64 letters");
-    refused(at, &["feed", "builtin:plane", "--name", "x", "--path=depth"], "x", "a path is KEY=A..B");
-    refused(at, &["feed", "a", "b", "--name", "x", "--path=depth=0..1"], "x", "--path moves one built-in scene");
-    refused(at, &["feed", "builtin:plane", "--name", "nobody-takes-this"], "x", "no display takes frames there");
+    refused(at, &["feed", "builtin:plane", "--name", "../x"], "x", "live 64");
+    refused(at, &["feed", "builtin:plane", "--name", "x", "--path=depth"], "x", "usage/value-validation KEY=A..B");
+    refused(at, &["feed", "a", "b", "--name", "x", "--path=depth=0..1"], "x", "arguments/path-of-many --path");
+    refused(at, &["feed", "builtin:plane", "--name", "nobody-takes-this"], "x", "live");
     assert!(done(at, &["feed", "--help"]).contains("--rate"));
 }

@@ -1,7 +1,7 @@
 //! Files as laboratories have them: each is read with the right values, or refused with one line whose remedy works.
 
 use crate::common::made::tiff;
-use crate::common::{done, eyebox, folder, refused, text};
+use crate::common::{done, eyebox, folder, refusal, refused, text};
 use eyebox::low_level::files::{read_npy, write_npy};
 use image::{GrayImage, ImageBuffer, Luma, Rgb, RgbImage};
 use std::f32::consts::TAU;
@@ -92,7 +92,7 @@ fn a_view_whose_name_is_not_utf8_is_named_and_read_once_it_is_renamed() {
         let right = at.join("v/v_2_2.png");
         let whole = seen(at, "v", &[]);
         fs::rename(&right, &wrong).unwrap();
-        refused(at, &["inspect", "v"], "x", "rename it");
+        refused(at, &["inspect", "v"], "x", "scene/unreadable/name-not-utf8");
         fs::rename(&wrong, &right).unwrap();
         assert_eq!(seen(at, "v", &[]), whole);
         // The scene's own name, too.
@@ -137,7 +137,9 @@ fn arrays_of_other_programs_are_turned_by_the_line_that_the_refusal_gives() {
     ] {
         let (stored, its) = transposed(&pixels, &shape, &order);
         write_npy(&at.join("other.npy"), &its, &stored).unwrap();
-        refused(at, &["inspect", "other.npy"], "x", remedy);
+        let refusal = refusal(at, &["inspect", "other.npy"]);
+        assert_eq!(refusal.code, "scene/corrupt/array-shape");
+        assert!(refusal.message.contains(remedy), "{refusal:?}");
         let (turned, its) = transposed(&stored, &its, &back);
         write_npy(&at.join("other.npy"), &its, &turned).unwrap();
         assert_eq!(seen(at, "other.npy", &[]), right, "{order:?}");
@@ -146,9 +148,9 @@ fn arrays_of_other_programs_are_turned_by_the_line_that_the_refusal_gives() {
     let gray: Vec<f32> = pixels.chunks(3).map(|p| p[1]).collect();
     let (stored, its) = transposed(&gray, &shape[..4], &[2, 3, 0, 1]);
     write_npy(&at.join("other.npy"), &its, &stored).unwrap();
-    refused(at, &["inspect", "other.npy"], "x", "numpy.moveaxis(views, (2, 3), (0, 1))");
+    refused(at, &["inspect", "other.npy"], "x", "scene/corrupt/array-shape numpy.moveaxis(views");
     write_npy(&at.join("other.npy"), &[N as usize, N as usize, 3], &pixels[..(N * N * 3) as usize]).unwrap();
-    refused(at, &["inspect", "other.npy"], "x", "one picture");
+    refused(at, &["inspect", "other.npy"], "x", "scene/corrupt/array-one-picture");
 }
 
 #[test]
@@ -189,11 +191,11 @@ fn depth_maps_in_every_format_show_the_same() {
     }
 }
 
-/// Files that hold no scene: how they begin, what the line calls them, and what it advises.
+/// Files that hold no scene: how they begin, their kind or its name, and what the line advises.
 const NO_SCENE: [(&str, &[u8], &str, &str); 22] = [
-    ("lf.mat", b"MATLAB 5.0 MAT-file, Platform: GLNXA64", "MATLAB", "scipy.io"),
-    ("lf73.mat", b"MATLAB 7.3 MAT-file, Platform: GLNXA64", "7.3", "h5py"),
-    ("lf.h5", b"\x89HDF\r\n\x1a\n", "HDF5", "h5py"),
+    ("lf.mat", b"MATLAB 5.0 MAT-file, Platform: GLNXA64", "matlab", "scipy.io"),
+    ("lf73.mat", b"MATLAB 7.3 MAT-file, Platform: GLNXA64", "matlab73", "h5py"),
+    ("lf.h5", b"\x89HDF\r\n\x1a\n", "hdf5", "h5py"),
     ("clip.mp4", b"\0\0\0\x18ftypisom", "MP4", "ffmpeg -i clip.mp4"),
     ("clip.mov", b"\0\0\0\x14ftypqt  ", "QuickTime", "clip.y4m"),
     ("clip.mkv", b"\x1a\x45\xdf\xa3", "Matroska", "clip.y4m"),
@@ -202,13 +204,13 @@ const NO_SCENE: [(&str, &[u8], &str, &str); 22] = [
     ("a.jpg", b"\0\0\0\x18ftypheic", "HEIC", "a.png"),
     ("a.webp", b"RIFF\0\0\0\0WEBPVP8 ", "WebP", "a.png"),
     ("a.psd", b"8BPS\0\x01", "Photoshop", "a.png"),
-    ("a.dng", b"II*\0\x08\0\0\0", "raw picture", "a.tif"),
-    ("a.cr3", b"\0\0\0\x18ftypcrx ", "raw picture", "a.tif"),
-    ("a.pdf", b"%PDF-1.7", "PDF", "pdftoppm"),
+    ("a.dng", b"II*\0\x08\0\0\0", "camera-raw", "a.tif"),
+    ("a.cr3", b"\0\0\0\x18ftypcrx ", "camera-raw", "a.tif"),
+    ("a.pdf", b"%PDF-1.7", "pdf", "pdftoppm"),
     ("a.pkl", b"\x80\x04\x95", "pickle", "a.npy"),
     ("a.npy", b"\x80\x04\x95", "pickle", "a.npy"),
-    ("passwd", b"root:x:0:0:root:/root:/bin/bash\n", "text file", "builtin:NAME"),
-    ("a.svg", b"<svg xmlns='http://www.w3.org/2000/svg'/>", "SVG", "builtin:NAME"),
+    ("passwd", b"root:x:0:0:root:/root:/bin/bash\n", "text", "builtin:NAME"),
+    ("a.svg", b"<svg xmlns='http://www.w3.org/2000/svg'/>", "markup", "builtin:NAME"),
     ("empty.png", b"", "empty", "builtin:NAME"),
     ("a.tar.gz", b"\x1f\x8b\x08", "gzip", "unpack"),
     ("a.lfp", b"\x89LFP\r\n\x1a\n", "Lytro", "builtin:NAME"),
@@ -221,23 +223,29 @@ fn what_is_no_scene_is_called_what_it_is_with_the_line_that_converts_it() {
     let at = here.path();
     for (name, bytes, kind, remedy) in NO_SCENE {
         fs::write(at.join(name), bytes).unwrap();
+        let is = |words: &[&str], code: &str| {
+            let refusal = refusal(at, words);
+            assert_eq!(refusal.code, code, "{words:?}: {refusal:?}");
+            let found = &refusal.fields["found"];
+            let found = found.as_object().and_then(|named| named.values().next()).unwrap_or(found);
+            assert!(found.as_str().is_some_and(|found| found.contains(kind)), "{words:?}: {refusal:?}");
+            refusal
+        };
         for words in [&["inspect", name][..], &["solve", name, "-o", "x.zarr"], &["plan", name]] {
-            let answer = eyebox(at, words);
-            let said = text(&answer.stderr);
-            assert_eq!((answer.status.code(), said.trim().lines().count()), (Some(2), 1), "{words:?}: {said}");
-            assert!(said.contains(kind) && said.contains(remedy), "{words:?}: {said}");
+            let refusal = is(words, "scene/kind");
+            assert!(refusal.message.contains(remedy), "{words:?}: {refusal:?}");
         }
         // The same as a map, and as phases.
         view(0, 0).save(at.join("photo.png")).unwrap();
-        refused(at, &["inspect", "photo.png", "--depth-map", name], "x", kind);
-        refused(at, &["import", name, "--display", "small", "--color", "green", "-o", "x.zarr"], "x.zarr", kind);
+        is(&["inspect", "photo.png", "--depth-map", name], "scene/kind");
+        is(&["import", name, "--display", "small", "--color", "green", "-o", "x.zarr"], "file/kind");
     }
     // Folders of them.
     fs::create_dir(at.join("webp")).unwrap();
     for i in 0..9 {
         fs::write(at.join(format!("webp/v_{i}.webp")), b"RIFF\0\0\0\0WEBPVP8 ").unwrap();
     }
-    refused(at, &["inspect", "webp"], "x", "mogrify -format png webp/*.webp");
+    refused(at, &["inspect", "webp"], "x", "scene/kind");
 }
 
 /// Runs the command that a refusal gives behind `by: `; false where this machine lacks what it calls.
@@ -330,17 +338,22 @@ fn phases_as_pictures_are_imported_by_the_documented_rule() {
 
     // Without the color, with a hole, of two phases, and lossy.
     let plain = ["import", "eight", "--display", "small", "--size", "16x16", "-o", "x.zarr"];
-    refused(at, &plain, "x.zarr", "--color");
+    refused(at, &plain, "x.zarr", "hologram/doubtful/colors-not-named --color");
     fs::rename(at.join("eight/phase_001.bmp"), at.join("one.bmp")).unwrap();
-    refused(at, &[&plain[..], &green].concat(), "x.zarr", "phase_002.bmp follows");
+    refused(at, &[&plain[..], &green].concat(), "x.zarr", "hologram/not-a-hologram/missing-sub-frame phase_002.bmp");
     let binary = GrayImage::from_fn(N, N, |x, y| Luma([if level(x, y, 1) > 127 { 255 } else { 0 }]));
     binary.save(at.join("two.png")).unwrap();
     let two = ["import", "two.png", "--display", "small", "--size", "16x16", "--color", "green", "-o"];
-    refused(at, &[&two[..], &["x.zarr"]].concat(), "x.zarr", "--phase-unit: 510");
+    refused(at, &[&two[..], &["x.zarr"]].concat(), "x.zarr", "hologram/doubtful/two-levels --phase-unit 510");
     let phases = import("two.png", &["--color", "green", "--phase-unit", "510"]);
     assert!(phases.iter().all(|p| p.abs() < 1e-6 || (p.abs() - TAU / 2.0).abs() < 1e-6));
     binary.save(at.join("two.jpg")).unwrap();
-    refused(at, &["import", "two.jpg", "--display", "small", "--color", "green", "-o", "x.zarr"], "x.zarr", "JPEG");
+    refused(
+        at,
+        &["import", "two.jpg", "--display", "small", "--color", "green", "-o", "x.zarr"],
+        "x.zarr",
+        "file/content/jpeg",
+    );
 }
 
 #[test]
@@ -358,15 +371,20 @@ fn phases_whose_last_axis_counts_sub_frames_are_refused_and_the_line_turns_them(
     fs::remove_dir_all(at.join("h.zarr")).unwrap();
     let (last, its) = transposed(&values, &shape, &[1, 2, 0]);
     write_npy(&at.join("last.npy"), &its, &last).unwrap();
-    refused(at, &import("last.npy", "24x24"), "h.zarr", "numpy.moveaxis(phases, -1, 0)");
+    refused(at, &import("last.npy", "24x24"), "h.zarr", "hologram/not-a-hologram/shape numpy.moveaxis(phases");
     // Without a display's size its shape alone decides; of 12 columns only the display knows.
     let bare = ["--pitch", "8", "--wavelength", "520", "--focal-length", "400", "-o", "h.zarr"];
     let (many, its) = transposed(&vec![0.5; 8 * 64 * 64], &[8, 64, 64], &[1, 2, 0]);
     write_npy(&at.join("many.npy"), &its, &many).unwrap();
-    refused(at, &[&["import", "many.npy"][..], &bare].concat(), "h.zarr", "numpy.moveaxis(phases, -1, 0)");
+    refused(
+        at,
+        &[&["import", "many.npy"][..], &bare].concat(),
+        "h.zarr",
+        "hologram/doubtful/sub-frames-last numpy.moveaxis(phases",
+    );
     let (some, its) = transposed(&vec![0.5; 16 * 24 * 24], &[16, 24, 24], &[1, 2, 0]);
     write_npy(&at.join("some.npy"), &its, &some).unwrap();
-    refused(at, &import("some.npy", "24x24"), "h.zarr", "numpy.moveaxis(phases, -1, 0)");
+    refused(at, &import("some.npy", "24x24"), "h.zarr", "hologram/doubtful/sub-frames-last numpy.moveaxis(phases");
     // The display of just these rows and columns is believed.
     done(at, &[&import("many.npy", "64x8")[..], &["--force"]].concat());
     let (turned, its) = transposed(&last, &its_of(&shape, &[1, 2, 0]), &[2, 0, 1]);
@@ -442,9 +460,10 @@ fn tables_in_every_encoding_encode_the_same() {
     }
     // A table of voltages, and a workbook.
     let dac: String = (0..256).map(|i| format!("{i} {}\n", 727 + i * 13)).collect();
-    for (name, bytes, says) in
-        [("m.lut", dac.as_bytes(), "m.lut"), ("t.xls", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "Office")]
-    {
+    for (name, bytes, says) in [
+        ("m.lut", dac.as_bytes(), "encode/table/driver-values m.lut"),
+        ("t.xls", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "file/kind"),
+    ] {
         fs::write(at.join(name), bytes).unwrap();
         fs::write(at.join("bench.toml"), display.replace("TABLE", name)).unwrap();
         refused(at, &["encode", "h.zarr", "--display", "bench.toml", "--engine", "cpu", "-o", "x"], "x", says);

@@ -10,7 +10,7 @@ fn every_shell_completes_commands_and_their_options() {
         let option = if shell == "fish" { "-l depth-map" } else { "--depth-map" };
         assert!(text.contains("photograph") && text.contains(option), "{shell}: {text}");
     }
-    refused(folder.path(), &["completions", "tcl"], "x", "bash");
+    refused(folder.path(), &["completions", "tcl"], "x", "usage/invalid-value bash");
 }
 
 #[test]
@@ -29,7 +29,7 @@ fn there_is_a_page_of_the_manual_for_every_command() {
         assert!(first.contains(name), "{name}");
     }
     std::fs::write(folder.path().join("file"), "").unwrap();
-    refused(folder.path(), &["man", "-o", "file/man1"], "file/man1", "file");
+    refused(folder.path(), &["man", "-o", "file/man1"], "file/man1", "file/taken/no-such-folder");
 }
 
 #[test]

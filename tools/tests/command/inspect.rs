@@ -28,7 +28,7 @@ fn a_scene_is_inspected_and_a_reversed_axis_is_refused_until_it_is_stated() {
     );
     assert!(doubted["doubt"].as_str().unwrap().contains("--order flip-"), "{doubted}");
     let solve = [&["solve", "views", "-o", "x.zarr", "--steps", "1", "--engine", "cpu"][..], &SIZE].concat();
-    refused(at, &solve, "x.zarr", "lightfield.toml");
+    refused(at, &solve, "x.zarr", "scene/order/moves-otherwise lightfield.toml");
 
     let text = inspect(&["--order", "flip-rows", "-o", "sheet.png"]);
     for what in ["grid", "pixels", "order", "parallax", "disparity", "depth", "aliasing", "green"] {
@@ -53,7 +53,7 @@ fn a_scene_is_inspected_and_a_reversed_axis_is_refused_until_it_is_stated() {
     assert_eq!((&settings["photographs"], &settings["views"]), (&"layers".into(), &Value::from(vec![3, 3])));
     done(at, &["score", "x.zarr", "views", "--pupils", "random:1", "--engine", "cpu"]);
     for command in ["solve", "evaluate", "study", "live", "preview", "photograph"] {
-        refused(at, &[command, "views", "--order", "backwards"], "none", "as-named");
+        refused(at, &[command, "views", "--order", "backwards"], "none", "usage/value-validation as-named");
     }
 }
 
@@ -69,9 +69,9 @@ fn depths_that_the_views_do_not_show_are_asked_for() {
         let scene = ["photograph", "builtin:dense-grass?span=2", "--views", "3", &pupil, "-o", &out, "--engine", "cpu"];
         done(at, &[&scene[..], &SIZE].concat());
     }
-    let asks = "given: by --depth MIN..MAX, or by depth_mm in lightfield.toml";
+    let asks = "scene/depth --depth depth_mm lightfield.toml";
     let inspect = done(at, &[&["inspect", "views"][..], &SIZE].concat());
-    assert!(inspect.lines().any(|l| l.trim_start().starts_with("refused") && l.contains(asks)), "{inspect}");
+    assert!(inspect.lines().any(|l| l.trim_start().starts_with("refused") && l.contains("--depth")), "{inspect}");
     let steps = ["--steps", "1", "--frames", "1", "--engine", "cpu"];
     refused(
         at,

@@ -96,7 +96,7 @@ fn it_is_refined_for_where_the_eye_is() {
     let adam = refine("joint.zarr", &["--steps", "4", "--strategy", "adam"]);
     assert_eq!(adam["steering"]["strategy"]["kind"], "adam");
     let eye = &["refine", "joint.zarr", SCENE, "--views", "3", "--pupil=3,-2,4,0", "--engine", "cpu", "-o", "x.zarr"];
-    refused(at, &[&eye[..], &["--storage", "fp16"]].concat(), "x.zarr", "fp32 for all colours at once");
+    refused(at, &[&eye[..], &["--storage", "fp16"]].concat(), "x.zarr", "solve/setting fp32");
 }
 
 /// It is shown as it was solved, and refined for a simulated eye, whole or as it rolls: the drives' video frames, with the powers of the
@@ -184,17 +184,17 @@ fn what_cannot_be_is_refused_in_a_line() {
     let solve = ["solve", SCENE, "--views", "3", "--steps", "1", "--frames", "3", "--engine", "cpu", "-o", "out.zarr"];
     let small = ["--display", "small", "--size", "48x64"];
     for (more, says) in [
-        (&["--joint-color=4"][..], "the brightness of joint colours is 4"),
-        (&["--joint-color=0.5"], "the brightness of joint colours is 0.5"),
-        (&["--joint-color", "--method", "dpac"], "the method is dpac"),
-        (&["--joint-color", "--levels", "2"], "the choice of phase levels"),
+        (&["--joint-color=4"][..], "produce/job/brightness"),
+        (&["--joint-color=0.5"], "solve/setting 0.5"),
+        (&["--joint-color", "--method", "dpac"], "solve/setting"),
+        (&["--joint-color", "--levels", "2"], "solve/setting"),
     ] {
         refused(at, &[&solve[..], &small, more].concat(), "out.zarr", says);
     }
     let bench = "resolution = [48, 64]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { red = 660, green = 520, blue = 440 }\n";
     for (more, says) in [
-        ("dispersion = { blue = -1.5 }\n", "dispersion of blue is -1.5"),
-        ("dispersion = { red = 1.5 }\n", "dispersion of red is 1.5"),
+        ("dispersion = { blue = -1.5 }\n", "optics/display-file/dispersion -1.5"),
+        ("dispersion = { red = 1.5 }\n", "optics/display-file/dispersion-whole 1.5"),
     ] {
         std::fs::write(at.join("bad.toml"), format!("{bench}{more}")).unwrap();
         refused(at, &[&solve[..], &["--joint-color", "--display", "bad.toml"]].concat(), "out.zarr", says);
@@ -254,6 +254,6 @@ fn the_report_compares_it_with_one_colour_after_another() {
         at,
         &["evaluate", "builtin:plane", "--joint-color=4", "-o", "other"],
         "other/report.html",
-        "--joint-color 4",
+        "arguments/joint-color --joint-color",
     );
 }

@@ -233,17 +233,12 @@ fn every_look_at_unfinished_tiles_says_how_far_they_are() {
     }
     let encode = ["encode", "h.zarr", "--display", "far.toml", "-o", "frames"];
     for (args, out) in [(&["export", "h.zarr", "-o", "x.npy"][..], "x.npy"), (&encode, "frames")] {
-        refused(
-            at,
-            args,
-            out,
-            "0 of 9 visits are done: repeat the command that makes it, or take it as it is with --unfinished",
-        );
+        refused(at, args, out, "arguments/unfinished --unfinished");
         done(at, &[args, &["--unfinished"]].concat());
         assert!(at.join(out).exists());
     }
     let evaluated = ["evaluate", "builtin:still-life", "--hologram", "mine=h.zarr", "-o", "report"];
-    refused(at, &evaluated, "report", "0 of 9 visits are done: repeat the command that makes it\n");
+    refused(at, &evaluated, "report", "hologram/unfinished");
     assert!(matches!(Hologram::load(&at.join("h.zarr")), Err(HologramError::Unfinished { .. })));
 }
 
@@ -254,9 +249,9 @@ fn every_look_at_an_unfinished_sequence_says_how_far_it_is() {
     std::fs::write(at.join("far.toml"), DISPLAY).unwrap();
     let mut writer = SequenceWriter::create(&at.join("s.zarr"), &random(), [30, 1], Some(2)).unwrap();
     writer.append(&random()).unwrap();
-    let how_far = "s.zarr: it is unfinished: 1 of 2 holograms are done";
+    let how_far = "arguments/unfinished s.zarr 1 2 --unfinished";
     let view = ["view", "s.zarr", "--at", "0", "--pupil=0,0,0.4,0", "-o", "x.png", "--engine", "cpu"];
-    assert!(told(at, &view).1.contains(how_far));
+    assert!(told(at, &view).1.contains("1 of 2"));
     let play = ["play", "s.zarr", "--display", "far.toml", "--clock", "simulated"];
     for (args, out) in [(&["export", "s.zarr", "--at", "0", "-o", "x.npy"][..], "x.npy"), (&play, "none")] {
         refused(at, args, out, how_far);
@@ -330,7 +325,7 @@ fn video_frames_of_others_are_left_alone() {
     std::fs::write(at.join("film/frame-0000.png"), "mine").unwrap();
     std::fs::write(at.join("frames/frame-9999.png"), "mine").unwrap();
     for out in ["film", "frames"] {
-        refused(at, &[&encode[..7], &[out]].concat(), "none", "holds something else");
+        refused(at, &[&encode[..7], &[out]].concat(), "none", "file/taken/holds-something-else");
     }
     assert_eq!(std::fs::read(at.join("film/frame-0000.png")).unwrap(), b"mine");
 }
@@ -350,7 +345,7 @@ fn files_of_others_where_a_report_goes_are_left_alone() {
     ];
     for (args, file) in commands {
         std::fs::write(at.join("mine").join(file), "mine").unwrap();
-        refused(at, &[args, &["--out", "mine"]].concat(), "none", file);
+        refused(at, &[args, &["--out", "mine"]].concat(), "none", &format!("file/taken/not-ours {file}"));
         assert_eq!(std::fs::read(at.join("mine").join(file)).unwrap(), b"mine");
         assert_eq!(names(&at.join("mine")).len(), if file.contains('/') { 1 } else { 2 }, "nothing else came");
         std::fs::remove_file(at.join("mine").join(file)).unwrap();
@@ -360,7 +355,7 @@ fn files_of_others_where_a_report_goes_are_left_alone() {
     done(at, &demo);
     done(at, &demo);
     std::fs::write(at.join("d/far.png"), "mine").unwrap();
-    refused(at, &demo, "none", "far.png");
+    refused(at, &demo, "none", "file/taken/not-ours far.png");
     done(at, &[&demo[..], &["--overwrite"]].concat());
 }
 

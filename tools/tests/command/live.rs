@@ -99,9 +99,14 @@ fn a_study_of_content_says_what_moments_gain() {
     let db = |of: &Value, set: usize| of["runs"][0]["samples"][set]["db"].as_f64().unwrap();
     assert_eq!(db(&slides, 1), db(&mirrored, 1));
     assert!((db(&slides, 2) - db(&mirrored, 2)).abs() > 1.0, "{} dB, {} dB", db(&slides, 2), db(&mirrored, 2));
-    refused(at, &[&study[..], &["--jumps-to", "builtin:plane", "-o", "x"]].concat(), "x", "--content");
-    refused(at, &[&study[..], &["--sets", "3", "-o", "x"]].concat(), "x", "--content");
-    refused(at, &[&study[..], &["--content", "flying", "-o", "x"]].concat(), "x", "flying");
+    refused(
+        at,
+        &[&study[..], &["--jumps-to", "builtin:plane", "-o", "x"]].concat(),
+        "x",
+        "usage/missing-required-argument --content",
+    );
+    refused(at, &[&study[..], &["--sets", "3", "-o", "x"]].concat(), "x", "usage/missing-required-argument --content");
+    refused(at, &[&study[..], &["--content", "flying", "-o", "x"]].concat(), "x", "usage/invalid-value flying");
 }
 
 #[test]
@@ -187,14 +192,19 @@ fn mistakes_are_one_line() {
     let at = temp.path();
     solved(at);
     let live = |more: &[&'static str]| [&["live", "h.zarr", "--display", "planes8"][..], more].concat();
-    refused(at, &live(&["--tracker", "mouse"]), "x", "add --view");
-    refused(at, &live(&["--tracker", "nonsense"]), "x", "nonsense");
-    refused(at, &live(&["--tracker", "missing.hid"]), "x", "missing.hid");
-    refused(at, &live(&["--restart=-1"]), "x", "--restart");
-    refused(at, &live(&["--size", "80x80"]), "x", "64x72");
-    refused(at, &["live", "missing.zarr"], "x", "missing.zarr");
-    refused(at, &["study", "h.zarr", "--scene", "builtin:nothing", "-o", "x"], "x", "nothing");
-    refused(at, &["study", "h.zarr", "--display", "planes8", "--duration", "0", "-o", "x"], "x", "--duration");
+    refused(at, &live(&["--tracker", "mouse"]), "x", "tracker/setting/mouse-without-view --view");
+    refused(at, &live(&["--tracker", "nonsense"]), "x", "tracker/spec");
+    refused(at, &live(&["--tracker", "missing.hid"]), "x", "tracker/file missing.hid");
+    refused(at, &live(&["--restart=-1"]), "x", "usage/value-validation --restart");
+    refused(at, &live(&["--size", "80x80"]), "x", "arguments/size 64x72");
+    refused(at, &["live", "missing.zarr"], "x", "file/read missing.zarr");
+    refused(at, &["study", "h.zarr", "--scene", "builtin:nothing", "-o", "x"], "x", "arguments/other-scene");
+    refused(
+        at,
+        &["study", "h.zarr", "--display", "planes8", "--duration", "0", "-o", "x"],
+        "x",
+        "usage/value-validation --duration",
+    );
 }
 
 /// What follows nothing says so, and does not end as if it had.

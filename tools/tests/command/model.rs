@@ -108,7 +108,7 @@ fn terms_are_chosen() {
     assert!(said.contains("crosstalk") && !said.contains("lag"), "{said}");
     assert!(solved_for("all").contains("lag") && !solved_for("none").contains("crosstalk"));
     let wrong = [&["solve"], &scene[..], &["--model-terms", "cross", "-o", "h.zarr"]].concat();
-    refused(at, &wrong, "h.zarr", "no term");
+    refused(at, &wrong, "h.zarr", "usage/value-validation");
 }
 
 /// A display whose picture is seen bent is shown it bent the other way, and what is looked at is what is seen.
@@ -148,7 +148,7 @@ fn a_picture_is_shown_where_it_is_seen() {
         1.0 - dot(view, &scene) / (dot(view, view) * dot(&scene, &scene)).sqrt()
     };
     assert!(unlike(&seen) < 0.6 * unlike(&shown), "{} {}", unlike(&seen), unlike(&shown));
-    refused(at, &solve("folded.toml", "h.zarr"), "h.zarr", "[picture.green]");
+    refused(at, &solve("folded.toml", "h.zarr"), "h.zarr", "optics/display-file/picture-folds [picture.green]");
 }
 
 /// What makes no sense in the far field is refused, not left out.
@@ -158,10 +158,10 @@ fn a_fill_in_the_far_field_is_refused() {
     let far = format!("{BENCH}geometry = \"far-field\"\n[model.green]\nfill = 0.95\n");
     std::fs::write(dir.path().join("far.toml"), far).unwrap();
     let solve = ["solve", "builtin:still-life", "--display", "far.toml", "-o", "h.zarr"];
-    refused(dir.path(), &solve, "h.zarr", "leave it out");
+    refused(dir.path(), &solve, "h.zarr", "optics/display-file/model-far-field");
     let far = format!("{BENCH}geometry = \"far-field\"\n[model.green]\nsubpixels = 2\n");
     std::fs::write(dir.path().join("far.toml"), far).unwrap();
-    refused(dir.path(), &solve, "h.zarr", "subpixels");
+    refused(dir.path(), &solve, "h.zarr", "optics/display-file/model-far-field");
     std::fs::write(dir.path().join("far.toml"), format!("{BENCH}[model.green]\nsubpixels = 4\n")).unwrap();
-    refused(dir.path(), &solve, "h.zarr", "1 to 3");
+    refused(dir.path(), &solve, "h.zarr", "optics/display-file/model-range");
 }

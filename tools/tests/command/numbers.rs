@@ -1,6 +1,6 @@
 //! Numbers in files of people who do not say what they mean: right, or refused with a remedy that works.
 
-use crate::common::{done, eyebox, folder, text};
+use crate::common::{self, done, folder};
 use eyebox::low_level::files::read_npy;
 use image::{ImageBuffer, Luma, Rgb};
 use serde_json::Value;
@@ -17,11 +17,7 @@ fn photo(at: &Path) {
 
 /// Runs a command that is to be refused; answers its line.
 fn refusal(at: &Path, args: &[&str]) -> String {
-    let answer = eyebox(at, args);
-    let said = text(&answer.stderr);
-    assert_eq!(answer.status.code(), Some(2), "{args:?}: {said}");
-    assert_eq!(said.lines().filter(|line| line.starts_with("eyebox: ")).count(), 1, "{said}");
-    said
+    common::refusal(at, args).message
 }
 
 fn solve<'a>(source: &'a str, more: &[&'a str]) -> Vec<&'a str> {

@@ -14,25 +14,25 @@ fn options_of_impossible_values_are_refused_with_what_is_possible() {
     let play = ["play", "h.zarr", "--display", "grey8", "--size", "16x16", "--engine", "cpu", "--raw", "out.zarr"];
     let live = ["live", "h.zarr", "--display", "grey8", "--size", "16x16", "--duration", "0.1"];
     let cases: [(&[&str], &str, &str); 19] = [
-        (&solve, "--psnr=nan", "-100 to 1000"),
-        (&solve, "--psnr=inf", "-100 to 1000"),
-        (&solve, "--seconds=1e308", "1e12 at most"),
-        (&solve, "--pupil-diameter=-5..5", "positive, smallest first"),
-        (&solve, "--depth=-3e99..3", "expected MIN..MAX"),
-        (&refine, "--diameter=-5..5", "positive, smallest first"),
-        (&refine, "--momentum=1e308", "0 to 1"),
-        (&refine, "--momentum=nan", "0 to 1"),
-        (&refine, "--gain=1e308", "1e12 at most"),
-        (&refine, "--gain=1e10", "0 to 1e6"),
-        (&refine, "--overlap-power=100", "0 to 16"),
-        (&live, "--momentum=2", "0 to 1"),
-        (&refine, "--elsewhere=1e9", "0 to 64"),
-        (&play, "--start-at=1e308", "1e12 at most"),
-        (&play, "--start-at=1e11", "days from now: a year at most"),
-        (&play, "--start-at=1", "days ago: a year at most"),
-        (&play, "--first=9223372036854775808", "it has 1 holograms"),
-        (&play, "--display-rate=0.1", "1 to 100000 video frames"),
-        (&play, "--ahead=1000000", "1 to 64 sets"),
+        (&solve, "--psnr=nan", "usage/value-validation -100 1000"),
+        (&solve, "--psnr=inf", "usage/value-validation -100 1000"),
+        (&solve, "--seconds=1e308", "usage/value-validation 1e12"),
+        (&solve, "--pupil-diameter=-5..5", "usage/value-validation"),
+        (&solve, "--depth=-3e99..3", "usage/value-validation"),
+        (&refine, "--diameter=-5..5", "usage/value-validation"),
+        (&refine, "--momentum=1e308", "usage/value-validation"),
+        (&refine, "--momentum=nan", "usage/value-validation"),
+        (&refine, "--gain=1e308", "usage/value-validation 1e12"),
+        (&refine, "--gain=1e10", "solve/setting 1e6"),
+        (&refine, "--overlap-power=100", "usage/value-validation 16"),
+        (&live, "--momentum=2", "usage/value-validation"),
+        (&refine, "--elsewhere=1e9", "solve/setting 64"),
+        (&play, "--start-at=1e308", "usage/value-validation 1e12"),
+        (&play, "--start-at=1e11", "session/setting/start-at"),
+        (&play, "--start-at=1", "session/setting/start-at"),
+        (&play, "--first=9223372036854775808", "session/setting/first"),
+        (&play, "--display-rate=0.1", "session/setting/display-rate 100000"),
+        (&play, "--ahead=1000000", "session/setting/ahead 64"),
     ];
     for (command, option, what) in cases {
         refused(at, &[command, &[option]].concat(), "out.zarr", what);
@@ -48,10 +48,10 @@ fn display_files_of_impossible_values_are_refused_with_their_key() {
     std::fs::write(at.join("good.toml"), good).unwrap();
     done(at, &["devices", "--display", "good.toml"]);
     for (from, to, what) in [
-        ("[16, 16]", "[16, 16, 16]", "resolution"),
-        ("[1, 2]", "[1, 2, 3]", "offset_px"),
-        ("= 8\n", "= -8\n", "period of at least two"),
-        ("= 8\n", "= nan\n", "period of at least two"),
+        ("[16, 16]", "[16, 16, 16]", "optics/display-file"),
+        ("[1, 2]", "[1, 2, 3]", "optics/display-file offset_px"),
+        ("= 8\n", "= -8\n", "optics/display-file/grating"),
+        ("= 8\n", "= nan\n", "optics/display-file/grating"),
     ] {
         std::fs::write(at.join("bad.toml"), good.replace(from, to)).unwrap();
         refused(at, &["solve", "builtin:plane", "--display", "bad.toml", "-o", "x.zarr"], "x.zarr", what);
@@ -63,7 +63,12 @@ fn a_command_that_fails_leaves_no_folder() {
     let temp = folder();
     let at = temp.path();
     let no_kernel = ["--engine", "cpu", "--vulkan-from", "none"];
-    refused(at, &[&["demo", "--size", "16", "--out", "out"], &no_kernel[..]].concat(), "out", "no kernel");
+    refused(
+        at,
+        &[&["demo", "--size", "16", "--out", "out"], &no_kernel[..]].concat(),
+        "out",
+        "arguments/no-such-kernel",
+    );
     let far =
         ["--size", "16x16", "--view-pitch", "1e9", "--force", "--engine", "cpu", "--methods", "dpac", "-o", "out"];
     let answer = eyebox(at, &[&["evaluate", "builtin:still-life"], &far[..]].concat());

@@ -55,7 +55,12 @@ fn live_shows_views_in_the_order_that_is_stated() {
     let right = show(&["right"], "a");
     assert_eq!(show(&["upwards", "--order", "flip-rows"], "b"), right);
     assert_ne!(show(&["upwards", "--order", "as-named"], "c"), right);
-    refused(at, &[&["live", "upwards", "--display", "planes8"][..], &SMALL].concat(), "x", "--order flip-");
+    refused(
+        at,
+        &[&["live", "upwards", "--display", "planes8"][..], &SMALL].concat(),
+        "x",
+        "scene/order/moves-otherwise --order",
+    );
 }
 
 /// Rows in folders of their own look like the frames of a sequence.
@@ -83,15 +88,15 @@ fn a_folder_of_rows_is_one_light_field_or_a_sequence_as_is_said() {
         std::fs::read(at.join("p.npy")).unwrap()
     };
     for command in ["solve", "inspect", "plan"] {
-        refused(at, &[&[command, "rows"][..], &SMALL[..4]].concat(), "hologram.zarr", "3 folders of 3 views each");
+        refused(at, &[&[command, "rows"][..], &SMALL[..4]].concat(), "hologram.zarr", "scene/rows");
     }
     done(at, &solve(&["flat"], "flat.zarr"));
     // What is taken for the other.
     for command in ["solve", "inspect"] {
-        refused(at, &[command, "flat.zarr"], "x.zarr", "flat.zarr: a hologram, and no scene");
+        refused(at, &[command, "flat.zarr"], "x.zarr", "scene/corrupt/hologram-not-scene flat.zarr");
     }
-    refused(at, &["view", "builtin:plane", "--pupil=0,0,4,0", "-o", "x.png"], "x.png", "it is a scene");
-    refused(at, &["view", "none.npy", "--pupil=0,0,4,0", "-o", "x.png"], "x.png", "No such file");
+    refused(at, &["view", "builtin:plane", "--pupil=0,0,4,0", "-o", "x.png"], "x.png", "hologram/not-a-hologram/scene");
+    refused(at, &["view", "none.npy", "--pupil=0,0,4,0", "-o", "x.png"], "x.png", "file/read");
     std::fs::write(at.join("rows/lightfield.toml"), "files = \"*/*\"\n").unwrap();
     done(at, &solve(&["rows"], "rows.zarr"));
     assert_eq!(phases("rows.zarr"), phases("flat.zarr"));
@@ -104,7 +109,7 @@ fn a_folder_of_rows_is_one_light_field_or_a_sequence_as_is_said() {
     std::fs::create_dir(at.join("flat/more")).unwrap();
     std::fs::copy(at.join("flat/view_0_0.png"), at.join("flat/more/view_0_0.png")).unwrap();
     std::fs::remove_file(at.join("flat/view_1_2.png")).unwrap();
-    refused(at, &solve(&["flat"], "x.zarr"), "x.zarr", "view_1_2.png: this view is missing");
+    refused(at, &solve(&["flat"], "x.zarr"), "x.zarr", "scene/missing-view view_1_2.png");
 }
 
 /// Blades that hide each other by pixels from view to view: their depths cannot be measured.
@@ -114,7 +119,7 @@ fn live_solves_for_the_depths_that_are_stated() {
     let at = temp.path();
     made::views(&at.join("grass"), "builtin:dense-grass?span=2", |r, c| [r, c]);
     let asked = [&["live", "grass", "--display", "planes8", "--order", "as-named"][..], &SMALL].concat();
-    refused(at, &asked, "x", "given: by --depth MIN..MAX, or by depth_mm in lightfield.toml");
+    refused(at, &asked, "x", "scene/depth --depth depth_mm lightfield.toml");
     let grass = |more: &[&'static str], out| shown(at, &[&["grass", "--order", "as-named"], more].concat(), out);
     let [near, far] = [grass(&["--depth=0..2"], "a"), grass(&["--depth=-2..0"], "b")];
     assert_ne!(near, far);
@@ -160,5 +165,5 @@ fn a_preview_compares_with_views_in_the_order_that_is_stated() {
     let right = decibels(&["right"]);
     assert_eq!(decibels(&["upwards", "--order", "flip-rows"]), right);
     assert_ne!(decibels(&["upwards", "--order", "as-named"]), right);
-    refused(at, &["preview", "h.zarr", "--order", "flip-rows"], "x", "give --scene");
+    refused(at, &["preview", "h.zarr", "--order", "flip-rows"], "x", "arguments/scene-options-without-scene --scene");
 }

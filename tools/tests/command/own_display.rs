@@ -52,7 +52,12 @@ fn the_display_that_it_was_solved_for_is_found() {
         }
     }
     // Another display's size is not made up.
-    refused(at, &["encode", "paper.zarr", "--display", "small", "--engine", "cpu", "-o", "x"], "x", "--size 64x64");
+    refused(
+        at,
+        &["encode", "paper.zarr", "--display", "small", "--engine", "cpu", "-o", "x"],
+        "x",
+        "arguments/size --size 64x64",
+    );
     let play = ["--record", "shown", "--clock", "simulated", "--duration", "0.05"];
     for words in [&["play", "paper.zarr", "--display", "paper"][..], &["play", "plm.zarr"], &["show", "cut.zarr"]] {
         let _ = fs::remove_dir_all(at.join("shown"));
@@ -83,9 +88,9 @@ fn a_display_file_is_found_where_it_is_and_refused_if_it_is_another() {
     assert_ne!(frame(&b), before);
     // Another SLM under the name.
     fs::write(b.join("bench.toml"), BENCH.replace("pitch_um = 8.0", "pitch_um = 6.4")).unwrap();
-    refused(&b, &["encode", "h.zarr", "--engine", "cpu", "-o", "x"], "x", "pitch");
+    refused(&b, &["encode", "h.zarr", "--engine", "cpu", "-o", "x"], "x", "hologram/display-not-found");
     fs::remove_file(b.join("bench.toml")).unwrap();
-    refused(&b, &["encode", "h.zarr", "--engine", "cpu", "-o", "x"], "x", "give the display");
+    refused(&b, &["encode", "h.zarr", "--engine", "cpu", "-o", "x"], "x", "hologram/display-not-found");
     fs::write(b.join("kept.toml"), BENCH).unwrap();
     assert_eq!(encoded(&b, &["h.zarr", "--display", "kept.toml"])["display"], "bench");
 }

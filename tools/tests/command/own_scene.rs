@@ -20,9 +20,9 @@ fn psnr(at: &Path, words: &[&str]) -> f64 {
 }
 
 /// It is refused with one line that names another way, which works.
+#[track_caller]
 fn refused_unless_asked(at: &Path, words: &[&str], what: &str) {
-    refused(at, &[&["score"][..], words, &PUPILS].concat(), "nothing", what);
-    refused(at, &[&["score"][..], words, &PUPILS].concat(), "nothing", "--other-scene");
+    refused(at, &[&["score"][..], words, &PUPILS].concat(), "nothing", &format!("{what} --other-scene"));
     psnr(at, &[words, &["--other-scene"]].concat());
 }
 
@@ -67,15 +67,15 @@ fn its_scene_is_found_wherever_it_is_opened() {
     // The scene renamed, and named.
     fs::rename(moved.join("views"), moved.join("still life")).unwrap();
     is(&moved, &["h.zarr", "still life"]);
-    refused(&moved, &[&["score", "h.zarr"][..], &PUPILS].concat(), "nothing", "is not there");
+    refused(&moved, &[&["score", "h.zarr"][..], &PUPILS].concat(), "nothing", "arguments/scene-not-found");
 }
 
 #[test]
 fn another_scene_and_one_that_changed_are_refused_unless_asked_for() {
     let (temp, right) = two_folders();
     let [a, b] = ["a", "b"].map(|name| temp.path().join(name));
-    refused_unless_asked(&b, &["../a/h.zarr", "views"], "another scene");
-    refused_unless_asked(&a, &["h.zarr", "builtin:still-life"], "another scene");
+    refused_unless_asked(&b, &["../a/h.zarr", "views"], "arguments/other-scene");
+    refused_unless_asked(&a, &["h.zarr", "builtin:still-life"], "arguments/other-scene");
     assert!(right - psnr(&b, &["../a/h.zarr", "views", "--other-scene"]) > 1.0);
     for command in ["refine", "study"] {
         let pupil: &[&str] = if command == "refine" { &["--pupil=4,0,4,0"] } else { &["--scene"] };
@@ -87,22 +87,17 @@ fn another_scene_and_one_that_changed_are_refused_unless_asked_for() {
             &b,
             &[&named.concat()[..], &["--engine", "cpu", "-o", "out.zarr"]].concat(),
             "out.zarr",
-            "another scene",
+            "arguments/other-scene",
         );
     }
     // One view of nine.
     fs::copy(a.join("views/view_0_1.png"), a.join("views/view_0_0.png")).unwrap();
-    refused_unless_asked(&b, &["../a/h.zarr"], "not what the hologram was solved from");
-    refused_unless_asked(&a, &["h.zarr", "views"], "another scene");
-    refused(
-        &b,
-        &["study", "../a/h.zarr", "--engine", "cpu", "-o", "out"],
-        "out",
-        "not what the hologram was solved from",
-    );
+    refused_unless_asked(&b, &["../a/h.zarr"], "arguments/changed-scene");
+    refused_unless_asked(&a, &["h.zarr", "views"], "arguments/other-scene");
+    refused(&b, &["study", "../a/h.zarr", "--engine", "cpu", "-o", "out"], "out", "arguments/changed-scene");
     // A view that is gone.
     fs::remove_file(a.join("views/view_0_0.png")).unwrap();
-    refused(&a, &[&["score", "h.zarr"][..], &PUPILS].concat(), "nothing", "not what the hologram was solved from");
+    refused(&a, &[&["score", "h.zarr"][..], &PUPILS].concat(), "nothing", "arguments/changed-scene");
 }
 
 #[cfg(unix)]
@@ -122,7 +117,7 @@ fn a_link_may_come_to_lead_elsewhere() {
     link("a/kept");
     assert!((psnr(&at.join("b"), &["../linked.zarr"]) - right).abs() < 1e-9);
     link("b/views");
-    refused_unless_asked(at, &["linked.zarr"], "not what the hologram was solved from");
+    refused_unless_asked(at, &["linked.zarr"], "arguments/changed-scene");
 }
 
 #[test]
@@ -164,17 +159,17 @@ fn arrays_pictures_and_tiles_are_found_as_they_were_read() {
     let other =
         ["photograph", "builtin:plane", "--size", "40x40", "--views", "3", "--pupil=0,0,2,0", "--color", "green"];
     done(&at, &[&other[..], &["-o", "other.png"]].concat());
-    refused_unless_asked(&at, &["photo.zarr", "--depth-map", "other.png"], "another scene");
-    refused_unless_asked(&at, &["photo.zarr", "photo.png", "--depth-map", "other.png"], "another scene");
+    refused_unless_asked(&at, &["photo.zarr", "--depth-map", "other.png"], "arguments/other-scene");
+    refused_unless_asked(&at, &["photo.zarr", "photo.png", "--depth-map", "other.png"], "arguments/other-scene");
     fs::copy(at.join("other.png"), at.join("depth.png")).unwrap();
-    refused_unless_asked(&away, &["../at/photo.zarr"], "not what the hologram was solved from");
+    refused_unless_asked(&away, &["../at/photo.zarr"], "arguments/changed-scene");
     let light: Vec<f32> = light.iter().map(|v| 1.0 - v).collect();
     eyebox::low_level::files::write_npy(&at.join("array.npy"), &[6, 8, 8], &light).unwrap();
-    refused_unless_asked(&at, &["array.zarr"], "not what the hologram was solved from");
-    refused_unless_asked(&at, &["plane.zarr", "builtin:plane?depth=0.6"], "another scene");
+    refused_unless_asked(&at, &["array.zarr"], "arguments/changed-scene");
+    refused_unless_asked(&at, &["plane.zarr", "builtin:plane?depth=0.6"], "arguments/other-scene");
     // What is under way in tiles is another job once the views have changed.
     fs::copy(at.join("views/view_0_1.png"), at.join("views/view_0_0.png")).unwrap();
-    refused_unless_asked(&at, &["tiles.zarr"], "not what the hologram was solved from");
+    refused_unless_asked(&at, &["tiles.zarr"], "arguments/changed-scene");
 }
 
 const FAR: &str = "name = \"far\"\nresolution = [192, 192]\npitch_um = 4.0\nfocal_length_mm = 400.0\n\

@@ -102,25 +102,24 @@ fn every_way_to_give_phases_is_read_right_or_refused() {
             ..plain
         },
         Way { shape: &[1, 2, h, w], ..plain },
+        Way { shape: &[2, 2, h, w], more: all, read: Err("hologram/doubtful/colors-not-named 'bench'"), ..plain },
+        Way { shape: &[2 * one], read: Err("hologram/not-a-hologram/shape"), ..plain },
+        Way { shape: &[64, 20, 2], read: Err("hologram/not-a-hologram/shape"), ..plain },
+        Way { shape: &[w, h], read: Err("hologram/doubtful/across"), ..plain },
+        // What nothing says.
+        Way { more: all, read: Err("hologram/doubtful/colors-not-named --color"), ..plain },
+        Way { more: &[], read: Err("hologram/no-optics --display --color"), ..plain },
+        Way { more: &["--pitch", "8"], read: Err("arguments/optics-together"), ..plain },
         Way {
-            shape: &[2, 2, h, w],
-            more: all,
-            read: Err("2 colours, and the display 'bench' has red, green, blue"),
+            more: &["--display", "bench.toml", "--color", "green", "--at", "0"],
+            read: Err("hologram/not-a-hologram/not-a-sequence --at"),
             ..plain
         },
-        Way { shape: &[2 * one], read: Err("not (row, column), (sub-frame, row, column)"), ..plain },
-        Way { shape: &[64, 20, 2], read: Err("sub-frames came last"), ..plain },
-        Way { shape: &[w, h], read: Err("lie across the display"), ..plain },
-        // What nothing says.
-        Way { more: all, read: Err("--color"), ..plain },
-        Way { more: &[], read: Err("--display and --color"), ..plain },
-        Way { more: &["--pitch", "8"], read: Err("go together"), ..plain },
-        Way { more: &["--display", "bench.toml", "--color", "green", "--at", "0"], read: Err("--at"), ..plain },
         // Elements and orders.
         Way { element: F8, ..plain },
         Way { element: F4_BIG, ..plain },
         Way { fortran: true, ..plain },
-        Way { element: C8, read: Err("numpy.angle"), ..plain },
+        Way { element: C8, read: Err("file/content/npy-type numpy.angle"), ..plain },
         // Units.
         Way { turns: 6.0, ..plain },
         Way { element: U1, turn: 256.0, more: &levels, ..plain },
@@ -128,10 +127,10 @@ fn every_way_to_give_phases_is_read_right_or_refused() {
         Way { turn: 1.0, more: &turns, ..plain },
         Way { turn: 360.0, more: &degrees, ..plain },
         Way { turns: 20.0, more: &rad, ..plain },
-        Way { element: U1, turn: 256.0, read: Err("whole numbers from 0 to 255"), ..plain },
-        Way { turn: 1.0, read: Err("looks like turns"), ..plain },
-        Way { turn: 360.0, read: Err("far outside a turn"), ..plain },
-        Way { turns: 20.0, read: Err("--phase-unit"), ..plain },
+        Way { element: U1, turn: 256.0, read: Err("hologram/doubtful/whole-numbers 255"), ..plain },
+        Way { turn: 1.0, read: Err("hologram/doubtful/turns"), ..plain },
+        Way { turn: 360.0, read: Err("hologram/doubtful/not-radians"), ..plain },
+        Way { turns: 20.0, read: Err("hologram/doubtful/not-radians --phase-unit"), ..plain },
     ];
     for (number, way) in ways.iter().enumerate() {
         let count: usize = way.shape.iter().product();
@@ -200,7 +199,12 @@ fn every_command_takes_phases_as_it_takes_their_hologram() {
     let play = ["play", "IN", "--display", "grey8", "--size", "36x48", "--duration", "0.1", "--record", "IN.shown"];
     both(&play, &["--color", "green"]);
     assert_eq!(read("h.zarr.shown/set-000000-00.png"), read("p.npy.shown/set-000000-00.png"));
-    refused(at, &["play", "p.npy", "--display", "grey8", "--size", "36x48", "--record", "x"], "x", "--color");
+    refused(
+        at,
+        &["play", "p.npy", "--display", "grey8", "--size", "36x48", "--record", "x"],
+        "x",
+        "hologram/doubtful/colors-not-named --color",
+    );
 
     // Exposures are not known: they are fitted to the scene.
     let refine =
@@ -257,19 +261,19 @@ fn phases_are_imported_with_what_is_known_of_them() {
         std::fs::write(at.join("mine").join(name), &kept).unwrap();
     }
     for folder in ["frames", "mine"] {
-        refused(at, &["export", "h.zarr", "-o", folder], "x", "is left alone; give another place or remove it");
+        refused(at, &["export", "h.zarr", "-o", folder], "x", "file/taken/holds-something-else");
         done(at, &["view", folder, "--display", "small", "--pupil=0,0,5,0", "--engine", "cpu", "-o", "seen.png"]);
     }
     assert_eq!(std::fs::read(at.join("mine/green-00.png")).unwrap(), kept);
     // And back.
     done(at, &["export", "s.zarr", "-o", "again.npy"]);
     assert_eq!(std::fs::read(at.join("again.npy")).unwrap(), std::fs::read(at.join("p.npy")).unwrap());
-    refused(at, &["import", "h.zarr", "-o", "x.zarr"], "x.zarr", "already");
-    refused(at, &["import", "p.npy", "-o", "x.zarr"], "x.zarr", "--display");
-    refused(at, &["import", "none.npy", "--display", "small", "-o", "x.zarr"], "x.zarr", "none.npy");
+    refused(at, &["import", "h.zarr", "-o", "x.zarr"], "x.zarr", "arguments/hologram-already");
+    refused(at, &["import", "p.npy", "-o", "x.zarr"], "x.zarr", "hologram/no-optics --display");
+    refused(at, &["import", "none.npy", "--display", "small", "-o", "x.zarr"], "x.zarr", "file/read none.npy");
     let one = ["view", "frames/green-00.png", "--display", "small", "--pupil=0,0,5,0", "-o", "x.png"];
     done(at, &[&one[..], &["--engine", "cpu"]].concat());
-    refused(at, &["import", "p.npy", "--display", "small", "-o", "x.npy"], "x.npy", ".zarr");
+    refused(at, &["import", "p.npy", "--display", "small", "-o", "x.npy"], "x.npy", "arguments/ending");
 }
 
 #[test]
@@ -277,13 +281,18 @@ fn a_hologram_is_not_measured_against_another_scene() {
     let here = folder();
     let at = here.path();
     solved(at);
-    let shows = "it shows 'builtin:plane', and 'builtin:points' is another scene";
+    let shows = "arguments/other-scene 'builtin:plane' 'builtin:points'";
     let score = ["score", "h.zarr", "builtin:points", "--pupils", "random:1", "--engine", "cpu"];
     refused(at, &score, "x", shows);
     done(at, &[&score[..], &["--other-scene"]].concat());
     done(at, &["score", "h.zarr", "builtin:plane?brightness=1", "--pupils", "random:1", "--engine", "cpu"]);
     refused(at, &["refine", "h.zarr", "builtin:points", "--pupil=0,0,5,0", "-o", "x.zarr"], "x.zarr", shows);
-    refused(at, &["evaluate", "builtin:points", "--hologram", "mine=h.zarr", "-o", "x"], "x", shows);
+    refused(
+        at,
+        &["evaluate", "builtin:points", "--hologram", "mine=h.zarr", "-o", "x"],
+        "x",
+        "quality/input/other-scene 'builtin:plane' 'builtin:points'",
+    );
     let live = ["live", "h.zarr", "--scene", "builtin:points", "--display", "grey8", "--duration", "0.1"];
     refused(at, &live, "x", shows);
 }
@@ -321,12 +330,12 @@ fn the_documents_python_writes_a_hologram() {
         run(&program.replace(from, to));
         refused(at, &["export", "grating.zarr", "-o", "x.npy"], "x.npy", what);
     };
-    wrong("\"format\": 1, ", "", "it states no format");
-    wrong("\"float32\"", "\"float64\"", "bytes long");
-    wrong("\"float32\"", "\"int32\"", "int32");
-    wrong("[1, 1, rows, columns]", "[1, 1, 1, columns]", "bytes long");
-    wrong("\"wavelength_nm\": nm", "\"wavelength\": nm", "wavelength_nm");
-    wrong("display=\"bench\"", "version=\"1.0\"", "document_crc32c");
-    wrong("0.1 * column", "float(column)", "radians");
-    wrong("for row in frame)", "for row in frame[1:])", "bytes long");
+    wrong("\"format\": 1, ", "", "hologram/not-a-hologram/no-format");
+    wrong("\"float32\"", "\"float64\"", "hologram/damaged/length");
+    wrong("\"float32\"", "\"int32\"", "hologram/not-a-hologram/foreign-type int32");
+    wrong("[1, 1, rows, columns]", "[1, 1, 1, columns]", "hologram/damaged/length");
+    wrong("\"wavelength_nm\": nm", "\"wavelength\": nm", "hologram/not-a-hologram/attributes wavelength_nm");
+    wrong("display=\"bench\"", "version=\"1.0\"", "hologram/damaged/no-checksum document_crc32c");
+    wrong("0.1 * column", "float(column)", "hologram/not-a-hologram/no-radians");
+    wrong("for row in frame)", "for row in frame[1:])", "hologram/damaged/length");
 }

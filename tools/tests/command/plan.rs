@@ -72,11 +72,11 @@ fn sub_frames_follow_the_speckle_asked_for() {
     let at = temp.path();
     assert_eq!(json(at, "plan", "builtin:plane", &["--speckle", "0.5"])["settings"]["frames"], 4);
     let plan = |more: &[&'static str]| [&["plan", "builtin:plane"][..], more].concat();
-    refused(at, &plan(&["--speckle", "2"]), "x", "0.016 (4096 sub-frames) to 1");
-    refused(at, &plan(&["--speckle", "0.5", "--frames", "8"]), "x", "--frames");
-    refused(at, &plan(&["--full=colors,nonsense"]), "x", "colors, views, padding, window, modes and all");
-    refused(at, &plan(&["--padding=sometimes"]), "x", "sometimes");
-    refused(at, &["plan", "builtin:none"], "x", "still-life");
+    refused(at, &plan(&["--speckle", "2"]), "x", "usage/value-validation 0.016 4096");
+    refused(at, &plan(&["--speckle", "0.5", "--frames", "8"]), "x", "usage/argument-conflict --frames");
+    refused(at, &plan(&["--full=colors,nonsense"]), "x", "usage/value-validation");
+    refused(at, &plan(&["--padding=sometimes"]), "x", "usage/invalid-value sometimes");
+    refused(at, &["plan", "builtin:none"], "x", "scene/builtin/no-such-scene still-life");
 }
 
 /// A folder that cannot be written costs nothing but time; rates are measured once, and again where they are damaged.

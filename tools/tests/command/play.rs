@@ -1,5 +1,6 @@
 //! `eyebox solve` over several scenes and `eyebox play`, as a user runs them.
 
+use crate::common::refusal;
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -24,11 +25,9 @@ fn done(folder: &Path, args: &[&str]) -> String {
     text(&answer.stderr)
 }
 
+#[track_caller]
 fn refused(folder: &Path, args: &[&str], what: &str) {
-    let answer = eyebox(folder, args);
-    let said = text(&answer.stderr);
-    assert_eq!(answer.status.code(), Some(2), "{args:?}: {said}");
-    assert!(said.contains(what) && !said.contains("panicked"), "{args:?}: {said}");
+    refusal(folder, args).is(what);
 }
 
 fn json(file: &Path) -> Value {
@@ -76,8 +75,8 @@ fn an_interrupted_sequence_is_gone_on_with_and_comes_out_the_same() {
     // One of its holograms by itself.
     done(at, &["export", "s.zarr", "--at", "2", "-o", "two.npy"]);
     done(at, &["view", "s.zarr", "--at", "1", "--pupil=0,0,4,0", "-o", "one.png"]);
-    refused(at, &["export", "s.zarr", "-o", "x.npy"], "sequence");
-    refused(at, &["export", "s.zarr", "--at", "3", "-o", "x.npy"], "no hologram 3");
+    refused(at, &["export", "s.zarr", "-o", "x.npy"], "hologram/not-a-hologram/is-a-sequence");
+    refused(at, &["export", "s.zarr", "--at", "3", "-o", "x.npy"], "hologram/not-a-hologram/no-such-hologram");
 }
 
 #[test]
@@ -131,7 +130,7 @@ fn what_is_recorded_is_what_encode_writes() {
     for name in ["decode", "upload", "encode", "submit", "present", "thread_name"] {
         assert!(names.contains(name), "{name} in {names:?}");
     }
-    refused(at, &played, "holds something");
+    refused(at, &played, "file/taken/not-empty");
 }
 
 #[test]
@@ -180,7 +179,7 @@ fn a_direct_display_that_is_not_there_is_refused_in_a_sentence() {
         // Where there is a graphics card, it has no display of 48x64 pixels.
         assert!(said.contains("direct display: no "), "{said}");
     }
-    refused(at, &[&play[..], &["--raw", "r"]].concat(), "offscreen");
+    refused(at, &[&play[..], &["--raw", "r"]].concat(), "arguments/without-offscreen");
 }
 
 /// A second ctrl-C is not needed: the first leaves the idle picture, which is the phase 0, everywhere.
@@ -230,7 +229,7 @@ fn an_unfinished_sequence_and_a_damaged_hologram_are_told() {
         "{said}"
     );
     std::fs::write(at.join("s.zarr/phases/c/2/0/0/0/0"), "short").unwrap();
-    refused(at, &play, "unfinished: 2 of 3 holograms");
+    refused(at, &play, "arguments/unfinished");
     let said = done(at, &[&play[..], &["--unfinished"]].concat());
     assert!(said.contains("cut off: 2 of its 3") && said.contains("unfinished"), "{said}");
 }
@@ -240,12 +239,20 @@ fn what_cannot_be_played_is_refused_in_one_sentence() {
     let here = tempfile::tempdir().unwrap();
     let at = here.path();
     sequence(at);
-    refused(at, &["play", "none.zarr"], "none.zarr");
-    refused(at, &["play", "s.zarr", "--display", "planes24"], "48x64");
-    refused(at, &["play", "s.zarr", "--size", "48x64", "--rate", "0"], "rate");
-    refused(at, &["play", "s.zarr", "--size", "48x64", "--first", "3"], "3 holograms");
-    refused(at, &["play", "s.zarr", "--size", "48x64", "--loop", "--clock", "simulated"], "--duration");
-    refused(at, &["play", "s.zarr", "--size", "48x64", "--record", "r", "--clock", "real"], "--record");
+    refused(at, &["play", "none.zarr"], "file/read none.zarr");
+    refused(at, &["play", "s.zarr", "--display", "planes24"], "session/setting/size 48x64");
+    refused(at, &["play", "s.zarr", "--size", "48x64", "--rate", "0"], "usage/value-validation rate");
+    refused(at, &["play", "s.zarr", "--size", "48x64", "--first", "3"], "session/setting/first");
+    refused(
+        at,
+        &["play", "s.zarr", "--size", "48x64", "--loop", "--clock", "simulated"],
+        "arguments/endless --duration",
+    );
+    refused(
+        at,
+        &["play", "s.zarr", "--size", "48x64", "--record", "r", "--clock", "real"],
+        "arguments/record-in-real-time --record",
+    );
     let before = eyebox(at, &["play", "s.zarr", "--size", "48x64", "--speed", "5000"]);
     assert_eq!(before.status.code(), Some(2));
 }

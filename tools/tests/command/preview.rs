@@ -272,12 +272,12 @@ fn what_cannot_be_shown_is_refused_in_a_line() {
     (0..2).for_each(|i| writer.append(&hologram(i)).expect("written"));
     writer.finish().expect("finished");
     for (args, what) in [
-        (&["none.zarr"][..], "none.zarr"),
-        (&["x.zarr", "--pupil=30,0,4,0"], "outside"),
-        (&["x.zarr", "--pitch", "8"], "its own optics"),
-        (&["x.zarr", "--window", "0x9"], "1 to 65536"),
-        (&["x.zarr", "--window", "9x9", "--zoom", "2"], "cannot be used with"),
-        (&["phases.npy"], "phases.npy"),
+        (&["none.zarr"][..], "file/read none.zarr"),
+        (&["x.zarr", "--pupil=30,0,4,0"], "arguments/outside-eyebox"),
+        (&["x.zarr", "--pitch", "8"], "arguments/own-optics"),
+        (&["x.zarr", "--window", "0x9"], "usage/value-validation 65536"),
+        (&["x.zarr", "--window", "9x9", "--zoom", "2"], "usage/argument-conflict"),
+        (&["phases.npy"], "file/read phases.npy"),
     ] {
         refused(folder, &[&["preview"], args].concat(), "x-seen-1.png", what);
     }

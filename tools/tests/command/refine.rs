@@ -93,11 +93,11 @@ fn a_hologram_in_tiles_is_refined_where_the_eye_is() {
     let tile = |name: &str| std::fs::read(at.join(format!("{name}/phases/c/1/0/7/2"))).unwrap();
     assert_eq!(tile("h.zarr"), tile("there.zarr"));
     let outside = ["refine", "h.zarr", "builtin:still-life", "--pupil=0.7,0,0.3,0", "-o", "x.zarr"];
-    refused(at, &outside, "x.zarr", "outside");
+    refused(at, &outside, "x.zarr", "arguments/outside-eyebox");
     // One that is not finished is not copied.
     std::fs::write(at.join("h.zarr/progress.json"), r#"{"done":1,"job":null,"pending":[]}"#).unwrap();
     let early = ["refine", "h.zarr", "builtin:still-life", "--pupil=0,0,0.3,0", "-o", "x.zarr"];
-    refused(at, &early, "x.zarr", "still being solved");
+    refused(at, &early, "x.zarr", "arguments/unfinished");
 }
 
 #[test]
@@ -107,11 +107,11 @@ fn mistakes_are_one_line() {
     done(at, &["solve", "builtin:plane", "--size", "40x48", "--steps", "2", "--color", "green", "-o", "h.zarr"]);
     let refine = |more: &[&'static str]| [&["refine", "h.zarr", "builtin:plane", "-o", "x.zarr"][..], more].concat();
     let eye = "--pupil=0,0,4,0";
-    refused(at, &refine(&[]), "x.zarr", "--pupil");
-    refused(at, &refine(&["--pupil=0,0,0,0"]), "x.zarr", "diameter");
-    refused(at, &refine(&[eye, "--pupils", "0"]), "x.zarr", "pupils a step");
-    refused(at, &refine(&[eye, "--elsewhere", "1000"]), "x.zarr", "0 to 64");
-    refused(at, &refine(&[eye, "--strategy", "none"]), "x.zarr", "projection, adam");
-    refused(at, &["refine", "none.zarr", "builtin:plane", eye, "-o", "x.zarr"], "x.zarr", "none.zarr");
-    refused(at, &["refine", "h.zarr", "builtin:plane", eye, "-o", "x.png"], "x.png", ".zarr");
+    refused(at, &refine(&[]), "x.zarr", "usage/missing-required-argument --pupil");
+    refused(at, &refine(&["--pupil=0,0,0,0"]), "x.zarr", "usage/value-validation diameter");
+    refused(at, &refine(&[eye, "--pupils", "0"]), "x.zarr", "solve/setting");
+    refused(at, &refine(&[eye, "--elsewhere", "1000"]), "x.zarr", "solve/setting 64");
+    refused(at, &refine(&[eye, "--strategy", "none"]), "x.zarr", "usage/invalid-value");
+    refused(at, &["refine", "none.zarr", "builtin:plane", eye, "-o", "x.zarr"], "x.zarr", "file/read none.zarr");
+    refused(at, &["refine", "h.zarr", "builtin:plane", eye, "-o", "x.png"], "x.png", "arguments/ending");
 }

@@ -46,9 +46,9 @@ fn files_that_are_no_files_are_refused_at_once() {
     std::fs::create_dir(at.join("views")).unwrap();
     mkfifo(&at.join("views/lightfield.toml"));
     for file in ["pipe", "/dev/zero"] {
-        refused(at, &["solve", "builtin:plane", "--display", file, "-o", "x"], "x", "only regular files");
-        refused(at, &["score", "h.zarr", "builtin:plane", "--pupils", file], "x", "only regular files");
-        refused(at, &solve(&["builtin:plane"], "x.zarr", &["--levels", file]), "x.zarr", "only regular files");
+        refused(at, &["solve", "builtin:plane", "--display", file, "-o", "x"], "x", "optics/unknown-display");
+        refused(at, &["score", "h.zarr", "builtin:plane", "--pupils", file], "x", "arguments/pupils");
+        refused(at, &solve(&["builtin:plane"], "x.zarr", &["--levels", file]), "x.zarr", "arguments/levels");
     }
     #[cfg(target_os = "linux")]
     {
@@ -76,7 +76,12 @@ fn files_that_are_no_files_are_refused_at_once() {
     }
     // A file of 3 GB that is not there.
     std::fs::File::create(at.join("sparse.toml")).unwrap().set_len(3 << 30).unwrap();
-    refused(at, &["solve", "builtin:plane", "--display", "sparse.toml", "-o", "x"], "x", "3221225472 bytes long");
+    refused(
+        at,
+        &["solve", "builtin:plane", "--display", "sparse.toml", "-o", "x"],
+        "x",
+        "optics/unknown-display 3221225472",
+    );
 }
 
 /// A PNG's first bytes say how large it is: nothing is decoded of one that is too large.
@@ -96,7 +101,7 @@ fn a_picture_that_is_too_large_is_refused_by_its_header() {
     let header = [&16000u32.to_be_bytes()[..], &16000u32.to_be_bytes(), &[8, 0, 0, 0, 0]].concat();
     png.extend([chunk(b"IHDR", &header), chunk(b"IDAT", &[]), chunk(b"IEND", &[])].concat());
     (0..9).for_each(|i| std::fs::write(at.join(format!("views/view_{i:02}.png")), &png).unwrap());
-    refused(at, &solve(&["views"], "x.zarr", &[]), "x.zarr", "16000 x 16000 pixels");
+    refused(at, &solve(&["views"], "x.zarr", &[]), "x.zarr", "scene/corrupt/too-many-pixels 16000");
 }
 
 #[cfg(unix)]
@@ -166,7 +171,7 @@ fn places_that_cannot_be_written_are_found_before_the_work() {
         ["play", "h.zarr", "--display", "planes8", "--size", "40x48", "--output", "offscreen", "--duration", "60"];
     for flag in ["--stats", "--trace"] {
         let begun = Instant::now();
-        refused(at, &[&play[..], &[flag, "none/x.json"]].concat(), "none", "none");
+        refused(at, &[&play[..], &[flag, "none/x.json"]].concat(), "none", "file/taken/no-such-folder");
         assert!(begun.elapsed() < Duration::from_secs(30), "{flag}: it was noticed when the run was over");
     }
 }

@@ -32,8 +32,8 @@ fn a_score_says_what_people_see_and_where() {
     let none = scored(at, &["--pupils", "random:2", "--no-jod"]);
     assert!(judged(&none) == 0 && none["jod"].is_null() && none["pupils"][0]["psnr_db"].is_number());
     let score = ["score", "h.zarr", "builtin:still-life"];
-    refused(at, &[&score[..], &["--black", "300"]].concat(), "x", "black in cd/m2 is 300: it must be 0 to 200");
-    refused(at, &[&score[..], &["--no-jod", "--jod-maps", "x"]].concat(), "x", "cannot be used with");
+    refused(at, &[&score[..], &["--black", "300"]].concat(), "x", "optics/viewing/range cd/m2 300 200");
+    refused(at, &[&score[..], &["--no-jod", "--jod-maps", "x"]].concat(), "x", "usage/argument-conflict");
 }
 
 /// The score of the part that the eye looks at is printed and stored beside that of the whole picture.
@@ -49,7 +49,7 @@ fn the_part_that_the_eye_looks_at_has_a_score() {
     assert!(scores["jod_there"]["mean"].as_f64() > Some(0.0), "{scores}");
     let score = ["score", "h.zarr", "builtin:still-life", "--pixels-per-degree", "8", "--engine", "cpu"];
     let past = [&score[..], &["--pupils", "random:1", "--gaze", "30,0"]].concat();
-    refused(at, &past, "x", "12.0 degrees");
+    refused(at, &past, "x", "evaluate/jod/gaze-at-the-edge 12.0");
     let said = done(at, &[&score[..], &["--pupils", "random:1", "--gaze", "2,-1.5"]].concat());
     assert!(said.contains("2.0,-1.5"), "{said}");
 }
@@ -90,8 +90,8 @@ fn a_film_follows_the_eye() {
     // What cannot be is said before anything is written.
     std::fs::write(at.join("bad.json"), r#"{"keys": [{"t_s": 0, "x": 1}]}"#).unwrap();
     let bad = |path: &'static str, out: &'static str| ["film", "h.zarr", "--path", path, "-o", out];
-    refused(at, &bad("bad.json", "c.y4m"), "c.y4m", "unknown field `x`");
-    refused(at, &bad("none.json", "c.y4m"), "c.y4m", "none.json");
-    refused(at, &bad("path.json", "c.mp4"), "c.mp4", "NAME.y4m, or a folder");
-    refused(at, &["film", "none.zarr", "--path", "path.json", "-o", "c.y4m"], "c.y4m", "none.zarr");
+    refused(at, &bad("bad.json", "c.y4m"), "c.y4m", "film/path `x`");
+    refused(at, &bad("none.json", "c.y4m"), "c.y4m", "film/path none.json");
+    refused(at, &bad("path.json", "c.mp4"), "c.mp4", "arguments/film NAME.y4m");
+    refused(at, &["film", "none.zarr", "--path", "path.json", "-o", "c.y4m"], "c.y4m", "file/read none.zarr");
 }

@@ -241,18 +241,23 @@ fn what_does_not_go_together_is_one_line() {
     let at = temp.path();
     sequence(at);
     let show = |what: &'static str, more: &[&'static str]| [&["show", what, "--display", "planes8"][..], more].concat();
-    refused(at, &show("missing.zarr", &[]), "x", "missing.zarr");
-    refused(at, &show("s.zarr", &["--step-time", "3"]), "x", "--tracker");
-    refused(at, &show("s.zarr", &["--tracker", "simulated", "--clock", "simulated"]), "x", "--step-time");
-    refused(at, &show("s.zarr", &["--tracker", "simulated", "--step-time", "3"]), "x", "--clock simulated");
-    refused(at, &show("s.zarr", &["--tracker", "simulated", "--speed", "2"]), "x", "--speed");
-    refused(at, &show("s.zarr", &["builtin:plane"]), "x", "alone");
-    refused(at, &show("live:../x", &SIZE), "x", "name");
-    refused(at, &show("live:x", &["--clock", "simulated", "--step-time", "3"]), "x", "real time");
-    refused(at, &show("s.zarr", &["--journal", "x"]), "x", "live:NAME");
+    refused(at, &show("missing.zarr", &[]), "x", "file/read missing.zarr");
+    refused(at, &show("s.zarr", &["--step-time", "3"]), "x", "arguments/without-tracker --tracker");
+    refused(
+        at,
+        &show("s.zarr", &["--tracker", "simulated", "--clock", "simulated"]),
+        "x",
+        "arguments/no-step-time --step-time",
+    );
+    refused(at, &show("s.zarr", &["--tracker", "simulated", "--step-time", "3"]), "x", "arguments/step-time --clock");
+    refused(at, &show("s.zarr", &["--tracker", "simulated", "--speed", "2"]), "x", "arguments/with-tracker --speed");
+    refused(at, &show("s.zarr", &["builtin:plane"]), "x", "arguments/shown-alone");
+    refused(at, &show("live:../x", &SIZE), "x", "session/live-input");
+    refused(at, &show("live:x", &["--clock", "simulated", "--step-time", "3"]), "x", "arguments/live");
+    refused(at, &show("s.zarr", &["--journal", "x"]), "x", "arguments/journal-without-live");
     let none = common::eyebox(at, &[&show("live:x", &["--replay", "s.zarr"])[..], &SIZE].concat());
     assert!(none.status.code() == Some(2) && text(&none.stderr).contains("decisions"), "{}", text(&none.stderr));
     // Before anything is computed: there is no such scene.
-    refused(at, &show("builtin:nothing", &["--raw", "s.zarr/zarr.json"]), "x", "is there already");
-    refused(at, &["study", "s.zarr", "--display", "planes8", "-o", "x"], "x", "sequence");
+    refused(at, &show("builtin:nothing", &["--raw", "s.zarr/zarr.json"]), "x", "file/taken/exists");
+    refused(at, &["study", "s.zarr", "--display", "planes8", "-o", "x"], "x", "arguments/sequence");
 }

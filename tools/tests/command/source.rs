@@ -66,22 +66,16 @@ fn a_bad_source_is_refused_in_a_line() {
     let at = dir.path();
     let solve = ["solve", "builtin:still-life", "--display", "bad.toml", "--engine", "cpu", "-o", "out.zarr"];
     for (source, says) in [
-        ("[source.green]\nmodes = [{ weight = 0 }]\n", "no mode has any light"),
-        ("[source.green]\nmodes = [{ weight = -1 }]\n", "the weight of mode 1 is -1"),
-        (
-            "[source.green]\nmodes = [{ weight = 1, wavelength_nm = 600 }]\n",
-            "a wavelength of 600.0 nm is more than 2 %",
-        ),
-        (
-            "[source.green]\nmodes = [{ weight = 1, angle_mrad = [40, 0] }]\n",
-            "an angle of 40.00 mrad is beyond what the SLM diffracts to",
-        ),
+        ("[source.green]\nmodes = [{ weight = 0 }]\n", "source-without-light"),
+        ("[source.green]\nmodes = [{ weight = -1 }]\n", "range -1"),
+        ("[source.green]\nmodes = [{ weight = 1, wavelength_nm = 600 }]\n", "line-width 600.0"),
+        ("[source.green]\nmodes = [{ weight = 1, angle_mrad = [40, 0] }]\n", "source-angle 40.00"),
     ] {
         std::fs::write(at.join("bad.toml"), format!("{BENCH}{source}")).unwrap();
-        refused(at, &solve, "out.zarr", &format!("bad.toml: [source.green]: {says}"));
+        refused(at, &solve, "out.zarr", &format!("optics/display-file/{says} bad.toml [source.green]"));
     }
     std::fs::write(at.join("bad.toml"), format!("{BENCH}{SQUARE}")).unwrap();
-    refused(at, &[&solve[..], &["--method", "dpac"]].concat(), "out.zarr", "source of several modes");
+    refused(at, &[&solve[..], &["--method", "dpac"]].concat(), "out.zarr", "solve/setting");
 }
 
 /// Sources of several sizes: a section of the report with its pictures, and a table.
@@ -102,5 +96,5 @@ fn the_report_compares_sources() {
     // Nothing is solved again.
     assert_eq!(done(at, &line), said);
     let wrong = ["evaluate", "builtin:still-life", "--coherence=99", "-o", "other"];
-    refused(at, &wrong, "other/report.html", "--coherence 99");
+    refused(at, &wrong, "other/report.html", "arguments/coherence --coherence 99");
 }

@@ -55,7 +55,7 @@ fn sources_take_turns_and_are_kept() {
         let there = light(place);
         assert!(there > 0.3 * middle && there < 3.0 * middle, "at {place}: {there}, {middle} in the middle");
     }
-    refused(at, &["view", "nine.zarr", "--pupil=60,0,4,0", "-o", "x.npy"], "x.npy", "78.00 mm");
+    refused(at, &["view", "nine.zarr", "--pupil=60,0,4,0", "-o", "x.npy"], "x.npy", "arguments/outside-eyebox 78.00");
     done(at, &["encode", "nine.zarr", "--display", "grey8", "--size", "64x64", "-o", "frames"]);
     let table = std::fs::read_to_string(at.join("frames/sources.csv")).unwrap();
     assert!(table.starts_with("color,sub_frame,source_1,source_2"), "{table}");
@@ -87,7 +87,7 @@ fn switching_takes_its_light() {
     assert!((dark * 0.7 / plain - 1.0).abs() < 0.02, "{dark} and {plain}");
     assert!((of_plain - of_dark).abs() < 0.5, "{of_plain} and {of_dark} dB");
     std::fs::write(at.join("bad.toml"), slow(17_000)).unwrap();
-    refused(at, &["devices", "--display", "bad.toml"], "none", "begin with 17000 us in which sources are switched");
+    refused(at, &["devices", "--display", "bad.toml"], "none", "optics/display-file/switching-times 17000");
 }
 
 /// A hologram that is refined for an eye keeps the sources that light it: near a border both.
@@ -149,7 +149,7 @@ fn sources_are_compared_across_the_eyebox() {
     let page = std::fs::read_to_string(at.join("report/report.html")).unwrap();
     assert!(page.contains("Sources against eyebox") && page.contains("steered at 0 mm"));
     let line = ["evaluate", "builtin:still-life", "--sources", "--display", "plain.toml", "-o", "other"];
-    refused(at, &line, "other/report.html", "has no [[sources]]");
+    refused(at, &line, "other/report.html", "arguments/no-sources");
 }
 
 #[test]
@@ -158,14 +158,17 @@ fn a_bad_source_is_refused_in_a_line() {
     let at = dir.path();
     let solve = ["solve", "builtin:still-life", "--display", "bad.toml", "--engine", "cpu", "-o", "out.zarr"];
     for (sources, says) in [
-        ("[[sources]]\npower = 0\n", "none has any green light"),
-        ("[[sources]]\npower = -2\n", "[[sources]] 1: power is -2"),
-        ("[[sources]]\nangle_mrad = [0, 800]\n", "an angle of 800.0 mrad is beyond what lights an SLM"),
-        ("[[sources]]\n[source.green]\nmodes = [{ weight = 1, wavelength_nm = 600 }]\n", "600.0 nm is more than 2 %"),
+        ("[[sources]]\npower = 0\n", "optics/display-file/sources-without-color"),
+        ("[[sources]]\npower = -2\n", "optics/display-file/range"),
+        ("[[sources]]\nangle_mrad = [0, 800]\n", "optics/display-file/source-angle 800.0"),
+        (
+            "[[sources]]\n[source.green]\nmodes = [{ weight = 1, wavelength_nm = 600 }]\n",
+            "optics/display-file/line-width 600.0",
+        ),
     ] {
         std::fs::write(at.join("bad.toml"), format!("{BENCH}{GREEN}{sources}")).unwrap();
         refused(at, &solve, "out.zarr", says);
     }
     std::fs::write(at.join("bad.toml"), nine("in-turn")).unwrap();
-    refused(at, &[&solve[..], &["--frames", "4"]].concat(), "out.zarr", "the number of sub-frames is 4");
+    refused(at, &[&solve[..], &["--frames", "4"]].concat(), "out.zarr", "solve/setting");
 }

@@ -142,7 +142,12 @@ fn a_view_reads_the_tiles_under_its_pupil() {
     std::fs::write(&far, &tile).unwrap();
     assert!(view(pupil).status.success());
     assert_eq!(std::fs::read(at.join("v.npy")).unwrap(), bytes);
-    refused(at, &["view", "h.zarr", "--pupil=0.5,0.5,0.25,0", "-o", "no.png"], "no.png", "9/9");
+    refused(
+        at,
+        &["view", "h.zarr", "--pupil=0.5,0.5,0.25,0", "-o", "no.png"],
+        "no.png",
+        "hologram/damaged/checksum 9/9",
+    );
     // Scored as it was solved.
     tile[7] ^= 1;
     std::fs::write(&far, &tile).unwrap();
@@ -199,7 +204,7 @@ fn a_display_as_it_is_is_solved_for_in_tiles() {
     }
     let wrong = format!("{DISPLAY}[model.green]\nfill = 0.9\n");
     std::fs::write(at.join("far.toml"), wrong).unwrap();
-    refused(at, &solve("x.zarr", "1"), "x.zarr", "fill");
+    refused(at, &solve("x.zarr", "1"), "x.zarr", "optics/display-file/model-far-field");
 }
 
 /// Three by three views of a built-in scene, 160 pixels wide, in a folder: content moves by two pixels from one to the next.
@@ -270,7 +275,7 @@ fn a_picture_with_depths_is_solved() {
     write_png(&at.join("depth.png"), 120, 120, &[&depth]).unwrap();
     let mut words = solve("h.zarr", "1");
     words[1] = "picture.png";
-    refused(at, &words, "h.zarr", "depth");
+    refused(at, &words, "h.zarr", "scene/no-depth-map");
     words.extend(["--depth-map", "depth.png"]);
     let said: Value = serde_json::from_str(&done(at, &words)).unwrap();
     assert!(said["psnr_mean_db"].as_f64().unwrap() > 14.0, "{said}");
@@ -285,16 +290,21 @@ fn mistakes_are_one_line() {
     let at = temp.path();
     std::fs::write(at.join("far.toml"), DISPLAY).unwrap();
     let with = |more: &[&'static str]| [&solve("x.zarr", "1")[..], more].concat();
-    refused(at, &with(&["--method", "lf2fs"]), "x.zarr", "--method");
-    refused(at, &with(&["--optimizer", "adam"]), "x.zarr", "adam");
+    refused(at, &with(&["--method", "lf2fs"]), "x.zarr", "arguments/in-tiles --method");
+    refused(at, &with(&["--optimizer", "adam"]), "x.zarr", "arguments/in-tiles");
     let little = ["solve", "builtin:still-life", "--display", "far-field-16k", "--memory", "300MiB", "-o", "x.zarr"];
-    refused(at, &little, "x.zarr", "MiB");
+    refused(at, &little, "x.zarr", "tiled/memory");
     // In a relay it is a limit alone.
     let relay = |memory| {
         ["solve", "builtin:plane", "--size", "256x256", "--color", "green", "--memory", memory, "-o", "x.zarr"]
     };
-    refused(at, &relay("40MiB"), "x.zarr", "MiB are there");
-    refused(at, &["solve", "builtin:plane", "--memory", "much", "-o", "x.zarr"], "x.zarr", "4GiB");
+    refused(at, &relay("40MiB"), "x.zarr", "scene/memory");
+    refused(
+        at,
+        &["solve", "builtin:plane", "--memory", "much", "-o", "x.zarr"],
+        "x.zarr",
+        "usage/value-validation 4GiB",
+    );
 }
 
 /// The same job on Vulkan: what it comes to is as good, and no further off than rounding takes a few steps.

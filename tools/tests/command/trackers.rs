@@ -22,13 +22,12 @@ fn done(folder: &Path, args: &[&str]) -> String {
 }
 
 /// The last line alone: what was shown before it is the sample lines' business.
+#[track_caller]
 fn refused(folder: &Path, args: &[&str], what: &str) {
-    let answer = eyebox(folder, args);
-    let said = String::from_utf8_lossy(&answer.stderr);
-    assert_eq!(answer.status.code(), Some(2), "{args:?}: {said}");
-    let last = said.trim().lines().last().unwrap_or_default();
-    assert!(last.starts_with("eyebox: ") && last.contains(what), "{args:?}: {said}");
-    assert!(!said.contains("panicked") && answer.stdout.is_empty(), "{args:?}: {said}");
+    let answer = trackers(folder, args).env("EYEBOX_JSON_ERRORS", "1").output().expect("the command starts");
+    assert_eq!(answer.status.code(), Some(2), "{args:?}");
+    common::Refusal::of(&answer).is(what);
+    assert!(answer.stdout.is_empty(), "{args:?}");
 }
 
 /// An eye tracker that sends a gaze point: usage page 0x12, report 1, two times 32 bits in micrometres.
@@ -80,7 +79,7 @@ fn a_descriptor_is_explained_in_all_its_forms() {
     let said = done(at, &["--describe", "m.bin"]);
     assert!(said.starts_with("not an eye tracker: ") && said.contains("Mouse"), "{said}");
     std::fs::write(at.join("m.hid"), recording(MOUSE)).unwrap();
-    refused(at, &["--watch", "m.hid"], "By Hand is not an eye tracker");
+    refused(at, &["--watch", "m.hid"], "tracker/file");
 }
 
 #[test]
@@ -185,11 +184,11 @@ fn numbers_of_an_unknown_unit_are_refused_until_it_is_stated() {
         std::fs::write(at.join("a.jsonl"), (0..200).map(line).collect::<String>()).unwrap();
     };
     write("", 1.0, 3.0);
-    refused(at, &["--watch", "a.jsonl"], "\"t_unit\": \"ms\"");
+    refused(at, &["--watch", "a.jsonl"], "tracker/time-unit \"t_unit\"");
     write(", \"t_unit\": \"ms\"", 1.0, 3.0);
     assert_eq!(done(at, &["--watch", "a.jsonl"]).lines().count(), 200);
     write("", 1.0 / 120.0, 0.003);
-    refused(at, &["--watch", "a.jsonl"], "\"unit\": \"m\"");
+    refused(at, &["--watch", "a.jsonl"], "tracker/position-unit");
     write(", \"unit\": \"m\"", 1.0 / 120.0, 0.003);
     assert!(done(at, &["--watch", "a.jsonl"]).lines().last().unwrap().contains("mm"));
 }
@@ -353,24 +352,32 @@ fn mistakes_are_one_line() {
     write("empty.bin", "");
     write("big.bin", &"x".repeat(20_000));
     write("bad.toml", "vendor = 1\n");
-    refused(at, &["--describe", "none.bin"], "none.bin");
-    refused(at, &["--describe", "empty.bin"], "empty.bin: the report descriptor, at byte 0: it is empty");
-    refused(at, &["--describe", "big.bin"], "at most");
-    refused(at, &["--describe", "bad.hid"], "bad.hid: line 1");
-    refused(at, &["--watch", "none.hid"], "none.hid");
-    refused(at, &["--watch", "tobii"], "'tobii' is no tracker: use hid");
-    refused(at, &["--watch", "udp://nowhere"], "is no tracker");
-    refused(at, &["--watch", "udp://203.0.113.1:9123", "--duration", "1"], "cannot listen");
-    refused(at, &["--watch", "mouse"], "in a window only");
-    refused(at, &["--watch", "a.hid", "--record", "b.txt"], ".hid or .jsonl");
-    refused(at, &["--watch", "simulated", "--record", "b.hid", "--duration", "1"], "record this one as .jsonl");
-    refused(at, &["--watch", "a.hid", "--device-file", "bad.toml"], "bad.toml: ");
-    refused(at, &["--watch", "a.hid", "--pupil", "--calibration", "bad.toml"], "bad.toml: line 1");
-    refused(at, &["--watch", "simulated", "--rate", "1e9", "--duration", "1"], "1 to 20000 Hz");
-    refused(at, &["--watch", "a.hid", "--duration=-1"], "positive");
-    refused(at, &["--watch", "simulated", "--calibrate", "x.toml", "--targets", "0,0;1,1"], "4 to 64 targets");
-    refused(at, &["--watch", "simulated", "--calibrate", "x.toml", "--targets", "0,0;1,1;90,0"], "60 degrees");
-    refused(at, &["--watch", "hid", "--record", "c.hid", "--duration", "0.2"], "no sample came");
+    refused(at, &["--describe", "none.bin"], "tracker/file none.bin");
+    refused(at, &["--describe", "empty.bin"], "tracker/file empty.bin");
+    refused(at, &["--describe", "big.bin"], "tracker/file");
+    refused(at, &["--describe", "bad.hid"], "tracker/file/report-length bad.hid");
+    refused(at, &["--watch", "none.hid"], "tracker/file none.hid");
+    refused(at, &["--watch", "tobii"], "tracker/spec 'tobii'");
+    refused(at, &["--watch", "udp://nowhere"], "tracker/spec");
+    refused(at, &["--watch", "udp://203.0.113.1:9123", "--duration", "1"], "tracker/network/cannot-listen");
+    refused(at, &["--watch", "mouse"], "tracker/setting/mouse-without-window");
+    refused(at, &["--watch", "a.hid", "--record", "b.txt"], "arguments/ending");
+    refused(at, &["--watch", "simulated", "--record", "b.hid", "--duration", "1"], "arguments/not-hid");
+    refused(at, &["--watch", "a.hid", "--device-file", "bad.toml"], "tracker/file/toml bad.toml");
+    refused(at, &["--watch", "a.hid", "--pupil", "--calibration", "bad.toml"], "gaze/file/toml bad.toml");
+    refused(at, &["--watch", "simulated", "--rate", "1e9", "--duration", "1"], "tracker/setting/simulated 20000");
+    refused(at, &["--watch", "a.hid", "--duration=-1"], "usage/value-validation positive");
+    refused(
+        at,
+        &["--watch", "simulated", "--calibrate", "x.toml", "--targets", "0,0;1,1"],
+        "usage/value-validation 64",
+    );
+    refused(
+        at,
+        &["--watch", "simulated", "--calibrate", "x.toml", "--targets", "0,0;1,1;90,0"],
+        "usage/value-validation 60",
+    );
+    refused(at, &["--watch", "hid", "--record", "c.hid", "--duration", "0.2"], "arguments/no-sample");
     assert!(
         !at.join("x.toml").exists()
             && !at.join("b.txt").exists()

@@ -22,13 +22,10 @@ fn done(at: &Path, args: &[&str]) -> (String, String) {
     (text(&answer.stdout), text(&answer.stderr))
 }
 
+#[track_caller]
 fn refused(at: &Path, args: &[&str], what: &str) {
-    let answer = eyebox(at, args);
-    let said = text(&answer.stderr);
-    assert_eq!(answer.status.code(), Some(2), "{args:?}: {said}");
-    assert_eq!(said.trim().lines().count(), 1, "{args:?}: {said}");
-    assert!(said.contains(what) && !said.contains("panicked"), "{args:?}: {said}");
-    assert!(!at.join("out").exists() && !at.join("x.zarr").exists(), "{args:?} left something");
+    common::refused(at, args, "out", what);
+    assert!(!at.join("x.zarr").exists(), "{args:?} left something");
 }
 
 const SMALL: [&str; 6] = ["--size", "32x40", "--engine", "cpu", "--color", "green"];
@@ -154,22 +151,26 @@ fn an_interrupted_sweep_is_a_valid_report() {
 fn mistakes_are_one_line_and_leave_nothing() {
     let temp = folder();
     let at = temp.path();
-    refused(at, &tradeoff(&["--budget", "0"]), "positive");
-    refused(at, &tradeoff(&["--check", "none.json"]), "none.json");
+    refused(at, &tradeoff(&["--budget", "0"]), "usage/value-validation positive");
+    refused(at, &tradeoff(&["--check", "none.json"]), "arguments/tradeoff-file none.json");
     std::fs::write(at.join("other.json"), "{\"recommended\": []}").unwrap();
-    refused(at, &tradeoff(&["--check", "other.json"]), "recommends nothing");
+    refused(at, &tradeoff(&["--check", "other.json"]), "arguments/tradeoff-file");
     std::fs::write(at.join("other.json"), "[").unwrap();
-    refused(at, &tradeoff(&["--check", "other.json"]), "is no tradeoff.json");
-    refused(at, &tradeoff(&["--levels", "none.txt"]), "none.txt");
-    refused(at, &tradeoff(&["--levels", "300"]), "levels");
-    refused(at, &["tradeoff", "none", "-o", "out"], "none: no such folder");
-    refused(at, &["tradeoff", "builtin:plane", "-o", "out", "--frames", "0", "--engine", "cpu"], "sub-frames");
-    refused(at, &["tradeoff", "builtin:plane", "--size", "32x32"], "--out");
-    refused(at, &solve(&["--quality", "best"]), "fast, balanced, accurate");
-    refused(at, &solve(&["--quality", "fast", "--deadline", "9"]), "cannot be used with");
-    refused(at, &solve(&["--deadline", "0"]), "positive");
+    refused(at, &tradeoff(&["--check", "other.json"]), "arguments/tradeoff-file tradeoff.json");
+    refused(at, &tradeoff(&["--levels", "none.txt"]), "arguments/levels none.txt");
+    refused(at, &tradeoff(&["--levels", "300"]), "solve/setting levels");
+    refused(at, &["tradeoff", "none", "-o", "out"], "scene/not-found");
+    refused(
+        at,
+        &["tradeoff", "builtin:plane", "-o", "out", "--frames", "0", "--engine", "cpu"],
+        "solve/setting sub-frames",
+    );
+    refused(at, &["tradeoff", "builtin:plane", "--size", "32x32"], "usage/missing-required-argument --out");
+    refused(at, &solve(&["--quality", "best"]), "usage/invalid-value");
+    refused(at, &solve(&["--quality", "fast", "--deadline", "9"]), "usage/argument-conflict");
+    refused(at, &solve(&["--deadline", "0"]), "usage/value-validation positive");
     // Nothing was measured: a built-in setting knows nothing of this machine's milliseconds.
-    refused(at, &solve(&["--deadline", "1000000"]), "eyebox tradeoff");
+    refused(at, &solve(&["--deadline", "1000000"]), "arguments/nothing-measured");
 }
 
 fn solve<'a>(more: &[&'a str]) -> Vec<&'a str> {
@@ -258,7 +259,7 @@ fn a_deadline_takes_what_fits_and_refuses_what_does_not() {
     refused(
         at,
         &[&["solve", "builtin:plane", "-o", "x.zarr"][..], &SMALL, &["--deadline", "9"]].concat(),
-        "takes 10 ms",
+        "arguments/nothing-measured",
     );
     // Half of the sub-frames take half of the time; three colours three times as long.
     assert_eq!(steps(&["--deadline", "500", "--frames", "4"]), 9);

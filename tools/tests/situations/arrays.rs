@@ -1,6 +1,6 @@
 //! Light fields in one NumPy array.
 
-use crate::frame::{Case, Chapter, Remedy, Situation, case, change, convert};
+use crate::frame::{Case, Chapter, Remedy, Situation, case, change, convert, mended};
 use crate::judge::Judge;
 use crate::made::{EXACT, GRID, SIZE, VIEWS, all, light};
 use crate::write::{file, npy, zip};
@@ -80,7 +80,7 @@ fn solved() -> Vec<Situation> {
     };
     vec![
         of("Floats of 0 to 255 are solved.", "a/v.npy", "<f4", |v| f32::from(v).to_le_bytes().into()).refused(
-            "above 1",
+            "scene/full-scale",
             Remedy::As("?full_scale=255", "a/v.npy", "a/v.npy?full_scale=255"),
             SCORED,
         ),
@@ -167,24 +167,24 @@ fn refused() -> Vec<Situation> {
         case("An array has the views one after the other.", "photograph v.npy", |at| {
             file(&at.join("v.npy"), npy("|u1", false, &[15, 48, 64, 3], &codes()));
         })
-        .refused("15 views", Remedy::Replace("v.npy", "v.npy?grid=3x5"), EXACT),
+        .refused("scene/corrupt/array-row-of-views 15", Remedy::Replace("v.npy", "v.npy?grid=3x5"), EXACT),
         axes("An array has colors before the pixels, as in PyTorch.", &[0, 1, 4, 2, 3]).refused(
-            "colors",
-            change("numpy.moveaxis(views, 2, -1)", rewrite),
+            "scene/corrupt/array-shape",
+            change("numpy.moveaxis(views", rewrite),
             EXACT,
         ),
         axes("An array has all axes reversed, as MATLAB files read by h5py.", &[4, 3, 2, 1, 0]).refused(
-            "[3, 64, 48, 5, 3]",
+            "scene/corrupt/array-shape [3 64 48 3]",
             change("numpy.transpose(views)", rewrite),
             EXACT,
         ),
         axes("An array has the pixels before the views.", &[2, 3, 4, 0, 1]).refused(
-            "[48, 64, 3, 3, 5]",
-            change("numpy.moveaxis(views, (3, 4), (0, 1))", rewrite),
+            "scene/corrupt/array-shape [48 64 5]",
+            change("numpy.moveaxis(views 3 0", rewrite),
             EXACT,
         ),
         axes("An array has the columns of views before the rows.", &[1, 0, 2, 3, 4]).refused(
-            "content moves along the pictures' columns",
+            "scene/order/moves-otherwise",
             Remedy::Add("--order transpose"),
             EXACT,
         ),
@@ -192,7 +192,7 @@ fn refused() -> Vec<Situation> {
             let rows: Vec<u8> = codes().chunks(5 * 48 * 64 * 3).rev().flatten().copied().collect();
             file(&at.join("v.npy"), npy("|u1", false, &SHAPE, &rows));
         })
-        .refused("contradict each other", Remedy::Add("--order flip-rows"), EXACT),
+        .refused("scene/order/moves-otherwise", Remedy::Add("--order flip-rows"), EXACT),
         case("An .npz holds two light fields.", "photograph scene.npz", |at| {
             let other: Vec<u8> = codes().iter().map(|v| 255 - v).collect();
             file(
@@ -200,40 +200,44 @@ fn refused() -> Vec<Situation> {
                 zip(&[("views.npy", plain()), ("negative.npy", npy("|u1", false, &SHAPE, &other))]),
             );
         })
-        .refused("several of its arrays", Remedy::Replace("scene.npz", "scene.npz?array=views"), EXACT),
+        .refused("scene/corrupt/no-such-shape", Remedy::Replace("scene.npz", "scene.npz?array=views"), EXACT),
         array("An array has integers of 32 bits.", "<i4", |v| {
             v.iter().flat_map(|v| i32::from(*v).to_le_bytes()).collect()
         })
-        .refused("'i4'", change("views.astype('uint8')", rewrite), EXACT),
+        .refused("scene/corrupt/array-type 'i4'", change("views.astype('uint8')", rewrite), EXACT),
         array("An array has integers of 64 bits, as NumPy makes them.", "<i8", |v| {
             v.iter().flat_map(|v| i64::from(*v).to_le_bytes()).collect()
         })
-        .refused("'i8'", change("views.astype('uint8')", rewrite), EXACT),
+        .refused("scene/corrupt/array-type 'i8'", change("views.astype('uint8')", rewrite), EXACT),
         array("An array has complex numbers.", "<c8", |v| {
             v.iter().flat_map(|v| [light(*v).to_le_bytes(), [0; 4]]).flatten().collect()
         })
-        .refused("c8", change("numpy.abs(a) ** 2", rewrite), EXACT),
+        .refused("scene/corrupt/npy-type c8", change("numpy.abs(a) **", rewrite), EXACT),
         array("An array has floats from 0 to 255.", "<f4", |v| {
             v.iter().flat_map(|v| (255.0 * light(*v)).to_le_bytes()).collect()
         })
-        .refused("above 1", Remedy::Replace("v.npy", "v.npy?full_scale=255"), EXACT),
+        .refused("scene/full-scale", Remedy::Replace("v.npy", "v.npy?full_scale=255"), EXACT),
         array("An array of 16 bits has values of 10 bits.", "<u2", |v| {
             v.iter().flat_map(|v| ((f32::from(*v) / 255.0 * 1023.0).round() as u16).to_le_bytes()).collect()
         })
-        .refused("10 bits", Remedy::Replace("v.npy", "v.npy?full_scale=1023"), Judge::Like(&VIEWS, 1e-3)),
+        .refused(
+            "scene/full-scale 10",
+            Remedy::Replace("v.npy", "v.npy?full_scale=1023"),
+            Judge::Like(&VIEWS, 1e-3),
+        ),
         array("An array has one NaN.", "<f4", |v| {
             let mut bytes = floats(v);
             bytes[400_000..400_004].copy_from_slice(&f32::NAN.to_le_bytes());
             bytes
         })
-        .refused("NaN", change("finite", rewrite), EXACT),
+        .refused("scene/value", mended("finite", rewrite), EXACT),
         case("An array is cut off.", "photograph v.npy", |at| file(&at.join("v.npy"), &plain()[..100_000])).refused(
-            "v.npy",
-            change("copy it again", rewrite),
+            "scene/corrupt/npy-length v.npy",
+            mended("copy it again", rewrite),
             EXACT,
         ),
         case("An array was pickled.", "photograph v.npy", |at| file(&at.join("v.npy"), b"\x80\x04\x95rest")).refused(
-            "pickle",
+            "scene/kind",
             convert("v-converted.npy", "v.npy", "v-converted.npy", |at| {
                 file(&at.join("v-converted.npy"), plain());
             }),
@@ -242,6 +246,6 @@ fn refused() -> Vec<Situation> {
         case("An array holds one picture.", "photograph v.npy", |at| {
             file(&at.join("v.npy"), npy("|u1", false, &[48, 64, 3], &codes()[..48 * 64 * 3]));
         })
-        .refused("one picture", change("views", rewrite), EXACT),
+        .refused("scene/corrupt/array-one-picture", mended("views", rewrite), EXACT),
     ]
 }

@@ -1,7 +1,7 @@
 //! Cameras that stand in no even grid, and focal stacks.
 
 use crate::common::done;
-use crate::frame::{Case, Chapter, Remedy, Situation, case, change};
+use crate::frame::{Case, Chapter, Remedy, Situation, case, change, mended};
 use crate::judge::{Canon, Judge};
 use crate::made::{GRID, array, light, view};
 use crate::tiled::{OF_ROW, row};
@@ -92,7 +92,7 @@ fn uneven_rows() -> Vec<Situation> {
             format!("y0_x{:02}.png", UNEVEN[i] as i32 + 8)
         })
         .refused(
-            "not evenly spaced",
+            "scene/not-a-grid/uneven",
             Remedy::State("views/lightfield.toml", "positions_mm = [0.0, 2.0, 9.0, 11.0, 16.0]"),
             OF_LAYERS,
         ),
@@ -100,7 +100,7 @@ fn uneven_rows() -> Vec<Situation> {
             format!("cam_y0_x{}.png", UNEVEN[i] as i32)
         })
         .refused(
-            "not evenly spaced",
+            "scene/uneven",
             Remedy::State("views/lightfield.toml", "positions_mm = { x = [-8.0, -6.0, 1.0, 3.0, 8.0], y = [0.0] }"),
             OF_LAYERS,
         ),
@@ -108,7 +108,7 @@ fn uneven_rows() -> Vec<Situation> {
             format!("cam_x{:.1}.png", UNEVEN[i] + 8.0)
         })
         .refused(
-            "not evenly spaced",
+            "scene/not-a-grid/uneven",
             Remedy::State("views/lightfield.toml", "positions_mm = [0.0, 2.0, 9.0, 11.0, 16.0]"),
             OF_LAYERS,
         ),
@@ -118,14 +118,14 @@ fn uneven_rows() -> Vec<Situation> {
             }
         })
         .refused(
-            "view is missing",
-            change("`grid = [rows, columns]`", |at| file(&at.join("views/lightfield.toml"), "grid = [1, 15]\n")),
+            "scene/missing-view",
+            change("`grid = [rows columns]`", |at| file(&at.join("views/lightfield.toml"), "grid = [1, 15]\n")),
             OF_ROW,
         ),
         uneven("lightfield.toml has a position too few.", "positions_mm = [-8, -6, 1, 3]\n", |i| format!("{i}.png"))
             .refused(
-                "positions_mm has 4 positions",
-                change("give one for each", |at| {
+                "scene/not-a-grid/positions-count positions_mm",
+                mended("give one for each", |at| {
                     file(&at.join("views/lightfield.toml"), "positions_mm = [-8, -6, 1, 3, 8]\n");
                 }),
                 OF_LAYERS,
@@ -155,8 +155,8 @@ pub fn chapter() -> Chapter {
         })
         .right(OF_STACK),
         case("A focal stack states nothing.", format!("photograph stack {WITHIN}"), stack).refused(
-            "not a square",
-            change("`focus_mm` and `aperture_mm`", move |at| file(&at.join("stack/lightfield.toml"), stated)),
+            "scene/not-a-grid/grid-doubtful",
+            change("`focus_mm` `aperture_mm`", move |at| file(&at.join("stack/lightfield.toml"), stated)),
             OF_STACK,
         ),
         case("A focal stack states a depth too few.", format!("photograph stack {WITHIN}"), |at| {
@@ -164,8 +164,8 @@ pub fn chapter() -> Chapter {
             file(&at.join("stack/lightfield.toml"), "focus_mm = [-1, -0.5, 0, 0.5]\naperture_mm = 12\n");
         })
         .refused(
-            "focus_mm has 4 depths",
-            change("one for each", move |at| file(&at.join("stack/lightfield.toml"), stated)),
+            "scene/settings/focus-count focus_mm",
+            mended("one for each", move |at| file(&at.join("stack/lightfield.toml"), stated)),
             OF_STACK,
         ),
         case("A focal stack does not state its aperture.", format!("photograph stack {WITHIN}"), |at| {
@@ -173,7 +173,7 @@ pub fn chapter() -> Chapter {
             file(&at.join("stack/lightfield.toml"), "focus_mm = [-1, -0.5, 0, 0.5, 1]\n");
         })
         .refused(
-            "focus_mm needs aperture_mm",
+            "scene/settings/focus-without-aperture focus_mm aperture_mm",
             Remedy::State("stack/lightfield.toml", "aperture_mm = 12"),
             OF_STACK,
         ),

@@ -1,7 +1,7 @@
 //! A picture and its depth map.
 
 use crate::common::made::tiff;
-use crate::frame::{Case, Chapter, Remedy, Situation, case, change, convert};
+use crate::frame::{Case, Chapter, Remedy, Situation, case, change, convert, mended};
 use crate::judge::{Canon, Judge};
 use crate::made::{SIZE, view};
 use crate::write::{exr, file, jpeg, npy, pfm, png};
@@ -248,7 +248,7 @@ fn read() -> Vec<Situation> {
         with("A network's map of 8 bits is an array with the name depth.", "depth.npy", "", || {
             npy("|u1", false, &SIZE, &codes())
         })
-        .refused("an array of 8 bits", Remedy::Add("--near bright"), EXACT),
+        .refused("scene/ambiguous/values", Remedy::Add("--near bright"), EXACT),
         with("Disparities of Middlebury 2003 have 8 bits and zeros where nothing is known.", "disp2.png", "", || {
             png(of_bytes(|v, i| if is_hole(i) { 0 } else { v }))
         })
@@ -258,7 +258,7 @@ fn read() -> Vec<Situation> {
 
 /// Maps that do not say which values are near.
 fn ambiguous() -> Vec<Situation> {
-    let asks = "nothing says whether small or large is near";
+    let asks = "scene/ambiguous/values";
     vec![
         with("Distances of TUM RGB-D do not say which values are near.", "depth.png", "", || {
             of_words(|v, i| if is_hole(i) { 0 } else { 40000 - 100 * u16::from(v) })
@@ -293,15 +293,15 @@ fn ambiguous() -> Vec<Situation> {
         with("An array of the name depth is normalized to 0 to 1, near is 1.", "depth.npy", "", || {
             floats(&map(|v, _| (f32::from(v) - 20.0) / 220.0))
         })
-        .refused("normalized", Remedy::Add("--near bright"), EXACT),
+        .refused("scene/ambiguous/normalized-distances", Remedy::Add("--near bright"), EXACT),
         with("Depths of OpenGL are negative in front of the camera.", "z.npy", "", || {
             floats(&map(|v, _| -distance(v)))
         })
-        .refused("negative", Remedy::Add("--near large"), EXACT),
+        .refused("scene/ambiguous/negative-distances", Remedy::Add("--near large"), EXACT),
         with("Disparities are stated to be small where they are near.", "disp.npy", " --near small", || {
             floats(&map(|v, _| f32::from(v)))
         })
-        .refused("its name says disparities", Remedy::As("large", "--near small", "--near large"), EXACT),
+        .refused("scene/ambiguous/disparities", Remedy::As("large", "--near small", "--near large"), EXACT),
     ]
 }
 
@@ -313,8 +313,8 @@ fn refused() -> Vec<Situation> {
             file(&at.join("depth.png"), png(of_bytes(|v, _| v)));
         })
         .refused(
-            "needs a depth map",
-            Remedy::As("--depth-map FILE", "photo.png", "photo.png --depth-map depth.png"),
+            "scene/no-depth-map",
+            Remedy::As("--depth-map", "photo.png", "photo.png --depth-map depth.png"),
             EXACT,
         ),
         case("A folder has pictures with their maps.", format!("photograph shots --depth-map shots {STATED}"), |at| {
@@ -324,24 +324,20 @@ fn refused() -> Vec<Situation> {
             }
         })
         .refused(
-            "the folder shots",
-            Remedy::As("one picture of it", "photograph shots", "photograph shots/shot-1.png"),
+            "scene/request",
+            Remedy::By("one picture of it", "photograph shots", "photograph shots/shot-1.png"),
             EXACT,
         ),
         with("The map has half of the picture's size.", "depth.png", "", || {
             png(imageops::resize(&of_bytes(|v, _| v), 32, 24, imageops::FilterType::Nearest))
         })
-        .refused(
-            "24 x 32 pixels, but photo.png has 48 x 64",
-            change("give both one size", right("depth.png")),
-            EXACT,
-        ),
+        .refused("scene/size 24 32 photo.png 48 64", mended("give both one size", right("depth.png")), EXACT),
         with("The map has rows and columns exchanged.", "depth.png", "", || {
             png(imageops::rotate90(&of_bytes(|v, _| v)))
         })
         .refused(
-            "64 x 48 pixels, but photo.png has 48 x 64",
-            change("exchange its rows and columns", right("depth.png")),
+            "scene/size 64 48 photo.png",
+            mended("exchange its rows and columns", right("depth.png")),
             EXACT,
         ),
         case(
@@ -353,8 +349,8 @@ fn refused() -> Vec<Situation> {
             },
         )
         .refused(
-            "EXIF orientation",
-            change("turn the map likewise", right("depth.png")),
+            "scene/turned",
+            mended("turn the map likewise", right("depth.png")),
             Judge::Like(&DEPTHS, 0.015),
         ),
         with("The map is in false colors.", "depth.png", "", || {
@@ -364,13 +360,13 @@ fn refused() -> Vec<Situation> {
                 Rgb([v, 255 - v.abs_diff(128) * 2, 255 - v])
             }))
         })
-        .refused("color", change("gray picture", right("depth.png")), EXACT),
+        .refused("scene/corrupt/map-colors", mended("gray picture", right("depth.png")), EXACT),
         with("A sparse map of KITTI has no value in most pixels.", "depth.png", " --near small", || {
             of_words(|v, i| if i % 3 == 0 { 20000 - 64 * u16::from(v) } else { 0 })
         })
         .refused(
-            "have no value",
-            change("complete the map", |at| {
+            "scene/corrupt/map-holes",
+            mended("complete the map", |at| {
                 file(&at.join("depth.png"), of_words(|v, _| 20000 - 64 * u16::from(v)));
             }),
             EXACT,
@@ -389,7 +385,7 @@ fn refused_files() -> Vec<Situation> {
                 .into_bytes()
         })
         .refused(
-            "text file",
+            "scene/kind",
             convert("depth.csv depth.npy", "depth.csv", "depth.npy", |at| {
                 file(&at.join("depth.npy"), floats(&map(|v, _| distance(v))));
             }),
@@ -397,7 +393,7 @@ fn refused_files() -> Vec<Situation> {
         ),
         with("The map is a file of MATLAB.", "depth.mat", "", || b"MATLAB 5.0 MAT-file, Platform: GLNXA64".to_vec())
             .refused(
-                "MATLAB",
+                "scene/kind",
                 convert("depth.mat depth.npy", "depth.mat", "depth.npy", |at| {
                     file(&at.join("depth.npy"), floats(&map(|v, _| distance(v))))
                 }),
@@ -407,7 +403,7 @@ fn refused_files() -> Vec<Situation> {
             b"\0\0\0\x18ftypheic\0\0\0\0heic".to_vec()
         })
         .refused(
-            "HEIC",
+            "scene/kind",
             convert("magick portrait.heic portrait.png", "portrait.heic", "portrait.png", |at| {
                 file(&at.join("portrait.png"), png(of_bytes(|v, _| v)));
             }),
@@ -423,7 +419,7 @@ fn refused_files() -> Vec<Situation> {
             )
         })
         .refused(
-            "depth map has rows and columns",
+            "scene/corrupt/map-shape",
             change("maps[0]", |at| file(&at.join("depth.npy"), floats(&map(|v, _| distance(v))))),
             EXACT,
         ),
@@ -435,7 +431,7 @@ fn refused_files() -> Vec<Situation> {
                 file(&at.join("depth.png"), png(of_bytes(|v, _| v)));
             },
         )
-        .refused("depht.png: no such file", Remedy::Replace("depht.png", "depth.png"), EXACT),
+        .refused("scene/not-found depht.png", Remedy::Replace("depht.png", "depth.png"), EXACT),
         case(
             "An EXR picture has two layers of depth.",
             format!("photograph photo.png --depth-map depth.exr {STATED}"),
@@ -446,7 +442,7 @@ fn refused_files() -> Vec<Situation> {
             },
         )
         .refused(
-            "left.Z",
+            "scene/corrupt/several-depths left.Z",
             change("right.Z", |at| file(&at.join("depth.exr"), exr(SIZE, &[("Z", map(|v, _| distance(v)))]))),
             EXACT,
         ),
@@ -464,8 +460,8 @@ fn refused_files() -> Vec<Situation> {
             },
         )
         .refused(
-            "transparent",
-            change("without its alpha channel", |at| file(&at.join("photo.png"), png(photo()))),
+            "scene/transparent",
+            mended("without its alpha channel", |at| file(&at.join("photo.png"), png(photo()))),
             EXACT,
         ),
     ]

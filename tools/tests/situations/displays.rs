@@ -1,7 +1,7 @@
 //! Files of displays.
 
 use crate::common::done;
-use crate::frame::{Case, Chapter, Outcome, case, change};
+use crate::frame::{Case, Chapter, Outcome, case, change, mended};
 use crate::judge::Judge;
 use crate::write::file;
 use eyebox::low_level::files::read_npy;
@@ -55,69 +55,73 @@ pub fn chapter() -> Chapter {
         })
         .right(SAME),
         with("The pitch has a decimal comma.", "pitch_um = 8.0", "pitch_um = 8,0").refused(
-            "8,0 has a decimal comma",
-            change("write 8.0", bench),
+            "optics/display-file/decimal-comma 8,0",
+            change("8.0", bench),
             SAME,
         ),
         with("A wavelength has a decimal comma.", "green = 520,", "green = 520,0,").refused(
-            "520,0 has a decimal comma",
-            change("write 520.0", bench),
+            "optics/display-file/decimal-comma 520,0",
+            change("520.0", bench),
             SAME,
         ),
         with("The pitch is in meters.", "pitch_um = 8.0", "pitch_um = 8e-6").refused(
-            "the pitch (um) is 8e-6",
-            change("probably 8 is meant", bench),
+            "optics/display-file/out-of-range 8e-6",
+            mended("probably 8 is meant", bench),
             SAME,
         ),
         with("The focal length is in meters.", "200.0", "0.2").refused(
-            "0.2 mm",
-            change("probably 200 mm is meant", bench),
+            "arguments/unusual 0.2",
+            change("200", bench),
             SAME,
         ),
         with("A wavelength is in micrometers.", "520", "0.52").refused(
-            "the wavelength (nm)",
-            change("probably 520 is meant", bench),
+            "optics/display-file/out-of-range",
+            change("520", bench),
             SAME,
         ),
         with("A wavelength is in meters.", "520", "5.2e-7").refused(
-            "the wavelength (nm)",
-            change("probably 520 is meant", bench),
+            "optics/display-file/out-of-range",
+            change("520", bench),
             SAME,
         ),
         with("The pitch has a key of another unit.", "pitch_um = 8.0", "pitch_mm = 0.008").refused(
-            "unknown field `pitch_mm`",
+            "optics/display-file/toml `pitch_mm`",
             change("`pitch_um`", bench),
             SAME,
         ),
         with("A key is misspelled.", "focal_length_mm", "focal_lenght_mm").refused(
-            "unknown field `focal_lenght_mm`",
+            "optics/display-file/toml `focal_lenght_mm`",
             change("`focal_length_mm`", bench),
             SAME,
         ),
         with("The focal length is missing.", "focal_length_mm = 200.0\n", "").refused(
-            "missing field",
+            "optics/display-file/toml",
             change("`focal_length_mm`", bench),
             SAME,
         ),
         with("A key of another program's file is left.", "name =", "vendor = \"x\"\nname =").refused(
-            "unknown field `vendor`",
-            change("line 1", bench),
+            "optics/display-file/toml `vendor`",
+            mended("line 1", bench),
             SAME,
         ),
-        with("A number is in quotes.", "8.0", "\"8.0\"").refused("string \"8.0\"", change("line 3", bench), SAME),
+        with("A number is in quotes.", "8.0", "\"8.0\"").refused(
+            "optics/display-file/toml \"8.0\"",
+            mended("line 3", bench),
+            SAME,
+        ),
         with("The resolution is a text.", "[24, 32]", "\"24x32\"").refused(
-            "string \"24x32\"",
-            change("an array of length 2", bench),
+            "optics/display-file/toml \"24x32\"",
+            mended("an array of length 2", bench),
             SAME,
         ),
         with("A color has a name of its own.", "green = 520", "amber = 520").refused(
-            "unknown variant `amber`",
+            "optics/display-file/toml `amber`",
             change("`green`", bench),
             SAME,
         ),
         with("A color has two wavelengths.", "green = 520", "green = [520, 532]").refused(
-            "sequence",
-            change("line 5", bench),
+            "optics/display-file/toml",
+            mended("line 5", bench),
             SAME,
         ),
         with(
@@ -125,15 +129,15 @@ pub fn chapter() -> Chapter {
             "red = 640, green = 520, blue = 450",
             "red = 450, green = 520, blue = 640",
         )
-        .refused("probably they are exchanged", change("red is the longer wavelength", bench), SAME),
+        .refused("arguments/unusual", mended("red is the longer wavelength", bench), SAME),
         with("A key is there twice.", "name =", "pitch_um = 9.0\nname =").refused(
-            "duplicate key",
-            change("line 4", bench),
+            "optics/display-file/toml",
+            mended("line 4", bench),
             SAME,
         ),
         with("The pitch is negative.", "8.0", "-8.0").refused(
-            "the pitch (um) is -8",
-            change("a positive, finite number", bench),
+            "optics/display-file/not-positive -8",
+            mended("a positive, finite number", bench),
             SAME,
         ),
     ];

@@ -1,6 +1,6 @@
 //! Folders of views: their names and numbers, and what lies beside them.
 
-use crate::frame::{Case, Chapter, Remedy, case, change};
+use crate::frame::{Case, Chapter, Remedy, case, change, mended};
 use crate::judge::Judge;
 use crate::made::{EXACT, GRID, all, save, view_of};
 use crate::write::file;
@@ -169,24 +169,24 @@ fn stated() -> Vec<crate::frame::Situation> {
             file(&views.join("lightfield.toml"), "grid = [3, 5]\ncolour = \"sRGB\"\n");
         })
         .refused(
-            "unknown field `colour`",
-            change("line 2", |at| file(&at.join("views/lightfield.toml"), "grid = [3, 5]\n")),
+            "scene/settings/toml `colour`",
+            mended("line 2", |at| file(&at.join("views/lightfield.toml"), "grid = [3, 5]\n")),
             EXACT,
         ),
         named("lightfield.toml has rows and columns exchanged.", usual, |views| {
             file(&views.join("lightfield.toml"), "grid = [5, 3]\n");
         })
         .refused(
-            "a grid of 5 x 3 is stated",
-            change("the names make 3 x 5", |at| file(&at.join("views/lightfield.toml"), "grid = [3, 5]\n")),
+            "scene/not-a-grid/grid-count",
+            mended("the names make 3 x 5", |at| file(&at.join("views/lightfield.toml"), "grid = [3, 5]\n")),
             EXACT,
         ),
         named("The pitch of the views is in meters instead of millimeters.", usual, |views| {
             file(&views.join("lightfield.toml"), "view_pitch_mm = 0.0044\n");
         })
         .refused(
-            "view_pitch_mm",
-            change("mm", |at| file(&at.join("views/lightfield.toml"), "view_pitch_mm = 4.4\n")),
+            "scene/settings/view-pitch view_pitch_mm",
+            mended("mm", |at| file(&at.join("views/lightfield.toml"), "view_pitch_mm = 4.4\n")),
             EXACT,
         ),
     ]
@@ -198,7 +198,7 @@ fn refused() -> Vec<crate::frame::Situation> {
         named("One view of the grid is missing.", usual, |views| {
             fs::rename(views.join("view_1_3.png"), views.join("../elsewhere.png")).expect("moved");
         })
-        .refused("view_1_3.png: this view is missing", change("add it", to_upright), EXACT),
+        .refused("scene/missing-view view_1_3.png", mended("add it", to_upright), EXACT),
         named(
             "The last of the running numbers is missing.",
             |r, c| format!("{:02}.png", number(r, c)),
@@ -207,8 +207,8 @@ fn refused() -> Vec<crate::frame::Situation> {
             },
         )
         .refused(
-            "14",
-            change("grid", |at| fs::rename(at.join("elsewhere.png"), at.join("views/14.png")).expect("moved")),
+            "scene/not-a-grid/grid-doubtful 14",
+            mended("grid", |at| fs::rename(at.join("elsewhere.png"), at.join("views/14.png")).expect("moved")),
             EXACT,
         ),
         named("One view is cut off, as after a full disk.", usual, |views| {
@@ -217,18 +217,18 @@ fn refused() -> Vec<crate::frame::Situation> {
             fs::rename(&name, views.join("../elsewhere.png")).expect("moved");
             file(&name, &bytes[..bytes.len() / 2]);
         })
-        .refused("view_1_3.png", change("copy it again", to_upright), EXACT),
+        .refused("scene/corrupt/damaged view_1_3.png", mended("copy it again", to_upright), EXACT),
         named("One view is an empty file.", usual, |views| {
             fs::rename(views.join("view_1_3.png"), views.join("../elsewhere.png")).expect("moved");
             file(&views.join("view_1_3.png"), "");
         })
-        .refused("view_1_3.png", change("empty", to_upright), EXACT),
+        .refused("scene/kind view_1_3.png", mended("empty", to_upright), EXACT),
         named("One view has another size than the others.", usual, |views| {
             let name = views.join("view_1_3.png");
             fs::rename(&name, views.join("../elsewhere.png")).expect("moved");
             image::imageops::thumbnail(&view_of(GRID, 1, 3), 32, 24).save(name).expect("a picture");
         })
-        .refused("view_1_3.png: 24 x 32 pixels", change("give both one size", to_upright), EXACT),
+        .refused("scene/size view_1_3.png 24 32", mended("give both one size", to_upright), EXACT),
     ]
 }
 
@@ -236,17 +236,17 @@ fn refused() -> Vec<crate::frame::Situation> {
 fn orders() -> Vec<crate::frame::Situation> {
     vec![
         named("Rows are counted upwards.", |r, c| usual(GRID[0] - 1 - r, c), nothing).refused(
-            "contradict each other",
+            "scene/order/moves-otherwise",
             Remedy::Add("--order flip-rows"),
             EXACT,
         ),
         named("Columns are counted from right to left.", |r, c| usual(r, GRID[1] - 1 - c), nothing).refused(
-            "contradict each other",
+            "scene/order/moves-otherwise",
             Remedy::State("views/lightfield.toml", "flip_columns = true"),
             EXACT,
         ),
         named("The first number is the column, and no letter says so.", |r, c| usual(c, r), nothing).refused(
-            "content moves along the pictures' columns",
+            "scene/order/moves-otherwise",
             Remedy::Add("--order transpose"),
             EXACT,
         ),
@@ -255,16 +255,20 @@ fn orders() -> Vec<crate::frame::Situation> {
             |r, c| format!("{:03}.png", r * GRID[1] + if r % 2 == 0 { c } else { GRID[1] - 1 - c }),
             |views| file(&views.join("lightfield.toml"), "grid = [3, 5]\n"),
         )
-        .refused("every second row", Remedy::State("views/lightfield.toml", "serpentine = true"), EXACT),
+        .refused(
+            "scene/not-a-grid/every-second-row-backwards",
+            Remedy::State("views/lightfield.toml", "serpentine = true"),
+            EXACT,
+        ),
         named("Rows of views are in folders of their own.", |r, c| format!("row{r}/view{c}.png"), nothing).refused(
-            "3 folders of 5 views each",
+            "scene/rows",
             Remedy::State("views/lightfield.toml", "files = \"*/*\""),
             EXACT,
         ),
         named("Rows are letters and columns are numbers.", |r, c| format!("{}{c}.png", ["a", "b", "c"][r]), nothing)
             .refused(
-                "named in several ways",
-                change("rename them, as in view_0_0.png", |at| {
+                "scene/not-a-grid/several-names",
+                change("view_0_0.png", |at| {
                     for (r, row) in ["a", "b", "c"].iter().enumerate() {
                         for c in 0..GRID[1] {
                             fs::rename(at.join(format!("views/{row}{c}.png")), at.join("views").join(usual(r, c)))
@@ -281,7 +285,11 @@ fn orders() -> Vec<crate::frame::Situation> {
                 save(views, |r, c| format!("b_{r}_{c}.png"));
             },
         )
-        .refused("named in several ways", Remedy::State("views/lightfield.toml", "files = \"a_*\""), EXACT),
+        .refused(
+            "scene/not-a-grid/several-names",
+            Remedy::State("views/lightfield.toml", "files = \"a_*\""),
+            EXACT,
+        ),
         named(
             "Two moments of the same cameras have a number each.",
             |r, c| format!("t0_{r}_{c}.png"),
@@ -289,9 +297,13 @@ fn orders() -> Vec<crate::frame::Situation> {
                 save(views, |r, c| format!("t1_{r}_{c}.png"));
             },
         )
-        .refused("2 sets of 15", Remedy::State("views/lightfield.toml", "files = \"t0_*\""), EXACT),
+        .refused(
+            "scene/not-a-grid/several-sets 15",
+            Remedy::State("views/lightfield.toml", "files = \"t0_*\""),
+            EXACT,
+        ),
         named("The views are one folder deeper.", |r, c| format!("images/{}", usual(r, c)), nothing).refused(
-            "no views here",
+            "scene/deeper",
             Remedy::Replace("views", "views/images"),
             EXACT,
         ),
@@ -304,14 +316,14 @@ fn orders() -> Vec<crate::frame::Situation> {
             },
         )
         .refused(
-            "no views",
-            change("numbered", |at| {
+            "scene/empty",
+            mended("numbered", |at| {
                 fs::remove_file(at.join("views/right.png")).expect("removed");
                 save(&at.join("views"), usual);
             }),
             EXACT,
         ),
         case("The folder is empty.", "photograph views", |at| fs::create_dir(at.join("views")).expect("a folder"))
-            .refused("no views here", change("view_3_7.png", |at| save(&at.join("views"), usual)), EXACT),
+            .refused("scene/empty", change("view_3_7.png", |at| save(&at.join("views"), usual)), EXACT),
     ]
 }

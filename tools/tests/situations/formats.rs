@@ -1,7 +1,7 @@
 //! Formats of views, and what their values mean.
 
 use crate::common::made::tiff;
-use crate::frame::{Case, Chapter, Remedy, Situation, case, change};
+use crate::frame::{Case, Chapter, Remedy, Situation, case, change, mended};
 use crate::judge::Judge;
 use crate::made::{EXACT, GRID, SIZE, VIEWS, all, light};
 use crate::write::{exr_in, exr_of, file, jpeg, png, with_chunk};
@@ -153,15 +153,15 @@ pub fn chapter() -> Chapter {
 fn refused() -> Vec<Situation> {
     vec![
         views("A camera of 10 bits stores its values in PNG files of 16 bits.", "png", |v| png(of_white(v, 1023.0)))
-            .refused("10 bits", Remedy::State("views/lightfield.toml", "full_scale = 1023"), ROUNDED),
+            .refused("scene/full-scale 10", Remedy::State("views/lightfield.toml", "full_scale = 1023"), ROUNDED),
         views("A camera of 12 bits stores its values in PNG files of 16 bits.", "png", |v| png(of_white(v, 4095.0)))
-            .refused("12 bits", Remedy::State("views/lightfield.toml", "full_scale = 4095"), ROUNDED),
+            .refused("scene/full-scale 12", Remedy::State("views/lightfield.toml", "full_scale = 4095"), ROUNDED),
         views("A camera of 14 bits stores its values in TIFF files of 16 bits.", "tif", |v| {
             tiff_of([3, 16, 1], &of_white(v, 16383.0).iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>())
         })
-        .refused("14 bits", Remedy::State("views/lightfield.toml", "full_scale = 16383"), ROUNDED),
+        .refused("scene/full-scale 14", Remedy::State("views/lightfield.toml", "full_scale = 16383"), ROUNDED),
         views("EXR views hold 0 to 255 instead of 0 to 1.", "exr", |v| exr_of(v, |v| 255.0 * light(v))).refused(
-            "above 1",
+            "scene/full-scale",
             Remedy::State("views/lightfield.toml", "full_scale = 255"),
             Judge::Like(&VIEWS, 1e-5),
         ),
@@ -172,24 +172,28 @@ fn refused() -> Vec<Situation> {
             }))
         })
         .refused(
-            "transparent",
-            change("without its alpha channel", |at| written(&at.join("views"), "png", |v| png(v.clone()))),
+            "scene/transparent",
+            mended("without its alpha channel", |at| written(&at.join("views"), "png", |v| png(v.clone()))),
             EXACT,
         ),
         views("One pixel of an EXR view is NaN.", "exr", |v| exr_of(v, |v| if v == 77 { f32::NAN } else { light(v) }))
-            .refused("NaN", change("finite", |at| written(&at.join("views"), "exr", |v| exr_of(v, light))), EXACT),
+            .refused(
+                "scene/value",
+                mended("finite", |at| written(&at.join("views"), "exr", |v| exr_of(v, light))),
+                EXACT,
+            ),
         views("EXR views have values far below zero.", "exr", |v| exr_of(v, |v| if v == 77 { -0.5 } else { light(v) }))
             .refused(
-                "-0.5",
-                change("not negative", |at| written(&at.join("views"), "exr", |v| exr_of(v, light))),
+                "scene/value -0.5",
+                mended("not negative", |at| written(&at.join("views"), "exr", |v| exr_of(v, light))),
                 EXACT,
             ),
         views("Views are PNG files with a gamma of 1.8.", "png", |v| {
             with_chunk(&png(v.clone()), b"gAMA", &55556u32.to_be_bytes())
         })
         .refused(
-            "gamma",
-            change("convert it to sRGB", |at| written(&at.join("views"), "png", |v| png(v.clone()))),
+            "scene/transfer/gamma",
+            mended("convert it to sRGB", |at| written(&at.join("views"), "png", |v| png(v.clone()))),
             EXACT,
         ),
         views("EXR views state primaries that no colors lie between.", "exr", |v| {
@@ -199,37 +203,33 @@ fn refused() -> Vec<Situation> {
             )
         })
         .refused(
-            "primaries",
-            change("transfer in lightfield.toml", |at| {
-                file(&at.join("views/lightfield.toml"), "transfer = \"linear\"\n")
-            }),
+            "scene/transfer/primaries",
+            change("lightfield.toml", |at| file(&at.join("views/lightfield.toml"), "transfer = \"linear\"\n")),
             EXACT,
         ),
         views("PNG views have color primaries that have no name.", "png", |v| {
             with_chunk(&png(v.clone()), b"cICP", &[77, 13, 0, 1])
         })
         .refused(
-            "color primaries 77",
-            change("convert it to sRGB", |at| written(&at.join("views"), "png", |v| png(v.clone()))),
+            "scene/transfer/primaries 77",
+            mended("convert it to sRGB", |at| written(&at.join("views"), "png", |v| png(v.clone()))),
             EXACT,
         ),
         views("Views are HDR pictures with the PQ curve.", "png", |v| {
             with_chunk(&png(v.clone()), b"cICP", &[9, 16, 0, 1])
         })
         .refused(
-            "PQ",
-            change("convert it to sRGB", |at| written(&at.join("views"), "png", |v| png(v.clone()))),
+            "scene/transfer/pq",
+            mended("convert it to sRGB", |at| written(&at.join("views"), "png", |v| png(v.clone()))),
             EXACT,
         ),
         views("Views are WebP files.", "webp", |_| b"RIFF\x20\0\0\0WEBPVP8 ".to_vec()).refused(
-            "WebP",
-            change("magick mogrify -format png views/*.webp", |at| {
-                written(&at.join("views"), "png", |v| png(v.clone()))
-            }),
+            "scene/kind",
+            change("-format views/*.webp", |at| written(&at.join("views"), "png", |v| png(v.clone()))),
             EXACT,
         ),
         views("Views are raw pictures of a camera.", "dng", |_| b"II*\0\x08\0\0\0".to_vec()).refused(
-            "raw picture",
+            "scene/kind",
             change("darktable-cli", |at| {
                 written(&at.join("views"), "tif", |v| tiff_of([3, 8, 1], v.as_raw()));
             }),

@@ -1,6 +1,6 @@
 //! The frame: one situation, how the command is run, and how a remedy is followed.
 
-use crate::common::{folder, text};
+use crate::common::{Refusal, folder, text};
 use crate::ground::{self, Ground};
 use crate::judge::Judge;
 use std::collections::BTreeMap;
@@ -48,11 +48,12 @@ pub struct Situation {
 pub enum Answer {
     /// It ends with exit code 0, and the result is right.
     Right(Judge),
-    /// It ends with exit code 2 and one line that contains the words of the cause and the remedy. After the remedy the result is right.
+    /// It ends with exit code 2 and one line. `cause` is the error's code, and behind it what the line names. After the remedy the
+    /// result is right.
     Refused { cause: &'static str, remedy: Remedy, then: Judge },
 }
 
-/// What the line of a refusal advises. Every text must occur in the line.
+/// What the line of a refusal advises. What is named must occur in the line: options, keys, files and numbers, and no prose.
 #[allow(dead_code, reason = "not every form is needed at any time")]
 pub enum Remedy {
     /// Words to add to the command.
@@ -61,6 +62,8 @@ pub enum Remedy {
     Replace(&'static str, &'static str),
     /// A form that the line names, a word of the command, and what that form makes of it.
     As(&'static str, &'static str, &'static str),
+    /// A remedy in prose, which no line needs to hold, a word of the command, and another to write instead.
+    By(&'static str, &'static str, &'static str),
     /// Another command, without `eyebox`.
     Instead(&'static str),
     /// A text file in the folder, and lines to add to it, separated by `\n`. Every line must occur in the line of the refusal.
@@ -69,11 +72,18 @@ pub enum Remedy {
     Convert(&'static str, Maker, &'static str, &'static str),
     /// A change of the files: words of the line that name it, and a function that does it.
     Change(&'static str, Maker),
+    /// A change of the files, described in prose, which no line needs to hold.
+    Mend(&'static str, Maker),
 }
 
 /// A change of the files, done by `how`, that these words of the line name.
 pub fn change(named: &'static str, how: impl Fn(&Path) + Send + Sync + 'static) -> Remedy {
     Remedy::Change(named, Box::new(how))
+}
+
+/// A change of the files, done by `how` and described in prose, which no line needs to hold.
+pub fn mended(prose: &'static str, how: impl Fn(&Path) + Send + Sync + 'static) -> Remedy {
+    Remedy::Mend(prose, Box::new(how))
 }
 
 /// A conversion, done by `how`, that these words of the line name: `to` is the word of the command for its result.
@@ -104,7 +114,7 @@ impl Case {
         self.with(Answer::Right(judge))
     }
 
-    /// The command refuses with words of the cause. After the remedy the result is right.
+    /// The command refuses for this cause. After the remedy the result is right.
     pub fn refused(self, cause: &'static str, remedy: Remedy, then: Judge) -> Situation {
         self.with(Answer::Refused { cause, remedy, then })
     }
@@ -167,7 +177,8 @@ impl Situation {
             Answer::Refused { cause, remedy, then } => (*cause, remedy, then),
         };
         let before = contents(at);
-        let line = refusal(at, &ground, &self.words)?;
+        let refusal = refusal(at, &ground, &self.words)?;
+        let line = refusal.message;
         if contents(at) != before {
             return Err(format!("the refusal leaves something behind: {:?} from {before:?}", contents(at)));
         }
@@ -175,7 +186,11 @@ impl Situation {
             true => Ok(()),
             false => Err(format!("the line lacks '{text}': {line}")),
         };
-        named(cause)?;
+        let mut words = cause.split(' ');
+        if words.next() != Some(&refusal.code[..]) {
+            return Err(format!("it is {}, not {cause}: {line}", refusal.code));
+        }
+        words.try_for_each(named)?;
         let words = match remedy {
             Remedy::Add(words) => {
                 named(words)?;
@@ -185,8 +200,9 @@ impl Situation {
                 named(to)?;
                 self.words.replace(from, to)
             }
+            Remedy::By(_, from, to) => self.words.replace(from, to),
             Remedy::As(form, from, to) => {
-                named(form)?;
+                form.split(' ').try_for_each(named)?;
                 self.words.replace(from, to)
             }
             Remedy::Instead(words) => {
@@ -204,8 +220,12 @@ impl Situation {
                 how(at);
                 self.words.replace(from, to)
             }
+            Remedy::Mend(_, how) => {
+                how(at);
+                self.words.clone()
+            }
             Remedy::Change(words, how) => {
-                named(words)?;
+                words.split(' ').try_for_each(named)?;
                 how(at);
                 self.words.clone()
             }
@@ -225,12 +245,13 @@ fn run<'a>(at: &'a Path, ground: &[String], words: &str) -> Result<Outcome<'a>, 
     }
 }
 
-/// Runs a command that refuses, and returns its line.
-fn refusal(at: &Path, ground: &[String], words: &str) -> Result<String, String> {
-    let answer = ground::command(at, ground, &split(&complete(words))).output().expect("the command starts");
+/// Runs a command that refuses, and returns why.
+fn refusal(at: &Path, ground: &[String], words: &str) -> Result<Refusal, String> {
+    let mut command = ground::command(at, ground, &split(&complete(words)));
+    let answer = command.env("EYEBOX_JSON_ERRORS", "1").output().expect("the command starts");
     let said = text(&answer.stderr);
     match (answer.status.code(), said.trim().lines().count()) {
-        (Some(2), 1) => Ok(said.trim().to_owned()),
+        (Some(2), 1) => Ok(Refusal::of(&answer)),
         (Some(2), _) => Err(format!("not one line: {said}")),
         (code, _) => Err(format!("exit code {code:?} instead of a refusal: {said}")),
     }

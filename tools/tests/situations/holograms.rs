@@ -1,7 +1,7 @@
 //! Holograms that are looked for, moved and damaged.
 
 use crate::common::done;
-use crate::frame::{Case, Chapter, Outcome, Remedy, Situation, case, change};
+use crate::frame::{Case, Chapter, Outcome, Remedy, Situation, case, mended};
 use crate::judge::Judge;
 use crate::made::save;
 use crate::write::file;
@@ -142,38 +142,46 @@ fn moved() -> Vec<Situation> {
         score("The scene of a hologram was moved alone.", "a/h.zarr", |at| {
             fs::rename(at.join("a/scene"), at.join("kept")).expect("a move");
         })
-        .refused("is not there", Remedy::As("give the scene", "a/h.zarr", "a/h.zarr kept"), SCORED),
+        .refused(
+            "arguments/scene-not-found",
+            Remedy::By("give the scene", "a/h.zarr", "a/h.zarr kept"),
+            SCORED,
+        ),
         score("The scene of a hologram was changed, and its pictures are still elsewhere.", "a/h.zarr", |at| {
             other(&at.join("a/scene"));
         })
         .refused(
-            "it is not what the hologram was solved from",
-            change("give the scene as it was", |at| {
+            "arguments/changed-scene",
+            mended("give the scene as it was", |at| {
                 save(&at.join("a/scene"), |row, column| format!("v_{row}_{column}.png"));
             }),
             SCORED,
         ),
         score("The scene of a hologram was changed on purpose.", "a/h.zarr", |at| other(&at.join("a/scene"))).refused(
-            "it is not what the hologram was solved from",
+            "arguments/changed-scene",
             Remedy::Add("--other-scene"),
             OTHER,
         ),
         score("A hologram is to be scored against a scene that it does not show.", "a/h.zarr builtin:plane", |_| ())
-            .refused("another scene", Remedy::Add("--other-scene"), OTHER),
+            .refused("arguments/other-scene", Remedy::Add("--other-scene"), OTHER),
         score("The name of a hologram lacks its ending.", "a/h", |_| ()).refused(
-            "nothing is there",
-            Remedy::As("a/h.zarr is one", "a/h", "a/h.zarr"),
+            "hologram/not-a-hologram/nothing-there",
+            Remedy::As("a/h.zarr", "a/h", "a/h.zarr"),
             SCORED,
         ),
         score("A file inside of a hologram is named.", "a/h.zarr/zarr.json", |_| ()).refused(
-            "it is one file of a hologram",
-            Remedy::As("give its folder a/h.zarr", "a/h.zarr/zarr.json", "a/h.zarr"),
+            "hologram/not-a-hologram/file-of-a-hologram",
+            Remedy::As("a/h.zarr", "a/h.zarr/zarr.json", "a/h.zarr"),
             SCORED,
         ),
         score("The folder around a hologram is named.", "c", |at| {
             copy(&at.join("a/h.zarr"), &at.join("c/h.zarr"));
         })
-        .refused("a folder that holds one", Remedy::As("c/h.zarr", "score c ", "score c/h.zarr "), SCORED),
+        .refused(
+            "hologram/not-a-hologram/folder-of-a-hologram",
+            Remedy::As("c/h.zarr", "score c ", "score c/h.zarr "),
+            SCORED,
+        ),
     ]
 }
 
@@ -183,39 +191,43 @@ fn damaged() -> Vec<Situation> {
         score("A file of phases was lost in a copy.", "a/h.zarr", |at| {
             fs::remove_file(at.join(CHUNK)).expect("a file");
         })
-        .refused("it is missing", change("copy it again", again), SCORED),
+        .refused("hologram/damaged/missing", mended("copy it again", again), SCORED),
         score("A file of phases was cut off.", "a/h.zarr", |at| {
             let bytes = fs::read(at.join(CHUNK)).expect("a file");
             file(&at.join(CHUNK), &bytes[..100]);
         })
-        .refused("it is 100 bytes long", change("copy it again", again), SCORED),
+        .refused("hologram/damaged/length 100", mended("copy it again", again), SCORED),
         score("The document of a hologram was cut off.", "a/h.zarr", |at| {
             let bytes = fs::read(at.join("a/h.zarr/zarr.json")).expect("a file");
             file(&at.join("a/h.zarr/zarr.json"), &bytes[..200]);
         })
-        .refused("it is no JSON", change("copy it again", again), SCORED),
+        .refused("hologram/damaged/not-json", mended("copy it again", again), SCORED),
         score("One byte of a hologram's phases was changed.", "a/h.zarr", |at| {
             let mut bytes = fs::read(at.join(CHUNK)).expect("a file");
             bytes[1234] ^= 4;
             file(&at.join(CHUNK), &bytes);
         })
-        .refused("damaged", change("copy it again", again), SCORED),
+        .refused("hologram/damaged/checksum", mended("copy it again", again), SCORED),
         case("One hologram of a sequence is wanted.", "export s.zarr -o p.npy", |at| {
             run(at, &format!("solve builtin:plane builtin:plane?depth=0.5 {SOLVE} -o s.zarr"));
         })
-        .refused("a sequence", Remedy::Add("--at 0"), FIRST),
+        .refused("hologram/not-a-hologram/is-a-sequence", Remedy::Add("--at 0"), FIRST),
         case("A hologram beyond the end of a sequence is wanted.", "export s.zarr --at 2 -o p.npy", |at| {
             run(at, &format!("solve builtin:plane builtin:plane?depth=0.5 {SOLVE} -o s.zarr"));
         })
-        .refused("no hologram 2", Remedy::As("its last is 1", "--at 2", "--at 1"), FIRST),
+        .refused(
+            "hologram/not-a-hologram/no-such-hologram",
+            Remedy::By("its last is 1", "--at 2", "--at 1"),
+            FIRST,
+        ),
         score("Views of a scene are given for a hologram.", "a/scene", |_| ()).refused(
-            "views of a scene are solved first",
-            Remedy::As("solved first", "a/scene", "a/h.zarr"),
+            "hologram/not-a-hologram/several-numbers",
+            Remedy::By("solved first", "a/scene", "a/h.zarr"),
             SCORED,
         ),
         case("A hologram is given for a scene.", format!("solve a/h.zarr {SOLVE} -o p.npy"), solved).refused(
-            "a hologram, and no scene",
-            Remedy::As("that is a folder of views", "a/h.zarr", "a/scene"),
+            "scene/corrupt/hologram-not-scene",
+            Remedy::By("that is a folder of views", "a/h.zarr", "a/scene"),
             FIRST,
         ),
     ]
@@ -257,7 +269,7 @@ fn old() -> Vec<Situation> {
         from_old("far-field", "A far field of version 0.1.0 is exported.", "export old.zarr -o p.npy")
             .right(Judge::By(|outcome| are_phases(outcome, &["0/0/0/0", "1/0/0/0"]))),
         from_old("sequence", "A sequence of version 0.1.0 is exported.", "export old.zarr -o p.npy").refused(
-            "a sequence",
+            "hologram/not-a-hologram/is-a-sequence",
             Remedy::Add("--at 0"),
             Judge::By(|outcome| are_phases(outcome, &["0/0/0/0/0"])),
         ),
@@ -275,7 +287,7 @@ fn old() -> Vec<Situation> {
             run(at, &format!("solve builtin:plane builtin:plane?depth=0.5 {SOLVE} -o s.zarr"));
         })
         .refused(
-            "a sequence",
+            "arguments/sequence",
             Remedy::Add("--at 0"),
             Judge::By(|outcome| {
                 let text = fs::read_to_string(outcome.folder.join("study/study.json")).map_err(|e| e.to_string())?;

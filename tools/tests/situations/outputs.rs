@@ -1,7 +1,7 @@
 //! Numbers on the command line, places of results, and displays that holograms are shown on.
 
 use crate::common::done;
-use crate::frame::{Case, Chapter, Outcome, Remedy, Situation, case, change};
+use crate::frame::{Case, Chapter, Outcome, Remedy, Situation, case, change, mended};
 use crate::ground::{Ground, open};
 use crate::judge::Judge;
 use crate::write::file;
@@ -83,41 +83,41 @@ fn numbers() -> Vec<Situation> {
     let pupil = |have, pupil: &str, cause, form, from, to| {
         view(have, &format!("--pupil={pupil} -o v.npy")).refused(cause, Remedy::As(form, from, to), VIEW)
     };
-    let form = "such as 2,-1,4,1.5";
+    let form = "2,-1,4,1.5";
     vec![
-        pupil("A pupil lacks its focus.", "2,-1,4", "3 values", form, "2,-1,4", "2,-1,4,1.5"),
-        pupil("A pupil has a fifth number.", "2,-1,4,1.5,0", "5 values", form, "1.5,0", "1.5"),
-        pupil("A pupil has semicolons.", "'2;-1;4;1.5'", "one value", form, "'2;-1;4;1.5'", "2,-1,4,1.5"),
-        pupil("A pupil has a word.", "two,-1,4,1.5", "not numbers", form, "two", "2"),
-        pupil("A pupil is in meters.", "2,-1,0.004,1.5", "0.004 mm", "probably 4 mm is meant", "0.004", "4"),
-        pupil("A pupil is outside of the eyebox.", "200,-1,4,1.5", "outside", "within 13.00 mm", "200", "2"),
+        pupil("A pupil lacks its focus.", "2,-1,4", "usage/value-validation", form, "2,-1,4", "2,-1,4,1.5"),
+        pupil("A pupil has a fifth number.", "2,-1,4,1.5,0", "usage/value-validation", form, "1.5,0", "1.5"),
+        pupil("A pupil has semicolons.", "'2;-1;4;1.5'", "usage/value-validation", form, "'2;-1;4;1.5'", "2,-1,4,1.5"),
+        pupil("A pupil has a word.", "two,-1,4,1.5", "usage/value-validation", form, "two", "2"),
+        pupil("A pupil is in meters.", "2,-1,0.004,1.5", "arguments/unusual 0.004", "4", "0.004", "4"),
+        pupil("A pupil is outside of the eyebox.", "200,-1,4,1.5", "arguments/outside-eyebox", "13.00", "200", "2"),
         case("A negative number of steps.", SOLVE.replace("--steps 1", "--steps -2") + " -o y.zarr", |_| ()).refused(
-            "'-2'",
-            Remedy::As("a whole number, 0 or more", "--steps -2", "--steps 2"),
+            "usage/value-validation '-2'",
+            Remedy::By("a whole number, 0 or more", "--steps -2", "--steps 2"),
             SOLVED,
         ),
         solve("The range of diameters is the wrong way around.", "--pupil-diameter 8..2").refused(
-            "'8..2'",
-            Remedy::As("smallest first", "8..2", "2..8"),
+            "usage/value-validation '8..2'",
+            Remedy::By("smallest first", "8..2", "2..8"),
             SOLVED,
         ),
         solve("The efficiency is in percent.", "--efficiency 40").refused(
-            "the efficiency is 40",
-            Remedy::As("at most 1", "40", "0.4"),
+            "solve/setting 40",
+            Remedy::By("at most 1", "40", "0.4"),
             SOLVED,
         ),
         solve("The pitch of views is in meters.", "--view-pitch 0.002").refused(
-            "0.002 mm",
-            Remedy::As("probably 2 mm is meant", "0.002", "2"),
+            "optics/unusual 0.002",
+            Remedy::By("probably 2 mm is meant", "0.002", "2"),
             SOLVED,
         ),
         solve("A time has a unit.", "--seconds 60s").refused(
-            "'60s'",
-            Remedy::As("a positive number", "60s", "60"),
+            "usage/value-validation '60s'",
+            Remedy::By("a positive number", "60s", "60"),
             SOLVED,
         ),
         solve("The name of a display is misspelled.", "--display papr").refused(
-            "'papr'",
+            "optics/unknown-display 'papr'",
             Remedy::As("paper", "papr", "paper"),
             SOLVED,
         ),
@@ -127,52 +127,52 @@ fn numbers() -> Vec<Situation> {
 fn places() -> Vec<Situation> {
     vec![
         view("A view is to become a JPEG file.", "--pupil=2,-1,4,1.5 -o v.jpg").refused(
-            "v.jpg",
-            Remedy::As(".png or .npy", "v.jpg", "v.npy"),
+            "arguments/ending v.jpg",
+            Remedy::As(".png .npy", "v.jpg", "v.npy"),
             VIEW,
         ),
         view("The name of a view has no ending.", "--pupil=2,-1,4,1.5 -o v").refused(
-            "v: the name must end",
-            Remedy::As(".png or .npy", "-o v", "-o v.npy"),
+            "arguments/ending",
+            Remedy::As(".png .npy", "-o v", "-o v.npy"),
             VIEW,
         ),
         view("A view goes to a folder that is not there.", "--pupil=2,-1,4,1.5 -o out/v.npy").refused(
-            "out: there is no such folder",
-            change("make it", |at| std::fs::create_dir(at.join("out")).expect("a folder")),
+            "arguments/no-such-folder",
+            mended("make it", |at| std::fs::create_dir(at.join("out")).expect("a folder")),
             VIEW,
         ),
         case("A view goes into a file as if that were a folder.", "view h.zarr --pupil=2,-1,4,1.5 -o f/v.npy", |at| {
             hologram(at);
             file(&at.join("f"), "text");
         })
-        .refused("f: there is no such folder", Remedy::As("give another place", "f/v.npy", "v.npy"), VIEW),
+        .refused("arguments/no-such-folder", Remedy::By("give another place", "f/v.npy", "v.npy"), VIEW),
         encode("Video frames go to a folder inside of one that is not there.", "-o out/frames").refused(
-            "out: there is no such folder",
-            change("make it", |at| std::fs::create_dir(at.join("out")).expect("a folder")),
+            "file/taken/no-such-folder",
+            mended("make it", |at| std::fs::create_dir(at.join("out")).expect("a folder")),
             FRAMES,
         ),
         encode("Video frames go to a place where a file is.", "-o f").refused(
-            "is a file",
-            Remedy::As("give another place", "-o f", "-o frames"),
+            "file/taken/is-a-file",
+            Remedy::By("give another place", "-o f", "-o frames"),
             FRAMES,
         ),
         encode("Video frames go to a folder of other files.", "-o mine").refused(
-            "holds something else",
-            Remedy::As("give another place", "-o mine", "-o frames"),
+            "file/taken/holds-something-else",
+            Remedy::By("give another place", "-o mine", "-o frames"),
             FRAMES,
         ),
         encode("Video frames go into a file as if that were a folder.", "-o f/frames").refused(
-            "f: there is no such folder",
-            Remedy::As("give another place", "f/frames", "frames"),
+            "file/taken/no-such-folder",
+            Remedy::By("give another place", "f/frames", "frames"),
             FRAMES,
         ),
         case("A hologram is to become a picture.", format!("{SOLVE} -o y.png"), |_| ()).refused(
-            "y.png",
+            "arguments/ending y.png",
             Remedy::As(".zarr", "y.png", "y.zarr"),
             SOLVED,
         ),
         case("The place of a hologram is given as an output of `show`.", format!("{SOLVE} --output y.zarr"), |_| ())
-            .refused("'y.zarr'", Remedy::As("--out", "--output", "--out"), SOLVED),
+            .refused("usage/invalid-value 'y.zarr'", Remedy::As("--out", "--output", "--out"), SOLVED),
     ]
 }
 
@@ -180,10 +180,10 @@ fn places() -> Vec<Situation> {
 fn denied() -> Vec<Situation> {
     vec![
         view("The disk for a view is full.", "--pupil=2,-1,4,1.5 -o full/v.npy")
-            .refused("the disk is full", Remedy::As("write elsewhere", "full/v.npy", "v.npy"), VIEW)
+            .refused("file/full", Remedy::By("write elsewhere", "full/v.npy", "v.npy"), VIEW)
             .on(Ground::Disk("size=4k,nr_inodes=1")),
         view("A view goes to a disk that may only be read.", "--pupil=2,-1,4,1.5 -o full/v.npy")
-            .refused("Read-only file system", Remedy::As("give another place", "full/v.npy", "v.npy"), VIEW)
+            .refused("file/denied", Remedy::By("give another place", "full/v.npy", "v.npy"), VIEW)
             .on(Ground::Disk("ro")),
         case(
             "A view goes to a folder of somebody else.",
@@ -196,7 +196,7 @@ fn denied() -> Vec<Situation> {
                 }
             },
         )
-        .refused("Permission denied", Remedy::As("give another place", "theirs/v.npy", "out/v.npy"), VIEW)
+        .refused("file/denied", Remedy::By("give another place", "theirs/v.npy", "out/v.npy"), VIEW)
         .on(Ground::Stranger),
         case("A hologram may not be read.", "view h.zarr --pupil=2,-1,4,1.5 --engine cpu -o out/v.npy", |at| {
             hologram(at);
@@ -204,7 +204,7 @@ fn denied() -> Vec<Situation> {
             open(&at.join("out"), 0o777);
             open(&at.join("h.zarr"), 0);
         })
-        .refused("Permission denied", change("chmod", |at| open(&at.join("h.zarr"), 0o755)), VIEW)
+        .refused("file/read", change("chmod", |at| open(&at.join("h.zarr"), 0o755)), VIEW)
         .on(Ground::Stranger),
     ]
 }
@@ -213,14 +213,14 @@ fn displays() -> Vec<Situation> {
     vec![
         encode("A hologram of one size is encoded without any word about it.", "-o frames").right(FRAMES),
         encode("A hologram is encoded for another size.", "--size 48x64 -o frames").refused(
-            "it is 24x32 pixels",
+            "arguments/size 24x32",
             Remedy::Replace("--size 48x64", "--size 24x32"),
             FRAMES,
         ),
         encode("A hologram of 8 bits is encoded for 8 bit-planes.", "--display planes8 --size 24x32 -o frames")
             .refused(
-                "it has 1 sub-frames",
-                change("8 sub-frames would be right", |at| {
+                "encode/mismatch/sub-frames",
+                mended("8 sub-frames would be right", |at| {
                     run(at, &format!("{} -o h.zarr", SOLVE.replace("--frames 1", "--frames 8")));
                 }),
                 FRAMES,
@@ -230,7 +230,11 @@ fn displays() -> Vec<Situation> {
             "play h.zarr --size 48x64 --clock simulated --duration 0.1 --record frames --engine cpu",
             hologram,
         )
-        .refused("it is 24x32 pixels", Remedy::Replace("--size 48x64", "--size 24x32"), Judge::By(|_| Ok(()))),
+        .refused(
+            "session/setting/size 24x32",
+            Remedy::Replace("--size 48x64", "--size 24x32"),
+            Judge::By(|_| Ok(())),
+        ),
         case(
             "A hologram is recorded into a place where a file is.",
             "play h.zarr --clock simulated --duration 0.1 --record f --engine cpu",
@@ -240,8 +244,8 @@ fn displays() -> Vec<Situation> {
             },
         )
         .refused(
-            "is a file",
-            Remedy::As("give another place", "--record f", "--record g"),
+            "file/taken/is-a-file",
+            Remedy::By("give another place", "--record f", "--record g"),
             Judge::By(recorded),
         ),
     ]

@@ -54,16 +54,17 @@ fn answer(situation: &Situation) -> String {
     let Answer::Refused { cause, remedy, .. } = &situation.answer else { return "right".into() };
     let remedy = match remedy {
         Remedy::Add(words) => format!("add {}", code(words)),
-        Remedy::Replace(_, word) | Remedy::As(_, _, word) => format!("write {}", code(word)),
+        Remedy::Replace(_, word) | Remedy::As(_, _, word) | Remedy::By(_, _, word) => format!("write {}", code(word)),
         Remedy::Instead(words) => format!("run {}", code(words)),
         Remedy::State(file, lines) => {
             let name = file.rsplit('/').next().unwrap_or(file);
             format!("{name}: {}", code(&lines.replace('\n', "; ")))
         }
         Remedy::Convert(words, ..) => format!("run {}", code(words)),
-        Remedy::Change(words, _) => format!("\"{}\"", plain(words)),
+        Remedy::Change(words, _) | Remedy::Mend(words, _) => format!("\"{}\"", plain(words)),
     };
-    format!("refused: {}. Remedy: {remedy}", plain(cause))
+    let (error, _) = cause.split_once(' ').unwrap_or((cause, ""));
+    format!("refused: {}. Remedy: {remedy}", code(error))
 }
 
 /// A table ends a cell at a bar.

@@ -1,6 +1,6 @@
 //! Names and paths of scenes.
 
-use crate::frame::{Case, Chapter, Remedy, case, convert, word_of};
+use crate::frame::{Case, Chapter, Remedy, case, convert, mended, word_of};
 use crate::made::{EXACT, save};
 use std::fs;
 use std::path::Path;
@@ -65,8 +65,8 @@ pub fn chapter() -> Chapter {
             link(&at.join("nothing.png"), &at.join("views/view_2_2.png"));
         })
         .refused(
-            "view_2_2.png: this view is missing",
-            crate::frame::change("add it", |at| {
+            "scene/missing-view view_2_2.png",
+            mended("add it", |at| {
                 fs::remove_file(at.join("views/view_2_2.png")).expect("removed");
                 fs::rename(at.join("gone.png"), at.join("views/view_2_2.png")).expect("moved");
             }),
@@ -74,7 +74,7 @@ pub fn chapter() -> Chapter {
         ),
     );
     situations.push(at_path("The name of the folder begins with a minus sign.", "-views", "-views").refused(
-        "-v",
+        "usage/unknown-argument",
         Remedy::Replace("-views", "./-views"),
         EXACT,
     ));
@@ -82,7 +82,7 @@ pub fn chapter() -> Chapter {
     situations.push(
         case("The name of the folder is not UTF-8.", "photograph caf\\xE9", move |at| save(&at.join(bytes()), usual))
             .refused(
-                "not UTF-8",
+                "usage/invalid-utf8 UTF-8",
                 convert("rename", "caf\\xE9", "cafe", move |at| {
                     fs::rename(at.join(bytes()), at.join("cafe")).expect("renamed")
                 }),
@@ -97,8 +97,8 @@ pub fn chapter() -> Chapter {
             fs::rename(at.join("views/view_2_2.png"), at.join("views").join(wrong)).expect("renamed");
         })
         .refused(
-            "not UTF-8",
-            crate::frame::change("rename it", |at| {
+            "scene/unreadable/name-not-utf8 UTF-8",
+            mended("rename it", |at| {
                 let wrong = std::path::PathBuf::from(word_of(b"view_2_2\xff.png".to_vec()));
                 fs::rename(at.join("views").join(wrong), at.join("views/view_2_2.png")).expect("renamed");
             }),

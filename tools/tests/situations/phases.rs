@@ -1,7 +1,7 @@
 //! Phases of other programs.
 
 use crate::common::done;
-use crate::frame::{Case, Chapter, Outcome, Remedy, Situation, case, change, convert};
+use crate::frame::{Case, Chapter, Outcome, Remedy, Situation, case, change, convert, mended};
 use crate::judge::Judge;
 use crate::write::{file, npy, png, zip};
 use eyebox::low_level::files::{read_npy, write_npy};
@@ -165,22 +165,22 @@ pub fn chapter() -> Chapter {
 fn units() -> Vec<Situation> {
     let of_levels = |have, count: u32, unit: &'static str| {
         array(have, "<i8", &SHAPE, move || levels(count).iter().flat_map(|v| i64::from(*v).to_le_bytes()).collect())
-            .refused("whole numbers", Remedy::As("--phase-unit", " -o out.zarr", unit), EIGHT_BITS)
+            .refused("hologram/doubtful/whole-numbers", Remedy::As("--phase-unit", " -o out.zarr", unit), EIGHT_BITS)
     };
     vec![
         array("Degrees.", "<f4", &SHAPE, || floats(&turns().iter().map(|v| 360.0 * v).collect::<Vec<_>>())).refused(
-            "outside a turn in radians",
-            Remedy::As("--phase-unit: rad, turns, deg", " -o out.zarr", " -o out.zarr --phase-unit deg"),
+            "hologram/doubtful/not-radians",
+            Remedy::As("--phase-unit", " -o out.zarr", " -o out.zarr --phase-unit deg"),
             EXACT,
         ),
         array("Turns from 0 to 1.", "<f4", &SHAPE, || floats(&turns())).refused(
-            "looks like turns",
-            Remedy::As("--phase-unit: rad, turns", " -o out.zarr", " -o out.zarr --phase-unit turns"),
+            "hologram/doubtful/turns",
+            Remedy::As("--phase-unit turns", " -o out.zarr", " -o out.zarr --phase-unit turns"),
             EXACT,
         ),
         array("Gray levels as uint8.", "|u1", &SHAPE, || levels(256).iter().map(|v| *v as u8).collect()).refused(
-            "whole numbers from 0 to 255",
-            Remedy::As("such as 256", " -o out.zarr", " -o out.zarr --phase-unit 256"),
+            "hologram/doubtful/whole-numbers 255",
+            Remedy::As("256", " -o out.zarr", " -o out.zarr --phase-unit 256"),
             EIGHT_BITS,
         ),
         of_levels("Gray levels as int64.", 256, " -o out.zarr --phase-unit 256"),
@@ -189,20 +189,20 @@ fn units() -> Vec<Situation> {
             floats(&levels(256).iter().map(|v| *v as f32).collect::<Vec<_>>())
         })
         .refused(
-            "p.npy",
-            Remedy::As("how many levels are a turn", " -o out.zarr", " -o out.zarr --phase-unit 256"),
+            "hologram/doubtful/whole-numbers p.npy",
+            Remedy::By("how many levels are a turn", " -o out.zarr", " -o out.zarr --phase-unit 256"),
             EIGHT_BITS,
         ),
         array("Complex fields instead of phases.", "<c8", &SHAPE, || {
             usual().iter().flat_map(|v| [v.cos().to_le_bytes(), v.sin().to_le_bytes()]).flatten().collect()
         })
-        .refused("'<c8'", change("numpy.angle", saved), EXACT),
+        .refused("file/content/npy-type '<c8'", change("numpy.angle", saved), EXACT),
         array("One phase is NaN.", "<f4", &SHAPE, || {
             let mut all = usual();
             all[777] = f32::NAN;
             floats(&all)
         })
-        .refused("NaN at index [1, 0, 9]", change("must be a finite float32", saved), EXACT),
+        .refused("file/content/not-finite [1 9]", change("float32", saved), EXACT),
     ]
 }
 
@@ -210,29 +210,25 @@ fn units() -> Vec<Situation> {
 fn axes() -> Vec<Situation> {
     vec![
         array("Sub-frames are the last axis.", "<f4", &[24, 32, 3], || floats(&phases([1, 2, 0]))).refused(
-            "came last",
-            change("numpy.moveaxis(phases, -1, 0)", saved),
+            "hologram/not-a-hologram/shape",
+            change("numpy.moveaxis(phases -1", saved),
             EXACT,
         ),
         array("Rows and columns are exchanged.", "<f4", &[3, 32, 24], || floats(&phases([0, 2, 1]))).refused(
-            "lie across the display",
-            change("numpy.swapaxes(phases, -1, -2)", saved),
+            "hologram/doubtful/across",
+            change("numpy.swapaxes(phases -1", saved),
             EXACT,
         ),
         array("An array without any sub-frame.", "<f4", &[0, 24, 32], Vec::new).refused(
-            "its shape is [0, 24, 32]",
-            change("(sub-frame, row, column)", saved),
+            "hologram/not-a-hologram/shape [0 24 32]",
+            change("sub-frame", saved),
             EXACT,
         ),
         case("Phases of a part of the display.", "import p.npy --display small --color green -o out.zarr", saved)
             .right(EXACT),
         case("Phases without the optics that they are for.", "import p.npy -o out.zarr", saved).refused(
-            "do not say their optics",
-            Remedy::As(
-                "--display and --color",
-                " -o out.zarr",
-                " -o out.zarr --display small --size 24x32 --color green",
-            ),
+            "hologram/no-optics",
+            Remedy::As("--display --color", " -o out.zarr", " -o out.zarr --display small --size 24x32 --color green"),
             EXACT,
         ),
     ]
@@ -253,18 +249,18 @@ fn other_files() -> Vec<Situation> {
             "A MATLAB file.",
             "p.mat",
             b"MATLAB 5.0 MAT-file, Platform: GLNXA64",
-            "a MATLAB file",
+            "file/kind",
             "scipy.io.loadmat",
             "p.mat",
         ),
-        foreign("An HDF5 file.", "p.h5", b"\x89HDF\r\n\x1a\n", "an HDF5 file", "h5py.File", "p.h5"),
+        foreign("An HDF5 file.", "p.h5", b"\x89HDF\r\n\x1a\n", "file/kind HDF5", "h5py.File", "p.h5"),
         import("A table of numbers.", "p.csv", |at| {
             let row = |y: usize| (0..32).map(|x| format!("{:.4}", phase([0, y, x]))).collect::<Vec<_>>().join(",");
             file(&at.join("p.csv"), (0..24).map(row).collect::<Vec<_>>().join("\n"));
         })
-        .refused("a text file", convert("numpy.genfromtxt", "p.csv", "p.npy", saved), EXACT),
+        .refused("file/kind", convert("numpy.genfromtxt", "p.csv", "p.npy", saved), EXACT),
         import("A file that is not there.", "none.npy", saved).refused(
-            "No such file",
+            "file/read",
             Remedy::As("none.npy", "none.npy", "p.npy"),
             EXACT,
         ),
@@ -272,6 +268,6 @@ fn other_files() -> Vec<Situation> {
             let all = npy("<f4", false, &SHAPE, &floats(&usual()));
             file(&at.join("p.npy"), &all[..4000]);
         })
-        .refused("p.npy", change("bytes", saved), EXACT),
+        .refused("file/content/npy-length p.npy", mended("bytes", saved), EXACT),
     ]
 }

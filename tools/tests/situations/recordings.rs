@@ -1,6 +1,6 @@
 //! Recordings of eye trackers.
 
-use crate::frame::{Case, Chapter, Outcome, Remedy, Situation, case, change, convert};
+use crate::frame::{Case, Chapter, Outcome, Remedy, Situation, case, change, convert, mended};
 use crate::judge::Judge;
 use crate::write::file;
 use serde_json::{Value, json};
@@ -59,7 +59,7 @@ fn recording(have: &str, text: impl Fn() -> String + Send + Sync + 'static) -> C
 }
 
 /// The usual recording in the place of a wrong one.
-fn mended(at: &Path) {
+fn repaired(at: &Path) {
     file(&at.join("r.jsonl"), lines(usual));
 }
 
@@ -136,45 +136,41 @@ fn refused() -> Vec<Situation> {
             let row = |i| format!("{},{},-1,4\n", place(i).1, place(i).0);
             format!("timestamp,pupil_x,pupil_y,diameter\n{}", (0..COUNT).map(row).collect::<String>())
         })
-        .refused(
-            "line 1: not a JSON object",
-            change("each sample is a line such as {\"t\": 12.5", mended),
-            ALL,
-        ),
+        .refused("tracker/file/not-json", mended("each sample is a line such as {\"t\": 12.5", repaired), ALL),
         recording("All samples are in one JSON array.", || {
             let all: Vec<String> = (0..COUNT).map(|i| usual(i).to_string()).collect();
             format!("[{}]\n", all.join(", "))
         })
-        .refused("not a JSON object", change("each sample is a line such as", mended), ALL),
+        .refused("tracker/file/not-json", mended("each sample is a line such as", repaired), ALL),
         recording("A recording is empty.", String::new).refused(
-            "no samples",
-            change("each sample is a line such as", mended),
+            "tracker/file/no-samples",
+            mended("each sample is a line such as", repaired),
             ALL,
         ),
         recording("Positions have other names.", || lines(|i| json!({ "t": place(i).1, "pos_x": 3.0, "pos_y": 1.0 })))
-            .refused("no position", change("expected x and y", mended), ALL),
+            .refused("tracker/file/no-position", mended("expected x and y", repaired), ALL),
         recording("Samples have no time.", || lines(|i| json!({ "x": place(i).0, "y": -1.0, "diameter": 4.0 })))
-            .refused("no line has a time", change("add t", mended), ALL),
+            .refused("tracker/file/no-time", mended("add t", repaired), ALL),
         recording("The times are numbers of frames.", || {
             lines(|i| json!({ "t": i, "x": place(i).0, "y": -1.0, "diameter": 4.0 }))
         })
-        .refused("r.jsonl", change("t_unit", mended), ALL),
+        .refused("tracker/time-unit r.jsonl", change("t_unit", repaired), ALL),
         recording("Positions are in meters, and no diameter shows it.", || {
             // An eye that looks around for three seconds.
             let x = |i: usize| 3e-3 * (0.1 * i as f64).sin();
             (0..300).map(|i| json!({ "t": place(i).1, "x": x(i), "y": -1e-3 }).to_string() + "\n").collect()
         })
-        .refused("r.jsonl", change("unit", mended), ALL),
+        .refused("tracker/position-unit r.jsonl", mended("unit", repaired), ALL),
         recording("An eye has a name of its own.", || {
             lines(|i| json!({ "t": place(i).1, "eye": "OD", "x": 3.0, "y": 1.0 }))
         })
-        .refused("eye", change("\"left\" or \"right\"", mended), ALL),
+        .refused("tracker/file", change("\"left\" \"right\"", repaired), ALL),
         case("A table of another tracker.", "trackers --watch r.csv --json", |at| {
             file(&at.join("r.csv"), "timestamp,x,y\n5.0,3.0,-1.0\n");
         })
-        .refused("is no tracker", convert("FILE.jsonl", "r.csv", "r.jsonl", mended), ALL),
-        case("The name of a recording is misspelled.", "trackers --watch s.jsonl --json", mended).refused(
-            "No such file",
+        .refused("tracker/spec", convert("FILE.jsonl", "r.csv", "r.jsonl", repaired), ALL),
+        case("The name of a recording is misspelled.", "trackers --watch s.jsonl --json", repaired).refused(
+            "tracker/file",
             Remedy::As("s.jsonl", "s.jsonl", "r.jsonl"),
             ALL,
         ),

@@ -1,7 +1,7 @@
 //! Look-up tables of SLMs.
 
 use crate::common::done;
-use crate::frame::{Case, Chapter, Outcome, case, change};
+use crate::frame::{Case, Chapter, Outcome, case, change, mended};
 use crate::judge::Judge;
 use crate::write::file;
 use eyebox::low_level::files::write_npy;
@@ -63,7 +63,7 @@ fn csv(have: &str, table: impl Fn() -> String + Send + Sync + 'static) -> Case {
 }
 
 /// The plain table in the place of a wrong one.
-fn mended(at: &Path) {
+fn corrected(at: &Path) {
     file(&at.join("t.csv"), plain());
 }
 
@@ -108,42 +108,46 @@ pub fn chapter() -> Chapter {
             })
             .right(SAME),
             csv("A level is beyond the SLM's.", || plain().replace("255,", "300,")).refused(
-                "the level '300'",
-                change("a number from 0 to 255", mended),
+                "encode/table/level '300'",
+                change("255", corrected),
                 SAME,
             ),
             csv("A level is there twice.", || format!("{}255,6.6\n", plain())).refused(
-                "has level 255 a second time",
-                change("line 20", mended),
+                "encode/table/level-twice 255",
+                change("20", corrected),
                 SAME,
             ),
-            csv("A table is empty.", String::new).refused("0 levels", change("level,phase_rad", mended), SAME),
+            csv("A table is empty.", String::new).refused(
+                "encode/table/levels-count",
+                change("level,phase_rad", corrected),
+                SAME,
+            ),
             csv("A table was cut off after its first row.", || "level,phase_rad\n0,0.0\n".into()).refused(
-                "1 levels",
-                change("at least two are wanted", mended),
+                "encode/table/levels-count",
+                mended("at least two are wanted", corrected),
                 SAME,
             ),
             csv("A table has voltages instead of phases.", || "level,voltage\n0,1.0\n255,3.0\n".into()).refused(
-                "'level,voltage' does not name",
-                change("level,phase_rad", mended),
+                "encode/table/columns 'level,voltage'",
+                change("level,phase_rad", corrected),
                 SAME,
             ),
             csv("A table of turns does not name its unit.", || {
                 table("level,phase", |level, phase| format!("{level},{:.6}", phase / TAU))
             })
-            .refused("names no unit", change("level,phase_rad", mended), SAME),
+            .refused("encode/table/no-unit", change("level,phase_rad", corrected), SAME),
             csv("A level is a word.", || plain().replace("45,", "forty,")).refused(
-                "the level 'forty'",
-                change("a number from 0 to 255", mended),
+                "encode/table/level 'forty'",
+                change("255", corrected),
                 SAME,
             ),
             csv("All levels have the same phase.", || table("level,phase_rad", |level, _| format!("{level},1.0")))
-                .refused("spans 0.0000 radians", change("an SLM reaches 1/6 to 8", mended), SAME),
+                .refused("encode/table/span 0.0000", change("1/6", corrected), SAME),
             of("Meadowlark's file of driver values.", "t.lut", || {
                 (0..256).map(|i| format!("{i} {}\n", 16 * i)).collect::<String>().into_bytes()
             })
             .refused(
-                "values of an SLM's driver",
+                "encode/table/driver-values",
                 change("'level,phase_rad'", |at| {
                     file(&at.join("t.lut"), plain());
                 }),
@@ -151,9 +155,9 @@ pub fn chapter() -> Chapter {
             ),
             of("An Excel workbook.", "t.xls", || [b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1".to_vec(), vec![0; 99]].concat())
                 .refused(
-                    "not read as a table",
-                    change("a table is text (CSV)", |at| {
-                        mended(at);
+                    "file/kind",
+                    change("(CSV)", |at| {
+                        corrected(at);
                         file(&at.join("bench.toml"), DISPLAY.replace("NAME", "t.csv"));
                     }),
                     SAME,

@@ -1,6 +1,6 @@
 //! Views of a scene in one picture.
 
-use crate::frame::{Case, Chapter, Remedy, Situation, case, change};
+use crate::frame::{Case, Chapter, Remedy, Situation, case, change, mended};
 use crate::judge::Canon;
 use crate::judge::Judge;
 use crate::made::{EXACT, GRID, SIZE, VIEWS, all, array, light, view};
@@ -139,26 +139,26 @@ pub fn chapter() -> Chapter {
 fn refused() -> Vec<Situation> {
     vec![
         one("Views are beside each other, and the command does not say so.", "all.png", "all.png", || png(usual()))
-            .refused("needs a depth map", Remedy::Replace("all.png", "all.png?mosaic"), EXACT),
+            .refused("scene/no-depth-map", Remedy::Replace("all.png", "all.png?mosaic"), EXACT),
         one("The command has rows and columns exchanged.", "all.png?grid=5x3", "all.png", || png(usual())).refused(
-            "144 x 320 pixels are no 5 x 3 views",
-            Remedy::As("state the grid that it has", "grid=5x3", "grid=3x5"),
+            "scene/corrupt/mosaic-remedy 144 320",
+            Remedy::As("grid", "grid=5x3", "grid=3x5"),
             EXACT,
         ),
         one("Views have two pixels of border between them.", "all.png?grid=3x5", "all.png", || {
             png(mosaic(&all(), 5, 2))
         })
         .refused(
-            "148 x 328 pixels are no 3 x 5 views",
-            change("cut off its border", |at| file(&at.join("all.png"), png(usual()))),
+            "scene/corrupt/mosaic-remedy 148 328",
+            mended("cut off its border", |at| file(&at.join("all.png"), png(usual()))),
             EXACT,
         ),
         one("The picture of all views was scaled to other sides.", "all.png?mosaic", "all.png", || {
             png(imageops::resize(&usual(), 322, 144, imageops::FilterType::Triangle))
         })
         .refused(
-            "144 x 322 pixels",
-            change("scale it to 144 x 320", |at| file(&at.join("all.png"), png(usual()))),
+            "scene/corrupt/mosaic-size 144 322",
+            change("144 320", |at| file(&at.join("all.png"), png(usual()))),
             EXACT,
         ),
         one(
@@ -168,12 +168,12 @@ fn refused() -> Vec<Situation> {
             || png(imageops::resize(&usual(), 322, 145, imageops::FilterType::Nearest)),
         )
         .refused(
-            "may be 1 x 5 views or 3 x 5",
+            "scene/not-a-grid/mosaic-two-grids",
             change("?grid=3x5", |at| file(&at.join("all.png"), png(usual()))),
             EXACT,
         ),
         one("A quilt has a name that says nothing.", "quilt.png?mosaic", "quilt.png", || png(quilt())).refused(
-            "one row of 15 cameras",
+            "scene/cameras 15",
             Remedy::State("lightfield.toml", "tiles = [3, 5]\nfirst = \"bottom-left\""),
             OF_ROW,
         ),
@@ -181,9 +181,9 @@ fn refused() -> Vec<Situation> {
             let views: Vec<_> = all().chunks(5).flat_map(|row| row.iter().rev().cloned().collect::<Vec<_>>()).collect();
             png(mosaic(&views, 5, 0))
         })
-        .refused("contradict each other", Remedy::Add("--order flip-columns"), EXACT),
+        .refused("scene/order/moves-otherwise", Remedy::Add("--order flip-columns"), EXACT),
         one("The command misspells an option of the picture.", "all.png?mosiac", "all.png", || png(usual())).refused(
-            "mosiac",
+            "scene/options/option",
             Remedy::As("mosaic", "mosiac", "mosaic"),
             EXACT,
         ),

@@ -1,7 +1,7 @@
 //! Videos, and what is no scene.
 
 use crate::depths::{codes, photo};
-use crate::frame::{Case, Chapter, Remedy, Situation, case, change, convert};
+use crate::frame::{Case, Chapter, Remedy, Situation, case, change, convert, mended};
 use crate::judge::{Canon, Judge};
 use crate::made::{EXACT, GRID, SIZE, save};
 use crate::write::{file, npy, png, y4m, zip};
@@ -110,18 +110,14 @@ pub fn chapter() -> Chapter {
             false,
             BT709,
         )
-        .refused(
-            "nothing says whether its matrix",
-            Remedy::Replace("clip.y4m", "clip.y4m?matrix=bt709"),
-            RIGHT,
-        ),
+        .refused("scene/matrix", Remedy::Replace("clip.y4m", "clip.y4m?matrix=bt709"), RIGHT),
         clip("A video is interlaced.", "clip.y4m", "It C444", 8, false, BT601).refused(
-            "interlaced",
-            change("-vf yadif", again),
+            "scene/corrupt/interlaced",
+            change("-vf", again),
             RIGHT,
         ),
         clip("Pixels of a video are not square.", "clip.y4m", "A16:15 C444", 8, false, BT601).refused(
-            "16:15, not square",
+            "scene/corrupt/pixel-aspect 16:15",
             change("scale=iw*sar:ih", again),
             RIGHT,
         ),
@@ -133,20 +129,24 @@ pub fn chapter() -> Chapter {
             false,
             BT601,
         )
-        .refused("bt2020", Remedy::As("matrix=bt601", "bt2020", "bt601"), RIGHT),
+        .refused(
+            "scene/options/option-of-another bt2020",
+            Remedy::As("matrix=bt601", "bt2020", "bt601"),
+            RIGHT,
+        ),
         clip("The command asks for a frame that a video does not have.", "clip.y4m?frame=1", "C444", 8, false, BT601)
-            .refused("it has 1 frame", Remedy::As("from 0 on", "frame=1", "frame=0"), RIGHT),
+            .refused("scene/corrupt/no-such-frame", Remedy::By("from 0 on", "frame=1", "frame=0"), RIGHT),
         case("A video is cut off.", format!("photograph clip.y4m {STATED}"), |at| {
             file(&at.join("clip.y4m"), &y4m(&picture(), "C444", 8, false, BT601)[..5000]);
             file(&at.join("depth.png"), png(depth()));
         })
-        .refused("cut short", change("copy it again", again), RIGHT),
+        .refused("scene/corrupt/frame-cut-short", mended("copy it again", again), RIGHT),
         case("A video is an MP4 file.", format!("photograph clip.mp4 {STATED}"), |at| {
             file(&at.join("clip.mp4"), b"\0\0\0\x18ftypisom");
             file(&at.join("depth.png"), png(depth()));
         })
         .refused(
-            "MP4",
+            "scene/kind MP4",
             convert("ffmpeg -i clip.mp4", "clip.mp4", "clip.y4m?matrix=bt709", |at| {
                 file(&at.join("clip.y4m"), y4m(&picture(), "C444", 8, false, BT709));
             }),
@@ -194,18 +194,24 @@ pub mod others {
                     "The light field is a file of MATLAB.",
                     "lf.mat",
                     b"MATLAB 5.0 MAT-file, Platform: GLNXA64",
-                    "MATLAB",
+                    "scene/kind",
                     "lf.mat lf.npy",
                 ),
                 to_array(
                     "The light field is a file of MATLAB 7.3.",
                     "lf.mat",
                     b"MATLAB 7.3 MAT-file, Platform: GLNXA64",
-                    "7.3",
+                    "scene/kind 7.3",
                     "lf.mat lf.npy",
                 ),
-                to_array("The light field is an HDF5 file.", "lf.h5", b"\x89HDF\r\n\x1a\n", "HDF5", "lf.h5 lf.npy"),
-                to_array("The light field is a pickle.", "lf.pkl", b"\x80\x04\x95", "pickle", "lf.pkl lf.npy"),
+                to_array(
+                    "The light field is an HDF5 file.",
+                    "lf.h5",
+                    b"\x89HDF\r\n\x1a\n",
+                    "scene/kind HDF5",
+                    "lf.h5 lf.npy",
+                ),
+                to_array("The light field is a pickle.", "lf.pkl", b"\x80\x04\x95", "scene/kind", "lf.pkl lf.npy"),
                 case("The views are in a ZIP archive.", "photograph views.zip", |at| {
                     let views = crate::made::all().into_iter().map(png);
                     let names: Vec<String> = (0..15).map(|i| format!("view_{}_{}.png", i / 5, i % 5)).collect();
@@ -213,14 +219,14 @@ pub mod others {
                     file(&at.join("views.zip"), zip(&entries));
                 })
                 .refused(
-                    "ZIP archive",
+                    "scene/kind",
                     convert("python -m zipfile -e views.zip views", "views.zip", "views", usual),
                     EXACT,
                 ),
                 case("The views are in an archive of tar and gzip.", "photograph views.tar.gz", |at| {
                     file(&at.join("views.tar.gz"), b"\x1f\x8b\x08")
                 })
-                .refused("gzip", convert("unpack it", "views.tar.gz", "views", usual), EXACT),
+                .refused("scene/kind", convert("unpack it", "views.tar.gz", "views", usual), EXACT),
                 case("Each view is an array in a folder.", "photograph views", |at| {
                     for (i, view) in crate::made::all().iter().enumerate() {
                         file(
@@ -230,14 +236,14 @@ pub mod others {
                     }
                 })
                 .refused(
-                    "NumPy array",
+                    "scene/kind",
                     convert("views.npy?grid=ROWSxCOLUMNS", "views", "views.npy?grid=3x5", |at| {
                         file(&at.join("views.npy"), array())
                     }),
                     EXACT,
                 ),
                 case("The name of the folder is misspelled.", "photograph veiws", usual).refused(
-                    "veiws: no such folder",
+                    "scene/not-found",
                     Remedy::Replace("veiws", "views"),
                     EXACT,
                 ),
@@ -245,27 +251,27 @@ pub mod others {
                     save(&at.join("moments/t0"), |r, c| format!("view_{r}_{c}.png"));
                     save(&at.join("moments/t1"), |r, c| format!("view_{c}_{r}.png"));
                 })
-                .refused("no views here", Remedy::Replace("moments", "moments/t0"), EXACT),
+                .refused("scene/deeper", Remedy::Replace("moments", "moments/t0"), EXACT),
                 case("The scene is a hologram.", "photograph views.zarr", |at| {
                     usual(at);
                     file(&at.join("views.zarr/zarr.json"), "{\"zarr_format\": 3, \"node_type\": \"group\"}");
                 })
                 .refused(
-                    "a hologram, and no scene",
-                    Remedy::As("a folder of views", "views.zarr", "views"),
+                    "scene/corrupt/hologram-not-scene",
+                    Remedy::As("views", "views.zarr", "views"),
                     EXACT,
                 ),
                 case("The scene is a text file.", "photograph plane", |at| file(&at.join("plane"), "a plane\n"))
-                    .refused("text file", Remedy::As("builtin:NAME", "plane", "builtin:plane"), OF_PLANE),
+                    .refused("scene/kind", Remedy::As("builtin:NAME", "plane", "builtin:plane"), OF_PLANE),
                 case("The scene is an empty file.", "photograph plane.png", |at| file(&at.join("plane.png"), ""))
-                    .refused("empty", Remedy::As("builtin:NAME", "plane.png", "builtin:plane"), OF_PLANE),
+                    .refused("scene/kind", Remedy::As("builtin:NAME", "plane.png", "builtin:plane"), OF_PLANE),
                 case("The name of a built-in scene is misspelled.", "photograph builtin:plain", |_| {}).refused(
-                    "the built-in scenes are",
+                    "scene/builtin/no-such-scene",
                     Remedy::As("plane", "plain", "plane"),
                     OF_PLANE,
                 ),
                 case("A built-in scene has no such setting.", "photograph builtin:plane?size=3", |_| {}).refused(
-                    "size",
+                    "scene/builtin/parameter",
                     Remedy::As("depth", "size=3", "depth=0"),
                     OF_PLANE,
                 ),

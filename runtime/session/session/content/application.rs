@@ -10,6 +10,7 @@ use crate::session::content::scenes::{Due, Newest, SceneFrame, Scenes, Supply};
 use crate::session::frame_log::error::SessionError;
 use crate::session::refinement::steerer::SteeredColor;
 use crate::solve::{BrightEnd, Problem, random_phases};
+use eyebox_base::error::Reason;
 use eyebox_live_input::{Content, Display as Ring, Frame, Kind, Latest, Offer, Pupil as AskedPupil, Request, Wanted};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -118,7 +119,7 @@ impl LiveInput {
 
     fn problem(&self, field: &LightField, color: Color, center: [f64; 2]) -> Result<Problem, SessionError> {
         let problem = Problem::new(field, color, &self.display, Padding::default());
-        let problem = problem.map_err(|e| SessionError::Setting(e.to_string()))?;
+        let problem = problem.map_err(|e| SessionError::Setting(Reason::of(&e)))?;
         Ok(Problem { center, ..problem })
     }
 
@@ -332,7 +333,7 @@ pub fn darkness(
     };
     let one = |(i, color): (usize, &Color)| {
         let problem = Problem::new(&field, *color, display, Padding::default());
-        let problem = problem.map_err(|e| SessionError::Setting(e.to_string()))?;
+        let problem = problem.map_err(|e| SessionError::Setting(Reason::of(&e)))?;
         let pixels = problem.optics.height * problem.optics.width;
         let phases = random_phases(frames * pixels, seed.wrapping_add(i as u64));
         Ok(SteeredColor { problem, phases, exposure: USUAL_EXPOSURE, laser: None })

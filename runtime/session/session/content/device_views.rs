@@ -7,6 +7,7 @@ use crate::optics::{Color, Display, Padding};
 use crate::scene::{Pyramid, ViewGrid};
 use crate::session::frame_log::error::SessionError;
 use crate::solve::Problem;
+use eyebox_base::error::Reason;
 use eyebox_kernels::decode_views;
 use eyebox_live_input::{Content, DeviceIds, DeviceMemory, FrameFault, FrameInfo, Offer, Sample, Transfer, ViewTaker};
 use std::os::fd::OwnedFd;
@@ -108,7 +109,7 @@ impl ColorViews {
         center: [f64; 2],
     ) -> Result<Problem, SessionError> {
         let outline = Problem::outline(display, color, Padding::default(), views);
-        let outline = outline.map_err(|e| SessionError::Setting(e.to_string()))?;
+        let outline = outline.map_err(|e| SessionError::Setting(Reason::of(&e)))?;
         Ok(Problem { pyramid: self.pyramid, mean: self.light.mean, center, ..outline })
     }
 }

@@ -13,6 +13,7 @@ use crate::session::frame_log::error::SessionError;
 use crate::session::refinement::field::Field;
 use crate::session::refinement::steerer::SteeredColor;
 use crate::tiled::{Extent, Piece, TiledError};
+use eyebox_base::error::Reason;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -59,13 +60,13 @@ impl FarField {
         views: Vec<Views>,
         first: &PupilDistribution,
     ) -> Result<(Self, Vec<SteeredColor>, Field), SessionError> {
-        let wrong = |reason: String| SessionError::Setting(format!("{name}: {reason}"));
+        let wrong = |reason: Reason| SessionError::Setting(reason.within(name));
         let tiles = Arc::new(tiles);
         let models = (0..views.len()).map(|color| Ok(tiles.model(color)?.map(|model| model.for_steps())));
         let models: Arc<Models> = Arc::new(models.collect::<Result<_, HologramError>>()?);
-        let piece = extent(&tiles, &models, &widened(first)).map_err(|e| wrong(e.to_string()))?;
+        let piece = extent(&tiles, &models, &widened(first)).map_err(|e| wrong(Reason::of(&e)))?;
         let reader = Reader { tiles: Arc::clone(&tiles), models: Arc::clone(&models), views };
-        let (piece, colors) = reader.read(piece).map_err(wrong)?;
+        let (piece, colors) = reader.read(piece).map_err(|e| wrong(e.into()))?;
         let about = tiles.about();
         let size = [about.height, about.width];
         let phases = (0..about.colors.len()).map(|color| tiles.read(color, [0, 0], size)).collect::<Result<_, _>>()?;

@@ -10,6 +10,8 @@ use crate::session::frame_log::error::SessionError;
 use crate::session::playback::timeline::{Speed, Timeline};
 use crate::session::refinement::steerer::SteeredColor;
 use crate::solve::Problem;
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -65,11 +67,11 @@ impl MovingSequence {
         let name = sequence.path().display().to_string();
         let (count, [numerator, denominator]) = (sequence.count(), sequence.rate());
         let rate = Rate::new(numerator, denominator)?;
-        let wrong = |reason: String| SessionError::Setting(format!("{name}: {reason}"));
+        let wrong = |reason: Reason| SessionError::Setting(reason.within(&name));
         if count == 0 {
-            return Err(wrong("it has no hologram yet".into()));
+            return Err(wrong(reason!("no-hologram-yet", "it has no hologram yet")));
         }
-        let first = colors_of(&sequence.load(0)?, &mut load).map_err(wrong)?;
+        let first = colors_of(&sequence.load(0)?, &mut load).map_err(|e| wrong(e.into()))?;
         let (out, arriving) = {
             let mailbox = Mailbox::new(AHEAD);
             (mailbox.clone(), mailbox)
@@ -177,7 +179,7 @@ impl SteeredColor {
         let padding = hologram.metadata.padding();
         let one = |color: &crate::hologram::ColorHologram| {
             let problem = Problem::new(field, color.color.unwrap_or(Color::Green), display, padding);
-            let problem = problem.map_err(|e| SessionError::Setting(e.to_string()))?;
+            let problem = problem.map_err(|e| SessionError::Setting(Reason::of(&e)))?;
             let lasers = hologram.metadata.joint_color.as_ref().map(|joint| &joint.lasers);
             let laser = lasers.and_then(|lasers| lasers.get(&color.color?)).cloned();
             Ok(Self { problem, phases: color.phases.clone(), exposure: color.exposure, laser })
@@ -194,7 +196,7 @@ impl SteeredColor {
         let one = |(at, color): (usize, &Self)| {
             let name = field.colors.get(at).copied().unwrap_or(Color::Green);
             let problem = Problem::new(field, name, display, color.problem.padding);
-            let problem = problem.map_err(|e| SessionError::Setting(e.to_string()))?;
+            let problem = problem.map_err(|e| SessionError::Setting(Reason::of(&e)))?;
             let exposure = color.exposure.max(problem.mean / mean_light(&display.modes(name)));
             Ok(Self { problem, phases: Vec::new(), exposure, laser: color.laser.clone() })
         };

@@ -9,6 +9,7 @@ use crate::session::content::scenes::SceneFrame;
 use crate::session::frame_log::error::SessionError;
 use crate::session::refinement::steerer::SteeredColor;
 use crate::solve::{Motion, Problem};
+use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -141,7 +142,9 @@ impl Views {
 
     /// Before the same display as `like`.
     fn color(self, like: &SteeredColor, files: [&Path; 2]) -> Result<SteeredColor, SessionError> {
-        let wrong = |file: &Path| SessionError::Setting(format!("{}: it is not what was recorded", file.display()));
+        let wrong = |file: &Path| {
+            SessionError::Setting(reason!("not-as-recorded", "{}: it is not what was recorded", file.display()))
+        };
         let level = like.problem.pyramid.levels.first().map_or([0, 0], |level| [level.height, level.width]);
         let [rows, columns] = self.grid;
         let count = rows.saturating_mul(columns);
@@ -195,7 +198,7 @@ impl Journal {
     pub(crate) fn start(folder: &Path) -> Result<Keeping, SessionError> {
         fs::create_dir_all(folder).map_err(|e| FileError::write(folder, e))?;
         if fs::read_dir(folder).map_err(|e| FileError::read(folder, e))?.next().is_some() {
-            let reason = "holds something: a session is kept in a new or an empty folder".into();
+            let reason = reason!("not-empty", "holds something: a session is kept in a new or an empty folder");
             return Err(FileError::Taken { path: folder.display().to_string(), reason }.into());
         }
         let (file, folder) = (GrowingFile::new(&folder.join(DECISIONS))?, folder.to_path_buf());
@@ -258,9 +261,10 @@ impl Keeping {
         let failed = |_| SessionError::Thread { what: "keeps", reason: "failed, which is a fault of eyebox".into() };
         self.thread.join().map_err(failed)??;
         match self.journal.gap.load(Ordering::Acquire) {
-            true => Err(SessionError::Setting(
-                "the session was not kept to its end: the disk was too slow, or an engine was lost".into(),
-            )),
+            true => Err(SessionError::Setting(reason!(
+                "not-kept",
+                "the session was not kept to its end: the disk was too slow, or an engine was lost"
+            ))),
             false => Ok(()),
         }
     }
@@ -320,13 +324,18 @@ impl Kept {
                 Ok(Decision::Lit { number }) => lit.push(number),
                 Ok(decision) => decisions.push(decision),
                 Err(error) => {
-                    let wrong = format!("{}: line {}: {error}: no session is kept there", file.display(), i + 1);
+                    let wrong = reason!(
+                        "not-a-session",
+                        "{}: line {}: {error}: no session is kept there",
+                        file.display(),
+                        i + 1
+                    );
                     return Err(SessionError::Setting(wrong));
                 }
             }
         }
         if lit.is_empty() {
-            return Err(SessionError::Setting(format!("{}: no set was lit in it", file.display())));
+            return Err(SessionError::Setting(reason!("no-set", "{}: no set was lit in it", file.display())));
         }
         Ok(Self { folder: folder.to_path_buf(), decisions: decisions.into_iter(), lit: lit.into_iter() })
     }

@@ -38,6 +38,7 @@ use crate::trackers::pushed::{self, SampleSender};
 use crate::trackers::simulated::{self, SimulatedSource};
 use crate::trackers::{self, Options, Source, Spec, Stream, now_ns};
 use crossbeam_utils::atomic::AtomicCell;
+use eyebox_base::reason;
 use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
@@ -67,7 +68,8 @@ impl Tracking {
     pub fn open(spec: &Spec, options: &Options, estimator: Estimator) -> Result<Self, SessionError> {
         let Spec::Simulated(seed) = *spec else {
             if !options.real_time {
-                return Err(SessionError::Setting(format!(
+                return Err(SessionError::Setting(reason!(
+                    "simulated-clock",
                     "a simulated clock takes a simulated eye alone (`tracker` simulated), and {spec:?} lives in real time"
                 )));
             }
@@ -318,24 +320,29 @@ impl Live {
 
     /// Refuses what does not go with the display's clock.
     fn check_clock(&self, is_real: bool) -> Result<(), SessionError> {
-        let wrong = |why: &str| Err(SessionError::Setting(why.into()));
+        let wrong = |why| Err(SessionError::Setting(why));
         if self.replay.is_some() {
             let alone = self.scenes.is_none() && self.tracking.is_none() && self.journal.is_none();
             return match !is_real && alone {
                 true => Ok(()),
-                false => {
-                    wrong("what was kept is shown again on a simulated clock, without a tracker and without content")
-                }
+                false => wrong(reason!(
+                    "replay-in-real-time",
+                    "what was kept is shown again on a simulated clock, without a tracker and without content"
+                )),
             };
         }
         match self.cost {
-            Cost::Measured if !is_real => {
-                wrong("a simulated clock has to be told what work takes: `step_time`, or leave out `clock` simulated")
+            Cost::Measured if !is_real => wrong(reason!(
+                "no-step-time",
+                "a simulated clock has to be told what work takes: `step_time`, or leave out `clock` simulated"
+            )),
+            Cost::Fixed { .. } if is_real => {
+                wrong(reason!("step-time", "what work takes is said to a simulated clock alone"))
             }
-            Cost::Fixed { .. } if is_real => wrong("what work takes is said to a simulated clock alone"),
-            _ if self.tracking.as_ref().is_some_and(|tracking| tracking.real_time != is_real) => {
-                wrong("a live hologram follows an eye in real time: on a simulated clock, the simulated eye")
-            }
+            _ if self.tracking.as_ref().is_some_and(|tracking| tracking.real_time != is_real) => wrong(reason!(
+                "no-eye",
+                "a live hologram follows an eye in real time: on a simulated clock, the simulated eye"
+            )),
             _ => Ok(()),
         }
     }
@@ -381,7 +388,7 @@ impl Live {
             Duration::from_nanos(display.rate.period_ns().unsigned_abs() / 2) + self.display_latency;
         let (packed, lighting) = (Arc::new(encoder.packed().clone()), lighting_of(encoder.lighting(rolls), &colors));
         let with_phases = self.companion.is_some();
-        let beside = |open: CompanionOpener| open(display.desktop()?).map_err(SessionError::Companion);
+        let beside = |open: CompanionOpener| open(display.desktop()?).map_err(|e| SessionError::Companion(e.into()));
         let companion = self.companion.map(beside).transpose()?;
         let shared = engines.gpu()?;
         let direct = match display.presenter().takes() {

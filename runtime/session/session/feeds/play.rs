@@ -14,6 +14,7 @@ use crate::session::playback::output::OpenDisplay;
 use crate::session::playback::scheduler::{Schedule, Start};
 use crate::session::playback::stream::{Stream, StreamEncoder, StreamOptions};
 use crate::session::playback::timeline::Speed;
+use eyebox_base::reason;
 use std::path::Path;
 use std::time::SystemTime;
 
@@ -64,15 +65,17 @@ pub struct Play {
 /// What makes video frames on a display of the phases of a hologram that are [sent](Hologram::sent_colors); `what` is the hologram, for
 /// people.
 pub(crate) fn encoder_of(what: &str, about: &Hologram, display: &Display) -> Result<Encoder, SessionError> {
-    let named =
-        |c: &ColorHologram| c.color.ok_or_else(|| SessionError::Setting(format!("{what}: its colours are not named")));
+    let named = |c: &ColorHologram| {
+        c.color.ok_or_else(|| SessionError::Setting(reason!("colors-not-named", "{what}: its colours are not named")))
+    };
     let colors: Vec<Color> =
         about.sent_colors().into_iter().map(|i| named(&about.colors[i])).collect::<Result<_, _>>()?;
     let encoder = Encoder::new(display, &colors, about.frames)?;
     let ([eh, ew], [h, w]) = (encoder.hologram_size(), [about.height, about.width]);
     if [eh, ew] != [h, w] {
         let name = &display.name;
-        return Err(SessionError::Setting(format!(
+        return Err(SessionError::Setting(reason!(
+            "size",
             "{what}: it is {h}x{w} pixels, and the display '{name}' takes {eh}x{ew}: give `size` {h}x{w}, or the display that it \
              was made for"
         )));
@@ -123,23 +126,26 @@ impl Play {
 
     /// Refuses what cannot be, before anything is opened for it.
     pub(crate) fn check(&self) -> Result<(), SessionError> {
-        let wrong = |why: String| Err(SessionError::Setting(why));
+        let wrong = |why| Err(SessionError::Setting(why));
         let (what, count, first) = (self.sequence.path().display(), self.sequence.count(), self.first);
         if first >= count.max(1) && !self.follow {
-            return wrong(format!("{what}: it has {count} holograms, the first is 0: `first` {first}"));
+            return wrong(reason!("first", "{what}: it has {count} holograms, the first is 0: `first` {first}"));
         }
         if Speed::new(self.speed).is_none() {
-            return wrong(format!("`speed` {}: it must be 0.001 to 1000", self.speed));
+            return wrong(reason!("speed", "`speed` {}: it must be 0.001 to 1000", self.speed));
         }
         if !(0.0..=LONGEST_SYNC_S).contains(&self.sync_s) {
-            return wrong(format!("`sync` {}: it must be 0 to {LONGEST_SYNC_S} seconds", self.sync_s));
+            return wrong(reason!("sync", "`sync` {}: it must be 0 to {LONGEST_SYNC_S} seconds", self.sync_s));
         }
         if !(1..=MOST_AHEAD).contains(&self.ahead) {
-            return wrong(format!("`ahead` {}: it must be 1 to {MOST_AHEAD} sets", self.ahead));
+            return wrong(reason!("ahead", "`ahead` {}: it must be 1 to {MOST_AHEAD} sets", self.ahead));
         }
         if let Some(left) = self.start_at.map(seconds_until).filter(|left| left.abs() > FARTHEST_START_S) {
             let (days, when) = (left.abs() / 86400.0, if left > 0.0 { "from now" } else { "ago" });
-            return wrong(format!("`start_at` is {days:.0} days {when}: a year at most, in seconds since 1970"));
+            return wrong(reason!(
+                "start-at",
+                "`start_at` is {days:.0} days {when}: a year at most, in seconds since 1970"
+            ));
         }
         Ok(())
     }
@@ -159,8 +165,9 @@ impl Play {
                 Start::At { display_time_ns: display.clock.now_ns() + left_ns }
             }
         };
-        let speed = Speed::new(self.speed)
-            .ok_or_else(|| SessionError::Setting(format!("`speed` {}: it must be 0.001 to 1000", self.speed)))?;
+        let speed = Speed::new(self.speed).ok_or_else(|| {
+            SessionError::Setting(reason!("speed", "`speed` {}: it must be 0.001 to 1000", self.speed))
+        })?;
         let schedule = Schedule {
             rolls: false,
             display_rate: display.rate,

@@ -7,6 +7,7 @@ use crate::session::feeds::sets::{FinishedSet, LiveSource, SetSender, set_channe
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::latency::Timestamps;
 use crate::session::refinement::steerer::{SteeredColor, Steerer};
+use eyebox_base::reason;
 
 /// A session that is done again.
 pub(crate) struct Replay {
@@ -50,7 +51,8 @@ impl Replay {
         };
         while self.newest.is_none_or(|newest| newest < wanted) {
             let Some(decision) = self.kept.decisions.next() else {
-                return Err(SessionError::Setting(format!(
+                return Err(SessionError::Setting(reason!(
+                    "set-not-kept",
                     "set {wanted} was lit, and it was not kept how it was made"
                 )));
             };

@@ -9,9 +9,11 @@ use crate::hologram::HologramError;
 use crate::present::PresentError;
 use crate::solve::SolveError;
 use crate::trackers::TrackerError;
+use eyebox_base::error::Reason;
 
 /// What can go wrong in a session.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error, serde::Serialize)]
+#[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum SessionError {
     /// The display: refused, or lost.
@@ -44,6 +46,7 @@ pub enum SessionError {
     /// What takes an application's frames.
     #[cfg(target_os = "linux")]
     #[error(transparent)]
+    #[serde(serialize_with = "eyebox_base::error::as_text")]
     LiveInput(#[from] eyebox_live_input::LiveError),
     /// A thread that could not be started, or failed.
     #[error("the thread that {what} {reason}")]
@@ -63,10 +66,10 @@ pub enum SessionError {
     },
     /// A window beside the display.
     #[error("the window beside the display: {0}")]
-    Companion(String),
+    Companion(Reason),
     /// A setting that cannot be.
     #[error("{0}")]
-    Setting(String),
+    Setting(Reason),
 }
 
 impl SessionError {

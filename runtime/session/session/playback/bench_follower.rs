@@ -11,6 +11,7 @@ use crate::optics::{Color, Display};
 use crate::session::frame_log::error::SessionError;
 use crate::session::playback::output::Output;
 use crate::session::playback::pattern_output::PatternOutput;
+use eyebox_base::reason;
 use std::sync::atomic::Ordering;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -114,7 +115,12 @@ impl<'a> BenchFollower<'a> {
             return observe(FollowEvent::Agrees(fitted));
         }
         observe(FollowEvent::Followed(fitted))?;
-        let other = |_| SessionError::Setting("the scene was solved for another number of sub-frames or pixels".into());
+        let other = |_| {
+            SessionError::Setting(reason!(
+                "other-size",
+                "the scene was solved for another number of sub-frames or pixels"
+            ))
+        };
         let version = newest.replace(solve(&self.display)?).map_err(other)?;
         observe(FollowEvent::Replaced(version))
     }

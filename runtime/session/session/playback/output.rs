@@ -6,6 +6,7 @@ use crate::present::{
 };
 use crate::session::frame_log::error::SessionError;
 use crate::session::playback::ticks::TickedOutput;
+use eyebox_base::reason;
 use std::path::PathBuf;
 use std::rc::Rc;
 use std::time::Duration;
@@ -142,7 +143,7 @@ impl OpenDisplay {
         match &mut self.kind {
             Kind::Window(window) => window.desktop().ok_or_else(|| PresentError::Display {
                 presenter: "the window".into(),
-                reason: "it stands on no desktop".into(),
+                reason: reason!("no-desktop", "it stands on no desktop"),
             }),
             Kind::Other(_, Some(desktop)) => Ok(desktop),
             Kind::Other(_, none) => Ok(none.insert(Box::new(Desktop::open()?))),

@@ -6,6 +6,7 @@ use crate::optics::{Color, Display};
 use crate::present::Event;
 use crate::session::frame_log::error::SessionError;
 use crate::session::playback::output::{OpenDisplay, Output};
+use eyebox_base::reason;
 use std::time::{Duration, Instant};
 
 /// Sub-frames that a video frame may hold.
@@ -31,7 +32,7 @@ impl PatternOutput {
         let encoders = colors.iter().map(|color| Ok((*color, alone(display, *color)?)));
         let encoders = encoders.collect::<Result<Vec<_>, SessionError>>()?;
         let Some((_, first)) = encoders.first() else {
-            return Err(SessionError::Setting("patterns are of one colour at least".into()));
+            return Err(SessionError::Setting(reason!("no-color", "patterns are of one colour at least")));
         };
         let frames = first.frames();
         let display = output.open([frames.height, frames.width, frames.channels], None, None)?;
@@ -56,7 +57,7 @@ impl PatternOutput {
             let presenter = self.display.presenter();
             while let Some(event) = presenter.event() {
                 if event == Event::Close {
-                    return Err(SessionError::Setting("its window was closed".into()));
+                    return Err(SessionError::Setting(reason!("window-closed", "its window was closed")));
                 }
             }
             while let Some(feedback) = presenter.feedback() {
@@ -100,7 +101,10 @@ fn alone(display: &Display, color: Color) -> Result<Encoder, SessionError> {
         Some(error) => error.into(),
         None => {
             let name = &display.name;
-            SessionError::Setting(format!("the display '{name}' shows no set of {color} alone in one video frame"))
+            SessionError::Setting(reason!(
+                "color-alone",
+                "the display '{name}' shows no set of {color} alone in one video frame"
+            ))
         }
     })
 }

@@ -6,6 +6,7 @@ use crate::mailbox::Mailbox;
 use crate::session::frame_log::account::Cause;
 use crate::session::frame_log::error::SessionError;
 use crate::session::playback::player::PresentedFrame;
+use eyebox_base::reason;
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -28,7 +29,7 @@ impl Recorder {
         fs::create_dir_all(folder).map_err(|e| FileError::write(folder, e))?;
         let mut entries = fs::read_dir(folder).map_err(|e| FileError::read(folder, e))?;
         if entries.next().is_some() {
-            let reason = "holds something: recordings go to a new or an empty folder".into();
+            let reason = reason!("not-empty", "holds something: recordings go to a new or an empty folder");
             return Err(FileError::Taken { path: folder.display().to_string(), reason });
         }
         let file = folder.join("shown.csv");

@@ -11,6 +11,7 @@ use crate::session::refinement::field::Field;
 use crate::session::refinement::likeness;
 use crate::solve::{Motion, Problem, Refiner, SharedDrives, StartTable, Steering};
 use crate::tiled::Extent;
+use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
 use std::ops::Deref;
 use std::sync::Arc;
@@ -154,17 +155,21 @@ impl Steerer {
         mut engine: impl FnMut() -> Result<Box<dyn Engine>, EngineError>,
     ) -> Result<Self, SessionError> {
         if colors.is_empty() {
-            return Err(SessionError::Setting("there is no colour to refine".into()));
+            return Err(SessionError::Setting(reason!("no-color", "there is no colour to refine")));
         }
         if colors.len() > MOST_COLORS {
             let count = colors.len();
-            return Err(SessionError::Setting(format!(
+            return Err(SessionError::Setting(reason!(
+                "colors-count",
                 "{count} colours to refine: a display has {MOST_COLORS} at most"
             )));
         }
         if policy.restart.is_nan() || policy.restart < 0.0 {
             let wrong = policy.restart;
-            return Err(SessionError::Setting(format!("restart after {wrong} pupil diameters: it must be 0 or more")));
+            return Err(SessionError::Setting(reason!(
+                "restart",
+                "restart after {wrong} pupil diameters: it must be 0 or more"
+            )));
         }
         let lasers = Self::lasers_of(&colors)?;
         let steering = Self::steering_of(policy.steering, lasers.is_some())?;
@@ -204,7 +209,10 @@ impl Steerer {
         self.settle()?;
         self.phases()?;
         let Some((field, engine)) = self.field.as_mut().filter(|_| colors.len() == self.colors.len()) else {
-            return Err(SessionError::Setting("a piece of another hologram than the one that is refined".into()));
+            return Err(SessionError::Setting(reason!(
+                "other-piece",
+                "a piece of another hologram than the one that is refined"
+            )));
         };
         field.piece = piece;
         let mut followed = Followed::default();
@@ -333,7 +341,10 @@ impl Steerer {
     pub fn follow(&mut self, scene: &[SteeredColor]) -> Result<Followed, SessionError> {
         if scene.len() != self.colors.len() {
             let (found, must) = (scene.len(), self.colors.len());
-            return Err(SessionError::Setting(format!("a scene of {found} colours, where {must} are refined")));
+            return Err(SessionError::Setting(reason!(
+                "colors-of-scene",
+                "a scene of {found} colours, where {must} are refined"
+            )));
         }
         if self.shared.is_some() {
             return self.follow_together(scene);

@@ -1,6 +1,7 @@
 //! Levels of 2 pi, tables, corrections and gratings.
 
 use super::*;
+use eyebox_base::error::ErrorData;
 
 #[test]
 fn the_grey_level_of_two_pi_is_where_it_was_said() {
@@ -49,13 +50,16 @@ fn a_table_is_inverted_whether_it_rises_or_not() {
         let best = (0..40).filter(|l| turns(*l) - 0.45 < 1.0).map(far).fold(1.0, f64::min);
         assert!(far(*level) <= best + 2.0 / 65536.0, "{phase} became {level}");
     }
-    let missing = Encoder::new(&display, &ALL, 1).unwrap_err().to_string();
-    assert!(missing.contains("look_up") && missing.contains("green"), "{missing}");
+    let missing = Encoder::new(&display, &ALL, 1).unwrap_err();
+    assert_eq!(ErrorData::of(&missing).code, "display/no-table");
+    assert!(missing.to_string().contains("look_up") && missing.to_string().contains("green"), "{missing}");
     std::fs::write(folder.join("red.csv"), "0,0\n1,what\n").unwrap();
-    let wrong = Encoder::new(&display, &ALL[..1], 1).unwrap_err().to_string();
-    assert!(wrong.contains("red.csv") && wrong.contains("line 2") && wrong.contains("what"), "{wrong}");
+    let wrong = Encoder::new(&display, &ALL[..1], 1).unwrap_err();
+    let EncodeError::Table { file, line: 2, reason } = &wrong else { panic!("{wrong}") };
+    assert!(file.ends_with("red.csv") && reason.code() == "phase" && reason.text().contains("'what'"), "{wrong}");
     std::fs::remove_file(folder.join("red.csv")).unwrap();
-    assert!(Encoder::new(&display, &ALL[..1], 1).unwrap_err().to_string().contains("red.csv"));
+    let gone = Encoder::new(&display, &ALL[..1], 1).unwrap_err();
+    assert!(matches!(&gone, EncodeError::File(FileError::Read { file, .. }) if file.ends_with("red.csv")), "{gone}");
 }
 
 /// Three files with one correction: 8-bit PNG, 16-bit PNG, BMP, radians.
@@ -132,17 +136,22 @@ fn corrections_that_cannot_be_are_named() {
     std::fs::write(folder.join("text.png"), "no picture").unwrap();
     let whole = std::fs::read(folder.join("c8.png")).unwrap();
     std::fs::write(folder.join("short.png"), &whole[..whole.len() - 30]).unwrap();
-    for (file, size, what) in [
-        ("c8.png", [12, 16], "12x17"),
-        ("c.npy", [11, 17], "11x17"),
-        ("colored.png", [12, 17], "row 2, column 3"),
-        ("text.png", [12, 17], "a text file"),
-        ("short.png", [12, 17], "short.png"),
-        ("none.bmp", [12, 17], "none.bmp"),
+    for (file, size, code, holds) in [
+        ("c8.png", [12, 16], "file/content/correction-size", "12x17"),
+        ("c.npy", [11, 17], "file/content/correction-size", "11x17"),
+        ("colored.png", [12, 17], "file/content/not-gray", "2 3"),
+        ("text.png", [12, 17], "file/kind", ""),
+        ("short.png", [12, 17], "file/content/damaged", ""),
+        ("none.bmp", [12, 17], "file/read", ""),
     ] {
         let display = with(&format!("[[encoding.correction]]\nfile = \"{file}\"\nsign = 1"), folder, size, 256);
-        let said = Encoder::new(&display, &ALL, 1).unwrap_err().to_string();
-        assert!(said.contains(what) && said.contains(file) && !said.contains('\n'), "{said}");
+        let error = Encoder::new(&display, &ALL, 1).unwrap_err();
+        let said = error.to_string();
+        assert_eq!(ErrorData::of(&error).code, code, "{said}");
+        assert!(
+            holds.split(' ').all(|part| said.contains(part)) && said.contains(file) && !said.contains('\n'),
+            "{said}"
+        );
     }
 }
 

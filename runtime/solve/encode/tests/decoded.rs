@@ -3,6 +3,7 @@
 use super::*;
 use crate::encoded::{Encoded, is_encoded};
 use crate::optics::PRESETS;
+use eyebox_base::error::ErrorData;
 
 /// Colours and sub-frames that fill one set of a display.
 fn set_of(display: &Display) -> (Vec<Color>, usize) {
@@ -110,13 +111,21 @@ fn what_no_encoder_made_is_said() {
         let decoder = Decoder::new(display, colors, n, AsShown::default()).unwrap();
         let mut frames = decoder.encoder().frames();
         frames.bytes_mut()[at] = byte;
-        decoder.decode(&frames, |i| format!("frame {i}")).unwrap_err().to_string()
+        match decoder.decode(&frames, |i| format!("frame {i}")).unwrap_err() {
+            EncodeError::Frame { frame, reason } => (frame, reason),
+            other => panic!("{other}"),
+        }
     };
     let sixteen = Display { levels: 16, ..display("grey8", 2, 3) };
-    let said = refused(&sixteen, &ALL[..2], 1, 6 + 4, 16);
-    assert!(said.contains("frame 1: green sub-frame 0 holds 16 at the SLM's row 1, column 1"), "{said}");
-    let said = refused(&display("fields", 2, 3), &ALL[..1], 1, 3 * 4 + 1, 128);
-    assert!(said.contains("bit 7 of green is lit at row 1, column 1"), "{said}");
+    let (frame, said) = refused(&sixteen, &ALL[..2], 1, 6 + 4, 16);
+    assert_eq!(
+        (&frame[..], said.code(), &numbers(said.text())[..]),
+        ("frame 1", "no-level", &["0", "16", "1", "1"][..])
+    );
+    assert!(said.text().contains("green"), "{said}");
+    let (frame, said) = refused(&display("fields", 2, 3), &ALL[..1], 1, 3 * 4 + 1, 128);
+    assert_eq!((&frame[..], said.code(), &numbers(said.text())[..]), ("frame 0", "lit-bit", &["7", "1", "1"][..]));
+    assert!(said.text().contains("green"), "{said}");
     let decoder = Decoder::new(&sixteen, &ALL, 1, AsShown::default()).unwrap();
     let other = Encoder::new(&sixteen, &ALL[..1], 1).unwrap().frames();
     assert!(decoder.decode(&other, |i| i.to_string()).is_err());
@@ -165,7 +174,8 @@ fn a_folder_holds_all_that_is_needed() {
     encoder.save(&frames, None, &folder).unwrap();
     assert!(Encoded::open(&folder, None, None).unwrap().decode(AsShown::default()).unwrap().metadata.exposure_assumed);
     std::fs::write(folder.join("notes.txt"), "mine").unwrap();
-    assert!(encoder.save(&frames, None, &folder).unwrap_err().to_string().contains("left alone"));
+    let error = encoder.save(&frames, None, &folder).unwrap_err();
+    assert_eq!(ErrorData::of(&error).code, "file/taken/holds-something-else", "{error}");
 }
 
 /// Pictures of any origin: in the order of their numbers, grey or coloured, and refused where they do not fit.
@@ -181,7 +191,8 @@ fn pictures_of_any_origin_are_decoded() {
     }
     let slm = display("grey8", 2, 3);
     let seen = Encoded::open(&folder, Some(&slm), None).unwrap();
-    assert!(seen.describe().contains("1 sub-frame of red, green, blue"));
+    let described = seen.describe();
+    assert!(numbers(&described) == ["3", "1"] && described.contains("red, green, blue"), "{described}");
     let seen = seen.decode(AsShown::default()).unwrap();
     for (c, level) in seen.colors.iter().zip([9.0, 10.0, 11.0]) {
         assert!(c.phases.iter().all(|p| (f64::from(*p) - level / 256.0 * TAU).abs() < 1e-6));
@@ -190,17 +201,21 @@ fn pictures_of_any_origin_are_decoded() {
     assert_eq!((green.frames, green.colors.len()), (3, 1));
     let one = Encoded::open(&folder.join("h_9.png"), Some(&slm), Some(Color::Red)).unwrap();
     assert_eq!(one.decode(AsShown::default()).unwrap().frames, 1);
-    let said = |path: &std::path::Path, display: Option<&Display>, color| {
+    let refused = |path: &std::path::Path, display: Option<&Display>, color, code: &str, holds: &str| {
         let seen = Encoded::open(path, display, color).and_then(|e| e.decode(AsShown::default()));
-        seen.expect_err("refused").to_string()
+        let said = seen.expect_err("refused");
+        assert_eq!(ErrorData::of(&said).code, code, "{said}");
+        assert!(said.to_string().contains(holds), "{said}");
+        said.to_string()
     };
-    assert!(said(&folder, None, None).contains("give `display`"));
-    assert!(said(here.path(), Some(&slm), None).contains("no PNG"));
-    assert!(said(&folder, Some(&display("grey8", 4, 6)), None).contains("`size` 2x3"));
+    refused(&folder, None, None, "frame/no-display", "`display`");
+    refused(here.path(), Some(&slm), None, "frame/no-png", "");
+    refused(&folder, Some(&display("grey8", 4, 6)), None, "file/content/frame-size", "`size` 2x3");
     std::fs::copy(folder.join("h_9.png"), folder.join("h_12.png")).unwrap();
-    assert!(said(&folder, Some(&slm), None).contains("say with `color`"));
+    refused(&folder, Some(&slm), None, "frame/video-frames", "`color`");
     image::RgbImage::from_pixel(3, 2, image::Rgb([1, 2, 1])).save(folder.join("h_12.png")).unwrap();
-    assert!(said(&folder, Some(&slm), Some(Color::Red)).contains("coloured at row 0, column 0"));
+    let said = refused(&folder, Some(&slm), Some(Color::Red), "file/content/frame-colored", "");
+    assert_eq!(numbers(&said), ["0", "0"], "{said}");
     image::RgbaImage::from_pixel(3, 2, image::Rgba([1, 1, 1, 9])).save(folder.join("h_12.png")).unwrap();
-    assert!(said(&folder, Some(&slm), Some(Color::Red)).contains("not opaque"));
+    refused(&folder, Some(&slm), Some(Color::Red), "file/content/not-opaque", "");
 }

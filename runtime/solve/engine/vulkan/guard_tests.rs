@@ -183,7 +183,8 @@ fn what_leaves_its_range_is_found() {
     let place = modulate::Args { height: 8, width: 8, grid_height: 8, grid_width: 8, top: 0, left: 0 };
     assert_eq!(run(&mut gpu, 0, 8 * 64, place), Vec::<String>::new());
     let behind = run(&mut gpu, 0, 8 * 63, place);
-    assert!(behind.len() == 1 && behind[0].contains("modulate, bindings [1], wrote at byte 504 of 504"), "{behind:?}");
+    assert!(behind.len() == 1 && behind[0].contains("modulate") && behind[0].contains("[1]"), "{behind:?}");
+    assert_eq!(behind[0].matches("504").count(), 2, "{behind:?}");
 }
 
 /// Of all 65,536 halves each is read as what it is, and stored as what it was.

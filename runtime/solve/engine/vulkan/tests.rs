@@ -72,7 +72,7 @@ fn a_hazard_is_heard() {
 #[test]
 fn a_smaller_device_gives_the_same() {
     use super::super::cpu::CpuEngine;
-    use super::super::{Buffer, Dispatch, Engine, Kernel, Purpose};
+    use super::super::{Buffer, Dispatch, Engine, EngineError, Kernel, Purpose};
     use super::engine::VulkanEngine;
     use crate::optics::{Optics, Pupil, WindowFactor};
     use crate::plan::{Comparison, Planner, ViewLayout};
@@ -115,8 +115,8 @@ fn a_smaller_device_gives_the_same() {
     assert!((got.0[1] / want.0[1] - 1.0).abs() < 1e-5);
     // One frame that is too large is refused by name.
     engine.pretend_range(4096);
-    let text = engine.load(&shape, None).unwrap_err().to_string();
-    assert!(text.contains("one frame of the"), "{text}");
+    let refused = engine.load(&shape, None).unwrap_err();
+    assert!(matches!(&refused, EngineError::Unsuitable { reason, .. } if reason.contains("4096")), "{refused}");
     let messages = engine.gpu().messages();
     drop(engine);
     assert_eq!(*messages.lock().unwrap(), Vec::<String>::new());
@@ -128,17 +128,24 @@ fn what_went_wrong_is_told_apart() {
     use ash::vk::Result as Code;
     let gpu = open();
     let error = |code| gpu.device.error("vkQueueSubmit", "transfer to adam", code);
-    let lost = error(Code::ERROR_DEVICE_LOST);
     assert!(
-        matches!(lost, EngineError::DeviceLost { .. }) && lost.to_string().contains("while it ran transfer to adam")
+        matches!(error(Code::ERROR_DEVICE_LOST), EngineError::DeviceLost { during, .. } if during == "transfer to adam")
     );
     assert!(matches!(error(Code::ERROR_OUT_OF_DEVICE_MEMORY), EngineError::OutOfMemory { .. }));
     assert!(
         matches!(error(Code::ERROR_OUT_OF_HOST_MEMORY), EngineError::OutOfMemory { device, .. } if device == "host")
     );
-    assert!(error(Code::ERROR_UNKNOWN).to_string().contains("vkQueueSubmit answered ERROR_UNKNOWN"));
+    let unknown = error(Code::ERROR_UNKNOWN);
+    assert!(
+        matches!(&unknown, EngineError::Vulkan { call: "vkQueueSubmit", result, .. } if result == "ERROR_UNKNOWN"),
+        "{unknown}"
+    );
     let too_much = gpu.block(1 << 46, "field").err().unwrap();
-    assert!(too_much.to_string().contains("67108864 MiB for field"), "{too_much}");
+    assert!(
+        matches!(&too_much, EngineError::OutOfMemory { what, wanted: Some(w), .. } if what == "field" && *w == 1 << 46),
+        "{too_much}"
+    );
+    assert!(too_much.to_string().contains("67108864 MiB"), "{too_much}");
     assert_eq!(close(gpu), Vec::<String>::new());
 }
 
@@ -215,21 +222,21 @@ fn a_lost_device_is_an_error_everywhere() {
         Flow::Continue
     })
     .unwrap_err();
-    let text = error.to_string();
-    assert!(matches!(error, SolveError::Engine(EngineError::DeviceLost { .. })), "{text}");
-    assert!(text.contains("was lost while it ran") && steps == 2, "{text}, after {steps} steps");
+    assert!(matches!(error, SolveError::Engine(EngineError::DeviceLost { .. })) && steps == 2, "{error} ({steps})");
     // Whatever is tried next says so too, and what it was.
     let lost = |result: Result<(), EngineError>| match result {
         Err(EngineError::DeviceLost { during, .. }) => during,
         other => panic!("{other:?}"),
     };
-    assert_eq!(lost(engine.read(Buffer::Phases).map(drop)), "a download");
-    assert_eq!(lost(engine.write(Buffer::Phases, &[0.0; 2 * 24 * 30])), "an upload");
+    let download = lost(engine.read(Buffer::Phases).map(drop));
+    let upload = lost(engine.write(Buffer::Phases, &[0.0; 2 * 24 * 30]));
     let planner = problem.planner(2, settings.window);
     let pupil_pass = planner.pupil_pass(&Pupil::from_mm([0.0, 0.0, 5.0, 0.0]), &Comparison::default());
     let step = planner.view_step(vec![pupil_pass]);
-    assert_eq!(lost(engine.run_part(&step, 0..2).map(drop)), "modulate to field_forward");
-    assert_eq!(lost(engine.load(&planner.shape(Purpose::View), None)), "clearing");
+    let kernels = lost(engine.run_part(&step, 0..2).map(drop));
+    assert!(kernels.starts_with("modulate") && kernels.ends_with("field_forward"), "{kernels}");
+    let clearing = lost(engine.load(&planner.shape(Purpose::View), None));
+    assert!(upload != download && clearing != upload && clearing != download, "{upload}, {download}, {clearing}");
     drop(engine);
     assert_eq!(*messages.lock().unwrap(), Vec::<String>::new());
 }
@@ -278,6 +285,7 @@ fn closing_does_not_wait_for_ever_for_a_device_that_does_not_answer() {
 fn a_smaller_device_encodes_the_same() {
     use super::encode::VulkanEncoder;
     use crate::encode::{Encoder, PhaseSet};
+    use crate::engine::EngineError;
     use crate::optics::{Color, Display};
     let display = Display { height: 9, width: 30, ..Display::preset("planes24").unwrap() };
     let encoder = Encoder::new(&display, &[Color::Red], 48).unwrap();
@@ -302,8 +310,8 @@ fn a_smaller_device_encodes_the_same() {
     assert_eq!(*messages.lock().unwrap_or_else(PoisonError::into_inner), Vec::<String>::new());
     let mut gpu = open();
     gpu.limits.storage_range = 1000;
-    let text = VulkanEncoder::on(gpu, encoder.plan()).err().expect("too small").to_string();
-    assert!(text.contains("one sub-frame takes 1080 bytes"), "{text}");
+    let error = VulkanEncoder::on(gpu, encoder.plan()).err().expect("too small");
+    assert!(matches!(&error, EngineError::Unsuitable { reason, .. } if reason.contains("1080")), "{error}");
 }
 
 /// Nothing is allocated for a set, whether its transfers are staged or in place.

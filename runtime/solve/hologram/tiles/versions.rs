@@ -6,6 +6,7 @@
 use super::super::HologramError;
 use super::super::chunks::{own_draft, read_tile, unwritable, write_chunk};
 use super::{STAGED, Tiles, staged_name};
+use eyebox_base::reason;
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::atomic::Ordering::Relaxed;
@@ -97,7 +98,8 @@ impl Tiles {
             Some(TileVersion::Of(part)) => staged_name(part, place),
             Some(TileVersion::Last) => self.name(place),
             None => {
-                let reason = format!("a part of its job reads the tile {place:?}, which it should not need");
+                let reason =
+                    reason!("tile-not-needed", "a part of its job reads the tile {place:?}, which it should not need");
                 return Err(HologramError::Inconsistent(reason));
             }
         };

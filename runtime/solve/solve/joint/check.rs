@@ -4,6 +4,12 @@ use crate::optics::reference_of;
 use crate::solve::error::SolveError;
 use crate::solve::problem::Problem;
 
+/// What is refused, where its value does not say which.
+pub(super) const PADDING: &str = "the padding of the colours";
+pub(super) const SOURCE: &str = "the display's source";
+pub(super) const DISPERSION: &str = "the dispersion of the colours";
+pub(super) const POWERS: &str = "the powers to begin with";
+
 /// Refuses colours that cannot share one SLM's drives, of these turns of their light for a turn of the drive.
 pub(super) fn colors(colors: &[&Problem], slopes: &[f64]) -> Result<(), SolveError> {
     let wrong = |what, value: String, right| Err(SolveError::Setting { what, value, right });
@@ -15,11 +21,7 @@ pub(super) fn colors(colors: &[&Problem], slopes: &[f64]) -> Result<(), SolveErr
         (optics.height, optics.width, problem.padding, problem.optics.geometry)
     };
     if colors.iter().any(|problem| grid(problem) != grid(first)) {
-        return wrong(
-            "the padding of the colours",
-            "of several sizes".into(),
-            "one for all colours at once (`padding` exact)",
-        );
+        return wrong(PADDING, "of several sizes".into(), "one for all colours at once (`padding` exact)");
     }
     let model = |problem: &Problem| problem.model.as_ref().map(|model| model.parts()).unwrap_or_default();
     if colors.iter().any(|p| model(p).drives || model(p).more_subpixels > 0 || model(p) != model(first)) {
@@ -28,12 +30,12 @@ pub(super) fn colors(colors: &[&Problem], slopes: &[f64]) -> Result<(), SolveErr
     }
     if colors.iter().any(|problem| !problem.modes.is_empty()) {
         let right = "a laser on the axis for all colours at once";
-        return wrong("the display's source", "of several modes".into(), right);
+        return wrong(SOURCE, "of several modes".into(), right);
     }
     let steep = |slope: &f64| !(*slope > 0.0 && slope.is_finite());
     if slopes.len() != colors.len() || slopes.iter().any(steep) || reference_of(slopes.iter().copied()).is_none() {
         let right = "positive, one a colour, one of them a whole number";
-        return wrong("the dispersion of the colours", format!("{slopes:?}"), right);
+        return wrong(DISPERSION, format!("{slopes:?}"), right);
     }
     Ok(())
 }
@@ -50,5 +52,5 @@ pub(super) fn powers<'a>(
         return Ok(());
     }
     let right = "one a colour and sub-frame, from 0 to the number of colours";
-    Err(SolveError::Setting { what: "the powers to begin with", value: "others".into(), right })
+    Err(SolveError::Setting { what: POWERS, value: "others".into(), right })
 }

@@ -103,7 +103,8 @@ fn solves_begin_by_a_table_where_one_fits() {
     assert!(asked.may_begin_by_table(problem));
     let masked = Problem { optics: Optics { mask_factor: 2, ..large.optics }, ..large };
     assert!(!StartTable::fits(&masked));
-    assert!(matches!(alone.as_of_table(&masked), Err(SolveError::Setting { what: "the method", .. })));
+    let refused = alone.as_of_table(&masked).unwrap_err();
+    assert!(matches!(&refused, SolveError::Setting { value, .. } if value == Method::Table.name()), "{refused}");
 }
 
 /// A fit that is ended goes on where it was, to the same table; a file that is damaged or another display's is none.

@@ -100,7 +100,7 @@ impl Description {
             .collect();
         Ok(Self {
             eye_tracker: layout.is_ok(),
-            reason: layout.err(),
+            reason: layout.err().map(|reason| reason.to_string()),
             descriptor_bytes: bytes.len(),
             applications: applications(&descriptor),
             numbered: descriptor.numbered,

@@ -6,6 +6,8 @@
 //! [`Field`].
 
 use super::HidError;
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 
 /// Longest descriptor that is read, bytes; Linux stops at 4096.
 pub const LONGEST_DESCRIPTOR: usize = 16384;
@@ -186,12 +188,12 @@ impl Descriptor {
     /// [`HidError::Descriptor`] where it is empty, longer than [`LONGEST_DESCRIPTOR`], nested deeper than 64, or
     /// describes a report beyond [`LONGEST_REPORT`].
     pub fn parse(bytes: &[u8]) -> Result<Self, HidError> {
-        let wrong = |at: usize, reason: String| HidError::Descriptor { at, reason };
+        let wrong = |at: usize, reason: Reason| HidError::Descriptor { at, reason };
         if bytes.is_empty() {
-            return Err(wrong(0, "it is empty".into()));
+            return Err(wrong(0, reason!("empty", "it is empty")));
         }
         if bytes.len() > LONGEST_DESCRIPTOR {
-            return Err(wrong(0, format!("it has {} bytes: {LONGEST_DESCRIPTOR} at most", bytes.len())));
+            return Err(wrong(0, reason!("length", "it has {} bytes: {LONGEST_DESCRIPTOR} at most", bytes.len())));
         }
         let mut parser = Parser {
             out: Self::default(),
@@ -260,7 +262,7 @@ impl Parser {
         }
     }
 
-    fn main(&mut self, tag: u8, item: Item, at: usize) -> Result<(), String> {
+    fn main(&mut self, tag: u8, item: Item, at: usize) -> Result<(), Reason> {
         let locals = std::mem::take(&mut self.locals);
         match tag {
             0x8 => self.field(ReportKind::Input, item, locals, at)?,
@@ -268,7 +270,7 @@ impl Parser {
             0xb => self.field(ReportKind::Feature, item, locals, at)?,
             0xa => {
                 if self.open.len() == DEEPEST {
-                    return Err(format!("collections are nested deeper than {DEEPEST}"));
+                    return Err(reason!("collections", "collections are nested deeper than {DEEPEST}"));
                 }
                 let usage = self.usages(&locals).first().map(|[first, _]| *first);
                 let parent = self.open.last().copied();
@@ -285,13 +287,19 @@ impl Parser {
         Ok(())
     }
 
-    fn field(&mut self, kind: ReportKind, item: Item, locals: Locals, at: usize) -> Result<(), String> {
+    fn field(&mut self, kind: ReportKind, item: Item, locals: Locals, at: usize) -> Result<(), Reason> {
         let g = self.globals;
         let bits = (g.bits as usize).checked_mul(g.count as usize).filter(|b| *b <= LONGEST_REPORT * 8);
         let end = &mut self.ends[kind as usize][usize::from(g.id)];
         let offset = *end;
         let new_end = bits.map(|b| offset + b).filter(|e| *e <= LONGEST_REPORT * 8).ok_or_else(|| {
-            format!("report {} grows beyond {LONGEST_REPORT} bytes ({} elements of {} bits)", g.id, g.count, g.bits)
+            reason!(
+                "report-size",
+                "report {} grows beyond {LONGEST_REPORT} bytes ({} elements of {} bits)",
+                g.id,
+                g.count,
+                g.bits
+            )
         })?;
         *end = new_end;
         if new_end == offset {
@@ -342,7 +350,7 @@ impl Parser {
         out
     }
 
-    fn global(&mut self, tag: u8, item: Item, at: usize) -> Result<(), String> {
+    fn global(&mut self, tag: u8, item: Item, at: usize) -> Result<(), Reason> {
         let g = &mut self.globals;
         match tag {
             0x0 => g.page = item.value as u16,
@@ -367,7 +375,7 @@ impl Parser {
             0x9 => g.count = item.value,
             0xa => {
                 if self.stack.len() == DEEPEST {
-                    return Err(format!("more than {DEEPEST} pushes"));
+                    return Err(reason!("pushes", "more than {DEEPEST} pushes"));
                 }
                 self.stack.push(self.globals);
             }

@@ -154,7 +154,7 @@ impl Open {
 }
 
 /// Configuration Status in words (HUTRR74).
-fn status_name(status: f64) -> String {
+pub(super) fn status_name(status: f64) -> String {
     match status as i64 {
         1 => "ready".into(),
         2 => "configuring".into(),

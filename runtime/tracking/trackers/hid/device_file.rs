@@ -24,6 +24,8 @@
 
 use super::layout::{InputReport, Layout, Place, Role, Slot, TimeSlots};
 use crate::trackers::{Quantity, TrackerError, Unit};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use serde::Deserialize;
 use std::path::Path;
 
@@ -141,19 +143,20 @@ impl DeviceFile {
     ///
     /// # Errors
     /// What is wrong, with its line or key.
-    pub fn from_toml(text: &str) -> Result<Self, String> {
+    pub fn from_toml(text: &str) -> Result<Self, Reason> {
         let file: File = eyebox_base::files::read::toml(text)?;
         let first = usize::from(file.report_id != 0);
         let longest = super::descriptor::LONGEST_REPORT;
         if !(first + 1..=longest).contains(&file.bytes) {
-            return Err(format!("bytes is {}: a report has {} to {longest}", file.bytes, first + 1));
+            return Err(reason!("report-bytes", "bytes is {}: a report has {} to {longest}", file.bytes, first + 1));
         }
-        let slot = |key: &str, s: &SlotText, unit: f64| -> Result<Slot, String> {
+        let slot = |key: &str, s: &SlotText, unit: f64| -> Result<Slot, Reason> {
             if !(1..=8).contains(&s.size) {
-                return Err(format!("{key}: size is {}: 1 to 8 bytes", s.size));
+                return Err(reason!("slot-size", "{key}: size is {}: 1 to 8 bytes", s.size));
             }
             if s.offset < first || s.offset.saturating_add(s.size as usize) > file.bytes {
-                return Err(format!(
+                return Err(reason!(
+                    "slot-place",
                     "{key}: bytes {} to {} do not lie in a report of {} bytes{}",
                     s.offset,
                     s.offset.saturating_add(s.size as usize) - 1,
@@ -162,15 +165,15 @@ impl DeviceFile {
                 ));
             }
             if !(s.scale.is_finite() && s.scale != 0.0) {
-                return Err(format!("{key}: scale is {}: it must be finite and not 0", s.scale));
+                return Err(reason!("slot-scale", "{key}: scale is {}: it must be finite and not 0", s.scale));
             }
             if s.range.is_some_and(|[low, high]| low > high) {
-                return Err(format!("{key}: range: the smallest first"));
+                return Err(reason!("slot-range", "{key}: range: the smallest first"));
             }
             let (bit, bits) = ((s.offset - first) * 8, s.size * 8);
             Ok(Slot { bit, bits, signed: s.signed, logical: s.range, scale: s.scale * unit, zero: 0.0 })
         };
-        let place = |name: &str, role: Role, p: &PlaceText| -> Result<Place, String> {
+        let place = |name: &str, role: Role, p: &PlaceText| -> Result<Place, Reason> {
             let (unit, scale) = match p.unit {
                 UnitText::Mm => (Unit::Metres, 1e-3),
                 UnitText::Deg => (Unit::Radians, 1f64.to_radians()),
@@ -209,20 +212,23 @@ impl DeviceFile {
             }
         }
         if places.is_empty() {
-            return Err("no position: give [left], [right] or [combined], each with unit, x and y".into());
+            return Err(reason!(
+                "no-position",
+                "no position: give [left], [right] or [combined], each with unit, x and y"
+            ));
         }
         let time = match &file.time {
             Some(text) => {
                 let part = slot("time", text, 1.0)?;
                 if text.scale <= 0.0 {
-                    return Err("time: scale must be positive".into());
+                    return Err(reason!("time-scale", "time: scale must be positive"));
                 }
                 Some(TimeSlots { scale: part.scale, parts: vec![part] })
             }
             None => None,
         };
         if file.start.as_ref().is_some_and(|s| s.is_empty() || s.len() > longest) {
-            return Err(format!("start has 1 to {longest} bytes, the ID first (0 where there is none)"));
+            return Err(reason!("start-bytes", "start has 1 to {longest} bytes, the ID first (0 where there is none)"));
         }
         let input = InputReport { id: file.report_id, bytes: file.bytes, time, places };
         let layout = Layout { numbered: file.report_id != 0, inputs: vec![input], ..Layout::default() };

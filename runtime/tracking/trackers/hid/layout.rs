@@ -7,6 +7,8 @@
 use super::descriptor::{Descriptor, Field, ReportKind, Usage};
 use super::names::{Dimension, EYE_PAGE, dimension, usage_name};
 use crate::trackers::{Quantity, Unit};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 
 /// Bits of a report that make one number: value = raw x scale + zero.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -151,14 +153,14 @@ impl Layout {
     ///
     /// # Errors
     /// Why it is not an eye tracker, in words.
-    pub fn find(descriptor: &Descriptor) -> Result<Self, String> {
+    pub fn find(descriptor: &Descriptor) -> Result<Self, Reason> {
         let page = |u: Option<Usage>| u.is_some_and(|u| u.page == EYE_PAGE);
         let fields = || descriptor.fields.iter().flat_map(|f| &f.usages).any(|[first, _]| first.page == EYE_PAGE);
         if !descriptor.collections.iter().any(|c| page(c.usage)) && !fields() {
             let mut names: Vec<_> = applications(descriptor);
             names.dedup();
             let names = if names.is_empty() { "nothing".into() } else { names.join(", ") };
-            return Err(format!("nothing of usage page 0x12 (Eye and Head Trackers): it is {names}"));
+            return Err(reason!("no-eye-tracker", "nothing of usage page 0x12 (Eye and Head Trackers): it is {names}"));
         }
         let sizes = descriptor.reports();
         let bytes = |kind, id| sizes.iter().find(|(k, i, _)| (*k, *i) == (kind, id)).map_or(0, |(.., b)| *b);
@@ -178,9 +180,10 @@ impl Layout {
         }
         layout.assign(groups, |id| bytes(ReportKind::Input, id));
         if !layout.inputs.iter().any(|i| !i.places.is_empty()) {
-            return Err(
-                "usage page 0x12 (Eye and Head Trackers), but no report with a gaze point or an eye position".into()
-            );
+            return Err(reason!(
+                "no-gaze-report",
+                "usage page 0x12 (Eye and Head Trackers), but no report with a gaze point or an eye position"
+            ));
         }
         if !descriptor.collections.iter().any(|c| c.usage == Some(EYE_TRACKER)) {
             layout.notes.push("no application collection is called Eye Tracker: taken as one by its fields".into());

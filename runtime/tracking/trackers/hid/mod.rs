@@ -26,8 +26,11 @@ pub use layout::Layout;
 pub use report::Decoder;
 pub use system::system_bus;
 
+use eyebox_base::error::Reason;
+
 /// What can be wrong with a HID device.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error, serde::Serialize)]
+#[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum HidError {
     /// A report descriptor that cannot be read.
@@ -36,7 +39,7 @@ pub enum HidError {
         /// Offset of the item.
         at: usize,
         /// What is wrong.
-        reason: String,
+        reason: Reason,
     },
     /// A device that is something else.
     #[error("{name} is not an eye tracker: {reason}")]
@@ -44,7 +47,7 @@ pub enum HidError {
         /// Its name.
         name: String,
         /// Why.
-        reason: String,
+        reason: Reason,
     },
     /// This system has no HID that eyebox can use.
     #[error("{0}")]

@@ -4,6 +4,8 @@ use super::{EXAMPLE, LONGEST_LINE, Line, parse};
 use crate::trackers::guard::Units;
 use crate::trackers::time_unit::{TimeUnit, timeline, unit_of_steps};
 use crate::trackers::{About, Dropped, Event, Source, TrackerError, now_ns};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use std::collections::VecDeque;
 use std::io::{BufRead, Read};
 use std::path::Path;
@@ -53,7 +55,10 @@ impl LineSource {
             lines.retain(|line| line.time.is_some());
         }
         if lines.is_empty() {
-            return Err(TrackerError::file(file, "no line has a time: add t, seconds of any clock, to every line"));
+            return Err(TrackerError::file(
+                file,
+                reason!("no-time", "no line has a time: add t, seconds of any clock, to every line"),
+            ));
         }
         let untimed = all - lines.len();
         if untimed > 0 {
@@ -101,15 +106,15 @@ impl LineSource {
 
 /// The lines of a file, and notes about it.
 fn lines_of(file: &Path) -> Result<(Vec<Line>, Vec<String>), TrackerError> {
-    let wrong = |reason: String| TrackerError::file(file, reason);
-    let mut text =
-        eyebox_base::files::read::lines(file, eyebox_base::files::read::RESULTS).map_err(|e| wrong(e.to_string()))?;
+    let wrong = |reason: Reason| TrackerError::file(file, reason);
+    let mut text = eyebox_base::files::read::lines(file, eyebox_base::files::read::RESULTS)
+        .map_err(|e| wrong(e.to_string().into()))?;
     let (mut lines, mut notes) = (Vec::new(), Vec::new());
     let mut line = Vec::new();
     for number in 1.. {
         line.clear();
         let most = LONGEST_LINE as u64 + 2;
-        if (&mut text).take(most).read_until(b'\n', &mut line).map_err(|e| wrong(e.to_string()))? == 0 {
+        if (&mut text).take(most).read_until(b'\n', &mut line).map_err(|e| wrong(e.to_string().into()))? == 0 {
             break;
         }
         let (line, whole) = (line.trim_ascii(), line.ends_with(b"\n"));
@@ -120,13 +125,13 @@ fn lines_of(file: &Path) -> Result<(Vec<Line>, Vec<String>), TrackerError> {
             Err(_) if !whole && line.len() < LONGEST_LINE && !lines.is_empty() => {
                 notes.push(format!("the recording is cut off in line {number}, which is left out"));
             }
-            Err(e) => return Err(wrong(format!("line {number}: {e}"))),
+            Err(e) => return Err(wrong(e.within(format!("line {number}")))),
         }
         if lines.len() > MOST_LINES {
-            return Err(wrong("more than ten million lines".into()));
+            return Err(wrong(reason!("lines-count", "more than ten million lines")));
         }
     }
-    if lines.is_empty() { Err(wrong(format!("no samples: {EXAMPLE}"))) } else { Ok((lines, notes)) }
+    if lines.is_empty() { Err(wrong(reason!("no-samples", "no samples: {EXAMPLE}"))) } else { Ok((lines, notes)) }
 }
 
 impl Source for LineSource {
@@ -178,7 +183,7 @@ mod tests {
         assert_eq!((b.time_ns - a.time_ns, a.received_ns - a.time_ns), (500_000_000, 10_000_000));
         assert_eq!(next(), None);
         std::fs::write(&file, "{\"t\": 1.0, \"x\": 1, \"y\": 2}\nx\n").unwrap();
-        assert!(LineSource::open(&file, false, 0).unwrap_err().to_string().contains("a.jsonl: line 2"));
+        assert!(LineSource::open(&file, false, 0).unwrap_err().to_string().contains("line 2"));
     }
 
     /// The times of a recording of these times, nanoseconds from the first, and how often its clock was set.

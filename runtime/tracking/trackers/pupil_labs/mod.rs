@@ -8,6 +8,8 @@ mod zmtp;
 
 use super::clock::{ForeignClock, Stamp};
 use super::{About, Dropped, Event, Quantity, Reading, Sample, Source, TimeUnit, TrackerError, Unit, now_ns};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use serde::Deserialize;
 use std::collections::VecDeque;
 use std::io;
@@ -105,12 +107,12 @@ impl PupilCoreSource {
     }
 
     /// A message to samples that are ready; what is wrong with it.
-    fn take(&mut self, parts: &[Vec<u8>], received_ns: u64) -> Result<(), String> {
-        let [topic, payload, ..] = parts else { return Err("a message without a payload".into()) };
+    fn take(&mut self, parts: &[Vec<u8>], received_ns: u64) -> Result<(), Reason> {
+        let [topic, payload, ..] = parts else { return Err(reason!("no-payload", "a message without a payload")) };
         let datum: Datum = rmp_serde::from_slice(payload).map_err(|e| e.to_string())?;
         let eye = usize::from(datum.id);
         if eye > 1 || !is_time(datum.timestamp) {
-            return Err(format!("eye {} at {} s", datum.id, datum.timestamp));
+            return Err(reason!("pupil", "eye {} at {} s", datum.id, datum.timestamp));
         }
         let in_3d = datum.diameter_3d.is_some() || topic.ends_with(b"3d");
         let lately = |at: Option<u64>, ns: u64| at.is_some_and(|at| received_ns.saturating_sub(at) < ns);

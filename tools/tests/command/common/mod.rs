@@ -39,13 +39,54 @@ pub fn done(folder: &Path, args: &[&str]) -> String {
     text(&answer.stdout)
 }
 
-/// Exit code 2, one line that says `what`, nothing at `out` and nothing half-written beside it.
+/// Why a command failed.
+#[derive(Debug, serde::Deserialize)]
+pub struct Refusal {
+    /// Which error it is.
+    pub code: String,
+    /// Its sentence.
+    pub message: String,
+    /// What it names.
+    pub fields: serde_json::Value,
+}
+
+impl Refusal {
+    /// The last line that a command printed on standard error, which was asked for JSON.
+    pub fn of(answer: &Output) -> Self {
+        let said = text(&answer.stderr);
+        let line = said.trim().lines().last().unwrap_or_default();
+        let read: Result<serde_json::Value, _> = serde_json::from_str(line);
+        let read = read.ok().and_then(|mut read| serde_json::from_value(read["error"].take()).ok());
+        let read: Self = read.unwrap_or_else(|| panic!("no error as JSON: {said}"));
+        assert!(!read.message.contains('\n') && !said.contains("panicked"), "{said}");
+        read
+    }
+
+    /// Asserts that it is `what`: a code, and behind it words that its sentence must hold, such as options, names and numbers.
+    #[track_caller]
+    pub fn is(&self, what: &str) {
+        let mut words = what.split(' ');
+        assert_eq!(words.next(), Some(&self.code[..]), "{self:?}");
+        assert!(words.all(|word| self.message.contains(word)), "{what}: {self:?}");
+    }
+}
+
+/// Why the command failed, with exit code 2.
+#[track_caller]
+pub fn refusal(folder: &Path, args: &[&str]) -> Refusal {
+    let answer = command(folder, args).env("EYEBOX_JSON_ERRORS", "1").output().expect("the command starts");
+    assert_eq!(answer.status.code(), Some(2), "{args:?}: {}", text(&answer.stderr));
+    Refusal::of(&answer)
+}
+
+/// Exit code 2, one line that says [`what`](Refusal::is), nothing at `out` and nothing half-written beside it.
+#[track_caller]
 pub fn refused(folder: &Path, args: &[&str], out: &str, what: &str) {
-    let answer = eyebox(folder, args);
+    let answer = command(folder, args).env("EYEBOX_JSON_ERRORS", "1").output().expect("the command starts");
     let said = text(&answer.stderr);
     assert_eq!(answer.status.code(), Some(2), "{args:?}: {said}");
     assert_eq!(said.trim().lines().count(), 1, "{args:?}: {said}");
-    assert!(said.contains(what) && !said.contains("panicked"), "{args:?}: {said}");
+    Refusal::of(&answer).is(what);
     assert!(!folder.join(out).exists(), "{args:?} left {out}");
     let part = |e: std::io::Result<std::fs::DirEntry>| e.unwrap().file_name().to_string_lossy().ends_with(".part");
     assert!(!std::fs::read_dir(folder).unwrap().any(part), "{args:?} left something half-written");

@@ -7,6 +7,8 @@ use crate::optics::{Laser, drives_of};
 use crate::session::frame_log::error::SessionError;
 use crate::session::refinement::likeness;
 use crate::solve::{Problem, Refiner, SharedDrives, Steering, for_joint_colors};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
 use std::time::Duration;
 
 impl AsRef<Refiner> for OneColor {
@@ -50,7 +52,8 @@ impl Steerer {
                 SharedDrives::check(colors.iter().map(|color| &color.problem).zip(lit()))?;
                 Ok(Some(lit().cloned().collect()))
             }
-            some => Err(SessionError::Setting(format!(
+            some => Err(SessionError::Setting(reason!(
+                "together",
                 "{some} of {} colours share their sub-frames: all colours at once, or one after the other",
                 colors.len()
             ))),
@@ -150,7 +153,7 @@ impl Steerer {
         let Some(shared) = &self.shared else { return Ok(Followed::default()) };
         if scene.iter().zip(shared.lasers()).any(|(new, laser)| new.laser.as_ref() != Some(laser)) {
             let line = "a scene in the light of other lasers: their powers stay while all colours at once are refined";
-            return Err(SessionError::Setting(line.into()));
+            return Err(SessionError::Setting(Reason::new("other-lasers", line)));
         }
         let brings_phases = scene.iter().all(|color| !color.phases.is_empty());
         for (color, new) in self.colors.iter_mut().zip(scene) {

@@ -9,7 +9,7 @@ use eyebox::low_level::solve::{Flow, Solution};
 use serde_json::{Value, json};
 
 /// Says what is decided, shows bars, and asks to stop on ctrl-C.
-pub struct Watch<'a> {
+pub struct SolveProgress<'a> {
     /// The job, where there is one: without, bars are all there is to see.
     about: Option<About<'a>>,
     quiet: bool,
@@ -28,7 +28,7 @@ struct About<'a> {
     chosen: Option<String>,
 }
 
-impl<'a> Watch<'a> {
+impl<'a> SolveProgress<'a> {
     /// Of colours that are solved one after the other; where `quiet`, nothing is said.
     pub fn new(quiet: bool) -> Self {
         Self { about: None, quiet, bar: None, shown: None, tiles: None, frames: Vec::new() }

@@ -1,0 +1,186 @@
+//! Errors as data: a code that stays when a sentence is reworded, and the fields that the sentence names.
+//!
+//! Every error enum of eyebox serializes as `{"code": "variant-name", "fields": {...}}`; [`ErrorData::of`] follows the wrapped errors
+//! down to the innermost one. A variant that stands for many faults holds a [`Reason`], which has a code of its own.
+
+use serde::ser::SerializeMap;
+use serde::{Serialize, Serializer};
+use serde_json::{Map, Value};
+use std::borrow::Cow;
+use std::fmt;
+
+/// What exactly is wrong: a code for programs and a sentence for people.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Reason {
+    code: Cow<'static, str>,
+    text: String,
+}
+
+impl Reason {
+    /// A reason with its code, in kebab-case, and its sentence.
+    pub fn new(code: impl Into<Cow<'static, str>>, text: impl ToString) -> Self {
+        Self { code: code.into(), text: text.to_string() }
+    }
+
+    /// The code, empty where the sentence comes from a decoder or the system.
+    pub fn code(&self) -> &str {
+        &self.code
+    }
+
+    /// The sentence.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// The same reason, whose sentence begins with where it was found.
+    #[must_use]
+    pub fn within(self, place: impl fmt::Display) -> Self {
+        self.reworded(|text| format!("{place}: {text}"))
+    }
+
+    /// The same reason in another sentence, made of its own.
+    #[must_use]
+    pub fn reworded(self, text: impl FnOnce(&str) -> String) -> Self {
+        Self { text: text(&self.text), code: self.code }
+    }
+
+    /// Returns the reason that another error is: the last part of its code, and its sentence.
+    pub fn of(error: &(impl Serialize + fmt::Display)) -> Self {
+        let mut code = ErrorData::of(error).code;
+        Self { code: code.split_off(code.rfind('/').map_or(0, |at| at + 1)).into(), text: error.to_string() }
+    }
+}
+
+impl fmt::Display for Reason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(&self.text)
+    }
+}
+
+impl std::error::Error for Reason {}
+
+/// The key under which a [`Reason`] serializes, so that a field of text that is called `reason` is none.
+const MARK: &str = "$reason";
+
+/// The sentence of a decoder or of the system, which has no code.
+impl From<String> for Reason {
+    fn from(text: String) -> Self {
+        Self { code: "".into(), text }
+    }
+}
+
+impl Serialize for Reason {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(1))?;
+        map.serialize_entry(MARK, &self.code)?;
+        map.end()
+    }
+}
+
+/// Makes a [`Reason`] of its code and the arguments of [`format!`].
+#[macro_export]
+macro_rules! reason {
+    ($code:literal, $($text:tt)+) => { $crate::error::Reason::new($code, ::std::format!($($text)+)) };
+}
+
+/// Serializes an error of another library as its sentence.
+///
+/// # Errors
+/// Those of the serializer.
+pub fn as_text<T: fmt::Display, S: Serializer>(error: &T, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(error)
+}
+
+/// An error as a program reads it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ErrorData {
+    /// Where it arose and what it is, as `scene/missing-view` or `file/content/not-finite`.
+    pub code: String,
+    /// What the error names, by the names of the library's fields.
+    pub fields: Map<String, Value>,
+}
+
+impl ErrorData {
+    /// Returns the code and the fields of the innermost error that `error` wraps.
+    pub fn of(error: &impl Serialize) -> Self {
+        let mut path = Vec::new();
+        let mut at = serde_json::to_value(error).unwrap_or_default();
+        let content = loop {
+            let Value::Object(mut map) = at else { break at };
+            match (map.remove("code"), map.remove("fields")) {
+                (Some(Value::String(code)), Some(inner)) if map.is_empty() => {
+                    path.push(code);
+                    at = inner;
+                }
+                (Some(Value::String(code)), None) if map.is_empty() => {
+                    path.push(code);
+                    break Value::Null;
+                }
+                (code, fields) => {
+                    map.extend(code.map(|code| ("code".to_owned(), code)));
+                    map.extend(fields.map(|fields| ("fields".to_owned(), fields)));
+                    break Value::Object(map);
+                }
+            }
+        };
+        let mut code = path[path.len().saturating_sub(2)..].join("/");
+        let mut fields = match content {
+            Value::Object(map) => map,
+            Value::Null => Map::new(),
+            value => Map::from_iter([("value".to_owned(), value)]),
+        };
+        // All that the variant holds, or in its field `reason`.
+        let in_field = |fields: &Map<String, Value>| fields.get("reason").and_then(|r| r.get(MARK)).is_some();
+        let own = match fields.remove(MARK) {
+            None if in_field(&fields) => fields.remove("reason").and_then(|mut r| r.get_mut(MARK).map(Value::take)),
+            own => own,
+        };
+        if let Some(own) = own.as_ref().and_then(Value::as_str).filter(|own| !own.is_empty()) {
+            code = format!("{code}/{own}");
+        }
+        Self { code, fields }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::ErrorData;
+
+    #[derive(Serialize)]
+    #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
+    enum Inner {
+        NoSuchFile { path: String },
+        Content { file: String, reason: Reason },
+        Job(Reason),
+        Ended,
+    }
+
+    #[derive(Serialize)]
+    #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
+    enum Outer {
+        File(Inner),
+    }
+
+    #[derive(Serialize)]
+    #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
+    enum Command {
+        Scene(Outer),
+    }
+
+    #[test]
+    fn the_innermost_error_and_its_reason_are_the_code() {
+        let of = |inner| ErrorData::of(&Command::Scene(Outer::File(inner)));
+        let found = of(Inner::NoSuchFile { path: "a".into() });
+        assert_eq!(found.code, "file/no-such-file");
+        assert_eq!(Value::Object(found.fields), serde_json::json!({"path": "a"}));
+        let found = of(Inner::Content { file: "b".into(), reason: reason!("not-finite", "{} is {}", 3, f64::NAN) });
+        assert_eq!(found.code, "file/content/not-finite");
+        assert_eq!(Value::Object(found.fields), serde_json::json!({"file": "b"}));
+        assert_eq!(of(Inner::Job(reason!("two-scenes", "one is enough"))).code, "file/job/two-scenes");
+        assert_eq!(of(Inner::Content { file: "b".into(), reason: "said".to_owned().into() }).code, "file/content");
+        assert_eq!(of(Inner::Ended).code, "file/ended");
+        assert_eq!(ErrorData::of(&Outer::File(Inner::Ended)).code, "file/ended");
+        assert_eq!(ErrorData::of(&Inner::Ended).code, "ended");
+    }
+}
