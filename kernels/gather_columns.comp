@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 
-// What all pupils ask of a column of the spectrum, and its inverse transform: `overlap`, `return_pupil` pupil by pupil,
+// What all pupils ask of a column of the spectrum, and its inverse transform: `overlap`, `pupil_adjoint` pupil by pupil,
 // `divide_by_overlap` and the columns of the change's transform. x: pairs of columns, y: frame.
 
 // Whether it ends here, with the transform; else what the pupils of this group ask for is all that is added.

@@ -3,7 +3,7 @@
 use crate::{Complex32, ZERO, simd};
 use bytemuck::{Pod, Zeroable};
 
-/// A window on the DFT grid; also the arguments of `return_pupil` and `overlap`.
+/// A window on the DFT grid; also the arguments of `pupil_adjoint` and `overlap`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Args {

@@ -8,7 +8,7 @@
 #include "binary_angle.glsl"
 #include "drives.glsl"
 
-// Crosstalk along both axes and lag, transposed, `drive_back` and `project`: the change of the field that they hand on is stored
+// Crosstalk along both axes and lag, transposed, `drive_adjoint` and `project`: the change of the field that they hand on is stored
 // nowhere.
 
 #define BACK

@@ -11,7 +11,7 @@ struct Pupil {
     uint spans, row_weights, column_weights, row_taps, column_taps;
     // The level of its photograph.
     uint level_height, level_width;
-    // Of `pass_pupil`, `return_pupil` and `intensity`.
+    // Of `pass_pupil`, `pupil_adjoint` and `intensity`.
     float pass_scale, back_scale, gain;
     // Of `compare`.
     uint mode;

@@ -283,11 +283,11 @@ macro_rules! kernels {
                 shader: Modes |c, p| c.motion(p, true),
             }
             /// Adds what the pupils of the dispatch ask for to the change, in their order.
-            ReturnPupil = "return_pupil" {
+            PupilAdjoint = "pupil_adjoint" {
                 over: Frames, group: Window,
                 binds: [Read Window, Read Transfer, Read Spans, Update Change],
                 work: |u| u.frames() * u.passing(),
-                twin: |c| c.return_pupils(),
+                twin: |c| c.pupil_adjoints(),
                 shader: Modes |c, p| c.rows(p.back.rows, p.back.columns, &p.back),
             }
             /// Divides the change by a power of the overlap.
@@ -398,7 +398,7 @@ macro_rules! kernels {
                 shader: Once |c| c.crosstalk([false, true]),
             }
             /// The lag, transposed.
-            LagBack = "lag_back" {
+            LagAdjoint = "lag_adjoint" {
                 over: Whole, group: Update,
                 binds: [Update Wave],
                 work: |u| 0.3 * u.pixels(),
@@ -406,12 +406,12 @@ macro_rules! kernels {
                 shader: Once |c| c.lag(),
             }
             /// And of the phases, as a change of a field that has nothing but these.
-            DriveBack = "drive_back" {
+            DriveAdjoint = "drive_adjoint" {
                 over: Frames, group: Update,
                 binds: [Read Pixels, Read Shown, Read Wave, Update Change],
                 work: |u| 0.6 * u.pixels(),
-                twin: |c| c.drive_back(),
-                shader: Once |c| c.drive_back(),
+                twin: |c| c.drive_adjoint(),
+                shader: Once |c| c.drive_adjoint(),
             }
             /// The projection's step of the phases.
             Project = "project" {

@@ -10,7 +10,7 @@ modules! {
     DECODE_VIEWS = "decode_views";
     DIVIDE_BY_OVERLAP = "divide_by_overlap", DIVIDE_BY_OVERLAP_HALF = "divide_by_overlap_half";
     DRIVE = "drive", DRIVE_HALF = "drive_half";
-    DRIVE_BACK = "drive_back", DRIVE_BACK_HALF = "drive_back_half";
+    DRIVE_ADJOINT = "drive_adjoint", DRIVE_ADJOINT_HALF = "drive_adjoint_half";
     DRIVE_TILES = "drive_tiles", DRIVE_TILES_HALF = "drive_tiles_half";
     ENCODE = "encode";
     ENERGY = "energy", ENERGY_HALF = "energy_half";
@@ -25,7 +25,7 @@ modules! {
     INTENSITY = "intensity", INTENSITY_HALF = "intensity_half";
     JUDGE = "judge";
     LAG = "lag", LAG_HALF = "lag_half";
-    LAG_BACK = "lag_back", LAG_BACK_HALF = "lag_back_half";
+    LAG_ADJOINT = "lag_adjoint", LAG_ADJOINT_HALF = "lag_adjoint_half";
     MODULATE = "modulate", MODULATE_HALF = "modulate_half";
     MODULATE_MASK = "modulate_mask", MODULATE_MASK_HALF = "modulate_mask_half";
     MODULATE_ROWS = "modulate_rows", MODULATE_ROWS_HALF = "modulate_rows_half";
@@ -41,11 +41,11 @@ modules! {
     PROJECT = "project", PROJECT_HALF = "project_half";
     PROJECT_ROWS = "project_rows", PROJECT_ROWS_HALF = "project_rows_half";
     PROJECT_TILES = "project_tiles", PROJECT_TILES_HALF = "project_tiles_half";
+    PUPIL_ADJOINT = "pupil_adjoint", PUPIL_ADJOINT_HALF = "pupil_adjoint_half";
     PUPIL_LIGHT = "pupil_light";
     QUANTISE = "quantise";
     RELAY = "relay";
     RESAMPLE = "resample";
-    RETURN_PUPIL = "return_pupil", RETURN_PUPIL_HALF = "return_pupil_half";
     SUBPIXELS = "subpixels", SUBPIXELS_HALF = "subpixels_half";
     TABLE_START = "table_start";
     TAPER = "taper";

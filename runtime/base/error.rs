@@ -1,7 +1,7 @@
-//! Errors as data: a code that stays when a sentence is reworded, and the fields that the sentence names.
+//! Errors as data. Each error has a stable code and the fields that its sentence names.
 //!
-//! Every error enum of eyebox serializes as `{"code": "variant-name", "fields": {...}}`; [`ErrorData::of`] follows the wrapped errors
-//! down to the innermost one. A variant that stands for many faults holds a [`Reason`], which has a code of its own.
+//! Every error enum of eyebox serializes as `{"code": "variant-name", "fields": {...}}`. [`ErrorData::of`] follows the wrapped errors
+//! down to the innermost one. A variant for many faults holds a [`Reason`], which has its own code.
 
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
@@ -9,70 +9,74 @@ use serde_json::{Map, Value};
 use std::borrow::Cow;
 use std::fmt;
 
-/// What exactly is wrong: a code for programs and a sentence for people.
+/// The reason for an error, with a code for programs and a sentence for people.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Reason {
+pub struct Reason(Box<Parts>);
+
+/// The parts are in a box because errors are returned by value and must stay small.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Parts {
     code: Cow<'static, str>,
     text: String,
 }
 
 impl Reason {
-    /// A reason with its code, in kebab-case, and its sentence.
+    /// Makes a reason from a code in kebab-case and a sentence.
     pub fn new(code: impl Into<Cow<'static, str>>, text: impl ToString) -> Self {
-        Self { code: code.into(), text: text.to_string() }
+        Self(Box::new(Parts { code: code.into(), text: text.to_string() }))
     }
 
-    /// The code, empty where the sentence comes from a decoder or the system.
+    /// Returns the code. It is empty if a decoder or the operating system wrote the sentence.
     pub fn code(&self) -> &str {
-        &self.code
+        &self.0.code
     }
 
-    /// The sentence.
+    /// Returns the sentence for people.
     pub fn text(&self) -> &str {
-        &self.text
+        &self.0.text
     }
 
-    /// The same reason, whose sentence begins with where it was found.
+    /// Returns the same reason with the name of a place in front of its sentence.
     #[must_use]
     pub fn within(self, place: impl fmt::Display) -> Self {
         self.reworded(|text| format!("{place}: {text}"))
     }
 
-    /// The same reason in another sentence, made of its own.
+    /// Returns the same reason with another sentence, which `text` makes from the present one.
     #[must_use]
     pub fn reworded(self, text: impl FnOnce(&str) -> String) -> Self {
-        Self { text: text(&self.text), code: self.code }
+        Self::new(self.0.code, text(&self.0.text))
     }
 
-    /// Returns the reason that another error is: the last part of its code, and its sentence.
+    /// Makes a reason from another error. The code is the last part of that error's code.
     pub fn of(error: &(impl Serialize + fmt::Display)) -> Self {
         let mut code = ErrorData::of(error).code;
-        Self { code: code.split_off(code.rfind('/').map_or(0, |at| at + 1)).into(), text: error.to_string() }
+        Self::new(code.split_off(code.rfind('/').map_or(0, |at| at + 1)), error)
     }
 }
 
 impl fmt::Display for Reason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(&self.text)
+        f.pad(&self.0.text)
     }
 }
 
 impl std::error::Error for Reason {}
 
-/// The key under which a [`Reason`] serializes, so that a field of text that is called `reason` is none.
+/// Key of a serialized [`Reason`], which differs from a plain text field of the name `reason`.
 const MARK: &str = "$reason";
 
-/// The sentence of a decoder or of the system, which has no code.
+/// Makes a reason without a code from a sentence of a decoder or of the operating system.
 impl From<String> for Reason {
     fn from(text: String) -> Self {
-        Self { code: "".into(), text }
+        Self::new("", text)
     }
 }
 
 impl Serialize for Reason {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(Some(1))?;
-        map.serialize_entry(MARK, &self.code)?;
+        map.serialize_entry(MARK, &self.0.code)?;
         map.end()
     }
 }
@@ -86,17 +90,17 @@ macro_rules! reason {
 /// Serializes an error of another library as its sentence.
 ///
 /// # Errors
-/// Those of the serializer.
+/// The serializer's own errors are returned.
 pub fn as_text<T: fmt::Display, S: Serializer>(error: &T, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_str(error)
 }
 
-/// An error as a program reads it.
+/// An error in the form that a program reads.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ErrorData {
-    /// Where it arose and what it is, as `scene/missing-view` or `file/content/not-finite`.
+    /// Code of the error, such as `scene/missing-view` or `file/content/not-finite`.
     pub code: String,
-    /// What the error names, by the names of the library's fields.
+    /// Fields of the error under the names that the library gives them.
     pub fields: Map<String, Value>,
 }
 
@@ -129,7 +133,7 @@ impl ErrorData {
             Value::Null => Map::new(),
             value => Map::from_iter([("value".to_owned(), value)]),
         };
-        // All that the variant holds, or in its field `reason`.
+        // A variant is a reason itself or has a field `reason`.
         let in_field = |fields: &Map<String, Value>| fields.get("reason").and_then(|r| r.get(MARK)).is_some();
         let own = match fields.remove(MARK) {
             None if in_field(&fields) => fields.remove("reason").and_then(|mut r| r.get_mut(MARK).map(Value::take)),

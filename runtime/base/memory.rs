@@ -34,7 +34,7 @@ pub fn available() -> Option<u64> {
 ///
 /// # Errors
 /// [`TooLarge`].
-pub fn promise(what: impl FnOnce() -> String, bytes: u64, remedy: &'static str) -> Result<(), TooLarge> {
+pub fn check_available(what: impl FnOnce() -> String, bytes: u64, remedy: &'static str) -> Result<(), TooLarge> {
     match available() {
         Some(available) if bytes > available => Err(TooLarge { what: what(), bytes, available, remedy }),
         _ => Ok(()),
@@ -98,11 +98,11 @@ mod tests {
 
     #[test]
     fn what_no_machine_has_is_refused_with_both_numbers() {
-        promise(String::new, 1, "").expect("a byte is there");
+        check_available(String::new, 1, "").expect("a byte is there");
         let bytes = bytes_of(&[usize::MAX, 8], 4);
         assert_eq!(bytes, u64::MAX, "no number holds it");
         if available().is_some() {
-            let error = promise(|| "a hologram".into(), bytes, "take less").unwrap_err();
+            let error = check_available(|| "a hologram".into(), bytes, "take less").unwrap_err();
             assert_eq!((error.bytes, error.remedy), (bytes, "take less"));
             assert!(error.to_string().contains("17179869184.0 GiB"), "{error}");
         }

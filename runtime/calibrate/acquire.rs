@@ -20,7 +20,7 @@ const NANOMETRES: f64 = 2.0;
 pub const TAKING: f64 = 0.4;
 
 /// Pictures with what is known of them.
-pub(super) struct Taken {
+pub(super) struct CaptureSet {
     pub(super) hello: Hello,
     pub(super) shots: Vec<Shot>,
     pub(super) two_pi_level: f64,
@@ -30,7 +30,7 @@ pub(super) struct Taken {
     _folder: Option<tempfile::TempDir>,
 }
 
-impl Taken {
+impl CaptureSet {
     /// Pictures that were taken one by one.
     pub(super) fn of(hello: Hello, shots: Vec<Shot>, two_pi_level: f64) -> Self {
         Self { hello, shots, two_pi_level, waited: Duration::ZERO, warnings: Vec::new(), _folder: None }
@@ -117,7 +117,7 @@ pub(super) fn take(
     bench: &Bench,
     shows: Option<&mut dyn ShowsPatterns>,
     tell: &dyn Fn(Event),
-) -> Result<Taken, CalibrateError> {
+) -> Result<CaptureSet, CalibrateError> {
     let Bench::Command { command, keep, limit, most, quick, iris_mm } = *bench else {
         return Err(CalibrateError::Pictures(reason!("folder-takes-none", "a folder takes no pictures")));
     };
@@ -186,7 +186,7 @@ pub(super) fn take(
         warnings.push(format!("{} pictures were left out: {}", session.left_out.len(), session.left_out.join("; ")));
     }
     stand(&mut shots, iris_mm);
-    Ok(Taken { hello, shots, two_pi_level, waited: session.waited, warnings, _folder: session.into_folder() })
+    Ok(CaptureSet { hello, shots, two_pi_level, waited: session.waited, warnings, _folder: session.into_folder() })
 }
 
 /// Where a picture does not say where its iris stood, it stood here.
@@ -200,7 +200,7 @@ pub(super) fn read(
     color: Color,
     folder: &Path,
     iris_mm: Option<[f64; 3]>,
-) -> Result<Taken, CalibrateError> {
+) -> Result<CaptureSet, CalibrateError> {
     let (hello, captures) = load(folder)?;
     check(display, color, &hello, captures.iter().all(|c| c.shown.is_none()))?;
     let name = color.to_string();
@@ -212,5 +212,5 @@ pub(super) fn read(
     let mut shots = shots.map_err(|reason| CalibrateError::Captures { file: folder.display().to_string(), reason })?;
     stand(&mut shots, iris_mm);
     let two_pi_level = two_pi_level(display, color);
-    Ok(Taken::of(hello, shots, two_pi_level))
+    Ok(CaptureSet::of(hello, shots, two_pi_level))
 }

@@ -2,6 +2,7 @@
 //! several of them: more than a speckle is wide, so that no slope leads to the right place. Each piece is searched for where the
 //! model predicts it, and the map goes through the places that were found.
 
+use super::classified::Sorted;
 use super::dots::{ALL, nearer};
 use super::error::CalibrateError;
 use super::map::CameraMap;
@@ -9,7 +10,6 @@ use super::orders::Random;
 use super::parameters::Parameters;
 use super::picture;
 use super::slopes::shifts;
-use super::sorted::Sorted;
 use super::views::View;
 
 /// Shifts that are tried in each round, SLM pixels: reach and step. A speckle of a small iris is 5 pixels wide.

@@ -3,8 +3,8 @@
 use super::error::CalibrateError;
 use super::figures::Figures;
 use super::gain;
-use super::left::Shown;
 use super::report::Report;
+use super::residual::HoldoutPicture;
 use eyebox_optics::{Color, Display};
 use eyebox_solve::engine::Engine;
 
@@ -16,7 +16,7 @@ pub struct Calibration {
     /// How sure that is, and what it leaves unexplained.
     pub report: Report,
     /// Pictures that were not fitted, beside what is predicted of them.
-    pub shown: Vec<Shown>,
+    pub shown: Vec<HoldoutPicture>,
 }
 
 impl Calibration {
@@ -24,7 +24,7 @@ impl Calibration {
         display: Display,
         color: Color,
         mut report: Report,
-        shown: Vec<Shown>,
+        shown: Vec<HoldoutPicture>,
     ) -> Result<Self, CalibrateError> {
         report.figures = Some(Figures::new(&display, color, &report.pictures)?);
         Ok(Self { display, report, shown })

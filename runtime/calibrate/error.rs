@@ -16,7 +16,7 @@ pub enum CalibrateError {
     /// The camera's command is no list of words as a POSIX shell has them.
     #[error("the camera's command '{command}' has no words, or a quote that is not closed")]
     Words {
-        /// The command.
+        /// Command as it was given.
         command: String,
     },
     /// It does not start.

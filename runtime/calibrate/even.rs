@@ -1,12 +1,12 @@
 //! Light that the SLM does not modulate, in closed form from even drives: they excite no crosstalk, no lag and no fly-back, so
 //! that the result depends on nothing that is unknown yet, and a tilt of any size is found.
 
+use super::classified::Sorted;
 use super::error::CalibrateError;
 use super::fit::Effort;
 use super::parameters::{Parameter, Parameters};
 use super::pattern::transposed;
 use super::picture;
-use super::sorted::Sorted;
 use eyebox_kernels::{Complex64, fft};
 use eyebox_optics::linear::inverse;
 use std::f64::consts::PI;

@@ -1,6 +1,6 @@
 //! A fitted display in the numbers that an optician reads: maps, curves and places instead of coefficients.
 
-use super::left::PictureLeft;
+use super::residual::PictureLeft;
 use eyebox_optics::{Color, Display, DisplayModel, ModelTerms, OpticsError, Pupil, zernike_name};
 use serde::Serialize;
 use std::f64::consts::{PI, TAU};

@@ -4,7 +4,7 @@
 
 use super::error::CalibrateError;
 use super::parameters::{Parameter, Parameters};
-use super::seen::Seen;
+use super::seen::Prediction;
 use super::views::{Pictures, View};
 use eyebox_base::files::asked_to_end;
 use eyebox_base::reason;
@@ -103,7 +103,7 @@ impl Pictures {
     }
 
     /// Gain and offset of a view that fit best.
-    pub(super) fn exposure(&self, view: usize, seen: &Seen) -> Exposure {
+    pub(super) fn exposure(&self, view: usize, seen: &Prediction) -> Exposure {
         let view = &self.views[view];
         let mut sums = [0.0; 5];
         for ((i, c), v) in seen.intensity.iter().zip(&view.counts).zip(&view.variance) {
@@ -120,20 +120,20 @@ impl Pictures {
     }
 
     /// Residuals of a view, counts, each view at its best exposure.
-    pub(super) fn residuals(&self, view: usize, seen: &Seen) -> Vec<f64> {
+    pub(super) fn residuals(&self, view: usize, seen: &Prediction) -> Vec<f64> {
         let exposure = self.exposure(view, seen);
         let (view, gain) = (&self.views[view], exposure.gain * self.views[view].exposure_ms);
         seen.intensity.iter().zip(&view.counts).map(|(i, c)| gain * i + exposure.dark - c).collect()
     }
 
     /// The share of a view's variance that is left.
-    pub(super) fn share_left(&self, view: usize, seen: &Seen) -> f64 {
+    pub(super) fn share_left(&self, view: usize, seen: &Prediction) -> f64 {
         mean_square(&self.residuals(view, seen)) / self.views[view].signal
     }
 
     /// The share of each view's variance that is left, and the squares in units of the noise, on average.
-    pub(super) fn left(&self, which: &[usize], seen: &[Seen]) -> Vec<[f64; 2]> {
-        let of = |(v, seen): (&usize, &Seen)| {
+    pub(super) fn left(&self, which: &[usize], seen: &[Prediction]) -> Vec<[f64; 2]> {
+        let of = |(v, seen): (&usize, &Prediction)| {
             let (view, residuals) = (&self.views[*v], self.residuals(*v, seen));
             let n = residuals.len() as f64;
             let squares: f64 = residuals.iter().zip(&view.variance).map(|(r, v)| r * r / v).sum();
@@ -163,12 +163,12 @@ impl Pictures {
     }
 
     /// Residuals of several views.
-    fn all_residuals(&self, which: &[usize], seen: &[Seen]) -> Vec<Vec<f64>> {
+    fn all_residuals(&self, which: &[usize], seen: &[Prediction]) -> Vec<Vec<f64>> {
         which.par_iter().zip(seen).map(|(v, seen)| self.residuals(*v, seen)).collect()
     }
 
     /// Squares of these views in units of the camera's noise.
-    pub(super) fn squares(&self, which: &[usize], seen: &[Seen]) -> f64 {
+    pub(super) fn squares(&self, which: &[usize], seen: &[Prediction]) -> f64 {
         let of = |(v, residuals): (&usize, Vec<f64>)| {
             residuals.iter().zip(&self.views[*v].variance).map(|(r, v)| r * r / v).sum::<f64>()
         };
@@ -268,7 +268,7 @@ impl Pictures {
     fn covariance(
         &self,
         which: &[usize],
-        [seen, slopes]: [&[Seen]; 2],
+        [seen, slopes]: [&[Prediction]; 2],
         at: &Parameters,
         free: &[Parameter],
     ) -> Option<Vec<Vec<f64>>> {
@@ -311,12 +311,12 @@ impl Pictures {
     fn normal(
         &self,
         which: &[usize],
-        [seen, slopes]: [&[Seen]; 2],
+        [seen, slopes]: [&[Prediction]; 2],
         residuals: &[Vec<f64>],
         misfit: f64,
     ) -> (Vec<Vec<f64>>, Vec<f64>) {
         let n = slopes.first().map_or(0, |s| s.slopes.len()) + 2;
-        let part = |(((v, seen), slopes), residuals): (((&usize, &Seen), &Seen), &Vec<f64>)| {
+        let part = |(((v, seen), slopes), residuals): (((&usize, &Prediction), &Prediction), &Vec<f64>)| {
             let view = &self.views[*v];
             let exposure = self.exposure(*v, seen);
             let gain = exposure.gain * view.exposure_ms;

@@ -1,7 +1,7 @@
 //! A model that follows a bench while holograms are shown: the camera takes a picture of the hologram on the screen now and then, and
 //! drift is fitted to the latest pictures.
 
-use super::acquire::{AVERAGE, Taken, check, two_pi_level};
+use super::acquire::{AVERAGE, CaptureSet, check, two_pi_level};
 use super::bench::{Event, ShowsPatterns};
 use super::calibrated::Calibration;
 use super::captures::{Ask, Session, Shot};
@@ -23,7 +23,7 @@ const FEWEST: usize = 3;
 
 /// How a bench is followed.
 #[derive(Debug, Clone, Copy)]
-pub struct Following<'a> {
+pub struct FollowOptions<'a> {
     /// The camera's command, as of [`Bench::Command`](super::Bench::Command).
     pub command: &'a str,
     /// Where its pictures are kept.
@@ -79,11 +79,11 @@ impl<'a> Follower<'a> {
     pub fn open(
         display: &Display,
         color: Color,
-        following: &Following<'a>,
+        following: &FollowOptions<'a>,
         shows: &mut dyn ShowsPatterns,
         say: &'a mut dyn FnMut(&str),
     ) -> Result<Self, CalibrateError> {
-        let Following { command, keep, limit, iris_mm } = *following;
+        let FollowOptions { command, keep, limit, iris_mm } = *following;
         let (link, hello) = Link::start(command, limit, say)?;
         let named = check(display, color, &hello, false)?;
         let (optics, two_pi_level) = (display.optics(color)?, two_pi_level(display, color));
@@ -149,7 +149,7 @@ impl<'a> Follower<'a> {
             return Ok(Look::Taken);
         }
         let shots: Vec<Shot> = self.first.iter().chain(&self.latest).cloned().collect();
-        let taken = Taken::of(self.session.hello.clone(), shots, self.two_pi_level);
+        let taken = CaptureSet::of(self.session.hello.clone(), shots, self.two_pi_level);
         let calibrated = stages::run(&self.display, self.color, taken, true, &|_: Event| {})?;
         self.display = calibrated.display.clone();
         Ok(Look::Fitted(Box::new(calibrated)))
@@ -199,7 +199,8 @@ done"#;
         let command = format!("sh '{}' '{}'", script.display(), picture.display());
         let text = "resolution = [64, 64]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
         let display = Display::from_toml(text, "test").expect("a display");
-        let following = Following { command: &command, keep: Some(&kept), limit: None, iris_mm: Some([0.0, 0.0, 6.0]) };
+        let following =
+            FollowOptions { command: &command, keep: Some(&kept), limit: None, iris_mm: Some([0.0, 0.0, 6.0]) };
         let (mut dots, mut say) = (Patterns(0), |line: &str| panic!("{line}"));
         let mut follower = Follower::open(&display, Color::Green, &following, &mut dots, &mut say).expect("it starts");
         assert_eq!(dots.0, 1, "the dots alone are shown for the camera");

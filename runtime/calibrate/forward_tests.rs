@@ -213,7 +213,7 @@ fn each_picture_has_a_gain_and_an_offset_of_its_own() {
     assert!((exposure.gain * most / 0.7 - 1.0).abs() < 1e-2 && (exposure.dark - 0.1).abs() < 1e-2, "{exposure:?}");
     assert!(pictures.left(&[0], &seen)[0][0] < 1e-4);
     // A picture without contrast keeps the camera's dark level.
-    let even = super::seen::Seen { intensity: vec![2.0; 40], slopes: Vec::new() };
+    let even = super::seen::Prediction { intensity: vec![2.0; 40], slopes: Vec::new() };
     pictures.dark = 0.05;
     pictures.views[0].counts = vec![0.45; 40];
     let exposure = pictures.exposure(0, &even);

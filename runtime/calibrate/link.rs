@@ -1,7 +1,7 @@
 //! The camera's command: started once, asked one question at a time, started again where it was lost, ended politely.
 
 use super::error::CalibrateError;
-use super::message::{Heard, Hello, LONGEST_LINE, PROTOCOL};
+use super::message::{CameraReply, Hello, LONGEST_LINE, PROTOCOL};
 use eyebox_base::error::Reason;
 use eyebox_base::files::asked_to_end;
 use eyebox_base::reason;
@@ -306,14 +306,14 @@ impl<'a> Link<'a> {
                 Ok(None) => {
                     return Err(Trouble::Lost(reason!("line-length", "said a line of more than {LONGEST_LINE} bytes")));
                 }
-                Ok(Some(line)) => match Heard::read(&line, id).map_err(Trouble::Lost)? {
-                    Heard::Said(line) => (self.say)(&line),
-                    Heard::Wait(seconds) => {
+                Ok(Some(line)) => match CameraReply::read(&line, id).map_err(Trouble::Lost)? {
+                    CameraReply::Said(line) => (self.say)(&line),
+                    CameraReply::Wait(seconds) => {
                         allowed = Duration::from_secs_f64(seconds);
                         until = Instant::now() + allowed;
                     }
-                    Heard::Failed { text, again } => return Err(Trouble::Failed { text, again }),
-                    Heard::Answered(answer) => return Ok(answer),
+                    CameraReply::Failed { text, again } => return Err(Trouble::Failed { text, again }),
+                    CameraReply::Answered(answer) => return Ok(answer),
                 },
                 Err(RecvTimeoutError::Disconnected) => return Err(Trouble::Lost(process.obituary().into())),
                 Err(RecvTimeoutError::Timeout) if left.is_zero() => {

@@ -1,6 +1,6 @@
 //! From the SLM's image to the camera's picture: a homography and radial distortion (OPTICS 10).
 
-use eyebox_optics::Seen;
+use eyebox_optics::PictureWarp;
 
 /// The map. Both images' places run from -1 to 1 across their widths, y in the same unit, from the centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -15,12 +15,12 @@ pub(super) struct CameraMap {
 impl CameraMap {
     /// Camera pixel (x, y) of a pixel of the SLM.
     pub(super) fn to_camera(self, at: [f64; 2]) -> [f64; 2] {
-        pixel(Seen::by_camera(self.numbers).forth(place(at, self.slm)), self.camera)
+        pixel(PictureWarp::by_camera(self.numbers).forth(place(at, self.slm)), self.camera)
     }
 
     /// Pixel of the SLM (x, y) of a camera pixel.
     pub(super) fn to_slm(self, at: [f64; 2]) -> [f64; 2] {
-        pixel(Seen::by_camera(self.numbers).back(place(at, self.camera)), self.slm)
+        pixel(PictureWarp::by_camera(self.numbers).back(place(at, self.camera)), self.slm)
     }
 
     /// Camera pixels per pixel of the SLM, about its middle.

@@ -184,7 +184,7 @@ impl Answer {
 
 /// What a line on the command's standard output is.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Heard {
+pub(super) enum CameraReply {
     /// Not for this program: what libraries print.
     Said(String),
     /// Still at it: wait so many seconds longer.
@@ -195,7 +195,7 @@ pub(super) enum Heard {
     Answered(Value),
 }
 
-impl Heard {
+impl CameraReply {
     /// Reads a line that is to answer question `id`.
     pub(super) fn read(line: &str, id: u64) -> Result<Self, Reason> {
         if !line.starts_with('{') {
@@ -253,12 +253,12 @@ mod tests {
 
     #[test]
     fn lines_are_told_apart() {
-        let read = |line: &str| Heard::read(line, 7);
-        assert_eq!(read("Camera SDK 3.1"), Ok(Heard::Said("Camera SDK 3.1".into())));
-        assert_eq!(read(r#"{"id": 7, "wait_s": 120}"#), Ok(Heard::Wait(120.0)));
-        let failed = Heard::Failed { text: "shutter did not open".into(), again: true };
+        let read = |line: &str| CameraReply::read(line, 7);
+        assert_eq!(read("Camera SDK 3.1"), Ok(CameraReply::Said("Camera SDK 3.1".into())));
+        assert_eq!(read(r#"{"id": 7, "wait_s": 120}"#), Ok(CameraReply::Wait(120.0)));
+        let failed = CameraReply::Failed { text: "shutter did not open".into(), again: true };
         assert_eq!(read(r#"{"id": 7, "error": "shutter did not open", "again": true}"#), Ok(failed));
-        assert!(matches!(read(r#"{"id": 7, "file": "a.png"}"#), Ok(Heard::Answered(_))));
+        assert!(matches!(read(r#"{"id": 7, "file": "a.png"}"#), Ok(CameraReply::Answered(_))));
         for wrong in [r#"{"id": 8}"#, "{", r#"{"id": -7}"#, r#"{"file": "a"}"#, r#"{"id": 7, "wait_s": -1}"#] {
             assert!(read(wrong).is_err(), "{wrong}");
         }
@@ -276,12 +276,12 @@ mod tests {
         #[test]
         fn no_line_is_too_odd(line in ".*", start in prop::bool::ANY, cut in 0usize..120) {
             let line = if start { format!("{{{line}") } else { line };
-            let heard = Heard::read(&line, 7);
+            let heard = CameraReply::read(&line, 7);
             let plain = !line.starts_with('{');
-            prop_assert!(!plain || heard == Ok(Heard::Said(line)));
+            prop_assert!(!plain || heard == Ok(CameraReply::Said(line)));
             let whole = hello().to_string();
             let part: String = whole.chars().take(cut).collect();
-            if let Ok(Heard::Answered(value)) = Heard::read(&part, 0) {
+            if let Ok(CameraReply::Answered(value)) = CameraReply::read(&part, 0) {
                 let _ = Hello::read(&value);
                 let _ = Answer::read(&value);
             }

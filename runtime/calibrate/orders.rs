@@ -1,11 +1,11 @@
 //! The relay's wavefront, from small orders to large: each is added where the one before it has come near enough.
 
+use super::classified::Sorted;
 use super::error::CalibrateError;
 use super::fit::{COARSE, Effort, Fit};
+use super::holdout::unseen;
 use super::parameters::{ORDERS, Parameter, Parameters, of_order};
 use super::slopes::from_shifts;
-use super::sorted::Sorted;
-use super::unseen::unseen;
 
 /// Irises up to this share of the eyebox are small: they see a slope of the wavefront as a shift of the picture.
 const SMALL: f64 = 0.24;

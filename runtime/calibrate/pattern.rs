@@ -194,7 +194,7 @@ pub(super) struct Show {
 }
 
 /// Random patterns through an iris that stands still.
-const STILL: usize = 12;
+const FIXED_IRIS_PATTERNS: usize = 12;
 /// Irises of the pictures that judge a fit: nowhere that a fitted one stands.
 const HELD_OUT: [[f64; 3]; 3] = [[0.21, -0.1, 0.26], [-0.09, 0.14, 0.3], [-0.26, -0.22, 0.34]];
 /// Even drives: with four of them the light that is not modulated has a closed form ([`super::even`]).
@@ -253,7 +253,7 @@ pub(super) fn plan(hello: &Hello, optics: &Optics, two_pi_level: f64, most: usiz
     }
     if hello.iris.is_none() {
         // More patterns show what more irises would.
-        for i in 0..STILL {
+        for i in 0..FIXED_IRIS_PATTERNS {
             add(format!("random-{i}"), random(size, two_pi_level, 1, i as u64), vec![[0.0; 3]], 1);
             if i % 3 == 0 {
                 add(format!("smooth-{i}"), smooth(size, two_pi_level, i as u64), vec![[0.0; 3]], 1);

@@ -1,13 +1,13 @@
 //! What a calibration says of itself.
 
+use super::classified::Sorted;
 use super::directions::{Directions, PhaseSign};
 use super::figures::Figures;
 use super::fit::Fit;
 use super::gain::Gain;
-use super::left::{LeftMap, PictureLeft, left};
+use super::holdout::{judged, unseen};
 use super::parameters::{Parameter, Parameters};
-use super::sorted::Sorted;
-use super::unseen::{judged, unseen};
+use super::residual::{PictureLeft, ResidualMap, left};
 use super::verdict::{self, Verdict};
 use serde::Serialize;
 
@@ -73,7 +73,7 @@ pub struct Report {
     /// What is left of each picture,
     pub pictures: Vec<PictureLeft>,
     /// and where.
-    pub map: LeftMap,
+    pub map: ResidualMap,
     /// What should be known, a sentence each.
     pub warnings: Vec<String>,
 }

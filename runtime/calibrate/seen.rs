@@ -75,12 +75,12 @@ pub(super) struct Places {
 
 /// Intensity at the camera's pixels, and its slopes.
 #[derive(Default)]
-pub(super) struct Seen {
+pub(super) struct Prediction {
     pub(super) intensity: Vec<f64>,
     pub(super) slopes: Vec<Vec<f64>>,
 }
 
-impl Seen {
+impl Prediction {
     /// What is seen on all parts of an SLM, one after the other.
     pub(super) fn joined(parts: Vec<Self>) -> Self {
         parts.into_iter().reduce(Self::and).unwrap_or_default()
@@ -288,9 +288,9 @@ impl Look {
         fields: &[&[Complex64]],
         free: &[Parameter],
         by: &[Vec<&[Complex64]>],
-    ) -> Seen {
+    ) -> Prediction {
         if self.pixels.is_empty() {
-            return Seen { intensity: Vec::new(), slopes: vec![Vec::new(); free.len()] };
+            return Prediction { intensity: Vec::new(), slopes: vec![Vec::new(); free.len()] };
         }
         let kernel = self.kernel(at);
         let points = self.points(&at.map, at.camera_pixel);
@@ -339,7 +339,7 @@ impl Look {
                 }
             }
         }
-        Seen { intensity, slopes }
+        Prediction { intensity, slopes }
     }
 
     /// Intensity at the pixels for what enters in each sub-frame, for cameras that look elsewhere: by camera.

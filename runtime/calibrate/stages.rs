@@ -1,17 +1,17 @@
 //! The fit in its order: where the camera looks, even drives, small irises, all single patterns, sets, and the last details.
 
-use super::acquire::{TAKING, Taken};
+use super::acquire::{CaptureSet, TAKING};
 use super::bench::Event;
 use super::calibrated::Calibration;
+use super::classified::{CAMERA_PIXEL, Sorted, sort};
 use super::directions::PhaseSign;
 use super::error::CalibrateError;
 use super::fit::{COARSE, Effort, Fit};
-use super::left::shown;
+use super::holdout::judged;
 use super::orders::{self, Random};
 use super::parameters::{ORDERS, Parameter, Parameters, of_order};
 use super::report::Report;
-use super::sorted::{CAMERA_PIXEL, Sorted, sort};
-use super::unseen::judged;
+use super::residual::shown;
 use super::views::Pictures;
 use super::{aligned, even, terms};
 use eyebox_base::reason;
@@ -55,7 +55,7 @@ const FILL: f64 = 0.9;
 pub(super) fn run(
     display: &Display,
     color: Color,
-    taken: Taken,
+    taken: CaptureSet,
     quick: bool,
     tell: &dyn Fn(Event),
 ) -> Result<Calibration, CalibrateError> {

@@ -1,7 +1,7 @@
 //! The answer of a calibration: calibrated, calibrated although the bench has faults that the model lacks, or not calibrated.
 
-use super::left::{LEFT_OUT, LeftMap, PictureLeft};
-use super::unseen::Unseen;
+use super::holdout::Unseen;
+use super::residual::{LEFT_OUT, PictureLeft, ResidualMap};
 use serde::Serialize;
 
 /// The answer of a calibration.
@@ -51,7 +51,7 @@ impl Verdict {
 }
 
 /// The warning of an answer that is not simply yes: the size of what is left, and its place.
-pub(super) fn said(verdict: Verdict, left: Unseen, pictures: &[PictureLeft], map: &LeftMap) -> Option<String> {
+pub(super) fn said(verdict: Verdict, left: Unseen, pictures: &[PictureLeft], map: &ResidualMap) -> Option<String> {
     let shares = format!(
         "{:.2} % of the pictures' variance is unexplained, and the camera's noise is {:.2} %",
         100.0 * (left.left - left.noise),
@@ -71,7 +71,7 @@ pub(super) fn said(verdict: Verdict, left: Unseen, pictures: &[PictureLeft], map
 }
 
 /// Where most is left: kind of the pictures, one picture, and a place of the camera.
-fn place(pictures: &[PictureLeft], map: &LeftMap) -> String {
+fn place(pictures: &[PictureLeft], map: &ResidualMap) -> String {
     let counted = || pictures.iter().filter(|p| p.role != LEFT_OUT);
     let kinds: Vec<String> = ["even", "smooth", "random", "set"]
         .iter()
@@ -127,7 +127,7 @@ mod tests {
         };
         let pictures =
             [picture("even", "fitted", 0.02), picture("set", "fitted", 0.1), picture("random", LEFT_OUT, 0.9)];
-        let map = LeftMap { tile_px: 10, rows: 1, columns: 2, squares: vec![Some(2.0), Some(7.0)] };
+        let map = ResidualMap { tile_px: 10, rows: 1, columns: 2, squares: vec![Some(2.0), Some(7.0)] };
         let left = Unseen { left: 0.06, noise: 0.001 };
         assert_eq!(said(Verdict::Calibrated, left, &pictures, &map), None);
         let faults = said(Verdict::WithFaults, left, &pictures, &map).expect("a warning");

@@ -4,7 +4,7 @@ use super::device::{Device, Set};
 use super::map::CameraMap;
 use super::parameters::{Parameter, Parameters};
 use super::pattern::Pattern;
-use super::seen::{Look, Seen};
+use super::seen::{Look, Prediction};
 use eyebox_kernels::Complex64;
 use eyebox_optics::{Optics, Pupil, SlmPart};
 use rayon::prelude::*;
@@ -102,7 +102,13 @@ impl Pictures {
     }
 
     /// What the model predicts of each of these views, with slopes.
-    pub(super) fn see(&self, at: &Parameters, subpixels: usize, which: &[usize], free: &[Parameter]) -> Vec<Seen> {
+    pub(super) fn see(
+        &self,
+        at: &Parameters,
+        subpixels: usize,
+        which: &[usize],
+        free: &[Parameter],
+    ) -> Vec<Prediction> {
         let of_device: Vec<Parameter> = free.iter().copied().filter(|p| p.is_of_device()).collect();
         let parts = self.each((at, subpixels), &of_device, which, |(look, entering, by)| {
             let mut by = by.iter();
@@ -112,7 +118,7 @@ impl Pictures {
             };
             look.see(at, entering, free, &free.iter().map(of_parameter).collect::<Vec<_>>())
         });
-        parts.into_iter().map(Seen::joined).collect()
+        parts.into_iter().map(Prediction::joined).collect()
     }
 
     /// What the model predicts of each of these views for cameras that look elsewhere: by view, then camera.
@@ -122,12 +128,12 @@ impl Pictures {
         subpixels: usize,
         which: &[usize],
         cameras: &[CameraMap],
-    ) -> Vec<Vec<Seen>> {
+    ) -> Vec<Vec<Prediction>> {
         let parts = self.each((at, subpixels), &[], which, |(look, entering, _)| look.see_from(at, entering, cameras));
-        let by_camera = |parts: Vec<Vec<Vec<f64>>>| -> Vec<Seen> {
+        let by_camera = |parts: Vec<Vec<Vec<f64>>>| -> Vec<Prediction> {
             let of_camera = |camera: usize| {
                 let intensity = parts.iter().flat_map(|cameras| cameras[camera].iter().copied()).collect();
-                Seen { intensity, slopes: Vec::new() }
+                Prediction { intensity, slopes: Vec::new() }
             };
             (0..cameras.len()).map(of_camera).collect()
         };

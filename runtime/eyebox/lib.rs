@@ -67,6 +67,7 @@
 //!
 //! | module | what belongs in it |
 //! |---|---|
+//! | [`error`] | Errors as data |
 //! | [`files`] | Reads files up to a limit, writes files whole or not at all, and has the two plain formats of the runtime, `.npy` and PNG |
 //! | [`optics`] | Display, pupil, propagation and window as pure functions in float64, without buffers or threads |
 //! | [`scene`] | Light fields: reading, built-in scenes, depth and disparity, target images |
@@ -89,7 +90,7 @@
 
 pub mod low_level;
 
-/// Errors as data: the code that every error of this library has, and the fields that it names.
+/// Errors as data, with a stable code and fields.
 pub mod error {
     pub use eyebox_base::error::{ErrorData, Reason};
 }
@@ -108,7 +109,7 @@ pub mod optics {
 
 /// Light fields: reading, built-in scenes, depth and disparity.
 pub mod scene {
-    pub use eyebox_scene::{BUILTINS, Fit, Inspection, LightField, Near, Order, Photographs, Request, SceneError};
+    pub use eyebox_scene::{BUILTINS, Fit, Inspection, LightField, Near, Order, Request, SceneError, ViewSynthesis};
     #[cfg(target_os = "linux")]
     pub use eyebox_scene::{Layer, Places, views_of_depths, views_of_layers};
     pub use eyebox_scene::{inspect, load, srgb_to_linear};
@@ -134,7 +135,7 @@ pub mod solve {
         Diameters, FirstPhases, Flow, Full, Levels, Method, Optimizer, PaddingRule, Problem,
     };
     pub use eyebox_solve::solve::{
-        Progress, Refiner, Sequence, Settings, Solution, SolveError, Steering, Stop, Strategy,
+        Progress, RefineSettings, Refiner, Sequence, Settings, Solution, SolveError, Stop, Strategy,
     };
     pub use eyebox_solve::solve::{solve, solve_from};
 }
@@ -202,17 +203,19 @@ pub mod session {
     pub use eyebox_session::session::{
         Command, Content, Cost, EngineSource, FarField, Live, LiveStatus, MovingSequence,
     };
+    pub use eyebox_session::session::{LiveColor, SessionEvent, SessionOptions, Speed, Status, TickedFrame};
     #[cfg(target_os = "linux")]
     pub use eyebox_session::session::{LiveInput, LiveKind, darkness};
     pub use eyebox_session::session::{Output, Play, Policy, PresentedFrame, Report, Scenes, Session, SessionError};
-    pub use eyebox_session::session::{SessionEvent, SessionOptions, Speed, Status, SteeredColor, TickedFrame};
     pub use eyebox_session::session::{TickedOutput, TickedSession, Tracking};
 }
 
 /// Shows what an eye sees of a hologram, live, in an ordinary window.
 #[cfg(feature = "preview")]
 pub mod preview {
-    pub use eyebox_session::preview::{Controls, Look, PreviewError, PreviewWindow, Seen, Showing, Side, Viewer};
+    pub use eyebox_session::preview::{
+        Controls, Look, PreviewContent, PreviewError, PreviewWindow, RenderedView, Side, Viewer,
+    };
 }
 
 /// The README's program is compiled and run with the tests.

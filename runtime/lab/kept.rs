@@ -10,34 +10,34 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::path::{Path, PathBuf};
 
 #[derive(Serialize, Deserialize)]
-struct Kept<S, T> {
+struct CachedResult<S, T> {
     made_by: S,
     result: T,
 }
 
 /// A folder of results.
-pub(crate) struct Keep {
+pub(crate) struct ResultCache {
     folder: PathBuf,
-    _made: files::MadeFolder,
+    _made: files::CreatedDirGuard,
 }
 
-impl Keep {
+impl ResultCache {
     /// In this folder, which is made if it is not there.
     pub fn new(folder: PathBuf) -> Result<Self, FileError> {
-        let _made = files::MadeFolder::new(&folder)?;
+        let _made = files::CreatedDirGuard::new(&folder)?;
         Ok(Self { folder, _made })
     }
 
     /// The result of this name, if it was made by exactly this.
     pub fn load<T: DeserializeOwned>(&self, name: &str, made_by: &str) -> Option<T> {
         let file = files::read::bytes(&self.file(name), files::read::RESULTS).ok()?;
-        let kept: Kept<String, T> = serde_json::from_slice(&file).ok()?;
+        let kept: CachedResult<String, T> = serde_json::from_slice(&file).ok()?;
         (kept.made_by == made_by).then_some(kept.result)
     }
 
     /// Keeps a result, whole or not at all.
     pub fn save<T: Serialize>(&self, name: &str, made_by: &str, result: &T) -> Result<(), FileError> {
-        files::write_file(&self.file(name), |out| Ok(serde_json::to_writer(out, &Kept { made_by, result })?))
+        files::write_file(&self.file(name), |out| Ok(serde_json::to_writer(out, &CachedResult { made_by, result })?))
     }
 
     fn file(&self, name: &str) -> PathBuf {
@@ -50,8 +50,8 @@ impl Keep {
 ///
 /// # Errors
 /// [`FileError`].
-pub fn writable(folder: &Path) -> Result<files::MadeFolder, FileError> {
-    let made = files::MadeFolder::new(folder)?;
+pub fn writable(folder: &Path) -> Result<files::CreatedDirGuard, FileError> {
+    let made = files::CreatedDirGuard::new(folder)?;
     files::check_place(&folder.join("report"))?;
     Ok(made)
 }
@@ -85,7 +85,7 @@ mod tests {
     #[test]
     fn only_what_was_made_the_same_way_is_used_again() {
         let here = tempfile::tempdir().unwrap();
-        let keep = Keep::new(here.path().join("results")).unwrap();
+        let keep = ResultCache::new(here.path().join("results")).unwrap();
         let made_by = r#"{"version":"1","steps":60}"#;
         keep.save("a", made_by, &vec![1.5, 2.5]).unwrap();
         assert_eq!(keep.load::<Vec<f64>>("a", made_by), Some(vec![1.5, 2.5]));

@@ -1,7 +1,7 @@
 //! An engine that takes no more work once its user stops: long jobs end at their next list, wherever they are.
 
 use eyebox::low_level::engine::{
-    Begun, Buffer, Engine, EngineError, LookUp, Memory, PhasesOnDevice, Shape, Step, Storage, Taken, Timing,
+    Buffer, Engine, EngineError, LookUp, Memory, PendingStep, PhasesOnDevice, Shape, Step, StepResult, Storage, Timing,
 };
 use eyebox::low_level::scene::Pyramid;
 use std::ops::Range;
@@ -91,12 +91,12 @@ impl Engine for Stoppable<'_> {
         self.engine.run(step)
     }
 
-    fn begin_step(&mut self, step: &Step, parts: &[Range<usize>]) -> Result<Begun, EngineError> {
+    fn begin_step(&mut self, step: &Step, parts: &[Range<usize>]) -> Result<PendingStep, EngineError> {
         self.check()?;
         self.engine.begin_step(step, parts)
     }
 
-    fn end_step(&mut self, begun: Begun) -> Result<Taken, EngineError> {
+    fn end_step(&mut self, begun: PendingStep) -> Result<StepResult, EngineError> {
         self.engine.end_step(begun)
     }
 

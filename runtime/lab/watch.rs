@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 pub type Observe<'a> = dyn FnMut(&str, f64) -> Flow + Send + 'a;
 
 /// Calls the observer for the job and for its engine.
-pub(crate) struct Watch<'a>(Mutex<Watched<'a>>);
+pub(crate) struct JobObserver<'a>(Mutex<Watched<'a>>);
 
 struct Watched<'a> {
     observe: &'a mut Observe<'a>,
@@ -27,7 +27,7 @@ impl Watched<'_> {
     }
 }
 
-impl<'a> Watch<'a> {
+impl<'a> JobObserver<'a> {
     pub(crate) fn new(observe: &'a mut Observe<'a>) -> Self {
         Self(Mutex::new(Watched { observe, what: String::new(), share: 0.0, stopped: false }))
     }

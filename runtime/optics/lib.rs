@@ -64,7 +64,7 @@ pub use obstruction::Obstruction;
 pub use padding::Padding;
 pub use padding::{slow_sides, walk_off};
 pub use phase::{level_of_phase, phase_of_level, wrap_phase};
-pub use picture::{Picture, PictureMap, Seen};
+pub use picture::{Picture, PictureMap, PictureWarp};
 pub use prescription::Prescription;
 pub use presets::{PRESETS, display_template, preset_about, preset_text};
 pub use propagation::aperture;

@@ -18,19 +18,19 @@ pub struct Picture {
     pub straight: bool,
     /// Of the red picture.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub red: Option<Seen>,
+    pub red: Option<PictureWarp>,
     /// Of the green one.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub green: Option<Seen>,
+    pub green: Option<PictureWarp>,
     /// Of the blue one.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub blue: Option<Seen>,
+    pub blue: Option<PictureWarp>,
 }
 
 /// Where a camera saw one colour's picture: `g = (X, Y) (1 + k1 rho^2 + k2 rho^4)`, (X, Y) the homography of the place.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Seen {
+pub struct PictureWarp {
     /// The homography row by row; its ninth number is 1.
     pub homography: [f64; 8],
     /// k1 and k2 of the radial distortion.
@@ -52,7 +52,7 @@ fn adjugate([a, b, c, d, e, f, g, h, i]: Homography) -> Homography {
     [of, by, at, f * g - d * i, a * i - c * g, c * d - a * f, d * h - e * g, b * g - a * h, a * e - b * d]
 }
 
-impl Seen {
+impl PictureWarp {
     /// By a camera's map: the homography's eight numbers, k1, k2.
     pub fn by_camera([a, b, c, d, e, f, g, h, k1, k2]: [f64; 10]) -> Self {
         Self { homography: [a, b, c, d, e, f, g, h], distortion: [k1, k2] }
@@ -96,7 +96,7 @@ impl Seen {
 /// Where one colour's picture is seen by a viewer, for whom the picture as a whole stands where it should.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PictureMap {
-    seen: Seen,
+    seen: PictureWarp,
     /// From the camera's picture to the viewer's.
     camera: Homography,
 }
@@ -132,7 +132,7 @@ impl Picture {
     }
 
     /// Says where a colour's picture was seen.
-    pub fn set(&mut self, color: Color, seen: Seen) {
+    pub fn set(&mut self, color: Color, seen: PictureWarp) {
         *match color {
             Color::Red => &mut self.red,
             Color::Green => &mut self.green,
@@ -141,7 +141,7 @@ impl Picture {
     }
 
     /// Where a colour's picture was seen; none where nobody looked.
-    pub fn seen(&self, color: Color) -> Option<Seen> {
+    pub fn seen(&self, color: Color) -> Option<PictureWarp> {
         match color {
             Color::Red => self.red,
             Color::Green => self.green,
@@ -150,7 +150,7 @@ impl Picture {
     }
 
     /// Green's, or the first: what the others are brought to.
-    fn reference(&self) -> Option<Seen> {
+    fn reference(&self) -> Option<PictureWarp> {
         self.green.or(self.red).or(self.blue)
     }
 
@@ -251,7 +251,7 @@ mod tests {
 
     #[test]
     fn the_camera_s_place_is_taken_away_and_the_distortion_is_left() {
-        let seen = |distortion| Seen { homography: KEYSTONE, distortion };
+        let seen = |distortion| PictureWarp { homography: KEYSTONE, distortion };
         let mut picture = Picture { green: Some(seen([0.0, 0.0])), ..Picture::default() };
         let map = picture.map(Color::Blue, [30, 40]).unwrap();
         for at in [[0.0, 0.0], [0.9, -0.7], [-1.0, 0.75]] {
@@ -260,7 +260,7 @@ mod tests {
         }
         // Blue is seen elsewhere than green, and both are bent.
         picture.green = Some(seen([0.05, -0.01]));
-        picture.blue = Some(Seen { homography: KEYSTONE.map(|v| v * 1.01), distortion: [0.06, -0.01] });
+        picture.blue = Some(PictureWarp { homography: KEYSTONE.map(|v| v * 1.01), distortion: [0.06, -0.01] });
         picture.check([30, 40]).unwrap();
         let [green, blue] = [Color::Green, Color::Blue].map(|c| picture.map(c, [30, 40]).unwrap());
         for at in [[0.3, 0.1], [0.9, -0.7], [-1.0, 0.75]] {
@@ -278,11 +278,12 @@ mod tests {
 
     #[test]
     fn keystone_stays_where_the_camera_looked_straight() {
-        let green = Some(Seen { homography: KEYSTONE, distortion: [0.0, 0.0] });
+        let green = Some(PictureWarp { homography: KEYSTONE, distortion: [0.0, 0.0] });
         let map = Picture { straight: true, green, ..Picture::default() }.map(Color::Green, [40, 40]).unwrap();
         let moved = map.forth([1.0, 1.0]);
         assert!((moved[0] - 1.0).hypot(moved[1] - 1.0) > 0.02, "{moved:?}");
-        let folded = Some(Seen { homography: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], distortion: [-1.0, 0.0] });
+        let folded =
+            Some(PictureWarp { homography: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], distortion: [-1.0, 0.0] });
         assert!(Picture { green: folded, ..Picture::default() }.check([40, 40]).unwrap_err().code() == "picture-folds");
     }
 }

@@ -20,7 +20,7 @@ use winit::platform::pump_events::{EventLoopExtPumpEvents, PumpStatus};
 use winit::window::{Fullscreen, Window as SystemWindow, WindowId};
 
 /// How long a window may take to come up with its size.
-const PATIENCE: Duration = Duration::from_secs(3);
+const WINDOW_TIMEOUT: Duration = Duration::from_secs(3);
 /// How often it is looked whether the window's monitor is still there.
 const LOOK: Duration = Duration::from_secs(1);
 
@@ -175,7 +175,7 @@ impl Desktop {
                 if is == monitor.size {
                     break window;
                 }
-                if since.elapsed() > PATIENCE {
+                if since.elapsed() > WINDOW_TIMEOUT {
                     return Err(no_desktop(reason!(
                         "window-not-opened",
                         "the window came up with {}x{} pixels on monitor {monitor}: nothing is scaled, so they must be equal",
@@ -184,7 +184,7 @@ impl Desktop {
                     )));
                 }
             }
-            if self.handler.window.is_none() && since.elapsed() > PATIENCE {
+            if self.handler.window.is_none() && since.elapsed() > WINDOW_TIMEOUT {
                 return Err(no_desktop(reason!("window-not-opened", "a window was asked for and did not come")));
             }
             std::thread::sleep(Duration::from_millis(5));
@@ -211,7 +211,7 @@ impl Desktop {
                 Some(Err(failure)) => {
                     return Err(no_desktop(reason!("window-not-opened", "a window could not be opened ({failure})")));
                 }
-                None if since.elapsed() > PATIENCE => {
+                None if since.elapsed() > WINDOW_TIMEOUT => {
                     return Err(no_desktop(reason!("window-not-opened", "a window was asked for and did not come")));
                 }
                 None => {}

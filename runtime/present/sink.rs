@@ -1,7 +1,7 @@
 //! Where an offscreen display's video frames go besides: a file of bytes, or memory shared with another program.
 
 use super::PresentError;
-use eyebox_base::files::{FileError, Patient};
+use eyebox_base::files::{FileError, TimeoutWriter};
 use eyebox_base::reason;
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
@@ -16,7 +16,7 @@ pub enum Sink {
         /// The file.
         file: PathBuf,
         /// It, opened.
-        out: BufWriter<Patient>,
+        out: BufWriter<TimeoutWriter>,
     },
     /// The newest, in a file that others map: in `/dev/shm` that is memory. 64 bytes of header, all numbers
     /// little-endian, and the picture:
@@ -67,12 +67,12 @@ fn is_free(file: &Path) -> Result<(), FileError> {
 }
 
 /// A new file; or a pipe or device that is there.
-fn raw_file(file: &Path) -> Result<Patient, FileError> {
+fn raw_file(file: &Path) -> Result<TimeoutWriter, FileError> {
     let failed = |e| FileError::write(file, e);
     is_free(file)?;
     match std::fs::metadata(file) {
-        Ok(_) => Patient::open(file).map_err(failed),
-        Err(_) => carefully().create_new(true).open(file).map(Patient::new).map_err(failed),
+        Ok(_) => TimeoutWriter::open(file).map_err(failed),
+        Err(_) => carefully().create_new(true).open(file).map(TimeoutWriter::new).map_err(failed),
     }
 }
 

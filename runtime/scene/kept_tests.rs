@@ -259,12 +259,15 @@ fn wrong_light_fields_are_found_however_they_are_kept() {
         let picture = format!("{}?grid=5x5", mosaic(here.path(), &field, false).display());
         let array = array.to_str().unwrap();
         let display = display(96);
-        let request = Request { photographs: Photographs::Auto, ..Request::new(&display, &[Color::Green]) };
+        let request = Request { photographs: ViewSynthesis::Auto, ..Request::new(&display, &[Color::Green]) };
         check(load(array, &request).map(|_| ()).unwrap_err());
         if what == "mirrored rows" || what.contains("darker") {
             check(load(&picture, &request).map(|_| ()).unwrap_err());
             let doubt = inspect(array, &request).unwrap().0.doubt;
-            assert!(doubt.is_some_and(|doubt| wanted.as_ref().err().is_none_or(|order| doubt.contains(order))), "{what}");
+            assert!(
+                doubt.is_some_and(|doubt| wanted.as_ref().err().is_none_or(|order| doubt.contains(order))),
+                "{what}"
+            );
         }
     }
     let folder = here.path().join("views");

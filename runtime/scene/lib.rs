@@ -56,7 +56,7 @@
 //! [`Reprojection`] shows a picture with its map.
 //!
 //! **Few views.** Where the views of a folder stand so far apart that their photographs would show ghosts, closer ones are made of
-//! them, by [`Layers`] where these show them well ([`Photographs`]).
+//! them, by [`Layers`] where these show them well ([`ViewSynthesis`]).
 //!
 //! Signs (OPTICS 3): columns of views follow +x of the pupil, rows +y; content of positive disparity is near.
 
@@ -108,7 +108,7 @@ pub use light_field::natural::natural;
 pub use light_field::near::Near;
 pub use light_field::order::Order;
 pub use light_field::photograph::ViewGrid;
-pub use light_field::photographs::{MadeViews, Photographs};
+pub use light_field::photographs::{MadeViews, ViewSynthesis};
 pub use light_field::pyramid::{Level, Pyramid, ViewsOnDevice};
 pub use light_field::request::Request;
 pub use light_field::resize::Fit;

@@ -69,7 +69,7 @@ fn each_map_is_read_the_right_way_round_or_refused() {
         ("map.png", Some(Dark), ramp(0.0, 255.0, &[]), LEFT),
         ("grey-rgb.png", None, ramp(0.0, 255.0, &[]), RIGHT),
         ("grey-rgb.jpg", None, ramp(0.0, 255.0, &[]), RIGHT),
-        ("jet-rgb.png", None, ramp(0.0, 255.0, &[]), Err("content/map-colors")),
+        ("jet-rgb.png", None, ramp(0.0, 255.0, &[]), Err("corrupt/map-colors")),
         ("depth16.png", None, ramp(0.0, 65535.0, &[]), decides),
         ("depth16.png", Some(Dark), ramp(0.0, 65535.0, &[]), LEFT),
         ("depth16.png", Some(Bright), ramp(0.0, 65535.0, &[]), RIGHT),

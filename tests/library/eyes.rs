@@ -9,7 +9,7 @@ use eyebox::low_level::optics::{
 use eyebox::low_level::plan::{Comparison, EyeTables, Planner, Purpose};
 use eyebox::low_level::scene;
 use eyebox::low_level::solve::{
-    self, Flow, Problem, PupilRange, Refiner, Sampler, Sequence, Settings, SolveError, Steering,
+    self, Flow, Problem, PupilRange, RefineSettings, Refiner, Sampler, Sequence, Settings, SolveError,
 };
 use eyebox_kernels::compare;
 use eyebox_tests::gradient::{assert_derivative, gradient_of, intensity_loss, random_targets};
@@ -275,7 +275,7 @@ fn a_hologram_for_an_eye_is_as_good_for_it() {
     eprintln!("perfect eye {best:.2} dB; -0.1 D uncorrected {unaware:.2}, corrected {kept:.2}");
     assert!(kept > best - 0.5 && unaware < kept - 2.0, "{best:.2}, {unaware:.2}, {kept:.2}");
 
-    let steering = Steering { repeats: 2, ..Steering::default() };
+    let steering = RefineSettings { repeats: 2, ..RefineSettings::default() };
     let follow = |problem: &Problem, solution: &solve::Solution| {
         let engine = Box::new(CpuEngine::new());
         let mut refiner = Refiner::new(problem.clone(), &solution.phases, solution.exposure, steering, engine).unwrap();

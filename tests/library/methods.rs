@@ -288,7 +288,7 @@ fn the_lists_of_methods() {
     let step =
         planner.with_equalised_eyebox(planner.project_step(vec![pupil_pass], usize::MAX, 0.5, 1.0, 0.0), 0.02, 9, 0.5);
     let names: Vec<_> = step.list.iter().map(|d| d.kernel.name()).collect();
-    let want = "modulate field_forward energy clear transfer taper photograph resample pass_pupil window_inverse intensity compare apply_factor window_forward return_pupil equalise_eyebox change_inverse project";
+    let want = "modulate field_forward energy clear transfer taper photograph resample pass_pupil window_inverse intensity compare apply_factor window_forward pupil_adjoint equalise_eyebox change_inverse project";
     assert_eq!(names.join(" "), want);
     assert_eq!(Kernel::by_name("equalise_eyebox"), Some(Kernel::EqualiseEyebox));
     assert_eq!(Kernel::by_name("even"), Some(Kernel::EqualiseEyebox), "its name before");

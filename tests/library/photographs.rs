@@ -3,7 +3,7 @@
 use eyebox::low_level::engine::cpu::CpuEngine;
 use eyebox::low_level::optics::{Color, Display, Pupil};
 use eyebox::low_level::reconstruction::SceneSource;
-use eyebox::low_level::scene::{self, Layers, LightField, Photographs, Request, SceneError, ViewGrid};
+use eyebox::low_level::scene::{self, Layers, LightField, Request, SceneError, ViewGrid, ViewSynthesis};
 use std::f64::consts::TAU;
 
 const SIZE: usize = 48;
@@ -93,9 +93,9 @@ const PUPILS: [[f64; 4]; 4] =
 fn layers_of_few_views_photograph_like_many_views() {
     let (ends, display) = ([-3.0, 4.0], display());
     let thin = || field(3, 4.0 / 9.0, ends);
-    let made = thin().with_views_for(&display, Photographs::Auto).unwrap();
+    let made = thin().with_views_for(&display, ViewSynthesis::Auto).unwrap();
     let how = made.made.expect("layers show waves");
-    assert_eq!((how.by, how.grid, made.grid), (Photographs::Layers, [3, 3], [9, 9]));
+    assert_eq!((how.by, how.grid, made.grid), (ViewSynthesis::Layers, [3, 3], [9, 9]));
     assert_eq!(made.own_views(&display).0, [3, 3]);
     let (layers, cells, all) =
         (worst(made, ends, &PUPILS), worst(thin(), ends, &PUPILS), worst(field(9, 1.0 / 9.0, ends), ends, &PUPILS));
@@ -129,9 +129,9 @@ fn the_residual_is_the_error_of_views_in_between() {
 fn dense_views_and_layers_of_them_agree() {
     let (ends, display) = ([-0.3, 0.4], display());
     let dense = || field(5, 0.2, ends);
-    let kept = dense().with_views_for(&display, Photographs::Auto).unwrap();
+    let kept = dense().with_views_for(&display, ViewSynthesis::Auto).unwrap();
     assert_eq!(kept, dense(), "cells");
-    let made = dense().with_views_for(&display, Photographs::Layers).unwrap();
+    let made = dense().with_views_for(&display, ViewSynthesis::Layers).unwrap();
     assert!(made.made.is_some());
     let (a, b) = (SceneSource::new(kept, &display).unwrap(), SceneSource::new(made, &display).unwrap());
     for [x, y, d, focus] in PUPILS {
@@ -151,8 +151,8 @@ fn what_layers_do_not_show_is_left_to_cells() {
     for (v, view) in few.planes[0].iter_mut().enumerate() {
         view.iter_mut().enumerate().for_each(|(i, p)| *p = ((i * (v + 3) * 2654435761) >> 16 & 255) as f32 / 255.0);
     }
-    assert_eq!(few.clone().with_views_for(&display, Photographs::Auto).unwrap(), few);
-    for asked in [Photographs::Layers, Photographs::Between] {
+    assert_eq!(few.clone().with_views_for(&display, ViewSynthesis::Auto).unwrap(), few);
+    for asked in [ViewSynthesis::Layers, ViewSynthesis::Between] {
         let made = few.clone().with_views_for(&display, asked).unwrap();
         assert_eq!((made.made.map(|m| m.by), made.grid), (Some(asked), [7, 7]));
     }
@@ -210,10 +210,10 @@ fn what_hides_other_things_is_interpolated() {
         scene::load("builtin:still-life?span=2", &request).unwrap()
     };
     let (few, all) = (load(5), load(9));
-    let made = few.clone().with_views_for(&display, Photographs::Auto).unwrap();
+    let made = few.clone().with_views_for(&display, ViewSynthesis::Auto).unwrap();
     let how = made.made.expect("closer views");
     let (_, [between, _]) = how.layers.unwrap();
-    assert!(how.by == Photographs::Between && between < 36.0, "{how:?}");
+    assert!(how.by == ViewSynthesis::Between && between < 36.0, "{how:?}");
     let [all, few, made] = [all, few, made].map(|field| SceneSource::new(field, &display).unwrap());
     let pupil = Pupil { x: 1e-3, y: -2e-3, diameter: 16e-3, depth: 1e-3 };
     let shot = |source: &SceneSource| source.photograph(&pupil, &mut CpuEngine::new()).unwrap().remove(0).values;
@@ -231,8 +231,8 @@ fn views_that_do_not_fit_the_others_are_named() {
     let spoiled = |spoil: &dyn Fn(&mut [Vec<f32>])| {
         let mut few = field(3, 1.0 / 3.0, ends);
         spoil(&mut few.planes[0]);
-        assert_eq!(few.clone().with_views_for(&display, Photographs::Cells).unwrap(), few);
-        let error = few.with_views_for(&display, Photographs::Auto).map(|_| ()).unwrap_err();
+        assert_eq!(few.clone().with_views_for(&display, ViewSynthesis::Cells).unwrap(), few);
+        let error = few.with_views_for(&display, ViewSynthesis::Auto).map(|_| ()).unwrap_err();
         assert!(error.to_string().contains("`photographs`"), "{error}");
         let SceneError::OddViews { views, cause, .. } = error else { panic!("{error}") };
         let numbers = |text: &str| -> Vec<f64> {
@@ -258,7 +258,7 @@ fn a_light_field_thinned() {
     let size = std::env::var("EYEBOX_SIZE").map_or(256, |s| s.parse().unwrap());
     let display = Display { height: size, width: size, ..Display::preset("paper").unwrap() };
     let colors = [Color::Green];
-    let request = Request { photographs: Photographs::Cells, ..Request::new(&display, &colors) };
+    let request = Request { photographs: ViewSynthesis::Cells, ..Request::new(&display, &colors) };
     let all = scene::load(&source, &request).unwrap();
     let (cell, depth) = (all.cell(&display), all.depths(&display, None).unwrap());
     let shots = |field: LightField| {
@@ -291,7 +291,7 @@ fn a_light_field_thinned() {
             depth: Some(depth),
             ..all.clone()
         };
-        for asked in [Photographs::Cells, Photographs::Layers, Photographs::Between] {
+        for asked in [ViewSynthesis::Cells, ViewSynthesis::Layers, ViewSynthesis::Between] {
             let start = std::time::Instant::now();
             let made = few.clone().with_views_for(&display, asked).unwrap();
             let seconds = start.elapsed().as_secs_f64();

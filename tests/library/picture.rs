@@ -3,7 +3,7 @@
 use eyebox::low_level::engine::{Engine, cpu::CpuEngine};
 use eyebox::low_level::evaluate::{self, Plane};
 use eyebox::low_level::hologram::{ColorHologram, Hologram};
-use eyebox::low_level::optics::{Color, Display, Padding, Picture, Pupil, Seen, WindowFactor};
+use eyebox::low_level::optics::{Color, Display, Padding, Picture, PictureWarp, Pupil, WindowFactor};
 use eyebox::low_level::plan::Purpose;
 use eyebox::low_level::scene::LightField;
 use eyebox::low_level::solve::Problem;
@@ -22,7 +22,7 @@ const SEEN: [(Color, [f64; 8], [f64; 2]); 3] = [
 fn display() -> Display {
     let mut picture = Picture::default();
     for (color, homography, distortion) in SEEN {
-        picture.set(color, Seen { homography, distortion });
+        picture.set(color, PictureWarp { homography, distortion });
     }
     Display { height: SIZE[0], width: SIZE[1], picture, ..Display::preset("small").unwrap() }
 }

@@ -351,7 +351,7 @@ fn lists_are_in_the_order_of_light() {
         |n| (0..n).map(|_| planner.pupil_pass(&Pupil::from_mm([0.0, 0.0, 5.0, 0.0]), &Comparison::default())).collect();
     let step = planner.project_step(pupil_passes(3), usize::MAX, 1.0, 1.0, 0.0);
     let names: Vec<_> = step.list.iter().map(|d: &Dispatch| d.kernel.name()).collect();
-    let want = "modulate field_forward clear overlap transfer photograph resample pass_pupil window_inverse intensity compare apply_factor window_forward return_pupil divide_by_overlap change_inverse project";
+    let want = "modulate field_forward clear overlap transfer photograph resample pass_pupil window_inverse intensity compare apply_factor window_forward pupil_adjoint divide_by_overlap change_inverse project";
     assert_eq!(names.join(" "), want);
     // One pupil pass at a time: its part of the list comes three times.
     let step = planner.adam_step(pupil_passes(3), 1, 1, 0.1);

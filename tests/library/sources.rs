@@ -9,7 +9,7 @@ use eyebox::low_level::optics::{
 };
 use eyebox::low_level::plan::{Comparison, Planner, Purpose};
 use eyebox::low_level::scene;
-use eyebox::low_level::solve::{self, Flow, Problem, Refiner, Settings, Steering};
+use eyebox::low_level::solve::{self, Flow, Problem, RefineSettings, Refiner, Settings};
 use eyebox_kernels::compare;
 use eyebox_tests::gradient::{assert_derivative, gradient_of, intensity_loss, random_targets};
 use eyebox_tests::{Oracle, error_power, fft2, loaded, phases, step_with_targets};
@@ -167,7 +167,7 @@ fn a_refinement_takes_its_sources_with_the_eye() {
     let first = solve::random_phases(4 * 96 * 96, 3);
     let refined = |x: f64, y: f64| {
         let mut refiner =
-            Refiner::new(problem.clone(), &first, 0.35, Steering::default(), Box::new(CpuEngine::new())).unwrap();
+            Refiner::new(problem.clone(), &first, 0.35, RefineSettings::default(), Box::new(CpuEngine::new())).unwrap();
         let pupil = Pupil::from_mm([x, y, 4.0, 0.0]);
         refiner.aim(PupilDistribution::around(&pupil, 0.1e-3)).unwrap();
         for _ in 0..16 {

@@ -4,7 +4,7 @@ use eyebox::low_level::engine::Engine;
 use eyebox::low_level::engine::cpu::CpuEngine;
 use eyebox::low_level::optics::{Color, Display, Padding, PupilDistribution, WindowFactor};
 use eyebox::low_level::scene::{self, Request};
-use eyebox::low_level::solve::{Flow, Problem, Refiner, Settings, Steering, Strategy, solve};
+use eyebox::low_level::solve::{Flow, Problem, RefineSettings, Refiner, Settings, Strategy, solve};
 use eyebox_tests::both::vulkan;
 
 const STEPS: usize = 4;
@@ -16,7 +16,13 @@ fn problem(color: Color) -> Problem {
 }
 
 /// What a few steps make of these phases, before and after a move of the eye.
-fn refined(problem: &Problem, phases: &[f32], exposure: f64, steering: Steering, engine: Box<dyn Engine>) -> Vec<f32> {
+fn refined(
+    problem: &Problem,
+    phases: &[f32],
+    exposure: f64,
+    steering: RefineSettings,
+    engine: Box<dyn Engine>,
+) -> Vec<f32> {
     let mut refiner = Refiner::new(problem.clone(), phases, exposure, steering, engine).expect("a refinement");
     let aim = |x: f64| PupilDistribution {
         centre: [x, -1e-3],
@@ -36,9 +42,9 @@ fn refined(problem: &Problem, phases: &[f32], exposure: f64, steering: Steering,
 
 #[test]
 fn both_engines_refine_every_colour_alike() {
-    let projection = Steering::default();
-    let adam = Steering { strategy: Strategy::Adam { rate: 0.05 }, ..projection };
-    let kept = Steering { repeats: 2, window: WindowFactor::One, ..projection };
+    let projection = RefineSettings::default();
+    let adam = RefineSettings { strategy: Strategy::Adam { rate: 0.05 }, ..projection };
+    let kept = RefineSettings { repeats: 2, window: WindowFactor::One, ..projection };
     for (color, steering) in [
         (Color::Red, projection),
         (Color::Green, projection),

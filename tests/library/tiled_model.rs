@@ -11,7 +11,7 @@ use eyebox::low_level::optics::{
 use eyebox::low_level::plan::{Comparison, ModelTables, Planner, Purpose};
 use eyebox::low_level::reconstruction::Sampling;
 use eyebox::low_level::scene::Request;
-use eyebox::low_level::solve::{Problem, Refiner, Steering};
+use eyebox::low_level::solve::{Problem, RefineSettings, Refiner};
 use eyebox::low_level::tiled::Piece;
 use eyebox_tests::both::{every_fault, vulkan};
 use eyebox_tests::error_power;
@@ -158,7 +158,7 @@ fn a_steered_piece_is_refined_as_the_whole_is() {
         let piece = Piece::around(&tiles, 0, &views, &aim).unwrap().problem;
         Problem { optics, eyebox: optics.eyebox(), model: Some(Arc::clone(&model)), ..piece }
     };
-    let steering = Steering { elsewhere: 0.0, ..Steering::default() };
+    let steering = RefineSettings { elsewhere: 0.0, ..RefineSettings::default() };
     let refined = |problem: Problem, phases: &[f32], engine: Box<dyn Engine>| {
         let mut refiner = Refiner::new(problem, phases, 0.4, steering, engine).unwrap();
         refiner.aim(aim).unwrap();

@@ -123,8 +123,8 @@ fn other_lists_fused_are_those_of_the_list() {
             let (purpose, mode) = (*purpose, *mode);
             let step = case.step(purpose, mode, 0.5, 3000);
             let after = |kernel| step.list.iter().position(|d| d.kernel == kernel).unwrap() + 1;
-            use Kernel::{ChangeInverse, Drive, DriveBack, LagBack, ModulateWave, Turn};
-            let cuts = [Drive, ModulateWave, ChangeInverse, Turn, LagBack, DriveBack].map(after);
+            use Kernel::{ChangeInverse, Drive, DriveAdjoint, LagAdjoint, ModulateWave, Turn};
+            let cuts = [Drive, ModulateWave, ChangeInverse, Turn, LagAdjoint, DriveAdjoint].map(after);
             compare(&mut engine, &case, purpose, &step, &cuts, &format!("every term, {purpose:?}, {storage:?}"));
         }
     }
@@ -167,7 +167,7 @@ fn tiles_of_models_are_those_of_the_list() {
             compare(&mut engine, &case, Purpose::Project, &step, &[], &what);
             run(&mut engine, &case, Purpose::Project, &step, &[]);
             let ran = |kernel| engine.timings().iter().any(|t| t.kernel == kernel);
-            assert_eq!([Kernel::CrosstalkRows, Kernel::DriveBack].map(ran), [!fits; 2], "{what}");
+            assert_eq!([Kernel::CrosstalkRows, Kernel::DriveAdjoint].map(ran), [!fits; 2], "{what}");
         }
     }
     assert_silent(engine);

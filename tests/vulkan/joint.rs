@@ -4,7 +4,7 @@ use eyebox::low_level::engine::cpu::CpuEngine;
 use eyebox::low_level::engine::vulkan::VulkanEngine;
 use eyebox::low_level::optics::{Color, Display, Laser, Padding, Pupil, PupilDistribution};
 use eyebox::low_level::scene::{self, Request};
-use eyebox::low_level::solve::{JointPart, JointRefiner, Motion, Problem, Steering, Strategy, random_phases};
+use eyebox::low_level::solve::{JointPart, JointRefiner, Motion, Problem, RefineSettings, Strategy, random_phases};
 use eyebox_tests::both::gpu;
 use std::sync::PoisonError;
 
@@ -25,8 +25,8 @@ fn all_colours_at_once_are_refined_as_on_the_cpu() {
     let parts: Vec<JointPart> = ALL.into_iter().zip(display.slopes(&ALL)).zip(powers).map(part).collect();
     let drives = random_phases(3 * 48 * 64, 2);
     let aim = PupilDistribution::around(&Pupil::from_mm([2.0, -1.0, 4.0, 0.2]), 3e-4);
-    for strategy in [Steering::default().strategy, Strategy::Adam { rate: 0.05 }] {
-        let steering = Steering { strategy, repeats: 2, ..Steering::default() };
+    for strategy in [RefineSettings::default().strategy, Strategy::Adam { rate: 0.05 }] {
+        let steering = RefineSettings { strategy, repeats: 2, ..RefineSettings::default() };
         let cpu = JointRefiner::new(parts.clone(), &drives, steering, || Ok(Box::new(CpuEngine::new())));
         let device = JointRefiner::new(parts.clone(), &drives, steering, || Ok(Box::new(VulkanEngine::new(&gpu)?)));
         let mut both = [cpu.expect("a refinement"), device.expect("a refinement")];

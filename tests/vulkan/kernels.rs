@@ -84,7 +84,7 @@ kernels! {
     compare_amplitude: Compare, Adam, AMPLITUDE, 1.0;
     apply_factor: ApplyFactor, Project, PROJECTION, 1.0;
     window_forward: WindowForward, View, PROJECTION, 1.0;
-    return_pupil: ReturnPupil, Project, PROJECTION, 1.0;
+    pupil_adjoint: PupilAdjoint, Project, PROJECTION, 1.0;
     divide_by_overlap_mean: DivideByOverlap, Project, PROJECTION, 1.0;
     divide_by_overlap_root: DivideByOverlap, Project, PROJECTION, 0.5;
     divide_by_overlap_between: DivideByOverlap, Project, PROJECTION, 0.7;
@@ -141,8 +141,8 @@ fn display_models() {
                 Kernel::Relay,
                 Kernel::CrosstalkColumnsBack,
                 Kernel::CrosstalkRowsBack,
-                Kernel::LagBack,
-                Kernel::DriveBack,
+                Kernel::LagAdjoint,
+                Kernel::DriveAdjoint,
                 Kernel::Project,
             ];
             for kernel in others.into_iter().chain(if subpixels == 1 { of_pixels } else { of_subpixels }) {

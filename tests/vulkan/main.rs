@@ -1,5 +1,6 @@
 //! The Vulkan engine against the kernels' twins: kernel by kernel, transform by transform, step by step.
 
+mod dry_run;
 mod encode;
 mod fft;
 mod flight;
@@ -9,7 +10,6 @@ mod joint;
 mod kernels;
 mod mask;
 mod one_device;
-mod rehearsal;
 mod shared;
 mod source;
 mod steps;

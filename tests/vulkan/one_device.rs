@@ -6,7 +6,7 @@ use eyebox::low_level::engine::{Backend, Buffer, Choice, Engine, Storage};
 use eyebox::low_level::gpu::{Options, PhasesOnDevice, PixelOrder};
 use eyebox::low_level::optics::{Color, Display, Padding};
 use eyebox::low_level::scene::{self, Request};
-use eyebox::low_level::solve::{Flow, Problem, Refiner, Settings, Steering, solve};
+use eyebox::low_level::solve::{Flow, Problem, RefineSettings, Refiner, Settings, solve};
 use eyebox_tests::both::gpu;
 use std::process::{Command, Output};
 use std::sync::PoisonError;
@@ -74,7 +74,7 @@ fn refining_and_encoding_reads_no_phases_back() {
             let phases: Vec<f32> = (0..8 * 24 * 32).map(|i| (i * 37 % 101) as f32 * 0.06).collect();
             let engine = Box::new(VulkanEngine::new(&gpu).expect("an engine"));
             // As halves, which GPUs prefer, phases take half the bytes.
-            let steering = Steering { storage: Some(Storage::F32), ..Steering::default() };
+            let steering = RefineSettings { storage: Some(Storage::F32), ..RefineSettings::default() };
             Refiner::new(problem, &phases, 1.0, steering, engine).expect("a refinement")
         })
         .collect();

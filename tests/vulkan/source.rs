@@ -40,7 +40,7 @@ fn kernels_over_modes() {
                 Kernel::PassPupil,
                 Kernel::Intensity,
                 Kernel::ApplyFactor,
-                Kernel::ReturnPupil,
+                Kernel::PupilAdjoint,
             ] {
                 let step = case.single(Purpose::Project, PROJECTION, 1.0, kernel);
                 let worst = compare(&mut engine, &mut twin, &case, Purpose::Project, &step);

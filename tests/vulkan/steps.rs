@@ -242,7 +242,7 @@ fn both_engines_take_the_same_steps_with_halves() {
     case.planner.storage = Storage::F16;
     let steps = [case.step(Purpose::Project, PROJECTION, 0.5, usize::MAX)];
     let want = solve(&mut CpuEngine::new(), &case, Purpose::Project, &steps);
-    for kernel in [Kernel::PassPupil, Kernel::ApplyFactor, Kernel::ReturnPupil, Kernel::CheckFinite, Kernel::Project] {
+    for kernel in [Kernel::PassPupil, Kernel::ApplyFactor, Kernel::PupilAdjoint, Kernel::CheckFinite, Kernel::Project] {
         let mut handover = Handover::new(Box::new(CpuEngine::new()), Box::new(vulkan()), At::Kernel(kernel));
         let got = solve(&mut handover, &case, Purpose::Project, &steps);
         assert_near(&got, &want, STEPS_APART, &format!("from {} on", kernel.name()));

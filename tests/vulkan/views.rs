@@ -6,7 +6,7 @@ use eyebox::low_level::engine::vulkan::{NoLight, StoredViews, ViewDecoder, Vulka
 use eyebox::low_level::gpu::Gpu;
 use eyebox::low_level::optics::{Color, Display, Padding, Pupil};
 use eyebox::low_level::scene::{Pyramid, ViewGrid};
-use eyebox::low_level::solve::{Problem, Refiner, Steering};
+use eyebox::low_level::solve::{Problem, RefineSettings, Refiner};
 use eyebox_kernels::decode_views::{self, Args, F16, F32, U8, U16, decode_views};
 use eyebox_kernels::halve_views::{self, halve_views};
 use eyebox_tests::both::{Noise, gpu};
@@ -175,7 +175,7 @@ fn engines_look_at_views_where_they_are() {
     let phases: Vec<f32> = (0..8 * pixels).map(|i| (i * 37 % 101) as f32 * 0.06).collect();
     let refiner = |problem: &Problem| {
         let engine = Box::new(VulkanEngine::new(&gpu).expect("an engine"));
-        Refiner::new(problem.clone(), &phases, 0.4, Steering::default(), engine).expect("a refinement")
+        Refiner::new(problem.clone(), &phases, 0.4, RefineSettings::default(), engine).expect("a refinement")
     };
     let host = |problem: &Problem| Problem { pyramid: problem.pyramid.on_host().expect("read"), ..problem.clone() };
     let (mut one, mut other) = (refiner(&first), refiner(&host(&first)));

@@ -258,6 +258,11 @@ uint32_t eyebox_interface(void);
 // valid and unchanged, whatever else fails, until the same thread calls `eyebox_last_error` after another failure, or ends.
 const char *eyebox_last_error(void);
 
+// Returns the code of the last failed call of this thread, such as `scene/missing-view`. The code of an error never changes, its
+// sentence may. The code is empty before the first failure. The text stays valid until the same thread calls
+// `eyebox_last_error_code` after another failure, or ends.
+const char *eyebox_last_error_code(void);
+
 // A display by the name of a preset, such as "paper", "small" or "planes8", or from a TOML file.
 EyeboxStatus eyebox_display_load(const char *name, EyeboxDisplay **display);
 
@@ -390,7 +395,7 @@ void eyebox_hologram_free(EyeboxHologram *hologram);
 // Begins to refine a hologram for where the pupil is: a copy, the hologram stays as it is. The scene was loaded for the hologram's
 // display, has its colours, and may be freed afterwards; null takes the one that the hologram was solved from, read as it was
 // then. `settings` is TOML, or null for the defaults: the fields of
-// eyebox::solve::Steering by their names, such as "pupils = 2", "elsewhere = 0.5", "seed = 1". It computes where `engine` does,
+// eyebox::solve::RefineSettings by their names, such as "pupils = 2", "elsewhere = 0.5", "seed = 1". It computes where `engine` does,
 // beside it.
 EyeboxStatus eyebox_refiner_new(const EyeboxHologram *hologram,
                                 const EyeboxScene *scene,
@@ -444,7 +449,7 @@ EyeboxStatus eyebox_session_play(const EyeboxHologram *hologram,
 // Shows a hologram that is refined for where the eye is, as `eyebox_session_look` says. The scene was loaded for the hologram's
 // display, has its colours, and may be freed afterwards; null takes the one that the hologram was solved from, read as it was
 // then. `display` is what is encoded for. `settings` is TOML, or null for the
-// defaults: the fields of eyebox::solve::Steering, as of `eyebox_refiner_new`. It computes where `engine` does, beside it.
+// defaults: the fields of eyebox::solve::RefineSettings, as of `eyebox_refiner_new`. It computes where `engine` does, beside it.
 EyeboxStatus eyebox_session_follow(const EyeboxHologram *hologram,
                                    const EyeboxScene *scene,
                                    const EyeboxDisplay *display,

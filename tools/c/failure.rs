@@ -129,11 +129,11 @@ impl Failure {
 thread_local! {
     /// The text of the last failure.
     static LAST: RefCell<CString> = RefCell::default();
-    /// Its code.
+    /// Code of the last failure.
     static LAST_CODE: RefCell<CString> = RefCell::default();
     /// The text that the caller has: nothing but `eyebox_last_error` replaces it.
     static GIVEN: RefCell<CString> = RefCell::default();
-    /// The code that the caller has: nothing but `eyebox_last_error_code` replaces it.
+    /// Code that the caller holds. Only `eyebox_last_error_code` replaces it.
     static GIVEN_CODE: RefCell<CString> = RefCell::default();
 }
 
@@ -144,8 +144,8 @@ pub extern "C" fn eyebox_last_error() -> *const c_char {
     give(&LAST, &GIVEN)
 }
 
-/// Returns which error the last call of this thread that failed met, as a code that stays when sentences are reworded, such as
-/// `scene/missing-view`; empty before the first failure. The text stays valid until the same thread calls
+/// Returns the code of the last failed call of this thread, such as `scene/missing-view`. The code of an error never changes, its
+/// sentence may. The code is empty before the first failure. The text stays valid until the same thread calls
 /// `eyebox_last_error_code` after another failure, or ends.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_last_error_code() -> *const c_char {

@@ -7,7 +7,7 @@ use crate::{EyeboxEngine, EyeboxHologram, EyeboxPupil, EyeboxScene, EyeboxStatus
 use eyebox::hologram::Hologram;
 use eyebox::optics::PupilDistribution;
 use eyebox::produce::{ProduceError, Refinement};
-use eyebox::solve::{Flow, Steering};
+use eyebox::solve::{Flow, RefineSettings};
 use std::ffi::c_char;
 use std::mem::MaybeUninit;
 use std::sync::Mutex;
@@ -22,7 +22,7 @@ pub struct EyeboxRefiner {
 /// Begins to refine a hologram for where the pupil is: a copy, the hologram stays as it is. The scene was loaded for the hologram's
 /// display, has its colours, and may be freed afterwards; null takes the one that the hologram was solved from, read as it was
 /// then. `settings` is TOML, or null for the defaults: the fields of
-/// eyebox::solve::Steering by their names, such as "pupils = 2", "elsewhere = 0.5", "seed = 1". It computes where `engine` does,
+/// eyebox::solve::RefineSettings by their names, such as "pupils = 2", "elsewhere = 0.5", "seed = 1". It computes where `engine` does,
 /// beside it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eyebox_refiner_new(
@@ -37,7 +37,7 @@ pub unsafe extern "C" fn eyebox_refiner_new(
             let hologram = given(hologram, "hologram")?;
             // SAFETY: the header asks callers for texts that end with zero.
             let settings = if settings.is_null() { "" } else { unsafe { text(settings, "settings") }? };
-            let steering = Steering::from_toml(settings)?;
+            let steering = RefineSettings::from_toml(settings)?;
             let backend = given(engine, "engine")?.backend.clone();
             let field = scene_of(scene, &hologram.hologram)?;
             let whole = hologram.hologram.clone();

@@ -1,10 +1,10 @@
 //! Scenes: light fields of files, built in, or of the caller's own views.
 
-use eyebox::error::Reason;
 use crate::arrays::{array, given, hand_over, text};
 use crate::display::colors;
 use crate::failure::{Failure, answer, free, starts_threads};
 use crate::{EyeboxDisplay, EyeboxStatus};
+use eyebox::error::Reason;
 use eyebox::hologram::{Hologram, SceneRecord};
 use eyebox::optics::Color;
 use eyebox::produce::SceneJob;

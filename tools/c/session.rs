@@ -10,7 +10,7 @@ use eyebox::gaze::{Estimator, Eyepiece, Settings};
 use eyebox::hologram::Sequence;
 use eyebox::present::Rate;
 use eyebox::session::{Live, Play, SessionError, SessionOptions, TickedSession, Tracking};
-use eyebox::solve::Steering;
+use eyebox::solve::RefineSettings;
 use eyebox::trackers::{SampleSender, now_ns};
 use std::ffi::{c_char, c_void};
 use std::mem::MaybeUninit;
@@ -122,7 +122,7 @@ pub extern "C" fn eyebox_session_play(
 /// Shows a hologram that is refined for where the eye is, as `eyebox_session_look` says. The scene was loaded for the hologram's
 /// display, has its colours, and may be freed afterwards; null takes the one that the hologram was solved from, read as it was
 /// then. `display` is what is encoded for. `settings` is TOML, or null for the
-/// defaults: the fields of eyebox::solve::Steering, as of `eyebox_refiner_new`. It computes where `engine` does, beside it.
+/// defaults: the fields of eyebox::solve::RefineSettings, as of `eyebox_refiner_new`. It computes where `engine` does, beside it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eyebox_session_follow(
     hologram: Option<&EyeboxHologram>,
@@ -139,7 +139,7 @@ pub unsafe extern "C" fn eyebox_session_follow(
             let (display, engine) = (&given(display, "display")?.0, given(engine, "engine")?);
             // SAFETY: the header asks callers for texts that end with zero.
             let settings = if settings.is_null() { "" } else { unsafe { text(settings, "settings") }? };
-            let steering = Steering::from_toml(settings)?;
+            let steering = RefineSettings::from_toml(settings)?;
             let field = scene_of(scene, hologram)?;
             let depths = hologram.metadata.solve.as_ref().map_or([f64::NEG_INFINITY, f64::INFINITY], |s| s.depth);
             let eyepiece = Some(Eyepiece { focal_length: hologram.focal_length, depths });

@@ -10,7 +10,7 @@ use eyebox::low_level::calibrate::{Bench, Event, FEWEST, ModelAge, Report, TAKIN
 use eyebox::low_level::engine;
 use eyebox::low_level::error::Reason;
 use eyebox::low_level::files;
-use eyebox::low_level::optics::{Color, Display, Seen};
+use eyebox::low_level::optics::{Color, Display, PictureWarp};
 use eyebox::low_level::reason;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -86,15 +86,9 @@ fn celsius(text: &str) -> Result<f64, String> {
 
 /// Calibrates, writes the display's file, says how sure it is.
 pub fn run(args: &Calibrate) -> Result<(), Failure> {
-    if args.out.extension().is_none_or(|e| e != "toml") {
-        return Err(Failure::Arguments(reason!("ending", "{}: the name must end in .toml", args.out.display())));
-    }
-    files::check_place(&args.out)?;
+    common::check_output(&args.out, "toml")?;
     if let Some(page) = &args.report {
-        if page.extension().is_none_or(|e| e != "html") {
-            return Err(Failure::Arguments(reason!("ending", "{}: the name must end in .html", page.display())));
-        }
-        files::check_place(page)?;
+        common::check_output(page, "html")?;
     }
     let display = Display::load(&args.display)?;
     let green = display.wavelengths.iter().find(|w| w.color == Color::Green).or(display.wavelengths.first());
@@ -150,7 +144,7 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
     let mut fitted = calibrated.display.clone();
     if let Some(how) = &args.register {
         fitted.picture.straight = how == "straight";
-        fitted.picture.set(color, Seen::by_camera(calibrated.report.camera_map));
+        fitted.picture.set(color, PictureWarp::by_camera(calibrated.report.camera_map));
         fitted.picture.check(fitted.picture_size().into()).map_err(Failure::Arguments)?;
         let off = fitted.picture.farthest(color, fitted.picture_size().into());
         eprintln!("the {color} picture is seen up to {off:.2} pixels off its place, which is corrected from now on");

@@ -75,6 +75,19 @@ pub fn display_of(
     Ok(display)
 }
 
+/// Returns a count with its noun, such as `1 color` or `3 colors`.
+pub fn counted(count: usize, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
+}
+
+/// Checks the ending and the place of an output file.
+pub fn check_output(file: &Path, ending: &str) -> Result<(), Failure> {
+    if file.extension().is_none_or(|found| found != ending) {
+        return Err(Failure::Arguments(reason!("ending", "{}: the name must end in .{ending}", file.display())));
+    }
+    Ok(eyebox::low_level::files::check_place(file)?)
+}
+
 /// Refuses what is most likely a mistake, unless it is said to be meant.
 pub fn usual(force: bool, checked: Result<(), OpticsError>) -> Result<(), Failure> {
     match checked {

@@ -8,7 +8,7 @@ use crate::progress;
 use crate::score;
 use crate::solve::SolveProgress;
 use eyebox::low_level::engine::Engine;
-use eyebox::low_level::files::{self, FileError, OwnFolder};
+use eyebox::low_level::files::{self, FileError, ManagedDir};
 use eyebox::low_level::hologram::Hologram;
 use eyebox::low_level::optics::{Color, Display, Pupil, dioptres_in_words};
 use eyebox::low_level::produce::solve_colors;
@@ -33,8 +33,8 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
     if !(16..=4096).contains(&args.size) {
         return Err(Failure::Arguments(reason!("size", "--size {}: a demo has 16 to 4096 pixels a side", args.size)));
     }
-    let mut own = OwnFolder::open(&args.out, &MADE, args.overwrite.overwrite)?;
-    let mut compared = OwnFolder::open(&args.out.join("report"), &report::COMPARISON, args.overwrite.overwrite)?;
+    let mut own = ManagedDir::open(&args.out, &MADE, args.overwrite.overwrite)?;
+    let mut compared = ManagedDir::open(&args.out.join("report"), &report::COMPARISON, args.overwrite.overwrite)?;
     let mut display = Display::load("paper")?;
     (display.height, display.width) = (args.size, args.size);
     let colors: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
@@ -55,7 +55,7 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
     let levels = Levels::of(&display);
     let subject = Subject { field: &field, color: colors[0], display: &display, base, levels };
     let padding = subject.padding(&settings)?;
-    let _made = files::MadeFolder::new(&args.out)?;
+    let _made = files::CreatedDirGuard::new(&args.out)?;
     progress::catch_interrupt();
     let mut watch = SolveProgress::new(false);
     let solved = solve_colors(&subject, &colors, &settings, engine.as_mut(), &mut |event| watch.see(event))?;
@@ -130,7 +130,7 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
 }
 
 /// Writes a picture of red, green and blue planes.
-fn save(own: &mut OwnFolder, name: &str, [rows, columns]: [usize; 2], planes: &[Vec<f32>]) -> Result<(), Failure> {
+fn save(own: &mut ManagedDir, name: &str, [rows, columns]: [usize; 2], planes: &[Vec<f32>]) -> Result<(), Failure> {
     let (mut png, name) = (Vec::new(), format!("{name}.png"));
     let planes: Vec<&[f32]> = planes.iter().map(Vec::as_slice).collect();
     let encoded = files::encode_png(&mut png, rows, columns, &planes);
@@ -147,7 +147,7 @@ fn comparison(
     display: &Display,
     colors: &[Color],
     engine: &mut dyn Engine,
-    own: &mut OwnFolder,
+    own: &mut ManagedDir,
 ) -> Result<Option<PathBuf>, Failure> {
     let side = args.size.min(COMPARED);
     let display = Display { height: side, width: side, ..display.clone() };

@@ -5,7 +5,7 @@ use crate::args::Bench;
 use eyebox::low_level::gpu::{DeviceKind, Gpu, Options};
 use eyebox::low_level::optics::PupilDistribution;
 use eyebox::low_level::plan::DEVICES;
-use eyebox::low_level::solve::{Problem, Rehearsal, Settings, Steering};
+use eyebox::low_level::solve::{DryRun, Problem, RefineSettings, Settings};
 use serde_json::{Value, json};
 
 /// How well the place of an eye is known, metres.
@@ -18,19 +18,19 @@ pub fn run(args: &Bench, problem: Problem, settings: &Settings) -> Result<(), Fa
     let plan_as = if device.is_none() { Some(DeviceKind::Discrete) } else { None };
     let gpu = Gpu::open(&Options { device, allow_cpu: true, record_only: true, plan_as, ..Options::default() })?;
     let count = args.solve.steps.unwrap_or(8).max(2);
-    let rehearsal = match &args.pupil {
+    let dry_run = match &args.pupil {
         Some(pupil) => {
             let aim = PupilDistribution::around(&pupil.before(problem.optics.focal_length), SPREAD);
             let (window, seed, storage) = (settings.window, settings.seed, Some(settings.storage));
-            let steering = Steering { window, seed, storage, ..Steering::default() };
-            Rehearsal::of_refinement(problem, settings.frames, steering, aim, &gpu, count)?
+            let steering = RefineSettings { window, seed, storage, ..RefineSettings::default() };
+            DryRun::of_refinement(problem, settings.frames, steering, aim, &gpu, count)?
         }
-        None => Rehearsal::of_solve(&problem, settings, &gpu, count)?,
+        None => DryRun::of_solve(&problem, settings, &gpu, count)?,
     };
     if args.solve.json {
-        println!("{}", as_json(&rehearsal));
+        println!("{}", as_json(&dry_run));
     } else {
-        print(&rehearsal);
+        print(&dry_run);
     }
     Ok(())
 }
@@ -38,9 +38,9 @@ pub fn run(args: &Bench, problem: Problem, settings: &Settings) -> Result<(), Fa
 /// Numbers of a step: of the first one, and the mean of the later half.
 type Row = (&'static str, u64, f64);
 
-fn rows(rehearsal: &Rehearsal) -> [Row; 12] {
-    let first = &rehearsal.steps[0];
-    let row = |name, of: fn(&eyebox::low_level::solve::RehearsedStep) -> u64| (name, of(first), rehearsal.mean(of));
+fn rows(dry_run: &DryRun) -> [Row; 12] {
+    let first = &dry_run.steps[0];
+    let row = |name, of: fn(&eyebox::low_level::solve::DryRunStep) -> u64| (name, of(first), dry_run.mean(of));
     [
         row("dispatches", |s| s.recording.dispatches() as u64),
         row("barriers", |s| s.recording.barriers() as u64),
@@ -57,19 +57,19 @@ fn rows(rehearsal: &Rehearsal) -> [Row; 12] {
     ]
 }
 
-fn print(rehearsal: &Rehearsal) {
-    println!("{} steps recorded, none run", rehearsal.steps.len());
+fn print(dry_run: &DryRun) {
+    println!("{} steps recorded, none run", dry_run.steps.len());
     println!("{:24} {:>14} {:>14}", "a step", "the first", "later half");
-    for (name, first, later) in rows(rehearsal) {
+    for (name, first, later) in rows(dry_run) {
         println!("{:24} {first:14} {later:14.1}", name.replace('_', " "));
     }
     let slowest = DEVICES[DEVICES.len() - 1];
-    for (what, ms) in ["the longest dispatch", "the longest submission"].into_iter().zip(longest_ms(rehearsal)) {
+    for (what, ms) in ["the longest dispatch", "the longest submission"].into_iter().zip(longest_ms(dry_run)) {
         println!("{:24} {:>14} {ms:14.3}", format!("{what}, ms"), slowest.name);
     }
-    println!("{:24} {:>14} {:14.3}", "host, ms", "", rehearsal.host.as_secs_f64() * 1e3);
+    println!("{:24} {:>14} {:14.3}", "host, ms", "", dry_run.host.as_secs_f64() * 1e3);
     println!("\n{:24} {:>14} {:>14}", "the last, by kernel", "dispatches", "MB");
-    let last = rehearsal.steps.last().map(|step| step.recording.by_kernel()).unwrap_or_default();
+    let last = dry_run.steps.last().map(|step| step.recording.by_kernel()).unwrap_or_default();
     for (kernel, dispatches, bytes) in last {
         println!("{:24} {dispatches:14} {:14.1}", kernel.name(), bytes as f64 / 1e6);
     }
@@ -79,7 +79,7 @@ fn print(rehearsal: &Rehearsal) {
         "ms a step", "memory", "arithmetic", "stages", "submissions", "in all"
     );
     for device in &DEVICES {
-        let estimate = rehearsal.estimate(device);
+        let estimate = dry_run.estimate(device);
         let ms = |time: std::time::Duration| time.as_secs_f64() * 1e3;
         println!(
             "{:24} {:10.3} {:11.3} {:10.3} {:12.3} {:10.3}",
@@ -88,43 +88,43 @@ fn print(rehearsal: &Rehearsal) {
             ms(estimate.arithmetic),
             ms(estimate.stages),
             ms(estimate.submissions),
-            ms(estimate.total().max(rehearsal.host))
+            ms(estimate.total().max(dry_run.host))
         );
     }
 }
 
 /// What the longest dispatch and the longest submission of any step would take on the slowest device.
-fn longest_ms(rehearsal: &Rehearsal) -> [f64; 2] {
+fn longest_ms(dry_run: &DryRun) -> [f64; 2] {
     let slowest = DEVICES[DEVICES.len() - 1];
-    rehearsal.steps.iter().fold([0.0; 2], |most, step| {
+    dry_run.steps.iter().fold([0.0; 2], |most, step| {
         let one = slowest.longest(&step.recording).map(|time| time.as_secs_f64() * 1e3);
         [most[0].max(one[0]), most[1].max(one[1])]
     })
 }
 
-fn as_json(rehearsal: &Rehearsal) -> Value {
-    let rows = rows(rehearsal).map(|(name, first, later)| (name.to_owned(), json!({ "first": first, "later": later })));
+fn as_json(dry_run: &DryRun) -> Value {
+    let rows = rows(dry_run).map(|(name, first, later)| (name.to_owned(), json!({ "first": first, "later": later })));
     let devices = DEVICES.iter().map(|device| {
-        let estimate = rehearsal.estimate(device);
+        let estimate = dry_run.estimate(device);
         let ms = |time: std::time::Duration| time.as_secs_f64() * 1e3;
         let parts = json!({
             "memory_ms": ms(estimate.memory),
             "arithmetic_ms": ms(estimate.arithmetic),
             "stages_ms": ms(estimate.stages),
             "submissions_ms": ms(estimate.submissions),
-            "with_host_ms": ms(estimate.total().max(rehearsal.host)),
+            "with_host_ms": ms(estimate.total().max(dry_run.host)),
         });
         (device.name.to_owned(), parts)
     });
-    let kernels = rehearsal.steps.last().map(|step| step.recording.by_kernel()).unwrap_or_default();
+    let kernels = dry_run.steps.last().map(|step| step.recording.by_kernel()).unwrap_or_default();
     let kernels = kernels.into_iter().map(|(kernel, dispatches, bytes)| {
         (kernel.name().to_owned(), json!({ "dispatches": dispatches, "bytes": bytes }))
     });
     json!({
         "step": Value::Object(rows.into_iter().collect()),
-        "longest_dispatch_ms": longest_ms(rehearsal)[0],
-        "longest_submission_ms": longest_ms(rehearsal)[1],
-        "host_ms": rehearsal.host.as_secs_f64() * 1e3,
+        "longest_dispatch_ms": longest_ms(dry_run)[0],
+        "longest_submission_ms": longest_ms(dry_run)[1],
+        "host_ms": dry_run.host.as_secs_f64() * 1e3,
         "kernels": Value::Object(kernels.collect()),
         "modelled": Value::Object(devices.collect()),
     })

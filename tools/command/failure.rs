@@ -113,14 +113,13 @@ impl Failure {
     }
 }
 
-/// Prints a failure as one line on standard error and returns its exit code: a sentence, or JSON where a program asks for it.
+/// Prints a failure as one line on standard error and returns its exit code.
 pub fn print(failure: &Failure) -> ExitCode {
     print_error(&in_options(&failure.to_string()), &ErrorData::of(failure));
     ExitCode::from(failure.exit_code())
 }
 
-/// Prints what went wrong as one line on standard error: as JSON with `--json`, or where [`AS_JSON`] is set to 1, as for programs that
-/// call commands without that option.
+/// Prints an error as one line on standard error. It is JSON with `--json` or if [`AS_JSON`] is 1.
 pub fn print_error(message: &str, data: &ErrorData) {
     let asked =
         std::env::args_os().any(|word| word == "--json") || std::env::var_os(AS_JSON).is_some_and(|set| set == "1");
@@ -132,7 +131,7 @@ pub fn print_error(message: &str, data: &ErrorData) {
     }
 }
 
-/// The variable that asks for errors as JSON.
+/// Environment variable that asks for errors as JSON.
 const AS_JSON: &str = "EYEBOX_JSON_ERRORS";
 
 /// Fields and arguments of the library that a sentence may name and the command's options say: all but a few have the same name.

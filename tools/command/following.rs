@@ -7,7 +7,7 @@ use crate::play::{ClockName, StreamArgs};
 use crate::values::{not_negative, positive};
 use crate::{Failure, common};
 use clap::Args;
-use eyebox::low_level::calibrate::{Following, Report};
+use eyebox::low_level::calibrate::{FollowOptions, Report};
 use eyebox::low_level::files;
 use eyebox::low_level::hologram::{NewestHologram, Sequence};
 use eyebox::low_level::optics::Display;
@@ -66,10 +66,7 @@ pub fn show(
     }
     let model = follow.camera_model.as_deref();
     if let Some(file) = model {
-        if file.extension().is_none_or(|e| e != "toml") {
-            return Err(Failure::Arguments(reason!("ending", "{}: the name must end in .toml", file.display())));
-        }
-        files::check_place(file)?;
+        common::check_output(file, "toml")?;
     }
     let mut display = common::display(&subject.display)?;
     subject.eye.replace(&mut display.prescription)?;
@@ -84,7 +81,7 @@ pub fn show(
     let mut say = |line: &str| eprintln!("{line}");
     let output = live.shown.output(false, stream.sink());
     let following =
-        Following { command: camera, keep: follow.camera_keep.as_deref(), limit: None, iris_mm: follow.iris };
+        FollowOptions { command: camera, keep: follow.camera_keep.as_deref(), limit: None, iris_mm: follow.iris };
     let settle = Duration::from_secs_f64(follow.settle.min(1e6));
     let every = Duration::from_secs_f64((follow.camera_every * 60.0).min(1e9));
     let follower = BenchFollower::open((&display, color), (&output, settle), &following, every, &mut say)?;

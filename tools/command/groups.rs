@@ -8,7 +8,7 @@ use eyebox::low_level::hologram::{Hologram, HologramError};
 use eyebox::low_level::optics::{Depth, Display, Obstruction, Prescription};
 use eyebox::low_level::reason;
 use eyebox::low_level::reconstruction::{InputOptions, SceneReading, SolveInput};
-use eyebox::low_level::scene::{Near, Order, Photographs};
+use eyebox::low_level::scene::{Near, Order, ViewSynthesis};
 use std::path::{Path, PathBuf};
 
 /// Which engine computes.
@@ -152,15 +152,15 @@ const NEAR: Names<Near, 4> = [
 ];
 
 /// Of which views photographs are made.
-const PHOTOGRAPHS: Names<Photographs, 4> = [
+const PHOTOGRAPHS: Names<ViewSynthesis, 4> = [
     (
         "auto",
         "Its own where they are close; else of layers, or interpolated, as the views themselves tell",
-        Photographs::Auto,
+        ViewSynthesis::Auto,
     ),
-    ("cells", "Its own, however far apart", Photographs::Cells),
-    ("layers", "As many as are needed, of Fourier disparity layers", Photographs::Layers),
-    ("between", "As many as are needed, interpolated with what is hidden", Photographs::Between),
+    ("cells", "Its own, however far apart", ViewSynthesis::Cells),
+    ("layers", "As many as are needed, of Fourier disparity layers", ViewSynthesis::Layers),
+    ("between", "As many as are needed, interpolated with what is hidden", ViewSynthesis::Between),
 ];
 
 /// The scene, in every command that takes one.
@@ -199,7 +199,7 @@ pub struct SceneOptions {
     pub order: Option<Order>,
     /// Of which views of a folder photographs are made [default: auto; in score, what the hologram was solved for]
     #[arg(help_heading = "Scene", long, value_parser = one_of(&PHOTOGRAPHS), value_name = "WHICH")]
-    pub photographs: Option<Photographs>,
+    pub photographs: Option<ViewSynthesis>,
 }
 
 /// A hologram beside a scene.

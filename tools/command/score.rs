@@ -5,7 +5,7 @@ use crate::args::Score;
 use crate::common;
 use crate::progress::JobBar;
 use eyebox::low_level::evaluate::Summary;
-use eyebox::low_level::files::MadeFolder;
+use eyebox::low_level::files::CreatedDirGuard;
 use eyebox::low_level::hologram::{Hologram, PhaseSource};
 use eyebox::low_level::optics::{Color, Depth, Display, Pupil, dioptres, dioptres_in_words};
 use eyebox::low_level::reason;
@@ -45,7 +45,7 @@ pub fn run(args: &Score) -> Result<(), Failure> {
         gaze: args.gaze,
         maps: args.jod_maps.as_deref(),
     };
-    let _made = args.jod_maps.as_deref().map(MadeFolder::new).transpose()?;
+    let _made = args.jod_maps.as_deref().map(CreatedDirGuard::new).transpose()?;
     let judged = judging.places(pupils.len()).len();
     source.judge(&scene, &mut scores, &judging, engine.as_mut(), &mut |done| {
         bar.show(&format!("judging {judged} pupils"), done as f64 / judged.max(1) as f64);

@@ -13,7 +13,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// How often ctrl-C is looked for.
-const PATIENCE: Duration = Duration::from_millis(50);
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// Tells what happens until a session ends or ctrl-C stops it, and what came of it. `line` is what is written over while it
 /// runs: of how it is, how it was, and the seconds between. `stats` has every second what it came to so far.
@@ -30,7 +30,7 @@ pub fn attend(session: Session, stats: Option<&Path>, line: impl Fn(&Status, &St
     let grows = |file: &&Path| file.metadata().map_or(true, |there| there.is_file());
     let mut stats = stats.filter(grows).map(|file| (file, Instant::now()));
     loop {
-        match session.event(PATIENCE) {
+        match session.event(POLL_INTERVAL) {
             Some(SessionEvent::Note(note)) => {
                 clear();
                 eprintln!("note: {note}");

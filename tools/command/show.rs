@@ -259,7 +259,7 @@ fn show(args: &Show, steered: Steered, cost: Option<Cost>, stage: Stage) -> Resu
     let tracker = args.live.tracker.tracker.as_deref();
     let kept = live::KeptSession { journal: args.journal.clone(), replay: args.replay.clone() };
     let (sink, depths) = (args.stream.sink(), args.subject.options.depth_before(steered.encoder.display()));
-    live::show(steered, &args.live, live::Showing { tracker, simulated: cost, sink, depths, kept }, stage)
+    live::show(steered, &args.live, live::ShowOptions { tracker, simulated: cost, sink, depths, kept }, stage)
 }
 
 /// What is refined while it is shown: what work takes on a simulated clock, and a line for what it does not take.
@@ -319,7 +319,7 @@ fn application(args: &Show, name: &str) -> Result<(), Failure> {
     use eyebox::low_level::encode::Encoder;
     use eyebox::low_level::hologram::{ColorHologram, Hologram};
     use eyebox::low_level::optics::Color;
-    use eyebox::low_level::session::{LiveInput, LiveKind, SteeredColor, darkness};
+    use eyebox::low_level::session::{LiveColor, LiveInput, LiveKind, darkness};
 
     let cost = match &args.replay {
         // Nothing is timed that was decided before.
@@ -347,7 +347,7 @@ fn application(args: &Show, name: &str) -> Result<(), Failure> {
     };
     let encoder = Encoder::new(&display, &colors, args.frames)?;
     let parts = darkness(&display, &colors, args.frames, args.live.policy.steering.seed)?;
-    let of = |(color, part): (&Color, &SteeredColor)| ColorHologram {
+    let of = |(color, part): (&Color, &LiveColor)| ColorHologram {
         color: Some(*color),
         wavelength: part.problem.optics.wavelength,
         exposure: part.exposure,

@@ -21,9 +21,9 @@ use eyebox::low_level::reconstruction::PupilScore;
 use eyebox::low_level::scene;
 use eyebox::low_level::solve::{Method, Optimizer, Settings, Solution, Stop};
 use eyebox::low_level::tiled::MemoryLimit;
+pub use progress::SolveProgress;
 use serde_json::{Value, json};
 use std::time::Instant;
-pub use progress::SolveProgress;
 
 /// Solves, saves, and says what came of it.
 pub fn run(args: &Solve) -> Result<(), Failure> {

@@ -17,7 +17,7 @@ const SETTLE: Duration = Duration::from_millis(300);
 /// Samples of a fixation are taken for so long.
 const FIXATION: Duration = Duration::from_millis(600);
 /// A tracker that says nothing for so long is not going to.
-const PATIENCE: Duration = Duration::from_secs(5);
+const TRACKER_TIMEOUT: Duration = Duration::from_secs(5);
 const MOST_SAMPLES: usize = 10_000;
 
 /// Asks, takes samples, fits, writes the user's file.
@@ -94,7 +94,7 @@ fn fixation(stream: &Stream) -> Result<Vec<Sample>, Failure> {
         if let Some(failure) = stream.status().failure {
             return Err(Failure::Arguments(Reason::new("tracker", failure)));
         }
-        if (first.is_none() && asked.elapsed() > PATIENCE) || progress::interrupted() {
+        if (first.is_none() && asked.elapsed() > TRACKER_TIMEOUT) || progress::interrupted() {
             return Err(Failure::Arguments(reason!(
                 "no-eye",
                 "the tracker saw no eye for five seconds: nothing is written"

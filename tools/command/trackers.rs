@@ -112,7 +112,9 @@ fn say(line: &str) -> io::Result<()> {
 
 fn said(result: io::Result<()>) -> Result<(), Failure> {
     match result {
-        Err(e) if !talk::is_broken_pipe(&e) => Err(Failure::Arguments(reason!("standard-output", "standard output: {e}"))),
+        Err(e) if !talk::is_broken_pipe(&e) => {
+            Err(Failure::Arguments(reason!("standard-output", "standard output: {e}")))
+        }
         _ => Ok(()),
     }
 }

@@ -35,7 +35,7 @@ pub fn print(error: &Error) -> ExitCode {
     }
 }
 
-/// The mistake as data: its kind as clap names it, the argument and the value.
+/// Returns a mistake as data, with its kind in clap's name, the argument and the value.
 fn data(error: &Error) -> ErrorData {
     let kind = format!("{:?}", error.kind());
     let kind = kind.char_indices().fold(String::new(), |kind, (at, c)| match c {

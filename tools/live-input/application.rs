@@ -10,7 +10,7 @@ use std::sync::atomic::{Ordering, fence};
 use std::time::Duration;
 
 /// How long a display has to answer: it does so when it next looks.
-const PATIENCE: Duration = Duration::from_secs(10);
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// A connection to a display. The display notices when it is dropped.
 #[derive(Debug)]
@@ -43,7 +43,7 @@ impl Application {
         let stream = UnixStream::connect(socket::path_of(folder, name)?)
             .map_err(|e| LiveError::NoDisplay { name: name.into(), reason: e.to_string() })?;
         socket::check_peer(&stream)?;
-        let (fd, bytes) = socket::greeted(&stream, PATIENCE)?;
+        let (fd, bytes) = socket::greeted(&stream, ANSWER_TIMEOUT)?;
         stream.set_nonblocking(true).map_err(|error| LiveError::System { what: "a socket", error })?;
         let region = Region::received(fd, bytes)?;
         if bytes < 4096 {

@@ -120,12 +120,15 @@ impl From<Failure> for PyErr {
             Failure::Session(_) => SessionError::new_err(said),
             Failure::Encode(_) => EncodeError::new_err(said),
         };
-        // What cannot be attached is missed by nobody who reads the sentence.
+        // An exception without these attributes still has its sentence.
         Python::attach(|py| {
             let exception = error.value(py);
             let _ = exception.setattr("code", data.code);
             let fields = serde_json::Value::Object(data.fields).to_string();
-            let _ = py.import("json").and_then(|json| json.call_method1("loads", (fields,))).map(|fields| exception.setattr("fields", fields));
+            let _ = py
+                .import("json")
+                .and_then(|json| json.call_method1("loads", (fields,)))
+                .map(|fields| exception.setattr("fields", fields));
         });
         error
     }

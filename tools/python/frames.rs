@@ -7,7 +7,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// A video frame that was shown.
-pub(crate) struct Shown {
+pub(crate) struct DisplayedFrame {
     /// (row, column, channel).
     pub(crate) pixels: Vec<u8>,
     /// Which video frame of the display.
@@ -26,7 +26,7 @@ pub(crate) struct Shown {
 
 #[derive(Default)]
 struct Waiting {
-    frames: VecDeque<Shown>,
+    frames: VecDeque<DisplayedFrame>,
     left_out: u64,
     /// No more will come.
     over: bool,
@@ -58,7 +58,7 @@ impl Frames {
     }
 
     /// The oldest that waits, or none where no more will come; fails where nothing came in time.
-    pub(crate) fn take(&self, patience: Duration) -> Result<Option<Shown>, ()> {
+    pub(crate) fn take(&self, patience: Duration) -> Result<Option<DisplayedFrame>, ()> {
         let empty = |w: &mut Waiting| w.frames.is_empty() && !w.over && !w.given_up && self.most > 0;
         let waited = self.shared.1.wait_timeout_while(self.lock(), patience, empty);
         let mut waiting = waited.map_or_else(|poisoned| poisoned.into_inner().0, |(waiting, _)| waiting);
@@ -106,7 +106,7 @@ impl Sender {
         let mut pixels = spare.map(|spare| spare.pixels).unwrap_or_default();
         pixels.clear();
         pixels.extend_from_slice(frame.picture);
-        frames.lock().frames.push_back(Shown {
+        frames.lock().frames.push_back(DisplayedFrame {
             pixels,
             number: frame.vblank,
             lit_ns: frame.predicted_display_time_ns,

@@ -68,6 +68,10 @@ mod _eyebox {
     #[pymodule_init]
     fn about(module: &Bound<'_, PyModule>) -> PyResult<()> {
         crate::warn::listen();
+        // The package's own Python code raises these exceptions too.
+        let base = module.py().get_type::<EyeboxError>();
+        base.setattr("code", "")?;
+        base.setattr("fields", pyo3::types::PyDict::new(module.py()))?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }
 }

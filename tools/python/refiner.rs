@@ -11,7 +11,7 @@ use crate::told::Told;
 use eyebox::hologram::ColorHologram;
 use eyebox::optics::PupilDistribution;
 use eyebox::produce::{ProduceError, Refinement};
-use eyebox::solve::{Flow, Steering};
+use eyebox::solve::{Flow, RefineSettings};
 use pyo3::prelude::*;
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -46,7 +46,7 @@ impl Refiner {
         let on_device = engine.get().on_device;
         run(py, on_device, move |_| {
             let (hologram, scene) = (&hologram.get().0, scene.get());
-            let steering = Steering::from_toml(&settings)?;
+            let steering = RefineSettings::from_toml(&settings)?;
             check_scene(hologram, scene, other_scene)?;
             let backend = engine.get().backend()?;
             let refined = hologram.clone().refine(&scene.field, steering, || backend.engine());

@@ -24,14 +24,14 @@ pub(crate) struct Scene {
     /// What identifies it.
     pub(crate) record: SceneRecord,
     /// How it was asked for, which holograms of it remember.
-    asked: Asked,
+    asked: SceneOptions,
 }
 
 /// Views per axis, metres between them, a depth map, metres that its ends mean, which of its values are near, the order of the views.
 type Options = (Option<usize>, Option<f64>, Option<PathBuf>, Option<[f64; 2]>, Option<String>, Option<String>);
 
 #[derive(Default)]
-struct Asked {
+struct SceneOptions {
     view_pitch: Option<f64>,
     views: Option<usize>,
     depth_map: Option<PathBuf>,
@@ -63,7 +63,7 @@ impl Scene {
         let input = SolveInput::open(hologram, &options)?;
         let (field, source) = (input.light_field()?, input.source().to_owned());
         let record = SceneRecord::of_source(&source, input.request().depth_map)?;
-        Ok(Self { field, source, record, asked: Asked::default() })
+        Ok(Self { field, source, record, asked: SceneOptions::default() })
     }
 
     /// A job of its colours that remembers how it was loaded.
@@ -73,7 +73,12 @@ impl Scene {
     }
 }
 
-fn job<'a>(source: &str, display: &'a eyebox::optics::Display, colors: Vec<Color>, asked: &Asked) -> SceneJob<'a> {
+fn job<'a>(
+    source: &str,
+    display: &'a eyebox::optics::Display,
+    colors: Vec<Color>,
+    asked: &SceneOptions,
+) -> SceneJob<'a> {
     SceneJob {
         colors,
         view_pitch_mm: asked.view_pitch.map(|metres| metres * 1e3),
@@ -100,7 +105,7 @@ impl Scene {
         let (views, view_pitch, depth_map, depth, near, order) = options;
         let near = near.as_deref().map(near_of).transpose()?;
         let order = order.as_deref().map(order_of).transpose()?;
-        let asked = Asked { view_pitch, views, depth_map, depth, near, order };
+        let asked = SceneOptions { view_pitch, views, depth_map, depth, near, order };
         run(py, false, move |_| {
             let display = &display.get().0;
             let job = job(&source, display, colors(display, &color_names)?, &asked);
@@ -160,7 +165,7 @@ impl Scene {
             let record = SceneRecord::of_views(&source, &field);
             let fits = (field.height, field.width) == (rows, columns);
             let field = if fits { field } else { field.fit(rows, columns, Fit::Contain) };
-            Ok(Self { field, source, record, asked: Asked { view_pitch, ..Asked::default() } })
+            Ok(Self { field, source, record, asked: SceneOptions { view_pitch, ..SceneOptions::default() } })
         })
     }
 

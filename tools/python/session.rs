@@ -5,7 +5,7 @@ use crate::display::{Display, colors};
 use crate::engine::Engine;
 use crate::failure::{Answer, Failure};
 use crate::forked::{OfProcess, refuse_after_computing};
-use crate::frames::{Frames, Shown};
+use crate::frames::{DisplayedFrame, Frames};
 use crate::hologram::{Hologram, check_scene};
 use crate::scene::Scene;
 use eyebox::encode::Encoder;
@@ -13,7 +13,7 @@ use eyebox::gaze::{self, Estimator, Eyepiece};
 use eyebox::hologram::{Opening, Sequence};
 use eyebox::present::Rate;
 use eyebox::session::{Command, Content, Cost, Live, Output, Play, Policy, SessionEvent, SessionOptions, Tracking};
-use eyebox::solve::Steering;
+use eyebox::solve::RefineSettings;
 use eyebox::trackers::{self, SampleSender};
 use numpy::PyArray3;
 use pyo3::exceptions::PyBaseException;
@@ -41,7 +41,7 @@ pub(crate) struct Where {
 /// Who is followed, and how; metres, seconds.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub(crate) struct Following {
+pub(crate) struct EyeOptions {
     /// "own" for samples that the program gives, another tracker by its name, or nobody.
     eye: Option<String>,
     focus: f64,
@@ -53,27 +53,27 @@ pub(crate) struct Following {
     /// Whether each sub-frame is refined for its own moment.
     moments: bool,
     restart: f64,
-    /// Fields of `solve::Steering`, TOML.
+    /// Fields of `solve::RefineSettings`, TOML.
     steering: String,
 }
 
 /// Content on a display, on threads of its own.
 #[pyclass(frozen, module = "eyebox._eyebox")]
 pub(crate) struct Session {
-    running: OfProcess<Running>,
+    running: OfProcess<StartedSession>,
     /// Rows, columns and channels of a video frame.
     shape: [usize; 3],
     about: About,
 }
 
 /// What exists in the process that began it alone.
-struct Running {
+struct StartedSession {
     session: Mutex<Option<eyebox::session::Session>>,
     eye: Option<SampleSender>,
     frames: Frames,
 }
 
-impl Drop for Running {
+impl Drop for StartedSession {
     fn drop(&mut self) {
         // A simulated display that waits for Python would never end.
         self.frames.give_up();
@@ -117,12 +117,12 @@ impl Where {
         let about = session.about();
         let rate = about.display_rate.hz();
         let about = (about.presenter.clone(), rate, about.set_frames, about.sub_frames, about.rolls);
-        let running = Running { session: Mutex::new(Some(session)), eye, frames };
+        let running = StartedSession { session: Mutex::new(Some(session)), eye, frames };
         Ok(Session { running: OfProcess::new(running, "the session", "Leave it to the parent"), shape, about })
     }
 }
 
-impl Following {
+impl EyeOptions {
     /// Whose eye is followed, and where the program's samples go.
     fn tracking(&self, simulated: bool, eyepiece: Eyepiece) -> Answer<(Option<SampleSender>, Option<Tracking>)> {
         let Some(name) = &self.eye else { return Ok((None, None)) };
@@ -155,7 +155,7 @@ impl Following {
     }
 
     fn set(&self, live: &mut Live, simulated: bool) -> Answer<()> {
-        live.policy = Policy { restart: self.restart, steering: Steering::from_toml(&self.steering)? };
+        live.policy = Policy { restart: self.restart, steering: RefineSettings::from_toml(&self.steering)? };
         (live.cost, live.whole_sets, live.moments) = (self.cost(simulated)?, self.whole_sets, self.moments);
         live.display_latency = time(self.display_latency, "latency")?.min(Duration::from_secs(10));
         Ok(())
@@ -220,7 +220,7 @@ impl Session {
         scene: Py<Scene>,
         display: Py<Display>,
         engine: Py<Engine>,
-        following: Following,
+        following: EyeOptions,
         shown: Where,
         other_scene: bool,
     ) -> PyResult<Self> {
@@ -251,7 +251,7 @@ impl Session {
         display: Py<Display>,
         content: (Vec<String>, usize, String, u32),
         engine: Py<Engine>,
-        following: Following,
+        following: EyeOptions,
         shown: Where,
     ) -> PyResult<Self> {
         use eyebox::session::{LiveInput, LiveKind, darkness};
@@ -269,7 +269,7 @@ impl Session {
             let (eye, tracking) = following.tracking(shown.simulated, eyepiece)?;
             let encoder = Encoder::new(display, &colors, frames)?;
             let shape = shape(&encoder);
-            let seed = Steering::from_toml(&following.steering)?.seed;
+            let seed = RefineSettings::from_toml(&following.steering)?.seed;
             let parts = darkness(display, &colors, frames, seed)?;
             let mut live = Live::new(parts, encoder, backend.clone(), tracking);
             following.set(&mut live, shown.simulated)?;
@@ -298,7 +298,7 @@ impl Session {
                 break None;
             }
         };
-        let Some(Shown { pixels, number, lit_ns, hologram, part, new, late }) = shown else { return Ok(None) };
+        let Some(DisplayedFrame { pixels, number, lit_ns, hologram, part, new, late }) = shown else { return Ok(None) };
         let pixels = crate::arrays::bytes(py, pixels, self.shape)?;
         Ok(Some((pixels, number, lit_ns as f64 * 1e-9, hologram, part, new, late)))
     }

@@ -22,7 +22,7 @@ FILES = [
             ("[mask]", "optics/mask.rs", "Mask"),
             ("[[sources]]", "optics/switched.rs", "SwitchedSource"),
             ("[picture]", "optics/picture.rs", "Picture"),
-            ("[picture.COLOR]", "optics/picture.rs", "Seen"),
+            ("[picture.COLOR]", "optics/picture.rs", "PictureWarp"),
             ("[prescription]", "optics/prescription.rs", "Prescription"),
             ("[viewing]", "optics/viewing.rs", "Viewing"),
         ],
@@ -40,7 +40,7 @@ FILES = [
     (
         "Settings of a refinement",
         "The same for steering.",
-        [("", "solve/solve/steering.rs", "Steering")],
+        [("", "solve/solve/refine_settings.rs", "RefineSettings")],
     ),
     (
         "A HID tracker's description",

@@ -104,7 +104,7 @@ impl NpyArray {
         if self.read.is_none() {
             let all: usize = self.shape.iter().product();
             let what = || format!("its shape {:?} in Fortran order", self.shape);
-            let promised = memory::promise(what, memory::bytes_of(&[all, 2], 4), "save it in C order");
+            let promised = memory::check_available(what, memory::bytes_of(&[all, 2], 4), "save it in C order");
             promised.map_err(|e| FileError::content(&self.file, e.to_string()))?;
             let values = self.reader.take(all).map_err(|wrong| wrong.of(&self.file))?;
             self.read = Some(from_fortran(&self.shape, &values).into_iter());

@@ -1,8 +1,8 @@
 //! Files that grow for as long as something lasts: recordings. What was written up to any end, by force too, is there.
 
 use super::FileError;
-use super::drafts::{self, FileDraft};
-use super::patient::Patient;
+use super::staging::{self, FileDraft};
+use super::timeout_writer::TimeoutWriter;
 use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -29,7 +29,7 @@ enum Out {
     Draft(FileDraft),
     File(File),
     /// A pipe or a device, of which nothing can be taken back.
-    Stream(Patient),
+    Stream(TimeoutWriter),
     /// It failed.
     Ended,
 }
@@ -43,9 +43,9 @@ impl GrowingFile {
         let failed = |e| FileError::write(place, e);
         super::check_place(place)?;
         let out = if std::fs::metadata(place).is_ok_and(|there| !there.is_file()) {
-            Out::Stream(Patient::open(place).map_err(failed)?)
+            Out::Stream(TimeoutWriter::open(place).map_err(failed)?)
         } else {
-            Out::Draft(drafts::file(super::whole::parent(place)).map_err(failed)?)
+            Out::Draft(staging::file(super::atomic::parent(place)).map_err(failed)?)
         };
         Ok(Self { place: place.to_path_buf(), out, waiting: Vec::new(), whole: 0, written: None })
     }

@@ -5,13 +5,14 @@
 //! a crash or Ctrl-C leaves what was there before. This room knows bytes and shapes, nothing of optics.
 
 mod array;
+mod atomic;
 mod cache;
 #[cfg_attr(not(feature = "image-formats"), path = "no_codec.rs")]
 mod codec;
 #[cfg(feature = "image-formats")]
 mod color_profile;
 mod convert;
-mod drafts;
+mod created_dir;
 mod entry;
 #[cfg(feature = "image-formats")]
 mod exr_pixels;
@@ -21,14 +22,12 @@ mod growing;
 #[cfg_attr(not(unix), path = "held_path.rs")]
 mod held;
 mod kind;
-mod made;
+mod managed_dir;
 mod npy;
 mod npy_header;
 mod os;
 mod other_kind;
 mod overlay;
-mod own;
-mod patient;
 mod picture;
 #[cfg_attr(not(feature = "image-formats"), path = "no_pixels.rs")]
 mod pixels;
@@ -38,13 +37,15 @@ mod record;
 mod samples;
 mod similar;
 mod sniff;
+mod staging;
 mod text;
 #[cfg(feature = "image-formats")]
 mod tiff_pixels;
-mod whole;
+mod timeout_writer;
 mod zip;
 
 pub use array::NpyArray;
+pub use atomic::{FolderDraft, check_place, write_file};
 pub use cache::cache_folder;
 pub use codec::encode_jpeg8;
 pub use codec::read_png8;
@@ -52,22 +53,18 @@ pub use codec::read_png8;
 pub use color_profile::color_space;
 pub use convert::Wanted;
 pub use convert::{npz_line, zarr_line};
-pub use drafts::end_without_drafts;
-pub use drafts::is_draft;
+pub use created_dir::CreatedDirGuard;
 pub use entry::Kind;
 pub use folder::Folder;
 pub use grey::read_grey;
 pub use growing::GrowingFile;
 pub use kind::FileKind;
-pub use made::MadeFolder;
+pub use managed_dir::ManagedDir;
+pub use managed_dir::{holds_only_own, write_listed};
 pub use npy::{Npy, read_npy, write_npy};
 pub use npy::{npy_header, read_npy_with_gaps};
 pub use other_kind::OtherKind;
 pub use overlay::overlay;
-pub use own::OwnFolder;
-pub use own::{holds_only_own, write_listed};
-pub use patient::Patient;
-pub use patient::asked_to_end;
 pub use picture::encode_grey8;
 pub use picture::encode_rgb8;
 pub use picture::{encode_png, linear_to_srgb, write_png};
@@ -79,8 +76,11 @@ pub use record::FileRecord;
 pub use record::{Digester, digest_file};
 pub use samples::{ColorSpace, Pixels, Samples};
 pub use similar::similar;
+pub use staging::end_without_drafts;
+pub use staging::is_draft;
 pub use text::decode as decode_text;
-pub use whole::{FolderDraft, check_place, write_file};
+pub use timeout_writer::TimeoutWriter;
+pub use timeout_writer::asked_to_end;
 
 #[cfg(test)]
 mod kind_tests;

@@ -123,7 +123,8 @@ fn parse(from: &mut dyn Read, length: u64) -> Result<Npy, Wrong> {
     let mut reader = NpyReader::new(from, length)?;
     let (count, copies) = (reader.left, 1 + usize::from(reader.header.fortran_order));
     let what = || format!("its shape {:?}", reader.header.shape);
-    memory::promise(what, memory::bytes_of(&[count, copies], 4), "read a part of it").map_err(|e| Reason::of(&e))?;
+    memory::check_available(what, memory::bytes_of(&[count, copies], 4), "read a part of it")
+        .map_err(|e| Reason::of(&e))?;
     let mut values = reader.take(count)?;
     let NpyReader { header, .. } = reader;
     if header.fortran_order {

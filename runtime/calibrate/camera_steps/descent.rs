@@ -1,6 +1,6 @@
 //! The steps, and what they are judged by.
 
-use super::pictures::{CameraBench, OfColor, Seen};
+use super::pictures::{CameraBench, CapturedLight, OfColor};
 use super::registration::{self, Pair, registered};
 use super::sensor::{Fine, Grid};
 use crate::{CalibrateError, Event};
@@ -202,7 +202,7 @@ impl<'r, 'a> Run<'r, 'a> {
     }
 
     /// Pictures through the held-out pupils, which become those that were there.
-    fn held_out(&mut self, phases: &[f32]) -> Result<Vec<Seen>, CalibrateError> {
+    fn held_out(&mut self, phases: &[f32]) -> Result<Vec<CapturedLight>, CalibrateError> {
         let CameraBench { camera, colors, .. } = &mut *self.bench;
         let mut all = Vec::with_capacity(HELD_OUT);
         for pupil in &mut self.held_out {
@@ -216,7 +216,7 @@ impl<'r, 'a> Run<'r, 'a> {
 
     /// What should be seen through the held-out pupils, and what the camera makes of light, by what the model has of the first
     /// pictures.
-    fn look_at_once(&mut self, seen: &[Seen]) -> Result<(), CalibrateError> {
+    fn look_at_once(&mut self, seen: &[CapturedLight]) -> Result<(), CalibrateError> {
         let whole = Planner { factor: WindowFactor::Full, ..self.planner.clone() };
         let mut predicted = Vec::with_capacity(seen.len());
         for seen in seen {
@@ -244,7 +244,7 @@ impl<'r, 'a> Run<'r, 'a> {
     }
 
     /// Where the camera looks, and what it makes of light, by pictures beside the model's. Returns what its pixels see of the model's.
-    fn register(&mut self, seen: &[Seen], predicted: &[Fine], free: &[usize]) -> Vec<Vec<f32>> {
+    fn register(&mut self, seen: &[CapturedLight], predicted: &[Fine], free: &[usize]) -> Vec<Vec<f32>> {
         let of = &mut self.bench.colors[self.of];
         let pairs = seen.iter().zip(predicted).map(|(seen, predicted)| Pair { light: &seen.light, predicted });
         of.sensor = registered(&of.sensor, &pairs.collect::<Vec<_>>(), free);
@@ -259,8 +259,8 @@ impl<'r, 'a> Run<'r, 'a> {
     }
 
     /// PSNR of pictures through the held-out pupils, dB, at one exposure for all.
-    fn scores(&self, seen: &[Seen]) -> Result<Vec<f64>, CalibrateError> {
-        let of = |(seen, (target, grid)): (&Seen, &(Vec<f32>, Grid))| {
+    fn scores(&self, seen: &[CapturedLight]) -> Result<Vec<f64>, CalibrateError> {
+        let of = |(seen, (target, grid)): (&CapturedLight, &(Vec<f32>, Grid))| {
             let target = self.of().sensor.see(&Fine::of_image(target, *grid));
             let per = (1.0 / (self.gain * self.share(&seen.pupil))) as f32;
             let pairs = seen.light.iter().zip(&target).filter(|(l, _)| l.is_finite());

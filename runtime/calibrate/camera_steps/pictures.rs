@@ -50,7 +50,7 @@ pub(super) struct OfColor {
 }
 
 /// What the camera's pixels saw through a pupil.
-pub(super) struct Seen {
+pub(super) struct CapturedLight {
     /// Where the iris was.
     pub(super) pupil: Pupil,
     /// Light in a millisecond, in the order of the sensor's pixels; not a number where it was saturated.
@@ -189,12 +189,17 @@ impl Camera<'_> {
 
     /// What the camera sees of a set of sub-frames (phases, sub-frame by sub-frame) through a pupil, or the nearest that the bench
     /// has; none where the bench could not.
-    pub(super) fn see(&mut self, of: &OfColor, phases: &[f32], pupil: Pupil) -> Result<Option<Seen>, CalibrateError> {
+    pub(super) fn see(
+        &mut self,
+        of: &OfColor,
+        phases: &[f32],
+        pupil: Pupil,
+    ) -> Result<Option<CapturedLight>, CalibrateError> {
         self.session.color = (of.color, of.nm);
         let (iris_mm, focus_mm) = self.within_reach(pupil);
         let pixels = self.slm[0] * self.slm[1];
         let at_once = self.at_once(phases.len() / pixels);
-        let mut seen: Option<Seen> = None;
+        let mut seen: Option<CapturedLight> = None;
         for part in phases.chunks(at_once * pixels) {
             let drive: Vec<f64> = part.iter().map(|p| f64::from(*p)).collect();
             let (name, pattern) =
@@ -212,7 +217,7 @@ impl Camera<'_> {
                 });
             };
             let pupil = Pupil::from_mm([x, y, d, shot.focus_mm]).check()?;
-            let sum = seen.get_or_insert_with(|| Seen { pupil, light: vec![0.0; light.len()] });
+            let sum = seen.get_or_insert_with(|| CapturedLight { pupil, light: vec![0.0; light.len()] });
             sum.light.iter_mut().zip(light).for_each(|(sum, v)| *sum += share as f32 * v);
         }
         Ok(seen)

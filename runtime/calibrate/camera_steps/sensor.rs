@@ -1,9 +1,9 @@
 //! Between an image on a window's grid and the pixels of the camera.
 
+use crate::classified::CAMERA_PIXEL;
 use crate::map::CameraMap;
 use crate::pattern::transposed;
 use crate::seen::points_of_pixel;
-use crate::sorted::CAMERA_PIXEL;
 use eyebox_kernels::{Complex64, fft, modulate};
 use rayon::prelude::*;
 

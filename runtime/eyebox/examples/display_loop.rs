@@ -9,7 +9,7 @@ use eyebox::gaze::Estimator;
 use eyebox::gpu::Options;
 use eyebox::optics::{Color, Display, Padding};
 use eyebox::scene::{self, Request};
-use eyebox::session::{Live, Output, Session, SessionEvent, SessionOptions, SteeredColor, Tracking};
+use eyebox::session::{Live, LiveColor, Output, Session, SessionEvent, SessionOptions, Tracking};
 use eyebox::solve::{Flow, Problem, Settings, solve};
 use std::time::Duration;
 
@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     // From now on it is refined for where the eye is, on threads of its own.
     let encoder = Encoder::new(&display, &[Color::Green], settings.frames)?;
-    let colors = vec![SteeredColor { problem, phases: whole.phases, exposure: whole.exposure, laser: None }];
+    let colors = vec![LiveColor { problem, phases: whole.phases, exposure: whole.exposure, laser: None }];
     let (eye, tracking) = Tracking::mouse(Estimator::new(Default::default(), None)?);
     let live = Live::new(colors, encoder, backend, tracking);
     let output = Output::Memory { simulated: false, sink: None };

@@ -6,7 +6,7 @@ use eyebox::engine::{self, Choice};
 use eyebox::optics::{Display, Pupil, PupilDistribution};
 use eyebox::produce::{SceneJob, solve_scene};
 use eyebox::reconstruction::SceneSource;
-use eyebox::solve::{Flow, Settings, Steering};
+use eyebox::solve::{Flow, RefineSettings, Settings};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let display = Display { height: 96, width: 96, ..Display::load("paper")? };
@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let whole = solved.into_hologram().ok_or("one scene makes one hologram")?;
     let field = job.load(0)?;
     let scene = SceneSource::new(field.clone(), &display)?;
-    let mut refinement = whole.clone().refine(&field, Steering::default(), || engine::open(Choice::Cpu))?;
+    let mut refinement = whole.clone().refine(&field, RefineSettings::default(), || engine::open(Choice::Cpu))?;
     for degrees in (0..360).step_by(45) {
         let (sin, cos) = f64::from(degrees).to_radians().sin_cos();
         let pupil = Pupil { x: 5e-3 * cos, y: 5e-3 * sin, diameter: 4e-3, depth: 0.0 };

@@ -22,11 +22,11 @@ pub enum Source {
     /// They are solved.
     Solved(Method),
     /// They exist.
-    Given(Vec<Given>),
+    Given(Vec<ExistingHologram>),
 }
 
 /// A hologram that exists.
-pub struct Given {
+pub struct ExistingHologram {
     /// Its name in the report.
     pub name: String,
     /// Where it was read from.
@@ -68,7 +68,7 @@ impl Candidate {
     }
 }
 
-impl Given {
+impl ExistingHologram {
     /// A hologram that was read from `file` and goes by this name. Of several scenes it has to say which one it shows; of
     /// one, it must not show another, unless `other_scene`.
     ///
@@ -153,7 +153,7 @@ impl Given {
 ///
 /// # Errors
 /// [`QualityError::Input`]: two holograms of one name for one scene.
-pub fn candidates(methods: &[Method], given: Vec<Given>) -> Result<Vec<Candidate>, QualityError> {
+pub fn candidates(methods: &[Method], given: Vec<ExistingHologram>) -> Result<Vec<Candidate>, QualityError> {
     let solved = |m: &Method| Candidate { name: m.name().into(), source: Source::Solved(*m) };
     let mut all: Vec<Candidate> = methods.iter().map(solved).collect();
     for one in given {

@@ -5,7 +5,7 @@ use super::picture;
 use super::pupils::{Pupils, SHOWN};
 use super::results::{ColorError, ColorFigures, Row, Run, SceneFigures, mean};
 use super::shown::{EnergyMap, Picture, Pictures};
-use crate::watch::Watch;
+use crate::watch::JobObserver;
 use eyebox::low_level::engine::{Buffer, Engine};
 use eyebox::low_level::evaluate::{self, Ceiling, Group, Member, Plane, RowFinder, Sums};
 use eyebox::low_level::hologram::Hologram;
@@ -107,7 +107,7 @@ pub fn wanted(
     depth: [f64; 2],
     longest: usize,
     engine: &mut dyn Engine,
-    watch: &Watch,
+    watch: &JobObserver,
 ) -> Result<Wanted, QualityError> {
     let size = display.picture_size().into();
     let pooled = halved(size);
@@ -144,7 +144,7 @@ fn ceilings(
     display: &Display,
     pupils: &Pupils,
     [rows, columns]: [usize; 2],
-    watch: &Watch,
+    watch: &JobObserver,
 ) -> Result<Vec<Ceiling>, QualityError> {
     let optics = display.optics(look.color)?;
     if display.picture_share(optics.wavelength) < 1.0 {
@@ -245,7 +245,7 @@ pub fn measure(
     pupils: &Pupils,
     wanted: &Wanted,
     engine: &mut dyn Engine,
-    watch: &Watch,
+    watch: &JobObserver,
 ) -> Result<Run, QualityError> {
     let (mut looks, mut energies) = (Vec::new(), Vec::new());
     for (i, solved) in hologram.colors.iter().enumerate() {
@@ -304,7 +304,7 @@ fn score(
     wanted: &Looks,
     (pupils, display, [h, w]): (&Pupils, &Display, [usize; 2]),
     rows: &mut Vec<Row>,
-    watch: &Watch,
+    watch: &JobObserver,
 ) -> Result<f64, QualityError> {
     // One exposure, set as a photographer sets it: through the widest pupil, over the focal stack.
     let widest = pupils.members.iter().zip(look.pooled.iter().zip(&wanted.pooled));
@@ -372,7 +372,7 @@ fn color_error(
     exposures: &[f64],
     wanted: &Wanted,
     (pupils, edges): (&Pupils, &[bool]),
-    watch: &Watch,
+    watch: &JobObserver,
 ) -> Result<Option<ColorError>, QualityError> {
     let channel = |c: usize| looks.iter().position(|l| l.color.channel() == c);
     let [Some(red), Some(green), Some(blue)] = [0, 1, 2].map(channel) else { return Ok(None) };

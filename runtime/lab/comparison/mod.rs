@@ -22,23 +22,23 @@ mod speckle;
 #[cfg(test)]
 mod stop_tests;
 
-pub use candidate::{Candidate, Given, Source, candidates};
+pub use candidate::{Candidate, ExistingHologram, Source, candidates};
 pub use etendue::MaskKind;
 pub(crate) use measure::{DECADES, ERROR_GAIN};
 pub(crate) use picture::{light_exact, map};
-pub use pupils::{SHOWN, Shown};
+pub use pupils::{PicturedPupil, SHOWN};
 pub use results::{
     About, CoherenceFigures, ColorError, ColorFigures, EtendueFigures, JointFigures, MethodAbout, Published, Results,
     Row, Run, SceneFigures, Series, SourcesFigures, SpeckleFigures, mean,
 };
 pub use shown::{EnergyMap, Picture, Pictures};
 
-use crate::kept::{Keep, append, checksum, identity};
+use crate::kept::{ResultCache, append, checksum, identity};
 use crate::stoppable::Stoppable;
-use crate::watch::{Observe, Watch, unless_stopped};
+use crate::watch::{JobObserver, Observe, unless_stopped};
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::evaluate::Group;
-use eyebox::low_level::files::MadeFolder;
+use eyebox::low_level::files::CreatedDirGuard;
 use eyebox::low_level::hologram::Hologram;
 use eyebox::low_level::optics::{Color, Display, Padding, Pupil};
 use eyebox::low_level::quality::QualityError;
@@ -107,7 +107,7 @@ impl Comparison {
         observe: &mut Observe,
     ) -> Result<Results, E> {
         let mut results = self.nothing_yet(engine);
-        let watch = Watch::new(observe);
+        let watch = JobObserver::new(observe);
         let stops = || watch.stops();
         let engine = &mut Stoppable { engine, stops: &stops };
         let mut work = Work::new(self, folder, &watch)?;
@@ -244,19 +244,19 @@ impl Comparison {
 /// A run under way.
 struct Work<'a, 'b> {
     // Gone before the folder of both.
-    _made: MadeFolder,
-    results: Keep,
+    _made: CreatedDirGuard,
+    results: ResultCache,
     holograms: PathBuf,
-    watch: &'a Watch<'b>,
+    watch: &'a JobObserver<'b>,
     done: f64,
     all: f64,
 }
 
 impl<'a, 'b> Work<'a, 'b> {
-    fn new(job: &Comparison, folder: &Path, watch: &'a Watch<'b>) -> Result<Self, QualityError> {
-        let results = Keep::new(folder.join("results"))?;
+    fn new(job: &Comparison, folder: &Path, watch: &'a JobObserver<'b>) -> Result<Self, QualityError> {
+        let results = ResultCache::new(folder.join("results"))?;
         let holograms = folder.join("holograms");
-        let _made = MadeFolder::new(&holograms)?;
+        let _made = CreatedDirGuard::new(&holograms)?;
         let runs: usize = (0..job.scenes.len()).map(|i| job.runs(i).count()).sum();
         let all = PHOTOGRAPHS * job.scenes.len() as f64
             + (SOLVE + LOOK) * runs as f64

@@ -13,7 +13,7 @@ const STRIP: usize = 5;
 
 /// A pupil of the groups whose picture is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Shown {
+pub struct PicturedPupil {
     /// What people call it.
     pub title: &'static str,
     /// Its group.
@@ -23,11 +23,11 @@ pub struct Shown {
 }
 
 /// The pupils whose pictures are shown of each scene: from the easiest pupil to the hardest.
-pub const SHOWN: [Shown; 4] = [
-    Shown { title: "Whole eyebox", group: Group::VaryingAperture, index: 8 },
-    Shown { title: "Random pupil", group: Group::Random, index: 0 },
-    Shown { title: "Corner of the eyebox", group: Group::NearFocus, index: 0 },
-    Shown { title: "Smallest pupil", group: Group::VaryingAperture, index: 0 },
+pub const SHOWN: [PicturedPupil; 4] = [
+    PicturedPupil { title: "Whole eyebox", group: Group::VaryingAperture, index: 8 },
+    PicturedPupil { title: "Random pupil", group: Group::Random, index: 0 },
+    PicturedPupil { title: "Corner of the eyebox", group: Group::NearFocus, index: 0 },
+    PicturedPupil { title: "Smallest pupil", group: Group::VaryingAperture, index: 0 },
 ];
 
 /// The pupils of one scene on one display.
@@ -70,7 +70,7 @@ impl Pupils {
     }
 
     /// Where a shown pupil is among the members.
-    pub fn place(&self, shown: &Shown) -> usize {
+    pub fn place(&self, shown: &PicturedPupil) -> usize {
         let of_group = self.members.iter().enumerate().filter(|(_, m)| m.group == shown.group);
         of_group.map(|(i, _)| i).nth(shown.index).expect("every group has this pupil")
     }

@@ -13,7 +13,6 @@ pub use error::FilmError;
 pub use path::{EyePath, Key, Moment};
 
 use eyebox::low_level::engine::Engine;
-use eyebox::low_level::error::Reason;
 use eyebox::low_level::evaluate::Plane;
 use eyebox::low_level::files::{FileError, FolderDraft, encode_rgb8, write_file};
 use eyebox::low_level::hologram::PhaseSource;
@@ -219,6 +218,7 @@ fn look(
 mod tests {
     use super::*;
     use eyebox::low_level::engine::cpu::CpuEngine;
+    use eyebox::low_level::error::Reason;
     use eyebox::low_level::hologram::{ColorHologram, Hologram};
     use eyebox::low_level::optics::Display;
     use eyebox::low_level::scene::{self, Request};

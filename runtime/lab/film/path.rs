@@ -232,22 +232,23 @@ mod tests {
 
     #[test]
     fn a_path_that_no_eye_goes_is_refused_in_one_line() {
-        for (text, says) in [
-            ("", "path: "),
-            ("{}", "keys"),
-            (r#"{"keys": []}"#, "path/no-keys"),
-            (r#"{"keys": [{"t_s": -1}]}"#, "path/time"),
-            (r#"{"keys": [{"t_s": 1}, {"t_s": 0.5}]}"#, "path/time"),
-            (r#"{"keys": [{"t_s": 0, "x": 1}]}"#, "`x`"),
-            (r#"{"keys": [{"t_s": 0, "x_mm": 1e9}]}"#, "path/key-range"),
-            (r#"{"keys": [{"t_s": 0, "diameter_mm": 0}]}"#, "path/key-range"),
-            (r#"{"keys": [{"t_s": 0, "focus": "near"}]}"#, "near"),
-            (r#"{"keys": [{"t_s": 1e6}]}"#, "path/frames-count"),
-            (r#"{"rate_hz": 0, "keys": [{"t_s": 0}]}"#, "path/rate"),
+        for (text, [code, part]) in [
+            ("", ["path", ""]),
+            ("{}", ["path", "keys"]),
+            (r#"{"keys": []}"#, ["path/no-keys", ""]),
+            (r#"{"keys": [{"t_s": -1}]}"#, ["path/time", "-1"]),
+            (r#"{"keys": [{"t_s": 1}, {"t_s": 0.5}]}"#, ["path/time", "0.5"]),
+            (r#"{"keys": [{"t_s": 0, "x": 1}]}"#, ["path", "`x`"]),
+            (r#"{"keys": [{"t_s": 0, "x_mm": 1e9}]}"#, ["path/key-range", "x_mm"]),
+            (r#"{"keys": [{"t_s": 0, "diameter_mm": 0}]}"#, ["path/key-range", "diameter_mm"]),
+            (r#"{"keys": [{"t_s": 0, "focus": "near"}]}"#, ["path", "near"]),
+            (r#"{"keys": [{"t_s": 1e6}]}"#, ["path/frames-count", "100000"]),
+            (r#"{"rate_hz": 0, "keys": [{"t_s": 0}]}"#, ["path/rate", "rate_hz"]),
         ] {
-            let said = EyePath::from_json(text, "p.json").unwrap_err();
-            let said = format!("{}: {said}", ErrorData::of(&said).code);
-            assert!(said.contains("p.json") && said.contains(says), "{text}: {said}");
+            let error = EyePath::from_json(text, "p.json").unwrap_err();
+            assert_eq!(ErrorData::of(&error).code, code, "{text}");
+            let said = error.to_string();
+            assert!(["p.json", part, EXAMPLE].iter().all(|part| said.contains(part)), "{text}: {said}");
             assert_eq!(said.lines().count(), 1, "{said}");
         }
         assert!(matches!(EyePath::read(Path::new("none.json")), Err(FilmError::Path { .. })));

@@ -26,11 +26,11 @@ use crate::comparison::Results;
 use crate::study::{ContentRun, Study};
 use crate::tuning::Tuned;
 use eyebox::low_level::calibrate::Calibration;
-use eyebox::low_level::files::{FileError, OwnFolder};
+use eyebox::low_level::files::{FileError, ManagedDir};
 use eyebox::low_level::optics::Color;
 use serde_json::Value;
 
-/// What [`write_comparison`] writes, as [`OwnFolder::open`] takes it.
+/// What [`write_comparison`] writes, as [`ManagedDir::open`] takes it.
 pub const COMPARISON: [&str; 8] = [
     "report.html",
     "scores.csv",
@@ -56,7 +56,7 @@ pub fn comparison_json(results: &Results) -> Value {
 ///
 /// # Errors
 /// [`FileError`].
-pub fn write_comparison(results: &Results, folder: &mut OwnFolder) -> Result<(), FileError> {
+pub fn write_comparison(results: &Results, folder: &mut ManagedDir) -> Result<(), FileError> {
     let methods = if results.methods.is_empty() { Vec::new() } else { plots::figures(results) };
     let joint = (!results.joint.is_empty()).then(|| ("joint-color.csv", tables::joint_table(results)));
     let sizes = (!results.coherence.is_empty()).then(|| ("coherence.csv", tables::coherence_table(results)));
@@ -93,7 +93,7 @@ pub fn tuned_json(tuned: &Tuned) -> Value {
 ///
 /// # Errors
 /// [`FileError`].
-pub fn write_tuned(tuned: &Tuned, folder: &mut OwnFolder) -> Result<(), FileError> {
+pub fn write_tuned(tuned: &Tuned, folder: &mut ManagedDir) -> Result<(), FileError> {
     write(
         folder,
         tradeoff::figures(tuned),
@@ -115,7 +115,7 @@ pub fn write_study(
     engine: &str,
     study: &Study,
     numbers: &Value,
-    folder: &mut OwnFolder,
+    folder: &mut ManagedDir,
 ) -> Result<(), FileError> {
     let numbers = format!("{numbers:#}\n").into_bytes();
     let page = study::page(title, engine, study).into_bytes();
@@ -131,7 +131,7 @@ pub fn write_content_study(
     engine: &str,
     (runs, settles): (&[ContentRun], u32),
     numbers: &Value,
-    folder: &mut OwnFolder,
+    folder: &mut ManagedDir,
 ) -> Result<(), FileError> {
     let numbers = format!("{numbers:#}\n").into_bytes();
     let page = content_study::page(title, engine, runs, settles).into_bytes();
@@ -140,7 +140,7 @@ pub fn write_content_study(
 
 /// The files, after each plot by itself, under its name with dashes.
 fn write<'f>(
-    folder: &mut OwnFolder,
+    folder: &mut ManagedDir,
     figures: impl IntoIterator<Item = (impl AsRef<str>, Plot)>,
     files: impl IntoIterator<Item = (&'f str, Vec<u8>)>,
 ) -> Result<(), FileError> {

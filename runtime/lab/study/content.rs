@@ -16,7 +16,7 @@ use eyebox::low_level::gaze::Estimator;
 use eyebox::low_level::optics::Pupil;
 use eyebox::low_level::reason;
 use eyebox::low_level::session::{
-    MotionCompensation, Policy, PupilEstimate, PupilSource, Samples, SessionError, SetTiming, SteeredColor, Steerer,
+    LiveColor, LiveRefiner, MotionCompensation, Policy, PupilEstimate, PupilSource, Samples, SessionError, SetTiming,
     lighting_of, shifted_problem, whole_eyebox,
 };
 use eyebox::low_level::solve::{Flow, Motion, StartTable};
@@ -62,7 +62,7 @@ pub struct ContentSettings {
     /// Content that jumps does so every so many sets.
     pub jumps_every: u32,
     /// Pictures that content jumps to, one after the other and then back to the scene. If there are none, it jumps to its mirror image.
-    pub slides: Vec<Vec<SteeredColor>>,
+    pub slides: Vec<Vec<LiveColor>>,
     /// What is begun with after a jump.
     pub start: JumpStart,
     /// The tables, as [`start_tables`](eyebox::low_level::session::start_tables) gives them; empty where none is used.
@@ -138,7 +138,7 @@ impl ContentRun {
 /// # Errors
 /// [`SessionError::Setting`] for what cannot be; those of the engines.
 pub fn study_content(
-    colors: &[SteeredColor],
+    colors: &[LiveColor],
     policy: &Policy,
     settings: &ContentSettings,
     study: &StudySettings,
@@ -178,10 +178,10 @@ pub fn study_content(
     let frames = Frames { colors, settings };
     let mut all: Vec<ContentRun> = Vec::with_capacity(runs.len());
     for (i, (content, eye, (steered, moments))) in runs.iter().copied().enumerate() {
-        let steerer = Steerer::new(colors.to_vec(), policy, &mut *engine)?;
+        let steerer = LiveRefiner::new(colors.to_vec(), policy, &mut *engine)?;
         let steerer = steerer.with_start_tables(settings.start_tables.clone());
         let mut run = ContentRun { content, eye, steered, moments, samples: Vec::new() };
-        let mut showing = Showing::new(&frames, &run, steerer, study, depth)?;
+        let mut showing = ContentDisplay::new(&frames, &run, steerer, study, depth)?;
         let decisions = u64::from(sets) * settings.lighting.turns() as u64;
         for decision in 0..decisions {
             run.samples.extend(showing.decide(decision, &mut seen)?);
@@ -198,7 +198,7 @@ pub fn study_content(
 
 /// The frames of content that is made of one scene.
 struct Frames<'a> {
-    colors: &'a [SteeredColor],
+    colors: &'a [LiveColor],
     settings: &'a ContentSettings,
 }
 
@@ -233,12 +233,12 @@ impl Frames<'_> {
         }
     }
 
-    fn scene(&self, picture: Picture) -> Vec<SteeredColor> {
+    fn scene(&self, picture: Picture) -> Vec<LiveColor> {
         let (shift, mirrored) = match picture {
             Picture::Scene { shift, mirrored } => (shift, mirrored),
             Picture::Slide(at) => return self.settings.slides[at].clone(),
         };
-        let frame = |color: &SteeredColor| SteeredColor {
+        let frame = |color: &LiveColor| LiveColor {
             problem: shifted_problem(&color.problem, shift, mirrored),
             phases: Vec::new(),
             exposure: color.exposure,
@@ -249,16 +249,16 @@ impl Frames<'_> {
 }
 
 /// One way to show one content.
-struct Showing<'a> {
+struct ContentDisplay<'a> {
     frames: &'a Frames<'a>,
     run: (StudiedContent, StudiedEye),
-    steerer: Steerer,
+    steerer: LiveRefiner,
     study: &'a StudySettings,
     depth: f64,
     eye: Eye,
     watch: PupilSource,
     moments: MotionCompensation,
-    scene: Vec<SteeredColor>,
+    scene: Vec<LiveColor>,
     /// Which frame that is, and the moment that it shows.
     shown: Picture,
     shows_ns: i64,
@@ -272,11 +272,11 @@ struct Showing<'a> {
     pursuit: f64,
 }
 
-impl<'a> Showing<'a> {
+impl<'a> ContentDisplay<'a> {
     fn new(
         frames: &'a Frames<'a>,
         run: &ContentRun,
-        steerer: Steerer,
+        steerer: LiveRefiner,
         study: &'a StudySettings,
         depth: f64,
     ) -> Result<Self, SessionError> {
@@ -343,10 +343,10 @@ impl<'a> Showing<'a> {
             let expected: PupilEstimate = self.watch.expect(at(now_ns), at(light_ns))?;
             self.steerer.aim(expected.pupil)?;
             self.steerer.moves(&self.moments.motion(light_ns, &expected), self.moments.times(turn))?;
-            if let Some(look) = self.moments.carry(light_ns, turn)
+            if let Some(look) = self.moments.find_shifts(light_ns, turn)
                 && let Some((pixels, lighting)) = self.moments.shifts()
             {
-                let (moved, _) = self.steerer.carry(pixels, lighting, look)?;
+                let (moved, _) = self.steerer.shift_phases(pixels, lighting, look)?;
                 self.moments.carried(moved);
             }
             self.begin()?;
@@ -400,7 +400,7 @@ impl<'a> Showing<'a> {
         let before = 0.5 - 0.5 / lighting.turns() as f64;
         let mut lit = Vec::new();
         for (i, (color, phases)) in seen.iter_mut().zip(&self.lit).enumerate() {
-            let SteeredColor { problem, exposure, .. } = &self.scene[i];
+            let LiveColor { problem, exposure, .. } = &self.scene[i];
             let velocity = [f64::from(*speed) * first / problem.pixel(), 0.0];
             let is = |does| if does { velocity } else { [0.0; 2] };
             let LitTimes { first, lit: [middle, length] } = lighting.times(turn + 1)[i];

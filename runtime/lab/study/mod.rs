@@ -23,7 +23,7 @@ use eyebox::low_level::optics::Pupil;
 use eyebox::low_level::reason;
 use eyebox::low_level::session::SessionError;
 use eyebox::low_level::session::WorkTime;
-use eyebox::low_level::session::{Policy, SteeredColor, Steerer};
+use eyebox::low_level::session::{LiveColor, LiveRefiner, Policy};
 use eyebox::low_level::trackers::simulated::Doing;
 use judged::Judge;
 use seen::SeenColor;
@@ -57,7 +57,7 @@ struct Studying<'a> {
     settings: &'a StudySettings,
     encoder: &'a Encoder,
     frames: VideoFrames,
-    steerer: Steerer,
+    steerer: LiveRefiner,
     stage: Stage,
     depth: f64,
     /// What the eye sees of the set on the display, and of the hologram for the whole eyebox.
@@ -79,7 +79,7 @@ struct Studying<'a> {
 /// # Errors
 /// [`SessionError::Setting`] for what cannot be; those of the engines and of the encoder.
 pub fn study(
-    colors: &[SteeredColor],
+    colors: &[LiveColor],
     policy: &Policy,
     encoder: &Encoder,
     settings: &StudySettings,
@@ -93,7 +93,7 @@ pub fn study(
         )));
     }
     let depth = 0.5 * (settings.gaze.focus[0] + settings.gaze.focus[1]);
-    let mut steerer = Steerer::new(colors.to_vec(), *policy, &mut *engine)?;
+    let mut steerer = LiveRefiner::new(colors.to_vec(), *policy, &mut *engine)?;
     let mut seen = || -> Result<Vec<SeenColor>, SessionError> {
         colors.iter().map(|color| SeenColor::new(color, policy, depth, engine()?)).collect()
     };

@@ -5,7 +5,7 @@ use eyebox::low_level::error::Reason;
 use eyebox::low_level::evaluate::Sums;
 use eyebox::low_level::optics::Pupil;
 use eyebox::low_level::session::SessionError;
-use eyebox::low_level::session::{Policy, SteeredColor};
+use eyebox::low_level::session::{LiveColor, Policy};
 use eyebox::low_level::solve::{PupilRange, Refiner, Sampler, Sequence};
 use std::sync::Arc;
 
@@ -20,7 +20,7 @@ pub(super) struct SeenColor {
 
 impl SeenColor {
     pub(super) fn new(
-        color: &SteeredColor,
+        color: &LiveColor,
         policy: &Policy,
         depth: f64,
         engine: Box<dyn Engine>,

@@ -8,7 +8,7 @@ use eyebox::low_level::optics::Color;
 use eyebox::low_level::session::stage::{
     EXPOSURE, Scripted, cpu, drive_table, encoder, inverted, joint_colors, joint_display, one_view, part,
 };
-use eyebox::low_level::session::{Cost, Policy, SessionError, SteeredColor};
+use eyebox::low_level::session::{Cost, LiveColor, Policy, SessionError};
 use eyebox::low_level::solve::{Flow, Settings, solve};
 use eyebox::low_level::trackers::simulated;
 use std::sync::Arc;
@@ -41,12 +41,12 @@ fn solved_and_studied(stage: &Scripted, content: &ContentSettings) -> Vec<Conten
     let scene = &stage.scenes[0];
     let settings = Settings { steps: 20, diameter: [2e-3, 8e-3], depth: [0.0; 2], ..Settings::default() };
     let solution = solve(&scene.problem, &settings, &mut CpuEngine::new(), &mut |_| Flow::Continue).unwrap();
-    let color = SteeredColor { phases: solution.phases, exposure: solution.exposure, ..scene.clone() };
+    let color = LiveColor { phases: solution.phases, exposure: solution.exposure, ..scene.clone() };
     studied(&[color], content, simulated::Settings { pursuit: 0.0, ..calm_eye() }).unwrap()
 }
 
 fn studied(
-    colors: &[SteeredColor],
+    colors: &[LiveColor],
     content: &ContentSettings,
     eye: simulated::Settings,
 ) -> Result<Vec<ContentRun>, SessionError> {
@@ -104,7 +104,7 @@ fn a_study_of_slides_shows_them_in_turn() {
     let stage = Scripted::new("planes8", SIDE, 1);
     let even = |light: f32| {
         let field = one_view(&stage.display, vec![light; SIDE * SIDE]);
-        SteeredColor::for_scene(&stage.begun(), &field, &stage.display).unwrap()
+        LiveColor::for_scene(&stage.begun(), &field, &stage.display).unwrap()
     };
     let black = even(0.0);
     let study = |slides| {

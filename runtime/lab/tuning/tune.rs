@@ -3,9 +3,9 @@
 use super::grid::{Space, grid};
 use super::tuned::{Checked, LevelRow, Tuned};
 use super::{Quality, QualityError, Recommended, Reference, Solved, Subject, Trial, recommend};
-use crate::kept::{Keep, checksum, identity};
+use crate::kept::{ResultCache, checksum, identity};
 use crate::stoppable::Stoppable;
-use crate::watch::{Observe, Watch, unless_stopped};
+use crate::watch::{JobObserver, Observe, unless_stopped};
 use eyebox::low_level::engine::{Engine, Memory};
 use eyebox::low_level::error::Reason;
 use eyebox::low_level::evaluate::JodMetric;
@@ -22,7 +22,7 @@ const GRID: f64 = 0.78;
 const LEVELS: f64 = 0.88;
 const ALL: f64 = 0.97;
 /// A trial that takes so many times what it may is given up.
-const PATIENCE: f64 = 2.0;
+const TUNE_PATIENCE: f64 = 2.0;
 /// Levels that are compared, besides the SLM's own.
 const COMPARED: [usize; 4] = [2, 4, 8, 16];
 
@@ -58,8 +58,8 @@ struct State {
 struct Work<'a, 'b, 'w> {
     tuning: Tuning<'a>,
     engine: &'b mut dyn Engine,
-    watch: &'b Watch<'w>,
-    keep: Keep,
+    watch: &'b JobObserver<'w>,
+    keep: ResultCache,
     made_by: String,
     /// Spent before this run, seconds.
     before: f64,
@@ -103,10 +103,10 @@ impl<'a> Tuning<'a> {
             levels_recipe: String::new(),
             check: self.check.iter().map(Checked::new).collect(),
         };
-        let (keep, made_by) = (Keep::new(folder.into())?, made_by.to_string());
+        let (keep, made_by) = (ResultCache::new(folder.into())?, made_by.to_string());
         let state: State = keep.load("trials", &made_by).unwrap_or_default();
         let (before, what) = (state.spent_s, String::new());
-        let watch = Watch::new(observe);
+        let watch = JobObserver::new(observe);
         let stops = || watch.stops();
         let engine = &mut Stoppable { engine, stops: &stops };
         let mut work = Work { tuning: self, engine, watch: &watch, keep, made_by, before, what, ceiling: None, state };
@@ -229,7 +229,7 @@ impl Work<'_, '_, '_> {
         let Self { tuning, engine, watch, before, what, .. } = self;
         let solved = tuning.subject.solve(recipe, *engine, &mut |_| {
             let spent = *before + tuning.begun.elapsed().as_secs_f64();
-            late |= start.elapsed().as_secs_f64() * 1e3 > PATIENCE * longest;
+            late |= start.elapsed().as_secs_f64() * 1e3 > TUNE_PATIENCE * longest;
             let goes_on = watch.say(what, (spent / (ALL * tuning.budget)).min(1.0));
             if late || !goes_on { Flow::Stop } else { Flow::Continue }
         })?;

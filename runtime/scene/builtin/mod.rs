@@ -146,7 +146,11 @@ pub(super) fn load(source: &str, request: &Request) -> Result<LightField, SceneE
     let (height, width) = display.picture_size();
     // What lies on one surface: four texels a pixel, of four channels at most.
     let bytes = memory::bytes_of(&[height, width, 16], 4);
-    memory::promise(|| format!("the built-in scene at {height} x {width} pixels"), bytes, "take a smaller `size`")?;
+    memory::check_available(
+        || format!("the built-in scene at {height} x {width} pixels"),
+        bytes,
+        "take a smaller `size`",
+    )?;
     let canvas = Canvas { height, width };
     let span = parameters.span.unwrap_or_else(|| half_span(display));
     // The plane's own depth is in millimetres: it needs a span that is not zero to be said in scene units.

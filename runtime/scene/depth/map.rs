@@ -80,7 +80,7 @@ fn array(path: &Path, stated: Stated) -> Result<(Vec<usize>, Vec<f32>), SceneErr
     }
     let shape = axes(&array.shape);
     let what = || format!("{}: a depth map of shape {shape:?}", path.display());
-    memory::promise(what, memory::bytes_of(&shape, 8), "take a smaller map")?;
+    memory::check_available(what, memory::bytes_of(&shape, 8), "take a smaller map")?;
     let values = array.take(shape.iter().product()).map_err(SceneError::of_file)?;
     Ok((shape, values))
 }

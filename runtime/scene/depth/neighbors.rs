@@ -13,7 +13,7 @@ const LONGEST: usize = 128;
 /// Pixels from the middle of a patch to its edge.
 const HALF: usize = 3;
 /// Pixels between patches.
-const APART: usize = 6;
+const PATCH_STEP_PX: usize = 6;
 /// Most patches.
 const PATCHES: usize = 48;
 /// Mean square slope of a patch, along its weaker direction, square root of light: less shows no movement.
@@ -130,7 +130,9 @@ impl Patches {
         all.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         let mut kept: Vec<[usize; 2]> = Vec::new();
         for (_, [y, x]) in all {
-            if kept.len() < PATCHES && kept.iter().all(|[j, i]| y.abs_diff(*j) >= APART || x.abs_diff(*i) >= APART) {
+            if kept.len() < PATCHES
+                && kept.iter().all(|[j, i]| y.abs_diff(*j) >= PATCH_STEP_PX || x.abs_diff(*i) >= PATCH_STEP_PX)
+            {
                 kept.push([y, x]);
             }
         }

@@ -88,7 +88,7 @@ const LAYERS: usize = 32;
 const BINS: usize = 4096;
 
 /// The known values of a map in brief.
-struct Extent {
+struct ValueRange {
     /// Smallest and largest known value other than 0.
     low: f32,
     high: f32,
@@ -103,7 +103,7 @@ struct Extent {
     is_layered: bool,
 }
 
-impl Extent {
+impl ValueRange {
     fn of(values: &[f32]) -> Self {
         let known = || values.iter().copied().filter(|v| is_number(*v));
         let first_negative = known().find(|v| *v < 0.0);
@@ -146,7 +146,7 @@ pub(crate) fn meaning(
     stated: Stated,
 ) -> Result<(Meaning, String), SceneError> {
     let name = file.file_stem().map_or(String::new(), |n| n.to_string_lossy().to_lowercase());
-    let Extent { low, high, most, has_zero, is_signed, zero_is_apart, .. } = Extent::of(values);
+    let ValueRange { low, high, most, has_zero, is_signed, zero_is_apart, .. } = ValueRange::of(values);
     let ambiguous =
         |reason: Reason| Err(SceneError::Ambiguous { file: file.display().to_string(), reason, decides: DECIDES });
     let is_disparity = kind == Kind::Floats && name.contains("disp");
@@ -230,7 +230,7 @@ fn in_words(near: Near) -> &'static str {
 /// Returns the test for values that are unknown. NaN, infinity, 1e9 or more and the largest half float always are. Of
 /// distances also 0, 65535 in integers, a negative value, and a value far beyond all others are.
 fn unknown(kind: Kind, meaning: Meaning, values: &[f32]) -> impl Fn(f32) -> bool + use<> {
-    let Extent { low, high, most, is_signed, zero_is_apart, is_layered, .. } = Extent::of(values);
+    let ValueRange { low, high, most, is_signed, zero_is_apart, is_layered, .. } = ValueRange::of(values);
     let is_distance = meaning == Meaning::Relative(Near::Small) && !is_signed;
     let is_integer = kind != Kind::Floats || values.iter().all(|v| v.fract() == 0.0);
     // Of a few layers the farthest may be at zero.

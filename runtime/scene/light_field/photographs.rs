@@ -10,7 +10,7 @@ use std::fmt;
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
-pub enum Photographs {
+pub enum ViewSynthesis {
     /// Of a folder's own where they are close enough; else of layers where these show views in between well enough, else interpolated
     /// where that shows them better.
     #[default]
@@ -23,7 +23,7 @@ pub enum Photographs {
     Between,
 }
 
-impl fmt::Display for Photographs {
+impl fmt::Display for ViewSynthesis {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         f.write_str(match self {
             Self::Auto => "auto",
@@ -38,7 +38,7 @@ impl fmt::Display for Photographs {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MadeViews {
     /// By layers, or by interpolation.
-    pub by: Photographs,
+    pub by: ViewSynthesis,
     /// Rows and columns of the scene's own views,
     pub grid: [usize; 2],
     /// and their distance in the pupil plane, metres.
@@ -57,7 +57,7 @@ impl MadeViews {
     pub fn in_words(&self, made: [usize; 2]) -> [String; 2] {
         let [rows, columns] = self.grid;
         let by = match self.layers {
-            Some((count, _)) if self.by == Photographs::Layers => format!("{count} Fourier disparity layers"),
+            Some((count, _)) if self.by == ViewSynthesis::Layers => format!("{count} Fourier disparity layers"),
             _ => "interpolation".into(),
         };
         let mut why = format!(

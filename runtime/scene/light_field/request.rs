@@ -1,6 +1,6 @@
 //! What is wanted of a scene.
 
-use crate::{Near, Order, Photographs, SceneError};
+use crate::{Near, Order, SceneError, ViewSynthesis};
 use eyebox_base::memory;
 use eyebox_optics::{Color, Display, check_usual_depth, check_usual_depths, check_usual_view_pitch};
 use std::path::Path;
@@ -31,8 +31,8 @@ pub struct Request<'a> {
     pub order: Option<Order>,
     /// Take a view pitch and depths as they are that look like a mistake in their unit.
     pub force: bool,
-    /// Of which views of a folder photographs are made: [`Photographs::Cells`] loads it as it is.
-    pub photographs: Photographs,
+    /// Of which views of a folder photographs are made: [`ViewSynthesis::Cells`] loads it as it is.
+    pub photographs: ViewSynthesis,
 }
 
 impl<'a> Request<'a> {
@@ -49,7 +49,7 @@ impl<'a> Request<'a> {
             depth: None,
             order: None,
             force: false,
-            photographs: Photographs::Cells,
+            photographs: ViewSynthesis::Cells,
         }
     }
 
@@ -87,6 +87,6 @@ impl<'a> Request<'a> {
         // Of one colour they are held twice more: as levels of detail, and while these are made.
         let counts = [self.views, self.views, self.colors.len() + 2, height, width];
         let what = || format!("{0} x {0} views of {height} x {width} pixels", self.views);
-        Ok(memory::promise(what, memory::bytes_of(&counts, 4), "take a smaller `size` or fewer `views`")?)
+        Ok(memory::check_available(what, memory::bytes_of(&counts, 4), "take a smaller `size` or fewer `views`")?)
     }
 }

@@ -67,7 +67,7 @@ fn open(file: &Path, options: &Options) -> Result<Opened, SceneError> {
 /// The axis of colors that the contents of an array of this shape show.
 fn color_axis(file: &Path, options: &Options, shape: &[usize]) -> Result<Option<usize>, SceneError> {
     let what = || format!("an array of the shape {shape:?}");
-    memory::promise(what, memory::bytes_of(shape, 4), "save fewer views")?;
+    memory::check_available(what, memory::bytes_of(shape, 4), "save fewer views")?;
     let array = NpyArray::open(file, options.array.as_deref(), |shape| matches!(shape.len(), 4 | 5));
     let mut array = array.map_err(SceneError::of_file)?;
     let values = array.take(shape.iter().product()).map_err(SceneError::of_file)?;

@@ -4,7 +4,7 @@
 //! changed makes it another. Files that are not read do not count.
 
 use crate::formats::options::parts;
-use crate::read::source::{Kept, Source};
+use crate::read::source::{Source, ViewSource};
 use crate::{LightField, SceneError, formats::video, read::folder, read::frames, read::settings, read::stack};
 use eyebox_base::files::{self, Digester};
 use eyebox_optics::Color;
@@ -24,8 +24,8 @@ pub fn digest(source: &str) -> Result<Option<String>, SceneError> {
     let read = match Source::of(source)? {
         Source::BuiltIn(_) => return Ok(None),
         Source::Picture(path) => return digest_of_picture(path).map(Some),
-        Source::Views(Kept::Folder(path)) => in_folder(path)?,
-        Source::Views(Kept::Array(path, options) | Kept::Mosaic(path, _, options)) => {
+        Source::Views(ViewSource::Folder(path)) => in_folder(path)?,
+        Source::Views(ViewSource::Array(path, options) | ViewSource::Mosaic(path, _, options)) => {
             // The settings of a folder that lie beside a file may be for others of its files.
             let beside = path.with_file_name(SETTINGS[0]);
             let stated = settings::beside(path, &options)? != settings::beside_nothing(&options);

@@ -4,7 +4,7 @@ use crate::formats::options::{Options, Tiling};
 use crate::formats::tone::{FullScale, Reading};
 use crate::light_field::cameras::{FirstTile, Positions, Quilt};
 use crate::light_field::resize::Resize;
-use crate::read::mosaic_grid::{Shown, shown};
+use crate::read::mosaic_grid::{GridEvidence, shown};
 use crate::read::settings::{self, Settings};
 use crate::read::views::{self, Frame, Read};
 use crate::{Fit, Request, SceneError, formats::picture};
@@ -124,7 +124,7 @@ fn decoded(
 ) -> Result<Vec<Vec<f32>>, SceneError> {
     let what = || format!("a picture of {height} x {width} pixels");
     let bytes = memory::bytes_of(&[colors.len() + 2, height, width], 4);
-    memory::promise(what, bytes, "save its views as files of their own, or take `color`")?;
+    memory::check_available(what, bytes, "save its views as files of their own, or take `color`")?;
     let reading = Reading::new(stated.tone());
     let planes = picture::read_of_many(file, colors, &reading)?.planes;
     reading.judge(file, FullScale::File)?;
@@ -164,15 +164,15 @@ fn find(
 ) -> Result<([usize; 2], &'static str), SceneError> {
     let name = file.display().to_string();
     match shown(plane, whole, tiling) {
-        Shown::Seams(grid) => Ok((grid, "found by where neighbouring lines differ")),
-        Shown::Repeats(grid) => Ok((grid, "found by how often it repeats")),
-        Shown::Parts(grid) => {
+        GridEvidence::Seams(grid) => Ok((grid, "found by where neighbouring lines differ")),
+        GridEvidence::Repeats(grid) => Ok((grid, "found by how often it repeats")),
+        GridEvidence::Parts(grid) => {
             let [rows, columns] = grid;
             let reason =
                 reason!("mosaic-size", "it repeats as {rows} x {columns} views do, but {}", not_whole(whole, grid));
             Err(SceneError::Corrupt { file: name, reason })
         }
-        Shown::Either(one, other) => {
+        GridEvidence::Either(one, other) => {
             let [[a, b], [c, d]] = [one, other];
             let lenslets = if tiling == Tiling::Lenslets { "lenslets&" } else { "" };
             let reason = reason!(
@@ -181,7 +181,7 @@ fn find(
             );
             Err(SceneError::NotAGrid { folder: name, reason })
         }
-        Shown::Nothing => {
+        GridEvidence::Nothing => {
             let lenslets = if tiling == Tiling::Lenslets { "lenslets&" } else { "" };
             let reason = reason!(
                 "mosaic-no-grid",

@@ -19,7 +19,7 @@ const ALIKE: f64 = 0.8;
 
 /// What a picture shows of its grid: rows and columns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Shown {
+pub(crate) enum GridEvidence {
     /// Where neighbouring lines differ.
     Seams([usize; 2]),
     /// How often it repeats, without a seam.
@@ -32,13 +32,13 @@ pub(crate) enum Shown {
 }
 
 /// Looks for the views of a picture of `height` x `width` values of linear light.
-pub(crate) fn shown(plane: &[f32], [height, width]: [usize; 2], tiling: Tiling) -> Shown {
+pub(crate) fn shown(plane: &[f32], [height, width]: [usize; 2], tiling: Tiling) -> GridEvidence {
     let root: Vec<f32> = plane.par_iter().map(|v| v.max(0.0).sqrt()).collect();
     let [rows, columns] = steps(&root, [height, width]);
     let axes = [(&rows, height), (&columns, width)];
     if tiling == Tiling::Lenslets {
         let [rows, columns] = axes.map(|(steps, n)| under(steps, n));
-        return rows.zip(columns).map_or(Shown::Nothing, |(rows, columns)| Shown::Seams([rows, columns]));
+        return rows.zip(columns).map_or(GridEvidence::Nothing, |(rows, columns)| GridEvidence::Seams([rows, columns]));
     }
     let lines = [0, 1].map(|axis| Lines::of(&root, [height, width], axis));
     let seams = [0, 1].map(|i| beside(axes[i].0, axes[i].1).filter(|count| lines[i].unlike(*count) < ALIKE));
@@ -61,13 +61,13 @@ pub(crate) fn shown(plane: &[f32], [height, width]: [usize; 2], tiling: Tiling) 
         _ => None,
     };
     if let Some(other) = perhaps {
-        return Shown::Either(grid, other);
+        return GridEvidence::Either(grid, other);
     }
     match counts {
-        [None, None] => Shown::Nothing,
-        _ if [0, 1].iter().any(|&i| !axes[i].1.is_multiple_of(grid[i])) => Shown::Parts(grid),
-        _ if counts == seams => Shown::Seams(grid),
-        _ => Shown::Repeats(grid),
+        [None, None] => GridEvidence::Nothing,
+        _ if [0, 1].iter().any(|&i| !axes[i].1.is_multiple_of(grid[i])) => GridEvidence::Parts(grid),
+        _ if counts == seams => GridEvidence::Seams(grid),
+        _ => GridEvidence::Repeats(grid),
     }
 }
 

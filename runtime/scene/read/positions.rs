@@ -94,7 +94,7 @@ pub(crate) fn resampled(
     let places: Vec<(f64, f64)> = (0..grid.rows * grid.columns).map(|view| grid.position(view)).collect();
     let counts = [places.len(), field.colors.len(), field.height, field.width];
     let what = || format!("{} views of {} x {} pixels", places.len(), field.height, field.width);
-    memory::promise(what, memory::bytes_of(&counts, 4), "take a smaller size")?;
+    memory::check_available(what, memory::bytes_of(&counts, 4), "take a smaller size")?;
     let planes = (0..field.colors.len()).map(|color| layers.views(color, &places)).collect();
     let shown = layers.residual_between();
     let how = format!(

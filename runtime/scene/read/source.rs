@@ -17,13 +17,13 @@ pub(crate) enum Source<'a> {
     /// The name of a built-in scene, with its settings.
     BuiltIn(&'a str),
     /// Views that are kept.
-    Views(Kept<'a>),
+    Views(ViewSource<'a>),
     /// A picture of one view, or a frame of a video.
     Picture(&'a Path),
 }
 
 /// Where views are kept.
-pub(crate) enum Kept<'a> {
+pub(crate) enum ViewSource<'a> {
     /// In a folder, a file each.
     Folder(&'a Path),
     /// In one array.
@@ -32,7 +32,7 @@ pub(crate) enum Kept<'a> {
     Mosaic(&'a Path, Tiling, Options),
 }
 
-impl Kept<'_> {
+impl ViewSource<'_> {
     /// Rows and columns of a view's own pixels, from names and headers alone where these say enough.
     ///
     /// # Errors
@@ -92,7 +92,7 @@ impl<'a> Source<'a> {
         if path.is_dir() {
             let says = "a folder takes none: its lightfield.toml says how it is read";
             return if query.is_empty() {
-                Ok(Self::Views(Kept::Folder(path)))
+                Ok(Self::Views(ViewSource::Folder(path)))
             } else {
                 Err(wrong(reason!("option", "'{query}': {says}")))
             };
@@ -110,14 +110,14 @@ impl<'a> Source<'a> {
         }
         let options = Options::parse(query, is_array).map_err(wrong)?;
         Ok(match options.tiling {
-            _ if is_array => Self::Views(Kept::Array(path, options)),
+            _ if is_array => Self::Views(ViewSource::Array(path, options)),
             None if query.is_empty() && Quilt::of(path).is_none() => Self::Picture(path),
-            None if Quilt::of(path).is_some() => Self::Views(Kept::Mosaic(path, Tiling::Views, options)),
+            None if Quilt::of(path).is_some() => Self::Views(ViewSource::Mosaic(path, Tiling::Views, options)),
             // A grid alone is one of views beside each other.
-            None if options.grid.is_some() => Self::Views(Kept::Mosaic(path, Tiling::Views, options)),
+            None if options.grid.is_some() => Self::Views(ViewSource::Mosaic(path, Tiling::Views, options)),
             // The picture reads what is stated about its values.
             None => Self::Picture(Path::new(source)),
-            Some(tiling) => Self::Views(Kept::Mosaic(path, tiling, options)),
+            Some(tiling) => Self::Views(ViewSource::Mosaic(path, tiling, options)),
         })
     }
 }

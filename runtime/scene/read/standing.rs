@@ -46,7 +46,7 @@ impl CamerasFound {
 }
 
 /// A view, and its patches of the central one.
-struct Seen {
+struct ComparedView {
     /// Steps from the central view, rows and columns.
     at: [isize; 2],
     small: Small,
@@ -56,15 +56,15 @@ struct Seen {
 /// Views of the central row, or of the central column.
 struct Line {
     /// Steps from the central view, and the view.
-    views: Vec<(isize, Seen)>,
+    views: Vec<(isize, ComparedView)>,
     /// For each of them, the patches that moved across x, across y, and that are alike along it all the same, in the opposite view or here.
     covered: [Vec<Vec<bool>>; 2],
 }
 
 impl Line {
-    fn of(patches: &Patches, views: Vec<(isize, Seen)>) -> Self {
+    fn of(patches: &Patches, views: Vec<(isize, ComparedView)>) -> Self {
         let covered = [0, 1].map(|axis| {
-            let of_view = |(step, seen): &(isize, Seen)| {
+            let of_view = |(step, seen): &(isize, ComparedView)| {
                 let opposite = views.iter().find(|(other, _)| *other == -step);
                 let alike = |(p, found): (usize, &Found)| match (found, opposite) {
                     (Found::Moved(by), Some((_, other))) if !along(axis, by) => {
@@ -81,7 +81,7 @@ impl Line {
 
     /// Movements, and whether they are along x (0) or y (1), or are none: what one view covers may be alike in the opposite one.
     fn movements(&self, axis: usize) -> impl Iterator<Item = ([f64; 2], bool)> {
-        let of_view = move |((_, seen), covered): (&'_ (isize, Seen), &'_ Vec<bool>)| {
+        let of_view = move |((_, seen), covered): (&'_ (isize, ComparedView), &'_ Vec<bool>)| {
             let moved = |(found, covered): (&Found, &bool)| match found {
                 Found::Moved(by) if by[0].hypot(by[1]) >= MOVED => Some((*by, *covered || along(axis, by))),
                 _ => None,
@@ -105,7 +105,7 @@ impl Line {
     fn again(&self) -> (f64, usize) {
         let nearest = self.views.iter().map(|(step, _)| step.unsigned_abs()).min().unwrap_or(0);
         let near = || {
-            let is_near = |(step, _): &&(isize, Seen)| step.unsigned_abs() == nearest;
+            let is_near = |(step, _): &&(isize, ComparedView)| step.unsigned_abs() == nearest;
             self.views.iter().filter(is_near).flat_map(|(_, seen)| &seen.found)
         };
         let seen = near().filter(|found| matches!(found, Found::Moved(_))).count();
@@ -230,13 +230,13 @@ fn in_one_place(field: &LightField, patches: &Patches, lines: &[Line; 2]) -> boo
 }
 
 /// The view so many rows and columns from the central one, and its patches of that.
-fn seen(field: &LightField, patches: &Patches, at: [isize; 2]) -> Option<Seen> {
+fn seen(field: &LightField, patches: &Patches, at: [isize; 2]) -> Option<ComparedView> {
     let [rows, columns] = field.grid;
     let place = |n: usize, step: isize| (n / 2).checked_add_signed(step).filter(|i| *i < n);
     let view = place(rows, at[0])? * columns + place(columns, at[1])?;
     let small = patches.small(field, view);
     let found = patches.found(&small);
-    (at != [0, 0]).then_some(Seen { at, small, found })
+    (at != [0, 0]).then_some(ComparedView { at, small, found })
 }
 
 /// The nearest views of a line of `n` around that at `middle`; the farthest where nothing moves to the nearest.
@@ -259,12 +259,12 @@ fn row_in_tiles(field: &LightField, patches: &Patches, lines: &[Line; 2]) -> Opt
     }
     // Rows of tiles that run backwards differ from others beside the central column, and most at the ends of the rows.
     let ends = [-((columns / 2) as isize), -1, 1, (columns - 1 - columns / 2) as isize];
-    let beside: Vec<Option<Seen>> = [-1, 1]
+    let beside: Vec<Option<ComparedView>> = [-1, 1]
         .into_iter()
         .flat_map(|down| ends.map(|right| [down, right]))
         .map(|at| seen(field, patches, at))
         .collect();
-    let views: Vec<&Seen> =
+    let views: Vec<&ComparedView> =
         lines.iter().flat_map(|line| &line.views).map(|(_, seen)| seen).chain(beside.iter().flatten()).collect();
     // The share of the movements that some movement from camera to camera of their patch explains.
     let explained = |tiles: &Tiles| {
@@ -277,7 +277,7 @@ fn row_in_tiles(field: &LightField, patches: &Patches, lines: &[Line; 2]) -> Opt
         };
         let (mut right, mut count) = (0, 0);
         for p in 0..patches.count() {
-            let moved = |seen: &&Seen| match seen.found[p] {
+            let moved = |seen: &&ComparedView| match seen.found[p] {
                 Found::Moved(by) => Some((away(seen.at), by)),
                 _ => None,
             };

@@ -51,7 +51,7 @@ impl Frame {
         let (height, width) = request.display.picture_size();
         let counts = [count, request.colors.len(), height, width];
         let what = || format!("{count} views of {height} x {width} pixels");
-        memory::promise(what, memory::bytes_of(&counts, 4), "take a smaller `size`, or fewer views")?;
+        memory::check_available(what, memory::bytes_of(&counts, 4), "take a smaller `size`, or fewer views")?;
         let size = [height, width];
         let resize = (size != own).then(|| Resize::new(own, size, Fit::default()));
         Ok(Self { size, resize })

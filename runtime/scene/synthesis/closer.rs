@@ -1,7 +1,7 @@
 //! Closer views than a scene has, where photographs need them.
 
 use crate::synthesis::layers::decibels;
-use crate::{DepthSource, Interpolator, Layers, LightField, MadeViews, Photographs, SceneError, ViewGrid};
+use crate::{DepthSource, Interpolator, Layers, LightField, MadeViews, SceneError, ViewGrid, ViewSynthesis};
 use eyebox_base::memory;
 use eyebox_optics::Display;
 
@@ -17,10 +17,10 @@ impl LightField {
     ///
     /// # Errors
     /// [`SceneError`] where they do not fit the memory.
-    pub fn with_views_for(self, display: &Display, asked: Photographs) -> Result<Self, SceneError> {
+    pub fn with_views_for(self, display: &Display, asked: ViewSynthesis) -> Result<Self, SceneError> {
         let own = self.grid[0].max(self.grid[1]);
-        let auto = asked == Photographs::Auto;
-        if own < 2 || asked == Photographs::Cells || auto && own >= MOST {
+        let auto = asked == ViewSynthesis::Auto;
+        if own < 2 || asked == ViewSynthesis::Cells || auto && own >= MOST {
             return Ok(self);
         }
         let (depth, source) = self.reach(display);
@@ -30,7 +30,7 @@ impl LightField {
             return Ok(self);
         }
         let layers = match asked {
-            Photographs::Between => None,
+            ViewSynthesis::Between => None,
             _ => Some(Layers::new(&self, display, depth)?),
         };
         if let Some(odd) = layers.as_ref().filter(|_| auto).and_then(|layers| layers.odd_views(&self.name)) {
@@ -42,8 +42,8 @@ impl LightField {
         if let Some([db, _]) = shown.filter(|_| auto) {
             held_back = if db < ENOUGH { self.held_back(display, depth)? } else { None };
             by = match held_back {
-                None if db >= ENOUGH => Photographs::Layers,
-                Some([layers, between]) if between >= layers + BETTER => Photographs::Between,
+                None if db >= ENOUGH => ViewSynthesis::Layers,
+                Some([layers, between]) if between >= layers + BETTER => ViewSynthesis::Between,
                 _ => {
                     tracing::warn!(
                         "{}: content moves by {aliasing:.1} pixels from view to view, and layers show views in between to {db:.1} dB \
@@ -62,7 +62,7 @@ impl LightField {
         let places: Vec<(f64, f64)> = (0..grid.rows * grid.columns).map(|i| grid.position(i)).collect();
         let counts = [places.len(), self.colors.len(), self.height, self.width];
         let what = || format!("{} views of {} x {} pixels", places.len(), self.height, self.width);
-        memory::promise(what, memory::bytes_of(&counts, 4), "take a smaller `size`, or `photographs` cells")?;
+        memory::check_available(what, memory::bytes_of(&counts, 4), "take a smaller `size`, or `photographs` cells")?;
         let made = MadeViews {
             by,
             grid: self.grid,
@@ -72,7 +72,7 @@ impl LightField {
             held_back,
         };
         let colors = 0..self.colors.len();
-        let planes = match layers.filter(|_| by == Photographs::Layers) {
+        let planes = match layers.filter(|_| by == ViewSynthesis::Layers) {
             Some(layers) => colors.map(|color| layers.views(color, &places)).collect(),
             None => {
                 let between = Interpolator::new(self.clone(), display);

@@ -7,7 +7,7 @@
 
 use crate::depth::central::{scratch, view_disparities};
 use crate::depth::sweep::Compared;
-use crate::synthesis::rays::{MOST_STEPS, NONE, Rays, Way};
+use crate::synthesis::rays::{MOST_STEPS, NONE, RayDirection, Rays};
 use crate::{LightField, ViewGrid};
 use eyebox_optics::Display;
 use rayon::prelude::*;
@@ -177,7 +177,8 @@ impl Interpolator {
             // Far beyond the views a ray is followed in longer steps.
             let most = (4.0 * (self.size[0] + self.size[1]) as f32).min(MOST_STEPS);
             let count = (length * span / STEP).ceil().clamp(1.0, most);
-            let rays = Rays::new(&Way { away, range, step: span / count, count: count as usize, met: MET / length });
+            let rays =
+                Rays::new(&RayDirection { away, range, step: span / count, count: count as usize, met: MET / length });
             let (light, disparities) = (self.light_of(color, view), self.disparities_of(view));
             Lender { light, disparities, away, rays, share: share.max(1e-4) }
         };

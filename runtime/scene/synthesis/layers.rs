@@ -13,7 +13,7 @@ use eyebox_optics::{Display, fast_size};
 use rayon::prelude::*;
 
 /// Pixels that content of neighbouring layers parts by across the eyebox; up to twice as many where that saves layers.
-const APART: f64 = 0.7;
+const MAX_LAYER_STEP_PX: f64 = 0.7;
 /// Layers that are usual, at least and at most, and that are ever made.
 const USUAL: [f64; 2] = [4.0, 24.0];
 const MOST: f64 = 96.0;
@@ -26,7 +26,7 @@ const SMOOTH: f64 = 0.0005;
 const STACK_RIDGE: f64 = 0.003;
 /// A view is odd that the others predict by so many dB less than the middle one of its like, alone where the next is better by as many,
 /// and of another exposure where that explains as many.
-const ODD: f64 = 6.0;
+const OUTLIER_DB: f64 = 6.0;
 const NEXT: f64 = 3.0;
 const GAINS: f64 = 3.0;
 /// Pixels over which edges fade into each other, at least.
@@ -137,8 +137,8 @@ impl Layers {
         let [low, high] = depth.map(|z| (z / per_pixel * cell).clamp(-most, most) / cell * eyebox);
         let beyond = (BEYOND[1] * (high - low)).max(BEYOND[0]);
         let (low, high) = (low - beyond, high + beyond);
-        let usual = ((high - low) / APART).ceil().clamp(USUAL[0], USUAL[1]);
-        let count = usual.max((0.5 * (high - low) / APART).ceil()).min(MOST);
+        let usual = ((high - low) / MAX_LAYER_STEP_PX).ceil().clamp(USUAL[0], USUAL[1]);
+        let count = usual.max((0.5 * (high - low) / MAX_LAYER_STEP_PX).ceil()).min(MOST);
         let slope = |k: usize| (low + (high - low) * k as f64 / count) / eyebox;
         let slopes: Vec<f64> = (0..=count as usize).map(slope).collect();
         let move_most = (0.5 * low.abs().max(high.abs())).ceil().min(most) as usize;
@@ -147,7 +147,7 @@ impl Layers {
         let views = grid.rows * grid.columns;
         let counts = [padded[0], padded[1] / 2 + 1, (slopes.len() + 2 * views) * 2];
         let what = || format!("{} layers of {} x {} pixels", slopes.len(), padded[0], padded[1]);
-        memory::promise(what, memory::bytes_of(&counts, 8), "take a smaller `size`, or `photographs` cells")?;
+        memory::check_available(what, memory::bytes_of(&counts, 8), "take a smaller `size`, or `photographs` cells")?;
         let products = vec![[0.0; 3]; views];
         Ok(Self { size, padded, grid, slopes, planes: Vec::new(), products, brightest: 0.0, colors: 0 })
     }
@@ -192,7 +192,7 @@ impl Layers {
             if of.len() < 3 { f64::NEG_INFINITY } else { of[of.len() / 2] }
         };
         let short: Vec<f64> = (0..all.len()).map(|v| middle(v) - all[v]).collect();
-        let mut odd: Vec<usize> = (0..all.len()).filter(|v| short[*v] > ODD).collect();
+        let mut odd: Vec<usize> = (0..all.len()).filter(|v| short[*v] > OUTLIER_DB).collect();
         odd.sort_by(|a, b| short[*b].total_cmp(&short[*a]));
         let others = middle(*odd.first()?);
         // Of few views one that is odd makes those beside it odd.

@@ -21,7 +21,7 @@ const OUTLIER: f32 = 0.25;
 /// What 8 bits round off, square root of light: views that differ by less tell nothing.
 const ROUNDED: f32 = 5e-4;
 /// Movement (pixels) below which farther views are compared.
-const STILL: f64 = 2.5;
+const STILL_BELOW_PX: f64 = 2.5;
 
 /// The views of the central row and column, small: square root of light, of the brightest.
 struct Small {
@@ -405,14 +405,15 @@ impl Parallax {
                     look.apart = apart;
                 }
                 let far = f64::from(share(&look.movement, &detail, f32::abs, 0.99));
-                let farther = small.steps().min(step * (STILL / look.moved.max(0.1)).ceil().clamp(2.0, 8.0) as usize);
-                if look.moved < STILL && farther > step {
+                let farther =
+                    small.steps().min(step * (STILL_BELOW_PX / look.moved.max(0.1)).ceil().clamp(2.0, 8.0) as usize);
+                if look.moved < STILL_BELOW_PX && farther > step {
                     most = Some(1.5 * far * farther as f64 / step as f64 + 2.0);
                     step = farther;
                     continue;
                 }
                 let larger = longest.min(LARGE).min(2 * pixels);
-                if look.moved < STILL && larger > pixels && look.best_apart() < MOVES {
+                if look.moved < STILL_BELOW_PX && larger > pixels && look.best_apart() < MOVES {
                     most = Some(1.5 * far * larger as f64 / pixels as f64 + 2.0);
                     pixels = larger;
                     break;

@@ -25,7 +25,7 @@ struct Along {
 }
 
 /// How rays go through a view.
-pub(crate) struct Way {
+pub(crate) struct RayDirection {
     /// Columns and rows for each pixel of disparity,
     pub away: [f32; 2],
     /// the disparities of the stored values 0 and 65535,
@@ -47,7 +47,7 @@ pub(crate) struct Rays {
 }
 
 impl Rays {
-    pub fn new(way: &Way) -> Self {
+    pub fn new(way: &RayDirection) -> Self {
         let [low, high] = way.range.map(f64::from);
         let unit = if high > low { 65535.0 / (high - low) } else { 0.0 };
         let at = |k: usize| high - k as f64 * f64::from(way.step);
@@ -111,7 +111,7 @@ mod tests {
         fn a_row_is_its_rays(h in 1usize..6, w in 1usize..70, u in -1.5f32..1.5, v in -1.5f32..1.5, low in -9.0f32..9.0, span in 0.0f32..20.0, step in 0.1f32..2.0, met in 0.3f32..3.0, seed in 0u32..1000) {
             let view: Vec<u16> = (0..h * w).map(|i| ((i as u32 / 5 + seed).wrapping_mul(2_654_435_761) >> 16) as u16).collect();
             let count = (span / step).ceil() as usize;
-            let way = Way { away: [u, v], range: [low, low + span], step, count, met };
+            let way = RayDirection { away: [u, v], range: [low, low + span], step, count, met };
             let (rays, mut got) = (Rays::new(&way), vec![0; w]);
             let unit = f64::from(low + span - low) / 65535.0;
             for y in 0..h {

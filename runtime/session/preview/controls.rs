@@ -1,7 +1,7 @@
 //! What a mouse and keys mean.
 
 use super::place::{Rect, focus_step, pupil_at};
-use super::{Overlay, Seen, Showing, Side};
+use super::{Overlay, PreviewContent, RenderedView, Side};
 use crate::optics::{Geometry, Optics, Pupil, dioptres};
 use crate::present::{WindowEvent, WindowKey};
 
@@ -49,7 +49,7 @@ pub struct Controls {
 
 impl Controls {
     /// Begins at this pupil; `scene` and `sequence`: whether there is one.
-    pub fn new(showing: &Showing, pupil: Pupil, scene: bool, sequence: bool) -> Self {
+    pub fn new(showing: &PreviewContent, pupil: Pupil, scene: bool, sequence: bool) -> Self {
         let optics = showing.colors.iter().map(|c| c.optics).max_by(|a, b| a.wavelength.total_cmp(&b.wavelength));
         let optics = optics.unwrap_or(Optics {
             height: 1,
@@ -141,7 +141,7 @@ impl Controls {
     }
 
     /// What a picture shows, in one line.
-    pub fn describe(&self, seen: &Seen) -> String {
+    pub fn describe(&self, seen: &RenderedView) -> String {
         let [x, y, d, z] = seen.look.pupil.to_mm();
         let light = match seen.look.frame {
             Some(f) => format!("sub-frame {} of {}", f + 1, self.frames),
@@ -161,7 +161,7 @@ impl Controls {
     }
 
     /// What lies over the picture.
-    pub fn overlay(&self, seen: Option<&Seen>) -> Overlay {
+    pub fn overlay(&self, seen: Option<&RenderedView>) -> Overlay {
         let line = seen.filter(|_| self.line);
         Overlay {
             help: if self.help { self.help_lines() } else { Vec::new() },
@@ -197,7 +197,7 @@ impl Controls {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Look, Picture, Shown};
+    use super::super::{Look, Picture, PreviewColor};
     use super::*;
     use crate::optics::Padding;
     use std::sync::Arc;
@@ -205,7 +205,7 @@ mod tests {
     fn controls(scene: bool, sequence: bool) -> Controls {
         let optics = Optics::new(36, 64, 8e-6, 440e-9, 0.4).unwrap();
         let phases = Arc::new(vec![0.0; 8 * 36 * 64]);
-        let color = Shown {
+        let color = PreviewColor {
             color: None,
             optics,
             exposure: 1.0,
@@ -218,7 +218,7 @@ mod tests {
             phases,
         };
         let (eyebox, padding) = (optics.eyebox(), Padding::default());
-        let showing = Showing {
+        let showing = PreviewContent {
             frames: 8,
             padding,
             colors: vec![color],
@@ -298,7 +298,7 @@ mod tests {
         let mut c = controls(true, false);
         let look = Look { pupil: Pupil::from_mm([1.0, -2.0, 4.0, 1.5]), frame: None, side: Side::Both, within: [1, 1] };
         let picture = Picture::black([1, 1]);
-        let seen = Seen {
+        let seen = RenderedView {
             look,
             content: 0,
             planes: Vec::new(),

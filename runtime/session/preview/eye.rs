@@ -1,7 +1,7 @@
 //! An eye that keeps the spectrum: only what depends on the pupil is computed when the pupil moves.
 
 use super::picture::Detail;
-use super::{PreviewError, Showing, Shown, tiled};
+use super::{PreviewColor, PreviewContent, PreviewError, tiled};
 use crate::engine::{Buffer, Engine, EngineError, Purpose};
 use crate::evaluate::{self, Plane};
 use crate::optics::{Geometry, Padding, Pupil, WindowFactor};
@@ -61,7 +61,7 @@ impl Eye {
     /// [`PreviewError::Showing`] for what does not fit together; those of the engines.
     pub fn look(
         &mut self,
-        showing: &Showing,
+        showing: &PreviewContent,
         frame: Option<usize>,
         pupil: &Pupil,
         detail: Detail,
@@ -74,7 +74,7 @@ impl Eye {
         while self.holds.len() < showing.colors.len() {
             self.holds.push(Hold { engine: (self.open)()?, spectrum: None });
         }
-        let look = |(i, (hold, shown)): (usize, (&mut Hold, &Shown))| {
+        let look = |(i, (hold, shown)): (usize, (&mut Hold, &PreviewColor))| {
             // One sub-frame alone is lit for a moment.
             let motion = showing.moving(i).filter(|_| frame.is_none());
             let through = motion.map_or(Viewpoint::Pupil(*pupil), |m| m.seen_through(*pupil, showing.frames));
@@ -87,8 +87,8 @@ impl Eye {
 impl Hold {
     fn look(
         &mut self,
-        showing: &Showing,
-        shown: &Shown,
+        showing: &PreviewContent,
+        shown: &PreviewColor,
         frame: Option<usize>,
         through: &Viewpoint,
         detail: Detail,

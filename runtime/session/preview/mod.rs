@@ -1,7 +1,7 @@
 //! Shows what an eye sees of a hologram, live, in an ordinary window.
 //!
-//! A [`Viewer`] is a thread that owns the engines: it is given what the display shows ([`Showing`]) and where to look from
-//! ([`Look`]) as often as either changes, and has the newest picture ([`Seen`]); what came in between is never computed. A
+//! A [`Viewer`] is a thread that owns the engines: it is given what the display shows ([`PreviewContent`]) and where to look from
+//! ([`Look`]) as often as either changes, and has the newest picture ([`RenderedView`]); what came in between is never computed. A
 //! [`PreviewWindow`] shows such pictures in a window of the same [`Desktop`](crate::present::Desktop) as playback's, and
 //! never makes the thread that serves it wait. [`Controls`] say what a mouse and keys mean; [`Reader`] reads the holograms
 //! of a sequence on a thread of its own.
@@ -31,8 +31,8 @@ pub use overlay::{Overlay, draw_overlay};
 pub use picture::{Detail, Picture};
 pub use place::{Rect, places, pupil_at};
 pub use reader::{ReadHologram, Reader};
-pub use showing::{Showing, Shown};
-pub use viewer::{Look, Seen, Side, Viewer};
+pub use showing::{PreviewColor, PreviewContent};
+pub use viewer::{Look, RenderedView, Side, Viewer};
 pub use window::PreviewWindow;
 
 use crate::engine::EngineError;

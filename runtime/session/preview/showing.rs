@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 /// One colour of what is shown.
 #[derive(Debug, Clone)]
-pub struct Shown {
+pub struct PreviewColor {
     /// Its colour; none where only a wavelength is known.
     pub color: Option<Color>,
     /// Over the SLM.
@@ -38,13 +38,13 @@ pub struct Shown {
 
 /// Phases on a display, and the light that they are seen by.
 #[derive(Debug, Clone)]
-pub struct Showing {
+pub struct PreviewContent {
     /// Sub-frames.
     pub frames: usize,
     /// Zeros around the SLM in the computation.
     pub padding: Padding,
     /// The colours.
-    pub colors: Vec<Shown>,
+    pub colors: Vec<PreviewColor>,
     /// Side of the eyebox that all colours of the display serve, metres.
     pub eyebox: f64,
     /// The phases of a far field that stay on the disk: those under the pupil are read for each picture.
@@ -57,7 +57,7 @@ pub struct Showing {
     pub obstruction: Option<Obstruction>,
 }
 
-impl Showing {
+impl PreviewContent {
     /// A hologram, seen as it was solved: with this padding.
     ///
     /// # Errors
@@ -78,7 +78,7 @@ impl Showing {
         let planners = planners.collect::<Result<Vec<_>, HologramError>>()?;
         let obstruction = hologram.metadata.obstruction;
         let (picture, size) = (hologram.metadata.picture, [hologram.height, hologram.width]);
-        let shown = |(((color, optics), share), planner): (((ColorHologram, Optics), f64), Planner)| Shown {
+        let shown = |(((color, optics), share), planner): (((ColorHologram, Optics), f64), Planner)| PreviewColor {
             color: color.color,
             optics,
             exposure: color.exposure,
@@ -102,7 +102,7 @@ impl Showing {
 
     /// Planes of its colours, as the display shows them, as they are seen.
     pub(super) fn as_seen(&self, planes: Vec<Plane>) -> Vec<Plane> {
-        let seen = |(plane, shown): (Plane, &Shown)| match &shown.map {
+        let seen = |(plane, shown): (Plane, &PreviewColor)| match &shown.map {
             Some(map) => plane.as_seen(map),
             None => plane,
         };

@@ -19,9 +19,9 @@ fn display() -> Display {
 }
 
 /// Everything but the phases, which stay where they are.
-fn showing(tiles: &Arc<Tiles>) -> Showing {
-    let shown = Showing::new(tiles.about().clone(), Padding::default()).unwrap();
-    Showing { tiles: Some(Arc::clone(tiles)), ..shown }
+fn showing(tiles: &Arc<Tiles>) -> PreviewContent {
+    let shown = PreviewContent::new(tiles.about().clone(), Padding::default()).unwrap();
+    PreviewContent { tiles: Some(Arc::clone(tiles)), ..shown }
 }
 
 /// Two colours of two sub-frames, in tiles that hold their first phases.

@@ -2,7 +2,7 @@
 
 use super::eye::{Eye, Opener};
 use super::picture::{Detail, Picture, develop};
-use super::{PreviewError, Showing};
+use super::{PreviewContent, PreviewError};
 use crate::engine::{Engine, Purpose};
 use crate::evaluate::{self, Plane};
 use crate::mailbox::Mailbox;
@@ -43,7 +43,7 @@ pub struct Look {
 
 /// What was seen.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Seen {
+pub struct RenderedView {
     /// As it was asked for.
     pub look: Look,
     /// What was shown: how many times [`Viewer::show`] had been called.
@@ -68,13 +68,13 @@ pub struct Seen {
 
 /// What the thread is given: all of it is the newest.
 #[derive(Default)]
-struct Given {
-    showing: Option<(u64, Arc<Showing>)>,
+struct ViewRequest {
+    showing: Option<(u64, Arc<PreviewContent>)>,
     look: Option<Look>,
     stop: bool,
 }
 
-type Answer = Result<Seen, PreviewError>;
+type Answer = Result<RenderedView, PreviewError>;
 
 /// A whole picture that takes longer than this is preceded by a coarse one.
 const SLOW: Duration = Duration::from_millis(40);
@@ -85,7 +85,7 @@ const WHOLE_SHARE: u32 = 5;
 
 /// Looks through the newest pupil at the newest hologram, on a thread of its own that owns the engines. No call waits.
 pub struct Viewer {
-    given: Mailbox<Given>,
+    given: Mailbox<ViewRequest>,
     answers: Mailbox<Answer>,
     looked: Arc<AtomicU64>,
     shown: u64,
@@ -100,7 +100,7 @@ impl Viewer {
     /// [`PreviewError::Thread`].
     pub fn start(open: Opener, scene: impl Into<SceneSource>) -> Result<Self, PreviewError> {
         let scene = scene.into();
-        let (given, answers) = (Mailbox::<Given>::new(1), Mailbox::new(1));
+        let (given, answers) = (Mailbox::<ViewRequest>::new(1), Mailbox::new(1));
         let looked = Arc::new(AtomicU64::new(0));
         let (take, give, count) = (given.clone(), answers.clone(), Arc::clone(&looked));
         let run = move || {
@@ -140,22 +140,22 @@ impl Viewer {
     }
 
     /// From now on the display shows this.
-    pub fn show(&mut self, showing: Arc<Showing>) {
+    pub fn show(&mut self, showing: Arc<PreviewContent>) {
         self.shown += 1;
         let shown = Some((self.shown, showing));
-        self.given.update(|given| Given { showing: shown, ..given.unwrap_or_default() });
+        self.given.update(|given| ViewRequest { showing: shown, ..given.unwrap_or_default() });
     }
 
     /// From now on it is looked at like this.
     pub fn look(&self, look: Look) {
-        self.given.update(|given| Given { look: Some(look), ..given.unwrap_or_default() });
+        self.given.update(|given| ViewRequest { look: Some(look), ..given.unwrap_or_default() });
     }
 
     /// The newest picture that was not taken yet.
     ///
     /// # Errors
     /// What went wrong with it; [`PreviewError::Thread`] if nothing will come any more.
-    pub fn newest(&self) -> Result<Option<Seen>, PreviewError> {
+    pub fn newest(&self) -> Result<Option<RenderedView>, PreviewError> {
         let ended = self.thread.as_ref().is_none_or(JoinHandle::is_finished);
         match self.answers.take() {
             None if ended => Err(PreviewError::Thread { what: "looks", reason: "ended without a word".into() }),
@@ -171,7 +171,7 @@ impl Viewer {
 
 impl Drop for Viewer {
     fn drop(&mut self) {
-        self.given.push(Given { stop: true, ..Given::default() });
+        self.given.push(ViewRequest { stop: true, ..ViewRequest::default() });
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
@@ -192,17 +192,17 @@ struct Looker {
 
 impl Looker {
     /// Whether a whole picture is made though something newer waits: only it is compared with the photograph.
-    fn is_due(&self, showing: &Showing) -> bool {
+    fn is_due(&self, showing: &PreviewContent) -> bool {
         let (Some(took), Some(ended)) = (self.expected, self.whole_ended) else { return false };
         self.is_known(showing) && ended.elapsed() >= (WHOLE_SHARE - 1) * took
     }
 
     /// Whether it is known what is shown should be.
-    fn is_known(&self, showing: &Showing) -> bool {
+    fn is_known(&self, showing: &PreviewContent) -> bool {
         showing.scene.is_some() || !self.scene.is_empty()
     }
 
-    fn look(&mut self, content: u64, showing: &Showing, look: &Look, detail: Detail) -> Answer {
+    fn look(&mut self, content: u64, showing: &PreviewContent, look: &Look, detail: Detail) -> Answer {
         let start = Instant::now();
         let whole = detail == Detail::Whole;
         let colors: Vec<Option<Color>> = showing.colors.iter().map(|c| c.color).collect();
@@ -232,7 +232,7 @@ impl Looker {
             (self.expected, self.whole_ended) = (Some(spent), Some(Instant::now()));
         }
         let milliseconds = spent.as_secs_f64() * 1e3;
-        Ok(Seen {
+        Ok(RenderedView {
             look: *look,
             content,
             planes,
@@ -247,7 +247,7 @@ impl Looker {
     }
 
     /// The scene's photograph in each colour.
-    fn photograph(&mut self, showing: &Showing, pupil: &Pupil) -> Result<Vec<Plane>, PreviewError> {
+    fn photograph(&mut self, showing: &PreviewContent, pupil: &Pupil) -> Result<Vec<Plane>, PreviewError> {
         let other = || PreviewError::Showing {
             reason: reason!("other-optics", "its colours or its optics are not the scene's"),
         };
@@ -259,7 +259,7 @@ impl Looker {
             (SceneSource::Whole(problems), None) => problems,
             _ => return Err(other()),
         };
-        let fits = |(problem, shown): (&Problem, &super::Shown)| problem.optics == shown.optics;
+        let fits = |(problem, shown): (&Problem, &super::PreviewColor)| problem.optics == shown.optics;
         if scene.len() != showing.colors.len() || !scene.iter().zip(&showing.colors).all(fits) {
             return Err(other());
         }

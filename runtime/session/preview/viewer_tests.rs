@@ -70,7 +70,7 @@ fn look(pupil: Pupil) -> Look {
 }
 
 /// The whole picture of this look and content.
-fn wait(viewer: &Viewer, look: &Look, content: u64) -> Result<Seen, PreviewError> {
+fn wait(viewer: &Viewer, look: &Look, content: u64) -> Result<RenderedView, PreviewError> {
     let since = Instant::now();
     while since.elapsed() < Duration::from_secs(60) {
         match viewer.newest()? {
@@ -85,7 +85,7 @@ fn wait(viewer: &Viewer, look: &Look, content: u64) -> Result<Seen, PreviewError
 fn an_eye_that_keeps_the_spectrum_sees_what_evaluate_sees() {
     let both = hologram(1);
     for padding in [Padding::default(), Padding { rows: 8, columns: 6 }] {
-        let showing = Showing::new(both.clone(), padding).unwrap();
+        let showing = PreviewContent::new(both.clone(), padding).unwrap();
         let mut eye = Eye::new(cpu());
         for (frame, frames) in [(None, vec![0, 1, 2]), (Some(2), vec![2]), (Some(1), vec![1])] {
             for pupil in pupils() {
@@ -101,8 +101,8 @@ fn an_eye_that_keeps_the_spectrum_sees_what_evaluate_sees() {
 fn an_obstructed_eye_that_keeps_the_spectrum_sees_what_the_hologram_shows_it() {
     let clear = hologram(1);
     let source = PhaseSource::from(clear.clone()).obstructed(Some(Obstruction::Lashes));
-    let obstructed = Showing::new(source.about().clone(), Padding::default()).unwrap();
-    let clear = Showing::new(clear, Padding::default()).unwrap();
+    let obstructed = PreviewContent::new(source.about().clone(), Padding::default()).unwrap();
+    let clear = PreviewContent::new(clear, Padding::default()).unwrap();
     let mut eye = Eye::new(cpu());
     for pupil in pupils().into_iter().chain(pupils()) {
         let seen = eye.look(&obstructed, None, &pupil, Detail::Whole).unwrap();
@@ -115,10 +115,12 @@ fn an_obstructed_eye_that_keeps_the_spectrum_sees_what_the_hologram_shows_it() {
 #[test]
 fn a_picture_that_is_bent_is_shown_as_it_is_seen() {
     let mut bent = hologram(1);
-    let seen =
-        crate::optics::Seen { homography: [0.9, 0.01, 0.0, -0.01, 0.9, 0.0, 0.0, 0.0], distortion: [0.08, 0.01] };
+    let seen = crate::optics::PictureWarp {
+        homography: [0.9, 0.01, 0.0, -0.01, 0.9, 0.0, 0.0, 0.0],
+        distortion: [0.08, 0.01],
+    };
     bent.metadata.picture.set(Color::Green, seen);
-    let showing = Arc::new(Showing::new(bent.clone(), Padding::default()).unwrap());
+    let showing = Arc::new(PreviewContent::new(bent.clone(), Padding::default()).unwrap());
     let (mut viewer, look) = (Viewer::start(cpu(), Vec::new()).unwrap(), look(pupils()[0]));
     viewer.show(showing);
     viewer.look(look);
@@ -133,7 +135,7 @@ fn a_picture_that_is_bent_is_shown_as_it_is_seen() {
 #[test]
 fn a_far_field_is_seen_as_evaluate_sees_it() {
     let far = Hologram { geometry: Geometry::FarField, ..hologram(1) };
-    let showing = Showing::new(far.clone(), Padding::default()).unwrap();
+    let showing = PreviewContent::new(far.clone(), Padding::default()).unwrap();
     assert_eq!(showing.size(), [40, 40], "as far up as to the side");
     let mut eye = Eye::new(cpu());
     for pupil in [[0.0, 0.0, 0.1, 0.0], [0.05, -0.04, 0.06, 2.5]].map(Pupil::from_mm) {
@@ -147,7 +149,7 @@ fn a_far_field_is_seen_as_evaluate_sees_it() {
 
 #[test]
 fn a_coarse_picture_is_the_whole_one_on_fewer_pixels() {
-    let showing = Showing::new(hologram(1), Padding::default()).unwrap();
+    let showing = PreviewContent::new(hologram(1), Padding::default()).unwrap();
     let mut eye = Eye::new(cpu());
     let pupil = Pupil::from_mm([3.0, -2.0, 3.0, 1.0]);
     let coarse = eye.look(&showing, None, &pupil, Detail::Coarse).unwrap();
@@ -180,7 +182,7 @@ fn the_viewer_shows_the_newest_pupil_and_the_newest_hologram() {
     let mut viewer = Viewer::start(cpu(), Vec::new()).unwrap();
     let [a, b, ..] = pupils();
     viewer.look(look(a));
-    viewer.show(Arc::new(Showing::new(first.clone(), Padding::default()).unwrap()));
+    viewer.show(Arc::new(PreviewContent::new(first.clone(), Padding::default()).unwrap()));
     let seen = wait(&viewer, &look(a), 1).unwrap();
     assert_eq!(values(&seen.planes), expected(&first, &[0, 1, 2], &a, Padding::default()));
     // The picture is what these planes develop to, and no photograph is there without a scene.
@@ -190,7 +192,7 @@ fn the_viewer_shows_the_newest_pupil_and_the_newest_hologram() {
     viewer.look(look(b));
     let seen = wait(&viewer, &look(b), 1).unwrap();
     assert_eq!(values(&seen.planes), expected(&first, &[0, 1, 2], &b, Padding::default()));
-    viewer.show(Arc::new(Showing::new(second.clone(), Padding::default()).unwrap()));
+    viewer.show(Arc::new(PreviewContent::new(second.clone(), Padding::default()).unwrap()));
     let seen = wait(&viewer, &look(b), 2).unwrap();
     assert_eq!(values(&seen.planes), expected(&second, &[0, 1, 2], &b, Padding::default()));
 }
@@ -206,7 +208,7 @@ fn what_came_in_between_is_never_computed() {
         Ok(Box::new(CpuEngine::new()))
     });
     let mut viewer = Viewer::start(opener, Vec::new()).unwrap();
-    viewer.show(Arc::new(Showing::new(hologram(1), Padding::default()).unwrap()));
+    viewer.show(Arc::new(PreviewContent::new(hologram(1), Padding::default()).unwrap()));
     let at = |i: usize| look(Pupil::from_mm([0.01 * i as f64, 0.0, 4.0, 0.0]));
     viewer.look(at(0));
     began.recv().unwrap();
@@ -222,7 +224,7 @@ fn what_came_in_between_is_never_computed() {
 
 #[test]
 fn what_cannot_be_looked_at_is_said_and_the_next_is_looked_at() {
-    let whole = Showing::new(hologram(1), Padding::default()).unwrap();
+    let whole = PreviewContent::new(hologram(1), Padding::default()).unwrap();
     let mut cut = whole.clone();
     cut.colors[1].phases = Arc::new(vec![0.0; 7]);
     let mut viewer = Viewer::start(cpu(), Vec::new()).unwrap();
@@ -243,7 +245,7 @@ fn a_scene_is_photographed_through_the_same_pupil() {
     let problems: Vec<Problem> =
         COLORS.iter().map(|c| Problem::new(&field, *c, &display, Padding::default()).unwrap()).collect();
     let mut viewer = Viewer::start(cpu(), problems.clone()).unwrap();
-    viewer.show(Arc::new(Showing::new(hologram(1), Padding::default()).unwrap()));
+    viewer.show(Arc::new(PreviewContent::new(hologram(1), Padding::default()).unwrap()));
     let pupil = Pupil::from_mm([2.0, 1.0, 5.0, 0.5]);
     let both = Look { side: Side::Both, ..look(pupil) };
     viewer.look(both);
@@ -277,7 +279,7 @@ fn a_scene_is_photographed_through_the_same_pupil() {
     let seen = wait(&viewer, &alone, 1).unwrap();
     assert!(seen.planes.is_empty() && seen.photograph.is_some());
     // A hologram in other colours has no photograph.
-    let mut one = Showing::new(hologram(1), Padding::default()).unwrap();
+    let mut one = PreviewContent::new(hologram(1), Padding::default()).unwrap();
     one.colors.pop();
     viewer.show(Arc::new(one));
     assert_eq!(ErrorData::of(&wait(&viewer, &alone, 2).unwrap_err()).code, "showing/other-optics");
@@ -300,7 +302,7 @@ fn what_never_rests_is_compared_now_and_then() {
     let showing = |salt| {
         let mut one = hologram(salt);
         one.colors.truncate(1);
-        Arc::new(Showing::new(one, Padding::default()).unwrap())
+        Arc::new(PreviewContent::new(one, Padding::default()).unwrap())
     };
     let (both, since) = ([showing(1), showing(2)], Instant::now());
     let (mut coarse, mut compared) = (0, Vec::new());
@@ -349,7 +351,7 @@ fn what_changes_is_compared_with_its_own_scene() {
         COLORS.iter().map(|c| Problem::new(&field, *c, &display, Padding::default()).unwrap()).collect()
     };
     let (one, other) = (problems("builtin:still-life"), problems("builtin:plane"));
-    let shown = Showing::new(hologram(1), Padding::default()).unwrap();
+    let shown = PreviewContent::new(hologram(1), Padding::default()).unwrap();
     let both = Look { side: Side::Both, ..look(Pupil::from_mm([2.0, 1.0, 5.0, 0.5])) };
     let judged = |viewer: &Viewer, content| {
         let seen = wait(viewer, &both, content).unwrap();
@@ -365,7 +367,7 @@ fn what_changes_is_compared_with_its_own_scene() {
     let mut viewer = Viewer::start(cpu(), one.clone()).unwrap();
     viewer.look(both);
     for (content, scene) in [&one, &other, &one, &other].into_iter().enumerate() {
-        viewer.show(Arc::new(Showing { scene: Some(Arc::new(scene.clone())), ..shown.clone() }));
+        viewer.show(Arc::new(PreviewContent { scene: Some(Arc::new(scene.clone())), ..shown.clone() }));
         assert_eq!(judged(&viewer, content as u64 + 1), alone(scene), "{content}");
     }
 }
@@ -383,9 +385,9 @@ fn what_moves_is_integrated_over_the_motion() {
     let content = [6.0, 0.0];
     let seen = |eye: [f64; 2]| {
         let motion = Motion { content, eye: Some(eye), ..Motion::default() };
-        let shown = Showing::new(hologram(1), Padding::default()).unwrap();
+        let shown = PreviewContent::new(hologram(1), Padding::default()).unwrap();
         let mut viewer = Viewer::start(cpu(), problems.clone()).unwrap();
-        viewer.show(Arc::new(Showing { motion: vec![motion; 2], ..shown.clone() }));
+        viewer.show(Arc::new(PreviewContent { motion: vec![motion; 2], ..shown.clone() }));
         viewer.look(both);
         let seen = wait(&viewer, &both, 1).unwrap();
         // As `evaluate` has it.
@@ -400,7 +402,7 @@ fn what_moves_is_integrated_over_the_motion() {
     };
     let still = {
         let mut viewer = Viewer::start(cpu(), problems.clone()).unwrap();
-        viewer.show(Arc::new(Showing::new(hologram(1), Padding::default()).unwrap()));
+        viewer.show(Arc::new(PreviewContent::new(hologram(1), Padding::default()).unwrap()));
         viewer.look(both);
         values(&wait(&viewer, &both, 1).unwrap().wanted)
     };

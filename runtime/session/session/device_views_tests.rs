@@ -5,7 +5,7 @@ use crate::gpu::test_options::watched;
 use crate::gpu::{DeviceIds, Gpu, SharedLayout, SlotWriter};
 use crate::optics::{Color, Display, PupilDistribution};
 use crate::session::{Due, LiveInput, LiveKind, Newest, SceneFrame, Scenes};
-use eyebox_live_input::{Application, Content, FrameInfo, Sample, Transfer};
+use eyebox_live_input::{Application, Content, FrameFault, FrameInfo, LiveError, Sample, Transfer};
 use std::sync::PoisonError;
 use std::time::Duration;
 
@@ -108,7 +108,10 @@ fn frames_of_an_application_stay_on_the_device() {
     }
     // Other places than there are, and other kinds, are refused where they are made.
     let error = application.begin(&FrameInfo { on_device: true, content: Content::ColorAndDepth, ..host }).map(drop);
-    assert!(error.unwrap_err().to_string().contains("the place of the samples 1; it must be 0"));
+    assert!(
+        matches!(error, Err(LiveError::Frame(FrameFault::Number { found: 1, least: 0, most: 0, .. }))),
+        "{error:?}"
+    );
     drop(application);
     assert!(matches!(next(&mut input), Newest::Late(_)));
     drop((writer, input));

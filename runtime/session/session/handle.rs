@@ -4,7 +4,7 @@ use crate::files::asked_to_end;
 use crate::mailbox::Mailbox;
 use crate::session::feeds::statistics::Statistics;
 use crate::session::frame_log::error::SessionError;
-use crate::session::frame_log::notes::{Heard, Notes};
+use crate::session::frame_log::notes::{NoteEvent, Notes};
 use crate::session::options::{About, COMMANDS, Content, Ended, SessionEvent, SessionOptions, Shared, Status};
 use crate::session::playback::output::Output;
 use crate::session::playback::player::Command;
@@ -99,9 +99,9 @@ impl Session {
 
     /// The next thing that happened, waiting so long for it.
     pub fn event(&self, within: Duration) -> Option<SessionEvent> {
-        self.shared.notes.hear_within(within).map(|heard| match heard {
-            Heard::Note(note) => SessionEvent::Note(note),
-            Heard::End => SessionEvent::Ended,
+        self.shared.notes.recv_timeout(within).map(|heard| match heard {
+            NoteEvent::Note(note) => SessionEvent::Note(note),
+            NoteEvent::End => SessionEvent::Ended,
         })
     }
 
@@ -168,7 +168,6 @@ mod tests {
     fn a_display_that_never_opens_is_not_waited_for() {
         let (tell, started) = sync_channel::<u8>(1);
         let ends = AtomicBool::new(false);
-        // The one names how long it waited.
         assert!(wait_for_start(&started, Duration::from_millis(1), &ends).unwrap_err().contains("0 s"));
         ends.store(true, Ordering::Release);
         assert!(!wait_for_start(&started, STARTED, &ends).unwrap_err().contains(char::is_numeric));

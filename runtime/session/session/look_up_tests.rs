@@ -10,7 +10,7 @@ use std::time::Duration;
 
 const SIDE: usize = 64;
 
-fn moved(stage: &Scripted, shift: usize) -> SteeredColor {
+fn moved(stage: &Scripted, shift: usize) -> LiveColor {
     shifted_color(&stage.scenes[0], shift)
 }
 
@@ -28,20 +28,20 @@ fn another_picture_begins_with_the_phases_of_the_table() {
     };
     let refined = |tables: Vec<Option<Arc<StartTable>>>| {
         let policy = Policy { restart: f64::INFINITY, ..Policy::default() };
-        let mut steerer = Steerer::new(stage.begun(), policy, cpu).unwrap().with_start_tables(tables);
+        let mut steerer = LiveRefiner::new(stage.begun(), policy, cpu).unwrap().with_start_tables(tables);
         steerer.aim(aim).unwrap();
         steerer.follow(&[moved(&stage, 0)]).unwrap();
         (0..8).for_each(|_| assert_eq!(steerer.round_while(|_, _| true).unwrap(), 1));
         steerer.settle().unwrap();
         steerer.follow(&[moved(&stage, 1)]).unwrap();
-        assert!(!steerer.wants_fit(), "the same picture, one pixel on");
+        assert!(!steerer.needs_reinit(), "the same picture, one pixel on");
         steerer.follow(&[moved(&stage, SIDE / 2)]).unwrap();
         steerer
     };
     let mut good = refined(stage.tables());
     let before = good.phases().unwrap()[0].to_vec();
-    assert!(good.wants_fit());
-    assert_eq!((good.fit().unwrap(), good.wants_fit()), (1, false));
+    assert!(good.needs_reinit());
+    assert_eq!((good.fit().unwrap(), good.needs_reinit()), (1, false));
     let table = &stage.tables()[0];
     let color = moved(&stage, SIDE / 2);
     let looked_up = table.as_ref().unwrap().phases(&color.problem, color.exposure).unwrap();
@@ -54,7 +54,7 @@ fn another_picture_begins_with_the_phases_of_the_table() {
     });
     assert!(losses[1] > losses[0], "after one step from the last and from the table's phases: {losses:?} dB");
     // Where there is no table, nothing is begun with.
-    assert!(!refined(Vec::new()).wants_fit());
+    assert!(!refined(Vec::new()).needs_reinit());
 }
 
 /// A session whose content jumps begins with phases of a table, says so, and is the same again from what was kept of it.
@@ -92,19 +92,19 @@ fn another_picture_begins_with_drives_of_the_table() {
     let slide = inverted(&whole);
     let refined = |tables: Vec<Option<Arc<StartTable>>>| {
         let policy = Policy { restart: f64::INFINITY, ..Policy::default() };
-        let mut steerer = Steerer::new(whole.clone(), policy, cpu).unwrap().with_start_tables(tables);
+        let mut steerer = LiveRefiner::new(whole.clone(), policy, cpu).unwrap().with_start_tables(tables);
         steerer.aim(tests::aim(2e-3)).unwrap();
         (0..6).for_each(|_| assert_eq!(steerer.round_while(|_, _| true).unwrap(), 3));
-        let same = |color: &SteeredColor| SteeredColor { phases: Vec::new(), ..shifted_color(color, 1) };
+        let same = |color: &LiveColor| LiveColor { phases: Vec::new(), ..shifted_color(color, 1) };
         steerer.follow(&whole.iter().map(same).collect::<Vec<_>>()).unwrap();
-        assert!(!steerer.wants_fit(), "the same picture, one pixel on");
+        assert!(!steerer.needs_reinit(), "the same picture, one pixel on");
         assert_eq!(steerer.follow(&slide).unwrap(), Followed::default());
         steerer
     };
     let mut steerer = refined(vec![Some(Arc::clone(&table))]);
     let last = steerer.sent().unwrap()[0].to_vec();
-    assert!(steerer.wants_fit());
-    assert_eq!((steerer.fit().unwrap(), steerer.wants_fit(), steerer.fit().unwrap()), (3, false, 0));
+    assert!(steerer.needs_reinit());
+    assert_eq!((steerer.fit().unwrap(), steerer.needs_reinit(), steerer.fit().unwrap()), (3, false, 0));
     let (problems, exposures): (Vec<&Problem>, Vec<f64>) = slide.iter().map(|c| (&c.problem, c.exposure)).unzip();
     let looked_up = table.drives(&problems, &exposures).unwrap().expect("a drive's table");
     let apart = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| 1.0 - (a - b).cos()).fold(0.0, f32::max);
@@ -120,10 +120,10 @@ fn another_picture_begins_with_drives_of_the_table() {
     );
     assert!(table_db > last_db + 0.5 && table_db > random_db + 0.5);
     // Tables of single colors are no drive's.
-    assert!(!refined(vec![Some(Arc::new(StartTable::even(3))); 3]).wants_fit());
+    assert!(!refined(vec![Some(Arc::new(StartTable::even(3))); 3]).needs_reinit());
     // A session that is given no hologram has its first phases of it; an SLM as small as this one has no table of itself.
     let mut begun = slide.clone();
-    refinement::steerer::look_up::begin_with_tables(&mut begun, &[Some(table)]).unwrap();
+    refinement::live_refiner::look_up::begin_with_tables(&mut begun, &[Some(table)]).unwrap();
     for color in &begun {
         assert_eq!(color.phases, color.laser.as_ref().unwrap().phases(&looked_up));
     }

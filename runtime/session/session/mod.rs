@@ -10,7 +10,7 @@
 //! Pure, with times as numbers: `timeline` (which content frame is due when), `scheduler` (what the next video frame shows,
 //! and the `account` of why), `pacing` (when to wake for it), `set_timing` (which set can still be reached). Around them:
 //! `player`, the present thread's tick, and `present_thread`, its loop; `stream` (reading, checking and encoding ahead on
-//! threads of their own); `refine` (the thread that owns the engines: [`Steerer`] without threads) and `pupil_tracker` (the
+//! threads of their own); `refine` (the thread that owns the engines: [`LiveRefiner`] without threads) and `pupil_tracker` (the
 //! one that takes a tracker's samples), whose sets pass through `sets`; on a simulated clock sets are made when they are asked for,
 //! and `work_time` passes by what steps are said to take. [`MovingSequence`] reads ahead what follows, [`FarField`] the tiles around where the eye goes; `application` takes
 //! frames from other processes; `showing` accounts for both. `moments` tells from frames and samples what moves while a set is lit. Each can end without taking the picture away.
@@ -65,15 +65,15 @@ mod together_tests;
 pub use content::application::{LiveInput, LiveKind, darkness};
 pub use content::far_field::FarField;
 pub use content::moving::{MovingSequence, SceneLoader};
-pub use content::scenes::{Due, Newest, SceneFrame, Scenes, Supply};
-pub use feeds::companion::{Asked, Companion, CompanionOpener, LitSources, Now, SourceSwitch};
+pub use content::scenes::{Due, FrameFreshness, Newest, SceneFrame, Scenes};
 pub use feeds::following::LiveStatus;
 pub use feeds::live::{EngineSource, Live, Tracking, whole_eyebox};
 pub use feeds::play::Play;
 pub use feeds::sets::FinishedSet;
-pub use feeds::showing::Showing;
+pub use feeds::showing::ContentReport;
+pub use feeds::sidecar::{LitSources, Now, SidecarOpener, SidecarWindow, SourceSwitch, UserRequest};
 pub use feeds::statistics::{Ending, LiveStatistics, Statistics};
-pub use frame_log::account::{Account, Cause, Repeat};
+pub use frame_log::account::{Account, Cause, RepeatReason};
 pub use frame_log::error::SessionError;
 pub use frame_log::latency::{Histogram, Latency, Stage, Timestamps};
 pub use handle::Session;
@@ -86,16 +86,16 @@ pub use playback::report::{Report, Timing};
 pub use playback::ticks::{TickedFrame, TickedOutput};
 pub use playback::timeline::Speed;
 pub use refinement::field::Field;
+pub use refinement::live_refiner::look_up::start_tables;
+pub use refinement::live_refiner::{EngineOpener, Followed, LiveColor, LiveRefiner, PhasesOfColors, Policy};
 pub use refinement::pupil_tracker::TrackerCounts;
 pub use refinement::set_timing::{SetTiming, Target};
-pub use refinement::steerer::look_up::start_tables;
-pub use refinement::steerer::{EngineOpener, Followed, PhasesOfColors, Policy, SteeredColor, Steerer};
 pub use refinement::work_time::Cost;
 pub use ticked::TickedSession;
 // What a study of simulated eyes has in common with a session.
 pub use content::shifted::shifted_problem;
+pub use refinement::live_refiner::together::lighting_of;
 pub use refinement::moments::MotionCompensation;
 pub use refinement::pupil_source::{PupilSource, Samples};
 pub use refinement::pupil_tracker::PupilEstimate;
-pub use refinement::steerer::together::lighting_of;
 pub use refinement::work_time::WorkTime;

@@ -3,7 +3,7 @@
 use crate::gpu::{Gpu, Messages};
 use crate::present::{Interference, SECOND_NS};
 use crate::session::feeds::following::HandedOver;
-use crate::session::feeds::running::{Running, Setup};
+use crate::session::feeds::running::{ActiveContent, ContentSetup};
 use crate::session::feeds::statistics::{Ending, Statistics};
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::trace::{Trace, Written};
@@ -21,7 +21,7 @@ use std::sync::atomic::Ordering;
 /// The thread's own.
 pub(super) struct PresentThread {
     shared: Arc<Shared>,
-    running: Running,
+    running: ActiveContent,
     player: Player,
     recording: Option<Recording>,
     observer: Option<FrameObserver>,
@@ -71,7 +71,7 @@ impl PresentThread {
                 live.start(&mut display, on_host, Arc::clone(&shared.steered), &notes, trace.clone())?
             }
         };
-        let Setup { running, schedule, idle, sub_frames } = setup;
+        let ContentSetup { running, schedule, idle, sub_frames } = setup;
         let simulated = display.clock.is_simulated();
         let recording =
             options.record.as_deref().map(|folder| Recording::start(folder, size, simulated)).transpose()?;
@@ -146,13 +146,13 @@ impl PresentThread {
             Flow::Ended => return Ok(Some(Ending::End)),
             Flow::Closed => return Ok(Some(Ending::Closed)),
         }
-        if let Running::Live(following) = running
+        if let ActiveContent::Live(following) = running
             && !following.after(handed_over, display)
         {
             return Ok(Some(Ending::Closed));
         }
         // An application that never comes is not waited for without end.
-        let waits = matches!(&self.running, Running::Live(following) if following.first_is_to_come);
+        let waits = matches!(&self.running, ActiveContent::Live(following) if following.first_is_to_come);
         if waits || self.player.scheduler().account().due > 0 {
             let (now_ns, period_ns) = (self.player.display_time_ns(), self.player.rate().period_ns());
             let passed_ns = now_ns - *self.content_since_ns.get_or_insert(now_ns) + period_ns;
@@ -161,7 +161,7 @@ impl PresentThread {
             }
         }
         for interference in self.display.presenter().interference() {
-            self.shared.notes.tell(interference.to_string());
+            self.shared.notes.send(interference.to_string());
             self.interference.push(interference);
         }
         self.shared.status.store(Status {
@@ -169,8 +169,8 @@ impl PresentThread {
             account: *self.player.scheduler().account(),
             timing: *self.player.timing(),
             live: match &self.running {
-                Running::Play(_) => None,
-                Running::Live(following) => Some(following.status()),
+                ActiveContent::Play(_) => None,
+                ActiveContent::Live(following) => Some(following.status()),
             },
         });
         Ok(None)
@@ -198,8 +198,8 @@ impl PresentThread {
         };
         let mut tracks = vec![self.player.into_track()];
         match self.running {
-            Running::Play(stream) => tracks.extend(stream.stop()),
-            Running::Live(following) => {
+            ActiveContent::Play(stream) => tracks.extend(stream.stop()),
+            ActiveContent::Live(following) => {
                 result = result.and(following.followed());
                 let (live, more, kept) = following.stop();
                 result = result.and(kept);

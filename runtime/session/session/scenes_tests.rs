@@ -20,7 +20,7 @@ fn eye() -> EyeSettings {
 }
 
 /// What an eye sees of phases, dB.
-pub(super) fn seen(phases: &[f32], exposure: f64, frame: &SteeredColor, pupil: Pupil) -> f64 {
+pub(super) fn seen(phases: &[f32], exposure: f64, frame: &LiveColor, pupil: Pupil) -> f64 {
     let engine = Box::new(CpuEngine::new());
     let steering = Policy::default().steering;
     let mut refiner = Refiner::new(frame.problem.clone(), phases, exposure, steering, engine).unwrap();
@@ -103,10 +103,10 @@ fn a_session_of_live_content_is_accounted_for_and_is_the_same_again() {
     // 0.4 s at 30 a second: twelve frames, each of which is lit.
     assert!((11..=12).contains(&showing.shown), "{showing:?}");
     assert_eq!(
-        (showing.scenes, showing.refused, showing.sets[Supply::New as usize]),
+        (showing.scenes, showing.refused, showing.sets[FrameFreshness::New as usize]),
         (showing.shown, 0, showing.shown)
     );
-    assert!(showing.sets[Supply::ApplicationGone as usize] >= 5, "{:?}", showing.sets);
+    assert!(showing.sets[FrameFreshness::ApplicationGone as usize] >= 5, "{:?}", showing.sets);
     // A period, a step, encoding, and the eighth of a period that a decision comes before the light at first.
     assert!(showing.arrival_to_light.percentile(1.0).unwrap() <= 16.7 + 4.0 + 1.0 + 2.1);
     let account = statistics.report.account;

@@ -38,7 +38,7 @@ impl Scripted {
             whole: Some(whole_eyebox(self.display.eyebox_min(), [0.0; 2])),
             direct: None,
             with_phases: true,
-            again: Box::new(move || Ok((Steerer::new(parts.clone(), policy, cpu)?, None))),
+            again: Box::new(move || Ok((LiveRefiner::new(parts.clone(), policy, cpu)?, None))),
             notes: frame_log::notes::Notes::default(),
             track: Trace::none().track("refine"),
         };
@@ -71,7 +71,7 @@ pub(super) fn samples(eye: EyeSettings) -> PupilSource {
 
 /// An application that gives so many frames a second while it is alive, but for stalls: times in nanoseconds.
 pub(super) struct Application {
-    pub scenes: Vec<SteeredColor>,
+    pub scenes: Vec<LiveColor>,
     pub per_second: i64,
     pub alive: Vec<[i64; 2]>,
     pub stalls: Vec<[i64; 2]>,
@@ -109,13 +109,13 @@ impl Scenes for Application {
 
     fn next(&mut self, due: &Due) -> Result<Newest, SessionError> {
         let (number, arrived_ns) = match self.newest(due.now_ns) {
-            Err(()) => return Ok(Newest::Late(Supply::ApplicationGone)),
+            Err(()) => return Ok(Newest::Late(FrameFreshness::ApplicationGone)),
             Ok(None) => return Ok(Newest::Same),
             Ok(Some(newest)) => newest,
         };
         if self.given.is_some_and(|given| given >= number) {
             let late = due.now_ns - arrived_ns > 3 * SECOND_NS / (2 * self.per_second);
-            return Ok(if late { Newest::Late(Supply::ApplicationLate) } else { Newest::Same });
+            return Ok(if late { Newest::Late(FrameFreshness::ApplicationLate) } else { Newest::Same });
         }
         self.given = Some(number);
         let color = self.scenes[(number % LIFE) as usize % self.scenes.len()].clone();

@@ -48,7 +48,7 @@ fn adds_up(statistics: &Statistics, frames: &[ShownFrame], set_frames: u64, what
     assert_eq!(live.sets_new + live.sets_repeated, content_sets, "{what}");
     assert_eq!(live.repeats.iter().sum::<u64>(), live.sets_repeated, "{what}");
     assert_eq!(showing.sets.iter().sum::<u64>(), content_sets, "{what}: {showing:?}");
-    assert_eq!((showing.sets[Supply::New as usize], showing.refused), (showing.shown, 0), "{what}");
+    assert_eq!((showing.sets[FrameFreshness::New as usize], showing.refused), (showing.shown, 0), "{what}");
     assert!(showing.scenes >= showing.shown, "{what}: {showing:?}");
     let lit = frames.iter().filter(|frame| frame.set.is_some()).count() as u64;
     assert_eq!(live.sub_frames.iter().sum::<u64>(), lit * 8 / set_frames, "{what}");
@@ -59,7 +59,7 @@ fn adds_up(statistics: &Statistics, frames: &[ShownFrame], set_frames: u64, what
 /// All that can be the matter where time is simulated.
 fn only_steps_are_too_long(statistics: &Statistics, what: &str) {
     let (live, a) = (statistics.live.as_ref().unwrap(), &statistics.report.account);
-    assert_eq!(live.repeats[Repeat::StepTooLong as usize], live.sets_repeated, "{what}: {:?}", live.repeats);
+    assert_eq!(live.repeats[RepeatReason::StepTooLong as usize], live.sets_repeated, "{what}: {:?}", live.repeats);
     assert_eq!((a.drops(), a.missed_presents, a.late_sets), (0, 0, [0; 5]), "{what}");
 }
 

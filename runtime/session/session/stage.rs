@@ -6,7 +6,7 @@ use crate::engine::{Engine, EngineError};
 use crate::optics::{Color, Display, Laser, Padding};
 use crate::scene::{self, LightField, Pyramid, Request};
 use crate::session::content::shifted::shifted_problem;
-use crate::session::refinement::steerer::SteeredColor;
+use crate::session::refinement::live_refiner::LiveColor;
 use crate::solve::{Flow, Problem, Settings, StartTable, random_phases, solve};
 use std::sync::Arc;
 
@@ -39,7 +39,7 @@ pub struct Scripted {
     /// The display before which the scenes lie.
     pub display: Display,
     /// The scene at each place.
-    pub scenes: Vec<SteeredColor>,
+    pub scenes: Vec<LiveColor>,
 }
 
 impl Scripted {
@@ -55,23 +55,23 @@ impl Scripted {
             let name = format!("builtin:still-life?shift={}", i as f64 * 0.05);
             let field = scene::load(&name, &request).unwrap();
             let problem = Problem::new(&field, Color::Green, &display, Padding::default()).unwrap();
-            SteeredColor { problem, phases: Vec::new(), exposure: EXPOSURE, laser: None }
+            LiveColor { problem, phases: Vec::new(), exposure: EXPOSURE, laser: None }
         };
         let scenes = (0..scenes).map(scene).collect();
         Self { display, scenes }
     }
 
     /// Returns the scene that content frame `number` shows, to and fro.
-    pub fn scene(&self, number: u64) -> &SteeredColor {
+    pub fn scene(&self, number: u64) -> &LiveColor {
         let last = self.scenes.len() - 1;
         let at = number as usize % (2 * last).max(1);
         &self.scenes[if at > last { 2 * last - at } else { at }]
     }
 
     /// Random phases of eight sub-frames.
-    pub fn begun(&self) -> Vec<SteeredColor> {
+    pub fn begun(&self) -> Vec<LiveColor> {
         let pixels = self.display.height * self.display.width;
-        vec![SteeredColor { phases: random_phases(8 * pixels, 1), ..self.scenes[0].clone() }]
+        vec![LiveColor { phases: random_phases(8 * pixels, 1), ..self.scenes[0].clone() }]
     }
 
     /// An encoder of eight sub-frames.
@@ -92,8 +92,8 @@ pub fn cpu() -> Result<Box<dyn Engine>, EngineError> {
 }
 
 /// A color of which the content is shifted to the right, pixels.
-pub fn shifted_color(color: &SteeredColor, shift: usize) -> SteeredColor {
-    SteeredColor { problem: shifted_problem(&color.problem, shift, false), ..color.clone() }
+pub fn shifted_color(color: &LiveColor, shift: usize) -> LiveColor {
+    LiveColor { problem: shifted_problem(&color.problem, shift, false), ..color.clone() }
 }
 
 /// The display of colors that share their sub-frames.
@@ -102,47 +102,47 @@ pub fn joint_display() -> Display {
 }
 
 /// Random drives before three lasers, on a display.
-pub fn joint_colors(display: &Display) -> Vec<SteeredColor> {
+pub fn joint_colors(display: &Display) -> Vec<LiveColor> {
     let field = scene::load("builtin:still-life", &Request { views: 3, ..Request::new(display, &ALL) }).unwrap();
     let powers = [vec![0.4, 1.9, 0.7], vec![1.0, 0.2, 1.8], vec![1.5, 1.5, 0.0]];
     let drives = random_phases(3 * SIZE[0] * SIZE[1], 4);
     let one = |((color, slope), powers): ((Color, f64), Vec<f64>)| {
         let problem = Problem::new(&field, color, display, Padding::default()).unwrap();
         let laser = Laser { slope, powers };
-        SteeredColor { problem, phases: laser.phases(&drives), exposure: 0.35, laser: Some(laser) }
+        LiveColor { problem, phases: laser.phases(&drives), exposure: 0.35, laser: Some(laser) }
     };
     ALL.into_iter().zip(display.slopes(&ALL)).zip(powers).map(one).collect()
 }
 
 /// Returns the picture in which these colors are dark where they were bright.
-pub fn inverted(colors: &[SteeredColor]) -> Vec<SteeredColor> {
-    let one = |color: &SteeredColor| {
+pub fn inverted(colors: &[LiveColor]) -> Vec<LiveColor> {
+    let one = |color: &LiveColor| {
         let (pyramid, level) = (&color.problem.pyramid, &color.problem.pyramid.levels[0]);
         let value = |v: &u16| 0.3 * (1.0 - f32::from(*v) / 65_535.0 * pyramid.scale).max(0.0);
         let views = level.views.chunks_exact(level.height * level.width);
         let views: Vec<Vec<f32>> = views.map(|view| view.iter().map(value).collect()).collect();
         let pyramid = Arc::new(Pyramid::new(&views, level.height, level.width));
         let problem = Problem { pyramid, ..color.problem.clone() };
-        SteeredColor { problem, phases: Vec::new(), ..color.clone() }
+        LiveColor { problem, phases: Vec::new(), ..color.clone() }
     };
     colors.iter().map(one).collect()
 }
 
 /// The table of the drive that these colors share, fitted in fewer steps than usual.
-pub fn drive_table(colors: &[SteeredColor]) -> Arc<StartTable> {
+pub fn drive_table(colors: &[LiveColor]) -> Arc<StartTable> {
     let problems: Vec<&Problem> = colors.iter().map(|color| &color.problem).collect();
     let lasers: Vec<Laser> = colors.iter().filter_map(|color| color.laser.clone()).collect();
     Arc::new(StartTable::quick_shared(&problems, &lasers))
 }
 
 /// A color of a still life that was solved for the whole eyebox.
-pub fn part() -> SteeredColor {
+pub fn part() -> LiveColor {
     let display = Display { height: 96, width: 112, ..Display::preset("small").unwrap() };
     let field = scene::load("builtin:still-life", &Request::new(&display, &[Color::Green])).unwrap();
     let problem = Problem::new(&field, Color::Green, &display, Padding::default()).unwrap();
     let settings = Settings { steps: 24, diameter: [2e-3, 18e-3], depth: [-5e-4, 5e-4], ..Settings::default() };
     let solution = solve(&problem, &settings, &mut CpuEngine::new(), &mut |_| Flow::Continue).unwrap();
-    SteeredColor { problem, phases: solution.phases, exposure: solution.exposure, laser: None }
+    LiveColor { problem, phases: solution.phases, exposure: solution.exposure, laser: None }
 }
 
 /// An encoder of the display of [`part`], of eight sub-frames packed as bits of one byte.

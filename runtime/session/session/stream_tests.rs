@@ -13,6 +13,7 @@ use crate::session::playback::scheduler::{Content, Readiness, Schedule, Schedule
 use crate::session::playback::stream::{Stream, StreamEncoder, StreamOptions};
 use crate::session::*;
 use crate::solve::SplitMix;
+use eyebox_base::error::ErrorData;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
@@ -225,7 +226,7 @@ fn a_vulkan_device_streams_the_bytes_of_the_cpu() {
     }
 }
 
-/// What a note that begins with the sequence's path says of it.
+/// Returns the text behind the path of the sequence in a note.
 fn tells_of<'a>(note: &'a str, fixture: &Fixture) -> Option<&'a str> {
     note.strip_prefix(&fixture.path.display().to_string())
 }
@@ -262,11 +263,8 @@ fn a_thread_that_fails_leaves_the_idle_picture_and_one_line() {
         Panic(usize),
         Full,
     }
-    let cases = [
-        (Fault::Panic(0), "reads holograms"),
-        (Fault::Panic(1), "encodes"),
-        (Fault::Full, "engine/memory"),
-    ];
+    let cases =
+        [(Fault::Panic(0), "reads holograms"), (Fault::Panic(1), "encodes"), (Fault::Full, "engine/out-of-memory")];
     for (fault, line) in cases {
         let fixture = fixture("planes24", 4);
         let encoder = Encoder::new(&fixture.display, &COLORS, 8).unwrap();

@@ -26,7 +26,7 @@ fn a_jump_begins_again_and_a_drift_does_not() {
     let whole = part();
     let steerer = |restart| {
         let policy = Policy { restart, ..Policy::default() };
-        let mut steerer = Steerer::new(vec![whole.clone(), whole.clone()], policy, cpu).unwrap();
+        let mut steerer = LiveRefiner::new(vec![whole.clone(), whole.clone()], policy, cpu).unwrap();
         assert!(!steerer.aim(aim(0.0)).unwrap(), "the first aim is no jump");
         assert_eq!(steerer.round_while(|_, _| true).unwrap(), 2, "one step of each colour");
         steerer
@@ -46,14 +46,14 @@ fn a_jump_begins_again_and_a_drift_does_not() {
 
 #[test]
 fn no_step_is_begun_that_would_end_too_late() {
-    let mut steerer = Steerer::new(vec![part()], Policy::default(), cpu).unwrap();
+    let mut steerer = LiveRefiner::new(vec![part()], Policy::default(), cpu).unwrap();
     steerer.aim(aim(0.0)).unwrap();
     steerer.round_while(|_, _| true).unwrap();
     assert!(steerer.round() > Duration::ZERO);
     assert_eq!(steerer.round_while(|_, expected| expected.is_zero()).unwrap(), 0);
-    assert!(Steerer::new(Vec::new(), Policy::default(), cpu).is_err());
+    assert!(LiveRefiner::new(Vec::new(), Policy::default(), cpu).is_err());
     let policy = Policy { restart: f64::NAN, ..Policy::default() };
-    assert!(Steerer::new(vec![part()], policy, cpu).is_err());
+    assert!(LiveRefiner::new(vec![part()], policy, cpu).is_err());
 }
 
 fn channel(frames: &VideoFrames) -> (SetSender, LiveSource) {
@@ -73,7 +73,7 @@ pub(super) fn made(sender: &SetSender, number: u64) -> FinishedSet {
         steps: 1,
         content: None,
         arrived_ns: None,
-        supply: Supply::Same,
+        supply: FrameFreshness::Same,
         estimated_db: None,
         phases: None,
         scene: None,
@@ -101,7 +101,7 @@ fn the_newest_set_wins_and_buffers_go_round() {
     // Nothing new: the last one stays, and is counted.
     source.show(1000);
     assert_eq!((source.on_screen().map(|s| s.1), source.counts()), (Some(99), (10, [1, 0, 0, 0, 0, 0])));
-    for (i, doing) in Repeat::ALL.into_iter().enumerate() {
+    for (i, doing) in RepeatReason::ALL.into_iter().enumerate() {
         sender.does(doing);
         source.show(1001);
         assert_eq!((source.counts().1[i], source.repeated()), (1 + u64::from(i == 0), Some(doing)));
@@ -110,7 +110,7 @@ fn the_newest_set_wins_and_buffers_go_round() {
     drop(sender);
     source.poll(0).unwrap();
     source.show(1002);
-    assert_eq!((source.readiness(7), source.repeated()), (Readiness::Ready, Some(Repeat::RefinementEnded)));
+    assert_eq!((source.readiness(7), source.repeated()), (Readiness::Ready, Some(RepeatReason::RefinementEnded)));
 }
 
 /// A refinement in simulated time: it aims for the next set that it expects to reach, and takes as long as it likes.

@@ -134,7 +134,7 @@ fn the_thread_hands_over_refined_sets_and_ends_without_taking_the_picture() {
     let clock = RealClock::start();
     let timing = Arc::new(AtomicCell::new(SetTiming::new(16_666_667)));
     let options = options(tracker, clock, &timing, move || {
-        Ok((Steerer::new(vec![whole.clone()], Policy::default(), cpu)?, None))
+        Ok((LiveRefiner::new(vec![whole.clone()], Policy::default(), cpu)?, None))
     });
     let (mut refinement, mut source) = Refinement::start(encoder(), options).unwrap();
     source.poll(0).unwrap();
@@ -163,7 +163,7 @@ fn options(
     tracker: Arc<PupilTracker>,
     clock: RealClock,
     timing: &Arc<AtomicCell<SetTiming>>,
-    again: impl FnMut() -> Result<(Steerer, Option<Gpu>), SessionError> + Send + 'static,
+    again: impl FnMut() -> Result<(LiveRefiner, Option<Gpu>), SessionError> + Send + 'static,
 ) -> RefinementOptions {
     RefinementOptions {
         clock: Some(clock),
@@ -201,7 +201,7 @@ fn an_engine_that_is_lost_is_made_anew_and_then_given_up() {
     let count = Arc::clone(&opened);
     let short = move || {
         count.fetch_add(1, Ordering::Relaxed);
-        let steerer = Steerer::new(vec![whole.clone()], Policy::default(), || Ok(failing(4)))?;
+        let steerer = LiveRefiner::new(vec![whole.clone()], Policy::default(), || Ok(failing(4)))?;
         Ok((steerer, None))
     };
     let tracker = Arc::new(follow(&Notes::default(), |_| None));
@@ -217,7 +217,7 @@ fn an_engine_that_is_lost_is_made_anew_and_then_given_up() {
         !refinement.is_running()
     });
     let messages: Vec<String> = std::iter::from_fn(|| notes.take()).collect();
-    // Three times it begins anew, and then ends: each names the device that was lost.
+    // It starts again three times and then ends. Each note names the lost device.
     let lost = messages.iter().filter(|m| m.contains("a test")).count();
     assert_eq!((lost, opened.load(Ordering::Relaxed)), (4, 4), "three times anew: {messages:?}");
     assert!(source.on_screen().is_some());
@@ -226,7 +226,7 @@ fn an_engine_that_is_lost_is_made_anew_and_then_given_up() {
 /// Refines with engines of `again` until `done`, which gets the number of new sets since the beginning: the notes, and whether it
 /// still runs.
 fn refines_until(
-    again: impl FnMut() -> Result<(Steerer, Option<Gpu>), SessionError> + Send + 'static,
+    again: impl FnMut() -> Result<(LiveRefiner, Option<Gpu>), SessionError> + Send + 'static,
     mut done: impl FnMut(u64, &[String]) -> bool,
 ) -> (Vec<String>, bool) {
     let tracker = Arc::new(follow(&Notes::default(), |_| None));
@@ -259,7 +259,7 @@ fn an_engine_that_has_worked_is_made_anew_any_number_of_times() {
             false => Ok(()),
         };
         let engine = move || Ok(Box::new(Watched(CpuEngine::new(), fails.clone())) as Box<dyn Engine>);
-        Ok((Steerer::new(vec![whole.clone()], Policy::default(), engine)?, None))
+        Ok((LiveRefiner::new(vec![whole.clone()], Policy::default(), engine)?, None))
     };
     let (mut losses, mut since) = (0, 0);
     let (messages, runs) = refines_until(again, |sets, messages| {
@@ -289,7 +289,7 @@ fn a_failed_opening_is_tried_again_and_its_reason_is_said() {
                 return Err(SessionError::Setting(Reason::new("no-device", format!("no device at attempt {nth}"))));
             }
             let engine = || Ok(if nth == 0 { failing(4) } else { Box::new(CpuEngine::new()) as Box<dyn Engine> });
-            Ok((Steerer::new(vec![whole.clone()], Policy::default(), engine)?, None))
+            Ok((LiveRefiner::new(vec![whole.clone()], Policy::default(), engine)?, None))
         };
         // The message of an end comes just before the end.
         let ends = fail == 3;
@@ -317,7 +317,7 @@ fn refines_on_one_device(direct: Option<PixelOrder>) {
     let clock = RealClock::start();
     let timing = Arc::new(AtomicCell::new(SetTiming::new(16_666_667)));
     let again = move || {
-        let steerer = Steerer::new(colors.clone(), Policy::default(), || backend.engine())?;
+        let steerer = LiveRefiner::new(colors.clone(), Policy::default(), || backend.engine())?;
         Ok((steerer, backend.gpu()?))
     };
     let options = RefinementOptions { direct, with_phases: false, ..options(Arc::new(tracker), clock, &timing, again) };

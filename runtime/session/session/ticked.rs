@@ -5,7 +5,7 @@ use crate::session::frame_log::error::SessionError;
 use crate::session::handle::Session;
 use crate::session::options::{About, Content, Ended, SessionOptions, Status};
 use crate::session::playback::output::Output;
-use crate::session::playback::ticks::{Given, LastTick, TickedFrame, TickedOutput, Ticks};
+use crate::session::playback::ticks::{LastTick, TickProducer, TickedFrame, TickedOutput, Ticks};
 use crate::steady;
 use eyebox_base::reason;
 use std::time::Duration;
@@ -39,7 +39,7 @@ impl TickedSession {
             )));
         }
         let ticks = Ticks::new();
-        let given = Given::new(&ticks);
+        let given = TickProducer::new(&ticks);
         options.observer = Some(Box::new(move |frame| given.put(frame)));
         let session = Session::start(content, Output::Ticked(TickedOutput::new(&ticks)), options)?;
         let period = Duration::from_nanos(session.about().display_rate.period_ns().unsigned_abs());

@@ -9,7 +9,7 @@ use crate::session::*;
 use crate::solve::random_phases;
 use eyebox_base::error::ErrorData;
 
-fn phases(steerer: &mut Steerer) -> Vec<Vec<f32>> {
+fn phases(steerer: &mut LiveRefiner) -> Vec<Vec<f32>> {
     steerer.phases().unwrap().iter().map(|of_color| of_color.to_vec()).collect()
 }
 
@@ -17,7 +17,7 @@ fn phases(steerer: &mut Steerer) -> Vec<Vec<f32>> {
 #[test]
 fn colours_are_stepped_together_and_begin_again_together() {
     let whole = joint_colors(&joint_display());
-    let mut steerer = Steerer::new(whole.clone(), Policy::default(), cpu).unwrap();
+    let mut steerer = LiveRefiner::new(whole.clone(), Policy::default(), cpu).unwrap();
     let begun = phases(&mut steerer);
     for (color, phases) in whole.iter().zip(&begun) {
         let off = color.phases.iter().zip(phases).map(|(a, b)| 1.0 - (a - b).cos()).fold(0.0, f32::max);
@@ -57,7 +57,7 @@ fn an_slm_of_two_turns_receives_its_drives() {
     display.dispersion.insert(Color::Red, 2.0);
     let whole = joint_colors(&display);
     let drives = random_phases(3 * SIZE[0] * SIZE[1], 4);
-    let mut steerer = Steerer::new(whole.clone(), Policy::default(), cpu).unwrap();
+    let mut steerer = LiveRefiner::new(whole.clone(), Policy::default(), cpu).unwrap();
     let apart = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| wrap_phase(a - b).abs()).fold(0.0, f32::max);
     assert!(apart(steerer.sent().unwrap()[0], &drives) < 1e-5);
     steerer.aim(aim(0.0)).unwrap();
@@ -76,14 +76,14 @@ fn an_slm_of_two_turns_receives_its_drives() {
 fn drives_go_with_the_content() {
     let whole = joint_colors(&joint_display());
     let lighting = Encoder::new(&joint_display(), &ALL[..1], 3).unwrap().lighting(false).shared_by(3);
-    let mut steerer = Steerer::new(whole.clone(), Policy::default(), cpu).unwrap();
+    let mut steerer = LiveRefiner::new(whole.clone(), Policy::default(), cpu).unwrap();
     steerer.aim(aim(0.0)).unwrap();
     (0..6).for_each(|_| assert_eq!(steerer.round_while(|_, _| true).unwrap(), 3));
     let before = phases(&mut steerer);
     // The scene stands still: phases that move lose.
-    assert_eq!(steerer.carry(&[[5, 2]], &lighting, true).unwrap(), (false, 6));
+    assert_eq!(steerer.shift_phases(&[[5, 2]], &lighting, true).unwrap(), (false, 6));
     assert!(phases(&mut steerer) == before);
-    assert_eq!(steerer.carry(&[[5, 2]], &lighting, false).unwrap(), (true, 0));
+    assert_eq!(steerer.shift_phases(&[[5, 2]], &lighting, false).unwrap(), (true, 0));
     let [height, width] = SIZE;
     for (color, (before, after)) in before.iter().zip(phases(&mut steerer)).enumerate() {
         for (at, is) in after.iter().enumerate() {
@@ -93,11 +93,11 @@ fn drives_go_with_the_content() {
         }
     }
     // Another view of it, in the light of the same lasers: the drives stay. Other lasers are refused.
-    let moved: Vec<SteeredColor> =
-        whole.iter().map(|color| SteeredColor { phases: Vec::new(), ..shifted_color(color, 5) }).collect();
+    let moved: Vec<LiveColor> =
+        whole.iter().map(|color| LiveColor { phases: Vec::new(), ..shifted_color(color, 5) }).collect();
     let kept = phases(&mut steerer);
     assert_eq!(steerer.follow(&moved).unwrap(), Followed::default());
-    assert!(phases(&mut steerer) == kept && !steerer.wants_fit());
+    assert!(phases(&mut steerer) == kept && !steerer.needs_reinit());
     let mut other = moved;
     other[1].laser.as_mut().unwrap().powers = vec![1.0; 3];
     assert_eq!(ErrorData::of(&steerer.follow(&other).unwrap_err()).code, "setting/other-lasers");
@@ -110,10 +110,10 @@ fn drives_go_with_the_content() {
 fn colours_share_their_sub_frames_all_or_none() {
     let mut some = joint_colors(&joint_display());
     some[2].laser = None;
-    let said = Steerer::new(some, Policy::default(), cpu).err().expect("a refusal");
+    let said = LiveRefiner::new(some, Policy::default(), cpu).err().expect("a refusal");
     assert_eq!(ErrorData::of(&said).code, "setting/together", "{said}");
     let mut steep = joint_colors(&joint_display());
     steep[0].laser.as_mut().unwrap().slope = 1.1;
-    let said = Steerer::new(steep, Policy::default(), cpu).err().expect("a refusal");
+    let said = LiveRefiner::new(steep, Policy::default(), cpu).err().expect("a refusal");
     assert_eq!(ErrorData::of(&said).code, "solve/setting", "{said}");
 }

@@ -51,12 +51,9 @@ fn without_a_unit_only_what_can_be_nothing_but_radians_is_read() {
         for (reach, could_be) in [
             (std::f64::consts::TAU, None),
             (14.5, None),
-            // In radians or units of pi.
             (4.9, Some(&["0.780", "2.450"][..])),
-            // In units of pi or turns.
             (2.0, Some(&["1.000", "2.000"])),
             (1.0, Some(&["1.000"])),
-            // In degrees.
             (360.0, Some(&["1.000"])),
             (720.0, Some(&["2.000"])),
             (100.0, Some(&["0.278"])),

@@ -51,10 +51,10 @@ mod tests {
         let said = |preset: &str, colors: usize, n: usize, hz: f64| {
             flicker(&Display::preset(preset).unwrap(), &all[..colors], n, hz)
         };
-        // What is slow, then what helps: fewer sub-frames, planes, more video frames.
+        // The line names the slow rate and then the remedies.
         let slow = said("grey8", 1, 8, 60.0).unwrap();
         assert_eq!(numbers(&slow), ["8", "8", "60", "7.50", "50", "1", "24", "400"], "{slow}");
-        // Three colours in turn are too slow with 1 sub-frame, too, and as fields they are not.
+        // Three colors in turn are too slow even with 1 sub-frame. As fields they are fast enough.
         let slow = said("grey8", 3, 8, 60.0).unwrap();
         assert_eq!(numbers(&slow), ["8", "24", "60", "2.50", "50", "1", "24", "1200"], "{slow}");
         let slow = said("planes24", 3, 8, 30.0).unwrap();

@@ -30,7 +30,7 @@ const EDGES: [f32; 14] = [
     0.0123,
 ];
 
-/// The numbers of a sentence, in its order.
+/// Returns the numbers of a sentence in their order.
 pub(crate) fn numbers(text: &str) -> Vec<&str> {
     let words = text.split(|c: char| !c.is_alphanumeric() && c != '.').map(|word| word.trim_end_matches('.'));
     words.filter(|word| word.starts_with(|c: char| c.is_ascii_digit()) && word.parse::<f64>().is_ok()).collect()

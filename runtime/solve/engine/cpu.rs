@@ -266,7 +266,7 @@ impl Engine for CpuEngine {
     }
 
     fn load(&mut self, shape: &Shape, views: Option<Arc<Pyramid>>) -> Result<(), EngineError> {
-        super::promise(shape, 8)?;
+        super::check_shape(shape, 8)?;
         (self.views, self.model) = (views.map(|views| super::on_host(&views)).transpose()?, None);
         self.shape = *shape;
         self.buffers.load(shape)

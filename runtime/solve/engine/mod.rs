@@ -23,7 +23,7 @@ pub use crate::plan::{
 pub use choose::{Backend, Choice, open, reason};
 pub use handover::{At, Handover};
 pub use look_up::LookUp;
-pub use taking::{Begun, Taken};
+pub use taking::{PendingStep, StepResult};
 pub use threads::pool;
 pub use threads::prepare_threads;
 
@@ -200,7 +200,7 @@ pub trait Engine: Send {
     ///
     /// # Errors
     /// As [`run_part`](Self::run_part).
-    fn begin_step(&mut self, step: &Step, parts: &[Range<usize>]) -> Result<Begun, EngineError> {
+    fn begin_step(&mut self, step: &Step, parts: &[Range<usize>]) -> Result<PendingStep, EngineError> {
         let (start, update) = (Instant::now(), step.before_update());
         let mut losses: Option<Vec<f64>> = None;
         for part in parts {
@@ -223,14 +223,14 @@ pub trait Engine: Send {
             }
         }
         let losses = losses.unwrap_or_else(|| vec![0.0; step.pupil_passes.len()]);
-        Ok(Begun(taking::State::Over(Taken { losses, seconds: start.elapsed().as_secs_f64() })))
+        Ok(PendingStep(taking::State::Over(StepResult { losses, seconds: start.elapsed().as_secs_f64() })))
     }
 
     /// What came of a step, when it is over.
     ///
     /// # Errors
     /// A step of another engine, or of long ago; a lost device.
-    fn end_step(&mut self, begun: Begun) -> Result<Taken, EngineError> {
+    fn end_step(&mut self, begun: PendingStep) -> Result<StepResult, EngineError> {
         match begun.0 {
             taking::State::Over(taken) => Ok(taken),
             taking::State::UnderWay(_) => Err(not_under_way()),
@@ -261,7 +261,7 @@ pub trait Engine: Send {
 }
 
 /// Refuses buffers on the host that memory does not hold, before any is taken; a complex value takes `complex` bytes.
-pub(crate) fn promise(shape: &Shape, complex: u64) -> Result<(), EngineError> {
+pub(crate) fn check_shape(shape: &Shape, complex: u64) -> Result<(), EngineError> {
     let bytes = crate::plan::shared_bytes(shape, complex);
     match crate::memory::available() {
         Some(available) if bytes > available => Err(EngineError::OutOfMemory {

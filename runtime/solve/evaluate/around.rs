@@ -5,8 +5,8 @@ use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::{Color, Display, Optics, Pupil, WindowFactor};
 use crate::plan::{self, Comparison, ModelTables, Planner, Purpose};
 use crate::scene::{
-    self, DepthSource, Interpolator, Layers, LightField, Photographs, Pyramid, Reprojection, Request, SceneError,
-    Stage, ViewGrid, shrink_to_share,
+    self, DepthSource, Interpolator, Layers, LightField, Pyramid, Reprojection, Request, SceneError, Stage, ViewGrid,
+    ViewSynthesis, shrink_to_share,
 };
 use rayon::prelude::*;
 use std::path::Path;
@@ -15,9 +15,9 @@ use std::sync::{Arc, OnceLock};
 /// Most views around a region, both axes together.
 pub(crate) const MOST_VIEWS: usize = 81;
 /// Pixels that content may move between neighbouring views before there are more of them.
-const APART: f64 = 1.5;
+const MAX_VIEW_STEP_PX: f64 = 1.5;
 /// Most views over all of the eyebox that are made once, both axes together, and the bytes that they may take.
-const MOST_ONCE: usize = 441;
+const MAX_CACHED_VIEWS: usize = 441;
 const MOST_BYTES: u64 = 512 << 20;
 
 /// A scene in one colour of a far-field display, seen from wherever it is asked for.
@@ -95,17 +95,17 @@ impl Views {
             return request.colors.iter().enumerate().map(one).collect();
         }
         let asked = request.photographs;
-        let request = Request { photographs: Photographs::Cells, ..request };
+        let request = Request { photographs: ViewSynthesis::Cells, ..request };
         let load = |display, color| scene::load(source, &Request { display, colors: &[color], ..request });
         let Some((&first, others)) = request.colors.split_first() else { return Ok(Vec::new()) };
         let field = load(&small, first)?;
         let (reach, cell) = (field.reach(&small), field.cell(&small));
         let apart = field.aliasing(&small, reach.0);
         let depths = scene::asked_or_found(request.depth, || reach, small.focal_length);
-        let forced = asked == Photographs::Layers;
+        let forced = asked == ViewSynthesis::Layers;
         let layers = match depths {
             Err(error) if forced => return Err(error),
-            Ok(depths) if forced || asked == Photographs::Auto && apart > APART => {
+            Ok(depths) if forced || asked == ViewSynthesis::Auto && apart > MAX_VIEW_STEP_PX => {
                 let layers = Layers::new(&field, &small, depths)?;
                 let shown = layers.residual_between();
                 Some((layers, shown))
@@ -125,7 +125,8 @@ impl Views {
             return request.colors.iter().enumerate().map(one).collect();
         }
         let mut between = Interpolator::new(field, &small);
-        if asked == Photographs::Between || asked != Photographs::Cells && between.parallax(cell) > APART {
+        if asked == ViewSynthesis::Between || asked != ViewSynthesis::Cells && between.parallax(cell) > MAX_VIEW_STEP_PX
+        {
             for &color in others {
                 between.add(load(&small, color)?);
             }
@@ -167,7 +168,7 @@ impl Views {
     /// between are made once for all of the eyebox, when they are first asked for, if there are not too many of them.
     pub(crate) fn once(self) -> Self {
         let n = self.wanted(self.extent()).max(3);
-        let few = n * n <= MOST_ONCE && self.bytes_of(n) <= MOST_BYTES;
+        let few = n * n <= MAX_CACHED_VIEWS && self.bytes_of(n) <= MOST_BYTES;
         let measured = matches!(self.kind, Kind::Between(..) | Kind::Layers(..));
         Self { once: if few && measured { n } else { 0 }, ..self }
     }
@@ -191,7 +192,7 @@ impl Views {
             Kind::Layers(layers, ..) => layers.parallax(extent),
             Kind::Picture(picture, _) => picture.parallax(extent),
         };
-        (parallax / APART).ceil() as usize | 1
+        (parallax / MAX_VIEW_STEP_PX).ceil() as usize | 1
     }
 
     /// The whole SLM in that colour.
@@ -367,17 +368,17 @@ mod tests {
         let asked = |source: &str, photographs| {
             Views::new(source, &Request { photographs, ..request }, Color::Green, SIZE).unwrap()
         };
-        let views = |source: &str| asked(source, Photographs::Auto);
+        let views = |source: &str| asked(source, ViewSynthesis::Auto);
         let few = few.path().to_str().unwrap();
-        let (exact, sparse) = (views("builtin:still-life"), asked(few, Photographs::Between));
-        let layered = asked(few, Photographs::Layers);
+        let (exact, sparse) = (views("builtin:still-life"), asked(few, ViewSynthesis::Between));
+        let layered = asked(few, ViewSynthesis::Layers);
         assert!(matches!(sparse.kind, Kind::Between(..)) && sparse.held() > 0);
         assert!(matches!(layered.kind, Kind::Layers(..)) && layered.held() > 0);
         assert!(matches!(views(many.path().to_str().unwrap()).kind, Kind::Field(..)), "dense enough as it is");
         let (far, near) = (exact.depths(None).unwrap(), sparse.depths(None).unwrap());
         assert!((0..2).all(|i| (far[i] - near[i]).abs() < 0.02 * far[i].abs()), "{far:?} {near:?}");
-        let once = asked(few, Photographs::Between).once();
-        let of_layers = asked(few, Photographs::Layers).once();
+        let once = asked(few, ViewSynthesis::Between).once();
+        let of_layers = asked(few, ViewSynthesis::Layers).once();
         assert!(once.held() > sparse.held() && of_layers.held() > layered.held());
         let words = [&exact, &sparse, &once, &of_layers, &views(many.path().to_str().unwrap())].map(Views::in_words);
         assert!((1..5).all(|i| !words[..i].contains(&words[i])) && words[4].contains("11 x 11"), "{words:#?}");

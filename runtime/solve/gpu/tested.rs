@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 /// What was tried, and how it went.
 #[derive(Serialize, Deserialize)]
-struct Kept {
+struct TestRecord {
     device: String,
     driver: u32,
     kernels: u32,
@@ -35,14 +35,14 @@ impl Record {
     /// What came of it, if this device was tried with this driver and these kernels.
     pub(crate) fn read(&self) -> Option<Tested> {
         let bytes = crate::files::read::bytes(&self.file, crate::files::read::TEXT).ok()?;
-        let kept: Kept = serde_json::from_slice(&bytes).ok()?;
+        let kept: TestRecord = serde_json::from_slice(&bytes).ok()?;
         let is_this = kept.device == self.device && kept.driver == self.driver && kept.kernels == kernels();
         is_this.then_some(kept.tested)
     }
 
     /// Keeps it; a folder that cannot be written to is no harm: the device is tried again.
     pub(crate) fn write(&self, tested: Tested) {
-        let kept = Kept { device: self.device.clone(), driver: self.driver, kernels: kernels(), tested };
+        let kept = TestRecord { device: self.device.clone(), driver: self.driver, kernels: kernels(), tested };
         if let (Some(folder), Ok(text)) = (self.file.parent(), serde_json::to_vec(&kept)) {
             let made = std::fs::create_dir_all(folder).is_ok();
             let _ = made && crate::files::write_file(&self.file, |out| out.write_all(&text)).is_ok();

@@ -170,9 +170,9 @@ pub(super) fn write_chunk(out: &mut dyn Write, phases: &[f32]) -> io::Result<()>
 }
 
 /// Refuses phases of this shape where memory does not hold them.
-pub(super) fn promise(path: &Path, shape: &[usize]) -> Result<(), HologramError> {
+pub(super) fn check_memory(path: &Path, shape: &[usize]) -> Result<(), HologramError> {
     let what = || format!("{}: phases of shape {shape:?}", path.display());
-    Ok(memory::promise(what, memory::bytes_of(shape, 4), "free some, or take a smaller hologram")?)
+    Ok(memory::check_available(what, memory::bytes_of(shape, 4), "free some, or take a smaller hologram")?)
 }
 
 /// `summed`: whether it ends in its checksum.

@@ -2,7 +2,7 @@
 //! write is named, with the line that converts it.
 
 use super::HologramError;
-use super::chunks::{GROUP, damaged, promise, unreadable};
+use super::chunks::{GROUP, check_memory, damaged, unreadable};
 use super::document;
 use crate::files::{Folder, zarr_line};
 use eyebox_base::error::Reason;
@@ -153,7 +153,7 @@ impl Stored {
     /// # Errors
     /// [`HologramError::File`], [`HologramError::Damaged`], [`HologramError::Memory`].
     pub fn read(&self, folder: &Folder) -> Result<Vec<Vec<f32>>, HologramError> {
-        promise(folder.path(), &self.shape)?;
+        check_memory(folder.path(), &self.shape)?;
         let [colors, frames, height, width] = self.shape;
         let mut phases = vec![vec![self.fill; frames * height * width]; colors];
         let [a, b, c, d] = self.grid();

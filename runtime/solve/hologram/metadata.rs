@@ -6,8 +6,8 @@ use crate::optics::{
     Color, JointColor, Mask, ModelSections, Obstruction, Padding, Picture, Prescription, PupilDistribution,
     SourceSections, Sources, Viewing,
 };
-use crate::scene::{Near, Order, Photographs};
-use crate::solve::{Settings, Steering};
+use crate::scene::{Near, Order, ViewSynthesis};
+use crate::solve::{RefineSettings, Settings};
 use eyebox_base::reason;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 use serde_json::{Map, Value};
@@ -43,7 +43,7 @@ pub struct Metadata {
     pub order: Option<Order>,
     /// Of which views of its scene photographs were made, where it was said.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub photographs: Option<Photographs>,
+    pub photographs: Option<ViewSynthesis>,
     /// Which values of the scene's depth map were said to be near.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub near: Option<Near>,
@@ -129,7 +129,7 @@ pub struct Refined {
     #[serde(with = "aim")]
     pub aim: PupilDistribution,
     /// How the phases followed.
-    pub steering: Steering,
+    pub steering: RefineSettings,
     /// Steps a colour.
     pub steps: usize,
 }

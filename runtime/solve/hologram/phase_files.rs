@@ -80,7 +80,7 @@ fn of_array(path: &Path, unit: Option<PhaseUnit>) -> Result<Phases, HologramErro
         );
     }
     let what = || format!("{}: phases of shape {shape:?}", path.display());
-    memory::promise(what, memory::bytes_of(&[count, 2], 4), "read a part of it")?;
+    memory::check_available(what, memory::bytes_of(&[count, 2], 4), "read a part of it")?;
     let values = array.take(count)?;
     if let Some(at) = values.iter().position(|v| !v.is_finite()) {
         let index = index_of(&shape, at);

@@ -1,7 +1,7 @@
 //! Reading a sequence of holograms, one at a time, while it may still grow.
 
 use super::chunks::{
-    ARRAY, GROUP, check_is_one, chunk_name, damaged, open_folder, promise, read_document, read_whole, unreadable,
+    ARRAY, GROUP, check_is_one, check_memory, chunk_name, damaged, open_folder, read_document, read_whole, unreadable,
 };
 use super::document::{self, SequenceAttributes};
 use super::newest::NewestHologram;
@@ -99,7 +99,7 @@ impl Sequence {
             let file = file.display().to_string();
             about.optics(i).map_err(|source| HologramError::FileOptics { file, source })?;
         }
-        promise(path, &[colors, frames, height, width])?;
+        check_memory(path, &[colors, frames, height, width])?;
         let mut opened = Self {
             path: path.to_path_buf(),
             about,

@@ -1,7 +1,7 @@
 //! The hologram's own file: a Zarr v3 folder.
 
 use super::chunks::{
-    ARRAY, GROUP, check_is_one, check_length, chunk_name, damaged, draft, promise, read_chunk, read_document,
+    ARRAY, GROUP, check_is_one, check_length, check_memory, chunk_name, damaged, draft, read_chunk, read_document,
     read_whole, write_chunk,
 };
 use super::phase_files::far_outside;
@@ -129,7 +129,7 @@ impl Hologram {
                 check_length(folder, &chunk_name(color, frame), pixels, summed)?;
             }
         }
-        promise(folder.path(), &[self.colors.len(), frames, self.height, self.width])?;
+        check_memory(folder.path(), &[self.colors.len(), frames, self.height, self.width])?;
         for (color, c) in self.colors.iter_mut().enumerate() {
             c.phases.reserve_exact(frames * pixels);
             for frame in 0..frames {

@@ -15,8 +15,8 @@ mod whole;
 pub use versions::TileVersion;
 
 use super::chunks::{
-    ARRAY, GROUP, LOCK, check_is_one, chunk_file, damaged, draft, is_staged, lock, open_folder, promise, read_document,
-    read_tile, read_whole, unreadable, unwritable, write_chunk,
+    ARRAY, GROUP, LOCK, check_is_one, check_memory, chunk_file, damaged, draft, is_staged, lock, open_folder,
+    read_document, read_tile, read_whole, unreadable, unwritable, write_chunk,
 };
 use super::{Hologram, HologramError, Metadata, document};
 use crate::files::{Folder, Kind};
@@ -180,7 +180,7 @@ impl Tiles {
         }
         (about.frames, about.height, about.width) = (frames, height, width);
         // A tile is held as a whole.
-        promise(path, &[frames, side, side])?;
+        check_memory(path, &[frames, side, side])?;
         for i in 0..colors {
             let file = path.join(GROUP).display().to_string();
             about.optics(i).map_err(|source| HologramError::FileOptics { file, source })?;
@@ -250,7 +250,7 @@ impl Tiles {
     /// # Panics
     /// If the rectangle is not inside the hologram: the caller's mistake.
     pub fn read(&self, color: usize, at: [usize; 2], size: [usize; 2]) -> Result<Vec<f32>, HologramError> {
-        promise(self.folder.path(), &[self.about.frames, size[0], size[1]])?;
+        check_memory(self.folder.path(), &[self.about.frames, size[0], size[1]])?;
         let (mut out, pixels) = (vec![0.0f32; self.about.frames * size[0] * size[1]], size[0] * size[1]);
         assert!(at[0] + size[0] <= self.about.height && at[1] + size[1] <= self.about.width, "inside the hologram");
         // One row of tiles at a time is in memory beside the result.

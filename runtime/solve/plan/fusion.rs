@@ -4,24 +4,21 @@
 //! either side of a transform whose lines go through shared memory: what is before it is done where its values are fetched,
 //! what is behind it where they are put. The CPU engine has no twins of these: it runs neighbours of the list depth first.
 
+use super::lists::THROUGH_A_WINDOW;
 use super::{Dispatch, Kernel, Step};
 
-/// What a step does in a pupil's window, from the spectrum to the image and back, where no eye moves.
-const THROUGH_A_WINDOW: [Kernel; 6] = [
-    Kernel::PassPupil,
-    Kernel::WindowInverse,
-    Kernel::Intensity,
-    Kernel::Compare,
-    Kernel::ApplyFactor,
-    Kernel::WindowForward,
-];
+/// [`THROUGH_A_WINDOW`] where no eye moves.
+const THROUGH_A_STILL_WINDOW: [Kernel; 6] = {
+    let [pass, _, inverse, intensity, compare, factor, forward, _] = THROUGH_A_WINDOW;
+    [pass, inverse, intensity, compare, factor, forward]
+};
 
 /// Pupils whose changes one kernel can gather.
 const MOST_GATHERED: usize = 64;
 
 /// How an entry of a list is recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Way {
+pub(crate) enum Fusion {
     /// By itself.
     Alone,
     /// With another entry.
@@ -36,7 +33,7 @@ pub(crate) enum Way {
     See,
     /// From `pass_pupil` to `window_forward`.
     ThroughWindows,
-    /// `return_pupil`, and the overlap; of the last pupils with `divide_by_overlap` and the columns of `change_inverse`.
+    /// `pupil_adjoint`, and the overlap; of the last pupils with `divide_by_overlap` and the columns of `change_inverse`.
     Gather {
         /// Whether other pupils were gathered before.
         adds: bool,
@@ -46,16 +43,16 @@ pub(crate) enum Way {
     /// The rows of `change_inverse`.
     ChangeRows,
     /// And what is behind them, at its entry: what judges losses comes before it.
-    ChangeRowsAnd(Behind),
+    ChangeRowsAnd(Epilogue),
     /// With the columns before.
-    ChangeAnd(Behind),
-    /// Crosstalk and lag back, those of them that the model has, `drive_back` and `project`, at its entry.
+    ChangeAnd(Epilogue),
+    /// Crosstalk and lag back, those of them that the model has, `drive_adjoint` and `project`, at its entry.
     ProjectTiles,
 }
 
 /// What is done where rows of the change are put.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Behind {
+pub(crate) enum Epilogue {
     /// `project`.
     Project,
     /// `adam`.
@@ -64,7 +61,7 @@ pub(crate) enum Behind {
     Turn,
 }
 
-impl Behind {
+impl Epilogue {
     fn of(kernel: Kernel) -> Option<Self> {
         match kernel {
             Kernel::Project => Some(Self::Project),
@@ -89,8 +86,8 @@ pub(crate) struct Fusable {
 }
 
 /// One for each of these entries of the step's list.
-pub(crate) fn ways(step: &Step, list: &[&Dispatch], fusable: Fusable) -> Vec<Way> {
-    let mut ways = vec![Way::Alone; list.len()];
+pub(crate) fn ways(step: &Step, list: &[&Dispatch], fusable: Fusable) -> Vec<Fusion> {
+    let mut ways = vec![Fusion::Alone; list.len()];
     // The image of several modes is known when all of them have passed.
     let one_mode = step.pupil_passes.iter().all(|pass| pass.modes.is_empty());
     let fusable = Fusable { windows: fusable.windows && one_mode, gather: fusable.gather && one_mode, ..fusable };
@@ -99,22 +96,22 @@ pub(crate) fn ways(step: &Step, list: &[&Dispatch], fusable: Fusable) -> Vec<Way
     let ends_there = step.list.iter().all(|d| d.kernel != Kernel::ApplyFactor);
     for at in 0..list.len() {
         let here = |kernels: &[Kernel]| runs(&list[at..], kernels);
-        let (way, count) = if ways[at] != Way::Alone {
+        let (way, count) = if ways[at] != Fusion::Alone {
             continue;
         } else if fusable.grid && here(&[Kernel::Modulate, Kernel::FieldForward]) {
-            (Way::FieldFromPhases, 2)
+            (Fusion::FieldFromPhases, 2)
         } else if fusable.tiles && here(&driven) {
-            (Way::DriveTiles, driven.len())
+            (Fusion::DriveTiles, driven.len())
         } else if fusable.grid && here(&[Kernel::ModulateWave, Kernel::FieldForward]) {
-            (Way::FieldFromWave, 2)
-        } else if fusable.windows && here(&THROUGH_A_WINDOW) {
-            (Way::ThroughWindows, THROUGH_A_WINDOW.len())
-        } else if fusable.windows && ends_there && here(&THROUGH_A_WINDOW[..3]) {
-            (Way::See, 3)
+            (Fusion::FieldFromWave, 2)
+        } else if fusable.windows && here(&THROUGH_A_STILL_WINDOW) {
+            (Fusion::ThroughWindows, THROUGH_A_STILL_WINDOW.len())
+        } else if fusable.windows && ends_there && here(&THROUGH_A_STILL_WINDOW[..3]) {
+            (Fusion::See, 3)
         } else {
             continue;
         };
-        ways[at..at + count].fill(Way::Elsewhere);
+        ways[at..at + count].fill(Fusion::Elsewhere);
         ways[at] = way;
     }
     if fusable.tiles {
@@ -127,12 +124,12 @@ pub(crate) fn ways(step: &Step, list: &[&Dispatch], fusable: Fusable) -> Vec<Way
     // What is stored of the change is checked where it is gathered.
     let checks = list.get(inverse + 1).is_some_and(|d| d.kernel == Kernel::CheckFinite);
     let behind = inverse + 1 + usize::from(checks);
-    match list.get(behind).and_then(|d| Behind::of(d.kernel)) {
+    match list.get(behind).and_then(|d| Epilogue::of(d.kernel)) {
         Some(kernel) if gathers || !checks => {
-            ways[inverse..behind].fill(Way::Elsewhere);
-            ways[behind] = if gathers { Way::ChangeRowsAnd(kernel) } else { Way::ChangeAnd(kernel) };
+            ways[inverse..behind].fill(Fusion::Elsewhere);
+            ways[behind] = if gathers { Fusion::ChangeRowsAnd(kernel) } else { Fusion::ChangeAnd(kernel) };
         }
-        _ if gathers => ways[inverse] = Way::ChangeRows,
+        _ if gathers => ways[inverse] = Fusion::ChangeRows,
         _ => {}
     }
     ways
@@ -153,25 +150,25 @@ fn of_tiles(step: &Step) -> (Vec<Kernel>, Vec<Kernel>) {
     driven.extend(lags.then_some(Kernel::Lag));
     driven.extend(blurs.then_some([CrosstalkRows, CrosstalkColumns]).into_iter().flatten());
     let mut back: Vec<_> = blurs.then_some([CrosstalkColumnsBack, CrosstalkRowsBack]).into_iter().flatten().collect();
-    back.extend(lags.then_some(Kernel::LagBack));
-    back.extend([Kernel::DriveBack, Kernel::Project]);
+    back.extend(lags.then_some(Kernel::LagAdjoint));
+    back.extend([Kernel::DriveAdjoint, Kernel::Project]);
     (driven, back)
 }
 
 /// What a display's model hands back to the phases, where all of it is in this part.
-fn project_tiles(back: &[Kernel], list: &[&Dispatch], ways: &mut [Way]) {
+fn project_tiles(back: &[Kernel], list: &[&Dispatch], ways: &mut [Fusion]) {
     let Some(project) = list.iter().position(|d| d.kernel == Kernel::Project) else { return };
     let Some(first) = (project + 1).checked_sub(back.len()) else { return };
     if runs(&list[first..], back) {
-        ways[first..project].fill(Way::Elsewhere);
-        ways[project] = Way::ProjectTiles;
+        ways[first..project].fill(Fusion::Elsewhere);
+        ways[project] = Fusion::ProjectTiles;
     }
 }
 
 /// What is returned to the spectrum, where all of it up to the field's change, entry `inverse`, is in this part: what lies between
 /// is in no buffer. Whether that is so.
-fn gather(step: &Step, list: &[&Dispatch], inverse: usize, ways: &mut [Way]) -> bool {
-    let Some(end) = list.iter().rposition(|d| d.kernel == Kernel::ReturnPupil) else { return false };
+fn gather(step: &Step, list: &[&Dispatch], inverse: usize, ways: &mut [Fusion]) -> bool {
+    let Some(end) = list.iter().rposition(|d| d.kernel == Kernel::PupilAdjoint) else { return false };
     let divides = end + 1 < inverse && list[end + 1].kernel == Kernel::DivideByOverlap;
     let adjacent = inverse == end + 1 + usize::from(divides);
     if !adjacent || step.pupil_passes.len() > MOST_GATHERED {
@@ -179,9 +176,9 @@ fn gather(step: &Step, list: &[&Dispatch], inverse: usize, ways: &mut [Way]) -> 
     }
     for at in 0..inverse {
         match list[at].kernel {
-            Kernel::Clear | Kernel::Overlap | Kernel::DivideByOverlap => ways[at] = Way::Elsewhere,
-            Kernel::ReturnPupil => {
-                ways[at] = Way::Gather { adds: list[at].pupil_passes.start > 0, last: at == end };
+            Kernel::Clear | Kernel::Overlap | Kernel::DivideByOverlap => ways[at] = Fusion::Elsewhere,
+            Kernel::PupilAdjoint => {
+                ways[at] = Fusion::Gather { adds: list[at].pupil_passes.start > 0, last: at == end };
             }
             _ => {}
         }
@@ -215,29 +212,29 @@ mod tests {
     }
 
     /// Kernels that carry something, with how.
-    fn carried(step: &Step, entries: std::ops::Range<usize>, fusable: Fusable) -> Vec<(Kernel, Way)> {
+    fn carried(step: &Step, entries: std::ops::Range<usize>, fusable: Fusable) -> Vec<(Kernel, Fusion)> {
         let list: Vec<&Dispatch> = step.list[entries].iter().collect();
         let ways = ways(step, &list, fusable);
-        list.iter().zip(ways).filter(|(_, way)| *way != Way::Elsewhere).map(|(d, way)| (d.kernel, way)).collect()
+        list.iter().zip(ways).filter(|(_, way)| *way != Fusion::Elsewhere).map(|(d, way)| (d.kernel, way)).collect()
     }
 
     #[test]
     fn a_whole_step_is_six_entries_beside_photographs() {
         let step = step(usize::MAX);
         let got = carried(&step, 0..step.list.len(), ALL);
-        let alone = |kernel| (kernel, Way::Alone);
+        let alone = |kernel| (kernel, Fusion::Alone);
         let want = [
-            (Kernel::Modulate, Way::FieldFromPhases),
+            (Kernel::Modulate, Fusion::FieldFromPhases),
             alone(Kernel::Transfer),
             alone(Kernel::Photograph),
             alone(Kernel::Resample),
-            (Kernel::PassPupil, Way::ThroughWindows),
-            (Kernel::ReturnPupil, Way::Gather { adds: false, last: true }),
-            (Kernel::Project, Way::ChangeRowsAnd(Behind::Project)),
+            (Kernel::PassPupil, Fusion::ThroughWindows),
+            (Kernel::PupilAdjoint, Fusion::Gather { adds: false, last: true }),
+            (Kernel::Project, Fusion::ChangeRowsAnd(Epilogue::Project)),
         ];
         assert_eq!(got, want);
         // A device that fuses nothing takes the list as it is.
-        assert!(carried(&step, 0..step.list.len(), Fusable::default()).iter().all(|(_, way)| *way == Way::Alone));
+        assert!(carried(&step, 0..step.list.len(), Fusable::default()).iter().all(|(_, way)| *way == Fusion::Alone));
     }
 
     /// Adam's last kernel as the projection's; where something stands between the pupils and the field's change, both of its axes.
@@ -245,11 +242,11 @@ mod tests {
     fn the_last_kernels_of_other_lists_are_fused() {
         let last = |step: &Step| carried(step, 0..step.list.len(), ALL).pop().unwrap();
         let adam = planner().adam_step(step(1).pupil_passes, 1, 1, 0.1);
-        assert_eq!(last(&adam), (Kernel::Adam, Way::ChangeRowsAnd(Behind::Adam)));
+        assert_eq!(last(&adam), (Kernel::Adam, Fusion::ChangeRowsAnd(Epilogue::Adam)));
         let even = planner().with_equalised_eyebox(step(1), 8e-3, 4, 0.5);
-        assert_eq!(last(&even), (Kernel::Project, Way::ChangeAnd(Behind::Project)));
+        assert_eq!(last(&even), (Kernel::Project, Fusion::ChangeAnd(Epilogue::Project)));
         let carried = carried(&even, 0..even.list.len(), ALL);
-        assert!(carried.contains(&(Kernel::ReturnPupil, Way::Alone)), "{carried:?}");
+        assert!(carried.contains(&(Kernel::PupilAdjoint, Fusion::Alone)), "{carried:?}");
     }
 
     /// Of a display's model, what is done to pixels is an entry on the way there and one on the way back.
@@ -262,16 +259,17 @@ mod tests {
         let pass = planner.pupil_pass(&Pupil { x: 0.0, y: 0.0, diameter: 4e-3, depth: 1e-3 }, &Comparison::default());
         let step = planner.project_step(vec![pass], 1, 0.5, 1.0, 0.0);
         let ways: Vec<_> = carried(&step, 0..step.list.len(), ALL).into_iter().map(|(_, way)| way).collect();
-        let ways: Vec<_> = ways.into_iter().filter(|way| *way != Way::Alone).collect();
-        let gather = Way::Gather { adds: false, last: true };
-        let back = Way::ChangeRowsAnd(Behind::Turn);
-        let want = [Way::DriveTiles, Way::FieldFromWave, Way::ThroughWindows, gather, back, Way::ProjectTiles];
+        let ways: Vec<_> = ways.into_iter().filter(|way| *way != Fusion::Alone).collect();
+        let gather = Fusion::Gather { adds: false, last: true };
+        let back = Fusion::ChangeRowsAnd(Epilogue::Turn);
+        let want =
+            [Fusion::DriveTiles, Fusion::FieldFromWave, Fusion::ThroughWindows, gather, back, Fusion::ProjectTiles];
         assert_eq!(ways, want);
         // Without tiles its entries are as they are.
         let singly = carried(&step, 0..step.list.len(), Fusable { tiles: false, ..ALL });
         assert!(
             [Kernel::Lag, Kernel::CrosstalkRowsBack, Kernel::Project]
-                .map(|k| singly.contains(&(k, Way::Alone)))
+                .map(|k| singly.contains(&(k, Fusion::Alone)))
                 .iter()
                 .all(|x| *x)
         );
@@ -282,19 +280,19 @@ mod tests {
         let step = step(1);
         let gathers = |entries| {
             let carried = carried(&step, entries, ALL).into_iter();
-            carried.filter(|(_, way)| matches!(way, Way::Gather { .. })).map(|(_, way)| way).collect::<Vec<_>>()
+            carried.filter(|(_, way)| matches!(way, Fusion::Gather { .. })).map(|(_, way)| way).collect::<Vec<_>>()
         };
-        let (first, last) = (Way::Gather { adds: false, last: false }, Way::Gather { adds: true, last: true });
+        let (first, last) = (Fusion::Gather { adds: false, last: false }, Fusion::Gather { adds: true, last: true });
         assert_eq!(gathers(0..step.list.len()), [first, last]);
         let at = |kernel| step.list.iter().rposition(|d| d.kernel == kernel).unwrap();
-        assert_eq!(gathers(0..at(Kernel::ReturnPupil)), []);
+        assert_eq!(gathers(0..at(Kernel::PupilAdjoint)), []);
         assert_eq!(gathers(0..at(Kernel::ChangeInverse)), []);
-        assert_eq!(gathers(at(Kernel::ReturnPupil)..step.list.len()), [last]);
+        assert_eq!(gathers(at(Kernel::PupilAdjoint)..step.list.len()), [last]);
         // The retinal field is there for who comes behind.
         let seen = carried(&step, 0..at(Kernel::Compare), ALL);
-        assert!(seen.contains(&(Kernel::Intensity, Way::Alone)), "{seen:?}");
+        assert!(seen.contains(&(Kernel::Intensity, Fusion::Alone)), "{seen:?}");
         // Who only looks needs none.
         let view = planner().view_step(step.pupil_passes.clone());
-        assert!(carried(&view, 0..view.list.len(), ALL).contains(&(Kernel::PassPupil, Way::See)));
+        assert!(carried(&view, 0..view.list.len(), ALL).contains(&(Kernel::PassPupil, Fusion::See)));
     }
 }

@@ -276,7 +276,7 @@ pub enum PerFrame {
 
 /// How large a buffer is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Extent {
+pub struct BufferSize {
     /// Frames; none where the buffer is not needed.
     pub frames: usize,
     /// Values of a frame.
@@ -285,7 +285,7 @@ pub struct Extent {
     pub complex: bool,
 }
 
-impl Extent {
+impl BufferSize {
     /// Numbers in all.
     pub fn floats(self) -> usize {
         self.frames * self.values * if self.complex { 2 } else { 1 }
@@ -414,7 +414,7 @@ impl Shape {
     }
 
     /// How large a buffer of the shape is; no frames where the purpose does not need it.
-    pub fn extent(&self, resource: Resource) -> Extent {
+    pub fn extent(&self, resource: Resource) -> BufferSize {
         let planes = self.frames * self.subpixels().pow(resource.axes_of_subpixels());
         let (frames, values) = match resource {
             Resource::Levels => (1, quantise::MOST),
@@ -435,7 +435,7 @@ impl Shape {
             _ => (self.frames, self.pixels()),
         };
         let complex = matches!(resource, Resource::Field | Resource::Change | Resource::Subpixels);
-        Extent { frames: if self.has(resource) { frames } else { 0 }, values, complex }
+        BufferSize { frames: if self.has(resource) { frames } else { 0 }, values, complex }
     }
 
     /// Whether it is a buffer that this shape has.

@@ -8,7 +8,7 @@ use eyebox_kernels::{
 use std::ops::Range;
 
 /// What a step does in a pupil's window, from the spectrum to the image and back; `Motion` and its adjoint only if an eye moves.
-const THROUGH_A_WINDOW: [Kernel; 8] = [
+pub(super) const THROUGH_A_WINDOW: [Kernel; 8] = [
     Kernel::PassPupil,
     Kernel::Motion,
     Kernel::WindowInverse,
@@ -188,12 +188,12 @@ impl Planner {
         }
     }
 
-    /// The field on the SLM of content at several depths: `ReturnPupil` adds the spectrum of each pupil pass's `Window`,
+    /// The field on the SLM of content at several depths: `PupilAdjoint` adds the spectrum of each pupil pass's `Window`,
     /// which the caller writes before entries `3 i .. 3 i + 3` run, and the rest of the list leaves the field in `Change`.
     pub(crate) fn layers_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
         let mut step = self.empty(pupil_passes);
         for i in 0..step.pupil_passes.len() {
-            let kernels = [Kernel::Transfer, Kernel::WindowForward, Kernel::ReturnPupil];
+            let kernels = [Kernel::Transfer, Kernel::WindowForward, Kernel::PupilAdjoint];
             step.list.extend(kernels.map(|kernel| Dispatch { kernel, pupil_passes: i..i + 1 }));
         }
         step.list.extend(self.to_field());
@@ -223,7 +223,7 @@ impl Planner {
     /// From the change of the field to that of the phases, where more than phases makes the field.
     fn to_phases(&self) -> impl Iterator<Item = Dispatch> + use<> {
         let parts = self.parts();
-        let lag = self.model.as_ref().is_some_and(|model| model.model().lag > 0.0).then_some(Kernel::LagBack);
+        let lag = self.model.as_ref().is_some_and(|model| model.model().lag > 0.0).then_some(Kernel::LagAdjoint);
         let turn = match (parts.mask, parts.more_subpixels) {
             (1.., _) => Kernel::TurnMask,
             (_, 0) => Kernel::Turn,
@@ -231,8 +231,12 @@ impl Planner {
         };
         let away = parts.mask_away.then_some(Kernel::FromMask);
         let crosstalk = parts.crosstalk.map(|_| [Kernel::CrosstalkColumnsBack, Kernel::CrosstalkRowsBack]);
-        let all =
-            away.into_iter().chain([turn]).chain(crosstalk.into_iter().flatten()).chain(lag).chain([Kernel::DriveBack]);
+        let all = away
+            .into_iter()
+            .chain([turn])
+            .chain(crosstalk.into_iter().flatten())
+            .chain(lag)
+            .chain([Kernel::DriveAdjoint]);
         all.filter(move |_| parts.drives).map(|kernel| Dispatch { kernel, pupil_passes: 0..0 })
     }
 
@@ -344,7 +348,7 @@ impl Planner {
                 [Kernel::Transfer, Kernel::Relay, Kernel::Eye, Kernel::Taper, Kernel::Photograph, Kernel::Resample];
             step.over_pupil_passes(pupil_passes.clone(), &target);
             step.over_pupil_passes(pupil_passes.clone(), &THROUGH_A_WINDOW);
-            step.over_pupil_passes(pupil_passes, &[Kernel::ReturnPupil]);
+            step.over_pupil_passes(pupil_passes, &[Kernel::PupilAdjoint]);
         }
         if balanced {
             step.list.push(whole(Kernel::DivideByOverlap));

@@ -32,7 +32,7 @@ pub use device_model::{DEVICES, DeviceModel, Estimate};
 pub(crate) use device_model::{DISPATCH_BYTES, SUBMISSION_BYTES};
 pub use eye::EyeTables;
 pub use kernel::{Access, Dispatch, Group, Kernel, Scope, Step, Timing};
-pub use list::{Buffer, Extent, ModelParts, PerFrame, Purpose, Resource, Shape};
+pub use list::{Buffer, BufferSize, ModelParts, PerFrame, Purpose, Resource, Shape};
 pub(crate) use lists::{StepLists, mean_loss};
 pub use model::ModelTables;
 pub use moments::{Moment, Moving};

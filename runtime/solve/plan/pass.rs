@@ -1,6 +1,6 @@
 //! What one pupil needs, as data.
 
-use super::list::{Extent, Resource, Shape};
+use super::list::{BufferSize, Resource, Shape};
 use crate::optics::Window;
 use bytemuck::Zeroable;
 use eyebox_kernels::{
@@ -42,7 +42,7 @@ pub struct PupilPass {
     pub moments: motion::Table,
     /// Arguments of `pass_pupil` and `overlap`.
     pub pass: pass_pupil::Args,
-    /// Arguments of `return_pupil`: the same place, another scale.
+    /// Arguments of `pupil_adjoint`: the same place, another scale.
     pub back: pass_pupil::Args,
     /// Columns of the window that any span touches.
     pub columns: Columns,
@@ -157,7 +157,7 @@ impl PupilPass {
     }
 
     /// How large one of its buffers is; no frames for what is no buffer of a pupil pass.
-    pub fn extent(&self, resource: Resource, shape: &Shape) -> Extent {
+    pub fn extent(&self, resource: Resource, shape: &Shape) -> BufferSize {
         let (frames, values) = match resource {
             Resource::Image | Resource::Target => (1, self.count()),
             Resource::Transfer => (self.mode_count(), self.count()),
@@ -168,7 +168,7 @@ impl PupilPass {
             Resource::Sums => (1, exposure::PART * self.exposure(&shape.on_grid()).parts()),
             _ => (0, 0),
         };
-        Extent { frames, values, complex: matches!(resource, Resource::Transfer | Resource::Window) }
+        BufferSize { frames, values, complex: matches!(resource, Resource::Transfer | Resource::Window) }
     }
 
     /// Arguments of `exposure`: the part of its image that is the SLM's, `place` being where that lies in the grid ([`Shape::on_grid`]).

@@ -155,7 +155,7 @@ pub(crate) fn moved(
     frames: usize,
 ) -> Option<[u64; 2]> {
     let passing = || pass.map_or(0, PupilPass::passing_itself);
-    let by_bin = matches!(kernel, Kernel::PassPupil | Kernel::ReturnPupil | Kernel::Overlap | Kernel::Relay);
+    let by_bin = matches!(kernel, Kernel::PassPupil | Kernel::PupilAdjoint | Kernel::Overlap | Kernel::Relay);
     let extent = match (resource.is_shared(), pass) {
         (true, _) => {
             shape.extent(if resource == Resource::Shown && !shape.quantised { Resource::Phases } else { resource })

@@ -9,11 +9,11 @@ use crate::scene::SceneError;
 use crate::solve::{Flow, Progress, Settings, Solution};
 
 /// Refuses a colour that takes more than there is, by the count of a plan.
-pub(super) fn promise(subject: &Subject, settings: &Settings, memory: Memory) -> Result<(), ProduceError> {
+pub(super) fn check_memory(subject: &Subject, settings: &Settings, memory: Memory) -> Result<(), ProduceError> {
     let bytes = subject.cost(settings, memory)?.bytes();
     let what = || format!("{} sub-frames of {} x {}", settings.frames, subject.display.height, subject.display.width);
     let remedy = "take fewer `frames`, `views` or `pupils`, or a smaller `size`";
-    Ok(memory::promise(what, bytes, remedy).map_err(SceneError::from)?)
+    Ok(memory::check_available(what, bytes, remedy).map_err(SceneError::from)?)
 }
 
 /// Solves every colour in turn with settings of this quality. Once `observe` answers [`Flow::Stop`] the colours that are left
@@ -33,7 +33,7 @@ pub fn solve_colors(
     let mut solved = Vec::with_capacity(colors.len());
     for &color in colors {
         let subject = Subject { color, ..subject.clone() };
-        promise(&subject, settings, engine.memory())?;
+        check_memory(&subject, settings, engine.memory())?;
         let mut stepped = |progress: &Progress| observe(&SceneEvent::Step { hologram: 0, color, progress });
         let mut solution = subject.solve(settings, engine, &mut stepped)?.solution;
         if settings.reduces() {

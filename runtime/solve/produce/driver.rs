@@ -124,16 +124,16 @@ fn one(
     observe: &mut dyn FnMut(&SceneEvent) -> Flow,
 ) -> Result<SolvedHologram, ProduceError> {
     // Before the scene is loaded, which takes long where it is large.
-    promise(job, engine)?;
+    check_job(job, engine)?;
     solve_field(job, job.load(0)?, job.record(0)?, engine, observe)
 }
 
-fn promise(job: &SceneJob, engine: &dyn Engine) -> Result<(), ProduceError> {
+fn check_job(job: &SceneJob, engine: &dyn Engine) -> Result<(), ProduceError> {
     let display = job.display;
     if engine.memory() != Memory::Device {
         let bytes = memory::bytes_of(&[job.settings.frames, display.height, display.width, 6], 4);
         let what = || format!("{} sub-frames of {} x {}", job.settings.frames, display.height, display.width);
-        memory::promise(what, bytes, "take fewer `frames` or a smaller `size`").map_err(SceneError::from)?;
+        memory::check_available(what, bytes, "take fewer `frames` or a smaller `size`").map_err(SceneError::from)?;
     }
     Ok(())
 }
@@ -159,7 +159,7 @@ pub fn solve_light_field(
             "the light field has {h} x {w} pixels: the display shows {rows} x {columns}"
         )));
     }
-    promise(job, engine)?;
+    check_job(job, engine)?;
     let record = job.record.clone().unwrap_or_else(|| SceneRecord::of_views(&field.name, &field));
     solve_field(job, field, record, engine, observe)
 }

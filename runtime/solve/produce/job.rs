@@ -3,7 +3,7 @@
 use super::ProduceError;
 use crate::hologram::{Metadata, SceneRecord, Start};
 use crate::optics::{Color, Display, check_usual_diameters};
-use crate::scene::{self, LightField, Near, Order, Photographs, Request};
+use crate::scene::{self, LightField, Near, Order, Request, ViewSynthesis};
 use crate::solve::{Full, PlanRequest, Progress, PupilRange, ScenePlan, Settings, Solution};
 use crate::tiled::{self, RegionSize};
 use eyebox_base::error::Reason;
@@ -31,7 +31,7 @@ pub struct SceneJob<'a> {
     /// How the views of folders really stand; none for what the folders say.
     pub order: Option<Order>,
     /// Of which views photographs of folders are made.
-    pub photographs: Photographs,
+    pub photographs: ViewSynthesis,
     /// Pupil diameters drawn, metres; none for what fits the eyebox.
     pub diameter: Option<[f64; 2]>,
     /// Take a display and diameters as they are that look like a mistake: a unit taken for another, rows and columns exchanged,
@@ -185,7 +185,7 @@ impl<'a> SceneJob<'a> {
             near: None,
             depth: None,
             order: None,
-            photographs: Photographs::Auto,
+            photographs: ViewSynthesis::Auto,
             diameter: None,
             force: false,
             settings: Settings::default(),
@@ -257,7 +257,7 @@ impl<'a> SceneJob<'a> {
     /// Keeps with a hologram what was stated of how its scene is read.
     pub(super) fn describe_reading(&self, metadata: &mut Metadata) {
         metadata.order = self.order;
-        metadata.photographs = Some(self.photographs).filter(|how| *how != Photographs::Auto);
+        metadata.photographs = Some(self.photographs).filter(|how| *how != ViewSynthesis::Auto);
         metadata.near = self.near;
         if !self.depth_maps.is_empty() {
             // In the order of the map's values, which the range of depths does not keep.

@@ -1,6 +1,6 @@
 //! All colours of a hologram at once.
 
-use super::colors::promise;
+use super::colors::check_memory;
 use super::{ProduceError, SceneEvent};
 use crate::engine::Engine;
 use crate::optics::{Color, JointColor, Laser, reference_of};
@@ -27,7 +27,7 @@ pub fn solve_joint_colors(
     let mut problems = Vec::with_capacity(colors.len());
     for &color in colors {
         let subject = Subject { color, ..subject.clone() };
-        promise(&subject, settings, engine.memory())?;
+        check_memory(&subject, settings, engine.memory())?;
         problems.push(subject.prepare(settings)?.problem);
     }
     let slopes = subject.display.slopes(colors);

@@ -6,7 +6,7 @@ use crate::hologram::{ColorHologram, Hologram, HologramError};
 use crate::optics::PupilDistribution;
 use crate::scene::LightField;
 use crate::solve::{
-    BestKeeper, Flow, JointPart, JointRefiner, Problem, Refinable, RefinedStep, Refiner, Steering, refine,
+    BestKeeper, Flow, JointPart, JointRefiner, Problem, Refinable, RefineSettings, RefinedStep, Refiner, refine,
 };
 
 /// All colours of a hologram under refinement, each on an engine of its own.
@@ -54,7 +54,7 @@ impl Hologram {
     pub fn refine(
         self,
         field: &LightField,
-        steering: Steering,
+        steering: RefineSettings,
         mut open: impl FnMut() -> Result<Box<dyn Engine>, EngineError>,
     ) -> Result<Refinement, ProduceError> {
         let problems = self.problems(field)?;
@@ -200,7 +200,7 @@ mod tests {
             let mut before = score(&hologram, &field, pupil);
             for steps in [1, 2, 3, 6, 8, 12] {
                 let engine = || Ok(Box::new(CpuEngine::new()) as Box<dyn Engine>);
-                let mut refinement = hologram.clone().refine(&field, Steering::default(), engine).unwrap();
+                let mut refinement = hologram.clone().refine(&field, RefineSettings::default(), engine).unwrap();
                 refinement.set_pupil(PupilDistribution::around(&pupil, spread)).unwrap();
                 let (_, taken) = refinement.refine(steps, &mut |_| Flow::Continue).unwrap();
                 assert_eq!(taken, steps);

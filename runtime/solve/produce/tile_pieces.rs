@@ -22,10 +22,10 @@ pub struct TilePieces {
     work: Value,
     out: PathBuf,
     /// The file, when it was begun.
-    begun: OnceLock<Begun>,
+    begun: OnceLock<OpenedTiles>,
 }
 
-struct Begun {
+struct OpenedTiles {
     tiles: Tiles,
     /// Of each colour.
     waits: Vec<Waits>,
@@ -104,7 +104,7 @@ impl TilePieces {
     /// those of [`solve_scene`](super::solve_scene).
     pub fn visit(&self, visit: usize, engine: &mut dyn Engine) -> Result<bool, ProduceError> {
         let (color, k) = self.place(visit)?;
-        let Begun { tiles, waits } = self.begun()?;
+        let OpenedTiles { tiles, waits } = self.begun()?;
         let (part, waits) = (visit as u64 + 1, &waits[color]);
         if tiles.has_part(part) {
             return Ok(false);
@@ -159,7 +159,7 @@ impl TilePieces {
         Ok((visit / self.prepared.plan.visits, visit % self.prepared.plan.visits))
     }
 
-    fn begun(&self) -> Result<&Begun, ProduceError> {
+    fn begun(&self) -> Result<&OpenedTiles, ProduceError> {
         if let Some(begun) = self.begun.get() {
             return Ok(begun);
         }
@@ -174,7 +174,7 @@ impl TilePieces {
         };
         let waits = (0..self.colors.len()).map(of).collect();
         // Whoever was faster found the same.
-        Ok(self.begun.get_or_init(|| Begun { tiles, waits }))
+        Ok(self.begun.get_or_init(|| OpenedTiles { tiles, waits }))
     }
 }
 

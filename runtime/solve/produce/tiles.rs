@@ -9,7 +9,7 @@ use crate::hologram::{ColorHologram, Hologram, Metadata, PhaseSource, SceneRecor
 use crate::optics::{Color, Display, Geometry, Pupil};
 use crate::plan::ModelTables;
 use crate::reconstruction::{HologramScores, SceneSource};
-use crate::scene::{self, Photographs, Request};
+use crate::scene::{self, Request, ViewSynthesis};
 use crate::solve::{Flow, Settings};
 use crate::tiled::{self, Job, MemoryLimit, RegionSize, Schedule, TiledError};
 use eyebox_base::error::Reason;
@@ -229,7 +229,7 @@ fn work(job: &SceneJob, request: &TilesRequest, plan: &TilesPlan, picture: usize
     if let Some(map) = job.depth_maps.first() {
         work["depth_map"] = json!([map.display().to_string(), job.depth]);
     }
-    if job.photographs != Photographs::Auto {
+    if job.photographs != ViewSynthesis::Auto {
         work["photographs"] = json!(job.photographs);
     }
     if let Some(near) = job.near {

@@ -5,7 +5,7 @@ use super::SceneSource;
 use crate::evaluate::Views;
 use crate::hologram::{Hologram, HologramError, SceneRecord};
 use crate::optics::{Color, Display};
-use crate::scene::{self, LightField, Near, Order, Photographs, Request, SceneError};
+use crate::scene::{self, LightField, Near, Order, Request, SceneError, ViewSynthesis};
 use std::path::{Path, PathBuf};
 
 /// Pixels along each axis of the views of a far field larger than memory, at most.
@@ -27,7 +27,7 @@ pub struct SceneReading {
     /// How the views of a folder stand.
     pub order: Option<Order>,
     /// Of which views photographs are made.
-    pub photographs: Option<Photographs>,
+    pub photographs: Option<ViewSynthesis>,
 }
 
 /// Which scene is taken, and how it is read.

@@ -18,7 +18,7 @@ impl Carry {
     ///
     /// # Errors
     /// Those of the engine.
-    pub(super) fn carry(
+    pub(super) fn shift(
         &mut self,
         engine: &mut dyn Engine,
         planner: &Planner,

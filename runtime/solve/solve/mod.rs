@@ -11,6 +11,8 @@ mod best;
 mod carry;
 mod cost;
 mod dpac;
+#[cfg(feature = "vulkan")]
+mod dry_run;
 mod error;
 mod exposure;
 mod eye;
@@ -27,8 +29,7 @@ mod outcome;
 pub(crate) mod pace;
 mod problem;
 mod rates;
-#[cfg(feature = "vulkan")]
-mod rehearsal;
+mod refine_settings;
 mod run;
 mod sampling;
 mod scene_plan;
@@ -43,7 +44,6 @@ mod statistics_tests;
 mod steer;
 #[cfg(test)]
 mod steer_tests;
-mod steering;
 mod step;
 mod validation;
 mod viewpoints;
@@ -51,6 +51,8 @@ mod viewpoints;
 pub use begin::{solve, solve_from};
 pub use best::{BestKeeper, BestState, Refinable, RefinedStep, refine};
 pub use cost::{Cost, Forecast, Loaded, forecast, model_work};
+#[cfg(feature = "vulkan")]
+pub use dry_run::{DryRun, DryRunStep};
 pub use error::SolveError;
 pub use exposure::BrightEnd;
 pub use joint::{Joint, JointPart, JointProblem, JointRefiner, JointSolution, solve_joint};
@@ -65,15 +67,13 @@ pub use outcome::{Flow, Progress, Solution, Stop, Warm};
 pub use pace::Pace;
 pub use problem::Problem;
 pub use rates::Rates;
-#[cfg(feature = "vulkan")]
-pub use rehearsal::{Rehearsal, RehearsedStep};
+pub use refine_settings::{RefineSettings, Strategy};
 pub(crate) use run::exposure_under;
 pub use sampling::{Diameters, PupilRange, Sampler, Sequence, SplitMix, pupils_of, random_phases};
 pub use scene_plan::{Decision, Full, PlanRequest, ScenePlan};
 pub use settings::{FirstPhases, PaddingRule, Settings};
 pub use start_table::StartTable;
 pub use steer::Refiner;
-pub use steering::{Steering, Strategy};
 pub use step::{Update, take_seen};
 pub(crate) use step::{release_early, strides, take};
 pub use validation::{ValidationScore, Validator};

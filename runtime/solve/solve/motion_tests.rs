@@ -1,6 +1,6 @@
 //! Tests of what motion costs, and of the windows of a stream (OPTICS 15).
 
-use super::{Flow, Motion, Problem, PupilRange, Refiner, Sampler, Sequence, Settings, Solution, Steering, solve};
+use super::{Flow, Motion, Problem, PupilRange, RefineSettings, Refiner, Sampler, Sequence, Settings, Solution, solve};
 use crate::engine::{Buffer, Engine, cpu::CpuEngine};
 use crate::evaluate;
 use crate::optics::{Color, Display, Padding, Pupil, PupilDistribution, WindowFactor};
@@ -42,7 +42,7 @@ fn mean_db(problem: &Problem, solution: &Solution, look: impl Fn(Pupil) -> Movin
 /// What an eye whose place is known sees after some steps for it, dB, by how it looks; refined as if this moved.
 fn refined_db(of: &(Problem, Solution), motion: Motion, look: impl Fn(Pupil) -> Moving) -> f64 {
     let (problem, solution) = of;
-    let steering = Steering { pupils: 4, ..Steering::default() };
+    let steering = RefineSettings { pupils: 4, ..RefineSettings::default() };
     let mut refiner =
         Refiner::new(problem.clone(), &solution.phases, solution.exposure, steering, Box::new(CpuEngine::new()))
             .unwrap();

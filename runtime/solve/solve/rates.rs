@@ -49,7 +49,7 @@ const LONGEST: f64 = 0.6;
 
 /// As a file of the user's cache holds them.
 #[derive(Serialize, Deserialize)]
-struct Kept {
+struct StoredRates {
     engine: String,
     version: String,
     rates: Rates,
@@ -58,7 +58,7 @@ struct Kept {
 /// Files larger than this are not ours, bytes.
 const LARGEST: u64 = 1 << 20;
 
-impl Kept {
+impl StoredRates {
     /// What a file keeps of this engine, if it does: a file that cannot be read, is damaged or is another's is none.
     fn load(file: &Path, engine: &str) -> Option<Rates> {
         let kept: Self = serde_json::from_slice(&crate::files::read::bytes(file, LARGEST).ok()?).ok()?;
@@ -81,7 +81,7 @@ impl Rates {
     ) -> Result<Self, EngineError> {
         let name = format!("{}, {}", engine.describe(), storage.name());
         let file = cache_folder().map(|f| f.join(format!("rates-{:08x}.json", crc32c::crc32c(name.as_bytes()))));
-        if let Some(rates) = file.as_ref().filter(|_| !again).and_then(|f| Kept::load(f, &name)) {
+        if let Some(rates) = file.as_ref().filter(|_| !again).and_then(|f| StoredRates::load(f, &name)) {
             return Ok(rates);
         }
         measuring(&name);
@@ -89,7 +89,7 @@ impl Rates {
             tracing::warn!("there is no folder for caches, so that this is measured each time: set XDG_CACHE_HOME");
         }
         let rates = Self::measure(engine, storage)?;
-        let kept = Kept { engine: name, version: env!("CARGO_PKG_VERSION").into(), rates };
+        let kept = StoredRates { engine: name, version: env!("CARGO_PKG_VERSION").into(), rates };
         if let Some(file) = file {
             // A convenience: what keeps it from being kept is no one's concern.
             let _ = file.parent().map(std::fs::create_dir_all);
@@ -240,11 +240,11 @@ mod tests {
         let file = folder.path().join("rates.json");
         let rate = |points| Rate { points, seconds: [1e-9; Group::ALL.len()] };
         let rates = Rates { project: vec![rate(64.0), rate(256.0)], adam: vec![rate(64.0)] };
-        let kept = Kept { engine: "an engine".into(), version: env!("CARGO_PKG_VERSION").into(), rates };
+        let kept = StoredRates { engine: "an engine".into(), version: env!("CARGO_PKG_VERSION").into(), rates };
         let whole = serde_json::to_string(&kept).unwrap();
         let load = |text: &str, engine| {
             std::fs::write(&file, text).unwrap();
-            Kept::load(&file, engine)
+            StoredRates::load(&file, engine)
         };
         assert_eq!(load(&whole, "an engine"), Some(kept.rates));
         assert_eq!(load(&whole, "another"), None);

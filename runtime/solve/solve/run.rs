@@ -11,7 +11,7 @@ use super::sampling::random_phases;
 use super::settings::Settings;
 use super::step::Steps;
 use super::validation::{ValidationScore, Validator};
-use crate::engine::{Begun, Buffer, Engine, EngineError, Step};
+use crate::engine::{Buffer, Engine, EngineError, PendingStep, Step};
 use crate::optics::WindowFactor;
 use crate::plan::{ModelTables, Planner};
 use std::collections::VecDeque;
@@ -38,7 +38,7 @@ struct Descent<'o> {
     /// Whether the last validation sent the phases back to the best ones.
     sent_back: bool,
     /// Steps that were begun and have not ended.
-    under_way: VecDeque<(Step, Begun)>,
+    under_way: VecDeque<(Step, PendingStep)>,
     observe: &'o mut dyn FnMut(&Progress) -> Flow,
 }
 
@@ -48,7 +48,7 @@ impl Descent<'_> {
     }
 
     /// The step that is to be ended now: all of them, or all but one that is still under way.
-    fn next(&mut self, all: bool) -> Option<(Step, Begun)> {
+    fn next(&mut self, all: bool) -> Option<(Step, PendingStep)> {
         let last_is_over = self.under_way.back().is_some_and(|(_, begun)| begun.is_over());
         if all || last_is_over || self.under_way.len() > 1 { self.under_way.pop_front() } else { None }
     }
@@ -206,7 +206,7 @@ impl Run<'_> {
         &mut self,
         descent: &mut Descent<'_>,
         next: &Step,
-        taken: Begun,
+        taken: PendingStep,
         mark: &mut Instant,
         stop: Option<Stop>,
     ) -> Result<Option<Stop>, SolveError> {

@@ -115,7 +115,7 @@ const LIKENESS: f64 = 60.0;
 /// (docs/measurements.md). Little, for an edge that is wrong replaces one that was noisy.
 const WRAP_COST: f64 = 16.0;
 /// Pixels by which views of a block may part before merging them is not even tried.
-const APART: f64 = 1.0;
+const MAX_MERGED_STEP_PX: f64 = 1.0;
 
 impl ScenePlan {
     /// Decides. Only where views might be merged is anything computed: a few photographs, both ways.
@@ -255,9 +255,9 @@ impl ScenePlan {
         let inner = || field.only(self.brightest(field)).without_outer(display, self.outer);
         let candidates = field.mergeable_without(self.outer);
         let (mut found, mut worse) = (None, None);
-        if candidates.iter().any(|k| apart(*k) <= APART) {
+        if candidates.iter().any(|k| apart(*k) <= MAX_MERGED_STEP_PX) {
             let inner = inner();
-            for k in candidates.into_iter().filter(|k| apart(*k) <= APART) {
+            for k in candidates.into_iter().filter(|k| apart(*k) <= MAX_MERGED_STEP_PX) {
                 let likeness = self.likeness(&inner, display, k)?;
                 if likeness >= LIKENESS {
                     found = Some((k, likeness));

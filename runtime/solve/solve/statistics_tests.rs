@@ -2,7 +2,7 @@
 //! and registers within what lets a device keep busy. RADV compiles for devices that are not there; where it is not installed
 //! (Debian: mesa-vulkan-drivers), nothing is compiled, and a line says so.
 
-use super::{Optimizer, Problem, Rehearsal, Settings, Steering};
+use super::{DryRun, Optimizer, Problem, RefineSettings, Settings};
 use crate::gpu::statistics_tests::{Key, Statistics, compile};
 use crate::gpu::{DeviceKind, Gpu, Options};
 use crate::optics::{Color, Display, ModelOf, ModelTerms, Pupil, PupilDistribution};
@@ -46,18 +46,18 @@ fn asked_for(refined: bool) -> Vec<Key> {
     };
     let problem = || problem_of(&display);
     let settings = Settings { pupils: 16, ..Settings::default() };
-    Rehearsal::of_solve(&problem(), &settings, &gpu, 1).expect("a step");
+    DryRun::of_solve(&problem(), &settings, &gpu, 1).expect("a step");
     let aim = PupilDistribution::around(&Pupil { x: 1e-3, y: 0.0, diameter: 4e-3, depth: 1e-3 }, 0.3e-3);
     if refined {
-        Rehearsal::of_refinement(problem(), 8, Steering::default(), aim, &gpu, 1).expect("a step");
+        DryRun::of_refinement(problem(), 8, RefineSettings::default(), aim, &gpu, 1).expect("a step");
         let adam = Settings { pupils: 1, optimizer: Optimizer::adam(), ..Settings::default() };
-        Rehearsal::of_solve(&problem(), &adam, &gpu, 1).expect("a step");
+        DryRun::of_solve(&problem(), &adam, &gpu, 1).expect("a step");
         let mut terms = ModelTerms::default();
         (terms.lag, terms.source) = (Some(0.1), Some([0.0, 0.0, -0.4, 0.0, -0.4]));
         terms.crosstalk = Some([[1.2, 2.03].into(); 4]);
         let faulty = Display { model: [(ModelOf::All, terms)].into(), ..display.clone() };
         let settings = Settings { pupils: 1, ..Settings::default() };
-        Rehearsal::of_solve(&problem_of(&faulty), &settings, &gpu, 1).expect("a step");
+        DryRun::of_solve(&problem_of(&faulty), &settings, &gpu, 1).expect("a step");
     }
     let mut keys = gpu.device.pipelines_made();
     keys.sort();

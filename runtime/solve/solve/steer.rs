@@ -11,10 +11,10 @@ use super::error::SolveError;
 use super::motion::Motion;
 use super::pace::Pace;
 use super::problem::Problem;
+use super::refine_settings::{RefineSettings, Strategy};
 use super::sampling::{Points, Sequence};
 use super::start_table::StartTable;
-use super::steering::{Steering, Strategy};
-use crate::engine::{Begun, Buffer, Engine, EngineError, PhasesOnDevice};
+use crate::engine::{Buffer, Engine, EngineError, PendingStep, PhasesOnDevice};
 use crate::evaluate::{self, Sums};
 use crate::optics::{Geometry, Pupil, PupilDistribution};
 use crate::plan::{Planner, Viewpoint, mean_loss};
@@ -33,7 +33,7 @@ const DIAMETERS: u32 = 6000;
 pub struct Refiner {
     problem: Problem,
     planner: Planner,
-    steering: Steering,
+    steering: RefineSettings,
     engine: Box<dyn Engine>,
     exposure: f64,
     pub(super) aim: PupilDistribution,
@@ -58,7 +58,7 @@ pub struct Refiner {
 
 /// A step that was begun.
 struct UnderWay {
-    begun: Begun,
+    begun: PendingStep,
     /// Pixels of the windows of its pupil passes.
     pixels: Vec<usize>,
     kind: usize,
@@ -75,7 +75,7 @@ impl Refiner {
         problem: Problem,
         phases: &[f32],
         exposure: f64,
-        steering: Steering,
+        steering: RefineSettings,
         engine: Box<dyn Engine>,
     ) -> Result<Self, SolveError> {
         Self::with_powers(problem, phases, exposure, &[], steering, engine)
@@ -87,7 +87,7 @@ impl Refiner {
         phases: &[f32],
         exposure: f64,
         powers: &[f64],
-        steering: Steering,
+        steering: RefineSettings,
         mut engine: Box<dyn Engine>,
     ) -> Result<Self, SolveError> {
         let wrong = |what, value: String, right| Err(SolveError::Setting { what, value, right });
@@ -245,7 +245,7 @@ impl Refiner {
     pub fn carry_phases(&mut self, shifts: &[[f64; 2]]) -> Result<(), EngineError> {
         self.settle()?;
         let Self { carry, engine, planner, .. } = self;
-        let mut carried = |buffer| carry.carry(engine.as_mut(), planner, buffer, shifts);
+        let mut carried = |buffer| carry.shift(engine.as_mut(), planner, buffer, shifts);
         if shifts.iter().all(|shift| *shift != [0.0; 2]) {
             carried(Buffer::Phases)?;
             return self.engine.clear_moments();

@@ -1,6 +1,6 @@
 //! Tests of steered refinement.
 
-use super::{Flow, Problem, Refiner, Settings, Steering, Strategy, solve};
+use super::{Flow, Problem, RefineSettings, Refiner, Settings, Strategy, solve};
 use crate::engine::cpu::CpuEngine;
 use crate::optics::{Color, Display, Padding, Pupil, PupilDistribution};
 use crate::plan::Storage;
@@ -25,7 +25,7 @@ const AIM: PupilDistribution = PupilDistribution {
     elsewhere: 0.0,
 };
 
-fn refiner(of: &(Problem, Vec<f32>, f64), steering: Steering) -> Refiner {
+fn refiner(of: &(Problem, Vec<f32>, f64), steering: RefineSettings) -> Refiner {
     let mut refiner =
         Refiner::new(of.0.clone(), &of.1, of.2, steering, Box::new(CpuEngine::new())).expect("a sound refinement");
     refiner.aim(AIM).unwrap();
@@ -49,8 +49,8 @@ fn the_eye_sees_better_and_the_eyebox_hardly_worse() {
     let whole = solved();
     let there = pupils(&[[4.0, -2.0], [4.3, -1.8], [3.7, -2.4]]);
     let elsewhere = pupils(&[[-6.0, 5.0], [0.0, 0.0], [-4.0, -7.0], [6.0, 6.0]]);
-    for (strategy, least) in [(Steering::default().strategy, 2.0), (Strategy::Adam { rate: 0.05 }, 1.2)] {
-        let mut refiner = refiner(&whole, Steering { strategy, pupils: 4, ..Steering::default() });
+    for (strategy, least) in [(RefineSettings::default().strategy, 2.0), (Strategy::Adam { rate: 0.05 }, 1.2)] {
+        let mut refiner = refiner(&whole, RefineSettings { strategy, pupils: 4, ..RefineSettings::default() });
         let before = (mean(&mut refiner, &there), mean(&mut refiner, &elsewhere));
         for _ in 0..8 {
             assert!(refiner.step().unwrap().is_finite());
@@ -66,7 +66,7 @@ fn the_eye_sees_better_and_the_eyebox_hardly_worse() {
 fn photographs_that_are_kept_change_nothing() {
     let whole = solved();
     let run = |repeats| {
-        let steering = Steering { repeats, elsewhere: 0.0, ..Steering::default() };
+        let steering = RefineSettings { repeats, elsewhere: 0.0, ..RefineSettings::default() };
         let mut refiner = refiner(&whole, steering);
         refiner.aim(PupilDistribution { spread: 0.0, diameter: [4e-3; 2], ..AIM }).unwrap();
         (0..5).for_each(|_| assert!(refiner.step().unwrap().is_finite()));
@@ -74,7 +74,7 @@ fn photographs_that_are_kept_change_nothing() {
     };
     assert!(run(1) == run(3));
     // A look in between takes the slots: they are filled again.
-    let steering = Steering { repeats: 3, elsewhere: 0.0, ..Steering::default() };
+    let steering = RefineSettings { repeats: 3, elsewhere: 0.0, ..RefineSettings::default() };
     let mut refiner = refiner(&whole, steering);
     refiner.aim(PupilDistribution { spread: 0.0, diameter: [4e-3; 2], ..AIM }).unwrap();
     for _ in 0..5 {
@@ -87,7 +87,7 @@ fn photographs_that_are_kept_change_nothing() {
 #[test]
 fn time_is_kept_and_phases_begin_again() {
     let whole = solved();
-    let mut refiner = refiner(&whole, Steering::default());
+    let mut refiner = refiner(&whole, RefineSettings::default());
     refiner.step().unwrap();
     assert_eq!(refiner.refine_until(Instant::now(), 100).unwrap(), 0, "a step takes longer than no time");
     assert_eq!(refiner.refine_until(Instant::now() + Duration::from_secs(60), 2).unwrap(), 2);
@@ -105,13 +105,13 @@ fn what_cannot_be_is_refused() {
     let new = |phases: &[f32], exposure, steering| {
         Refiner::new(problem.clone(), phases, exposure, steering, Box::new(CpuEngine::new())).map(drop)
     };
-    let fine = Steering::default();
+    let fine = RefineSettings::default();
     assert!(new(&phases, exposure, fine).is_ok());
     assert!(new(&phases[1..], exposure, fine).is_err() && new(&[], exposure, fine).is_err());
     assert!(new(&vec![f32::NAN; phases.len()], exposure, fine).is_err());
     assert!(new(&phases, 0.0, fine).is_err() && new(&phases, f64::NAN, fine).is_err());
-    assert!(new(&phases, exposure, Steering { pupils: 0, ..fine }).is_err());
-    assert!(new(&phases, exposure, Steering { elsewhere: f64::INFINITY, ..fine }).is_err());
+    assert!(new(&phases, exposure, RefineSettings { pupils: 0, ..fine }).is_err());
+    assert!(new(&phases, exposure, RefineSettings { elsewhere: f64::INFINITY, ..fine }).is_err());
 }
 
 /// Phases of 16 bits and velocities in halves: what the eye sees is that of float32, after few steps and after many small ones.
@@ -119,8 +119,9 @@ fn what_cannot_be_is_refused() {
 fn binary_angles_cost_nothing_that_is_seen() {
     let whole = solved();
     let there = pupils(&[[4.0, -2.0], [4.3, -1.8], [3.7, -2.4]]);
-    let [mut full, mut short] = [Storage::F32, Storage::F16]
-        .map(|storage| refiner(&whole, Steering { storage: Some(storage), elsewhere: 0.0, ..Steering::default() }));
+    let [mut full, mut short] = [Storage::F32, Storage::F16].map(|storage| {
+        refiner(&whole, RefineSettings { storage: Some(storage), elsewhere: 0.0, ..RefineSettings::default() })
+    });
     for _ in 0..24 {
         full.step().unwrap();
         short.step().unwrap();

@@ -8,14 +8,14 @@ use crate::solve::Problem;
 
 /// Where whole tiles lie in a far field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Extent {
+pub struct TileRect {
     /// Row and column of the first pixel.
     pub at: [usize; 2],
     /// Rows and columns.
     pub size: [usize; 2],
 }
 
-impl Extent {
+impl TileRect {
     /// The tiles that hold every pupil of `aim` at colour `color` of a hologram, which is seen through `model`.
     ///
     /// # Errors
@@ -80,7 +80,7 @@ impl Piece {
     /// [`TiledError::Optics`]; [`TiledError::Unsuitable`] for an aim that is nowhere on the SLM.
     pub fn around(tiles: &Tiles, color: usize, views: &Views, aim: &PupilDistribution) -> Result<Self, TiledError> {
         let model = tiles.model(color)?.map(|model| model.for_steps());
-        let extent = Extent::around(tiles, color, model.as_deref(), aim)?;
+        let extent = TileRect::around(tiles, color, model.as_deref(), aim)?;
         Self::on(tiles, color, views, model.as_deref(), extent)
     }
 
@@ -93,7 +93,7 @@ impl Piece {
         color: usize,
         views: &Views,
         model: Option<&ModelTables>,
-        Extent { at: [top, left], size: [rows, columns] }: Extent,
+        TileRect { at: [top, left], size: [rows, columns] }: TileRect,
     ) -> Result<Self, TiledError> {
         let whole = tiles.about().optics(color)?;
         let at = [top as i64, left as i64];

@@ -14,7 +14,7 @@ pub enum TrackerError {
         "'{name}' is no tracker: use hid, FILE.hid, FILE.jsonl, pupil://HOST[:PORT], udp://[HOST]:PORT, mouse or simulated[:SEED]"
     )]
     Spec {
-        /// What was asked for.
+        /// Name as it was given.
         name: String,
     },
     /// A file cannot be used.

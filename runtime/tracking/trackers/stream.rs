@@ -17,7 +17,7 @@ use std::time::Duration;
 const KEPT: usize = 256;
 const NOTES_KEPT: usize = 32;
 /// How long the thread waits in the source before it looks whether it should stop.
-const PATIENCE: Duration = Duration::from_millis(50);
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// How a stream is doing.
 #[derive(Debug, Clone, PartialEq, Eq, Default, serde::Serialize)]
@@ -141,7 +141,7 @@ fn run(source: Box<dyn Source>, samples: &Mailbox<Arrival>, notes: &Mailbox<Stri
     let mut source = Guard::new(source);
     tell(&source);
     while !shared.stop.load(Ordering::Relaxed) {
-        let next = source.next(PATIENCE);
+        let next = source.next(POLL_INTERVAL);
         *shared.by_source.lock().unwrap_or_else(PoisonError::into_inner) = source.dropped();
         match next {
             Ok(Event::Sample(sample, report)) => {

@@ -6,7 +6,7 @@ use crate::{Engines, Failure};
 use eyebox::low_level::engine::{Buffer, Dispatch, Kernel, Step, Storage};
 use eyebox::low_level::optics::{Optics, Pupil, WindowFactor};
 use eyebox::low_level::plan::{Comparison, Planner, Purpose};
-use eyebox_kernels::{Complex32, ZERO, adam, compare, half, modulate, return_pupil};
+use eyebox_kernels::{Complex32, ZERO, adam, compare, half, modulate, pupil_adjoint};
 use std::f64::consts::TAU;
 
 fn powers(most: usize) -> Vec<usize> {
@@ -105,7 +105,7 @@ pub fn pupils(engines: &mut Engines, _: usize) -> Result<Errors, Failure> {
                 .map(|b| noise(2 * values, 11 + b as u64).iter().map(|v| (v * 512.0) as f32).collect())
                 .collect();
             let step =
-                only(planner.project_step(vec![pupil_pass; count], usize::MAX, 1.0, 1.0, 0.0), Kernel::ReturnPupil);
+                only(planner.project_step(vec![pupil_pass; count], usize::MAX, 1.0, 1.0, 0.0), Kernel::PupilAdjoint);
             // K is 1 inside the pupil, and the grid's bins are the window's.
             let ones: Vec<f32> = (0..2 * values).map(|i| if i % 2 == 0 { 1.0 } else { 0.0 }).collect();
             let mut want = vec![0.0f64; 2 * values];
@@ -133,7 +133,7 @@ pub fn pupils(engines: &mut Engines, _: usize) -> Result<Errors, Failure> {
                     let mut window: Vec<Complex32> = pairs_of(window);
                     half::round(&mut window);
                     let pupil_pass = &step.pupil_passes[0];
-                    return_pupil::return_pupil(&pupil_pass.back, &window, &transfer, &pupil_pass.spans, &mut sum);
+                    pupil_adjoint::pupil_adjoint(&pupil_pass.back, &window, &transfer, &pupil_pass.spans, &mut sum);
                 }
                 half::round(&mut sum);
                 let got = sum.iter().flat_map(|z| [f64::from(z.re), f64::from(z.im)]);

@@ -4,7 +4,7 @@ use eyebox::engine::{self, Choice};
 use eyebox::hologram::Hologram;
 use eyebox::optics::{Display, Pupil, PupilDistribution};
 use eyebox::produce::{SceneJob, solve_scene};
-use eyebox::solve::{Flow, Settings, Steering};
+use eyebox::solve::{Flow, Settings, RefineSettings};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = std::env::temp_dir().join(format!("embed-{}", std::process::id()));
@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     solve_scene(&job, Some(&file), engine.as_mut(), &mut |_| Flow::Continue)?;
     // Refine for a pupil that moves to the right, and show it.
     let field = job.load(0)?;
-    let mut refinement = Hologram::load(&file)?.refine(&field, Steering::default(), || engine::open(Choice::Cpu))?;
+    let mut refinement = Hologram::load(&file)?.refine(&field, RefineSettings::default(), || engine::open(Choice::Cpu))?;
     let mut before = Vec::new();
     for x in [-2e-3, 0.0, 2e-3] {
         refinement.set_pupil(PupilDistribution::around(&Pupil { x, y: 0.0, diameter: 4e-3, depth: 0.0 }, 0.25e-3))?;

@@ -11,12 +11,12 @@ use crate::quality::Chosen;
 use crate::score::decibels as db;
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::evaluate::Group;
-use eyebox::low_level::files::OwnFolder;
+use eyebox::low_level::files::ManagedDir;
 use eyebox::low_level::optics::{Color, Display, Geometry};
 use eyebox::low_level::reason;
 use eyebox::low_level::scene;
 use eyebox::low_level::solve::{Method, Settings};
-use eyebox_lab::comparison::{Comparison, Given, JUDGED, MaskKind, Published, Results, candidates};
+use eyebox_lab::comparison::{Comparison, ExistingHologram, JUDGED, MaskKind, Published, Results, candidates};
 use eyebox_lab::report;
 use eyebox_lab::writable;
 use std::path::{Path, PathBuf};
@@ -28,7 +28,7 @@ const MASKED: [Method; 3] = [Method::Slfh, Method::Lf2fs, Method::Smooth];
 
 /// Solves, measures, reports.
 pub fn run(args: &Evaluate) -> Result<(), Failure> {
-    let mut own = OwnFolder::open(&args.out, &report::COMPARISON, args.overwrite.overwrite)?;
+    let mut own = ManagedDir::open(&args.out, &report::COMPARISON, args.overwrite.overwrite)?;
     let mut job = job(args)?;
     let maps = scene::depth_maps(&args.scenes, &args.options.depth_map)?;
     let published = args.reference.as_deref().map(Published::read).transpose()?.unwrap_or_default();
@@ -160,12 +160,12 @@ fn job(args: &Evaluate) -> Result<Comparison, Failure> {
         None => Vec::new(),
     };
     let opening = args.unit.chosen(&args.display)?;
-    let read = |(name, file): &(String, PathBuf)| -> Result<Given, Failure> {
+    let read = |(name, file): &(String, PathBuf)| -> Result<ExistingHologram, Failure> {
         let mut hologram = opening.hologram(file)?;
         args.eye.replace(&mut hologram.metadata.prescription)?;
-        Ok(Given::new(name, file.clone(), hologram, &args.scenes, args.other.other_scene)?)
+        Ok(ExistingHologram::new(name, file.clone(), hologram, &args.scenes, args.other.other_scene)?)
     };
-    let given: Vec<Given> = args.hologram.iter().map(read).collect::<Result<_, _>>()?;
+    let given: Vec<ExistingHologram> = args.hologram.iter().map(read).collect::<Result<_, _>>()?;
     let (mut display, colors) = optics(args, methods.is_empty().then_some(()).and(given.first()))?;
     args.eye.replace(&mut display.prescription)?;
     display.viewing = args.seen.viewing.over(display.viewing)?;
@@ -304,7 +304,7 @@ fn methods(names: &[String]) -> Result<Vec<Method>, Failure> {
 }
 
 /// The display asked for, or, where nothing is solved, that of the first hologram.
-fn optics(args: &Evaluate, given: Option<&Given>) -> Result<(Display, Vec<Color>), Failure> {
+fn optics(args: &Evaluate, given: Option<&ExistingHologram>) -> Result<(Display, Vec<Color>), Failure> {
     match given {
         Some(given) if args.display.size.is_none() => Ok((given.hologram.made_for()?, given.hologram.named_colors())),
         _ => {

@@ -5,7 +5,7 @@ use clap::{Args, ValueEnum};
 use eyebox::low_level::optics::WindowFactor;
 use eyebox::low_level::plan::Storage;
 use eyebox::low_level::session::Policy;
-use eyebox::low_level::solve::{Steering, Strategy};
+use eyebox::low_level::solve::{RefineSettings, Strategy};
 
 /// How the phases follow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -20,13 +20,13 @@ pub enum StrategyName {
 #[derive(Args, Clone)]
 pub struct SteeringArgs {
     /// Pupils around the eye a step
-    #[arg(help_heading = "Pupils", long, default_value_t = Steering::default().pupils, value_name = "B")]
+    #[arg(help_heading = "Pupils", long, default_value_t = RefineSettings::default().pupils, value_name = "B")]
     pub pupils: usize,
     /// Pupils anywhere in the eyebox a step, on average
-    #[arg(help_heading = "Pupils", long, default_value_t = Steering::default().elsewhere, value_name = "N", value_parser = not_negative)]
+    #[arg(help_heading = "Pupils", long, default_value_t = RefineSettings::default().elsewhere, value_name = "N", value_parser = not_negative)]
     pub elsewhere: f64,
     /// Steps over the same pupils, whose photographs are made once
-    #[arg(help_heading = "Pupils", long, default_value_t = Steering::default().repeats, value_name = "N")]
+    #[arg(help_heading = "Pupils", long, default_value_t = RefineSettings::default().repeats, value_name = "N")]
     pub repeats: usize,
     /// Spectrum per pupil: 1 or 2 times the pupil, or all of it
     #[arg(help_heading = "Quality", long, value_parser = window, default_value = "2", value_name = "1|2|full")]
@@ -62,14 +62,14 @@ pub struct SteeringArgs {
 
 impl SteeringArgs {
     /// What they mean.
-    pub fn steering(&self) -> Steering {
+    pub fn steering(&self) -> RefineSettings {
         let Self { gain, settled_gain: settled, settling, momentum, overlap_power, .. } = *self;
         let strategy = match self.strategy {
             StrategyName::Projection => Strategy::Projection { gain, settled, settling, momentum, overlap_power },
             StrategyName::Adam => Strategy::Adam { rate: self.adam_rate },
         };
         let Self { pupils, elsewhere, window, repeats, storage, seed, .. } = *self;
-        Steering { strategy, pupils, elsewhere, window, repeats, storage, seed }
+        RefineSettings { strategy, pupils, elsewhere, window, repeats, storage, seed }
     }
 }
 

@@ -7,8 +7,8 @@ use crate::args::{SceneArgs, SceneOptions};
 use crate::common::{self, Engines};
 use crate::progress::{self, JobBar};
 use clap::{Args, ValueEnum};
-use eyebox::low_level::files::OwnFolder;
-use eyebox::low_level::session::{SteeredColor, start_tables};
+use eyebox::low_level::files::ManagedDir;
+use eyebox::low_level::session::{LiveColor, start_tables};
 use eyebox_lab::report;
 use eyebox_lab::study::{
     ContentRun, ContentSettings, JumpStart, StudiedContent, StudiedEye, StudySettings, study_content,
@@ -85,11 +85,11 @@ impl ContentArgs {
     }
 
     /// The scenes that content jumps to, for the display of the subject.
-    fn slides(&self, subject: &Steered, options: &SceneOptions) -> Result<Vec<Vec<SteeredColor>>, Failure> {
+    fn slides(&self, subject: &Steered, options: &SceneOptions) -> Result<Vec<Vec<LiveColor>>, Failure> {
         let display = subject.hologram.made_for()?;
         let one = |scene: &String| {
             let field = common::scene(&SceneArgs::new(scene, options), &display, &subject.colors)?;
-            Ok(SteeredColor::for_scene(&subject.parts, &field, &display)?)
+            Ok(LiveColor::for_scene(&subject.parts, &field, &display)?)
         };
         self.jumps_to.iter().map(one).collect()
     }
@@ -129,7 +129,7 @@ pub fn run(
     (subject, options): (&Steered, &SceneOptions),
     engines: &Engines,
     (study, quiet): (&StudySettings, bool),
-    (title, mut about, own): (&str, Value, &mut OwnFolder),
+    (title, mut about, own): (&str, Value, &mut ManagedDir),
 ) -> Result<(), Failure> {
     progress::catch_interrupt();
     let settings = args.settings(subject, options)?;

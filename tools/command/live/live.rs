@@ -4,12 +4,12 @@ use super::args::PolicyArgs;
 use super::subject::{self, Steered, SubjectArgs, SubjectOptions};
 use super::tracking::{TrackerArgs, tracking};
 use super::viewing::Viewing;
-use crate::common::Engines;
+use crate::common::{self, Engines};
 use crate::play::{OutputArgs, OutputName};
 use crate::progress::JobBar;
 use crate::session::{attend, conclude, ended_by, keep_powers};
 use crate::values::{not_negative, positive};
-use crate::{Failure, common, progress};
+use crate::{Failure, progress};
 use clap::{Args, ValueEnum};
 use eyebox::low_level::encode;
 use eyebox::low_level::gaze::Eyepiece;
@@ -17,8 +17,8 @@ use eyebox::low_level::gpu::{Gpu, Options as VulkanOptions};
 use eyebox::low_level::optics::{Color, depth_in_words, depths_in_words, dioptres};
 use eyebox::low_level::reason;
 use eyebox::low_level::session::{
-    self, Cost, Histogram, LitSources, LiveStatistics, Repeat, Session, SinkFile, SourceSwitch, Stage as Part,
-    Statistics, Status, Supply, Tracking,
+    self, Cost, FrameFreshness, Histogram, LitSources, LiveStatistics, RepeatReason, Session, SinkFile, SourceSwitch,
+    Stage as Part, Statistics, Status, Tracking,
 };
 use eyebox::low_level::solve::Flow;
 use serde_json::{Map, Value, json};
@@ -105,7 +105,7 @@ pub struct KeptSession {
 
 /// How what is refined is shown, beside the options that all have.
 #[derive(Default)]
-pub struct Showing<'a> {
+pub struct ShowOptions<'a> {
     /// Whose eye is followed, if anybody's is.
     pub tracker: Option<&'a str>,
     /// What work takes on a simulated clock; none on the system's.
@@ -123,7 +123,7 @@ pub fn run(args: &Live) -> Result<(), Failure> {
     let stage = Stage::open(&args.subject.how, &args.how)?;
     let steered = subject::load(&args.subject.what, &args.subject.how, (None, true), &stage.engines)?;
     let tracker = args.how.tracker.tracker.as_deref().unwrap_or("simulated");
-    show(steered, &args.how, Showing { tracker: Some(tracker), ..Showing::default() }, stage)
+    show(steered, &args.how, ShowOptions { tracker: Some(tracker), ..ShowOptions::default() }, stage)
 }
 
 /// The devices that a show takes.
@@ -148,9 +148,9 @@ impl Stage {
 }
 
 /// Shows what is refined, and says how it went.
-pub fn show(steered: Steered, args: &LiveOptions, showing: Showing<'_>, stage: Stage) -> Result<(), Failure> {
+pub fn show(steered: Steered, args: &LiveOptions, showing: ShowOptions<'_>, stage: Stage) -> Result<(), Failure> {
     let Stage { engines, gpu } = stage;
-    let Showing { tracker, simulated, sink, depths, kept } = showing;
+    let ShowOptions { tracker, simulated, sink, depths, kept } = showing;
     let eyepiece = eyepiece(&steered);
     let (mouse, tracking) = match tracker {
         None => (None, None),
@@ -163,10 +163,10 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: Showing<'_>, stage: S
     };
     let about = tracking.as_ref().map_or("no eye tracker".into(), Tracking::describe);
     eprintln!(
-        "{}: {} sub-frames of {} colours, {}x{}; {}",
+        "{}: {} of {}, {}x{}; {}",
         steered.scenes.as_ref().map_or_else(|| steered.hologram.scene.clone(), |scenes| scenes.describe()),
-        steered.hologram.frames,
-        steered.colors.len(),
+        common::counted(steered.hologram.frames, "sub-frame"),
+        common::counted(steered.colors.len(), "color"),
         steered.hologram.height,
         steered.hologram.width,
         steered.engine
@@ -288,7 +288,8 @@ fn summary(statistics: &Statistics, focal_length: f64) {
         live.focus.map_or(String::new(), |z| format!("; focused at {}", depths_in_words(z, focal_length)))
     );
     let Some(content) = &live.showing else { return };
-    let sets: Vec<String> = Supply::ALL.iter().zip(content.sets).map(|(s, n)| format!("{n} {}", s.name())).collect();
+    let sets: Vec<String> =
+        FrameFreshness::ALL.iter().zip(content.sets).map(|(s, n)| format!("{n} {}", s.name())).collect();
     eprintln!(
         "{}: {} scenes taken and {} shown, {} refused; arrival to light p50 {} ms, p99 {} ms; content of the sets: {}",
         content.source,
@@ -303,7 +304,7 @@ fn summary(statistics: &Statistics, focal_length: f64) {
 
 /// Why sets were shown again.
 fn because(live: &LiveStatistics) -> String {
-    let causes = Repeat::ALL.iter().zip(live.repeats).filter(|(_, n)| *n > 0);
+    let causes = RepeatReason::ALL.iter().zip(live.repeats).filter(|(_, n)| *n > 0);
     let causes: Vec<String> = causes.map(|(cause, n)| format!("{n} {}", cause.name())).collect();
     if causes.is_empty() { String::new() } else { format!(" ({})", causes.join(", ")) }
 }

@@ -10,7 +10,7 @@ mod subject;
 mod tracking;
 mod viewing;
 
-pub use live::{KeptSession, Live, LiveOptions, Showing, Stage, show};
+pub use live::{KeptSession, Live, LiveOptions, ShowOptions, Stage, show};
 pub use refine::Refine;
 pub use study::Study;
 pub use subject::{Steered, SubjectOptions, is_hologram, load, solved, solved_on};

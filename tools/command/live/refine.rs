@@ -374,7 +374,8 @@ fn report(
         println!("{said}");
         return;
     }
-    println!("{engine}; {} sub-frames, {} colours; focused at {}", about.frames, all.len(), depth_in_words(focus, f));
+    let (frames, colors) = (common::counted(about.frames, "sub-frame"), common::counted(all.len(), "color"));
+    println!("{engine}; {frames}, {colors}; focused at {}", depth_in_words(focus, f));
     if let (Some(first), Some(size)) = (place["piece"]["first"].as_array(), place["piece"]["size"].as_array()) {
         println!("the piece of {}x{} pixels from row {}, column {}", size[0], size[1], first[0], first[1]);
     }

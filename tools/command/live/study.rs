@@ -5,13 +5,13 @@ use super::content::{self, ContentArgs};
 use super::subject::{self, Steered, SubjectArgs};
 use crate::Failure;
 use crate::args::OverwriteArgs;
-use crate::common::Engines;
+use crate::common::{self, Engines};
 use crate::jod::ViewingArgs;
 use crate::phases::AtArgs;
 use crate::progress::{self, JobBar};
 use crate::values::{depth, not_negative, positive, share};
 use clap::Args;
-use eyebox::low_level::files::{self, OwnFolder};
+use eyebox::low_level::files::{self, ManagedDir};
 use eyebox::low_level::gpu::Options as VulkanOptions;
 use eyebox::low_level::hologram::Sequence;
 use eyebox::low_level::optics::{Depth, Display, depth_in_words, dioptres};
@@ -120,7 +120,7 @@ impl Study {
 
 /// Studies, and shows what came of it.
 pub fn run(args: &Study) -> Result<(), Failure> {
-    let mut own = OwnFolder::open(&args.out, &report::STUDY, args.overwrite.overwrite)?;
+    let mut own = ManagedDir::open(&args.out, &report::STUDY, args.overwrite.overwrite)?;
     let engines = Engines::new(&args.subject.how.engine, &VulkanOptions::default())?;
     let subject = subject::load(&args.subject.what, &args.subject.how, (args.which.at, true), &engines)?;
     if subject.scenes.is_some() {
@@ -145,10 +145,10 @@ pub fn run(args: &Study) -> Result<(), Failure> {
     let focus = settings.gaze.focus[0];
     if !args.json {
         eprintln!(
-            "{}: {} sub-frames, {} colours, {}x{}, the eye focused at {}; {}",
+            "{}: {}, {}, {}x{}, the eye focused at {}; {}",
             subject.hologram.scene,
-            subject.hologram.frames,
-            subject.colors.len(),
+            common::counted(subject.hologram.frames, "sub-frame"),
+            common::counted(subject.colors.len(), "color"),
             subject.hologram.height,
             subject.hologram.width,
             depth_in_words(focus, focal_length),
@@ -170,7 +170,7 @@ pub fn run(args: &Study) -> Result<(), Failure> {
     if args.content.given() {
         let title = format!("Content that changes: {}, focused at {focused}", subject.hologram.scene);
         let about = (title.as_str(), all, &mut own);
-        let _made = files::MadeFolder::new(&args.out)?;
+        let _made = files::CreatedDirGuard::new(&args.out)?;
         let how = (&settings, args.json);
         let shown = (&subject, &args.subject.how.options);
         content::run(&args.content, &args.policy, shown, &engines, how, about)?;
@@ -181,7 +181,7 @@ pub fn run(args: &Study) -> Result<(), Failure> {
     }
     let study = study(args, &subject, &engines, &settings, args.json)?;
     let summary = summary(&study);
-    let _made = files::MadeFolder::new(&args.out)?;
+    let _made = files::CreatedDirGuard::new(&args.out)?;
     (all["summary"], all["study"]) = (summary.clone(), json!(study));
     let title = format!("Steering {}, focused at {focused}", subject.hologram.scene);
     report::write_study(&title, &subject.engine, &study, &all, &mut own)?;

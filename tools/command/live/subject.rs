@@ -15,7 +15,7 @@ use eyebox::low_level::produce::solve_colors;
 use eyebox::low_level::quality::Subject;
 use eyebox::low_level::reason;
 use eyebox::low_level::scene::{self, LightField};
-use eyebox::low_level::session::{FarField, Field, MovingSequence, Scenes, SteeredColor, whole_eyebox};
+use eyebox::low_level::session::{FarField, Field, LiveColor, MovingSequence, Scenes, whole_eyebox};
 use eyebox::low_level::solve::{Levels, Settings};
 use std::path::Path;
 
@@ -66,7 +66,7 @@ pub struct Steered {
     /// Its colours.
     pub colors: Vec<Color>,
     /// What is refined.
-    pub parts: Vec<SteeredColor>,
+    pub parts: Vec<LiveColor>,
     /// What follows it, where scenes change.
     pub scenes: Option<Box<dyn Scenes>>,
     /// Of a far field in tiles, all of it.
@@ -100,7 +100,7 @@ pub fn load(
         let optics = score::display_of(path, &hologram)?;
         let field = args.other.open(path, &hologram, args.scene.as_deref(), &args.options)?.light_field()?;
         hologram.fit_exposure(&field, engines.open()?.as_mut())?;
-        let parts = SteeredColor::all_of(&hologram, &field, &optics)?;
+        let parts = LiveColor::all_of(&hologram, &field, &optics)?;
         (hologram, parts, unfinished)
     } else {
         if at.is_some() {
@@ -110,7 +110,7 @@ pub fn load(
             )));
         }
         let (hologram, field, display) = solved(what, args, engines)?;
-        let parts = SteeredColor::all_of(&hologram, &field, &display)?;
+        let parts = LiveColor::all_of(&hologram, &field, &display)?;
         (hologram, parts, None)
     };
     Steered::new(what, args, hologram, parts, engines, unfinished)
@@ -225,7 +225,7 @@ impl Steered {
         what: &str,
         args: &SubjectOptions,
         hologram: Hologram,
-        parts: Vec<SteeredColor>,
+        parts: Vec<LiveColor>,
         engines: &Engines,
         unfinished: Option<Unfinished>,
     ) -> Result<Self, Failure> {

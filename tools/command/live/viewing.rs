@@ -6,9 +6,10 @@ use eyebox::low_level::gpu::Gpu;
 use eyebox::low_level::optics::Padding;
 use eyebox::low_level::present::{Desktop, WindowEvent, WindowKey};
 use eyebox::low_level::preview::{
-    Look, Opener, Overlay, Picture, PreviewError, PreviewWindow, Showing, Shown, Side, Viewer, places, pupil_at,
+    Look, Opener, Overlay, Picture, PreviewColor, PreviewContent, PreviewError, PreviewWindow, Side, Viewer, places,
+    pupil_at,
 };
-use eyebox::low_level::session::{Asked, Companion, CompanionOpener, FinishedSet, Now};
+use eyebox::low_level::session::{FinishedSet, Now, SidecarOpener, SidecarWindow, UserRequest};
 use eyebox::low_level::solve::Problem;
 use eyebox::low_level::trackers::mouse::MouseHandle;
 use std::sync::Arc;
@@ -16,7 +17,7 @@ use std::sync::Arc;
 /// What is known before there is a window.
 pub struct Viewing {
     scene: String,
-    showing: Showing,
+    showing: PreviewContent,
     problems: Vec<Problem>,
     engines: Opener,
     mouse: Option<MouseHandle>,
@@ -25,13 +26,13 @@ pub struct Viewing {
 impl Viewing {
     /// `mouse` is told where the mouse points, if that is the tracker.
     pub fn new(steered: &Steered, engines: Opener, mouse: Option<MouseHandle>) -> Result<Self, Failure> {
-        let showing = Showing::new(steered.hologram.clone(), steered.hologram.metadata.padding())?;
+        let showing = PreviewContent::new(steered.hologram.clone(), steered.hologram.metadata.padding())?;
         let problems = steered.parts.iter().map(|p| p.problem.clone()).collect();
         Ok(Self { scene: steered.hologram.scene.clone(), showing, problems, engines, mouse })
     }
 
     /// What opens the window, on this device.
-    pub fn opener(self, gpu: Gpu) -> CompanionOpener {
+    pub fn opener(self, gpu: Gpu) -> SidecarOpener {
         Box::new(move |desktop| match self.open(&gpu, desktop) {
             Ok(view) => Ok(Box::new(view)),
             Err(error) => Err(error.to_string()),
@@ -72,7 +73,7 @@ struct View {
     padding: Padding,
     eyebox: f64,
     size: [usize; 2],
-    colors: Vec<Shown>,
+    colors: Vec<PreviewColor>,
     mouse: Option<MouseHandle>,
     seen: Option<Picture>,
     /// Whether it was steered when it was last compared with the photograph, and with what result, dB.
@@ -84,14 +85,14 @@ const HELP: &str = "s: steering on or off   q, Esc: close";
 
 impl View {
     /// Takes what the user did.
-    fn asked(&mut self, now: &Now) -> Asked {
-        let mut asked = Asked::Nothing;
+    fn asked(&mut self, now: &Now) -> UserRequest {
+        let mut asked = UserRequest::Nothing;
         while let Some(event) = self.window.event() {
             match event {
                 WindowEvent::Close | WindowEvent::Key(WindowKey::Escape | WindowKey::Character('q')) => {
-                    return Asked::Close;
+                    return UserRequest::Close;
                 }
-                WindowEvent::Key(WindowKey::Character('s')) => asked = Asked::Steer(!now.steered),
+                WindowEvent::Key(WindowKey::Character('s')) => asked = UserRequest::Steer(!now.steered),
                 WindowEvent::Pointer(position) => {
                     if let Some(mouse) = &self.mouse {
                         mouse.push(pupil_at(position, &places(self.window.size(), self.size, 1), self.eyebox));
@@ -130,7 +131,7 @@ impl View {
     }
 }
 
-impl Companion for View {
+impl SidecarWindow for View {
     fn shown(&mut self, set: &FinishedSet) {
         let Some(phases) = &set.phases else { return };
         for (color, phases) in self.colors.iter_mut().zip(phases) {
@@ -145,7 +146,7 @@ impl Companion for View {
         let scene = set.scene.as_ref().map(|(problems, _)| Arc::clone(problems));
         let Self { frames, padding, eyebox, .. } = *self;
         let colors = self.colors.clone();
-        self.viewer.show(Arc::new(Showing {
+        self.viewer.show(Arc::new(PreviewContent {
             frames,
             padding,
             colors,
@@ -157,9 +158,9 @@ impl Companion for View {
         }));
     }
 
-    fn serve(&mut self, now: &Now) -> Result<Asked, String> {
+    fn serve(&mut self, now: &Now) -> Result<UserRequest, String> {
         let asked = self.asked(now);
-        if asked != Asked::Close {
+        if asked != UserRequest::Close {
             self.refresh(now).map_err(|error| format!("the view's window: {error}"))?;
         }
         Ok(asked)

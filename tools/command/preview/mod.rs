@@ -14,7 +14,7 @@ use eyebox::low_level::hologram::{Hologram, Opening, PhaseSource, Sequence, Tile
 use eyebox::low_level::optics::{Color, Obstruction, Padding, Prescription, Pupil};
 use eyebox::low_level::present::{Desktop, Monitor, PresentError, WindowEvent};
 use eyebox::low_level::preview::{
-    Action, Controls, Look, Picture, PreviewError, PreviewWindow, Seen, Showing, Side, Viewer, places,
+    Action, Controls, Look, Picture, PreviewContent, PreviewError, PreviewWindow, RenderedView, Side, Viewer, places,
 };
 use eyebox::low_level::reason;
 use eyebox::low_level::reconstruction::SceneSource;
@@ -57,7 +57,7 @@ pub fn run(args: &Preview) -> Result<(), Failure> {
         size,
         folder: args.save_to.clone(),
     };
-    let mut showing = Showing::new(hologram, shown.padding)?;
+    let mut showing = PreviewContent::new(hologram, shown.padding)?;
     showing.tiles = tiles;
     let showing = Arc::new(showing);
     let controls = Controls::new(&showing, pupil, !scene.is_empty(), shown.playing.is_some());
@@ -185,7 +185,7 @@ struct PreviewedContent {
 }
 
 impl PreviewedContent {
-    fn show(&mut self, viewer: &mut Viewer, showing: Arc<Showing>) {
+    fn show(&mut self, viewer: &mut Viewer, showing: Arc<PreviewContent>) {
         viewer.show(showing);
         self.contents += 1;
     }
@@ -209,19 +209,19 @@ impl PreviewedContent {
         self.index = index;
         hologram.metadata.prescription.clone_from(&self.prescription);
         hologram.metadata.obstruction = self.obstruction;
-        let showing = Showing::new(hologram, self.padding)?;
+        let showing = PreviewContent::new(hologram, self.padding)?;
         self.show(viewer, Arc::new(showing));
         Ok(())
     }
 
-    fn title(&self, controls: &Controls, seen: &Seen) -> String {
+    fn title(&self, controls: &Controls, seen: &RenderedView) -> String {
         let Self { name, playing, index, .. } = self;
         let which = playing.as_ref().map_or(String::new(), |p| format!(", hologram {} of {}", index + 1, p.count()));
         format!("{name}{which}: {}. h: help", controls.describe(seen))
     }
 
     /// Writes what is seen as it is sampled, as `eyebox view` and `eyebox photograph` do.
-    fn save(&self, seen: &Seen) -> Result<Vec<PathBuf>, Failure> {
+    fn save(&self, seen: &RenderedView) -> Result<Vec<PathBuf>, Failure> {
         let stem = Path::new(&self.name).file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
         let free = |ending: &str| {
             let name = |i: usize| self.folder.join(format!("{stem}-{ending}-{i}.png"));
@@ -253,7 +253,7 @@ fn watch(
     mut controls: Controls,
     shown: &mut PreviewedContent,
 ) -> Result<(), Failure> {
-    let (mut asked, mut seen): (Option<Look>, Option<Seen>) = (None, None);
+    let (mut asked, mut seen): (Option<Look>, Option<RenderedView>) = (None, None);
     let (mut save, mut drawn) = (false, None);
     loop {
         desktop.pump_for(PUMP_EVERY).map_err(lost)?;
@@ -320,7 +320,7 @@ fn watch(
 }
 
 /// Says what was written, or why not: a full disk is no reason to close the window.
-fn keep(shown: &PreviewedContent, seen: &Seen) {
+fn keep(shown: &PreviewedContent, seen: &RenderedView) {
     match shown.save(seen) {
         Ok(files) => files.iter().for_each(|f| eprintln!("wrote {}", f.display())),
         Err(error) => eprintln!("note: {error}"),

@@ -9,7 +9,7 @@ use crate::Failure;
 use crate::common;
 use crate::progress::{self, JobBar};
 use crate::settings::levels_of;
-use eyebox::low_level::files::{OwnFolder, cache_folder};
+use eyebox::low_level::files::{ManagedDir, cache_folder};
 use eyebox::low_level::optics::Color;
 use eyebox::low_level::quality::Subject;
 use eyebox::low_level::reason;
@@ -26,7 +26,7 @@ const JUDGED: usize = 2;
 /// Measures, reports, and keeps what is recommended.
 pub fn run(args: &Tradeoff) -> Result<(), Failure> {
     let begun = Instant::now();
-    let mut own = OwnFolder::open(&args.out, &report::TUNED, args.overwrite.overwrite)?;
+    let mut own = ManagedDir::open(&args.out, &report::TUNED, args.overwrite.overwrite)?;
     let check = args.check.as_deref().map(read_check).transpose()?.unwrap_or_default();
     let mut display = common::display(&args.display)?;
     display.viewing = args.seen.viewing.over(display.viewing)?;

@@ -24,7 +24,7 @@ class Refiner:
     other_scene : bool
         Take a scene that is not the one that the hologram was solved from.
     **steering
-        Fields of the library's ``solve::Steering``: ``pupils``, ``elsewhere``, ``strategy`` (a dict), ``seed``, ...
+        Fields of the library's ``solve::RefineSettings``: ``pupils``, ``elsewhere``, ``strategy`` (a dict), ``seed``, ...
 
     Examples
     --------

@@ -10,6 +10,14 @@ import pytest
 LONG = bool(os.environ.get("EYEBOX_PYTHON_LONG"))
 
 
+def coded(kind, *codes):
+    """Expects an exception of eyebox's with one of these codes."""
+
+    def check(error):
+        assert error.code in codes, error
+        return True
+
+    return pytest.raises(kind, check=check)
 
 
 def light_field(rows, columns, seed, *colors):

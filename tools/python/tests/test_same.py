@@ -8,6 +8,7 @@ import subprocess
 import eyebox
 import numpy as np
 import pytest
+from conftest import coded
 
 
 def command(*arguments):
@@ -62,7 +63,7 @@ def test_past_an_obstruction(tmp_path, display, hologram):
         how = ["--no-jod", "--engine", "cpu", "--json", "--obstructed", name]
         [row] = json.loads(command("score", file, "--pupils", pupils, *how))["pupils"]
         np.testing.assert_allclose([score.psnr, score.against_clear], [row["psnr_db"], row["against_clear_db"]], rtol=1e-6)
-    with pytest.raises(eyebox.DisplayError, match="lashes, floaters, opacity, scratches"):
+    with coded(eyebox.DisplayError, "optics/unknown-obstruction"):
         hologram.view(*at, obstructed="nose")
     with pytest.raises(TypeError, match="obstructed is 3"):
         hologram.score(pupils=[at], obstructed=3)

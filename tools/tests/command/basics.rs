@@ -1,9 +1,8 @@
 //! The command as a user runs it: what it answers to mistakes, and that it does what its help says.
 
-use crate::common::{self, command, done, eyebox, folder, refusal, refused, text};
-use std::io::{BufRead, BufReader};
+use crate::common::{command, done, eyebox, folder, refusal, refused, text};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 const SMALL: [&str; 8] = ["--size", "40x48", "--steps", "3", "--color", "green", "--engine", "cpu"];
 
@@ -364,42 +363,6 @@ fn padding_is_said() {
     let answer = eyebox(temp.path(), &solve("builtin:plane", "p.zarr", &["--padding", "--depth=-9..9"]));
     assert!(answer.status.success() && text(&answer.stderr).contains("padding: "), "{}", text(&answer.stderr));
     done(temp.path(), &["view", "p.zarr", "--pupil=0,0,5,0", "-o", "v.png"]);
-}
-
-#[test]
-#[cfg(unix)]
-fn an_interrupted_solve_leaves_a_whole_hologram() {
-    let temp = folder();
-    let at = temp.path();
-    // All colours: those that are left when ctrl-C comes must not take long.
-    let args =
-        ["solve", "builtin:still-life", "-o", "h.zarr", "--size", "40x48", "--steps", "1000000", "--engine", "cpu"];
-    let mut child = command(at, &args).stderr(Stdio::piped()).spawn().unwrap();
-    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
-    assert!(lines.by_ref().any(|line| line.unwrap().starts_with("engine:")), "it ended");
-    std::thread::sleep(std::time::Duration::from_secs(2));
-    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    assert!(killed.success());
-    assert!(child.wait().unwrap().success(), "{:?}", lines.map(Result::unwrap).collect::<Vec<_>>());
-    done(at, &["view", "h.zarr", "--pupil=0,0,5,0", "-o", "v.png"]);
-}
-
-/// A step of it takes far longer than the second ctrl-C: it ends inside one, with nothing written.
-#[test]
-#[cfg(unix)]
-fn a_second_interruption_ends_a_solve_at_once() {
-    let temp = folder();
-    let at = temp.path();
-    let large = ["--size", "512x512", "--views", "3", "--pupils", "64", "--steps", "1000000", "--color", "green"];
-    let mut solve = command(at, &[&["solve", "builtin:plane", "-o", "h.zarr", "--engine", "cpu"][..], &large].concat());
-    let mut child = solve.stderr(Stdio::piped()).spawn().unwrap();
-    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
-    assert!(lines.by_ref().any(|line| line.unwrap().starts_with("engine:")), "it ended");
-    std::thread::sleep(std::time::Duration::from_secs(1));
-    common::interrupt_twice(child.id());
-    assert_eq!(child.wait().unwrap().code(), Some(130));
-    assert_eq!(lines.map(Result::unwrap).collect::<Vec<_>>(), Vec::<String>::new());
-    assert_eq!(std::fs::read_dir(at).unwrap().count(), 0);
 }
 
 #[test]

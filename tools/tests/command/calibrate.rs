@@ -1,6 +1,6 @@
 //! `eyebox calibrate`: what a camera's command may do wrong, and what is left of it.
 
-use crate::common::{self, text};
+use crate::common::{self, Refusal, text};
 use std::fs;
 use std::path::Path;
 
@@ -21,44 +21,47 @@ fn bench(hello: &str, then: &str) -> tempfile::TempDir {
     here
 }
 
-/// The exit code, and what was said; nothing stands where the display's file was to be.
-fn failed(at: &Path, more: &[&str]) -> (Option<i32>, String) {
+/// Runs a calibration that must fail. Returns its exit code, its error and standard error.
+fn failed(at: &Path, more: &[&str]) -> (Option<i32>, Refusal, String) {
     let args = ["calibrate", "--display", "bench.toml", "--camera", "sh camera.sh", "--keep", "kept", "-o", "out.toml"];
-    let answer = common::eyebox(at, &[&args[..], more].concat());
+    let mut command = common::command(at, &[&args[..], more].concat());
+    let answer = command.env("EYEBOX_JSON_ERRORS", "1").output().expect("it starts");
     assert!(!at.join("out.toml").exists(), "something was written");
-    let said = text(&answer.stderr);
-    assert!(!said.contains("panicked"), "{said}");
-    (answer.status.code(), said)
+    (answer.status.code(), Refusal::of(&answer), text(&answer.stderr))
 }
 
 #[test]
 fn a_command_that_is_lost_three_times_ends_the_calibration_with_what_it_did() {
     for (then, what) in [
-        ("echo the laser is on fire >&2; exit 4", "ended (exit status: 4): the laser is on fire"),
-        ("echo nothing; exec 1>&-; sleep 0.1; exit", "ended"),
-        ("echo '{no JSON'", "which is no JSON"),
-        ("echo '{\"id\": 99}'", "does not answer question"),
-        ("echo \"{\\\"id\\\": $id, \\\"file\\\": \\\"none.png\\\", \\\"full_scale\\\": 4095}\"", "none.png"),
-        ("echo \"{\\\"id\\\": $id, \\\"file\\\": 7}\"", "what it cannot be"),
+        ("echo the laser is on fire >&2; exit 4", "calibrate/lost 3 4 fire"),
+        ("echo nothing; exec 1>&-; sleep 0.1; exit", "calibrate/lost 3"),
+        ("echo '{no JSON'", "calibrate/lost/not-json 3"),
+        ("echo '{\"id\": 99}'", "calibrate/lost/other-question 3"),
+        (
+            "echo \"{\\\"id\\\": $id, \\\"file\\\": \\\"none.png\\\", \\\"full_scale\\\": 4095}\"",
+            "calibrate/lost/no-picture 3 none.png",
+        ),
+        ("echo \"{\\\"id\\\": $id, \\\"file\\\": 7}\"", "calibrate/lost/capture 3"),
     ] {
         let here = bench(HELLO, then);
-        let (code, said) = failed(here.path(), &[]);
+        let (code, refusal, said) = failed(here.path(), &[]);
         assert_eq!(code, Some(3), "{then}: {said}");
-        let last = said.trim().lines().last().unwrap_or_default();
-        assert!(last.contains("was lost 3 times") && last.contains(what), "{then}: {said}");
-        assert!(said.contains("Camera SDK 3.1") && said.contains("it is started again"), "{said}");
+        refusal.is(what);
+        assert!(said.contains("Camera SDK 3.1"), "{said}");
     }
 }
 
 #[test]
 fn one_that_hangs_is_ended_and_one_that_asks_for_time_gets_it() {
     let here = bench(HELLO, "sleep 100");
-    let (code, said) = failed(here.path(), &["--camera-timeout", "0.2"]);
-    assert!(code == Some(3) && said.contains("gave no answer within"), "{said}");
+    let (code, refusal, _) = failed(here.path(), &["--camera-timeout", "0.2"]);
+    assert_eq!(code, Some(3));
+    refusal.is("calibrate/lost/no-answer");
     let wait = "echo \"{\\\"id\\\": $id, \\\"wait_s\\\": 20}\"; sleep 0.5; echo \"{\\\"id\\\": $id, \\\"error\\\": \\\"the shutter is stuck\\\"}\"";
     let here = bench(HELLO, wait);
-    let (code, said) = failed(here.path(), &["--camera-timeout", "0.3"]);
-    assert!(code == Some(3) && said.contains("could not take the picture of the dots: the shutter is stuck"), "{said}");
+    let (code, refusal, _) = failed(here.path(), &["--camera-timeout", "0.3"]);
+    assert_eq!((code, &refusal.fields["text"]), (Some(3), &"the shutter is stuck".into()));
+    refusal.is("calibrate/refused");
 }
 
 #[test]
@@ -66,28 +69,30 @@ fn a_picture_of_another_size_is_refused_and_errors_are_asked_again() {
     let npy = "python() { :; }; printf '\\223NUMPY\\001\\000\\166\\000' > p.npy; printf '%-117s\\n' \"{'descr': '|u1', 'fortran_order': False, 'shape': (2, 3), }\" >> p.npy; printf 'abcdef' >> p.npy; \
                echo \"{\\\"id\\\": $id, \\\"file\\\": \\\"$PWD/p.npy\\\", \\\"full_scale\\\": 255}\"";
     let here = bench(HELLO, npy);
-    let (code, said) = failed(here.path(), &[]);
-    assert!(code == Some(3) && said.contains("it has 2x3 pixels, and the camera has 80x80"), "{said}");
+    let (code, refusal, _) = failed(here.path(), &[]);
+    assert_eq!(code, Some(3));
+    refusal.is("calibrate/lost/picture-size 2x3 80x80");
     let here = bench(HELLO, "echo \"{\\\"id\\\": $id, \\\"error\\\": \\\"busy\\\", \\\"again\\\": true}\"");
-    let (code, said) = failed(here.path(), &[]);
-    assert!(code == Some(3) && said.matches("it is asked again").count() == 2, "{said}");
+    let (code, _, said) = failed(here.path(), &[]);
+    assert!(code == Some(3) && said.matches("(busy)").count() == 2, "{said}");
 }
 
 #[test]
 fn a_bench_that_is_not_the_displays_is_refused_with_both() {
     for (from, to, what) in [
-        ("[64, 64]", "[64, 65]", "has 64x65 pixels, and the display file says 64x64"),
-        ("520.0", "532.0", "532 nm, and the display file says 520.0 nm"),
-        ("green", "red", "has no green light: it has red"),
+        ("[64, 64]", "[64, 65]", "calibrate/bench/bench-slm 64x65 64x64"),
+        ("520.0", "532.0", "calibrate/bench/bench-wavelength 532 520.0"),
+        ("green", "red", "calibrate/bench/bench-color green red"),
         (
             "\"resolution\": [64, 64]",
             "\"resolution\": [64, 64], \"pitch_um\": 6.4",
-            "6.4 um wide, and the display file says 8",
+            "calibrate/bench/bench-pitch 6.4 8",
         ),
     ] {
         let here = bench(&HELLO.replacen(from, to, 1), "exit");
-        let (code, said) = failed(here.path(), &[]);
-        assert!(code == Some(2) && said.contains(what), "{said}");
+        let (code, refusal, _) = failed(here.path(), &[]);
+        assert_eq!(code, Some(2));
+        refusal.is(what);
     }
 }
 

@@ -1,8 +1,8 @@
 //! `eyebox calibrate` with a bench that computes: the whole way, and what becomes of benches that are otherwise.
 
-use crate::common::{self, text};
+use crate::common::{self, refusal_of, text};
 use crate::simulated;
-use eyebox::low_level::optics::{Color, Display, Picture, Seen};
+use eyebox::low_level::optics::{Color, Display, Picture, PictureWarp};
 use serde_json::Value;
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -239,9 +239,7 @@ fn a_bench_whose_iris_stands_still_is_calibrated_as_far_as_it_tells() {
     let at = here.path();
     let bench = [("BENCH_STILL", "0.6,-0.4,9")];
     let asks = [&KEEP[..], &["--captures-max", "20", "-o", "out.toml"]].concat();
-    let answer = calibrate(at, &asks, &bench).output().expect("it starts");
-    let said = text(&answer.stderr);
-    assert!(answer.status.code() == Some(2) && said.contains("give --iris X,Y,DIAMETER"), "{said}");
+    refusal_of(&mut calibrate(at, &asks, &bench)).is("calibrate/bench/no-iris --iris");
     assert!(!at.join("out.toml").exists());
     let args = [&KEEP[..], &["--iris=0.6,-0.4,9", "--captures-max", "20", "-o", "out.toml"]].concat();
     let (report, said) = report(&mut calibrate(at, &args, &bench));
@@ -276,7 +274,7 @@ fn a_picture_is_registered_colour_by_colour() {
         let [zoom, k1, k2] = *lens;
         let homography = [-0.9, 0.02, 0.01, 0.02, 0.9, -0.008].map(|v| v * zoom);
         let [a, b, c, d, e, f] = homography;
-        let truth = Seen { homography: [a, b, c, d, e, f, 0.01, -0.006], distortion: [k1, k2] };
+        let truth = PictureWarp { homography: [a, b, c, d, e, f, 0.01, -0.006], distortion: [k1, k2] };
         let map = |seen| {
             let mut picture = Picture::default();
             picture.straight = true;
@@ -310,8 +308,7 @@ fn patterns_are_shown_on_an_output_of_eyebox_s_own() {
     let (second, _) = report(&mut calibrate(at, &["--captures", "kept", "-o", "again.toml"], &[]));
     assert_eq!(first["unexplained"], second["unexplained"]);
     let wrong = ["--output", "window", "--shared", "video", "-o", "no.toml"];
-    let answer = calibrate(at, &wrong, &[]).output().expect("it starts");
-    assert!(text(&answer.stderr).contains("--shared goes with --output offscreen"), "{}", text(&answer.stderr));
+    refusal_of(&mut calibrate(at, &wrong, &[])).is("arguments/share-without-offscreen --shared offscreen");
 }
 
 /// The same output shows the hologram of a solve with a camera, whose iris stands where the command does not say.
@@ -328,12 +325,10 @@ fn a_solve_s_camera_sees_an_output_through_an_iris_that_stands_still() {
         let shows = ["--output", "offscreen", "--shared", "video", "--settle", "0"];
         let mut command = common::command(at, &[&solve[..], &with, &shows, more].concat());
         command.envs([("BENCH_IDEAL", "1"), ("BENCH_STILL", "0.6,-0.4,9"), ("BENCH_SHARED", "video")]);
-        command.output().expect("it starts")
+        command
     };
-    let answer = run(&[]);
-    let said = text(&answer.stderr);
-    assert!(answer.status.code() == Some(2) && said.contains("--iris X,Y,DIAMETER in mm"), "{said}");
-    let answer = run(&["--iris=0.6,-0.4,9", "--camera-keep", "kept"]);
+    refusal_of(&mut run(&[])).is("calibrate/captures/no-iris --iris");
+    let answer = run(&["--iris=0.6,-0.4,9", "--camera-keep", "kept"]).output().expect("it starts");
     assert!(answer.status.success(), "{}", text(&answer.stderr));
     let said: Value = serde_json::from_slice(&answer.stdout).expect("JSON");
     let camera = &said["camera"][0];

@@ -1,6 +1,7 @@
-//! Ctrl-C: a command that has nothing to save ends by it and leaves no file.
+//! Ctrl-C ends a command that has nothing to save, and no file stays. A solve keeps its hologram and ends at once on a second ctrl-C.
 
-use crate::common::{command, done, folder, text};
+use crate::common::{self, command, done, folder, text};
+use std::io::{BufRead, BufReader};
 use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -52,4 +53,38 @@ fn a_command_that_has_nothing_to_save_ends_and_leaves_nothing() {
         let left: Vec<_> = std::fs::read_dir(at.join("out")).unwrap().map(|e| e.unwrap().file_name()).collect();
         assert!(left.is_empty(), "{line}: {left:?}");
     }
+}
+
+#[test]
+fn an_interrupted_solve_leaves_a_whole_hologram() {
+    let temp = folder();
+    let at = temp.path();
+    // All colours: those that are left when ctrl-C comes must not take long.
+    let args =
+        ["solve", "builtin:still-life", "-o", "h.zarr", "--size", "40x48", "--steps", "1000000", "--engine", "cpu"];
+    let mut child = command(at, &args).stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    assert!(lines.by_ref().any(|line| line.unwrap().starts_with("engine:")), "it ended");
+    std::thread::sleep(std::time::Duration::from_secs(2));
+    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(killed.success());
+    assert!(child.wait().unwrap().success(), "{:?}", lines.map(Result::unwrap).collect::<Vec<_>>());
+    done(at, &["view", "h.zarr", "--pupil=0,0,5,0", "-o", "v.png"]);
+}
+
+/// A step of it takes far longer than the second ctrl-C: it ends inside one, with nothing written.
+#[test]
+fn a_second_interruption_ends_a_solve_at_once() {
+    let temp = folder();
+    let at = temp.path();
+    let large = ["--size", "512x512", "--views", "3", "--pupils", "64", "--steps", "1000000", "--color", "green"];
+    let mut solve = command(at, &[&["solve", "builtin:plane", "-o", "h.zarr", "--engine", "cpu"][..], &large].concat());
+    let mut child = solve.stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    assert!(lines.by_ref().any(|line| line.unwrap().starts_with("engine:")), "it ended");
+    std::thread::sleep(std::time::Duration::from_secs(1));
+    common::interrupt_twice(child.id());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert_eq!(lines.map(Result::unwrap).collect::<Vec<_>>(), Vec::<String>::new());
+    assert_eq!(std::fs::read_dir(at).unwrap().count(), 0);
 }

@@ -220,18 +220,14 @@ fn a_tracker_that_says_nothing_or_nothing_of_use_ends_with_a_line_and_2() {
         (0..20).map(|i| format!("{{\"t\": 0.0{i:02}, \"x\": 1, \"y\": 2, \"unit\": \"counts\"}}\n")).collect();
     std::fs::write(at.join("counts.jsonl"), lines).unwrap();
     let live = ["live", "h.zarr", "--display", "planes8", "--engine", "cpu", "--duration", "0.3", "--stats", "s.json"];
-    for (tracker, what) in [(&*silent, "no sample came"), ("counts.jsonl", "needs a calibration")] {
-        let answer = common::eyebox(at, &[&live[..], &["--tracker", tracker]].concat());
-        let said = text(&answer.stderr);
-        let last = said.trim().lines().last().unwrap_or_default();
-        assert_eq!(answer.status.code(), Some(2), "{said}");
-        assert!(last.starts_with("eyebox: ") && last.contains(what) && last.contains("followed nothing"), "{said}");
+    for (tracker, name) in [(&*silent, "udp://"), ("counts.jsonl", "counts.jsonl")] {
+        let refusal = common::refusal(at, &[&live[..], &["--tracker", tracker]].concat());
+        refusal.is("session/not-followed");
+        assert!(refusal.fields["tracker"].as_str().is_some_and(|found| found.contains(name)), "{refusal:?}");
         // What was shown is accounted for all the same.
         assert_eq!(json(&at.join("s.json"))["ended_by"], "the duration");
     }
-    let watched = common::eyebox(at, &["trackers", "--watch", &silent, "--duration", "0.1"]);
-    assert_eq!(watched.status.code(), Some(2));
-    assert!(text(&watched.stderr).contains("no sample came"), "{}", text(&watched.stderr));
+    common::refusal(at, &["trackers", "--watch", &silent, "--duration", "0.1"]).is("arguments/no-sample");
 }
 
 fn start(at: &Path, desk: &Desk, more: &[&str]) -> Child {

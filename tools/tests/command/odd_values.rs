@@ -1,6 +1,6 @@
 //! Numbers that no command takes without a word: each is refused, with what would be right, before anything is made.
 
-use crate::common::{done, eyebox, folder, refused, text};
+use crate::common::{done, folder, refusal, refused};
 
 const SMALL: [&str; 8] = ["--size", "16x16", "--steps", "1", "--color", "green", "--engine", "cpu"];
 
@@ -71,7 +71,6 @@ fn a_command_that_fails_leaves_no_folder() {
     );
     let far =
         ["--size", "16x16", "--view-pitch", "1e9", "--force", "--engine", "cpu", "--methods", "dpac", "-o", "out"];
-    let answer = eyebox(at, &[&["evaluate", "builtin:still-life"], &far[..]].concat());
-    let said = text(&answer.stderr);
-    assert!(answer.status.code() == Some(2) && said.contains("view pitch") && !at.join("out").exists(), "{said}");
+    refusal(at, &[&["evaluate", "builtin:still-life"], &far[..]].concat()).is("optics/unusual");
+    assert!(!at.join("out").exists());
 }

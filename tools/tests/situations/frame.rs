@@ -48,12 +48,12 @@ pub struct Situation {
 pub enum Answer {
     /// It ends with exit code 0, and the result is right.
     Right(Judge),
-    /// It ends with exit code 2 and one line. `cause` is the error's code, and behind it what the line names. After the remedy the
-    /// result is right.
+    /// It ends with exit code 2 and one line. `cause` is the error's code and names that the line must hold. The result is right
+    /// after the remedy.
     Refused { cause: &'static str, remedy: Remedy, then: Judge },
 }
 
-/// What the line of a refusal advises. What is named must occur in the line: options, keys, files and numbers, and no prose.
+/// Advice of the line of a refusal. The line must hold the options, keys, files and numbers that are given here.
 #[allow(dead_code, reason = "not every form is needed at any time")]
 pub enum Remedy {
     /// Words to add to the command.
@@ -62,7 +62,7 @@ pub enum Remedy {
     Replace(&'static str, &'static str),
     /// A form that the line names, a word of the command, and what that form makes of it.
     As(&'static str, &'static str, &'static str),
-    /// A remedy in prose, which no line needs to hold, a word of the command, and another to write instead.
+    /// Advice for the page, a word of the command, and the word that replaces it.
     By(&'static str, &'static str, &'static str),
     /// Another command, without `eyebox`.
     Instead(&'static str),
@@ -72,7 +72,7 @@ pub enum Remedy {
     Convert(&'static str, Maker, &'static str, &'static str),
     /// A change of the files: words of the line that name it, and a function that does it.
     Change(&'static str, Maker),
-    /// A change of the files, described in prose, which no line needs to hold.
+    /// Advice for the page and a change of the files.
     Mend(&'static str, Maker),
 }
 
@@ -81,7 +81,7 @@ pub fn change(named: &'static str, how: impl Fn(&Path) + Send + Sync + 'static) 
     Remedy::Change(named, Box::new(how))
 }
 
-/// A change of the files, done by `how` and described in prose, which no line needs to hold.
+/// Makes a remedy that changes the files by `how`. The page shows `prose`.
 pub fn mended(prose: &'static str, how: impl Fn(&Path) + Send + Sync + 'static) -> Remedy {
     Remedy::Mend(prose, Box::new(how))
 }

@@ -64,7 +64,7 @@ fn answer(situation: &Situation) -> String {
         Remedy::Change(words, _) | Remedy::Mend(words, _) => format!("\"{}\"", plain(words)),
     };
     let (error, _) = cause.split_once(' ').unwrap_or((cause, ""));
-    format!("refused: {}. Remedy: {remedy}", code(error))
+    format!("refused as {}. Remedy: {remedy}", code(error))
 }
 
 /// A table ends a cell at a bar.

@@ -3,12 +3,12 @@
 use super::super::page::{row, section, table};
 use super::super::pictures::img;
 use crate::comparison::{Picture, light_exact, map as picture_of};
-use eyebox::low_level::calibrate::{LeftMap, Report, Shown};
+use eyebox::low_level::calibrate::{HoldoutPicture, Report, ResidualMap};
 use eyebox::low_level::optics::Color;
 use maud::{Markup, html};
 
 /// Pictures that were not fitted, beside their predictions.
-pub(super) fn pictures(all: &[Shown], color: Color) -> Markup {
+pub(super) fn pictures(all: &[HoldoutPicture], color: Color) -> Markup {
     let shot = |picture: Picture, name: &str, under: String| {
         html! { figure { (img(&picture, name, None)) figcaption { b { (name) } br; span.note { (under) } } } }
     };
@@ -32,7 +32,7 @@ pub(super) fn pictures(all: &[Shown], color: Color) -> Markup {
 }
 
 /// Where in the camera's picture something is left.
-pub(super) fn map(map_of: &LeftMap) -> Markup {
+pub(super) fn map(map_of: &ResidualMap) -> Markup {
     let most = map_of.squares.iter().flatten().copied().fold(2.0, f64::max);
     let values: Vec<f64> = map_of.squares.iter().map(|s| s.map_or(0.0, |s| s / most)).collect();
     let body = html! {

@@ -1,7 +1,9 @@
 //! The page's structure, by the data behind its drawings.
 
 use super::page;
-use eyebox::low_level::calibrate::{Calibration, Directions, Figures, Gain, LeftMap, Mend, PhaseSign, Report, Verdict};
+use eyebox::low_level::calibrate::{
+    Calibration, Directions, Figures, Gain, Mend, PhaseSign, Report, ResidualMap, Verdict,
+};
 use eyebox::low_level::optics::{Color, Display, ModelTerms, Spread};
 
 const TEXT: &str = "resolution = [64, 64]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
@@ -28,7 +30,7 @@ fn calibration(terms: ModelTerms, gain: Option<Gain>) -> Calibration {
         verdict: Verdict::Calibrated,
         calibrated: true,
         pictures: Vec::new(),
-        map: LeftMap { tile_px: 8, rows: 2, columns: 2, squares: vec![Some(1.0); 4] },
+        map: ResidualMap { tile_px: 8, rows: 2, columns: 2, squares: vec![Some(1.0); 4] },
         warnings: Vec::new(),
     };
     Calibration { display, report, shown: Vec::new() }

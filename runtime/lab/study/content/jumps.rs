@@ -1,6 +1,6 @@
 //! What is begun with after content has jumped, and what the eye sees then.
 
-use super::{ContentRun, ContentSample, Showing, SteeredColor};
+use super::{ContentDisplay, ContentRun, ContentSample, LiveColor};
 use crate::study::jump_start::JumpStart;
 use eyebox::low_level::session::SessionError;
 use eyebox::low_level::solve::random_phases;
@@ -15,17 +15,17 @@ impl ContentRun {
     }
 }
 
-impl Showing<'_> {
+impl ContentDisplay<'_> {
     /// Begins with what is studied, where the content has jumped.
     pub(super) fn begin(&mut self) -> Result<(), SessionError> {
         let jumped = std::mem::take(&mut self.begins);
         match self.frames.settings.start {
-            JumpStart::Table if self.steerer.wants_fit() => {
+            JumpStart::Table if self.steerer.needs_reinit() => {
                 self.steerer.fit()?;
                 self.moments.begun_again();
             }
             JumpStart::Random if jumped => {
-                let one = |(i, color): (usize, &SteeredColor)| random_phases(color.phases.len(), i as u64);
+                let one = |(i, color): (usize, &LiveColor)| random_phases(color.phases.len(), i as u64);
                 let random: Vec<_> = self.frames.colors.iter().enumerate().map(one).collect();
                 self.steerer.begin_with(&random)?;
             }

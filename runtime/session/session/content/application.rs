@@ -6,9 +6,9 @@ use crate::gpu::Gpu;
 use crate::optics::{Color, Display, Padding, PupilDistribution, mean_light};
 use crate::scene::{Layer, LightField, Places, ViewGrid, views_of_depths, views_of_layers};
 use crate::session::content::device_views::{ColorViews, DeviceViews};
-use crate::session::content::scenes::{Due, Newest, SceneFrame, Scenes, Supply};
+use crate::session::content::scenes::{Due, FrameFreshness, Newest, SceneFrame, Scenes};
 use crate::session::frame_log::error::SessionError;
-use crate::session::refinement::steerer::SteeredColor;
+use crate::session::refinement::live_refiner::LiveColor;
 use crate::solve::{BrightEnd, Problem, random_phases};
 use eyebox_base::error::Reason;
 use eyebox_live_input::{Content, Display as Ring, Frame, Kind, Latest, Offer, Pupil as AskedPupil, Request, Wanted};
@@ -250,7 +250,7 @@ impl LiveInput {
         let mut colors = Vec::with_capacity(self.colors.len());
         for (color, exposure) in self.colors.iter().zip(exposures) {
             let problem = self.problem(&field, *color, center)?;
-            colors.push(SteeredColor { problem, phases: Vec::new(), exposure, laser: None });
+            colors.push(LiveColor { problem, phases: Vec::new(), exposure, laser: None });
         }
         Ok(Ok(self.next_scene(colors, shown_at(info.content_time_ns, due), due.now_ns)))
     }
@@ -276,12 +276,12 @@ impl LiveInput {
         let mut colors = Vec::with_capacity(newest.len());
         for ((views_of_color, color), exposure) in newest.into_iter().zip(&self.colors).zip(exposures) {
             let problem = views_of_color.problem(&self.display, *color, views, center)?;
-            colors.push(SteeredColor { problem, phases: Vec::new(), exposure, laser: None });
+            colors.push(LiveColor { problem, phases: Vec::new(), exposure, laser: None });
         }
         Ok(Ok(self.next_scene(colors, shows_ns, now_ns)))
     }
 
-    fn next_scene(&mut self, colors: Vec<SteeredColor>, shows_ns: i64, now_ns: i64) -> SceneFrame {
+    fn next_scene(&mut self, colors: Vec<LiveColor>, shows_ns: i64, now_ns: i64) -> SceneFrame {
         self.frames += 1;
         let (colors, arrived_ns, shows_ns) = (Arc::new(colors), Some(now_ns), Some(shows_ns));
         SceneFrame { number: self.frames, colors, arrived_ns, shows_ns, piece: None }
@@ -312,12 +312,7 @@ fn shown_at(content_time_ns: i64, due: &Due) -> i64 {
 ///
 /// # Errors
 /// [`SessionError::Setting`] for a colour that the display does not have.
-pub fn darkness(
-    display: &Display,
-    colors: &[Color],
-    frames: usize,
-    seed: u64,
-) -> Result<Vec<SteeredColor>, SessionError> {
+pub fn darkness(display: &Display, colors: &[Color], frames: usize, seed: u64) -> Result<Vec<LiveColor>, SessionError> {
     let (height, width) = display.picture_size();
     let field = LightField {
         name: String::new(),
@@ -336,7 +331,7 @@ pub fn darkness(
         let problem = problem.map_err(|e| SessionError::Setting(Reason::of(&e)))?;
         let pixels = problem.optics.height * problem.optics.width;
         let phases = random_phases(frames * pixels, seed.wrapping_add(i as u64));
-        Ok(SteeredColor { problem, phases, exposure: USUAL_EXPOSURE, laser: None })
+        Ok(LiveColor { problem, phases, exposure: USUAL_EXPOSURE, laser: None })
     };
     colors.iter().enumerate().map(one).collect()
 }
@@ -385,10 +380,10 @@ impl Scenes for LiveInput {
             }
             Latest::Gone => {
                 self.interval = Interval::default();
-                Newest::Late(Supply::ApplicationGone)
+                Newest::Late(FrameFreshness::ApplicationGone)
             }
             Latest::Refused(fault) => Newest::Refused(fault.to_string()),
-            _ if self.interval.is_late(due.now_ns) => Newest::Late(Supply::ApplicationLate),
+            _ if self.interval.is_late(due.now_ns) => Newest::Late(FrameFreshness::ApplicationLate),
             _ => Newest::Same,
         })
     }

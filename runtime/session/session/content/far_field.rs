@@ -8,18 +8,18 @@ use crate::mailbox::Mailbox;
 use crate::optics::PupilDistribution;
 use crate::plan::ModelTables;
 use crate::present::SECOND_NS;
-use crate::session::content::scenes::{Due, Newest, SceneFrame, Scenes, Supply};
+use crate::session::content::scenes::{Due, FrameFreshness, Newest, SceneFrame, Scenes};
 use crate::session::frame_log::error::SessionError;
 use crate::session::refinement::field::Field;
-use crate::session::refinement::steerer::SteeredColor;
-use crate::tiled::{Extent, Piece, TiledError};
+use crate::session::refinement::live_refiner::LiveColor;
+use crate::tiled::{Piece, TileRect, TiledError};
 use eyebox_base::error::Reason;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 /// How often the thread that reads looks whether it is to end, and how long who waits for it does at once.
-const PATIENCE: Duration = Duration::from_millis(20);
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Pieces are asked for where the eye will be in so many seconds, if it goes on.
 const AHEAD: f64 = 0.05;
 /// A pupil that comes so near the end of a piece, in shares of its diameter, has the next one read.
@@ -29,22 +29,22 @@ const MARGIN: f64 = 0.25;
 type Models = Vec<Option<Arc<ModelTables>>>;
 
 /// A piece that was read: its place, and its colours.
-type Read = Result<(Extent, Vec<SteeredColor>), String>;
+type Read = Result<(TileRect, Vec<LiveColor>), String>;
 
 /// The pieces of a far field around an eye, one after the other.
 pub struct FarField {
     name: String,
     tiles: Arc<Tiles>,
     models: Arc<Models>,
-    piece: Extent,
+    piece: TileRect,
     number: u64,
     /// Where the pupil was, and for which light.
     before: Option<(i64, [f64; 2])>,
-    wanted: Mailbox<Extent>,
+    wanted: Mailbox<TileRect>,
     arriving: Mailbox<Read>,
-    ahead: Option<(Extent, Vec<SteeredColor>)>,
+    ahead: Option<(TileRect, Vec<LiveColor>)>,
     /// What was asked for last, and has not come.
-    asked: Option<Extent>,
+    asked: Option<TileRect>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -59,7 +59,7 @@ impl FarField {
         tiles: Tiles,
         views: Vec<Views>,
         first: &PupilDistribution,
-    ) -> Result<(Self, Vec<SteeredColor>, Field), SessionError> {
+    ) -> Result<(Self, Vec<LiveColor>, Field), SessionError> {
         let wrong = |reason: Reason| SessionError::Setting(reason.within(name));
         let tiles = Arc::new(tiles);
         let models = (0..views.len()).map(|color| Ok(tiles.model(color)?.map(|model| model.for_steps())));
@@ -70,14 +70,14 @@ impl FarField {
         let about = tiles.about();
         let size = [about.height, about.width];
         let phases = (0..about.colors.len()).map(|color| tiles.read(color, [0, 0], size)).collect::<Result<_, _>>()?;
-        let (wanted, arriving) = (Mailbox::<Extent>::new(1), Mailbox::new(1));
+        let (wanted, arriving) = (Mailbox::<TileRect>::new(1), Mailbox::new(1));
         let (asks, reads) = (wanted.clone(), arriving.clone());
         let thread = std::thread::Builder::new()
             .name("eyebox reads tiles".into())
             .spawn(move || {
                 // Alone, nobody waits any more.
                 while !asks.is_alone() {
-                    let Some(wanted) = asks.take_within(PATIENCE) else { continue };
+                    let Some(wanted) = asks.take_within(POLL_INTERVAL) else { continue };
                     drop(reads.push(reader.read(wanted)));
                 }
             })
@@ -116,7 +116,7 @@ impl FarField {
         PupilDistribution { centre, ..due.pupil }
     }
 
-    fn extent(&self, aim: &PupilDistribution) -> Result<Extent, TiledError> {
+    fn extent(&self, aim: &PupilDistribution) -> Result<TileRect, TiledError> {
         extent(&self.tiles, &self.models, aim)
     }
 
@@ -132,7 +132,7 @@ impl FarField {
     /// Takes what was read, waiting for it where time waits.
     fn take(&mut self, patient: bool) -> Result<(), String> {
         while self.asked.is_some() {
-            let read = if patient { self.arriving.take_within(PATIENCE) } else { self.arriving.take() };
+            let read = if patient { self.arriving.take_within(POLL_INTERVAL) } else { self.arriving.take() };
             match read {
                 Some(Ok(read)) => {
                     if self.asked == Some(read.0) {
@@ -153,10 +153,10 @@ impl FarField {
 }
 
 /// The tiles that hold every pupil of an aim, in every colour.
-fn extent(tiles: &Tiles, models: &Models, aim: &PupilDistribution) -> Result<Extent, TiledError> {
-    let mut all: Option<Extent> = None;
+fn extent(tiles: &Tiles, models: &Models, aim: &PupilDistribution) -> Result<TileRect, TiledError> {
+    let mut all: Option<TileRect> = None;
     for (color, model) in models.iter().enumerate() {
-        let one = Extent::around(tiles, color, model.as_deref(), aim)?;
+        let one = TileRect::around(tiles, color, model.as_deref(), aim)?;
         all = Some(all.map_or(one, |all| all.with(&one)));
     }
     all.ok_or_else(|| TiledError::Unsuitable("it has no colours".into()))
@@ -190,7 +190,7 @@ impl Scenes for FarField {
             return Ok(Newest::Same);
         }
         let Some((extent, colors)) = self.ahead.take_if(|ahead| ahead.0.covers(&needed)) else {
-            return Ok(Newest::Late(Supply::LateContent));
+            return Ok(Newest::Late(FrameFreshness::LateContent));
         };
         self.number += 1;
         self.piece = extent;
@@ -226,12 +226,12 @@ struct Reader {
 }
 
 impl Reader {
-    fn read(&self, extent: Extent) -> Read {
+    fn read(&self, extent: TileRect) -> Read {
         let about = self.tiles.about();
         let one = |((i, views), model): ((usize, &Views), &Option<Arc<ModelTables>>)| -> Result<_, String> {
             let piece = Piece::on(&self.tiles, i, views, model.as_deref(), extent).map_err(|e| e.to_string())?;
             let phases = self.tiles.read(i, extent.at, extent.size).map_err(|e| e.to_string())?;
-            Ok(SteeredColor { problem: piece.problem, phases, exposure: about.colors[i].exposure, laser: None })
+            Ok(LiveColor { problem: piece.problem, phases, exposure: about.colors[i].exposure, laser: None })
         };
         let colors = self.views.iter().enumerate().zip(self.models.iter()).map(one);
         Ok((extent, colors.collect::<Result<_, _>>()?))

@@ -5,10 +5,10 @@ use crate::mailbox::Mailbox;
 use crate::optics::{Color, Display, mean_light};
 use crate::present::Rate;
 use crate::scene::LightField;
-use crate::session::content::scenes::{Due, Newest, SceneFrame, Scenes, Supply};
+use crate::session::content::scenes::{Due, FrameFreshness, Newest, SceneFrame, Scenes};
 use crate::session::frame_log::error::SessionError;
 use crate::session::playback::timeline::{Speed, Timeline};
-use crate::session::refinement::steerer::SteeredColor;
+use crate::session::refinement::live_refiner::LiveColor;
 use crate::solve::Problem;
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
@@ -21,7 +21,7 @@ use std::time::Duration;
 /// Scenes that wait to be due.
 const AHEAD: usize = 2;
 /// How often the thread that reads looks whether it is to end.
-const PATIENCE: Duration = Duration::from_millis(20);
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Scenes that come again are kept as far as they fit, bytes.
 const KEPT: usize = 1 << 30;
 
@@ -63,7 +63,7 @@ impl MovingSequence {
         mut sequence: Sequence,
         looped: bool,
         mut load: SceneLoader,
-    ) -> Result<(Self, Vec<SteeredColor>), SessionError> {
+    ) -> Result<(Self, Vec<LiveColor>), SessionError> {
         let name = sequence.path().display().to_string();
         let (count, [numerator, denominator]) = (sequence.count(), sequence.rate());
         let rate = Rate::new(numerator, denominator)?;
@@ -102,7 +102,7 @@ impl MovingSequence {
             if !patient || self.thread.as_ref().is_none_or(JoinHandle::is_finished) {
                 return self.arriving.take();
             }
-            self.ahead = self.arriving.take_within(PATIENCE);
+            self.ahead = self.arriving.take_within(POLL_INTERVAL);
         }
     }
 }
@@ -145,7 +145,7 @@ impl Scenes for MovingSequence {
                 Newest::New(SceneFrame { shows_ns, ..scene })
             }
             (None, Some(reason)) => Newest::Refused(reason),
-            (None, None) if self.shown < position => Newest::Late(Supply::LateContent),
+            (None, None) if self.shown < position => Newest::Late(FrameFreshness::LateContent),
             (None, None) => Newest::Same,
         })
     }
@@ -165,12 +165,12 @@ impl Drop for MovingSequence {
 }
 
 /// A hologram with its scene, colour by colour.
-fn colors_of(hologram: &Hologram, load: &mut SceneLoader) -> Result<Vec<SteeredColor>, String> {
+fn colors_of(hologram: &Hologram, load: &mut SceneLoader) -> Result<Vec<LiveColor>, String> {
     let (field, display) = load(hologram)?;
-    SteeredColor::all_of(hologram, &field, &display).map_err(|e| e.to_string())
+    LiveColor::all_of(hologram, &field, &display).map_err(|e| e.to_string())
 }
 
-impl SteeredColor {
+impl LiveColor {
     /// What is refined of a hologram of `field`, made for `display`: all of its colours.
     ///
     /// # Errors
@@ -215,7 +215,7 @@ struct Reader {
 }
 
 impl Reader {
-    fn run(mut self, first: Arc<Vec<SteeredColor>>) {
+    fn run(mut self, first: Arc<Vec<LiveColor>>) {
         let mut kept = HashMap::from([(0, first)]);
         let mut bytes = 0;
         let mut position = 0;
@@ -230,7 +230,7 @@ impl Reader {
                 None => self.load(index).map(Arc::new),
             };
             if let (Ok(colors), true) = (&read, self.looped && !kept.contains_key(&index)) {
-                let size = |c: &SteeredColor| c.problem.pyramid.bytes() + 4 * c.phases.len();
+                let size = |c: &LiveColor| c.problem.pyramid.bytes() + 4 * c.phases.len();
                 let more = colors.iter().map(size).sum::<usize>();
                 if bytes + more <= KEPT {
                     bytes += more;
@@ -244,7 +244,7 @@ impl Reader {
                 shows_ns: None,
                 piece: None,
             });
-            while let Err(back) = self.out.put_within(item, PATIENCE) {
+            while let Err(back) = self.out.put_within(item, POLL_INTERVAL) {
                 if self.shared.stop.load(Ordering::Acquire) {
                     return;
                 }
@@ -253,7 +253,7 @@ impl Reader {
         }
     }
 
-    fn load(&mut self, index: u64) -> Result<Vec<SteeredColor>, String> {
+    fn load(&mut self, index: u64) -> Result<Vec<LiveColor>, String> {
         let hologram = self.sequence.load(index).map_err(|e| format!("hologram {index} is left out: {e}"))?;
         colors_of(&hologram, &mut self.load).map_err(|e| format!("hologram {index} is left out: {e}"))
     }

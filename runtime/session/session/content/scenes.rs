@@ -3,8 +3,8 @@
 use crate::optics::PupilDistribution;
 use crate::scene::ViewsOnDevice;
 use crate::session::frame_log::error::SessionError;
-use crate::session::refinement::steerer::SteeredColor;
-use crate::tiled::Extent;
+use crate::session::refinement::live_refiner::LiveColor;
+use crate::tiled::TileRect;
 use std::sync::Arc;
 
 /// A scene that is to be seen from some time on.
@@ -14,13 +14,13 @@ pub struct SceneFrame {
     pub number: u64,
     /// The scene before every color, in the order of the refined colors. Phases are its own hologram for the whole eyebox,
     /// or empty. Shared, because a scene at 1080p has 199 MB of them.
-    pub colors: Arc<Vec<SteeredColor>>,
+    pub colors: Arc<Vec<LiveColor>>,
     /// When it came, nanoseconds on the player's clock; none where it was there all along.
     pub arrived_ns: Option<i64>,
     /// The moment of the content that it shows, on the same clock; none where it stands still, or nobody says.
     pub shows_ns: Option<i64>,
     /// Of a far field, the piece of it that this is; its phases are those of the piece as they were solved.
-    pub piece: Option<Extent>,
+    pub piece: Option<TileRect>,
 }
 
 impl SceneFrame {
@@ -60,7 +60,7 @@ pub enum Newest {
     /// The same as before, and that is as it should be.
     Same,
     /// The same as before, though another should be there.
-    Late(Supply),
+    Late(FrameFreshness),
     /// There was another, and it is left out for this reason.
     Refused(String),
     /// Nothing more.
@@ -85,7 +85,7 @@ pub trait Scenes: Send {
 /// How the content of a set came.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
-pub enum Supply {
+pub enum FrameFreshness {
     /// It is new.
     New,
     /// It is that of the set before: nothing else was due.
@@ -99,7 +99,7 @@ pub enum Supply {
     ApplicationGone,
 }
 
-impl Supply {
+impl FrameFreshness {
     /// All of them, in the order of the account.
     pub const ALL: [Self; 5] = [Self::New, Self::Same, Self::LateContent, Self::ApplicationLate, Self::ApplicationGone];
 

@@ -3,11 +3,11 @@
 use crate::encode::Packed;
 use crate::optics::{Pupil, PupilDistribution};
 use crate::present::SECOND_NS;
-use crate::session::feeds::companion::{Asked, Companion, LitSources, Now, SourceSwitch};
-use crate::session::feeds::journal::{Decision, Keeping};
+use crate::session::feeds::journal::{Decision, JournalWriter};
 use crate::session::feeds::refine::Refinement;
 use crate::session::feeds::sets::{FinishedSet, LiveSource};
-use crate::session::feeds::showing::Showing;
+use crate::session::feeds::showing::ContentReport;
+use crate::session::feeds::sidecar::{LitSources, Now, SidecarWindow, SourceSwitch, UserRequest};
 use crate::session::feeds::statistics::LiveStatistics;
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::latency::{Histogram, Latency, Stage};
@@ -15,9 +15,9 @@ use crate::session::frame_log::notes::Notes;
 use crate::session::frame_log::trace::{Light, Lit, Track};
 use crate::session::playback::output::OpenDisplay;
 use crate::session::playback::player::SetSource;
+use crate::session::refinement::live_refiner::Policy;
 use crate::session::refinement::pupil_tracker::{PupilTracker, TrackerCounts};
 use crate::session::refinement::set_timing::SetTiming;
-use crate::session::refinement::steerer::Policy;
 use crate::session::refinement::work_time::Times;
 use crate::trackers::simulated;
 use crossbeam_utils::atomic::AtomicCell;
@@ -62,8 +62,8 @@ pub(crate) struct HandedOver {
 pub(crate) const OPEN: usize = 256;
 
 /// A live hologram that is shown, as the present thread has it: what becomes of every set.
-pub(crate) struct Following {
-    pub(crate) companion: Option<Box<dyn Companion>>,
+pub(crate) struct LiveState {
+    pub(crate) companion: Option<Box<dyn SidecarWindow>>,
     /// What switches the display's sources.
     pub(crate) switch: Option<SourceSwitch>,
     pub(crate) source: LiveSource,
@@ -73,9 +73,9 @@ pub(crate) struct Following {
     /// What became of the tracker's samples.
     pub(crate) counts: Arc<AtomicCell<TrackerCounts>>,
     /// What there is to be seen, where that changes.
-    pub(crate) showing: Option<Showing>,
+    pub(crate) showing: Option<ContentReport>,
     /// What keeps what was decided.
-    pub(crate) keeping: Option<Keeping>,
+    pub(crate) keeping: Option<JournalWriter>,
     /// Whether that begins with nothing: an application gives it.
     pub(crate) first_is_to_come: bool,
     pub(crate) track: Track,
@@ -113,7 +113,7 @@ pub(crate) struct Following {
     pub(crate) medians_at_ns: i64,
 }
 
-impl Following {
+impl LiveState {
     /// After a video frame; false once a user closed the window beside the display.
     pub(crate) fn after(&mut self, frame: Option<HandedOver>, display: &mut OpenDisplay) -> bool {
         if let Some(frame) = frame {
@@ -142,15 +142,15 @@ impl Following {
         let steered = self.steered.load(Ordering::Acquire);
         let now = Now { pupil, steered, sets_per_second: self.sets_per_second };
         match display.pump().map_err(|e| e.to_string()).and_then(|()| companion.serve(&now)) {
-            Ok(Asked::Nothing) => true,
-            Ok(Asked::Close) => false,
-            Ok(Asked::Steer(steered)) => {
+            Ok(UserRequest::Nothing) => true,
+            Ok(UserRequest::Close) => false,
+            Ok(UserRequest::Steer(steered)) => {
                 self.steered.store(steered, Ordering::Release);
                 true
             }
             // A view is not worth the display.
             Err(error) => {
-                self.notes.tell(format!("{error}; the display goes on"));
+                self.notes.send(format!("{error}; the display goes on"));
                 self.companion = None;
                 true
             }
@@ -297,7 +297,7 @@ impl Following {
             showing,
             samples: self.counts.load(),
         };
-        (live, tracks, self.keeping.map_or(Ok(()), Keeping::finish))
+        (live, tracks, self.keeping.map_or(Ok(()), JournalWriter::finish))
     }
 }
 

@@ -7,7 +7,7 @@ use crate::optics::PupilDistribution;
 use crate::scene::{Pyramid, ViewGrid};
 use crate::session::content::scenes::SceneFrame;
 use crate::session::frame_log::error::SessionError;
-use crate::session::refinement::steerer::SteeredColor;
+use crate::session::refinement::live_refiner::LiveColor;
 use crate::solve::{Motion, Problem};
 use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
@@ -20,7 +20,7 @@ use std::time::Duration;
 
 /// Decisions that wait for the disk.
 const WAITING: usize = 1 << 12;
-const PATIENCE: Duration = Duration::from_millis(200);
+const POLL_INTERVAL: Duration = Duration::from_millis(200);
 /// The file of decisions.
 const DECISIONS: &str = "decisions.jsonl";
 
@@ -128,8 +128,8 @@ fn motion_of(bits: [u64; 9]) -> Motion {
 }
 
 impl Views {
-    fn of(color: &SteeredColor) -> Self {
-        let SteeredColor { problem, phases, exposure, .. } = color;
+    fn of(color: &LiveColor) -> Self {
+        let LiveColor { problem, phases, exposure, .. } = color;
         Self {
             grid: [problem.views.rows, problem.views.columns],
             cell: problem.views.cell.to_bits(),
@@ -141,7 +141,7 @@ impl Views {
     }
 
     /// Before the same display as `like`.
-    fn color(self, like: &SteeredColor, files: [&Path; 2]) -> Result<SteeredColor, SessionError> {
+    fn color(self, like: &LiveColor, files: [&Path; 2]) -> Result<LiveColor, SessionError> {
         let wrong = |file: &Path| {
             SessionError::Setting(reason!("not-as-recorded", "{}: it is not what was recorded", file.display()))
         };
@@ -162,7 +162,7 @@ impl Views {
             ..like.problem.clone()
         };
         let laser = like.laser.clone();
-        Ok(SteeredColor { problem, phases, exposure: f64::from_bits(self.exposure), laser })
+        Ok(LiveColor { problem, phases, exposure: f64::from_bits(self.exposure), laser })
     }
 }
 
@@ -185,7 +185,7 @@ pub(crate) struct Journal {
 }
 
 /// A journal that is being written.
-pub(crate) struct Keeping {
+pub(crate) struct JournalWriter {
     journal: Journal,
     thread: JoinHandle<Result<(), FileError>>,
 }
@@ -195,7 +195,7 @@ impl Journal {
     ///
     /// # Errors
     /// [`FileError::Taken`] where it holds something; those of writing; [`SessionError::Thread`].
-    pub(crate) fn start(folder: &Path) -> Result<Keeping, SessionError> {
+    pub(crate) fn start(folder: &Path) -> Result<JournalWriter, SessionError> {
         fs::create_dir_all(folder).map_err(|e| FileError::write(folder, e))?;
         if fs::read_dir(folder).map_err(|e| FileError::read(folder, e))?.next().is_some() {
             let reason = reason!("not-empty", "holds something: a session is kept in a new or an empty folder");
@@ -208,7 +208,7 @@ impl Journal {
         let thread = thread
             .spawn(move || write(file, &folder, &from))
             .map_err(|e| SessionError::Thread { what: "keeps", reason: format!("could not be started ({e})") })?;
-        Ok(Keeping { journal, thread })
+        Ok(JournalWriter { journal, thread })
     }
 
     /// Something was decided.
@@ -239,7 +239,7 @@ impl Journal {
     }
 }
 
-impl Keeping {
+impl JournalWriter {
     /// Where decisions go.
     pub(crate) fn journal(&self) -> Journal {
         self.journal.clone()
@@ -252,7 +252,7 @@ impl Keeping {
     pub(crate) fn finish(self) -> Result<(), SessionError> {
         // Until it arrives: the thread waits for it.
         let mut end = Entry::End;
-        while let Err(back) = self.journal.out.put_within(end, PATIENCE) {
+        while let Err(back) = self.journal.out.put_within(end, POLL_INTERVAL) {
             if self.thread.is_finished() {
                 break;
             }
@@ -273,7 +273,7 @@ impl Keeping {
 fn write(mut out: GrowingFile, folder: &Path, from: &Mailbox<Entry>) -> Result<(), FileError> {
     let mut written = Ok(());
     loop {
-        let decision = match from.take_within(PATIENCE) {
+        let decision = match from.take_within(POLL_INTERVAL) {
             Some(Entry::End) => break,
             Some(Entry::Decision(decision)) => decision,
             Some(Entry::Scene { scene, anew }) => {
@@ -294,7 +294,7 @@ fn write(mut out: GrowingFile, folder: &Path, from: &Mailbox<Entry>) -> Result<(
 }
 
 /// The views as they are compared, which are whole numbers of the brightest: they become the same again.
-fn write_color([views, phases]: [PathBuf; 2], color: &SteeredColor) -> Result<(), FileError> {
+fn write_color([views, phases]: [PathBuf; 2], color: &LiveColor) -> Result<(), FileError> {
     let pyramid = color.problem.pyramid.on_host().map_err(|e| FileError::write(&views, std::io::Error::other(e)))?;
     let Some(level) = pyramid.levels.first() else { return Ok(()) };
     let light: Vec<f32> = level.views.iter().map(|v| f32::from(*v) / 65535.0 * pyramid.scale).collect();
@@ -303,14 +303,14 @@ fn write_color([views, phases]: [PathBuf; 2], color: &SteeredColor) -> Result<()
 }
 
 /// A session that was kept, decision by decision.
-pub(crate) struct Kept {
+pub(crate) struct RecordedSession {
     folder: PathBuf,
     pub(crate) decisions: std::vec::IntoIter<Decision>,
     /// The sets that were lit, in order.
     pub(crate) lit: std::vec::IntoIter<u64>,
 }
 
-impl Kept {
+impl RecordedSession {
     /// Opens it.
     ///
     /// # Errors
@@ -345,9 +345,9 @@ impl Kept {
         &self,
         number: u64,
         views: &[Views],
-        like: &[SteeredColor],
-    ) -> Result<Vec<SteeredColor>, SessionError> {
-        let one = |(i, (views, like)): (usize, (&Views, &SteeredColor))| {
+        like: &[LiveColor],
+    ) -> Result<Vec<LiveColor>, SessionError> {
+        let one = |(i, (views, like)): (usize, (&Views, &LiveColor))| {
             let files = files_of(&self.folder, number, i);
             views.color(like, [&files[0], &files[1]])
         };

@@ -8,14 +8,14 @@ use crate::hologram::Hologram;
 use crate::optics::{Display, PupilDistribution};
 use crate::scene::LightField;
 use crate::session::content::scenes::Scenes;
-use crate::session::feeds::companion::{CompanionOpener, SourceSwitch};
-use crate::session::feeds::following::{Following, OPEN};
-use crate::session::feeds::journal::{Journal, Keeping, Kept};
+use crate::session::feeds::following::{LiveState, OPEN};
+use crate::session::feeds::journal::{Journal, JournalWriter, RecordedSession};
 use crate::session::feeds::play::encoder_of;
 use crate::session::feeds::refine::{Begin, Refinement, RefinementOptions};
 use crate::session::feeds::replay::Replay;
-use crate::session::feeds::running::{Running, Setup};
-use crate::session::feeds::showing::Showing;
+use crate::session::feeds::running::{ActiveContent, ContentSetup};
+use crate::session::feeds::showing::ContentReport;
+use crate::session::feeds::sidecar::{SidecarOpener, SourceSwitch};
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::latency::Latency;
 use crate::session::frame_log::notes::Notes;
@@ -24,13 +24,13 @@ use crate::session::playback::output::OpenDisplay;
 use crate::session::playback::scheduler::{Schedule, Start};
 use crate::session::playback::timeline::Speed;
 use crate::session::refinement::field::Field;
+use crate::session::refinement::live_refiner::look_up::{begin_with_tables, start_tables};
+use crate::session::refinement::live_refiner::together::{lighting_of, sub_frames_of};
+use crate::session::refinement::live_refiner::{EngineOpener, LiveColor, LiveRefiner, Policy};
 use crate::session::refinement::moments::MotionCompensation;
 use crate::session::refinement::pupil_source::{PupilSource, Samples};
 use crate::session::refinement::pupil_tracker::{PupilTracker, TrackerCounts};
 use crate::session::refinement::set_timing::{SetTiming, as_ns};
-use crate::session::refinement::steerer::look_up::{begin_with_tables, start_tables};
-use crate::session::refinement::steerer::together::{lighting_of, sub_frames_of};
-use crate::session::refinement::steerer::{EngineOpener, Policy, SteeredColor, Steerer};
 use crate::session::refinement::work_time::{Cost, Times};
 use crate::solve::{PupilRange, StartTable};
 use crate::trackers::mouse::{self, MouseHandle};
@@ -193,7 +193,7 @@ impl FollowedEye {
         let Tracking { source, estimator, truth, real_time } = tracking;
         if !real_time {
             let note = source.tracker().and_then(|name| estimator.note_on(&name));
-            note.into_iter().for_each(|note| notes.tell(note));
+            note.into_iter().for_each(|note| notes.send(note));
             let watch = PupilSource::Samples(Box::new(Samples::new(source, estimator, Arc::clone(&counts))));
             return Ok(Self { watch, tracker: None, truth, name, may_be_silent, counts });
         }
@@ -209,7 +209,7 @@ impl FollowedEye {
 #[non_exhaustive]
 pub struct Live {
     /// What is refined: every colour, begun with the hologram for the whole eyebox.
-    pub colors: Vec<SteeredColor>,
+    pub colors: Vec<LiveColor>,
     /// To what the display receives.
     pub encoder: Encoder,
     /// What computes: an engine for each colour, opened again when one is lost. Where they are on a device, sets are encoded
@@ -244,7 +244,7 @@ pub struct Live {
     /// From a video frame's beginning to its light.
     pub display_latency: Duration,
     /// A window beside the display.
-    pub companion: Option<CompanionOpener>,
+    pub companion: Option<SidecarOpener>,
     /// What switches the display's sources, where it has any.
     pub switch: Option<SourceSwitch>,
 }
@@ -252,7 +252,7 @@ pub struct Live {
 impl Live {
     /// With everything else at its default.
     pub fn new(
-        colors: Vec<SteeredColor>,
+        colors: Vec<LiveColor>,
         encoder: Encoder,
         engines: impl Into<EngineSource>,
         tracking: impl Into<Option<Tracking>>,
@@ -294,7 +294,7 @@ impl Live {
         tracking: impl Into<Option<Tracking>>,
     ) -> Result<Self, SessionError> {
         let encoder = encoder_of("the hologram", hologram, display)?;
-        let colors = SteeredColor::all_of(hologram, field, &hologram.made_for()?)?;
+        let colors = LiveColor::all_of(hologram, field, &hologram.made_for()?)?;
         let mut live = Self::new(colors, encoder, engines, tracking);
         live.whole.focus = hologram.metadata.solve.as_ref().map_or(live.whole.focus, |solve| solve.depth);
         Ok(live)
@@ -355,7 +355,7 @@ impl Live {
         steered: Arc<AtomicBool>,
         notes: &Notes,
         trace: Trace,
-    ) -> Result<Setup, SessionError> {
+    ) -> Result<ContentSetup, SessionError> {
         let clock = display.real_clock;
         self.check_clock(clock.is_some())?;
         let Self { colors, encoder, engines, field, tracking, mut policy, scenes, whole, whole_sets, cost, .. } = self;
@@ -381,14 +381,14 @@ impl Live {
         let sub_frames = sub_frames_of(&colors) as u64;
         let FollowedEye { watch, tracker, truth, name, may_be_silent, counts } =
             FollowedEye::start(tracking, whole, notes, &trace)?;
-        let showing = scenes.as_ref().map(|scenes| Showing::new(scenes.describe()));
+        let showing = scenes.as_ref().map(|scenes| ContentReport::new(scenes.describe()));
         let timing = Arc::new(AtomicCell::new(SetTiming::new(period_ns).rolling(if rolls { set_frames } else { 1 })));
         let light_after = Duration::from_nanos(period_ns.unsigned_abs() / 2) + self.display_latency;
         let frame_light_after =
             Duration::from_nanos(display.rate.period_ns().unsigned_abs() / 2) + self.display_latency;
         let (packed, lighting) = (Arc::new(encoder.packed().clone()), lighting_of(encoder.lighting(rolls), &colors));
         let with_phases = self.companion.is_some();
-        let beside = |open: CompanionOpener| open(display.desktop()?).map_err(|e| SessionError::Companion(e.into()));
+        let beside = |open: SidecarOpener| open(display.desktop()?).map_err(|e| SessionError::Companion(e.into()));
         let companion = self.companion.map(beside).transpose()?;
         let shared = engines.gpu()?;
         let direct = match display.presenter().takes() {
@@ -400,14 +400,14 @@ impl Live {
         let idle = encoder.frames();
         let (refinement, source) = if let Some(folder) = &self.replay {
             let (steerer, _) = again()?;
-            (Refinement::none(), Replay::start(Kept::open(folder)?, colors, steerer, encoder, lighting)?)
+            (Refinement::none(), Replay::start(RecordedSession::open(folder)?, colors, steerer, encoder, lighting)?)
         } else {
             let options = RefinementOptions {
                 clock,
                 cost,
                 watch,
                 scenes,
-                journal: keeping.as_ref().map(Keeping::journal),
+                journal: keeping.as_ref().map(JournalWriter::journal),
                 timing: Arc::clone(&timing),
                 light_after,
                 moments: MotionCompensation::when(self.moments, lighting, set_ns, &colors),
@@ -421,7 +421,7 @@ impl Live {
             };
             Refinement::start(encoder, options)?
         };
-        let following = Following {
+        let following = LiveState {
             companion,
             switch: self.switch,
             source,
@@ -456,13 +456,13 @@ impl Live {
             medians: [None; 2],
             medians_at_ns: i64::MIN,
         };
-        Ok(Setup { running: Running::Live(Box::new(following)), schedule, idle, sub_frames })
+        Ok(ContentSetup { running: ActiveContent::Live(Box::new(following)), schedule, idle, sub_frames })
     }
 }
 
 /// What makes engines with all that is on them, as often as it is called.
 fn begin(
-    colors: Vec<SteeredColor>,
+    colors: Vec<LiveColor>,
     policy: Policy,
     engines: EngineSource,
     field: Option<Field>,
@@ -473,7 +473,8 @@ fn begin(
     }
     let engines = Arc::new(Mutex::new(engines));
     Box::new(move || {
-        let steerer = Steerer::new(colors.clone(), policy, || lock(&engines).open())?.with_start_tables(tables.clone());
+        let steerer =
+            LiveRefiner::new(colors.clone(), policy, || lock(&engines).open())?.with_start_tables(tables.clone());
         let gpu = lock(&engines).gpu()?;
         let Some(field) = field.clone() else { return Ok((steerer, gpu)) };
         let more = Arc::clone(&engines);

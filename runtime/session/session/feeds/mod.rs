@@ -1,6 +1,5 @@
 //! The two things that a session shows, and the threads that make their sets: holograms that were solved before, and live content that is refined.
 
-pub(crate) mod companion;
 pub(crate) mod following;
 pub(crate) mod journal;
 pub(crate) mod live;
@@ -10,4 +9,5 @@ pub(crate) mod replay;
 pub(crate) mod running;
 pub(crate) mod sets;
 pub(crate) mod showing;
+pub(crate) mod sidecar;
 pub(crate) mod statistics;

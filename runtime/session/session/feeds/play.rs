@@ -5,7 +5,7 @@ use crate::gpu::Gpu;
 use crate::hologram::{ColorHologram, Hologram, Sequence};
 use crate::optics::{Color, Display};
 use crate::present::{Rate, SECOND_NS};
-use crate::session::feeds::running::{Running, Setup};
+use crate::session::feeds::running::{ActiveContent, ContentSetup};
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::notes::Notes;
 use crate::session::frame_log::trace::Trace;
@@ -151,7 +151,7 @@ impl Play {
     }
 
     /// Starts reading and encoding.
-    pub(crate) fn start(self, display: &OpenDisplay, notes: Notes, trace: Trace) -> Result<Setup, SessionError> {
+    pub(crate) fn start(self, display: &OpenDisplay, notes: Notes, trace: Trace) -> Result<ContentSetup, SessionError> {
         let Self { sequence, encoder, .. } = self;
         let (shape, sent) = (sequence.shape(), sequence.about().sent_colors());
         let set_frames = encoder.packed().video_frames as u64;
@@ -197,6 +197,6 @@ impl Play {
         };
         let stream = Stream::start(sequence, encoder, options)?;
         let sub_frames = (sent.len() * shape[1]) as u64;
-        Ok(Setup { running: Running::Play(stream), schedule, idle, sub_frames })
+        Ok(ContentSetup { running: ActiveContent::Play(stream), schedule, idle, sub_frames })
     }
 }

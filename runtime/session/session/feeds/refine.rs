@@ -11,17 +11,17 @@ use crate::encode::Encoder;
 use crate::engine::vulkan::VulkanEncoder;
 use crate::gpu::Gpu;
 use crate::present::Clock;
-use crate::session::content::scenes::{Due, Newest, SceneFrame, Supply};
+use crate::session::content::scenes::{Due, FrameFreshness, Newest, SceneFrame};
 use crate::session::feeds::journal::{Decision, Journal, Moves};
 use crate::session::feeds::sets::{LiveSource, SetSender, set_channel};
-use crate::session::feeds::showing::Taken;
-use crate::session::frame_log::account::Repeat;
+use crate::session::feeds::showing::SceneCounts;
+use crate::session::frame_log::account::RepeatReason;
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::latency::Timestamps;
 use crate::session::frame_log::trace::Track;
 use crate::session::playback::player::Begins;
+use crate::session::refinement::live_refiner::LiveRefiner;
 use crate::session::refinement::set_timing::{Target, as_ns};
-use crate::session::refinement::steerer::Steerer;
 use crate::session::refinement::work_time::{Cost, Times, WorkTime};
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
@@ -44,7 +44,7 @@ struct Shared {
     steps: AtomicU64,
     moving: AtomicU64,
     carried: AtomicU64,
-    taken: AtomicCell<Taken>,
+    taken: AtomicCell<SceneCounts>,
 }
 
 /// A hologram that is refined, on a thread where time is real; dropped, it stops.
@@ -77,14 +77,14 @@ impl Refinement {
             number: 0,
             encoding: Duration::ZERO,
             scene: None,
-            supply: Supply::Same,
+            supply: FrameFreshness::Same,
             told: None,
             building: Duration::ZERO,
             made_ns: i64::MIN,
             looked_ns: 0,
         };
         let scenes = refining.first_of_scenes().map_or(0, |_| 1);
-        refining.shared.taken.store(Taken { scenes, ..Taken::default() });
+        refining.shared.taken.store(SceneCounts { scenes, ..SceneCounts::default() });
         // Twice: the first time takes longer than any other.
         for _ in 0..2 {
             let mut time = WorkTime::begin(refining.options.cost, 0);
@@ -113,7 +113,7 @@ impl Refinement {
     }
 
     /// What became of scenes.
-    pub(crate) fn taken(&self) -> Taken {
+    pub(crate) fn taken(&self) -> SceneCounts {
         self.shared.taken.load()
     }
 
@@ -145,7 +145,7 @@ impl Drop for Refinement {
 
 /// An encoder on the engines' device, if they have one: phases need not come to the host.
 fn device_encoder(
-    steerer: &Steerer,
+    steerer: &LiveRefiner,
     gpu: Option<Gpu>,
     encoder: &Encoder,
 ) -> Result<Option<VulkanEncoder>, SessionError> {
@@ -154,7 +154,7 @@ fn device_encoder(
 }
 
 struct Refining {
-    steerer: Steerer,
+    steerer: LiveRefiner,
     device: Option<VulkanEncoder>,
     encoder: Encoder,
     options: RefinementOptions,
@@ -165,7 +165,7 @@ struct Refining {
     encoding: Duration,
     /// What is to be seen, and how it came.
     scene: Option<SceneFrame>,
-    supply: Supply,
+    supply: FrameFreshness,
     /// What was told last of scenes that were left out.
     told: Option<String>,
     /// What making a scene ready takes.
@@ -183,7 +183,7 @@ impl Refining {
         loop {
             let before = self.number;
             let Err(error) = self.run() else { return self.options.track };
-            self.sender.does(Repeat::EngineLost);
+            self.sender.does(RepeatReason::EngineLost);
             if self.number - before >= WORKED_SETS {
                 left = ATTEMPTS;
             }
@@ -192,7 +192,7 @@ impl Refining {
             let mut reason = error.to_string();
             loop {
                 if left == 0 {
-                    notes.tell(format!("refinement has ended: {reason}; the picture stays"));
+                    notes.send(format!("refinement has ended: {reason}; the picture stays"));
                     return self.options.track;
                 }
                 left -= 1;
@@ -204,7 +204,7 @@ impl Refining {
                     return self.options.track;
                 }
             }
-            notes.tell(format!("refinement begins anew: {reason}"));
+            notes.send(format!("refinement begins anew: {reason}"));
         }
     }
 
@@ -259,7 +259,7 @@ impl Refining {
                 whole = true;
             }
             // Nothing to do but to look again in a while.
-            self.sender.does(Repeat::Unchanged);
+            self.sender.does(RepeatReason::Unchanged);
             std::thread::sleep(Duration::from_millis(5));
         }
         Ok(())
@@ -276,7 +276,7 @@ impl Refining {
         // with.
         let ahead_ns = (need_ns.saturating_add(period_ns - 1) / period_ns.max(1)).max(1).saturating_mul(period_ns);
         let free_ns = self.made_ns.max(target.hand_over_ns.saturating_sub(ahead_ns));
-        self.sender.does(Repeat::StepTooLong);
+        self.sender.does(RepeatReason::StepTooLong);
         if free_ns.saturating_add(need_ns) > target.hand_over_ns {
             return Ok(());
         }
@@ -298,7 +298,7 @@ impl Refining {
             true => self.refine_for(target, ready_ns + spare_ns(ready_ns)),
             false if changed => self.show_whole(&target, now_ns),
             false => {
-                self.sender.does(Repeat::Unchanged);
+                self.sender.does(RepeatReason::Unchanged);
                 Ok(())
             }
         }
@@ -345,7 +345,7 @@ impl Refining {
     fn look_for_scene(&mut self, target: &Target, now_ns: i64, steered: bool) -> Result<Option<bool>, SessionError> {
         let light_ns = self.light_ns(target);
         let times = Times(self.options.clock);
-        self.sender.does(Repeat::SceneTooLong);
+        self.sender.does(RepeatReason::SceneTooLong);
         if self.options.scenes.is_none() {
             return Ok(Some(false));
         }
@@ -362,7 +362,7 @@ impl Refining {
         let scene = match scenes.next(&due)? {
             Newest::New(scene) => scene,
             Newest::Same => {
-                self.supply = Supply::Same;
+                self.supply = FrameFreshness::Same;
                 return Ok(Some(false));
             }
             Newest::Late(supply) => {
@@ -373,7 +373,7 @@ impl Refining {
                 taken.refused += 1;
                 self.shared.taken.store(taken);
                 if self.told.as_ref() != Some(&reason) {
-                    self.options.notes.tell(format!("{reason}; what was shown before stays"));
+                    self.options.notes.send(format!("{reason}; what was shown before stays"));
                     self.told = Some(reason);
                 }
                 return Ok(Some(false));
@@ -405,7 +405,7 @@ impl Refining {
         self.looked_ns = self.options.cost.round_ns(followed.looks as usize, || Duration::ZERO);
         self.options.track.span("scene", scene.number, begun);
         self.building = begun.elapsed();
-        (self.scene, self.supply) = (Some(scene), Supply::New);
+        (self.scene, self.supply) = (Some(scene), FrameFreshness::New);
         Ok(Some(true))
     }
 
@@ -434,7 +434,7 @@ impl Refining {
         let before = self.steerer.counts();
         let deadline_ns = target.hand_over_ns.saturating_sub(self.ends_ns());
         let mut steps = 0;
-        self.sender.does(Repeat::StepTooLong);
+        self.sender.does(RepeatReason::StepTooLong);
         // Every round looks again where the pupil will be, and what is to be seen: samples and scenes come while it refines.
         let (expected, aimed_ns, moves) = loop {
             let at_ns = time.now_ns();
@@ -445,7 +445,7 @@ impl Refining {
             let turn = usize::try_from(target.turn).unwrap_or(0);
             let moves = Moves { motion: self.options.moments.motion(light_ns, &expected), turn };
             self.steerer.moves(&moves.motion, self.options.moments.times(turn))?;
-            time.looked(self.carry(light_ns, &expected.pupil, &moves)?);
+            time.looked(self.shift_phases(light_ns, &expected.pupil, &moves)?);
             self.fit(&expected.pupil, &moves)?;
             let taken = self.steerer.round_while(|steps, expected| time.steps_before(deadline_ns, steps, expected))?;
             steps += taken;
@@ -461,7 +461,7 @@ impl Refining {
                 if self.look_for_scene(&target, time.now_ns(), true)?.is_none() {
                     break (expected, at_ns, moves);
                 }
-                self.sender.does(Repeat::StepTooLong);
+                self.sender.does(RepeatReason::StepTooLong);
             }
         };
         self.steerer.settle()?;

@@ -1,19 +1,19 @@
 //! Doing again what a session that was kept has done: the same sets, lit in the same order, on a simulated clock.
 
 use crate::encode::{Encoder, Lighting, PhaseSet};
-use crate::session::content::scenes::Supply;
-use crate::session::feeds::journal::{Decision, Kept};
+use crate::session::content::scenes::FrameFreshness;
+use crate::session::feeds::journal::{Decision, RecordedSession};
 use crate::session::feeds::sets::{FinishedSet, LiveSource, SetSender, set_channel};
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::latency::Timestamps;
-use crate::session::refinement::steerer::{SteeredColor, Steerer};
+use crate::session::refinement::live_refiner::{LiveColor, LiveRefiner};
 use eyebox_base::reason;
 
 /// A session that is done again.
 pub(crate) struct Replay {
-    kept: Kept,
-    colors: Vec<SteeredColor>,
-    steerer: Steerer,
+    kept: RecordedSession,
+    colors: Vec<LiveColor>,
+    steerer: LiveRefiner,
     encoder: Encoder,
     /// When the sub-frames of each colour are lit.
     lighting: Lighting,
@@ -30,9 +30,9 @@ impl Replay {
     /// # Errors
     /// Those of the channel's buffers.
     pub(crate) fn start(
-        kept: Kept,
-        colors: Vec<SteeredColor>,
-        steerer: Steerer,
+        kept: RecordedSession,
+        colors: Vec<LiveColor>,
+        steerer: LiveRefiner,
         encoder: Encoder,
         lighting: Lighting,
     ) -> Result<LiveSource, SessionError> {
@@ -66,8 +66,8 @@ impl Replay {
                     self.content = Some(number);
                 }
                 Decision::Steps { pupil, motion, turn, steps } => {
-                    self.steerer.aim(Kept::pupil(pupil))?;
-                    self.steerer.moves(&Kept::motion(motion), self.lighting.times(turn))?;
+                    self.steerer.aim(RecordedSession::pupil(pupil))?;
+                    self.steerer.moves(&RecordedSession::motion(motion), self.lighting.times(turn))?;
                     let mut left = steps;
                     self.steerer.round_while(|_, _| {
                         let more = left > 0;
@@ -77,7 +77,7 @@ impl Replay {
                     self.steps += steps;
                 }
                 Decision::Carry { pixels, look } => {
-                    self.steerer.carry(pixels.turns(), &self.lighting, look)?;
+                    self.steerer.shift_phases(pixels.turns(), &self.lighting, look)?;
                 }
                 Decision::Fit {} => drop(self.steerer.fit()?),
                 Decision::Whole {} => self.steerer.show_whole()?,
@@ -107,7 +107,7 @@ impl Replay {
             steps: std::mem::take(&mut self.steps),
             content: self.content,
             arrived_ns: None,
-            supply: Supply::Same,
+            supply: FrameFreshness::Same,
             estimated_db: None,
             phases: None,
             scene: None,

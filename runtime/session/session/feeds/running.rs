@@ -1,18 +1,18 @@
 //! Content that has begun: what the present thread has of it.
 
 use crate::encode::VideoFrames;
-use crate::session::feeds::following::Following;
+use crate::session::feeds::following::LiveState;
 use crate::session::playback::player::SetSource;
 use crate::session::playback::scheduler::Schedule;
 use crate::session::playback::stream::Stream;
 
 /// Content that has begun.
-pub(crate) enum Running {
+pub(crate) enum ActiveContent {
     Play(Stream),
-    Live(Box<Following>),
+    Live(Box<LiveState>),
 }
 
-impl Running {
+impl ActiveContent {
     pub(crate) fn source(&mut self) -> &mut dyn SetSource {
         match self {
             Self::Play(stream) => stream,
@@ -22,8 +22,8 @@ impl Running {
 }
 
 /// What content brings along.
-pub(crate) struct Setup {
-    pub running: Running,
+pub(crate) struct ContentSetup {
+    pub running: ActiveContent,
     pub schedule: Schedule,
     /// A set of video frames that is shown while there is no content.
     pub idle: VideoFrames,

@@ -3,8 +3,8 @@
 use crate::encode::VideoFrames;
 use crate::gpu::Pictures;
 use crate::mailbox::Mailbox;
-use crate::session::content::scenes::Supply;
-use crate::session::frame_log::account::Repeat;
+use crate::session::content::scenes::FrameFreshness;
+use crate::session::frame_log::account::RepeatReason;
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::latency::Timestamps;
 use crate::session::playback::player::{Begins, SetSource};
@@ -35,7 +35,7 @@ pub struct FinishedSet {
     /// when that came, on the player's clock,
     pub arrived_ns: Option<i64>,
     /// and whether it is as new as it should be.
-    pub supply: Supply,
+    pub supply: FrameFreshness,
     /// What the pupils of its last steps saw, dB, by their losses: an estimate.
     pub estimated_db: Option<f64>,
     /// Its phases, colour by colour, where somebody looks at them too;
@@ -87,7 +87,7 @@ pub(crate) struct SetSender {
     free: Mailbox<SetBuffer>,
     over: Arc<AtomicBool>,
     /// What it is doing: why there would be no new set now.
-    doing: Arc<AtomicCell<Repeat>>,
+    doing: Arc<AtomicCell<RepeatReason>>,
 }
 
 /// The side that shows them. What is due is always the newest set there is, so nothing is ever late; a set for which
@@ -99,13 +99,13 @@ pub(crate) struct LiveSource {
     on_screen: Option<FinishedSet>,
     changed: bool,
     asked: Option<Instant>,
-    /// By their cause, in the order of [`Repeat::ALL`], and the last decision's.
+    /// By their cause, in the order of [`RepeatReason::ALL`], and the last decision's.
     repeats: [u64; 6],
-    repeated: Option<Repeat>,
+    repeated: Option<RepeatReason>,
     news: u64,
     /// There will be no more.
     over: Arc<AtomicBool>,
-    doing: Arc<AtomicCell<Repeat>>,
+    doing: Arc<AtomicCell<RepeatReason>>,
     /// Makes the set that begins at a time, where time is simulated.
     make: Option<SetMaker>,
 }
@@ -126,7 +126,7 @@ pub(crate) fn set_channel<E>(
         let _ = free.put(SetBuffer { frames: frames.clone(), pictures: pictures()?, sources: Vec::new() });
     }
     let over = Arc::new(AtomicBool::new(false));
-    let doing = Arc::new(AtomicCell::new(Repeat::default()));
+    let doing = Arc::new(AtomicCell::new(RepeatReason::default()));
     let sender =
         SetSender { newest: newest.clone(), free: free.clone(), over: Arc::clone(&over), doing: Arc::clone(&doing) };
     let (fresh, on_screen, asked, make) = (None, None, None, None);
@@ -162,7 +162,7 @@ impl SetSender {
     }
 
     /// What it does from now on.
-    pub(crate) fn does(&self, doing: Repeat) {
+    pub(crate) fn does(&self, doing: RepeatReason) {
         self.doing.store(doing);
     }
 
@@ -179,7 +179,7 @@ impl SetSender {
 
 impl Drop for SetSender {
     fn drop(&mut self) {
-        self.does(Repeat::RefinementEnded);
+        self.does(RepeatReason::RefinementEnded);
     }
 }
 
@@ -190,7 +190,7 @@ impl LiveSource {
     }
 
     /// Why the last decision showed the same again, if it did.
-    pub(crate) fn repeated(&self) -> Option<Repeat> {
+    pub(crate) fn repeated(&self) -> Option<RepeatReason> {
         self.repeated
     }
 

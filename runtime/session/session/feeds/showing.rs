@@ -1,13 +1,13 @@
 //! The account of content that changes while it is refined: which of it was shown, how long after it came, and why not more.
 
-use crate::session::content::scenes::Supply;
+use crate::session::content::scenes::FrameFreshness;
 use crate::session::feeds::sets::FinishedSet;
 use crate::session::frame_log::latency::Histogram;
 use serde_json::{Map, Value, json};
 
 /// What became of scenes, as the side that makes sets knows it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(crate) struct Taken {
+pub(crate) struct SceneCounts {
     /// Scenes that sets were made for.
     pub scenes: u64,
     /// Scenes that were left out because something was wrong with them.
@@ -23,7 +23,7 @@ pub(crate) struct Taken {
 /// The account of content that changes.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
-pub struct Showing {
+pub struct ContentReport {
     /// What it is, for people.
     pub source: String,
     /// Scenes that sets were made for.
@@ -35,7 +35,7 @@ pub struct Showing {
     /// Colours of scenes that had phases to begin with: begun with the scene's own, gone on with those that were refined before,
     /// begun with those that every picture can begin with.
     pub starts: [u64; 3],
-    /// Sets by how their content came, in the order of [`Supply::ALL`]; a set that is shown again counts again.
+    /// Sets by how their content came, in the order of [`FrameFreshness::ALL`]; a set that is shown again counts again.
     pub sets: [u64; 5],
     /// From a scene's arrival to the beginning of its first light, ms.
     pub arrival_to_light: Histogram,
@@ -45,10 +45,10 @@ pub struct Showing {
     pub steps: Histogram,
     /// The scene on the screen.
     newest: Option<u64>,
-    supply: Supply,
+    supply: FrameFreshness,
 }
 
-impl Showing {
+impl ContentReport {
     /// Of this content; nothing was shown yet.
     pub(crate) fn new(source: String) -> Self {
         Self {
@@ -62,7 +62,7 @@ impl Showing {
             estimated: Histogram::new(0.05, 2_000),
             steps: Histogram::new(1.0, 1_000),
             newest: None,
-            supply: Supply::Same,
+            supply: FrameFreshness::Same,
         }
     }
 
@@ -70,13 +70,13 @@ impl Showing {
     pub(crate) fn lit(&mut self, set: Option<&FinishedSet>, start_ns: i64) {
         let Some(set) = set else {
             // The same light again: why its content is not newer is what the set before said, but it is new no more.
-            let again = if self.supply == Supply::New { Supply::Same } else { self.supply };
+            let again = if self.supply == FrameFreshness::New { FrameFreshness::Same } else { self.supply };
             self.sets[again as usize] += u64::from(self.newest.is_some());
             return;
         };
         self.supply = match set.supply {
-            _ if set.content != self.newest => Supply::New,
-            Supply::New => Supply::Same,
+            _ if set.content != self.newest => FrameFreshness::New,
+            FrameFreshness::New => FrameFreshness::Same,
             supply => supply,
         };
         self.sets[self.supply as usize] += 1;
@@ -93,8 +93,8 @@ impl Showing {
     }
 
     /// With what the side that makes sets has counted.
-    pub(crate) fn with(mut self, taken: Taken) -> Self {
-        let Taken { scenes, refused, own_starts, kept_starts, looked_up_starts } = taken;
+    pub(crate) fn with(mut self, taken: SceneCounts) -> Self {
+        let SceneCounts { scenes, refused, own_starts, kept_starts, looked_up_starts } = taken;
         (self.scenes, self.refused, self.starts) = (scenes, refused, [own_starts, kept_starts, looked_up_starts]);
         self
     }
@@ -102,7 +102,7 @@ impl Showing {
     /// For programs: the keys are those of `docs/live.md`.
     pub fn to_json(&self) -> Value {
         let sets: Map<String, Value> =
-            Supply::ALL.iter().zip(self.sets).map(|(s, n)| (s.name().replace(' ', "_"), json!(n))).collect();
+            FrameFreshness::ALL.iter().zip(self.sets).map(|(s, n)| (s.name().replace(' ', "_"), json!(n))).collect();
         let replaced = self.scenes.saturating_sub(self.shown);
         json!({
             "source": self.source, "scenes": self.scenes, "shown": self.shown, "replaced_or_pending": replaced,

@@ -1,12 +1,12 @@
 //! What came of a session, in numbers.
 
 use crate::present::Interference;
-use crate::session::feeds::showing::Showing;
-use crate::session::frame_log::account::Repeat;
+use crate::session::feeds::showing::ContentReport;
+use crate::session::frame_log::account::RepeatReason;
 use crate::session::frame_log::latency::Latency;
 use crate::session::playback::report::Report;
+use crate::session::refinement::live_refiner::Policy;
 use crate::session::refinement::pupil_tracker::TrackerCounts;
-use crate::session::refinement::steerer::Policy;
 use serde_json::{Value, json};
 
 /// Why a session ended.
@@ -101,7 +101,7 @@ pub struct LiveStatistics {
     pub sets_new: u64,
     /// Sets that were shown again,
     pub sets_repeated: u64,
-    /// by their cause, in the order of [`Repeat::ALL`].
+    /// by their cause, in the order of [`RepeatReason::ALL`].
     pub repeats: [u64; 6],
     /// Whether sets roll: every video frame is one that may be new.
     pub rolls: bool,
@@ -121,7 +121,7 @@ pub struct LiveStatistics {
     /// From the sample to the light.
     pub latency: Latency,
     /// The account of what was to be seen, where that changes.
-    pub showing: Option<Showing>,
+    pub showing: Option<ContentReport>,
 }
 
 impl Statistics {
@@ -129,8 +129,8 @@ impl Statistics {
     pub fn to_json(&self) -> Value {
         let mut all = self.report.to_json();
         if let Some(live) = &self.live {
-            let name = |repeat: &Repeat| repeat.name().replace(' ', "_");
-            let repeats: Value = Repeat::ALL.iter().zip(live.repeats).map(|(r, n)| (name(r), json!(n))).collect();
+            let name = |repeat: &RepeatReason| repeat.name().replace(' ', "_");
+            let repeats: Value = RepeatReason::ALL.iter().zip(live.repeats).map(|(r, n)| (name(r), json!(n))).collect();
             let [first, again] = live.sub_frames;
             all = json!({
                 "playback": all, "tracker": live.tracker, "samples": live.samples.to_json(), "sets_new": live.sets_new,

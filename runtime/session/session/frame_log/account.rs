@@ -85,7 +85,7 @@ impl Account {
 /// Why a set of what is refined is shown again: what was the matter when the next was decided on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
-pub enum Repeat {
+pub enum RepeatReason {
     /// Nothing has changed, and nothing is refined.
     #[default]
     Unchanged,
@@ -101,7 +101,7 @@ pub enum Repeat {
     RefinementEnded,
 }
 
-impl Repeat {
+impl RepeatReason {
     /// All of them, in the order of accounts.
     pub const ALL: [Self; 6] = [
         Self::Unchanged,

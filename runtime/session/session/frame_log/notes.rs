@@ -8,11 +8,11 @@ const NOTES: usize = 64;
 
 /// Where notes go, one for all threads of a session.
 #[derive(Debug, Clone)]
-pub(crate) struct Notes(Mailbox<Heard>);
+pub(crate) struct Notes(Mailbox<NoteEvent>);
 
 /// What a reader of the notes hears.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) enum Heard {
+pub(crate) enum NoteEvent {
     /// A note.
     Note(String),
     /// That there will be no more.
@@ -26,11 +26,11 @@ impl Default for Notes {
 }
 
 impl Notes {
-    pub(crate) fn tell(&self, note: impl Into<String>) {
-        let _ = self.0.put(Heard::Note(note.into()));
+    pub(crate) fn send(&self, note: impl Into<String>) {
+        let _ = self.0.put(NoteEvent::Note(note.into()));
     }
 
-    pub(crate) fn hear_within(&self, patience: Duration) -> Option<Heard> {
+    pub(crate) fn recv_timeout(&self, patience: Duration) -> Option<NoteEvent> {
         self.0.take_within(patience)
     }
 
@@ -38,8 +38,8 @@ impl Notes {
     #[cfg(test)]
     pub(crate) fn take(&self) -> Option<String> {
         match self.0.take()? {
-            Heard::Note(note) => Some(note),
-            Heard::End => None,
+            NoteEvent::Note(note) => Some(note),
+            NoteEvent::End => None,
         }
     }
 
@@ -59,7 +59,7 @@ pub(crate) struct EndNote(Notes);
 
 impl Drop for EndNote {
     fn drop(&mut self) {
-        self.0.0.push(Heard::End);
+        self.0.0.push(NoteEvent::End);
     }
 }
 
@@ -72,7 +72,7 @@ pub(crate) struct PanicNote {
 impl Drop for PanicNote {
     fn drop(&mut self) {
         if std::thread::panicking() {
-            self.notes.tell(self.note);
+            self.notes.send(self.note);
         }
     }
 }

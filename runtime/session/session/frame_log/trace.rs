@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 /// Spans that wait to be written: a second of thousands.
 const WAITING: usize = 1 << 14;
 /// How often the file is tended where nothing comes.
-const PATIENCE: Duration = Duration::from_millis(200);
+const POLL_INTERVAL: Duration = Duration::from_millis(200);
 
 #[derive(Debug, Clone)]
 enum Entry {
@@ -116,7 +116,7 @@ impl Written {
         if let Some(out) = &self.trace.out {
             // Until it arrives: the thread waits for it.
             let mut end = Entry::End;
-            while let Err(back) = out.put_within(end, PATIENCE) {
+            while let Err(back) = out.put_within(end, POLL_INTERVAL) {
                 if self.thread.is_finished() {
                     break;
                 }
@@ -132,7 +132,7 @@ impl Written {
 fn write(mut out: GrowingFile, from: &Mailbox<Entry>, lost: &AtomicU64) -> Result<(), FileError> {
     let mut written = out.add(|out| out.write_all(b"[\n"));
     loop {
-        let added = match from.take_within(PATIENCE) {
+        let added = match from.take_within(POLL_INTERVAL) {
             Some(Entry::End) => break,
             Some(entry) => out.add(|out| writeln!(out, "{},", event(entry))),
             None => out.tend(),

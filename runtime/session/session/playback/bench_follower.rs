@@ -4,7 +4,7 @@
 //! A picture is only taken of the newest version of the hologram, once that is on the screen, and is thrown away if the screen changed
 //! during the exposure. [`NewestHologram`] has both from the present thread, so nothing here depends on how long sets are under way.
 
-use crate::calibrate::{CalibrateError, Calibration, Follower, Following, Look, Report};
+use crate::calibrate::{CalibrateError, Calibration, FollowOptions, Follower, Look, Report};
 use crate::files::asked_to_end;
 use crate::hologram::{Hologram, NewestHologram};
 use crate::optics::{Color, Display};
@@ -17,7 +17,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 /// How often a wait looks at the screen, and whether the show is over.
-const PATIENCE: Duration = Duration::from_millis(20);
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
 /// An event while a bench is followed.
 #[derive(Debug)]
@@ -59,7 +59,7 @@ impl<'a> BenchFollower<'a> {
     pub fn open(
         (display, color): (&Display, Color),
         (output, settle): (&Output, Duration),
-        camera: &Following<'a>,
+        camera: &FollowOptions<'a>,
         every: Duration,
         say: &'a mut dyn FnMut(&str),
     ) -> Result<Self, SessionError> {
@@ -130,7 +130,7 @@ impl<'a> BenchFollower<'a> {
 fn waited(time: Duration, is_over: &dyn Fn() -> bool) -> bool {
     let begun = Instant::now();
     while begun.elapsed() < time && !is_over() {
-        thread::sleep(PATIENCE.min(time));
+        thread::sleep(POLL_INTERVAL.min(time));
     }
     !is_over()
 }
@@ -145,7 +145,7 @@ fn picture<E>(
 ) -> Result<Option<Result<Look, CalibrateError>>, E> {
     while !is_over() {
         let Some((shown, mut hologram)) = newest.shown() else {
-            thread::sleep(PATIENCE);
+            thread::sleep(POLL_INTERVAL);
             continue;
         };
         let stood = || newest.on_screen() == Some(shown);

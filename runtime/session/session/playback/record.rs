@@ -83,17 +83,22 @@ impl Recorder {
 /// Pictures that wait for the disk.
 const WAITING: usize = 16;
 /// How often the thread looks whether it is to end.
-const PATIENCE: Duration = Duration::from_millis(20);
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
 /// A video frame on its way to the disk: without its picture, and that.
-type Kept = (PresentedFrame<'static>, Vec<u8>);
+type RecordedFrame = (PresentedFrame<'static>, Vec<u8>);
 
 /// A recording of what a session shows.
 pub(crate) enum Recording {
     /// Every video frame, as it is shown: with a simulated clock.
     Inline(Box<Recorder>),
     /// As many as the disk takes.
-    Behind { send: Mailbox<Kept>, free: Mailbox<Vec<u8>>, thread: JoinHandle<Result<(), SessionError>>, left_out: u64 },
+    Behind {
+        send: Mailbox<RecordedFrame>,
+        free: Mailbox<Vec<u8>>,
+        thread: JoinHandle<Result<(), SessionError>>,
+        left_out: u64,
+    },
 }
 
 impl Recording {
@@ -103,12 +108,12 @@ impl Recording {
         if simulated {
             return Ok(Self::Inline(Box::new(recorder)));
         }
-        let (send, free) = (Mailbox::<Kept>::new(WAITING), Mailbox::new(WAITING));
+        let (send, free) = (Mailbox::<RecordedFrame>::new(WAITING), Mailbox::new(WAITING));
         (0..WAITING).for_each(|_| drop(free.put(vec![0; size.iter().product()])));
         let (receive, back) = (send.clone(), free.clone());
         let run = move || {
             loop {
-                match receive.take_within(PATIENCE) {
+                match receive.take_within(POLL_INTERVAL) {
                     Some((frame, picture)) => {
                         recorder.add(&PresentedFrame { picture: &picture, ..frame })?;
                         let _ = back.put(picture);

@@ -22,7 +22,7 @@ use crate::session::playback::player::{Begins, SetSource};
 use crate::session::playback::scheduler::{Content, Readiness};
 use encoding::Encoding;
 use reader::Reader;
-use shared::{Encoded, PATIENCE, PHASES, Shared, of_epoch, tagged};
+use shared::{Encoded, PHASES, POLL_INTERVAL, Shared, of_epoch, tagged};
 use std::any::Any;
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -225,7 +225,7 @@ impl SetSource for Stream {
             if known || newer || self.end().is_some_and(|end| position >= end) {
                 return Ok(());
             }
-            if let Some(item) = self.arriving.take_within(PATIENCE) {
+            if let Some(item) = self.arriving.take_within(POLL_INTERVAL) {
                 self.take(item);
             }
         }

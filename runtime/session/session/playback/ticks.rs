@@ -58,9 +58,9 @@ impl Drop for LastTick {
 }
 
 /// The thread's end: when it is dropped no more will come.
-pub(crate) struct Given(Ticks);
+pub(crate) struct TickProducer(Ticks);
 
-impl Given {
+impl TickProducer {
     pub(crate) fn new(ticks: &Ticks) -> Self {
         Self(ticks.clone())
     }
@@ -76,7 +76,7 @@ impl Given {
     }
 }
 
-impl Drop for Given {
+impl Drop for TickProducer {
     fn drop(&mut self) {
         self.0.frames.push(None);
     }

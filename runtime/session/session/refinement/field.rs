@@ -1,6 +1,6 @@
 //! All phases of a far field, of which the piece around the eye is refined.
 
-use crate::tiled::Extent;
+use crate::tiled::TileRect;
 use std::ops::Range;
 
 /// All phases of a far field, of which one piece is refined.
@@ -11,12 +11,12 @@ pub struct Field {
     /// Rows and columns.
     pub size: [usize; 2],
     /// Where the piece lies.
-    pub piece: Extent,
+    pub piece: TileRect,
 }
 
 impl Field {
     /// A piece as it is here: (frames, rows, columns).
-    pub(crate) fn cut(&self, color: usize, piece: Extent) -> Vec<f32> {
+    pub(crate) fn cut(&self, color: usize, piece: TileRect) -> Vec<f32> {
         let mut out = Vec::with_capacity(piece.size[0] * piece.size[1]);
         self.rows_of(color, piece).for_each(|row| out.extend_from_slice(&self.phases[color][row]));
         out
@@ -32,7 +32,7 @@ impl Field {
     }
 
     /// Where the rows of a piece lie, sub-frame by sub-frame.
-    fn rows_of(&self, color: usize, Extent { at, size }: Extent) -> impl Iterator<Item = Range<usize>> + use<> {
+    fn rows_of(&self, color: usize, TileRect { at, size }: TileRect) -> impl Iterator<Item = Range<usize>> + use<> {
         let [height, width] = self.size;
         let frames = self.phases[color].len() / (height * width).max(1);
         (0..frames).flat_map(move |frame| {

@@ -2,9 +2,9 @@
 
 pub(crate) mod field;
 pub(crate) mod likeness;
+pub(crate) mod live_refiner;
 pub(crate) mod moments;
 pub(crate) mod pupil_source;
 pub(crate) mod pupil_tracker;
 pub(crate) mod set_timing;
-pub(crate) mod steerer;
 pub(crate) mod work_time;

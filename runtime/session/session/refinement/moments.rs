@@ -2,17 +2,17 @@
 
 use crate::encode::{Lighting, LitTimes};
 use crate::scene::displacement;
+use crate::session::refinement::live_refiner::LiveColor;
 use crate::session::refinement::pupil_tracker::PupilEstimate;
-use crate::session::refinement::steerer::SteeredColor;
 use crate::solve::{Motion, Problem};
 
 /// Content that moves by less in a set stands still, pixels.
-const STILL: f64 = 0.5;
+const STILL_BELOW_PX: f64 = 0.5;
 /// Two displacements in a row are one motion where they differ by no more than this share of it, and so many pixels a frame.
-const STEADY: f64 = 0.5;
-const STEADY_PIXELS: f64 = 1.0;
+const SAME_MOTION_RATIO: f64 = 0.5;
+const SAME_MOTION_PX: f64 = 1.0;
 /// Frames farther apart say nothing of each other, seconds.
-const APART: f64 = 0.15;
+const MAX_FRAME_GAP_S: f64 = 0.15;
 /// Frames nearer in time than this show one moment: two answers to requests for one light differ by a nanosecond, and one
 /// pixel in that would be 16,666,666 pixels per set. Content has 480 frames per second at most.
 const ONE_MOMENT: f64 = 2e-3;
@@ -26,7 +26,7 @@ const SURE: f64 = 3.0;
 const RESTS: f64 = 2e-5;
 
 /// The view that motion is told by.
-struct Seen {
+struct ReferenceView {
     picture: Vec<f32>,
     size: [usize; 2],
     /// A pixel of it, radians.
@@ -40,7 +40,7 @@ struct Seen {
 pub struct MotionCompensation {
     /// When the sub-frames of each colour are lit, and how long a set is, nanoseconds; none where that does not count.
     lit: Option<(Lighting, i64)>,
-    seen: Option<Seen>,
+    seen: Option<ReferenceView>,
     /// Where the content was, radians, when the last displacement ended: at this time, nanoseconds.
     since: Option<([f64; 2], i64)>,
     /// The last displacement, and the time between its frames, seconds; then, if the one before agrees, the velocity, radians a
@@ -67,7 +67,7 @@ impl MotionCompensation {
     }
 
     /// Of these colours on a display that lights sub-frames so, where it `counts`.
-    pub(crate) fn when(counts: bool, lighting: Lighting, set_ns: i64, colors: &[SteeredColor]) -> Self {
+    pub(crate) fn when(counts: bool, lighting: Lighting, set_ns: i64, colors: &[LiveColor]) -> Self {
         let first = colors.first().filter(|_| counts);
         first.map_or_else(Self::default, |first| Self::of(lighting, set_ns, first.problem.pixel()))
     }
@@ -77,14 +77,14 @@ impl MotionCompensation {
         self.lit.as_ref().map_or(&[], |(lighting, _)| lighting.times(turn))
     }
 
-    /// What the display lights when, and by how many pixels of the first colour [`carry`](Self::carry) has found that what is lit
+    /// What the display lights when, and by how many pixels of the first colour [`find_shifts`](Self::find_shifts) has found that what is lit
     /// with each turn has to be moved.
     pub fn shifts(&self) -> Option<(&[[i64; 2]], &Lighting)> {
         self.lit.as_ref().map(|(lighting, _)| (self.shifts.as_slice(), lighting))
     }
 
     /// Another content frame, which shows the moment `shows_ns`.
-    pub fn follow(&mut self, colors: &[SteeredColor], shows_ns: i64) {
+    pub fn follow(&mut self, colors: &[LiveColor], shows_ns: i64) {
         let Some(first) = colors.first().filter(|_| self.lit.is_some()) else { return };
         let new = view_of(&first.problem, shows_ns);
         let before = self.displaced.take();
@@ -96,13 +96,13 @@ impl MotionCompensation {
         let (from, since_ns) = self.since.unwrap_or((self.position, last.shows_ns));
         let elapsed = new.shows_ns.saturating_sub(since_ns) as f64 * 1e-9;
         let near = (0..2).all(|i| (new.center[i] - last.center[i]).abs() <= SAME_PLACE);
-        if !near && elapsed > 0.0 && elapsed <= APART {
+        if !near && elapsed > 0.0 && elapsed <= MAX_FRAME_GAP_S {
             // The eye has moved, and the views with it: the content is taken to go on as it did.
             self.position = [0, 1].map(|i| from[i] + self.velocity[i] * elapsed);
             (self.displaced, self.since) = (before, Some((self.position, new.shows_ns)));
             return;
         }
-        let moved = Some(()).filter(|()| elapsed > -ONE_MOMENT && elapsed <= APART && new.size == last.size);
+        let moved = Some(()).filter(|()| elapsed > -ONE_MOMENT && elapsed <= MAX_FRAME_GAP_S && new.size == last.size);
         let moved = moved.and_then(|()| displacement(&last.picture, &new.picture, new.size));
         let moved = moved.map(|pixels| pixels.map(|d| d * new.pixel));
         let Some(moved) = moved else {
@@ -122,7 +122,7 @@ impl MotionCompensation {
         let steady = before.is_some_and(|before| {
             let (was, is) = (speed(before), speed((moved, elapsed)));
             let off = (is[0] - was[0]).hypot(is[1] - was[1]);
-            off <= STEADY * is[0].hypot(is[1]) + STEADY_PIXELS * self.pixel / elapsed
+            off <= SAME_MOTION_RATIO * is[0].hypot(is[1]) + SAME_MOTION_PX * self.pixel / elapsed
         });
         if steady {
             self.velocity = speed((moved, elapsed));
@@ -151,14 +151,15 @@ impl MotionCompensation {
         let (_, interval) = self.displaced?;
         let since = light_ns.saturating_sub(seen.shows_ns) as f64 * 1e-9;
         let a_set = *set_ns as f64 * 1e-9 * self.velocity[0].hypot(self.velocity[1]);
-        let moves = a_set >= STILL * self.pixel && since.abs() <= STOPPED * interval + 2.0 * *set_ns as f64 * 1e-9;
+        let moves =
+            a_set >= STILL_BELOW_PX * self.pixel && since.abs() <= STOPPED * interval + 2.0 * *set_ns as f64 * 1e-9;
         moves.then_some((self.velocity, since))
     }
 
     /// Finds by how many whole pixels of the first colour the phases have to be moved to show the content where it is when they
     /// are lit: those whose turn it is at `light_ns`, the others one after the other until it is their turn again. Whether it has to
     /// be looked whether that is better; none where nothing need be moved.
-    pub fn carry(&mut self, light_ns: i64, turn: usize) -> Option<bool> {
+    pub fn find_shifts(&mut self, light_ns: i64, turn: usize) -> Option<bool> {
         let (lighting, set_ns) = self.lit.as_ref()?;
         let turns = lighting.turns();
         let ([vx, vy], since) = self.content(light_ns).unwrap_or_default();
@@ -214,14 +215,14 @@ fn turns(content: [f64; 2], turning: Option<([f64; 2], f64)>) -> (Option<[f64; 2
 }
 
 /// The middle view, at a size that is soon compared.
-fn view_of(problem: &Problem, shows_ns: i64) -> Option<Seen> {
+fn view_of(problem: &Problem, shows_ns: i64) -> Option<ReferenceView> {
     let pyramid = &problem.pyramid;
     let level = pyramid.levels.get(pyramid.compared()?)?;
     let (pixels, pixel) = (level.height * level.width, problem.pixel());
     let pixel = pixel * pyramid.levels.first()?.width as f64 / level.width as f64;
     let middle = (problem.views.rows / 2 * problem.views.columns + problem.views.columns / 2) * pixels;
     let picture = level.views.get(middle..middle + pixels)?.iter().map(|v| f32::from(*v) * pyramid.scale).collect();
-    Some(Seen { picture, size: [level.height, level.width], pixel, center: problem.center, shows_ns })
+    Some(ReferenceView { picture, size: [level.height, level.width], pixel, center: problem.center, shows_ns })
 }
 
 #[cfg(test)]
@@ -236,7 +237,7 @@ mod tests {
     const SIDE: usize = 64;
 
     /// A picture of blobs that stands `shift` pixels to the right, round its edges.
-    fn frame(display: &Display, shift: usize, seed: u64) -> Vec<SteeredColor> {
+    fn frame(display: &Display, shift: usize, seed: u64) -> Vec<LiveColor> {
         let mut random = fastrand::Rng::with_seed(seed);
         let blobs: Vec<[f64; 2]> = (0..40).map(|_| [0, 1].map(|_| SIDE as f64 * random.f64())).collect();
         let light = |row: usize, column: usize| {
@@ -247,7 +248,7 @@ mod tests {
         let view: Vec<f32> = (0..SIDE * SIDE).map(|i| light(i / SIDE, i % SIDE)).collect();
         let field = one_view(display, view);
         let problem = Problem::new(&field, Color::Green, display, Padding::default()).unwrap();
-        vec![SteeredColor { problem, phases: Vec::new(), exposure: 0.35, laser: None }]
+        vec![LiveColor { problem, phases: Vec::new(), exposure: 0.35, laser: None }]
     }
 
     fn display() -> Display {
@@ -281,7 +282,7 @@ mod tests {
                     let at = -((light_ns - k * frame_ns) as f64) / SET_NS as f64;
                     assert!((motion.at - at).abs() < 1e-6 && motion.eye.is_none(), "{motion:?}");
                 }
-                if let Some(look) = moments.carry(light_ns, 0) {
+                if let Some(look) = moments.find_shifts(light_ns, 0) {
                     assert_eq!(look, k < 2 || (k == 2 && light_ns == k * frame_ns), "frame {k}");
                     moments.carried(true);
                     shown += moments.shifts[0][0];
@@ -292,11 +293,11 @@ mod tests {
         assert_eq!(shown, 4 * 4 + 2);
         // Half a second later it has stopped where the last frame has it.
         assert!(moments.motion(4 * frame_ns + 500_000_000, &eye(None)).is_still());
-        assert_eq!(moments.carry(4 * frame_ns + 500_000_000, 0), Some(false));
+        assert_eq!(moments.find_shifts(4 * frame_ns + 500_000_000, 0), Some(false));
         assert_eq!(moments.shifts, [[-2, 0]]);
         // Another picture is another content.
         moments.follow(&frame(&display, 0, 2), 5 * frame_ns);
-        assert!(moments.motion(5 * frame_ns, &eye(None)).is_still() && moments.carry(5 * frame_ns, 0).is_none());
+        assert!(moments.motion(5 * frame_ns, &eye(None)).is_still() && moments.find_shifts(5 * frame_ns, 0).is_none());
     }
 
     /// Two answers to requests for one light, whose moments differ by nanoseconds: a pixel between them is no velocity, and the
@@ -320,7 +321,7 @@ mod tests {
                         assert!((x - want).abs() < 0.1 && y.abs() < 0.1, "{gap_ns} ns, {apart} px, {k} {again}: {x}");
                         moments.follow(&frame(&display, shift + apart, 1), k * frame_ns + gap_ns);
                     }
-                    moments.carry(k * frame_ns, 0);
+                    moments.find_shifts(k * frame_ns, 0);
                     moments.carried(true);
                     let stands = (moments.carried[0][0] / moments.pixel).round() as i64;
                     assert_eq!(stands, moving * k + apart as i64, "phases go where the picture went");
@@ -344,7 +345,7 @@ mod tests {
                 moments.follow(&frame(&display, 4 * (n / 8) as usize, 1), light_ns);
             }
             let turn = (n % 8) as usize;
-            if moments.carry(light_ns, turn).is_some() {
+            if moments.find_shifts(light_ns, turn).is_some() {
                 let moved = moments.shifts.iter().filter(|shift| **shift != [0; 2]).count();
                 assert!(n < 24 || moved <= 2, "{n}: {:?}", moments.shifts);
                 stands.iter_mut().zip(&moments.shifts).for_each(|(stands, shift)| *stands += shift[0]);

@@ -68,7 +68,7 @@ struct State {
 /// Places that are remembered: a second at 1 kHz.
 const REMEMBERED: usize = 1024;
 /// How long it waits for a sample before it looks whether it should stop.
-const PATIENCE: Duration = Duration::from_millis(50);
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// Follows the pupil; dropped, it stops.
 pub struct PupilTracker {
@@ -105,19 +105,19 @@ impl PupilTracker {
                 let _note = notes.on_panic("following the eye has ended by a fault of its own; the picture stays");
                 while !stopped.load(Ordering::Acquire) {
                     while let Some(note) = stream.note() {
-                        notes.tell(note);
+                        notes.send(note);
                     }
                     // Asked before: what came before the end is still taken.
                     let status = stream.status();
-                    if let Some(sample) = stream.next(PATIENCE) {
+                    if let Some(sample) = stream.next(POLL_INTERVAL) {
                         if count == 0 {
                             // A device is known once it has sent something.
                             let note = stream.tracker().and_then(|name| locked(&theirs).estimator.note_on(&name));
-                            note.into_iter().for_each(|note| notes.tell(note));
+                            note.into_iter().for_each(|note| notes.send(note));
                         }
                         let begun = Instant::now();
                         if let Some(note) = locked(&theirs).take(&sample, status.source) {
-                            notes.tell(note);
+                            notes.send(note);
                         }
                         track.span("filter", count, begun);
                         count += 1;
@@ -126,10 +126,10 @@ impl PupilTracker {
                     if status.ended && !ended {
                         ended = true;
                         let why = status.failure.unwrap_or_else(|| "it has come to its end".into());
-                        notes.tell(format!("the tracker is over: {why}; the picture stays"));
+                        notes.send(format!("the tracker is over: {why}; the picture stays"));
                     }
                     if ended {
-                        std::thread::sleep(PATIENCE);
+                        std::thread::sleep(POLL_INTERVAL);
                     }
                 }
                 track

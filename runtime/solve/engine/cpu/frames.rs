@@ -7,7 +7,7 @@ use eyebox_kernels::{
     check_finite::check_finite,
     crosstalk,
     fft::{Columns, Direction, Plans, Store},
-    return_pupil::return_pupil,
+    pupil_adjoint::pupil_adjoint,
 };
 use rayon::prelude::*;
 
@@ -44,13 +44,13 @@ pub(super) struct Frame<'a> {
 
 impl Frame<'_> {
     /// Pupil by pupil, each adding to what is stored.
-    pub(super) fn return_pupils(&mut self) {
+    pub(super) fn pupil_adjoints(&mut self) {
         for (pass, slot) in self.passes.iter().zip(self.slots) {
             let (count, frames) = (pass.count(), self.shape.frames);
             for (i, mode) in pass.each_mode().enumerate() {
                 let window = &slot.window[(i * frames + self.index) * count..][..count];
                 let transfer = &slot.transfer[i * count..][..count];
-                return_pupil(&mode.back, window, transfer, &mode.spans, self.change);
+                pupil_adjoint(&mode.back, window, transfer, &mode.spans, self.change);
                 mode.back.pieces(&mode.spans, |at, _, length| (self.store)(&mut self.change[at..at + length]));
             }
         }

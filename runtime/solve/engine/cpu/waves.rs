@@ -5,7 +5,7 @@ use super::frames::{Frame, Whole};
 use eyebox_kernels::{
     crosstalk,
     drive::drive,
-    drive_back::drive_back,
+    drive_adjoint::drive_adjoint,
     fft::Direction,
     lag::lag,
     modulate_mask::modulate_mask,
@@ -117,9 +117,9 @@ impl Frame<'_> {
         }
     }
 
-    pub(super) fn drive_back(&mut self) {
+    pub(super) fn drive_adjoint(&mut self) {
         let shown = if self.shape.quantised { &*self.shown } else { &*self.phases };
-        drive_back(&self.step.drive, self.tables.pixels, shown, self.wave, self.change);
+        drive_adjoint(&self.step.drive, self.tables.pixels, shown, self.wave, self.change);
         (self.store)(self.change);
     }
 

@@ -2,8 +2,8 @@
 
 use super::super::taking::State;
 use super::super::{
-    Begun, Buffer, Dispatch, Engine, EngineError, Kernel, LookUp, Memory, Purpose, Resource, Shape, Step, Storage,
-    Taken, Timing, misfit, not_kept, not_under_way, nothing_kept, promise,
+    Buffer, Dispatch, Engine, EngineError, Kernel, LookUp, Memory, PendingStep, Purpose, Resource, Shape, Step,
+    StepResult, Storage, Timing, check_shape, misfit, not_kept, not_under_way, nothing_kept,
 };
 use super::check::check;
 use super::fft::Transform;
@@ -13,8 +13,8 @@ use super::look_up::{Tables, look_up};
 use super::record::{Hazards, Stack, Stacks, Work};
 use super::views::Views;
 use crate::gpu::{Block, Commands, DeviceKind, Gpu, IN_FLIGHT, PhasesOnDevice, add};
-use crate::plan::Extent;
-use crate::plan::fusion::Way;
+use crate::plan::BufferSize;
+use crate::plan::fusion::Fusion;
 use crate::scene::Pyramid;
 use std::collections::HashMap;
 use std::fmt::Write;
@@ -206,7 +206,7 @@ impl VulkanEngine {
         flight.tables.record(work.gpu);
         work.prepare_verdict(flight.end, verdict.is_some_and(|v| v.is_bad));
         let mut group: (Range<usize>, Vec<Slot>) = (0..0, Vec::new());
-        let entries = list.iter().zip(ways).enumerate().filter(|(_, (_, way))| *way != Way::Elsewhere);
+        let entries = list.iter().zip(ways).enumerate().filter(|(_, (_, way))| *way != Fusion::Elsewhere);
         for (i, (dispatch, way)) in entries {
             if !dispatch.pupil_passes.is_empty() && dispatch.pupil_passes != group.0 {
                 group =
@@ -271,7 +271,7 @@ impl VulkanEngine {
     }
 
     /// What came of a flight, when it is over, for a step of `count` pupil passes.
-    fn land(&mut self, at: usize, count: usize) -> Result<Taken, EngineError> {
+    fn finish_steps(&mut self, at: usize, count: usize) -> Result<StepResult, EngineError> {
         let Flight { submission, during, .. } = &self.flights[at];
         if let Some(submission) = *submission {
             self.gpu.recorder.wait_for(submission, during)?;
@@ -292,7 +292,7 @@ impl VulkanEngine {
         {
             verdict.is_bad = true;
         }
-        Ok(Taken { losses, seconds })
+        Ok(StepResult { losses, seconds })
     }
 }
 
@@ -326,7 +326,7 @@ impl Engine for VulkanEngine {
 
     fn load(&mut self, shape: &Shape, views: Option<Arc<Pyramid>>) -> Result<(), EngineError> {
         if self.memory() != Memory::Device {
-            promise(shape, shape.storage.bytes() as u64)?;
+            check_shape(shape, shape.storage.bytes() as u64)?;
         }
         // What was there goes first: both may not fit.
         self.gpu.recorder.idle()?;
@@ -339,7 +339,7 @@ impl Engine for VulkanEngine {
             self.views = Some(Views::of(&mut self.gpu, &views)?);
         }
         for (at, resource) in Resource::OF_SHAPE.into_iter().enumerate() {
-            let Extent { frames, values, complex } = shape.extent(resource);
+            let BufferSize { frames, values, complex } = shape.extent(resource);
             let value = match resource {
                 _ if complex => Value::Complex(resource.stored(shape.storage)),
                 Resource::Phases if shape.binary_angles => Value::Angle,
@@ -451,25 +451,25 @@ impl Engine for VulkanEngine {
 
     fn run_part(&mut self, step: &Step, part: Range<usize>) -> Result<Vec<f64>, EngineError> {
         self.launch(step, &[part], false)?;
-        Ok(self.land(self.at, step.pupil_passes.len())?.losses)
+        Ok(self.finish_steps(self.at, step.pupil_passes.len())?.losses)
     }
 
-    fn begin_step(&mut self, step: &Step, parts: &[Range<usize>]) -> Result<Begun, EngineError> {
+    fn begin_step(&mut self, step: &Step, parts: &[Range<usize>]) -> Result<PendingStep, EngineError> {
         self.launch(step, parts, true)?;
         let flight = &mut self.flights[self.at];
         self.begun += 1;
         (flight.number, flight.pupil_passes) = (self.begun, step.pupil_passes.len());
-        Ok(Begun(State::UnderWay(self.begun)))
+        Ok(PendingStep(State::UnderWay(self.begun)))
     }
 
-    fn end_step(&mut self, begun: Begun) -> Result<Taken, EngineError> {
+    fn end_step(&mut self, begun: PendingStep) -> Result<StepResult, EngineError> {
         let number = match begun.0 {
             State::Over(taken) => return Ok(taken),
             State::UnderWay(number) => number,
         };
         let at = self.flights.iter().position(|f| f.number == number).ok_or_else(not_under_way)?;
         self.flights[at].number = 0;
-        self.land(at, self.flights[at].pupil_passes)
+        self.finish_steps(at, self.flights[at].pupil_passes)
     }
 
     fn prepare(&mut self, steps: &mut dyn Iterator<Item = Step>, at_once: Option<usize>) -> Result<(), EngineError> {

@@ -2,7 +2,7 @@
 
 use super::super::{Buffer, EngineError, PupilPass, Resource, Shape, Step, Storage};
 use crate::gpu::{Block, Commands, Piece, Range};
-use crate::plan::Extent;
+use crate::plan::BufferSize;
 use eyebox_kernels::{binary_angle, half};
 use std::ops::Range as PupilPasses;
 
@@ -189,7 +189,7 @@ pub(super) fn slots(pupil_passes: &[PupilPass], shape: &Shape) -> Vec<Slot> {
     let mut slots = vec![[Layout { offset: 0, frames: 0, values: 0, value: Value::Real }; KINDS]; pupil_passes.len()];
     for at in order(pupil_passes) {
         for ((layout, end), resource) in slots[at].iter_mut().zip(&mut ends).zip(Resource::OF_SLOT) {
-            let Extent { frames, values, complex } = pupil_passes[at].extent(resource, shape);
+            let BufferSize { frames, values, complex } = pupil_passes[at].extent(resource, shape);
             let value = if complex { Value::Complex(resource.stored(shape.storage)) } else { Value::Real };
             *layout = Layout { offset: *end, frames, values, value };
             *end += layout.bytes();

@@ -16,7 +16,7 @@ use super::layout::Slot;
 use crate::engine::{Dispatch, EngineError, Kernel, Resource};
 use crate::gpu::Groups;
 use crate::plan::Access;
-use crate::plan::fusion::Way;
+use crate::plan::fusion::Fusion;
 use call::Call;
 pub(super) use call::Work;
 pub(super) use hazards::Hazards;
@@ -48,11 +48,11 @@ impl<'a> Work<'a> {
     }
 
     /// Records one entry of the list, and what is fused with it, behind the barriers that it needs.
-    pub(super) fn record(&mut self, dispatch: &Dispatch, way: Way, slots: &[Slot]) -> Result<(), EngineError> {
+    pub(super) fn record(&mut self, dispatch: &Dispatch, way: Fusion, slots: &[Slot]) -> Result<(), EngineError> {
         let (step, shape, kernel) = (self.step, self.shape, dispatch.kernel);
         let (shader, module) = shader(kernel);
         let mut call = Call { work: self, step, shape, kernel, module, dispatch, slots, at: 0, mode: 0 };
-        if way != Way::Alone {
+        if way != Fusion::Alone {
             return call.fused(way);
         }
         let mut binds = kernel.binds().to_vec();

@@ -2,7 +2,7 @@
 //! the SLM's edges.
 
 use super::super::HologramError;
-use super::super::chunks::promise;
+use super::super::chunks::check_memory;
 use super::Tiles;
 use crate::optics::Obstruction;
 use crate::plan::ModelTables;
@@ -20,7 +20,7 @@ impl Tiles {
         if let [&[(0, row, rows)], &[(0, column, columns)]] = [&runs[0][..], &runs[1][..]] {
             return self.read(color, [row, column], [rows, columns]);
         }
-        promise(self.folder.path(), &[self.about.frames, size[0], size[1]])?;
+        check_memory(self.folder.path(), &[self.about.frames, size[0], size[1]])?;
         let mut out = vec![0.0f32; self.about.frames * size[0] * size[1]];
         for &(y, row, rows) in &runs[0] {
             for &(x, column, columns) in &runs[1] {

@@ -4,7 +4,7 @@ use crate::optics::reference_of;
 use crate::solve::error::SolveError;
 use crate::solve::problem::Problem;
 
-/// What is refused, where its value does not say which.
+/// Names of refused settings whose values do not identify them.
 pub(super) const PADDING: &str = "the padding of the colours";
 pub(super) const SOURCE: &str = "the display's source";
 pub(super) const DISPERSION: &str = "the dispersion of the colours";

@@ -62,7 +62,7 @@ impl Drives {
     }
 
     /// Has each sub-frame, by its place, and what moves it, go from what they are to what `carried` makes of it.
-    pub(super) fn carry(&mut self, carried: impl Fn(&[f32], &mut [f32], usize)) {
+    pub(super) fn shift_frames(&mut self, carried: impl Fn(&[f32], &mut [f32], usize)) {
         let pixels = self.size[0] * self.size[1];
         let [first, second] = &mut self.moments;
         let mut after = vec![0.0; pixels];

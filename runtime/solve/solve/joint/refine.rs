@@ -8,8 +8,8 @@ use crate::solve::best::Refinable;
 use crate::solve::error::SolveError;
 use crate::solve::motion::Motion;
 use crate::solve::problem::Problem;
+use crate::solve::refine_settings::RefineSettings;
 use crate::solve::steer::Refiner;
-use crate::solve::steering::Steering;
 
 /// One colour of a hologram that shows all of them at once.
 #[derive(Debug, Clone)]
@@ -38,7 +38,7 @@ impl JointRefiner {
     pub fn new(
         parts: Vec<JointPart>,
         drives: &[f32],
-        steering: Steering,
+        steering: RefineSettings,
         mut engine: impl FnMut() -> Result<Box<dyn Engine>, EngineError>,
     ) -> Result<Self, SolveError> {
         let steering = for_joint_colors(steering)?;
@@ -134,13 +134,13 @@ impl Refinable for JointRefiner {
 ///
 /// # Errors
 /// [`SolveError::Setting`] where it asks for halves.
-pub fn for_joint_colors(steering: Steering) -> Result<Steering, SolveError> {
+pub fn for_joint_colors(steering: RefineSettings) -> Result<RefineSettings, SolveError> {
     match steering.storage {
         Some(Storage::F16) => Err(SolveError::Setting {
             what: "how fields are stored",
             value: Storage::F16.name().into(),
             right: "fp32 for all colours at once, whose changes are added up",
         }),
-        _ => Ok(Steering { storage: Some(Storage::F32), ..steering }),
+        _ => Ok(RefineSettings { storage: Some(Storage::F32), ..steering }),
     }
 }

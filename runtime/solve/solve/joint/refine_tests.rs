@@ -9,7 +9,7 @@ use crate::evaluate::Sums;
 use crate::optics::{Color, Display, Laser, Padding, Pupil, PupilDistribution, phase_of, powers_in_sequence};
 use crate::plan::Storage;
 use crate::scene::{self, Request};
-use crate::solve::{Flow, Problem, Refiner, Settings, Steering, Strategy, random_phases};
+use crate::solve::{Flow, Problem, RefineSettings, Refiner, Settings, Strategy, random_phases};
 
 const ALL: [Color; 3] = [Color::Red, Color::Green, Color::Blue];
 const SIZE: [usize; 2] = [48, 64];
@@ -73,8 +73,8 @@ fn the_eye_sees_better_and_the_eyebox_hardly_worse() {
     let drives = &solved.colors[reference].phases;
     let there = pupils(&[[3.0, -2.0], [3.3, -1.8], [2.7, -2.4]]);
     let elsewhere = pupils(&[[-6.0, 5.0], [-4.0, -6.0], [6.0, 6.0]]);
-    for (strategy, least) in [(Steering::default().strategy, 1.0), (Strategy::Adam { rate: 0.05 }, 0.5)] {
-        let steering = Steering { strategy, ..Steering::default() };
+    for (strategy, least) in [(RefineSettings::default().strategy, 1.0), (Strategy::Adam { rate: 0.05 }, 0.5)] {
+        let steering = RefineSettings { strategy, ..RefineSettings::default() };
         let mut refiner = JointRefiner::new(parts.clone(), drives, steering, cpu).unwrap();
         // It begins with what was solved.
         for (phases, color) in refiner.phases().iter().zip(&solved.colors) {
@@ -107,7 +107,7 @@ fn what_is_asked_of_the_drives_is_a_derivative() {
     let drives: Vec<f64> =
         random_phases(3 * SIZE[0] * SIZE[1], 5).iter().map(|p| 3.15 + 0.98 * f64::from(*p)).collect();
     let phases = |drives: &[f64]| drives.iter().map(|d| phase_of(*d, 1.0)).collect::<Vec<_>>();
-    let steering = Steering { strategy: Strategy::Adam { rate: 0.05 }, pupils: 3, ..Steering::default() };
+    let steering = RefineSettings { strategy: Strategy::Adam { rate: 0.05 }, pupils: 3, ..RefineSettings::default() };
     let mut refiner = JointRefiner::new(parts(&powers), &phases(&drives), steering, cpu).unwrap();
     refiner.aim(AIM).unwrap();
     let before = refiner.loss().unwrap();
@@ -145,8 +145,8 @@ fn what_is_asked_of_the_drives_is_a_derivative() {
 fn of_one_colour_it_is_the_ordinary_refinement() {
     let problem = problems(&ALL[..1]).remove(0);
     let phases = random_phases(4 * SIZE[0] * SIZE[1], 3);
-    for strategy in [Steering::default().strategy, Strategy::Adam { rate: 0.05 }] {
-        let steering = Steering { strategy, repeats: 2, ..Steering::default() };
+    for strategy in [RefineSettings::default().strategy, Strategy::Adam { rate: 0.05 }] {
+        let steering = RefineSettings { strategy, repeats: 2, ..RefineSettings::default() };
         let laser = Laser { slope: 1.0, powers: vec![1.0; 4] };
         let part = JointPart { problem: problem.clone(), exposure: 0.35, laser };
         let mut joint = JointRefiner::new(vec![part], &phases, steering, cpu).unwrap();
@@ -170,11 +170,12 @@ fn of_one_colour_it_is_the_ordinary_refinement() {
 fn powers_are_the_light_of_sub_frames() {
     let pixels = SIZE[0] * SIZE[1];
     let drives = random_phases(3 * pixels, 6);
-    let mut joint = JointRefiner::new(parts(&powers_in_sequence(3, 3)), &drives, Steering::default(), cpu).unwrap();
+    let mut joint =
+        JointRefiner::new(parts(&powers_in_sequence(3, 3)), &drives, RefineSettings::default(), cpu).unwrap();
     let pupils = pupils(&[[1.0, 2.0], [-4.0, 3.0]]);
     for (color, part) in parts(&powers_in_sequence(3, 3)).into_iter().enumerate() {
         let phases = &joint.phases()[color][color * pixels..][..pixels];
-        let alone = Refiner::new(part.problem, phases, part.exposure, Steering::default(), cpu().unwrap());
+        let alone = Refiner::new(part.problem, phases, part.exposure, RefineSettings::default(), cpu().unwrap());
         let [alone, joint] = [alone.unwrap().look(&pupils).unwrap(), joint.look(color, &pupils).unwrap()];
         for (alone, joint) in alone.iter().zip(&joint) {
             let [alone, joint] = [alone, joint].map(|sums| sums.psnr(part.exposure));
@@ -195,7 +196,8 @@ fn what_cannot_be_is_refused_in_a_line() {
         change(&mut parts);
         parts
     };
-    let (plain, halves) = (Steering::default(), Steering { storage: Some(Storage::F16), ..Steering::default() });
+    let (plain, halves) =
+        (RefineSettings::default(), RefineSettings { storage: Some(Storage::F16), ..RefineSettings::default() });
     let padded = |parts: &mut Vec<JointPart>| {
         parts[1].problem.padding = Padding { rows: 16, columns: 0 };
     };

@@ -175,14 +175,18 @@ impl SharedDrives {
     ///
     /// # Errors
     /// Those of the engines.
-    pub fn carry<R: AsMut<Refiner>>(&mut self, shifts: &[[f64; 2]], colors: &mut [R]) -> Result<bool, EngineError> {
+    pub fn shift_drives<R: AsMut<Refiner>>(
+        &mut self,
+        shifts: &[[f64; 2]],
+        colors: &mut [R],
+    ) -> Result<bool, EngineError> {
         let Some(color) = colors.first_mut() else { return Ok(false) };
         let optics = color.as_mut().problem().optics;
         if optics.geometry == Geometry::FarField {
             return Ok(false);
         }
         let shift = |frame: usize| shifts.get(frame).copied().unwrap_or_default();
-        self.drives.carry(|from, to, frame| move_frame(from, to, [&optics; 2], shift(frame)));
+        self.drives.shift_frames(|from, to, frame| move_frame(from, to, [&optics; 2], shift(frame)));
         if shifts.iter().all(|shift| *shift != [0.0; 2]) {
             // As one colour's own: where all of them move, what moves them was another picture's.
             self.drives.clear_moments();

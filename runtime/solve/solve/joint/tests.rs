@@ -355,7 +355,7 @@ fn undiffracted_light_goes() {
     }
 }
 
-/// What an error refuses, and its value; the sentence is a line.
+/// Returns the refused setting and its value. The sentence must be one line.
 pub(super) fn setting(error: SolveError) -> (&'static str, String) {
     assert!(!error.to_string().contains('\n'), "{error}");
     match error {

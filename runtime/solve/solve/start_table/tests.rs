@@ -7,7 +7,7 @@ use crate::engine::cpu::CpuEngine;
 use crate::optics::{Color, Display, DisplayModel, Optics, Padding, Pupil, Spread};
 use crate::plan::ModelTables;
 use crate::scene::{self, Pyramid, Request, ViewGrid};
-use crate::solve::{FirstPhases, Method, Problem, Refiner, Settings, SolveError, Steering, random_phases};
+use crate::solve::{FirstPhases, Method, Problem, RefineSettings, Refiner, Settings, SolveError, random_phases};
 use eyebox_kernels::pupil_light::pupil_light;
 use eyebox_kernels::table_start::{LEVELS, level};
 use std::sync::{Arc, LazyLock};
@@ -28,7 +28,7 @@ static TABLE: LazyLock<(Problem, StartTable)> = LazyLock::new(|| {
 });
 
 fn refiner(problem: &Problem, phases: &[f32], exposure: f64) -> Refiner {
-    Refiner::new(problem.clone(), phases, exposure, Steering::default(), Box::new(CpuEngine::new())).unwrap()
+    Refiner::new(problem.clone(), phases, exposure, RefineSettings::default(), Box::new(CpuEngine::new())).unwrap()
 }
 
 fn pupils() -> Vec<Pupil> {

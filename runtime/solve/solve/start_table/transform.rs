@@ -88,7 +88,7 @@ mod tests {
     use crate::optics::{Color, Display, DisplayModel, Padding};
     use crate::plan::ModelTables;
     use crate::scene::{self, Request};
-    use crate::solve::{Refiner, Steering, random_phases};
+    use crate::solve::{RefineSettings, Refiner, random_phases};
 
     const FRAMES: usize = 4;
 
@@ -106,7 +106,7 @@ mod tests {
     }
 
     fn refiner(problem: &Problem, phases: &[f32]) -> Refiner {
-        Refiner::new(problem.clone(), phases, exposure(problem), Steering::default(), Box::new(CpuEngine::new()))
+        Refiner::new(problem.clone(), phases, exposure(problem), RefineSettings::default(), Box::new(CpuEngine::new()))
             .unwrap()
     }
 

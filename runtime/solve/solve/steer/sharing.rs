@@ -5,7 +5,7 @@ use crate::engine::{Buffer, Engine, EngineError};
 use crate::solve::asking::{Turns, ask};
 use crate::solve::error::SolveError;
 use crate::solve::problem::Problem;
-use crate::solve::steering::Steering;
+use crate::solve::refine_settings::RefineSettings;
 
 impl Refiner {
     /// [`new`](Self::new) in the light of a laser of these powers, sub-frame by sub-frame, each over their mean.
@@ -17,7 +17,7 @@ impl Refiner {
         phases: &[f32],
         exposure: f64,
         powers: &[f64],
-        steering: Steering,
+        steering: RefineSettings,
         engine: Box<dyn Engine>,
     ) -> Result<Self, SolveError> {
         let frames = phases.len() / (problem.optics.height * problem.optics.width).max(1);

@@ -39,19 +39,19 @@ pub fn done(folder: &Path, args: &[&str]) -> String {
     text(&answer.stdout)
 }
 
-/// Why a command failed.
+/// Error of a command that failed.
 #[derive(Debug, serde::Deserialize)]
 pub struct Refusal {
-    /// Which error it is.
+    /// Code of the error.
     pub code: String,
-    /// Its sentence.
+    /// Sentence of the error.
     pub message: String,
-    /// What it names.
+    /// Fields of the error.
     pub fields: serde_json::Value,
 }
 
 impl Refusal {
-    /// The last line that a command printed on standard error, which was asked for JSON.
+    /// Reads the last line of standard error as JSON.
     pub fn of(answer: &Output) -> Self {
         let said = text(&answer.stderr);
         let line = said.trim().lines().last().unwrap_or_default();
@@ -62,7 +62,7 @@ impl Refusal {
         read
     }
 
-    /// Asserts that it is `what`: a code, and behind it words that its sentence must hold, such as options, names and numbers.
+    /// Asserts the code, which is the first word of `what`. The sentence must hold the other words, such as options and numbers.
     #[track_caller]
     pub fn is(&self, what: &str) {
         let mut words = what.split(' ');
@@ -71,15 +71,21 @@ impl Refusal {
     }
 }
 
-/// Why the command failed, with exit code 2.
+/// Runs a command that must fail with exit code 2 and returns its error.
 #[track_caller]
 pub fn refusal(folder: &Path, args: &[&str]) -> Refusal {
-    let answer = command(folder, args).env("EYEBOX_JSON_ERRORS", "1").output().expect("the command starts");
-    assert_eq!(answer.status.code(), Some(2), "{args:?}: {}", text(&answer.stderr));
+    refusal_of(&mut command(folder, args))
+}
+
+/// Runs a command that must fail with exit code 2 and returns its error.
+#[track_caller]
+pub fn refusal_of(command: &mut Command) -> Refusal {
+    let answer = command.env("EYEBOX_JSON_ERRORS", "1").output().expect("the command starts");
+    assert_eq!(answer.status.code(), Some(2), "{command:?}: {}", text(&answer.stderr));
     Refusal::of(&answer)
 }
 
-/// Exit code 2, one line that says [`what`](Refusal::is), nothing at `out` and nothing half-written beside it.
+/// Runs a command that must fail with exit code 2 and [this error](Refusal::is), and must leave no file.
 #[track_caller]
 pub fn refused(folder: &Path, args: &[&str], out: &str, what: &str) {
     let answer = command(folder, args).env("EYEBOX_JSON_ERRORS", "1").output().expect("the command starts");

@@ -9,21 +9,21 @@ use std::time::Instant;
 
 impl Refining {
     /// Moves the phases with the content, to where it is when they are lit, from `light_ns` on: how many losses were looked at.
-    pub(super) fn carry(
+    pub(super) fn shift_phases(
         &mut self,
         light_ns: i64,
         pupil: &PupilDistribution,
         moves: &Moves,
     ) -> Result<u32, SessionError> {
         let moments = &mut self.options.moments;
-        let Some(look) = moments.carry(light_ns, moves.turn) else { return Ok(0) };
+        let Some(look) = moments.find_shifts(light_ns, moves.turn) else { return Ok(0) };
         let Some((pixels, lighting)) = moments.shifts() else { return Ok(0) };
         if let Some(journal) = &self.options.journal {
             // What losses are looked at through.
             journal.steps(pupil, moves, 0);
             journal.keep(Decision::Carry { pixels: Shifts::of(pixels), look });
         }
-        let (moved, looks) = self.steerer.carry(pixels, lighting, look)?;
+        let (moved, looks) = self.steerer.shift_phases(pixels, lighting, look)?;
         moments.carried(moved);
         self.shared.carried.fetch_add(u64::from(moved), Ordering::Relaxed);
         Ok(looks)
@@ -31,7 +31,7 @@ impl Refining {
 
     /// Begins anew where the content is another picture altogether.
     pub(super) fn fit(&mut self, pupil: &PupilDistribution, moves: &Moves) -> Result<(), SessionError> {
-        if !self.steerer.wants_fit() {
+        if !self.steerer.needs_reinit() {
             return Ok(());
         }
         let begun = Instant::now();

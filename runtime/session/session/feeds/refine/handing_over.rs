@@ -6,7 +6,7 @@ use crate::optics::PupilDistribution;
 use crate::present::Clock;
 use crate::session::feeds::journal::Decision;
 use crate::session::feeds::sets::{FinishedSet, SetBuffer};
-use crate::session::frame_log::account::Repeat;
+use crate::session::frame_log::account::RepeatReason;
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::latency::Timestamps;
 use crate::session::refinement::work_time::WorkTime;
@@ -47,7 +47,7 @@ impl Refining {
         time: &mut WorkTime,
     ) -> Result<(), SessionError> {
         let begun = Instant::now();
-        self.sender.does(Repeat::EncodingTooLong);
+        self.sender.does(RepeatReason::EncodingTooLong);
         let Some(mut buffer) = self.sender.buffer() else { return Ok(()) };
         self.encode(&mut buffer)?;
         buffer.lit_by(self.steerer.sources());

@@ -8,11 +8,11 @@ use crate::session::feeds::journal::Journal;
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::notes::Notes;
 use crate::session::frame_log::trace::Track;
+use crate::session::refinement::live_refiner::LiveRefiner;
 use crate::session::refinement::moments::MotionCompensation;
 use crate::session::refinement::pupil_source::PupilSource;
 use crate::session::refinement::pupil_tracker::PupilEstimate;
 use crate::session::refinement::set_timing::SetTiming;
-use crate::session::refinement::steerer::Steerer;
 use crate::session::refinement::work_time::Cost;
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
@@ -20,7 +20,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// Makes the engines with all that is on them, and says which device they share, if it is one.
-pub(crate) type Begin = Box<dyn FnMut() -> Result<(Steerer, Option<Gpu>), SessionError> + Send>;
+pub(crate) type Begin = Box<dyn FnMut() -> Result<(LiveRefiner, Option<Gpu>), SessionError> + Send>;
 
 /// What a refinement is started with.
 pub(crate) struct RefinementOptions {

@@ -1,6 +1,6 @@
 //! The thread that encodes: phases become video frames, on a device as long as there is one.
 
-use super::shared::{Encoded, PATIENCE, Phases, Shared, of_epoch};
+use super::shared::{Encoded, POLL_INTERVAL, Phases, Shared, of_epoch};
 use crate::encode::{Encoder, PhaseSet, VideoFrames};
 use crate::engine::EngineError;
 use crate::engine::vulkan::VulkanEncoder;
@@ -38,7 +38,7 @@ impl Encoding {
                 Some(Ok(())) => return Ok(()),
                 Some(Err(EngineError::DeviceLost { device: name, during })) => {
                     device = None;
-                    notes.tell(format!("{name} was lost while it ran {during}: the CPU encodes from here on"));
+                    notes.send(format!("{name} was lost while it ran {during}: the CPU encodes from here on"));
                 }
                 Some(Err(error)) => return Err(error.into()),
                 None => {}
@@ -66,7 +66,7 @@ impl Encoding {
         let each = self.shape[1] * self.shape[2] * self.shape[3];
         let mut drives = vec![0.0; if self.hidden.is_some() { each } else { 0 }];
         while !self.shared.stopped() {
-            let Some(mut item) = self.encode.take_within(PATIENCE) else { continue };
+            let Some(mut item) = self.encode.take_within(POLL_INTERVAL) else { continue };
             let epoch = self.shared.epoch.load(Ordering::Acquire);
             let useful = of_epoch(self.shared.useful.load(Ordering::Acquire), epoch).unwrap_or(0);
             // What comes too late is left out if something newer waits.
@@ -96,7 +96,7 @@ impl Encoding {
                 continue;
             }
             let mut done = Encoded { epoch, position, index, version, frames };
-            while let Err(back) = self.out.put_within(done, PATIENCE) {
+            while let Err(back) = self.out.put_within(done, POLL_INTERVAL) {
                 if self.shared.stopped() {
                     break;
                 }
@@ -108,7 +108,7 @@ impl Encoding {
 
     fn wait_for_frames(&self) -> Option<VideoFrames> {
         loop {
-            match self.free_frames.take_within(PATIENCE) {
+            match self.free_frames.take_within(POLL_INTERVAL) {
                 Some(frames) => return Some(frames),
                 None if self.shared.stopped() => return None,
                 None => {}

@@ -1,6 +1,6 @@
 //! The thread that reads: phase buffers are filled from the file, checked.
 
-use super::shared::{PATIENCE, Phases, Shared, StreamOptions, of_epoch, tagged};
+use super::shared::{POLL_INTERVAL, Phases, Shared, StreamOptions, of_epoch, tagged};
 use crate::hologram::Sequence;
 use crate::mailbox::Mailbox;
 use crate::session::frame_log::trace::Track;
@@ -51,11 +51,11 @@ impl Reader {
                         said_end = said_end || self.say_where_it_ends();
                         self.shared.end.store(tagged(epoch, end), Ordering::Release);
                     }
-                    std::thread::sleep(PATIENCE / 4);
+                    std::thread::sleep(POLL_INTERVAL / 4);
                     continue;
                 }
             }
-            let Some(mut values) = held.take().or_else(|| self.free.take_within(PATIENCE)) else { continue };
+            let Some(mut values) = held.take().or_else(|| self.free.take_within(POLL_INTERVAL)) else { continue };
             if self.shared.epoch.load(Ordering::Acquire) != epoch {
                 held = Some(values);
                 continue;
@@ -68,11 +68,11 @@ impl Reader {
             let damaged = read.is_err();
             let version = *read.as_ref().unwrap_or(&0);
             if let Some(error) = read.err().filter(|_| told.insert(index)) {
-                self.options.notes.tell(format!("hologram {index} is left out: {error}"));
+                self.options.notes.send(format!("hologram {index} is left out: {error}"));
             }
             self.shared.read.store(tagged(epoch, position + 1), Ordering::Release);
             let mut item = Phases { epoch, position, index, damaged, version, values };
-            while let Err(back) = self.out.put_within(item, PATIENCE) {
+            while let Err(back) = self.out.put_within(item, POLL_INTERVAL) {
                 if self.shared.stopped() {
                     break;
                 }
@@ -87,7 +87,7 @@ impl Reader {
         if !self.sequence.is_complete() {
             let (path, count) = (self.sequence.path().display(), self.sequence.count());
             let of = self.sequence.planned().map(|n| format!(" of {n}")).unwrap_or_default();
-            self.options.notes.tell(format!("{path}: it is unfinished and ends after {count}{of} holograms"));
+            self.options.notes.send(format!("{path}: it is unfinished and ends after {count}{of} holograms"));
         }
         true
     }

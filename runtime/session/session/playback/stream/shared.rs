@@ -30,7 +30,7 @@ pub(crate) struct StreamOptions {
 }
 
 /// How often a thread that waits looks whether it is to stop.
-pub(super) const PATIENCE: Duration = Duration::from_millis(20);
+pub(super) const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Holograms under way between file and encoder.
 pub(super) const PHASES: usize = 3;
 

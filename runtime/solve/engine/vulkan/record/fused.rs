@@ -4,7 +4,7 @@ use super::super::fft::{Along, Frames, Planned, plan_limits};
 use super::call::{Call, Work, frames_of};
 use crate::engine::{Dispatch, EngineError, Kernel, PupilPass, Resource};
 use crate::gpu::Range;
-use crate::plan::fusion::{Behind, Fusable, Way, ways};
+use crate::plan::fusion::{Epilogue, Fusable, Fusion, ways};
 use crate::plan::{Access, Move};
 use eyebox_kernels::fft::Direction;
 use eyebox_kernels::fft_plan::{Axis, Shared, Together};
@@ -21,7 +21,7 @@ pub(super) struct Lines<'l> {
 
 impl Work<'_> {
     /// How the entries of a part of the step's list are recorded, once their transforms are prepared.
-    pub(in super::super) fn ways(&self, list: &[&Dispatch]) -> Vec<Way> {
+    pub(in super::super) fn ways(&self, list: &[&Dispatch]) -> Vec<Fusion> {
         ways(self.step, list, self.fusable(list))
     }
 
@@ -79,27 +79,27 @@ impl Work<'_> {
 
 impl<'a> Call<'_, 'a> {
     /// Records the entry, and those that are fused with it.
-    pub(super) fn fused(&mut self, way: Way) -> Result<(), EngineError> {
+    pub(super) fn fused(&mut self, way: Fusion) -> Result<(), EngineError> {
         use Access::{Read, Update, Write};
         match way {
-            Way::Alone | Way::Elsewhere => Ok(()),
-            Way::FieldFromPhases => {
+            Fusion::Alone | Fusion::Elsewhere => Ok(()),
+            Fusion::FieldFromPhases => {
                 self.work.before(&[(Read, Resource::Shown), (Write, Resource::Field)]);
                 self.modulate_rows()?;
                 self.work.before(&[(Update, Resource::Field)]);
                 self.grid_lines(Resource::Field, Direction::Forward, Along::Columns)
             }
-            Way::DriveTiles => self.drive_tiles(),
-            Way::ProjectTiles => self.project_tiles(),
-            Way::FieldFromWave => {
+            Fusion::DriveTiles => self.drive_tiles(),
+            Fusion::ProjectTiles => self.project_tiles(),
+            Fusion::FieldFromWave => {
                 self.work.before(&[(Read, Resource::Wave), (Read, Resource::Pixels), (Write, Resource::Field)]);
                 self.modulate_wave_rows()?;
                 self.work.before(&[(Update, Resource::Field)]);
                 self.grid_lines(Resource::Field, Direction::Forward, Along::Columns)
             }
-            Way::See => self.windows(false),
-            Way::ThroughWindows => self.windows(true),
-            Way::Gather { adds, last } => {
+            Fusion::See => self.windows(false),
+            Fusion::ThroughWindows => self.windows(true),
+            Fusion::Gather { adds, last } => {
                 let mut binds = vec![
                     (Read, Resource::Window),
                     (Read, Resource::Transfer),
@@ -110,12 +110,12 @@ impl<'a> Call<'_, 'a> {
                 self.work.before(&binds);
                 self.gather_columns(adds, last)
             }
-            Way::ChangeRows => {
+            Fusion::ChangeRows => {
                 self.work.before(&[(Update, Resource::Change)]);
                 self.grid_lines(Resource::Change, Direction::Inverse, Along::Rows)
             }
-            Way::ChangeRowsAnd(behind) => self.change_rows_and(behind),
-            Way::ChangeAnd(behind) => {
+            Fusion::ChangeRowsAnd(behind) => self.change_rows_and(behind),
+            Fusion::ChangeAnd(behind) => {
                 self.work.before(&[(Update, Resource::Change)]);
                 self.grid_lines(Resource::Change, Direction::Inverse, Along::Columns)?;
                 self.change_rows_and(behind)
@@ -123,15 +123,15 @@ impl<'a> Call<'_, 'a> {
         }
     }
 
-    fn change_rows_and(&mut self, behind: Behind) -> Result<(), EngineError> {
+    fn change_rows_and(&mut self, behind: Epilogue) -> Result<(), EngineError> {
         let mut binds = self.kernel.binds().to_vec();
-        binds.extend((behind != Behind::Turn).then_some((Access::Read, Resource::Losses)));
+        binds.extend((behind != Epilogue::Turn).then_some((Access::Read, Resource::Losses)));
         self.work.before(&binds);
         let (step, place) = (self.step, self.shape.place);
         match behind {
-            Behind::Project => self.rows_behind(&eyebox_spirv::PROJECT_ROWS, &step.project),
-            Behind::Adam => self.rows_behind(&eyebox_spirv::ADAM_ROWS, &step.adam),
-            Behind::Turn => self.rows_behind(&eyebox_spirv::TURN_ROWS, &place),
+            Epilogue::Project => self.rows_behind(&eyebox_spirv::PROJECT_ROWS, &step.project),
+            Epilogue::Adam => self.rows_behind(&eyebox_spirv::ADAM_ROWS, &step.adam),
+            Epilogue::Turn => self.rows_behind(&eyebox_spirv::TURN_ROWS, &place),
         }
     }
 

@@ -110,7 +110,7 @@ impl Call<'_, '_> {
         self.tiles(&eyebox_spirv::DRIVE_TILES, &[], &binds)
     }
 
-    /// Crosstalk and lag back, `drive_back` and `project`.
+    /// Crosstalk and lag back, `drive_adjoint` and `project`.
     pub(super) fn project_tiles(&mut self) -> Result<(), EngineError> {
         let project = self.step.project;
         let read = [Resource::Pixels, Resource::Shown, Resource::Wave, Resource::Losses].map(|r| (Read, r));
@@ -160,7 +160,7 @@ impl Call<'_, '_> {
         Ok(())
     }
 
-    pub(super) fn drive_back(&mut self) -> Result<(), EngineError> {
+    pub(super) fn drive_adjoint(&mut self) -> Result<(), EngineError> {
         let (step, place) = (self.step, self.shape.place);
         self.planes([place.height, place.width], 1, &step.drive, &[self.shape.subpixels() as u32])
     }

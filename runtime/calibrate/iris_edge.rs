@@ -3,7 +3,7 @@
 
 use super::device::Device;
 use super::parameters::{Parameter, Parameters};
-use super::seen::{Look, POINTS, Seen};
+use super::seen::{Look, POINTS, Prediction};
 use super::views::Pictures;
 use eyebox_kernels::Complex64;
 use eyebox_optics::{Optics, Pupil};
@@ -105,7 +105,7 @@ impl Pictures {
             let view = &self.views[v];
             fields[view.set].iter().map(|frame| &frame[view.looks[0].1][..]).collect()
         };
-        let see = |at: &Parameters| -> Vec<Seen> {
+        let see = |at: &Parameters| -> Vec<Prediction> {
             which.par_iter().map(|v| self.views[*v].looks[0].0.see(at, &entering(*v), &[], &[])).collect()
         };
         let mut rim = Rim { at: at.clone(), errors: [f64::INFINITY; 3] };

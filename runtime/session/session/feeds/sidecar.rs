@@ -17,7 +17,7 @@ pub struct Now {
 
 /// What its user asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Asked {
+pub enum UserRequest {
     /// Nothing.
     Nothing,
     /// To end the session.
@@ -27,7 +27,7 @@ pub enum Asked {
 }
 
 /// The window. Nothing of it may wait: it has a fraction of a video frame.
-pub trait Companion {
+pub trait SidecarWindow {
     /// Another set is on the display. It carries its phases.
     fn shown(&mut self, set: &FinishedSet);
 
@@ -35,11 +35,11 @@ pub trait Companion {
     ///
     /// # Errors
     /// In a sentence; it is closed then, and the display goes on.
-    fn serve(&mut self, now: &Now) -> Result<Asked, String>;
+    fn serve(&mut self, now: &Now) -> Result<UserRequest, String>;
 }
 
 /// Opens it, on the present thread. Fails in a sentence.
-pub type CompanionOpener = Box<dyn FnOnce(&mut Desktop) -> Result<Box<dyn Companion>, String> + Send>;
+pub type SidecarOpener = Box<dyn FnOnce(&mut Desktop) -> Result<Box<dyn SidecarWindow>, String> + Send>;
 
 /// The display's switchable sources that light a set from its beginning on.
 #[derive(Debug, Clone, Copy)]

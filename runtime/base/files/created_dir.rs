@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 /// A folder that was made, with those on the way to it. When this is dropped, those of them that are empty are removed;
 /// a folder that was there before stays.
 #[derive(Debug)]
-pub struct MadeFolder {
+pub struct CreatedDirGuard {
     made: Vec<PathBuf>,
 }
 
-impl MadeFolder {
+impl CreatedDirGuard {
     /// Makes a folder where there is none.
     ///
     /// # Errors
@@ -25,7 +25,7 @@ impl MadeFolder {
     }
 }
 
-impl Drop for MadeFolder {
+impl Drop for CreatedDirGuard {
     fn drop(&mut self) {
         // What is not empty is not removed.
         self.made.iter().for_each(|folder| drop(fs::remove_dir(folder)));
@@ -40,15 +40,15 @@ mod tests {
     fn empty_folders_that_were_made_go_and_all_others_stay() {
         let temp = tempfile::tempdir().unwrap();
         let at = temp.path();
-        drop(MadeFolder::new(&at.join("a/b")).unwrap());
+        drop(CreatedDirGuard::new(&at.join("a/b")).unwrap());
         assert!(!at.join("a").exists());
         fs::create_dir(at.join("mine")).unwrap();
-        drop(MadeFolder::new(&at.join("mine/b")).unwrap());
+        drop(CreatedDirGuard::new(&at.join("mine/b")).unwrap());
         assert!(at.join("mine").exists() && !at.join("mine/b").exists());
-        let made = MadeFolder::new(&at.join("a/b")).unwrap();
+        let made = CreatedDirGuard::new(&at.join("a/b")).unwrap();
         fs::write(at.join("a/b/c"), "").unwrap();
         drop(made);
         assert!(at.join("a/b/c").exists());
-        assert!(MadeFolder::new(&at.join("a/b/c/d")).is_err());
+        assert!(CreatedDirGuard::new(&at.join("a/b/c/d")).is_err());
     }
 }

@@ -1,12 +1,12 @@
 //! All colours at once (OPTICS 13): colours that share their sub-frames' drives, and are refined together.
 
-use super::{Followed, OneColor, PhasesOfColors, SteeredColor, Steerer};
+use super::{Followed, LiveColor, LiveRefiner, OneColor, PhasesOfColors};
 use crate::encode::Lighting;
 use crate::engine::EngineError;
 use crate::optics::{Laser, drives_of};
 use crate::session::frame_log::error::SessionError;
 use crate::session::refinement::likeness;
-use crate::solve::{Problem, Refiner, SharedDrives, Steering, for_joint_colors};
+use crate::solve::{Problem, RefineSettings, Refiner, SharedDrives, for_joint_colors};
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
 use std::time::Duration;
@@ -24,27 +24,27 @@ impl AsMut<Refiner> for OneColor {
 }
 
 /// Sub-frames that these colours have in a set: their own, or those that they share.
-pub(in crate::session) fn sub_frames_of(colors: &[SteeredColor]) -> usize {
-    let each = colors.iter().map(SteeredColor::frames);
+pub(in crate::session) fn sub_frames_of(colors: &[LiveColor]) -> usize {
+    let each = colors.iter().map(LiveColor::frames);
     if share(colors) { each.max().unwrap_or(0) } else { each.sum() }
 }
 
 /// Whether these colours share their sub-frames.
-pub(in crate::session) fn share(colors: &[SteeredColor]) -> bool {
+pub(in crate::session) fn share(colors: &[LiveColor]) -> bool {
     colors.iter().any(|color| color.laser.is_some())
 }
 
 /// When the sub-frames of these colours are lit by what an encoder says of those that it sends.
-pub fn lighting_of(lighting: Lighting, colors: &[SteeredColor]) -> Lighting {
+pub fn lighting_of(lighting: Lighting, colors: &[LiveColor]) -> Lighting {
     if share(colors) { lighting.shared_by(colors.len()) } else { lighting }
 }
 
-impl Steerer {
+impl LiveRefiner {
     /// The lasers of colours that share their sub-frames; none where none has one of its own.
     ///
     /// # Errors
     /// [`SessionError::Setting`] where some have one and some have not; [`SessionError::Solve`] for colours that cannot share drives.
-    pub(super) fn lasers_of(colors: &[SteeredColor]) -> Result<Option<Vec<Laser>>, SessionError> {
+    pub(super) fn lasers_of(colors: &[LiveColor]) -> Result<Option<Vec<Laser>>, SessionError> {
         let lit = || colors.iter().filter_map(|color| color.laser.as_ref());
         match lit().count() {
             0 => Ok(None),
@@ -61,13 +61,13 @@ impl Steerer {
     }
 
     /// The drives that these colours have their phases of, as phases of one turn.
-    pub(super) fn drives_of(lasers: &[Laser], colors: &[SteeredColor]) -> Vec<f32> {
+    pub(super) fn drives_of(lasers: &[Laser], colors: &[LiveColor]) -> Vec<f32> {
         let slopes: Vec<f64> = lasers.iter().map(|laser| laser.slope).collect();
         drives_of(&slopes, |color| &colors[color].phases)
     }
 
     /// A refinement of colours that share their sub-frames, or do not.
-    pub(super) fn steering_of(steering: Steering, shared: bool) -> Result<Steering, SessionError> {
+    pub(super) fn steering_of(steering: RefineSettings, shared: bool) -> Result<RefineSettings, SessionError> {
         Ok(if shared { for_joint_colors(steering)? } else { steering })
     }
 
@@ -109,7 +109,7 @@ impl Steerer {
         Ok(sum / self.colors.len().max(1) as f64)
     }
 
-    /// [`carry`](Self::carry) of the drives that all colours share, which have one pixel.
+    /// [`shift_phases`](Self::shift_phases) for the drives that all colours share, which have one pixel.
     pub(super) fn carry_together(
         &mut self,
         pixels: &[[i64; 2]],
@@ -123,22 +123,22 @@ impl Steerer {
         }
         let before = if look { Some(self.loss_together()?) } else { None };
         let Some(shared) = &mut self.shared else { return Ok((false, 0)) };
-        if !shared.carry(&shifts, &mut self.colors)? {
+        if !shared.shift_drives(&shifts, &mut self.colors)? {
             return Ok((false, 0));
         }
         let Some(before) = before else { return Ok((true, 0)) };
         let moved = self.loss_together()? < before;
         if let Some(shared) = self.shared.as_mut().filter(|_| !moved) {
             let back: Vec<[f64; 2]> = shifts.iter().map(|shift| shift.map(|by| -by)).collect();
-            shared.carry(&back, &mut self.colors)?;
+            shared.shift_drives(&back, &mut self.colors)?;
         }
         Ok((moved, 2 * self.colors.len() as u32))
     }
 
     /// [`fit`](Self::fit) of the drive that all colors share: their number, if the scene is another picture in one of them.
     pub(super) fn fit_together(&mut self) -> Result<u32, EngineError> {
-        let wanted = self.wants_fit();
-        self.colors.iter_mut().for_each(|color| color.unfit = false);
+        let wanted = self.needs_reinit();
+        self.colors.iter_mut().for_each(|color| color.needs_reinit = false);
         let table = self.colors.first().and_then(|color| color.table.clone());
         let Some((table, shared)) = table.zip(self.shared.as_mut()).filter(|_| wanted) else { return Ok(0) };
         let problems: Vec<&Problem> = self.colors.iter().map(|color| color.refiner.problem()).collect();
@@ -149,7 +149,7 @@ impl Steerer {
     }
 
     /// [`follow`](Self::follow) of colours that share their sub-frames: they go on with one drive, or begin with another together.
-    pub(super) fn follow_together(&mut self, scene: &[SteeredColor]) -> Result<Followed, SessionError> {
+    pub(super) fn follow_together(&mut self, scene: &[LiveColor]) -> Result<Followed, SessionError> {
         let Some(shared) = &self.shared else { return Ok(Followed::default()) };
         if scene.iter().zip(shared.lasers()).any(|(new, laser)| new.laser.as_ref() != Some(laser)) {
             let line = "a scene in the light of other lasers: their powers stay while all colours at once are refined";
@@ -160,7 +160,7 @@ impl Steerer {
             let other = color.table.is_some() && likeness::differ(color.refiner.problem(), &new.problem);
             color.refiner.follow(new.problem.clone(), new.exposure)?;
             color.loss = None;
-            color.unfit = !brings_phases && (color.unfit || other);
+            color.needs_reinit = !brings_phases && (color.needs_reinit || other);
         }
         if !brings_phases {
             return Ok(Followed::default());

@@ -2,9 +2,9 @@
 
 use super::error::SolveError;
 use super::problem::Problem;
+use super::refine_settings::RefineSettings;
 use super::settings::Settings;
 use super::steer::Refiner;
-use super::steering::Steering;
 use super::step::Steps;
 use crate::engine::vulkan::VulkanEngine;
 use crate::engine::{Engine, Memory, Storage};
@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 /// A step that was recorded, and what was made for it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct RehearsedStep {
+pub struct DryRunStep {
     /// What it records.
     pub recording: Recording,
     /// What was done for it beside.
@@ -25,16 +25,16 @@ pub struct RehearsedStep {
 
 /// Steps that were recorded, one after the other.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Rehearsal {
+pub struct DryRun {
     /// The steps; pipelines and memory are made for the first ones.
-    pub steps: Vec<RehearsedStep>,
+    pub steps: Vec<DryRunStep>,
     /// How they store waves.
     pub storage: Storage,
     /// What the host takes to make, check and record a step: the median of as many further ones.
     pub host: Duration,
 }
 
-impl Rehearsal {
+impl DryRun {
     /// Of the steps of a solve, on a device that [only records](crate::gpu::Options::record_only).
     ///
     /// # Errors
@@ -47,7 +47,7 @@ impl Rehearsal {
         engine.load(&planner.shape(settings.optimizer.purpose()), Some(Arc::clone(&problem.pyramid)))?;
         Steps::new(problem, &planner, settings, 1.0, memory).prepare(settings.steps.max(2 * count), &mut engine)?;
         let (mut steps, mut under_way) = (Steps::new(problem, &planner, settings, 1.0, memory), None);
-        rehearse(gpu, count, settings.storage, || {
+        record_steps(gpu, count, settings.storage, || {
             let step = steps.next(0.5);
             let begun = engine.begin_step(&step, std::slice::from_ref(&(0..step.list.len())))?;
             under_way.replace(begun).map_or(Ok(()), |before| engine.end_step(before).map(drop))
@@ -61,7 +61,7 @@ impl Rehearsal {
     pub fn of_refinement(
         problem: Problem,
         frames: usize,
-        steering: Steering,
+        steering: RefineSettings,
         aim: PupilDistribution,
         gpu: &Gpu,
         count: usize,
@@ -71,11 +71,11 @@ impl Rehearsal {
         let storage = steering.storage.unwrap_or_else(|| engine.preferred_storage());
         let mut refiner = Refiner::new(problem, &phases, 1.0, steering, Box::new(engine))?;
         refiner.aim(aim)?;
-        rehearse(gpu, count, storage, || refiner.advance().map(drop))
+        record_steps(gpu, count, storage, || refiner.advance().map(drop))
     }
 
     /// The later half of the steps, for which most is made already.
-    fn later(&self) -> &[RehearsedStep] {
+    fn later(&self) -> &[DryRunStep] {
         &self.steps[self.steps.len() / 2..]
     }
 
@@ -85,23 +85,23 @@ impl Rehearsal {
     }
 
     /// The mean of a number over the later half of the steps.
-    pub fn mean(&self, of: impl Fn(&RehearsedStep) -> u64) -> f64 {
+    pub fn mean(&self, of: impl Fn(&DryRunStep) -> u64) -> f64 {
         self.later().iter().map(|step| of(step) as f64).sum::<f64>() / self.later().len().max(1) as f64
     }
 }
 
-fn rehearse(
+fn record_steps(
     gpu: &Gpu,
     count: usize,
     storage: Storage,
     mut step: impl FnMut() -> Result<(), EngineError>,
-) -> Result<Rehearsal, SolveError> {
+) -> Result<DryRun, SolveError> {
     let mut steps = Vec::with_capacity(count);
     for _ in 0..count {
         let before = gpu.counts();
         let (done, recording) = gpu.recorded(&mut step);
         done?;
-        steps.push(RehearsedStep { recording, counts: gpu.counts().since(before) });
+        steps.push(DryRunStep { recording, counts: gpu.counts().since(before) });
     }
     // Writing down what is recorded takes time as well: the host is timed where nobody asks.
     let mut times = Vec::with_capacity(count);
@@ -111,5 +111,5 @@ fn rehearse(
         times.push(begun.elapsed());
     }
     times.sort();
-    Ok(Rehearsal { steps, storage, host: times.get(times.len() / 2).copied().unwrap_or_default() })
+    Ok(DryRun { steps, storage, host: times.get(times.len() / 2).copied().unwrap_or_default() })
 }

@@ -1,9 +1,9 @@
 //! What a model leaves, picture by picture and place by place.
 
+use super::classified::Sorted;
 use super::error::CalibrateError;
 use super::fit::Fit;
 use super::picture;
-use super::sorted::Sorted;
 use serde::Serialize;
 
 /// What is left of a picture.
@@ -26,7 +26,7 @@ pub struct PictureLeft {
 
 /// Where in the camera's picture it is left, all pictures together but those that were left out.
 #[derive(Debug, Clone, Serialize)]
-pub struct LeftMap {
+pub struct ResidualMap {
     /// Camera pixels along a side of a tile.
     pub tile_px: usize,
     /// Tiles of the map.
@@ -40,7 +40,7 @@ pub struct LeftMap {
 /// A picture that was not fitted, with what was predicted, on a part of the camera's pixels. Counts are 1 at full scale.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
-pub struct Shown {
+pub struct HoldoutPicture {
     /// Its file.
     pub file: String,
     /// Rows, columns.
@@ -63,7 +63,7 @@ const FEWEST: usize = 20;
 const SHOWN: usize = 160;
 
 /// What the model leaves of each picture, and where.
-pub(super) fn left(sorted: &Sorted, fit: &Fit, fitted: &[usize], subpixels: usize) -> (Vec<PictureLeft>, LeftMap) {
+pub(super) fn left(sorted: &Sorted, fit: &Fit, fitted: &[usize], subpixels: usize) -> (Vec<PictureLeft>, ResidualMap) {
     let pictures = &sorted.pictures;
     let held_out: Vec<usize> = sorted.pairs.iter().map(|p| p[0]).collect();
     let which: Vec<usize> = sorted.fitted.iter().chain(&sorted.strange).chain(&held_out).copied().collect();
@@ -94,10 +94,10 @@ pub(super) fn left(sorted: &Sorted, fit: &Fit, fitted: &[usize], subpixels: usiz
         all.push(PictureLeft { file, kind, iris_mm, role, left, squares });
     }
     let squares = tiles.into_iter().map(|(sum, n)| (n >= FEWEST).then(|| sum / n as f64)).collect();
-    (all, LeftMap { tile_px, rows, columns, squares })
+    (all, ResidualMap { tile_px, rows, columns, squares })
 }
 
-impl LeftMap {
+impl ResidualMap {
     /// Where most is left: x, y of a tile's middle in the camera's pixels, and how much.
     pub(super) fn most(&self) -> Option<([usize; 2], f64)> {
         let known = self.squares.iter().enumerate().filter_map(|(i, s)| s.map(|s| (i, s)));
@@ -107,7 +107,7 @@ impl LeftMap {
 }
 
 /// The pictures that were not fitted, beside what is predicted of them.
-pub(super) fn shown(sorted: &Sorted, fit: &Fit, subpixels: usize) -> Result<Vec<Shown>, CalibrateError> {
+pub(super) fn shown(sorted: &Sorted, fit: &Fit, subpixels: usize) -> Result<Vec<HoldoutPicture>, CalibrateError> {
     let [height, width] = sorted.camera;
     let step = height.max(width).div_ceil(SHOWN);
     let size = [height.div_ceil(step), width.div_ceil(step)];
@@ -133,7 +133,7 @@ pub(super) fn shown(sorted: &Sorted, fit: &Fit, subpixels: usize) -> Result<Vec<
         let apart = |(at, (a, b)): (&[f64; 2], (&f32, &f32))| if inside(at, 2.5) { (a - b).abs() } else { 0.0 };
         let difference = places.iter().zip(picture.iter().zip(&prediction)).map(apart).collect();
         let file = view.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        Ok(Shown { file, size, picture, prediction, difference })
+        Ok(HoldoutPicture { file, size, picture, prediction, difference })
     };
     sorted.pairs.iter().map(one).collect()
 }

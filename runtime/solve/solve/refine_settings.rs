@@ -74,7 +74,7 @@ impl Strategy {
 
 /// Everything that decides a refinement, besides the scene and the aim.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Steering {
+pub struct RefineSettings {
     /// How the phases follow.
     pub strategy: Strategy,
     /// Pupils around the eye a step.
@@ -93,7 +93,7 @@ pub struct Steering {
     pub seed: u64,
 }
 
-impl Steering {
+impl RefineSettings {
     /// Refuses what cannot be.
     pub fn check(&self) -> Result<(), SolveError> {
         let wrong = |what, value: String, right| Err(SolveError::Setting { what, value, right });
@@ -107,7 +107,7 @@ impl Steering {
     }
 }
 
-impl Default for Steering {
+impl Default for RefineSettings {
     fn default() -> Self {
         Self {
             strategy: Strategy::Projection {
@@ -127,7 +127,7 @@ impl Default for Steering {
     }
 }
 
-impl Steering {
+impl RefineSettings {
     /// The defaults with what a TOML text says by the names of the fields.
     ///
     /// # Errors
@@ -148,12 +148,12 @@ mod tests {
 
     #[test]
     fn what_is_said_lies_over_what_is_by_default() {
-        assert_eq!(Steering::from_toml("").unwrap(), Steering::default());
-        let said = Steering::from_toml("pupils = 3\nstorage = \"fp16\"").unwrap();
-        assert_eq!(said, Steering { pupils: 3, storage: Some(Storage::F16), ..Steering::default() });
-        let unknown = Steering::from_toml("pupil = 3").unwrap_err();
+        assert_eq!(RefineSettings::from_toml("").unwrap(), RefineSettings::default());
+        let said = RefineSettings::from_toml("pupils = 3\nstorage = \"fp16\"").unwrap();
+        assert_eq!(said, RefineSettings { pupils: 3, storage: Some(Storage::F16), ..RefineSettings::default() });
+        let unknown = RefineSettings::from_toml("pupil = 3").unwrap_err();
         assert!(matches!(&unknown, SolveError::Text(reason) if reason.code() == "no-such-setting"), "{unknown}");
-        let none = Steering::from_toml("pupils = 0").unwrap_err();
+        let none = RefineSettings::from_toml("pupils = 0").unwrap_err();
         assert!(matches!(&none, SolveError::Setting { value, .. } if value == "0"), "{none}");
     }
 }

@@ -1,8 +1,8 @@
 //! Files and folders that appear whole or not at all.
 
 use super::os::{canonical, exchange, is_same, sync_folder};
-use super::patient::Patient;
-use super::{FileError, drafts};
+use super::timeout_writer::TimeoutWriter;
+use super::{FileError, staging};
 use crate::error::Reason;
 use crate::reason;
 use std::{
@@ -13,7 +13,7 @@ use std::{
 };
 
 /// How long a writer waits for its turn.
-const PATIENCE: Duration = Duration::from_secs(5);
+const LOCK_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Writes `file` through `fill`: beside it first, then to the disk, then renamed into place.
 ///
@@ -29,11 +29,11 @@ pub fn write_file(file: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<(
             return Err(taken(file, reason!("is-a-folder", "is a folder: a file cannot replace it")));
         }
         if !there.is_file() {
-            let mut out = BufWriter::new(Patient::open(file).map_err(failed)?);
+            let mut out = BufWriter::new(TimeoutWriter::open(file).map_err(failed)?);
             return fill(&mut out).and_then(|()| out.flush()).map_err(failed);
         }
     }
-    let draft = drafts::file(parent(file)).map_err(failed)?;
+    let draft = staging::file(parent(file)).map_err(failed)?;
     let mut out = BufWriter::new(draft.file.as_file());
     fill(&mut out).and_then(|()| out.flush()).map_err(failed)?;
     drop(out);
@@ -52,7 +52,7 @@ pub fn check_place(file: &Path) -> Result<(), FileError> {
             Err(taken(file, reason!("is-a-folder", "is a folder: a file cannot replace it")))
         }
         Ok(there) if !there.is_file() => Ok(()),
-        _ => drafts::file(parent(file)).map(drop).map_err(|e| FileError::write(file, e)),
+        _ => staging::file(parent(file)).map(drop).map_err(|e| FileError::write(file, e)),
     }
 }
 
@@ -61,7 +61,7 @@ pub struct FolderDraft {
     /// Before the folder, so that it is dropped first: removing a folder takes a file descriptor, and this may be the last.
     _lock: Option<File>,
     draft: tempfile::TempDir,
-    open: drafts::Open,
+    open: staging::Open,
     place: PathBuf,
     ours: fn(&Path) -> bool,
 }
@@ -94,7 +94,7 @@ impl FolderDraft {
             }
             _ => {}
         }
-        let (draft, lock, open) = drafts::folder(parent(&place)).map_err(|e| FileError::write(&place, e))?;
+        let (draft, lock, open) = staging::folder(parent(&place)).map_err(|e| FileError::write(&place, e))?;
         Ok(Self { _lock: lock, draft, open, place, ours })
     }
 
@@ -120,7 +120,7 @@ impl FolderDraft {
     /// [`FileError::Write`]; [`FileError::Taken`] where something else stands there by now; then what stood there stands
     /// there still.
     pub fn put(self) -> Result<(), FileError> {
-        self.put_by(|from, to| fs::rename(from, to), PATIENCE)
+        self.put_by(|from, to| fs::rename(from, to), LOCK_TIMEOUT)
     }
 
     fn put_by(self, rename: impl Fn(&Path, &Path) -> io::Result<()>, patience: Duration) -> Result<(), FileError> {
@@ -180,7 +180,7 @@ fn turn(place: &Path) -> Option<File> {
     loop {
         match there.try_lock() {
             Ok(()) => return Some(there),
-            Err(TryLockError::WouldBlock) if begun.elapsed() < PATIENCE => std::thread::sleep(PATIENCE / 1000),
+            Err(TryLockError::WouldBlock) if begun.elapsed() < LOCK_TIMEOUT => std::thread::sleep(LOCK_TIMEOUT / 1000),
             Err(_) => return None,
         }
     }
@@ -218,7 +218,7 @@ fn replace(draft: tempfile::TempDir, place: &Path, ours: fn(&Path) -> bool) -> R
 /// Where two names cannot be exchanged at once: the old folder is moved aside first.
 fn move_aside(new: &Path, place: &Path) -> Result<(), FileError> {
     let failed = |e| FileError::write(place, e);
-    let aside = drafts::aside(parent(place)).map_err(failed)?;
+    let aside = staging::aside(parent(place)).map_err(failed)?;
     // Into that folder and not onto it: only Unix replaces an empty one.
     let old = aside.path().join("old");
     fs::rename(place, &old).map_err(failed)?;
@@ -341,12 +341,12 @@ mod tests {
         {
             fs::create_dir(&place).unwrap();
             let strict = |from: &Path, to: &Path| if to.exists() { Err(refusal.into()) } else { fs::rename(from, to) };
-            draft().put_by(strict, PATIENCE).unwrap();
+            draft().put_by(strict, LOCK_TIMEOUT).unwrap();
             assert_eq!((names(here.path()), names(&place)), (vec!["f".into()], vec!["a".into()]), "{refusal:?}");
             fs::remove_dir_all(&place).unwrap();
 
             fs::create_dir(&place).unwrap();
-            let error = draft().put_by(|_, _| Err(refusal.into()), PATIENCE / 50).unwrap_err();
+            let error = draft().put_by(|_, _| Err(refusal.into()), LOCK_TIMEOUT / 50).unwrap_err();
             assert!(matches!(error, FileError::Write { .. } | FileError::Denied { .. }), "{error:?}");
             let _ = fs::remove_dir(&place);
             assert!(names(here.path()).is_empty(), "{refusal:?}: {:?}", names(here.path()));

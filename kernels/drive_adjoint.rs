@@ -5,7 +5,7 @@ use crate::drive::Args;
 use crate::{Complex32, simd, trig};
 
 /// `level`, `shown` and `wave` (height, width); `change` (grid_height, grid_width), of which the SLM's part is replaced.
-pub fn drive_back(args: &Args, level: &[f32], shown: &[f32], wave: &[f32], change: &mut [Complex32]) {
+pub fn drive_adjoint(args: &Args, level: &[f32], shown: &[f32], wave: &[f32], change: &mut [Complex32]) {
     let Args { place, bend_sin, bend_cos, .. } = *args;
     let (w, gw, left) = (place.width as usize, place.grid_width as usize, place.left as usize);
     simd(

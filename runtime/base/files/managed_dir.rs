@@ -13,7 +13,7 @@ const LIST: &str = "eyebox-files.json";
 
 /// A folder in which files are replaced only if they are this program's, as it wrote them.
 #[derive(Debug)]
-pub struct OwnFolder {
+pub struct ManagedDir {
     folder: PathBuf,
     list: List,
     overwrite: bool,
@@ -24,7 +24,7 @@ struct List {
     files: BTreeMap<String, BTreeSet<String>>,
 }
 
-impl OwnFolder {
+impl ManagedDir {
     /// Looks at a folder, which need not be there, before anything is computed for it. `names` are what will be written; one
     /// that ends in `/` is a folder of which all files must be this program's. `overwrite`: whatever stands there is replaced.
     ///
@@ -145,7 +145,7 @@ pub fn holds_only_own(folder: &Path) -> bool {
     let entries = fs::read_dir(folder).and_then(Iterator::collect::<io::Result<Vec<_>>>).unwrap_or_default();
     let names: Vec<String> = entries.iter().map(|e| e.file_name().to_string_lossy().into_owned()).collect();
     let names: Vec<&str> = names.iter().map(String::as_str).filter(|name| *name != LIST).collect();
-    names.len() < entries.len() && OwnFolder::open(folder, &names, false).is_ok()
+    names.len() < entries.len() && ManagedDir::open(folder, &names, false).is_ok()
 }
 
 fn sum(bytes: &[u8]) -> String {
@@ -165,7 +165,7 @@ mod tests {
     fn only_what_was_written_here_is_replaced() {
         let here = tempfile::tempdir().unwrap();
         let at = here.path().join("new");
-        let open = |overwrite| OwnFolder::open(&at, &["a.html", "figures/", "h.zarr"], overwrite);
+        let open = |overwrite| ManagedDir::open(&at, &["a.html", "figures/", "h.zarr"], overwrite);
         open(false).unwrap().write(files("1")).unwrap();
         open(false).unwrap().write(files("2")).unwrap();
         assert_eq!(fs::read(at.join("figures/b.svg")).unwrap(), b"2");
@@ -196,12 +196,12 @@ mod tests {
     fn what_was_cut_off_is_known_again() {
         let here = tempfile::tempdir().unwrap();
         let at = here.path();
-        OwnFolder::open(at, &[], false).unwrap().write(files("1")).unwrap();
+        ManagedDir::open(at, &[], false).unwrap().write(files("1")).unwrap();
         let old = fs::read(at.join("a.html")).unwrap();
-        OwnFolder::open(at, &[], false).unwrap().write(files("2")).unwrap();
+        ManagedDir::open(at, &[], false).unwrap().write(files("2")).unwrap();
         fs::write(at.join("a.html"), old).unwrap();
         fs::write(at.join("figures/.eyebox-DEAD01.part"), "2").unwrap();
-        let mut own = OwnFolder::open(at, &["a.html", "figures/"], false).unwrap();
+        let mut own = ManagedDir::open(at, &["a.html", "figures/"], false).unwrap();
         own.write(files("3")).unwrap();
         assert_eq!(fs::read(at.join("a.html")).unwrap(), b"3");
     }

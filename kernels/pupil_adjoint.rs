@@ -4,7 +4,7 @@ pub use crate::pass_pupil::Args;
 use crate::{Complex32, simd};
 
 /// `window` and `transfer` (rows, columns); `change` (grid_height, grid_width), in the order of the DFT.
-pub fn return_pupil(
+pub fn pupil_adjoint(
     args: &Args,
     window: &[Complex32],
     transfer: &[Complex32],

@@ -9,7 +9,7 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 /// How long a pipe may take nothing, and wait for its reader.
-const PATIENCE: Duration = Duration::from_secs(5);
+const PIPE_TIMEOUT: Duration = Duration::from_secs(5);
 /// The same once the program was asked to end.
 const TO_END: Duration = Duration::from_secs(1);
 /// How often it is asked again.
@@ -22,11 +22,11 @@ pub fn asked_to_end() -> &'static Arc<AtomicBool> {
     ASKED.get_or_init(Arc::default)
 }
 
-/// A file, or a pipe that is given up when it takes nothing for `PATIENCE`.
+/// A file, or a pipe that is given up when it takes nothing for `PIPE_TIMEOUT`.
 #[derive(Debug)]
-pub struct Patient(File);
+pub struct TimeoutWriter(File);
 
-impl Patient {
+impl TimeoutWriter {
     /// A file; a pipe has to be open so that it does not block.
     pub fn new(file: File) -> Self {
         Self(file)
@@ -53,7 +53,7 @@ impl Patient {
     fn wait<T>(mut attempt: impl FnMut() -> io::Result<T>, waits: impl Fn(&io::Error) -> bool) -> io::Result<T> {
         let begun = Instant::now();
         loop {
-            let patience = if asked_to_end().load(Ordering::Relaxed) { TO_END } else { PATIENCE };
+            let patience = if asked_to_end().load(Ordering::Relaxed) { TO_END } else { PIPE_TIMEOUT };
             match attempt() {
                 Err(e) if waits(&e) && begun.elapsed() < patience => sleep(PAUSE),
                 Err(e) if waits(&e) => {
@@ -66,7 +66,7 @@ impl Patient {
     }
 }
 
-impl Write for Patient {
+impl Write for TimeoutWriter {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         Self::wait(|| self.0.write(bytes), |e| e.kind() == ErrorKind::WouldBlock)
     }

@@ -1,6 +1,6 @@
 //! Pictures, sorted by what they are for: dots, darkness, what was taken twice, and the rest.
 
-use super::acquire::Taken;
+use super::acquire::CaptureSet;
 use super::captures::{Shot, shown};
 use super::device::Set;
 use super::error::CalibrateError;
@@ -50,7 +50,7 @@ struct PatternShot<'a> {
 }
 
 /// Sorts the pictures: dots, darkness, what was taken twice, the rest.
-pub(super) fn sort(display: &Display, color: Color, taken: &Taken) -> Result<Sorted, CalibrateError> {
+pub(super) fn sort(display: &Display, color: Color, taken: &CaptureSet) -> Result<Sorted, CalibrateError> {
     let optics = display.optics(color)?;
     let slm = [display.height, display.width];
     let camera = taken.hello.camera.resolution;

@@ -7,7 +7,7 @@ use eyebox::low_level::gpu::{DeviceKind, Gpu, Options};
 use eyebox::low_level::optics::{Color, Display, ModelOf, ModelTerms, Pupil, PupilDistribution};
 use eyebox::low_level::plan::{DEVICES, Storage};
 use eyebox::low_level::scene::LightField;
-use eyebox::low_level::solve::{Problem, Refiner, Rehearsal, RehearsedStep, Settings, Steering};
+use eyebox::low_level::solve::{DryRun, DryRunStep, Problem, RefineSettings, Refiner, Settings};
 use eyebox_tests::both::watched;
 
 /// Nine views: a photograph then moves less than one of 81, everything else the same.
@@ -47,19 +47,19 @@ fn gpu() -> Gpu {
 }
 
 /// Dispatches, stages and bytes of each step.
-fn asked(rehearsal: &Rehearsal) -> Vec<[u64; 3]> {
-    let of = |s: &RehearsedStep| {
+fn asked(dry_run: &DryRun) -> Vec<[u64; 3]> {
+    let of = |s: &DryRunStep| {
         let r = &s.recording;
         [r.dispatches() as u64, r.stage_count() as u64, r.bytes().iter().sum()]
     };
-    rehearsal.steps.iter().map(of).collect()
+    dry_run.steps.iter().map(of).collect()
 }
 
 #[test]
 fn steps_keep_to_their_budgets() {
     let (gpu, problem) = (gpu(), problem());
     let settings = Settings { pupils: 16, ..Settings::default() };
-    let solve = Rehearsal::of_solve(&problem, &settings, &gpu, 3).unwrap();
+    let solve = DryRun::of_solve(&problem, &settings, &gpu, 3).unwrap();
     for [dispatches, stages, bytes] in asked(&solve) {
         assert!(dispatches <= 60 && stages <= 11 && bytes <= 3_700_000_000, "{dispatches} {stages} {bytes}");
         // Each of 16 windows is passed, seen, compared and returned, whatever is fused.
@@ -69,17 +69,17 @@ fn steps_keep_to_their_budgets() {
     assert!(solve.steps.iter().all(|s| s.counts.read_back == 0 && s.counts.uploaded < 1 << 20));
 
     let halves = Settings { storage: Storage::F16, ..settings };
-    for [.., bytes] in asked(&Rehearsal::of_solve(&problem, &halves, &gpu, 2).unwrap()) {
+    for [.., bytes] in asked(&DryRun::of_solve(&problem, &halves, &gpu, 2).unwrap()) {
         assert!((1_800_000_000..=2_250_000_000).contains(&bytes), "{bytes}");
     }
 
     let aim = PupilDistribution::around(&Pupil { x: 1e-3, y: 0.0, diameter: 4e-3, depth: 1e-3 }, 0.3e-3);
-    let halves = Steering { storage: Some(Storage::F16), ..Steering::default() };
-    for [.., bytes] in asked(&Rehearsal::of_refinement(problem.clone(), 8, halves, aim, &gpu, 4).unwrap()) {
+    let halves = RefineSettings { storage: Some(Storage::F16), ..RefineSettings::default() };
+    for [.., bytes] in asked(&DryRun::of_refinement(problem.clone(), 8, halves, aim, &gpu, 4).unwrap()) {
         assert!((200_000_000..=380_000_000).contains(&bytes), "{bytes}");
     }
-    let fp32 = Steering { storage: Some(Storage::F32), ..Steering::default() };
-    let steered = Rehearsal::of_refinement(problem, 8, fp32, aim, &gpu, 4).unwrap();
+    let fp32 = RefineSettings { storage: Some(Storage::F32), ..RefineSettings::default() };
+    let steered = DryRun::of_refinement(problem, 8, fp32, aim, &gpu, 4).unwrap();
     for [dispatches, stages, bytes] in asked(&steered) {
         assert!(dispatches <= 20 && stages <= 9 && bytes <= 700_000_000, "{dispatches} {stages} {bytes}");
         assert!(bytes >= 500_000_000, "{bytes}");
@@ -102,7 +102,7 @@ fn every_term_keeps_to_its_budget() {
     for (storage, most_planes, most_times) in [(Storage::F32, 9.0, 1.2), (Storage::F16, 6.0, 1.2)] {
         let settings = Settings { pupils: 16, storage, ..Settings::default() };
         let [ideal, faulty] = [&ideal, &faulty].map(|display| {
-            let solve = Rehearsal::of_solve(&problem_before([5, 5], display), &settings, &gpu(), 2).unwrap();
+            let solve = DryRun::of_solve(&problem_before([5, 5], display), &settings, &gpu(), 2).unwrap();
             let [dispatches, stages, bytes] = asked(&solve)[1].map(|n| n as f64);
             (dispatches, stages, bytes, DEVICES.map(|device| solve.estimate(&device).total().as_secs_f64()))
         });
@@ -118,10 +118,10 @@ fn every_term_keeps_to_its_budget() {
 #[test]
 fn what_is_made_for_a_step_is_not_made_again() {
     let (gpu, problem) = (gpu(), problem());
-    let steering = Steering { repeats: 8, elsewhere: 0.0, ..Steering::default() };
+    let steering = RefineSettings { repeats: 8, elsewhere: 0.0, ..RefineSettings::default() };
     let aim = PupilDistribution::around(&Pupil { x: 0.0, y: 0.0, diameter: 3e-3, depth: 0.0 }, 0.0);
-    let steered = Rehearsal::of_refinement(problem, 2, steering, aim, &gpu, 4).unwrap();
-    let made = |s: &RehearsedStep| s.counts.blocks + s.counts.pipelines + s.counts.pools;
+    let steered = DryRun::of_refinement(problem, 2, steering, aim, &gpu, 4).unwrap();
+    let made = |s: &DryRunStep| s.counts.blocks + s.counts.pipelines + s.counts.pools;
     assert!(made(&steered.steps[0]) > 0);
     assert!(steered.steps[1..].iter().all(|s| made(s) == 0 && s.counts.uploaded == 0));
     // One submission a step, and none is waited for before the next is recorded.
@@ -145,7 +145,7 @@ fn long_lists_are_cut() {
         (1080, 1920, 2, Storage::F16),
     ] {
         let settings = Settings { pupils, storage, ..Settings::default() };
-        let solve = Rehearsal::of_solve(&problem_with([1, 1], height, width), &settings, &gpu(), 2).unwrap();
+        let solve = DryRun::of_solve(&problem_with([1, 1], height, width), &settings, &gpu(), 2).unwrap();
         for step in &solve.steps {
             let [dispatch, submission] = slowest.longest(&step.recording).map(|t| t.as_secs_f64() * 1e3);
             let what = format!("{height} x {width}, {pupils} pupils: {dispatch} and {submission} ms");
@@ -164,7 +164,7 @@ fn long_lists_are_cut() {
 #[test]
 fn nothing_is_made_while_a_solve_takes_steps() {
     let settings = Settings { pupils: 5, window_bytes: 1 << 20, ..Settings::default() };
-    let solve = Rehearsal::of_solve(&problem_of(216, 384), &settings, &gpu(), 12).unwrap();
+    let solve = DryRun::of_solve(&problem_of(216, 384), &settings, &gpu(), 12).unwrap();
     for (i, step) in solve.steps.iter().enumerate() {
         let counts = step.counts;
         assert_eq!((counts.pipelines, counts.blocks, counts.uploaded), (0, 0, 0), "step {i}: {counts:?}");
@@ -195,7 +195,8 @@ fn a_live_set_brings_its_video_frame_and_little_else() {
     let mut refiners = colors.map(|color| {
         let problem = Problem::new(&field, color, &display, Default::default()).expect("a problem");
         let engine = Box::new(VulkanEngine::new(&gpu).expect("an engine"));
-        Refiner::new(problem, &vec![0.0; 8 * height * width], 1.0, Steering::default(), engine).expect("a refinement")
+        Refiner::new(problem, &vec![0.0; 8 * height * width], 1.0, RefineSettings::default(), engine)
+            .expect("a refinement")
     });
     let encoder = Encoder::new(&display, &colors, 8).expect("an encoder");
     let mut device = VulkanEncoder::new(&gpu, encoder.plan()).expect("an encoder on the device");
@@ -253,7 +254,7 @@ fn nothing_is_made_while_pupils_change() {
     let refiner = |color| {
         let problem = Problem::new(&field, color, &display, Default::default()).expect("a problem");
         let engine = Box::new(VulkanEngine::new(&gpu).expect("an engine"));
-        Refiner::new(problem, &vec![0.0; 2 * 384 * 512], 1.0, Steering::default(), engine).expect("a refinement")
+        Refiner::new(problem, &vec![0.0; 2 * 384 * 512], 1.0, RefineSettings::default(), engine).expect("a refinement")
     };
     let mut refiners = colors.map(refiner);
     // What was compiled is on disk already: a session that is killed loses none of it.
@@ -292,8 +293,8 @@ fn gpus_store_halves() {
     // Fewer bytes for the same step.
     let aim = PupilDistribution::around(&Pupil { x: 1e-3, y: 0.0, diameter: 4e-3, depth: 1e-3 }, 0.3e-3);
     let bytes = |storage| {
-        let steering = Steering { storage, ..Steering::default() };
-        let steered = Rehearsal::of_refinement(problem_of(128, 128), 8, steering, aim, &gpu(), 2).unwrap();
+        let steering = RefineSettings { storage, ..RefineSettings::default() };
+        let steered = DryRun::of_refinement(problem_of(128, 128), 8, steering, aim, &gpu(), 2).unwrap();
         asked(&steered)[1][2] as f64
     };
     let [as_preferred, full] = [None, Some(Storage::F32)].map(bytes);

@@ -2,7 +2,7 @@
 //! ([`StartTable`]).
 
 use super::together::share;
-use super::{SteeredColor, Steerer};
+use super::{LiveColor, LiveRefiner};
 use crate::engine::EngineError;
 use crate::optics::Laser;
 use crate::session::frame_log::error::SessionError;
@@ -15,14 +15,14 @@ use std::sync::Arc;
 /// # Errors
 /// Those of the fit.
 pub fn start_tables(
-    colors: &[SteeredColor],
+    colors: &[LiveColor],
     observe: &mut dyn FnMut(f64) -> bool,
 ) -> Result<Vec<Option<Arc<StartTable>>>, SessionError> {
     if share(colors) {
         return Ok(vec![drive_table(colors, observe)?]);
     }
     let count = colors.len() as f64;
-    let one = |(at, color): (usize, &SteeredColor)| {
+    let one = |(at, color): (usize, &LiveColor)| {
         if !StartTable::fits(&color.problem) {
             return Ok(None);
         }
@@ -34,7 +34,7 @@ pub fn start_tables(
 
 /// The table of the drive that these colors share, if their display has one.
 fn drive_table(
-    colors: &[SteeredColor],
+    colors: &[LiveColor],
     observe: &mut dyn FnMut(f64) -> bool,
 ) -> Result<Option<Arc<StartTable>>, SessionError> {
     let problems: Vec<&Problem> = colors.iter().map(|color| &color.problem).collect();
@@ -51,7 +51,7 @@ fn drive_table(
 /// # Errors
 /// Views on a device that does not answer.
 pub(in crate::session) fn begin_with_tables(
-    colors: &mut [SteeredColor],
+    colors: &mut [LiveColor],
     tables: &[Option<Arc<StartTable>>],
 ) -> Result<(), SessionError> {
     if share(colors) {
@@ -72,7 +72,7 @@ pub(in crate::session) fn begin_with_tables(
     Ok(())
 }
 
-impl Steerer {
+impl LiveRefiner {
     /// With what [`start_tables`] gives for its colors; none where there is none. Phases of one color are not those of a drive that colors
     /// share: such tables are left out.
     #[must_use]
@@ -89,8 +89,8 @@ impl Steerer {
     }
 
     /// Whether [`fit`](Self::fit) has something to look at: a scene came that is another picture altogether, and brought no phases.
-    pub fn wants_fit(&self) -> bool {
-        self.colors.iter().any(|color| color.unfit)
+    pub fn needs_reinit(&self) -> bool {
+        self.colors.iter().any(|color| color.needs_reinit)
     }
 
     /// Colors whose scene is another picture altogether go on with the phases of the table: how many that are. The phases before are not
@@ -103,8 +103,8 @@ impl Steerer {
             return self.fit_together();
         }
         let mut looked_up = 0;
-        for color in self.colors.iter_mut().filter(|color| color.unfit) {
-            color.unfit = false;
+        for color in self.colors.iter_mut().filter(|color| color.needs_reinit) {
+            color.needs_reinit = false;
             let Some(table) = &color.table else { continue };
             color.refiner.look_up(table)?;
             looked_up += 1;
@@ -118,7 +118,7 @@ impl Steerer {
     /// # Errors
     /// Those of the engines.
     pub fn begin_with(&mut self, phases: &[Vec<f32>]) -> Result<(), EngineError> {
-        self.colors.iter_mut().for_each(|color| color.unfit = false);
+        self.colors.iter_mut().for_each(|color| color.needs_reinit = false);
         if let Some(shared) = &mut self.shared {
             return phases.first().map_or(Ok(()), |drives| shared.restart(drives, &mut self.colors));
         }

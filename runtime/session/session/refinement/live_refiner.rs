@@ -1,7 +1,10 @@
 //! All colours of a hologram under refinement, without threads: where to aim, when to begin again, what to do next.
 
+mod color;
 pub(crate) mod look_up;
 pub(crate) mod together;
+
+pub use color::LiveColor;
 
 use crate::encode::{Lighting, LitTimes};
 use crate::engine::{Engine, EngineError, PhasesOnDevice};
@@ -9,8 +12,8 @@ use crate::optics::{Laser, PupilDistribution};
 use crate::session::frame_log::error::SessionError;
 use crate::session::refinement::field::Field;
 use crate::session::refinement::likeness;
-use crate::solve::{Motion, Problem, Refiner, SharedDrives, StartTable, Steering};
-use crate::tiled::Extent;
+use crate::solve::{Motion, Problem, RefineSettings, Refiner, SharedDrives, StartTable};
+use crate::tiled::TileRect;
 use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
 use std::ops::Deref;
@@ -25,39 +28,18 @@ const MOST_COLORS: usize = 3;
 /// Opens an engine, as often as it is called.
 pub type EngineOpener = Box<dyn FnMut() -> Result<Box<dyn Engine>, EngineError> + Send>;
 
-/// One colour: what is solved for, and the hologram for the whole eyebox.
-#[derive(Debug, Clone)]
-pub struct SteeredColor {
-    /// The scene before this wavelength.
-    pub problem: Problem,
-    /// (frames, height, width), radians.
-    pub phases: Vec<f32>,
-    /// What the phases were solved for.
-    pub exposure: f64,
-    /// Its laser, where all colours share their sub-frames (OPTICS 13).
-    pub laser: Option<Laser>,
-}
-
-impl SteeredColor {
-    /// Its sub-frames.
-    pub fn frames(&self) -> usize {
-        let optics = &self.problem.optics;
-        self.phases.len() / (optics.height * optics.width).max(1)
-    }
-}
-
 /// How a hologram follows the eye.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Policy {
     /// A jump of so many pupil diameters begins again with the hologram for the whole eyebox; infinite: never.
     pub restart: f64,
     /// The refinement.
-    pub steering: Steering,
+    pub steering: RefineSettings,
 }
 
 impl Default for Policy {
     fn default() -> Self {
-        Self { restart: 0.5, steering: Steering::default() }
+        Self { restart: 0.5, steering: RefineSettings::default() }
     }
 }
 
@@ -72,7 +54,7 @@ struct OneColor {
     /// What pictures begin with that bring no phases.
     table: Option<Arc<StartTable>>,
     /// The scene is another picture altogether, and nothing was begun with for it yet.
-    unfit: bool,
+    needs_reinit: bool,
 }
 
 /// Phases of each colour, as they are read for every set: (frames, height, width), radians.
@@ -127,7 +109,7 @@ impl OneColor {
 }
 
 /// All colours, each with its engine.
-pub struct Steerer {
+pub struct LiveRefiner {
     colors: Vec<OneColor>,
     policy: Policy,
     /// Which colour is next.
@@ -144,13 +126,13 @@ pub struct Steerer {
     shared: Option<SharedDrives>,
 }
 
-impl Steerer {
+impl LiveRefiner {
     /// Begins with the holograms for the whole eyebox; `engine` makes an engine for each colour.
     ///
     /// # Errors
     /// [`SessionError::Setting`] for no colour or a policy that cannot be; those of [`Refiner::new`] and of `engine`.
     pub fn new(
-        colors: Vec<SteeredColor>,
+        colors: Vec<LiveColor>,
         policy: Policy,
         mut engine: impl FnMut() -> Result<Box<dyn Engine>, EngineError>,
     ) -> Result<Self, SessionError> {
@@ -175,15 +157,15 @@ impl Steerer {
         let steering = Self::steering_of(policy.steering, lasers.is_some())?;
         let policy = Policy { steering, ..policy };
         let drives = lasers.as_ref().map(|lasers| Self::drives_of(lasers, &colors)).unwrap_or_default();
-        let one = |color: SteeredColor| -> Result<OneColor, SessionError> {
-            let SteeredColor { problem, phases, exposure, laser } = color;
+        let one = |color: LiveColor| -> Result<OneColor, SessionError> {
+            let LiveColor { problem, phases, exposure, laser } = color;
             let refiner = match laser {
                 Some(Laser { powers, .. }) => {
                     Refiner::lit_by(problem, &phases, exposure, &powers, steering, engine()?)?
                 }
                 None => Refiner::new(problem, &phases, exposure, steering, engine()?)?,
             };
-            Ok(OneColor { refiner, phases: Vec::new(), loss: None, piece: None, table: None, unfit: false })
+            Ok(OneColor { refiner, phases: Vec::new(), loss: None, piece: None, table: None, needs_reinit: false })
         };
         let mut colors = colors.into_iter().map(one).collect::<Result<Vec<_>, _>>()?;
         let shared = lasers.map(|lasers| SharedDrives::new(&drives, lasers, &mut colors)).transpose()?;
@@ -193,7 +175,7 @@ impl Steerer {
 
     /// What it refines, `colors`, is a piece of this far field; `engine` makes an engine for every further piece of each colour.
     #[must_use]
-    pub fn in_field(mut self, colors: &[SteeredColor], field: Field, engine: EngineOpener) -> Self {
+    pub fn in_field(mut self, colors: &[LiveColor], field: Field, engine: EngineOpener) -> Self {
         for (color, begun) in self.colors.iter_mut().zip(colors) {
             color.piece = Some(reach_of(&begun.problem));
         }
@@ -205,7 +187,7 @@ impl Steerer {
     ///
     /// # Errors
     /// [`SessionError::Setting`] for pieces of no far field; those of the engines.
-    pub fn move_to(&mut self, piece: Extent, colors: &[SteeredColor]) -> Result<Followed, SessionError> {
+    pub fn move_to(&mut self, piece: TileRect, colors: &[LiveColor]) -> Result<Followed, SessionError> {
         self.settle()?;
         self.phases()?;
         let Some((field, engine)) = self.field.as_mut().filter(|_| colors.len() == self.colors.len()) else {
@@ -217,7 +199,7 @@ impl Steerer {
         field.piece = piece;
         let mut followed = Followed::default();
         for (i, (color, new)) in self.colors.iter_mut().zip(colors).enumerate() {
-            let SteeredColor { problem, phases, exposure, .. } = new;
+            let LiveColor { problem, phases, exposure, .. } = new;
             let mut refiner = Refiner::new(problem.clone(), phases, *exposure, self.policy.steering, engine()?)?;
             let refined = field.cut(i, piece);
             if refined == *phases {
@@ -294,7 +276,12 @@ impl Steerer {
     ///
     /// # Errors
     /// Those of the engines.
-    pub fn carry(&mut self, pixels: &[[i64; 2]], lighting: &Lighting, look: bool) -> Result<(bool, u32), EngineError> {
+    pub fn shift_phases(
+        &mut self,
+        pixels: &[[i64; 2]],
+        lighting: &Lighting,
+        look: bool,
+    ) -> Result<(bool, u32), EngineError> {
         if self.shared.is_some() {
             return self.carry_together(pixels, lighting, look);
         }
@@ -338,7 +325,7 @@ impl Steerer {
     ///
     /// # Errors
     /// [`SessionError::Setting`] for a scene of other colours; those of the engines.
-    pub fn follow(&mut self, scene: &[SteeredColor]) -> Result<Followed, SessionError> {
+    pub fn follow(&mut self, scene: &[LiveColor]) -> Result<Followed, SessionError> {
         if scene.len() != self.colors.len() {
             let (found, must) = (scene.len(), self.colors.len());
             return Err(SessionError::Setting(reason!(
@@ -355,7 +342,7 @@ impl Steerer {
             let other = color.table.is_some() && likeness::differ(refiner.problem(), &new.problem);
             refiner.follow(new.problem.clone(), new.exposure)?;
             color.loss = None;
-            color.unfit = new.phases.is_empty() && (color.unfit || other);
+            color.needs_reinit = new.phases.is_empty() && (color.needs_reinit || other);
             if new.phases.is_empty() {
                 continue;
             }

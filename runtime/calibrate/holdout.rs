@@ -1,9 +1,9 @@
 //! The share that a model leaves of pictures that it was not fitted to.
 
+use super::classified::Sorted;
 use super::fit::{mean_square, variance_of};
 use super::parameters::Parameters;
-use super::seen::Seen;
-use super::sorted::Sorted;
+use super::seen::Prediction;
 use super::views::Pictures;
 
 /// Shares of the variance of pictures about their means.
@@ -52,7 +52,7 @@ fn of_fitted(pictures: &Pictures, at: &Parameters, which: &[usize], subpixels: u
 }
 
 /// Adds the squares that are left of a view, and its variance.
-fn add_left(pictures: &Pictures, view: usize, seen: &Seen, sums: &mut [f64; 3]) {
+fn add_left(pictures: &Pictures, view: usize, seen: &Prediction, sums: &mut [f64; 3]) {
     sums[0] += mean_square(&pictures.residuals(view, seen));
     sums[2] += variance_of(&pictures.views[view].counts);
 }
