@@ -107,26 +107,11 @@ pub struct ErrorData {
 impl ErrorData {
     /// Returns the code and the fields of the innermost error that `error` wraps.
     pub fn of(error: &impl Serialize) -> Self {
-        let mut path = Vec::new();
-        let mut at = serde_json::to_value(error).unwrap_or_default();
-        let content = loop {
-            let Value::Object(mut map) = at else { break at };
-            match (map.remove("code"), map.remove("fields")) {
-                (Some(Value::String(code)), Some(inner)) if map.is_empty() => {
-                    path.push(code);
-                    at = inner;
-                }
-                (Some(Value::String(code)), None) if map.is_empty() => {
-                    path.push(code);
-                    break Value::Null;
-                }
-                (code, fields) => {
-                    map.extend(code.map(|code| ("code".to_owned(), code)));
-                    map.extend(fields.map(|fields| ("fields".to_owned(), fields)));
-                    break Value::Object(map);
-                }
-            }
-        };
+        let (mut path, mut content) = (Vec::new(), serde_json::to_value(error).unwrap_or_default());
+        while let Some(code) = variant(&content) {
+            path.push(code.to_owned());
+            content = content["fields"].take();
+        }
         let mut code = path[path.len().saturating_sub(2)..].join("/");
         let mut fields = match content {
             Value::Object(map) => map,
@@ -134,10 +119,9 @@ impl ErrorData {
             value => Map::from_iter([("value".to_owned(), value)]),
         };
         // A variant is a reason itself or has a field `reason`.
-        let in_field = |fields: &Map<String, Value>| fields.get("reason").and_then(|r| r.get(MARK)).is_some();
-        let own = match fields.remove(MARK) {
-            None if in_field(&fields) => fields.remove("reason").and_then(|mut r| r.get_mut(MARK).map(Value::take)),
-            own => own,
+        let own = match fields.get("reason").and_then(|reason| reason.get(MARK)) {
+            Some(_) => fields.remove("reason").map(|mut reason| reason[MARK].take()),
+            None => fields.remove(MARK),
         };
         if let Some(own) = own.as_ref().and_then(Value::as_str).filter(|own| !own.is_empty()) {
             code = format!("{code}/{own}");
@@ -146,10 +130,15 @@ impl ErrorData {
     }
 }
 
+/// Returns the code of a serialized error enum.
+fn variant(value: &Value) -> Option<&str> {
+    let map = value.as_object()?;
+    if map.keys().all(|key| key == "code" || key == "fields") { map.get("code")?.as_str() } else { None }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::error::ErrorData;
 
     #[derive(Serialize)]
     #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]

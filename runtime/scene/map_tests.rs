@@ -177,6 +177,10 @@ fn maps_mean_the_depths_that_are_asked_for() {
     assert!(refused(folder.path(), None).starts_with("corrupt/map-folder: "));
     let array = npy(&values);
     assert!(refused(&file("cut.npy", &array[..array.len() - 8]), None).contains("cut.npy"));
+    let mut axes = array.clone();
+    let shape = axes.windows(11).position(|bytes| bytes == b"(16, 16), }").unwrap();
+    axes[shape..shape + 11].copy_from_slice(b"(4,4,16), }");
+    assert!(refused(&file("axes.npy", &axes), None).starts_with("corrupt/map-shape: "));
     assert!(refused(&file("long.npy", b"\x93NUMPY\x02\x00\xff\xff\xff\xffxx"), None).starts_with("corrupt/npy-header"));
     assert!(refused(&file("not.npy", b"hello"), None).contains("not.npy"));
     assert!(refused(&png, Some([-0.04, 0.04])).starts_with("request: "));

@@ -268,7 +268,7 @@ fn a_folder_of_views_is_read_in_order_and_in_linear_light() {
     assert_eq!(get(folder.path().to_str().unwrap(), &pitch).cell(&display), 1e-3);
     fs::write(folder.path().join("lightfield.toml"), "view_pitch = 2\n").unwrap();
     let error = fails(folder.path().to_str().unwrap(), &request);
-    assert!(error.contains("lightfield.toml") && error.contains('1') && error.contains("view_pitch"), "{error}");
+    assert!(error.contains("lightfield.toml") && error.contains("line 1") && error.contains("view_pitch"), "{error}");
 }
 
 #[test]

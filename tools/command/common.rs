@@ -80,11 +80,17 @@ pub fn counted(count: usize, noun: &str) -> String {
     format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 
-/// Checks the ending and the place of an output file.
-pub fn check_output(file: &Path, ending: &str) -> Result<(), Failure> {
+/// Checks the ending of an output file.
+pub fn check_ending(file: &Path, ending: &str) -> Result<(), Failure> {
     if file.extension().is_none_or(|found| found != ending) {
         return Err(Failure::Arguments(reason!("ending", "{}: the name must end in .{ending}", file.display())));
     }
+    Ok(())
+}
+
+/// Checks the ending and the place of an output file.
+pub fn check_output(file: &Path, ending: &str) -> Result<(), Failure> {
+    check_ending(file, ending)?;
     Ok(eyebox::low_level::files::check_place(file)?)
 }
 

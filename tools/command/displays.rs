@@ -60,9 +60,7 @@ pub fn run(args: &Displays) -> Result<(), Failure> {
                     "no preset is called '{preset}': there are {all}"
                 )));
             };
-            if out.extension().is_none_or(|e| e != "toml") {
-                return Err(Failure::Arguments(reason!("ending", "{}: the name must end in .toml", out.display())));
-            }
+            common::check_ending(out, "toml")?;
             if out.exists() {
                 return Err(Failure::Arguments(reason!(
                     "exists",

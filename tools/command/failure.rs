@@ -97,11 +97,7 @@ pub enum Failure {
 
 impl From<ReconstructionError> for Failure {
     fn from(error: ReconstructionError) -> Self {
-        match error {
-            ReconstructionError::Hologram(error) => Self::Hologram(error),
-            ReconstructionError::Engine(error) => Self::Engine(error),
-            ReconstructionError::Evaluate(error) => Self::Evaluate(error),
-        }
+        error.unwrapped()
     }
 }
 

@@ -68,11 +68,7 @@ pub(crate) enum Failure {
 
 impl From<ReconstructionError> for Failure {
     fn from(error: ReconstructionError) -> Self {
-        match error {
-            ReconstructionError::Hologram(error) => Self::Hologram(error),
-            ReconstructionError::Engine(error) => Self::Engine(error),
-            ReconstructionError::Evaluate(error) => Self::Evaluate(error),
-        }
+        error.unwrapped()
     }
 }
 

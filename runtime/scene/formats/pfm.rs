@@ -21,9 +21,9 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<Pfm, Reason> {
         let start = rest
             .iter()
             .position(|b| !b.is_ascii_whitespace())
-            .ok_or(reason!("pfm-header", "the header ends before {what}"))?;
+            .ok_or_else(|| reason!("pfm-header", "the header ends before {what}"))?;
         let length = rest[start..].iter().take(32).position(u8::is_ascii_whitespace);
-        let length = length.ok_or(reason!("pfm-header", "the header ends in {what}"))?;
+        let length = length.ok_or_else(|| reason!("pfm-header", "the header ends in {what}"))?;
         let found = std::str::from_utf8(&rest[start..start + length])
             .map_err(|_| reason!("pfm-header", "{what} is not text"))?;
         // Exactly one white space follows the header; what follows it may look like white space too.

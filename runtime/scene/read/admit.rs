@@ -74,11 +74,13 @@ mod tests {
         assert!(says(&|f| f.planes[0][1].truncate(5)).starts_with("1 "));
         assert_eq!([says(&|f| f.grid = [0, 1]), says(&|f| f.width = 0)], ["0 x 1", "2 x 0"]);
         assert_eq!(says(&|f| f.view_pitch = Some(0.0)), "0");
+        assert!(says(&|f| f.colors.push(Color::Blue)).starts_with("1 "));
         let wrong = |change: &dyn Fn(&mut LightField)| {
             let mut field = field.clone();
             change(&mut field);
             field.admit(None)
         };
+        assert!(matches!(wrong(&|f| f.view_pitch = Some(2.2)), Err(SceneError::Optics(_))));
         for full in [2.0, 100.0, 255.0, 1023.0, 65535.0] {
             let bright = wrong(&|f| f.planes.iter_mut().flatten().flatten().for_each(|v| *v *= full * 2.0));
             assert!(matches!(bright, Err(SceneError::FullScale { how: FullScale::Array, .. })), "{full}: {bright:?}");

@@ -267,11 +267,9 @@ fn from_cfg(text: &str) -> Result<Settings, Reason> {
             if name.trim() == key {
                 let value = value.trim();
                 let read = value.parse::<f64>().ok().filter(|v| v.is_finite());
-                return read.map(Some).ok_or(reason!(
-                    "number",
-                    "line {}: {key} is {value:?}: it must be a number",
-                    i + 1
-                ));
+                return read
+                    .map(Some)
+                    .ok_or_else(|| reason!("number", "line {}: {key} is {value:?}: it must be a number", i + 1));
             }
         }
         Ok(None)
@@ -309,7 +307,7 @@ mod tests {
         assert_eq!(read.depth, Some([-2.0e-3, 3.0e-3]));
         assert_eq!(read.transfer, Some(Transfer::Linear));
         let error = from_toml("view_pitch_mm = 2\nviewpitch = 3\n").unwrap_err();
-        assert!(error.text().contains('2') && error.text().contains("viewpitch"), "{error}");
+        assert!(error.text().contains("line 2") && error.text().contains("viewpitch"), "{error}");
         for bad in
             ["view_pitch_mm = 0", "view_pitch_mm = nan", "disparity = [2, 1]", "depth_mm = [0, inf]", "grid = [0, 1]"]
         {

@@ -172,10 +172,10 @@ pub(super) fn sequence_array(count: u64, shape: [usize; 4], complete: bool) -> V
 /// be no more. Says what is wrong.
 pub(super) fn read_sequence_array(bytes: &[u8], shape: [usize; 4]) -> Result<(u64, bool), Reason> {
     let found = unseal(bytes)?;
-    let count = found["shape"][0].as_u64().ok_or(reason!("shape", "its shape does not begin with a number"))?;
+    let count = found["shape"][0].as_u64().ok_or_else(|| reason!("shape", "its shape does not begin with a number"))?;
     let complete = found["attributes"]["complete"]
         .as_bool()
-        .ok_or(reason!("not-complete", "it does not say whether it is complete"))?;
+        .ok_or_else(|| reason!("not-complete", "it does not say whether it is complete"))?;
     expect_like(&found, &sequence_array(count, shape, complete), &[])?;
     Ok((count, complete))
 }
@@ -353,7 +353,7 @@ fn read(bytes: &[u8], sealed: bool) -> Result<Value, Reason> {
 }
 
 fn unseal(bytes: &[u8]) -> Result<Value, Reason> {
-    let at = seal_place(bytes).ok_or(reason!("no-checksum", "it carries no document_crc32c"))?;
+    let at = seal_place(bytes).ok_or_else(|| reason!("no-checksum", "it carries no document_crc32c"))?;
     let mut blank = bytes.to_vec();
     blank[at..at + 8].copy_from_slice(BLANK);
     let sum = format!("{:08x}", crc32c::crc32c(&blank));

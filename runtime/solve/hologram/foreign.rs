@@ -107,7 +107,7 @@ impl Stored {
         })?;
         let chunk = lengths(&found["chunk_grid"]["configuration"]["chunk_shape"]);
         let chunk = chunk.and_then(|axes| <[usize; 4]>::try_from(axes).ok()).filter(|axes| !axes.contains(&0));
-        let chunk = chunk.ok_or(reason!("chunk-lengths", "its chunks have no four lengths"))?;
+        let chunk = chunk.ok_or_else(|| reason!("chunk-lengths", "its chunks have no four lengths"))?;
         let width = match found["data_type"].as_str() {
             Some("float32") => 4,
             Some("float64") => 8,
@@ -116,7 +116,7 @@ impl Stored {
             }
         };
         let (mut big, mut summed) = (false, false);
-        for codec in found["codecs"].as_array().ok_or(reason!("no-codecs", "it lists no codecs"))? {
+        for codec in found["codecs"].as_array().ok_or_else(|| reason!("no-codecs", "it lists no codecs"))? {
             match codec["name"].as_str() {
                 Some("bytes") => big = codec["configuration"]["endian"] == "big",
                 Some("crc32c") => summed = true,

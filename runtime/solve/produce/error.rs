@@ -55,10 +55,6 @@ pub enum ProduceError {
 
 impl From<ReconstructionError> for ProduceError {
     fn from(error: ReconstructionError) -> Self {
-        match error {
-            ReconstructionError::Hologram(error) => Self::Hologram(error),
-            ReconstructionError::Engine(error) => Self::Engine(error),
-            ReconstructionError::Evaluate(error) => Self::Evaluate(error),
-        }
+        error.unwrapped()
     }
 }

@@ -84,10 +84,6 @@ pub enum QualityError {
 
 impl From<ReconstructionError> for QualityError {
     fn from(error: ReconstructionError) -> Self {
-        match error {
-            ReconstructionError::Hologram(error) => Self::Hologram(error),
-            ReconstructionError::Engine(error) => Self::Engine(error),
-            ReconstructionError::Evaluate(error) => Self::Evaluate(error),
-        }
+        error.unwrapped()
     }
 }

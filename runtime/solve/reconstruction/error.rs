@@ -22,6 +22,17 @@ pub enum ReconstructionError {
     Evaluate(#[from] EvaluateError),
 }
 
+impl ReconstructionError {
+    /// Returns the wrapped error as an error of the caller, which wraps the same three.
+    pub fn unwrapped<E: From<HologramError> + From<EngineError> + From<EvaluateError>>(self) -> E {
+        match self {
+            Self::Hologram(error) => error.into(),
+            Self::Engine(error) => error.into(),
+            Self::Evaluate(error) => error.into(),
+        }
+    }
+}
+
 impl From<OpticsError> for ReconstructionError {
     fn from(error: OpticsError) -> Self {
         Self::Hologram(error.into())

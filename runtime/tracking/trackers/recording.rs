@@ -128,10 +128,11 @@ impl Recording {
                 self.device(*device).id = [bus, vendor, product];
             }
             "E" => {
-                let (time, rest) =
-                    rest.split_once(char::is_whitespace).ok_or(reason!("report", "E: expected a time and bytes"))?;
+                let (time, rest) = rest
+                    .split_once(char::is_whitespace)
+                    .ok_or_else(|| reason!("report", "E: expected a time and bytes"))?;
                 let time_us =
-                    microseconds(time).ok_or(reason!("report-time", "E: expected a time such as 0.001000"))?;
+                    microseconds(time).ok_or_else(|| reason!("report-time", "E: expected a time such as 0.001000"))?;
                 let report = bytes(rest.trim())?;
                 self.reports.push(Recorded { time_us, device: *device, report });
             }
@@ -152,11 +153,13 @@ impl Recording {
 /// `LENGTH BYTE BYTE ...`, the length in decimal, bytes in hexadecimal.
 fn bytes(text: &str) -> Result<Vec<u8>, Reason> {
     let mut words = text.split_whitespace();
-    let length: usize =
-        words.next().and_then(|w| w.parse().ok()).ok_or(reason!("report-length", "expected a number of bytes"))?;
+    let length: usize = words
+        .next()
+        .and_then(|w| w.parse().ok())
+        .ok_or_else(|| reason!("report-length", "expected a number of bytes"))?;
     let byte = |w: &str| u8::from_str_radix(w, 16).ok().filter(|_| w.len() == 2);
     let bytes: Option<Vec<u8>> = words.map(byte).collect();
-    let bytes = bytes.ok_or(reason!("report-digits", "expected bytes of two hexadecimal digits"))?;
+    let bytes = bytes.ok_or_else(|| reason!("report-digits", "expected bytes of two hexadecimal digits"))?;
     if bytes.len() == length {
         Ok(bytes)
     } else {

@@ -65,8 +65,9 @@ def test_refiner_in_a_loop_of_ones_own(hologram):
     assert told == [1, 2]
     with pytest.raises(ValueError, match="steps is 0"):
         refiner.step(0)
-    with coded(eyebox.SceneError, "hologram/other-scene"):
+    with coded(eyebox.SceneError, "hologram/other-scene") as refused:
         eyebox.Refiner(hologram, "builtin:plane")
+    assert refused.value.fields == {"shows": "builtin:still-life", "given": "builtin:plane"}
     with coded(eyebox.SolveError, "solve/text/no-such-setting"):
         eyebox.Refiner(hologram, pupil=3)
 

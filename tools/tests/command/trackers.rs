@@ -24,8 +24,7 @@ fn done(folder: &Path, args: &[&str]) -> String {
 /// The last line alone: what was shown before it is the sample lines' business.
 #[track_caller]
 fn refused(folder: &Path, args: &[&str], what: &str) {
-    let answer = trackers(folder, args).env("EYEBOX_JSON_ERRORS", "1").output().expect("the command starts");
-    assert_eq!(answer.status.code(), Some(2), "{args:?}");
+    let answer = common::failed(&mut trackers(folder, args));
     common::Refusal::of(&answer).is(what);
     assert!(answer.stdout.is_empty(), "{args:?}");
 }

@@ -1,6 +1,6 @@
 //! Mistakes on the command line: one line that says what would be right.
 
-use crate::common::{done, eyebox, folder, text};
+use crate::common::{Refusal, done, eyebox, folder, text};
 
 /// What is typed, what the line must say, and what it must not advise.
 const MISTAKES: [(&[&str], &[&str]); 13] = [
@@ -36,6 +36,20 @@ fn each_mistake_is_one_line_with_what_would_be_right() {
     let at = here.path();
     let plain = ["solve", "builtin:plane", "--size", "16x16", "--color", "green", "--frames", "1", "--engine", "cpu"];
     done(at, &[&plain[..], &["--steps", "1", "--psnr", "-5", "-o", "x.zarr"]].concat());
+}
+
+#[test]
+fn errors_are_sentences_or_json() {
+    let here = folder();
+    let of = |args: &[&str]| eyebox(here.path(), args);
+    let said = text(&of(&["inspect", "absent.zarr"]).stderr);
+    assert!(said.starts_with("eyebox: ") && said.contains("absent.zarr"), "{said}");
+    let asked = Refusal::of(&of(&["inspect", "absent.zarr", "--json"]));
+    assert_eq!(format!("eyebox: {}\n", asked.message), said);
+    asked.is("scene/not-found");
+    let unknown = Refusal::of(&of(&["inspect", "absent.zarr", "--json", "--nonsense"]));
+    unknown.is("usage/unknown-argument");
+    assert_eq!(unknown.fields["argument"], "--nonsense");
 }
 
 #[test]

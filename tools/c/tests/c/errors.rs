@@ -38,6 +38,7 @@ fn a_text_stays_until_its_thread_asks_for_the_next() {
         let theirs = theirs.join().unwrap();
         assert!(theirs[0].is_empty() && theirs[1].contains(next), "a thread has texts of its own: {theirs:?}");
         assert!(read(text).contains(&format!(" {first}:")), "{}", read(text));
+        assert_eq!(read(eyebox_last_error_code()), "argument");
         assert_eq!(eyebox_interface(), EYEBOX_INTERFACE);
         assert!(read(eyebox_last_error()).contains(next), "a success leaves it");
     }

@@ -80,17 +80,22 @@ pub fn refusal(folder: &Path, args: &[&str]) -> Refusal {
 /// Runs a command that must fail with exit code 2 and returns its error.
 #[track_caller]
 pub fn refusal_of(command: &mut Command) -> Refusal {
+    Refusal::of(&failed(command))
+}
+
+/// Runs a command that must fail with exit code 2 and prints its error as JSON.
+#[track_caller]
+pub fn failed(command: &mut Command) -> Output {
     let answer = command.env("EYEBOX_JSON_ERRORS", "1").output().expect("the command starts");
     assert_eq!(answer.status.code(), Some(2), "{command:?}: {}", text(&answer.stderr));
-    Refusal::of(&answer)
+    answer
 }
 
 /// Runs a command that must fail with exit code 2 and [this error](Refusal::is), and must leave no file.
 #[track_caller]
 pub fn refused(folder: &Path, args: &[&str], out: &str, what: &str) {
-    let answer = command(folder, args).env("EYEBOX_JSON_ERRORS", "1").output().expect("the command starts");
+    let answer = failed(&mut command(folder, args));
     let said = text(&answer.stderr);
-    assert_eq!(answer.status.code(), Some(2), "{args:?}: {said}");
     assert_eq!(said.trim().lines().count(), 1, "{args:?}: {said}");
     Refusal::of(&answer).is(what);
     assert!(!folder.join(out).exists(), "{args:?} left {out}");
