@@ -3,6 +3,8 @@
 //!
 //! The macros take the places of the standard ones, which panic where nobody reads.
 
+use crate::failure::print_error;
+use eyebox::low_level::error::ErrorData;
 use std::fmt::Arguments;
 use std::io::{self, Write};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -49,15 +51,16 @@ pub fn write_note(text: Arguments<'_>) {
 fn close(error: &io::Error) {
     CLOSED.store(true, Relaxed);
     if !is_broken_pipe(error) {
-        LOST.store(true, Relaxed);
-        note(format_args!("eyebox: standard output cannot be written, what it was to say is lost: {error}"));
+        let fields = [("reason".to_owned(), error.to_string().into())].into_iter().collect();
+        let message = format!("standard output cannot be written, what it was to say is lost: {error}");
+        lose(&message, &ErrorData { code: "output/standard".into(), fields });
     }
 }
 
-/// Says that something which was to be kept is lost: the work goes on, and the exit code tells.
-pub fn discard(text: Arguments<'_>) {
+/// Prints an error about an output that is lost. The work continues, and the exit code reports the error.
+pub fn lose(message: &str, error: &ErrorData) {
     LOST.store(true, Relaxed);
-    note(text);
+    print_error(message, error);
 }
 
 /// Whether the reader of a pipe, or the terminal, has gone.

@@ -5,7 +5,7 @@ use crate::progress;
 use crate::talk;
 use crate::values::{Targets, not_negative, positive, targets};
 use clap::{Args, ValueEnum};
-use eyebox::low_level::error::Reason;
+use eyebox::low_level::error::{ErrorData, Reason};
 use eyebox::low_level::files::{FileError, GrowingFile};
 use eyebox::low_level::gaze::place::Counts;
 use eyebox::low_level::gaze::{Calibration, Estimator, Eyepiece, Settings};
@@ -349,7 +349,8 @@ fn watch(args: &Trackers, source: &str) -> Result<(), Failure> {
 /// What cannot be recorded is said, and everything else goes on.
 fn lost(recorded: Result<(), FileError>) {
     if let Err(error) = recorded {
-        talk::discard(format_args!("eyebox: {error}; what was recorded until then is kept"));
+        let message = format!("{error}; what was recorded until then is kept");
+        talk::lose(&message, &ErrorData::of(&Failure::File(error)));
     }
 }
 

@@ -31,8 +31,26 @@ impl fmt::Display for Answer {
 /// What no run may say.
 const NEVER: [&str; 4] = ["panicked at", "has overflowed its stack", "internal error", "unreachable code"];
 
-/// What is wrong with an end, or how it was. `said`: standard error, where it could be kept.
-pub fn judge(status: ExitStatus, interrupted: bool, said: Option<&str>, starved: bool) -> Result<Answer, String> {
+/// Whether a line of standard error is an error, in the form that was asked for.
+fn is_error(line: &str, json: bool) -> bool {
+    if !json {
+        return line.starts_with("eyebox: ");
+    }
+    serde_json::from_str::<serde_json::Value>(line).is_ok_and(|line| {
+        let error = &line["error"];
+        error["code"].is_string() && error["message"].is_string() && error["fields"].is_object()
+    })
+}
+
+/// What is wrong with an end, or how it was. `said`: standard error, where it could be kept. `json`: whether errors were asked
+/// for as JSON.
+pub fn judge(
+    status: ExitStatus,
+    interrupted: bool,
+    said: Option<&str>,
+    json: bool,
+    starved: bool,
+) -> Result<Answer, String> {
     let quoted = said.map_or(String::new(), |s| format!(": {}", s.chars().take(600).collect::<String>()));
     let code = match (status.code(), status.signal()) {
         (Some(code), _) => code,
@@ -51,7 +69,7 @@ pub fn judge(status: ExitStatus, interrupted: bool, said: Option<&str>, starved:
         0 if interrupted => Ok(Answer::Interrupted),
         0 => Ok(Answer::Done),
         2 => {
-            if said.is_some_and(|said| !starved && !said.lines().any(|line| line.starts_with("eyebox: "))) {
+            if said.is_some_and(|said| !starved && !said.lines().any(|line| is_error(line, json))) {
                 return Err(format!("no line says what was wrong{quoted}"));
             }
             Ok(Answer::Refused)

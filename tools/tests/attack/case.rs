@@ -106,7 +106,13 @@ impl Case {
         let end = watched.wait();
         let said = watched.heard();
         let (end, said) = (end?, said.as_deref());
-        let answer = answer::judge(end, watched.asked.is_some(), said, self.starved)?;
+        let answer = answer::judge(
+            end,
+            watched.asked.is_some(),
+            said,
+            self.args.iter().any(|arg| arg == "--json"),
+            self.starved,
+        )?;
         if watched.peak > MEMORY_KIB && watched.peak > MEMORY_KIB + self.planned_kib(at) {
             return Err(format!("it took {} MiB", watched.peak >> 10));
         }
