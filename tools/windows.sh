@@ -70,6 +70,7 @@ run "$tests" --quiet reference:: far_field:: --skip both_engines
 export CARGO_TARGET_X86_64_PC_WINDOWS_GNU_RUNNER=$wine
 library() { cargo test --quiet --target "$target" --lib "$@"; }
 library --package eyebox-base --package eyebox-lab --package eyebox-optics --package eyebox-present --package eyebox-scene
-library --package eyebox-solve -- encode:: engine::cpu encoded:: evaluate:: hologram:: plan:: produce:: quality:: reconstruction::
+library --package eyebox-compute -- engine::cpu plan::
+library --package eyebox-solve -- encode:: encoded:: evaluate:: hologram:: produce:: quality:: reconstruction::
 library --package eyebox-tracking -- gaze::
 library --package eyebox-session -- preview::

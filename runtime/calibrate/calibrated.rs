@@ -5,8 +5,8 @@ use super::figures::Figures;
 use super::gain;
 use super::report::Report;
 use super::residual::HoldoutPicture;
+use eyebox_compute::engine::Engine;
 use eyebox_optics::{Color, Display};
-use eyebox_solve::engine::Engine;
 
 /// A display that was calibrated.
 #[derive(Debug, Clone)]

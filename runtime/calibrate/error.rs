@@ -2,9 +2,9 @@
 
 use eyebox_base::error::Reason;
 use eyebox_base::files::FileError;
+use eyebox_compute::engine::EngineError;
 use eyebox_optics::OpticsError;
 use eyebox_scene::SceneError;
-use eyebox_solve::engine::EngineError;
 use eyebox_solve::quality::QualityError;
 use std::io;
 

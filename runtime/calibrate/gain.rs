@@ -3,9 +3,9 @@
 
 use super::error::CalibrateError;
 use super::mend::{self, Mend};
+use eyebox_compute::engine::Engine;
 use eyebox_optics::{Color, Display, Picture};
 use eyebox_scene::{LightField, Request};
-use eyebox_solve::engine::Engine;
 use eyebox_solve::quality::{ModelWorth, Reference, Subject};
 use eyebox_solve::solve::{Flow, Levels, PupilRange, Settings};
 use serde::Serialize;

@@ -71,15 +71,15 @@
 //! | [`files`] | Reads files up to a limit, writes files whole or not at all, and has the two plain formats of the runtime, `.npy` and PNG |
 //! | [`optics`] | Display, pupil, propagation and window as pure functions in float64, without buffers or threads |
 //! | [`scene`] | Light fields: reading, built-in scenes, depth and disparity, target images |
-//! | [`encode`] | Converts phases to the bytes that the SLM receives: calibration, levels, packing |
 //! | [`engine`] | Runs lists of kernels over buffers: on the `cpu`, on `vulkan`, or on both in turn (`Handover`) |
 //! | [`gpu`] | One Vulkan device, opened once and shared: queues, memory, pipelines and their cache, validation messages |
+//! | [`present`] | Brings video frames to light in a window, on a direct display or in memory, and reports when each one lit up |
+//! | [`encode`] | Converts phases to the bytes that the SLM receives: calibration, levels, packing |
 //! | [`hologram`] | The hologram file: phase frames with their metadata, whole, in sequences and in tiles |
 //! | [`produce`] | Makes holograms of scenes: all colors of one, sequences, tiled far fields, and the refinement of a finished one |
 //! | [`reconstruction`] | Computes the image that an eye sees of a hologram, and compares it with the target image of the scene |
 //! | [`solve`] | Stochastic Light Field Holography (Schiffers et al. 2023): draws pupils, compares what the wave gives with what the light field gives, moves the phases |
 //! | [`calibrate`] | Fits a model of a real display to pictures that a camera took of it (OPTICS 10) |
-//! | [`present`] | Brings video frames to light in a window, on a direct display or in memory, and reports when each one lit up |
 //! | [`gaze`] | Predicts where the pupil will be when the light arrives, as a distribution, from the samples of a tracker |
 //! | [`trackers`] | Reads eye trackers: devices, recordings, the network and a simulated eye, as `Sample`s with a steady time |
 //! | [`preview`] | Shows what an eye sees of a hologram, live, in an ordinary window |
@@ -117,16 +117,16 @@ pub mod scene {
 
 /// One Vulkan device, opened once and shared.
 pub mod gpu {
-    pub use eyebox_solve::gpu::{DeviceReport, Gpu, Options, devices};
+    pub use eyebox_compute::gpu::{DeviceReport, Gpu, Options, devices};
 }
 
 /// Engines: the CPU's and Vulkan's.
 pub mod engine {
-    pub use eyebox_solve::engine::cpu::CpuEngine;
+    pub use eyebox_compute::engine::cpu::CpuEngine;
     #[cfg(feature = "vulkan")]
-    pub use eyebox_solve::engine::vulkan::VulkanEngine;
-    pub use eyebox_solve::engine::{Backend, Choice, Engine, EngineError, open};
-    pub use eyebox_solve::plan::Storage;
+    pub use eyebox_compute::engine::vulkan::VulkanEngine;
+    pub use eyebox_compute::engine::{Backend, Choice, Engine, EngineError, open};
+    pub use eyebox_compute::plan::Storage;
 }
 
 /// Solvers: from a light field to phases, and the refinement of phases for a pupil.

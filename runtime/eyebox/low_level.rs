@@ -6,6 +6,8 @@ pub use eyebox_base::{error, files, memory, reason};
 #[doc(inline)]
 pub use eyebox_calibrate as calibrate;
 #[doc(inline)]
+pub use eyebox_compute::{engine, gpu, plan};
+#[doc(inline)]
 pub use eyebox_optics as optics;
 #[cfg(feature = "window")]
 #[doc(inline)]
@@ -19,8 +21,6 @@ pub use eyebox_session::preview;
 #[doc(inline)]
 pub use eyebox_session::session;
 #[doc(inline)]
-pub use eyebox_solve::{
-    encode, encoded, engine, evaluate, gpu, hologram, plan, produce, quality, reconstruction, solve, tiled,
-};
+pub use eyebox_solve::{encode, encoded, evaluate, hologram, produce, quality, reconstruction, solve, tiled};
 #[doc(inline)]
 pub use eyebox_tracking::{gaze, trackers};

@@ -15,7 +15,7 @@ use super::swapchain::{Policy, Swapchain};
 use super::system::card_number;
 use super::{DisplayPresenter, PresentError, Rate, RealClock};
 use ash::{ext, khr, vk};
-use eyebox_solve::gpu::{EngineError, Gpu, Instance, has};
+use eyebox_compute::gpu::{EngineError, Gpu, Instance, has};
 use std::fs::{File, OpenOptions};
 use std::path::Path;
 use std::sync::Arc;

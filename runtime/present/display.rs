@@ -5,7 +5,7 @@ use super::swapchain::{Policy, Swapchain};
 use super::system::handle_of;
 use super::timing::PresentTiming;
 use super::{Event, Feedback, Interference, Monitor, PresentError, Presenter, Rate, RealClock};
-use eyebox_solve::gpu::{EngineError, Gpu, Pictures, PixelOrder};
+use eyebox_compute::gpu::{EngineError, Gpu, Pictures, PixelOrder};
 
 /// Shows video frames on a display, by a swapchain of exactly its size.
 pub struct DisplayPresenter {

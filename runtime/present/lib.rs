@@ -3,7 +3,7 @@
 //! A [`Presenter`] takes video frames in order: [`Offscreen`] is memory (with its [`Sink`]s), a [`DisplayPresenter`] a window
 //! over a monitor of the [`Desktop`], or a display that no desktop drives ([`direct_displays`]). [`OrdinaryWindow`] is a
 //! resizable window beside it on the same desktop. Both show by a [`Swapchain`], whose [`Policy`] says whether every picture
-//! counts or the newest; all swapchains of a program share one [`Gpu`](eyebox_solve::gpu::Gpu), opened to present.
+//! counts or the newest; all swapchains of a program share one [`Gpu`](eyebox_compute::gpu::Gpu), opened to present.
 //!
 //! `surface` is what a swapchain is on; `slot` a picture under way and `copy` how it gets into an image; `recreate` what happens when it is no longer
 //! right; `timing` says when pictures lit up. `direct` takes displays, by their `modes` and the system's `connectors`;

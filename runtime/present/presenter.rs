@@ -2,7 +2,7 @@
 
 use super::{Interference, PresentError, Rate};
 use eyebox_base::reason;
-use eyebox_solve::gpu::{Gpu, Pictures, PixelOrder};
+use eyebox_compute::gpu::{Gpu, Pictures, PixelOrder};
 
 /// When a video frame lit up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

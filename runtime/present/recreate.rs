@@ -5,7 +5,7 @@
 
 use super::swapchain::{PATIENCE_NS, Swapchain};
 use ash::vk;
-use eyebox_solve::gpu::EngineError;
+use eyebox_compute::gpu::EngineError;
 
 /// Attempts at an image, the first one counted.
 const ATTEMPTS: usize = 3;

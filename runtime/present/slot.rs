@@ -3,7 +3,7 @@
 #![allow(unsafe_code)]
 
 use ash::vk;
-use eyebox_solve::gpu::{Block, Device, EngineError, Pictures, Ready};
+use eyebox_compute::gpu::{Block, Device, EngineError, Pictures, Ready};
 use gpu_allocator::MemoryLocation;
 use std::sync::Arc;
 

@@ -3,7 +3,7 @@
 #![allow(unsafe_code)]
 
 use ash::{ext, khr, vk};
-use eyebox_solve::gpu::{EngineError, Instance};
+use eyebox_compute::gpu::{EngineError, Instance};
 use std::ffi::{CStr, c_void};
 use std::fs::File;
 use std::sync::Arc;

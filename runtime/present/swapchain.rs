@@ -12,7 +12,7 @@ use super::slot::Slot;
 use super::surface::{Surface, Target, WindowHandle};
 use super::timing::{PresentTiming, TimingMethod, TimingSource, present_number};
 use ash::{khr, vk};
-use eyebox_solve::gpu::{EngineError, Gpu, Pictures, PixelOrder};
+use eyebox_compute::gpu::{EngineError, Gpu, Pictures, PixelOrder};
 use std::sync::Arc;
 use std::time::Instant;
 

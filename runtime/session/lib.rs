@@ -7,8 +7,9 @@ pub mod session;
 // Modules name these as if they were beside them.
 use eyebox_base::{files, mailbox, steady};
 use eyebox_calibrate as calibrate;
+use eyebox_compute::{engine, gpu, plan};
 use eyebox_optics as optics;
 use eyebox_present as present;
 use eyebox_scene as scene;
-use eyebox_solve::{encode, engine, evaluate, gpu, hologram, plan, reconstruction, solve, tiled};
+use eyebox_solve::{encode, evaluate, hologram, reconstruction, solve, tiled};
 use eyebox_tracking::{gaze, trackers};

@@ -6,26 +6,14 @@ use std::path::{Path, PathBuf};
 
 /// The order of modules in crates that have several: the folder of the crate, the module that they are in, and their names. A module
 /// imports only modules before it. (Between crates cargo sees to it.)
-const ORDER: [(&str, &[&str], &[&str]); 3] = [
+const ORDER: [(&str, &[&str], &[&str]); 4] = [
+    ("runtime/compute", &[], &["plan", "gpu", "engine"]),
     ("runtime/scene", &[], &["light_field", "formats", "builtin", "depth", "synthesis", "read"]),
     ("runtime/session", &["session"], &["frame_log", "playback", "refinement", "content", "feeds"]),
     (
         "runtime/solve",
         &[],
-        &[
-            "plan",
-            "gpu",
-            "engine",
-            "encode",
-            "evaluate",
-            "solve",
-            "hologram",
-            "reconstruction",
-            "encoded",
-            "tiled",
-            "quality",
-            "produce",
-        ],
+        &["encode", "evaluate", "solve", "hologram", "reconstruction", "encoded", "tiled", "quality", "produce"],
     ),
 ];
 
@@ -452,8 +440,8 @@ fn the_library_names_no_option_of_the_command() {
 fn unsafe_is_where_the_page_of_promises_says() {
     const SHARED: &str = "tools/live-input/region.rs";
     const AT: [&str; 9] = [
-        "runtime/solve/gpu/",
-        "runtime/solve/engine/vulkan/",
+        "runtime/compute/gpu/",
+        "runtime/compute/engine/vulkan/",
         "runtime/present/",
         "runtime/session/preview/window.rs",
         "runtime/eyebox/examples/own_vulkan_device.rs",

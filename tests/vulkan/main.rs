@@ -2,6 +2,7 @@
 
 mod dry_run;
 mod encode;
+mod faults;
 mod fft;
 mod flight;
 mod fused;

@@ -5,10 +5,10 @@ use super::registration::{self, Pair, registered};
 use super::sensor::{Fine, Grid};
 use crate::{CalibrateError, Event};
 use eyebox_base::reason;
+use eyebox_compute::engine::{Buffer, Engine};
+use eyebox_compute::plan::{Comparison, Planner, PupilPass, Purpose, Viewpoint};
 use eyebox_optics::{Color, Pupil, WindowFactor};
-use eyebox_solve::engine::{Buffer, Engine};
 use eyebox_solve::evaluate::Sums;
-use eyebox_solve::plan::{Comparison, Planner, PupilPass, Purpose, Viewpoint};
 use eyebox_solve::solve::{Diameters, Problem, PupilRange, Sampler, Sequence, Settings, Update, cosine, take_seen};
 use std::sync::Arc;
 

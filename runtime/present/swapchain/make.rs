@@ -4,7 +4,7 @@
 
 use super::{Policy, Swapchain};
 use ash::vk;
-use eyebox_solve::gpu::EngineError;
+use eyebox_compute::gpu::EngineError;
 
 impl Swapchain {
     /// The size that pictures have on the surface; `wanted` where it leaves the choice. No pixels while a window is

@@ -1,6 +1,7 @@
 //! The stream: what it hands over is what the encoder makes of the file, in order; damage, ends, loops and growth.
 
 use crate::encode::{Encoder, PhaseSet};
+use crate::engine::vulkan::{LesserDevice, VulkanEncoder};
 use crate::gpu::Gpu;
 use crate::gpu::test_options::watched;
 use crate::hologram::{ColorHologram, Hologram, NewestHologram, Sequence, SequenceWriter};
@@ -226,6 +227,12 @@ fn a_vulkan_device_streams_the_bytes_of_the_cpu() {
     }
 }
 
+/// An encoder on a device that stages its transfers.
+fn staged(encoder: &Encoder) -> VulkanEncoder {
+    let lesser = LesserDevice { staged: true, ..LesserDevice::default() };
+    VulkanEncoder::on_lesser(&gpu(), encoder.plan(), &lesser).unwrap()
+}
+
 /// Returns the text behind the path of the sequence in a note.
 fn tells_of<'a>(note: &'a str, fixture: &Fixture) -> Option<&'a str> {
     note.strip_prefix(&fixture.path.display().to_string())
@@ -239,7 +246,7 @@ fn a_device_lost_while_streaming_is_followed_by_the_cpu() {
         let fixture = fixture("planes24", 8);
         let encoder = Encoder::new(&fixture.display, &COLORS, 8).unwrap();
         let sequence = Sequence::open(&fixture.path).unwrap();
-        let mut lost = crate::engine::vulkan::VulkanEncoder::staged(&gpu(), encoder.plan()).unwrap();
+        let mut lost = staged(&encoder);
         lost.pretend_lost_after(after);
         let heard = lost.gpu().messages();
         let options = options();
@@ -271,7 +278,7 @@ fn a_thread_that_fails_leaves_the_idle_picture_and_one_line() {
         let mut idle = encoder.frames();
         idle.bytes_mut().fill(0x5a);
         let device = matches!(fault, Fault::Full).then(|| {
-            let mut device = crate::engine::vulkan::VulkanEncoder::staged(&gpu(), encoder.plan()).unwrap();
+            let mut device = staged(&encoder);
             device.pretend_full_after(40);
             device
         });

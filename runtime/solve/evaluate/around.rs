@@ -254,7 +254,7 @@ impl Views {
         }
         let most = (MOST_VIEWS as f64).sqrt() as usize;
         let (pyramid, grid) = self.made(center, extent, self.wanted(extent).clamp(3, most));
-        let views = plan::ViewLayout { center, ..plan::ViewLayout::new(grid, &pyramid) };
+        let views = plan::ViewLayout::new(grid, &pyramid).centered_at(center);
         (pyramid, views)
     }
 

@@ -152,7 +152,7 @@ impl Problem {
     /// Plans for this problem.
     pub fn planner(&self, frames: usize, window: WindowFactor) -> Planner {
         let plain = Planner::new(self.optics, frames, window).with_padding(self.padding);
-        let views = ViewLayout { center: self.center, ..ViewLayout::new(self.views, &self.pyramid) };
+        let views = ViewLayout::new(self.views, &self.pyramid).centered_at(self.center);
         let (model, eye, modes) = (self.model.clone(), self.eye.clone(), Arc::clone(&self.modes));
         Planner { views: Some(views), share: self.share, model, eye, modes, ..plain }
     }

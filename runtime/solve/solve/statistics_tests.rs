@@ -3,7 +3,7 @@
 //! (Debian: mesa-vulkan-drivers), nothing is compiled, and a line says so.
 
 use super::{DryRun, Optimizer, Problem, RefineSettings, Settings};
-use crate::gpu::statistics_tests::{Key, Statistics, compile};
+use crate::gpu::statistics::{Key, Statistics, compile};
 use crate::gpu::{DeviceKind, Gpu, Options};
 use crate::optics::{Color, Display, ModelOf, ModelTerms, Pupil, PupilDistribution};
 use crate::scene::LightField;

@@ -134,7 +134,7 @@ impl Planner {
 impl PupilPass {
     /// Lights its sub-frames with these powers, each over their mean, in place of those that it had: of an eye at rest, whose
     /// table does no more than weigh.
-    pub(crate) fn set_powers(&mut self, powers: &[f64]) {
+    pub fn set_powers(&mut self, powers: &[f64]) {
         self.set_powers_by_mode(|_| powers.iter().copied());
     }
 

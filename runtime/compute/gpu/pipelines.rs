@@ -256,13 +256,13 @@ impl Pipelines {
         }
     }
 
-    #[cfg(test)]
+    #[cfg(any(test, feature = "test-hooks"))]
     pub(crate) fn packs_halves(&self) -> bool {
         self.modes.rounds_halves
     }
 
-    #[cfg(test)]
-    pub(crate) fn keys(&self) -> Vec<super::statistics_tests::Key> {
+    #[cfg(any(test, feature = "test-hooks"))]
+    pub(crate) fn keys(&self) -> Vec<super::statistics::Key> {
         self.made.iter().map(|((name, constants), made)| (name.to_string(), made.bindings, constants.clone())).collect()
     }
 

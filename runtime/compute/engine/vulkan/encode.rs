@@ -90,15 +90,13 @@ impl VulkanEncoder {
         Self::on(Commands::new(gpu)?, plan)
     }
 
-    /// The same, with transfers as on a device that has its memory for itself.
+    /// The same on a device that can do less.
     #[cfg(any(test, feature = "test-hooks"))]
-    pub fn staged(gpu: &Gpu, plan: &Plan) -> Result<Self, EngineError> {
-        let mut gpu = Commands::new(gpu)?;
-        gpu.in_place = false;
-        Self::on(gpu, plan)
+    pub fn on_lesser(gpu: &Gpu, plan: &Plan, lesser: &super::LesserDevice) -> Result<Self, EngineError> {
+        Self::on(lesser.commands(gpu)?, plan)
     }
 
-    pub(super) fn on(mut gpu: Commands, plan: &Plan) -> Result<Self, EngineError> {
+    fn on(mut gpu: Commands, plan: &Plan) -> Result<Self, EngineError> {
         let args = plan.args;
         let pixels = args.height as usize * args.width as usize;
         let row_words = (args.channels * args.cell_columns * args.width.div_ceil(4)) as usize;

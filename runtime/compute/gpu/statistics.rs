@@ -9,16 +9,16 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 
 /// A pipeline to be compiled: the module's name, how many buffers it is bound to, its constants.
-pub(crate) type Key = (String, u32, Vec<u32>);
+pub type Key = (String, u32, Vec<u32>);
 
 /// Numbers by the names that the driver gives them, and the microseconds that it took.
-pub(crate) type Statistics = BTreeMap<String, u64>;
+pub type Statistics = BTreeMap<String, u64>;
 
 /// Compiles each for the first device that the loader finds; the device's name, and what it says of each.
 ///
 /// # Errors
 /// What is missing, or failed.
-pub(crate) fn compile(keys: &[Key]) -> Result<(String, Vec<Statistics>), String> {
+pub fn compile(keys: &[Key]) -> Result<(String, Vec<Statistics>), String> {
     let failed = |what: &'static str| move |e: vk::Result| format!("{what}: {e}");
     // SAFETY: the loader is a Vulkan loader.
     let entry = unsafe { ash::Entry::load() }.map_err(|e| e.to_string())?;

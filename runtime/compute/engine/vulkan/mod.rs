@@ -25,7 +25,7 @@ mod look_up;
 #[cfg(test)]
 mod look_up_tests;
 mod prepare;
-#[cfg(test)]
+#[cfg(any(test, feature = "test-hooks"))]
 mod pretend;
 mod record;
 mod self_test;
@@ -38,4 +38,6 @@ pub use decode::{NoLight, StoredViews, ViewDecoder, ViewsLight};
 pub use encode::VulkanEncoder;
 pub use engine::VulkanEngine;
 pub use fft::{Timed, Transforms};
+#[cfg(any(test, feature = "test-hooks"))]
+pub use pretend::LesserDevice;
 pub(super) use self_test::check as self_test;

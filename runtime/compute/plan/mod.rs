@@ -25,7 +25,7 @@ mod storage;
 mod traffic;
 mod viewpoint;
 
-pub(crate) use cost::{Slots, pupil_pass_bytes, shared_bytes, work};
+pub use cost::{Slots, pupil_pass_bytes, shared_bytes, work};
 #[cfg(feature = "vulkan")]
 pub use device_model::{DEVICES, DeviceModel, Estimate};
 #[cfg(feature = "vulkan")]
@@ -33,7 +33,7 @@ pub(crate) use device_model::{DISPATCH_BYTES, SUBMISSION_BYTES};
 pub use eye::EyeTables;
 pub use kernel::{Access, Dispatch, Group, Kernel, Scope, Step, Timing};
 pub use list::{Buffer, BufferSize, ModelParts, PerFrame, Purpose, Resource, Shape};
-pub(crate) use lists::{StepLists, mean_loss};
+pub use lists::{StepLists, mean_loss};
 pub use model::ModelTables;
 pub use moments::{Moment, Moving};
 pub use pass::{PupilPass, Shot};

@@ -50,8 +50,8 @@ mod recorder;
 mod sharing;
 #[cfg(feature = "vulkan")]
 mod slot;
-#[cfg(all(test, feature = "vulkan"))]
-pub(crate) mod statistics_tests;
+#[cfg(all(any(test, feature = "test-hooks"), feature = "vulkan"))]
+pub mod statistics;
 #[cfg(all(any(test, feature = "test-hooks"), feature = "vulkan"))]
 pub mod test_options;
 #[cfg(feature = "vulkan")]

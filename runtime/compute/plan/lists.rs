@@ -26,7 +26,8 @@ const WEAK_CROSSTALK: f64 = 0.9;
 /// The lists that a step is made of: of its pupil passes, and room for that of its kernels. A step that is over gives both.
 #[derive(Debug, Default)]
 pub struct StepLists {
-    pub(crate) pupil_passes: Vec<PupilPass>,
+    /// The pupil passes.
+    pub pupil_passes: Vec<PupilPass>,
     kernels: Vec<Dispatch>,
 }
 
@@ -56,14 +57,7 @@ impl Planner {
     }
 
     /// The same in the lists of a step that is over.
-    pub(crate) fn project_step_in(
-        &self,
-        lists: StepLists,
-        in_flight: usize,
-        power: f64,
-        gain: f64,
-        momentum: f64,
-    ) -> Step {
+    pub fn project_step_in(&self, lists: StepLists, in_flight: usize, power: f64, gain: f64, momentum: f64) -> Step {
         let mut step = self.descend(lists, in_flight, true);
         step.list.push(Dispatch { kernel: Kernel::Project, pupil_passes: 0..0 });
         step.divide_by_overlap.power = power as f32;
@@ -80,7 +74,7 @@ impl Planner {
     }
 
     /// The same in the lists of a step that is over.
-    pub(crate) fn adam_step_in(&self, lists: StepLists, in_flight: usize, t: usize, rate: f64) -> Step {
+    pub fn adam_step_in(&self, lists: StepLists, in_flight: usize, t: usize, rate: f64) -> Step {
         let mut step = self.descend(lists, in_flight, false);
         step.list.push(Dispatch { kernel: Kernel::Adam, pupil_passes: 0..0 });
         // As float32 has them, so that the corrections are those of the moments that the kernel keeps: 1 - 0.999 is off by
@@ -122,7 +116,7 @@ impl Planner {
     }
 
     /// The fields of all sub-frames behind each pupil, left in `Window`, and its photograph, in `Target` of slots 0, 1, ...
-    pub(crate) fn fields_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
+    pub fn fields_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
         let all = 0..pupil_passes.len();
         let mut step = self.view_step(pupil_passes);
         step.over_pupil_passes(all, &[Kernel::Photograph, Kernel::Resample]);
@@ -190,7 +184,7 @@ impl Planner {
 
     /// The field on the SLM of content at several depths: `PupilAdjoint` adds the spectrum of each pupil pass's `Window`,
     /// which the caller writes before entries `3 i .. 3 i + 3` run, and the rest of the list leaves the field in `Change`.
-    pub(crate) fn layers_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
+    pub fn layers_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
         let mut step = self.empty(pupil_passes);
         for i in 0..step.pupil_passes.len() {
             let kernels = [Kernel::Transfer, Kernel::WindowForward, Kernel::PupilAdjoint];
@@ -314,12 +308,12 @@ impl Planner {
 
     /// Whether the projection keeps drives from wrapping. Crosstalk blurs the edge between the two ends of the range: a phase that
     /// jumps over it makes its neighbors' light worse, and the turns do not contain that.
-    pub(crate) fn bounds_phases(&self) -> bool {
+    pub fn bounds_phases(&self) -> bool {
         self.variance_left() < WEAK_CROSSTALK
     }
 
     /// Share of the variance of random drives that crosstalk leaves; 1 without crosstalk.
-    pub(crate) fn variance_left(&self) -> f64 {
+    pub fn variance_left(&self) -> f64 {
         self.model.as_ref().map_or(1.0, |model| model.variance_left())
     }
 
@@ -388,13 +382,13 @@ impl Step {
 
     /// The entry of the list after which phases may change, and before which all losses are known: what comes behind the last
     /// kernel that runs over pupil passes, and behind `check_finite` where the list has it.
-    pub(crate) fn before_update(&self) -> usize {
+    pub fn before_update(&self) -> usize {
         let known = |d: &Dispatch| d.kernel.scope().is_per_pupil() || d.kernel == Kernel::CheckFinite;
         self.list.iter().rposition(known).map_or(self.list.len(), |i| i + 1)
     }
 
     /// The mean squared difference over the pupils, of the sums that an engine gives.
-    pub(crate) fn mean_loss(&self, losses: &[f64]) -> f64 {
+    pub fn mean_loss(&self, losses: &[f64]) -> f64 {
         mean_loss(losses, self.pupil_passes.iter().map(PupilPass::count))
     }
 
@@ -405,7 +399,7 @@ impl Step {
 
     /// The same, one pupil pass after the other, each in slot 0: at full size one pupil pass holds as much memory as the field.
     /// After the shared entries each pupil pass has as many as the others.
-    pub(crate) fn pass_by_pass(mut self) -> Self {
+    pub fn pass_by_pass(mut self) -> Self {
         let kernels: Vec<_> = self.list.drain(self.shared()..).map(|d| d.kernel).collect();
         for i in 0..self.pupil_passes.len() {
             self.list.extend(kernels.iter().map(|&kernel| Dispatch { kernel, pupil_passes: i..i + 1 }));
@@ -415,7 +409,7 @@ impl Step {
 }
 
 /// The mean squared difference over pupils, of the sums that an engine gives and the `pixels` of their windows.
-pub(crate) fn mean_loss(losses: &[f64], pixels: impl Iterator<Item = usize>) -> f64 {
+pub fn mean_loss(losses: &[f64], pixels: impl Iterator<Item = usize>) -> f64 {
     let each = losses.iter().zip(pixels).map(|(loss, pixels)| loss / pixels as f64);
     each.sum::<f64>() / losses.len().max(1) as f64
 }

@@ -1,8 +1,42 @@
 //! What tests have a device pretend.
 
 use super::engine::VulkanEngine;
+#[cfg(test)]
 use crate::gpu::guards::Guards;
+use crate::gpu::{Commands, EngineError, Gpu};
 
+/// What a device cannot do that the tests' device can.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct LesserDevice {
+    /// Transfers are staged, as where the device has its memory for itself.
+    pub staged: bool,
+    /// Bytes that a kernel may see.
+    pub storage_range: Option<u64>,
+    /// Only the barriers of Vulkan 1.0.
+    pub old_barriers: bool,
+}
+
+impl LesserDevice {
+    pub(super) fn commands(&self, gpu: &Gpu) -> Result<Commands, EngineError> {
+        let mut commands = Commands::new(gpu)?;
+        commands.in_place = !self.staged;
+        commands.limits.storage_range = self.storage_range.unwrap_or(commands.limits.storage_range);
+        if self.old_barriers {
+            commands.recorder.modern = None;
+        }
+        Ok(commands)
+    }
+}
+
+impl VulkanEngine {
+    /// The driver reports from its so many-th submission on that the device was lost.
+    pub fn pretend_lost_after(&mut self, submissions: u64) {
+        let from = self.gpu.recorder.submitted + submissions;
+        self.gpu.recorder.fails_from = Some((from, ash::vk::Result::ERROR_DEVICE_LOST));
+    }
+}
+
+#[cfg(test)]
 impl VulkanEngine {
     /// Makes the largest range that a kernel may see smaller than it is.
     pub(super) fn pretend_range(&mut self, bytes: u64) {
@@ -12,19 +46,6 @@ impl VulkanEngine {
     /// Number of allocations alive, and of descriptor pools.
     pub(super) fn held(&self) -> (usize, usize) {
         (self.gpu.device.allocations(), self.gpu.recorder.pools())
-    }
-
-    /// From now on the driver answers to every submission that the device was lost.
-    pub(super) fn pretend_lost(&mut self) {
-        unsafe extern "system" fn lost(
-            _: ash::vk::Queue,
-            _: u32,
-            _: *const ash::vk::SubmitInfo<'_>,
-            _: ash::vk::Fence,
-        ) -> ash::vk::Result {
-            ash::vk::Result::ERROR_DEVICE_LOST
-        }
-        self.gpu.recorder.queue_submit = lost;
     }
 
     /// From now on the driver takes every submission and does nothing with it, and patience is short.

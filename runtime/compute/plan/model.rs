@@ -70,7 +70,7 @@ impl ModelTables {
     }
 
     /// The same for what is seen of a far field a piece at a time.
-    pub(crate) fn for_pieces(&self) -> Arc<Self> {
+    pub fn for_pieces(&self) -> Arc<Self> {
         self.cut_at(PIECES)
     }
 
@@ -80,7 +80,7 @@ impl ModelTables {
     }
 
     /// The same with another model of the display, behind the same mask; none where that leaves the ideal display.
-    pub(crate) fn with_model(&self, model: DisplayModel) -> Option<Arc<Self>> {
+    pub fn with_model(&self, model: DisplayModel) -> Option<Arc<Self>> {
         let ideal = model.is_ideal() && self.mask.is_none();
         (!ideal).then(|| Arc::new(Self { modes: self.modes.clone(), ..self.again(model, self.error) }))
     }
@@ -92,7 +92,7 @@ impl ModelTables {
 
     /// Of a tile that repeats over the SLM: everywhere as the SLM is in the mean, lit evenly. Light that no pixel modulates is left out,
     /// because its fringes repeat with no tile. None where nothing else is left.
-    pub(crate) fn tile(&self, tile: Optics) -> Option<Arc<Self>> {
+    pub fn tile(&self, tile: Optics) -> Option<Arc<Self>> {
         let ideal = DisplayModel::default();
         let level = self.model.level.as_flattened().iter().sum::<f64>() / 9.0;
         let (source, undiffracted) = (ideal.source, ideal.undiffracted);
@@ -103,7 +103,7 @@ impl ModelTables {
     }
 
     /// What each pixel needs more of light because it has so much ([`table_start::need`]); none where all have the same.
-    pub(crate) fn needs(&self) -> Option<Arc<[u32]>> {
+    pub fn needs(&self) -> Option<Arc<[u32]>> {
         let need_of = |amplitude: &f32| table_start::need(amplitude * amplitude);
         let all = || {
             let count = self.slm.height * self.slm.width;
@@ -118,7 +118,7 @@ impl ModelTables {
     }
 
     /// The iris alone.
-    pub(crate) fn iris(&self) -> Arc<Self> {
+    pub fn iris(&self) -> Arc<Self> {
         Arc::new(self.again(self.model.only("iris"), self.error))
     }
 
@@ -140,7 +140,7 @@ impl ModelTables {
 
     /// Of a piece of a far field's SLM, of all of which this is: `size` pixels whose first is `at`. It may hang over the edges by
     /// what crosstalk [reaches](Self::reach); pixels there are the other side's, and dark.
-    pub(crate) fn piece(&self, at: [i64; 2], size: [usize; 2]) -> Arc<Self> {
+    pub fn piece(&self, at: [i64; 2], size: [usize; 2]) -> Arc<Self> {
         let piece = self.slm.piece(at, size);
         let (pixels, offsets, relay, needs) = Default::default();
         let (slm, grid, obstructed) = (piece, piece, None);
@@ -150,7 +150,7 @@ impl ModelTables {
 
     /// The piece that holds these pixels of the whole SLM with all that crosstalk brings into them: where it begins, and its
     /// size. Along an axis that it would fill it is the whole SLM.
-    pub(crate) fn around(&self, at: [usize; 2], size: [usize; 2]) -> ([i64; 2], [usize; 2]) {
+    pub fn around(&self, at: [usize; 2], size: [usize; 2]) -> ([i64; 2], [usize; 2]) {
         let reach = self.reach();
         let fills = |k: usize| size[k] + 2 * reach[k] >= self.whole[k];
         let first = |k: usize| if fills(k) { 0 } else { at[k] as i64 - reach[k] as i64 };
@@ -160,7 +160,7 @@ impl ModelTables {
 
     /// The piece of a far field's SLM that a pupil sees on this display, the ideal one without a model: what lies under the iris as
     /// it is, and [around](Self::around) it.
-    pub(crate) fn under(model: Option<&Self>, whole: &Optics, pupil: &Pupil) -> ([i64; 2], [usize; 2]) {
+    pub fn under(model: Option<&Self>, whole: &Optics, pupil: &Pupil) -> ([i64; 2], [usize; 2]) {
         let Some(model) = model else {
             let (at, size) = whole.under(pupil);
             return (at.map(|i| i as i64), size);
@@ -170,7 +170,7 @@ impl ModelTables {
     }
 
     /// Pixels that crosstalk reaches along y and along x; 0 without.
-    pub(crate) fn reach(&self) -> [usize; 2] {
+    pub fn reach(&self) -> [usize; 2] {
         self.reach.unwrap_or_default()
     }
 
@@ -236,7 +236,7 @@ impl ModelTables {
     }
 
     /// The sum of the squares of crosstalk's kernel, 1 without: how much of the variance of random drives it leaves.
-    pub(crate) fn variance_left(&self) -> f64 {
+    pub fn variance_left(&self) -> f64 {
         *self.variance_left.get_or_init(|| {
             let [rows, columns] = [self.grid.height, self.grid.width].map(|n| n / self.slm.mask_factor);
             self.model.variance_left(rows, columns)
@@ -249,7 +249,7 @@ impl ModelTables {
     }
 
     /// What of it needs buffers.
-    pub(crate) fn parts(&self) -> ModelParts {
+    pub fn parts(&self) -> ModelParts {
         let (model, ideal) = (&self.model, DisplayModel::default());
         let crosstalk = model.crosstalk.is_some();
         let driven = model.level != ideal.level || model.bend != ideal.bend || model.lag > 0.0;
@@ -281,7 +281,8 @@ impl ModelTables {
         [pixels, crosstalk, offsets, relay].into_iter().flatten().chain(mask)
     }
 
-    pub(crate) fn pixels(&self) -> &[f32] {
+    /// Returns for each pixel its level, its modulated share and the light of the source (`Buffer::Pixels`).
+    pub fn pixels(&self) -> &[f32] {
         self.pixels.get_or_init(|| {
             let root = *self.root.get_or_init(|| self.model.source_root(self.whole));
             let (count, width) = (self.slm.height * self.slm.width, self.slm.width);

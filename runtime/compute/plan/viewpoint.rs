@@ -6,7 +6,6 @@ use std::f64::consts::PI;
 
 /// What one comparison looks through.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[non_exhaustive]
 pub enum Viewpoint {
     /// An eye's pupil: the exact disc on the wave, and the photograph that the light field gives through the same disc.
     Pupil(Pupil),
@@ -33,7 +32,7 @@ impl Planner {
     }
 
     /// Makes of a pupil pass that is over what `viewpoint` needs, in the lists that it has.
-    pub(crate) fn look_through(&self, pass: &mut PupilPass, viewpoint: &Viewpoint, comparison: &Comparison) {
+    pub fn look_through(&self, pass: &mut PupilPass, viewpoint: &Viewpoint, comparison: &Comparison) {
         let diameter = match viewpoint {
             Viewpoint::Pupil(pupil) | Viewpoint::Moving(Moving { pupil, .. }) => pupil.diameter,
             Viewpoint::Stft { .. } => 0.0,

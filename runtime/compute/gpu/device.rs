@@ -70,7 +70,7 @@ pub struct Device {
     pub report: DeviceReport,
     pub(crate) counters: Counters,
     /// The kind of device that lists are recorded for.
-    pub(crate) planned_as: DeviceKind,
+    pub planned_as: DeviceKind,
     /// The largest range that the driver takes: where nothing is run, lists are recorded as if there were larger ones.
     pub(crate) storage_range: u64,
     /// Whether all is recorded and nothing is run.
@@ -308,14 +308,14 @@ impl Device {
     }
 
     /// Whether it packs halves, as far as is known.
-    #[cfg(test)]
-    pub(crate) fn packs_halves(&self) -> bool {
+    #[cfg(any(test, feature = "test-hooks"))]
+    pub fn packs_halves(&self) -> bool {
         self.pipelines.lock().unwrap_or_else(PoisonError::into_inner).as_ref().is_some_and(Pipelines::packs_halves)
     }
 
     /// The pipelines that were made.
-    #[cfg(test)]
-    pub(crate) fn pipelines_made(&self) -> Vec<super::statistics_tests::Key> {
+    #[cfg(any(test, feature = "test-hooks"))]
+    pub fn pipelines_made(&self) -> Vec<super::statistics::Key> {
         self.pipelines.lock().unwrap_or_else(PoisonError::into_inner).iter().flat_map(Pipelines::keys).collect()
     }
 

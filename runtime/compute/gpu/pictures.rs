@@ -77,6 +77,18 @@ impl Pictures {
         self.order
     }
 
+    /// Returns the bytes of picture `index`.
+    ///
+    /// # Errors
+    /// Those of the device.
+    #[cfg(any(test, feature = "test-hooks"))]
+    pub fn pixels(&self, gpu: &super::Gpu, index: usize) -> Result<Vec<u8>, EngineError> {
+        let mut pixels = vec![0; 4 * self.size[0] * self.size[1]];
+        let piece = (index as u64 * self.step, 0, pixels.len() as u64);
+        Commands::new(gpu)?.download(&self.block, &mut pixels, [piece])?;
+        Ok(pixels)
+    }
+
     /// Whether a swapchain still reads them: they must not be filled.
     pub fn in_use(&self) -> bool {
         Arc::strong_count(&self.block) > 1

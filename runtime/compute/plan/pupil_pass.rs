@@ -56,6 +56,12 @@ impl ViewLayout {
             tables: ResampleTables::default(),
         }
     }
+
+    /// The same with the grid's center at (x, y) in the pupil plane, metres.
+    #[must_use]
+    pub fn centered_at(self, center: [f64; 2]) -> Self {
+        Self { center, ..self }
+    }
 }
 
 /// Everything about a solve that does not change from pupil to pupil, at one wavelength.
@@ -172,12 +178,12 @@ impl Planner {
     }
 
     /// The same with these sources lit, by their places, all the time, and no others.
-    pub(crate) fn light(&mut self, sources: &[usize]) {
+    pub fn light(&mut self, sources: &[usize]) {
         self.modes = self.modes.iter().map(|mode| mode.lit_among(sources)).collect();
     }
 
     /// For targets that are divided by `unit`.
-    pub(crate) fn divide_targets(&mut self, unit: f64) {
+    pub fn divide_targets(&mut self, unit: f64) {
         if let Some(views) = &mut self.views {
             views.unit /= unit;
         }

@@ -46,7 +46,7 @@ pub enum Memory {
 #[cfg(feature = "vulkan")]
 impl Memory {
     /// Of a device of this kind.
-    pub(crate) fn of(kind: crate::gpu::DeviceKind) -> Self {
+    pub fn of(kind: crate::gpu::DeviceKind) -> Self {
         use crate::gpu::DeviceKind::{Cpu, Integrated};
         if matches!(kind, Cpu | Integrated) { Self::Shared } else { Self::Device }
     }
@@ -57,7 +57,7 @@ fn misfit(buffer: Buffer, has: usize, given: usize) -> EngineError {
 }
 
 /// Views for an engine that has none of a device's memory.
-pub(crate) fn on_host(views: &Arc<Pyramid>) -> Result<Arc<Pyramid>, EngineError> {
+pub fn on_host(views: &Arc<Pyramid>) -> Result<Arc<Pyramid>, EngineError> {
     views.on_host().map_err(|reason| EngineError::Mismatch { reason: format!("the views are on a device: {reason}") })
 }
 

@@ -13,7 +13,7 @@ pub fn work(step: &Step, shape: &Shape) -> [f64; Group::ALL.len()] {
 }
 
 /// Bytes of the buffers that are not a pupil pass's, where a complex value takes `complex` of them.
-pub(crate) fn shared_bytes(shape: &Shape, complex: u64) -> u64 {
+pub fn shared_bytes(shape: &Shape, complex: u64) -> u64 {
     let (pixels, points, frames) = (shape.pixels() as u64, shape.points() as u64, shape.frames as u64);
     let mut bytes = 4 * frames * pixels + complex * frames * points;
     if shape.purpose != Purpose::View {
@@ -34,7 +34,7 @@ pub(crate) fn shared_bytes(shape: &Shape, complex: u64) -> u64 {
 }
 
 /// Bytes of one pupil pass's buffers, where a complex value of its window takes `complex` of them.
-pub(crate) fn pupil_pass_bytes(pupil_pass: &PupilPass, frames: usize, complex: u64) -> u64 {
+pub fn pupil_pass_bytes(pupil_pass: &PupilPass, frames: usize, complex: u64) -> u64 {
     let count = pupil_pass.count() as u64;
     let shot = pupil_pass.shot.as_ref().map_or(0, |s| 4 * u64::from(s.args.height) * u64::from(s.args.width));
     // The window, the transfer function, image and target, the photograph before it is resampled.
@@ -63,7 +63,7 @@ impl Slots {
     }
 
     /// All of them together, where the first holds a pupil pass of so many bytes as well.
-    pub(crate) fn bytes_with(&self, first: u64) -> u64 {
+    pub fn bytes_with(&self, first: u64) -> u64 {
         let [head, tail @ ..] = &self.0[..] else { return first };
         (*head).max(first) + tail.iter().sum::<u64>()
     }

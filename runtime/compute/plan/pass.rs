@@ -63,7 +63,7 @@ pub struct PupilPass {
 
 impl PupilPass {
     /// One that needs nothing, to be filled.
-    pub(crate) fn empty() -> Self {
+    pub fn empty() -> Self {
         Self {
             window: Window { y0: 0, x0: 0, rows: 0, columns: 0 },
             spans: Vec::new(),

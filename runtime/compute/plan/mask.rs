@@ -29,7 +29,7 @@ impl PartialEq for MaskTables {
 
 impl MaskTables {
     /// Of this display, on its SLM inside a grid; none where it has no mask.
-    pub(super) fn of(display: &Display, slm: Optics, grid: Optics) -> Option<Self> {
+    pub fn of(display: &Display, slm: Optics, grid: Optics) -> Option<Self> {
         let (mask, slope) = (display.mask.clone()?, display.mask_slope(slm.wavelength));
         Some(Self { mask, slope, slm, grid, values: OnceLock::new(), transfer: OnceLock::new() })
     }

@@ -243,7 +243,7 @@ impl Resource {
     }
 
     /// Whether it is a buffer of the shape.
-    pub(crate) fn is_shared(self) -> bool {
+    pub fn is_shared(self) -> bool {
         Self::OF_SHAPE.contains(&self)
     }
 
@@ -343,7 +343,7 @@ pub struct Shape {
 
 impl Shape {
     /// That of nothing: what an engine has before it is loaded.
-    pub(crate) fn empty() -> Self {
+    pub fn empty() -> Self {
         let place = bytemuck::Zeroable::zeroed();
         let (purpose, storage, model) = (Purpose::View, Storage::F32, ModelParts::default());
         Self { frames: 0, place, purpose, quantised: false, storage, binary_angles: false, model }
