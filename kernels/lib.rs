@@ -39,6 +39,8 @@ pub mod motion;
 pub mod multiply;
 pub mod overlap;
 pub mod pass_pupil;
+pub mod phase_gradient;
+pub mod phase_gradient_mask;
 pub mod photograph;
 pub mod pixels;
 pub mod project;
@@ -57,8 +59,6 @@ pub mod table_start;
 pub mod taper;
 pub mod transfer;
 pub mod trig;
-pub mod turn;
-pub mod turn_mask;
 
 pub use simd::{simd, simd_name};
 

@@ -7,7 +7,7 @@ use bytemuck::{Pod, Zeroable};
 /// The most pixels of a mask along an axis of one of the SLM's.
 pub const MOST: usize = 4;
 
-/// Of this kernel and of `turn_mask`.
+/// Of this kernel and of `phase_gradient_mask`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Args {

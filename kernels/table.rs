@@ -349,12 +349,12 @@ macro_rules! kernels {
                 shader: Once |c| c.subpixels($crate::fft::Direction::Inverse),
             }
             /// What the change asks of the phases of the field.
-            Turn = "turn" {
+            PhaseGradient = "phase_gradient" {
                 over: Frames, group: Update,
                 binds: [Read Pixels, Read Change, Update Wave],
                 work: |u| 0.5 * u.pixels(),
-                twin: |c| c.turn(),
-                shader: Once |c| c.turn(),
+                twin: |c| c.phase_gradient(),
+                shader: Once |c| c.phase_gradient(),
             }
             /// The change behind a mask at a distance to that at the SLM.
             FromMask = "from_mask" {
@@ -365,21 +365,21 @@ macro_rules! kernels {
                 shader: Once |c| c.through_mask(true),
             }
             /// What the change on the pixels of a mask asks of the phases of the field.
-            TurnMask = "turn_mask" {
+            PhaseGradientMask = "phase_gradient_mask" {
                 over: Frames, group: Update,
                 binds: [Read Pixels, Read Mask, Read Change, Update Wave],
                 fits: |step, shape| step.modulate_mask.fits(&shape.place),
                 work: |u| 0.5 * u.pixels() + u.masked(),
-                twin: |c| c.turn_mask(),
-                shader: Once |c| c.turn_mask(),
+                twin: |c| c.phase_gradient_mask(),
+                shader: Once |c| c.phase_gradient_mask(),
             }
             /// The same of each sub-pixel.
-            TurnSubpixels = "turn_subpixels" {
+            PhaseGradientSubpixels = "phase_gradient_subpixels" {
                 over: Frames, group: Update,
                 binds: [Read Pixels, Read Subpixels, Update Wave],
                 work: |u| 0.5 * u.subpixels() * u.subpixels() * u.pixels(),
-                twin: |c| c.turn(),
-                shader: Once |c| c.turn(),
+                twin: |c| c.phase_gradient(),
+                shader: Once |c| c.phase_gradient(),
             }
             /// Crosstalk along columns, transposed,
             CrosstalkColumnsBack = "crosstalk_columns_back" {

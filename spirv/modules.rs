@@ -36,6 +36,9 @@ modules! {
     OVERLAP = "overlap";
     PASS_COLUMNS = "pass_columns", PASS_COLUMNS_HALF = "pass_columns_half";
     PASS_PUPIL = "pass_pupil", PASS_PUPIL_HALF = "pass_pupil_half";
+    PHASE_GRADIENT = "phase_gradient", PHASE_GRADIENT_HALF = "phase_gradient_half";
+    PHASE_GRADIENT_MASK = "phase_gradient_mask", PHASE_GRADIENT_MASK_HALF = "phase_gradient_mask_half";
+    PHASE_GRADIENT_ROWS = "phase_gradient_rows", PHASE_GRADIENT_ROWS_HALF = "phase_gradient_rows_half";
     PHOTOGRAPH = "photograph";
     PIXELS = "pixels";
     PROJECT = "project", PROJECT_HALF = "project_half";
@@ -50,8 +53,5 @@ modules! {
     TABLE_START = "table_start";
     TAPER = "taper";
     TRANSFER = "transfer";
-    TURN = "turn", TURN_HALF = "turn_half";
-    TURN_MASK = "turn_mask", TURN_MASK_HALF = "turn_mask_half";
-    TURN_ROWS = "turn_rows", TURN_ROWS_HALF = "turn_rows_half";
     WINDOW_COLUMNS = "window_columns", WINDOW_COLUMNS_HALF = "window_columns_half";
 }

@@ -123,8 +123,8 @@ fn other_lists_fused_are_those_of_the_list() {
             let (purpose, mode) = (*purpose, *mode);
             let step = case.step(purpose, mode, 0.5, 3000);
             let after = |kernel| step.list.iter().position(|d| d.kernel == kernel).unwrap() + 1;
-            use Kernel::{ChangeInverse, Drive, DriveAdjoint, LagAdjoint, ModulateWave, Turn};
-            let cuts = [Drive, ModulateWave, ChangeInverse, Turn, LagAdjoint, DriveAdjoint].map(after);
+            use Kernel::{ChangeInverse, Drive, DriveAdjoint, LagAdjoint, ModulateWave, PhaseGradient};
+            let cuts = [Drive, ModulateWave, ChangeInverse, PhaseGradient, LagAdjoint, DriveAdjoint].map(after);
             compare(&mut engine, &case, purpose, &step, &cuts, &format!("every term, {purpose:?}, {storage:?}"));
         }
     }

@@ -130,9 +130,13 @@ fn display_models() {
             let mut model = every_fault();
             model.subpixels = subpixels;
             case.planner.model = ModelTables::new(model, 11e-3, 256, slm, grid);
-            let of_pixels = [Kernel::ModulateWave, Kernel::FieldForward, Kernel::ChangeInverse, Kernel::Turn];
-            let of_subpixels =
-                [Kernel::ModulateSubpixels, Kernel::SubpixelsForward, Kernel::SubpixelsInverse, Kernel::TurnSubpixels];
+            let of_pixels = [Kernel::ModulateWave, Kernel::FieldForward, Kernel::ChangeInverse, Kernel::PhaseGradient];
+            let of_subpixels = [
+                Kernel::ModulateSubpixels,
+                Kernel::SubpixelsForward,
+                Kernel::SubpixelsInverse,
+                Kernel::PhaseGradientSubpixels,
+            ];
             let others = [
                 Kernel::Drive,
                 Kernel::Lag,

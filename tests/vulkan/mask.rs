@@ -48,7 +48,7 @@ fn kernels_before_and_behind_a_mask() {
                 let mut case = masked(size, padding, factor, distance_mm, bench, frames);
                 case.planner.storage = storage;
                 let at_a_distance = [Kernel::ToMask, Kernel::FromMask].into_iter().filter(|_| distance_mm > 0.0);
-                for kernel in [Kernel::ModulateMask, Kernel::TurnMask].into_iter().chain(at_a_distance) {
+                for kernel in [Kernel::ModulateMask, Kernel::PhaseGradientMask].into_iter().chain(at_a_distance) {
                     let step = case.single(Purpose::Project, PROJECTION, 1.0, kernel);
                     let worst = compare(&mut engine, &mut twin, &case, Purpose::Project, &step);
                     let transforms = matches!(kernel, Kernel::ToMask | Kernel::FromMask);

@@ -57,8 +57,8 @@ pub(crate) enum Epilogue {
     Project,
     /// `adam`.
     Adam,
-    /// `turn`.
-    Turn,
+    /// `phase_gradient`.
+    PhaseGradient,
 }
 
 impl Epilogue {
@@ -66,7 +66,7 @@ impl Epilogue {
         match kernel {
             Kernel::Project => Some(Self::Project),
             Kernel::Adam => Some(Self::Adam),
-            Kernel::Turn => Some(Self::Turn),
+            Kernel::PhaseGradient => Some(Self::PhaseGradient),
             _ => None,
         }
     }
@@ -261,7 +261,7 @@ mod tests {
         let ways: Vec<_> = carried(&step, 0..step.list.len(), ALL).into_iter().map(|(_, way)| way).collect();
         let ways: Vec<_> = ways.into_iter().filter(|way| *way != Fusion::Alone).collect();
         let gather = Fusion::Gather { adds: false, last: true };
-        let back = Fusion::ChangeRowsAnd(Epilogue::Turn);
+        let back = Fusion::ChangeRowsAnd(Epilogue::PhaseGradient);
         let want =
             [Fusion::DriveTiles, Fusion::FieldFromWave, Fusion::ThroughWindows, gather, back, Fusion::ProjectTiles];
         assert_eq!(ways, want);

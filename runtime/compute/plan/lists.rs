@@ -149,8 +149,8 @@ impl Planner {
         let lit = lit.into_iter().max().unwrap_or(0);
         step.list.insert(lit, whole(Kernel::Energy));
         // Before the spectrum's change becomes the field's; in the far field they are one.
-        use Kernel::{Adam, ChangeInverse, CheckFinite, Project, SubpixelsInverse, Turn};
-        let ends = [ChangeInverse, SubpixelsInverse, CheckFinite, Turn, Project, Adam];
+        use Kernel::{Adam, ChangeInverse, CheckFinite, PhaseGradient, Project, SubpixelsInverse};
+        let ends = [ChangeInverse, SubpixelsInverse, CheckFinite, PhaseGradient, Project, Adam];
         let end = step.list.iter().position(|d| ends.contains(&d.kernel)).unwrap_or(step.list.len());
         step.list.insert(end, whole(Kernel::EqualiseEyebox));
         step.columns = Columns { first: 0, count: self.grid.width };
@@ -218,16 +218,16 @@ impl Planner {
     fn to_phases(&self) -> impl Iterator<Item = Dispatch> + use<> {
         let parts = self.parts();
         let lag = self.model.as_ref().is_some_and(|model| model.model().lag > 0.0).then_some(Kernel::LagAdjoint);
-        let turn = match (parts.mask, parts.more_subpixels) {
-            (1.., _) => Kernel::TurnMask,
-            (_, 0) => Kernel::Turn,
-            _ => Kernel::TurnSubpixels,
+        let gradient = match (parts.mask, parts.more_subpixels) {
+            (1.., _) => Kernel::PhaseGradientMask,
+            (_, 0) => Kernel::PhaseGradient,
+            _ => Kernel::PhaseGradientSubpixels,
         };
         let away = parts.mask_away.then_some(Kernel::FromMask);
         let crosstalk = parts.crosstalk.map(|_| [Kernel::CrosstalkColumnsBack, Kernel::CrosstalkRowsBack]);
         let all = away
             .into_iter()
-            .chain([turn])
+            .chain([gradient])
             .chain(crosstalk.into_iter().flatten())
             .chain(lag)
             .chain([Kernel::DriveAdjoint]);

@@ -11,9 +11,9 @@ use eyebox_kernels::{
     modulate_mask::modulate_mask,
     modulate_wave::modulate_wave,
     multiply::multiply,
+    phase_gradient::phase_gradient,
+    phase_gradient_mask::phase_gradient_mask,
     subpixels::{add_columns, add_rows, spread_columns, spread_rows},
-    turn::turn,
-    turn_mask::turn_mask,
 };
 use rayon::prelude::*;
 
@@ -52,9 +52,9 @@ impl Frame<'_> {
         (self.store)(self.field);
     }
 
-    pub(super) fn turn_mask(&mut self) {
+    pub(super) fn phase_gradient_mask(&mut self) {
         let (args, [mask, _], pixels) = (&self.step.modulate_mask, self.tables.mask, self.shape.pixels());
-        turn_mask(args, self.tables.pixels, mask, self.change, &mut self.wave[..pixels]);
+        phase_gradient_mask(args, self.tables.pixels, mask, self.change, &mut self.wave[..pixels]);
         (self.store_drives)(self.wave);
     }
 
@@ -82,13 +82,13 @@ impl Frame<'_> {
         self.fft.whole(self.change, Direction::Inverse);
     }
 
-    pub(super) fn turn(&mut self) {
+    pub(super) fn phase_gradient(&mut self) {
         let (points, pixels) = (self.shape.points(), self.shape.pixels());
         let changes = if self.is_whole() { &*self.change } else { &*self.subpixels };
         let (shape, tables, store) = (self.shape, self.tables.pixels, self.store_drives);
         let each = changes.par_chunks_exact(points).zip(self.wave.par_chunks_exact_mut(pixels));
         each.for_each(|(change, wave)| {
-            turn(&shape.place, tables, change, wave);
+            phase_gradient(&shape.place, tables, change, wave);
             store(wave);
         });
     }

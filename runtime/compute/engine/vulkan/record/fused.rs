@@ -125,13 +125,13 @@ impl<'a> Call<'_, 'a> {
 
     fn change_rows_and(&mut self, behind: Epilogue) -> Result<(), EngineError> {
         let mut binds = self.kernel.binds().to_vec();
-        binds.extend((behind != Epilogue::Turn).then_some((Access::Read, Resource::Losses)));
+        binds.extend((behind != Epilogue::PhaseGradient).then_some((Access::Read, Resource::Losses)));
         self.work.before(&binds);
         let (step, place) = (self.step, self.shape.place);
         match behind {
             Epilogue::Project => self.rows_behind(&eyebox_spirv::PROJECT_ROWS, &step.project),
             Epilogue::Adam => self.rows_behind(&eyebox_spirv::ADAM_ROWS, &step.adam),
-            Epilogue::Turn => self.rows_behind(&eyebox_spirv::TURN_ROWS, &place),
+            Epilogue::PhaseGradient => self.rows_behind(&eyebox_spirv::PHASE_GRADIENT_ROWS, &place),
         }
     }
 

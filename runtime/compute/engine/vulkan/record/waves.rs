@@ -68,7 +68,7 @@ impl Call<'_, '_> {
         self.planes([place.grid_height, place.grid_width], 1, &step.modulate_mask, &[scale])
     }
 
-    pub(super) fn turn_mask(&mut self) -> Result<(), EngineError> {
+    pub(super) fn phase_gradient_mask(&mut self) -> Result<(), EngineError> {
         let (step, place) = (self.step, self.shape.place);
         self.planes([place.height, place.width], 1, &step.modulate_mask, &[])
     }
@@ -98,9 +98,9 @@ impl Call<'_, '_> {
         self.grid_transform_of(direction, columns)
     }
 
-    pub(super) fn turn(&mut self) -> Result<(), EngineError> {
+    pub(super) fn phase_gradient(&mut self) -> Result<(), EngineError> {
         let place = self.shape.place;
-        self.module = Some(&eyebox_spirv::TURN);
+        self.module = Some(&eyebox_spirv::PHASE_GRADIENT);
         self.planes([place.height, place.width], self.shape.subpixels().pow(2), &place, &[])
     }
 

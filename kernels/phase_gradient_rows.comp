@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 
-// The rows of the change's inverse transform and `turn`, of one sub-pixel.
+// The rows of the change's inverse transform and `phase_gradient`, of one sub-pixel.
 
 #define COLUMNS 0u
 #include "alias.glsl"

@@ -4,7 +4,7 @@
 use crate::{Complex32, modulate, simd, trig};
 
 /// `tables` as `modulate_wave` has them; `change` (grid_height, grid_width); `wave` (height, width).
-pub fn turn(args: &modulate::Args, tables: &[f32], change: &[Complex32], wave: &mut [f32]) {
+pub fn phase_gradient(args: &modulate::Args, tables: &[f32], change: &[Complex32], wave: &mut [f32]) {
     let (w, gw, pixels) = (args.width as usize, args.grid_width as usize, (args.width * args.height) as usize);
     let amplitude = &tables[pixels..2 * pixels];
     simd(

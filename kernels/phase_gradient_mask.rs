@@ -5,7 +5,7 @@ use crate::modulate_mask::Args;
 use crate::{Complex32, ZERO, simd, trig};
 
 /// `tables` and `mask` as `modulate_mask` has them; `change` (grid_height, grid_width); `wave` (height, width).
-pub fn turn_mask(args: &Args, tables: &[f32], mask: &[Complex32], change: &[Complex32], wave: &mut [f32]) {
+pub fn phase_gradient_mask(args: &Args, tables: &[f32], mask: &[Complex32], change: &[Complex32], wave: &mut [f32]) {
     let Args { place, here, cover, .. } = *args;
     let (k, w, gw) = (args.factor as usize, place.width as usize, place.grid_width as usize);
     let (top, left, pixels) = (place.top as usize, place.left as usize, (place.width * place.height) as usize);
