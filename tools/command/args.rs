@@ -110,6 +110,36 @@ pub struct Solve {
     /// Quality
     #[command(flatten)]
     pub quality: QualityArgs,
+    /// Settings
+    #[command(flatten)]
+    pub settings: SettingsArgs,
+    /// Memory that the solve of a far-field hologram keeps to: it is solved region by region, into its file, and the same
+    /// command goes on where it was cut off [default: 4GiB where the hologram is larger, else all at once]
+    #[arg(help_heading = "Steps", long, value_name = "AMOUNT", value_parser = memory)]
+    pub memory: Option<u64>,
+    /// With --memory: passes over the SLM [default: 3; --steps are those of one visit to a region, default 8]
+    #[arg(help_heading = "Steps", long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..).map(usize::from))]
+    pub passes: Option<usize>,
+    /// With --memory: pixels along each axis of the scene's views [default: 1024, or the display's]
+    #[arg(help_heading = "Steps", long, value_name = "N", value_parser = clap::value_parser!(u16).range(16..=16384).map(usize::from))]
+    pub picture: Option<usize>,
+    /// Camera
+    #[command(flatten)]
+    pub camera: CameraArgs,
+    /// Engine
+    #[command(flatten)]
+    pub engine: EngineArgs,
+    /// One JSON object on standard output, no progress bar
+    #[arg(help_heading = "Output", long)]
+    pub json: bool,
+    /// Time per kernel, after the solve
+    #[arg(help_heading = "Output", long)]
+    pub timings: bool,
+}
+
+/// What decides a solve beside its scene, its display and the quality that is asked for.
+#[derive(Args)]
+pub struct SettingsArgs {
     /// Sub-frames, optimised jointly on their mean intensity [default: 8]
     #[arg(help_heading = "Quality", long, value_name = "F")]
     pub frames: Option<usize>,
@@ -194,16 +224,11 @@ pub struct Solve {
     /// Seed of the first phases and of the pupils
     #[arg(help_heading = "Steps", long, default_value_t = 0, value_name = "S")]
     pub seed: u64,
-    /// Memory that the solve of a far-field hologram keeps to: it is solved region by region, into its file, and the same
-    /// command goes on where it was cut off [default: 4GiB where the hologram is larger, else all at once]
-    #[arg(help_heading = "Steps", long, value_name = "AMOUNT", value_parser = memory)]
-    pub memory: Option<u64>,
-    /// With --memory: passes over the SLM [default: 3; --steps are those of one visit to a region, default 8]
-    #[arg(help_heading = "Steps", long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..).map(usize::from))]
-    pub passes: Option<usize>,
-    /// With --memory: pixels along each axis of the scene's views [default: 1024, or the display's]
-    #[arg(help_heading = "Steps", long, value_name = "N", value_parser = clap::value_parser!(u16).range(16..=16384).map(usize::from))]
-    pub picture: Option<usize>,
+}
+
+/// A camera that takes part in the last steps.
+#[derive(Args)]
+pub struct CameraArgs {
     /// The command of a camera behind the display: after the solve it takes part in --camera-steps (docs/calibrate.md)
     #[arg(help_heading = "Camera", long, value_name = "COMMAND", requires = "camera_steps")]
     pub camera: Option<String>,
@@ -223,15 +248,6 @@ pub struct Solve {
     /// Seconds that the command may take for an answer [default: 60, and by exposure]
     #[arg(help_heading = "Camera", long, value_name = "SECONDS", value_parser = positive, requires = "camera")]
     pub camera_timeout: Option<f64>,
-    /// Engine
-    #[command(flatten)]
-    pub engine: EngineArgs,
-    /// One JSON object on standard output, no progress bar
-    #[arg(help_heading = "Output", long)]
-    pub json: bool,
-    /// Time per kernel, after the solve
-    #[arg(help_heading = "Output", long)]
-    pub timings: bool,
 }
 
 /// `eyebox export`

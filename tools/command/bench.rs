@@ -2,8 +2,8 @@
 
 use crate::Failure;
 use crate::args::Bench;
-use crate::settings::settings_of;
-use crate::{common, dry, model_terms};
+use crate::request::SolveRequest;
+use crate::{common, dry};
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::quality::{Prepared, Subject};
 use eyebox::low_level::reason;
@@ -36,20 +36,17 @@ fn look_up_ms(problem: &Problem, settings: &Settings, engine: &mut dyn Engine) -
 
 /// Times steps; three rounds, in turn with the other program.
 pub fn run(args: &Bench) -> Result<(), Failure> {
-    let mut display = common::display(&args.solve.display)?;
-    args.solve.eye.replace(&mut display.prescription)?;
-    display.viewing = args.solve.viewing.over(display.viewing)?;
-    let colors = common::colors(&args.solve.display, &display)?;
-    let color = colors[0];
-    let mut engine = common::engine(&args.solve.engine)?;
-    let display = model_terms::chosen(&args.solve, display, &[color], engine.as_mut())?;
+    let mut request = SolveRequest::of(&args.solve)?;
+    request.colors.truncate(1);
+    let color = request.colors[0];
+    let mut engine = common::engine(request.engine)?;
+    request.choose_terms(engine.as_mut())?;
     engine.time_kernels(true);
     let begun = Instant::now();
-    let field = common::scene(&args.solve.scene, &display, &[color])?;
-    let depth = common::depths(&args.solve.scene, &field, &display)?;
-    let (settings, chosen) = settings_of(&args.solve, engine.as_ref(), &display, depth, 1)?;
-    let subject =
-        Subject { field: &field, color, display: &display, base: settings.clone(), levels: Levels::of(&display) };
+    let (field, depth) = request.load(&request.display)?;
+    let (settings, chosen) = request.settings(engine.as_ref())?;
+    let (settings, display) = (Settings { depth, ..settings }, &request.display);
+    let subject = Subject { field: &field, color, display, base: settings.clone(), levels: Levels::of(display) };
     let Prepared { problem, settings, .. } = subject.prepare(&settings)?;
     settings.check()?;
     let loading = begun.elapsed().as_secs_f64();

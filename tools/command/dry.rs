@@ -17,7 +17,7 @@ pub fn run(args: &Bench, problem: Problem, settings: &Settings) -> Result<(), Fa
     // Nothing runs, so that any device records what a GPU would get.
     let plan_as = if device.is_none() { Some(DeviceKind::Discrete) } else { None };
     let gpu = Gpu::open(&Options { device, allow_cpu: true, record_only: true, plan_as, ..Options::default() })?;
-    let count = args.solve.steps.unwrap_or(8).max(2);
+    let count = args.solve.settings.steps.unwrap_or(8).max(2);
     let dry_run = match &args.pupil {
         Some(pupil) => {
             let aim = PupilDistribution::around(&pupil.before(problem.optics.focal_length), SPREAD);

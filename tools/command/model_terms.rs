@@ -1,61 +1,62 @@
 //! Which terms of a display's model a solve is for: all, some, or those that are worth their time.
 
-use crate::args::Solve;
-use crate::settings::base_of;
+use crate::Failure;
+use crate::request::SolveRequest;
 use crate::values::TermsOfModel;
-use crate::{Failure, common};
 use eyebox::low_level::engine::Engine;
-use eyebox::low_level::optics::{Color, Display};
 use eyebox::low_level::quality::{ModelWorth, Subject};
-use eyebox::low_level::solve::Levels;
+use eyebox::low_level::solve::{Levels, Settings};
 use std::time::Duration;
 
 /// What measuring what a colour's terms are worth may take.
 const LIMIT: Duration = Duration::from_secs(12);
 
-/// What the terms of these colours are worth on the scene; nothing of an ideal display.
-pub fn worth(
-    args: &Solve,
-    display: &Display,
-    colors: &[Color],
-    engine: &mut dyn Engine,
-) -> Result<Vec<ModelWorth>, Failure> {
-    if colors.iter().all(|color| display.model(*color).is_ideal()) {
-        return Ok(Vec::new());
-    }
-    let small = ModelWorth::display(display);
-    let field = common::scene(&args.scene, &small, colors)?;
-    let depth = common::depths(&args.scene, &field, &small)?;
-    let base = base_of(args, &small, depth)?;
-    let mut all = Vec::new();
-    for color in colors.iter().filter(|color| field.colors.contains(color)) {
-        let subject =
-            Subject { field: &field, color: *color, display: &small, base: base.clone(), levels: Levels::of(&small) };
-        all.extend(ModelWorth::measure(&subject, LIMIT, engine)?);
-    }
-    Ok(all)
-}
-
-/// The display with the terms that are asked for; what is found worth its time is said.
-pub fn chosen(args: &Solve, display: Display, colors: &[Color], engine: &mut dyn Engine) -> Result<Display, Failure> {
-    let auto = args.model_terms == TermsOfModel::Auto;
-    let worth = if auto { worth(args, &display, colors, engine)? } else { Vec::new() };
-    if !args.json {
-        worth.iter().for_each(|worth| eprintln!("display model, {}", in_words(worth)));
-    }
-    Ok(apply(args, display, colors, &worth))
-}
-
-/// The same by what is known of their worth.
-pub fn apply(args: &Solve, display: Display, colors: &[Color], worth: &[ModelWorth]) -> Display {
-    match &args.model_terms {
-        TermsOfModel::All => display,
-        TermsOfModel::Auto => {
-            worth.iter().fold(display, |display, worth| display.with_model_of(worth.color, |model| worth.apply(model)))
+impl SolveRequest<'_> {
+    /// What the display's terms are worth on the scene, color by color; nothing of an ideal display.
+    pub fn worth(&self, engine: &mut dyn Engine) -> Result<Vec<ModelWorth>, Failure> {
+        if self.colors.iter().all(|color| self.display.model(*color).is_ideal()) {
+            return Ok(Vec::new());
         }
-        TermsOfModel::These(names) => colors.iter().fold(display, |display, color| {
-            display.with_model_of(*color, |model| model.keep(&|name| names.iter().any(|n| n == name)))
-        }),
+        let small = ModelWorth::display(&self.display);
+        let (field, depth) = self.load(&small)?;
+        let base = Settings { depth, ..self.base(&small)? };
+        let mut all = Vec::new();
+        for color in self.colors.iter().filter(|color| field.colors.contains(color)) {
+            let subject = Subject {
+                field: &field,
+                color: *color,
+                display: &small,
+                base: base.clone(),
+                levels: Levels::of(&small),
+            };
+            all.extend(ModelWorth::measure(&subject, LIMIT, engine)?);
+        }
+        Ok(all)
+    }
+
+    /// Keeps the terms that are asked for; what is found worth its time is said.
+    pub fn choose_terms(&mut self, engine: &mut dyn Engine) -> Result<(), Failure> {
+        let auto = *self.terms() == TermsOfModel::Auto;
+        let worth = if auto { self.worth(engine)? } else { Vec::new() };
+        if !self.report.json {
+            worth.iter().for_each(|worth| eprintln!("display model, {}", in_words(worth)));
+        }
+        self.keep_terms(&worth);
+        Ok(())
+    }
+
+    /// The same by what is known of their worth.
+    pub fn keep_terms(&mut self, worth: &[ModelWorth]) {
+        let display = self.display.clone();
+        self.display = match self.terms() {
+            TermsOfModel::All => display,
+            TermsOfModel::Auto => worth
+                .iter()
+                .fold(display, |display, worth| display.with_model_of(worth.color, |model| worth.apply(model))),
+            TermsOfModel::These(names) => self.colors.iter().fold(display, |display, color| {
+                display.with_model_of(*color, |model| model.keep(&|name| names.iter().any(|n| n == name)))
+            }),
+        };
     }
 }
 

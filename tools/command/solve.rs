@@ -6,21 +6,15 @@ mod progress;
 use crate::Failure;
 use crate::args::Solve;
 use crate::common::{self, Form};
-use crate::model_terms;
+use crate::request::{Report, SolveRequest};
 use crate::score::decibels;
-use crate::settings::{self, job_of};
 use eyebox::low_level::calibrate::CameraGain;
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::optics::{Color, Display, depth_in_words, dioptres};
-use eyebox::low_level::produce::{
-    SceneJob, SceneSolution, SolvedHologram, SolvedSequence, SolvedTiles, TilesRequest, is_larger_than_memory,
-    solve_scene,
-};
+use eyebox::low_level::produce::{SceneJob, SceneSolution, SolvedHologram, SolvedSequence, SolvedTiles, solve_scene};
 use eyebox::low_level::reason;
 use eyebox::low_level::reconstruction::PupilScore;
-use eyebox::low_level::scene;
-use eyebox::low_level::solve::{Method, Optimizer, Settings, Solution, Stop};
-use eyebox::low_level::tiled::MemoryLimit;
+use eyebox::low_level::solve::{Solution, Stop};
 pub use progress::SolveProgress;
 use serde_json::{Value, json};
 use std::time::Instant;
@@ -28,91 +22,34 @@ use std::time::Instant;
 /// Solves, saves, and says what came of it.
 pub fn run(args: &Solve) -> Result<(), Failure> {
     let start = Instant::now();
-    let scenes = scenes_of(args)?;
-    let mut display = common::display(&args.display)?;
-    args.eye.replace(&mut display.prescription)?;
-    display.viewing = args.viewing.over(display.viewing)?;
-    let tiles = tiles_of(args, &scenes, &display)?;
-    let single = scenes.len() == 1 && tiles.is_none();
-    common::form(&args.out, if single { &[Form::Zarr, Form::Npy] } else { &[Form::Zarr] })?;
-    let colors = common::colors(&args.display, &display)?;
+    let mut request = SolveRequest::of(args)?;
+    let report = request.report;
+    common::form(report.out, if request.is_single() { &[Form::Zarr, Form::Npy] } else { &[Form::Zarr] })?;
     // The camera before all that takes long.
     let mut say = |line: &str| eprintln!("{line}");
     let mut output = None;
-    let camera = camera::open(args, &display, &colors, single, &mut output, &mut say)?;
+    let camera = camera::open(&request, &mut output, &mut say)?;
     // The engine first: where there is none, nothing needs to be loaded.
-    let mut engine = common::engine(&args.engine)?;
-    let display = model_terms::chosen(args, display, &colors, engine.as_mut())?;
-    engine.time_kernels(args.timings || args.json);
-    let (settings, chosen) = match tiles {
-        Some(_) => (settings::of_tiles(args, &display)?, None),
-        None => settings::settings_of(args, engine.as_ref(), &display, [0.0, 0.0], colors.len())?,
-    };
-    let job = job_of(args, &display, scenes, colors, settings, tiles);
-    let mut watch = SolveProgress::of_job(&job, engine.describe(), chosen, args.json);
-    let mut solved = solve_scene(&job, Some(&args.out), engine.as_mut(), &mut |event| watch.see(event))?;
+    let mut engine = common::engine(request.engine)?;
+    request.choose_terms(engine.as_mut())?;
+    engine.time_kernels(report.timings || report.json);
+    let (settings, chosen) = request.settings(engine.as_ref())?;
+    let job = request.job(settings);
+    let mut watch = SolveProgress::of_job(&job, engine.describe(), chosen, report.json);
+    let mut solved = solve_scene(&job, Some(report.out), engine.as_mut(), &mut |event| watch.see(event))?;
     if let (SceneSolution::Hologram(solved), Some(camera)) = (&mut solved, camera) {
-        let gains = camera::run(args, solved, camera, engine.as_mut())?;
-        say_hologram(args, solved, &gains, &display, engine.as_ref(), start);
-        return camera::trouble(args, gains);
+        let gains = camera::run(report, solved, camera, engine.as_mut())?;
+        say_hologram(report, solved, Some(&gains), &request.display, engine.as_ref(), start);
+        return camera::trouble(report.out, gains);
     }
     let engine = engine.as_ref();
     match solved {
-        SceneSolution::Hologram(solved) => say_hologram(args, &solved, &[], &display, engine, start),
-        SceneSolution::Sequence(solved) => say_sequence(args, &solved, watch.frames(), engine, start)?,
-        SceneSolution::Tiles(solved) => say_tiles(args, &solved, &job, engine, start),
+        SceneSolution::Hologram(solved) => say_hologram(report, &solved, None, &request.display, engine, start),
+        SceneSolution::Sequence(solved) => say_sequence(report, &solved, watch.frames(), engine, start)?,
+        SceneSolution::Tiles(solved) => say_tiles(report, &solved, &job, engine, start),
         _ => {}
     }
     Ok(())
-}
-
-/// The scenes: those that are named, or the frames of a folder.
-pub fn scenes_of(args: &Solve) -> Result<Vec<String>, Failure> {
-    let first = &args.scene.scene;
-    let frames = if args.more.is_empty() { scene::sequence(first, &args.scene.options.depth_map)? } else { None };
-    Ok(frames.unwrap_or_else(|| [std::slice::from_ref(first), &args.more].concat()))
-}
-
-/// Whether the hologram of a scene is solved region by region: asked for, or larger than memory. Sequences never are.
-pub fn tiles_of(args: &Solve, scenes: &[String], display: &Display) -> Result<Option<TilesRequest>, Failure> {
-    if scenes.len() > 1 {
-        return Ok(None);
-    }
-    let frames = args.frames.unwrap_or(Settings::default().frames);
-    let relay = display.geometry == eyebox::low_level::optics::Geometry::Relay;
-    // In a relay every pupil sees all of the SLM: it fits, or is refused.
-    args.memory.filter(|_| relay).into_iter().for_each(eyebox::low_level::memory::limit);
-    if relay || args.memory.is_none() && !is_larger_than_memory(display, frames) {
-        if args.passes.is_some() || args.picture.is_some() {
-            return Err(Failure::Arguments(reason!(
-                "not-in-tiles",
-                "--passes and --picture are for far fields with --memory: this is solved all at once"
-            )));
-        }
-        return Ok(None);
-    }
-    // What a solve in regions does not have.
-    let given = [
-        (args.method != Method::Slfh, "--method"),
-        (args.levels.is_some(), "--levels"),
-        (matches!(args.optimizer, Some(Optimizer::Adam { .. })), "--optimizer adam"),
-        (args.storage.is_some_and(|s| s != eyebox::low_level::plan::Storage::F32), "--storage fp16"),
-        (args.seconds.is_some(), "--seconds"),
-        (args.psnr.is_some(), "--psnr"),
-        (args.pupils.is_some(), "--pupils"),
-    ];
-    if let Some((_, name)) = given.iter().find(|g| g.0) {
-        return Err(Failure::Arguments(reason!(
-            "in-tiles",
-            "{name} is not for a hologram that is solved region by region: leave it out, or take a smaller display"
-        )));
-    }
-    let default = TilesRequest::default();
-    Ok(Some(TilesRequest {
-        memory: args.memory.map_or(default.memory, MemoryLimit),
-        passes: args.passes.unwrap_or(default.passes),
-        picture: args.picture.unwrap_or(default.picture),
-    }))
 }
 
 /// What each kernel took.
@@ -122,26 +59,26 @@ fn timings(engine: &dyn Engine) -> Vec<Value> {
 }
 
 fn say_hologram(
-    args: &Solve,
+    report: Report<'_>,
     solved: &SolvedHologram,
-    gains: &[CameraGain],
+    gains: Option<&[CameraGain]>,
     display: &Display,
     engine: &dyn Engine,
     start: Instant,
 ) {
     let seconds = start.elapsed().as_secs_f64();
-    if args.json {
-        let report = |(color, s): &(Color, Solution)| {
+    if report.json {
+        let about = |(color, s): &(Color, Solution)| {
             json!({
                 "color": color, "psnr_mean_db": s.validation.quality().map(|q| q[0]),
                 "psnr_worst_db": s.validation.quality().map(|q| q[1]), "exposure": s.exposure, "efficiency": s.efficiency, "steps": s.steps, "step_ms": s.step_seconds * 1e3,
                 "seconds": s.seconds, "stopped_by": stop_name(s.stop), "fault": fault(s.stop),
             })
         };
-        let colors: Vec<_> = solved.solutions.iter().map(report).collect();
+        let colors: Vec<_> = solved.solutions.iter().map(about).collect();
         let padding = solved.plan.padding;
         let mut out = json!({
-            "out": args.out.display().to_string(), "engine": engine.describe(), "seconds": seconds, "colors": colors,
+            "out": report.out.display().to_string(), "engine": engine.describe(), "seconds": seconds, "colors": colors,
             "settings": solved.settings, "padding": [padding.rows, padding.columns], "plan": solved.plan.choices,
             "timings": timings(engine), "peak_memory_mib": common::peak_memory_mib(), "reach": display.reach(),
             "depth_mm": solved.settings.depth.map(|z| z * 1e3),
@@ -151,7 +88,7 @@ fn say_hologram(
             out["joint_color"] = json!(joint);
             out["brightness"] = json!(joint.brightness());
         }
-        if args.camera.is_some() {
+        if let Some(gains) = gains {
             out["camera"] = gains.iter().map(camera::as_json).collect();
         }
         println!("{out}");
@@ -183,23 +120,23 @@ fn say_hologram(
             "all colours at once: white is {times:.2} times brighter than of one colour after another by the same lasers"
         );
     }
-    gains.iter().for_each(|gain| println!("{}", camera::in_words(gain)));
-    if args.timings {
+    gains.into_iter().flatten().for_each(|gain| println!("{}", camera::in_words(gain)));
+    if report.timings {
         for t in engine.timings() {
             println!("  {:15} {:8} calls {:10.2} ms", t.kernel.name(), t.calls, t.seconds * 1e3);
         }
     }
-    println!("wrote {} after {seconds:.1} s", args.out.display());
+    println!("wrote {} after {seconds:.1} s", report.out.display());
 }
 
 fn say_sequence(
-    args: &Solve,
+    report: Report<'_>,
     solved: &SolvedSequence,
     frames: &[Value],
     engine: &dyn Engine,
     start: Instant,
 ) -> Result<(), Failure> {
-    let (out, SolvedSequence { done, count, solved, .. }) = (args.out.display(), *solved);
+    let (out, SolvedSequence { done, count, solved, .. }) = (report.out.display(), *solved);
     let seconds = start.elapsed().as_secs_f64();
     if done < count {
         return Err(Failure::Arguments(reason!(
@@ -209,10 +146,10 @@ fn say_sequence(
     }
     if solved == 0 {
         println!("{out} is complete: {count} holograms");
-    } else if args.json {
+    } else if report.json {
         println!(
             "{}",
-            json!({ "out": args.out.display().to_string(), "engine": engine.describe(), "seconds": seconds, "frames": frames })
+            json!({ "out": report.out.display().to_string(), "engine": engine.describe(), "seconds": seconds, "frames": frames })
         );
     } else {
         println!("wrote {out}: {count} holograms after {seconds:.1} s");
@@ -220,7 +157,7 @@ fn say_sequence(
     Ok(())
 }
 
-fn say_tiles(args: &Solve, solved: &SolvedTiles, job: &SceneJob, engine: &dyn Engine, start: Instant) {
+fn say_tiles(report: Report<'_>, solved: &SolvedTiles, job: &SceneJob, engine: &dyn Engine, start: Instant) {
     let (plan, peak, display, colors) = (&solved.plan, common::peak_memory_mib(), job.display, job.colors.len());
     let Some(scores) = &solved.scores else {
         eprintln!("interrupted; the same command goes on from here");
@@ -228,12 +165,12 @@ fn say_tiles(args: &Solve, solved: &SolvedTiles, job: &SceneJob, engine: &dyn En
     };
     let summary = scores.summary();
     let ([read, written], seconds) = (solved.moved, start.elapsed().as_secs_f64());
-    if args.json {
+    if report.json {
         let focus = |s: &PupilScore| dioptres(s.pupil.depth, display.focal_length);
         let row =
             |s: &PupilScore| json!({ "pupil_mm": s.pupil.to_mm(), "focus_dioptres": focus(s), "psnr_db": s.psnr });
         let out = json!({
-            "out": args.out.display().to_string(), "engine": engine.describe(), "solve_seconds": solved.seconds, "seconds": seconds,
+            "out": report.out.display().to_string(), "engine": engine.describe(), "solve_seconds": solved.seconds, "seconds": seconds,
             "psnr_mean_db": summary.map(|s| s.mean), "psnr_worst_db": summary.map(|s| s.worst),
             "pupils": scores.pupils.iter().map(row).collect::<Vec<_>>(), "visits": plan.visits * colors, "views": plan.views,
             "pupils_solved": solved.pupils, "region": [plan.region.rows, plan.region.columns],
@@ -260,7 +197,7 @@ fn say_tiles(args: &Solve, solved: &SolvedTiles, job: &SceneJob, engine: &dyn En
         written >> 20,
         peak.unwrap_or(0)
     );
-    println!("wrote {} after {seconds:.1} s", args.out.display());
+    println!("wrote {} after {seconds:.1} s", report.out.display());
 }
 
 fn stop_name(stop: Stop) -> &'static str {

@@ -6,8 +6,7 @@ mod tiled;
 pub use args::Plan;
 
 use crate::failure::in_options;
-use crate::settings::{plan_of, settings_of};
-use crate::solve::{scenes_of, tiles_of};
+use crate::request::SolveRequest;
 use crate::{Failure, common, model_terms};
 use eyebox::low_level::encode;
 use eyebox::low_level::engine::Engine;
@@ -22,34 +21,31 @@ const PROGRAM: u64 = 10 << 20;
 
 /// Plans a solve and prints the plan.
 pub fn run(args: &Plan) -> Result<(), Failure> {
-    let solve = &args.solve;
-    let mut display = common::display(&solve.display)?;
-    solve.eye.replace(&mut display.prescription)?;
-    display.viewing = solve.viewing.over(display.viewing)?;
-    let colors = common::colors(&solve.display, &display)?;
-    if let Some(request) = tiles_of(solve, &scenes_of(solve)?, &display)? {
-        return tiled::run(args, display, colors, &request);
+    let mut request = SolveRequest::of(&args.solve)?;
+    let json = request.report.json;
+    let mut engine = common::engine(request.engine)?;
+    if let Some(tiles) = request.tiles {
+        request.choose_terms(engine.as_mut())?;
+        return tiled::run(&request, &tiles, engine.as_ref());
     }
-    let mut engine = common::engine(&solve.engine)?;
-    let worth = model_terms::worth(solve, &display, &colors, engine.as_mut())?;
-    let display = model_terms::apply(solve, display, &colors, &worth);
+    let worth = request.worth(engine.as_mut())?;
+    request.keep_terms(&worth);
     let program = common::memory_kib("VmRSS").map_or(PROGRAM, |kib| kib << 10);
-    let field = common::scene(&solve.scene, &display, &colors)?;
+    let (field, _) = request.load(&request.display)?;
     let loading = common::memory_kib("VmHWM").map_or(0, |kib| kib << 10);
-    let depth = common::depths(&solve.scene, &field, &display)?;
-    let (settings, chosen) = settings_of(solve, engine.as_ref(), &display, depth, colors.len())?;
-    let plan = plan_of(solve, &settings, &field, &display)?;
-    let display = plan.lit(&display);
+    let (settings, chosen) = request.settings(engine.as_ref())?;
+    let plan = request.job(settings).plan(&field)?;
+    let display = plan.lit(&request.display);
     let slow = encode::flicker(&display, &plan.colors, plan.settings.frames, display.rate_hz.unwrap_or(USUAL_RATE_HZ));
     let timing = |name: &str| {
-        if !solve.json {
+        if !json {
             eprintln!("timing {name}: a few seconds, once");
         }
     };
     let rates = Rates::of(engine.as_mut(), plan.settings.storage, args.time_again, timing)?;
     let forecasts = forecasts(&plan, &field, &display, [program, loading], engine.as_ref(), &rates)?;
     let models = models(&plan, &field, &display)?;
-    if !solve.json {
+    if !json {
         println!("{} on {}, {}x{}", field.name, display.name, display.height, display.width);
         println!("shows {}", display.reach());
         println!("{}; lists are run {}\n", engine.describe(), engine.lists());
@@ -60,7 +56,7 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
         worth.iter().for_each(|worth| println!("  {:13}  {}", "", model_terms::in_words(worth)));
         slow.iter().for_each(|slow| println!("  {:13}  {slow}", "flicker"));
     }
-    if solve.json {
+    if json {
         let forecast = |(color, f): &(Color, Forecast)| {
             let groups: serde_json::Map<_, _> = Group::ALL
                 .iter()

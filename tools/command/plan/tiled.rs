@@ -1,27 +1,24 @@
 //! What a far field will take that is solved region by region.
 
-use super::args::Plan;
-use crate::settings::{job_of, of_tiles};
-use crate::{Failure, common, model_terms};
-use eyebox::low_level::optics::{Color, Display, depths_in_words, dioptres};
+use crate::Failure;
+use crate::request::SolveRequest;
+use eyebox::low_level::engine::Engine;
+use eyebox::low_level::optics::{Color, depths_in_words, dioptres};
 use eyebox::low_level::produce::{TilesRequest, plan_tiles};
 use serde_json::json;
 
-pub fn run(args: &Plan, display: Display, colors: Vec<Color>, request: &TilesRequest) -> Result<(), Failure> {
-    let solve = &args.solve;
-    let mut engine = common::engine(&solve.engine)?;
-    let display = model_terms::chosen(solve, display, &colors, engine.as_mut())?;
-    let settings = of_tiles(solve, &display)?;
-    let job = job_of(solve, &display, vec![solve.scene.scene.clone()], colors, settings, Some(*request));
-    let plan = plan_tiles(&job, request)?;
+pub fn run(request: &SolveRequest, tiles: &TilesRequest, engine: &dyn Engine) -> Result<(), Failure> {
+    let (settings, _) = request.settings(engine)?;
+    let (job, display) = (request.job(settings), &request.display);
+    let plan = plan_tiles(&job, tiles)?;
     let (settings, [limit, held]) = (&plan.settings, plan.memory);
     let (height, width, frames) = (display.height, display.width, settings.frames);
     let disk = 4 * (job.colors.len() * frames * height * width) as u64;
-    if solve.json {
+    if request.report.json {
         let out = json!({
             "scene": job.scenes[0], "display": display.name, "size": [height, width], "colors": job.colors,
             "region": [plan.region.rows, plan.region.columns], "visits": plan.visits * job.colors.len(),
-            "passes": request.passes, "views": plan.views, "settings": settings,
+            "passes": tiles.passes, "views": plan.views, "settings": settings,
             "depth_mm": settings.depth.map(|z| z * 1e3),
             "depth_dioptres": settings.depth.map(|z| dioptres(z, display.focal_length)),
             "memory_bytes": { "region": plan.region.bytes, "views": held, "limit": limit }, "disk_bytes": disk,
@@ -41,7 +38,7 @@ pub fn run(args: &Plan, display: Display, colors: Vec<Color>, request: &TilesReq
     say("views", plan.views.clone());
     say("pupils", format!("{small:.2} to {large:.2} mm"));
     let [rows, columns] = [plan.region.rows, plan.region.columns];
-    say("regions", format!("{rows}x{columns}, {} visits a colour in {} passes", plan.visits, request.passes));
+    say("regions", format!("{rows}x{columns}, {} visits a colour in {} passes", plan.visits, tiles.passes));
     say("steps", format!("{} a visit, {frames} sub-frames", settings.steps));
     let parts = format!("region {}, views {}", mib(plan.region.bytes), mib(held));
     say("memory", format!("{} of {} MiB ({parts})", mib(plan.bytes()), mib(limit)));

@@ -1,30 +1,28 @@
 //! The camera in a solve's last steps.
 
 use crate::Failure;
-use crate::args::Solve;
 use crate::patterns;
 use crate::progress::{self, JobBar};
+use crate::request::{Report, SolveRequest};
 use eyebox::low_level::calibrate::{CalibrateError, CameraBench, CameraGain, CameraSteps, CameraSubject, Event};
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::hologram::TakenWithCamera;
-use eyebox::low_level::optics::{Color, Display};
 use eyebox::low_level::produce::SolvedHologram;
 use eyebox::low_level::reason;
 use eyebox::low_level::session::PatternOutput;
 use serde_json::{Value, json};
+use std::path::Path;
 use std::time::Duration;
 
 /// The bench, where a camera takes part.
 pub fn open<'a>(
-    args: &'a Solve,
-    display: &Display,
-    colors: &[Color],
-    single: bool,
+    request: &SolveRequest<'a>,
     output: &'a mut Option<PatternOutput>,
     say: &'a mut dyn FnMut(&str),
 ) -> Result<Option<CameraBench<'a>>, Failure> {
+    let args = request.camera;
     let (Some(command), Some(steps)) = (&args.camera, args.camera_steps) else { return Ok(None) };
-    if !single {
+    if !request.is_single() {
         return Err(Failure::Arguments(reason!(
             "camera-of-many",
             "--camera is for one hologram that is solved all at once: leave it out, or give one scene and no --memory"
@@ -33,20 +31,21 @@ pub fn open<'a>(
     progress::catch_interrupt();
     let limit = args.camera_timeout.map(Duration::from_secs_f64);
     let steps = CameraSteps { command, steps, keep: args.camera_keep.as_deref(), limit, iris_mm: args.iris };
+    let SolveRequest { display, colors, .. } = request;
     *output = args.patterns.open(display, colors)?;
     Ok(Some(CameraBench::open(display, colors, &steps, patterns::shows(output), say)?))
 }
 
 /// Takes the camera's steps of every colour; what became better is written in the place of what was solved.
 pub fn run(
-    args: &Solve,
+    report: Report<'_>,
     solved: &mut SolvedHologram,
     mut bench: CameraBench,
     engine: &mut dyn Engine,
 ) -> Result<Vec<CameraGain>, Failure> {
     let problems = solved.hologram.problems(&solved.field)?;
     let mut gains: Vec<CameraGain> = Vec::new();
-    let bar = JobBar::new(args.json);
+    let bar = JobBar::new(report.json);
     let count = problems.len() as f64;
     for (i, (problem, (color, _))) in problems.iter().zip(&solved.solutions).enumerate() {
         if progress::interrupted() || gains.iter().any(|g| g.trouble.is_some()) {
@@ -67,7 +66,7 @@ pub fn run(
     }
     solved.hologram.metadata.camera = gains.iter().map(record).collect();
     if !gains.is_empty() {
-        solved.hologram.save(&args.out)?;
+        solved.hologram.save(report.out)?;
     }
     Ok(gains)
 }
@@ -110,15 +109,15 @@ pub fn in_words(gain: &CameraGain) -> String {
 }
 
 /// What ended the steps, once the hologram is written.
-pub fn trouble(args: &Solve, gains: Vec<CameraGain>) -> Result<(), Failure> {
+pub fn trouble(out: &Path, gains: Vec<CameraGain>) -> Result<(), Failure> {
     match gains.into_iter().find_map(|g| g.trouble) {
         None => Ok(()),
         Some(CalibrateError::Stopped) => {
-            eprintln!("interrupted: {} has the best so far", args.out.display());
+            eprintln!("interrupted: {} has the best so far", out.display());
             Ok(())
         }
         Some(error) => {
-            eprintln!("{} has the best so far", args.out.display());
+            eprintln!("{} has the best so far", out.display());
             Err(error.into())
         }
     }

@@ -8,7 +8,7 @@ pub use args::Tradeoff;
 use crate::Failure;
 use crate::common;
 use crate::progress::{self, JobBar};
-use crate::settings::levels_of;
+use crate::request::levels_of;
 use eyebox::low_level::files::{ManagedDir, cache_folder};
 use eyebox::low_level::optics::Color;
 use eyebox::low_level::quality::Subject;
