@@ -261,7 +261,7 @@ pub struct ColorHologram {
 }
 
 /// Phase frames for a display, and what they were made for and by.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Hologram {
     /// Sub-frames of a temporal multiplex.
     pub frames: usize,
@@ -303,11 +303,8 @@ impl Hologram {
             focal_length: display.focal_length,
             geometry: display.geometry,
             colors,
-            seed: 0,
-            version: String::new(),
             display: display.name.clone(),
             display_wavelengths: display.wavelengths.clone(),
-            scene: String::new(),
             metadata: Metadata {
                 model: display.model.clone(),
                 source: display.source.clone(),
@@ -319,7 +316,13 @@ impl Hologram {
                 display_file: display.file.clone(),
                 ..Metadata::default()
             },
+            ..Self::default()
         }
+    }
+
+    /// Colours, sub-frames, rows, columns.
+    pub fn shape(&self) -> [usize; 4] {
+        [self.colors.len(), self.frames, self.height, self.width]
     }
 
     /// The display that it was made for: of its size and optics, with 256 levels and no encoding. Its eyebox is the one that

@@ -1,6 +1,6 @@
 //! One way to open whatever holds phases: a hologram, one of a sequence, or bare phases with what they do not say.
 
-use super::chunks::GROUP;
+use super::chunks::{GROUP, none};
 use super::{Hologram, HologramError, PhaseSource, PhaseUnit, Phases, Sequence, Tiles, Unfinished, load_phases};
 use crate::files::FileError;
 use crate::optics::{Color, Display, Geometry};
@@ -54,7 +54,7 @@ impl Opening {
         if let (Some(color), false) = (self.color, bare) {
             hologram.colors.retain(|c| c.color == Some(color));
             if hologram.colors.is_empty() {
-                return Err(no(path, reason!("no-such-color", "it has no {color} part")));
+                return Err(none(path, reason!("no-such-color", "it has no {color} part")));
             }
         }
         Ok(hologram)
@@ -72,10 +72,10 @@ impl Opening {
         self.allow(path, source.unfinished())?;
         match (source, self.color) {
             (PhaseSource::Whole(_), Some(_)) => Ok(self.hologram(path)?.into()),
-            (PhaseSource::Tiled(tiles), Some(color)) if tiles.about().named_colors() != [color] => Err(no(
-                path,
-                reason!("color-of-tiles", "it is stored in tiles, all colours of which are read: leave out `color`"),
-            )),
+            (PhaseSource::Tiled(tiles), Some(color)) if tiles.about().named_colors() != [color] => {
+                let what = "it is stored in tiles, all colours of which are read: leave out `color`";
+                Err(none(path, Reason::new("color-of-tiles", what)))
+            }
             (source, _) => Ok(source),
         }
     }
@@ -85,11 +85,8 @@ impl Opening {
     /// # Errors
     /// Those of [`Sequence::open`] and of [`hologram`](Self::hologram).
     pub fn sequence(&self, path: &Path) -> Result<Sequence, HologramError> {
-        if Phases::are_at(path) {
-            return Ok(Sequence::single(path, self.hologram(path)?));
-        }
-        if Tiles::is_tiled(path) {
-            // All of it at once: a display shows no part of a hologram.
+        // Of tiles all at once: a display shows no part of a hologram.
+        if Phases::are_at(path) || Tiles::is_tiled(path) {
             return Ok(Sequence::single(path, self.hologram(path)?));
         }
         let mut sequence = Sequence::open(path)?;
@@ -97,10 +94,8 @@ impl Opening {
         match self.color {
             Some(color) if sequence.about().named_colors() != [color] => {
                 if !sequence.is_single() {
-                    return Err(no(
-                        path,
-                        reason!("color-of-sequence", "all colours of a sequence are shown: leave out `color`"),
-                    ));
+                    let what = "all colours of a sequence are shown: leave out `color`";
+                    return Err(none(path, Reason::new("color-of-sequence", what)));
                 }
                 Ok(Sequence::single(path, self.hologram(path)?))
             }
@@ -123,42 +118,35 @@ impl Opening {
     }
 
     fn bare_hologram(&self, path: &Path) -> Result<Hologram, HologramError> {
+        let no = |reason| Err(none(path, reason));
         if self.at.is_some() {
-            return Err(no(
-                path,
-                reason!("not-a-sequence", "bare phases are one hologram, not a sequence: leave out `at`"),
-            ));
+            return no(reason!("not-a-sequence", "bare phases are one hologram, not a sequence: leave out `at`"));
         }
         // What is not there is no phases that lack something.
         if let Err(e) = std::fs::metadata(path) {
-            let is_scene = path.to_string_lossy().starts_with("builtin:");
-            if is_scene {
-                return Err(no(path, reason!("scene", "it is a scene: a hologram is first solved of it")));
+            if path.to_string_lossy().starts_with("builtin:") {
+                return no(reason!("scene", "it is a scene: a hologram is first solved of it"));
             }
             let with_ending = path.with_added_extension("zarr");
             if with_ending.join(GROUP).exists() {
-                return Err(no(path, reason!("nothing-there", "nothing is there; {} is one", with_ending.display())));
+                return no(reason!("nothing-there", "nothing is there; {} is one", with_ending.display()));
             }
             return Err(FileError::read(path, e).into());
         }
         // A hologram is a folder.
         if path.file_name().is_some_and(|name| name == GROUP) {
             let whole = path.parent().unwrap_or(path).display();
-            return Err(no(
-                path,
-                reason!("file-of-a-hologram", "it is one file of a hologram: give its folder {whole}"),
-            ));
+            return no(reason!("file-of-a-hologram", "it is one file of a hologram: give its folder {whole}"));
         }
         // What are no phases lacks more than optics.
         let phases = load_phases(path, self.unit).map_err(|error| match only_hologram_in(path) {
             Some(inside) => {
-                no(path, reason!("folder-of-a-hologram", "it is a folder that holds one: {}", inside.display()))
+                none(path, reason!("folder-of-a-hologram", "it is a folder that holds one: {}", inside.display()))
             }
             None => error,
         })?;
         let missing = || HologramError::NoOptics { path: path.display().to_string() };
-        let optics = self.bare.as_ref().ok_or_else(missing)?;
-        match optics {
+        match self.bare.as_ref().ok_or_else(missing)? {
             BareOptics::Display(display) => phases.on(display, self.color),
             BareOptics::Values { pitch, focal_length, geometry, wavelengths } => {
                 phases.with_optics(*pitch, *focal_length, *geometry, wavelengths)
@@ -180,8 +168,4 @@ fn only_hologram_in(folder: &Path) -> Option<PathBuf> {
     let entries = std::fs::read_dir(folder).ok()?.flatten().map(|entry| entry.path());
     let mut holograms = entries.filter(|path| path.join(GROUP).exists());
     holograms.next().filter(|_| holograms.next().is_none())
-}
-
-fn no(path: &Path, reason: Reason) -> HologramError {
-    HologramError::NotAHologram { path: path.display().to_string(), reason }
 }

@@ -4,8 +4,7 @@
 //! radians. Their names give color and sub-frame (`green-00.png`, `0-00.png`), or a running number alone (`phase_000.png`): the
 //! sub-frames of one color, or of red, green and blue where the pictures have colors.
 
-use super::chunks::read_whole;
-use super::exchange::none;
+use super::chunks::{none, read_whole};
 use super::{HologramError, PhaseUnit, Phases};
 use crate::files::{FileError, FileKind, Folder, NpyArray, Pixels, Samples, Wanted, read_pixels};
 use crate::memory;

@@ -96,10 +96,8 @@ impl SequenceParts {
     pub fn finish(self) -> Result<(), HologramError> {
         let planned = self.planned();
         if let Some(missing) = (0..planned).find(|index| !self.has(*index)) {
-            return Err(HologramError::Inconsistent(reason!(
-                "not-there-yet",
-                "hologram {missing} of {planned} is not there yet"
-            )));
+            let reason = reason!("not-there-yet", "hologram {missing} of {planned} is not there yet");
+            return Err(HologramError::Inconsistent(reason));
         }
         let _lock = lock(&self.folder)?;
         for (name, kind) in self.folder.entries("").map_err(|e| unreadable(&self.folder, "", e))? {
@@ -148,13 +146,10 @@ impl SequenceParts {
 
     fn check_fits(&self, hologram: &Hologram) -> Result<(), HologramError> {
         hologram.check()?;
-        let shape = [hologram.colors.len(), hologram.frames, hologram.height, hologram.width];
-        if shape != self.attributes.shape {
-            let of = self.attributes.shape;
-            return Err(HologramError::Inconsistent(reason!(
-                "shape",
-                "it is {shape:?}, and the sequence's are {of:?}"
-            )));
+        let (shape, of) = (hologram.shape(), self.attributes.shape);
+        if shape != of {
+            let reason = reason!("shape", "it is {shape:?}, and the sequence's are {of:?}");
+            return Err(HologramError::Inconsistent(reason));
         }
         for (c, of) in hologram.colors.iter().zip(&self.about.colors) {
             if (c.color, c.wavelength, c.exposure) != (of.color, of.wavelength, of.exposure) {
@@ -187,7 +182,7 @@ pub(super) fn check_same(
     if there.is_single() {
         return other(reason!("single-hologram", "a single hologram stands there, not a sequence"));
     }
-    let shape = [like.colors.len(), like.frames, like.height, like.width];
+    let shape = like.shape();
     let attributes = SequenceAttributes { rate, shape, planned };
     let about = there.about().clone();
     // Found out in its first frame, not decided before.

@@ -32,7 +32,7 @@ impl SequenceWriter {
         }
         let mut about = like.clone();
         about.colors.iter_mut().for_each(|c| c.phases = Vec::new());
-        let shape = [like.colors.len(), like.frames, like.height, like.width];
+        let shape = like.shape();
         let attributes = SequenceAttributes { rate, shape, planned };
         let draft = draft_in_place_of(path, |_| false)?;
         draft.write(GROUP, |out| out.write_all(&document::group_at(path, &about, Some(attributes))))?;

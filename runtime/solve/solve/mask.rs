@@ -1,17 +1,15 @@
 //! What a static mask in front of the SLM asks of a solve (OPTICS 12): which methods know of it, and what it costs.
 
-use super::error::SolveError;
+use super::error::{SolveError, require};
 use super::method::Method;
 use super::scene_plan::ScenePlan;
 use crate::optics::Display;
 
 /// Refuses a mask that the method knows nothing of.
 pub(super) fn check(has_mask: bool, method: Method) -> Result<(), SolveError> {
-    if has_mask && !method.looks_through_pupils() {
-        let right = "one that looks through pupils (slfh, lf2fs, stft-exact, smooth, pupil-aware) for a mask in front of the SLM";
-        return Err(SolveError::Setting { what: "the method", value: method.name().into(), right });
-    }
-    Ok(())
+    let right =
+        "one that looks through pupils (slfh, lf2fs, stft-exact, smooth, pupil-aware) for a mask in front of the SLM";
+    require(!has_mask || method.looks_through_pupils(), "the method", method.name(), right)
 }
 
 impl ScenePlan {

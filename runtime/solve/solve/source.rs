@@ -1,6 +1,6 @@
 //! What a display's source asks of a solve: how many modes stand for it, and which methods know of it (OPTICS 12).
 
-use super::error::SolveError;
+use super::error::{SolveError, require};
 use super::problem::Problem;
 use super::scene_plan::{PlanRequest, ScenePlan};
 use super::settings::Settings;
@@ -11,21 +11,14 @@ use crate::scene::LightField;
 pub(super) fn check(modes: &[SourceMode], settings: &Settings) -> Result<(), SolveError> {
     let Settings { method, frames, .. } = *settings;
     let turns = modes.iter().map(|mode| mode.turn[1]).max().unwrap_or(0);
-    if turns > 1 && frames < turns {
-        let right =
-            "as many as sources that take turns at least (`frames`), or sources_lit = \"together\" or \"steered\"";
-        return Err(SolveError::Setting { what: "the number of sub-frames", value: frames.to_string(), right });
-    }
+    let right = "as many as sources that take turns at least (`frames`), or sources_lit = \"together\" or \"steered\"";
+    require(turns <= 1 || frames >= turns, "the number of sub-frames", frames, right)?;
     let solved = settings.solved_frames();
-    if turns > 1 && solved < frames && !solved.is_multiple_of(turns) {
-        let right = "a number that sources which take turns divide, where sub-frames repeat";
-        return Err(SolveError::Setting { what: "the number of solved sub-frames", value: solved.to_string(), right });
-    }
-    if !modes.is_empty() && !method.looks_through_pupils() {
-        let right = "one that looks through pupils (slfh, lf2fs, stft-exact, smooth, pupil-aware, table) for a source of several modes";
-        return Err(SolveError::Setting { what: "the method", value: method.name().into(), right });
-    }
-    Ok(())
+    let take_all_turns = turns <= 1 || solved >= frames || solved.is_multiple_of(turns);
+    let right = "a number that sources which take turns divide, where sub-frames repeat";
+    require(take_all_turns, "the number of solved sub-frames", solved, right)?;
+    let right = "one that looks through pupils (slfh, lf2fs, stft-exact, smooth, pupil-aware, table) for a source of several modes";
+    require(modes.is_empty() || method.looks_through_pupils(), "the method", method.name(), right)
 }
 
 impl ScenePlan {

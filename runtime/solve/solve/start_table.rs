@@ -17,7 +17,7 @@ mod shared_tests;
 mod tests;
 mod transform;
 
-use super::error::SolveError;
+use super::error::{SolveError, require};
 use super::method::Method;
 use super::outcome::{Flow, Progress};
 use super::problem::Problem;
@@ -240,10 +240,8 @@ impl Settings {
     /// These for phases of the table alone ([`Method::Table`]).
     pub(super) fn as_of_table(&self, problem: &Problem) -> Result<Self, SolveError> {
         let of_table = Self { method: Method::Slfh, first_phases: FirstPhases::Table, steps: 0, ..self.clone() };
-        if !of_table.may_begin_by_table(problem) {
-            let right = "another for colors that share their sub-frames, for switched sources, and behind a mask";
-            return Err(SolveError::Setting { what: "the method", value: self.method.name().into(), right });
-        }
+        let right = "another for colors that share their sub-frames, for switched sources, and behind a mask";
+        require(of_table.may_begin_by_table(problem), "the method", self.method.name(), right)?;
         Ok(of_table)
     }
 }

@@ -7,7 +7,7 @@ mod sharing;
 mod sources;
 
 use super::carry::Carry;
-use super::error::SolveError;
+use super::error::{SolveError, require};
 use super::motion::Motion;
 use super::pace::Pace;
 use super::problem::Problem;
@@ -90,17 +90,13 @@ impl Refiner {
         steering: RefineSettings,
         mut engine: Box<dyn Engine>,
     ) -> Result<Self, SolveError> {
-        let wrong = |what, value: String, right| Err(SolveError::Setting { what, value, right });
         let pixels = problem.optics.height * problem.optics.width;
         let frames = phases.len() / pixels.max(1);
-        if frames == 0 || frames * pixels != phases.len() || !phases.iter().all(|p| p.is_finite()) {
-            return wrong("the number of phases to refine", phases.len().to_string(), "whole sub-frames, all finite");
-        }
+        let are_whole = frames > 0 && frames * pixels == phases.len() && phases.iter().all(|p| p.is_finite());
+        require(are_whole, "the number of phases to refine", phases.len(), "whole sub-frames, all finite")?;
         steering.check()?;
         problem.check_blur(USUAL_EYE)?;
-        if !(exposure > 0.0 && exposure.is_finite()) {
-            return wrong("the exposure", exposure.to_string(), "a positive, finite number");
-        }
+        require(exposure > 0.0 && exposure.is_finite(), "the exposure", exposure, "a positive, finite number")?;
         let storage = steering.storage.unwrap_or_else(|| engine.preferred_storage());
         let plain = problem.planner(frames, steering.window).with_fewer_modes(problem.eyebox);
         let planner = Planner { storage, binary_angles: true, powers: powers.into(), ..plain };

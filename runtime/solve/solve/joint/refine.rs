@@ -5,7 +5,7 @@ use crate::engine::{Engine, EngineError, Storage};
 use crate::evaluate::Sums;
 use crate::optics::{Laser, Pupil, PupilDistribution};
 use crate::solve::best::Refinable;
-use crate::solve::error::SolveError;
+use crate::solve::error::{SolveError, require};
 use crate::solve::motion::Motion;
 use crate::solve::problem::Problem;
 use crate::solve::refine_settings::RefineSettings;
@@ -135,12 +135,7 @@ impl Refinable for JointRefiner {
 /// # Errors
 /// [`SolveError::Setting`] where it asks for halves.
 pub fn for_joint_colors(steering: RefineSettings) -> Result<RefineSettings, SolveError> {
-    match steering.storage {
-        Some(Storage::F16) => Err(SolveError::Setting {
-            what: "how fields are stored",
-            value: Storage::F16.name().into(),
-            right: "fp32 for all colours at once, whose changes are added up",
-        }),
-        _ => Ok(RefineSettings { storage: Some(Storage::F32), ..steering }),
-    }
+    let right = "fp32 for all colours at once, whose changes are added up";
+    require(steering.storage != Some(Storage::F16), "how fields are stored", Storage::F16.name(), right)?;
+    Ok(RefineSettings { storage: Some(Storage::F32), ..steering })
 }
