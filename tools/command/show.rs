@@ -14,6 +14,7 @@ use eyebox::low_level::hologram::{Opening, Phases, Sequence};
 use eyebox::low_level::optics::Display;
 use eyebox::low_level::produce::{SceneJob, SceneSolution, solve_scene};
 use eyebox::low_level::reason;
+use eyebox::low_level::reconstruction::SceneReading;
 use eyebox::low_level::scene;
 use eyebox::low_level::session::Cost;
 use std::path::{Path, PathBuf};
@@ -189,10 +190,8 @@ fn solve(args: &Show, scenes: Vec<String>, file: &Path) -> Result<Display, Failu
     let mut job = SceneJob::new(&scenes[0], &display);
     job.scenes = scenes;
     job.colors = colors;
-    (job.view_pitch_mm, job.views, job.order, job.near) =
-        (options.view_pitch, options.views, options.order, options.near);
-    (job.depth_maps, job.depth, job.force) =
-        (options.depth_map.clone(), options.depth_before(&display), args.subject.display.force);
+    job.reading = SceneReading { photographs: None, ..options.reading(display.focal_length) };
+    job.force = args.subject.display.force;
     job.settings = settings;
     job.sequence.rate = rate;
     let mut watch = SolveProgress::of_job(&job, engine.describe(), None, false);

@@ -53,22 +53,13 @@ enum Kind {
 }
 
 impl Views {
-    /// `source` as [`scene::load`] takes it, in the one colour of `request` that is asked for, in pictures of at most `size`
-    /// x `size` pixels: the field of view of the display's shortest wavelength.
+    /// `source` as [`scene::load`] takes it, in each colour of `request`, in pictures of at most `size` x `size` pixels: the field of
+    /// view of the display's shortest wavelength. What the colours have in common they share.
     ///
     /// # Errors
     /// Those of loading the scene.
-    pub fn new(source: &str, request: &Request, color: Color, size: usize) -> Result<Self, SceneError> {
-        let colors = [color];
-        let request = Request { colors: &colors, ..*request };
-        Ok(Self::of_colors(source, &request, size)?.swap_remove(0))
-    }
-
-    /// The same in each colour of `request`. What they have in common they share.
-    ///
-    /// # Errors
-    /// Those of loading the scene.
-    pub(crate) fn of_colors(source: &str, request: &Request, size: usize) -> Result<Vec<Self>, SceneError> {
+    pub fn of_colors(source: &str, request: &Request, size: usize) -> Result<Vec<Self>, SceneError> {
+        let size = size.min(request.display.picture_size().0);
         scene::check_map(source, request)?;
         let display = request.display;
         if let Some(name) = source.strip_prefix("builtin:") {
@@ -366,7 +357,7 @@ mod tests {
         let (few, many, display) = (folder(4), folder(11), display());
         let request = Request::new(&display, &[Color::Green]);
         let asked = |source: &str, photographs| {
-            Views::new(source, &Request { photographs, ..request }, Color::Green, SIZE).unwrap()
+            Views::of_colors(source, &Request { photographs, ..request }, SIZE).unwrap().remove(0)
         };
         let views = |source: &str| asked(source, ViewSynthesis::Auto);
         let few = few.path().to_str().unwrap();
@@ -403,7 +394,7 @@ mod tests {
         let (here, display) = (folder(5), display());
         std::fs::remove_file(here.path().join("lightfield.toml")).unwrap();
         let request = Request::new(&display, &[Color::Green]);
-        let views = |source: &str| Views::new(source, &request, Color::Green, SIZE).unwrap();
+        let views = |source: &str| Views::of_colors(source, &request, SIZE).unwrap().remove(0);
         let (truth, silent) = (views("builtin:still-life"), views(here.path().to_str().unwrap()));
         let ([far, near], [a, b]) = (truth.depths(None).unwrap(), silent.depths(None).unwrap());
         let within = |found: f64, is: f64| (found - is).abs() < 0.1 * (near - far);
@@ -426,7 +417,7 @@ mod tests {
         write_png(&depth, SIZE, SIZE, &[&map]).unwrap();
         let request = Request { depth_map: Some(&depth), ..Request::new(&display, &[Color::Green]) };
         let source = file.to_str().unwrap();
-        let views = Views::new(source, &request, Color::Green, SIZE).unwrap();
+        let views = Views::of_colors(source, &request, SIZE).unwrap().remove(0);
         let small = small(&display, SIZE);
         let field = scene::load(source, &Request { display: &small, ..request }).unwrap();
         let Kind::Picture(made, color) = &views.kind else { panic!("not a picture") };

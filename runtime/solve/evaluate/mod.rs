@@ -40,12 +40,12 @@ pub use energy::{energy, passed, variation};
 pub use epipolar::{RowFinder, sweep};
 pub use groups::{Group, Member, members, places};
 pub use jod::{JodMetric, Judged, Rgb, lost_picture, rgb};
-pub use look::crop;
-pub use look::{centered, images, photographs, targets, views};
+pub use look::{centered, crop, images, photographs, targets, views};
 pub use plane::Plane;
 pub use score::{Score, Scores, compare};
 pub use speckle::{averaged_contrast, contrast};
 pub use ssim::ssim;
+pub(crate) use ssim::ssim_at;
 pub use summary::Summary;
 pub use sums::{Sums, sums};
 

@@ -1,7 +1,8 @@
 //! The scorer: one exposure for all pupils, and what each pupil scores under it.
 
+use super::ssim::ssim_at;
 use super::sums::is_black;
-use super::{EvaluateError, Sums, ssim};
+use super::{EvaluateError, Sums};
 use serde::{Deserialize, Serialize};
 
 /// PSNR of some pupils at one exposure for all of them: never one per pupil, which would hide an uneven eyebox (OPTICS 2).
@@ -89,13 +90,7 @@ pub fn compare(
     }
     let score = |(seen, wanted): (&Vec<f32>, &Vec<f32>)| {
         let psnr = Sums::of_images(seen, wanted)?.quality(exposure);
-        let exposed: Vec<f32> = seen.iter().map(|v| v * exposure as f32).collect();
-        let ssim = match ssim(&exposed, wanted, height, width) {
-            Ok(value) => Some(value),
-            Err(EvaluateError::TooSmall { .. }) => None,
-            Err(other) => return Err(other),
-        };
-        Ok(Score { psnr, ssim })
+        Ok(Score { psnr, ssim: ssim_at(exposure, seen, wanted, height, width)? })
     };
     seen.iter().zip(wanted).map(score).collect()
 }

@@ -192,7 +192,7 @@ impl Phases {
 
 impl ColorHologram {
     /// Phases of which nobody knows the exposure: 1 is as good as another.
-    fn bare(color: Option<Color>, wavelength: f64, phases: Vec<f32>) -> Self {
+    pub(crate) fn bare(color: Option<Color>, wavelength: f64, phases: Vec<f32>) -> Self {
         Self { color, wavelength, exposure: 1.0, efficiency: 1.0, phases }
     }
 }

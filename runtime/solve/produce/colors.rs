@@ -2,10 +2,11 @@
 
 use super::{ProduceError, SceneEvent};
 use crate::engine::{Engine, Memory};
+use crate::hologram::{ColorHologram, Hologram, Metadata};
 use crate::memory;
-use crate::optics::Color;
+use crate::optics::{Color, Display, OpticsError, Padding};
 use crate::quality::{Reference, Subject};
-use crate::scene::SceneError;
+use crate::scene::{LightField, SceneError};
 use crate::solve::{Flow, Progress, Settings, Solution};
 
 /// Refuses a colour that takes more than there is, by the count of a plan.
@@ -48,4 +49,41 @@ pub fn solve_colors(
         solved.push((color, solution));
     }
     Ok(solved)
+}
+
+impl Hologram {
+    /// The hologram of solved colours of a scene on a display, and how it was made.
+    ///
+    /// # Errors
+    /// A colour that the display does not have.
+    pub fn from_solutions(
+        field: &LightField,
+        display: &Display,
+        settings: &Settings,
+        padding: Padding,
+        solutions: &[(Color, Solution)],
+    ) -> Result<Self, OpticsError> {
+        let color = |(color, s): &(Color, Solution)| {
+            let wavelength = display.optics(*color)?.wavelength;
+            let Solution { exposure, efficiency, .. } = *s;
+            Ok(ColorHologram { color: Some(*color), wavelength, exposure, efficiency, phases: s.phases.clone() })
+        };
+        let (views, cell) = field.own_views(display);
+        let colors = solutions.iter().map(color).collect::<Result<_, _>>()?;
+        let on_display = Self::on(display, settings.frames, colors);
+        Ok(Self {
+            seed: settings.seed,
+            version: env!("CARGO_PKG_VERSION").into(),
+            scene: field.name.clone(),
+            metadata: Metadata {
+                solve: Some(settings.clone()),
+                padded: Some([padding.rows, padding.columns]),
+                views: Some(views),
+                view_pitch_mm: Some(cell * 1e3),
+                eyebox_mm: Some(display.eyebox_min() * 1e3),
+                ..on_display.metadata
+            },
+            ..on_display
+        })
+    }
 }

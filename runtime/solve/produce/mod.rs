@@ -8,7 +8,6 @@
 mod colors;
 mod driver;
 mod error;
-mod from_solutions;
 mod job;
 mod joint;
 mod refinement;
@@ -25,4 +24,4 @@ pub use joint::{JointColors, solve_joint_colors};
 pub use refinement::Refinement;
 pub use sequence::{SequencePieces, SolvedSequence};
 pub use tile_pieces::TilePieces;
-pub use tiles::{SolvedTiles, is_larger_than_memory, load_around, plan_tiles};
+pub use tiles::{SolvedTiles, is_larger_than_memory, plan_tiles};

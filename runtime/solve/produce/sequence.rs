@@ -194,7 +194,7 @@ impl Common {
         let padding = plan.padding;
         let color = |&color: &Color| {
             let wavelength = job.display.optics(color)?.wavelength;
-            Ok(ColorHologram { color: Some(color), wavelength, exposure: 1.0, efficiency: 1.0, phases: Vec::new() })
+            Ok(ColorHologram::bare(Some(color), wavelength, Vec::new()))
         };
         let mut like = Hologram::from_solutions(first, &display, &settings, padding, &[])?;
         like.colors = job.colors.iter().map(color).collect::<Result<_, ProduceError>>()?;
@@ -245,7 +245,7 @@ impl Common {
         engine: &mut dyn Engine,
         observe: &mut dyn FnMut(&SceneEvent) -> Flow,
     ) -> Result<Option<Vec<(Color, Solution)>>, ProduceError> {
-        let depth = field.depths(job.display, job.depth)?;
+        let depth = field.depths(job.display, job.reading.depth)?;
         let mut solutions = Vec::with_capacity(job.colors.len());
         if index == 0 {
             warn_of_aliasing(field, job.display, &Settings { depth, ..self.settings.clone() });

@@ -9,7 +9,7 @@ use crate::hologram::{ColorHologram, Hologram, Metadata, PhaseSource, SceneRecor
 use crate::optics::{Color, Display, Geometry, Pupil};
 use crate::plan::ModelTables;
 use crate::reconstruction::{HologramScores, SceneSource};
-use crate::scene::{self, Request, ViewSynthesis};
+use crate::scene::{self, ViewSynthesis};
 use crate::solve::{Flow, Settings};
 use crate::tiled::{self, Job, MemoryLimit, RegionSize, Schedule, TiledError};
 use eyebox_base::error::Reason;
@@ -46,16 +46,6 @@ pub fn is_larger_than_memory(display: &Display, frames: usize) -> bool {
     let colors = display.wavelengths.len() as u64;
     let bytes = pixels * (32 * frames as u64 + 81 * (4 * colors + 3));
     display.geometry == Geometry::FarField && bytes > TilesRequest::default().memory.0
-}
-
-/// A scene for a far field larger than memory, in pictures of at most `picture` pixels a side: views are made from around each
-/// pupil.
-///
-/// # Errors
-/// Those of loading the scene.
-pub fn load_around(scene: &str, request: &Request, picture: usize) -> Result<Vec<Views>, ProduceError> {
-    let picture = picture.min(request.display.picture_size().0);
-    Ok(Views::of_colors(scene, request, picture)?)
 }
 
 /// What a solve in tiles will do and hold. Its scene is looked at for that, and nothing is written.
@@ -123,7 +113,7 @@ pub(super) struct Prepared {
 impl Prepared {
     pub(super) fn new(job: &SceneJob, request: &TilesRequest) -> Result<Self, ProduceError> {
         let picture = request.picture.min(job.display.picture_size().0);
-        let maps = scene::depth_maps(&job.scenes[..1], &job.depth_maps)?;
+        let maps = scene::depth_maps(&job.scenes[..1], &job.reading.depth_maps)?;
         let views = Views::of_colors(&job.scenes[0], &job.request(maps.first().map(PathBuf::as_path)), picture)?;
         let views: Vec<Views> = views.into_iter().map(Views::once).collect();
         let models = models(job.display, &job.colors)?;
@@ -203,7 +193,7 @@ fn plan(
         }
         other => other,
     })?;
-    let settings = Settings { diameter, depth: views[0].depths(job.depth)?, ..job.settings.clone() };
+    let settings = Settings { diameter, depth: views[0].depths(job.reading.depth)?, ..job.settings.clone() };
     settings.check()?;
     if !(1..=STEPS).contains(&settings.steps) {
         return Err(ProduceError::Job(reason!(
@@ -222,17 +212,17 @@ fn plan(
 /// Everything that decides a byte of the file.
 fn work(job: &SceneJob, request: &TilesRequest, plan: &TilesPlan, picture: usize, engine: &dyn Engine) -> Value {
     let mut work = json!({
-        "scene": job.scenes[0], "views": [job.views, Some(picture)], "view_pitch": job.view_pitch_mm,
+        "scene": job.scenes[0], "views": [job.reading.views, Some(picture)], "view_pitch": job.reading.view_pitch_mm,
         "display": job.display.to_toml(), "colors": job.colors, "settings": plan.settings, "passes": request.passes.max(1),
         "tile": tile_side(job.display), "region": [plan.region.rows, plan.region.columns], "engine": engine.describe(),
     });
-    if let Some(map) = job.depth_maps.first() {
-        work["depth_map"] = json!([map.display().to_string(), job.depth]);
+    if let Some(map) = job.reading.depth_maps.first() {
+        work["depth_map"] = json!([map.display().to_string(), job.reading.depth]);
     }
-    if job.photographs != ViewSynthesis::Auto {
-        work["photographs"] = json!(job.photographs);
+    if let Some(photographs) = job.reading.photographs.filter(|how| *how != ViewSynthesis::Auto) {
+        work["photographs"] = json!(photographs);
     }
-    if let Some(near) = job.near {
+    if let Some(near) = job.reading.near {
         work["near"] = json!(near);
     }
     work
@@ -299,8 +289,8 @@ fn about(
         passes: Some(request.passes.max(1)),
         eyebox_mm: Some(display.eyebox_min() * 1e3),
         // What was said of the scene, for those who compare with it.
-        view_pitch_mm: job.view_pitch_mm,
-        views: job.views.map(|views| [views, views]),
+        view_pitch_mm: job.reading.view_pitch_mm,
+        views: job.reading.views.map(|views| [views, views]),
         model: display.model.clone(),
         viewing: display.viewing,
         display_file: display.file.clone(),

@@ -5,7 +5,6 @@
 //! the scene of a hologram again and reads it as it was when the hologram was solved.
 
 mod error;
-mod exposure;
 mod input;
 mod jod;
 mod look;

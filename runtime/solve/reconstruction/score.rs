@@ -2,7 +2,7 @@
 
 use super::{ReconstructionError, Sampling, SceneSource};
 use crate::engine::Engine;
-use crate::evaluate::{Ceiling, EvaluateError, Plane, Summary, Sums, ssim};
+use crate::evaluate::{Ceiling, Plane, Summary, Sums, ssim_at};
 use crate::hologram::{Hologram, HologramError, PhaseSource};
 use crate::optics::Pupil;
 use eyebox_base::reason;
@@ -45,22 +45,12 @@ pub struct HologramScores {
 impl HologramScores {
     /// Summary of the PSNR over the pupils whose target is not black; `None` without any.
     pub fn summary(&self) -> Option<Summary> {
-        Summary::of(&self.pupils.iter().filter_map(|p| p.psnr).collect::<Vec<_>>())
+        self.summary_of(|pupil| pupil.psnr)
     }
 
-    /// Summary of the PSNR [against a clear pupil](PupilScore::against_clear); `None` without an obstruction.
-    pub fn against_clear_summary(&self) -> Option<Summary> {
-        Summary::of(&self.pupils.iter().filter_map(|p| p.against_clear).collect::<Vec<_>>())
-    }
-
-    /// What the JOD come to, over the pupils that were judged; none where none was.
-    pub fn jod_summary(&self) -> Option<Summary> {
-        Summary::of(&self.pupils.iter().filter_map(|p| p.jod).collect::<Vec<_>>())
-    }
-
-    /// What they come to where the eye looks.
-    pub fn jod_there_summary(&self) -> Option<Summary> {
-        Summary::of(&self.pupils.iter().filter_map(|p| p.jod_there).collect::<Vec<_>>())
+    /// Summary of another score, over the pupils that have it; `None` if none has.
+    pub fn summary_of(&self, score: impl Fn(&PupilScore) -> Option<f64>) -> Option<Summary> {
+        Summary::of(&self.pupils.iter().filter_map(score).collect::<Vec<_>>())
     }
 }
 
@@ -112,12 +102,8 @@ impl PhaseSource<'_> {
             for (some, (ssims, against_clear)) in pupils.chunks(AT_ONCE).zip(of_pupils) {
                 let made = if pupils.len() > AT_ONCE { pairs(some, engine)? } else { std::mem::take(&mut kept) };
                 for ((seen, wanted), sum) in made.iter().zip(ssims) {
-                    let exposed: Vec<f32> = seen.values.iter().map(|v| v * exposure as f32).collect();
-                    *sum = match ssim(&exposed, &wanted.values, seen.rows, seen.columns) {
-                        Ok(value) => sum.map(|sum| sum + value),
-                        Err(EvaluateError::TooSmall { .. }) => None,
-                        Err(other) => return Err(other.into()),
-                    };
+                    let one = ssim_at(exposure, &seen.values, &wanted.values, seen.rows, seen.columns)?;
+                    *sum = sum.zip(one).map(|(sum, one)| sum + one);
                 }
                 let Some(clear) = &clear else { continue };
                 // Of the clear pupil, at the same exposure.

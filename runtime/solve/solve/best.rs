@@ -13,6 +13,12 @@ use std::time::Instant;
 
 /// One color under refinement, or all colors that share their drives.
 pub trait Refinable {
+    /// The eye has moved.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    fn aim(&mut self, aim: PupilDistribution) -> Result<(), EngineError>;
+
     /// Takes a step. Returns its loss; with one that is NaN or infinite the phases stay as they were.
     ///
     /// # Errors
@@ -33,9 +39,18 @@ pub trait Refinable {
     /// # Errors
     /// Those of the engine.
     fn state(&mut self) -> Result<Vec<Vec<f32>>, EngineError>;
+
+    /// The display's switchable sources that light it, by their places, if it chooses them.
+    fn lit(&self) -> Option<&[usize]> {
+        None
+    }
 }
 
 impl Refinable for Refiner {
+    fn aim(&mut self, aim: PupilDistribution) -> Result<(), EngineError> {
+        Refiner::aim(self, aim)
+    }
+
     fn step(&mut self) -> Result<f64, EngineError> {
         Refiner::step(self)
     }
@@ -50,6 +65,10 @@ impl Refinable for Refiner {
 
     fn state(&mut self) -> Result<Vec<Vec<f32>>, EngineError> {
         Ok(vec![self.phases()?])
+    }
+
+    fn lit(&self) -> Option<&[usize]> {
+        Some(self.sources())
     }
 }
 
@@ -182,6 +201,10 @@ mod tests {
     }
 
     impl Refinable for Scripted {
+        fn aim(&mut self, _: PupilDistribution) -> Result<(), EngineError> {
+            Ok(())
+        }
+
         fn step(&mut self) -> Result<f64, EngineError> {
             self.at += 1;
             Ok(if self.at < self.decibels.len() { 0.1 } else { f64::NAN })

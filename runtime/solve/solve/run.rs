@@ -6,17 +6,55 @@ use super::fault;
 use super::method::Method;
 use super::optimizer::Optimizer;
 use super::outcome::{Flow, Progress, Stop, Warm};
-use super::sampling::random_phases;
+use super::problem::Problem;
+use super::sampling::{Diameters, random_phases};
 use super::settings::Settings;
-use super::solver::Ready;
 use super::step::Steps;
-use super::validation::ValidationScore;
+use super::validation::{ValidationScore, Validator};
+use super::viewpoints::Viewpoints;
 use crate::engine::{Buffer, Engine, EngineError, PendingStep, Step};
 use crate::optics::WindowFactor;
-use crate::plan::{ModelTables, Planner};
+use crate::plan::{ModelTables, Planner, Purpose};
 use std::collections::VecDeque;
 use std::slice;
+use std::sync::Arc;
 use std::time::Instant;
+
+/// Pupils, or windows of another kind, that a solve is validated by.
+pub(super) const PUPILS: usize = 8;
+
+/// One color before its exposure is chosen: what plans its steps and what scores them.
+pub(super) struct Ready<'a> {
+    pub problem: &'a Problem,
+    pub planner: Planner,
+    pub validator: Validator,
+    /// Linear light of the targets' value 1.
+    pub unit: f64,
+}
+
+impl<'a> Ready<'a> {
+    /// Loads an engine with what the problem needs for this purpose.
+    pub fn new(
+        problem: &'a Problem,
+        settings: &Settings,
+        purpose: Purpose,
+        engine: &mut dyn Engine,
+    ) -> Result<Self, SolveError> {
+        let mut planner = problem.planner_of(settings);
+        // A scene of 1e30, or of 1e-30, is solved as if its brightest value were about 1.
+        let unit = problem.unit();
+        planner.divide_targets(unit);
+        engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;
+        if let Some(levels) = settings.levels.table() {
+            engine.write(Buffer::Levels, &levels)?;
+        }
+        // What the method looks through (pupils by the paper's distribution), from another seed: no step is shown these.
+        let uniform = Settings { diameters: Diameters::Uniform, ..settings.clone() };
+        let mut viewpoints = Viewpoints::new(problem, &uniform, !settings.seed);
+        let validator = Validator::new(engine, &planner, (0..PUPILS).map(|_| viewpoints.draw()).collect())?;
+        Ok(Self { problem, planner, validator, unit })
+    }
+}
 
 /// From first phases to the best.
 struct Descent<'o> {

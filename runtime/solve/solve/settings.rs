@@ -1,12 +1,11 @@
 //! What can be chosen about a solve: one type for the library, the command, measured settings and a hologram's file.
 
 use super::error::{SolveError, require};
-use super::joint::Joint;
 use super::levels::Levels;
 use super::method::Method;
 use super::motion::Motion;
 use super::optimizer::Optimizer;
-use super::sampling::{Diameters, Sequence};
+use super::sampling::{Diameters, PupilRange, Sequence};
 use crate::engine::Memory;
 use crate::optics::WindowFactor;
 use crate::plan::Storage;
@@ -39,6 +38,21 @@ pub enum FirstPhases {
     Table,
     /// Random phases, as in the paper.
     Random,
+}
+
+/// How all colours share their sub-frames.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Joint {
+    /// Times that white is to be brighter than of one colour after another, by lasers of the same peak power: 1 to the number of
+    /// colours. Powers are then at most the number of colours over it, times their mean: the brightest leaves them all alike.
+    pub brightness: f64,
+}
+
+impl Default for Joint {
+    fn default() -> Self {
+        Self { brightness: 1.0 }
+    }
 }
 
 /// No length of an eye or a scene is larger, metres: what is computed of one stays a number.
@@ -170,6 +184,11 @@ impl Settings {
             Memory::Device => 2 * self.window_bytes / self.storage.bytes(),
             Memory::Host | Memory::Shared => self.window_bytes / size_of::<Complex32>(),
         }
+    }
+
+    /// Pupils that are drawn in an eyebox of this side, metres.
+    pub(crate) fn pupil_range(&self, eyebox: f64) -> PupilRange {
+        PupilRange { eyebox, diameter: self.diameter, depth: self.depth, diameters: self.diameters }
     }
 
     /// Steps of the projection that move light as far as these steps do.

@@ -5,14 +5,10 @@ use super::error::{SolveError, require};
 use super::levels::Levels;
 use super::outcome::{Flow, Progress, Solution, Stop, Warm};
 use super::problem::Problem;
-use super::run::Run;
-use super::sampling::Diameters;
+use super::run::{Ready, Run};
 use super::settings::Settings;
-use super::validation::Validator;
-use super::viewpoints::Viewpoints;
 use crate::engine::{Buffer, Engine};
-use crate::plan::{Planner, Purpose};
-use std::sync::Arc;
+use crate::plan::Purpose;
 use std::time::Instant;
 
 /// Phases to begin with that follow from the exposure, linear light, and the exposure and the place in the schedule to begin at with them.
@@ -96,40 +92,4 @@ pub(super) fn solve_begun_by(
         step_seconds: durations.get(durations.len() / 2).copied().unwrap_or(0.0),
         stop,
     })
-}
-
-/// Pupils, or windows of another kind, that a solve is validated by.
-pub(super) const PUPILS: usize = 8;
-
-/// One color before its exposure is chosen: what plans its steps and what scores them.
-pub(super) struct Ready<'a> {
-    pub problem: &'a Problem,
-    pub planner: Planner,
-    pub validator: Validator,
-    /// Linear light of the targets' value 1.
-    pub unit: f64,
-}
-
-impl<'a> Ready<'a> {
-    /// Loads an engine with what the problem needs for this purpose.
-    pub fn new(
-        problem: &'a Problem,
-        settings: &Settings,
-        purpose: Purpose,
-        engine: &mut dyn Engine,
-    ) -> Result<Self, SolveError> {
-        let mut planner = problem.planner_of(settings);
-        // A scene of 1e30, or of 1e-30, is solved as if its brightest value were about 1.
-        let unit = problem.unit();
-        planner.divide_targets(unit);
-        engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;
-        if let Some(levels) = settings.levels.table() {
-            engine.write(Buffer::Levels, &levels)?;
-        }
-        // What the method looks through (pupils by the paper's distribution), from another seed: no step is shown these.
-        let uniform = Settings { diameters: Diameters::Uniform, ..settings.clone() };
-        let mut viewpoints = Viewpoints::new(problem, &uniform, !settings.seed);
-        let validator = Validator::new(engine, &planner, (0..PUPILS).map(|_| viewpoints.draw()).collect())?;
-        Ok(Self { problem, planner, validator, unit })
-    }
 }

@@ -14,7 +14,7 @@ mod solve;
 mod visits;
 mod waits;
 
-pub use refine::{Piece, TileRect};
+pub use refine::{TileRect, problem_around};
 pub use region::{MemoryLimit, RegionSize};
 pub use solve::{Job, Visit, Visited, exposure, solve, visit};
 pub use visits::Schedule;

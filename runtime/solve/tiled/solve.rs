@@ -34,8 +34,6 @@ pub struct Job<'a> {
     pub before: u64,
 }
 
-impl Job<'_> {}
-
 /// A visit that is done.
 #[derive(Debug, Clone, Copy)]
 pub struct Visit {
@@ -66,13 +64,7 @@ pub fn exposure(
     settings: &Settings,
     engine: &mut dyn Engine,
 ) -> Result<(f64, f64), TiledError> {
-    let range = PupilRange {
-        eyebox: optics.eyebox(),
-        diameter: settings.diameter,
-        depth: settings.depth,
-        diameters: settings.diameters,
-    };
-    let mut sampler = Sampler::new(range, settings.sequence, !settings.seed);
+    let mut sampler = Sampler::new(settings.pupil_range(optics.eyebox()), settings.sequence, !settings.seed);
     let mut photographs = Vec::new();
     for _ in 0..8 {
         let pupil = sampler.draw();
@@ -227,12 +219,8 @@ impl<'a> Region<'a> {
         let settings = self.job.settings;
         engine.load(&self.one.shape(Purpose::Project), Some(Arc::clone(&self.pyramid)))?;
         let scale = self.job.model.map_or(1.0, |model| model.model().iris.scale);
-        let range = PupilRange {
-            eyebox: self.optics.eyebox(),
-            diameter: settings.diameter.map(|d| d * scale),
-            depth: settings.depth,
-            diameters: settings.diameters,
-        };
+        let diameter = settings.diameter.map(|d| d * scale);
+        let range = PupilRange { diameter, ..settings.pupil_range(self.optics.eyebox()) };
         let seed = settings.seed ^ (self.job.before + k as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         let mut sampler = Sampler::new(range, settings.sequence, seed);
         let (visits, steps) = (self.job.schedule.visits.len(), settings.steps.max(1));

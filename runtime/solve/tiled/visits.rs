@@ -9,8 +9,6 @@ use crate::solve::SplitMix;
 pub struct Schedule {
     /// (row, column) of each visit's first pixel.
     pub visits: Vec<[usize; 2]>,
-    /// Passes.
-    pub passes: usize,
 }
 
 impl Schedule {
@@ -31,7 +29,7 @@ impl Schedule {
             }
             visits.extend(pass);
         }
-        Self { visits, passes }
+        Self { visits }
     }
 }
 

@@ -17,37 +17,21 @@ mod shared;
 mod tests;
 
 use super::error::{SolveError, require};
-use super::outcome::{Flow, Progress, Solution, Warm};
+use super::outcome::{Flow, Progress, Warm};
 use super::problem::Problem;
-use super::run::Run;
-use super::settings::Settings;
-use super::solver::Ready;
+use super::run::{Ready, Run};
+use super::settings::{Joint, Settings};
 use super::start_table;
 use super::start_table::shared::BeginJoint;
 use crate::engine::Engine;
 use crate::optics::Laser;
 pub use refine::for_joint_colors;
 pub use refine::{JointPart, JointRefiner};
+pub use run::JointSolution;
 use run::{JointRun, Lit};
-use serde::{Deserialize, Serialize};
 pub use shared::SharedDrives;
 use std::sync::Arc;
 use std::time::Instant;
-
-/// How all colours share their sub-frames.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct Joint {
-    /// Times that white is to be brighter than of one colour after another, by lasers of the same peak power: 1 to the number of
-    /// colours. Powers are then at most the number of colours over it, times their mean: the brightest leaves them all alike.
-    pub brightness: f64,
-}
-
-impl Default for Joint {
-    fn default() -> Self {
-        Self { brightness: 1.0 }
-    }
-}
 
 /// What goes into [`solve_joint`] beside its settings.
 #[derive(Debug, Clone, Copy)]
@@ -75,15 +59,6 @@ impl JointProblem<'_> {
         let exposures = format_args!("{:?}", self.exposures);
         require(self.exposures.is_none_or(fit), "the exposures of the colours", exposures, "positive, one a colour")
     }
-}
-
-/// Colours that were solved together.
-#[derive(Debug, Clone)]
-pub struct JointSolution {
-    /// One a colour, in the order of the problems; its phases are those that the colour has of the shared drives.
-    pub colors: Vec<Solution>,
-    /// Power of each colour's laser in each sub-frame, over its mean: (colour, sub-frame).
-    pub powers: Vec<Vec<f64>>,
 }
 
 /// Solves all colours at once, as `settings.joint` says. `observe` is called after every step.

@@ -113,6 +113,10 @@ impl JointRefiner {
 }
 
 impl Refinable for JointRefiner {
+    fn aim(&mut self, aim: PupilDistribution) -> Result<(), EngineError> {
+        JointRefiner::aim(self, aim)
+    }
+
     fn step(&mut self) -> Result<f64, EngineError> {
         JointRefiner::step(self)
     }

@@ -1,6 +1,5 @@
 //! A joint solve under way: steps of every colour, powers, verdicts.
 
-use super::JointSolution;
 use super::drives::Drives;
 use super::powers::PowerFit;
 use crate::engine::{Buffer, Engine, EngineError};
@@ -10,16 +9,24 @@ use crate::solve::asking::{Turns, ask};
 use crate::solve::error::SolveError;
 use crate::solve::fault;
 use crate::solve::outcome::{Flow, Progress, Solution, Stop, Warm};
-use crate::solve::run::interval;
+use crate::solve::run::{Ready, interval};
 use crate::solve::sampling::random_phases;
 use crate::solve::settings::Settings;
-use crate::solve::solver::Ready;
 use crate::solve::step::Steps;
 use crate::solve::validation::ValidationScore;
 use crate::solve::viewpoints::Viewpoints;
 use std::slice;
 use std::sync::Arc;
 use std::time::Instant;
+
+/// Colours that were solved together.
+#[derive(Debug, Clone)]
+pub struct JointSolution {
+    /// One a colour, in the order of the problems; its phases are those that the colour has of the shared drives.
+    pub colors: Vec<Solution>,
+    /// Power of each colour's laser in each sub-frame, over its mean: (colour, sub-frame).
+    pub powers: Vec<Vec<f64>>,
+}
 
 /// One colour in the light of its laser.
 pub(super) struct Lit<'a> {
