@@ -188,13 +188,12 @@ impl Encoded {
         if is_encoded(path) {
             let file = path.join(DOCUMENT);
             let bytes = read::bytes(&file, read::TABLE).map_err(|e| FileError::read(&file, e))?;
-            let damaged = |e: serde_json::Error| FileError::content(&file, reason!("damaged", "is damaged: {e}"));
+            let content = |reason: Reason| EncodeError::from(FileError::content(&file, reason));
+            let damaged = |e: serde_json::Error| content(reason!("damaged", "is damaged: {e}"));
             let Document { format, colors, sub_frames, frames, mut hologram } =
                 serde_json::from_slice(&bytes).map_err(damaged)?;
             if format != FORMAT {
-                return Err(
-                    FileError::content(&file, reason!("format", "has the format {format}: {FORMAT} is known")).into()
-                );
+                return Err(content(reason!("format", "has the format {format}: {FORMAT} is known")));
             }
             if let Some(asked) = color.filter(|c| colors != [*c]) {
                 let has: Vec<_> = colors.iter().map(Color::to_string).collect();
@@ -205,11 +204,7 @@ impl Encoded {
                 )));
             }
             if let Some(outside) = frames.iter().find(|f| Path::new(&f.file).components().count() != 1) {
-                return Err(FileError::content(
-                    &file,
-                    reason!("missing-frame", "names {}, which is not beside it", outside.file),
-                )
-                .into());
+                return Err(content(reason!("missing-frame", "names {}, which is not beside it", outside.file)));
             }
             let own = || {
                 let own = path.join(DISPLAY);
@@ -296,11 +291,8 @@ impl Encoded {
                 hologram.metadata.padded = hologram.metadata.padded.map(|[rows, columns]| [columns, rows]);
             }
         }
-        let damaged = |e: crate::hologram::HologramError| EncodeError::Mismatch {
-            display: display.name.clone(),
-            reason: Reason::of(&e),
-        };
-        hologram.check().map_err(damaged)?;
+        let mismatch = |reason| EncodeError::Mismatch { display: display.name.clone(), reason };
+        hologram.check().map_err(|e| mismatch(Reason::of(&e)))?;
         Ok(hologram)
     }
 

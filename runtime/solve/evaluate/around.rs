@@ -5,7 +5,7 @@ use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::{Color, Display, Optics, Pupil, WindowFactor};
 use crate::plan::{self, Comparison, ModelTables, Planner, Purpose};
 use crate::scene::{
-    self, DepthSource, Interpolator, Layers, LightField, Pyramid, Reprojection, Request, SceneError, Stage, ViewGrid,
+    self, DepthSource, Interpolator, Layers, Pyramid, Reprojection, Request, SceneError, Stage, ViewGrid,
     ViewSynthesis, shrink_to_share,
 };
 use rayon::prelude::*;
@@ -135,7 +135,7 @@ impl Views {
             let field = load(&small, color)?;
             let grid = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell };
             let share = display.picture_share(display.optics(color)?.wavelength);
-            let pyramid = Arc::new(pyramid(&first_color(field), size, share));
+            let pyramid = Arc::new(pyramid(&field.planes[0], size, share));
             Ok(Self { apart, ..Self::of(Kind::Field(pyramid, grid), display, color, size, reach)? })
         };
         request.colors.iter().map(one).collect()
@@ -307,10 +307,6 @@ fn small(display: &Display, size: usize) -> Display {
         .map(|w| crate::optics::Wavelength { wavelength: w.wavelength * shortest, ..*w })
         .collect();
     Display { height: size, width: size, pitch, focal_length, wavelengths, ..display.clone() }
-}
-
-fn first_color(mut field: LightField) -> Vec<Vec<f32>> {
-    field.planes.swap_remove(0)
 }
 
 fn pyramid(views: &[Vec<f32>], size: usize, share: f64) -> Pyramid {

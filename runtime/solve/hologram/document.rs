@@ -363,20 +363,19 @@ fn seal_place(bytes: &[u8]) -> Option<usize> {
     (at + 8 <= bytes.len()).then_some(at)
 }
 
-/// A document with the sum that it has now, where it has a place for one.
 #[cfg(test)]
-pub(super) fn resealed(mut bytes: Vec<u8>) -> Vec<u8> {
-    if let Some(at) = seal_place(&bytes) {
-        bytes[at..at + 8].copy_from_slice(BLANK);
-        let sum = crc32c::crc32c(&bytes);
-        bytes[at..at + 8].copy_from_slice(format!("{sum:08x}").as_bytes());
-    }
-    bytes
-}
-
-#[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
+
+    /// A document with the sum that it has now, where it has a place for one.
+    pub(in super::super) fn resealed(mut bytes: Vec<u8>) -> Vec<u8> {
+        if let Some(at) = seal_place(&bytes) {
+            bytes[at..at + 8].copy_from_slice(BLANK);
+            let sum = crc32c::crc32c(&bytes);
+            bytes[at..at + 8].copy_from_slice(format!("{sum:08x}").as_bytes());
+        }
+        bytes
+    }
 
     #[test]
     fn lengths_are_short_for_people_and_exact_for_the_program() {

@@ -26,7 +26,7 @@
 //! its build script, whatever the features), and building this project needs cargo alone.
 
 mod chunks;
-mod display_model;
+mod display;
 mod document;
 mod exchange;
 mod foreign;
@@ -36,13 +36,10 @@ mod open;
 mod phase_files;
 mod scene_record;
 mod sequence;
-mod sequence_parts;
 mod sequence_writer;
-mod shown_on;
 mod source;
 mod store;
 mod tiles;
-mod unfinished;
 
 #[cfg(test)]
 mod damage_tests;
@@ -58,15 +55,13 @@ mod sequence_tests;
 pub use exchange::{PhaseUnit, Phases, save_phases};
 pub use metadata::{Metadata, Refined, Start, TakenWithCamera};
 pub use newest::{NewestHologram, OnScreen};
-pub use open::{BareOptics, Opening};
+pub use open::{BareOptics, Opening, Unfinished};
 pub use phase_files::{check_radians, load_phases};
 pub use scene_record::SceneRecord;
 pub use sequence::Sequence;
-pub use sequence_parts::SequenceParts;
-pub use sequence_writer::SequenceWriter;
+pub use sequence_writer::{SequenceParts, SequenceWriter};
 pub use source::PhaseSource;
 pub use tiles::{Made, Patch, TileVersion, Tiles};
-pub use unfinished::Unfinished;
 
 use crate::memory::TooLarge;
 use crate::{
@@ -452,7 +447,7 @@ impl Hologram {
         }
         let expected = height.checked_mul(width).and_then(|n| n.checked_mul(frames));
         for (i, c) in self.colors.iter().enumerate() {
-            let name = color_name(c.color, i);
+            let name = c.color.map_or_else(|| format!("colour {i}"), |c| c.to_string());
             if let Err(e) = self.optics(i) {
                 return wrong(reason!("optics", "{name}: {e}"));
             }
@@ -482,9 +477,4 @@ impl Hologram {
         }
         Ok(())
     }
-}
-
-/// "green", or "colour 1" where no name is known.
-fn color_name(color: Option<Color>, index: usize) -> String {
-    color.map_or_else(|| format!("colour {index}"), |c| c.to_string())
 }

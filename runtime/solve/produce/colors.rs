@@ -1,16 +1,16 @@
-//! Every colour of a hologram.
+//! Every colour of a hologram, one after the other or all at once.
 
 use super::{ProduceError, SceneEvent};
 use crate::engine::{Engine, Memory};
 use crate::hologram::{ColorHologram, Hologram, Metadata};
 use crate::memory;
-use crate::optics::{Color, Display, OpticsError, Padding};
+use crate::optics::{Color, Display, JointColor, Laser, OpticsError, Padding, reference_of};
 use crate::quality::{Reference, Subject};
 use crate::scene::{LightField, SceneError};
-use crate::solve::{Flow, Progress, Settings, Solution};
+use crate::solve::{Flow, JointProblem, JointSolution, Progress, Settings, Solution, solve_joint};
 
 /// Refuses a colour that takes more than there is, by the count of a plan.
-pub(super) fn check_memory(subject: &Subject, settings: &Settings, memory: Memory) -> Result<(), ProduceError> {
+fn check_memory(subject: &Subject, settings: &Settings, memory: Memory) -> Result<(), ProduceError> {
     let bytes = subject.cost(settings, memory)?.bytes();
     let what = || format!("{} sub-frames of {} x {}", settings.frames, subject.display.height, subject.display.width);
     let remedy = "take fewer `frames`, `views` or `pupils`, or a smaller `size`";
@@ -49,6 +49,42 @@ pub fn solve_colors(
         solved.push((color, solution));
     }
     Ok(solved)
+}
+
+/// Solves all colours at once (OPTICS 13), as `settings.joint` says, with every pixel, view and sub-frame of the subject; with these
+/// exposures, or with those that each colour's scene asks for. Returns the colours, each with the phases that it has of the shared drives,
+/// and how they are shown.
+///
+/// # Errors
+/// [`ProduceError`].
+pub fn solve_joint_colors(
+    subject: &Subject,
+    colors: &[Color],
+    settings: &Settings,
+    exposures: Option<&[f64]>,
+    engine: &mut dyn Engine,
+    observe: &mut dyn FnMut(&SceneEvent) -> Flow,
+) -> Result<(Vec<(Color, Solution)>, JointColor), ProduceError> {
+    let settings = &settings.for_joint_colors();
+    let mut problems = Vec::with_capacity(colors.len());
+    for &color in colors {
+        let subject = Subject { color, ..subject.clone() };
+        check_memory(&subject, settings, engine.memory())?;
+        problems.push(subject.prepare(settings)?.problem);
+    }
+    let slopes = subject.display.slopes(colors);
+    let problem = JointProblem { colors: &problems, slopes: &slopes, exposures, powers: None };
+    let reference = reference_of(slopes.iter().copied()).unwrap_or(0);
+    let mut stepped =
+        |progress: &Progress| observe(&SceneEvent::Step { hologram: 0, color: colors[reference], progress });
+    let JointSolution { colors: solutions, powers } = solve_joint(&problem, settings, None, engine, &mut stepped)?;
+    let lasers = colors.iter().zip(&slopes).zip(powers);
+    let lasers = lasers.map(|((color, slope), powers)| (*color, Laser { slope: *slope, powers })).collect();
+    let solutions: Vec<_> = colors.iter().copied().zip(solutions).collect();
+    for (color, solution) in &solutions {
+        observe(&SceneEvent::Solved { hologram: 0, color: *color, solution });
+    }
+    Ok((solutions, JointColor { lasers }))
 }
 
 impl Hologram {

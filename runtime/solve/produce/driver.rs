@@ -1,9 +1,8 @@
 //! The driver: one hologram, a sequence or tiles, as the job says.
 
 use super::ProduceError;
-use super::colors::solve_colors;
+use super::colors::{solve_colors, solve_joint_colors};
 use super::job::{SceneEvent, SceneJob, warn_of_aliasing};
-use super::joint::solve_joint_colors;
 use super::sequence::{self, SolvedSequence};
 use super::tiles::{self, SolvedTiles};
 use crate::engine::{Engine, Memory};
@@ -100,7 +99,9 @@ pub fn solve_scene(
             Ok(SceneSolution::Tiles(Box::new(tiles::solve(job, tiles, out, engine, observe)?)))
         }
         (1, None) => {
-            let solved = one(job, engine, observe)?;
+            // Before the scene is loaded, which takes long where it is large.
+            check_job(job, engine)?;
+            let solved = solve_field(job, job.load(0)?, job.record(0)?, engine, observe)?;
             if let Some(out) = out {
                 solved.hologram.save(out)?;
             }
@@ -115,17 +116,6 @@ pub fn solve_scene(
             Ok(SceneSolution::Sequence(sequence::solve(job, out, engine, observe)?))
         }
     }
-}
-
-/// One hologram.
-fn one(
-    job: &SceneJob,
-    engine: &mut dyn Engine,
-    observe: &mut dyn FnMut(&SceneEvent) -> Flow,
-) -> Result<SolvedHologram, ProduceError> {
-    // Before the scene is loaded, which takes long where it is large.
-    check_job(job, engine)?;
-    solve_field(job, job.load(0)?, job.record(0)?, engine, observe)
 }
 
 fn check_job(job: &SceneJob, engine: &dyn Engine) -> Result<(), ProduceError> {

@@ -86,7 +86,9 @@ impl PhaseSource<'_> {
                     let seen = self.look_through(color, None, pupils, Sampling::Pupil, engine)?;
                     Ok(seen.iter().map(Plane::pooled).zip(wanted.iter().map(Plane::pooled)).collect())
                 };
-            let whole = optics.get(color).filter(|_| self.shows_whole_pictures(color));
+            // A picture of this colour that is all that the SLM's own frequencies make.
+            let is_whole = matches!(self, Self::Whole(_)) && self.about().picture_share(color) == 1.0;
+            let whole = is_whole.then(|| &optics[color]);
             let (mut of_color, mut kept) = (Vec::with_capacity(pupils.len()), Vec::new());
             for some in pupils.chunks(AT_ONCE) {
                 kept = pairs(some, engine)?;
@@ -127,12 +129,6 @@ impl PhaseSource<'_> {
             jod_there: None,
         };
         Ok(HologramScores { pupils: pupils.iter().enumerate().map(score).collect(), exposures })
-    }
-
-    /// Whether a picture of this colour is all that the SLM's own frequencies make.
-    fn shows_whole_pictures(&self, color: usize) -> bool {
-        let about = self.about();
-        matches!(self, Self::Whole(_)) && about.picture_share(color) == 1.0
     }
 }
 

@@ -115,11 +115,6 @@ impl BestKeeper {
         self.best.as_ref()
     }
 
-    /// The best state so far; `None` before the first judgment.
-    pub fn into_best(self) -> Option<BestState> {
-        self.best
-    }
-
     /// PSNR at the pupil of each color as it is now, dB; `None` for a black target.
     pub fn psnr_of_colors(&self) -> &[Option<f64>] {
         &self.last
@@ -145,11 +140,7 @@ impl BestKeeper {
 
 /// Whether a PSNR beats the best before it. Before a black target nothing can be judged, and the last state is kept.
 fn is_better(psnr: Option<f64>, best: Option<f64>) -> bool {
-    match (psnr, best) {
-        (Some(psnr), Some(best)) => psnr > best,
-        (None, _) => true,
-        (Some(_), None) => true,
-    }
+    psnr.zip(best).is_none_or(|(psnr, best)| psnr > best)
 }
 
 /// Takes at most `steps` steps of all that is refined together, and judges each. Ends earlier if `observe` stops it or if a loss is
@@ -240,7 +231,7 @@ mod tests {
                 let (_, taken) = refine(&mut [(&mut refined, &mut keeper)], part, &mut |_| Flow::Continue).unwrap();
                 assert_eq!(taken, part);
             }
-            let best = keeper.into_best().unwrap();
+            let best = keeper.best().unwrap().clone();
             let psnr = best.psnr.unwrap();
             let wanted = decibels[..=steps].iter().copied().fold(f64::NEG_INFINITY, f64::max);
             assert!((psnr - wanted).abs() < 1e-9 && psnr >= before, "{steps}: {psnr}");

@@ -5,7 +5,6 @@
 //! ([`Optimizer`]): the pupil-wise projection, which replaces amplitudes as Gerchberg and Saxton do and puts the changes
 //! of many pupils together as ptychography does, or Adam on the Wirtinger gradient.
 
-mod asking;
 mod begin;
 mod best;
 mod carry;
@@ -16,10 +15,8 @@ mod dry_run;
 mod error;
 mod exposure;
 mod eye;
-mod fault;
 mod joint;
 mod levels;
-mod mask;
 mod method;
 mod motion;
 #[cfg(test)]

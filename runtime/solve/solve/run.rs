@@ -2,14 +2,13 @@
 
 use super::error::SolveError;
 use super::exposure::{BrightEnd, peak};
-use super::fault;
 use super::method::Method;
 use super::optimizer::Optimizer;
 use super::outcome::{Flow, Progress, Stop, Warm};
 use super::problem::Problem;
 use super::sampling::{Diameters, random_phases};
 use super::settings::Settings;
-use super::step::Steps;
+use super::step::{Steps, first_fault};
 use super::validation::{ValidationScore, Validator};
 use super::viewpoints::Viewpoints;
 use crate::engine::{Buffer, Engine, EngineError, PendingStep, Step};
@@ -259,7 +258,7 @@ impl<'a> Run<'a> {
         if !loss.is_finite() {
             // What is under way behind it leaves phases alone.
             descent.under_way.clear();
-            let kernel = fault::first_fault(self.engine, next)?;
+            let kernel = first_fault(self.engine, next)?;
             if kernel.is_none() && descent.best.is_none() {
                 let pixels = self.settings.frames * self.ready.planner.slm.height * self.ready.planner.slm.width;
                 self.engine.write(Buffer::Phases, &self.first_phases(pixels))?;

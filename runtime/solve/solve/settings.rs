@@ -74,7 +74,7 @@ pub struct Settings {
     /// What is looked through, and from which first phases.
     pub method: Method,
     /// What it begins with, if no phases are given: a table's phases where the display has one.
-    #[serde(skip_serializing_if = "is_table")]
+    #[serde(skip_serializing_if = "is_default")]
     pub first_phases: FirstPhases,
     /// How phases are moved.
     pub optimizer: Optimizer,
@@ -113,7 +113,7 @@ pub struct Settings {
     pub levels: Levels,
     /// When the SLM is padded with zeros. What a [`Problem`](super::Problem) is made with: [`ScenePlan`](super::ScenePlan)
     /// and [`quality::Subject`](crate::quality::Subject) follow it.
-    #[serde(deserialize_with = "padding", skip_serializing_if = "is_never")]
+    #[serde(deserialize_with = "padding", skip_serializing_if = "is_default")]
     pub padding: PaddingRule,
     /// Every how many-th view of the light field is used, along both axes; a [`quality::Subject`](crate::quality::Subject)
     /// thins them.
@@ -309,12 +309,8 @@ fn is_one(n: &usize) -> bool {
     *n == 1
 }
 
-fn is_table(first_phases: &FirstPhases) -> bool {
-    *first_phases == FirstPhases::Table
-}
-
-fn is_never(rule: &PaddingRule) -> bool {
-    *rule == PaddingRule::Never
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// A rule, or the switch that earlier versions wrote.

@@ -32,7 +32,7 @@ pub(super) fn solve_begun_by(
     observe: &mut dyn FnMut(&Progress) -> Flow,
 ) -> Result<Solution, SolveError> {
     super::source::check(&problem.modes, settings)?;
-    super::mask::check(problem.has_mask(), settings.method)?;
+    super::source::check_mask(problem.has_mask(), settings.method)?;
     let right = "all of a scene's, for all colours at once: solve_joint";
     require(settings.joint.is_none(), "the number of colours", 1, right)?;
     if let Some(Warm { phases, progress }) = from {

@@ -8,7 +8,6 @@
 //! transform instead ([`transform`]). Colors that share their sub-frames have a table of their drive ([`shared`]).
 
 mod fit;
-mod kept;
 mod made_by;
 pub(super) mod shared;
 #[cfg(test)]
@@ -28,8 +27,7 @@ use crate::optics::{Color, Display, Geometry, Padding, Pupil};
 use crate::scene::ViewGrid;
 use eyebox_kernels::pupil_light;
 use eyebox_kernels::table_start::{self, LEVELS};
-use kept::Levels;
-use made_by::{MadeBy, SIDE};
+use made_by::{Levels, MadeBy, SIDE};
 use std::sync::Arc;
 use std::time::Instant;
 

@@ -2,7 +2,6 @@
 //! that a sudden look elsewhere never meets the dark.
 
 mod draw;
-mod drawing;
 mod sharing;
 mod sources;
 
@@ -17,8 +16,8 @@ use super::start_table::StartTable;
 use crate::engine::{Buffer, Engine, EngineError, PendingStep, PhasesOnDevice};
 use crate::evaluate::{self, Sums};
 use crate::optics::{Geometry, Pupil, PupilDistribution};
-use crate::plan::{Planner, Viewpoint, mean_loss};
-use drawing::Drawing;
+use crate::plan::{Planner, PupilPass, Step, StepLists, Viewpoint, mean_loss};
+use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -64,6 +63,43 @@ struct UnderWay {
     kind: usize,
     /// Seconds that the host was at it.
     host: f64,
+}
+
+/// What was drawn last, and lists that the next step fills: none is made anew for it.
+#[derive(Default)]
+struct Drawing {
+    /// The pupil passes of the last step, and room for its kernels.
+    lists: StepLists,
+    /// Steps that look through them are due, but none has been; or so many have.
+    drawn: bool,
+    used: usize,
+    /// Pupil passes that the last step had no use for.
+    spare: Vec<PupilPass>,
+    viewpoints: Vec<Viewpoint>,
+    /// The parts of the step's list that have to run.
+    parts: Vec<Range<usize>>,
+    /// Room for the sizes of its windows.
+    pixels: Vec<usize>,
+}
+
+impl Drawing {
+    /// What was drawn is of no use any more; what it was drawn into is.
+    fn forget(&mut self) {
+        self.drawn = false;
+    }
+
+    fn take_lists(&mut self) -> StepLists {
+        std::mem::take(&mut self.lists)
+    }
+
+    /// Takes back the lists of a step that was begun; pixels of the windows of its pupil passes.
+    fn take_back(&mut self, step: Step) -> Vec<usize> {
+        let mut pixels = std::mem::take(&mut self.pixels);
+        pixels.clear();
+        pixels.extend(step.pupil_passes.iter().map(PupilPass::count));
+        self.lists = step.into();
+        pixels
+    }
 }
 
 impl Refiner {
@@ -210,11 +246,6 @@ impl Refiner {
     /// What it is refined for.
     pub fn problem(&self) -> &Problem {
         &self.problem
-    }
-
-    /// Side of a pixel of the picture, radians.
-    pub fn pixel(&self) -> f64 {
-        self.problem.pixel()
     }
 
     /// Goes on with each sub-frame's phases moved by whole pixels (x, y), as its picture has, where these lose less than the phases

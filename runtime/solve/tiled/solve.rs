@@ -1,7 +1,7 @@
 //! A visit: a region's phases are read, a few steps are taken over pupils inside of it, and the phases are put back.
 
 use super::region::lags;
-use super::waits::held;
+use super::visits::held;
 use super::{RegionSize, Schedule, TiledError, Views};
 use crate::engine::{Buffer, Engine, Purpose};
 use crate::hologram::Tiles;

@@ -53,30 +53,12 @@ impl JointRefiner {
         Ok(Self { colors, shared })
     }
 
-    /// The eye has moved.
-    ///
-    /// # Errors
-    /// Those of the engines.
-    pub fn aim(&mut self, aim: PupilDistribution) -> Result<(), EngineError> {
-        self.colors.iter_mut().try_for_each(|color| color.aim(aim))?;
-        self.shared.aimed(&self.colors);
-        Ok(())
-    }
-
     /// What moves while the sub-frames are lit, from now on, in pixels of each colour.
     ///
     /// # Errors
     /// [`SolveError::Setting`] for what cannot be.
     pub fn moves(&mut self, motion: Motion) -> Result<(), SolveError> {
         self.colors.iter_mut().try_for_each(|color| color.moves(motion))
-    }
-
-    /// One step of all colours; its loss, the mean over them. With one that is no finite number the drives stay as they were.
-    ///
-    /// # Errors
-    /// Those of the engines.
-    pub fn step(&mut self) -> Result<f64, EngineError> {
-        self.shared.step(&mut self.colors)
     }
 
     /// The mean over the colours of the losses of the drives as they are, through the pupils that the next step looks through.
@@ -114,11 +96,13 @@ impl JointRefiner {
 
 impl Refinable for JointRefiner {
     fn aim(&mut self, aim: PupilDistribution) -> Result<(), EngineError> {
-        JointRefiner::aim(self, aim)
+        self.colors.iter_mut().try_for_each(|color| color.aim(aim))?;
+        self.shared.aimed(&self.colors);
+        Ok(())
     }
 
     fn step(&mut self) -> Result<f64, EngineError> {
-        JointRefiner::step(self)
+        self.shared.step(&mut self.colors)
     }
 
     fn look_at_colors(&mut self, pupils: &[Pupil]) -> Result<Vec<Vec<Sums>>, EngineError> {

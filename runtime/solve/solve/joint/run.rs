@@ -5,14 +5,12 @@ use super::powers::PowerFit;
 use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::{WindowFactor, reference_of};
 use crate::plan::{Comparison, Kernel, Planner};
-use crate::solve::asking::{Turns, ask};
 use crate::solve::error::SolveError;
-use crate::solve::fault;
 use crate::solve::outcome::{Flow, Progress, Solution, Stop, Warm};
 use crate::solve::run::{Ready, interval};
 use crate::solve::sampling::random_phases;
 use crate::solve::settings::Settings;
-use crate::solve::step::Steps;
+use crate::solve::step::{Steps, Turns, ask, first_fault};
 use crate::solve::validation::ValidationScore;
 use crate::solve::viewpoints::Viewpoints;
 use std::slice;
@@ -183,7 +181,7 @@ impl<'a> JointRun<'a> {
             show(engine, l, &phases)?;
             let of_color = ask(engine, &step, slice::from_ref(&(0..step.list.len())), &mut self.change)?;
             if !of_color.is_finite() {
-                return Ok(Err(fault::first_fault(engine, &step)?));
+                return Ok(Err(first_fault(engine, &step)?));
             }
             loss += of_color / lit.len() as f64;
             // A gradient is that of the loss alone.

@@ -5,18 +5,18 @@ use super::check;
 use super::drives::Drives;
 use crate::engine::EngineError;
 use crate::optics::{Geometry, Laser};
-use crate::solve::asking::Turns;
 use crate::solve::carry::move_frame;
 use crate::solve::error::SolveError;
 use crate::solve::pace::Pace;
 use crate::solve::problem::Problem;
 use crate::solve::steer::Refiner;
+use crate::solve::step::Turns;
 use std::time::{Duration, Instant};
 
 /// The drives of a hologram of all colours at once under refinement. Whoever holds it holds the refiners of the colours, in their
 /// order, and lets it step them. Their lasers' powers stay as they are: whoever drives the lasers has them before.
 pub struct SharedDrives {
-    drives: Drives,
+    pub(super) drives: Drives,
     lasers: Vec<Laser>,
     /// The colour whose phases are the drive; none on an SLM on which every colour makes more than a turn.
     sent_as: Option<usize>,
@@ -203,12 +203,6 @@ impl SharedDrives {
     /// The drives themselves, as phases of one turn, which an SLM receives.
     pub fn sent(&self) -> &[f32] {
         self.sent_as.map_or(&self.sent, |color| &self.phases[color])
-    }
-
-    /// What the colours asked for, for the tests of its derivative.
-    #[cfg(test)]
-    pub(super) fn asked(&self) -> &[f32] {
-        self.drives.asked()
     }
 
     /// Gives each colour what it has of the drives.

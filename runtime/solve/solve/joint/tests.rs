@@ -8,7 +8,7 @@ use crate::engine::cpu::CpuEngine;
 use crate::optics::{Color, Display, Optics, Padding, Pupil, WindowFactor, phase_of, powers_in_sequence};
 use crate::plan::{Comparison, Planner, Purpose, Viewpoint};
 use crate::scene::{self, LightField, Request};
-use crate::solve::asking::{Turns, ask};
+use crate::solve::step::{Turns, ask};
 use crate::solve::{Method, random_phases};
 use eyebox_kernels::{Complex64, compare};
 use std::f64::consts::TAU;
@@ -240,7 +240,7 @@ fn gradients_are_derivatives() {
         let (numeric, exact) = ((moved(1e-4) - moved(-1e-4)) / 2e-4, of_color[f]);
         assert!((numeric / exact - 1.0).abs() < 1e-6, "in power {f} of colour {color}: {numeric} {exact}");
     }
-    let asked = drives.asked().iter().map(|g| 2.0 / 3.0 * f64::from(*g));
+    let asked = drives.asked.iter().map(|g| 2.0 / 3.0 * f64::from(*g));
     let error = asked.zip(&of_drives).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
     let error = error / of_drives.iter().map(|b| b * b).sum::<f64>();
     assert!(error < 1e-10, "the engine's gradient: error power {error:.1e}");

@@ -1,6 +1,6 @@
 //! The fit of a table: one even picture after another on a tile that repeats, each from the phases of its neighbor.
 
-use super::kept::Levels;
+use super::made_by::Levels;
 use super::made_by::MadeBy;
 use crate::engine::cpu::CpuEngine;
 use crate::optics::{Laser, Optics, Padding, drives_of};

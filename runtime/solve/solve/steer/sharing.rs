@@ -2,10 +2,10 @@
 
 use super::Refiner;
 use crate::engine::{Buffer, Engine, EngineError};
-use crate::solve::asking::{Turns, ask};
 use crate::solve::error::{SolveError, require};
 use crate::solve::problem::Problem;
 use crate::solve::refine_settings::RefineSettings;
+use crate::solve::step::{Turns, ask};
 
 impl Refiner {
     /// [`new`](Self::new) in the light of a laser of these powers, sub-frame by sub-frame, each over their mean.
