@@ -364,7 +364,7 @@ fn seal_place(bytes: &[u8]) -> Option<usize> {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub mod tests {
     use super::*;
 
     /// A document with the sum that it has now, where it has a place for one.

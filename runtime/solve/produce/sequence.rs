@@ -260,7 +260,7 @@ impl Common {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub mod tests {
     use crate::engine::{self, Choice};
     use crate::files::FileError;
     use crate::hologram::{HologramError, Sequence, SequenceParts, Start};
