@@ -2,8 +2,7 @@
 
 use super::EncodeError;
 use crate::files::{FileError, FileKind, Wanted, decode_text, read};
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use std::path::Path;
 
 /// Turns that a calibrated SLM reaches, at least and at most: what a named unit has to give.

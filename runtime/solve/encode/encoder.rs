@@ -4,8 +4,7 @@ use super::levels::{Scale, levels};
 use super::turning::Turning;
 use super::{EncodeError, Lighting, Packed, PackedSlot, PhaseSet, VideoFrames, calibration, correction};
 use crate::optics::{Color, Display, TwoPi};
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use eyebox_kernels::encode::{self, Args, Part, Plan, Slot};
 use rayon::prelude::*;
 

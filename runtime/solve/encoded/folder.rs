@@ -4,8 +4,7 @@ use crate::encode::{AsShown, Decoder, EncodeError, Encoder, Packed, VideoFrames}
 use crate::files::{FileError, Folder, FolderDraft, encode_grey8, encode_rgb8, read, read_png8, write_file};
 use crate::hologram::{ColorHologram, Hologram, Metadata};
 use crate::optics::{Color, Display, Place};
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

@@ -4,8 +4,7 @@ use super::HologramError;
 use crate::files::{FileError, FileKind, Folder, FolderDraft, Kind, Wanted, is_draft};
 use crate::memory;
 use crate::optics::wrap_phase;
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use std::fs::File;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::{self, Read, Write};
@@ -73,13 +72,8 @@ pub(super) fn check_is_one(folder: &Folder) -> Result<(), HologramError> {
     })
 }
 
-/// Starts a hologram that will stand at `path`: in the place of one that nobody is making, or where there is nothing.
-pub(super) fn draft(path: &Path) -> Result<FolderDraft, HologramError> {
-    draft_in_place_of(path, is_hologram)
-}
-
-/// The same, in the place of what `ours` allows.
-pub(super) fn draft_in_place_of(path: &Path, ours: fn(&Path) -> bool) -> Result<FolderDraft, HologramError> {
+/// Starts a hologram that will stand at `path`: in the place of what `ours` allows and nobody is making, or where there is nothing.
+pub(super) fn draft(path: &Path, ours: fn(&Path) -> bool) -> Result<FolderDraft, HologramError> {
     if Folder::open(path).is_ok_and(|there| there.is_locked(LOCK)) {
         return Err(HologramError::Busy { path: path.display().to_string() });
     }

@@ -2,8 +2,7 @@
 
 use super::{ColorHologram, Hologram, Metadata};
 use crate::optics::{Color, Geometry, Wavelength};
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;

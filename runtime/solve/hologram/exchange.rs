@@ -9,8 +9,7 @@ use super::chunks::none;
 use super::{ColorHologram, Hologram, HologramError, Metadata};
 use crate::files::{FileError, FolderDraft, encode_grey8, holds_only_own, write_listed, write_npy};
 use crate::optics::{Color, Display, Geometry, level_of_phase, wrap_phase};
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 

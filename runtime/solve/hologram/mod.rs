@@ -69,8 +69,7 @@ use crate::{
     optics::{Color, Display, Geometry, Optics, OpticsError, Wavelength, drives_of},
     scene::SceneError,
 };
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use std::borrow::Cow;
 
 /// What can be wrong with a hologram or its file.

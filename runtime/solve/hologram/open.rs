@@ -5,8 +5,7 @@ use super::chunks::{GROUP, none};
 use super::{Hologram, HologramError, PhaseSource, PhaseUnit, Phases, Sequence, Tiles, load_phases};
 use crate::files::FileError;
 use crate::optics::{Color, Display, Geometry};
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use serde::Serialize;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -71,7 +70,7 @@ impl Opening {
         if Phases::are_at(path) || self.at.is_some() {
             return Ok(self.hologram(path)?.into());
         }
-        let source = PhaseSource::open(path, None)?;
+        let source = PhaseSource::open(path)?;
         self.allow(path, source.unfinished())?;
         match (source, self.color) {
             (PhaseSource::Whole(_), Some(_)) => Ok(self.hologram(path)?.into()),

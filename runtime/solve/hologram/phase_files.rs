@@ -10,8 +10,7 @@ use crate::files::{FileError, FileKind, Folder, NpyArray, Pixels, Samples, Wante
 use crate::memory;
 use crate::optics::{Color, phase_of_level};
 use crate::scene::natural;
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::fs;

@@ -8,8 +8,7 @@ use super::document::{self, SequenceAttributes};
 use super::newest::NewestHologram;
 use super::{Hologram, HologramError};
 use crate::files::Folder;
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 

@@ -4,14 +4,13 @@
 //! A hologram is one file, there whole or not at all, so nothing has to be joined in the end. Who reads the folder meanwhile sees the
 //! holograms up to the first that is missing.
 
-use super::chunks::{ARRAY, GROUP, LOCK, draft_in_place_of, lock, open_folder, own_draft, unreadable, unwritable};
+use super::chunks::{ARRAY, GROUP, LOCK, draft, lock, open_folder, own_draft, unreadable, unwritable};
 use super::document::{self, SequenceAttributes};
 use super::sequence::sequence_chunk;
 use super::{Hologram, HologramError, Sequence};
 use crate::files::{Folder, Kind, is_draft};
 use crate::optics::wrap_phase;
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use std::fs::File;
 use std::io::{self, Write};
 use std::path::Path;
@@ -262,7 +261,7 @@ impl SequenceWriter {
         about.colors.iter_mut().for_each(|c| c.phases = Vec::new());
         let shape = like.shape();
         let attributes = SequenceAttributes { rate, shape, planned };
-        let draft = draft_in_place_of(path, |_| false)?;
+        let draft = draft(path, |_| false)?;
         draft.write(GROUP, |out| out.write_all(&document::group_at(path, &about, Some(attributes))))?;
         draft.write(ARRAY, |out| out.write_all(&document::sequence_array(0, shape, false)))?;
         draft.put()?;

@@ -66,16 +66,15 @@ impl PhaseSource<'_> {
         self.described(|metadata| metadata.obstruction = obstruction)
     }
 
-    /// The hologram at `path`, or hologram `at` of a sequence.
+    /// The hologram at `path`.
     ///
     /// # Errors
-    /// [`HologramError::NotAHologram`] for a sequence without `at` and an `at` that it does not have;
-    /// [`HologramError::Damaged`]; [`HologramError::File`].
-    pub fn open(path: &Path, at: Option<u64>) -> Result<Self, HologramError> {
-        if at.is_none() && Tiles::is_tiled(path) {
+    /// [`HologramError::NotAHologram`] for a sequence; [`HologramError::Damaged`]; [`HologramError::File`].
+    pub fn open(path: &Path) -> Result<Self, HologramError> {
+        if Tiles::is_tiled(path) {
             return Ok(Self::Tiled(Arc::new(Tiles::open(path)?)));
         }
-        Ok(Hologram::load_at(path, at)?.into())
+        Ok(Hologram::load(path)?.into())
     }
 
     /// Everything but the phases, which may be missing here.

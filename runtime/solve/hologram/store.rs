@@ -1,7 +1,7 @@
 //! The hologram's own file: a Zarr v3 folder.
 
 use super::chunks::{
-    ARRAY, GROUP, check_is_one, check_length, check_memory, chunk_name, damaged, draft, none, read_chunk,
+    ARRAY, GROUP, check_is_one, check_length, check_memory, chunk_name, damaged, draft, is_hologram, none, read_chunk,
     read_document, read_whole, write_chunk,
 };
 use super::document::SequenceAttributes;
@@ -10,8 +10,7 @@ use super::tiles::Tiles;
 use super::{Hologram, HologramError, document, foreign, save_phases};
 use crate::files::Folder;
 use crate::optics::wrap_phase;
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use std::path::Path;
 
 impl Hologram {
@@ -34,7 +33,7 @@ impl Hologram {
     }
 
     fn save_zarr(&self, path: &Path) -> Result<(), HologramError> {
-        let draft = draft(path)?;
+        let draft = draft(path, is_hologram)?;
         draft.write(GROUP, |out| out.write_all(&document::group_at(path, self, None)))?;
         draft.write(ARRAY, |out| out.write_all(&document::array(self.shape(), None)))?;
         for color in 0..self.colors.len() {

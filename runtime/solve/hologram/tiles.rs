@@ -14,15 +14,14 @@ mod versions;
 pub use versions::TileVersion;
 
 use super::chunks::{
-    ARRAY, GROUP, LOCK, check_is_one, check_length, check_memory, chunk_file, damaged, draft, is_staged, lock, none,
-    open_folder, read_document, read_tile, read_whole, unreadable, unwritable, write_chunk,
+    ARRAY, GROUP, LOCK, check_is_one, check_length, check_memory, chunk_file, damaged, draft, is_hologram, is_staged,
+    lock, none, open_folder, read_document, read_tile, read_whole, unreadable, unwritable, write_chunk,
 };
 use super::{Hologram, HologramError, Metadata, document};
 use crate::files::{Folder, Kind};
 use crate::optics::{Geometry, wrap_phase};
 use crate::plan::ModelTables;
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -110,7 +109,7 @@ impl Tiles {
             side = side.div_ceil(2);
         }
         let made = Made { done: 0, job, total: Some(total), pending: Vec::new() };
-        let draft = draft(path)?;
+        let draft = draft(path, is_hologram)?;
         for i in 0..about.colors.len() {
             about.optics(i).map_err(|e| HologramError::Inconsistent(Reason::of(&e)))?;
         }
@@ -318,7 +317,7 @@ impl Tiles {
             )));
         }
         let about = Hologram { metadata: metadata.clone(), ..self.about.clone() };
-        let draft = draft(path)?;
+        let draft = draft(path, is_hologram)?;
         draft.write(GROUP, |out| out.write_all(&document::group_at(path, &about, None)))?;
         draft.write(ARRAY, |out| out.write_all(&document::array(about.shape(), Some(self.side))))?;
         for place @ [color, row, column] in self.all_places() {

@@ -51,8 +51,8 @@ pub fn solve_colors(
     Ok(solved)
 }
 
-/// Solves all colours at once (OPTICS 13), as `settings.joint` says, with every pixel, view and sub-frame of the subject; with these
-/// exposures, or with those that each colour's scene asks for. Returns the colours, each with the phases that it has of the shared drives,
+/// Solves all colours at once (OPTICS 13), as `settings.joint` says, with every pixel, view and sub-frame of the subject, with
+/// the exposures that each colour's scene asks for. Returns the colours, each with the phases that it has of the shared drives,
 /// and how they are shown.
 ///
 /// # Errors
@@ -61,7 +61,6 @@ pub fn solve_joint_colors(
     subject: &Subject,
     colors: &[Color],
     settings: &Settings,
-    exposures: Option<&[f64]>,
     engine: &mut dyn Engine,
     observe: &mut dyn FnMut(&SceneEvent) -> Flow,
 ) -> Result<(Vec<(Color, Solution)>, JointColor), ProduceError> {
@@ -73,7 +72,7 @@ pub fn solve_joint_colors(
         problems.push(subject.prepare(settings)?.problem);
     }
     let slopes = subject.display.slopes(colors);
-    let problem = JointProblem { colors: &problems, slopes: &slopes, exposures, powers: None };
+    let problem = JointProblem { colors: &problems, slopes: &slopes, exposures: None, powers: None };
     let reference = reference_of(slopes.iter().copied()).unwrap_or(0);
     let mut stepped =
         |progress: &Progress| observe(&SceneEvent::Step { hologram: 0, color: colors[reference], progress });

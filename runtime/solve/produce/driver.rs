@@ -173,7 +173,7 @@ fn solve_field(
     settings.check()?;
     observe(&SceneEvent::Planned { field: &field, views, plan: &plan, settings: &settings });
     let (solutions, joint_color) = if settings.joint.is_some() {
-        let (solutions, joint) = solve_joint_colors(&subject, &plan.colors, &settings, None, engine, observe)?;
+        let (solutions, joint) = solve_joint_colors(&subject, &plan.colors, &settings, engine, observe)?;
         (solutions, Some(joint))
     } else {
         (solve_colors(&subject, &plan.colors, &settings, engine, observe)?, None)

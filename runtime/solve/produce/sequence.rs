@@ -9,8 +9,7 @@ use crate::hologram::{
 use crate::optics::{Color, Display, Padding};
 use crate::scene::LightField;
 use crate::solve::{Flow, Levels, Problem, Progress, Settings, Solution, Warm, solve_from};
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 

@@ -49,6 +49,16 @@ pub(super) fn solve_begun_by(
     let settings = &settings.as_computed();
     let frames = settings.frames;
     let given = if settings.method.is_iterative() { None } else { Some(dpac::phases(problem, settings, engine)?) };
+    let solution = |phases: Vec<f32>, exposure: f64, validation, steps, step_seconds, stop| Solution {
+        phases: phases.repeat(shown / frames),
+        exposure,
+        efficiency: problem.mean / exposure,
+        validation,
+        steps,
+        seconds: start.elapsed().as_secs_f64(),
+        step_seconds,
+        stop,
+    };
     let purpose = if given.is_some() { Purpose::View } else { settings.optimizer.purpose() };
     let ready = Ready::new(problem, settings, purpose, engine)?;
     if let Some(phases) = given {
@@ -56,16 +66,7 @@ pub(super) fn solve_begun_by(
         let validation = ready.validator.score(engine, &ready.planner)?.in_units_of(ready.unit);
         let phases = if ready.planner.levels > 0 { engine.read(Buffer::Shown)? } else { phases };
         let exposure = validation.exposure;
-        return Ok(Solution {
-            phases: phases.repeat(shown / frames),
-            exposure,
-            efficiency: problem.mean / exposure,
-            validation,
-            steps: 0,
-            seconds: start.elapsed().as_secs_f64(),
-            step_seconds: 0.0,
-            stop: Stop::Steps,
-        });
+        return Ok(solution(phases, exposure, validation, 0, 0.0, Stop::Steps));
     }
     let looked_up: Vec<f32>;
     let mut run = Run::new(&ready, settings, from, engine, start);
@@ -82,14 +83,6 @@ pub(super) fn solve_begun_by(
     let mut durations = run.durations;
     let kept = engine.kept()?;
     durations.sort_by(f64::total_cmp);
-    Ok(Solution {
-        phases: kept.repeat(shown / frames),
-        exposure,
-        efficiency: problem.mean / exposure,
-        validation: best,
-        steps,
-        seconds: start.elapsed().as_secs_f64(),
-        step_seconds: durations.get(durations.len() / 2).copied().unwrap_or(0.0),
-        stop,
-    })
+    let step_seconds = durations.get(durations.len() / 2).copied().unwrap_or(0.0);
+    Ok(solution(kept, exposure, best, steps, step_seconds, stop))
 }
