@@ -75,15 +75,18 @@ impl Views {
         let work = native.clamp(1, size);
         let small = small(display, work);
         let request = Request { display: &small, ..*request };
+        // Of colours that share what `bytes` hold: the first counts them.
+        let shared = |reach, apart: f64, bytes: u64, kind: &dyn Fn(usize, Color) -> Kind| {
+            let one = |(i, &color): (usize, &Color)| {
+                let held = if i == 0 { bytes } else { 0 };
+                Ok(Self { held, apart, ..Self::of(kind(i, color), display, color, work, reach)? })
+            };
+            request.colors.iter().enumerate().map(one).collect()
+        };
         if scene::is_single(source)? {
             let picture = Arc::new(Reprojection::new(Path::new(source), &request)?);
             let reach = (picture.depth(), DepthSource::Stated);
-            let one = |(i, &color): (usize, &Color)| {
-                let held = if i == 0 { picture.bytes() } else { 0 };
-                let kind = Kind::Picture(Arc::clone(&picture), color);
-                Ok(Self { held, ..Self::of(kind, display, color, work, reach)? })
-            };
-            return request.colors.iter().enumerate().map(one).collect();
+            return shared(reach, 0.0, picture.bytes(), &|_, color| Kind::Picture(Arc::clone(&picture), color));
         }
         let asked = request.photographs;
         let request = Request { photographs: ViewSynthesis::Cells, ..request };
@@ -108,12 +111,7 @@ impl Views {
                 layers = layers.with(&load(&small, color)?, &small);
             }
             let layers = Arc::new(layers);
-            let one = |(i, &color): (usize, &Color)| {
-                let held = if i == 0 { layers.bytes() } else { 0 };
-                let kind = Kind::Layers(Arc::clone(&layers), i, shown);
-                Ok(Self { held, apart, ..Self::of(kind, display, color, work, reach)? })
-            };
-            return request.colors.iter().enumerate().map(one).collect();
+            return shared(reach, apart, layers.bytes(), &|i, _| Kind::Layers(Arc::clone(&layers), i, shown));
         }
         let mut between = Interpolator::new(field, &small);
         if asked == ViewSynthesis::Between || asked != ViewSynthesis::Cells && between.parallax(cell) > MAX_VIEW_STEP_PX
@@ -122,12 +120,7 @@ impl Views {
                 between.add(load(&small, color)?);
             }
             let between = Arc::new(between);
-            let one = |(i, &color): (usize, &Color)| {
-                let held = if i == 0 { between.bytes() } else { 0 };
-                let kind = Kind::Between(Arc::clone(&between), i);
-                Ok(Self { held, apart, ..Self::of(kind, display, color, work, reach)? })
-            };
-            return request.colors.iter().enumerate().map(one).collect();
+            return shared(reach, apart, between.bytes(), &|i, _| Kind::Between(Arc::clone(&between), i));
         }
         drop(between);
         let small = self::small(display, size);

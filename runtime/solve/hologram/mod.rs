@@ -428,11 +428,8 @@ impl Hologram {
         let wrong = |reason: Reason| Err(HologramError::Inconsistent(reason));
         let (frames, height, width) = (self.frames, self.height, self.width);
         if self.colors.is_empty() || frames == 0 {
-            return wrong(reason!(
-                "empty",
-                "it has {} colours and {frames} sub-frames: at least one each",
-                self.colors.len()
-            ));
+            let count = self.colors.len();
+            return wrong(reason!("empty", "it has {count} colours and {frames} sub-frames: at least one each"));
         }
         self.metadata.check()?;
         if let Some(joint) = &self.metadata.joint_color {
@@ -451,11 +448,8 @@ impl Hologram {
                 return wrong(reason!("optics", "{name}: {e}"));
             }
             if Some(c.phases.len()) != expected {
-                return wrong(reason!(
-                    "phases-count",
-                    "{name} has {} phases, not {frames} x {height} x {width}",
-                    c.phases.len()
-                ));
+                let count = c.phases.len();
+                return wrong(reason!("phases-count", "{name} has {count} phases, not {frames} x {height} x {width}"));
             }
             if !(c.exposure.is_finite() && c.exposure > 0.0 && c.efficiency.is_finite()) {
                 return wrong(reason!(
