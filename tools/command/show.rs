@@ -1,7 +1,6 @@
 //! `eyebox show`: whatever there is, on a display.
 
 use crate::Failure;
-use crate::args::SceneOptions;
 use crate::common;
 use crate::following::{self, FollowArgs};
 use crate::live::{self, LiveOptions, Stage, Steered, SubjectOptions};
@@ -14,7 +13,6 @@ use eyebox::low_level::hologram::{Opening, Phases, Sequence};
 use eyebox::low_level::optics::Display;
 use eyebox::low_level::produce::{SceneJob, SceneSolution, solve_scene};
 use eyebox::low_level::reason;
-use eyebox::low_level::reconstruction::SceneReading;
 use eyebox::low_level::scene;
 use eyebox::low_level::session::Cost;
 use std::path::{Path, PathBuf};
@@ -185,12 +183,11 @@ fn solve(args: &Show, scenes: Vec<String>, file: &Path) -> Result<Display, Failu
     let chosen = args.subject.quality.choose(engine.as_ref(), size, args.frames, colors.len())?;
     let mut settings = chosen.map(|chosen| chosen.settings).unwrap_or_default();
     settings.frames = args.frames;
-    let options: &SceneOptions = &args.subject.options;
     let rate = args.stream.rate.map_or([30, 1], eyebox::low_level::present::Rate::fraction);
     let mut job = SceneJob::new(&scenes[0], &display);
     job.scenes = scenes;
     job.colors = colors;
-    job.reading = SceneReading { photographs: None, ..options.reading(display.focal_length) };
+    job.reading = args.subject.options.reading(display.focal_length);
     job.force = args.subject.display.force;
     job.settings = settings;
     job.sequence.rate = rate;
