@@ -117,9 +117,6 @@ impl Subject<'_> {
     }
 
     /// Solves with settings of this quality. The base's `seconds` and `psnr` hold as in any solve.
-    ///
-    /// # Errors
-    /// [`QualityError`].
     pub fn solve(
         &self,
         quality: &Settings,
