@@ -26,11 +26,7 @@ enum Unit {
 const UNITS: [(f64, &str, &[&str]); 4] = [
     (0.5 / std::f64::consts::PI, "radians", &["rad", "rads", "radian", "radians"]),
     (0.5, "units of pi", &["pi", "\u{3c0}"]),
-    (
-        1.0,
-        "turns",
-        &["turn", "turns", "wave", "waves", "cycle", "cycles", "2pi", "2\u{3c0}", "\u{3bb}", "lambda"],
-    ),
+    (1.0, "turns", &["turn", "turns", "wave", "waves", "cycle", "cycles", "2pi", "2\u{3c0}", "\u{3bb}", "lambda"]),
     (1.0 / 360.0, "degrees", &["deg", "degs", "degree", "degrees", "\u{b0}"]),
 ];
 
