@@ -51,6 +51,9 @@ fn picture<'a>(names: &[Option<Color>], planes: &'a [Plane], black: &'a [f32]) -
     rgb(&named, black)
 }
 
+/// What was found through one pupil: of the whole picture, and where the eye looks; and what should be seen.
+type JudgedPupil = (Judged, Option<f64>, Vec<Plane>);
+
 /// Rows and columns around where an eye looks, of a picture of that [rows, columns].
 fn fovea([x, y]: [f64; 2], pixels_per_degree: f64, size: [usize; 2]) -> Result<[Range<usize>; 2], EvaluateError> {
     let axis = |angle: f64, pixels: usize| {
@@ -115,7 +118,6 @@ impl PhaseSource<'_> {
         self.about().colors.iter().map(|c| c.color).collect()
     }
 
-    /// What was found through one pupil, of the whole picture and where the eye looks, and what should be seen.
     fn judge_pupil(
         &self,
         scene: &SceneSource,
@@ -123,7 +125,7 @@ impl PhaseSource<'_> {
         exposures: &[f64],
         settings: &JodSettings,
         engine: &mut dyn Engine,
-    ) -> Result<Option<(Judged, Option<f64>, Vec<Plane>)>, ReconstructionError> {
+    ) -> Result<Option<JudgedPupil>, ReconstructionError> {
         let mut wanted = Vec::new();
         for color in 0..exposures.len() {
             wanted.push(scene.photographs(color, &[*pupil], Sampling::Picture, engine)?.remove(0));
