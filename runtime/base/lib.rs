@@ -7,3 +7,5 @@ pub mod files;
 pub mod mailbox;
 pub mod memory;
 pub mod steady;
+
+pub use error::Reason;

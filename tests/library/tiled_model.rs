@@ -12,7 +12,7 @@ use eyebox::low_level::plan::{Comparison, ModelTables, Planner, Purpose};
 use eyebox::low_level::reconstruction::Sampling;
 use eyebox::low_level::scene::Request;
 use eyebox::low_level::solve::{Problem, RefineSettings, Refiner};
-use eyebox::low_level::tiled::Piece;
+use eyebox::low_level::tiled::problem_around;
 use eyebox_tests::both::{every_fault, vulkan};
 use eyebox_tests::error_power;
 use serde_json::Value;
@@ -142,7 +142,7 @@ fn a_steered_piece_is_refined_as_the_whole_is() {
     let optics = display.optics(Color::Green).unwrap();
     assert_eq!(optics.geometry, Geometry::FarField);
     let request = Request::new(&display, &[Color::Green]);
-    let views = Views::new("builtin:still-life", &request, Color::Green, 64).unwrap();
+    let views = Views::of_colors("builtin:still-life", &request, 64).unwrap().remove(0);
     let aim = PupilDistribution {
         centre: [-0.25e-3, 0.3e-3],
         spread: 0.02e-3,
@@ -150,12 +150,12 @@ fn a_steered_piece_is_refined_as_the_whole_is() {
         focus: [0.0; 2],
         elsewhere: 0.0,
     };
-    let piece = Piece::around(&tiles, 0, &views, &aim).unwrap();
+    let (piece, _) = problem_around(&tiles, 0, &views, &aim).unwrap();
     let ([top, left], [rows, columns]) = (piece.at, piece.size);
     assert!(rows < SIZE[0] && columns < SIZE[1], "{rows} x {columns}: all of the SLM");
     let model = ModelTables::of(&display, Color::Green, optics, optics).unwrap().for_steps();
     let whole_problem = || {
-        let piece = Piece::around(&tiles, 0, &views, &aim).unwrap().problem;
+        let (_, piece) = problem_around(&tiles, 0, &views, &aim).unwrap();
         Problem { optics, eyebox: optics.eyebox(), model: Some(Arc::clone(&model)), ..piece }
     };
     let steering = RefineSettings { elsewhere: 0.0, ..RefineSettings::default() };
@@ -176,7 +176,7 @@ fn a_steered_piece_is_refined_as_the_whole_is() {
     assert!(moved > 1000, "{moved} phases moved");
     let engines: [Box<dyn Engine>; 2] = [Box::new(CpuEngine::new()), Box::new(vulkan())];
     for engine in engines {
-        let problem = Piece::around(&tiles, 0, &views, &aim).unwrap().problem;
+        let (_, problem) = problem_around(&tiles, 0, &views, &aim).unwrap();
         let on = engine.describe();
         let (losses, phases) = refined(problem, &begun, engine);
         for (got, want) in losses.iter().zip(want) {

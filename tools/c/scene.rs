@@ -8,7 +8,7 @@ use eyebox::error::Reason;
 use eyebox::hologram::{Hologram, SceneRecord};
 use eyebox::optics::Color;
 use eyebox::produce::SceneJob;
-use eyebox::reconstruction::{InputOptions, SolveInput};
+use eyebox::reconstruction::{InputOptions, SceneReading, SolveInput};
 use eyebox::scene::{Fit, LightField, Order};
 use std::borrow::Cow;
 use std::ffi::c_char;
@@ -108,7 +108,8 @@ pub unsafe extern "C" fn eyebox_scene_load(
             let colors = self::colors(display, colors)?;
             let views = Some(views).filter(|views| *views != 0);
             // As the command loads it.
-            let job = SceneJob { colors, views, ..SceneJob::new(&name, display) };
+            let reading = SceneReading { views, ..SceneReading::default() };
+            let job = SceneJob { colors, reading, ..SceneJob::new(&name, display) };
             let (field, record) = (job.load(0)?, job.record(0)?);
             Ok(EyeboxScene { field, name, record, other: false })
         })

@@ -13,7 +13,7 @@ use eyebox::low_level::gpu::{Gpu, Options};
 use eyebox::low_level::hologram::Hologram;
 use eyebox::low_level::optics::{Color, Display, OpticsError, Pupil, check_usual_diameters};
 use eyebox::low_level::preview::Opener;
-use eyebox::low_level::produce::{TilesRequest, load_around};
+use eyebox::low_level::produce::TilesRequest;
 use eyebox::low_level::reason;
 use eyebox::low_level::scene::{self, Inspection, LightField};
 use eyebox::low_level::session::EngineSource;
@@ -140,18 +140,8 @@ pub fn request<'a>(
     display: &'a Display,
     colors: &'a [Color],
 ) -> scene::Request<'a> {
-    let (default, args) = (scene::Request::new(display, colors), &args.options);
-    scene::Request {
-        view_pitch: args.view_pitch.map(|mm| mm * 1e-3),
-        views: args.views.unwrap_or(default.views),
-        more_views: args.views.is_none(),
-        depth_map: maps.first().map(PathBuf::as_path),
-        near: args.near,
-        depth: args.depth_before(display),
-        order: args.order,
-        photographs: args.photographs.unwrap_or_default(),
-        ..default
-    }
+    let depth_map = maps.first().map(PathBuf::as_path);
+    args.options.reading(display.focal_length).request(display, colors, depth_map, false)
 }
 
 /// The depth map of the one scene.
@@ -174,7 +164,7 @@ pub fn inspect(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<
 /// The scene for a far field larger than memory, colour by colour, as what an eye sees is compared with it.
 pub fn scene_around(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<Vec<Views>, Failure> {
     let maps = maps_of(args)?;
-    Ok(load_around(&args.scene, &request(args, &maps, display, colors), TilesRequest::default().picture)?)
+    Ok(Views::of_colors(&args.scene, &request(args, &maps, display, colors), TilesRequest::default().picture)?)
 }
 
 /// The depths that matter.

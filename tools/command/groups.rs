@@ -219,15 +219,7 @@ impl OtherSceneArgs {
         scene: Option<&str>,
         options: &SceneOptions,
     ) -> Result<SolveInput, Failure> {
-        let reading = SceneReading {
-            views: options.views,
-            view_pitch_mm: options.view_pitch,
-            depth_maps: options.depth_map.clone(),
-            near: options.near,
-            depth: options.depth.map(|both| both.map(|depth| depth.metres(hologram.focal_length))),
-            order: options.order,
-            photographs: options.photographs,
-        };
+        let reading = options.reading(hologram.focal_length);
         let asked = InputOptions { scene: scene.map(str::to_owned), other_scene: self.other_scene, reading };
         SolveInput::open(hologram, &asked).map_err(|error| {
             let how = match &error {
@@ -261,6 +253,19 @@ impl SceneOptions {
     /// The depths that matter, metres.
     pub fn depth_before(&self, display: &Display) -> Option<[f64; 2]> {
         self.depth.map(|both| both.map(|depth| depth.metres(display.focal_length)))
+    }
+
+    /// The same for the library, before a display of this focal length, metres.
+    pub fn reading(&self, focal_length: f64) -> SceneReading {
+        SceneReading {
+            views: self.views,
+            view_pitch_mm: self.view_pitch,
+            depth_maps: self.depth_map.clone(),
+            near: self.near,
+            depth: self.depth.map(|both| both.map(|depth| depth.metres(focal_length))),
+            order: self.order,
+            photographs: self.photographs,
+        }
     }
 
     /// Refuses them where there is no scene that they could be of.

@@ -131,17 +131,10 @@ impl<'a> SolveRequest<'a> {
 
     /// The job with these settings.
     pub fn job(&self, settings: Settings) -> SceneJob<'_> {
-        let options = &self.scene.options;
         SceneJob {
             scenes: self.scenes.clone(),
             colors: self.colors.clone(),
-            view_pitch_mm: options.view_pitch,
-            views: options.views,
-            depth_maps: options.depth_map.clone(),
-            near: options.near,
-            depth: options.depth_before(&self.display),
-            order: options.order,
-            photographs: options.photographs.unwrap_or_default(),
+            reading: self.scene.options.reading(self.display.focal_length),
             diameter: self.given.pupil_diameter,
             force: self.force,
             settings: Settings { seconds: self.given.seconds, ..settings },

@@ -51,7 +51,7 @@ pub fn run(args: &Score) -> Result<(), Failure> {
         bar.show(&format!("judging {judged} pupils"), done as f64 / judged.max(1) as f64);
     })?;
     bar.finish();
-    let (psnr, against_clear) = (scores.summary(), scores.against_clear_summary());
+    let (psnr, against_clear) = (scores.summary(), scores.summary_of(|pupil| pupil.against_clear));
     if args.json {
         let summary = |of: Option<Summary>| {
             of.map(|s| json!({ "mean": s.mean, "median": s.median, "worst": s.worst, "best": s.best, "sd": s.sd }))
@@ -62,7 +62,7 @@ pub fn run(args: &Score) -> Result<(), Failure> {
         println!(
             "{}",
             json!({
-                "psnr_db": summary(psnr), "against_clear_db": summary(against_clear), "jod": scores.jod_summary(), "jod_there": scores.jod_there_summary(), "viewing": viewing(&judging), "exposure": exposures,
+                "psnr_db": summary(psnr), "against_clear_db": summary(against_clear), "jod": scores.summary_of(|pupil| pupil.jod), "jod_there": scores.summary_of(|pupil| pupil.jod_there), "viewing": viewing(&judging), "exposure": exposures,
                 "pupils": rows, "unfinished": source.unfinished(),
             })
         );
@@ -86,7 +86,7 @@ pub fn run(args: &Score) -> Result<(), Failure> {
             clear.mean, clear.median, clear.worst
         );
     }
-    if let Some(jod) = scores.jod_summary() {
+    if let Some(jod) = scores.summary_of(|pupil| pupil.jod) {
         println!(
             "JOD over {judged} of them: mean {:.2}, median {:.2}, worst {:.2}; {}",
             jod.mean,
@@ -95,7 +95,7 @@ pub fn run(args: &Score) -> Result<(), Failure> {
             viewing_in_words(&judging)
         );
     }
-    if let (Some(there), Some(gaze)) = (scores.jod_there_summary(), args.gaze) {
+    if let (Some(there), Some(gaze)) = (scores.summary_of(|pupil| pupil.jod_there), args.gaze) {
         let [x, y] = gaze.map(f64::to_degrees);
         println!(
             "JOD of the {FOVEA_DEGREES} degrees around {x:.1},{y:.1}: mean {:.2}, median {:.2}, worst {:.2}",

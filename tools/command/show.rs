@@ -1,7 +1,6 @@
 //! `eyebox show`: whatever there is, on a display.
 
 use crate::Failure;
-use crate::args::SceneOptions;
 use crate::common;
 use crate::following::{self, FollowArgs};
 use crate::live::{self, LiveOptions, Stage, Steered, SubjectOptions};
@@ -184,15 +183,12 @@ fn solve(args: &Show, scenes: Vec<String>, file: &Path) -> Result<Display, Failu
     let chosen = args.subject.quality.choose(engine.as_ref(), size, args.frames, colors.len())?;
     let mut settings = chosen.map(|chosen| chosen.settings).unwrap_or_default();
     settings.frames = args.frames;
-    let options: &SceneOptions = &args.subject.options;
     let rate = args.stream.rate.map_or([30, 1], eyebox::low_level::present::Rate::fraction);
     let mut job = SceneJob::new(&scenes[0], &display);
     job.scenes = scenes;
     job.colors = colors;
-    (job.view_pitch_mm, job.views, job.order, job.near) =
-        (options.view_pitch, options.views, options.order, options.near);
-    (job.depth_maps, job.depth, job.force) =
-        (options.depth_map.clone(), options.depth_before(&display), args.subject.display.force);
+    job.reading = args.subject.options.reading(display.focal_length);
+    job.force = args.subject.display.force;
     job.settings = settings;
     job.sequence.rate = rate;
     let mut watch = SolveProgress::of_job(&job, engine.describe(), None, false);

@@ -9,7 +9,7 @@ use crate::pupil::{Numbers, pupil};
 use eyebox::hologram::{Hologram, SceneRecord};
 use eyebox::optics::Color;
 use eyebox::produce::SceneJob;
-use eyebox::reconstruction::{InputOptions, SceneSource, SolveInput};
+use eyebox::reconstruction::{InputOptions, SceneReading, SceneSource, SolveInput};
 use eyebox::scene::{Fit, LightField, Near, Order};
 use numpy::{IntoPyArray, PyArray1, PyArray3, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
@@ -81,12 +81,15 @@ fn job<'a>(
 ) -> SceneJob<'a> {
     SceneJob {
         colors,
-        view_pitch_mm: asked.view_pitch.map(|metres| metres * 1e3),
-        views: asked.views,
-        depth_maps: asked.depth_map.iter().cloned().collect(),
-        depth: asked.depth,
-        near: asked.near,
-        order: asked.order,
+        reading: SceneReading {
+            view_pitch_mm: asked.view_pitch.map(|metres| metres * 1e3),
+            views: asked.views,
+            depth_maps: asked.depth_map.iter().cloned().collect(),
+            depth: asked.depth,
+            near: asked.near,
+            order: asked.order,
+            photographs: None,
+        },
         ..SceneJob::new(source, display)
     }
 }

@@ -66,9 +66,9 @@ pub(crate) fn solve(
         let (scene, display) = (scene.get(), display.get());
         engine.get().lend(|engine| {
             let mut job = scene.job(&display.0);
-            let depth = job.depth;
+            let depth = job.reading.depth;
             job.take_settings(&settings, engine)?;
-            job.depth = job.depth.or(depth);
+            job.reading.depth = job.reading.depth.or(depth);
             let mut told = Told::new(callback);
             let mut observe = |event: &SceneEvent| match event {
                 SceneEvent::Step { color, progress, .. } => told.step(caller, || step(*color, progress)),

@@ -100,10 +100,7 @@ fn the_viewer_shows_tiles_coarse_first_and_their_photograph() {
     let tiles = tiles(&here.path().join("h.zarr"));
     let display = display();
     let request = Request::new(&display, &[Color::Green, Color::Blue]);
-    let views = || -> Vec<Views> {
-        let one = |color| Views::new("builtin:still-life", &request, color, 64).unwrap();
-        [Color::Green, Color::Blue].map(one).into()
-    };
+    let views = || Views::of_colors("builtin:still-life", &request, 64).unwrap();
     let mut viewer = Viewer::start(cpu(), SceneSource::Around(views())).unwrap();
     let place = pupil(40.0, -20.0, 100.0);
     let look = Look { pupil: place, frame: None, side: Side::Seen, within: [100, 100] };

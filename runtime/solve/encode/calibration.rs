@@ -2,8 +2,7 @@
 
 use super::EncodeError;
 use crate::files::{FileError, FileKind, Wanted, decode_text, read};
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use std::path::Path;
 
 /// Turns that a calibrated SLM reaches, at least and at most: what a named unit has to give.
@@ -23,39 +22,29 @@ enum Unit {
     Degrees,
 }
 
+/// One of each unit in turns, what it is called, and the words of a column's name that mean it.
+const UNITS: [(f64, &str, &[&str]); 4] = [
+    (0.5 / std::f64::consts::PI, "radians", &["rad", "rads", "radian", "radians"]),
+    (0.5, "units of pi", &["pi", "\u{3c0}"]),
+    (1.0, "turns", &["turn", "turns", "wave", "waves", "cycle", "cycles", "2pi", "2\u{3c0}", "\u{3bb}", "lambda"]),
+    (1.0 / 360.0, "degrees", &["deg", "degs", "degree", "degrees", "\u{b0}"]),
+];
+
 impl Unit {
     const ALL: [Self; 4] = [Self::Radians, Self::Pi, Self::Turns, Self::Degrees];
 
     /// One of it.
     fn turns(self) -> f64 {
-        match self {
-            Self::Radians => 0.5 / std::f64::consts::PI,
-            Self::Pi => 0.5,
-            Self::Turns => 1.0,
-            Self::Degrees => 1.0 / 360.0,
-        }
+        UNITS[self as usize].0
     }
 
     fn name(self) -> &'static str {
-        match self {
-            Self::Radians => "radians",
-            Self::Pi => "units of pi",
-            Self::Turns => "turns",
-            Self::Degrees => "degrees",
-        }
+        UNITS[self as usize].1
     }
 
     /// From a word of a column's name.
     fn of(word: &str) -> Option<Self> {
-        match word {
-            "rad" | "rads" | "radian" | "radians" => Some(Self::Radians),
-            "pi" | "\u{3c0}" => Some(Self::Pi),
-            "turn" | "turns" | "wave" | "waves" | "cycle" | "cycles" | "2pi" | "2\u{3c0}" | "\u{3bb}" | "lambda" => {
-                Some(Self::Turns)
-            }
-            "deg" | "degs" | "degree" | "degrees" | "\u{b0}" => Some(Self::Degrees),
-            _ => None,
-        }
+        Self::ALL.into_iter().find(|unit| UNITS[*unit as usize].2.contains(&word))
     }
 }
 

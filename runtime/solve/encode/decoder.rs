@@ -5,8 +5,7 @@ use super::turning::Turning;
 use super::{EncodeError, Encoder, PackedSlot, VideoFrames, correction, levels};
 use crate::optics::wrap_phase;
 use crate::optics::{Color, Display};
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use rayon::prelude::*;
 
 /// What is left in decoded phases as the SLM shows it. The default undoes everything: what comes out is the hologram that

@@ -4,8 +4,7 @@ use super::levels::{Scale, levels};
 use super::turning::Turning;
 use super::{EncodeError, Lighting, Packed, PackedSlot, PhaseSet, VideoFrames, calibration, correction};
 use crate::optics::{Color, Display, TwoPi};
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use eyebox_kernels::encode::{self, Args, Part, Plan, Slot};
 use rayon::prelude::*;
 
@@ -28,21 +27,18 @@ impl Encoder {
     /// [`EncodeError::Display`] where the encoding contradicts itself or lacks a colour's calibration;
     /// [`EncodeError::File`] and [`EncodeError::Table`] for calibration files.
     pub fn new(display: &Display, colors: &[Color], sub_frames: usize) -> Result<Self, EncodeError> {
-        let name = || display.name.clone();
-        let wrong = |reason| EncodeError::Display { display: name(), reason };
+        let wrong = |reason| EncodeError::Display { display: display.name.clone(), reason };
+        let mismatch = |reason| EncodeError::Mismatch { display: display.name.clone(), reason };
         let (encoding, height, width) = (&display.encoding, display.height, display.width);
         let Some(pixels) = (height.checked_mul(width)).filter(|n| (1..=1 << 32).contains(n)) else {
             return Err(wrong(reason!("size", "it is {height}x{width} pixels: each axis must be 1 to 65536")));
         };
         if let Some(color) = colors.iter().find(|c| !display.wavelengths.iter().any(|w| w.color == **c)) {
             let has: Vec<_> = display.wavelengths.iter().map(|w| w.color.to_string()).collect();
-            return Err(EncodeError::Mismatch {
-                display: name(),
-                reason: reason!("no-such-color", "it has a {color} part, and the display has {} only", has.join(", ")),
-            });
+            let has = has.join(", ");
+            return Err(mismatch(reason!("no-such-color", "it has a {color} part, and the display has {has} only")));
         }
-        let packed = Packed::new(encoding, colors, sub_frames)
-            .map_err(|reason| EncodeError::Mismatch { display: name(), reason })?;
+        let packed = Packed::new(encoding, colors, sub_frames).map_err(mismatch)?;
         let turning = Turning::new(encoding, height, width);
         let (mut of_colors, mut notes) = (Vec::new(), Vec::new());
         let mut codes = 0;

@@ -16,7 +16,6 @@ mod calibration;
 mod correction;
 mod decoder;
 mod encoder;
-mod flicker;
 mod frames;
 mod levels;
 mod lighting;
@@ -29,9 +28,8 @@ pub(crate) mod tests;
 pub use decoder::{AsShown, Decoder};
 pub use encoder::Encoder;
 pub use eyebox_kernels::encode::Plan;
-pub use flicker::flicker;
 pub use frames::{PhaseSet, VideoFrames};
-pub use lighting::{Lighting, LitTimes};
+pub use lighting::{Lighting, LitTimes, flicker};
 pub use packing::{Packed, PackedSlot};
 
 use crate::files::FileError;

@@ -1,8 +1,7 @@
 //! Packings: a map (colour, sub-frame) -> (video frame, channel, bits), as data.
 
 use crate::optics::{Channel, Color, Encoding, Packing, Place};
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 
 /// Where the levels of one sub-frame go.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -4,8 +4,7 @@ use crate::encode::{AsShown, Decoder, EncodeError, Encoder, Packed, VideoFrames}
 use crate::files::{FileError, Folder, FolderDraft, encode_grey8, encode_rgb8, read, read_png8, write_file};
 use crate::hologram::{ColorHologram, Hologram, Metadata};
 use crate::optics::{Color, Display, Place};
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -61,9 +60,6 @@ struct Origin {
 
 /// Writes the powers of the lasers of a hologram whose colours share their sub-frames beside its video frames, into a folder that is
 /// there; whether it has such lasers.
-///
-/// # Errors
-/// [`FileError`].
 pub fn write_powers(hologram: &Hologram, folder: &Path) -> Result<bool, FileError> {
     let Some(joint) = &hologram.metadata.joint_color else { return Ok(false) };
     write_file(&folder.join(POWERS), |out| out.write_all(joint.table().as_bytes()))?;
@@ -188,13 +184,12 @@ impl Encoded {
         if is_encoded(path) {
             let file = path.join(DOCUMENT);
             let bytes = read::bytes(&file, read::TABLE).map_err(|e| FileError::read(&file, e))?;
-            let damaged = |e: serde_json::Error| FileError::content(&file, reason!("damaged", "is damaged: {e}"));
+            let content = |reason: Reason| EncodeError::from(FileError::content(&file, reason));
+            let damaged = |e: serde_json::Error| content(reason!("damaged", "is damaged: {e}"));
             let Document { format, colors, sub_frames, frames, mut hologram } =
                 serde_json::from_slice(&bytes).map_err(damaged)?;
             if format != FORMAT {
-                return Err(
-                    FileError::content(&file, reason!("format", "has the format {format}: {FORMAT} is known")).into()
-                );
+                return Err(content(reason!("format", "has the format {format}: {FORMAT} is known")));
             }
             if let Some(asked) = color.filter(|c| colors != [*c]) {
                 let has: Vec<_> = colors.iter().map(Color::to_string).collect();
@@ -205,11 +200,7 @@ impl Encoded {
                 )));
             }
             if let Some(outside) = frames.iter().find(|f| Path::new(&f.file).components().count() != 1) {
-                return Err(FileError::content(
-                    &file,
-                    reason!("missing-frame", "names {}, which is not beside it", outside.file),
-                )
-                .into());
+                return Err(content(reason!("missing-frame", "names {}, which is not beside it", outside.file)));
             }
             let own = || {
                 let own = path.join(DISPLAY);
@@ -296,11 +287,8 @@ impl Encoded {
                 hologram.metadata.padded = hologram.metadata.padded.map(|[rows, columns]| [columns, rows]);
             }
         }
-        let damaged = |e: crate::hologram::HologramError| EncodeError::Mismatch {
-            display: display.name.clone(),
-            reason: Reason::of(&e),
-        };
-        hologram.check().map_err(damaged)?;
+        let mismatch = |reason| EncodeError::Mismatch { display: display.name.clone(), reason };
+        hologram.check().map_err(|e| mismatch(Reason::of(&e)))?;
         Ok(hologram)
     }
 

@@ -5,7 +5,7 @@ use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::{Color, Display, Optics, Pupil, WindowFactor};
 use crate::plan::{self, Comparison, ModelTables, Planner, Purpose};
 use crate::scene::{
-    self, DepthSource, Interpolator, Layers, LightField, Pyramid, Reprojection, Request, SceneError, Stage, ViewGrid,
+    self, DepthSource, Interpolator, Layers, Pyramid, Reprojection, Request, SceneError, Stage, ViewGrid,
     ViewSynthesis, shrink_to_share,
 };
 use rayon::prelude::*;
@@ -53,22 +53,13 @@ enum Kind {
 }
 
 impl Views {
-    /// `source` as [`scene::load`] takes it, in the one colour of `request` that is asked for, in pictures of at most `size`
-    /// x `size` pixels: the field of view of the display's shortest wavelength.
+    /// `source` as [`scene::load`] takes it, in each colour of `request`, in pictures of at most `size` x `size` pixels: the field of
+    /// view of the display's shortest wavelength. What the colours have in common they share.
     ///
     /// # Errors
     /// Those of loading the scene.
-    pub fn new(source: &str, request: &Request, color: Color, size: usize) -> Result<Self, SceneError> {
-        let colors = [color];
-        let request = Request { colors: &colors, ..*request };
-        Ok(Self::of_colors(source, &request, size)?.swap_remove(0))
-    }
-
-    /// The same in each colour of `request`. What they have in common they share.
-    ///
-    /// # Errors
-    /// Those of loading the scene.
-    pub(crate) fn of_colors(source: &str, request: &Request, size: usize) -> Result<Vec<Self>, SceneError> {
+    pub fn of_colors(source: &str, request: &Request, size: usize) -> Result<Vec<Self>, SceneError> {
+        let size = size.min(request.display.picture_size().0);
         scene::check_map(source, request)?;
         let display = request.display;
         if let Some(name) = source.strip_prefix("builtin:") {
@@ -84,15 +75,18 @@ impl Views {
         let work = native.clamp(1, size);
         let small = small(display, work);
         let request = Request { display: &small, ..*request };
+        // Of colours that share what `bytes` hold: the first counts them.
+        let shared = |reach, apart: f64, bytes: u64, kind: &dyn Fn(usize, Color) -> Kind| {
+            let one = |(i, &color): (usize, &Color)| {
+                let held = if i == 0 { bytes } else { 0 };
+                Ok(Self { held, apart, ..Self::of(kind(i, color), display, color, work, reach)? })
+            };
+            request.colors.iter().enumerate().map(one).collect()
+        };
         if scene::is_single(source)? {
             let picture = Arc::new(Reprojection::new(Path::new(source), &request)?);
             let reach = (picture.depth(), DepthSource::Stated);
-            let one = |(i, &color): (usize, &Color)| {
-                let held = if i == 0 { picture.bytes() } else { 0 };
-                let kind = Kind::Picture(Arc::clone(&picture), color);
-                Ok(Self { held, ..Self::of(kind, display, color, work, reach)? })
-            };
-            return request.colors.iter().enumerate().map(one).collect();
+            return shared(reach, 0.0, picture.bytes(), &|_, color| Kind::Picture(Arc::clone(&picture), color));
         }
         let asked = request.photographs;
         let request = Request { photographs: ViewSynthesis::Cells, ..request };
@@ -117,12 +111,7 @@ impl Views {
                 layers = layers.with(&load(&small, color)?, &small);
             }
             let layers = Arc::new(layers);
-            let one = |(i, &color): (usize, &Color)| {
-                let held = if i == 0 { layers.bytes() } else { 0 };
-                let kind = Kind::Layers(Arc::clone(&layers), i, shown);
-                Ok(Self { held, apart, ..Self::of(kind, display, color, work, reach)? })
-            };
-            return request.colors.iter().enumerate().map(one).collect();
+            return shared(reach, apart, layers.bytes(), &|i, _| Kind::Layers(Arc::clone(&layers), i, shown));
         }
         let mut between = Interpolator::new(field, &small);
         if asked == ViewSynthesis::Between || asked != ViewSynthesis::Cells && between.parallax(cell) > MAX_VIEW_STEP_PX
@@ -131,12 +120,7 @@ impl Views {
                 between.add(load(&small, color)?);
             }
             let between = Arc::new(between);
-            let one = |(i, &color): (usize, &Color)| {
-                let held = if i == 0 { between.bytes() } else { 0 };
-                let kind = Kind::Between(Arc::clone(&between), i);
-                Ok(Self { held, apart, ..Self::of(kind, display, color, work, reach)? })
-            };
-            return request.colors.iter().enumerate().map(one).collect();
+            return shared(reach, apart, between.bytes(), &|i, _| Kind::Between(Arc::clone(&between), i));
         }
         drop(between);
         let small = self::small(display, size);
@@ -144,7 +128,7 @@ impl Views {
             let field = load(&small, color)?;
             let grid = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell };
             let share = display.picture_share(display.optics(color)?.wavelength);
-            let pyramid = Arc::new(pyramid(&first_color(field), size, share));
+            let pyramid = Arc::new(pyramid(&field.planes[0], size, share));
             Ok(Self { apart, ..Self::of(Kind::Field(pyramid, grid), display, color, size, reach)? })
         };
         request.colors.iter().map(one).collect()
@@ -285,9 +269,6 @@ impl Views {
     }
 
     /// The photograph in the samples of a pupil's window on `grid`, the far-field SLM or a piece of it; the axis comes first.
-    ///
-    /// # Errors
-    /// Those of the engine.
     pub(crate) fn photograph(
         &self,
         grid: &Optics,
@@ -316,10 +297,6 @@ fn small(display: &Display, size: usize) -> Display {
         .map(|w| crate::optics::Wavelength { wavelength: w.wavelength * shortest, ..*w })
         .collect();
     Display { height: size, width: size, pitch, focal_length, wavelengths, ..display.clone() }
-}
-
-fn first_color(mut field: LightField) -> Vec<Vec<f32>> {
-    field.planes.swap_remove(0)
 }
 
 fn pyramid(views: &[Vec<f32>], size: usize, share: f64) -> Pyramid {
@@ -366,7 +343,7 @@ mod tests {
         let (few, many, display) = (folder(4), folder(11), display());
         let request = Request::new(&display, &[Color::Green]);
         let asked = |source: &str, photographs| {
-            Views::new(source, &Request { photographs, ..request }, Color::Green, SIZE).unwrap()
+            Views::of_colors(source, &Request { photographs, ..request }, SIZE).unwrap().remove(0)
         };
         let views = |source: &str| asked(source, ViewSynthesis::Auto);
         let few = few.path().to_str().unwrap();
@@ -403,7 +380,7 @@ mod tests {
         let (here, display) = (folder(5), display());
         std::fs::remove_file(here.path().join("lightfield.toml")).unwrap();
         let request = Request::new(&display, &[Color::Green]);
-        let views = |source: &str| Views::new(source, &request, Color::Green, SIZE).unwrap();
+        let views = |source: &str| Views::of_colors(source, &request, SIZE).unwrap().remove(0);
         let (truth, silent) = (views("builtin:still-life"), views(here.path().to_str().unwrap()));
         let ([far, near], [a, b]) = (truth.depths(None).unwrap(), silent.depths(None).unwrap());
         let within = |found: f64, is: f64| (found - is).abs() < 0.1 * (near - far);
@@ -426,7 +403,7 @@ mod tests {
         write_png(&depth, SIZE, SIZE, &[&map]).unwrap();
         let request = Request { depth_map: Some(&depth), ..Request::new(&display, &[Color::Green]) };
         let source = file.to_str().unwrap();
-        let views = Views::new(source, &request, Color::Green, SIZE).unwrap();
+        let views = Views::of_colors(source, &request, SIZE).unwrap().remove(0);
         let small = small(&display, SIZE);
         let field = scene::load(source, &Request { display: &small, ..request }).unwrap();
         let Kind::Picture(made, color) = &views.kind else { panic!("not a picture") };

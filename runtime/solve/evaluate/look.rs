@@ -1,27 +1,22 @@
 //! What an eye sees and what it should see, through any engine.
 
+use super::pool2;
 use crate::engine::{Buffer, Engine, EngineError};
-use crate::optics::{Geometry, Pupil, WindowFactor};
+use crate::optics::{Geometry, PictureMap, Pupil, WindowFactor};
 use crate::plan::{Comparison, Kernel, Planner, PupilPass, Step, Viewpoint};
-use crate::scene::crop_share;
+use crate::scene::{Bend, crop_share};
 
 /// The time-averaged intensity through each pupil of the phases that `engine` holds, divided by the pupil's share of
 /// the eyebox (OPTICS 2), on the SLM's pixels: (height, width) each, row-major; in the far field on the square of
 /// [`Optics::image_size`](crate::optics::Optics::image_size). No exposure is applied.
 ///
 /// The engine must have been loaded with the planner's shape.
-///
-/// # Errors
-/// Those of the engine.
 pub fn views(engine: &mut dyn Engine, planner: &Planner, pupils: &[Pupil]) -> Result<Vec<Vec<f32>>, EngineError> {
     let planner = Planner { views: None, ..planner.clone() };
     images(engine, &planner, &pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect::<Vec<_>>())
 }
 
 /// The same for anything that can be looked through.
-///
-/// # Errors
-/// Those of the engine.
 pub fn images(
     engine: &mut dyn Engine,
     planner: &Planner,
@@ -52,17 +47,11 @@ pub(super) fn pass_by_pass<T>(
 }
 
 /// The photograph of the engine's views through each pupil, on the SLM's pixels (OPTICS 3).
-///
-/// # Errors
-/// Those of the engine.
 pub fn photographs(engine: &mut dyn Engine, planner: &Planner, pupils: &[Pupil]) -> Result<Vec<Vec<f32>>, EngineError> {
     targets(engine, planner, &pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect::<Vec<_>>())
 }
 
 /// The same for anything that can be looked through.
-///
-/// # Errors
-/// Those of the engine.
 pub fn targets(
     engine: &mut dyn Engine,
     planner: &Planner,
@@ -113,4 +102,31 @@ pub fn centered(image: &[f32], height: usize, width: usize) -> Vec<f32> {
     let (top, left) = (height - height / 2, width - width / 2);
     let rows = (0..height).map(|y| &image[(y + top) % height * width..][..width]);
     rows.flat_map(|row| row[left % width.max(1)..].iter().chain(&row[..left % width.max(1)])).copied().collect()
+}
+
+/// Linear light, or intensity, (row, column).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plane {
+    /// Rows.
+    pub rows: usize,
+    /// Columns.
+    pub columns: usize,
+    /// Row by row.
+    pub values: Vec<f32>,
+}
+
+impl Plane {
+    /// As it is seen behind what bends the display's picture.
+    pub fn as_seen(&self, map: &PictureMap) -> Self {
+        Self { values: Bend::to_viewer(map, [self.rows, self.columns]).apply(&self.values), ..*self }
+    }
+
+    /// The mean of every block of 2 x 2 pixels ([`pool2`]).
+    pub(crate) fn pooled(&self) -> Self {
+        let values = pool2(&self.values, self.rows, self.columns);
+        if self.rows < 2 || self.columns < 2 {
+            return Self { values, ..*self };
+        }
+        Self { rows: self.rows / 2, columns: self.columns / 2, values }
+    }
 }

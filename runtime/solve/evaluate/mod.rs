@@ -25,11 +25,9 @@ mod epipolar;
 mod groups;
 mod jod;
 mod look;
-mod plane;
 mod score;
 mod speckle;
 mod ssim;
-mod summary;
 mod sums;
 
 pub(crate) use around::MOST_VIEWS;
@@ -40,13 +38,11 @@ pub use energy::{energy, passed, variation};
 pub use epipolar::{RowFinder, sweep};
 pub use groups::{Group, Member, members, places};
 pub use jod::{JodMetric, Judged, Rgb, lost_picture, rgb};
-pub use look::crop;
-pub use look::{centered, images, photographs, targets, views};
-pub use plane::Plane;
-pub use score::{Score, Scores, compare};
+pub use look::{Plane, centered, crop, images, photographs, targets, views};
+pub use score::{Score, Scores, Summary, compare};
 pub use speckle::{averaged_contrast, contrast};
 pub use ssim::ssim;
-pub use summary::Summary;
+pub(crate) use ssim::ssim_at;
 pub use sums::{Sums, sums};
 
 use eyebox_base::error::Reason;

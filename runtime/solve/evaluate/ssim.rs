@@ -63,6 +63,21 @@ pub fn ssim(a: &[f32], b: &[f32], height: usize, width: usize) -> Result<f64, Ev
     Ok(rows.iter().sum::<f64>() / (rows.len() * inside) as f64)
 }
 
+/// [`ssim`] of an image at an exposure; none for images that are smaller than its window.
+pub(crate) fn ssim_at(
+    exposure: f64,
+    seen: &[f32],
+    wanted: &[f32],
+    height: usize,
+    width: usize,
+) -> Result<Option<f64>, EvaluateError> {
+    let exposed: Vec<f32> = seen.iter().map(|v| v * exposure as f32).collect();
+    match ssim(&exposed, wanted, height, width) {
+        Err(EvaluateError::TooSmall { .. }) => Ok(None),
+        other => other.map(Some),
+    }
+}
+
 fn gaussian() -> [f64; WINDOW] {
     let raw: [f64; WINDOW] = std::array::from_fn(|i| (-0.5 * ((i as f64 - RADIUS as f64) / SIGMA).powi(2)).exp());
     let sum: f64 = raw.iter().sum();

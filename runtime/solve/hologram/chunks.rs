@@ -4,8 +4,7 @@ use super::HologramError;
 use crate::files::{FileError, FileKind, Folder, FolderDraft, Kind, Wanted, is_draft};
 use crate::memory;
 use crate::optics::wrap_phase;
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use std::fs::File;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::{self, Read, Write};
@@ -67,20 +66,14 @@ pub(super) fn check_is_one(folder: &Folder) -> Result<(), HologramError> {
     if folder.has(GROUP) || folder.has("phases") {
         return Ok(());
     }
-    let path = folder.path().display().to_string();
     Err(match folder.is_replaced() {
-        true => HologramError::Replaced { path },
-        false => HologramError::NotAHologram { path, reason: reason!("no-zarr-json", "the folder has no zarr.json") },
+        true => HologramError::Replaced { path: folder.path().display().to_string() },
+        false => none(folder.path(), reason!("no-zarr-json", "the folder has no zarr.json")),
     })
 }
 
-/// Starts a hologram that will stand at `path`: in the place of one that nobody is making, or where there is nothing.
-pub(super) fn draft(path: &Path) -> Result<FolderDraft, HologramError> {
-    draft_in_place_of(path, is_hologram)
-}
-
-/// The same, in the place of what `ours` allows.
-pub(super) fn draft_in_place_of(path: &Path, ours: fn(&Path) -> bool) -> Result<FolderDraft, HologramError> {
+/// Starts a hologram that will stand at `path`: in the place of what `ours` allows and nobody is making, or where there is nothing.
+pub(super) fn draft(path: &Path, ours: fn(&Path) -> bool) -> Result<FolderDraft, HologramError> {
     if Folder::open(path).is_ok_and(|there| there.is_locked(LOCK)) {
         return Err(HologramError::Busy { path: path.display().to_string() });
     }
@@ -132,6 +125,11 @@ pub(super) fn is_staged(name: &str) -> bool {
     is_draft(name) || numbers
 }
 
+/// What stands at `path` is no hologram.
+pub(super) fn none(path: &Path, reason: Reason) -> HologramError {
+    HologramError::NotAHologram { path: path.display().to_string(), reason }
+}
+
 pub(super) fn damaged(file: &Path, reason: Reason) -> HologramError {
     HologramError::Damaged { file: file.display().to_string(), reason }
 }
@@ -175,43 +173,53 @@ pub(super) fn check_memory(path: &Path, shape: &[usize]) -> Result<(), HologramE
     Ok(memory::check_available(what, memory::bytes_of(shape, 4), "free some, or take a smaller hologram")?)
 }
 
-/// `summed`: whether it ends in its checksum.
-pub(super) fn check_length(folder: &Folder, name: &str, pixels: usize, summed: bool) -> Result<(), HologramError> {
-    let length = folder.length(name).map_err(|e| unreadable(folder, name, e))?;
-    let expected = 4 * (pixels as u64 + u64::from(summed));
+/// Refuses a chunk that is not as long as so many values; `summed`: whether it ends in its checksum.
+pub(super) fn check_length(folder: &Folder, name: &str, values: usize, summed: bool) -> Result<(), HologramError> {
+    is_long(folder, name, folder.length(name).map_err(|e| unreadable(folder, name, e))?, values, summed)
+}
+
+fn is_long(folder: &Folder, name: &str, length: u64, values: usize, summed: bool) -> Result<(), HologramError> {
+    let expected = 4 * (values as u64 + u64::from(summed));
     if length != expected {
         return Err(damaged(&folder.path().join(name), reason!("length", "it is {length} bytes long, not {expected}")));
     }
     Ok(())
 }
 
-/// `summed`: whether it ends in its checksum.
-pub(super) fn read_chunk(
-    folder: &Folder,
-    name: &str,
-    pixels: usize,
-    summed: bool,
-    phases: &mut Vec<f32>,
-) -> Result<(), HologramError> {
-    let mut bytes = vec![0; 4 * (pixels + usize::from(summed))];
-    folder.file(name).and_then(|mut f| f.read_exact(&mut bytes)).map_err(|e| unreadable(folder, name, e))?;
-    let (values, sum) = bytes.split_at(4 * pixels);
-    if let Ok(stated) = sum.try_into().map(u32::from_le_bytes) {
-        let found = crc32c::crc32c(values);
-        if stated != found {
-            let file = folder.path().join(name);
-            return Err(damaged(&file, reason!("checksum", "its checksum is {found:08x}, and it states {stated:08x}")));
-        }
+/// Refuses a chunk whose bytes have another checksum than it states.
+pub(super) fn check_sum(folder: &Folder, name: &str, bytes: &[u8], stated: [u8; 4]) -> Result<(), HologramError> {
+    let (stated, found) = (u32::from_le_bytes(stated), crc32c::crc32c(bytes));
+    if stated != found {
+        let reason = reason!("checksum", "its checksum is {found:08x}, and it states {stated:08x}");
+        return Err(damaged(&folder.path().join(name), reason));
     }
-    phases.extend(values.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])));
+    Ok(())
+}
+
+/// Reads a chunk, and its checksum if it is `summed`. Allocates nothing unless it fails.
+pub(super) fn read_chunk(folder: &Folder, name: &str, summed: bool, values: &mut [f32]) -> Result<(), HologramError> {
+    let unreadable = |e| unreadable(folder, name, e);
+    let mut opened = folder.file(name).map_err(unreadable)?;
+    let length = opened.metadata().map_err(unreadable)?.len();
+    is_long(folder, name, length, values.len(), summed)?;
+    let bytes: &mut [u8] = bytemuck::cast_slice_mut(values);
+    opened.read_exact(bytes).map_err(unreadable)?;
+    if summed {
+        let mut stated = [0; 4];
+        opened.read_exact(&mut stated).map_err(unreadable)?;
+        check_sum(folder, name, bytes, stated)?;
+    }
+    if cfg!(target_endian = "big") {
+        values.iter_mut().for_each(|v| *v = f32::from_bits(v.to_bits().swap_bytes()));
+    }
     Ok(())
 }
 
 /// One chunk by itself.
 pub(super) fn read_tile(folder: &Folder, name: &str, values: usize) -> Result<Vec<f32>, HologramError> {
     check_length(folder, name, values, true)?;
-    let mut phases = Vec::with_capacity(values);
-    read_chunk(folder, name, values, true, &mut phases)?;
+    let mut phases = vec![0.0; values];
+    read_chunk(folder, name, true, &mut phases)?;
     if let Some(at) = phases.iter().position(|p| !p.is_finite()) {
         return Err(damaged(&folder.path().join(name), reason!("phase", "phase {at} is {}", phases[at])));
     }

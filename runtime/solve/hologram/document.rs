@@ -2,8 +2,7 @@
 
 use super::{ColorHologram, Hologram, Metadata};
 use crate::optics::{Color, Geometry, Wavelength};
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -137,6 +136,18 @@ pub(super) fn group_with(hologram: &Hologram, metadata: Metadata, sequence: Opti
 pub(super) fn array(shape: [usize; 4], tile: Option<usize>) -> Vec<u8> {
     let [_, frames, height, width] = shape;
     let chunk = tile.map_or([1, 1, height, width], |side| [1, frames, side, side]);
+    let attributes = json!({ "unit": "radian", "document_crc32c": "00000000" });
+    array_of(json!(shape), json!(chunk), &["color", "frame", "row", "column"], attributes)
+}
+
+/// The array's document of a sequence: one chunk a hologram, so that it is read and checked in one piece.
+pub(super) fn sequence_array(count: u64, [colors, frames, height, width]: [usize; 4], complete: bool) -> Vec<u8> {
+    let (shape, chunk) = (json!([count, colors, frames, height, width]), json!([1, colors, frames, height, width]));
+    let attributes = json!({ "unit": "radian", "complete": complete, "document_crc32c": "00000000" });
+    array_of(shape, chunk, &["time", "color", "frame", "row", "column"], attributes)
+}
+
+fn array_of(shape: Value, chunk: Value, dimensions: &[&str], attributes: Value) -> Vec<u8> {
     seal(json!({
         "zarr_format": 3,
         "node_type": "array",
@@ -146,25 +157,8 @@ pub(super) fn array(shape: [usize; 4], tile: Option<usize>) -> Vec<u8> {
         "chunk_key_encoding": { "name": "default", "configuration": { "separator": "/" } },
         "fill_value": 0.0,
         "codecs": [{ "name": "bytes", "configuration": { "endian": "little" } }, { "name": "crc32c" }],
-        "dimension_names": ["color", "frame", "row", "column"],
-        "attributes": { "unit": "radian", "document_crc32c": "00000000" },
-    }))
-}
-
-/// The array's document of a sequence: one chunk a hologram, so that it is read and checked in one piece.
-pub(super) fn sequence_array(count: u64, shape: [usize; 4], complete: bool) -> Vec<u8> {
-    let [colors, frames, height, width] = shape;
-    seal(json!({
-        "zarr_format": 3,
-        "node_type": "array",
-        "shape": [count, colors, frames, height, width],
-        "data_type": "float32",
-        "chunk_grid": { "name": "regular", "configuration": { "chunk_shape": [1, colors, frames, height, width] } },
-        "chunk_key_encoding": { "name": "default", "configuration": { "separator": "/" } },
-        "fill_value": 0.0,
-        "codecs": [{ "name": "bytes", "configuration": { "endian": "little" } }, { "name": "crc32c" }],
-        "dimension_names": ["time", "color", "frame", "row", "column"],
-        "attributes": { "unit": "radian", "complete": complete, "document_crc32c": "00000000" },
+        "dimension_names": dimensions,
+        "attributes": attributes,
     }))
 }
 
@@ -233,9 +227,6 @@ pub(super) fn read_any_group(bytes: &[u8]) -> Result<(Hologram, Option<SequenceA
     };
     metadata.check().map_err(|e| reason!("settings", "attributes.eyebox.settings: {e}"))?;
     let hologram = Hologram {
-        frames: 0,
-        height: 0,
-        width: 0,
         pitch: read.pitch_um / 1e6,
         focal_length: read.focal_length_mm / 1e3,
         geometry: read.geometry,
@@ -256,6 +247,7 @@ pub(super) fn read_any_group(bytes: &[u8]) -> Result<(Hologram, Option<SequenceA
             .collect(),
         scene: read.scene,
         metadata,
+        ..Hologram::default()
     };
     Ok((hologram, sequence))
 }
@@ -370,20 +362,19 @@ fn seal_place(bytes: &[u8]) -> Option<usize> {
     (at + 8 <= bytes.len()).then_some(at)
 }
 
-/// A document with the sum that it has now, where it has a place for one.
 #[cfg(test)]
-pub(super) fn resealed(mut bytes: Vec<u8>) -> Vec<u8> {
-    if let Some(at) = seal_place(&bytes) {
-        bytes[at..at + 8].copy_from_slice(BLANK);
-        let sum = crc32c::crc32c(&bytes);
-        bytes[at..at + 8].copy_from_slice(format!("{sum:08x}").as_bytes());
-    }
-    bytes
-}
-
-#[cfg(test)]
-mod tests {
+pub mod tests {
     use super::*;
+
+    /// A document with the sum that it has now, where it has a place for one.
+    pub(in super::super) fn resealed(mut bytes: Vec<u8>) -> Vec<u8> {
+        if let Some(at) = seal_place(&bytes) {
+            bytes[at..at + 8].copy_from_slice(BLANK);
+            let sum = crc32c::crc32c(&bytes);
+            bytes[at..at + 8].copy_from_slice(format!("{sum:08x}").as_bytes());
+        }
+        bytes
+    }
 
     #[test]
     fn lengths_are_short_for_people_and_exact_for_the_program() {

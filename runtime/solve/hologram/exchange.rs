@@ -5,11 +5,11 @@
 //! A PNG folder has one picture per colour and sub-frame, `green-00.png`, level = round(phase / 2 pi x 256) mod 256;
 //! a colour without a name is called by its number, `0-00.png`.
 
+use super::chunks::none;
 use super::{ColorHologram, Hologram, HologramError, Metadata};
 use crate::files::{FileError, FolderDraft, encode_grey8, holds_only_own, write_listed, write_npy};
 use crate::optics::{Color, Display, Geometry, level_of_phase, wrap_phase};
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
@@ -80,10 +80,8 @@ impl Phases {
     ) -> Result<Hologram, HologramError> {
         if self.colors.len() != wavelengths.len() {
             let (has, given) = (self.colors.len(), wavelengths.len());
-            return Err(none(
-                &self.file,
-                reason!("wavelengths-count", "it has {has} colours, {given} wavelengths were given"),
-            ));
+            let reason = reason!("wavelengths-count", "it has {has} colours, {given} wavelengths were given");
+            return Err(none(&self.file, reason));
         }
         self.check_axes(None)?;
         let Self { frames, height, width, colors, .. } = self;
@@ -98,12 +96,8 @@ impl Phases {
             focal_length,
             geometry,
             colors,
-            seed: 0,
-            version: String::new(),
-            display: String::new(),
-            display_wavelengths: Vec::new(),
-            scene: String::new(),
             metadata: Metadata { exposure_assumed: true, ..Metadata::default() },
+            ..Hologram::default()
         };
         hologram.check().map_err(|e| none(&self.file, Reason::of(&e)))?;
         Ok(hologram)
@@ -197,7 +191,7 @@ impl Phases {
 
 impl ColorHologram {
     /// Phases of which nobody knows the exposure: 1 is as good as another.
-    fn bare(color: Option<Color>, wavelength: f64, phases: Vec<f32>) -> Self {
+    pub(crate) fn bare(color: Option<Color>, wavelength: f64, phases: Vec<f32>) -> Self {
         Self { color, wavelength, exposure: 1.0, efficiency: 1.0, phases }
     }
 }
@@ -207,7 +201,7 @@ impl ColorHologram {
 /// # Errors
 /// [`HologramError::File`].
 pub fn save_phases(hologram: &Hologram, file: &Path) -> Result<(), HologramError> {
-    let shape = [hologram.colors.len(), hologram.frames, hologram.height, hologram.width];
+    let shape = hologram.shape();
     let shape = if shape[0] == 1 { &shape[1..] } else { &shape[..] };
     let values: Vec<f32> = hologram.colors.iter().flat_map(|c| c.phases.iter().map(|&p| wrap_phase(p))).collect();
     Ok(write_npy(file, shape, &values)?)
@@ -233,8 +227,4 @@ impl Hologram {
         write_listed(&draft, all.map(picture))?;
         Ok(draft.put()?)
     }
-}
-
-pub(super) fn none(path: &Path, reason: Reason) -> HologramError {
-    HologramError::NotAHologram { path: path.display().to_string(), reason }
 }

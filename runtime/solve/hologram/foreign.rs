@@ -2,11 +2,10 @@
 //! write is named, with the line that converts it.
 
 use super::HologramError;
-use super::chunks::{GROUP, check_memory, damaged, unreadable};
+use super::chunks::{GROUP, check_memory, check_sum, damaged, none, unreadable};
 use super::document;
 use crate::files::{Folder, zarr_line};
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use serde_json::Value;
 use std::io;
 use std::path::Path;
@@ -34,9 +33,10 @@ pub(super) struct Stored {
 
 /// A store that is no hologram of this program: why, and the line that makes one of it.
 fn refused(folder: &Path, why: Reason) -> HologramError {
-    let reason =
-        why.reworded(|why| format!("another program wrote it, and {why}; convert it by: {}", zarr_line(folder)));
-    HologramError::NotAHologram { path: folder.display().to_string(), reason }
+    none(
+        folder,
+        why.reworded(|why| format!("another program wrote it, and {why}; convert it by: {}", zarr_line(folder))),
+    )
 }
 
 /// Refuses a store of Zarr's version 2, which has no `zarr.json`.
@@ -57,10 +57,7 @@ pub(super) fn of_group(folder: &Folder, bytes: &[u8], reason: Reason) -> Hologra
         .is_ok_and(|document| document["attributes"]["eyebox"]["version"].as_str().is_none_or(str::is_empty));
     match document::is_sealed(bytes) {
         true if is_rewritten(bytes) => rewritten(folder.path()),
-        false if others => {
-            let reason = reason.reworded(|text| format!("another program wrote it, and {text}"));
-            HologramError::NotAHologram { path: file.display().to_string(), reason }
-        }
+        false if others => none(&file, reason.reworded(|text| format!("another program wrote it, and {text}"))),
         _ => damaged(&file, reason),
     }
 }
@@ -179,10 +176,6 @@ impl Stored {
 
     /// The values of a chunk; none for one that is not there, which is `fill` throughout.
     fn chunk(&self, folder: &Folder, name: &str) -> Result<Option<Vec<f32>>, HologramError> {
-        let wrong = |reason: Reason| {
-            let file = folder.path().join(name).display().to_string();
-            Err(HologramError::Damaged { file, reason })
-        };
         let count: usize = self.chunk.iter().product();
         let expected = count * self.width + 4 * usize::from(self.summed);
         let bytes = match folder.bytes(name, LONGEST_CHUNK) {
@@ -191,14 +184,12 @@ impl Stored {
             Err(e) => return Err(unreadable(folder, name, e)),
         };
         if bytes.len() != expected {
-            return wrong(reason!("length", "it is {} bytes long, not {expected}", bytes.len()));
+            let reason = reason!("length", "it is {} bytes long, not {expected}", bytes.len());
+            return Err(damaged(&folder.path().join(name), reason));
         }
         let (values, sum) = bytes.split_at(count * self.width);
-        if let (true, Ok(stated)) = (self.summed, sum.try_into().map(u32::from_le_bytes)) {
-            let found = crc32c::crc32c(values);
-            if stated != found {
-                return wrong(reason!("checksum", "its checksum is {found:08x}, and it states {stated:08x}"));
-            }
+        if let (true, Ok(stated)) = (self.summed, sum.try_into()) {
+            check_sum(folder, name, values, stated)?;
         }
         let value = |b: &[u8]| -> f32 {
             let mut all = [0; 8];

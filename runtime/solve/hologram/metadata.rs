@@ -64,7 +64,7 @@ pub struct Metadata {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seconds: Option<f64>,
     /// Whether its exposures are made up, for phases of which nothing else is known.
-    #[serde(skip_serializing_if = "is_false")]
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub exposure_assumed: bool,
     /// What its display does to the light beside showing phases, as it was solved for and is looked at.
     #[serde(skip_serializing_if = "ModelSections::is_empty")]
@@ -102,11 +102,6 @@ pub struct Metadata {
     /// What other versions and programs wrote: kept, so that a copy loses nothing.
     #[serde(flatten)]
     pub other: Map<String, Value>,
-}
-
-#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
-fn is_false(value: &bool) -> bool {
-    !value
 }
 
 /// Steps of a colour with a camera's pictures.

@@ -26,7 +26,7 @@
 //! its build script, whatever the features), and building this project needs cargo alone.
 
 mod chunks;
-mod display_model;
+mod display;
 mod document;
 mod exchange;
 mod foreign;
@@ -36,13 +36,10 @@ mod open;
 mod phase_files;
 mod scene_record;
 mod sequence;
-mod sequence_parts;
 mod sequence_writer;
-mod shown_on;
 mod source;
 mod store;
 mod tiles;
-mod unfinished;
 
 #[cfg(test)]
 mod damage_tests;
@@ -58,15 +55,13 @@ mod sequence_tests;
 pub use exchange::{PhaseUnit, Phases, save_phases};
 pub use metadata::{Metadata, Refined, Start, TakenWithCamera};
 pub use newest::{NewestHologram, OnScreen};
-pub use open::{BareOptics, Opening};
+pub use open::{BareOptics, Opening, Unfinished};
 pub use phase_files::{check_radians, load_phases};
 pub use scene_record::SceneRecord;
 pub use sequence::Sequence;
-pub use sequence_parts::SequenceParts;
-pub use sequence_writer::SequenceWriter;
+pub use sequence_writer::{SequenceParts, SequenceWriter};
 pub use source::PhaseSource;
 pub use tiles::{Made, Patch, TileVersion, Tiles};
-pub use unfinished::Unfinished;
 
 use crate::memory::TooLarge;
 use crate::{
@@ -74,8 +69,7 @@ use crate::{
     optics::{Color, Display, Geometry, Optics, OpticsError, Wavelength, drives_of},
     scene::SceneError,
 };
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use std::borrow::Cow;
 
 /// What can be wrong with a hologram or its file.
@@ -261,7 +255,7 @@ pub struct ColorHologram {
 }
 
 /// Phase frames for a display, and what they were made for and by.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Hologram {
     /// Sub-frames of a temporal multiplex.
     pub frames: usize,
@@ -303,11 +297,8 @@ impl Hologram {
             focal_length: display.focal_length,
             geometry: display.geometry,
             colors,
-            seed: 0,
-            version: String::new(),
             display: display.name.clone(),
             display_wavelengths: display.wavelengths.clone(),
-            scene: String::new(),
             metadata: Metadata {
                 model: display.model.clone(),
                 source: display.source.clone(),
@@ -319,7 +310,13 @@ impl Hologram {
                 display_file: display.file.clone(),
                 ..Metadata::default()
             },
+            ..Self::default()
         }
+    }
+
+    /// Colours, sub-frames, rows, columns.
+    pub fn shape(&self) -> [usize; 4] {
+        [self.colors.len(), self.frames, self.height, self.width]
     }
 
     /// The display that it was made for: of its size and optics, with 256 levels and no encoding. Its eyebox is the one that
@@ -431,11 +428,8 @@ impl Hologram {
         let wrong = |reason: Reason| Err(HologramError::Inconsistent(reason));
         let (frames, height, width) = (self.frames, self.height, self.width);
         if self.colors.is_empty() || frames == 0 {
-            return wrong(reason!(
-                "empty",
-                "it has {} colours and {frames} sub-frames: at least one each",
-                self.colors.len()
-            ));
+            let count = self.colors.len();
+            return wrong(reason!("empty", "it has {count} colours and {frames} sub-frames: at least one each"));
         }
         self.metadata.check()?;
         if let Some(joint) = &self.metadata.joint_color {
@@ -449,16 +443,13 @@ impl Hologram {
         }
         let expected = height.checked_mul(width).and_then(|n| n.checked_mul(frames));
         for (i, c) in self.colors.iter().enumerate() {
-            let name = color_name(c.color, i);
+            let name = c.color.map_or_else(|| format!("colour {i}"), |c| c.to_string());
             if let Err(e) = self.optics(i) {
                 return wrong(reason!("optics", "{name}: {e}"));
             }
             if Some(c.phases.len()) != expected {
-                return wrong(reason!(
-                    "phases-count",
-                    "{name} has {} phases, not {frames} x {height} x {width}",
-                    c.phases.len()
-                ));
+                let count = c.phases.len();
+                return wrong(reason!("phases-count", "{name} has {count} phases, not {frames} x {height} x {width}"));
             }
             if !(c.exposure.is_finite() && c.exposure > 0.0 && c.efficiency.is_finite()) {
                 return wrong(reason!(
@@ -479,9 +470,4 @@ impl Hologram {
         }
         Ok(())
     }
-}
-
-/// "green", or "colour 1" where no name is known.
-fn color_name(color: Option<Color>, index: usize) -> String {
-    color.map_or_else(|| format!("colour {index}"), |c| c.to_string())
 }

@@ -59,7 +59,7 @@ fn a_far_field_and_a_refined_hologram_open() {
 
 #[test]
 fn tiles_and_sequences_open() {
-    let PhaseSource::Tiled(tiles) = PhaseSource::open(&old("tiled"), None).unwrap() else { panic!("not in tiles") };
+    let PhaseSource::Tiled(tiles) = PhaseSource::open(&old("tiled")).unwrap() else { panic!("not in tiles") };
     let about = tiles.about();
     assert_eq!((about.metadata.passes, about.metadata.views, about.frames), (Some(1), None, 2));
     written_alike(about, "tiled");
@@ -67,9 +67,10 @@ fn tiles_and_sequences_open() {
     let mut sequence = Sequence::open(&old("sequence")).unwrap();
     assert_eq!((sequence.count(), sequence.about().metadata.warm_start), (2, Some(Start::Warm(0.3))));
     assert_eq!(sequence.load(1).unwrap().height, 16);
-    let error = PhaseSource::open(&old("sequence"), None).unwrap_err();
+    let error = PhaseSource::open(&old("sequence")).unwrap_err();
     assert_eq!(ErrorData::of(&error).code, "not-a-hologram/is-a-sequence");
-    assert!(matches!(PhaseSource::open(&old("sequence"), Some(1)), Ok(PhaseSource::Whole(_))));
+    let second = Opening { at: Some(1), ..Opening::default() }.source(&old("sequence"));
+    assert!(matches!(second, Ok(PhaseSource::Whole(_))));
 }
 
 /// Settings that eyebox no longer has do not prevent that a file opens.

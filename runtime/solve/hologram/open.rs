@@ -1,11 +1,13 @@
-//! One way to open whatever holds phases: a hologram, one of a sequence, or bare phases with what they do not say.
+//! One way to open whatever holds phases: a hologram, one of a sequence, or bare phases with what they do not say; and how far one in the
+//! making is.
 
-use super::chunks::GROUP;
-use super::{Hologram, HologramError, PhaseSource, PhaseUnit, Phases, Sequence, Tiles, Unfinished, load_phases};
+use super::chunks::{GROUP, none};
+use super::{Hologram, HologramError, PhaseSource, PhaseUnit, Phases, Sequence, Tiles, load_phases};
 use crate::files::FileError;
 use crate::optics::{Color, Display, Geometry};
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
+use serde::Serialize;
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// What is said beside a file of phases. Where it is a hologram, `bare` and `unit` say nothing.
@@ -54,7 +56,7 @@ impl Opening {
         if let (Some(color), false) = (self.color, bare) {
             hologram.colors.retain(|c| c.color == Some(color));
             if hologram.colors.is_empty() {
-                return Err(no(path, reason!("no-such-color", "it has no {color} part")));
+                return Err(none(path, reason!("no-such-color", "it has no {color} part")));
             }
         }
         Ok(hologram)
@@ -68,14 +70,14 @@ impl Opening {
         if Phases::are_at(path) || self.at.is_some() {
             return Ok(self.hologram(path)?.into());
         }
-        let source = PhaseSource::open(path, None)?;
+        let source = PhaseSource::open(path)?;
         self.allow(path, source.unfinished())?;
         match (source, self.color) {
             (PhaseSource::Whole(_), Some(_)) => Ok(self.hologram(path)?.into()),
-            (PhaseSource::Tiled(tiles), Some(color)) if tiles.about().named_colors() != [color] => Err(no(
-                path,
-                reason!("color-of-tiles", "it is stored in tiles, all colours of which are read: leave out `color`"),
-            )),
+            (PhaseSource::Tiled(tiles), Some(color)) if tiles.about().named_colors() != [color] => {
+                let what = "it is stored in tiles, all colours of which are read: leave out `color`";
+                Err(none(path, Reason::new("color-of-tiles", what)))
+            }
             (source, _) => Ok(source),
         }
     }
@@ -85,11 +87,8 @@ impl Opening {
     /// # Errors
     /// Those of [`Sequence::open`] and of [`hologram`](Self::hologram).
     pub fn sequence(&self, path: &Path) -> Result<Sequence, HologramError> {
-        if Phases::are_at(path) {
-            return Ok(Sequence::single(path, self.hologram(path)?));
-        }
-        if Tiles::is_tiled(path) {
-            // All of it at once: a display shows no part of a hologram.
+        // Of tiles all at once: a display shows no part of a hologram.
+        if Phases::are_at(path) || Tiles::is_tiled(path) {
             return Ok(Sequence::single(path, self.hologram(path)?));
         }
         let mut sequence = Sequence::open(path)?;
@@ -97,10 +96,8 @@ impl Opening {
         match self.color {
             Some(color) if sequence.about().named_colors() != [color] => {
                 if !sequence.is_single() {
-                    return Err(no(
-                        path,
-                        reason!("color-of-sequence", "all colours of a sequence are shown: leave out `color`"),
-                    ));
+                    let what = "all colours of a sequence are shown: leave out `color`";
+                    return Err(none(path, Reason::new("color-of-sequence", what)));
                 }
                 Ok(Sequence::single(path, self.hologram(path)?))
             }
@@ -123,42 +120,35 @@ impl Opening {
     }
 
     fn bare_hologram(&self, path: &Path) -> Result<Hologram, HologramError> {
+        let no = |reason| Err(none(path, reason));
         if self.at.is_some() {
-            return Err(no(
-                path,
-                reason!("not-a-sequence", "bare phases are one hologram, not a sequence: leave out `at`"),
-            ));
+            return no(reason!("not-a-sequence", "bare phases are one hologram, not a sequence: leave out `at`"));
         }
         // What is not there is no phases that lack something.
         if let Err(e) = std::fs::metadata(path) {
-            let is_scene = path.to_string_lossy().starts_with("builtin:");
-            if is_scene {
-                return Err(no(path, reason!("scene", "it is a scene: a hologram is first solved of it")));
+            if path.to_string_lossy().starts_with("builtin:") {
+                return no(reason!("scene", "it is a scene: a hologram is first solved of it"));
             }
             let with_ending = path.with_added_extension("zarr");
             if with_ending.join(GROUP).exists() {
-                return Err(no(path, reason!("nothing-there", "nothing is there; {} is one", with_ending.display())));
+                return no(reason!("nothing-there", "nothing is there; {} is one", with_ending.display()));
             }
             return Err(FileError::read(path, e).into());
         }
         // A hologram is a folder.
         if path.file_name().is_some_and(|name| name == GROUP) {
             let whole = path.parent().unwrap_or(path).display();
-            return Err(no(
-                path,
-                reason!("file-of-a-hologram", "it is one file of a hologram: give its folder {whole}"),
-            ));
+            return no(reason!("file-of-a-hologram", "it is one file of a hologram: give its folder {whole}"));
         }
         // What are no phases lacks more than optics.
         let phases = load_phases(path, self.unit).map_err(|error| match only_hologram_in(path) {
             Some(inside) => {
-                no(path, reason!("folder-of-a-hologram", "it is a folder that holds one: {}", inside.display()))
+                none(path, reason!("folder-of-a-hologram", "it is a folder that holds one: {}", inside.display()))
             }
             None => error,
         })?;
         let missing = || HologramError::NoOptics { path: path.display().to_string() };
-        let optics = self.bare.as_ref().ok_or_else(missing)?;
-        match optics {
+        match self.bare.as_ref().ok_or_else(missing)? {
             BareOptics::Display(display) => phases.on(display, self.color),
             BareOptics::Values { pitch, focal_length, geometry, wavelengths } => {
                 phases.with_optics(*pitch, *focal_length, *geometry, wavelengths)
@@ -182,6 +172,66 @@ fn only_hologram_in(folder: &Path) -> Option<PathBuf> {
     holograms.next().filter(|_| holograms.next().is_none())
 }
 
-fn no(path: &Path, reason: Reason) -> HologramError {
-    HologramError::NotAHologram { path: path.display().to_string(), reason }
+/// How far a sequence, or a hologram in tiles, is that is not finished.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
+pub struct Unfinished {
+    /// So many are done,
+    pub done: u64,
+    /// of so many; none where its file does not say.
+    pub total: Option<u64>,
+    /// What is counted: `holograms` of a sequence, `visits` to the regions of one in tiles.
+    pub unit: &'static str,
+}
+
+impl fmt::Display for Unfinished {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let of = self.total.map_or_else(String::new, |total| format!(" of {total}"));
+        write!(f, "{}{of} {} are done", self.done, self.unit)
+    }
+}
+
+impl Unfinished {
+    /// What is at `path`, if it is not finished; bare phases are.
+    ///
+    /// # Errors
+    /// Those of [`Tiles::open`] and [`Sequence::open`].
+    pub fn at(path: &Path) -> Result<Option<Self>, HologramError> {
+        if Phases::are_at(path) {
+            return Ok(None);
+        }
+        if Sequence::is_at(path) {
+            return Ok(Sequence::open_quietly(path)?.unfinished());
+        }
+        if Tiles::is_tiled(path) { Ok(Tiles::open(path)?.unfinished()) } else { Ok(None) }
+    }
+
+    pub(super) fn refuse(self, path: &Path) -> HologramError {
+        HologramError::Unfinished { path: path.display().to_string(), how_far: self }
+    }
+}
+
+impl Tiles {
+    /// How far it is; none where it is finished.
+    pub fn unfinished(&self) -> Option<Unfinished> {
+        self.made().map(|made| Unfinished { done: made.done, total: made.total, unit: "visits" })
+    }
+}
+
+impl PhaseSource<'_> {
+    /// How far a hologram in tiles is; none where it is finished.
+    pub fn unfinished(&self) -> Option<Unfinished> {
+        match self {
+            Self::Whole(_) => None,
+            Self::Tiled(tiles) => tiles.unfinished(),
+        }
+    }
+}
+
+impl Sequence {
+    /// How far it is; none where it is finished.
+    pub fn unfinished(&mut self) -> Option<Unfinished> {
+        let how_far = Unfinished { done: self.count(), total: self.planned(), unit: "holograms" };
+        (!self.is_complete()).then_some(how_far)
+    }
 }

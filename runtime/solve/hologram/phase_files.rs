@@ -4,15 +4,13 @@
 //! radians. Their names give color and sub-frame (`green-00.png`, `0-00.png`), or a running number alone (`phase_000.png`): the
 //! sub-frames of one color, or of red, green and blue where the pictures have colors.
 
-use super::chunks::read_whole;
-use super::exchange::none;
+use super::chunks::{none, read_whole};
 use super::{HologramError, PhaseUnit, Phases};
 use crate::files::{FileError, FileKind, Folder, NpyArray, Pixels, Samples, Wanted, read_pixels};
 use crate::memory;
 use crate::optics::{Color, phase_of_level};
 use crate::scene::natural;
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::fs;
@@ -21,6 +19,7 @@ use std::path::{Path, PathBuf};
 /// What decides what numbers mean.
 const UNITS: &str =
     "say what its numbers are with `phase_unit`: rad, turns, deg, or how many levels are a turn, such as 256";
+const JPEG: &str = "it is a JPEG picture, which changes levels: save phases as PNG, BMP or TIFF";
 /// Turns beyond which numbers are hardly radians: levels, degrees.
 const MANY_TURNS: f32 = 8.0;
 /// The list in a folder of encoded video frames.
@@ -86,15 +85,9 @@ fn of_array(path: &Path, unit: Option<PhaseUnit>) -> Result<Phases, HologramErro
         let index = index_of(&shape, at);
         let reason =
             reason!("not-finite", "has {} at index {index:?}: every value must be a finite float32", values[at]);
-        return Err(FileError::content(path, reason).into());
+        return Err(content(path, reason));
     }
-    let unit = match unit {
-        Some(unit) => unit,
-        None => match doubt(&values, !array.kind.starts_with('f')) {
-            Some(found) => return Err(HologramError::doubtful(path, found, UNITS)),
-            None => PhaseUnit::Radians,
-        },
-    };
+    let unit = unit_of(path, &values, unit, !array.kind.starts_with('f'))?;
     let wrap = |part: &[f32]| (None, part.iter().map(|&p| unit.radians(p)).collect());
     let colors = values.chunks(frames * height * width).map(wrap).collect();
     Ok(Phases { file: path.into(), frames, height, width, colors })
@@ -132,6 +125,15 @@ pub(super) fn far_outside(values: &[f32]) -> Option<Reason> {
     let [low, high] = ends(values);
     let far = low.abs().max(high.abs()) > MANY_TURNS * TAU as f32;
     far.then(|| reason!("not-radians", "its values go from {low} to {high}, far outside a turn in radians"))
+}
+
+/// The unit that is stated for numbers, or radians if they may well be that.
+fn unit_of(file: &Path, values: &[f32], unit: Option<PhaseUnit>, integers: bool) -> Result<PhaseUnit, HologramError> {
+    match unit {
+        Some(unit) => Ok(unit),
+        None => doubt(values, integers)
+            .map_or(Ok(PhaseUnit::Radians), |found| Err(HologramError::doubtful(file, found, UNITS))),
+    }
 }
 
 /// Why numbers may not be radians.
@@ -202,10 +204,7 @@ fn refuse(folder: &Path, names: &[String]) -> HologramError {
     const FORMS: &str = "pictures of phases are called green-00.png, 0-00.png or phase_000.png (PNG, BMP, TIFF or PGM)";
     let first = names.iter().map(|name| folder.join(name)).find(|path| path.is_file());
     match first.and_then(|first| Some((FileKind::of(&first).ok()?, first))) {
-        Some((FileKind::Jpeg, first)) => {
-            let reason = reason!("jpeg", "it is a JPEG picture, which changes levels: save phases as PNG, BMP or TIFF");
-            FileError::content(&first, reason).into()
-        }
+        Some((FileKind::Jpeg, first)) => content(&first, Reason::new("jpeg", JPEG)),
         Some((kind, first)) if !matches!(kind, FileKind::Text | FileKind::Unknown | FileKind::Empty) => {
             none(folder, reason!("no-pictures", "its first file, {}, is {}: {FORMS}", first.display(), kind.describe()))
         }
@@ -270,19 +269,13 @@ fn of_named(folder: &Path, names: &[String], unit: Option<PhaseUnit>) -> Result<
         for frame in 0..frames {
             let Some(name) = pictures.get(&frame) else {
                 let color = color.map_or_else(|| number.to_string(), |c| c.to_string());
-                return Err(none(
-                    folder,
-                    reason!("missing-sub-frame", "{color}-{frame:02}.png is missing of {frames} sub-frames a colour"),
-                ));
+                let what = format!("{color}-{frame:02}.png is missing of {frames} sub-frames a colour");
+                return Err(none(folder, Reason::new("missing-sub-frame", what)));
             };
             let file = folder.join(name);
             let levels = levels(&file, &mut size)?;
             if levels.has_color {
-                return Err(FileError::content(
-                    &file,
-                    reason!("colors", "has colors: its name says that it is of one"),
-                )
-                .into());
+                return Err(content(&file, reason!("colors", "has colors: its name says that it is of one")));
             }
             phases.extend(levels.channel(0, unit, &file)?);
         }
@@ -299,11 +292,7 @@ fn of_pictures(place: &Path, files: &[PathBuf], unit: Option<PhaseUnit>) -> Resu
     let pictures = files.iter().map(read).collect::<Result<Vec<_>, HologramError>>()?;
     let has_color = pictures.iter().any(|(levels, _)| levels.has_color);
     if let Some((_, file)) = pictures.iter().find(|(levels, _)| has_color && levels.channels < 3) {
-        return Err(FileError::content(
-            file,
-            reason!("gray-and-colors", "is gray, and others have colors: give one kind"),
-        )
-        .into());
+        return Err(content(file, reason!("gray-and-colors", "is gray, and others have colors: give one kind")));
     }
     // A picture by itself may be called green-00.png.
     let color = match files {
@@ -333,16 +322,13 @@ struct Levels {
 /// Reads a picture, which must have the `size` of those before it.
 fn levels(file: &Path, size: &mut Option<[usize; 2]>) -> Result<Levels, HologramError> {
     if FileKind::of(file).map_err(|e| FileError::read(file, e))? == FileKind::Jpeg {
-        let reason = reason!("jpeg", "it is a JPEG picture, which changes levels: save phases as PNG, BMP or TIFF");
-        return Err(FileError::content(file, reason).into());
+        return Err(content(file, Reason::new("jpeg", JPEG)));
     }
     let picture = read_pixels(file, Wanted::Phases, MOST_PIXELS)?;
     let [h, w] = *size.get_or_insert([picture.height, picture.width]);
     if [h, w] != [picture.height, picture.width] {
-        return Err(none(
-            file,
-            reason!("size", "it is {}x{} pixels, the others {h}x{w}", picture.height, picture.width),
-        ));
+        let reason = reason!("size", "it is {}x{} pixels, the others {h}x{w}", picture.height, picture.width);
+        return Err(none(file, reason));
     }
     let Pixels { channels, .. } = picture;
     let has_alpha = picture.has_alpha();
@@ -352,11 +338,8 @@ fn levels(file: &Path, size: &mut Option<[usize; 2]>) -> Result<Levels, Hologram
         Samples::F32(v) => survey(v, channels, 1.0),
     };
     if has_alpha && !opaque {
-        return Err(FileError::content(
-            file,
-            reason!("not-opaque", "has pixels that are not opaque: save phases without transparency"),
-        )
-        .into());
+        let what = "has pixels that are not opaque: save phases without transparency";
+        return Err(content(file, Reason::new("not-opaque", what)));
     }
     Ok(Levels { channels, has_color: picture.has_color() && !gray, samples: picture.samples })
 }
@@ -371,20 +354,18 @@ fn survey<T: PartialEq + Copy>(values: &[T], channels: usize, full: T) -> (bool,
 impl Levels {
     /// The phases of one channel, radians.
     fn channel(&self, channel: usize, unit: Option<PhaseUnit>, file: &Path) -> Result<Vec<f32>, HologramError> {
-        let step = |from: usize| (from + channel..).step_by(self.channels);
         let (values, turn): (Vec<f32>, f64) = match &self.samples {
-            Samples::U8(v) => (step(0).map_while(|i| v.get(i)).map(|v| f32::from(*v)).collect(), 256.0),
-            Samples::U16(v) => (step(0).map_while(|i| v.get(i)).map(|v| f32::from(*v)).collect(), 65536.0),
+            Samples::U8(v) => (v.iter().skip(channel).step_by(self.channels).map(|v| f32::from(*v)).collect(), 256.0),
+            Samples::U16(v) => {
+                (v.iter().skip(channel).step_by(self.channels).map(|v| f32::from(*v)).collect(), 65536.0)
+            }
             Samples::F32(v) => {
-                let values: Vec<f32> = step(0).map_while(|i| v.get(i)).copied().collect();
+                let values: Vec<f32> = v.iter().skip(channel).step_by(self.channels).copied().collect();
                 if let Some(bad) = values.iter().find(|v| !v.is_finite()) {
                     let reason = reason!("not-finite", "has the value {bad}: every value must be a finite float32");
-                    return Err(FileError::content(file, reason).into());
+                    return Err(content(file, reason));
                 }
-                let unit = match (unit, doubt(&values, false)) {
-                    (None, Some(found)) => return Err(HologramError::doubtful(file, found, UNITS)),
-                    (unit, _) => unit.unwrap_or(PhaseUnit::Radians),
-                };
+                let unit = unit_of(file, &values, unit, false)?;
                 return Ok(values.into_iter().map(|v| unit.radians(v)).collect());
             }
         };
@@ -403,6 +384,11 @@ impl Levels {
         let eight = turn == 256.0;
         Ok(values.into_iter().map(|v| if eight { phase_of_level(v as u8) } else { unit.radians(v) }).collect())
     }
+}
+
+/// What is wrong in a file of phases.
+fn content(file: &Path, reason: Reason) -> HologramError {
+    FileError::content(file, reason).into()
 }
 
 impl HologramError {

@@ -134,7 +134,7 @@ fn a_whole_hologram_is_the_old_or_the_new() {
 fn tiles_are_the_old_or_the_new() {
     replaced(tiles, |place| Ok(of_all(&Hologram::load(place)?)));
     replaced(tiles, |place| {
-        let PhaseSource::Tiled(tiles) = PhaseSource::open(place, None)? else { panic!("not in tiles") };
+        let PhaseSource::Tiled(tiles) = PhaseSource::open(place)? else { panic!("not in tiles") };
         let read = |color, at| tiles.read(color, at, [4, 8]);
         let parts = [read(0, [0, 0])?, read(1, [0, 0])?, read(2, [4, 0])?, read(0, [4, 0])?];
         Ok(only(parts.into_iter().flatten()))

@@ -1,16 +1,15 @@
 //! Reading a sequence of holograms, one at a time, while it may still grow.
 
 use super::chunks::{
-    ARRAY, GROUP, check_is_one, check_memory, chunk_name, damaged, open_folder, read_document, read_whole, unreadable,
+    ARRAY, GROUP, check_memory, chunk_name, damaged, none, open_folder, read_chunk, read_document, read_whole,
+    unreadable,
 };
 use super::document::{self, SequenceAttributes};
 use super::newest::NewestHologram;
-use super::{Hologram, HologramError, foreign};
+use super::{Hologram, HologramError};
 use crate::files::Folder;
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use std::fmt::Write as _;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// A sequence of holograms of one shape, or a single hologram as a sequence of one.
@@ -61,15 +60,9 @@ impl Sequence {
 
     fn open_in(folder: &Folder) -> Result<Self, HologramError> {
         let path = folder.path();
-        let no = |reason| HologramError::NotAHologram { path: path.display().to_string(), reason };
-        foreign::check_version(folder)?;
-        check_is_one(folder)?;
         let file = path.join(GROUP);
-        let group = read_document(folder, GROUP)?;
-        let (mut about, sequence) =
-            document::read_any_group(&group).map_err(|e| foreign::of_group(folder, &group, e))?;
-        about.metadata.read_at(path);
-        if sequence.is_none() && !document::is_sealed(&group) {
+        let (mut about, sequence, sealed) = Hologram::describe(folder)?;
+        if sequence.is_none() && !sealed {
             return Ok(Self::single(path, Hologram::load_from(folder)?));
         }
         let array = path.join(ARRAY);
@@ -81,25 +74,19 @@ impl Sequence {
                     document::read_array(&read_document(folder, ARRAY)?, true).map_err(|e| damaged(&array, e))?;
                 let document::Array { shape, side, .. } = read;
                 if side.is_some() {
-                    return Err(no(reason!("tiles", "it is stored in tiles, and cannot be streamed: export it first")));
+                    let reason = reason!("tiles", "it is stored in tiles, and cannot be streamed: export it first");
+                    return Err(none(path, reason));
                 }
                 SequenceAttributes { rate: [1, 1], shape, planned: Some(1) }
             }
         };
-        let [colors, frames, height, width] = attributes.shape;
-        (about.frames, about.height, about.width) = (frames, height, width);
-        if colors != about.colors.len() || colors == 0 || frames == 0 {
+        if !about.fits(attributes.shape) {
             let (shape, described) = (attributes.shape, about.colors.len());
-            return Err(damaged(
-                &file,
-                reason!("shape", "its shape is {shape:?}, and it describes {described} colours"),
-            ));
+            let reason = reason!("shape", "its shape is {shape:?}, and it describes {described} colours");
+            return Err(damaged(&file, reason));
         }
-        for i in 0..colors {
-            let file = file.display().to_string();
-            about.optics(i).map_err(|source| HologramError::FileOptics { file, source })?;
-        }
-        check_memory(path, &[colors, frames, height, width])?;
+        about.take_shape(path, attributes.shape)?;
+        check_memory(path, &attributes.shape)?;
         let mut opened = Self {
             path: path.to_path_buf(),
             about,
@@ -132,7 +119,7 @@ impl Sequence {
     }
 
     fn in_memory(path: &Path, mut about: Hologram, phases: Phases) -> Self {
-        let shape = [about.colors.len(), about.frames, about.height, about.width];
+        let shape = about.shape();
         about.colors.iter_mut().for_each(|c| c.phases = Vec::new());
         Self {
             path: path.to_path_buf(),
@@ -281,7 +268,7 @@ impl Sequence {
             )));
         }
         if !self.single {
-            return self.with_file(index, |folder, name| read_checked(folder, name, phases)).map(|()| 0);
+            return self.with_file(index, |folder, name| read_chunk(folder, name, true, phases)).map(|()| 0);
         }
         let [_, frames, height, width] = self.attributes.shape;
         let each = frames * height * width;
@@ -298,7 +285,7 @@ impl Sequence {
             }
             Phases::In(folder) => {
                 for (i, part) in phases.chunks_exact_mut(height * width).enumerate() {
-                    read_checked(folder, &chunk_name(i / frames, i % frames), part)?;
+                    read_chunk(folder, &chunk_name(i / frames, i % frames), true, part)?;
                 }
             }
         }
@@ -311,9 +298,11 @@ impl Sequence {
     /// Those of [`read_into`](Self::read_into), and for an `index` that there is not.
     pub fn load(&mut self, index: u64) -> Result<Hologram, HologramError> {
         if index >= self.count {
-            let (path, last) = (self.path.display().to_string(), self.count.saturating_sub(1));
-            let reason = reason!("no-such-hologram", "it has no hologram {index}: its last is {last}");
-            return Err(HologramError::NotAHologram { path, reason });
+            let last = self.count.saturating_sub(1);
+            return Err(none(
+                &self.path,
+                reason!("no-such-hologram", "it has no hologram {index}: its last is {last}"),
+            ));
         }
         // As long as it must be, before memory is taken for it.
         if !self.single && !self.is_whole(index) {
@@ -374,26 +363,4 @@ pub(super) fn sequence_chunk(name: &mut String, index: u64) {
     name.clear();
     // Writing to a string does not fail.
     let _ = write!(name, "phases/c/{index}/0/0/0/0");
-}
-
-/// Values, then the sum of their bytes.
-fn read_checked(folder: &Folder, name: &str, values: &mut [f32]) -> Result<(), HologramError> {
-    let unreadable = |e| unreadable(folder, name, e);
-    let damaged = |reason| damaged(&folder.path().join(name), reason);
-    let mut opened = folder.file(name).map_err(unreadable)?;
-    let (length, expected) = (opened.metadata().map_err(unreadable)?.len(), 4 * values.len() as u64 + 4);
-    if length != expected {
-        return Err(damaged(reason!("length", "it is {length} bytes long, not {expected}")));
-    }
-    let bytes: &mut [u8] = bytemuck::cast_slice_mut(values);
-    let mut sum = [0; 4];
-    opened.read_exact(bytes).and_then(|()| opened.read_exact(&mut sum)).map_err(unreadable)?;
-    let (stated, found) = (u32::from_le_bytes(sum), crc32c::crc32c(bytes));
-    if stated != found {
-        return Err(damaged(reason!("checksum", "its checksum is {found:08x}, and it states {stated:08x}")));
-    }
-    if cfg!(target_endian = "big") {
-        values.iter_mut().for_each(|v| *v = f32::from_bits(v.to_bits().swap_bytes()));
-    }
-    Ok(())
 }

@@ -288,7 +288,7 @@ fn mutated_files_are_an_answer_or_an_error() {
         }
         // Half of the documents are sealed again, so that what they say is believed.
         if file < 2 && below(2) == 0 {
-            bytes = document::resealed(bytes);
+            bytes = document::tests::resealed(bytes);
         }
         fs::write(&files[file], &bytes).unwrap();
         if let Ok(mut sequence) = Sequence::open(&path) {

@@ -1,7 +1,7 @@
 //! Where phases are: in memory, in tiles on the disk, or in a sequence.
 
 use super::tiles::Tiles;
-use super::{Hologram, HologramError, Sequence};
+use super::{Hologram, HologramError, Metadata, Sequence};
 use crate::optics::{Obstruction, OpticsError, Prescription};
 use eyebox_base::error::Reason;
 use std::borrow::Cow;
@@ -18,19 +18,26 @@ pub enum PhaseSource<'a> {
 }
 
 impl PhaseSource<'_> {
-    /// The same on an ideal display lit by a laser on the axis, whatever the one that it was solved for does to the light.
-    pub fn on_ideal_display(self) -> Self {
+    /// The same, described otherwise.
+    fn described(self, change: impl FnOnce(&mut Metadata)) -> Self {
         match self {
             Self::Whole(hologram) => {
                 let mut hologram = hologram.into_owned();
-                hologram.metadata.model.clear();
-                hologram.metadata.source.clear();
-                hologram.metadata.mask = None;
-                hologram.metadata.picture = Default::default();
+                change(&mut hologram.metadata);
                 hologram.into()
             }
-            Self::Tiled(tiles) => Self::Tiled(Arc::new(tiles.on_ideal_display())),
+            Self::Tiled(tiles) => Self::Tiled(Arc::new(tiles.described(change))),
         }
+    }
+
+    /// The same on an ideal display lit by a laser on the axis, whatever the one that it was solved for does to the light.
+    pub fn on_ideal_display(self) -> Self {
+        self.described(|metadata| {
+            metadata.model.clear();
+            metadata.source.clear();
+            metadata.mask = None;
+            metadata.picture = Default::default();
+        })
     }
 
     /// The same as another eye sees it, or a perfect one.
@@ -38,45 +45,36 @@ impl PhaseSource<'_> {
     /// # Errors
     /// [`HologramError::Optics`] for a hologram in tiles, unless the eye is perfect.
     pub fn seen_by(self, eye: Option<Prescription>) -> Result<Self, HologramError> {
+        let eye = eye.filter(|eye| !eye.is_perfect());
         match self {
-            Self::Whole(hologram) => {
-                let mut hologram = hologram.into_owned();
-                hologram.metadata.prescription = eye.filter(|eye| !eye.is_perfect());
-                Ok(hologram.into())
-            }
-            Self::Tiled(_) if eye.is_some_and(|eye| !eye.is_perfect()) => {
+            Self::Tiled(_) if eye.is_some() => {
                 let reason = "a hologram in tiles is looked at by a perfect eye only";
                 Err(OpticsError::Prescription { reason: Reason::new("eye-of-tiles", reason) }.into())
             }
-            tiled @ Self::Tiled(_) => Ok(tiled),
+            Self::Tiled(_) => Ok(self),
+            Self::Whole(_) => Ok(self.described(|metadata| metadata.prescription = eye)),
         }
     }
 
     /// The same as an eye sees it with an obstruction in its pupil, or with a clear one.
     #[must_use]
     pub fn obstructed(self, obstruction: Option<Obstruction>) -> Self {
-        match self {
-            // A copy of all phases is not needed.
-            same if same.about().metadata.obstruction == obstruction => same,
-            Self::Whole(hologram) => {
-                let mut hologram = hologram.into_owned();
-                hologram.metadata.obstruction = obstruction;
-                hologram.into()
-            }
-            Self::Tiled(tiles) => Self::Tiled(Arc::new(tiles.obstructed(obstruction))),
+        // A copy of all phases is not needed.
+        if self.about().metadata.obstruction == obstruction {
+            return self;
         }
+        self.described(|metadata| metadata.obstruction = obstruction)
     }
 
-    /// The hologram at `path`, or hologram `at` of a sequence.
+    /// The hologram at `path`.
     ///
     /// # Errors
-    /// [`HologramError::NotAHologram`] for a sequence without `at` and an `at` that it does not have;
-    /// [`HologramError::Damaged`]; [`HologramError::File`].
-    pub fn open(path: &Path, at: Option<u64>) -> Result<Self, HologramError> {
-        if at.is_none() && Tiles::is_tiled(path) {
+    /// [`HologramError::NotAHologram`] for a sequence; [`HologramError::Damaged`]; [`HologramError::File`].
+    pub fn open(path: &Path) -> Result<Self, HologramError> {
+        if Tiles::is_tiled(path) {
             return Ok(Self::Tiled(Arc::new(Tiles::open(path)?)));
         }
-        Ok(Hologram::load_at(path, at)?.into())
+        Ok(Hologram::load(path)?.into())
     }
 
     /// Everything but the phases, which may be missing here.

@@ -1,16 +1,16 @@
 //! The hologram's own file: a Zarr v3 folder.
 
 use super::chunks::{
-    ARRAY, GROUP, check_is_one, check_length, check_memory, chunk_name, damaged, draft, read_chunk, read_document,
-    read_whole, write_chunk,
+    ARRAY, GROUP, check_is_one, check_length, check_memory, chunk_name, damaged, draft, is_hologram, none, read_chunk,
+    read_document, read_whole, write_chunk,
 };
+use super::document::SequenceAttributes;
 use super::phase_files::far_outside;
 use super::tiles::Tiles;
 use super::{Hologram, HologramError, document, foreign, save_phases};
 use crate::files::Folder;
 use crate::optics::wrap_phase;
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use std::path::Path;
 
 impl Hologram {
@@ -33,10 +33,9 @@ impl Hologram {
     }
 
     fn save_zarr(&self, path: &Path) -> Result<(), HologramError> {
-        let draft = draft(path)?;
+        let draft = draft(path, is_hologram)?;
         draft.write(GROUP, |out| out.write_all(&document::group_at(path, self, None)))?;
-        let shape = [self.colors.len(), self.frames, self.height, self.width];
-        draft.write(ARRAY, |out| out.write_all(&document::array(shape, None)))?;
+        draft.write(ARRAY, |out| out.write_all(&document::array(self.shape(), None)))?;
         for color in 0..self.colors.len() {
             for frame in 0..self.frames {
                 draft.write(&chunk_name(color, frame), |out| write_chunk(out, self.frame(color, frame)))?;
@@ -55,19 +54,38 @@ impl Hologram {
         read_whole(path, Self::load_from)
     }
 
-    pub(super) fn load_from(folder: &Folder) -> Result<Self, HologramError> {
-        let path = folder.path();
-        let no = |reason| HologramError::NotAHologram { path: path.display().to_string(), reason };
+    /// Reads what the group's document of a folder says: a hologram without phases, what it says of a sequence, and whether it is sealed.
+    pub(super) fn describe(folder: &Folder) -> Result<(Self, Option<SequenceAttributes>, bool), HologramError> {
         foreign::check_version(folder)?;
         check_is_one(folder)?;
         let group = read_document(folder, GROUP)?;
-        let sealed = document::is_sealed(&group);
-        let (mut hologram, sequence) =
+        let (mut about, sequence) =
             document::read_any_group(&group).map_err(|e| foreign::of_group(folder, &group, e))?;
-        if sequence.is_some() {
-            return Err(no(Reason::new("is-a-sequence", document::IS_SEQUENCE)));
+        about.metadata.read_at(folder.path());
+        Ok((about, sequence, document::is_sealed(&group)))
+    }
+
+    /// Takes the sizes that the array of the folder at `path` has, and refuses optics that cannot be with them.
+    pub(super) fn take_shape(&mut self, path: &Path, shape: [usize; 4]) -> Result<(), HologramError> {
+        [_, self.frames, self.height, self.width] = shape;
+        for i in 0..self.colors.len() {
+            let file = path.join(GROUP).display().to_string();
+            self.optics(i).map_err(|source| HologramError::FileOptics { file, source })?;
         }
-        hologram.metadata.read_at(path);
+        Ok(())
+    }
+
+    /// Whether its colours are those of an array of this shape, which is not empty.
+    pub(super) fn fits(&self, [colors, frames, ..]: [usize; 4]) -> bool {
+        colors == self.colors.len() && colors > 0 && frames > 0
+    }
+
+    pub(super) fn load_from(folder: &Folder) -> Result<Self, HologramError> {
+        let path = folder.path();
+        let (mut hologram, sequence, sealed) = Self::describe(folder)?;
+        if sequence.is_some() {
+            return Err(none(path, Reason::new("is-a-sequence", document::IS_SEQUENCE)));
+        }
         let file = path.join(ARRAY);
         let described = read_document(folder, ARRAY)?;
         let array = document::read_array(&described, sealed);
@@ -87,19 +105,12 @@ impl Hologram {
             let tiles = Tiles::of_folder(folder)?;
             return tiles.unfinished().map_or_else(|| tiles.into_hologram(), |how_far| Err(how_far.refuse(path)));
         }
-        let [colors, frames, height, width] = shape;
-        if colors != hologram.colors.len() || colors == 0 || frames == 0 {
+        if !hologram.fits(shape) {
             let described = hologram.colors.len();
-            return Err(damaged(
-                &file,
-                reason!("shape", "its shape is {shape:?}, and zarr.json describes {described} colours"),
-            ));
+            let reason = reason!("shape", "its shape is {shape:?}, and zarr.json describes {described} colours");
+            return Err(damaged(&file, reason));
         }
-        (hologram.frames, hologram.height, hologram.width) = (frames, height, width);
-        for i in 0..colors {
-            let file = path.join(GROUP).display().to_string();
-            hologram.optics(i).map_err(|source| HologramError::FileOptics { file, source })?;
-        }
+        hologram.take_shape(path, shape)?;
         // Optics bound the size of a frame; that all chunks are there, and as long as they must be, is known before
         // memory is taken for any, so that a lying shape costs nothing.
         if let Some(stored) = foreign {
@@ -109,11 +120,12 @@ impl Hologram {
         } else {
             hologram.read_chunks(folder, summed)?;
         }
-        hologram.check().map_err(|e| if sealed { damaged(path, Reason::of(&e)) } else { no(Reason::of(&e)) })?;
+        let wrong = if sealed { damaged } else { none };
+        hologram.check().map_err(|e| wrong(path, Reason::of(&e)))?;
         if !sealed {
             for c in &mut hologram.colors {
                 if let Some(found) = far_outside(&c.phases) {
-                    return Err(no(reason!("no-radians", "{found}: its phases must be radians")));
+                    return Err(none(path, reason!("no-radians", "{found}: its phases must be radians")));
                 }
                 c.phases.iter_mut().for_each(|p| *p = wrap_phase(*p));
             }
@@ -129,11 +141,11 @@ impl Hologram {
                 check_length(folder, &chunk_name(color, frame), pixels, summed)?;
             }
         }
-        check_memory(folder.path(), &[self.colors.len(), frames, self.height, self.width])?;
+        check_memory(folder.path(), &self.shape())?;
         for (color, c) in self.colors.iter_mut().enumerate() {
-            c.phases.reserve_exact(frames * pixels);
-            for frame in 0..frames {
-                read_chunk(folder, &chunk_name(color, frame), pixels, summed, &mut c.phases)?;
+            c.phases = vec![0.0; frames * pixels];
+            for (frame, phases) in c.phases.chunks_exact_mut(pixels).enumerate() {
+                read_chunk(folder, &chunk_name(color, frame), summed, phases)?;
             }
         }
         Ok(())

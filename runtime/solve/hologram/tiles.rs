@@ -10,20 +10,18 @@
 
 mod around;
 mod versions;
-mod whole;
 
 pub use versions::TileVersion;
 
 use super::chunks::{
-    ARRAY, GROUP, LOCK, check_is_one, check_memory, chunk_file, damaged, draft, is_staged, lock, open_folder,
-    read_document, read_tile, read_whole, unreadable, unwritable, write_chunk,
+    ARRAY, GROUP, LOCK, check_is_one, check_length, check_memory, chunk_file, damaged, draft, is_hologram, is_staged,
+    lock, none, open_folder, read_document, read_tile, read_whole, unreadable, unwritable, write_chunk,
 };
 use super::{Hologram, HologramError, Metadata, document};
 use crate::files::{Folder, Kind};
 use crate::optics::{Geometry, wrap_phase};
 use crate::plan::ModelTables;
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -111,13 +109,12 @@ impl Tiles {
             side = side.div_ceil(2);
         }
         let made = Made { done: 0, job, total: Some(total), pending: Vec::new() };
-        let draft = draft(path)?;
-        let shape = [about.colors.len(), about.frames, about.height, about.width];
+        let draft = draft(path, is_hologram)?;
         for i in 0..about.colors.len() {
             about.optics(i).map_err(|e| HologramError::Inconsistent(Reason::of(&e)))?;
         }
         draft.write(GROUP, |out| out.write_all(&document::group_at(path, about, None)))?;
-        draft.write(ARRAY, |out| out.write_all(&document::array(shape, Some(side))))?;
+        draft.write(ARRAY, |out| out.write_all(&document::array(about.shape(), Some(side))))?;
         draft.write(PROGRESS, |out| out.write_all(&to_json(&made)))?;
         draft.put()?;
         Self::resume(path)
@@ -162,29 +159,18 @@ impl Tiles {
         let file = path.join(ARRAY);
         let array = document::read_array(&read_document(folder, ARRAY)?, true).map_err(|e| damaged(&file, e))?;
         let (shape, Some(side)) = (array.shape, array.side) else {
-            let (path, reason) = (path.display().to_string(), reason!("not-tiles", "it is not stored in tiles"));
-            return Err(HologramError::NotAHologram { path, reason });
+            return Err(none(path, reason!("not-tiles", "it is not stored in tiles")));
         };
-        let [colors, frames, height, width] = shape;
-        if colors != about.colors.len() || colors == 0 || frames == 0 {
+        if !about.fits(shape) {
             return Err(damaged(&file, reason!("shape", "its shape is {shape:?}, not that of zarr.json")));
         }
         if about.geometry != Geometry::FarField {
-            return Err(damaged(
-                &file,
-                reason!(
-                    "tiles-of-a-relay",
-                    "its shape is that of tiles, which hold far fields, and zarr.json is a relay's"
-                ),
-            ));
+            let what = "its shape is that of tiles, which hold far fields, and zarr.json is a relay's";
+            return Err(damaged(&file, Reason::new("tiles-of-a-relay", what)));
         }
-        (about.frames, about.height, about.width) = (frames, height, width);
         // A tile is held as a whole.
-        check_memory(path, &[frames, side, side])?;
-        for i in 0..colors {
-            let file = path.join(GROUP).display().to_string();
-            about.optics(i).map_err(|source| HologramError::FileOptics { file, source })?;
-        }
+        check_memory(path, &[shape[1], side, side])?;
+        about.take_shape(path, shape)?;
         let made = if folder.has(PROGRESS) {
             let made = document::read_sealed(&read_document(folder, PROGRESS)?);
             let made = made.and_then(|value| Made::deserialize(value).map_err(|e| Reason::new("progress", e)));
@@ -276,6 +262,19 @@ impl Tiles {
         Ok(out)
     }
 
+    /// All of it in memory; that every tile of a finished one is there, and as long as it must be, is known before any is read.
+    pub(super) fn into_hologram(self) -> Result<Hologram, HologramError> {
+        let values = self.about.frames * self.side * self.side;
+        for place in self.all_places().filter(|_| self.made.is_none()) {
+            check_length(&self.folder, &self.name(place), values, true)?;
+        }
+        let mut hologram = self.about.clone();
+        for (color, of) in hologram.colors.iter_mut().enumerate() {
+            of.phases = self.read(color, [0, 0], [self.about.height, self.about.width])?;
+        }
+        Ok(hologram)
+    }
+
     /// Replaces the phases of a rectangle of whole tiles, and the progress with them: both or neither, whenever it is cut
     /// off. `phases` is (frames, rows, columns).
     ///
@@ -293,9 +292,7 @@ impl Tiles {
         phases: &[f32],
     ) -> Result<(), HologramError> {
         self.locked()?;
-        let [rows, columns] = self.range(at, size);
-        let pending: Vec<[usize; 3]> =
-            rows.flat_map(|row| columns.clone().map(move |column| [color, row, column])).collect();
+        let pending: Vec<[usize; 3]> = self.places(color, at, size).collect();
         self.folder.make(STAGED).map_err(|e| unwritable(&self.folder, STAGED, e))?;
         pending.par_iter().try_for_each(|&[color, row, column]| {
             let tile = self.cut(at, size, phases, [row, column]);
@@ -320,29 +317,24 @@ impl Tiles {
             )));
         }
         let about = Hologram { metadata: metadata.clone(), ..self.about.clone() };
-        let draft = draft(path)?;
-        let shape = [about.colors.len(), about.frames, about.height, about.width];
+        let draft = draft(path, is_hologram)?;
         draft.write(GROUP, |out| out.write_all(&document::group_at(path, &about, None)))?;
-        draft.write(ARRAY, |out| out.write_all(&document::array(shape, Some(self.side))))?;
-        let [rows, columns] = self.range([0, 0], [about.height, about.width]);
-        for color in 0..about.colors.len() {
-            for (row, column) in rows.clone().flat_map(|r| columns.clone().map(move |c| (r, c))) {
-                let name = self.name([color, row, column]);
-                let corner = [row, column].map(|i| i * self.side);
-                let over = |p: &&Patch| {
-                    p.color == color && (0..2).all(|k| (p.at[k]..p.at[k] + p.size[k]).contains(&corner[k]))
-                };
-                match patches.iter().find(over) {
-                    Some(patch) => {
-                        let tile = self.cut(patch.at, patch.size, &patch.phases, [row, column]);
-                        draft.write(&name, |out| write_chunk(out, &tile))?;
-                        self.written.fetch_add(4 * tile.len() as u64 + 4, Relaxed);
-                    }
-                    None => {
-                        let mut from = self.folder.file(&name).map_err(|e| unreadable(&self.folder, &name, e))?;
-                        let copied = |out: &mut dyn std::io::Write| std::io::copy(&mut from, out).map(|_| ());
-                        draft.write(&name, copied)?;
-                    }
+        draft.write(ARRAY, |out| out.write_all(&document::array(about.shape(), Some(self.side))))?;
+        for place @ [color, row, column] in self.all_places() {
+            let name = self.name(place);
+            let corner = [row, column].map(|i| i * self.side);
+            let over =
+                |p: &&Patch| p.color == color && (0..2).all(|k| (p.at[k]..p.at[k] + p.size[k]).contains(&corner[k]));
+            match patches.iter().find(over) {
+                Some(patch) => {
+                    let tile = self.cut(patch.at, patch.size, &patch.phases, [row, column]);
+                    draft.write(&name, |out| write_chunk(out, &tile))?;
+                    self.written.fetch_add(4 * tile.len() as u64 + 4, Relaxed);
+                }
+                None => {
+                    let mut from = self.folder.file(&name).map_err(|e| unreadable(&self.folder, &name, e))?;
+                    let copied = |out: &mut dyn std::io::Write| std::io::copy(&mut from, out).map(|_| ());
+                    draft.write(&name, copied)?;
                 }
             }
         }
@@ -471,6 +463,18 @@ impl Tiles {
 
     fn name(&self, [color, row, column]: [usize; 3]) -> String {
         chunk_file(color, 0, row, column)
+    }
+
+    /// (colour, row, column) of the tiles that a rectangle touches.
+    fn places(&self, color: usize, at: [usize; 2], size: [usize; 2]) -> impl Iterator<Item = [usize; 3]> {
+        let [rows, columns] = self.range(at, size);
+        rows.flat_map(move |row| columns.clone().map(move |column| [color, row, column]))
+    }
+
+    /// Those of all tiles.
+    fn all_places(&self) -> impl Iterator<Item = [usize; 3]> {
+        let size = [self.about.height, self.about.width];
+        (0..self.about.colors.len()).flat_map(move |color| self.places(color, [0, 0], size))
     }
 
     /// Rows and columns of the tiles that a rectangle touches.

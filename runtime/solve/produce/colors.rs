@@ -1,15 +1,16 @@
-//! Every colour of a hologram.
+//! Every colour of a hologram, one after the other or all at once.
 
 use super::{ProduceError, SceneEvent};
 use crate::engine::{Engine, Memory};
+use crate::hologram::{ColorHologram, Hologram, Metadata};
 use crate::memory;
-use crate::optics::Color;
+use crate::optics::{Color, Display, JointColor, Laser, OpticsError, Padding, reference_of};
 use crate::quality::{Reference, Subject};
-use crate::scene::SceneError;
-use crate::solve::{Flow, Progress, Settings, Solution};
+use crate::scene::{LightField, SceneError};
+use crate::solve::{Flow, JointProblem, JointSolution, Progress, Settings, Solution, solve_joint};
 
 /// Refuses a colour that takes more than there is, by the count of a plan.
-pub(super) fn check_memory(subject: &Subject, settings: &Settings, memory: Memory) -> Result<(), ProduceError> {
+fn check_memory(subject: &Subject, settings: &Settings, memory: Memory) -> Result<(), ProduceError> {
     let bytes = subject.cost(settings, memory)?.bytes();
     let what = || format!("{} sub-frames of {} x {}", settings.frames, subject.display.height, subject.display.width);
     let remedy = "take fewer `frames`, `views` or `pupils`, or a smaller `size`";
@@ -20,9 +21,6 @@ pub(super) fn check_memory(subject: &Subject, settings: &Settings, memory: Memor
 /// get one step each, so that the hologram is whole.
 ///
 /// Where the settings [reduce](Settings::reduces) the problem, each solution is scored against all of it.
-///
-/// # Errors
-/// [`ProduceError`].
 pub fn solve_colors(
     subject: &Subject,
     colors: &[Color],
@@ -48,4 +46,73 @@ pub fn solve_colors(
         solved.push((color, solution));
     }
     Ok(solved)
+}
+
+/// Solves all colours at once (OPTICS 13), as `settings.joint` says, with every pixel, view and sub-frame of the subject, with
+/// the exposures that each colour's scene asks for. Returns the colours, each with the phases that it has of the shared drives,
+/// and how they are shown.
+pub fn solve_joint_colors(
+    subject: &Subject,
+    colors: &[Color],
+    settings: &Settings,
+    engine: &mut dyn Engine,
+    observe: &mut dyn FnMut(&SceneEvent) -> Flow,
+) -> Result<(Vec<(Color, Solution)>, JointColor), ProduceError> {
+    let settings = &settings.for_joint_colors();
+    let mut problems = Vec::with_capacity(colors.len());
+    for &color in colors {
+        let subject = Subject { color, ..subject.clone() };
+        check_memory(&subject, settings, engine.memory())?;
+        problems.push(subject.prepare(settings)?.problem);
+    }
+    let slopes = subject.display.slopes(colors);
+    let problem = JointProblem { colors: &problems, slopes: &slopes, exposures: None, powers: None };
+    let reference = reference_of(slopes.iter().copied()).unwrap_or(0);
+    let mut stepped =
+        |progress: &Progress| observe(&SceneEvent::Step { hologram: 0, color: colors[reference], progress });
+    let JointSolution { colors: solutions, powers } = solve_joint(&problem, settings, None, engine, &mut stepped)?;
+    let lasers = colors.iter().zip(&slopes).zip(powers);
+    let lasers = lasers.map(|((color, slope), powers)| (*color, Laser { slope: *slope, powers })).collect();
+    let solutions: Vec<_> = colors.iter().copied().zip(solutions).collect();
+    for (color, solution) in &solutions {
+        observe(&SceneEvent::Solved { hologram: 0, color: *color, solution });
+    }
+    Ok((solutions, JointColor { lasers }))
+}
+
+impl Hologram {
+    /// The hologram of solved colours of a scene on a display, and how it was made.
+    ///
+    /// # Errors
+    /// A colour that the display does not have.
+    pub fn from_solutions(
+        field: &LightField,
+        display: &Display,
+        settings: &Settings,
+        padding: Padding,
+        solutions: &[(Color, Solution)],
+    ) -> Result<Self, OpticsError> {
+        let color = |(color, s): &(Color, Solution)| {
+            let wavelength = display.optics(*color)?.wavelength;
+            let Solution { exposure, efficiency, .. } = *s;
+            Ok(ColorHologram { color: Some(*color), wavelength, exposure, efficiency, phases: s.phases.clone() })
+        };
+        let (views, cell) = field.own_views(display);
+        let colors = solutions.iter().map(color).collect::<Result<_, _>>()?;
+        let on_display = Self::on(display, settings.frames, colors);
+        Ok(Self {
+            seed: settings.seed,
+            version: env!("CARGO_PKG_VERSION").into(),
+            scene: field.name.clone(),
+            metadata: Metadata {
+                solve: Some(settings.clone()),
+                padded: Some([padding.rows, padding.columns]),
+                views: Some(views),
+                view_pitch_mm: Some(cell * 1e3),
+                eyebox_mm: Some(display.eyebox_min() * 1e3),
+                ..on_display.metadata
+            },
+            ..on_display
+        })
+    }
 }

@@ -1,9 +1,8 @@
 //! The driver: one hologram, a sequence or tiles, as the job says.
 
 use super::ProduceError;
-use super::colors::solve_colors;
+use super::colors::{solve_colors, solve_joint_colors};
 use super::job::{SceneEvent, SceneJob, warn_of_aliasing};
-use super::joint::solve_joint_colors;
 use super::sequence::{self, SolvedSequence};
 use super::tiles::{self, SolvedTiles};
 use crate::engine::{Engine, Memory};
@@ -100,7 +99,9 @@ pub fn solve_scene(
             Ok(SceneSolution::Tiles(Box::new(tiles::solve(job, tiles, out, engine, observe)?)))
         }
         (1, None) => {
-            let solved = one(job, engine, observe)?;
+            // Before the scene is loaded, which takes long where it is large.
+            check_job(job, engine)?;
+            let solved = solve_field(job, job.load(0)?, job.record(0)?, engine, observe)?;
             if let Some(out) = out {
                 solved.hologram.save(out)?;
             }
@@ -117,17 +118,6 @@ pub fn solve_scene(
     }
 }
 
-/// One hologram.
-fn one(
-    job: &SceneJob,
-    engine: &mut dyn Engine,
-    observe: &mut dyn FnMut(&SceneEvent) -> Flow,
-) -> Result<SolvedHologram, ProduceError> {
-    // Before the scene is loaded, which takes long where it is large.
-    check_job(job, engine)?;
-    solve_field(job, job.load(0)?, job.record(0)?, engine, observe)
-}
-
 fn check_job(job: &SceneJob, engine: &dyn Engine) -> Result<(), ProduceError> {
     let display = job.display;
     if engine.memory() != Memory::Device {
@@ -140,9 +130,6 @@ fn check_job(job: &SceneJob, engine: &dyn Engine) -> Result<(), ProduceError> {
 
 /// Solves a light field that is in memory and has the size of the display's pictures, as [`solve_scene`] solves a single scene; the job's own
 /// scenes are not looked at. The hologram stays in memory.
-///
-/// # Errors
-/// [`ProduceError`].
 pub fn solve_light_field(
     job: &SceneJob,
     field: LightField,
@@ -183,7 +170,7 @@ fn solve_field(
     settings.check()?;
     observe(&SceneEvent::Planned { field: &field, views, plan: &plan, settings: &settings });
     let (solutions, joint_color) = if settings.joint.is_some() {
-        let (solutions, joint) = solve_joint_colors(&subject, &plan.colors, &settings, None, engine, observe)?;
+        let (solutions, joint) = solve_joint_colors(&subject, &plan.colors, &settings, engine, observe)?;
         (solutions, Some(joint))
     } else {
         (solve_colors(&subject, &plan.colors, &settings, engine, observe)?, None)

@@ -3,7 +3,8 @@
 use super::ProduceError;
 use crate::hologram::{Metadata, SceneRecord, Start};
 use crate::optics::{Color, Display, check_usual_diameters};
-use crate::scene::{self, LightField, Near, Order, Request, ViewSynthesis};
+use crate::reconstruction::SceneReading;
+use crate::scene::{self, LightField, Request, ViewSynthesis};
 use crate::solve::{Full, PlanRequest, Progress, PupilRange, ScenePlan, Settings, Solution};
 use crate::tiled::{self, RegionSize};
 use eyebox_base::error::Reason;
@@ -18,26 +19,14 @@ pub struct SceneJob<'a> {
     pub display: &'a Display,
     /// Which of its colours.
     pub colors: Vec<Color>,
-    /// Distance of neighbouring views in the pupil plane, millimetres, instead of what the scene says.
-    pub view_pitch_mm: Option<f64>,
-    /// Views per axis of scenes that are rendered or reprojected; none for 9, or as many as a depth map's range needs.
-    pub views: Option<usize>,
-    /// The depth maps of pictures, as [`scene::depth_maps`] takes them.
-    pub depth_maps: Vec<PathBuf>,
-    /// Which values of a depth map are near; none for what its file tells.
-    pub near: Option<Near>,
-    /// Depths that matter, metres; of a depth map, those that its values reach; none for what the scene says.
-    pub depth: Option<[f64; 2]>,
-    /// How the views of folders really stand; none for what the folders say.
-    pub order: Option<Order>,
-    /// Of which views photographs of folders are made.
-    pub photographs: ViewSynthesis,
+    /// How the scenes are read.
+    pub reading: SceneReading,
     /// Pupil diameters drawn, metres; none for what fits the eyebox.
     pub diameter: Option<[f64; 2]>,
     /// Take a display and diameters as they are that look like a mistake: a unit taken for another, rows and columns exchanged,
     /// pupils that no eye has or that do not fit the eyebox.
     pub force: bool,
-    /// Everything else that decides the solve. `depth` and `diameter` above take the place of its own; its `seconds` are
+    /// Everything else that decides the solve. The reading's depth and `diameter` above take the place of its own; its `seconds` are
     /// shared by the colours.
     pub settings: Settings,
     /// Parts of the model that are kept whatever the scene requires.
@@ -179,13 +168,7 @@ impl<'a> SceneJob<'a> {
             scenes: vec![scene.into()],
             display,
             colors: display.wavelengths.iter().map(|w| w.color).collect(),
-            view_pitch_mm: None,
-            views: None,
-            depth_maps: Vec::new(),
-            near: None,
-            depth: None,
-            order: None,
-            photographs: ViewSynthesis::Auto,
+            reading: SceneReading::default(),
             diameter: None,
             force: false,
             settings: Settings::default(),
@@ -221,19 +204,7 @@ impl<'a> SceneJob<'a> {
 
     /// What is loaded of its scenes; the map is that of one of them.
     pub fn request<'r>(&'r self, depth_map: Option<&'r Path>) -> Request<'r> {
-        let default = Request::new(self.display, &self.colors);
-        Request {
-            view_pitch: self.view_pitch_mm.map(|mm| mm * 1e-3),
-            views: self.views.unwrap_or(default.views),
-            more_views: self.views.is_none(),
-            depth_map,
-            near: self.near,
-            depth: self.depth,
-            order: self.order,
-            force: self.force,
-            photographs: self.photographs,
-            ..default
-        }
+        self.reading.request(self.display, &self.colors, depth_map, self.force)
     }
 
     /// Loads one of its scenes.
@@ -241,7 +212,7 @@ impl<'a> SceneJob<'a> {
     /// # Errors
     /// Those of [`scene::load`] and of [`scene::depth_maps`].
     pub fn load(&self, index: usize) -> Result<LightField, ProduceError> {
-        let maps = scene::depth_maps(&self.scenes, &self.depth_maps)?;
+        let maps = scene::depth_maps(&self.scenes, &self.reading.depth_maps)?;
         Ok(scene::load(&self.scenes[index], &self.request(maps.get(index).map(PathBuf::as_path)))?)
     }
 
@@ -250,18 +221,18 @@ impl<'a> SceneJob<'a> {
     /// # Errors
     /// Those of [`scene::digest`] and of [`scene::depth_maps`].
     pub fn record(&self, index: usize) -> Result<SceneRecord, ProduceError> {
-        let maps = scene::depth_maps(&self.scenes, &self.depth_maps)?;
+        let maps = scene::depth_maps(&self.scenes, &self.reading.depth_maps)?;
         Ok(SceneRecord::of_source(&self.scenes[index], maps.get(index).map(PathBuf::as_path))?)
     }
 
     /// Keeps with a hologram what was stated of how its scene is read.
     pub(super) fn describe_reading(&self, metadata: &mut Metadata) {
-        metadata.order = self.order;
-        metadata.photographs = Some(self.photographs).filter(|how| *how != ViewSynthesis::Auto);
-        metadata.near = self.near;
-        if !self.depth_maps.is_empty() {
+        metadata.order = self.reading.order;
+        metadata.photographs = self.reading.photographs.filter(|how| *how != ViewSynthesis::Auto);
+        metadata.near = self.reading.near;
+        if !self.reading.depth_maps.is_empty() {
             // In the order of the map's values, which the range of depths does not keep.
-            metadata.depth_map_mm = self.depth.map(|both| both.map(|meters| meters * 1e3));
+            metadata.depth_map_mm = self.reading.depth.map(|both| both.map(|meters| meters * 1e3));
         }
     }
 
@@ -272,8 +243,8 @@ impl<'a> SceneJob<'a> {
     pub fn plan(&self, field: &LightField) -> Result<ScenePlan, ProduceError> {
         let diameter = self.diameter.unwrap_or_else(|| PupilRange::usual_diameter(self.display.eyebox_min()));
         let settings = Settings { diameter, ..self.settings.clone() };
-        let Self { depth, full, contrast, .. } = *self;
-        let request = PlanRequest { settings: &settings, depth, full, contrast };
+        let Self { full, contrast, .. } = *self;
+        let request = PlanRequest { settings: &settings, depth: self.reading.depth, full, contrast };
         let mut plan = ScenePlan::new(field, self.display, &request)?;
         // Colours that are solved together need no share of it each.
         let turns = if self.settings.joint.is_some() { 1 } else { plan.colors.len() };

@@ -7,22 +7,76 @@
 
 mod colors;
 mod driver;
-mod error;
-mod from_solutions;
 mod job;
-mod joint;
 mod refinement;
 mod sequence;
 mod settings_text;
 mod tile_pieces;
 mod tiles;
 
-pub use colors::solve_colors;
+pub use colors::{solve_colors, solve_joint_colors};
 pub use driver::{SceneSolution, SolvedHologram, solve_light_field, solve_scene};
-pub use error::ProduceError;
 pub use job::{SceneEvent, SceneJob, SequenceRequest, TilesPlan, TilesRequest};
-pub use joint::{JointColors, solve_joint_colors};
 pub use refinement::Refinement;
 pub use sequence::{SequencePieces, SolvedSequence};
 pub use tile_pieces::TilePieces;
-pub use tiles::{SolvedTiles, is_larger_than_memory, load_around, plan_tiles};
+pub use tiles::{SolvedTiles, is_larger_than_memory, plan_tiles};
+
+use crate::engine::EngineError;
+use crate::evaluate::EvaluateError;
+use crate::hologram::HologramError;
+use crate::optics::{Color, OpticsError};
+use crate::quality::QualityError;
+use crate::reconstruction::ReconstructionError;
+use crate::scene::SceneError;
+use crate::solve::SolveError;
+use crate::tiled::TiledError;
+use eyebox_base::error::Reason;
+
+/// Why a job failed.
+#[derive(Debug, thiserror::Error, serde::Serialize)]
+#[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum ProduceError {
+    /// The display, a colour that it does not have, or a pupil outside of its eyebox.
+    #[error(transparent)]
+    Optics(#[from] OpticsError),
+    /// The scene.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The engine.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// The solve.
+    #[error(transparent)]
+    Solve(#[from] SolveError),
+    /// The solve with reduced settings, or its score.
+    #[error(transparent)]
+    Quality(#[from] QualityError),
+    /// The hologram's file.
+    #[error(transparent)]
+    Hologram(#[from] HologramError),
+    /// The comparison.
+    #[error(transparent)]
+    Evaluate(#[from] EvaluateError),
+    /// The solve in tiles.
+    #[error(transparent)]
+    Tiled(#[from] TiledError),
+    /// The solve ended where its numbers did.
+    #[error("{color}: a loss was no finite number at step {step}: take smaller gains or rates, or storage = \"fp32\"")]
+    NotFinite {
+        /// The colour.
+        color: Color,
+        /// The step, from 1.
+        step: usize,
+    },
+    /// A job that contradicts itself.
+    #[error("{0}")]
+    Job(Reason),
+}
+
+impl From<ReconstructionError> for ProduceError {
+    fn from(error: ReconstructionError) -> Self {
+        error.unwrapped()
+    }
+}

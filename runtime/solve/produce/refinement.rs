@@ -12,17 +12,10 @@ use crate::solve::{
 /// All colours of a hologram under refinement, each on an engine of its own.
 pub struct Refinement {
     hologram: Hologram,
-    refiners: Refiners,
-    /// The best state of each color that has phases of its own, or of all together, since the pupil was set.
+    /// Each colour with phases of its own, or all of them with the drives that they share.
+    refined: Vec<Box<dyn Refinable + Send>>,
+    /// The best state of each of these since the pupil was set.
     best: Vec<BestKeeper>,
-}
-
-/// Who refines it.
-enum Refiners {
-    /// Each colour its own phases,
-    Apart(Vec<Refiner>),
-    /// or all of them the drives that they share.
-    Together(Box<JointRefiner>),
 }
 
 impl Hologram {
@@ -58,77 +51,49 @@ impl Hologram {
         mut open: impl FnMut() -> Result<Box<dyn Engine>, EngineError>,
     ) -> Result<Refinement, ProduceError> {
         let problems = self.problems(field)?;
-        if let Some(parts) = self.joint_parts(problems.clone()) {
-            let drives = self.sent_phases().swap_remove(0);
-            let refiner = JointRefiner::new(parts, &drives, steering, open)?;
-            drop(drives);
-            return Ok(Refinement::new(self, Refiners::Together(Box::new(refiner))));
-        }
-        let begin = |(problem, color): (Problem, &ColorHologram)| {
-            Ok(Refiner::new(problem, &color.phases, color.exposure, steering, open()?)?)
+        let mut begin =
+            |(problem, color): (Problem, &ColorHologram)| -> Result<Box<dyn Refinable + Send>, ProduceError> {
+                Ok(Box::new(Refiner::new(problem, &color.phases, color.exposure, steering, open()?)?))
+            };
+        let refined = match self.joint_parts(problems.clone()) {
+            Some(parts) => vec![Box::new(JointRefiner::new(parts, &self.sent_phases()[0], steering, open)?) as _],
+            None => problems.into_iter().zip(&self.colors).map(&mut begin).collect::<Result<_, _>>()?,
         };
-        let refiners = problems.into_iter().zip(&self.colors).map(begin).collect::<Result<_, ProduceError>>()?;
-        Ok(Refinement::new(self, Refiners::Apart(refiners)))
+        Ok(Refinement { hologram: self, refined, best: Vec::new() })
     }
 }
 
 impl Refinement {
-    fn new(hologram: Hologram, refiners: Refiners) -> Self {
-        Self { hologram, refiners, best: Vec::new() }
-    }
-
     /// The pupil is there from now on, as far as is known.
-    ///
-    /// # Errors
-    /// Those of the engines.
     pub fn set_pupil(&mut self, pupil: PupilDistribution) -> Result<(), EngineError> {
         self.best.clear();
-        match &mut self.refiners {
-            Refiners::Apart(refiners) => refiners.iter_mut().try_for_each(|r| r.aim(pupil)),
-            Refiners::Together(refiner) => refiner.aim(pupil),
-        }
+        self.refined.iter_mut().try_for_each(|refined| refined.aim(pupil))
     }
 
     /// One step of every colour. Returns the mean loss: squared difference in linear light over the pupils of the step; not
     /// finite where no step was taken.
-    ///
-    /// # Errors
-    /// Those of the engines.
     pub fn step(&mut self) -> Result<f64, EngineError> {
-        let refiners = match &mut self.refiners {
-            Refiners::Apart(refiners) => refiners,
-            Refiners::Together(refiner) => return refiner.step(),
-        };
-        let losses = refiners.iter_mut().map(Refiner::step).collect::<Result<Vec<_>, _>>()?;
+        let losses = self.refined.iter_mut().map(|refined| refined.step()).collect::<Result<Vec<_>, _>>()?;
         Ok(losses.iter().sum::<f64>() / losses.len().max(1) as f64)
     }
 
     /// Takes at most `steps` steps for the pupil that was set and judges each; [`best`](Self::best) has the best state. Ends earlier
     /// if `observe` stops it or if a loss is not a finite number. Returns the last loss and the number of steps.
-    ///
-    /// # Errors
-    /// Those of the engines.
     pub fn refine(
         &mut self,
         steps: usize,
         observe: &mut dyn FnMut(RefinedStep) -> Flow,
     ) -> Result<(f64, usize), EngineError> {
-        let mut refined: Vec<&mut dyn Refinable> = match &mut self.refiners {
-            Refiners::Apart(refiners) => refiners.iter_mut().map(|refiner| refiner as _).collect(),
-            Refiners::Together(refiner) => vec![refiner.as_mut()],
-        };
         if self.best.is_empty() {
-            self.best = refined.iter().map(|refined| BestKeeper::new(refined.aimed_at().middle())).collect();
+            self.best = self.refined.iter().map(|refined| BestKeeper::new(refined.aimed_at().middle())).collect();
         }
-        let mut parts: Vec<_> = refined.iter_mut().map(|refined| &mut **refined).zip(&mut self.best).collect();
+        let each = self.refined.iter_mut().map(|refined| refined.as_mut() as &mut dyn Refinable);
+        let mut parts: Vec<_> = each.zip(&mut self.best).collect();
         refine(&mut parts, steps, observe)
     }
 
     /// The hologram in the best state that [`refine`](Self::refine) found since the pupil was set; as it is now if `refine` was not
     /// called.
-    ///
-    /// # Errors
-    /// Those of the engines.
     pub fn best(&mut self) -> Result<&Hologram, EngineError> {
         self.hologram()?;
         let states = self.best.iter().filter_map(BestKeeper::best).flat_map(|best| &best.phases);
@@ -139,24 +104,17 @@ impl Refinement {
     }
 
     /// The hologram as it is now.
-    ///
-    /// # Errors
-    /// Those of the engines.
     pub fn hologram(&mut self) -> Result<&Hologram, EngineError> {
-        match &mut self.refiners {
-            Refiners::Apart(refiners) => {
-                for (color, refiner) in self.hologram.colors.iter_mut().zip(refiners) {
-                    color.phases = refiner.phases()?;
-                    if let Some(name) = color.color {
-                        self.hologram.metadata.sources.light_only(name, refiner.sources());
-                    }
-                }
-            }
-            Refiners::Together(refiner) => {
-                let colors = self.hologram.colors.iter_mut().zip(refiner.phases());
-                colors.for_each(|(color, phases)| color.phases.clone_from(phases));
+        let mut states = Vec::new();
+        for refined in &mut self.refined {
+            states.append(&mut refined.state()?);
+        }
+        for (color, refined) in self.hologram.colors.iter().zip(&self.refined) {
+            if let (Some(name), Some(lit)) = (color.color, refined.lit()) {
+                self.hologram.metadata.sources.light_only(name, lit);
             }
         }
+        self.hologram.colors.iter_mut().zip(states).for_each(|(color, phases)| color.phases = phases);
         Ok(&self.hologram)
     }
 }

@@ -9,8 +9,7 @@ use crate::hologram::{
 use crate::optics::{Color, Display, Padding};
 use crate::scene::LightField;
 use crate::solve::{Flow, Levels, Problem, Progress, Settings, Solution, Warm, solve_from};
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -100,7 +99,13 @@ impl SequencePieces {
     /// [`ProduceError::Job`] for a sequence whose holograms begin where the one before ended; those of
     /// [`solve_scene`](super::solve_scene).
     pub fn new(job: &SceneJob, out: &Path) -> Result<Self, ProduceError> {
-        check_pieces(job)?;
+        job.check_usual()?;
+        job.check_one_by_one()?;
+        if job.sequence.start != Start::Cold || job.scenes.is_empty() {
+            let reason =
+                "pieces are of a sequence of one scene or more whose holograms begin cold, none where another ended";
+            return Err(ProduceError::Job(Reason::new("pieces-begin-cold", reason)));
+        }
         let common = Common::new(job, &job.load(0)?)?;
         Ok(Self { common, out: out.to_path_buf(), parts: OnceLock::new() })
     }
@@ -164,17 +169,6 @@ fn check_scene(job: &SceneJob, out: &Path, about: &Hologram, index: usize) -> Re
     Err(HologramError::OtherSequence { path: out.display().to_string(), reason }.into())
 }
 
-fn check_pieces(job: &SceneJob) -> Result<(), ProduceError> {
-    job.check_usual()?;
-    job.check_one_by_one()?;
-    if job.sequence.start != Start::Cold || job.scenes.is_empty() {
-        let reason =
-            "pieces are of a sequence of one scene or more whose holograms begin cold, none where another ended";
-        return Err(ProduceError::Job(Reason::new("pieces-begin-cold", reason)));
-    }
-    Ok(())
-}
-
 /// What comes of a hologram: it, and its solutions.
 type Made = Option<(Hologram, Vec<(Color, Solution)>)>;
 
@@ -194,7 +188,7 @@ impl Common {
         let padding = plan.padding;
         let color = |&color: &Color| {
             let wavelength = job.display.optics(color)?.wavelength;
-            Ok(ColorHologram { color: Some(color), wavelength, exposure: 1.0, efficiency: 1.0, phases: Vec::new() })
+            Ok(ColorHologram::bare(Some(color), wavelength, Vec::new()))
         };
         let mut like = Hologram::from_solutions(first, &display, &settings, padding, &[])?;
         like.colors = job.colors.iter().map(color).collect::<Result<_, ProduceError>>()?;
@@ -227,31 +221,13 @@ impl Common {
         engine: &mut dyn Engine,
         observe: &mut dyn FnMut(&SceneEvent) -> Flow,
     ) -> Result<Made, ProduceError> {
-        let Some(solutions) = self.frame(job, index, &field, before, engine, observe)? else { return Ok(None) };
-        let mut hologram = Hologram::from_solutions(&field, &self.display, &self.settings, self.padding, &solutions)?;
-        for (c, b) in hologram.colors.iter_mut().zip(before.iter().flat_map(|b| &b.colors)) {
-            (c.exposure, c.efficiency) = (b.exposure, b.efficiency);
-        }
-        Ok(Some((hologram, solutions)))
-    }
-
-    /// All colours of one frame; none where it was asked to stop.
-    fn frame(
-        &self,
-        job: &SceneJob,
-        index: usize,
-        field: &LightField,
-        before: Option<&Hologram>,
-        engine: &mut dyn Engine,
-        observe: &mut dyn FnMut(&SceneEvent) -> Flow,
-    ) -> Result<Option<Vec<(Color, Solution)>>, ProduceError> {
-        let depth = field.depths(job.display, job.depth)?;
+        let depth = field.depths(job.display, job.reading.depth)?;
         let mut solutions = Vec::with_capacity(job.colors.len());
         if index == 0 {
-            warn_of_aliasing(field, job.display, &Settings { depth, ..self.settings.clone() });
+            warn_of_aliasing(&field, job.display, &Settings { depth, ..self.settings.clone() });
         }
         for (i, &color) in job.colors.iter().enumerate() {
-            let problem = Problem::new(field, color, &self.display, self.padding)?;
+            let problem = Problem::new(&field, color, &self.display, self.padding)?;
             let of_before = before.map(|b| &b.colors[i]);
             // One exposure for all frames, that of the first: lasers do not change from frame to frame.
             let efficiency = of_before.map(|b| (problem.mean / b.exposure).min(1.0)).filter(|e| *e > 0.0);
@@ -274,33 +250,16 @@ impl Common {
             }
             solutions.push((color, solution));
         }
-        Ok(Some(solutions))
-    }
-}
-
-/// Every file below a folder, by its name.
-#[cfg(test)]
-pub(super) fn contents(folder: &Path) -> std::collections::BTreeMap<PathBuf, Vec<u8>> {
-    let mut found = std::collections::BTreeMap::new();
-    let mut left = vec![folder.to_path_buf()];
-    while let Some(at) = left.pop() {
-        for entry in std::fs::read_dir(&at).unwrap() {
-            let path = entry.unwrap().path();
-            match path.is_dir() {
-                true => left.push(path),
-                false => {
-                    let name = path.strip_prefix(folder).unwrap().to_path_buf();
-                    found.insert(name, std::fs::read(&path).unwrap());
-                }
-            }
+        let mut hologram = Hologram::from_solutions(&field, &self.display, &self.settings, self.padding, &solutions)?;
+        for (c, b) in hologram.colors.iter_mut().zip(before.iter().flat_map(|b| &b.colors)) {
+            (c.exposure, c.efficiency) = (b.exposure, b.efficiency);
         }
+        Ok(Some((hologram, solutions)))
     }
-    found
 }
 
 #[cfg(test)]
-mod tests {
-    use super::contents;
+pub mod tests {
     use crate::engine::{self, Choice};
     use crate::files::FileError;
     use crate::hologram::{HologramError, Sequence, SequenceParts, Start};
@@ -309,7 +268,8 @@ mod tests {
         ProduceError, SceneEvent, SceneJob, SceneSolution, SequencePieces, SolvedSequence, solve_scene,
     };
     use crate::solve::{Flow, Settings};
-    use std::path::Path;
+    use std::collections::BTreeMap;
+    use std::path::{Path, PathBuf};
 
     fn solved(out: &Path, observe: &mut dyn FnMut(&SceneEvent) -> Flow) -> Result<(), ProduceError> {
         let display = Display { height: 24, width: 24, ..Display::load("paper").unwrap() };
@@ -318,6 +278,25 @@ mod tests {
         job.colors.truncate(1);
         job.settings = Settings { frames: 1, steps: 1, efficiency: Some(0.3), ..Settings::default() };
         solve_scene(&job, Some(out), engine::open(Choice::Cpu).unwrap().as_mut(), observe).map(drop)
+    }
+
+    /// Every file below a folder, by its name.
+    pub(in super::super) fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+        let mut found = BTreeMap::new();
+        let mut left = vec![folder.to_path_buf()];
+        while let Some(at) = left.pop() {
+            for entry in std::fs::read_dir(&at).unwrap() {
+                let path = entry.unwrap().path();
+                match path.is_dir() {
+                    true => left.push(path),
+                    false => {
+                        let name = path.strip_prefix(folder).unwrap().to_path_buf();
+                        found.insert(name, std::fs::read(&path).unwrap());
+                    }
+                }
+            }
+        }
+        found
     }
 
     /// The bytes of one process, by several that solve in any order, one of which dies on the way.

@@ -5,8 +5,7 @@ use crate::engine::Engine;
 use crate::files::overlay;
 use crate::quality::Quality;
 use crate::solve::{FirstPhases, PaddingRule, Settings};
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
@@ -45,7 +44,7 @@ impl SceneJob<'_> {
         self.settings = Settings::deserialize(whole).map_err(|e| wrong(e.to_string().into()))?;
         self.settings.check()?;
         // These two are the job's own, and come before those of the settings.
-        self.depth = given.contains_key("depth").then_some(self.settings.depth);
+        self.reading.depth = given.contains_key("depth").then_some(self.settings.depth);
         self.diameter = given.contains_key("diameter").then_some(self.settings.diameter);
         self.contrast = value(&given, "contrast").map_err(wrong)?;
         self.force = value(&given, "force").map_err(wrong)?.unwrap_or(false);
@@ -74,9 +73,9 @@ mod tests {
         let said = take("steps = 7\nseconds = 2\nviews = 2\ndepth = [-1e-3, 2e-3]\nforce = true").unwrap();
         let Settings { steps, seconds, views, pupils, .. } = said.settings;
         assert_eq!((steps, seconds, views, pupils), (7, Some(2.0), 2, 16));
-        assert_eq!((said.depth, said.diameter, said.force), (Some([-1e-3, 2e-3]), None, true));
+        assert_eq!((said.reading.depth, said.diameter, said.force), (Some([-1e-3, 2e-3]), None, true));
         let fast = take("quality = \"fast\"\npupils = 3").unwrap();
-        assert_eq!((fast.settings.steps, fast.settings.pupils, fast.depth), (40, 3, None));
+        assert_eq!((fast.settings.steps, fast.settings.pupils, fast.reading.depth), (40, 3, None));
         assert_eq!(fast.settings.optimizer, Optimizer::momentum());
         assert_eq!(take("first_phases = \"random\"").unwrap().settings.first_phases, FirstPhases::Random);
         for (text, code, names) in [

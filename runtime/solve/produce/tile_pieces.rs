@@ -183,7 +183,7 @@ mod tests {
     use super::*;
     use crate::engine::cpu::CpuEngine;
     use crate::optics::{Display, ModelOf, ModelTerms};
-    use crate::produce::sequence::contents;
+    use crate::produce::sequence::tests::contents;
     use crate::produce::solve_scene;
     use crate::solve::{Flow, Settings};
 

@@ -9,11 +9,10 @@ use crate::hologram::{ColorHologram, Hologram, Metadata, PhaseSource, SceneRecor
 use crate::optics::{Color, Display, Geometry, Pupil};
 use crate::plan::ModelTables;
 use crate::reconstruction::{HologramScores, SceneSource};
-use crate::scene::{self, Request, ViewSynthesis};
+use crate::scene::{self, ViewSynthesis};
 use crate::solve::{Flow, Settings};
 use crate::tiled::{self, Job, MemoryLimit, RegionSize, Schedule, TiledError};
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::{Reason, reason};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -48,16 +47,6 @@ pub fn is_larger_than_memory(display: &Display, frames: usize) -> bool {
     display.geometry == Geometry::FarField && bytes > TilesRequest::default().memory.0
 }
 
-/// A scene for a far field larger than memory, in pictures of at most `picture` pixels a side: views are made from around each
-/// pupil.
-///
-/// # Errors
-/// Those of loading the scene.
-pub fn load_around(scene: &str, request: &Request, picture: usize) -> Result<Vec<Views>, ProduceError> {
-    let picture = picture.min(request.display.picture_size().0);
-    Ok(Views::of_colors(scene, request, picture)?)
-}
-
 /// What a solve in tiles will do and hold. Its scene is looked at for that, and nothing is written.
 ///
 /// # Errors
@@ -86,26 +75,29 @@ pub(super) fn solve(
     };
     prepared.plan.done = tiles.made().map_or(0, |m| m.done);
     observe(&SceneEvent::Tiles(&prepared.plan));
-    let visits = prepared.plan.visits;
-    let mut pupils = 0;
+    let (visits, mut pupils, mut stopped) = (prepared.plan.visits, 0, false);
     for (i, &color) in colors.iter().enumerate() {
         let part = prepared.job(i, (i * visits) as u64);
         let flow = tiled::solve(&part, &mut tiles, engine, &mut |visit| {
             pupils += visit.pupils;
             observe(&SceneEvent::Visit { color, visit })
         })?;
-        if flow == Flow::Stop && tiles.made().is_some_and(|m| m.done < (colors.len() * visits) as u64) {
-            let (moved, seconds) = (tiles.moved(), start.elapsed().as_secs_f64());
-            let source = PhaseSource::Tiled(Arc::new(tiles));
-            return Ok(SolvedTiles { plan: prepared.plan, source, scores: None, pupils, seconds, moved });
+        stopped = flow == Flow::Stop && tiles.made().is_some_and(|m| m.done < (colors.len() * visits) as u64);
+        if stopped {
+            break;
         }
     }
     let (moved, seconds) = (tiles.moved(), start.elapsed().as_secs_f64());
-    tiles.finish()?;
+    if !stopped {
+        tiles.finish()?;
+    }
     let source = PhaseSource::Tiled(Arc::new(tiles));
     let Prepared { plan, views, .. } = prepared;
-    let scores = source.score(&SceneSource::Around(views), &places(display, &plan.settings), engine)?;
-    Ok(SolvedTiles { plan, source, scores: Some(scores), pupils, seconds, moved })
+    let scores = match stopped {
+        true => None,
+        false => Some(source.score(&SceneSource::Around(views), &places(display, &plan.settings), engine)?),
+    };
+    Ok(SolvedTiles { plan, source, scores, pupils, seconds, moved })
 }
 
 /// A job in tiles before its first visit: its scene, its regions and their order.
@@ -123,17 +115,36 @@ pub(super) struct Prepared {
 impl Prepared {
     pub(super) fn new(job: &SceneJob, request: &TilesRequest) -> Result<Self, ProduceError> {
         let picture = request.picture.min(job.display.picture_size().0);
-        let maps = scene::depth_maps(&job.scenes[..1], &job.depth_maps)?;
+        let maps = scene::depth_maps(&job.scenes[..1], &job.reading.depth_maps)?;
         let views = Views::of_colors(&job.scenes[0], &job.request(maps.first().map(PathBuf::as_path)), picture)?;
         let views: Vec<Views> = views.into_iter().map(Views::once).collect();
-        let models = models(job.display, &job.colors)?;
+        // For the steps of a solve, over the whole SLM.
+        let model = |&color: &Color| {
+            let whole = job.display.optics(color)?;
+            Ok(ModelTables::of(job.display, color, whole, whole).map(|model| model.for_steps()))
+        };
+        let models = job.colors.iter().map(model).collect::<Result<Vec<_>, ProduceError>>()?;
         let (plan, schedule) = plan(job, request, &views, &models)?;
         Ok(Self { views, models, plan, schedule, picture, record: job.record(0)? })
     }
 
     /// Everything that decides a byte of the file.
     pub(super) fn work(&self, job: &SceneJob, request: &TilesRequest, engine: &dyn Engine) -> Value {
-        let mut work = work(job, request, &self.plan, self.picture, engine);
+        let (plan, reading) = (&self.plan, &job.reading);
+        let mut work = json!({
+            "scene": job.scenes[0], "views": [reading.views, Some(self.picture)], "view_pitch": reading.view_pitch_mm,
+            "display": job.display.to_toml(), "colors": job.colors, "settings": plan.settings, "passes": request.passes.max(1),
+            "tile": tile_side(job.display), "region": [plan.region.rows, plan.region.columns], "engine": engine.describe(),
+        });
+        if let Some(map) = reading.depth_maps.first() {
+            work["depth_map"] = json!([map.display().to_string(), reading.depth]);
+        }
+        if let Some(photographs) = reading.photographs.filter(|how| *how != ViewSynthesis::Auto) {
+            work["photographs"] = json!(photographs);
+        }
+        if let Some(near) = reading.near {
+            work["near"] = json!(near);
+        }
         let digest = |file: &Option<FileRecord>| file.as_ref().map(|file| file.digest.clone());
         if let Some(scene) = digest(&self.record.file) {
             work[DIGESTS] = json!([Some(scene), digest(&self.record.depth_map)]);
@@ -150,10 +161,37 @@ impl Prepared {
         work: Value,
         engine: &mut dyn Engine,
     ) -> Result<Tiles, ProduceError> {
-        let (views, models) = (&self.views[..], &self.models[..]);
-        let about = about(job, request, &self.record, views, models, &self.plan.settings, engine)?;
+        let (display, settings) = (job.display, &self.plan.settings);
+        let mut solved = Vec::new();
+        for ((&color, views), model) in job.colors.iter().zip(&self.views).zip(&self.models) {
+            let optics = display.optics(color)?;
+            let (exposure, mean) = tiled::exposure(&optics, views, model.as_deref(), settings, engine)?;
+            let (wavelength, efficiency) = (optics.wavelength, mean / exposure);
+            solved.push(ColorHologram { color: Some(color), wavelength, exposure, efficiency, phases: Vec::new() });
+        }
+        let mut metadata = Metadata {
+            solve: Some(settings.clone()),
+            padded: Some([0, 0]),
+            passes: Some(request.passes.max(1)),
+            eyebox_mm: Some(display.eyebox_min() * 1e3),
+            // What was said of the scene, for those who compare with it.
+            view_pitch_mm: job.reading.view_pitch_mm,
+            views: job.reading.views.map(|views| [views, views]),
+            model: display.model.clone(),
+            viewing: display.viewing,
+            display_file: display.file.clone(),
+            ..Metadata::default()
+        };
+        job.describe_reading(&mut metadata);
+        let mut about = Hologram {
+            seed: settings.seed,
+            version: env!("CARGO_PKG_VERSION").into(),
+            metadata,
+            ..Hologram::on(display, settings.frames, solved)
+        };
+        about.set_scene(&job.scenes[0], self.record.clone());
         let total = (job.colors.len() * self.plan.visits) as u64;
-        Ok(Tiles::create(out, &about, tile_side(job.display), work, total)?)
+        Ok(Tiles::create(out, &about, tile_side(display), work, total)?)
     }
 
     /// The visits of a colour, before which so many of other colours are done.
@@ -203,7 +241,7 @@ fn plan(
         }
         other => other,
     })?;
-    let settings = Settings { diameter, depth: views[0].depths(job.depth)?, ..job.settings.clone() };
+    let settings = Settings { diameter, depth: views[0].depths(job.reading.depth)?, ..job.settings.clone() };
     settings.check()?;
     if !(1..=STEPS).contains(&settings.steps) {
         return Err(ProduceError::Job(reason!(
@@ -217,34 +255,6 @@ fn plan(
     let memory = [request.memory.0, held];
     let views = views[0].in_words();
     Ok((TilesPlan { region, views, visits: schedule.visits.len(), done: 0, settings, memory }, schedule))
-}
-
-/// Everything that decides a byte of the file.
-fn work(job: &SceneJob, request: &TilesRequest, plan: &TilesPlan, picture: usize, engine: &dyn Engine) -> Value {
-    let mut work = json!({
-        "scene": job.scenes[0], "views": [job.views, Some(picture)], "view_pitch": job.view_pitch_mm,
-        "display": job.display.to_toml(), "colors": job.colors, "settings": plan.settings, "passes": request.passes.max(1),
-        "tile": tile_side(job.display), "region": [plan.region.rows, plan.region.columns], "engine": engine.describe(),
-    });
-    if let Some(map) = job.depth_maps.first() {
-        work["depth_map"] = json!([map.display().to_string(), job.depth]);
-    }
-    if job.photographs != ViewSynthesis::Auto {
-        work["photographs"] = json!(job.photographs);
-    }
-    if let Some(near) = job.near {
-        work["near"] = json!(near);
-    }
-    work
-}
-
-/// What the display does to the light of each colour, over the whole SLM, for the steps of a solve.
-fn models(display: &Display, colors: &[Color]) -> Result<Vec<Option<Arc<ModelTables>>>, ProduceError> {
-    let one = |&color: &Color| {
-        let whole = display.optics(color)?;
-        Ok(ModelTables::of(display, color, whole, whole).map(|model| model.for_steps()))
-    };
-    colors.iter().map(one).collect()
 }
 
 /// Tiles: a fraction of a pupil, and files that are neither tiny nor huge.
@@ -273,48 +283,6 @@ pub(super) fn is_under_way(path: &Path, work: &Value) -> Result<bool, ProduceErr
             path.display()
         ))),
     }
-}
-
-/// The hologram without its phases; exposures are chosen here, once.
-fn about(
-    job: &SceneJob,
-    request: &TilesRequest,
-    record: &SceneRecord,
-    views: &[Views],
-    models: &[Option<Arc<ModelTables>>],
-    settings: &Settings,
-    engine: &mut dyn Engine,
-) -> Result<Hologram, ProduceError> {
-    let display = job.display;
-    let mut solved = Vec::new();
-    for ((&color, views), model) in job.colors.iter().zip(views).zip(models) {
-        let optics = display.optics(color)?;
-        let (exposure, mean) = tiled::exposure(&optics, views, model.as_deref(), settings, engine)?;
-        let (wavelength, efficiency) = (optics.wavelength, mean / exposure);
-        solved.push(ColorHologram { color: Some(color), wavelength, exposure, efficiency, phases: Vec::new() });
-    }
-    let mut metadata = Metadata {
-        solve: Some(settings.clone()),
-        padded: Some([0, 0]),
-        passes: Some(request.passes.max(1)),
-        eyebox_mm: Some(display.eyebox_min() * 1e3),
-        // What was said of the scene, for those who compare with it.
-        view_pitch_mm: job.view_pitch_mm,
-        views: job.views.map(|views| [views, views]),
-        model: display.model.clone(),
-        viewing: display.viewing,
-        display_file: display.file.clone(),
-        ..Metadata::default()
-    };
-    job.describe_reading(&mut metadata);
-    let mut hologram = Hologram {
-        seed: settings.seed,
-        version: env!("CARGO_PKG_VERSION").into(),
-        metadata,
-        ..Hologram::on(display, settings.frames, solved)
-    };
-    hologram.set_scene(&job.scenes[0], record.clone());
-    Ok(hologram)
 }
 
 /// Nine places: the middle, the sides and the corners, each pupil wholly inside; diameters and depths run through theirs.

@@ -6,7 +6,7 @@ use crate::engine::{Buffer, Engine};
 use crate::evaluate::{self, Ceiling, JodMetric, Plane, Summary};
 use crate::optics::{Pupil, WindowFactor};
 use crate::plan::{Planner, Purpose, Viewpoint};
-use crate::solve::{Diameters, Levels, Problem, PupilRange, Sampler, Sequence, Settings, ValidationScore, Validator};
+use crate::solve::{Diameters, Levels, Problem, PupilRange, Sampler, Sequence, ValidationScore, Validator};
 use std::sync::Arc;
 
 /// Pupils of a score: random, by the paper's distribution, none of them shown to any solve.
@@ -20,14 +20,12 @@ pub struct Reference {
     unit: f64,
     levels: Levels,
     pixels: usize,
-    pupils: Vec<Pupil>,
+    /// The pupils that it looks through.
+    pub(super) pupils: Vec<Pupil>,
 }
 
 impl Reference {
     /// For this subject; the seed decides the pupils, and is to be another than that of the solves.
-    ///
-    /// # Errors
-    /// [`QualityError`].
     pub fn new(subject: &Subject, seed: u64, engine: &mut dyn Engine) -> Result<Self, QualityError> {
         let problem = Problem::new(subject.field, subject.color, subject.display, subject.required_padding()?)?;
         let mut planner = problem.planner(1, WindowFactor::Full);
@@ -35,8 +33,7 @@ impl Reference {
         if let Some(views) = &mut planner.views {
             views.unit /= unit;
         }
-        let Settings { diameter, depth, .. } = subject.base;
-        let range = PupilRange { eyebox: problem.eyebox, diameter, depth, diameters: Diameters::Uniform };
+        let range = PupilRange { diameters: Diameters::Uniform, ..subject.base.pupil_range(problem.eyebox) };
         // Apart from the pupils that solves draw and validate by, which are of their own seed and its complement.
         let mut sampler = Sampler::new(range, Sequence::Random, seed ^ 0x7265_6665_7265_6e63);
         let pupils: Vec<Pupil> = (0..PUPILS).map(|_| sampler.draw()).collect();
@@ -124,10 +121,5 @@ impl Reference {
         let all: Vec<f64> = self.pupils.iter().zip(photographs).map(of).collect();
         let mean = all.iter().sum::<f64>() / all.len() as f64;
         Ok(mean.is_finite().then(|| [mean, all.iter().copied().fold(mean, f64::min)]))
-    }
-
-    /// The pupils that it looks through.
-    pub fn pupils(&self) -> Vec<Pupil> {
-        self.pupils.clone()
     }
 }

@@ -11,23 +11,48 @@ use std::path::{Path, PathBuf};
 /// Pixels along each axis of the views of a far field larger than memory, at most.
 const PICTURE: usize = 1024;
 
-/// How a scene is read, as far as it is stated; the rest is as the hologram was solved.
+/// How scenes are read, as far as it is stated; of a hologram, the rest is as it was solved.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct SceneReading {
-    /// Views per axis of scenes that are rendered or reprojected.
+    /// Views per axis of scenes that are rendered or reprojected; none for 9, or as many as a depth map's range needs.
     pub views: Option<usize>,
-    /// Distance of neighboring views in the pupil plane, millimeters.
+    /// Distance of neighboring views in the pupil plane, millimeters, instead of what the scene says.
     pub view_pitch_mm: Option<f64>,
-    /// Depth maps, as [`scene::depth_maps`] takes them.
+    /// The depth maps of pictures, as [`scene::depth_maps`] takes them.
     pub depth_maps: Vec<PathBuf>,
-    /// Which values of the depth map are near.
+    /// Which values of a depth map are near; none for what its file tells.
     pub near: Option<Near>,
-    /// Farthest and nearest depth, meters.
+    /// Farthest and nearest depth that matter, meters; of a depth map, those that its values reach.
     pub depth: Option<[f64; 2]>,
-    /// How the views of a folder stand.
+    /// How the views of folders really stand.
     pub order: Option<Order>,
-    /// Of which views photographs are made.
+    /// Of which views photographs of folders are made.
     pub photographs: Option<ViewSynthesis>,
+}
+
+impl SceneReading {
+    /// What is loaded of a scene with this depth map; `force` takes distances as they are that look like a mistake.
+    pub fn request<'a>(
+        &self,
+        display: &'a Display,
+        colors: &'a [Color],
+        depth_map: Option<&'a Path>,
+        force: bool,
+    ) -> Request<'a> {
+        let default = Request::new(display, colors);
+        Request {
+            view_pitch: self.view_pitch_mm.map(|mm| mm * 1e-3),
+            views: self.views.unwrap_or(default.views),
+            more_views: self.views.is_none(),
+            depth_map,
+            near: self.near,
+            depth: self.depth,
+            order: self.order,
+            photographs: self.photographs.unwrap_or_default(),
+            force,
+            ..default
+        }
+    }
 }
 
 /// Which scene is taken, and how it is read.
@@ -93,35 +118,17 @@ impl SolveInput {
 
     /// What is read of it.
     pub fn request(&self) -> Request<'_> {
-        let (default, reading) = (Request::new(&self.display, &self.colors), &self.reading);
-        Request {
-            view_pitch: reading.view_pitch_mm.map(|mm| mm * 1e-3),
-            views: reading.views.unwrap_or(default.views),
-            more_views: reading.views.is_none(),
-            depth_map: self.depth_map.as_deref(),
-            near: reading.near,
-            depth: reading.depth,
-            order: reading.order,
-            photographs: reading.photographs.unwrap_or_default(),
-            force: self.is_as_solved,
-            ..default
-        }
+        self.reading.request(&self.display, &self.colors, self.depth_map.as_deref(), self.is_as_solved)
     }
 
     /// Reads its light field in the hologram's colors, fitted to the hologram's display.
-    ///
-    /// # Errors
-    /// [`SceneError`].
     pub fn light_field(&self) -> Result<LightField, SceneError> {
         scene::load(&self.source, &self.request())
     }
 
     /// Reads it for a far field larger than memory, color by color.
-    ///
-    /// # Errors
-    /// [`SceneError`].
     pub fn around(&self) -> Result<Vec<Views>, SceneError> {
-        Views::of_colors(&self.source, &self.request(), PICTURE.min(self.display.picture_size().0))
+        Views::of_colors(&self.source, &self.request(), PICTURE)
     }
 
     /// Reads it for what a hologram, `tiled` or whole, is compared with; with the farthest and nearest depth that matter,

@@ -3,7 +3,7 @@
 use super::{HologramScores, ReconstructionError, Sampling, SceneSource};
 use crate::engine::Engine;
 use crate::evaluate::{EvaluateError, JodMetric, Judged, Plane, Rgb, lost_picture, rgb};
-use crate::files::{FileError, write_png};
+use crate::files::write_png;
 use crate::hologram::PhaseSource;
 use crate::optics::{Color, Pupil, Viewing};
 use eyebox_base::reason;
@@ -52,11 +52,7 @@ fn picture<'a>(names: &[Option<Color>], planes: &'a [Plane], black: &'a [f32]) -
 }
 
 /// What was found through one pupil: of the whole picture, and where the eye looks; and what should be seen.
-struct JudgedPupil {
-    judged: Judged,
-    there: Option<f64>,
-    wanted: Vec<Plane>,
-}
+type JudgedPupil = (Judged, Option<f64>, Vec<Plane>);
 
 /// Rows and columns around where an eye looks, of a picture of that [rows, columns].
 fn fovea([x, y]: [f64; 2], pixels_per_degree: f64, size: [usize; 2]) -> Result<[Range<usize>; 2], EvaluateError> {
@@ -105,13 +101,14 @@ impl PhaseSource<'_> {
         for (done, place) in settings.places(scores.pupils.len()).into_iter().enumerate() {
             observe(done);
             let pupil = scores.pupils[place].pupil;
-            let Some(found) = self.judge_pupil(scene, &pupil, &scores.exposures, settings, engine)? else {
-                continue;
-            };
-            let JudgedPupil { judged, there, wanted } = found;
+            let found = self.judge_pupil(scene, &pupil, &scores.exposures, settings, engine)?;
+            let Some((judged, there, wanted)) = found else { continue };
             (scores.pupils[place].jod, scores.pupils[place].jod_there) = (Some(judged.jod), there);
             if let Some(folder) = settings.maps {
-                self.write_map(&folder.join(format!("pupil-{place:04}.png")), &judged, &wanted)?;
+                let (rows, columns) = (wanted[0].rows, wanted[0].columns);
+                let black = vec![0.0; rows * columns];
+                let [red, green, blue] = lost_picture(&picture(&self.names(), &wanted, &black), &judged.lost);
+                write_png(&folder.join(format!("pupil-{place:04}.png")), rows, columns, &[&red, &green, &blue])?;
             }
         }
         Ok(())
@@ -165,19 +162,12 @@ impl PhaseSource<'_> {
             }
         };
         let Some(judged) = judge(&metric, &seen, &wanted, rows, columns)? else { return Ok(None) };
-        let Some(gaze) = settings.gaze else { return Ok(Some(JudgedPupil { judged, there: None, wanted })) };
+        let Some(gaze) = settings.gaze else { return Ok(Some((judged, None, wanted))) };
         let [down, along] = fovea(gaze, settings.pixels_per_degree * share, [rows, columns])?;
         let cut = |planes: &Vec<Plane>| planes.iter().map(|plane| cut(plane, &down, &along)).collect();
         let (seen, target): (Vec<Vec<Plane>>, Vec<Plane>) = (seen.iter().map(cut).collect(), cut(&wanted));
         let metric = JodMetric::new(&settings.viewing, settings.pixels_per_degree * share, false)?;
         let there = judge(&metric, &seen, &target, down.len(), along.len())?.map(|there| there.jod);
-        Ok(Some(JudgedPupil { judged, there, wanted }))
-    }
-
-    fn write_map(&self, file: &Path, judged: &Judged, wanted: &[Plane]) -> Result<(), FileError> {
-        let (rows, columns) = (wanted[0].rows, wanted[0].columns);
-        let black = vec![0.0; rows * columns];
-        let [red, green, blue] = lost_picture(&picture(&self.names(), wanted, &black), &judged.lost);
-        write_png(file, rows, columns, &[&red, &green, &blue])
+        Ok(Some((judged, there, wanted)))
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{ReconstructionError, Sampling, SceneSource};
 use crate::engine::Engine;
-use crate::evaluate::{Ceiling, EvaluateError, Plane, Summary, Sums, ssim};
+use crate::evaluate::{Ceiling, Plane, Summary, Sums, ssim_at};
 use crate::hologram::{Hologram, HologramError, PhaseSource};
 use crate::optics::Pupil;
 use eyebox_base::reason;
@@ -45,22 +45,12 @@ pub struct HologramScores {
 impl HologramScores {
     /// Summary of the PSNR over the pupils whose target is not black; `None` without any.
     pub fn summary(&self) -> Option<Summary> {
-        Summary::of(&self.pupils.iter().filter_map(|p| p.psnr).collect::<Vec<_>>())
+        self.summary_of(|pupil| pupil.psnr)
     }
 
-    /// Summary of the PSNR [against a clear pupil](PupilScore::against_clear); `None` without an obstruction.
-    pub fn against_clear_summary(&self) -> Option<Summary> {
-        Summary::of(&self.pupils.iter().filter_map(|p| p.against_clear).collect::<Vec<_>>())
-    }
-
-    /// What the JOD come to, over the pupils that were judged; none where none was.
-    pub fn jod_summary(&self) -> Option<Summary> {
-        Summary::of(&self.pupils.iter().filter_map(|p| p.jod).collect::<Vec<_>>())
-    }
-
-    /// What they come to where the eye looks.
-    pub fn jod_there_summary(&self) -> Option<Summary> {
-        Summary::of(&self.pupils.iter().filter_map(|p| p.jod_there).collect::<Vec<_>>())
+    /// Summary of another score, over the pupils that have it; `None` if none has.
+    pub fn summary_of(&self, score: impl Fn(&PupilScore) -> Option<f64>) -> Option<Summary> {
+        Summary::of(&self.pupils.iter().filter_map(score).collect::<Vec<_>>())
     }
 }
 
@@ -96,7 +86,9 @@ impl PhaseSource<'_> {
                     let seen = self.look_through(color, None, pupils, Sampling::Pupil, engine)?;
                     Ok(seen.iter().map(Plane::pooled).zip(wanted.iter().map(Plane::pooled)).collect())
                 };
-            let whole = optics.get(color).filter(|_| self.shows_whole_pictures(color));
+            // A picture of this colour that is all that the SLM's own frequencies make.
+            let is_whole = matches!(self, Self::Whole(_)) && self.about().picture_share(color) == 1.0;
+            let whole = is_whole.then(|| &optics[color]);
             let (mut of_color, mut kept) = (Vec::with_capacity(pupils.len()), Vec::new());
             for some in pupils.chunks(AT_ONCE) {
                 kept = pairs(some, engine)?;
@@ -112,12 +104,8 @@ impl PhaseSource<'_> {
             for (some, (ssims, against_clear)) in pupils.chunks(AT_ONCE).zip(of_pupils) {
                 let made = if pupils.len() > AT_ONCE { pairs(some, engine)? } else { std::mem::take(&mut kept) };
                 for ((seen, wanted), sum) in made.iter().zip(ssims) {
-                    let exposed: Vec<f32> = seen.values.iter().map(|v| v * exposure as f32).collect();
-                    *sum = match ssim(&exposed, &wanted.values, seen.rows, seen.columns) {
-                        Ok(value) => sum.map(|sum| sum + value),
-                        Err(EvaluateError::TooSmall { .. }) => None,
-                        Err(other) => return Err(other.into()),
-                    };
+                    let one = ssim_at(exposure, &seen.values, &wanted.values, seen.rows, seen.columns)?;
+                    *sum = sum.zip(one).map(|(sum, one)| sum + one);
                 }
                 let Some(clear) = &clear else { continue };
                 // Of the clear pupil, at the same exposure.
@@ -141,12 +129,6 @@ impl PhaseSource<'_> {
             jod_there: None,
         };
         Ok(HologramScores { pupils: pupils.iter().enumerate().map(score).collect(), exposures })
-    }
-
-    /// Whether a picture of this colour is all that the SLM's own frequencies make.
-    fn shows_whole_pictures(&self, color: usize) -> bool {
-        let about = self.about();
-        matches!(self, Self::Whole(_)) && about.picture_share(color) == 1.0
     }
 }
 

@@ -1,11 +1,15 @@
 //! What is asked of a hologram in memory by who has a scene and a pupil of its own: whether they fit it, and what the eye sees.
 
-use super::ReconstructionError;
+use super::{ReconstructionError, SceneSource};
 use crate::engine::Engine;
 use crate::evaluate::Plane;
 use crate::hologram::{Hologram, HologramError, SceneRecord};
-use crate::optics::{OpticsError, Pupil};
+use crate::optics::{OpticsError, Padding, Pupil};
 use crate::scene::LightField;
+use crate::solve::{Problem, PupilRange, Sampler, Sequence};
+
+/// Pupils that decide the exposures of phases that came without.
+const PUPILS: usize = 16;
 
 impl Hologram {
     /// Refuses a scene that is not the one that it shows, or whose light field has not the size of what is seen of it.
@@ -42,6 +46,31 @@ impl Hologram {
             };
         }
         Ok(pupil)
+    }
+
+    /// Gives it the exposures with which it is most like its scene, one a colour for all of the eyebox (OPTICS 2), where
+    /// they are not known. `field` has its size and its colours.
+    ///
+    /// # Errors
+    /// Those of [`made_for`](Self::made_for), of [`Problem::new`] and [`score`](Self::score).
+    pub fn fit_exposure(&mut self, field: &LightField, engine: &mut dyn Engine) -> Result<(), ReconstructionError> {
+        if !self.metadata.exposure_assumed {
+            return Ok(());
+        }
+        let display = self.made_for()?;
+        let problem = |color| Problem::new(field, color, &display, Padding::default());
+        let problems = self.named_colors().into_iter().map(problem).collect::<Result<Vec<_>, _>>()?;
+        // Light is much the same at every depth: a doubtful one will do.
+        let range = PupilRange::over(display.eyebox_min(), field.reach(&display).0);
+        let mut sampler = Sampler::new(range, Sequence::Sobol, self.seed);
+        let pupils: Vec<_> = (0..PUPILS).map(|_| sampler.draw()).collect();
+        let means: Vec<f64> = problems.iter().map(|p| p.mean).collect();
+        let fitted = self.score(&SceneSource::from(problems), &pupils, engine)?.exposures;
+        for ((color, exposure), mean) in self.colors.iter_mut().zip(fitted).zip(means) {
+            (color.exposure, color.efficiency) = (exposure, mean / exposure);
+        }
+        self.metadata.exposure_assumed = false;
+        Ok(())
     }
 
     /// What an eye sees through a pupil: one plane of linear light per colour, with 1 as the scene's full scale, behind what bends

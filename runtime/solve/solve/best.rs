@@ -13,29 +13,32 @@ use std::time::Instant;
 
 /// One color under refinement, or all colors that share their drives.
 pub trait Refinable {
+    /// The eye has moved.
+    fn aim(&mut self, aim: PupilDistribution) -> Result<(), EngineError>;
+
     /// Takes a step. Returns its loss; with one that is NaN or infinite the phases stay as they were.
-    ///
-    /// # Errors
-    /// Those of the engine.
     fn step(&mut self) -> Result<f64, EngineError>;
 
     /// Looks through pupils. Returns, color by color, the sums of each pupil.
-    ///
-    /// # Errors
-    /// Those of the engine.
     fn look_at_colors(&mut self, pupils: &[Pupil]) -> Result<Vec<Vec<Sums>>, EngineError>;
 
     /// The pupils that steps are taken for.
     fn aimed_at(&self) -> PupilDistribution;
 
     /// Reads the phases of each color: (frames, height, width), radians.
-    ///
-    /// # Errors
-    /// Those of the engine.
     fn state(&mut self) -> Result<Vec<Vec<f32>>, EngineError>;
+
+    /// The display's switchable sources that light it, by their places, if it chooses them.
+    fn lit(&self) -> Option<&[usize]> {
+        None
+    }
 }
 
 impl Refinable for Refiner {
+    fn aim(&mut self, aim: PupilDistribution) -> Result<(), EngineError> {
+        Refiner::aim(self, aim)
+    }
+
     fn step(&mut self) -> Result<f64, EngineError> {
         Refiner::step(self)
     }
@@ -50,6 +53,10 @@ impl Refinable for Refiner {
 
     fn state(&mut self) -> Result<Vec<Vec<f32>>, EngineError> {
         Ok(vec![self.phases()?])
+    }
+
+    fn lit(&self) -> Option<&[usize]> {
+        Some(self.sources())
     }
 }
 
@@ -96,20 +103,12 @@ impl BestKeeper {
         self.best.as_ref()
     }
 
-    /// The best state so far; `None` before the first judgment.
-    pub fn into_best(self) -> Option<BestState> {
-        self.best
-    }
-
     /// PSNR at the pupil of each color as it is now, dB; `None` for a black target.
     pub fn psnr_of_colors(&self) -> &[Option<f64>] {
         &self.last
     }
 
     /// Judges the state as it is, and keeps it if it is the best.
-    ///
-    /// # Errors
-    /// Those of the engine.
     pub fn judge(&mut self, refined: &mut dyn Refinable) -> Result<(), EngineError> {
         // Without light each exposure is as bad.
         let exposed = |sums: Sums| (sums, Sums::fit_exposure(&[sums]).unwrap_or(0.0));
@@ -126,18 +125,11 @@ impl BestKeeper {
 
 /// Whether a PSNR beats the best before it. Before a black target nothing can be judged, and the last state is kept.
 fn is_better(psnr: Option<f64>, best: Option<f64>) -> bool {
-    match (psnr, best) {
-        (Some(psnr), Some(best)) => psnr > best,
-        (None, _) => true,
-        (Some(_), None) => true,
-    }
+    psnr.zip(best).is_none_or(|(psnr, best)| psnr > best)
 }
 
 /// Takes at most `steps` steps of all that is refined together, and judges each. Ends earlier if `observe` stops it or if a loss is
 /// not a finite number. Returns the last loss and the number of steps.
-///
-/// # Errors
-/// Those of the engines.
 pub fn refine(
     parts: &mut [(&mut dyn Refinable, &mut BestKeeper)],
     steps: usize,
@@ -182,6 +174,10 @@ mod tests {
     }
 
     impl Refinable for Scripted {
+        fn aim(&mut self, _: PupilDistribution) -> Result<(), EngineError> {
+            Ok(())
+        }
+
         fn step(&mut self) -> Result<f64, EngineError> {
             self.at += 1;
             Ok(if self.at < self.decibels.len() { 0.1 } else { f64::NAN })
@@ -217,7 +213,7 @@ mod tests {
                 let (_, taken) = refine(&mut [(&mut refined, &mut keeper)], part, &mut |_| Flow::Continue).unwrap();
                 assert_eq!(taken, part);
             }
-            let best = keeper.into_best().unwrap();
+            let best = keeper.best().unwrap().clone();
             let psnr = best.psnr.unwrap();
             let wanted = decibels[..=steps].iter().copied().fold(f64::NEG_INFINITY, f64::max);
             assert!((psnr - wanted).abs() < 1e-9 && psnr >= before, "{steps}: {psnr}");

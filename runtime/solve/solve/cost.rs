@@ -3,9 +3,8 @@
 use super::optimizer::Optimizer;
 use super::problem::Problem;
 use super::rates::Rates;
-use super::run::interval;
+use super::run::{PUPILS, interval};
 use super::settings::Settings;
-use super::solver::PUPILS;
 use super::step::Steps;
 use super::viewpoints::Viewpoints;
 use crate::engine::Memory;

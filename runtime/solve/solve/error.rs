@@ -33,3 +33,13 @@ pub enum SolveError {
     #[error(transparent)]
     Engine(#[from] EngineError),
 }
+
+/// Refuses the `value` of a setting unless it `fits`; `right` says which values do.
+pub(super) fn require(
+    fits: bool,
+    what: &'static str,
+    value: impl ToString,
+    right: &'static str,
+) -> Result<(), SolveError> {
+    if fits { Ok(()) } else { Err(SolveError::Setting { what, value: value.to_string(), right }) }
+}

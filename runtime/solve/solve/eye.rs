@@ -1,6 +1,6 @@
 //! Whether the eye that looks can be served, and what is done for it (OPTICS 11).
 
-use super::error::SolveError;
+use super::error::{SolveError, require};
 use super::method::Method;
 use super::problem::Problem;
 use super::scene_plan::ScenePlan;
@@ -25,10 +25,8 @@ impl Problem {
             return Ok(());
         }
         let method = settings.method;
-        if !method.looks_through_pupils() {
-            let right = "one that looks through pupils (slfh, lf2fs, stft-exact, smooth, pupil-aware, table) to serve a prescription";
-            return Err(SolveError::Setting { what: "the method", value: method.name().into(), right });
-        }
+        let right = "one that looks through pupils (slfh, lf2fs, stft-exact, smooth, pupil-aware, table) to serve a prescription";
+        require(method.looks_through_pupils(), "the method", method.name(), right)?;
         let whole = matches!(method, Method::Lf2fs | Method::Smooth | Method::PupilAware);
         Ok(self.check_blur(if whole { self.eyebox } else { settings.diameter[1] })?)
     }

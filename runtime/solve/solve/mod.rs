@@ -5,7 +5,6 @@
 //! ([`Optimizer`]): the pupil-wise projection, which replaces amplitudes as Gerchberg and Saxton do and puts the changes
 //! of many pupils together as ptychography does, or Adam on the Wirtinger gradient.
 
-mod asking;
 mod begin;
 mod best;
 mod carry;
@@ -16,10 +15,8 @@ mod dry_run;
 mod error;
 mod exposure;
 mod eye;
-mod fault;
 mod joint;
 mod levels;
-mod mask;
 mod method;
 mod motion;
 #[cfg(test)]
@@ -55,7 +52,7 @@ pub use cost::{Cost, Forecast, Loaded, forecast, model_work};
 pub use dry_run::{DryRun, DryRunStep};
 pub use error::SolveError;
 pub use exposure::BrightEnd;
-pub use joint::{Joint, JointPart, JointProblem, JointRefiner, JointSolution, solve_joint};
+pub use joint::{JointPart, JointProblem, JointRefiner, JointSolution, solve_joint};
 pub use joint::{SharedDrives, for_joint_colors};
 pub use levels::{Levels, even_levels};
 pub use method::Method;
@@ -71,7 +68,7 @@ pub use refine_settings::{RefineSettings, Strategy};
 pub(crate) use run::exposure_under;
 pub use sampling::{Diameters, PupilRange, Sampler, Sequence, SplitMix, pupils_of, random_phases};
 pub use scene_plan::{Decision, Full, PlanRequest, ScenePlan};
-pub use settings::{FirstPhases, PaddingRule, Settings};
+pub use settings::{FirstPhases, Joint, PaddingRule, Settings};
 pub use start_table::StartTable;
 pub use steer::Refiner;
 pub use step::{Update, take_seen};

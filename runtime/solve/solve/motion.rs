@@ -1,6 +1,6 @@
 //! What moves while the sub-frames of a set are lit, as a solver draws it (OPTICS 15).
 
-use super::error::SolveError;
+use super::error::{SolveError, require};
 use crate::optics::Pupil;
 use crate::plan::{Moving, Viewpoint};
 use serde::{Deserialize, Serialize};
@@ -52,31 +52,22 @@ impl Motion {
 
     /// Refuses what cannot be.
     pub(super) fn check(&self, frames: usize) -> Result<(), SolveError> {
-        let wrong = |what, value: String, right| Err(SolveError::Setting { what, value, right });
         let fits = |v: [f64; 2]| v.iter().all(|v| v.abs() <= FASTEST);
         let Self { content, eye, spread, drift, at, lit: [middle, length], window, first } = *self;
-        if !fits(content) || !eye.is_none_or(fits) || !(0.0..=FASTEST).contains(&spread) {
-            return wrong("a velocity (pixels a set)", format!("{content:?}, {eye:?}, {spread}"), "numbers within 1e4");
-        }
-        if !drift.iter().all(|v| v.abs() <= 1.0) || at.is_nan() || at.abs() > FASTEST {
-            return wrong(
-                "the motion of the pupil (m a set)",
-                format!("{drift:?} at {at}"),
-                "numbers within 1, within 1e4 sets",
-            );
-        }
-        if !(middle.abs() <= 1.0 && length > 0.0 && length <= 1.0) {
-            return wrong("when sub-frames are lit (sets)", format!("{middle}, {length}"), "within the set");
-        }
-        if first >= frames.max(1) || (first > 0 && window.is_some_and(|n| n < frames)) {
-            return wrong("the sub-frame that is lit first", first.to_string(), "one of the set, 0 of a stream");
-        }
-        match window {
-            Some(n) if !(1..=frames).contains(&n) => {
-                wrong("the sub-frames that an eye averages", n.to_string(), "1 to the number of sub-frames")
-            }
-            _ => Ok(()),
-        }
+        let is_slow = fits(content) && eye.is_none_or(fits) && (0.0..=FASTEST).contains(&spread);
+        let velocities = format_args!("{content:?}, {eye:?}, {spread}");
+        require(is_slow, "a velocity (pixels a set)", velocities, "numbers within 1e4")?;
+        let is_near = drift.iter().all(|v| v.abs() <= 1.0) && at.abs() <= FASTEST;
+        let (what, right) = ("the motion of the pupil (m a set)", "numbers within 1, within 1e4 sets");
+        require(is_near, what, format_args!("{drift:?} at {at}"), right)?;
+        let is_within = middle.abs() <= 1.0 && length > 0.0 && length <= 1.0;
+        let times = format_args!("{middle}, {length}");
+        require(is_within, "when sub-frames are lit (sets)", times, "within the set")?;
+        let is_of_set = first < frames.max(1) && (first == 0 || window.is_none_or(|n| n >= frames));
+        require(is_of_set, "the sub-frame that is lit first", first, "one of the set, 0 of a stream")?;
+        let Some(window) = window else { return Ok(()) };
+        let (what, right) = ("the sub-frames that an eye averages", "1 to the number of sub-frames");
+        require((1..=frames).contains(&window), what, window, right)
     }
 
     /// Whether pupils that were drawn for another serve this one as well: within a quarter of a pixel over a set.

@@ -1,6 +1,6 @@
 //! The settings of a refinement, and the same as text.
 
-use super::error::SolveError;
+use super::error::{SolveError, require};
 use super::step::Update;
 use crate::files::overlay;
 use crate::optics::WindowFactor;
@@ -35,23 +35,17 @@ pub enum Strategy {
 impl Strategy {
     /// Refuses what only makes phases that are no numbers.
     fn check(self) -> Result<(), SolveError> {
-        let wrong = |what, value: f64, right| Err(SolveError::Setting { what, value: value.to_string(), right });
-        let gain = |gain: &f64| (0.0..=1e6).contains(gain);
+        let gains = 0.0..=1e6;
         match self {
-            Self::Projection { gain: g, settled: s, .. } if !(gain(&g) && gain(&s)) => {
-                wrong("a gain", if gain(&g) { s } else { g }, "0 to 1e6")
+            Self::Projection { gain, settled, settling, momentum, overlap_power } => {
+                let gain = if gains.contains(&gain) { settled } else { gain };
+                require(gains.contains(&gain), "a gain", gain, "0 to 1e6")?;
+                let right = "0 to 1, the share of the velocity that is kept";
+                require((0.0..=1.0).contains(&momentum), "the momentum", momentum, right)?;
+                require((0.0..=16.0).contains(&overlap_power), "the power of the overlap", overlap_power, "0 to 16")?;
+                require(!settling.is_nan(), "the steps to settle in", settling, "a number")
             }
-            Self::Projection { momentum, .. } if !(0.0..=1.0).contains(&momentum) => {
-                wrong("the momentum", momentum, "0 to 1, the share of the velocity that is kept")
-            }
-            Self::Projection { overlap_power, .. } if !(0.0..=16.0).contains(&overlap_power) => {
-                wrong("the power of the overlap", overlap_power, "0 to 16")
-            }
-            Self::Projection { settling, .. } if settling.is_nan() => {
-                wrong("the steps to settle in", settling, "a number")
-            }
-            Self::Adam { rate } if !gain(&rate) => wrong("Adam's rate (rad)", rate, "0 to 1e6"),
-            _ => Ok(()),
+            Self::Adam { rate } => require(gains.contains(&rate), "Adam's rate (rad)", rate, "0 to 1e6"),
         }
     }
 
@@ -96,13 +90,8 @@ pub struct RefineSettings {
 impl RefineSettings {
     /// Refuses what cannot be.
     pub fn check(&self) -> Result<(), SolveError> {
-        let wrong = |what, value: String, right| Err(SolveError::Setting { what, value, right });
-        if !(1..=4096).contains(&self.pupils) {
-            return wrong("the number of pupils a step", self.pupils.to_string(), "1 to 4096");
-        }
-        if !(0.0..=64.0).contains(&self.elsewhere) {
-            return wrong("the pupils elsewhere a step", self.elsewhere.to_string(), "0 to 64");
-        }
+        require((1..=4096).contains(&self.pupils), "the number of pupils a step", self.pupils, "1 to 4096")?;
+        require((0.0..=64.0).contains(&self.elsewhere), "the pupils elsewhere a step", self.elsewhere, "0 to 64")?;
         self.strategy.check()
     }
 }

@@ -2,25 +2,57 @@
 
 use super::error::SolveError;
 use super::exposure::{BrightEnd, peak};
-use super::fault;
 use super::method::Method;
 use super::optimizer::Optimizer;
 use super::outcome::{Flow, Progress, Stop, Warm};
 use super::problem::Problem;
-use super::sampling::random_phases;
+use super::sampling::{Diameters, random_phases};
 use super::settings::Settings;
-use super::step::Steps;
+use super::step::{Steps, first_fault};
 use super::validation::{ValidationScore, Validator};
+use super::viewpoints::Viewpoints;
 use crate::engine::{Buffer, Engine, EngineError, PendingStep, Step};
 use crate::optics::WindowFactor;
-use crate::plan::{ModelTables, Planner};
+use crate::plan::{ModelTables, Planner, Purpose};
 use std::collections::VecDeque;
 use std::slice;
+use std::sync::Arc;
 use std::time::Instant;
 
-/// Phases that were validated: the engine keeps them.
-pub(super) struct Validated {
-    pub(super) score: ValidationScore,
+/// Pupils, or windows of another kind, that a solve is validated by.
+pub(super) const PUPILS: usize = 8;
+
+/// One color before its exposure is chosen: what plans its steps and what scores them.
+pub(super) struct Ready<'a> {
+    pub problem: &'a Problem,
+    pub planner: Planner,
+    pub validator: Validator,
+    /// Linear light of the targets' value 1.
+    pub unit: f64,
+}
+
+impl<'a> Ready<'a> {
+    /// Loads an engine with what the problem needs for this purpose.
+    pub fn new(
+        problem: &'a Problem,
+        settings: &Settings,
+        purpose: Purpose,
+        engine: &mut dyn Engine,
+    ) -> Result<Self, SolveError> {
+        let mut planner = problem.planner_of(settings);
+        // A scene of 1e30, or of 1e-30, is solved as if its brightest value were about 1.
+        let unit = problem.unit();
+        planner.divide_targets(unit);
+        engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;
+        if let Some(levels) = settings.levels.table() {
+            engine.write(Buffer::Levels, &levels)?;
+        }
+        // What the method looks through (pupils by the paper's distribution), from another seed: no step is shown these.
+        let uniform = Settings { diameters: Diameters::Uniform, ..settings.clone() };
+        let mut viewpoints = Viewpoints::new(problem, &uniform, !settings.seed);
+        let validator = Validator::new(engine, &planner, (0..PUPILS).map(|_| viewpoints.draw()).collect())?;
+        Ok(Self { problem, planner, validator, unit })
+    }
 }
 
 /// From first phases to the best.
@@ -32,7 +64,8 @@ struct Descent<'o> {
     wanted: Option<f64>,
     /// Steps that have ended.
     step: usize,
-    best: Option<Validated>,
+    /// The score of the phases that the engine keeps.
+    best: Option<ValidationScore>,
     /// The step after which phases were validated last.
     judged: usize,
     /// Whether the last validation sent the phases back to the best ones.
@@ -56,19 +89,15 @@ impl Descent<'_> {
 
 /// A solve under way.
 pub(super) struct Run<'a> {
-    pub(super) problem: &'a Problem,
-    pub(super) planner: &'a Planner,
-    pub(super) settings: &'a Settings,
-    pub(super) engine: &'a mut dyn Engine,
-    pub(super) validator: &'a Validator,
+    ready: &'a Ready<'a>,
+    settings: &'a Settings,
+    engine: &'a mut dyn Engine,
     /// Where it begins, if not at random phases.
     pub(super) from: Option<Warm<'a>>,
-    pub(super) start: Instant,
+    start: Instant,
     pub(super) exposure: f64,
-    /// Linear light of the targets' value 1.
-    pub(super) unit: f64,
     /// Whether this is a pilot: it stops only when asked.
-    pub(super) pilot: bool,
+    pilot: bool,
     /// Seconds of each step since the last start, without validation.
     pub(super) durations: Vec<f64>,
 }
@@ -92,17 +121,30 @@ pub(crate) fn exposure_under(model: Option<&ModelTables>, share: f64, end: &Brig
     if share < 1.0 { (share * end.guess()).max(end.mean) } else { end.guess() }
 }
 
-impl Run<'_> {
-    /// From the scene's bright end, by pilot solves where its two measures part.
-    pub(super) fn choose_exposure(
-        &mut self,
-        end: BrightEnd,
-        observe: &mut dyn FnMut(&Progress) -> Flow,
-    ) -> Result<f64, SolveError> {
+impl<'a> Run<'a> {
+    /// Before its exposure is chosen.
+    pub(super) fn new(
+        ready: &'a Ready<'a>,
+        settings: &'a Settings,
+        from: Option<Warm<'a>>,
+        engine: &'a mut dyn Engine,
+        start: Instant,
+    ) -> Self {
+        Self { ready, settings, engine, from, start, exposure: 0.0, pilot: false, durations: Vec::new() }
+    }
+
+    /// Of the efficiency that is set; else from the scene's bright end, by pilot solves where its two measures part.
+    pub(super) fn choose_exposure(&mut self, observe: &mut dyn FnMut(&Progress) -> Flow) -> Result<f64, SolveError> {
+        let Ready { problem, ref validator, unit, .. } = *self.ready;
+        // A black scene has no efficiency: any exposure shows it.
+        if let Some(efficiency) = self.settings.efficiency.filter(|_| problem.mean > 0.0) {
+            return Ok(problem.mean / efficiency / unit);
+        }
+        let end = validator.bright_end(self.settings.steps_of_projection());
         let adam = matches!(self.settings.optimizer, Optimizer::Adam { .. });
         let Some(candidates) = end.candidates() else {
             let share = if adam { ADAM_EXPOSURE } else { 1.0 };
-            return Ok(exposure_under(self.problem.model.as_deref(), share, &end));
+            return Ok(exposure_under(problem.model.as_deref(), share, &end));
         };
         self.pilot = true;
         let (start, steps, all) = (self.start, self.settings.steps, PILOT_STEPS * candidates.len());
@@ -125,7 +167,7 @@ impl Run<'_> {
             let before = PILOT_STEPS * tried.len();
             let mut observe = |pilot: &Progress| observe(&at(before + pilot.step, pilot.loss));
             let (best, _, stop) = self.descend(PILOT_STEPS, &mut observe)?;
-            tried.push((exposure, best.score.mean()));
+            tried.push((exposure, best.mean()));
             if stop == Stop::Asked {
                 break;
             }
@@ -144,14 +186,14 @@ impl Run<'_> {
         &mut self,
         steps: usize,
         observe: &mut dyn FnMut(&Progress) -> Flow,
-    ) -> Result<(Validated, usize, Stop), SolveError> {
-        let Self { settings, planner, .. } = *self;
+    ) -> Result<(ValidationScore, usize, Stop), SolveError> {
+        let (settings, Ready { problem, planner, .. }) = (self.settings, self.ready);
         let pixels = settings.frames * planner.slm.height * planner.slm.width;
         self.engine.write(Buffer::Phases, &self.first_phases(pixels))?;
         self.engine.clear_moments()?;
         let memory = self.engine.memory();
-        let mut schedule = Steps::new(self.problem, planner, settings, self.exposure, memory);
-        Steps::new(self.problem, planner, settings, self.exposure, memory).prepare(steps, self.engine)?;
+        let mut schedule = Steps::new(problem, planner, settings, self.exposure, memory);
+        Steps::new(problem, planner, settings, self.exposure, memory).prepare(steps, self.engine)?;
         let limit = settings.seconds.filter(|_| !self.pilot);
         let wanted = settings.psnr.filter(|_| !self.pilot);
         let begun = self.start.elapsed().as_secs_f64();
@@ -216,9 +258,9 @@ impl Run<'_> {
         if !loss.is_finite() {
             // What is under way behind it leaves phases alone.
             descent.under_way.clear();
-            let kernel = fault::first_fault(self.engine, next)?;
+            let kernel = first_fault(self.engine, next)?;
             if kernel.is_none() && descent.best.is_none() {
-                let pixels = self.settings.frames * self.planner.slm.height * self.planner.slm.width;
+                let pixels = self.settings.frames * self.ready.planner.slm.height * self.ready.planner.slm.width;
                 self.engine.write(Buffer::Phases, &self.first_phases(pixels))?;
             }
             return Ok(Some(Stop::NotFinite { step, kernel }));
@@ -232,7 +274,7 @@ impl Run<'_> {
             return Ok(stop);
         }
         let (steps, seconds) = (descent.steps, self.start.elapsed().as_secs_f64());
-        let validation = descent.best.as_ref().map(|b| &b.score);
+        let validation = descent.best.as_ref();
         if (descent.observe)(&Progress { pilot: None, fitting: None, step, steps, seconds, loss, validation })
             == Flow::Stop
         {
@@ -258,22 +300,23 @@ impl Run<'_> {
     fn validate(&mut self, descent: &mut Descent<'_>) -> Result<(), EngineError> {
         let (step, best) = (descent.step, &mut descent.best);
         descent.judged = step;
-        let planner = Planner { factor: WindowFactor::Full, ..self.planner.clone() };
-        let score = self.validator.score(self.engine, &planner)?.in_units_of(self.unit);
-        let better = |b: &Validated| score.mean() >= b.score.mean() || b.score.mean().is_nan();
+        let Ready { planner, validator, unit, .. } = self.ready;
+        let whole = Planner { factor: WindowFactor::Full, ..planner.clone() };
+        let score = validator.score(self.engine, &whole)?.in_units_of(*unit);
+        let better = |b: &ValidationScore| score.mean() >= b.mean() || b.mean().is_nan();
         if best.as_ref().is_none_or(better) {
             // What was scored is what the SLM shows.
-            let shown = if self.planner.levels > 0 { Buffer::Shown } else { Buffer::Phases };
+            let shown = if planner.levels > 0 { Buffer::Shown } else { Buffer::Phases };
             let finite = |engine: &mut dyn Engine| Ok(engine.read(shown)?.iter().all(|p| p.is_finite()));
             if best.is_none() || !score.mean().is_nan() || finite(self.engine)? {
                 self.engine.keep(shown)?;
-                *best = Some(Validated { score });
+                *best = Some(score);
             }
             return Ok(());
         }
-        let fell = best.as_ref().is_some_and(|b| score.mean() < b.score.mean() - FALL_DB);
+        let fell = best.as_ref().is_some_and(|b| score.mean() < b.mean() - FALL_DB);
         // Shown levels are no place to continue from: they have lost the phases between them.
-        if fell && step < descent.steps && self.planner.levels == 0 {
+        if fell && step < descent.steps && planner.levels == 0 {
             self.engine.restore()?;
             descent.sent_back = true;
         }

@@ -1,12 +1,11 @@
 //! What can be chosen about a solve: one type for the library, the command, measured settings and a hologram's file.
 
-use super::error::SolveError;
-use super::joint::choice::Joint;
+use super::error::{SolveError, require};
 use super::levels::Levels;
 use super::method::Method;
 use super::motion::Motion;
 use super::optimizer::Optimizer;
-use super::sampling::{Diameters, Sequence};
+use super::sampling::{Diameters, PupilRange, Sequence};
 use crate::engine::Memory;
 use crate::optics::WindowFactor;
 use crate::plan::Storage;
@@ -41,6 +40,21 @@ pub enum FirstPhases {
     Random,
 }
 
+/// How all colours share their sub-frames.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Joint {
+    /// Times that white is to be brighter than of one colour after another, by lasers of the same peak power: 1 to the number of
+    /// colours. Powers are then at most the number of colours over it, times their mean: the brightest leaves them all alike.
+    pub brightness: f64,
+}
+
+impl Default for Joint {
+    fn default() -> Self {
+        Self { brightness: 1.0 }
+    }
+}
+
 /// No length of an eye or a scene is larger, metres: what is computed of one stays a number.
 const FARTHEST: f64 = 1e3;
 /// Least share of the velocity that is kept where colours share their drives: what they ask for differs, and evens out over several steps
@@ -60,7 +74,7 @@ pub struct Settings {
     /// What is looked through, and from which first phases.
     pub method: Method,
     /// What it begins with, if no phases are given: a table's phases where the display has one.
-    #[serde(skip_serializing_if = "is_table")]
+    #[serde(skip_serializing_if = "is_default")]
     pub first_phases: FirstPhases,
     /// How phases are moved.
     pub optimizer: Optimizer,
@@ -99,7 +113,7 @@ pub struct Settings {
     pub levels: Levels,
     /// When the SLM is padded with zeros. What a [`Problem`](super::Problem) is made with: [`ScenePlan`](super::ScenePlan)
     /// and [`quality::Subject`](crate::quality::Subject) follow it.
-    #[serde(deserialize_with = "padding", skip_serializing_if = "is_never")]
+    #[serde(deserialize_with = "padding", skip_serializing_if = "is_default")]
     pub padding: PaddingRule,
     /// Every how many-th view of the light field is used, along both axes; a [`quality::Subject`](crate::quality::Subject)
     /// thins them.
@@ -172,6 +186,11 @@ impl Settings {
         }
     }
 
+    /// Pupils that are drawn in an eyebox of this side, metres.
+    pub(crate) fn pupil_range(&self, eyebox: f64) -> PupilRange {
+        PupilRange { eyebox, diameter: self.diameter, depth: self.depth, diameters: self.diameters }
+    }
+
     /// Steps of the projection that move light as far as these steps do.
     pub(super) fn steps_of_projection(&self) -> usize {
         /// Steps of Adam that do what one step of the projection does (docs/measurements.md).
@@ -233,22 +252,15 @@ impl Settings {
 
     /// Refuses what all colours at once do not have.
     fn check_joint(&self) -> Result<(), SolveError> {
-        let wrong = |what, value: String, right| Err(SolveError::Setting { what, value, right });
         let Some(Joint { brightness }) = self.joint else { return Ok(()) };
-        if !(brightness >= 1.0 && brightness.is_finite()) {
-            return wrong("the brightness of joint colours", brightness.to_string(), "1 to the number of colours");
-        }
-        if !matches!(self.method, Method::Slfh | Method::Lf2fs | Method::StftExact) {
-            let right = "slfh, lf2fs or stft-exact for all colours at once";
-            return wrong("the method", self.method.name().into(), right);
-        }
-        if self.levels != Levels::Any {
-            return wrong("the choice of phase levels", "given".into(), "any phase for all colours at once");
-        }
-        if !self.motion.is_still() {
-            return wrong("the motion", "given".into(), "none for all colours at once");
-        }
-        Ok(())
+        let is_bright = brightness >= 1.0 && brightness.is_finite();
+        require(is_bright, "the brightness of joint colours", brightness, "1 to the number of colours")?;
+        let is_joint = matches!(self.method, Method::Slfh | Method::Lf2fs | Method::StftExact);
+        let right = "slfh, lf2fs or stft-exact for all colours at once";
+        require(is_joint, "the method", self.method.name(), right)?;
+        let right = "any phase for all colours at once";
+        require(self.levels == Levels::Any, "the choice of phase levels", "given", right)?;
+        require(self.motion.is_still(), "the motion", "given", "none for all colours at once")
     }
 
     /// Refuses settings that cannot be.
@@ -256,59 +268,39 @@ impl Settings {
     /// # Errors
     /// [`SolveError::Setting`].
     pub fn check(&self) -> Result<(), SolveError> {
-        let wrong = |what, value: String, right| Err(SolveError::Setting { what, value, right });
-        if !(1..=4096).contains(&self.frames) {
-            return wrong("the number of sub-frames", self.frames.to_string(), "1 to 4096");
+        let mm = |[a, b]: [f64; 2]| format!("{}..{}", a * 1e3, b * 1e3);
+        let ([low, high], [near, far]) = (self.diameter, self.depth);
+        require((1..=4096).contains(&self.frames), "the number of sub-frames", self.frames, "1 to 4096")?;
+        require((1..=65536).contains(&self.pupils), "the number of pupils a step", self.pupils, "1 to 65536")?;
+        let (what, right) = ("the range of pupil diameters (mm)", "positive, smallest first, at most 1e6");
+        require(low > 0.0 && low <= high && high <= FARTHEST, what, mm(self.diameter), right)?;
+        let (what, right) = ("the range of depths (mm)", "within 1e6, smallest first");
+        require(near <= far && -FARTHEST <= near && far <= FARTHEST, what, mm(self.depth), right)?;
+        let (filter, right) = (self.stft_filter, "above 0, at most 2: times the eyebox");
+        require(filter > 0.0 && filter <= 2.0, "the diameter of the STFT's filter", filter, right)?;
+        if let Some(samples) = self.stft_samples {
+            require((1..=256).contains(&samples), "the window of the STFT (samples)", samples, "1 to 256")?;
         }
-        if !(1..=65536).contains(&self.pupils) {
-            return wrong("the number of pupils a step", self.pupils.to_string(), "1 to 65536");
-        }
-        let [low, high] = self.diameter;
-        if !(low > 0.0 && low <= high && high <= FARTHEST) {
-            return wrong(
-                "the range of pupil diameters (mm)",
-                format!("{}..{}", low * 1e3, high * 1e3),
-                "positive, smallest first, at most 1e6",
-            );
-        }
-        let [near, far] = self.depth;
-        if !(near <= far && -FARTHEST <= near && far <= FARTHEST) {
-            return wrong(
-                "the range of depths (mm)",
-                format!("{}..{}", near * 1e3, far * 1e3),
-                "within 1e6, smallest first",
-            );
-        }
-        if !(self.stft_filter > 0.0 && self.stft_filter <= 2.0) {
-            let right = "above 0, at most 2: times the eyebox";
-            return wrong("the diameter of the STFT's filter", self.stft_filter.to_string(), right);
-        }
-        if let Some(samples) = self.stft_samples.filter(|n| !(1..=256).contains(n)) {
-            return wrong("the window of the STFT (samples)", samples.to_string(), "1 to 256");
-        }
-        if !(self.evenness >= 0.0 && self.evenness <= 1e6) {
-            return wrong("the weight of the eyebox's evenness", self.evenness.to_string(), "0 to 1e6");
-        }
-        if !(1..=eyebox_kernels::energy::MOST as usize).contains(&self.patches) {
-            return wrong("the number of patches along the eyebox", self.patches.to_string(), "1 to 16");
-        }
-        if let Some(psnr) = self.psnr.filter(|db| !db.is_finite()) {
-            return wrong("the PSNR to stop at (dB)", psnr.to_string(), "a finite number, such as 30");
+        let what = "the weight of the eyebox's evenness";
+        require((0.0..=1e6).contains(&self.evenness), what, self.evenness, "0 to 1e6")?;
+        let patches = 1..=eyebox_kernels::energy::MOST as usize;
+        let what = "the number of patches along the eyebox";
+        require(patches.contains(&self.patches), what, self.patches, "1 to 16")?;
+        if let Some(psnr) = self.psnr {
+            require(psnr.is_finite(), "the PSNR to stop at (dB)", psnr, "a finite number, such as 30")?;
         }
         if let Some(levels) = self.levels.given() {
-            if !(1..=eyebox_kernels::quantise::MOST).contains(&levels.len()) {
-                return wrong("the number of phase levels", levels.len().to_string(), "1 to 256");
-            }
-            if let Some(level) = levels.iter().find(|l| !(l.is_finite() && l.abs() < 1e6)) {
-                return wrong("a phase level (rad)", level.to_string(), "a finite number of ordinary size");
+            let count = 1..=eyebox_kernels::quantise::MOST;
+            require(count.contains(&levels.len()), "the number of phase levels", levels.len(), "1 to 256")?;
+            for level in levels {
+                let right = "a finite number of ordinary size";
+                require(level.is_finite() && level.abs() < 1e6, "a phase level (rad)", level, right)?;
             }
         }
         self.motion.check(self.solved_frames())?;
         self.check_joint()?;
-        match self.efficiency {
-            Some(e) if !(e > 0.0 && e <= 1.0) => wrong("the efficiency", e.to_string(), "above 0, at most 1"),
-            _ => Ok(()),
-        }
+        let Some(efficiency) = self.efficiency else { return Ok(()) };
+        require(efficiency > 0.0 && efficiency <= 1.0, "the efficiency", efficiency, "above 0, at most 1")
     }
 }
 
@@ -317,12 +309,8 @@ fn is_one(n: &usize) -> bool {
     *n == 1
 }
 
-fn is_table(first_phases: &FirstPhases) -> bool {
-    *first_phases == FirstPhases::Table
-}
-
-fn is_never(rule: &PaddingRule) -> bool {
-    *rule == PaddingRule::Never
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// A rule, or the switch that earlier versions wrote.

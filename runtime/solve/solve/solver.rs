@@ -1,18 +1,14 @@
 //! A solve from its settings to its phases: what is checked, loaded and chosen before the first step.
 
 use super::dpac;
-use super::error::SolveError;
+use super::error::{SolveError, require};
 use super::levels::Levels;
 use super::outcome::{Flow, Progress, Solution, Stop, Warm};
 use super::problem::Problem;
-use super::run::Run;
-use super::sampling::Diameters;
+use super::run::{Ready, Run};
 use super::settings::Settings;
-use super::validation::Validator;
-use super::viewpoints::Viewpoints;
 use crate::engine::{Buffer, Engine};
 use crate::plan::Purpose;
-use std::sync::Arc;
 use std::time::Instant;
 
 /// Phases to begin with that follow from the exposure, linear light, and the exposure and the place in the schedule to begin at with them.
@@ -36,102 +32,57 @@ pub(super) fn solve_begun_by(
     observe: &mut dyn FnMut(&Progress) -> Flow,
 ) -> Result<Solution, SolveError> {
     super::source::check(&problem.modes, settings)?;
-    super::mask::check(problem.has_mask(), settings.method)?;
-    if settings.joint.is_some() {
-        let (what, right) = ("the number of colours", "all of a scene's, for all colours at once: solve_joint");
-        return Err(SolveError::Setting { what, value: "1".into(), right });
-    }
-    if let Some(from) = from {
+    super::source::check_mask(problem.has_mask(), settings.method)?;
+    let right = "all of a scene's, for all colours at once: solve_joint";
+    require(settings.joint.is_none(), "the number of colours", 1, right)?;
+    if let Some(Warm { phases, progress }) = from {
         let wanted = settings.frames * problem.optics.height * problem.optics.width;
-        if from.phases.len() != wanted || !from.phases.iter().all(|p| p.is_finite()) {
-            let (what, right) = ("the number of phases to begin with", "that of the hologram, all of them finite");
-            return Err(SolveError::Setting { what, value: from.phases.len().to_string(), right });
-        }
-        if !(0.0..=1.0).contains(&from.progress) {
-            let (what, right) = ("the place in the schedule to begin at", "0 to 1");
-            return Err(SolveError::Setting { what, value: from.progress.to_string(), right });
-        }
+        let fit = phases.len() == wanted && phases.iter().all(|p| p.is_finite());
+        let right = "that of the hologram, all of them finite";
+        require(fit, "the number of phases to begin with", phases.len(), right)?;
+        require((0.0..=1.0).contains(&progress), "the place in the schedule to begin at", progress, "0 to 1")?;
     }
-    if settings.levels == Levels::Display {
-        let right = "any or a list: a display's own are Levels::of(&display)";
-        return Err(SolveError::Setting { what: "the choice of phase levels", value: "the display's".into(), right });
-    }
+    let right = "any or a list: a display's own are Levels::of(&display)";
+    require(settings.levels != Levels::Display, "the choice of phase levels", "the display's", right)?;
     let start = Instant::now();
     let shown = settings.frames;
     let settings = &settings.as_computed();
     let frames = settings.frames;
     let given = if settings.method.is_iterative() { None } else { Some(dpac::phases(problem, settings, engine)?) };
-    let mut planner = problem.planner_of(settings);
-    // A scene of 1e30, or of 1e-30, is solved as if its brightest value were about 1.
-    let unit = problem.unit();
-    planner.divide_targets(unit);
+    let solution = |phases: Vec<f32>, exposure: f64, validation, steps, step_seconds, stop| Solution {
+        phases: phases.repeat(shown / frames),
+        exposure,
+        efficiency: problem.mean / exposure,
+        validation,
+        steps,
+        seconds: start.elapsed().as_secs_f64(),
+        step_seconds,
+        stop,
+    };
     let purpose = if given.is_some() { Purpose::View } else { settings.optimizer.purpose() };
-    engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;
-    if let Some(levels) = settings.levels.table() {
-        engine.write(Buffer::Levels, &levels)?;
-    }
-    // What the method looks through (pupils by the paper's distribution), from another seed: no step is shown these.
-    let uniform = Settings { diameters: Diameters::Uniform, ..settings.clone() };
-    let mut viewpoints = Viewpoints::new(problem, &uniform, !settings.seed);
-    let validator = Validator::new(engine, &planner, (0..PUPILS).map(|_| viewpoints.draw()).collect())?;
+    let ready = Ready::new(problem, settings, purpose, engine)?;
     if let Some(phases) = given {
         engine.write(Buffer::Phases, &phases)?;
-        let validation = validator.score(engine, &planner)?.in_units_of(unit);
-        let phases = if planner.levels > 0 { engine.read(Buffer::Shown)? } else { phases };
+        let validation = ready.validator.score(engine, &ready.planner)?.in_units_of(ready.unit);
+        let phases = if ready.planner.levels > 0 { engine.read(Buffer::Shown)? } else { phases };
         let exposure = validation.exposure;
-        return Ok(Solution {
-            phases: phases.repeat(shown / frames),
-            exposure,
-            efficiency: problem.mean / exposure,
-            validation,
-            steps: 0,
-            seconds: start.elapsed().as_secs_f64(),
-            step_seconds: 0.0,
-            stop: Stop::Steps,
-        });
+        return Ok(solution(phases, exposure, validation, 0, 0.0, Stop::Steps));
     }
     let looked_up: Vec<f32>;
-    let mut run = Run {
-        problem,
-        planner: &planner,
-        settings,
-        engine,
-        validator: &validator,
-        from,
-        start,
-        exposure: 0.0,
-        unit,
-        pilot: false,
-        durations: Vec::new(),
-    };
-    run.exposure = match settings.efficiency {
-        // A black scene has no efficiency: any exposure shows it.
-        Some(efficiency) if problem.mean > 0.0 => problem.mean / efficiency / unit,
-        _ => run.choose_exposure(validator.bright_end(settings.steps_of_projection()), observe)?,
-    };
+    let mut run = Run::new(&ready, settings, from, engine, start);
+    run.exposure = run.choose_exposure(observe)?;
     if from.is_none()
-        && let Some(Beginning { phases, exposure, progress }) = begin(run.exposure * unit, observe)?
+        && let Some(Beginning { phases, exposure, progress }) = begin(run.exposure * ready.unit, observe)?
     {
-        run.exposure = exposure / unit;
+        run.exposure = exposure / ready.unit;
         looked_up = phases;
         run.from = Some(Warm { phases: &looked_up, progress });
     }
-    let exposure = run.exposure * unit;
+    let exposure = run.exposure * ready.unit;
     let (best, steps, stop) = run.descend(settings.steps, observe)?;
     let mut durations = run.durations;
     let kept = engine.kept()?;
     durations.sort_by(f64::total_cmp);
-    Ok(Solution {
-        phases: kept.repeat(shown / frames),
-        exposure,
-        efficiency: problem.mean / exposure,
-        validation: best.score,
-        steps,
-        seconds: start.elapsed().as_secs_f64(),
-        step_seconds: durations.get(durations.len() / 2).copied().unwrap_or(0.0),
-        stop,
-    })
+    let step_seconds = durations.get(durations.len() / 2).copied().unwrap_or(0.0);
+    Ok(solution(kept, exposure, best, steps, step_seconds, stop))
 }
-
-/// Pupils, or windows of another kind, that a solve is validated by.
-pub(super) const PUPILS: usize = 8;

@@ -1,6 +1,8 @@
-//! What a display's source asks of a solve: how many modes stand for it, and which methods know of it (OPTICS 12).
+//! What a display's source and a static mask in front of its SLM ask of a solve: how many modes stand for the source, which methods know
+//! of either, and what a mask costs (OPTICS 12).
 
-use super::error::SolveError;
+use super::error::{SolveError, require};
+use super::method::Method;
 use super::problem::Problem;
 use super::scene_plan::{PlanRequest, ScenePlan};
 use super::settings::Settings;
@@ -11,21 +13,14 @@ use crate::scene::LightField;
 pub(super) fn check(modes: &[SourceMode], settings: &Settings) -> Result<(), SolveError> {
     let Settings { method, frames, .. } = *settings;
     let turns = modes.iter().map(|mode| mode.turn[1]).max().unwrap_or(0);
-    if turns > 1 && frames < turns {
-        let right =
-            "as many as sources that take turns at least (`frames`), or sources_lit = \"together\" or \"steered\"";
-        return Err(SolveError::Setting { what: "the number of sub-frames", value: frames.to_string(), right });
-    }
+    let right = "as many as sources that take turns at least (`frames`), or sources_lit = \"together\" or \"steered\"";
+    require(turns <= 1 || frames >= turns, "the number of sub-frames", frames, right)?;
     let solved = settings.solved_frames();
-    if turns > 1 && solved < frames && !solved.is_multiple_of(turns) {
-        let right = "a number that sources which take turns divide, where sub-frames repeat";
-        return Err(SolveError::Setting { what: "the number of solved sub-frames", value: solved.to_string(), right });
-    }
-    if !modes.is_empty() && !method.looks_through_pupils() {
-        let right = "one that looks through pupils (slfh, lf2fs, stft-exact, smooth, pupil-aware, table) for a source of several modes";
-        return Err(SolveError::Setting { what: "the method", value: method.name().into(), right });
-    }
-    Ok(())
+    let take_all_turns = turns <= 1 || solved >= frames || solved.is_multiple_of(turns);
+    let right = "a number that sources which take turns divide, where sub-frames repeat";
+    require(take_all_turns, "the number of solved sub-frames", solved, right)?;
+    let right = "one that looks through pupils (slfh, lf2fs, stft-exact, smooth, pupil-aware, table) for a source of several modes";
+    require(modes.is_empty() || method.looks_through_pupils(), "the method", method.name(), right)
 }
 
 impl ScenePlan {
@@ -123,4 +118,31 @@ fn in_words(sampling: &SourceSampling, diameter: f64) -> String {
          through {:.1} mm ({limit:.2} of the source itself); one more of each makes it {one_more:.2}",
         diameter * 1e3
     )
+}
+
+/// Refuses a mask that the method knows nothing of.
+pub(super) fn check_mask(has_mask: bool, method: Method) -> Result<(), SolveError> {
+    let right =
+        "one that looks through pupils (slfh, lf2fs, stft-exact, smooth, pupil-aware) for a mask in front of the SLM";
+    require(!has_mask || method.looks_through_pupils(), "the method", method.name(), right)
+}
+
+impl ScenePlan {
+    /// Says what the display's mask makes of its eyebox, and of the work.
+    pub(super) fn say_mask(&mut self, display: &Display) -> Result<(), SolveError> {
+        let Some(mask) = &display.mask else { return Ok(()) };
+        check_mask(true, self.settings.method)?;
+        let (k, eyebox) = (mask.factor, display.eyebox_min() * 1e3);
+        let plain = eyebox / k as f64;
+        let mut why = format!(
+            "an eyebox of {eyebox:.1} mm instead of {plain:.1} from as many phases: fields and spectra have {} times the points, of \
+             which only columns that pupils pass are transformed along y; windows stay as they are",
+            k * k
+        );
+        if mask.distance_mm > 0.0 {
+            why += &format!("; {} mm behind the SLM: two more transforms of the grid each way", mask.distance_mm);
+        }
+        self.say("mask", format!("{k} x {k} pixels on each of the SLM's"), why);
+        Ok(())
+    }
 }

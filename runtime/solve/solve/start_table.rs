@@ -8,7 +8,6 @@
 //! transform instead ([`transform`]). Colors that share their sub-frames have a table of their drive ([`shared`]).
 
 mod fit;
-mod kept;
 mod made_by;
 pub(super) mod shared;
 #[cfg(test)]
@@ -17,7 +16,7 @@ mod shared_tests;
 mod tests;
 mod transform;
 
-use super::error::SolveError;
+use super::error::{SolveError, require};
 use super::method::Method;
 use super::outcome::{Flow, Progress};
 use super::problem::Problem;
@@ -28,8 +27,7 @@ use crate::optics::{Color, Display, Geometry, Padding, Pupil};
 use crate::scene::ViewGrid;
 use eyebox_kernels::pupil_light;
 use eyebox_kernels::table_start::{self, LEVELS};
-use kept::Levels;
-use made_by::{MadeBy, SIDE};
+use made_by::{Levels, MadeBy, SIDE};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -240,10 +238,8 @@ impl Settings {
     /// These for phases of the table alone ([`Method::Table`]).
     pub(super) fn as_of_table(&self, problem: &Problem) -> Result<Self, SolveError> {
         let of_table = Self { method: Method::Slfh, first_phases: FirstPhases::Table, steps: 0, ..self.clone() };
-        if !of_table.may_begin_by_table(problem) {
-            let right = "another for colors that share their sub-frames, for switched sources, and behind a mask";
-            return Err(SolveError::Setting { what: "the method", value: self.method.name().into(), right });
-        }
+        let right = "another for colors that share their sub-frames, for switched sources, and behind a mask";
+        require(of_table.may_begin_by_table(problem), "the method", self.method.name(), right)?;
         Ok(of_table)
     }
 }

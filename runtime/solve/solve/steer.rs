@@ -2,12 +2,11 @@
 //! that a sudden look elsewhere never meets the dark.
 
 mod draw;
-mod drawing;
 mod sharing;
 mod sources;
 
 use super::carry::Carry;
-use super::error::SolveError;
+use super::error::{SolveError, require};
 use super::motion::Motion;
 use super::pace::Pace;
 use super::problem::Problem;
@@ -17,8 +16,8 @@ use super::start_table::StartTable;
 use crate::engine::{Buffer, Engine, EngineError, PendingStep, PhasesOnDevice};
 use crate::evaluate::{self, Sums};
 use crate::optics::{Geometry, Pupil, PupilDistribution};
-use crate::plan::{Planner, Viewpoint, mean_loss};
-use drawing::Drawing;
+use crate::plan::{Planner, PupilPass, Step, StepLists, Viewpoint, mean_loss};
+use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -66,6 +65,43 @@ struct UnderWay {
     host: f64,
 }
 
+/// What was drawn last, and lists that the next step fills: none is made anew for it.
+#[derive(Default)]
+struct Drawing {
+    /// The pupil passes of the last step, and room for its kernels.
+    lists: StepLists,
+    /// Steps that look through them are due, but none has been; or so many have.
+    drawn: bool,
+    used: usize,
+    /// Pupil passes that the last step had no use for.
+    spare: Vec<PupilPass>,
+    viewpoints: Vec<Viewpoint>,
+    /// The parts of the step's list that have to run.
+    parts: Vec<Range<usize>>,
+    /// Room for the sizes of its windows.
+    pixels: Vec<usize>,
+}
+
+impl Drawing {
+    /// What was drawn is of no use any more; what it was drawn into is.
+    fn forget(&mut self) {
+        self.drawn = false;
+    }
+
+    fn take_lists(&mut self) -> StepLists {
+        std::mem::take(&mut self.lists)
+    }
+
+    /// Takes back the lists of a step that was begun; pixels of the windows of its pupil passes.
+    fn take_back(&mut self, step: Step) -> Vec<usize> {
+        let mut pixels = std::mem::take(&mut self.pixels);
+        pixels.clear();
+        pixels.extend(step.pupil_passes.iter().map(PupilPass::count));
+        self.lists = step.into();
+        pixels
+    }
+}
+
 impl Refiner {
     /// Begins with these phases ((frames, height, width), radians), solved for `exposure`, and the whole eyebox as aim.
     ///
@@ -90,17 +126,13 @@ impl Refiner {
         steering: RefineSettings,
         mut engine: Box<dyn Engine>,
     ) -> Result<Self, SolveError> {
-        let wrong = |what, value: String, right| Err(SolveError::Setting { what, value, right });
         let pixels = problem.optics.height * problem.optics.width;
         let frames = phases.len() / pixels.max(1);
-        if frames == 0 || frames * pixels != phases.len() || !phases.iter().all(|p| p.is_finite()) {
-            return wrong("the number of phases to refine", phases.len().to_string(), "whole sub-frames, all finite");
-        }
+        let are_whole = frames > 0 && frames * pixels == phases.len() && phases.iter().all(|p| p.is_finite());
+        require(are_whole, "the number of phases to refine", phases.len(), "whole sub-frames, all finite")?;
         steering.check()?;
         problem.check_blur(USUAL_EYE)?;
-        if !(exposure > 0.0 && exposure.is_finite()) {
-            return wrong("the exposure", exposure.to_string(), "a positive, finite number");
-        }
+        require(exposure > 0.0 && exposure.is_finite(), "the exposure", exposure, "a positive, finite number")?;
         let storage = steering.storage.unwrap_or_else(|| engine.preferred_storage());
         let plain = problem.planner(frames, steering.window).with_fewer_modes(problem.eyebox);
         let planner = Planner { storage, binary_angles: true, powers: powers.into(), ..plain };
@@ -137,18 +169,12 @@ impl Refiner {
 
     /// Begins again with the phases that it was made with, those for the whole eyebox: where they are a device's, with nothing
     /// passing through the host.
-    ///
-    /// # Errors
-    /// Those of the engine.
     pub fn begin_again(&mut self) -> Result<(), EngineError> {
         self.since = 0;
         self.engine.restore()
     }
 
     /// Begins again with other phases of the same hologram.
-    ///
-    /// # Errors
-    /// Those of the engine.
     pub fn restart(&mut self, phases: &[f32]) -> Result<(), EngineError> {
         self.engine.write(Buffer::Phases, phases)?;
         self.forget()
@@ -156,9 +182,6 @@ impl Refiner {
 
     /// The scene has changed, before the same optics: its views take the place of those before, the phases stay, and `exposure` is
     /// what they are refined for from now on.
-    ///
-    /// # Errors
-    /// Those of the engine.
     pub fn follow(&mut self, problem: Problem, exposure: f64) -> Result<(), EngineError> {
         self.settle()?;
         self.engine.take_views(Arc::clone(&problem.pyramid))?;
@@ -171,9 +194,6 @@ impl Refiner {
     }
 
     /// Goes on with the first phases of the scene, as [`restart`](Self::restart) does.
-    ///
-    /// # Errors
-    /// Those of the engine.
     pub fn look_up(&mut self, table: &StartTable) -> Result<(), EngineError> {
         self.settle()?;
         match table.look_up(&self.problem, self.exposure) {
@@ -184,9 +204,6 @@ impl Refiner {
     }
 
     /// Other phases of the same hologram, which [`begin_again`](Self::begin_again) comes back to from now on.
-    ///
-    /// # Errors
-    /// Those of the engine.
     pub fn begin_with(&mut self, phases: &[f32]) -> Result<(), EngineError> {
         self.settle()?;
         self.restart(phases)?;
@@ -194,9 +211,6 @@ impl Refiner {
     }
 
     /// The loss of the phases as they are, through the pupils that the next step looks through.
-    ///
-    /// # Errors
-    /// Those of the engine.
     pub fn loss(&mut self) -> Result<f64, EngineError> {
         self.settle()?;
         let update = self.steering.strategy.update(self.since + 1);
@@ -216,16 +230,8 @@ impl Refiner {
         &self.problem
     }
 
-    /// Side of a pixel of the picture, radians.
-    pub fn pixel(&self) -> f64 {
-        self.problem.pixel()
-    }
-
     /// Goes on with each sub-frame's phases moved by whole pixels (x, y), as its picture has, where these lose less than the phases
     /// as they are; whether they do. In the far field the picture is moved by a phase, which is laid over them.
-    ///
-    /// # Errors
-    /// Those of the engine.
     pub fn move_phases(&mut self, shifts: &[[f64; 2]]) -> Result<bool, EngineError> {
         let before = self.loss()?;
         self.carry_phases(shifts)?;
@@ -239,9 +245,6 @@ impl Refiner {
 
     /// Goes on with each sub-frame's phases moved by whole pixels (x, y), whatever they lose. The steps since the eye came there
     /// still count. Velocities were those of other pixels: they go where all sub-frames move, and else move with theirs.
-    ///
-    /// # Errors
-    /// Those of the engine.
     pub fn carry_phases(&mut self, shifts: &[[f64; 2]]) -> Result<(), EngineError> {
         self.settle()?;
         let Self { carry, engine, planner, .. } = self;
@@ -264,9 +267,6 @@ impl Refiner {
     }
 
     /// The eye has moved. Velocities go where it is elsewhere altogether: they would carry on for where it was.
-    ///
-    /// # Errors
-    /// Those of the engine.
     pub fn aim(&mut self, aim: PupilDistribution) -> Result<(), EngineError> {
         let jumped = aim.distance(&self.aim) > 0.5 * (aim.diameter[0] + self.aim.diameter[0]).max(aim.spread);
         if !aim.is_served_by(&self.drawn_for) {
@@ -301,9 +301,6 @@ impl Refiner {
     }
 
     /// One step; its loss. With a loss that is NaN or infinite the phases stay as they were.
-    ///
-    /// # Errors
-    /// Those of the engine.
     pub fn step(&mut self) -> Result<f64, EngineError> {
         self.settle()?;
         let loss = self.advance()?;
@@ -312,9 +309,6 @@ impl Refiner {
 
     /// Begins a step. On a device it is under way when this returns, and the loss of the one before is given, if that had not
     /// ended; elsewhere its own.
-    ///
-    /// # Errors
-    /// Those of the engine.
     pub fn advance(&mut self) -> Result<Option<f64>, EngineError> {
         let (start, kind) = (Instant::now(), self.kind());
         let step = self.next();
@@ -329,9 +323,6 @@ impl Refiner {
     }
 
     /// Waits for the step that is under way, if there is one; its loss.
-    ///
-    /// # Errors
-    /// Those of the engine.
     pub fn settle(&mut self) -> Result<Option<f64>, EngineError> {
         self.under_way.take().map(|step| self.end(step)).transpose()
     }
@@ -367,9 +358,6 @@ impl Refiner {
 
     /// As many steps as are expected to end before `deadline`, `most` at most; how many were taken. Where none is, deadline
     /// after deadline, less is expected, until one is tried.
-    ///
-    /// # Errors
-    /// Those of the engine.
     pub fn refine_until(&mut self, deadline: Instant, most: usize) -> Result<usize, EngineError> {
         let mut taken = 0;
         while taken < most {
@@ -385,9 +373,6 @@ impl Refiner {
     }
 
     /// The phases as they are now: (frames, height, width), radians in -pi .. pi.
-    ///
-    /// # Errors
-    /// Those of the engine.
     pub fn phases(&mut self) -> Result<Vec<f32>, EngineError> {
         self.engine.read(Buffer::Phases)
     }
@@ -404,18 +389,12 @@ impl Refiner {
     }
 
     /// What each of these pupils sees now, and should see: sums from which exposure and PSNR follow.
-    ///
-    /// # Errors
-    /// Those of the engine.
     pub fn look(&mut self, pupils: &[Pupil]) -> Result<Vec<Sums>, EngineError> {
         self.look_through(&pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect::<Vec<_>>())
     }
 
     /// What an eye sees through this pupil, at no exposure, and the photograph that it should see: pictures of
     /// [`Optics::image_size`](crate::optics::Optics::image_size), linear light.
-    ///
-    /// # Errors
-    /// Those of the engine.
     pub fn pictures(&mut self, pupil: Pupil) -> Result<[Vec<f32>; 2], EngineError> {
         self.drawing.forget();
         let mut seen = evaluate::views(self.engine.as_mut(), &self.planner, &[pupil])?;
@@ -424,9 +403,6 @@ impl Refiner {
     }
 
     /// [`look`](Self::look) through any viewpoints, such as eyes that move.
-    ///
-    /// # Errors
-    /// Those of the engine.
     pub fn look_through(&mut self, viewpoints: &[Viewpoint]) -> Result<Vec<Sums>, EngineError> {
         // The first slot will hold other pupil passes than a step's.
         self.drawing.forget();

@@ -8,7 +8,7 @@ use super::settings::Settings;
 use super::viewpoints::Viewpoints;
 use crate::engine::{Buffer, Engine, EngineError, Memory, Step};
 use crate::plan::{Comparison, Kernel, Planner, PupilPass, StepLists, Viewpoint};
-use eyebox_kernels::compare;
+use eyebox_kernels::{adam, compare, project};
 use std::ops::Range;
 use std::slice;
 
@@ -129,9 +129,6 @@ impl<'a> Steps<'a> {
 
     /// Makes what `count` steps from the first on ask a device for, all at once: nothing is made while they are taken. Pupils
     /// repeat themselves: of many steps the first will do.
-    ///
-    /// # Errors
-    /// Those of the engine.
     pub(super) fn prepare(mut self, count: usize, engine: &mut dyn Engine) -> Result<(), EngineError> {
         const PUPILS: usize = 2048;
         if engine.memory() == Memory::Host {
@@ -221,9 +218,6 @@ pub fn release_early(planner: &Planner, progress: f64, step: &mut Step) {
 
 /// Takes a step, or these parts of its list, in order; its [loss](Step::mean_loss). All losses are known before phases may
 /// change: with a loss that is not a finite number the phases stay as they were.
-///
-/// # Errors
-/// Those of the engine.
 pub fn take(engine: &mut dyn Engine, step: &Step, parts: &[Range<usize>]) -> Result<f64, EngineError> {
     let begun = engine.begin_step(step, parts)?;
     Ok(step.mean_loss(&engine.end_step(begun)?.losses))
@@ -248,4 +242,83 @@ pub fn take_seen<E: From<EngineError>>(
         engine.write(Buffer::Image(slot), &see(slot, &image, &fields)?)?;
     }
     Ok(take(engine, step, slice::from_ref(&(place..step.list.len())))?)
+}
+
+/// Runs the step again, kernel by kernel, up to where phases would change, and names the first whose output is not
+/// finite. None if the phases are to blame themselves, or if nothing is found.
+pub(super) fn first_fault(engine: &mut dyn Engine, step: &Step) -> Result<Option<Kernel>, EngineError> {
+    if !finite(&engine.read(Buffer::Phases)?) {
+        return Ok(None);
+    }
+    for i in 0..step.before_update() {
+        let dispatch = &step.list[i];
+        let losses = engine.run_part(step, i..i + 1)?;
+        if !losses.iter().all(|l| l.is_finite()) {
+            return Ok(Some(dispatch.kernel));
+        }
+        for resource in dispatch.kernel.writes() {
+            let slots = if resource.is_shared() { 1 } else { dispatch.pupil_passes.len() };
+            for buffer in (0..slots).filter_map(|slot| resource.buffer(slot)) {
+                if !finite(&engine.read(buffer)?) {
+                    return Ok(Some(dispatch.kernel));
+                }
+            }
+        }
+    }
+    Ok(None)
+}
+
+fn finite(values: &[f32]) -> bool {
+    values.iter().all(|v| v.is_finite())
+}
+
+/// How a step moves what it is taken for: what it says of that, without its lists.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Turns {
+    /// Gain and momentum of the projection, and where the SLM lies in the grid.
+    pub(super) project: project::Args,
+    pub(super) adam: adam::Args,
+    /// Whether it is the projection that moves it.
+    pub(super) projects: bool,
+}
+
+impl Turns {
+    /// Those of this step.
+    pub(super) fn of(step: &Step) -> Self {
+        let projects = step.list.last().is_some_and(|d| d.kernel == Kernel::Project);
+        Self { project: step.project, adam: step.adam, projects }
+    }
+}
+
+/// Runs these parts of a step's list, in order, up to what would move its phases, and reads the change of the field that it asks for:
+/// its loss, and the change unless that is no finite number.
+pub(super) fn ask(
+    engine: &mut dyn Engine,
+    step: &Step,
+    parts: &[Range<usize>],
+    change: &mut [f32],
+) -> Result<f64, EngineError> {
+    let end = step.list.len().saturating_sub(1);
+    let known = step.before_update().min(end);
+    let mut losses = vec![0.0; step.pupil_passes.len()];
+    for part in within(parts, 0..known) {
+        let of_part = engine.run_part(step, part)?;
+        losses.iter_mut().zip(&of_part).for_each(|(sum, loss)| *sum += loss);
+        engine.recycle(of_part);
+    }
+    let loss = step.mean_loss(&losses);
+    if loss.is_finite() {
+        for part in within(parts, known..end) {
+            let none = engine.run_part(step, part)?;
+            engine.recycle(none);
+        }
+        engine.read_into(Buffer::Change, change)?;
+    }
+    Ok(loss)
+}
+
+/// What of these parts is in a range.
+fn within(parts: &[Range<usize>], range: Range<usize>) -> impl Iterator<Item = Range<usize>> {
+    let cut = move |part: &Range<usize>| part.start.max(range.start)..part.end.min(range.end);
+    parts.iter().map(cut).filter(|part| !part.is_empty())
 }

@@ -3,7 +3,7 @@
 use super::method::Method;
 use super::motion::Motion;
 use super::problem::Problem;
-use super::sampling::{Points, PupilRange, Sampler};
+use super::sampling::{Points, Sampler};
 use super::settings::Settings;
 use crate::optics::Pupil;
 use crate::plan::Viewpoint;
@@ -31,13 +31,10 @@ enum Kind {
 impl Viewpoints {
     /// Of `settings.method`, with another seed if the settings' own is not to be used.
     pub(super) fn new(problem: &Problem, settings: &Settings, seed: u64) -> Self {
-        let stack = [problem.eyebox; 2];
-        let range = PupilRange {
-            eyebox: problem.eyebox,
-            diameter: if settings.method == Method::Slfh { settings.diameter } else { stack },
-            depth: settings.depth,
-            diameters: settings.diameters,
-        };
+        let mut range = settings.pupil_range(problem.eyebox);
+        if settings.method != Method::Slfh {
+            range.diameter = [problem.eyebox; 2];
+        }
         let sampler = Sampler::new(range, settings.sequence, seed).over(Arc::clone(&problem.regions));
         let filter = match settings.method {
             Method::StftUnfiltered => f64::INFINITY,

@@ -12,13 +12,11 @@ mod refine;
 mod region;
 mod solve;
 mod visits;
-mod waits;
 
-pub use refine::{Piece, TileRect};
+pub use refine::{TileRect, problem_around};
 pub use region::{MemoryLimit, RegionSize};
 pub use solve::{Job, Visit, Visited, exposure, solve, visit};
-pub use visits::Schedule;
-pub use waits::Waits;
+pub use visits::{Schedule, Waits};
 
 use crate::engine::EngineError;
 use crate::evaluate::Views;

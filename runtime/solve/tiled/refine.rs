@@ -61,40 +61,20 @@ impl TileRect {
         let end = |one: &Self, i: usize| one.at[i] + one.size[i];
         Self { at, size: [0, 1].map(|i| end(self, i).max(end(other, i)) - at[i]) }
     }
-}
 
-/// The tiles that hold every pupil of an aim, and the problem on them.
-pub struct Piece {
-    /// Row and column of its first pixel.
-    pub at: [usize; 2],
-    /// Rows and columns.
-    pub size: [usize; 2],
-    /// A far field of its own, on the whole one's axis; its eyebox is its side, around its middle.
-    pub problem: Problem,
-}
-
-impl Piece {
-    /// Where `aim` looks at colour `color` of a hologram, whose scene in that colour is `views`.
-    ///
-    /// # Errors
-    /// [`TiledError::Optics`]; [`TiledError::Unsuitable`] for an aim that is nowhere on the SLM.
-    pub fn around(tiles: &Tiles, color: usize, views: &Views, aim: &PupilDistribution) -> Result<Self, TiledError> {
-        let model = tiles.model(color)?.map(|model| model.for_steps());
-        let extent = TileRect::around(tiles, color, model.as_deref(), aim)?;
-        Self::on(tiles, color, views, model.as_deref(), extent)
-    }
-
-    /// These tiles of it, seen through `model`.
+    /// The problem on these tiles, seen through `model`: a far field of its own, on the whole one's axis; its eyebox is its side, around
+    /// its middle.
     ///
     /// # Errors
     /// [`TiledError::Optics`].
-    pub fn on(
+    pub fn problem(
+        &self,
         tiles: &Tiles,
         color: usize,
         views: &Views,
         model: Option<&ModelTables>,
-        TileRect { at: [top, left], size: [rows, columns] }: TileRect,
-    ) -> Result<Self, TiledError> {
+    ) -> Result<Problem, TiledError> {
+        let Self { at: [top, left], size: [rows, columns] } = *self;
         let whole = tiles.about().optics(color)?;
         let at = [top as i64, left as i64];
         let optics = whole.piece(at, [rows, columns]);
@@ -105,7 +85,7 @@ impl Piece {
         let (pyramid, seen) = views.around([from.x, from.y], from.diameter);
         let level = pyramid.levels.last();
         let mean = level.map_or(0.0, |l| l.views.iter().map(|v| f64::from(*v)).sum::<f64>() / l.views.len() as f64);
-        let problem = Problem {
+        Ok(Problem {
             optics,
             padding: Padding::default(),
             eyebox: optics.eyebox(),
@@ -119,7 +99,22 @@ impl Piece {
             modes: [].into(),
             regions: [].into(),
             choice: None,
-        };
-        Ok(Self { at: [top, left], size: [rows, columns], problem })
+        })
     }
+}
+
+/// The tiles that hold every pupil of `aim` at colour `color` of a hologram, whose scene in that colour is `views`, and the problem on
+/// them.
+///
+/// # Errors
+/// [`TiledError::Optics`]; [`TiledError::Unsuitable`] for an aim that is nowhere on the SLM.
+pub fn problem_around(
+    tiles: &Tiles,
+    color: usize,
+    views: &Views,
+    aim: &PupilDistribution,
+) -> Result<(TileRect, Problem), TiledError> {
+    let model = tiles.model(color)?.map(|model| model.for_steps());
+    let extent = TileRect::around(tiles, color, model.as_deref(), aim)?;
+    Ok((extent, extent.problem(tiles, color, views, model.as_deref())?))
 }

@@ -1,7 +1,7 @@
 //! A visit: a region's phases are read, a few steps are taken over pupils inside of it, and the phases are put back.
 
 use super::region::lags;
-use super::waits::held;
+use super::visits::held;
 use super::{RegionSize, Schedule, TiledError, Views};
 use crate::engine::{Buffer, Engine, Purpose};
 use crate::hologram::Tiles;
@@ -34,8 +34,6 @@ pub struct Job<'a> {
     pub before: u64,
 }
 
-impl Job<'_> {}
-
 /// A visit that is done.
 #[derive(Debug, Clone, Copy)]
 pub struct Visit {
@@ -66,13 +64,7 @@ pub fn exposure(
     settings: &Settings,
     engine: &mut dyn Engine,
 ) -> Result<(f64, f64), TiledError> {
-    let range = PupilRange {
-        eyebox: optics.eyebox(),
-        diameter: settings.diameter,
-        depth: settings.depth,
-        diameters: settings.diameters,
-    };
-    let mut sampler = Sampler::new(range, settings.sequence, !settings.seed);
+    let mut sampler = Sampler::new(settings.pupil_range(optics.eyebox()), settings.sequence, !settings.seed);
     let mut photographs = Vec::new();
     for _ in 0..8 {
         let pupil = sampler.draw();
@@ -129,9 +121,6 @@ pub struct Visited {
 }
 
 /// Visit `k` of a job: reads its region from `tiles`, as they are, and changes nothing there.
-///
-/// # Errors
-/// [`TiledError`].
 ///
 /// # Panics
 /// For a visit that the schedule has not.
@@ -227,12 +216,8 @@ impl<'a> Region<'a> {
         let settings = self.job.settings;
         engine.load(&self.one.shape(Purpose::Project), Some(Arc::clone(&self.pyramid)))?;
         let scale = self.job.model.map_or(1.0, |model| model.model().iris.scale);
-        let range = PupilRange {
-            eyebox: self.optics.eyebox(),
-            diameter: settings.diameter.map(|d| d * scale),
-            depth: settings.depth,
-            diameters: settings.diameters,
-        };
+        let diameter = settings.diameter.map(|d| d * scale);
+        let range = PupilRange { diameter, ..settings.pupil_range(self.optics.eyebox()) };
         let seed = settings.seed ^ (self.job.before + k as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         let mut sampler = Sampler::new(range, settings.sequence, seed);
         let (visits, steps) = (self.job.schedule.visits.len(), settings.steps.max(1));

@@ -58,10 +58,10 @@ fn a_step_of_a_region_is_that_of_the_whole_display() {
         let whole = display.optics(Color::Green).unwrap();
         let model = ModelTables::of(&display, Color::Green, whole, whole).unwrap().for_steps();
         let request = Request::new(&display, &[Color::Green]);
-        let views = Views::new("builtin:still-life", &request, Color::Green, 64).unwrap();
+        let views = Views::of_colors("builtin:still-life", &request, 64).unwrap().remove(0);
         let settings = Settings { diameter: [0.2e-3, 0.3e-3], ..Settings::default() };
         let size = RegionSize { rows: 64, columns: 96, bytes: 0 };
-        let schedule = Schedule { visits: vec![[64, 32]], passes: 1 };
+        let schedule = Schedule { visits: vec![[64, 32]] };
         let job = Job {
             color: 0,
             views: &views,

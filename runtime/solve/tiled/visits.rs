@@ -1,7 +1,11 @@
-//! Which regions are visited, and in which order.
+//! Which regions are visited, and in which order; and what the visits of a solve wait for, where several machines take them: regions that
+//! share no pixel are visited side by side, and all come out as by one machine, which visits one after the other.
 
 use super::RegionSize;
+use crate::hologram::TileVersion;
+use crate::plan::ModelTables;
 use crate::solve::SplitMix;
+use std::collections::{BTreeSet, HashMap};
 
 /// The regions of a solve, pass by pass: each covers the SLM, on a grid that is moved at random by whole tiles, in a
 /// shuffled order.
@@ -9,8 +13,6 @@ use crate::solve::SplitMix;
 pub struct Schedule {
     /// (row, column) of each visit's first pixel.
     pub visits: Vec<[usize; 2]>,
-    /// Passes.
-    pub passes: usize,
 }
 
 impl Schedule {
@@ -31,7 +33,7 @@ impl Schedule {
             }
             visits.extend(pass);
         }
-        Self { visits, passes }
+        Self { visits }
     }
 }
 
@@ -54,6 +56,83 @@ fn starts(n: usize, region: usize, side: usize, random: &mut SplitMix) -> Vec<us
     }
     found.push(last);
     found
+}
+
+/// Of one colour: what each visit waits for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Waits {
+    /// Of each visit the tiles that it reads, and which visit before it changed them last.
+    reads: Vec<Vec<([usize; 2], Option<usize>)>>,
+    /// Which visit changes a tile last of all.
+    last: HashMap<[usize; 2], usize>,
+}
+
+impl Waits {
+    /// For the visits of a `schedule` to regions of this `size` on an SLM of `whole` (rows, columns) pixels in tiles of `side`; `model` is
+    /// what the display does to the light, which may reach into a region from around it.
+    pub fn new(
+        schedule: &Schedule,
+        size: RegionSize,
+        whole: [usize; 2],
+        side: usize,
+        model: Option<&ModelTables>,
+    ) -> Self {
+        let (mut reads, mut last) = (Vec::with_capacity(schedule.visits.len()), HashMap::new());
+        for (k, &at) in schedule.visits.iter().enumerate() {
+            let size = size.inside(at, whole);
+            let (first, held) = held(model, at, size);
+            let found = tiles(first, held, whole, side).into_iter();
+            reads.push(found.map(|tile| (tile, last.get(&tile).copied())).collect());
+            for tile in tiles(at.map(|i| i as i64), size, whole, side) {
+                last.insert(tile, k);
+            }
+        }
+        Self { reads, last }
+    }
+
+    /// The visits that visit `k` waits for, in ascending order.
+    pub fn after(&self, k: usize) -> Vec<usize> {
+        let before: BTreeSet<usize> = self.reads[k].iter().filter_map(|(_, visit)| *visit).collect();
+        before.into_iter().collect()
+    }
+
+    /// How visit `k` finds the tiles (row, column) that it reads, where visit `i` is part `before` + `i` + 1 of the job.
+    pub fn versions(&self, k: usize, before: u64) -> impl Iterator<Item = ([usize; 2], TileVersion)> {
+        self.reads[k].iter().map(move |&(tile, visit)| match visit {
+            None => (tile, TileVersion::First),
+            Some(visit) if self.is_last(tile, visit) => (tile, TileVersion::Last),
+            Some(visit) => (tile, TileVersion::Of(before + visit as u64 + 1)),
+        })
+    }
+
+    /// Whether no visit after `k` changes this tile (row, column).
+    pub fn is_last(&self, tile: [usize; 2], k: usize) -> bool {
+        self.last.get(&tile) == Some(&k)
+    }
+
+    /// Visits in the longest chain of visits that wait for each other: however many machines there are, as many follow each other.
+    pub fn longest(&self) -> usize {
+        let mut length: Vec<usize> = Vec::with_capacity(self.reads.len());
+        for k in 0..self.reads.len() {
+            let before = self.reads[k].iter().filter_map(|(_, visit)| *visit).map(|visit| length[visit]).max();
+            length.push(before.unwrap_or(0) + 1);
+        }
+        length.into_iter().max().unwrap_or(0)
+    }
+}
+
+/// What an engine holds for a visit: its region, and around it what crosstalk brings into it.
+pub(super) fn held(model: Option<&ModelTables>, at: [usize; 2], size: [usize; 2]) -> ([i64; 2], [usize; 2]) {
+    model.map_or((at.map(|i| i as i64), size), |model| model.around(at, size))
+}
+
+/// The tiles (row, column) that a rectangle touches, which goes round at the SLM's edges.
+fn tiles(first: [i64; 2], size: [usize; 2], whole: [usize; 2], side: usize) -> BTreeSet<[usize; 2]> {
+    let along = |k: usize| -> BTreeSet<usize> {
+        (0..size[k]).map(|i| (first[k] + i as i64).rem_euclid(whole[k] as i64) as usize / side).collect()
+    };
+    let columns = along(1);
+    along(0).into_iter().flat_map(|row| columns.iter().map(move |&column| [row, column])).collect()
 }
 
 #[cfg(test)]
@@ -79,5 +158,55 @@ mod tests {
                 prop_assert!(hit.iter().all(|h| *h >= passes));
             }
         }
+    }
+
+    proptest! {
+        /// In any order in which no visit comes before those that it waits for, each finds every pixel as it does one after the other.
+        #[test]
+        fn any_order_that_waits_is_the_order_of_one_machine(
+            height in 40usize..300, width in 40usize..300, side in 8usize..40, tiles in 1usize..5, passes in 1usize..4, seed in 0u64..99
+        ) {
+            let region = |n: usize| (tiles * side).min(n);
+            let size = RegionSize { rows: region(height), columns: region(width), bytes: 0 };
+            let schedule = Schedule::new([height, width], size, side, passes, seed);
+            let waits = Waits::new(&schedule, size, [height, width], side, None);
+            let grid = [height, width].map(|n| n.div_ceil(side));
+            let visits = schedule.visits.len();
+            let written = |k: usize| {
+                let [rows, columns] = [0, 1].map(|i| {
+                    let at = schedule.visits[k][i];
+                    at / side..(at + size.inside(schedule.visits[k], [height, width])[i]).div_ceil(side)
+                });
+                rows.flat_map(move |row| columns.clone().map(move |column| [row, column])).collect::<Vec<_>>()
+            };
+            // The visits that each tile has seen when visit k reads it, one after the other.
+            let mut seen = vec![Vec::new(); grid[0] * grid[1]];
+            let mut found = Vec::new();
+            for k in 0..visits {
+                found.push(written(k).iter().map(|t| seen[t[0] * grid[1] + t[1]].last().copied()).collect::<Vec<_>>());
+                written(k).iter().for_each(|t| seen[t[0] * grid[1] + t[1]].push(k));
+            }
+            for (k, found) in found.iter().enumerate() {
+                let versions: HashMap<_, _> = waits.versions(k, 0).collect();
+                for (tile, before) in written(k).iter().zip(found) {
+                    let expected = match before {
+                        None => TileVersion::First,
+                        Some(v) => TileVersion::Of(*v as u64 + 1),
+                    };
+                    prop_assert_eq!(versions[tile], expected);
+                    prop_assert!(before.is_none_or(|v| waits.after(k).contains(&v)));
+                    prop_assert_eq!(waits.is_last(*tile, k), seen[tile[0] * grid[1] + tile[1]].last() == Some(&k));
+                }
+                prop_assert!(waits.after(k).iter().all(|v| *v < k));
+            }
+            prop_assert!(waits.longest() >= passes.min(visits) && waits.longest() <= visits);
+        }
+    }
+
+    #[test]
+    fn what_crosstalk_brings_in_is_waited_for_and_goes_round() {
+        let found = tiles([-2, 6], [4, 4], [20, 8], 4);
+        let expected = [[0, 0], [0, 1], [4, 0], [4, 1]].into();
+        assert_eq!(found, expected);
     }
 }

@@ -18,7 +18,7 @@ use eyebox::low_level::scene::LightField;
 use eyebox::low_level::solve::{
     BestKeeper, BestState, Diameters, Flow, JointRefiner, Problem, PupilRange, Refinable, Refiner, Sampler, Sequence,
 };
-use eyebox::low_level::tiled::Piece;
+use eyebox::low_level::tiled::{TileRect, problem_around};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -214,7 +214,7 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
     let (mut all, mut patches, mut described, mut place) = (Vec::new(), Vec::new(), String::new(), Value::Null);
     let mut bests = Vec::new();
     for (color, views) in scene.iter().enumerate() {
-        let Piece { at, size, problem } = Piece::around(&tiles, color, views, &aim)?;
+        let (TileRect { at, size }, problem) = problem_around(&tiles, color, views, &aim)?;
         place = json!({ "piece": { "first": at, "size": size }, "unfinished": tiles.unfinished() });
         let anywhere = PupilRange {
             eyebox: problem.eyebox,
@@ -326,7 +326,7 @@ fn follow(
         taken += count;
     }
     bar.finish();
-    let best = keeper.into_best().expect("judged before the first step");
+    let best = keeper.best().expect("judged before the first step").clone();
     Ok((rows, best))
 }
 

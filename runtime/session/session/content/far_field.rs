@@ -12,7 +12,7 @@ use crate::session::content::scenes::{Due, FrameFreshness, Newest, SceneFrame, S
 use crate::session::frame_log::error::SessionError;
 use crate::session::refinement::field::Field;
 use crate::session::refinement::live_refiner::LiveColor;
-use crate::tiled::{Piece, TileRect, TiledError};
+use crate::tiled::{TileRect, TiledError};
 use eyebox_base::error::Reason;
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -229,9 +229,9 @@ impl Reader {
     fn read(&self, extent: TileRect) -> Read {
         let about = self.tiles.about();
         let one = |((i, views), model): ((usize, &Views), &Option<Arc<ModelTables>>)| -> Result<_, String> {
-            let piece = Piece::on(&self.tiles, i, views, model.as_deref(), extent).map_err(|e| e.to_string())?;
+            let problem = extent.problem(&self.tiles, i, views, model.as_deref()).map_err(|e| e.to_string())?;
             let phases = self.tiles.read(i, extent.at, extent.size).map_err(|e| e.to_string())?;
-            Ok(LiveColor { problem: piece.problem, phases, exposure: about.colors[i].exposure, laser: None })
+            Ok(LiveColor { problem, phases, exposure: about.colors[i].exposure, laser: None })
         };
         let colors = self.views.iter().enumerate().zip(self.models.iter()).map(one);
         Ok((extent, colors.collect::<Result<_, _>>()?))

@@ -252,9 +252,9 @@ impl LiveRefiner {
     /// # Errors
     /// [`SessionError::Solve`](SessionError) for what cannot be.
     pub fn moves(&mut self, motion: &Motion, times: &[LitTimes]) -> Result<(), SessionError> {
-        let pixel = self.colors.first().map_or(1.0, |c| c.refiner.pixel());
+        let pixel = self.colors.first().map_or(1.0, |c| c.refiner.problem().pixel());
         for (i, color) in self.colors.iter_mut().enumerate() {
-            let ratio = pixel / color.refiner.pixel();
+            let ratio = pixel / color.refiner.problem().pixel();
             let scaled = |v: [f64; 2]| v.map(|v| v * ratio);
             let Motion { content, eye, spread, .. } = *motion;
             let (content, eye, spread) = (scaled(content), eye.map(scaled), spread * ratio);
@@ -286,10 +286,10 @@ impl LiveRefiner {
             return self.carry_together(pixels, lighting, look);
         }
         self.settle()?;
-        let pixel = self.colors.first().map_or(1.0, |c| c.refiner.pixel());
+        let pixel = self.colors.first().map_or(1.0, |c| c.refiner.problem().pixel());
         let mut moved = true;
         for (i, color) in self.colors.iter_mut().enumerate() {
-            let ratio = pixel / color.refiner.pixel();
+            let ratio = pixel / color.refiner.problem().pixel();
             let of =
                 |turn: &usize| pixels.get(*turn).map_or([0.0; 2], |pixels| pixels.map(|p| (p as f64 * ratio).round()));
             self.shifts.clear();

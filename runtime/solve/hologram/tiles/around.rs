@@ -1,10 +1,9 @@
 //! What is read of a hologram in tiles on a display that is not ideal: crosstalk comes in from around a piece, and from beyond
 //! the SLM's edges.
 
-use super::super::HologramError;
 use super::super::chunks::check_memory;
+use super::super::{HologramError, Metadata};
 use super::Tiles;
-use crate::optics::Obstruction;
 use crate::plan::ModelTables;
 use std::sync::Arc;
 
@@ -52,17 +51,10 @@ impl Tiles {
         Ok(self.models.get().and_then(|models| models[color].as_ref()))
     }
 
-    /// The same hologram, to be looked at on an ideal display, whatever the one that it was solved for does to the light.
-    pub(in super::super) fn on_ideal_display(&self) -> Self {
+    /// The same hologram, to be looked at with other metadata.
+    pub(in super::super) fn described(&self, change: impl FnOnce(&mut Metadata)) -> Self {
         let mut about = self.about.clone();
-        about.metadata.model.clear();
-        Self::looking(self.folder.clone(), about, self.side, self.made.clone())
-    }
-
-    /// [`PhaseSource::obstructed`](super::super::PhaseSource::obstructed).
-    pub(in super::super) fn obstructed(&self, obstruction: Option<Obstruction>) -> Self {
-        let mut about = self.about.clone();
-        about.metadata.obstruction = obstruction;
+        change(&mut about.metadata);
         Self::looking(self.folder.clone(), about, self.side, self.made.clone())
     }
 }

@@ -26,8 +26,7 @@ impl Tiles {
     /// The same hologram as a part of its job finds it, to be read from: (colour, row, column) of each tile that it reads. Other tiles
     /// it must not read.
     pub fn as_found(&self, versions: HashMap<[usize; 3], TileVersion>) -> Self {
-        let looking = Self::looking(self.folder.clone(), self.about.clone(), self.side, self.made.clone());
-        Self { versions: Some(versions), ..looking }
+        Self { versions: Some(versions), ..self.described(|_| ()) }
     }
 
     /// Whether a part is done.
@@ -51,10 +50,8 @@ impl Tiles {
         phases: &[f32],
         is_last: &(dyn Fn([usize; 2]) -> bool + Sync),
     ) -> Result<(), HologramError> {
-        let [rows, columns] = self.range(at, size);
-        let all: Vec<[usize; 2]> = rows.flat_map(|row| columns.clone().map(move |column| [row, column])).collect();
-        all.par_iter().try_for_each(|&[row, column]| {
-            let place = [color, row, column];
+        let all: Vec<[usize; 3]> = self.places(color, at, size).collect();
+        all.into_par_iter().try_for_each(|place @ [_, row, column]| {
             let name = if is_last([row, column]) { self.name(place) } else { staged_name(part, place) };
             let tile = self.cut(at, size, phases, [row, column]);
             self.written.fetch_add(4 * tile.len() as u64 + 4, Relaxed);
@@ -77,10 +74,7 @@ impl Tiles {
 
     /// Whether every tile is in its place: then all parts are done.
     pub fn is_whole(&self) -> bool {
-        let [rows, columns] = self.range([0, 0], [self.about.height, self.about.width]);
-        let has =
-            |color: usize, row: usize| columns.clone().all(|column| self.folder.has(&self.name([color, row, column])));
-        (0..self.about.colors.len()).all(|color| rows.clone().all(|row| has(color, row)))
+        self.all_places().all(|place| self.folder.has(&self.name(place)))
     }
 
     fn put_staged(

@@ -1,7 +1,7 @@
 //! The drives that all colours share, and how they are turned by what each colour lacks (OPTICS 13).
 
 use crate::optics::{drive_of, phase_of};
-use crate::solve::asking::Turns;
+use crate::solve::step::Turns;
 use eyebox_kernels::trig;
 use rayon::prelude::*;
 use std::f32::consts::TAU;
@@ -13,7 +13,7 @@ pub(super) struct Drives {
     /// What moves them: the projection's velocity, or Adam's first moment, and its second.
     moments: [Vec<f32>; 2],
     /// What the colours asked for since the last step: their turns, each times its slope.
-    asked: Vec<f32>,
+    pub(super) asked: Vec<f32>,
     /// Rows and columns of a sub-frame.
     size: [usize; 2],
 }
@@ -129,12 +129,6 @@ impl Drives {
                 *asked = 0.0;
             }
         });
-    }
-
-    /// What the colours asked for, for the tests of its derivative.
-    #[cfg(test)]
-    pub(super) fn asked(&self) -> &[f32] {
-        &self.asked
     }
 }
 

@@ -6,7 +6,6 @@
 //! lists, and are fitted to photographs now and then.
 
 mod check;
-pub(super) mod choice;
 mod drives;
 mod powers;
 mod refine;
@@ -14,29 +13,23 @@ mod refine;
 mod refine_tests;
 mod run;
 mod shared;
-mod solution;
 #[cfg(test)]
 mod tests;
 
-use super::error::SolveError;
+use super::error::{SolveError, require};
 use super::outcome::{Flow, Progress, Warm};
 use super::problem::Problem;
-use super::run::Run;
-use super::settings::Settings;
-use super::solver;
+use super::run::{Ready, Run};
+use super::settings::{Joint, Settings};
 use super::start_table;
 use super::start_table::shared::BeginJoint;
-use super::validation::Validator;
-use super::viewpoints::Viewpoints;
 use crate::engine::Engine;
 use crate::optics::Laser;
-use crate::plan::Planner;
-pub use choice::Joint;
 pub use refine::for_joint_colors;
 pub use refine::{JointPart, JointRefiner};
+pub use run::JointSolution;
 use run::{JointRun, Lit};
 pub use shared::SharedDrives;
-pub use solution::JointSolution;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -55,20 +48,16 @@ pub struct JointProblem<'a> {
 
 impl JointProblem<'_> {
     fn check(&self, joint: &Joint, settings: &Settings) -> Result<(), SolveError> {
-        let wrong = |what, value: String, right| Err(SolveError::Setting { what, value, right });
-        let count = self.colors.len();
-        if count > 0 && joint.brightness > count as f64 {
-            let right = "1 to the number of colours";
-            return wrong("the brightness of joint colours", joint.brightness.to_string(), right);
-        }
+        let (count, brightness) = (self.colors.len(), joint.brightness);
+        let fits = count == 0 || brightness <= count as f64;
+        require(fits, "the brightness of joint colours", brightness, "1 to the number of colours")?;
         check::colors(&self.colors.iter().collect::<Vec<_>>(), self.slopes)?;
         if let Some(powers) = self.powers {
             check::powers(powers.iter().map(Vec::as_slice), count, settings.frames)?;
         }
-        if self.exposures.is_some_and(|e| e.len() != count || e.iter().any(|e| !(*e > 0.0 && e.is_finite()))) {
-            return wrong("the exposures of the colours", format!("{:?}", self.exposures), "positive, one a colour");
-        }
-        Ok(())
+        let fit = |e: &[f64]| e.len() == count && e.iter().all(|e| *e > 0.0 && e.is_finite());
+        let exposures = format_args!("{:?}", self.exposures);
+        require(self.exposures.is_none_or(fit), "the exposures of the colours", exposures, "positive, one a colour")
     }
 }
 
@@ -105,15 +94,10 @@ pub(super) fn solve_joint_begun_by(
     for color in problem.colors {
         color.check_eye(settings)?;
     }
-    if let Some(from) = from.filter(|from| {
-        from.phases.len() != settings.frames * problem.colors[0].optics.height * problem.colors[0].optics.width
-    }) {
-        let right = "that of the hologram";
-        return Err(SolveError::Setting {
-            what: "the number of phases to begin with",
-            value: from.phases.len().to_string(),
-            right,
-        });
+    if let Some(Warm { phases, .. }) = from {
+        let optics = problem.colors[0].optics;
+        let fits = phases.len() == settings.frames * optics.height * optics.width;
+        require(fits, "the number of phases to begin with", phases.len(), "that of the hologram")?;
     }
     let start = Instant::now();
     let mut lit = Vec::with_capacity(problem.colors.len());
@@ -126,7 +110,7 @@ pub(super) fn solve_joint_begun_by(
     };
     let begun = begun.as_deref().map(|phases| Warm { phases, progress: start_table::shared::PROGRESS });
     let from = from.or(begun);
-    let shape = lit[0].planner.shape(settings.optimizer.purpose());
+    let shape = lit[0].ready.planner.shape(settings.optimizer.purpose());
     engine.load(&shape, Some(Arc::clone(&problem.colors[0].pyramid)))?;
     let most = problem.colors.len() as f64 / joint.brightness;
     JointRun::new(lit, settings, most, problem.powers, from, start).solve(engine, observe)
@@ -147,7 +131,7 @@ fn first_drives(
     let lasers = joint.slopes.iter().enumerate().map(|(color, slope)| Laser { slope: *slope, powers: powers(color) });
     let lasers: Vec<Laser> = lasers.collect();
     let brighter = if settings.steps == 0 && joint.exposures.is_none() { start_table::UNSTEPPED } else { 1.0 };
-    let exposures: Vec<f64> = lit.iter().map(|lit| brighter * lit.exposure * lit.unit).collect();
+    let exposures: Vec<f64> = lit.iter().map(|lit| brighter * lit.exposure * lit.ready.unit).collect();
     let begun = begin((joint.colors, &lasers, &exposures), settings, start, observe)?;
     if begun.is_some() {
         lit.iter_mut().for_each(|lit| lit.exposure *= brighter);
@@ -165,34 +149,12 @@ fn prepare<'a>(
     engine: &mut dyn Engine,
     observe: &mut dyn FnMut(&Progress) -> Flow,
 ) -> Result<Lit<'a>, SolveError> {
-    let unit = problem.unit();
-    let mut planner: Planner = problem.planner_of(settings);
-    planner.divide_targets(unit);
-    engine.load(&planner.shape(settings.optimizer.purpose()), Some(Arc::clone(&problem.pyramid)))?;
-    let uniform = Settings { diameters: super::Diameters::Uniform, ..settings.clone() };
-    let mut viewpoints = Viewpoints::new(problem, &uniform, !settings.seed);
-    let validator = Validator::new(engine, &planner, (0..solver::PUPILS).map(|_| viewpoints.draw()).collect())?;
-    let exposure = match (joint.exposures, settings.efficiency) {
-        (Some(exposures), _) => exposures[color] / unit,
-        (None, Some(efficiency)) if problem.mean > 0.0 => problem.mean / efficiency / unit,
-        _ => {
-            // As if it were alone: what its scene's bright end asks for.
-            let mut run = Run {
-                problem,
-                planner: &planner,
-                settings,
-                engine,
-                validator: &validator,
-                from: None,
-                start,
-                exposure: 0.0,
-                unit,
-                pilot: false,
-                durations: Vec::new(),
-            };
-            run.choose_exposure(validator.bright_end(settings.steps_of_projection()), observe)?
-        }
+    let mut ready = Ready::new(problem, settings, settings.optimizer.purpose(), engine)?;
+    let exposure = match joint.exposures {
+        Some(exposures) => exposures[color] / ready.unit,
+        // As if it were alone.
+        None => Run::new(&ready, settings, None, engine, start).choose_exposure(observe)?,
     };
-    planner.powers = vec![1.0; settings.frames].into();
-    Ok(Lit { problem, planner, validator, slope: joint.slopes[color], exposure, unit })
+    ready.planner.powers = vec![1.0; settings.frames].into();
+    Ok(Lit { ready, slope: joint.slopes[color], exposure })
 }

@@ -47,16 +47,7 @@ impl PowerFit {
         self.pupils += 1.0;
     }
 
-    /// Mean squared difference over pupils and pixels, which [`gradient`](Self::gradient) is the derivative of.
-    #[cfg(test)]
-    pub(crate) fn loss(&self, powers: &[f64]) -> f64 {
-        let of = |row: &[f64]| row.iter().zip(powers).map(|(a, p)| a * p).sum::<f64>();
-        let rows = self.gram.chunks_exact(self.frames).zip(&self.with_target).zip(powers);
-        let sum = rows.map(|((row, b), p)| p * (of(row) - 2.0 * b)).sum::<f64>();
-        (sum + self.of_target) / self.pupils.max(1.0)
-    }
-
-    /// Its derivative in the powers.
+    /// Derivative of the mean squared difference over pupils and pixels in the powers.
     pub(crate) fn gradient(&self, powers: &[f64]) -> Vec<f64> {
         let of = |row: &[f64]| row.iter().zip(powers).map(|(a, p)| a * p).sum::<f64>();
         let rows = self.gram.chunks_exact(self.frames).zip(&self.with_target);
@@ -104,6 +95,16 @@ pub(crate) fn within(powers: &[f64], most: f64) -> Vec<f64> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    impl PowerFit {
+        /// Mean squared difference over pupils and pixels, which [`gradient`](Self::gradient) is the derivative of.
+        pub(crate) fn loss(&self, powers: &[f64]) -> f64 {
+            let of = |row: &[f64]| row.iter().zip(powers).map(|(a, p)| a * p).sum::<f64>();
+            let rows = self.gram.chunks_exact(self.frames).zip(&self.with_target).zip(powers);
+            let sum = rows.map(|((row, b), p)| p * (of(row) - 2.0 * b)).sum::<f64>();
+            (sum + self.of_target) / self.pupils.max(1.0)
+        }
+    }
 
     fn noise(count: usize, seed: u64) -> Vec<f32> {
         let mix = |i: u64| (i + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29).wrapping_mul(seed | 0x2545_f491);

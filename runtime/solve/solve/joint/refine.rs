@@ -5,7 +5,7 @@ use crate::engine::{Engine, EngineError, Storage};
 use crate::evaluate::Sums;
 use crate::optics::{Laser, Pupil, PupilDistribution};
 use crate::solve::best::Refinable;
-use crate::solve::error::SolveError;
+use crate::solve::error::{SolveError, require};
 use crate::solve::motion::Motion;
 use crate::solve::problem::Problem;
 use crate::solve::refine_settings::RefineSettings;
@@ -53,16 +53,6 @@ impl JointRefiner {
         Ok(Self { colors, shared })
     }
 
-    /// The eye has moved.
-    ///
-    /// # Errors
-    /// Those of the engines.
-    pub fn aim(&mut self, aim: PupilDistribution) -> Result<(), EngineError> {
-        self.colors.iter_mut().try_for_each(|color| color.aim(aim))?;
-        self.shared.aimed(&self.colors);
-        Ok(())
-    }
-
     /// What moves while the sub-frames are lit, from now on, in pixels of each colour.
     ///
     /// # Errors
@@ -71,27 +61,13 @@ impl JointRefiner {
         self.colors.iter_mut().try_for_each(|color| color.moves(motion))
     }
 
-    /// One step of all colours; its loss, the mean over them. With one that is no finite number the drives stay as they were.
-    ///
-    /// # Errors
-    /// Those of the engines.
-    pub fn step(&mut self) -> Result<f64, EngineError> {
-        self.shared.step(&mut self.colors)
-    }
-
     /// The mean over the colours of the losses of the drives as they are, through the pupils that the next step looks through.
-    ///
-    /// # Errors
-    /// Those of the engines.
     pub fn loss(&mut self) -> Result<f64, EngineError> {
         let losses = self.colors.iter_mut().map(Refiner::loss).collect::<Result<Vec<_>, _>>()?;
         Ok(losses.iter().sum::<f64>() / losses.len().max(1) as f64)
     }
 
     /// Begins again with the drives that it was made with.
-    ///
-    /// # Errors
-    /// Those of the engines.
     pub fn begin_again(&mut self) -> Result<(), EngineError> {
         self.shared.begin_again(&mut self.colors)
     }
@@ -113,8 +89,14 @@ impl JointRefiner {
 }
 
 impl Refinable for JointRefiner {
+    fn aim(&mut self, aim: PupilDistribution) -> Result<(), EngineError> {
+        self.colors.iter_mut().try_for_each(|color| color.aim(aim))?;
+        self.shared.aimed(&self.colors);
+        Ok(())
+    }
+
     fn step(&mut self) -> Result<f64, EngineError> {
-        JointRefiner::step(self)
+        self.shared.step(&mut self.colors)
     }
 
     fn look_at_colors(&mut self, pupils: &[Pupil]) -> Result<Vec<Vec<Sums>>, EngineError> {
@@ -135,12 +117,7 @@ impl Refinable for JointRefiner {
 /// # Errors
 /// [`SolveError::Setting`] where it asks for halves.
 pub fn for_joint_colors(steering: RefineSettings) -> Result<RefineSettings, SolveError> {
-    match steering.storage {
-        Some(Storage::F16) => Err(SolveError::Setting {
-            what: "how fields are stored",
-            value: Storage::F16.name().into(),
-            right: "fp32 for all colours at once, whose changes are added up",
-        }),
-        _ => Ok(RefineSettings { storage: Some(Storage::F32), ..steering }),
-    }
+    let right = "fp32 for all colours at once, whose changes are added up";
+    require(steering.storage != Some(Storage::F16), "how fields are stored", Storage::F16.name(), right)?;
+    Ok(RefineSettings { storage: Some(Storage::F32), ..steering })
 }

@@ -9,7 +9,7 @@ use crate::evaluate::Sums;
 use crate::optics::{Color, Display, Laser, Padding, Pupil, PupilDistribution, phase_of, powers_in_sequence};
 use crate::plan::Storage;
 use crate::scene::{self, Request};
-use crate::solve::{Flow, Problem, RefineSettings, Refiner, Settings, Strategy, random_phases};
+use crate::solve::{Flow, Problem, Refinable, RefineSettings, Refiner, Settings, Strategy, random_phases};
 
 const ALL: [Color; 3] = [Color::Red, Color::Green, Color::Blue];
 const SIZE: [usize; 2] = [48, 64];
@@ -114,7 +114,7 @@ fn what_is_asked_of_the_drives_is_a_derivative() {
     let JointRefiner { colors, shared } = &mut refiner;
     assert!(shared.ask(colors).unwrap().is_some());
     // Adam takes twice the sum over the colours, over their number.
-    let gradient: Vec<f64> = shared.asked().iter().map(|g| 2.0 / 3.0 * f64::from(*g)).collect();
+    let gradient: Vec<f64> = shared.drives.asked.iter().map(|g| 2.0 / 3.0 * f64::from(*g)).collect();
     let loss = shared.losses().iter().sum::<f64>() / 3.0;
     assert!((loss / before - 1.0).abs() < 1e-6, "{loss} {before}");
     let steep = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();

@@ -2,37 +2,38 @@
 
 use super::drives::Drives;
 use super::powers::PowerFit;
-use super::solution::JointSolution;
 use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::{WindowFactor, reference_of};
 use crate::plan::{Comparison, Kernel, Planner};
-use crate::solve::asking::{Turns, ask};
 use crate::solve::error::SolveError;
-use crate::solve::fault;
 use crate::solve::outcome::{Flow, Progress, Solution, Stop, Warm};
-use crate::solve::problem::Problem;
-use crate::solve::run::interval;
+use crate::solve::run::{Ready, interval};
 use crate::solve::sampling::random_phases;
 use crate::solve::settings::Settings;
-use crate::solve::step::Steps;
-use crate::solve::validation::{ValidationScore, Validator};
+use crate::solve::step::{Steps, Turns, ask, first_fault};
+use crate::solve::validation::ValidationScore;
 use crate::solve::viewpoints::Viewpoints;
 use std::slice;
 use std::sync::Arc;
 use std::time::Instant;
 
+/// Colours that were solved together.
+#[derive(Debug, Clone)]
+pub struct JointSolution {
+    /// One a colour, in the order of the problems; its phases are those that the colour has of the shared drives.
+    pub colors: Vec<Solution>,
+    /// Power of each colour's laser in each sub-frame, over its mean: (colour, sub-frame).
+    pub powers: Vec<Vec<f64>>,
+}
+
 /// One colour in the light of its laser.
 pub(super) struct Lit<'a> {
-    pub(super) problem: &'a Problem,
-    /// Its plans, all sub-frames lit alike.
-    pub(super) planner: Planner,
-    pub(super) validator: Validator,
+    /// Its plans light all sub-frames alike.
+    pub(super) ready: Ready<'a>,
     /// Turns of its light for a turn of the drive.
     pub(super) slope: f64,
     /// In units of its scene.
     pub(super) exposure: f64,
-    /// Linear light of the targets' value 1.
-    pub(super) unit: f64,
 }
 
 /// What was best so far.
@@ -81,7 +82,7 @@ impl<'a> JointRun<'a> {
         from: Option<Warm<'_>>,
         start: Instant,
     ) -> Self {
-        let (slm, grid) = (lit[0].planner.slm, lit[0].planner.grid);
+        let (slm, grid) = (lit[0].ready.planner.slm, lit[0].ready.planner.grid);
         let size = [slm.height, slm.width];
         let phases = match from {
             Some(from) => from.phases.to_vec(),
@@ -110,15 +111,15 @@ impl<'a> JointRun<'a> {
         let lit = std::mem::take(&mut self.lit);
         let memory = engine.memory();
         let mut schedules: Vec<Steps<'_>> =
-            lit.iter().map(|l| Steps::new(l.problem, &l.planner, settings, l.exposure, memory)).collect();
+            lit.iter().map(|l| Steps::new(l.ready.problem, &l.ready.planner, settings, l.exposure, memory)).collect();
         // Pupils of their own: the best powers for those that a step was just taken for are not the best for others.
-        let mut fitted_to = Viewpoints::new(lit[0].problem, settings, settings.seed ^ 0x706f_7765_7273);
+        let mut fitted_to = Viewpoints::new(lit[0].ready.problem, settings, settings.seed ^ 0x706f_7765_7273);
         let (every, begun) = (interval(settings.steps, settings.psnr.is_some()), self.start.elapsed().as_secs_f64());
         let (mut durations, mut step) = (Vec::new(), 0);
         let stop = loop {
             let seconds = self.start.elapsed().as_secs_f64();
-            if let Some(end) = (step >= settings.steps).then_some(Stop::Steps) {
-                break end;
+            if step >= settings.steps {
+                break Stop::Steps;
             }
             if settings.seconds.is_some_and(|most| seconds >= most) {
                 break Stop::Seconds;
@@ -146,19 +147,13 @@ impl<'a> JointRun<'a> {
             if observe(&Progress { pilot: None, fitting: None, step, steps, seconds, loss, validation }) == Flow::Stop {
                 break Stop::Asked;
             }
-            if self
-                .best
-                .as_ref()
-                .zip(settings.psnr)
-                .is_some_and(|(best, wanted)| best.quality.is_some_and(|db| db >= wanted))
-            {
+            let quality = self.best.as_ref().and_then(|best| best.quality);
+            if quality.zip(settings.psnr).is_some_and(|(db, wanted)| db >= wanted) {
                 break Stop::Quality;
             }
         };
-        if self.best.as_ref().is_none_or(|best| best.step != step) && !matches!(stop, Stop::NotFinite { .. }) {
-            self.validate(&lit, step, engine)?;
-        }
-        if self.best.is_none() {
+        let judged = self.best.as_ref().map(|best| best.step);
+        if judged.is_none() || judged != Some(step) && !matches!(stop, Stop::NotFinite { .. }) {
             self.validate(&lit, step, engine)?;
         }
         durations.sort_by(f64::total_cmp);
@@ -186,7 +181,7 @@ impl<'a> JointRun<'a> {
             show(engine, l, &phases)?;
             let of_color = ask(engine, &step, slice::from_ref(&(0..step.list.len())), &mut self.change)?;
             if !of_color.is_finite() {
-                return Ok(Err(fault::first_fault(engine, &step)?));
+                return Ok(Err(first_fault(engine, &step)?));
             }
             loss += of_color / lit.len() as f64;
             // A gradient is that of the loss alone.
@@ -227,8 +222,9 @@ impl<'a> JointRun<'a> {
         for (l, powers) in lit.iter().zip(&self.powers) {
             let phases = self.drives.phases(l.slope);
             show(engine, l, &phases)?;
-            let planner = Planner { factor: WindowFactor::Full, powers: powers.clone().into(), ..l.planner.clone() };
-            validation.push(l.validator.score(engine, &planner)?.in_units_of(l.unit));
+            let planner =
+                Planner { factor: WindowFactor::Full, powers: powers.clone().into(), ..l.ready.planner.clone() };
+            validation.push(l.ready.validator.score(engine, &planner)?.in_units_of(l.ready.unit));
             kept.push(phases);
         }
         // Colors without light have no quality. If none has light, what is left of it decides which state is kept.
@@ -247,8 +243,8 @@ impl<'a> JointRun<'a> {
         let best = self.best.expect("it was just validated");
         let seconds = self.start.elapsed().as_secs_f64();
         let color = |((l, phases), validation): ((&Lit<'_>, Vec<f32>), ValidationScore)| {
-            let exposure = l.exposure * l.unit;
-            let efficiency = l.problem.mean / exposure;
+            let exposure = l.exposure * l.ready.unit;
+            let efficiency = l.ready.problem.mean / exposure;
             Solution { phases, exposure, efficiency, validation, steps, seconds, step_seconds, stop }
         };
         JointSolution {
@@ -260,7 +256,7 @@ impl<'a> JointRun<'a> {
 
 /// Gives an engine one colour's views and phases.
 fn show(engine: &mut dyn Engine, lit: &Lit<'_>, phases: &[f32]) -> Result<(), EngineError> {
-    engine.take_views(Arc::clone(&lit.problem.pyramid))?;
+    engine.take_views(Arc::clone(&lit.ready.problem.pyramid))?;
     engine.write(Buffer::Phases, phases)
 }
 
@@ -270,7 +266,7 @@ pub(super) fn fit_of(
     lit: &Lit<'_>,
     viewpoints: &[crate::plan::Viewpoint],
 ) -> Result<PowerFit, EngineError> {
-    let planner = Planner { powers: [].into(), ..lit.planner.clone() };
+    let planner = Planner { powers: [].into(), ..lit.ready.planner.clone() };
     let passes = viewpoints.iter().map(|v| planner.viewpoint(v, &Comparison::default())).collect();
     let step = planner.fields_step(passes).pass_by_pass();
     let shared = step.shared();

@@ -5,18 +5,18 @@ use super::check;
 use super::drives::Drives;
 use crate::engine::EngineError;
 use crate::optics::{Geometry, Laser};
-use crate::solve::asking::Turns;
 use crate::solve::carry::move_frame;
 use crate::solve::error::SolveError;
 use crate::solve::pace::Pace;
 use crate::solve::problem::Problem;
 use crate::solve::steer::Refiner;
+use crate::solve::step::Turns;
 use std::time::{Duration, Instant};
 
 /// The drives of a hologram of all colours at once under refinement. Whoever holds it holds the refiners of the colours, in their
 /// order, and lets it step them. Their lasers' powers stay as they are: whoever drives the lasers has them before.
 pub struct SharedDrives {
-    drives: Drives,
+    pub(super) drives: Drives,
     lasers: Vec<Laser>,
     /// The colour whose phases are the drive; none on an SLM on which every colour makes more than a turn.
     sent_as: Option<usize>,
@@ -49,9 +49,6 @@ impl SharedDrives {
 
     /// Of these lasers before these colours, which can share drives, and were begun with the phases that they have of them; `drives` are
     /// given as phases of one turn.
-    ///
-    /// # Errors
-    /// Those of the engines.
     pub fn new<R: AsMut<Refiner>>(drives: &[f32], lasers: Vec<Laser>, colors: &mut [R]) -> Result<Self, EngineError> {
         let mut size = [1; 2];
         let mut changes = 0;
@@ -80,9 +77,6 @@ impl SharedDrives {
     }
 
     /// One step of all colours; its loss, the mean over them. With one that is no finite number the drives stay as they were.
-    ///
-    /// # Errors
-    /// Those of the engines.
     pub fn step<R: AsMut<Refiner>>(&mut self, colors: &mut [R]) -> Result<f64, EngineError> {
         let start = Instant::now();
         let kind = colors.first_mut().map_or(0, |color| color.as_mut().kind());
@@ -141,9 +135,6 @@ impl SharedDrives {
     }
 
     /// Begins again with the drives that it was made with, or was given [since](Self::begin_with).
-    ///
-    /// # Errors
-    /// Those of the engines.
     pub fn begin_again<R: AsMut<Refiner>>(&mut self, colors: &mut [R]) -> Result<(), EngineError> {
         let kept = std::mem::take(&mut self.kept);
         let begun = self.restart(&kept, colors);
@@ -152,18 +143,12 @@ impl SharedDrives {
     }
 
     /// Other drives of the same hologram, which [`begin_again`](Self::begin_again) comes back to from now on.
-    ///
-    /// # Errors
-    /// Those of the engines.
     pub fn begin_with<R: AsMut<Refiner>>(&mut self, drives: &[f32], colors: &mut [R]) -> Result<(), EngineError> {
         self.kept.copy_from_slice(drives);
         self.restart(drives, colors)
     }
 
     /// Begins again with other drives of the same hologram, as phases of one turn.
-    ///
-    /// # Errors
-    /// Those of the engines.
     pub fn restart<R: AsMut<Refiner>>(&mut self, drives: &[f32], colors: &mut [R]) -> Result<(), EngineError> {
         self.drives.restart(drives);
         colors.iter_mut().for_each(|color| color.as_mut().count_anew());
@@ -203,12 +188,6 @@ impl SharedDrives {
     /// The drives themselves, as phases of one turn, which an SLM receives.
     pub fn sent(&self) -> &[f32] {
         self.sent_as.map_or(&self.sent, |color| &self.phases[color])
-    }
-
-    /// What the colours asked for, for the tests of its derivative.
-    #[cfg(test)]
-    pub(super) fn asked(&self) -> &[f32] {
-        self.drives.asked()
     }
 
     /// Gives each colour what it has of the drives.

@@ -6,9 +6,9 @@ use super::*;
 use crate::engine::Buffer;
 use crate::engine::cpu::CpuEngine;
 use crate::optics::{Color, Display, Optics, Padding, Pupil, WindowFactor, phase_of, powers_in_sequence};
-use crate::plan::{Comparison, Purpose, Viewpoint};
+use crate::plan::{Comparison, Planner, Purpose, Viewpoint};
 use crate::scene::{self, LightField, Request};
-use crate::solve::asking::{Turns, ask};
+use crate::solve::step::{Turns, ask};
 use crate::solve::{Method, random_phases};
 use eyebox_kernels::{Complex64, compare};
 use std::f64::consts::TAU;
@@ -240,7 +240,7 @@ fn gradients_are_derivatives() {
         let (numeric, exact) = ((moved(1e-4) - moved(-1e-4)) / 2e-4, of_color[f]);
         assert!((numeric / exact - 1.0).abs() < 1e-6, "in power {f} of colour {color}: {numeric} {exact}");
     }
-    let asked = drives.asked().iter().map(|g| 2.0 / 3.0 * f64::from(*g));
+    let asked = drives.asked.iter().map(|g| 2.0 / 3.0 * f64::from(*g));
     let error = asked.zip(&of_drives).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
     let error = error / of_drives.iter().map(|b| b * b).sum::<f64>();
     assert!(error < 1e-10, "the engine's gradient: error power {error:.1e}");
@@ -262,7 +262,7 @@ fn fits_of_powers_are_of_the_same_loss() {
     let viewpoints = [[1.0, 0.0, 6.0, 1.0], [-3.0, 2.0, 9.0, 0.0]].map(|mm| Viewpoint::Pupil(Pupil::from_mm(mm)));
     let fit = fit_of(&mut engine, &lit, &viewpoints).unwrap();
     let mut loss_at = |powers: &[f64]| {
-        let planner = Planner { powers: powers.to_vec().into(), ..lit.planner.clone() };
+        let planner = Planner { powers: powers.to_vec().into(), ..lit.ready.planner.clone() };
         let comparison =
             Comparison { mode: compare::INTENSITY, exposure: lit.exposure, batch: 2, ..Comparison::default() };
         let passes: Vec<_> = viewpoints.iter().map(|v| planner.viewpoint(v, &comparison)).collect();

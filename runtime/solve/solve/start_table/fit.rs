@@ -1,16 +1,16 @@
 //! The fit of a table: one even picture after another on a tile that repeats, each from the phases of its neighbor.
 
-use super::kept::Levels;
+use super::made_by::Levels;
 use super::made_by::MadeBy;
 use crate::engine::cpu::CpuEngine;
 use crate::optics::{Laser, Optics, Padding, drives_of};
 use crate::scene::{Pyramid, ViewGrid};
 use crate::solve::error::SolveError;
-use crate::solve::joint::{Joint, JointProblem, solve_joint};
+use crate::solve::joint::{JointProblem, solve_joint};
 use crate::solve::optimizer::Optimizer;
 use crate::solve::outcome::{Flow, Progress, Warm};
 use crate::solve::problem::Problem;
-use crate::solve::settings::{FirstPhases, Settings};
+use crate::solve::settings::{FirstPhases, Joint, Settings};
 use crate::solve::solver::solve_begun_by;
 use eyebox_kernels::binary_angle;
 use eyebox_kernels::table_start::{LEVELS, level};

@@ -85,13 +85,6 @@ impl Table {
     }
 }
 
-impl Settings {
-    /// Whether a joint solve by these settings begins by a table.
-    fn may_begin_by_shared_table(&self, colors: &[&Problem]) -> bool {
-        self.wants_table(StartTable::exists_for_shared(colors), StartTable::fits_shared(colors))
-    }
-}
-
 /// Drives that a joint solve at these exposures begins with, as phases of one turn; none for random ones. `observe` receives the share of
 /// the table that is fitted.
 pub(in crate::solve) fn beginning(
@@ -101,7 +94,7 @@ pub(in crate::solve) fn beginning(
     observe: &mut dyn FnMut(&Progress) -> Flow,
 ) -> Result<Option<Vec<f32>>, SolveError> {
     let colors: Vec<&Problem> = colors.iter().collect();
-    if !settings.may_begin_by_shared_table(&colors) {
+    if !settings.wants_table(StartTable::exists_for_shared(&colors), StartTable::fits_shared(&colors)) {
         return Ok(None);
     }
     let steps = settings.steps;
@@ -119,7 +112,7 @@ impl StartTable {
     /// A table of fewer steps than usual.
     pub fn quick_shared(colors: &[&Problem], lasers: &[Laser]) -> Self {
         let made_by = MadeBy::of_shared(colors, lasers).expect("a color").sized(super::SIDE, [32, 6]);
-        let mut levels = super::kept::Levels::default();
+        let mut levels = super::made_by::Levels::default();
         made_by.fit_shared(colors, lasers, &mut levels, &mut |_| true).expect("a table");
         Self(By::Drive(Table::made(&made_by, &levels)))
     }

@@ -1,6 +1,6 @@
 //! Tests of first drives that all colors share.
 
-use super::kept::Levels;
+use super::made_by::Levels;
 use super::made_by::MadeBy;
 use super::shared::ColorsInLight;
 use super::{By, StartTable, Table};

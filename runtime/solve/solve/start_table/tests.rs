@@ -1,6 +1,6 @@
 //! Tests of first phases by a table.
 
-use super::kept::Levels;
+use super::made_by::Levels;
 use super::made_by::MadeBy;
 use super::{StartTable, Table};
 use crate::engine::cpu::CpuEngine;

@@ -1,7 +1,6 @@
 //! What the next step of a refinement looks through: pupils drawn around the eye, and now and then anywhere.
 
-use super::drawing::Drawing;
-use super::{DIAMETERS, EYES, Refiner};
+use super::{DIAMETERS, Drawing, EYES, Refiner};
 use crate::engine::EngineError;
 use crate::optics::{Pupil, Window};
 use crate::plan::{Kernel, Step, Viewpoint};

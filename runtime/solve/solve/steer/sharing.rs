@@ -2,10 +2,10 @@
 
 use super::Refiner;
 use crate::engine::{Buffer, Engine, EngineError};
-use crate::solve::asking::{Turns, ask};
-use crate::solve::error::SolveError;
+use crate::solve::error::{SolveError, require};
 use crate::solve::problem::Problem;
 use crate::solve::refine_settings::RefineSettings;
+use crate::solve::step::{Turns, ask};
 
 impl Refiner {
     /// [`new`](Self::new) in the light of a laser of these powers, sub-frame by sub-frame, each over their mean.
@@ -23,10 +23,8 @@ impl Refiner {
         let frames = phases.len() / (problem.optics.height * problem.optics.width).max(1);
         let mean = powers.iter().sum::<f64>() / powers.len().max(1) as f64;
         let sound = powers.iter().all(|p| p.is_finite() && *p >= 0.0) && (mean - 1.0).abs() < 1e-6;
-        if powers.len() != frames || !sound {
-            let right = "one a sub-frame, 0 or more, with a mean of 1";
-            return Err(SolveError::Setting { what: "the powers of a laser", value: format!("{powers:?}"), right });
-        }
+        let right = "one a sub-frame, 0 or more, with a mean of 1";
+        require(powers.len() == frames && sound, "the powers of a laser", format_args!("{powers:?}"), right)?;
         Self::with_powers(problem, phases, exposure, powers, steering, engine)
     }
 

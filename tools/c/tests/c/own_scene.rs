@@ -153,7 +153,7 @@ fn an_obstruction_in_the_pupil_is_the_library_s() {
     let file = here.path().join("h.zarr");
     let scene = bench.scene(c"builtin:still-life", 5);
     let hologram = bench.solved(&scene, &CString::new(file.to_str().unwrap()).unwrap());
-    let own = PhaseSource::open(&file, None).unwrap().obstructed(Some(Obstruction::Opacity));
+    let own = PhaseSource::open(&file).unwrap().obstructed(Some(Obstruction::Opacity));
     let mut cpu = engine::open(Choice::Cpu).unwrap();
     let pupil = Pupil { x: PUPIL.x_m, y: PUPIL.y_m, diameter: PUPIL.diameter_m, depth: PUPIL.depth_m };
     let seen = own.about().seen(&pupil, cpu.as_mut()).unwrap();
