@@ -60,6 +60,9 @@ struct Origin {
 
 /// Writes the powers of the lasers of a hologram whose colours share their sub-frames beside its video frames, into a folder that is
 /// there; whether it has such lasers.
+///
+/// # Errors
+/// [`FileError`].
 pub fn write_powers(hologram: &Hologram, folder: &Path) -> Result<bool, FileError> {
     let Some(joint) = &hologram.metadata.joint_color else { return Ok(false) };
     write_file(&folder.join(POWERS), |out| out.write_all(joint.table().as_bytes()))?;

@@ -269,6 +269,9 @@ impl Views {
     }
 
     /// The photograph in the samples of a pupil's window on `grid`, the far-field SLM or a piece of it; the axis comes first.
+    ///
+    /// # Errors
+    /// Those of the engine.
     pub(crate) fn photograph(
         &self,
         grid: &Optics,

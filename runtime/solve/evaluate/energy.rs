@@ -8,6 +8,9 @@ use crate::plan::{Comparison, Planner};
 /// with the middle of the eyebox in the middle, +y down, and a mean of 1.
 ///
 /// The engine must have been loaded with the planner's shape.
+///
+/// # Errors
+/// Those of the engine.
 pub fn energy(engine: &mut dyn Engine, planner: &Planner) -> Result<Vec<f64>, EngineError> {
     let planner = Planner { factor: WindowFactor::Full, views: None, ..planner.clone() };
     let (height, width) = (planner.grid.height, planner.grid.width);

@@ -11,12 +11,18 @@ use crate::scene::{Bend, crop_share};
 /// [`Optics::image_size`](crate::optics::Optics::image_size). No exposure is applied.
 ///
 /// The engine must have been loaded with the planner's shape.
+///
+/// # Errors
+/// Those of the engine.
 pub fn views(engine: &mut dyn Engine, planner: &Planner, pupils: &[Pupil]) -> Result<Vec<Vec<f32>>, EngineError> {
     let planner = Planner { views: None, ..planner.clone() };
     images(engine, &planner, &pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect::<Vec<_>>())
 }
 
 /// The same for anything that can be looked through.
+///
+/// # Errors
+/// Those of the engine.
 pub fn images(
     engine: &mut dyn Engine,
     planner: &Planner,
@@ -47,11 +53,17 @@ pub(super) fn pass_by_pass<T>(
 }
 
 /// The photograph of the engine's views through each pupil, on the SLM's pixels (OPTICS 3).
+///
+/// # Errors
+/// Those of the engine.
 pub fn photographs(engine: &mut dyn Engine, planner: &Planner, pupils: &[Pupil]) -> Result<Vec<Vec<f32>>, EngineError> {
     targets(engine, planner, &pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect::<Vec<_>>())
 }
 
 /// The same for anything that can be looked through.
+///
+/// # Errors
+/// Those of the engine.
 pub fn targets(
     engine: &mut dyn Engine,
     planner: &Planner,

@@ -118,6 +118,9 @@ impl Sums {
 }
 
 /// The sums of each viewpoint: of the phases that `engine` holds and the photographs of its views, on the SLM's pixels.
+///
+/// # Errors
+/// Those of the engine.
 pub fn sums(engine: &mut dyn Engine, planner: &Planner, viewpoints: &[Viewpoint]) -> Result<Vec<Sums>, EngineError> {
     let planner = Planner { factor: WindowFactor::Full, ..planner.clone() };
     let pupil_passes = viewpoints.iter().map(|s| planner.viewpoint(s, &Comparison::default())).collect();

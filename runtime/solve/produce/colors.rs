@@ -21,6 +21,9 @@ fn check_memory(subject: &Subject, settings: &Settings, memory: Memory) -> Resul
 /// get one step each, so that the hologram is whole.
 ///
 /// Where the settings [reduce](Settings::reduces) the problem, each solution is scored against all of it.
+///
+/// # Errors
+/// [`ProduceError`].
 pub fn solve_colors(
     subject: &Subject,
     colors: &[Color],
@@ -51,6 +54,9 @@ pub fn solve_colors(
 /// Solves all colours at once (OPTICS 13), as `settings.joint` says, with every pixel, view and sub-frame of the subject, with
 /// the exposures that each colour's scene asks for. Returns the colours, each with the phases that it has of the shared drives,
 /// and how they are shown.
+///
+/// # Errors
+/// [`ProduceError`].
 pub fn solve_joint_colors(
     subject: &Subject,
     colors: &[Color],

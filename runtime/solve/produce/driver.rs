@@ -130,6 +130,9 @@ fn check_job(job: &SceneJob, engine: &dyn Engine) -> Result<(), ProduceError> {
 
 /// Solves a light field that is in memory and has the size of the display's pictures, as [`solve_scene`] solves a single scene; the job's own
 /// scenes are not looked at. The hologram stays in memory.
+///
+/// # Errors
+/// [`ProduceError`].
 pub fn solve_light_field(
     job: &SceneJob,
     field: LightField,

@@ -65,6 +65,9 @@ impl Hologram {
 
 impl Refinement {
     /// The pupil is there from now on, as far as is known.
+    ///
+    /// # Errors
+    /// Those of the engines.
     pub fn set_pupil(&mut self, pupil: PupilDistribution) -> Result<(), EngineError> {
         self.best.clear();
         self.refined.iter_mut().try_for_each(|refined| refined.aim(pupil))
@@ -72,6 +75,9 @@ impl Refinement {
 
     /// One step of every colour. Returns the mean loss: squared difference in linear light over the pupils of the step; not
     /// finite where no step was taken.
+    ///
+    /// # Errors
+    /// Those of the engines.
     pub fn step(&mut self) -> Result<f64, EngineError> {
         let losses = self.refined.iter_mut().map(|refined| refined.step()).collect::<Result<Vec<_>, _>>()?;
         Ok(losses.iter().sum::<f64>() / losses.len().max(1) as f64)
@@ -79,6 +85,9 @@ impl Refinement {
 
     /// Takes at most `steps` steps for the pupil that was set and judges each; [`best`](Self::best) has the best state. Ends earlier
     /// if `observe` stops it or if a loss is not a finite number. Returns the last loss and the number of steps.
+    ///
+    /// # Errors
+    /// Those of the engines.
     pub fn refine(
         &mut self,
         steps: usize,
@@ -94,6 +103,9 @@ impl Refinement {
 
     /// The hologram in the best state that [`refine`](Self::refine) found since the pupil was set; as it is now if `refine` was not
     /// called.
+    ///
+    /// # Errors
+    /// Those of the engines.
     pub fn best(&mut self) -> Result<&Hologram, EngineError> {
         self.hologram()?;
         let states = self.best.iter().filter_map(BestKeeper::best).flat_map(|best| &best.phases);
@@ -104,6 +116,9 @@ impl Refinement {
     }
 
     /// The hologram as it is now.
+    ///
+    /// # Errors
+    /// Those of the engines.
     pub fn hologram(&mut self) -> Result<&Hologram, EngineError> {
         let mut states = Vec::new();
         for refined in &mut self.refined {

@@ -26,6 +26,9 @@ pub struct Reference {
 
 impl Reference {
     /// For this subject; the seed decides the pupils, and is to be another than that of the solves.
+    ///
+    /// # Errors
+    /// [`QualityError`].
     pub fn new(subject: &Subject, seed: u64, engine: &mut dyn Engine) -> Result<Self, QualityError> {
         let problem = Problem::new(subject.field, subject.color, subject.display, subject.required_padding()?)?;
         let mut planner = problem.planner(1, WindowFactor::Full);

@@ -117,6 +117,9 @@ impl Subject<'_> {
     }
 
     /// Solves with settings of this quality. The base's `seconds` and `psnr` hold as in any solve.
+    ///
+    /// # Errors
+    /// [`QualityError`].
     pub fn solve(
         &self,
         quality: &Settings,

@@ -122,11 +122,17 @@ impl SolveInput {
     }
 
     /// Reads its light field in the hologram's colors, fitted to the hologram's display.
+    ///
+    /// # Errors
+    /// [`SceneError`].
     pub fn light_field(&self) -> Result<LightField, SceneError> {
         scene::load(&self.source, &self.request())
     }
 
     /// Reads it for a far field larger than memory, color by color.
+    ///
+    /// # Errors
+    /// [`SceneError`].
     pub fn around(&self) -> Result<Vec<Views>, SceneError> {
         Views::of_colors(&self.source, &self.request(), PICTURE)
     }

@@ -14,18 +14,30 @@ use std::time::Instant;
 /// One color under refinement, or all colors that share their drives.
 pub trait Refinable {
     /// The eye has moved.
+    ///
+    /// # Errors
+    /// Those of the engine.
     fn aim(&mut self, aim: PupilDistribution) -> Result<(), EngineError>;
 
     /// Takes a step. Returns its loss; with one that is NaN or infinite the phases stay as they were.
+    ///
+    /// # Errors
+    /// Those of the engine.
     fn step(&mut self) -> Result<f64, EngineError>;
 
     /// Looks through pupils. Returns, color by color, the sums of each pupil.
+    ///
+    /// # Errors
+    /// Those of the engine.
     fn look_at_colors(&mut self, pupils: &[Pupil]) -> Result<Vec<Vec<Sums>>, EngineError>;
 
     /// The pupils that steps are taken for.
     fn aimed_at(&self) -> PupilDistribution;
 
     /// Reads the phases of each color: (frames, height, width), radians.
+    ///
+    /// # Errors
+    /// Those of the engine.
     fn state(&mut self) -> Result<Vec<Vec<f32>>, EngineError>;
 
     /// The display's switchable sources that light it, by their places, if it chooses them.
@@ -109,6 +121,9 @@ impl BestKeeper {
     }
 
     /// Judges the state as it is, and keeps it if it is the best.
+    ///
+    /// # Errors
+    /// Those of the engine.
     pub fn judge(&mut self, refined: &mut dyn Refinable) -> Result<(), EngineError> {
         // Without light each exposure is as bad.
         let exposed = |sums: Sums| (sums, Sums::fit_exposure(&[sums]).unwrap_or(0.0));
@@ -130,6 +145,9 @@ fn is_better(psnr: Option<f64>, best: Option<f64>) -> bool {
 
 /// Takes at most `steps` steps of all that is refined together, and judges each. Ends earlier if `observe` stops it or if a loss is
 /// not a finite number. Returns the last loss and the number of steps.
+///
+/// # Errors
+/// Those of the engines.
 pub fn refine(
     parts: &mut [(&mut dyn Refinable, &mut BestKeeper)],
     steps: usize,

@@ -70,6 +70,9 @@ impl StoredRates {
 impl Rates {
     /// Those of this engine that the user's cache keeps, or else, or `again`, measured and kept. `measuring` is told the
     /// engine's name before it is timed. Where nothing can be kept, the next call measures again.
+    ///
+    /// # Errors
+    /// Those of the engine.
     pub fn of(
         engine: &mut dyn Engine,
         storage: Storage,
@@ -97,6 +100,9 @@ impl Rates {
 
     /// Times steps of an ordinary solve (8 sub-frames, 16 pupils of 2 to 20 mm, 9 x 9 views) on `engine`, with fields
     /// stored so: one to three seconds on a CPU.
+    ///
+    /// # Errors
+    /// Those of the engine.
     fn measure(engine: &mut dyn Engine, storage: Storage) -> Result<Self, EngineError> {
         let mut rates = Self { project: Vec::new(), adam: Vec::new() };
         let room = crate::memory::available().unwrap_or(u64::MAX);

@@ -169,12 +169,18 @@ impl Refiner {
 
     /// Begins again with the phases that it was made with, those for the whole eyebox: where they are a device's, with nothing
     /// passing through the host.
+    ///
+    /// # Errors
+    /// Those of the engine.
     pub fn begin_again(&mut self) -> Result<(), EngineError> {
         self.since = 0;
         self.engine.restore()
     }
 
     /// Begins again with other phases of the same hologram.
+    ///
+    /// # Errors
+    /// Those of the engine.
     pub fn restart(&mut self, phases: &[f32]) -> Result<(), EngineError> {
         self.engine.write(Buffer::Phases, phases)?;
         self.forget()
@@ -182,6 +188,9 @@ impl Refiner {
 
     /// The scene has changed, before the same optics: its views take the place of those before, the phases stay, and `exposure` is
     /// what they are refined for from now on.
+    ///
+    /// # Errors
+    /// Those of the engine.
     pub fn follow(&mut self, problem: Problem, exposure: f64) -> Result<(), EngineError> {
         self.settle()?;
         self.engine.take_views(Arc::clone(&problem.pyramid))?;
@@ -194,6 +203,9 @@ impl Refiner {
     }
 
     /// Goes on with the first phases of the scene, as [`restart`](Self::restart) does.
+    ///
+    /// # Errors
+    /// Those of the engine.
     pub fn look_up(&mut self, table: &StartTable) -> Result<(), EngineError> {
         self.settle()?;
         match table.look_up(&self.problem, self.exposure) {
@@ -204,6 +216,9 @@ impl Refiner {
     }
 
     /// Other phases of the same hologram, which [`begin_again`](Self::begin_again) comes back to from now on.
+    ///
+    /// # Errors
+    /// Those of the engine.
     pub fn begin_with(&mut self, phases: &[f32]) -> Result<(), EngineError> {
         self.settle()?;
         self.restart(phases)?;
@@ -211,6 +226,9 @@ impl Refiner {
     }
 
     /// The loss of the phases as they are, through the pupils that the next step looks through.
+    ///
+    /// # Errors
+    /// Those of the engine.
     pub fn loss(&mut self) -> Result<f64, EngineError> {
         self.settle()?;
         let update = self.steering.strategy.update(self.since + 1);
@@ -232,6 +250,9 @@ impl Refiner {
 
     /// Goes on with each sub-frame's phases moved by whole pixels (x, y), as its picture has, where these lose less than the phases
     /// as they are; whether they do. In the far field the picture is moved by a phase, which is laid over them.
+    ///
+    /// # Errors
+    /// Those of the engine.
     pub fn move_phases(&mut self, shifts: &[[f64; 2]]) -> Result<bool, EngineError> {
         let before = self.loss()?;
         self.carry_phases(shifts)?;
@@ -245,6 +266,9 @@ impl Refiner {
 
     /// Goes on with each sub-frame's phases moved by whole pixels (x, y), whatever they lose. The steps since the eye came there
     /// still count. Velocities were those of other pixels: they go where all sub-frames move, and else move with theirs.
+    ///
+    /// # Errors
+    /// Those of the engine.
     pub fn carry_phases(&mut self, shifts: &[[f64; 2]]) -> Result<(), EngineError> {
         self.settle()?;
         let Self { carry, engine, planner, .. } = self;
@@ -267,6 +291,9 @@ impl Refiner {
     }
 
     /// The eye has moved. Velocities go where it is elsewhere altogether: they would carry on for where it was.
+    ///
+    /// # Errors
+    /// Those of the engine.
     pub fn aim(&mut self, aim: PupilDistribution) -> Result<(), EngineError> {
         let jumped = aim.distance(&self.aim) > 0.5 * (aim.diameter[0] + self.aim.diameter[0]).max(aim.spread);
         if !aim.is_served_by(&self.drawn_for) {
@@ -301,6 +328,9 @@ impl Refiner {
     }
 
     /// One step; its loss. With a loss that is NaN or infinite the phases stay as they were.
+    ///
+    /// # Errors
+    /// Those of the engine.
     pub fn step(&mut self) -> Result<f64, EngineError> {
         self.settle()?;
         let loss = self.advance()?;
@@ -309,6 +339,9 @@ impl Refiner {
 
     /// Begins a step. On a device it is under way when this returns, and the loss of the one before is given, if that had not
     /// ended; elsewhere its own.
+    ///
+    /// # Errors
+    /// Those of the engine.
     pub fn advance(&mut self) -> Result<Option<f64>, EngineError> {
         let (start, kind) = (Instant::now(), self.kind());
         let step = self.next();
@@ -323,6 +356,9 @@ impl Refiner {
     }
 
     /// Waits for the step that is under way, if there is one; its loss.
+    ///
+    /// # Errors
+    /// Those of the engine.
     pub fn settle(&mut self) -> Result<Option<f64>, EngineError> {
         self.under_way.take().map(|step| self.end(step)).transpose()
     }
@@ -358,6 +394,9 @@ impl Refiner {
 
     /// As many steps as are expected to end before `deadline`, `most` at most; how many were taken. Where none is, deadline
     /// after deadline, less is expected, until one is tried.
+    ///
+    /// # Errors
+    /// Those of the engine.
     pub fn refine_until(&mut self, deadline: Instant, most: usize) -> Result<usize, EngineError> {
         let mut taken = 0;
         while taken < most {
@@ -373,6 +412,9 @@ impl Refiner {
     }
 
     /// The phases as they are now: (frames, height, width), radians in -pi .. pi.
+    ///
+    /// # Errors
+    /// Those of the engine.
     pub fn phases(&mut self) -> Result<Vec<f32>, EngineError> {
         self.engine.read(Buffer::Phases)
     }
@@ -389,12 +431,18 @@ impl Refiner {
     }
 
     /// What each of these pupils sees now, and should see: sums from which exposure and PSNR follow.
+    ///
+    /// # Errors
+    /// Those of the engine.
     pub fn look(&mut self, pupils: &[Pupil]) -> Result<Vec<Sums>, EngineError> {
         self.look_through(&pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect::<Vec<_>>())
     }
 
     /// What an eye sees through this pupil, at no exposure, and the photograph that it should see: pictures of
     /// [`Optics::image_size`](crate::optics::Optics::image_size), linear light.
+    ///
+    /// # Errors
+    /// Those of the engine.
     pub fn pictures(&mut self, pupil: Pupil) -> Result<[Vec<f32>; 2], EngineError> {
         self.drawing.forget();
         let mut seen = evaluate::views(self.engine.as_mut(), &self.planner, &[pupil])?;
@@ -403,6 +451,9 @@ impl Refiner {
     }
 
     /// [`look`](Self::look) through any viewpoints, such as eyes that move.
+    ///
+    /// # Errors
+    /// Those of the engine.
     pub fn look_through(&mut self, viewpoints: &[Viewpoint]) -> Result<Vec<Sums>, EngineError> {
         // The first slot will hold other pupil passes than a step's.
         self.drawing.forget();

@@ -129,6 +129,9 @@ impl<'a> Steps<'a> {
 
     /// Makes what `count` steps from the first on ask a device for, all at once: nothing is made while they are taken. Pupils
     /// repeat themselves: of many steps the first will do.
+    ///
+    /// # Errors
+    /// Those of the engine.
     pub(super) fn prepare(mut self, count: usize, engine: &mut dyn Engine) -> Result<(), EngineError> {
         const PUPILS: usize = 2048;
         if engine.memory() == Memory::Host {
@@ -218,6 +221,9 @@ pub fn release_early(planner: &Planner, progress: f64, step: &mut Step) {
 
 /// Takes a step, or these parts of its list, in order; its [loss](Step::mean_loss). All losses are known before phases may
 /// change: with a loss that is not a finite number the phases stay as they were.
+///
+/// # Errors
+/// Those of the engine.
 pub fn take(engine: &mut dyn Engine, step: &Step, parts: &[Range<usize>]) -> Result<f64, EngineError> {
     let begun = engine.begin_step(step, parts)?;
     Ok(step.mean_loss(&engine.end_step(begun)?.losses))
@@ -246,6 +252,9 @@ pub fn take_seen<E: From<EngineError>>(
 
 /// Runs the step again, kernel by kernel, up to where phases would change, and names the first whose output is not
 /// finite. None if the phases are to blame themselves, or if nothing is found.
+///
+/// # Errors
+/// Those of the engine.
 pub(super) fn first_fault(engine: &mut dyn Engine, step: &Step) -> Result<Option<Kernel>, EngineError> {
     if !finite(&engine.read(Buffer::Phases)?) {
         return Ok(None);
@@ -292,6 +301,9 @@ impl Turns {
 
 /// Runs these parts of a step's list, in order, up to what would move its phases, and reads the change of the field that it asks for:
 /// its loss, and the change unless that is no finite number.
+///
+/// # Errors
+/// Those of the engine.
 pub(super) fn ask(
     engine: &mut dyn Engine,
     step: &Step,

@@ -29,6 +29,9 @@ pub type ValidationScore = crate::evaluate::Scores;
 
 impl Validator {
     /// Looks at the photographs; `engine` holds the views.
+    ///
+    /// # Errors
+    /// Those of the engine.
     pub fn new(engine: &mut dyn Engine, planner: &Planner, viewpoints: Vec<Viewpoint>) -> Result<Self, EngineError> {
         let photographs = evaluate::targets(engine, planner, &viewpoints)?;
         let bright_end = BrightEnd::of(photographs.iter().map(|p| &p[..])).lit(mean_light(&planner.modes));
@@ -49,6 +52,9 @@ impl Validator {
     }
 
     /// Scores the phases that `engine` holds; only sums leave it.
+    ///
+    /// # Errors
+    /// Those of the engine.
     pub fn score(&self, engine: &mut dyn Engine, planner: &Planner) -> Result<ValidationScore, EngineError> {
         let sums = evaluate::sums(engine, planner, &self.viewpoints)?;
         // Images that are black (or not finite) have no exposure: any will do, their PSNR says it.

@@ -122,6 +122,9 @@ pub struct Visited {
 
 /// Visit `k` of a job: reads its region from `tiles`, as they are, and changes nothing there.
 ///
+/// # Errors
+/// [`TiledError`].
+///
 /// # Panics
 /// For a visit that the schedule has not.
 pub fn visit(job: &Job, k: usize, tiles: &Tiles, engine: &mut dyn Engine) -> Result<Visited, TiledError> {

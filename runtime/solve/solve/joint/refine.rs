@@ -62,12 +62,18 @@ impl JointRefiner {
     }
 
     /// The mean over the colours of the losses of the drives as they are, through the pupils that the next step looks through.
+    ///
+    /// # Errors
+    /// Those of the engines.
     pub fn loss(&mut self) -> Result<f64, EngineError> {
         let losses = self.colors.iter_mut().map(Refiner::loss).collect::<Result<Vec<_>, _>>()?;
         Ok(losses.iter().sum::<f64>() / losses.len().max(1) as f64)
     }
 
     /// Begins again with the drives that it was made with.
+    ///
+    /// # Errors
+    /// Those of the engines.
     pub fn begin_again(&mut self) -> Result<(), EngineError> {
         self.shared.begin_again(&mut self.colors)
     }

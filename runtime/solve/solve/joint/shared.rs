@@ -49,6 +49,9 @@ impl SharedDrives {
 
     /// Of these lasers before these colours, which can share drives, and were begun with the phases that they have of them; `drives` are
     /// given as phases of one turn.
+    ///
+    /// # Errors
+    /// Those of the engines.
     pub fn new<R: AsMut<Refiner>>(drives: &[f32], lasers: Vec<Laser>, colors: &mut [R]) -> Result<Self, EngineError> {
         let mut size = [1; 2];
         let mut changes = 0;
@@ -77,6 +80,9 @@ impl SharedDrives {
     }
 
     /// One step of all colours; its loss, the mean over them. With one that is no finite number the drives stay as they were.
+    ///
+    /// # Errors
+    /// Those of the engines.
     pub fn step<R: AsMut<Refiner>>(&mut self, colors: &mut [R]) -> Result<f64, EngineError> {
         let start = Instant::now();
         let kind = colors.first_mut().map_or(0, |color| color.as_mut().kind());
@@ -135,6 +141,9 @@ impl SharedDrives {
     }
 
     /// Begins again with the drives that it was made with, or was given [since](Self::begin_with).
+    ///
+    /// # Errors
+    /// Those of the engines.
     pub fn begin_again<R: AsMut<Refiner>>(&mut self, colors: &mut [R]) -> Result<(), EngineError> {
         let kept = std::mem::take(&mut self.kept);
         let begun = self.restart(&kept, colors);
@@ -143,12 +152,18 @@ impl SharedDrives {
     }
 
     /// Other drives of the same hologram, which [`begin_again`](Self::begin_again) comes back to from now on.
+    ///
+    /// # Errors
+    /// Those of the engines.
     pub fn begin_with<R: AsMut<Refiner>>(&mut self, drives: &[f32], colors: &mut [R]) -> Result<(), EngineError> {
         self.kept.copy_from_slice(drives);
         self.restart(drives, colors)
     }
 
     /// Begins again with other drives of the same hologram, as phases of one turn.
+    ///
+    /// # Errors
+    /// Those of the engines.
     pub fn restart<R: AsMut<Refiner>>(&mut self, drives: &[f32], colors: &mut [R]) -> Result<(), EngineError> {
         self.drives.restart(drives);
         colors.iter_mut().for_each(|color| color.as_mut().count_anew());
