@@ -403,8 +403,7 @@ impl Display {
     ) -> Result<(u64, FrameInfo), FrameFault> {
         let Connection { region, last, shares, .. } = connection;
         let start = layout::slot_word(&self.offer, slot);
-        let mut header: Header = [0; layout::HEADER_WORDS];
-        region.load(start, &mut header);
+        let header: Header = region.load(start);
         let info = layout::read_header(&header, &self.offer, *shares)?;
         let (found, least, most) = (header[1], last.saturating_add(1), last.saturating_add(STEP));
         if !(least..=most).contains(&found) {

@@ -1,14 +1,32 @@
 //! A folder that is held open: what is read and written in it is this folder's, whatever its name comes to stand for
 //! meanwhile, and no link in it is followed.
 
-use super::entry::{Kind, split};
+use super::atomic::write_to_disk;
 use super::held::Held;
 use super::read;
 use std::ffi::OsString;
 use std::fs::{File, TryLockError};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+/// What stands in a folder.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// A regular file.
+    File,
+    /// A folder.
+    Folder,
+    /// A link, a pipe, a device.
+    Other,
+}
+
+/// The folders on the way to a name, and its last part. Names are this program's own: none leads out of the folder.
+pub(super) fn split(name: &str) -> io::Result<(&str, &str)> {
+    let (way, last) = name.rsplit_once('/').unwrap_or(("", name));
+    let plain = !last.is_empty() && name.split('/').all(|part| part != ".." && part != ".");
+    if plain { Ok((way, last)) } else { Err(io::Error::new(io::ErrorKind::InvalidInput, "it is no name in a folder")) }
+}
 
 /// A folder that is held open. Names in it are relative, their parts separated by `/`.
 #[derive(Debug, Clone)]
@@ -66,9 +84,7 @@ impl Folder {
         if self.held.kind(name).is_ok_and(|kind| kind != Kind::Folder) {
             self.held.remove(name)?;
         }
-        let mut out = BufWriter::new(self.held.create(name)?);
-        fill(&mut out)?;
-        out.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()
+        write_to_disk(self.held.create(name)?, fill)
     }
 
     /// Writes `name` by way of the file `draft`, so that it is there whole or as it was, and to the disk. Where that fails, no

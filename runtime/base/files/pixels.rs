@@ -1,10 +1,15 @@
-//! Pictures as their files store them: PNG, JPEG, BMP, PPM and GIF by the crate `image`, EXR and TIFF by crates of their own.
+//! Pictures from bytes as their files store them, and to bytes: PNG, JPEG, BMP, PPM and GIF by the crate `image`, EXR and TIFF by crates of their own.
 
 use super::{FileError, FileKind, Pixels, Samples, Wanted, exr_pixels, read, tiff_pixels};
 use crate::reason;
+use image::codecs::{gif::GifDecoder, jpeg::JpegEncoder, png::PngEncoder};
 use image::metadata::Orientation;
-use image::{AnimationDecoder, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, codecs::gif::GifDecoder};
-use std::{fs::File, io::BufReader, path::Path};
+use image::{
+    AnimationDecoder, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat, ImageReader, Limits,
+};
+use std::fs::File;
+use std::io::{self, BufReader, Write};
+use std::path::Path;
 
 /// Longest side of a picture, pixels.
 const LONGEST_SIDE: u32 = 65536;
@@ -33,8 +38,7 @@ fn format(file: &Path, wanted: Wanted) -> Result<Format, FileError> {
 
 /// Whether a GIF has more than one frame.
 fn is_animated(file: &Path) -> Result<bool, FileError> {
-    let opened = read::open(file).map_err(|e| FileError::read(file, e))?;
-    let mut decoder = GifDecoder::new(BufReader::new(opened)).map_err(|e| FileError::damaged(file, e))?;
+    let mut decoder = GifDecoder::new(read::buffered(file)?).map_err(|e| FileError::damaged(file, e))?;
     decoder.set_limits(limits()).map_err(|e| FileError::damaged(file, e))?;
     Ok(decoder.into_frames().take(2).filter(Result::is_ok).count() > 1)
 }
@@ -136,8 +140,7 @@ fn limits() -> Limits {
 }
 
 fn open(file: &Path, format: ImageFormat) -> Result<ImageReader<BufReader<File>>, FileError> {
-    let opened = read::open(file).map_err(|e| FileError::read(file, e))?;
-    let mut reader = ImageReader::with_format(BufReader::new(opened), format);
+    let mut reader = ImageReader::with_format(read::buffered(file)?, format);
     reader.limits(limits());
     Ok(reader)
 }
@@ -150,7 +153,7 @@ fn profile(file: &Path, format: ImageFormat) -> Result<Option<Vec<u8>>, FileErro
 }
 
 fn of_image(file: &Path, image: DynamicImage) -> Result<Pixels, FileError> {
-    let (height, width) = (image.height() as usize, image.width() as usize);
+    let size = [image.height() as usize, image.width() as usize];
     let channels = usize::from(image.color().channel_count());
     let samples = match image {
         DynamicImage::ImageLuma8(p) => Samples::U8(p.into_raw()),
@@ -168,16 +171,7 @@ fn of_image(file: &Path, image: DynamicImage) -> Result<Pixels, FileError> {
             ));
         }
     };
-    Ok(Pixels {
-        height,
-        width,
-        channels,
-        premultiplied: false,
-        orientation: 1,
-        profile: None,
-        primaries: None,
-        samples,
-    })
+    Ok(Pixels::new(size, channels, samples))
 }
 
 /// Whether a JPEG's last scan is closed: decoders fill what is missing with gray and report nothing.
@@ -186,4 +180,66 @@ fn jpeg_ends(file: &Path) -> Result<bool, FileError> {
     // Inside a scan, 0xff is never followed by these.
     let last_scan = bytes.windows(2).rposition(|b| b == [0xff, 0xda]).unwrap_or(0);
     Ok(bytes[last_scan..].windows(2).any(|b| b == [0xff, 0xd9]))
+}
+
+/// Encodes 8-bit levels as they are, (row, column, channel), one channel (grey) or three, as a PNG.
+///
+/// # Errors
+/// Those of `out`.
+pub fn encode_png8(out: &mut dyn Write, height: usize, width: usize, channels: usize, bytes: &[u8]) -> io::Result<()> {
+    let kind = if channels == 1 { ExtendedColorType::L8 } else { ExtendedColorType::Rgb8 };
+    PngEncoder::new(out).write_image(bytes, width as u32, height as u32, kind).map_err(plain)
+}
+
+/// Encodes 8-bit red, green, blue as a JPEG of `quality` 1 to 100, every channel at full resolution: a fifth of the
+/// PNG for pictures with speckle, where many have to fit a page.
+///
+/// # Errors
+/// Those of `out`.
+pub fn encode_jpeg8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8], quality: u8) -> io::Result<()> {
+    let encoder = JpegEncoder::new_with_quality(out, quality);
+    encoder.write_image(levels, width as u32, height as u32, ExtendedColorType::Rgb8).map_err(plain)
+}
+
+fn plain(error: image::ImageError) -> io::Error {
+    match error {
+        image::ImageError::IoError(e) => e,
+        other => io::Error::other(other),
+    }
+}
+
+/// Reads an 8-bit PNG, `file`, that is open, as it is stored, grey or coloured: (height, width, channels, bytes), 1 or 3 channels.
+///
+/// # Errors
+/// [`FileError::Read`]; [`FileError::Content`] for what is no whole PNG, for 16 bits a channel, and for pixels that are
+/// not opaque.
+pub fn read_png8(opened: File, file: &Path) -> Result<(usize, usize, usize, Vec<u8>), FileError> {
+    let reader = ImageReader::with_format(BufReader::new(opened), ImageFormat::Png);
+    let image = reader.decode().map_err(|e| {
+        FileError::content(file, reason!("no-whole-png", "is no whole PNG: {}", e.to_string().replace('\n', " ")))
+    })?;
+    let (height, width) = (image.height() as usize, image.width() as usize);
+    let opaque = match &image {
+        DynamicImage::ImageLumaA8(i) => i.pixels().all(|p| p[1] == 255),
+        DynamicImage::ImageRgba8(i) => i.pixels().all(|p| p[3] == 255),
+        _ => true,
+    };
+    if !opaque {
+        return Err(FileError::content(
+            file,
+            reason!("not-opaque", "has pixels that are not opaque: what a display shows of them is not known"),
+        ));
+    }
+    match image {
+        DynamicImage::ImageLuma8(_) | DynamicImage::ImageLumaA8(_) => {
+            Ok((height, width, 1, image.into_luma8().into_raw()))
+        }
+        DynamicImage::ImageRgb8(_) | DynamicImage::ImageRgba8(_) => {
+            Ok((height, width, 3, image.into_rgb8().into_raw()))
+        }
+        other => Err(FileError::content(
+            file,
+            reason!("bits", "holds {:?} pixels: 8 bits a channel are wanted", other.color()),
+        )),
+    }
 }

@@ -53,7 +53,35 @@ pub enum ColorSpace {
     },
 }
 
+#[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "decoders use it"))]
+impl Samples {
+    /// The values at these places, in this order.
+    pub(super) fn at(&self, places: impl Iterator<Item = usize>) -> Self {
+        match self {
+            Self::U8(v) => Self::U8(places.map(|i| v[i]).collect()),
+            Self::U16(v) => Self::U16(places.map(|i| v[i]).collect()),
+            Self::F32(v) => Self::F32(places.map(|i| v[i]).collect()),
+        }
+    }
+
+    /// How many there are.
+    pub(super) fn count(&self) -> usize {
+        match self {
+            Self::U8(v) => v.len(),
+            Self::U16(v) => v.len(),
+            Self::F32(v) => v.len(),
+        }
+    }
+}
+
 impl Pixels {
+    /// A picture as it is stored, of (rows, columns), without premultiplied colors and stated color spaces.
+    #[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "decoders use it"))]
+    pub(super) fn new([height, width]: [usize; 2], channels: usize, samples: Samples) -> Self {
+        let (profile, primaries) = (None, None);
+        Self { height, width, channels, premultiplied: false, orientation: 1, profile, primaries, samples }
+    }
+
     /// The picture turned by an EXIF orientation.
     #[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "decoders use it"))]
     pub fn turned(self, orientation: u8) -> Self {
@@ -71,15 +99,10 @@ impl Pixels {
             7 => [h - 1 - column, w - 1 - row],
             _ => [column, w - 1 - row],
         };
-        let places: Vec<usize> = (0..height * width)
+        let places = (0..height * width)
             .map(|i| from(i / width, i % width))
-            .flat_map(|[row, column]| (0..channels).map(move |k| (row * w + column) * channels + k))
-            .collect();
-        let samples = match self.samples {
-            Samples::U8(v) => Samples::U8(places.into_iter().map(|i| v[i]).collect()),
-            Samples::U16(v) => Samples::U16(places.into_iter().map(|i| v[i]).collect()),
-            Samples::F32(v) => Samples::F32(places.into_iter().map(|i| v[i]).collect()),
-        };
+            .flat_map(|[row, column]| (0..channels).map(move |k| (row * w + column) * channels + k));
+        let samples = self.samples.at(places);
         Self { height, width, samples, orientation, ..self }
     }
 
