@@ -338,18 +338,12 @@ impl Placer {
             let far = (placed.position[0] - a.position[0]).hypot(placed.position[1] - a.position[1]);
             far <= self.settings.fastest * self.settings.radius * seconds + 5.0 * noise + 0.25e-3
         };
-        if self.last.as_ref().is_none_or(near) {
-            self.suspect = None;
-            self.last = Some(placed);
-            return Ok(placed);
-        }
         let count = match &self.suspect {
             Some((before, count)) if near(before) => count + 1,
             _ => 1,
         };
-        if count >= AGREE {
-            self.suspect = None;
-            self.last = Some(placed);
+        if self.last.as_ref().is_none_or(near) || count >= AGREE {
+            (self.suspect, self.last) = (None, Some(placed));
             return Ok(placed);
         }
         self.suspect = Some((placed, count));

@@ -40,6 +40,7 @@ pub use clock::Unwrap;
 pub use error::TrackerError;
 pub use eyebox_base::steady::now_ns;
 pub use open::{Options, Spec, open};
+pub(crate) use sample::UnitText;
 pub use sample::{Quantity, Reading, Sample, Unit};
 pub use source::{About, Dropped, Event, Head, Source};
 pub use stream::{Status, Stream};

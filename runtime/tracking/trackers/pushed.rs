@@ -92,7 +92,7 @@ impl Source for PushedSource {
     }
 
     fn dropped(&self) -> Dropped {
-        Dropped { clock_sets: self.clock.sets(), ..Dropped::default() }
+        Dropped { clock_sets: self.clock.sets, ..Dropped::default() }
     }
 }
 

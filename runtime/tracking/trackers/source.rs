@@ -1,6 +1,6 @@
 //! What a tracker is to the rest: a source of samples.
 
-use super::{Sample, TrackerError};
+use super::{Sample, TrackerError, now_ns};
 use serde::Serialize;
 use std::time::Duration;
 
@@ -66,6 +66,36 @@ pub enum Event {
     Note(String),
     /// The source is at its end: a recording.
     End,
+}
+
+/// Messages that cannot be read: counted, and said once a second at most.
+#[derive(Debug, Default)]
+pub(super) struct Complaints {
+    pub count: u64,
+    said_ns: Option<u64>,
+}
+
+impl Complaints {
+    /// Counts one of the source of this name; the note about it, unless one was said in the second before.
+    pub(super) fn add(&mut self, now: u64, name: &str, what: impl std::fmt::Display) -> Option<Event> {
+        self.count += 1;
+        if self.said_ns.is_some_and(|at| now.saturating_sub(at) < 1_000_000_000) {
+            return None;
+        }
+        self.said_ns = Some(now);
+        Some(Event::Note(format!("{name}: {what} ({} dropped so far)", self.count)))
+    }
+}
+
+/// The moment on the steady clock at which `timeout` has passed.
+pub(super) fn end_of(timeout: Duration) -> u64 {
+    now_ns().saturating_add(u64::try_from(timeout.as_nanos()).unwrap_or(u64::MAX))
+}
+
+/// Waits for the moment `due_ns`, no longer than `until_ns`; whether it has come.
+pub(super) fn wait_for(due_ns: u64, until_ns: u64) -> bool {
+    std::thread::sleep(Duration::from_nanos(due_ns.min(until_ns).saturating_sub(now_ns())));
+    due_ns <= until_ns
 }
 
 /// A tracker.

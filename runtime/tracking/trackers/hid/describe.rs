@@ -157,11 +157,7 @@ impl std::fmt::Display for Description {
             if self.numbered { "start with their ID" } else { "are not numbered" }
         )?;
         for report in &self.reports {
-            let kind = match report.kind {
-                ReportKind::Input => "input",
-                ReportKind::Output => "output",
-                ReportKind::Feature => "feature",
-            };
+            let kind = format!("{:?}", report.kind).to_lowercase();
             writeln!(f, "\n{kind} report 0x{:02x}, {} bytes", report.id, report.bytes)?;
             for field in &report.fields {
                 let place = if field.bit % 8 == 0 {

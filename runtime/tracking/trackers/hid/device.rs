@@ -2,7 +2,7 @@
 
 use super::layout::{MODE_GAZE_AND_EYES, Setting};
 use super::report::Decoder;
-use super::{Descriptor, DeviceFile, HidError, Layout};
+use super::{DeviceFile, HidError, Layout};
 use crate::trackers::recording::Head;
 use crate::trackers::{About, Dropped, Event, Source, TrackerError, now_ns};
 use std::time::Duration;
@@ -104,9 +104,7 @@ impl Open {
         let (layout, start) = match file {
             Some(file) => (file.layout.clone(), file.start.clone()),
             None => {
-                let parsed = Descriptor::parse(descriptor.as_deref().map_err(Clone::clone)?)?;
-                let wrong = |reason| HidError::NotAnEyeTracker { name: info.name.clone(), reason };
-                let layout = Layout::find(&parsed).map_err(wrong)?;
+                let layout = Layout::of(descriptor.as_deref().map_err(Clone::clone)?, &info.name)?;
                 let start = layout.mode.map(|mode| mode.report(MODE_GAZE_AND_EYES));
                 (layout, start)
             }
@@ -133,7 +131,7 @@ impl Open {
 
     /// Asks for status and frequency.
     fn ask(&mut self) {
-        let layout = self.decoder.layout();
+        let layout = &self.decoder.layout;
         let (frequency, status) = (layout.frequency, layout.status);
         let places: Vec<String> =
             layout.inputs.iter().flat_map(|i| &i.places).map(|p| format!("{:?}", p.role).to_lowercase()).collect();
@@ -228,8 +226,7 @@ impl HidSource {
                 }
             };
             open.ask();
-            let started = open.start();
-            let text = match started {
+            let text = match open.start() {
                 Ok(()) => format!("{}: connected", open.about.name),
                 Err(e) => format!("{}: connected, but its mode cannot be set: {e}", open.about.name),
             };
@@ -282,7 +279,7 @@ impl Source for HidSource {
             }
             return Ok(Event::Nothing);
         };
-        if let Some(event) = open.decoder.clock_event() {
+        if let Some(event) = open.decoder.clock.event() {
             return Ok(Event::Note(format!("{}: {event}", open.about.name)));
         }
         let length = match open.port.read(&mut self.buffer, timeout) {
@@ -296,8 +293,7 @@ impl Source for HidSource {
             }
             // Asked again quietly; said once.
             self.heard_ns = now;
-            let asked = open.start();
-            if let Err(e) = asked {
+            if let Err(e) = open.start() {
                 return Ok(self.lost(&e));
             }
             let first = !std::mem::replace(&mut self.silent, true);
@@ -305,24 +301,17 @@ impl Source for HidSource {
             return Ok(if first { Event::Note(text) } else { Event::Nothing });
         }
         let Some(report) = self.buffer.get(..length) else { return Ok(Event::Nothing) };
-        let layout = open.decoder.layout();
-        if let Some(sent) = layout.status_sent.filter(|s| s.id != 0 && report.first() == Some(&s.id)) {
+        if let Some(sent) = open.decoder.layout.status_sent.filter(|s| s.id != 0 && report.first() == Some(&s.id)) {
             let status = sent.value(report).map_or_else(|| "out of range".into(), status_name);
             return Ok(Event::Note(format!("{}: {status}", open.about.name)));
         }
-        let sample = open.decoder.sample(report, now);
-        Ok(match sample {
-            Some(sample) => {
-                self.heard_ns = now;
-                self.silent = false;
-                Event::Sample(sample, Some(report.into()))
-            }
-            None => Event::Nothing,
-        })
+        let Some(sample) = open.decoder.sample(report, now) else { return Ok(Event::Nothing) };
+        (self.heard_ns, self.silent) = (now, false);
+        Ok(Event::Sample(sample, Some(report.into())))
     }
 
     fn dropped(&self) -> Dropped {
-        let clock_sets = self.open.as_ref().map_or(0, |open| open.decoder.clock_sets());
+        let clock_sets = self.open.as_ref().map_or(0, |open| open.decoder.clock.sets);
         Dropped { clock_sets, ..Dropped::default() }
     }
 
