@@ -25,14 +25,7 @@ pub enum Wanted {
 impl Wanted {
     /// It, as a noun.
     pub fn describe(self) -> &'static str {
-        match self {
-            Self::Scene => "a scene",
-            Self::DepthMap => "a depth map",
-            Self::Phases => "phases",
-            Self::Levels => "a picture of levels",
-            Self::Hologram => "a hologram",
-            Self::Table => "a table",
-        }
+        ["a scene", "a depth map", "phases", "a picture of levels", "a hologram", "a table"][self as usize]
     }
 
     /// Files that are read as it.

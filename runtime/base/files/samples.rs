@@ -1,9 +1,10 @@
 //! Stored values of a decoded picture.
 
+#![cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "decoders use it"))]
+
 use super::Primaries;
 
 /// Stored values of a picture, interleaved.
-#[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use all of it"))]
 #[derive(Debug, Clone, PartialEq)]
 pub enum Samples {
     /// 8 bits.
@@ -15,7 +16,6 @@ pub enum Samples {
 }
 
 /// Decoded picture, row by row.
-#[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use all of it"))]
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pixels {
     /// Rows.
@@ -37,7 +37,6 @@ pub struct Pixels {
 }
 
 /// The color space that a picture's ICC profile states.
-#[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use all of it"))]
 #[derive(Debug, Clone, PartialEq)]
 pub enum ColorSpace {
     /// sRGB, within the differences of sRGB profiles.
@@ -53,7 +52,6 @@ pub enum ColorSpace {
     },
 }
 
-#[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "decoders use it"))]
 impl Samples {
     /// The values at these places, in this order.
     pub(super) fn at(&self, places: impl Iterator<Item = usize>) -> Self {
@@ -76,14 +74,12 @@ impl Samples {
 
 impl Pixels {
     /// A picture as it is stored, of (rows, columns), without premultiplied colors and stated color spaces.
-    #[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "decoders use it"))]
     pub(super) fn new([height, width]: [usize; 2], channels: usize, samples: Samples) -> Self {
         let (profile, primaries) = (None, None);
         Self { height, width, channels, premultiplied: false, orientation: 1, profile, primaries, samples }
     }
 
     /// The picture turned by an EXIF orientation.
-    #[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "decoders use it"))]
     pub fn turned(self, orientation: u8) -> Self {
         if !(2..=8).contains(&orientation) {
             return self;

@@ -148,7 +148,7 @@ impl Estimator {
 
     /// A note for people if the calibration was made with another tracker than the one of this name.
     pub fn note_on(&self, tracker: &str) -> Option<String> {
-        self.placer.calibration()?.note_on(tracker)
+        self.placer.calibration.as_ref()?.note_on(tracker)
     }
 
     /// Counts the samples so far by what became of them.

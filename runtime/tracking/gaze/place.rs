@@ -21,23 +21,30 @@ pub struct Placed {
 }
 
 /// Why a sample is not believed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Refusal {
     /// The eye was not seen.
+    #[error("the eye is not seen")]
     NotSeen,
     /// It was hardly seen.
+    #[error("the eye is hardly seen")]
     Confidence,
     /// There is no map for what was measured: it needs a calibration.
+    #[error("what is measured needs a calibration")]
     NoMap,
     /// Farther out than the eyebox.
+    #[error("outside the eyebox")]
     OutOfReach,
     /// The sample's time stands still, runs back, or lies ahead of its arrival.
+    #[error("its time is wrong, or that of a sample before")]
     Time,
     /// The eyes are too near to each other, or too far apart.
+    #[error("the distance between the eyes is impossible")]
     BetweenEyes,
     /// No eye turns so fast.
+    #[error("no eye turns so fast")]
     TooFast,
 }
 
@@ -49,20 +56,6 @@ impl Refusal {
     /// The key of its count in statistics.
     pub fn key(self) -> &'static str {
         ["not_seen", "confidence", "no_map", "out_of_reach", "time", "between_eyes", "too_fast"][self as usize]
-    }
-}
-
-impl std::fmt::Display for Refusal {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::NotSeen => "the eye is not seen",
-            Self::Confidence => "the eye is hardly seen",
-            Self::NoMap => "what is measured needs a calibration",
-            Self::OutOfReach => "outside the eyebox",
-            Self::Time => "its time is wrong, or that of a sample before",
-            Self::BetweenEyes => "the distance between the eyes is impossible",
-            Self::TooFast => "no eye turns so fast",
-        })
     }
 }
 
@@ -107,10 +100,11 @@ const SET_BACK_NS: u64 = 250_000_000;
 const UNKNOWN_OFFSET: f64 = 0.5e-3;
 
 /// Places samples; remembers how the eyes differ, and the last believed one.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Placer {
     settings: Settings,
-    calibration: Option<Calibration>,
+    /// The user's calibration, if there is one.
+    pub(super) calibration: Option<Calibration>,
     /// Right less left, and how often it was seen.
     offset: [f64; 2],
     offset_square: f64,
@@ -138,26 +132,7 @@ const UNUSUAL: f64 = 0.85;
 impl Placer {
     /// Without a calibration the rotation of the eye is all that is known.
     pub fn new(settings: Settings, calibration: Option<Calibration>) -> Self {
-        Self {
-            settings,
-            calibration,
-            offset: [0.0; 2],
-            offset_square: 0.0,
-            offset_count: 0,
-            eyes: [None; 2],
-            guessed: false,
-            begins_again: false,
-            last: None,
-            last_time_ns: None,
-            set_back: None,
-            suspect: None,
-            usual: [0.0; 3],
-        }
-    }
-
-    /// The user's calibration, if there is one.
-    pub fn calibration(&self) -> Option<&Calibration> {
-        self.calibration.as_ref()
+        Self { settings, calibration, ..Self::default() }
     }
 
     /// Where a sample says that the pupil is; `noise` is the standard deviation of its coordinates.

@@ -141,16 +141,11 @@ impl Source for UdpSource {
             return Ok(Event::Nothing);
         };
         let now = now_ns();
-        let fresh = match self.sender {
-            Some((sender, at)) if sender != from => {
-                if now.saturating_sub(at) < SILENT_NS {
-                    return Ok(self.complain(now, format!("a second sender, {from}, beside {sender}")));
-                }
-                true
-            }
-            Some(_) => false,
-            None => true,
-        };
+        let other = self.sender.filter(|(sender, _)| *sender != from);
+        if let Some((sender, _)) = other.filter(|(_, at)| now.saturating_sub(*at) < SILENT_NS) {
+            return Ok(self.complain(now, format!("a second sender, {from}, beside {sender}")));
+        }
+        let fresh = self.sender.is_none() || other.is_some();
         if fresh {
             self.sets += self.clock.sets;
             (self.clock, self.units) = (ForeignClock::new(), Units::default());

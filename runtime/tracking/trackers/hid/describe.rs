@@ -160,11 +160,8 @@ impl std::fmt::Display for Description {
             let kind = format!("{:?}", report.kind).to_lowercase();
             writeln!(f, "\n{kind} report 0x{:02x}, {} bytes", report.id, report.bytes)?;
             for field in &report.fields {
-                let place = if field.bit % 8 == 0 {
-                    format!("byte {}", field.byte)
-                } else {
-                    format!("byte {} bit {}", field.byte, field.bit % 8)
-                };
+                let bit = if field.bit % 8 == 0 { String::new() } else { format!(" bit {}", field.bit % 8) };
+                let place = format!("byte {}{bit}", field.byte);
                 let count = if field.count == 1 { String::new() } else { format!("{} x ", field.count) };
                 let sign = if field.signed { "signed" } else { "unsigned" };
                 let flags = if field.constant { ", constant" } else { "" };

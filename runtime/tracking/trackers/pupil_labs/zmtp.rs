@@ -126,16 +126,8 @@ impl Socket {
     pub fn connect(host: &str, port: u16, socket: &str, timeout: Duration) -> io::Result<Self> {
         let until = Instant::now() + timeout;
         let mut last = io::Error::new(ErrorKind::NotFound, "no such address");
-        let mut connected = None;
-        for address in resolve(host, port, timeout)?.into_iter().take(4) {
-            match TcpStream::connect_timeout(&address, timeout) {
-                Ok(stream) => {
-                    connected = Some(stream);
-                    break;
-                }
-                Err(e) => last = e,
-            }
-        }
+        let connect = |address| TcpStream::connect_timeout(&address, timeout).map_err(|e| last = e).ok();
+        let connected = resolve(host, port, timeout)?.into_iter().take(4).find_map(connect);
         let stream = connected.ok_or(last)?;
         stream.set_nodelay(true)?;
         stream.set_write_timeout(Some(timeout))?;
