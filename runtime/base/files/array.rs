@@ -62,13 +62,8 @@ impl NpyArray {
         let names = || arrays().map(|(name, _)| name).collect::<Vec<_>>();
         if let Some(name) = name {
             let found = arrays().find(|(its, _)| *its == name);
-            let none = || {
-                FileError::content(
-                    file,
-                    reason!("no-such-array", "has no array '{name}': it has {}", names().join(", ")),
-                )
-            };
-            return array(found.ok_or_else(none)?.1);
+            let none = || reason!("no-such-array", "has no array '{name}': it has {}", names().join(", "));
+            return array(found.ok_or_else(|| FileError::content(file, none()))?.1);
         }
         let mut found = Vec::new();
         for (_, entry) in arrays() {

@@ -37,25 +37,20 @@ fn size_of(file: &Path, headers: &[Header]) -> Result<[usize; 2], FileError> {
 
 /// Reads colors, or the depth of a depth map. A pixel outside the data window is black, or NaN in a depth map.
 pub(super) fn read(file: &Path, wanted: Wanted) -> Result<Pixels, FileError> {
+    let wrong = |reason: Reason| FileError::content(file, reason);
     let reader = open(file)?;
     let [height, width] = size_of(file, reader.headers())?;
     let is_depth = wanted == Wanted::DepthMap;
     let choice = if is_depth { depth(reader.headers()) } else { colors(reader.headers()) };
-    let Choice { part, channels } = choice.map_err(|reason| FileError::content(file, reason))?;
+    let Choice { part, channels } = choice.map_err(wrong)?;
     let header = reader.headers()[part].clone();
     let list = &header.channels.list;
     if header.deep || channels.iter().any(|&i| list[i].sampling.0 != 1 || list[i].sampling.1 != 1) {
-        let reason = reason!(
-            "deep-pixels",
-            "it holds deep or subsampled pixels, which are not read: save it with plain R, G and B"
-        );
-        return Err(FileError::content(file, reason));
+        let deep = "it holds deep or subsampled pixels, which are not read: save it with plain R, G and B";
+        return Err(wrong(Reason::new("deep-pixels", deep)));
     }
     if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
-        return Err(FileError::content(
-            file,
-            reason!("dwa", "it is compressed by DWA, which is not read: save it with ZIP or PIZ"),
-        ));
+        return Err(wrong(reason!("dwa", "it is compressed by DWA, which is not read: save it with ZIP or PIZ")));
     }
     let offset = header.own_attributes.layer_position - header.shared_attributes.display_window.position;
     let count = channels.len();

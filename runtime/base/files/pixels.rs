@@ -1,11 +1,13 @@
 //! Pictures from bytes as their files store them, and to bytes: PNG, JPEG, BMP, PPM and GIF by the crate `image`, EXR and TIFF by crates of their own.
 
 use super::{FileError, FileKind, Pixels, Samples, Wanted, exr_pixels, read, tiff_pixels};
+use crate::error::Reason;
 use crate::reason;
 use image::codecs::{gif::GifDecoder, jpeg::JpegEncoder, png::PngEncoder};
 use image::metadata::Orientation;
 use image::{
-    AnimationDecoder, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat, ImageReader, Limits,
+    AnimationDecoder, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageError, ImageFormat,
+    ImageReader, Limits,
 };
 use std::fs::File;
 use std::io::{self, BufReader, Write};
@@ -95,10 +97,8 @@ pub fn read_pixels(file: &Path, wanted: Wanted, most: u64) -> Result<Pixels, Fil
         Format::Tiff => tiff_pixels::read(file)?,
         Format::Other(format) => {
             if format == ImageFormat::Jpeg && !jpeg_ends(file)? {
-                return Err(FileError::content(
-                    file,
-                    reason!("cut-short", "the file is cut short: a JPEG must reach its end marker"),
-                ));
+                let reason = reason!("cut-short", "the file is cut short: a JPEG must reach its end marker");
+                return Err(FileError::content(file, reason));
             }
             let image = open(file, format)?.decode().map_err(|e| FileError::damaged(file, e))?;
             let profile = if format == ImageFormat::Pnm { None } else { profile(file, format)? };
@@ -165,10 +165,8 @@ fn of_image(file: &Path, image: DynamicImage) -> Result<Pixels, FileError> {
         DynamicImage::ImageRgb16(p) => Samples::U16(p.into_raw()),
         DynamicImage::ImageRgba16(p) => Samples::U16(p.into_raw()),
         other => {
-            return Err(FileError::content(
-                file,
-                reason!("pixel-type", "pixels of type {:?} are not supported", other.color()),
-            ));
+            let reason = reason!("pixel-type", "pixels of type {:?} are not supported", other.color());
+            return Err(FileError::content(file, reason));
         }
     };
     Ok(Pixels::new(size, channels, samples))
@@ -201,9 +199,9 @@ pub fn encode_jpeg8(out: &mut dyn Write, height: usize, width: usize, levels: &[
     encoder.write_image(levels, width as u32, height as u32, ExtendedColorType::Rgb8).map_err(plain)
 }
 
-fn plain(error: image::ImageError) -> io::Error {
+fn plain(error: ImageError) -> io::Error {
     match error {
-        image::ImageError::IoError(e) => e,
+        ImageError::IoError(e) => e,
         other => io::Error::other(other),
     }
 }
@@ -214,32 +212,22 @@ fn plain(error: image::ImageError) -> io::Error {
 /// [`FileError::Read`]; [`FileError::Content`] for what is no whole PNG, for 16 bits a channel, and for pixels that are
 /// not opaque.
 pub fn read_png8(opened: File, file: &Path) -> Result<(usize, usize, usize, Vec<u8>), FileError> {
+    let wrong = |reason: Reason| FileError::content(file, reason);
     let reader = ImageReader::with_format(BufReader::new(opened), ImageFormat::Png);
-    let image = reader.decode().map_err(|e| {
-        FileError::content(file, reason!("no-whole-png", "is no whole PNG: {}", e.to_string().replace('\n', " ")))
-    })?;
-    let (height, width) = (image.height() as usize, image.width() as usize);
-    let opaque = match &image {
-        DynamicImage::ImageLumaA8(i) => i.pixels().all(|p| p[1] == 255),
-        DynamicImage::ImageRgba8(i) => i.pixels().all(|p| p[3] == 255),
-        _ => true,
+    let no_png =
+        |e: ImageError| wrong(reason!("no-whole-png", "is no whole PNG: {}", e.to_string().replace('\n', " ")));
+    let image = reader.decode().map_err(no_png)?;
+    let kind = image.color();
+    let Pixels { height, width, channels, samples: Samples::U8(mut levels), .. } = of_image(file, image)? else {
+        return Err(wrong(reason!("bits", "holds {kind:?} pixels: 8 bits a channel are wanted")));
     };
-    if !opaque {
-        return Err(FileError::content(
-            file,
-            reason!("not-opaque", "has pixels that are not opaque: what a display shows of them is not known"),
-        ));
-    }
-    match image {
-        DynamicImage::ImageLuma8(_) | DynamicImage::ImageLumaA8(_) => {
-            Ok((height, width, 1, image.into_luma8().into_raw()))
+    let colors = channels - usize::from(kind.has_alpha());
+    if colors < channels {
+        if levels.chunks_exact(channels).any(|pixel| pixel[colors] != 255) {
+            let unknown = "has pixels that are not opaque: what a display shows of them is not known";
+            return Err(wrong(Reason::new("not-opaque", unknown)));
         }
-        DynamicImage::ImageRgb8(_) | DynamicImage::ImageRgba8(_) => {
-            Ok((height, width, 3, image.into_rgb8().into_raw()))
-        }
-        other => Err(FileError::content(
-            file,
-            reason!("bits", "holds {:?} pixels: 8 bits a channel are wanted", other.color()),
-        )),
+        levels = levels.chunks_exact(channels).flat_map(|pixel| &pixel[..colors]).copied().collect();
     }
+    Ok((height, width, colors, levels))
 }
