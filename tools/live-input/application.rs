@@ -34,10 +34,7 @@ impl Application {
         Self::connect_in(&socket::folder(), name)
     }
 
-    /// The same in another folder.
-    ///
-    /// # Errors
-    /// Those of [`connect`](Self::connect).
+    /// The same in another folder, with the same errors.
     pub fn connect_in(folder: &Path, name: &str) -> Result<Self, LiveError> {
         crate::supported()?;
         let stream = UnixStream::connect(socket::path_of(folder, name)?)

@@ -144,10 +144,7 @@ impl Display {
         Self::open_in(&socket::folder(), name, offer)
     }
 
-    /// The same in another folder.
-    ///
-    /// # Errors
-    /// Those of [`open`](Self::open).
+    /// The same in another folder, with the same errors.
     pub fn open_in(folder: &Path, name: &str, offer: Offer) -> Result<Self, LiveError> {
         crate::supported()?;
         offer.check()?;

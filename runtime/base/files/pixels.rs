@@ -16,26 +16,11 @@ use std::path::Path;
 /// Longest side of a picture, pixels.
 const LONGEST_SIDE: u32 = 65536;
 
-/// How a picture is decoded.
-enum Format {
-    Exr,
-    Tiff,
-    Other(ImageFormat),
-}
-
-/// Determines the format of a picture from its first bytes, and refuses what no picture is.
-fn format(file: &Path, wanted: Wanted) -> Result<Format, FileError> {
+/// Determines the kind of a picture from its first bytes, and refuses what no picture is.
+fn kind(file: &Path, wanted: Wanted) -> Result<FileKind, FileError> {
     let kind = FileKind::of(file).map_err(|e| FileError::read(file, e))?;
-    Ok(match kind {
-        FileKind::Exr => Format::Exr,
-        FileKind::Tiff => Format::Tiff,
-        FileKind::Png => Format::Other(ImageFormat::Png),
-        FileKind::Jpeg => Format::Other(ImageFormat::Jpeg),
-        FileKind::Bmp => Format::Other(ImageFormat::Bmp),
-        FileKind::Pnm => Format::Other(ImageFormat::Pnm),
-        FileKind::Gif if !is_animated(file)? => Format::Other(ImageFormat::Gif),
-        other => return Err(FileError::of_kind(file, other, wanted)),
-    })
+    let is_still = kind.is_picture() && !(kind == FileKind::Gif && is_animated(file)?);
+    if is_still { Ok(kind) } else { Err(FileError::of_kind(file, kind, wanted)) }
 }
 
 /// Whether a GIF has more than one frame.
@@ -50,18 +35,18 @@ fn is_animated(file: &Path) -> Result<bool, FileError> {
 /// # Errors
 /// [`FileError::Read`]; [`FileError::Kind`] for what is no picture; [`FileError::Content`], also for more pixels.
 pub fn picture_size(file: &Path, wanted: Wanted, most: u64) -> Result<[usize; 2], FileError> {
-    let format = format(file, wanted)?;
-    let size = match format {
-        Format::Exr => exr_pixels::size(file)?,
-        Format::Tiff => tiff_pixels::size(file)?,
-        Format::Other(format) => {
-            let (width, height) = open(file, format)?.into_dimensions().map_err(|e| FileError::damaged(file, e))?;
+    let kind = kind(file, wanted)?;
+    let size = match kind {
+        FileKind::Exr => exr_pixels::size(file)?,
+        FileKind::Tiff => tiff_pixels::size(file)?,
+        _ => {
+            let (width, height) = open(file, kind)?.into_dimensions().map_err(|e| FileError::damaged(file, e))?;
             [height as usize, width as usize]
         }
     };
     check_size(file, size, most)?;
     // Orientations from 5 on exchange rows and columns.
-    Ok(if orientation(file, &format)? >= 5 { [size[1], size[0]] } else { size })
+    Ok(if orientation(file, kind)? >= 5 { [size[1], size[0]] } else { size })
 }
 
 /// The EXIF orientation that a picture is turned by, 1 to 8; 1 is as stored.
@@ -69,16 +54,16 @@ pub fn picture_size(file: &Path, wanted: Wanted, most: u64) -> Result<[usize; 2]
 /// # Errors
 /// As [`picture_size`].
 pub fn picture_orientation(file: &Path, wanted: Wanted) -> Result<u8, FileError> {
-    orientation(file, &format(file, wanted)?)
+    orientation(file, kind(file, wanted)?)
 }
 
-/// The same of a known format; 1 for metadata that cannot be read.
-fn orientation(file: &Path, format: &Format) -> Result<u8, FileError> {
-    match format {
-        Format::Exr => Ok(1),
-        Format::Tiff => tiff_pixels::orientation(file),
-        Format::Other(format) => {
-            let mut decoder = open(file, *format)?.into_decoder().map_err(|e| FileError::damaged(file, e))?;
+/// The same of a known kind; 1 for metadata that cannot be read.
+fn orientation(file: &Path, kind: FileKind) -> Result<u8, FileError> {
+    match kind {
+        FileKind::Exr => Ok(1),
+        FileKind::Tiff => tiff_pixels::orientation(file),
+        _ => {
+            let mut decoder = open(file, kind)?.into_decoder().map_err(|e| FileError::damaged(file, e))?;
             Ok(decoder.orientation().unwrap_or(Orientation::NoTransforms).to_exif())
         }
     }
@@ -91,22 +76,21 @@ fn orientation(file: &Path, format: &Format) -> Result<u8, FileError> {
 /// As [`picture_size`]; [`FileError::Content`] for values that are neither 8 nor 16 bits nor floats.
 pub fn read_pixels(file: &Path, wanted: Wanted, most: u64) -> Result<Pixels, FileError> {
     picture_size(file, wanted, most)?;
-    let format = format(file, wanted)?;
-    let pixels = match format {
-        Format::Exr => exr_pixels::read(file, wanted)?,
-        Format::Tiff => tiff_pixels::read(file)?,
-        Format::Other(format) => {
-            if format == ImageFormat::Jpeg && !jpeg_ends(file)? {
+    let kind = kind(file, wanted)?;
+    let pixels = match kind {
+        FileKind::Exr => exr_pixels::read(file, wanted)?,
+        FileKind::Tiff => tiff_pixels::read(file)?,
+        _ => {
+            if kind == FileKind::Jpeg && !jpeg_ends(file)? {
                 let reason = reason!("cut-short", "the file is cut short: a JPEG must reach its end marker");
                 return Err(FileError::content(file, reason));
             }
-            let image = open(file, format)?.decode().map_err(|e| FileError::damaged(file, e))?;
-            let profile = if format == ImageFormat::Pnm { None } else { profile(file, format)? };
+            let image = open(file, kind)?.decode().map_err(|e| FileError::damaged(file, e))?;
+            let profile = if kind == FileKind::Pnm { None } else { profile(file, kind)? };
             Pixels { profile, ..of_image(file, image)? }
         }
     };
-    let orientation = orientation(file, &format)?;
-    Ok(pixels.turned(orientation))
+    Ok(pixels.turned(orientation(file, kind)?))
 }
 
 /// Name of the kind of a file whose stored values are light unless something else is stated: EXR, and TIFF of floats.
@@ -139,15 +123,23 @@ fn limits() -> Limits {
     limits
 }
 
-fn open(file: &Path, format: ImageFormat) -> Result<ImageReader<BufReader<File>>, FileError> {
+/// A reader of what is neither EXR nor TIFF.
+fn open(file: &Path, kind: FileKind) -> Result<ImageReader<BufReader<File>>, FileError> {
+    let format = match kind {
+        FileKind::Png => ImageFormat::Png,
+        FileKind::Jpeg => ImageFormat::Jpeg,
+        FileKind::Bmp => ImageFormat::Bmp,
+        FileKind::Pnm => ImageFormat::Pnm,
+        _ => ImageFormat::Gif,
+    };
     let mut reader = ImageReader::with_format(read::buffered(file)?, format);
     reader.limits(limits());
     Ok(reader)
 }
 
 /// The ICC profile in a picture's metadata.
-fn profile(file: &Path, format: ImageFormat) -> Result<Option<Vec<u8>>, FileError> {
-    let mut decoder = open(file, format)?.into_decoder().map_err(|e| FileError::damaged(file, e))?;
+fn profile(file: &Path, kind: FileKind) -> Result<Option<Vec<u8>>, FileError> {
+    let mut decoder = open(file, kind)?.into_decoder().map_err(|e| FileError::damaged(file, e))?;
     // A profile that is cut short is none: `color_space` refuses it.
     Ok(decoder.icc_profile().unwrap_or(Some(Vec::new())))
 }
