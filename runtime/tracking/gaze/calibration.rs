@@ -65,9 +65,7 @@ impl Fit {
     pub fn new(pairs: &[Pair], unit: Unit) -> Result<Self, GazeError> {
         let finite = |p: &&Pair| p.tracker.iter().chain(&p.pupil).all(|v| v.is_finite());
         let mut kept: Vec<Pair> = pairs.iter().filter(finite).copied().collect();
-        let mut left_out = pairs.len() - kept.len();
-        let most = kept.len() / 4;
-        let mut given_up = 0;
+        let least = kept.len() - kept.len() / 4;
         loop {
             // Three fixations fit any tracker exactly: nothing would show whether it follows the eye.
             let enough = Some(&kept).filter(|kept| kept.len() > 3);
@@ -75,7 +73,7 @@ impl Fit {
                 .and_then(|kept| solve(kept))
                 .ok_or_else(|| GazeError::TooFew(format!(": there are {}", kept.len())))?;
             // With four, every one agrees with a map of the other three but one's own.
-            if given_up < most && kept.len() >= 5 {
+            if kept.len() > least && kept.len() >= 5 {
                 let worst = (0..kept.len())
                     .filter_map(|i| {
                         let mut others = kept.clone();
@@ -87,7 +85,6 @@ impl Fit {
                     .max_by(|a, b| (a.1 / (a.2 + 1e-5)).total_cmp(&(b.1 / (b.2 + 1e-5))));
                 if let Some((i, ..)) = worst {
                     kept.swap_remove(i);
-                    given_up += 1;
                     continue;
                 }
             }
@@ -95,8 +92,7 @@ impl Fit {
             if residual > limit || !residual.is_finite() {
                 return Err(GazeError::Disagree { rms_mm: residual * 1e3, limit_mm: limit * 1e3 });
             }
-            left_out += given_up;
-            return Ok(Self { map, unit, residual, used: [kept.len(), left_out] });
+            return Ok(Self { map, unit, residual, used: [kept.len(), pairs.len() - kept.len()] });
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Tracker coordinates to metres in the pupil plane, and what is not believed.
 
-use super::{Calibration, Eye, Settings};
+use super::{Calibration, Eye, Fit, Settings};
 use crate::trackers::{Quantity, Reading, Sample, Unit};
 use serde::Serialize;
 
@@ -198,8 +198,7 @@ impl Placer {
 
     /// Both eyes, one, or what stands for both.
     fn one(&mut self, sample: &Sample) -> Result<Placed, Refusal> {
-        let left = self.map(0, &sample.left, |c| c.left.as_ref(), sample);
-        let right = self.map(1, &sample.right, |c| c.right.as_ref(), sample);
+        let (left, right) = (self.map(0, sample), self.map(1, sample));
         // Cameras may take turns: then each sample has one eye.
         for (newest, found) in self.eyes.iter_mut().zip([&left, &right]) {
             if let Ok(found) = found {
@@ -241,7 +240,7 @@ impl Placer {
             (Eye::Mean, Err(_), Ok(r)) => Ok(shifted(r, -0.5)),
             (_, Err(why_left), Err(why_right)) => {
                 // The most telling reason: something was there, but not good enough.
-                self.map(2, &sample.combined, |c| c.combined.as_ref(), sample).map_err(|why| {
+                self.map(2, sample).map_err(|why| {
                     let told = [why, why_left, why_right].into_iter().find(|w| *w != Refusal::NotSeen);
                     told.unwrap_or(Refusal::NotSeen)
                 })
@@ -249,23 +248,17 @@ impl Placer {
         }
     }
 
-    /// One reading in the pupil plane, with the standard deviation of its map.
-    fn map(
-        &self,
-        index: usize,
-        reading: &Option<Reading>,
-        fit: impl Fn(&Calibration) -> Option<&super::Fit>,
-        sample: &Sample,
-    ) -> Result<Placed, Refusal> {
+    /// One reading (left, right, combined) in the pupil plane, with the standard deviation of its map.
+    fn map(&self, index: usize, sample: &Sample) -> Result<Placed, Refusal> {
+        let reading = [&sample.left, &sample.right, &sample.combined][index];
         let Some(reading) = reading.as_ref().filter(|r| r.valid) else { return Err(Refusal::NotSeen) };
         let least = self.settings.confidence.max(UNUSUAL * self.usual[index]);
         if reading.confidence.is_nan() || reading.confidence < least {
             return Err(Refusal::Confidence);
         }
-        let fit = match &self.calibration {
-            Some(calibration) => Some(fit(calibration).filter(|f| f.unit == reading.unit).ok_or(Refusal::NoMap)?),
-            None => None,
-        };
+        let fits = self.calibration.as_ref().map(|c| [&c.left, &c.right, &c.combined]);
+        let its_unit = |fit: &&Fit| fit.unit == reading.unit;
+        let fit = fits.map(|fits| fits[index].as_ref().filter(its_unit).ok_or(Refusal::NoMap)).transpose()?;
         let at = |reading: &Reading, gaze: Option<&Reading>| match fit {
             Some(fit) => Some(fit.map.apply(reading.position)),
             None => rotation(reading, gaze, &self.settings),

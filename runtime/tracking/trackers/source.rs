@@ -87,6 +87,14 @@ impl Complaints {
     }
 }
 
+/// A note, unless it is what was said last.
+pub(super) fn news(said: &mut String, text: String) -> Option<Event> {
+    (*said != text).then(|| {
+        said.clone_from(&text);
+        Event::Note(text)
+    })
+}
+
 /// The moment on the steady clock at which `timeout` has passed.
 pub(super) fn end_of(timeout: Duration) -> u64 {
     now_ns().saturating_add(u64::try_from(timeout.as_nanos()).unwrap_or(u64::MAX))

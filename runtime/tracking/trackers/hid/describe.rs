@@ -86,9 +86,7 @@ impl Description {
         let descriptor = Descriptor::parse(bytes)?;
         let layout = Layout::find(&descriptor);
         let mut notes = descriptor.notes.clone();
-        if let Ok(layout) = &layout {
-            notes.extend(layout.notes.iter().cloned());
-        }
+        notes.extend(layout.iter().flat_map(|layout| layout.notes.clone()));
         let shift = usize::from(descriptor.numbered) * 8;
         let reports = descriptor
             .reports()

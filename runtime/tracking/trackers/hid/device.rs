@@ -3,7 +3,7 @@
 use super::layout::{MODE_GAZE_AND_EYES, Setting};
 use super::report::Decoder;
 use super::{DeviceFile, HidError, Layout};
-use crate::trackers::recording::Head;
+use crate::trackers::source::{Head, news};
 use crate::trackers::{About, Dropped, Event, Source, TrackerError, now_ns};
 use std::time::Duration;
 
@@ -205,10 +205,10 @@ impl HidSource {
     }
 
     /// Looks for a device; what there is to say about it.
-    fn search(&mut self) -> Option<String> {
+    fn search(&mut self) -> Option<Event> {
         let found = match self.bus.list() {
             Ok(found) => found,
-            Err(e) => return self.say(e.to_string()),
+            Err(e) => return news(&mut self.said, e.to_string()),
         };
         let mut refused = Vec::new();
         for info in &found {
@@ -234,22 +234,16 @@ impl HidSource {
             self.heard_ns = (self.clock)();
             self.silent = false;
             self.said.clear();
-            return Some(text);
+            return Some(Event::Note(text));
         }
         if let Some(reason) = refused.first() {
-            return self.say(format!("no eye tracker could be used; {reason}"));
+            return news(&mut self.said, format!("no eye tracker could be used; {reason}"));
         }
-        self.say(match &self.file {
+        let none = match &self.file {
             Some(f) => format!("{} ({:04x}:{:04x}) is not plugged in", f.name, f.id[0], f.id[1]),
             None => format!("no eye tracker among {} HID devices", found.len()),
-        })
-    }
-
-    fn say(&mut self, text: String) -> Option<String> {
-        (self.said != text).then(|| {
-            self.said.clone_from(&text);
-            text
-        })
+        };
+        news(&mut self.said, none)
     }
 
     fn lost(&mut self, reason: &HidError) -> Event {
@@ -271,12 +265,9 @@ impl Source for HidSource {
         let Some(open) = &mut self.open else {
             if self.searched_ns.is_none_or(|at| now.saturating_sub(at) >= SEARCH_NS) {
                 self.searched_ns = Some(now);
-                if let Some(text) = self.search() {
-                    return Ok(Event::Note(text));
-                }
-            } else {
-                std::thread::sleep(timeout.min(Duration::from_nanos(SEARCH_NS)));
+                return Ok(self.search().unwrap_or(Event::Nothing));
             }
+            std::thread::sleep(timeout.min(Duration::from_nanos(SEARCH_NS)));
             return Ok(Event::Nothing);
         };
         if let Some(event) = open.decoder.clock.event() {

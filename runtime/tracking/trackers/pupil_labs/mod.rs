@@ -7,7 +7,7 @@
 mod zmtp;
 
 use super::clock::{ForeignClock, Stamp};
-use super::source::Complaints;
+use super::source::{Complaints, news};
 use super::{About, Dropped, Event, Quantity, Reading, Sample, Source, TimeUnit, TrackerError, Unit, now_ns};
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
@@ -166,11 +166,7 @@ impl PupilCoreSource {
         self.link = None;
         self.waiting = None;
         let text = format!("{}: {reason}", self.name());
-        if self.said == text {
-            return Event::Nothing;
-        }
-        self.said.clone_from(&text);
-        Event::Note(text)
+        news(&mut self.said, text).unwrap_or(Event::Nothing)
     }
 }
 
