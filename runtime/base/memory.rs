@@ -46,7 +46,7 @@ pub fn bytes_of(counts: &[usize], size: usize) -> u64 {
     counts.iter().fold(size as u64, |n, m| n.saturating_mul(*m as u64))
 }
 
-/// What follows `name` in a line of a file in which the system says something.
+/// Returns the rest of the line that begins with `name`, in a file of the system.
 fn said(file: &str, name: &str) -> Option<String> {
     let text = std::fs::read_to_string(file).ok()?;
     Some(text.lines().find_map(|line| line.strip_prefix(name))?.trim().to_owned())

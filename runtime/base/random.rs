@@ -1,6 +1,6 @@
-//! Random numbers that are the same on every machine: the generator and the mixer of Steele, Lea and Flood (2014).
+//! Random numbers that are the same on every machine, by the generator and the mixer of Steele, Lea and Flood (2014).
 
-/// By this much the state of [`SplitMix`] grows: 2^64 divided by the golden ratio.
+/// Step of the state of [`SplitMix`], 2^64 divided by the golden ratio.
 pub const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// A small, fast generator. Its numbers depend on its first state alone.
@@ -8,14 +8,14 @@ pub const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 pub struct SplitMix(pub u64);
 
 impl SplitMix {
-    /// 64 random bits.
+    /// Returns the next 64 random bits.
     #[allow(clippy::should_implement_trait)]
     pub fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(GOLDEN);
         mix(self.0)
     }
 
-    /// Uniform in 0 .. 1, 53 bits.
+    /// Returns a number uniform in 0 .. 1, with 53 random bits.
     pub fn unit(&mut self) -> f64 {
         (self.next() >> 11) as f64 / 9_007_199_254_740_992.0
     }

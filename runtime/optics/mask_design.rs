@@ -16,7 +16,7 @@ type Key = (u64, u64, [usize; 2]);
 /// The last one that was made: every colour, and every look at a hologram, asks for the same.
 static LAST: Mutex<Option<(Key, Arc<[u16]>)>> = Mutex::new(None);
 
-/// A random part of a turn for pixel `i`, the same on every machine: number `i` of the generator of this seed.
+/// A random part of a turn for pixel `i`, the same on every machine. It is number `i` of the generator of this seed.
 pub(super) fn random_part(seed: u64, i: usize) -> u32 {
     let before = seed.wrapping_mul(0xd134_2543_de82_ef95).wrapping_add((i as u64).wrapping_mul(GOLDEN));
     (SplitMix(before).next() >> 52) as u32

@@ -30,9 +30,9 @@ pub enum Sink {
     ///
     /// A reader takes the sequence number, copies, and takes it again: where they differ or are odd, it tries again.
     ///
-    /// Live input (tools/live-input) has a sequence of this kind too, but not this code: its memory is sealed and mapped, on
-    /// Linux alone, and its slots are held by their reader. This is a file under a name that anybody may cut, so it is written
-    /// by calls of the system, which a cut cannot turn into a signal.
+    /// Live input (tools/live-input) has a sequence of this kind too. It does not share this code, because its memory is
+    /// sealed and mapped, on Linux alone, and its slots are held by their reader. This is a named file that anybody may cut,
+    /// so it is written by calls of the system, which a cut cannot turn into a signal.
     Shared {
         /// The file.
         file: PathBuf,

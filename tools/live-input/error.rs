@@ -2,12 +2,15 @@
 
 use thiserror::Error;
 
+/// Begins each message about a frame.
+const REFUSED: &str = "the application's frame is refused: ";
+
 /// What is wrong with a frame. The frame before stays.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[non_exhaustive]
 pub enum FrameFault {
     /// A number that is none of those that are right.
-    #[error("the application's frame is refused: {what} {found}; it must be {}", range(*least, *most))]
+    #[error("{refused}{what} {found}; it must be {}", range(*least, *most), refused = REFUSED)]
     Number {
         /// Which one.
         what: &'static str,
@@ -19,7 +22,7 @@ pub enum FrameFault {
         most: u64,
     },
     /// A code that is none of those that there are, or that the display takes.
-    #[error("the application's frame is refused: {what} {found}; it must be {must}")]
+    #[error("{refused}{what} {found}; it must be {must}", refused = REFUSED)]
     Code {
         /// Of what.
         what: &'static str,
@@ -29,7 +32,7 @@ pub enum FrameFault {
         must: &'static str,
     },
     /// A length, a place or a distance.
-    #[error("the application's frame is refused: {what} {found}; it must be {must}")]
+    #[error("{refused}{what} {found}; it must be {must}", refused = REFUSED)]
     Length {
         /// Of what.
         what: &'static str,
@@ -39,7 +42,7 @@ pub enum FrameFault {
         must: &'static str,
     },
     /// A sample.
-    #[error("the application's frame is refused: sample {index} of channel {channel} is {found}; it must be {must}")]
+    #[error("{refused}sample {index} of channel {channel} is {found}; it must be {must}", refused = REFUSED)]
     Value {
         /// Which channel: colours, then opacity; for depths the first behind the colours.
         channel: usize,
@@ -51,18 +54,14 @@ pub enum FrameFault {
         must: &'static str,
     },
     /// It changed each time while it was copied.
-    #[error(
-        "the application's frame is refused: it was written while it was read; a slot that is held must not be written"
-    )]
+    #[error("{refused}it was written while it was read; a slot that is held must not be written", refused = REFUSED)]
     Torn,
     /// The device that shares its memory failed.
-    #[error(
-        "the application's frame is refused: the display's device failed: connect again, and share no memory of it"
-    )]
+    #[error("{refused}the display's device failed: connect again, and share no memory of it", refused = REFUSED)]
     Device,
 }
 
-/// The numbers that are right.
+/// Describes the numbers that are right.
 fn range(least: u64, most: u64) -> String {
     if least == most { least.to_string() } else { format!("{least} to {most}") }
 }

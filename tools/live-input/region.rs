@@ -1,6 +1,6 @@
 //! Memory that two processes share, as words of 8 bytes. The other side may write at any moment, so every access is atomic: an ordinary read
-//! of memory that changes has no defined result. The file that an offscreen display shares (runtime/present/sink.rs) is none of these:
-//! anybody may cut it, so that it is written by the system and never mapped here.
+//! of memory that changes has no defined result. The file that an offscreen display shares (runtime/present/sink.rs) does not use
+//! this code, because anybody may cut it. The system writes that file, and it is never mapped.
 
 use crate::LiveError;
 use memmap2::MmapRaw;

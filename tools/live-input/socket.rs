@@ -90,7 +90,7 @@ fn greeting(refused: u32, bytes: u64, reason: &str) -> [u8; GREETING] {
     message
 }
 
-/// Sends a message, and a file descriptor with it, without waiting; whether all of it was sent.
+/// Sends a message and a file descriptor without waiting. Returns whether all of it was sent.
 fn send(stream: &UnixStream, message: &[u8], fd: Option<&OwnedFd>) -> bool {
     let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(1))];
     let mut control = SendAncillaryBuffer::new(&mut space);
@@ -100,7 +100,7 @@ fn send(stream: &UnixStream, message: &[u8], fd: Option<&OwnedFd>) -> bool {
         && rustix::net::sendmsg(stream, &[IoSlice::new(message)], &mut control, flags) == Ok(message.len())
 }
 
-/// Receives a message without waiting: its length, and the file descriptor that came with it.
+/// Receives a message without waiting. Returns its length and the file descriptor that came with it.
 fn receive(stream: &UnixStream, message: &mut [u8]) -> (rustix::io::Result<usize>, Option<OwnedFd>) {
     let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(1))];
     let mut control = RecvAncillaryBuffer::new(&mut space);
@@ -164,7 +164,7 @@ pub(crate) fn listen(mut stream: &UnixStream) -> bool {
     true
 }
 
-/// Waits until the other side has something to say or this moment comes; false if it has come.
+/// Waits for bytes of the other side until this moment. Returns false if the moment has passed.
 pub(crate) fn wait_until(stream: &UnixStream, until: Instant) -> bool {
     let left = until.saturating_duration_since(Instant::now());
     if !left.is_zero() {

@@ -48,7 +48,7 @@ pub fn check_place(file: &Path) -> Result<(), FileError> {
     staging::file(parent(file)).map(drop).map_err(|e| FileError::write(file, e))
 }
 
-/// Whether a pipe or a device stands there, into which is written without a draft. A folder is refused.
+/// Returns whether `file` is a pipe or a device, into which is written directly. Refuses a folder.
 pub(super) fn is_stream(file: &Path) -> Result<bool, FileError> {
     match fs::metadata(file) {
         Ok(there) if there.is_dir() => {
@@ -221,7 +221,7 @@ fn move_aside(new: &Path, place: &Path) -> Result<(), FileError> {
     Ok(())
 }
 
-/// Writes what `fill` does into a new file, and it to the disk.
+/// Writes a new file through a buffer, and flushes it to the disk.
 pub(super) fn write_to_disk(new: File, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     let mut out = BufWriter::new(new);
     fill(&mut out)?;

@@ -105,7 +105,7 @@ fn full_name(headers: &[Header], part: usize, channel: &ChannelDescription) -> S
     }
 }
 
-/// All channels: part, number and full name.
+/// Lists part, number and full name of each channel.
 fn all(headers: &[Header]) -> impl Iterator<Item = (usize, usize, String)> {
     headers.iter().enumerate().flat_map(move |(part, header)| {
         let name = move |(i, c): (usize, &ChannelDescription)| (part, i, full_name(headers, part, c));
@@ -113,7 +113,7 @@ fn all(headers: &[Header]) -> impl Iterator<Item = (usize, usize, String)> {
     })
 }
 
-/// The same, their names in lower case.
+/// Lists the channels with their names in lower case.
 fn all_lower(headers: &[Header]) -> Vec<(usize, usize, String)> {
     all(headers).map(|(part, i, name)| (part, i, name.to_lowercase())).collect()
 }

@@ -2,6 +2,7 @@
 //! meanwhile, and no link in it is followed.
 
 use super::atomic::write_to_disk;
+use super::entry::{Kind, split};
 use super::held::Held;
 use super::read;
 use std::ffi::OsString;
@@ -9,24 +10,6 @@ use std::fs::{File, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-/// What stands in a folder.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
-    /// A regular file.
-    File,
-    /// A folder.
-    Folder,
-    /// A link, a pipe, a device.
-    Other,
-}
-
-/// The folders on the way to a name, and its last part. Names are this program's own: none leads out of the folder.
-pub(super) fn split(name: &str) -> io::Result<(&str, &str)> {
-    let (way, last) = name.rsplit_once('/').unwrap_or(("", name));
-    let plain = !last.is_empty() && name.split('/').all(|part| part != ".." && part != ".");
-    if plain { Ok((way, last)) } else { Err(io::Error::new(io::ErrorKind::InvalidInput, "it is no name in a folder")) }
-}
 
 /// A folder that is held open. Names in it are relative, their parts separated by `/`.
 #[derive(Debug, Clone)]

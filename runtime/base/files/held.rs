@@ -1,6 +1,6 @@
 //! A folder by its descriptor: names are looked up in it part by part, and a link on the way is an error.
 
-use super::folder::{Kind, split};
+use super::entry::{Kind, split};
 use rustix::fd::{AsFd, BorrowedFd, OwnedFd};
 use rustix::fs::{AtFlags, Dir, FileType, Mode, OFlags, fsync, mkdirat, openat, renameat, statat, unlinkat};
 use rustix::io::Errno;

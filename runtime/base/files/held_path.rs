@@ -1,6 +1,6 @@
 //! A folder by its path, where there are no descriptors of folders: links are looked for before a name is opened.
 
-use super::folder::{Kind, split};
+use super::entry::{Kind, split};
 use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io;

@@ -1,10 +1,5 @@
 //! What a file is, from its first bytes. Every reader asks here before it refuses a file, so that the refusal names the file's real kind.
 
-use super::{read, zip};
-use std::fs::File;
-use std::io::{self, BufReader, Read};
-use std::path::Path;
-
 /// Kind of a file, determined from its content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -129,33 +124,7 @@ const MAGIC: &[(&[u8], FileKind)] = &[
     (b"\xcf\xfa\xed\xfe", FileKind::Other("a macOS program")),
 ];
 
-/// Bytes from which the kind of a file is determined: the name of a `tar` entry ends at 512, HDF5 may begin there.
-const HEAD: u64 = 4096;
-
-/// Endings of raw pictures that are TIFF files inside.
-const RAW_ENDINGS: [&str; 10] = ["dng", "nef", "nrw", "cr2", "arw", "srw", "pef", "3fr", "iiq", "sr2"];
-
 impl FileKind {
-    /// Determines the kind of a regular file.
-    ///
-    /// # Errors
-    /// The system's, as [`read::open`].
-    pub fn of(file: &Path) -> io::Result<Self> {
-        let mut opened = read::open(file)?;
-        let mut head = Vec::new();
-        Read::by_ref(&mut opened).take(HEAD).read_to_end(&mut head)?;
-        let kind = Self::of_bytes(&head);
-        let ending = file.extension().map_or(String::new(), |e| e.to_string_lossy().to_ascii_lowercase());
-        Ok(match kind {
-            Self::Zip => in_archive(opened).unwrap_or(Self::Zip),
-            Self::Tiff if RAW_ENDINGS.contains(&ending.as_str()) || head.get(8..10) == Some(b"CR") => Self::CameraRaw,
-            // Version 4 and Truevision files begin with nothing of their own.
-            Self::Unknown if ending == "mat" => Self::Matlab,
-            Self::Unknown if ending == "tga" => Self::OtherPicture("Targa"),
-            other => other,
-        })
-    }
-
     /// Determines the kind from the first bytes of a file, of which `head` holds the first 4096 or all.
     pub fn of_bytes(head: &[u8]) -> Self {
         if head.is_empty() {
@@ -250,27 +219,6 @@ fn media(head: &[u8]) -> Option<FileKind> {
         (b"ftyp", _) => Some(FileKind::Video("MP4")),
         _ => None,
     }
-}
-
-/// What a ZIP archive holds, from the names in it.
-fn in_archive(opened: File) -> Option<FileKind> {
-    let length = opened.metadata().ok()?.len();
-    let entries = zip::entries(&mut BufReader::new(opened), length).ok()?;
-    let any = |is: &dyn Fn(&str) -> bool| entries.iter().any(|entry| is(&entry.name));
-    let ends = |name: &str, what: &str| name == what || name.ends_with(&format!("/{what}"));
-    Some(if any(&|name| ["zarr.json", ".zgroup", ".zarray"].contains(&name)) {
-        FileKind::ZarrZip
-    } else if any(&|name| ends(name, "data.pkl")) {
-        FileKind::Torch
-    } else if any(&|name| name == "xl/workbook.xml") {
-        FileKind::Office("an Excel workbook")
-    } else if any(&|name| name == "[Content_Types].xml") {
-        FileKind::Office("an Office document")
-    } else if !entries.is_empty() && entries.iter().all(|entry| entry.name.ends_with(".npy")) {
-        FileKind::Npz
-    } else {
-        FileKind::Zip
-    })
 }
 
 /// Text, if no byte says otherwise: UTF-16 with a mark, or bytes without controls.

@@ -10,6 +10,7 @@ mod atomic;
 mod color_profile;
 mod convert;
 mod created_dir;
+mod entry;
 #[cfg(feature = "image-formats")]
 mod exr_pixels;
 mod folder;
@@ -31,6 +32,7 @@ pub mod read;
 mod record;
 mod samples;
 mod similar;
+mod sniff;
 mod staging;
 mod text;
 #[cfg(feature = "image-formats")]
@@ -44,7 +46,8 @@ pub use atomic::{FolderDraft, check_place, write_file};
 pub use color_profile::color_space;
 pub use convert::{OtherKind, Wanted, npz_line, zarr_line};
 pub use created_dir::CreatedDirGuard;
-pub use folder::{Folder, Kind};
+pub use entry::Kind;
+pub use folder::Folder;
 pub use grey::read_grey;
 pub use growing::GrowingFile;
 pub use kind::FileKind;
@@ -212,12 +215,12 @@ impl FileError {
         Self::Kind(OtherKind { file: first.display().to_string(), found, wanted: Wanted::Scene, remedy })
     }
 
-    /// What is at `path` must not be replaced.
+    /// Refuses to replace `path`.
     pub fn taken(path: &Path, reason: Reason) -> Self {
         Self::Taken { path: path.display().to_string(), reason }
     }
 
-    /// `path` is a file where a folder is meant to be.
+    /// Refuses to replace a file by a folder.
     fn is_a_file(path: &Path) -> Self {
         Self::taken(path, reason!("is-a-file", "is a file: a folder cannot replace it; give another place"))
     }

@@ -3,9 +3,8 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Where eyebox keeps what can be made again: the folder `eyebox` in `$XDG_CACHE_HOME` or `~/.cache`, on Windows in
-/// `%LOCALAPPDATA%`; without any, in what the system keeps for this user alone until he logs out (`$XDG_RUNTIME_DIR`); nowhere
-/// without that. Folders that others may write to are not taken.
+/// Returns the folder for data that can be made again. It is `eyebox` in `$XDG_CACHE_HOME` or `~/.cache`, on Windows in
+/// `%LOCALAPPDATA%`, and otherwise in `$XDG_RUNTIME_DIR`. Other users cannot write to any of these.
 pub fn cache_folder() -> Option<PathBuf> {
     let set = |name| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
     let own = || if cfg!(windows) { set("LOCALAPPDATA") } else { Some(set("HOME")?.join(".cache")) };

@@ -1,4 +1,4 @@
-//! Pictures from bytes as their files store them, and to bytes: PNG, JPEG, BMP, PPM and GIF by the crate `image`, EXR and TIFF by crates of their own.
+//! Decodes pictures as their files store them, and encodes PNG and JPEG. The crate `image` reads all but EXR and TIFF.
 
 use super::{FileError, FileKind, Pixels, Samples, Wanted, exr_pixels, read, tiff_pixels};
 use crate::error::Reason;
@@ -16,7 +16,7 @@ use std::path::Path;
 /// Longest side of a picture, pixels.
 const LONGEST_SIDE: u32 = 65536;
 
-/// Determines the kind of a picture from its first bytes, and refuses what no picture is.
+/// Determines the kind of a picture from its first bytes, and refuses other files.
 fn kind(file: &Path, wanted: Wanted) -> Result<FileKind, FileError> {
     let kind = FileKind::of(file).map_err(|e| FileError::read(file, e))?;
     let is_still = kind.is_picture() && !(kind == FileKind::Gif && is_animated(file)?);
@@ -123,7 +123,7 @@ fn limits() -> Limits {
     limits
 }
 
-/// A reader of what is neither EXR nor TIFF.
+/// Opens a picture that is neither EXR nor TIFF.
 fn open(file: &Path, kind: FileKind) -> Result<ImageReader<BufReader<File>>, FileError> {
     let format = match kind {
         FileKind::Png => ImageFormat::Png,

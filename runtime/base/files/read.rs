@@ -37,7 +37,7 @@ pub fn open(file: &Path) -> io::Result<File> {
     regular(options.open(file)?)
 }
 
-/// The same, read through a buffer.
+/// Opens a regular file for reading through a buffer.
 #[cfg(feature = "image-formats")]
 pub(super) fn buffered(file: &Path) -> Result<BufReader<File>, FileError> {
     open(file).map(BufReader::new).map_err(|e| FileError::read(file, e))

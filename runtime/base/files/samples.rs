@@ -53,7 +53,7 @@ pub enum ColorSpace {
 }
 
 impl Samples {
-    /// The values at these places, in this order.
+    /// Returns the values at these places, in this order.
     pub(super) fn at(&self, places: impl Iterator<Item = usize>) -> Self {
         match self {
             Self::U8(v) => Self::U8(places.map(|i| v[i]).collect()),
@@ -62,7 +62,7 @@ impl Samples {
         }
     }
 
-    /// How many there are.
+    /// Returns the number of values.
     pub(super) fn count(&self) -> usize {
         match self {
             Self::U8(v) => v.len(),

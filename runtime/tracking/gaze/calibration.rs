@@ -159,7 +159,7 @@ pub struct Calibration {
     pub combined: Option<Fit>,
 }
 
-/// A map in a file: millimetres of the pupil plane for each unit of the tracker, and for none.
+/// A map in a file, in millimetres of the pupil plane per unit of the tracker.
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -296,7 +296,7 @@ impl Estimator {
         Some(Jump::new(from, time, points, self.noise, &self.settings))
     }
 
-    /// The newest filter that had seen nothing later than a time; else the oldest.
+    /// Returns the newest filter without measurements after `time`, or the oldest.
     fn calm(&self, time: u64) -> Option<&OneEuro> {
         self.filters.iter().rev().find(|f| f.time_ns <= time).or(self.filters.front())
     }
@@ -441,7 +441,7 @@ impl Estimator {
     }
 }
 
-/// Removes the oldest while there are more than `most`, and those that are not `kept`.
+/// Removes the oldest values until at most `most` are left and the first of them is `kept`.
 fn keep_newest<T>(queue: &mut VecDeque<T>, most: usize, kept: impl Fn(&T) -> bool) {
     while queue.len() > most || queue.front().is_some_and(|oldest| !kept(oldest)) {
         queue.pop_front();

@@ -30,7 +30,7 @@ pub(super) const EXAMPLE: &str = r#"each sample is a line such as {"t": 12.5, "x
 /// Longest line, bytes.
 pub const LONGEST_LINE: usize = 2048;
 
-/// How lines state a unit: as other files do, and as `m`.
+/// Unit in a line. Other files cannot state `m`.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum LineUnit {

@@ -18,7 +18,7 @@ pub enum Unit {
 }
 
 impl Unit {
-    /// Of one in the unit by which files state it ([`UnitText`]), in this one.
+    /// Returns how many of this unit make one of the unit in files ([`UnitText`]).
     pub(crate) fn of_stated(self) -> f64 {
         match self {
             Self::Metres => 1e-3,

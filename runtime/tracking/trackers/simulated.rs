@@ -3,7 +3,7 @@
 //! The eye fixates, drifts and trembles, jumps by saccades whose duration follows the main sequence (Carpenter 1988:
 //! 21 ms + 2.2 ms a degree) with some scatter and a speed that peaks early, follows smoothly, blinks, and changes the
 //! size of its pupil. The tracker samples it at a rate, with noise and delay; it loses it while the lid is down, and is
-//! led astray while the lid moves. One seed, one eye: its numbers are those of `fastrand`, since another generator would make
+//! led astray while the lid moves. One seed, one eye. The numbers come from `fastrand`, because another generator would make
 //! another eye of each seed.
 
 use super::source::{end_of, wait_for};

@@ -68,7 +68,7 @@ pub enum Event {
     End,
 }
 
-/// Messages that cannot be read: counted, and said once a second at most.
+/// Counts messages that cannot be read, and makes a note of one per second at most.
 #[derive(Debug, Default)]
 pub(super) struct Complaints {
     pub count: u64,
@@ -76,7 +76,7 @@ pub(super) struct Complaints {
 }
 
 impl Complaints {
-    /// Counts one of the source of this name; the note about it, unless one was said in the second before.
+    /// Counts a message. Returns a note about it, unless the last note is less than a second old.
     pub(super) fn add(&mut self, now: u64, name: &str, what: impl std::fmt::Display) -> Option<Event> {
         self.count += 1;
         if self.said_ns.is_some_and(|at| now.saturating_sub(at) < 1_000_000_000) {
@@ -87,7 +87,7 @@ impl Complaints {
     }
 }
 
-/// A note, unless it is what was said last.
+/// Makes a note of a text, unless it is the last one, `said`.
 pub(super) fn news(said: &mut String, text: String) -> Option<Event> {
     (*said != text).then(|| {
         said.clone_from(&text);
@@ -95,12 +95,12 @@ pub(super) fn news(said: &mut String, text: String) -> Option<Event> {
     })
 }
 
-/// The moment on the steady clock at which `timeout` has passed.
+/// Returns the end of `timeout` on the steady clock, nanoseconds.
 pub(super) fn end_of(timeout: Duration) -> u64 {
     now_ns().saturating_add(u64::try_from(timeout.as_nanos()).unwrap_or(u64::MAX))
 }
 
-/// Waits for the moment `due_ns`, no longer than `until_ns`; whether it has come.
+/// Sleeps until `due_ns`, or until `until_ns` if that is earlier. Returns whether `due_ns` has come.
 pub(super) fn wait_for(due_ns: u64, until_ns: u64) -> bool {
     std::thread::sleep(Duration::from_nanos(due_ns.min(until_ns).saturating_sub(now_ns())));
     due_ns <= until_ns

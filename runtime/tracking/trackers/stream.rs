@@ -34,7 +34,7 @@ pub struct Status {
     pub failure: Option<String>,
 }
 
-/// What is known of a source, and how it is doing.
+/// State of a source.
 #[derive(Default)]
 struct Known {
     status: Status,
@@ -124,7 +124,7 @@ impl Stream {
         self.shared.known().tracker.clone()
     }
 
-    /// How it is doing. Where it has ended, whoever then sees an empty mailbox has seen everything.
+    /// Returns its state. If the source has ended, an empty mailbox stays empty.
     pub fn status(&self) -> Status {
         self.shared.known().status.clone()
     }

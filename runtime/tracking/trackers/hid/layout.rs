@@ -151,7 +151,7 @@ impl Layout {
     /// Finds the fields of usage page 0x12 in the bytes of a descriptor. `name` is the device's.
     ///
     /// # Errors
-    /// [`HidError::Descriptor`]; [`HidError::NotAnEyeTracker`].
+    /// [`HidError::Descriptor`] and [`HidError::NotAnEyeTracker`].
     pub fn of(descriptor: &[u8], name: &str) -> Result<Self, HidError> {
         let wrong = |reason| HidError::NotAnEyeTracker { name: name.to_owned(), reason };
         Self::find(&Descriptor::parse(descriptor)?).map_err(wrong)
