@@ -43,7 +43,7 @@ pub fn round(phases: &mut [f32]) {
     phases.iter_mut().for_each(|phase| *phase = value(bits(*phase)));
 }
 
-/// The threshold of a pixel in a step.
+/// The threshold of a pixel in a step. A mixer of 32 bits of its own, because the shaders (project.glsl) compute the same.
 #[inline(always)]
 pub(crate) fn threshold(pixel: u32, step: u32) -> u32 {
     let mut x = pixel;

@@ -48,9 +48,7 @@ impl<T> Mailbox<T> {
     pub fn push(&self, value: T) -> Option<T> {
         let mut values = self.lock();
         let oldest = if values.len() == self.capacity { values.pop_front() } else { None };
-        values.push_back(value);
-        drop(values);
-        self.shared.1.notify_all();
+        self.add(values, value);
         oldest
     }
 
@@ -58,9 +56,7 @@ impl<T> Mailbox<T> {
     pub fn update(&self, change: impl FnOnce(Option<T>) -> T) {
         let mut values = self.lock();
         let newest = values.pop_back();
-        values.push_back(change(newest));
-        drop(values);
-        self.shared.1.notify_all();
+        self.add(values, change(newest));
     }
 
     /// Takes the oldest value.
@@ -102,14 +98,18 @@ impl<T> Mailbox<T> {
         self.shared.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn added(&self, mut values: MutexGuard<'_, VecDeque<T>>, value: T) -> Result<(), T> {
+    fn added(&self, values: MutexGuard<'_, VecDeque<T>>, value: T) -> Result<(), T> {
         if values.len() == self.capacity {
             return Err(value);
         }
+        self.add(values, value);
+        Ok(())
+    }
+
+    fn add(&self, mut values: MutexGuard<'_, VecDeque<T>>, value: T) {
         values.push_back(value);
         drop(values);
         self.shared.1.notify_all();
-        Ok(())
     }
 
     fn taken(&self, mut values: MutexGuard<'_, VecDeque<T>>) -> Option<T> {

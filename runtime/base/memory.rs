@@ -46,9 +46,14 @@ pub fn bytes_of(counts: &[usize], size: usize) -> u64 {
     counts.iter().fold(size as u64, |n, m| n.saturating_mul(*m as u64))
 }
 
+/// Returns the rest of the line that begins with `name`, in a file of the system.
+fn said(file: &str, name: &str) -> Option<String> {
+    let text = std::fs::read_to_string(file).ok()?;
+    Some(text.lines().find_map(|line| line.strip_prefix(name))?.trim().to_owned())
+}
+
 fn machine() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    kib(text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?)
+    kib(&said("/proc/meminfo", "MemAvailable:")?)
 }
 
 /// What [`limit`] leaves.
@@ -59,29 +64,25 @@ fn stated() -> Option<u64> {
 
 /// What `ulimit -v` leaves.
 fn address_space() -> Option<u64> {
-    let limits = std::fs::read_to_string("/proc/self/limits").ok()?;
-    let line = limits.lines().find_map(|l| l.strip_prefix("Max address space"))?;
-    let most = line.split_whitespace().next()?.parse::<u64>().ok()?;
+    let most = said("/proc/self/limits", "Max address space")?.split_whitespace().next()?.parse::<u64>().ok()?;
     Some(most.saturating_sub(of_process("VmSize:")?))
 }
 
 /// A number of bytes that the system says of this process.
 fn of_process(name: &str) -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    kib(status.lines().find_map(|l| l.strip_prefix(name))?)
+    kib(&said("/proc/self/status", name)?)
 }
 
 /// Bytes, where the system writes `123 kB`.
 fn kib(text: &str) -> Option<u64> {
-    text.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
+    text.strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
 }
 
 /// What is left to the control group that this process is in, of the second version.
 fn control_group() -> Option<u64> {
-    let groups = std::fs::read_to_string("/proc/self/cgroup").ok()?;
-    let path = groups.lines().find_map(|l| l.strip_prefix("0::"))?.trim();
+    let path = said("/proc/self/cgroup", "0::")?;
     let number = |name: &str| {
-        let file = format!("/sys/fs/cgroup{}/{name}", if path == "/" { "" } else { path });
+        let file = format!("/sys/fs/cgroup{}/{name}", if path == "/" { "" } else { &path });
         std::fs::read_to_string(file).ok()?.trim().parse::<u64>().ok()
     };
     Some(number("memory.max")?.saturating_sub(number("memory.current")?))

@@ -1,5 +1,6 @@
 //! Designed masks: phases whose light goes evenly into a square of directions, and nowhere else.
 
+use eyebox_base::random::{GOLDEN, SplitMix};
 use eyebox_kernels::Complex64;
 use eyebox_kernels::fft::{Direction, transform_f64};
 use rayon::prelude::*;
@@ -15,13 +16,10 @@ type Key = (u64, u64, [usize; 2]);
 /// The last one that was made: every colour, and every look at a hologram, asks for the same.
 static LAST: Mutex<Option<(Key, Arc<[u16]>)>> = Mutex::new(None);
 
-/// A random part of a turn for pixel `i`, the same on every machine (SplitMix64, Steele et al. 2014).
+/// A random part of a turn for pixel `i`, the same on every machine. It is number `i` of the generator of this seed.
 pub(super) fn random_part(seed: u64, i: usize) -> u32 {
-    let mut z =
-        seed.wrapping_mul(0xd134_2543_de82_ef95).wrapping_add((i as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((z ^ (z >> 31)) >> 52) as u32
+    let before = seed.wrapping_mul(0xd134_2543_de82_ef95).wrapping_add((i as u64).wrapping_mul(GOLDEN));
+    (SplitMix(before).next() >> 52) as u32
 }
 
 /// In parts of a turn, row by row: from random phases, in turns the directions outside of the band's square are made dark and those

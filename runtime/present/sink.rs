@@ -1,8 +1,8 @@
 //! Where an offscreen display's video frames go besides: a file of bytes, or memory shared with another program.
 
 use super::PresentError;
+use eyebox_base::error::Reason;
 use eyebox_base::files::{FileError, TimeoutWriter};
-use eyebox_base::reason;
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -29,6 +29,10 @@ pub enum Sink {
     /// | 32 | i64 desired present time, ns on the player's clock |
     ///
     /// A reader takes the sequence number, copies, and takes it again: where they differ or are odd, it tries again.
+    ///
+    /// Live input (tools/live-input) has a sequence of this kind too. It does not share this code, because its memory is
+    /// sealed and mapped, on Linux alone, and its slots are held by their reader. This is a named file that anybody may cut,
+    /// so it is written by calls of the system, which a cut cannot turn into a signal.
     Shared {
         /// The file.
         file: PathBuf,
@@ -55,13 +59,14 @@ fn carefully() -> OpenOptions {
     options
 }
 
+fn exists(file: &Path, why: &str) -> FileError {
+    FileError::taken(file, Reason::new("exists", why))
+}
+
 /// What is there is somebody's, and stays: a file, but no pipe or device.
 fn is_free(file: &Path) -> Result<(), FileError> {
     match std::fs::metadata(file).is_ok_and(|there| there.is_file()) {
-        true => Err(FileError::Taken {
-            path: file.display().to_string(),
-            reason: reason!("exists", "is there already, and is left alone: remove it or give another name"),
-        }),
+        true => Err(exists(file, "is there already, and is left alone: remove it or give another name")),
         false => Ok(()),
     }
 }
@@ -90,16 +95,18 @@ fn shared_file(file: &Path, length: u64) -> Result<File, FileError> {
             match ours {
                 Some(ours) if ours.metadata().is_ok_and(|m| m.len() == length) => Ok(ours),
                 Some(_) => std::fs::remove_file(file).and_then(|()| new()).map_err(failed),
-                None => Err(FileError::Taken {
-                    path: file.display().to_string(),
-                    reason: reason!(
-                        "exists",
-                        "is there already and was not made by eyebox, or is a link: remove it or give another name"
-                    ),
-                }),
+                None => Err(exists(
+                    file,
+                    "is there already and was not made by eyebox, or is a link: remove it or give another name",
+                )),
             }
         }
     }
+}
+
+fn write_at(out: &mut File, place: u64, bytes: &[u8]) -> io::Result<()> {
+    out.seek(SeekFrom::Start(place))?;
+    out.write_all(bytes)
 }
 
 impl Sink {
@@ -132,16 +139,15 @@ impl Sink {
             return Err(failed(io::Error::new(io::ErrorKind::Unsupported, reason)).into());
         }
         let length = HEADER + (rows * columns * channels) as u64;
-        let out = shared_file(file, length)?;
+        let mut out = shared_file(file, length)?;
         out.set_len(length).map_err(failed)?;
         let mut header = [0u8; HEADER as usize];
         header[..8].copy_from_slice(MAGIC);
         for (place, value) in header[16..28].chunks_exact_mut(4).zip([rows, columns, channels]) {
             place.copy_from_slice(&(value as u32).to_le_bytes());
         }
-        let mut sink = Self::Shared { file: file.into(), out, count: 0 };
-        sink.at(0, &header).map_err(failed)?;
-        Ok(sink)
+        write_at(&mut out, 0, &header).map_err(failed)?;
+        Ok(Self::Shared { file: file.into(), out, count: 0 })
     }
 
     /// One video frame.
@@ -153,17 +159,17 @@ impl Sink {
     }
 
     fn write(&mut self, picture: &[u8], desired_present_time_ns: i64) -> io::Result<()> {
-        let number = match self {
-            Self::Raw { out, .. } => return out.write_all(picture),
-            Self::Shared { count, .. } => {
+        match self {
+            Self::Raw { out, .. } => out.write_all(picture),
+            Self::Shared { out, count, .. } => {
                 *count += 1;
-                2 * *count
+                let number = 2 * *count;
+                write_at(out, 8, &(number - 1).to_le_bytes())?;
+                write_at(out, HEADER, picture)?;
+                write_at(out, 32, &desired_present_time_ns.to_le_bytes())?;
+                write_at(out, 8, &number.to_le_bytes())
             }
-        };
-        self.at(8, &(number - 1).to_le_bytes())?;
-        self.at(HEADER, picture)?;
-        self.at(32, &desired_present_time_ns.to_le_bytes())?;
-        self.at(8, &number.to_le_bytes())
+        }
     }
 
     /// What is still on its way, to the file.
@@ -176,16 +182,6 @@ impl Sink {
             Self::Shared { out, .. } => out.flush(),
         };
         flushed.map_err(|e| FileError::write(self.file(), e).into())
-    }
-
-    fn at(&mut self, place: u64, bytes: &[u8]) -> io::Result<()> {
-        match self {
-            Self::Raw { .. } => Ok(()),
-            Self::Shared { out, .. } => {
-                out.seek(SeekFrom::Start(place))?;
-                out.write_all(bytes)
-            }
-        }
     }
 
     fn file(&self) -> &Path {

@@ -2,12 +2,12 @@
 
 use crate::layout::{self, HELD, REQUEST, SLOT_HEADER};
 use crate::region::Region;
-use crate::{Content, DeviceIds, DeviceMemory, FrameFault, FrameInfo, LiveError, Offer, Request, device, socket};
-use std::os::fd::{AsFd, OwnedFd};
+use crate::{Content, DeviceIds, DeviceMemory, FrameFault, FrameInfo, LiveError, Offer, Request, socket};
+use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::sync::atomic::{Ordering, fence};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How long a display has to answer: it does so when it next looks.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(10);
@@ -34,10 +34,7 @@ impl Application {
         Self::connect_in(&socket::folder(), name)
     }
 
-    /// The same in another folder.
-    ///
-    /// # Errors
-    /// Those of [`connect`](Self::connect).
+    /// The same in another folder, with the same errors.
     pub fn connect_in(folder: &Path, name: &str) -> Result<Self, LiveError> {
         crate::supported()?;
         let stream = UnixStream::connect(socket::path_of(folder, name)?)
@@ -49,9 +46,7 @@ impl Application {
         if bytes < 4096 {
             return Err(LiveError::Damaged(format!("{bytes} bytes are no region")));
         }
-        let mut words = [0; layout::OFFER_WORDS];
-        region.load(0, &mut words);
-        let offer = layout::read_offer(&words, bytes)?;
+        let offer = layout::read_offer(&region.load(0), bytes)?;
         Ok(Self { stream, region, offer, newest: None, frames: 0, seen: 0, shares: false })
     }
 
@@ -68,8 +63,7 @@ impl Application {
     /// The device whose memory the display would share, if it has one: for an application on the same device.
     pub fn device(&self) -> Option<DeviceIds> {
         let offers = self.region.word(layout::SHARES).load(Ordering::Acquire) == 1;
-        let mut words = [0; device::WORDS];
-        self.region.load(layout::DEVICE, &mut words);
+        let words = self.region.load(layout::DEVICE);
         offers.then(|| DeviceIds::of(&words))
     }
 
@@ -79,16 +73,14 @@ impl Application {
     /// # Errors
     /// [`LiveError::Gone`] where the display is gone; [`LiveError::Damaged`] for memory that cannot be; no answer in time.
     pub fn share(&mut self, patience: Duration) -> Result<Option<(DeviceMemory, OwnedFd)>, LiveError> {
-        let until = std::time::Instant::now() + patience;
+        let until = Instant::now() + patience;
         self.region.word(layout::WANTED).store(1, Ordering::Release);
         socket::nudge(&self.stream);
         loop {
             let (there, fd) = socket::listen_for_fd(&self.stream);
             if let Some(fd) = fd {
-                let mut words = [0; device::WORDS];
-                self.region.load(layout::DEVICE, &mut words);
-                let room = self.offer.slot_bytes() as u64;
-                let memory = DeviceMemory::of(&words, self.offer.slots, room);
+                let words = self.region.load(layout::DEVICE);
+                let memory = DeviceMemory::of(&words, self.offer.slots, self.offer.slot_bytes() as u64);
                 let damaged =
                     || LiveError::Damaged("the device's memory that it shares does not hold its slots".into());
                 self.shares = true;
@@ -100,22 +92,19 @@ impl Application {
             if self.device().is_none() {
                 return Ok(None);
             }
-            let left = until.saturating_duration_since(std::time::Instant::now());
-            if left.is_zero() {
+            if !socket::wait_until(&self.stream, until) {
                 let error = std::io::ErrorKind::TimedOut.into();
                 return Err(LiveError::System { what: "the memory of the display's device", error });
             }
-            socket::wait(&[self.stream.as_fd()], left);
         }
     }
 
     /// What it asks for now; none before it asked.
     pub fn request(&self) -> Option<Request> {
         let sequence = self.region.word(REQUEST);
-        let mut words = [0; layout::REQUEST_WORDS - 1];
         for _ in 0..1000 {
             let before = sequence.load(Ordering::Acquire);
-            self.region.load(REQUEST + 1, &mut words);
+            let words = self.region.load(REQUEST + 1);
             fence(Ordering::Acquire);
             if before.is_multiple_of(2) && before == sequence.load(Ordering::Relaxed) {
                 return if before == 0 { None } else { layout::read_request(&words) };
@@ -130,7 +119,7 @@ impl Application {
     /// # Errors
     /// [`LiveError::Gone`] where the display is gone.
     pub fn wait(&mut self, patience: Duration) -> Result<bool, LiveError> {
-        let until = std::time::Instant::now() + patience;
+        let until = Instant::now() + patience;
         loop {
             if !self.is_connected() {
                 return Err(LiveError::Gone);
@@ -139,11 +128,9 @@ impl Application {
                 self.seen = number;
                 return Ok(true);
             }
-            let left = until.saturating_duration_since(std::time::Instant::now());
-            if left.is_zero() {
+            if !socket::wait_until(&self.stream, until) {
                 return Ok(false);
             }
-            socket::wait(&[self.stream.as_fd()], left);
         }
     }
 

@@ -37,15 +37,12 @@ pub(crate) const WORDS: usize = 8;
 
 impl DeviceIds {
     pub(crate) fn words(&self) -> [u64; 4] {
-        let word = |bytes: &[u8; 16], at: usize| u64::from_le_bytes(std::array::from_fn(|i| bytes[at + i]));
-        [word(&self.device, 0), word(&self.device, 8), word(&self.driver, 0), word(&self.driver, 8)]
+        let [device, driver] = [self.device, self.driver].map(u128::from_le_bytes);
+        [device as u64, (device >> 64) as u64, driver as u64, (driver >> 64) as u64]
     }
 
     pub(crate) fn of(words: &[u64; WORDS]) -> Self {
-        let bytes = |at: usize| {
-            let [low, high] = [words[at], words[at + 1]].map(u64::to_le_bytes);
-            std::array::from_fn(|i| if i < 8 { low[i] } else { high[i - 8] })
-        };
+        let bytes = |at: usize| (u128::from(words[at]) | u128::from(words[at + 1]) << 64).to_le_bytes();
         Self { device: bytes(0), driver: bytes(2) }
     }
 }

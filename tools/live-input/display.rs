@@ -144,10 +144,7 @@ impl Display {
         Self::open_in(&socket::folder(), name, offer)
     }
 
-    /// The same in another folder.
-    ///
-    /// # Errors
-    /// Those of [`open`](Self::open).
+    /// The same in another folder, with the same errors.
     pub fn open_in(folder: &Path, name: &str, offer: Offer) -> Result<Self, LiveError> {
         crate::supported()?;
         offer.check()?;
@@ -403,8 +400,7 @@ impl Display {
     ) -> Result<(u64, FrameInfo), FrameFault> {
         let Connection { region, last, shares, .. } = connection;
         let start = layout::slot_word(&self.offer, slot);
-        let mut header: Header = [0; layout::HEADER_WORDS];
-        region.load(start, &mut header);
+        let header: Header = region.load(start);
         let info = layout::read_header(&header, &self.offer, *shares)?;
         let (found, least, most) = (header[1], last.saturating_add(1), last.saturating_add(STEP));
         if !(least..=most).contains(&found) {

@@ -41,17 +41,11 @@ impl Application {
     }
 
     /// Never called.
-    ///
-    /// # Errors
-    /// None.
     pub fn wait(&mut self, _patience: Duration) -> Result<bool, LiveError> {
         match self.0 {}
     }
 
     /// Never called.
-    ///
-    /// # Errors
-    /// None.
     pub fn send(&mut self, _info: &FrameInfo, _samples: &[u8], _dioptres: &[f32]) -> Result<u64, LiveError> {
         match self.0 {}
     }

@@ -1,12 +1,16 @@
 //! What can go wrong, each in one line.
 
-use std::fmt;
+use thiserror::Error;
+
+/// Begins each message about a frame.
+const REFUSED: &str = "the application's frame is refused: ";
 
 /// What is wrong with a frame. The frame before stays.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[non_exhaustive]
 pub enum FrameFault {
     /// A number that is none of those that are right.
+    #[error("{refused}{what} {found}; it must be {}", range(*least, *most), refused = REFUSED)]
     Number {
         /// Which one.
         what: &'static str,
@@ -18,6 +22,7 @@ pub enum FrameFault {
         most: u64,
     },
     /// A code that is none of those that there are, or that the display takes.
+    #[error("{refused}{what} {found}; it must be {must}", refused = REFUSED)]
     Code {
         /// Of what.
         what: &'static str,
@@ -27,6 +32,7 @@ pub enum FrameFault {
         must: &'static str,
     },
     /// A length, a place or a distance.
+    #[error("{refused}{what} {found}; it must be {must}", refused = REFUSED)]
     Length {
         /// Of what.
         what: &'static str,
@@ -36,6 +42,7 @@ pub enum FrameFault {
         must: &'static str,
     },
     /// A sample.
+    #[error("{refused}sample {index} of channel {channel} is {found}; it must be {must}", refused = REFUSED)]
     Value {
         /// Which channel: colours, then opacity; for depths the first behind the colours.
         channel: usize,
@@ -47,41 +54,30 @@ pub enum FrameFault {
         must: &'static str,
     },
     /// It changed each time while it was copied.
+    #[error("{refused}it was written while it was read; a slot that is held must not be written", refused = REFUSED)]
     Torn,
     /// The device that shares its memory failed.
+    #[error("{refused}the display's device failed: connect again, and share no memory of it", refused = REFUSED)]
     Device,
 }
 
-impl fmt::Display for FrameFault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "the application's frame is refused: ")?;
-        match self {
-            Self::Number { what, found, least, most } if least == most => {
-                write!(f, "{what} {found}; it must be {least}")
-            }
-            Self::Number { what, found, least, most } => write!(f, "{what} {found}; it must be {least} to {most}"),
-            Self::Code { what, found, must } => write!(f, "{what} {found}; it must be {must}"),
-            Self::Length { what, found, must } => write!(f, "{what} {found}; it must be {must}"),
-            Self::Value { channel, index, found, must } => {
-                write!(f, "sample {index} of channel {channel} is {found}; it must be {must}")
-            }
-            Self::Device => write!(f, "the display's device failed: connect again, and share no memory of it"),
-            Self::Torn => write!(f, "it was written while it was read; a slot that is held must not be written"),
-        }
-    }
+/// Describes the numbers that are right.
+fn range(least: u64, most: u64) -> String {
+    if least == most { least.to_string() } else { format!("{least} to {most}") }
 }
 
-impl std::error::Error for FrameFault {}
-
 /// What can go wrong between a display and an application.
-#[derive(Debug)]
+#[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum LiveError {
     /// There is none on this system.
+    #[error("live input: only on little-endian Linux of 64 bits, whose shared memory can be sealed against being cut")]
     Unsupported,
     /// A name that cannot be.
+    #[error("live:{0}: a name has 1 to 64 letters, digits, '.', '_' and '-', and does not begin with '.'")]
     Name(String),
     /// The runtime folder cannot be trusted, or not made.
+    #[error("{path}: {reason}")]
     Folder {
         /// Which.
         path: String,
@@ -89,8 +85,10 @@ pub enum LiveError {
         reason: String,
     },
     /// Another display listens there.
+    #[error("live:{0}: another display takes frames there: choose another name")]
     Taken(String),
     /// No display listens there.
+    #[error("live:{name}: no display takes frames there: {reason}")]
     NoDisplay {
         /// The name.
         name: String,
@@ -98,8 +96,10 @@ pub enum LiveError {
         reason: String,
     },
     /// The display refused the application.
+    #[error("the display refused: {0}")]
     Refused(String),
     /// The other side is another user's.
+    #[error("the other side belongs to user {uid}: only those of user {own} are taken")]
     OtherUser {
         /// Whose.
         uid: u32,
@@ -107,8 +107,10 @@ pub enum LiveError {
         own: u32,
     },
     /// What the display sent is not what it should be.
+    #[error("what the display sent is damaged: {0}")]
     Damaged(String),
     /// What a display offers cannot be.
+    #[error("{what} of a live input is {found}; it must be {must}")]
     Offer {
         /// What of it.
         what: &'static str,
@@ -118,59 +120,18 @@ pub enum LiveError {
         must: &'static str,
     },
     /// A frame that the display would refuse.
-    Frame(FrameFault),
+    #[error("{0}")]
+    Frame(#[from] FrameFault),
     /// The display is gone.
+    #[error("the display is gone")]
     Gone,
     /// The system refused.
+    #[error("{what}: {error}")]
     System {
         /// What it was asked for.
         what: &'static str,
         /// What it said.
+        #[source]
         error: std::io::Error,
     },
-}
-
-impl fmt::Display for LiveError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Unsupported => {
-                write!(
-                    f,
-                    "live input: only on little-endian Linux of 64 bits, whose shared memory can be sealed against being cut"
-                )
-            }
-            Self::Name(name) => write!(
-                f,
-                "live:{name}: a name has 1 to 64 letters, digits, '.', '_' and '-', and does not begin with '.'"
-            ),
-            Self::Folder { path, reason } => write!(f, "{path}: {reason}"),
-            Self::Taken(name) => write!(f, "live:{name}: another display takes frames there: choose another name"),
-            Self::NoDisplay { name, reason } => write!(f, "live:{name}: no display takes frames there: {reason}"),
-            Self::Refused(reason) => write!(f, "the display refused: {reason}"),
-            Self::OtherUser { uid, own } => {
-                write!(f, "the other side belongs to user {uid}: only those of user {own} are taken")
-            }
-            Self::Damaged(reason) => write!(f, "what the display sent is damaged: {reason}"),
-            Self::Offer { what, found, must } => write!(f, "{what} of a live input is {found}; it must be {must}"),
-            Self::Frame(fault) => fault.fmt(f),
-            Self::Gone => write!(f, "the display is gone"),
-            Self::System { what, error } => write!(f, "{what}: {error}"),
-        }
-    }
-}
-
-impl std::error::Error for LiveError {
-    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
-        match self {
-            Self::System { error, .. } => Some(error),
-            Self::Frame(fault) => Some(fault),
-            _ => None,
-        }
-    }
-}
-
-impl From<FrameFault> for LiveError {
-    fn from(fault: FrameFault) -> Self {
-        Self::Frame(fault)
-    }
 }

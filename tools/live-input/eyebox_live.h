@@ -5,7 +5,8 @@
  *     while (eyebox_live_wait(&live, 1000) >= 0) { ... eyebox_live_begin, write, eyebox_live_publish ... }
  *     eyebox_live_close(&live);
  *
- * Functions are for one thread at a time. `error` says in one line why something was refused. */
+ * Functions are for one thread at a time. `error` says in one line why something was refused.
+ * This is the format once more and no binding of the Rust crate, so that a program needs this file and a C compiler alone. */
 #ifndef EYEBOX_LIVE_H
 #define EYEBOX_LIVE_H
 

@@ -4,7 +4,8 @@
         while request := live.wait(1.0):
             live.send(live.color_and_depth(), samples, dioptres, request=request)
 
-`samples` and `dioptres` are anything with a buffer: bytes, array.array, contiguous NumPy arrays.
+`samples` and `dioptres` are anything with a buffer: bytes, array.array, contiguous NumPy arrays. This is the format once more and
+no binding of the Rust crate, so that a program needs this file alone.
 """
 
 import ctypes, fcntl, mmap, os, platform, select, socket, struct, sys, threading, time

@@ -1,5 +1,6 @@
 //! Memory that two processes share, as words of 8 bytes. The other side may write at any moment, so every access is atomic: an ordinary read
-//! of memory that changes has no defined result.
+//! of memory that changes has no defined result. The file that an offscreen display shares (runtime/present/sink.rs) does not use
+//! this code, because anybody may cut it. The system writes that file, and it is never mapped.
 
 use crate::LiveError;
 use memmap2::MmapRaw;
@@ -70,10 +71,9 @@ impl Region {
     }
 
     /// Copies words out.
-    pub fn load(&self, at: usize, into: &mut [u64]) {
-        for (to, from) in into.iter_mut().zip(&self.words()[at..]) {
-            *to = from.load(Ordering::Relaxed);
-        }
+    pub fn load<const N: usize>(&self, at: usize) -> [u64; N] {
+        let words = &self.words()[at..];
+        std::array::from_fn(|i| words[i].load(Ordering::Relaxed))
     }
 
     /// Copies words in.

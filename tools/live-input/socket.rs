@@ -12,7 +12,7 @@ use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Bytes of the message that a display answers with.
 pub(crate) const GREETING: usize = 128;
@@ -71,15 +71,12 @@ fn check_user(uid: u32, own: u32) -> Result<(), LiveError> {
 
 /// Hands a region over.
 pub(crate) fn welcome(stream: &UnixStream, fd: &OwnedFd, bytes: u64) -> bool {
-    let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(1))];
-    let mut control = SendAncillaryBuffer::new(&mut space);
-    let fds = [fd.as_fd()];
-    control.push(SendAncillaryMessage::ScmRights(&fds)) && greet(stream, &greeting(0, bytes, ""), &mut control)
+    send(stream, &greeting(0, bytes, ""), Some(fd))
 }
 
 /// Says why not.
 pub(crate) fn refuse(stream: &UnixStream, reason: &str) {
-    greet(stream, &greeting(1, 0, reason), &mut SendAncillaryBuffer::default());
+    send(stream, &greeting(1, 0, reason), None);
 }
 
 fn greeting(refused: u32, bytes: u64, reason: &str) -> [u8; GREETING] {
@@ -93,9 +90,27 @@ fn greeting(refused: u32, bytes: u64, reason: &str) -> [u8; GREETING] {
     message
 }
 
-fn greet(stream: &UnixStream, message: &[u8], control: &mut SendAncillaryBuffer<'_, '_, '_>) -> bool {
+/// Sends a message and a file descriptor without waiting. Returns whether all of it was sent.
+fn send(stream: &UnixStream, message: &[u8], fd: Option<&OwnedFd>) -> bool {
+    let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(1))];
+    let mut control = SendAncillaryBuffer::new(&mut space);
+    let fds: Vec<_> = fd.into_iter().map(AsFd::as_fd).collect();
     let flags = SendFlags::NOSIGNAL | SendFlags::DONTWAIT;
-    rustix::net::sendmsg(stream, &[IoSlice::new(message)], control, flags) == Ok(message.len())
+    (fds.is_empty() || control.push(SendAncillaryMessage::ScmRights(&fds)))
+        && rustix::net::sendmsg(stream, &[IoSlice::new(message)], &mut control, flags) == Ok(message.len())
+}
+
+/// Receives a message without waiting. Returns its length and the file descriptor that came with it.
+fn receive(stream: &UnixStream, message: &mut [u8]) -> (rustix::io::Result<usize>, Option<OwnedFd>) {
+    let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(1))];
+    let mut control = RecvAncillaryBuffer::new(&mut space);
+    let flags = RecvFlags::CMSG_CLOEXEC | RecvFlags::DONTWAIT;
+    let received = rustix::net::recvmsg(stream, &mut [IoSliceMut::new(message)], &mut control, flags);
+    let fd = control.drain().find_map(|part| match part {
+        RecvAncillaryMessage::ScmRights(mut fds) => fds.next(),
+        _ => None,
+    });
+    (received.map(|received| received.bytes), fd)
 }
 
 /// The region's file descriptor and its bytes, from a display that takes us within `patience`.
@@ -105,12 +120,8 @@ pub(crate) fn greeted(stream: &UnixStream, patience: Duration) -> Result<(OwnedF
         return Err(failed(ErrorKind::TimedOut.into()));
     }
     let mut message = [0; GREETING];
-    let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(1))];
-    let mut control = RecvAncillaryBuffer::new(&mut space);
-    let flags = RecvFlags::CMSG_CLOEXEC | RecvFlags::DONTWAIT;
-    let received = rustix::net::recvmsg(stream, &mut [IoSliceMut::new(&mut message)], &mut control, flags);
-    let bytes = received.map_err(|e| failed(e.into()))?.bytes;
-    let fd = given(&mut control);
+    let (received, fd) = receive(stream, &mut message);
+    let bytes = received.map_err(|e| failed(e.into()))?;
     let u32_at = |at: usize| u32::from_le_bytes([message[at], message[at + 1], message[at + 2], message[at + 3]]);
     if bytes != GREETING || message[..8] != MAGIC.to_le_bytes() || u32_at(8) != VERSION {
         return Err(LiveError::Damaged(format!("no greeting of live input, version {VERSION}")));
@@ -130,29 +141,14 @@ pub(crate) fn nudge(stream: &UnixStream) {
 
 /// Says 'look', with a file descriptor.
 pub(crate) fn nudge_with(stream: &UnixStream, fd: &OwnedFd) -> bool {
-    let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(1))];
-    let mut control = SendAncillaryBuffer::new(&mut space);
-    let fds = [fd.as_fd()];
-    control.push(SendAncillaryMessage::ScmRights(&fds)) && greet(stream, &[1], &mut control)
+    send(stream, &[1], Some(fd))
 }
 
 /// Takes what the other side said up to a file descriptor, without waiting: whether it is still there, and the descriptor.
 pub(crate) fn listen_for_fd(stream: &UnixStream) -> (bool, Option<OwnedFd>) {
-    let mut bytes = [0; 1024];
-    let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(1))];
-    let mut control = RecvAncillaryBuffer::new(&mut space);
-    let flags = RecvFlags::CMSG_CLOEXEC | RecvFlags::DONTWAIT;
-    match rustix::net::recvmsg(stream, &mut [IoSliceMut::new(&mut bytes)], &mut control, flags) {
-        Ok(received) => (received.bytes > 0, given(&mut control)),
-        Err(error) => (matches!(error, rustix::io::Errno::AGAIN | rustix::io::Errno::INTR), None),
-    }
-}
-
-fn given(control: &mut RecvAncillaryBuffer<'_>) -> Option<OwnedFd> {
-    control.drain().find_map(|part| match part {
-        RecvAncillaryMessage::ScmRights(mut fds) => fds.next(),
-        _ => None,
-    })
+    let (received, fd) = receive(stream, &mut [0; 1024]);
+    let there = received.map_or_else(|e| matches!(e, rustix::io::Errno::AGAIN | rustix::io::Errno::INTR), |n| n > 0);
+    (there, fd)
 }
 
 /// Takes what the other side said, up to 2 KiB, without waiting; whether it is still there.
@@ -166,6 +162,15 @@ pub(crate) fn listen(mut stream: &UnixStream) -> bool {
         }
     }
     true
+}
+
+/// Waits for bytes of the other side until this moment. Returns false if the moment has passed.
+pub(crate) fn wait_until(stream: &UnixStream, until: Instant) -> bool {
+    let left = until.saturating_duration_since(Instant::now());
+    if !left.is_zero() {
+        wait(&[stream.as_fd()], left);
+    }
+    !left.is_zero()
 }
 
 /// Waits until one of them has something to say; whether it has.

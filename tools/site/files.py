@@ -54,7 +54,7 @@ FILES = [
     (
         "A tracker's calibration",
         "TOML, `--calibration FILE.toml`, written by `eyebox trackers --calibrate`.",
-        [("", "tracking/gaze/calibration.rs", "File"), ("[left], [right], [combined]", "tracking/gaze/calibration.rs", "FitText")],
+        [("", "tracking/gaze/calibration.rs", "Calibration"), ("[left], [right], [combined]", "tracking/gaze/calibration.rs", "FitText")],
     ),
 ]
 

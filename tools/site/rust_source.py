@@ -46,6 +46,8 @@ def fields(text, name):
             serde += stripped
         elif match := FIELD.match(line):
             key, kind = match.groups()
+            if form := re.search(r'with = "([A-Z]\w+)"', serde):
+                kind = form.group(1)
             renamed = re.search(r'rename = "([^"]+)"', serde)
             optional = all_optional or kind.startswith("Option<") or re.search(r"\bdefault\b", serde) is not None
             if "skip)" not in serde:

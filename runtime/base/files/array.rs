@@ -5,11 +5,10 @@ use super::{FileError, FileKind, npz_line, read, zip};
 use crate::memory;
 use crate::reason;
 use std::io::{BufReader, Read};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// An array, of which some values are still to be read.
 pub struct NpyArray {
-    file: PathBuf,
     reader: NpyReader<Box<dyn Read + Send>>,
     /// Length of each axis, slowest first.
     pub shape: Vec<usize>,
@@ -62,13 +61,8 @@ impl NpyArray {
         let names = || arrays().map(|(name, _)| name).collect::<Vec<_>>();
         if let Some(name) = name {
             let found = arrays().find(|(its, _)| *its == name);
-            let none = || {
-                FileError::content(
-                    file,
-                    reason!("no-such-array", "has no array '{name}': it has {}", names().join(", ")),
-                )
-            };
-            return array(found.ok_or_else(none)?.1);
+            let none = || reason!("no-such-array", "has no array '{name}': it has {}", names().join(", "));
+            return array(found.ok_or_else(|| FileError::content(file, none()))?.1);
         }
         let mut found = Vec::new();
         for (_, entry) in arrays() {
@@ -86,11 +80,11 @@ impl NpyArray {
     }
 
     fn new(file: &Path, from: Box<dyn Read + Send>, length: u64) -> Result<Self, FileError> {
-        let reader = NpyReader::new(from, length).map_err(|wrong| wrong.of(file))?;
+        let reader = NpyReader::new(file, from, length)?;
         let shape = reader.header.shape.clone();
         // The order of bytes stands before.
         let kind = reader.header.descr[1..].to_owned();
-        Ok(Self { file: file.into(), reader, shape, kind, read: None })
+        Ok(Self { reader, shape, kind, read: None })
     }
 
     /// The next `count` values in C order; there must be so many.
@@ -99,14 +93,14 @@ impl NpyArray {
     /// As [`read_npy`](super::read_npy); values may be anything.
     pub fn take(&mut self, count: usize) -> Result<Vec<f32>, FileError> {
         if !self.reader.header.fortran_order {
-            return self.reader.take(count).map_err(|wrong| wrong.of(&self.file));
+            return self.reader.take(count);
         }
         if self.read.is_none() {
             let all: usize = self.shape.iter().product();
             let what = || format!("its shape {:?} in Fortran order", self.shape);
             let promised = memory::check_available(what, memory::bytes_of(&[all, 2], 4), "save it in C order");
-            promised.map_err(|e| FileError::content(&self.file, e.to_string()))?;
-            let values = self.reader.take(all).map_err(|wrong| wrong.of(&self.file))?;
+            promised.map_err(|e| FileError::content(&self.reader.file, e.to_string()))?;
+            let values = self.reader.take(all)?;
             self.read = Some(from_fortran(&self.shape, &values).into_iter());
         }
         Ok(self.read.iter_mut().flat_map(|values| values.take(count)).collect())

@@ -24,14 +24,9 @@ const LOCK_TIMEOUT: Duration = Duration::from_secs(5);
 /// [`FileError::Full`] and [`FileError::Write`]; then `file` is as it was.
 pub fn write_file(file: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), FileError> {
     let failed = |e| FileError::write(file, e);
-    if let Ok(there) = fs::metadata(file) {
-        if there.is_dir() {
-            return Err(taken(file, reason!("is-a-folder", "is a folder: a file cannot replace it")));
-        }
-        if !there.is_file() {
-            let mut out = BufWriter::new(TimeoutWriter::open(file).map_err(failed)?);
-            return fill(&mut out).and_then(|()| out.flush()).map_err(failed);
-        }
+    if is_stream(file)? {
+        let mut out = BufWriter::new(TimeoutWriter::open(file).map_err(failed)?);
+        return fill(&mut out).and_then(|()| out.flush()).map_err(failed);
     }
     let draft = staging::file(parent(file)).map_err(failed)?;
     let mut out = BufWriter::new(draft.file.as_file());
@@ -47,12 +42,19 @@ pub fn write_file(file: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<(
 /// # Errors
 /// [`FileError::Write`], [`FileError::Full`], [`FileError::Taken`].
 pub fn check_place(file: &Path) -> Result<(), FileError> {
+    if is_stream(file)? {
+        return Ok(());
+    }
+    staging::file(parent(file)).map(drop).map_err(|e| FileError::write(file, e))
+}
+
+/// Returns whether `file` is a pipe or a device, into which is written directly. Refuses a folder.
+pub(super) fn is_stream(file: &Path) -> Result<bool, FileError> {
     match fs::metadata(file) {
         Ok(there) if there.is_dir() => {
-            Err(taken(file, reason!("is-a-folder", "is a folder: a file cannot replace it")))
+            Err(FileError::taken(file, reason!("is-a-folder", "is a folder: a file cannot replace it")))
         }
-        Ok(there) if !there.is_file() => Ok(()),
-        _ => staging::file(parent(file)).map(drop).map_err(|e| FileError::write(file, e)),
+        there => Ok(there.is_ok_and(|there| !there.is_file())),
     }
 }
 
@@ -77,20 +79,10 @@ impl FolderDraft {
         // A link is followed, so that the folder it points to is replaced and not the link.
         let place = canonical(place).unwrap_or_else(|_| place.to_path_buf());
         match fs::metadata(&place) {
-            Ok(there) if !there.is_dir() => {
-                return Err(taken(
-                    &place,
-                    reason!("is-a-file", "is a file: a folder cannot replace it; give another place"),
-                ));
-            }
+            Ok(there) if !there.is_dir() => return Err(FileError::is_a_file(&place)),
             Ok(_) if !is_empty(&place) && !ours(&place) => {
-                return Err(taken(
-                    &place,
-                    reason!(
-                        "holds-something-else",
-                        "holds something else: it is left alone; give another place or remove it"
-                    ),
-                ));
+                let left = "holds something else: it is left alone; give another place or remove it";
+                return Err(FileError::taken(&place, Reason::new("holds-something-else", left)));
             }
             _ => {}
         }
@@ -106,9 +98,7 @@ impl FolderDraft {
         let file = self.draft.path().join(name);
         let write = || {
             fs::create_dir_all(parent(&file))?;
-            let mut out = BufWriter::new(File::create_new(&file)?);
-            fill(&mut out)?;
-            out.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()
+            write_to_disk(File::create_new(&file)?, fill)
         };
         write().map_err(|e| FileError::write(&self.place.join(name), e))
     }
@@ -189,11 +179,8 @@ fn turn(place: &Path) -> Option<File> {
 /// Puts a folder in the place of one that `ours` says may be replaced, which is removed.
 fn replace(draft: tempfile::TempDir, place: &Path, ours: fn(&Path) -> bool) -> Result<(), FileError> {
     let changed = |path: &Path| {
-        let left = reason!(
-            "taken-meanwhile",
-            "something else was put there meanwhile: it is left alone; give another place or remove it"
-        );
-        taken(path, left)
+        let left = "something else was put there meanwhile: it is left alone; give another place or remove it";
+        FileError::taken(path, Reason::new("taken-meanwhile", left))
     };
     let new = draft.path();
     if !ours(place) {
@@ -226,18 +213,19 @@ fn move_aside(new: &Path, place: &Path) -> Result<(), FileError> {
         if fs::rename(&old, place).is_err() {
             // Whatever happens, the old one is not deleted.
             let _ = aside.keep();
-            return Err(taken(
-                place,
-                reason!("not-replaced", "could not be replaced ({e}); it now is {}", old.display()),
-            ));
+            let reason = reason!("not-replaced", "could not be replaced ({e}); it now is {}", old.display());
+            return Err(FileError::taken(place, reason));
         }
         return Err(failed(e));
     }
     Ok(())
 }
 
-fn taken(place: &Path, reason: Reason) -> FileError {
-    FileError::Taken { path: place.display().to_string(), reason }
+/// Writes a new file through a buffer, and flushes it to the disk.
+pub(super) fn write_to_disk(new: File, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    let mut out = BufWriter::new(new);
+    fill(&mut out)?;
+    out.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()
 }
 
 fn is_empty(folder: &Path) -> bool {

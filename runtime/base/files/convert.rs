@@ -25,14 +25,7 @@ pub enum Wanted {
 impl Wanted {
     /// It, as a noun.
     pub fn describe(self) -> &'static str {
-        match self {
-            Self::Scene => "a scene",
-            Self::DepthMap => "a depth map",
-            Self::Phases => "phases",
-            Self::Levels => "a picture of levels",
-            Self::Hologram => "a hologram",
-            Self::Table => "a table",
-        }
+        ["a scene", "a depth map", "phases", "a picture of levels", "a hologram", "a table"][self as usize]
     }
 
     /// Files that are read as it.
@@ -51,6 +44,20 @@ impl Wanted {
             Self::Table => "a table is text (CSV)",
         }
     }
+}
+
+/// A file of another kind than the one that is read.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error, serde::Serialize)]
+#[error("{file}: it is {}, which is not read as {}; {remedy}", found.describe(), wanted.describe())]
+pub struct OtherKind {
+    /// The file.
+    pub file: String,
+    /// Its kind, from its content.
+    pub found: FileKind,
+    /// What the reader wanted.
+    pub wanted: Wanted,
+    /// A line that makes a file of it that is read.
+    pub remedy: String,
 }
 
 /// Path of a result beside `file`, with another ending, as a word of a shell. It is never the file itself.

@@ -16,8 +16,7 @@ struct Choice {
 }
 
 fn open(file: &Path) -> Result<Reader<BufReader<File>>, FileError> {
-    let opened = read::open(file).map_err(|e| FileError::read(file, e))?;
-    exr::block::read(BufReader::new(opened), false).map_err(|e| FileError::damaged(file, e))
+    exr::block::read(read::buffered(file)?, false).map_err(|e| FileError::damaged(file, e))
 }
 
 /// Rows and columns of the display window, which all parts share.
@@ -38,25 +37,20 @@ fn size_of(file: &Path, headers: &[Header]) -> Result<[usize; 2], FileError> {
 
 /// Reads colors, or the depth of a depth map. A pixel outside the data window is black, or NaN in a depth map.
 pub(super) fn read(file: &Path, wanted: Wanted) -> Result<Pixels, FileError> {
+    let wrong = |reason: Reason| FileError::content(file, reason);
     let reader = open(file)?;
     let [height, width] = size_of(file, reader.headers())?;
     let is_depth = wanted == Wanted::DepthMap;
     let choice = if is_depth { depth(reader.headers()) } else { colors(reader.headers()) };
-    let Choice { part, channels } = choice.map_err(|reason| FileError::content(file, reason))?;
+    let Choice { part, channels } = choice.map_err(wrong)?;
     let header = reader.headers()[part].clone();
     let list = &header.channels.list;
     if header.deep || channels.iter().any(|&i| list[i].sampling.0 != 1 || list[i].sampling.1 != 1) {
-        let reason = reason!(
-            "deep-pixels",
-            "it holds deep or subsampled pixels, which are not read: save it with plain R, G and B"
-        );
-        return Err(FileError::content(file, reason));
+        let deep = "it holds deep or subsampled pixels, which are not read: save it with plain R, G and B";
+        return Err(wrong(Reason::new("deep-pixels", deep)));
     }
     if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
-        return Err(FileError::content(
-            file,
-            reason!("dwa", "it is compressed by DWA, which is not read: save it with ZIP or PIZ"),
-        ));
+        return Err(wrong(reason!("dwa", "it is compressed by DWA, which is not read: save it with ZIP or PIZ")));
     }
     let offset = header.own_attributes.layer_position - header.shared_attributes.display_window.position;
     let count = channels.len();
@@ -84,18 +78,8 @@ pub(super) fn read(file: &Path, wanted: Wanted) -> Result<Pixels, FileError> {
             }
         }
     }
-    let samples = Samples::F32(values);
     let primaries = header.shared_attributes.chromaticities.map(primaries);
-    Ok(Pixels {
-        height,
-        width,
-        channels: count,
-        premultiplied: true,
-        orientation: 1,
-        profile: None,
-        primaries,
-        samples,
-    })
+    Ok(Pixels { premultiplied: true, primaries, ..Pixels::new([height, width], count, Samples::F32(values)) })
 }
 
 fn primaries(stated: Chromaticities) -> Primaries {
@@ -121,13 +105,17 @@ fn full_name(headers: &[Header], part: usize, channel: &ChannelDescription) -> S
     }
 }
 
-/// All channels: part, number and full name in lower case.
-fn all(headers: &[Header]) -> Vec<(usize, usize, String)> {
-    let of = |(part, header): (usize, &Header)| {
-        let name = |(i, c): (usize, &ChannelDescription)| (part, i, full_name(headers, part, c).to_lowercase());
-        header.channels.list.iter().enumerate().map(name).collect::<Vec<_>>()
-    };
-    headers.iter().enumerate().flat_map(of).collect()
+/// Lists part, number and full name of each channel.
+fn all(headers: &[Header]) -> impl Iterator<Item = (usize, usize, String)> {
+    headers.iter().enumerate().flat_map(move |(part, header)| {
+        let name = move |(i, c): (usize, &ChannelDescription)| (part, i, full_name(headers, part, c));
+        header.channels.list.iter().enumerate().map(name)
+    })
+}
+
+/// Lists the channels with their names in lower case.
+fn all_lower(headers: &[Header]) -> Vec<(usize, usize, String)> {
+    all(headers).map(|(part, i, name)| (part, i, name.to_lowercase())).collect()
 }
 
 /// The layer of a channel's name, and what comes after it.
@@ -136,18 +124,13 @@ fn split(name: &str) -> (&str, &str) {
 }
 
 fn names(headers: &[Header]) -> String {
-    let all = headers
-        .iter()
-        .enumerate()
-        .flat_map(|(part, h)| h.channels.list.iter().map(move |c| full_name(headers, part, c)));
-    let names: Vec<String> = all.take(12).collect();
-    names.join(", ")
+    all(headers).take(12).map(|(_, _, name)| name).collect::<Vec<_>>().join(", ")
 }
 
 /// The channels of a picture: red, green, blue and alpha without a layer, of the one layer that has them, or of the one called
 /// Combined, beauty or rgba; otherwise the only channel.
 fn colors(headers: &[Header]) -> Result<Choice, Reason> {
-    let all = all(headers);
+    let all = all_lower(headers);
     let get = |part: usize, layer: &str, last: &str| {
         all.iter().find(|(p, _, name)| *p == part && split(name) == (layer, last)).map(|(_, i, _)| *i)
     };
@@ -187,7 +170,7 @@ fn colors(headers: &[Header]) -> Result<Choice, Reason> {
 
 /// The channel of a depth map: Z or depth, alone or in a layer; the only channel; or colors, which must be alike.
 fn depth(headers: &[Header]) -> Result<Choice, Reason> {
-    let all = all(headers);
+    let all = all_lower(headers);
     let one = |found: &[&(usize, usize, String)]| match found {
         [] => None,
         [(part, channel, _)] => Some(Ok(Choice { part: *part, channels: vec![*channel] })),

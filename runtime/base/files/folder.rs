@@ -1,12 +1,13 @@
 //! A folder that is held open: what is read and written in it is this folder's, whatever its name comes to stand for
 //! meanwhile, and no link in it is followed.
 
+use super::atomic::write_to_disk;
 use super::entry::{Kind, split};
 use super::held::Held;
 use super::read;
 use std::ffi::OsString;
 use std::fs::{File, TryLockError};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -66,9 +67,7 @@ impl Folder {
         if self.held.kind(name).is_ok_and(|kind| kind != Kind::Folder) {
             self.held.remove(name)?;
         }
-        let mut out = BufWriter::new(self.held.create(name)?);
-        fill(&mut out)?;
-        out.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()
+        write_to_disk(self.held.create(name)?, fill)
     }
 
     /// Writes `name` by way of the file `draft`, so that it is there whole or as it was, and to the disk. Where that fails, no

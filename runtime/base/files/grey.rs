@@ -29,10 +29,8 @@ pub fn read_grey(file: &Path, size: [usize; 2]) -> Result<Result<Grey, [usize; 2
         match values.chunks_exact(channels).position(colored) {
             Some(at) => {
                 let (row, column) = (at / size[1], at % size[1]);
-                Err(FileError::content(
-                    file,
-                    reason!("not-gray", "is coloured at row {row}, column {column}: grey is wanted"),
-                ))
+                let reason = reason!("not-gray", "is coloured at row {row}, column {column}: grey is wanted");
+                Err(FileError::content(file, reason))
             }
             None => Ok(values.into_iter().step_by(channels).collect()),
         }

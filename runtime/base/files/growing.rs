@@ -1,6 +1,7 @@
 //! Files that grow for as long as something lasts: recordings. What was written up to any end, by force too, is there.
 
 use super::FileError;
+use super::atomic::{is_stream, parent};
 use super::staging::{self, FileDraft};
 use super::timeout_writer::TimeoutWriter;
 use std::fs::File;
@@ -41,11 +42,10 @@ impl GrowingFile {
     /// [`FileError::Taken`] for a folder; [`FileError::Write`], [`FileError::Full`].
     pub fn new(place: &Path) -> Result<Self, FileError> {
         let failed = |e| FileError::write(place, e);
-        super::check_place(place)?;
-        let out = if std::fs::metadata(place).is_ok_and(|there| !there.is_file()) {
+        let out = if is_stream(place)? {
             Out::Stream(TimeoutWriter::open(place).map_err(failed)?)
         } else {
-            Out::Draft(staging::file(super::atomic::parent(place)).map_err(failed)?)
+            Out::Draft(staging::file(parent(place)).map_err(failed)?)
         };
         Ok(Self { place: place.to_path_buf(), out, waiting: Vec::new(), whole: 0, written: None })
     }

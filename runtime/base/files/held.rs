@@ -87,13 +87,16 @@ impl Held {
     }
 
     pub(super) fn remove(&self, name: &str) -> io::Result<()> {
-        let (way, last) = split(name)?;
-        Ok(unlinkat(self.at(&self.enter(way, false)?), last, AtFlags::empty())?)
+        self.unlink(name, AtFlags::empty())
     }
 
     pub(super) fn remove_folder(&self, name: &str) -> io::Result<()> {
+        self.unlink(name, AtFlags::REMOVEDIR)
+    }
+
+    fn unlink(&self, name: &str, flags: AtFlags) -> io::Result<()> {
         let (way, last) = split(name)?;
-        Ok(unlinkat(self.at(&self.enter(way, false)?), last, AtFlags::REMOVEDIR)?)
+        Ok(unlinkat(self.at(&self.enter(way, false)?), last, flags)?)
     }
 
     pub(super) fn make(&self, name: &str) -> io::Result<()> {

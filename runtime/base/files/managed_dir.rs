@@ -1,7 +1,7 @@
 //! Folders of results that are written again and again: which of their files are this program's is kept in a list beside them.
 
 use super::{FileError, FolderDraft, is_draft, read, write_file};
-use crate::reason;
+use crate::error::Reason;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -32,8 +32,7 @@ impl ManagedDir {
     /// [`FileError::Taken`] for a file that is not this program's, or was changed since.
     pub fn open(folder: &Path, names: &[&str], overwrite: bool) -> Result<Self, FileError> {
         if folder.is_file() {
-            let reason = reason!("is-a-file", "is a file: a folder cannot replace it; give another place");
-            return Err(FileError::Taken { path: folder.display().to_string(), reason });
+            return Err(FileError::is_a_file(folder));
         }
         let list = read::bytes(&folder.join(LIST), read::TABLE).ok();
         let list = list.and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default();
@@ -111,11 +110,9 @@ impl ManagedDir {
         if ours || self.overwrite {
             return Ok(());
         }
-        let reason = reason!(
-            "not-ours",
-            "eyebox did not write it, or it was changed since: give another folder, or `overwrite` to replace it"
-        );
-        Err(FileError::Taken { path: path.display().to_string(), reason })
+        let left =
+            "eyebox did not write it, or it was changed since: give another folder, or `overwrite` to replace it";
+        Err(FileError::taken(&path, Reason::new("not-ours", left)))
     }
 
     /// The sum of what stands there, if it is a file that is no link.

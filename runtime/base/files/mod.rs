@@ -6,9 +6,6 @@
 
 mod array;
 mod atomic;
-mod cache;
-#[cfg_attr(not(feature = "image-formats"), path = "no_codec.rs")]
-mod codec;
 #[cfg(feature = "image-formats")]
 mod color_profile;
 mod convert;
@@ -26,7 +23,6 @@ mod managed_dir;
 mod npy;
 mod npy_header;
 mod os;
-mod other_kind;
 mod overlay;
 mod picture;
 #[cfg_attr(not(feature = "image-formats"), path = "no_pixels.rs")]
@@ -46,41 +42,30 @@ mod zip;
 
 pub use array::NpyArray;
 pub use atomic::{FolderDraft, check_place, write_file};
-pub use cache::cache_folder;
-pub use codec::encode_jpeg8;
-pub use codec::read_png8;
 #[cfg(feature = "image-formats")]
 pub use color_profile::color_space;
-pub use convert::Wanted;
-pub use convert::{npz_line, zarr_line};
+pub use convert::{OtherKind, Wanted, npz_line, zarr_line};
 pub use created_dir::CreatedDirGuard;
 pub use entry::Kind;
 pub use folder::Folder;
 pub use grey::read_grey;
 pub use growing::GrowingFile;
 pub use kind::FileKind;
-pub use managed_dir::ManagedDir;
-pub use managed_dir::{holds_only_own, write_listed};
-pub use npy::{Npy, read_npy, write_npy};
-pub use npy::{npy_header, read_npy_with_gaps};
-pub use other_kind::OtherKind;
+pub use managed_dir::{ManagedDir, holds_only_own, write_listed};
+pub use npy::{Npy, npy_header, read_npy, read_npy_with_gaps, write_npy};
+pub use os::cache_folder;
 pub use overlay::overlay;
-pub use picture::encode_grey8;
-pub use picture::encode_rgb8;
 pub use picture::{encode_png, linear_to_srgb, write_png};
 #[cfg(not(feature = "image-formats"))]
 pub use pixels::color_space;
-pub use pixels::{holds_light, picture_orientation, picture_size, read_pixels};
+pub use pixels::{encode_jpeg8, encode_png8, holds_light, picture_orientation, picture_size, read_pixels, read_png8};
 pub use primaries::Primaries;
-pub use record::FileRecord;
-pub use record::{Digester, digest_file};
+pub use record::{Digester, FileRecord, digest_file};
 pub use samples::{ColorSpace, Pixels, Samples};
 pub use similar::similar;
-pub use staging::end_without_drafts;
-pub use staging::is_draft;
+pub use staging::{end_without_drafts, is_draft};
 pub use text::decode as decode_text;
-pub use timeout_writer::TimeoutWriter;
-pub use timeout_writer::asked_to_end;
+pub use timeout_writer::{TimeoutWriter, asked_to_end};
 
 #[cfg(test)]
 mod kind_tests;
@@ -189,23 +174,15 @@ impl FileError {
         let own = source.get_ref().and_then(|error| error.source()).and_then(|error| error.downcast_ref::<io::Error>());
         let own = own.map(|own| own.raw_os_error().map_or_else(|| own.kind().into(), io::Error::from_raw_os_error));
         let source = own.unwrap_or(source);
-        let taken = |path: &Path, reason| Self::Taken { path: path.display().to_string(), reason };
         let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
         match source.kind() {
             io::ErrorKind::NotFound | io::ErrorKind::NotADirectory => {
                 if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
-                    return taken(
-                        folder,
-                        reason!(
-                            "no-such-folder",
-                            "there is no such folder to write into: make it, or give another place"
-                        ),
-                    );
+                    let why = "there is no such folder to write into: make it, or give another place";
+                    return Self::taken(folder, Reason::new("no-such-folder", why));
                 }
             }
-            io::ErrorKind::AlreadyExists if file.is_file() => {
-                return taken(file, reason!("is-a-file", "is a file: a folder cannot replace it; give another place"));
-            }
+            io::ErrorKind::AlreadyExists if file.is_file() => return Self::is_a_file(file),
             _ => {}
         }
         let file = file.display().to_string();
@@ -221,14 +198,9 @@ impl FileError {
     /// What a decoder of `file` says, in one line, with the remedy.
     #[cfg(feature = "image-formats")]
     pub fn damaged(file: &Path, error: impl ToString) -> Self {
-        let reason = error.to_string().replace('\n', " ");
-        Self::content(
-            file,
-            reason!(
-                "damaged",
-                "{reason}: the file is damaged or of a kind that is not read; copy it again or save it anew"
-            ),
-        )
+        let said = error.to_string().replace('\n', " ");
+        let remedy = "the file is damaged or of a kind that is not read; copy it again or save it anew";
+        Self::content(file, reason!("damaged", "{said}: {remedy}"))
     }
 
     /// `file` is of kind `found`, and `wanted` is read.
@@ -241,6 +213,16 @@ impl FileError {
     pub fn of_all(folder: &Path, first: &Path, found: FileKind) -> Self {
         let remedy = convert::remedy_of_all(folder, first, found);
         Self::Kind(OtherKind { file: first.display().to_string(), found, wanted: Wanted::Scene, remedy })
+    }
+
+    /// Refuses to replace `path`.
+    pub fn taken(path: &Path, reason: Reason) -> Self {
+        Self::Taken { path: path.display().to_string(), reason }
+    }
+
+    /// Refuses to replace a file by a folder.
+    fn is_a_file(path: &Path) -> Self {
+        Self::taken(path, reason!("is-a-file", "is a file: a folder cannot replace it; give another place"))
     }
 
     /// `file` does not hold what it should.

@@ -1,12 +1,16 @@
-//! A build without the feature `image-formats` decodes no pictures.
+//! A build without the feature `image-formats` neither reads nor writes pictures, and says so.
 
 use super::{ColorSpace, FileError, Pixels, Wanted};
 use crate::error::Reason;
+use crate::reason;
+use std::fs::File;
+use std::io::{self, Write};
 use std::path::Path;
 
+const WHY: &str = "this program was built without the feature `image-formats`";
+
 fn absent<T>(file: &Path) -> Result<T, FileError> {
-    let reason = "this program was built without the feature `image-formats`: pictures cannot be read";
-    Err(FileError::content(file, Reason::new("no-image-formats", reason)))
+    Err(FileError::content(file, reason!("no-image-formats", "{WHY}: pictures cannot be read")))
 }
 
 /// Rows and columns of a picture.
@@ -32,4 +36,28 @@ pub fn holds_light(_: &Path) -> Option<&'static str> {
 /// The color space of a picture.
 pub fn color_space(_: &Pixels, _: f32) -> Result<Option<ColorSpace>, Reason> {
     Ok(None)
+}
+
+/// Encodes 8-bit levels as a PNG.
+///
+/// # Errors
+/// Always.
+pub fn encode_png8(_: &mut dyn Write, _: usize, _: usize, _: usize, _: &[u8]) -> io::Result<()> {
+    Err(io::Error::new(io::ErrorKind::Unsupported, WHY))
+}
+
+/// Encodes 8-bit red, green, blue as a JPEG.
+///
+/// # Errors
+/// Always.
+pub fn encode_jpeg8(_: &mut dyn Write, _: usize, _: usize, _: &[u8], _: u8) -> io::Result<()> {
+    Err(io::Error::new(io::ErrorKind::Unsupported, WHY))
+}
+
+/// Reads an 8-bit PNG: (height, width, channels, bytes).
+///
+/// # Errors
+/// [`FileError::Content`], always.
+pub fn read_png8(_: File, file: &Path) -> Result<(usize, usize, usize, Vec<u8>), FileError> {
+    Err(FileError::content(file, Reason::new("no-image-formats", WHY)))
 }

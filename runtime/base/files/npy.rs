@@ -11,7 +11,7 @@ use crate::memory;
 use crate::reason;
 use std::{
     io::{self, BufReader, Read, Write},
-    path::Path,
+    path::{Path, PathBuf},
 };
 
 /// An array of float32.
@@ -49,7 +49,7 @@ pub fn read_npy_with_gaps(file: &Path) -> Result<Npy, FileError> {
         Ok((BufReader::new(opened), length))
     };
     let (mut from, length) = open().map_err(|e| FileError::read(file, e))?;
-    parse(&mut from, length).map_err(|wrong| wrong.of(file))
+    parse(file, &mut from, length)
 }
 
 /// Writes float32 in C order. `values` has as many elements as `shape` says.
@@ -88,27 +88,6 @@ pub fn write_le(out: &mut dyn Write, values: &[f32]) -> io::Result<()> {
     Ok(())
 }
 
-pub(super) enum Wrong {
-    Io(io::Error),
-    Content(Reason),
-}
-
-impl Wrong {
-    /// As what is wrong with this file.
-    pub fn of(self, file: &Path) -> FileError {
-        match self {
-            Self::Io(e) => FileError::read(file, e),
-            Self::Content(reason) => FileError::content(file, reason),
-        }
-    }
-}
-
-impl From<Reason> for Wrong {
-    fn from(reason: Reason) -> Self {
-        Self::Content(reason)
-    }
-}
-
 impl Npy {
     /// Refuses values that are not finite, in words.
     fn finite(&self) -> Result<(), Reason> {
@@ -119,12 +98,12 @@ impl Npy {
 }
 
 /// `length`: of the whole file; what it cannot hold is refused before any memory is taken for it.
-fn parse(from: &mut dyn Read, length: u64) -> Result<Npy, Wrong> {
-    let mut reader = NpyReader::new(from, length)?;
+fn parse(file: &Path, from: &mut dyn Read, length: u64) -> Result<Npy, FileError> {
+    let mut reader = NpyReader::new(file, from, length)?;
     let (count, copies) = (reader.left, 1 + usize::from(reader.header.fortran_order));
     let what = || format!("its shape {:?}", reader.header.shape);
     memory::check_available(what, memory::bytes_of(&[count, copies], 4), "read a part of it")
-        .map_err(|e| Reason::of(&e))?;
+        .map_err(|e| FileError::content(file, Reason::of(&e)))?;
     let mut values = reader.take(count)?;
     let NpyReader { header, .. } = reader;
     if header.fortran_order {
@@ -146,40 +125,42 @@ pub(super) struct NpyReader<R> {
     /// Elements that are still to be read.
     left: usize,
     from: R,
+    pub file: PathBuf,
 }
 
 impl<R: Read> NpyReader<R> {
     /// Reads what stands before the values; `length` is that of the whole file.
-    pub fn new(mut from: R, length: u64) -> Result<Self, Wrong> {
+    pub fn new(file: &Path, mut from: R, length: u64) -> Result<Self, FileError> {
+        let wrong = |reason: Reason| FileError::content(file, reason);
+        let mut fill = |to: &mut [u8]| fill(file, &mut from, to);
         let mut start = [0; 8];
-        fill(&mut from, &mut start)?;
+        fill(&mut start)?;
         if &start[..6] != MAGIC {
-            return Err(Wrong::Content(reason!("not-npy", "is no .npy file: it does not start with \\x93NUMPY")));
+            return Err(wrong(reason!("not-npy", "is no .npy file: it does not start with \\x93NUMPY")));
         }
         let mut size = [0; 4];
         let size = match start[6] {
-            1 => fill(&mut from, &mut size[..2]).map(|()| u32::from_le_bytes(size) as usize)?,
-            2 | 3 => fill(&mut from, &mut size).map(|()| u32::from_le_bytes(size) as usize)?,
-            other => return Err(reason!("npy-version", "has .npy version {other}: 1, 2 and 3 are known").into()),
+            1 => fill(&mut size[..2]).map(|()| u32::from_le_bytes(size) as usize)?,
+            2 | 3 => fill(&mut size).map(|()| u32::from_le_bytes(size) as usize)?,
+            other => return Err(wrong(reason!("npy-version", "has .npy version {other}: 1, 2 and 3 are known"))),
         };
         let before = if start[6] == 1 { 10 } else { 12 } + size as u64;
         if size > LONGEST_HEADER {
-            return Err(
-                reason!("npy-header-size", "has a header of {size} bytes: at most {LONGEST_HEADER} are read").into()
-            );
+            let most = LONGEST_HEADER;
+            return Err(wrong(reason!("npy-header-size", "has a header of {size} bytes: at most {most} are read")));
         }
         let mut header = vec![0; size];
-        fill(&mut from, &mut header)?;
+        fill(&mut header)?;
         let header = Header::parse(&header).ok_or_else(|| {
             let text = String::from_utf8_lossy(&header[..header.len().min(100)]).escape_debug().to_string();
-            reason!("npy-header", "has a header that cannot be understood: {text}")
+            wrong(reason!("npy-header", "has a header that cannot be understood: {text}"))
         })?;
-        let element = element(&header.descr)?;
+        let element = element(&header.descr).map_err(wrong)?;
         let big = match header.descr.as_bytes()[0] {
             b'<' => false,
             b'>' => true,
             b'=' | b'|' => cfg!(target_endian = "big"),
-            _ => return Err(reason!("npy-type", "holds '{}': '<f4' or '<f8' is wanted", header.descr).into()),
+            _ => return Err(wrong(reason!("npy-type", "holds '{}': '<f4' or '<f8' is wanted", header.descr))),
         };
         let count = header.shape.iter().try_fold(1u64, |n, &axis| n.checked_mul(axis as u64));
         let bytes = count.and_then(|n| n.checked_mul(element.0 as u64)).and_then(|n| n.checked_add(before));
@@ -191,19 +172,19 @@ impl<R: Read> NpyReader<R> {
                 "is {length} bytes long, but its shape {:?} needs {wanted}{remedy}",
                 header.shape
             );
-            return Err(reason.into());
+            return Err(wrong(reason));
         }
-        Ok(Self { element, big, left: (length - before) as usize / element.0, header, from })
+        Ok(Self { element, big, left: (length - before) as usize / element.0, header, from, file: file.into() })
     }
 
     /// The next `count` values, or as many as there still are.
-    pub fn take(&mut self, count: usize) -> Result<Vec<f32>, Wrong> {
+    pub fn take(&mut self, count: usize) -> Result<Vec<f32>, FileError> {
         let ((width, value), count) = (self.element, count.min(self.left));
         let mut values = Vec::with_capacity(count);
         let mut block = vec![0; 65536.min(count * width)];
         while values.len() < count {
             let part = &mut block[..(65536 / width).min(count - values.len()) * width];
-            fill(&mut self.from, part)?;
+            fill(&self.file, &mut self.from, part)?;
             values.extend(part.chunks_exact_mut(width).map(|b| {
                 if self.big {
                     b.reverse();
@@ -243,10 +224,10 @@ fn element(descr: &str) -> Result<(usize, Value), Reason> {
     })
 }
 
-fn fill(from: &mut impl Read, to: &mut [u8]) -> Result<(), Wrong> {
+fn fill(file: &Path, from: &mut impl Read, to: &mut [u8]) -> Result<(), FileError> {
     from.read_exact(to).map_err(|e| match e.kind() {
-        io::ErrorKind::UnexpectedEof => Wrong::Content(reason!("cut-short", "is cut short")),
-        _ => Wrong::Io(e),
+        io::ErrorKind::UnexpectedEof => FileError::content(file, reason!("cut-short", "is cut short")),
+        _ => FileError::read(file, e),
     })
 }
 
@@ -303,9 +284,9 @@ mod tests {
     }
 
     fn read(bytes: &[u8]) -> Result<Npy, Reason> {
-        let array = parse(&mut &bytes[..], bytes.len() as u64).map_err(|e| match e {
-            Wrong::Io(e) => panic!("{e}"),
-            Wrong::Content(reason) => reason,
+        let array = parse(Path::new("a.npy"), &mut &bytes[..], bytes.len() as u64).map_err(|e| match e {
+            FileError::Content { reason, .. } => reason,
+            other => panic!("{other}"),
         })?;
         array.finite().map(|()| array)
     }

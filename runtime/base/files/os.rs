@@ -3,15 +3,15 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Where the user keeps what can be made again: `XDG_CACHE_HOME` where it is set, `LOCALAPPDATA` on Windows, else
-/// `~/.cache`. Without any, what the system keeps for this user alone until he logs out (`XDG_RUNTIME_DIR`); nowhere without
-/// that. Folders that others may write to are not taken.
-pub(super) fn cache_base() -> Option<PathBuf> {
+/// Returns the folder for data that can be made again. It is `eyebox` in `$XDG_CACHE_HOME` or `~/.cache`, on Windows in
+/// `%LOCALAPPDATA%`, and otherwise in `$XDG_RUNTIME_DIR`. Other users cannot write to any of these.
+pub fn cache_folder() -> Option<PathBuf> {
     let set = |name| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
     let own = || if cfg!(windows) { set("LOCALAPPDATA") } else { Some(set("HOME")?.join(".cache")) };
     // The specification of these folders has relative paths ignored.
     let absolute = |name| set(name).filter(|p| p.is_absolute());
-    absolute("XDG_CACHE_HOME").or_else(own).or_else(|| absolute("XDG_RUNTIME_DIR"))
+    let base = absolute("XDG_CACHE_HOME").or_else(own).or_else(|| absolute("XDG_RUNTIME_DIR"));
+    base.map(|base| base.join("eyebox"))
 }
 
 /// A path without links and dots.

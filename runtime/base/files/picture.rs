@@ -1,6 +1,6 @@
 //! PNG: pictures for people (linear light in, sRGB out) and grey levels for SLMs.
 
-use super::{FileError, codec, write_file};
+use super::{FileError, encode_png8, write_file};
 use std::{
     io::{self, Write},
     path::Path,
@@ -40,23 +40,7 @@ pub fn encode_png(out: &mut dyn Write, height: usize, width: usize, planes: &[&[
         // A cast from float saturates, and takes NaN to 0.
         bytes.extend(planes.iter().map(|p| (linear_to_srgb(f64::from(p[i])) * 255.0).round() as u8));
     }
-    codec::encode_png(out, height, width, planes.len(), &bytes)
-}
-
-/// Encodes grey levels as they are, `height` x `width` of them, as an 8-bit PNG.
-///
-/// # Errors
-/// Those of `out`.
-pub fn encode_grey8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8]) -> io::Result<()> {
-    codec::encode_png(out, height, width, 1, levels)
-}
-
-/// Encodes 8-bit red, green, blue as they are, `height` x `width` of them, as a PNG.
-///
-/// # Errors
-/// Those of `out`.
-pub fn encode_rgb8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8]) -> io::Result<()> {
-    codec::encode_png(out, height, width, 3, levels)
+    encode_png8(out, height, width, planes.len(), &bytes)
 }
 
 #[cfg(all(test, feature = "image-formats"))]
@@ -96,12 +80,12 @@ mod tests {
         assert_eq!(image.into_raw(), [255, 118, 0, 0, 0, 255]);
         assert!(matches!(grey8(&file), Err(FileError::Content { .. })));
 
-        write_file(&file, |out| encode_grey8(out, 2, 3, &[0, 1, 2, 3, 4, 255])).unwrap();
+        write_file(&file, |out| encode_png8(out, 2, 3, 1, &[0, 1, 2, 3, 4, 255])).unwrap();
         assert_eq!(grey8(&file).unwrap(), (2, 3, vec![0, 1, 2, 3, 4, 255]));
 
         let (mut png, mut jpeg) = (Vec::new(), Vec::new());
         let levels: Vec<u8> = [200, 40, 90].repeat(64);
-        encode_rgb8(&mut png, 8, 8, &levels).unwrap();
+        encode_png8(&mut png, 8, 8, 3, &levels).unwrap();
         encode_jpeg8(&mut jpeg, 8, 8, &levels, 90).unwrap();
         assert_eq!(image::load_from_memory(&png).unwrap().into_rgb8().into_raw(), levels);
         let near = image::load_from_memory(&jpeg).unwrap().into_rgb8().into_raw();

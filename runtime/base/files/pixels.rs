@@ -1,40 +1,31 @@
-//! Pictures as their files store them: PNG, JPEG, BMP, PPM and GIF by the crate `image`, EXR and TIFF by crates of their own.
+//! Decodes pictures as their files store them, and encodes PNG and JPEG. The crate `image` reads all but EXR and TIFF.
 
 use super::{FileError, FileKind, Pixels, Samples, Wanted, exr_pixels, read, tiff_pixels};
+use crate::error::Reason;
 use crate::reason;
+use image::codecs::{gif::GifDecoder, jpeg::JpegEncoder, png::PngEncoder};
 use image::metadata::Orientation;
-use image::{AnimationDecoder, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, codecs::gif::GifDecoder};
-use std::{fs::File, io::BufReader, path::Path};
+use image::{
+    AnimationDecoder, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageError, ImageFormat,
+    ImageReader, Limits,
+};
+use std::fs::File;
+use std::io::{self, BufReader, Write};
+use std::path::Path;
 
 /// Longest side of a picture, pixels.
 const LONGEST_SIDE: u32 = 65536;
 
-/// How a picture is decoded.
-enum Format {
-    Exr,
-    Tiff,
-    Other(ImageFormat),
-}
-
-/// Determines the format of a picture from its first bytes, and refuses what no picture is.
-fn format(file: &Path, wanted: Wanted) -> Result<Format, FileError> {
+/// Determines the kind of a picture from its first bytes, and refuses other files.
+fn kind(file: &Path, wanted: Wanted) -> Result<FileKind, FileError> {
     let kind = FileKind::of(file).map_err(|e| FileError::read(file, e))?;
-    Ok(match kind {
-        FileKind::Exr => Format::Exr,
-        FileKind::Tiff => Format::Tiff,
-        FileKind::Png => Format::Other(ImageFormat::Png),
-        FileKind::Jpeg => Format::Other(ImageFormat::Jpeg),
-        FileKind::Bmp => Format::Other(ImageFormat::Bmp),
-        FileKind::Pnm => Format::Other(ImageFormat::Pnm),
-        FileKind::Gif if !is_animated(file)? => Format::Other(ImageFormat::Gif),
-        other => return Err(FileError::of_kind(file, other, wanted)),
-    })
+    let is_still = kind.is_picture() && !(kind == FileKind::Gif && is_animated(file)?);
+    if is_still { Ok(kind) } else { Err(FileError::of_kind(file, kind, wanted)) }
 }
 
 /// Whether a GIF has more than one frame.
 fn is_animated(file: &Path) -> Result<bool, FileError> {
-    let opened = read::open(file).map_err(|e| FileError::read(file, e))?;
-    let mut decoder = GifDecoder::new(BufReader::new(opened)).map_err(|e| FileError::damaged(file, e))?;
+    let mut decoder = GifDecoder::new(read::buffered(file)?).map_err(|e| FileError::damaged(file, e))?;
     decoder.set_limits(limits()).map_err(|e| FileError::damaged(file, e))?;
     Ok(decoder.into_frames().take(2).filter(Result::is_ok).count() > 1)
 }
@@ -44,18 +35,18 @@ fn is_animated(file: &Path) -> Result<bool, FileError> {
 /// # Errors
 /// [`FileError::Read`]; [`FileError::Kind`] for what is no picture; [`FileError::Content`], also for more pixels.
 pub fn picture_size(file: &Path, wanted: Wanted, most: u64) -> Result<[usize; 2], FileError> {
-    let format = format(file, wanted)?;
-    let size = match format {
-        Format::Exr => exr_pixels::size(file)?,
-        Format::Tiff => tiff_pixels::size(file)?,
-        Format::Other(format) => {
-            let (width, height) = open(file, format)?.into_dimensions().map_err(|e| FileError::damaged(file, e))?;
+    let kind = kind(file, wanted)?;
+    let size = match kind {
+        FileKind::Exr => exr_pixels::size(file)?,
+        FileKind::Tiff => tiff_pixels::size(file)?,
+        _ => {
+            let (width, height) = open(file, kind)?.into_dimensions().map_err(|e| FileError::damaged(file, e))?;
             [height as usize, width as usize]
         }
     };
     check_size(file, size, most)?;
     // Orientations from 5 on exchange rows and columns.
-    Ok(if orientation(file, &format)? >= 5 { [size[1], size[0]] } else { size })
+    Ok(if orientation(file, kind)? >= 5 { [size[1], size[0]] } else { size })
 }
 
 /// The EXIF orientation that a picture is turned by, 1 to 8; 1 is as stored.
@@ -63,16 +54,16 @@ pub fn picture_size(file: &Path, wanted: Wanted, most: u64) -> Result<[usize; 2]
 /// # Errors
 /// As [`picture_size`].
 pub fn picture_orientation(file: &Path, wanted: Wanted) -> Result<u8, FileError> {
-    orientation(file, &format(file, wanted)?)
+    orientation(file, kind(file, wanted)?)
 }
 
-/// The same of a known format; 1 for metadata that cannot be read.
-fn orientation(file: &Path, format: &Format) -> Result<u8, FileError> {
-    match format {
-        Format::Exr => Ok(1),
-        Format::Tiff => tiff_pixels::orientation(file),
-        Format::Other(format) => {
-            let mut decoder = open(file, *format)?.into_decoder().map_err(|e| FileError::damaged(file, e))?;
+/// The same of a known kind; 1 for metadata that cannot be read.
+fn orientation(file: &Path, kind: FileKind) -> Result<u8, FileError> {
+    match kind {
+        FileKind::Exr => Ok(1),
+        FileKind::Tiff => tiff_pixels::orientation(file),
+        _ => {
+            let mut decoder = open(file, kind)?.into_decoder().map_err(|e| FileError::damaged(file, e))?;
             Ok(decoder.orientation().unwrap_or(Orientation::NoTransforms).to_exif())
         }
     }
@@ -85,24 +76,21 @@ fn orientation(file: &Path, format: &Format) -> Result<u8, FileError> {
 /// As [`picture_size`]; [`FileError::Content`] for values that are neither 8 nor 16 bits nor floats.
 pub fn read_pixels(file: &Path, wanted: Wanted, most: u64) -> Result<Pixels, FileError> {
     picture_size(file, wanted, most)?;
-    let format = format(file, wanted)?;
-    let pixels = match format {
-        Format::Exr => exr_pixels::read(file, wanted)?,
-        Format::Tiff => tiff_pixels::read(file)?,
-        Format::Other(format) => {
-            if format == ImageFormat::Jpeg && !jpeg_ends(file)? {
-                return Err(FileError::content(
-                    file,
-                    reason!("cut-short", "the file is cut short: a JPEG must reach its end marker"),
-                ));
+    let kind = kind(file, wanted)?;
+    let pixels = match kind {
+        FileKind::Exr => exr_pixels::read(file, wanted)?,
+        FileKind::Tiff => tiff_pixels::read(file)?,
+        _ => {
+            if kind == FileKind::Jpeg && !jpeg_ends(file)? {
+                let reason = reason!("cut-short", "the file is cut short: a JPEG must reach its end marker");
+                return Err(FileError::content(file, reason));
             }
-            let image = open(file, format)?.decode().map_err(|e| FileError::damaged(file, e))?;
-            let profile = if format == ImageFormat::Pnm { None } else { profile(file, format)? };
+            let image = open(file, kind)?.decode().map_err(|e| FileError::damaged(file, e))?;
+            let profile = if kind == FileKind::Pnm { None } else { profile(file, kind)? };
             Pixels { profile, ..of_image(file, image)? }
         }
     };
-    let orientation = orientation(file, &format)?;
-    Ok(pixels.turned(orientation))
+    Ok(pixels.turned(orientation(file, kind)?))
 }
 
 /// Name of the kind of a file whose stored values are light unless something else is stated: EXR, and TIFF of floats.
@@ -135,22 +123,29 @@ fn limits() -> Limits {
     limits
 }
 
-fn open(file: &Path, format: ImageFormat) -> Result<ImageReader<BufReader<File>>, FileError> {
-    let opened = read::open(file).map_err(|e| FileError::read(file, e))?;
-    let mut reader = ImageReader::with_format(BufReader::new(opened), format);
+/// Opens a picture that is neither EXR nor TIFF.
+fn open(file: &Path, kind: FileKind) -> Result<ImageReader<BufReader<File>>, FileError> {
+    let format = match kind {
+        FileKind::Png => ImageFormat::Png,
+        FileKind::Jpeg => ImageFormat::Jpeg,
+        FileKind::Bmp => ImageFormat::Bmp,
+        FileKind::Pnm => ImageFormat::Pnm,
+        _ => ImageFormat::Gif,
+    };
+    let mut reader = ImageReader::with_format(read::buffered(file)?, format);
     reader.limits(limits());
     Ok(reader)
 }
 
 /// The ICC profile in a picture's metadata.
-fn profile(file: &Path, format: ImageFormat) -> Result<Option<Vec<u8>>, FileError> {
-    let mut decoder = open(file, format)?.into_decoder().map_err(|e| FileError::damaged(file, e))?;
+fn profile(file: &Path, kind: FileKind) -> Result<Option<Vec<u8>>, FileError> {
+    let mut decoder = open(file, kind)?.into_decoder().map_err(|e| FileError::damaged(file, e))?;
     // A profile that is cut short is none: `color_space` refuses it.
     Ok(decoder.icc_profile().unwrap_or(Some(Vec::new())))
 }
 
 fn of_image(file: &Path, image: DynamicImage) -> Result<Pixels, FileError> {
-    let (height, width) = (image.height() as usize, image.width() as usize);
+    let size = [image.height() as usize, image.width() as usize];
     let channels = usize::from(image.color().channel_count());
     let samples = match image {
         DynamicImage::ImageLuma8(p) => Samples::U8(p.into_raw()),
@@ -162,22 +157,11 @@ fn of_image(file: &Path, image: DynamicImage) -> Result<Pixels, FileError> {
         DynamicImage::ImageRgb16(p) => Samples::U16(p.into_raw()),
         DynamicImage::ImageRgba16(p) => Samples::U16(p.into_raw()),
         other => {
-            return Err(FileError::content(
-                file,
-                reason!("pixel-type", "pixels of type {:?} are not supported", other.color()),
-            ));
+            let reason = reason!("pixel-type", "pixels of type {:?} are not supported", other.color());
+            return Err(FileError::content(file, reason));
         }
     };
-    Ok(Pixels {
-        height,
-        width,
-        channels,
-        premultiplied: false,
-        orientation: 1,
-        profile: None,
-        primaries: None,
-        samples,
-    })
+    Ok(Pixels::new(size, channels, samples))
 }
 
 /// Whether a JPEG's last scan is closed: decoders fill what is missing with gray and report nothing.
@@ -186,4 +170,56 @@ fn jpeg_ends(file: &Path) -> Result<bool, FileError> {
     // Inside a scan, 0xff is never followed by these.
     let last_scan = bytes.windows(2).rposition(|b| b == [0xff, 0xda]).unwrap_or(0);
     Ok(bytes[last_scan..].windows(2).any(|b| b == [0xff, 0xd9]))
+}
+
+/// Encodes 8-bit levels as they are, (row, column, channel), one channel (grey) or three, as a PNG.
+///
+/// # Errors
+/// Those of `out`.
+pub fn encode_png8(out: &mut dyn Write, height: usize, width: usize, channels: usize, bytes: &[u8]) -> io::Result<()> {
+    let kind = if channels == 1 { ExtendedColorType::L8 } else { ExtendedColorType::Rgb8 };
+    PngEncoder::new(out).write_image(bytes, width as u32, height as u32, kind).map_err(plain)
+}
+
+/// Encodes 8-bit red, green, blue as a JPEG of `quality` 1 to 100, every channel at full resolution: a fifth of the
+/// PNG for pictures with speckle, where many have to fit a page.
+///
+/// # Errors
+/// Those of `out`.
+pub fn encode_jpeg8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8], quality: u8) -> io::Result<()> {
+    let encoder = JpegEncoder::new_with_quality(out, quality);
+    encoder.write_image(levels, width as u32, height as u32, ExtendedColorType::Rgb8).map_err(plain)
+}
+
+fn plain(error: ImageError) -> io::Error {
+    match error {
+        ImageError::IoError(e) => e,
+        other => io::Error::other(other),
+    }
+}
+
+/// Reads an 8-bit PNG, `file`, that is open, as it is stored, grey or coloured: (height, width, channels, bytes), 1 or 3 channels.
+///
+/// # Errors
+/// [`FileError::Read`]; [`FileError::Content`] for what is no whole PNG, for 16 bits a channel, and for pixels that are
+/// not opaque.
+pub fn read_png8(opened: File, file: &Path) -> Result<(usize, usize, usize, Vec<u8>), FileError> {
+    let wrong = |reason: Reason| FileError::content(file, reason);
+    let reader = ImageReader::with_format(BufReader::new(opened), ImageFormat::Png);
+    let no_png =
+        |e: ImageError| wrong(reason!("no-whole-png", "is no whole PNG: {}", e.to_string().replace('\n', " ")));
+    let image = reader.decode().map_err(no_png)?;
+    let kind = image.color();
+    let Pixels { height, width, channels, samples: Samples::U8(mut levels), .. } = of_image(file, image)? else {
+        return Err(wrong(reason!("bits", "holds {kind:?} pixels: 8 bits a channel are wanted")));
+    };
+    let colors = channels - usize::from(kind.has_alpha());
+    if colors < channels {
+        if levels.chunks_exact(channels).any(|pixel| pixel[colors] != 255) {
+            let unknown = "has pixels that are not opaque: what a display shows of them is not known";
+            return Err(wrong(Reason::new("not-opaque", unknown)));
+        }
+        levels = levels.chunks_exact(channels).flat_map(|pixel| &pixel[..colors]).copied().collect();
+    }
+    Ok((height, width, colors, levels))
 }

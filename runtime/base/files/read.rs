@@ -3,6 +3,8 @@
 //! A pipe, a terminal or a device in the place of a file would block for ever or never end; a file of 3 GB in the place of a
 //! table would be read to its last byte. Both are answered before a byte is read.
 
+#[cfg(feature = "image-formats")]
+use super::FileError;
 use super::{kind::FileKind, text::decode};
 use crate::error::Reason;
 use crate::reason;
@@ -33,6 +35,12 @@ pub fn open(file: &Path) -> io::Result<File> {
     #[cfg(unix)]
     std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, rustix::fs::OFlags::NONBLOCK.bits() as i32);
     regular(options.open(file)?)
+}
+
+/// Opens a regular file for reading through a buffer.
+#[cfg(feature = "image-formats")]
+pub(super) fn buffered(file: &Path) -> Result<BufReader<File>, FileError> {
+    open(file).map(BufReader::new).map_err(|e| FileError::read(file, e))
 }
 
 /// What was opened, if it is a regular file.

@@ -1,9 +1,9 @@
 //! Where a file or folder was when a result was made of it, and a digest of what was read: how a result finds it again.
 
-use super::read;
+use super::{atomic::parent, read};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
-use std::io::{self, Read};
+use std::io::{self, BufReader};
 use std::path::{Component, Path, PathBuf};
 
 /// Bytes of a digest that are kept, of SHA-256's 32: enough that no two files share one by chance.
@@ -99,9 +99,8 @@ impl FileRecord {
 
 /// A path without links and dots but for a link at its end, which may come to lead elsewhere.
 fn resolved(path: &Path) -> PathBuf {
-    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let found = match path.file_name() {
-        Some(name) => parent.canonicalize().map(|parent| parent.join(name)),
+        Some(name) => parent(path).canonicalize().map(|parent| parent.join(name)),
         None => path.canonicalize(),
     };
     found.or_else(|_| std::path::absolute(path)).unwrap_or_else(|_| path.into())
@@ -144,17 +143,9 @@ impl Digester {
 /// # Errors
 /// The system's; [`io::ErrorKind::InvalidInput`] for what is no regular file.
 pub fn digest_file(file: &Path) -> io::Result<String> {
-    let mut opened = read::open(file)?;
-    let (mut hash, mut buffer) = (Sha256::new(), vec![0; 1 << 18]);
-    loop {
-        match opened.read(&mut buffer) {
-            Ok(0) => break,
-            Ok(count) => hash.update(&buffer[..count]),
-            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
-            Err(e) => return Err(e),
-        }
-    }
-    Ok(Digester(hash).finish())
+    let mut digest = Digester::default();
+    io::copy(&mut BufReader::with_capacity(1 << 18, read::open(file)?), &mut digest.0)?;
+    Ok(digest.finish())
 }
 
 #[cfg(test)]

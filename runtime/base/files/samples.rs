@@ -1,9 +1,10 @@
 //! Stored values of a decoded picture.
 
+#![cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "decoders use it"))]
+
 use super::Primaries;
 
 /// Stored values of a picture, interleaved.
-#[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use all of it"))]
 #[derive(Debug, Clone, PartialEq)]
 pub enum Samples {
     /// 8 bits.
@@ -15,7 +16,6 @@ pub enum Samples {
 }
 
 /// Decoded picture, row by row.
-#[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use all of it"))]
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pixels {
     /// Rows.
@@ -37,7 +37,6 @@ pub struct Pixels {
 }
 
 /// The color space that a picture's ICC profile states.
-#[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use all of it"))]
 #[derive(Debug, Clone, PartialEq)]
 pub enum ColorSpace {
     /// sRGB, within the differences of sRGB profiles.
@@ -53,9 +52,34 @@ pub enum ColorSpace {
     },
 }
 
+impl Samples {
+    /// Returns the values at these places, in this order.
+    pub(super) fn at(&self, places: impl Iterator<Item = usize>) -> Self {
+        match self {
+            Self::U8(v) => Self::U8(places.map(|i| v[i]).collect()),
+            Self::U16(v) => Self::U16(places.map(|i| v[i]).collect()),
+            Self::F32(v) => Self::F32(places.map(|i| v[i]).collect()),
+        }
+    }
+
+    /// Returns the number of values.
+    pub(super) fn count(&self) -> usize {
+        match self {
+            Self::U8(v) => v.len(),
+            Self::U16(v) => v.len(),
+            Self::F32(v) => v.len(),
+        }
+    }
+}
+
 impl Pixels {
+    /// A picture as it is stored, of (rows, columns), without premultiplied colors and stated color spaces.
+    pub(super) fn new([height, width]: [usize; 2], channels: usize, samples: Samples) -> Self {
+        let (profile, primaries) = (None, None);
+        Self { height, width, channels, premultiplied: false, orientation: 1, profile, primaries, samples }
+    }
+
     /// The picture turned by an EXIF orientation.
-    #[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "decoders use it"))]
     pub fn turned(self, orientation: u8) -> Self {
         if !(2..=8).contains(&orientation) {
             return self;
@@ -71,15 +95,10 @@ impl Pixels {
             7 => [h - 1 - column, w - 1 - row],
             _ => [column, w - 1 - row],
         };
-        let places: Vec<usize> = (0..height * width)
+        let places = (0..height * width)
             .map(|i| from(i / width, i % width))
-            .flat_map(|[row, column]| (0..channels).map(move |k| (row * w + column) * channels + k))
-            .collect();
-        let samples = match self.samples {
-            Samples::U8(v) => Samples::U8(places.into_iter().map(|i| v[i]).collect()),
-            Samples::U16(v) => Samples::U16(places.into_iter().map(|i| v[i]).collect()),
-            Samples::F32(v) => Samples::F32(places.into_iter().map(|i| v[i]).collect()),
-        };
+            .flat_map(|[row, column]| (0..channels).map(move |k| (row * w + column) * channels + k));
+        let samples = self.samples.at(places);
         Self { height, width, samples, orientation, ..self }
     }
 

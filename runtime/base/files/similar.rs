@@ -1,5 +1,6 @@
 //! The name that was probably meant.
 
+use super::atomic::parent;
 use std::path::Path;
 
 /// Letters in which names may differ.
@@ -10,8 +11,7 @@ pub fn similar(path: &str) -> Option<String> {
     let (file, query) = path.split_once('?').map_or((path, String::new()), |(file, query)| (file, format!("?{query}")));
     let file = Path::new(file);
     let name = file.file_name()?.to_str()?.to_lowercase();
-    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let entries = std::fs::read_dir(folder.unwrap_or(Path::new("."))).ok()?;
+    let entries = std::fs::read_dir(parent(file)).ok()?;
     let names = entries.flatten().filter_map(|entry| entry.file_name().into_string().ok());
     let likely =
         names.map(|other| (apart(&name, &other.to_lowercase()), other)).filter(|(letters, _)| *letters <= MOST);

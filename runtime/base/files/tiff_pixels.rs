@@ -12,11 +12,10 @@ use tiff::tags::{SampleFormat, Tag};
 type Opened = Decoder<BufReader<File>>;
 
 fn open(file: &Path) -> Result<Opened, FileError> {
-    let opened = read::open(file).map_err(|e| FileError::read(file, e))?;
     let mut limits = Limits::default();
     limits.decoding_buffer_size = 1 << 30;
     limits.intermediate_buffer_size = 1 << 30;
-    Ok(Decoder::new(BufReader::new(opened)).map_err(|e| FileError::damaged(file, e))?.with_limits(limits))
+    Ok(Decoder::new(read::buffered(file)?).map_err(|e| FileError::damaged(file, e))?.with_limits(limits))
 }
 
 /// Rows and columns of the first page.
@@ -125,16 +124,11 @@ pub(super) fn read(file: &Path) -> Result<Pixels, FileError> {
             ));
         }
     };
-    let samples = match samples {
-        Samples::U8(v) => Samples::U8(interleaved(v, planes)),
-        Samples::U16(v) => Samples::U16(interleaved(v, planes)),
-        Samples::F32(v) => Samples::F32(interleaved(v, planes)),
-    };
-    let found = match &samples {
-        Samples::U8(v) => v.len(),
-        Samples::U16(v) => v.len(),
-        Samples::F32(v) => v.len(),
-    };
+    let found = samples.count();
+    // Planes lie one after the other.
+    let (is_whole, pixels) = (found.is_multiple_of(planes), found / planes);
+    let place = |i: usize| (0..planes).map(move |plane| plane * pixels + i);
+    let samples = if planes > 1 && is_whole { samples.at((0..pixels).flat_map(place)) } else { samples };
     if found != height * width * channels {
         return wrong(reason!(
             "tiff-cut-short",
@@ -142,7 +136,7 @@ pub(super) fn read(file: &Path) -> Result<Pixels, FileError> {
         ));
     }
     let premultiplied = extra.first() == Some(&1);
-    Ok(Pixels { height, width, channels, premultiplied, orientation: 1, profile, primaries, samples })
+    Ok(Pixels { premultiplied, profile, primaries, ..Pixels::new([height, width], channels, samples) })
 }
 
 /// Whether another page of the same size follows; smaller copies and thumbnails do not count.
@@ -151,13 +145,4 @@ fn second_page(tiff: &mut Opened, [height, width]: [usize; 2]) -> bool {
     tiff.more_images()
         && tiff.next_image().is_ok()
         && tiff.dimensions().is_ok_and(|(w, h)| (h as usize, w as usize) == (height, width))
-}
-
-/// Values of planes one after the other, pixel by pixel.
-fn interleaved<T: Copy>(values: Vec<T>, planes: usize) -> Vec<T> {
-    if planes == 1 || !values.len().is_multiple_of(planes) {
-        return values;
-    }
-    let one = values.len() / planes;
-    (0..one).flat_map(|i| (0..planes).map(move |p| p * one + i)).map(|i| values[i]).collect()
 }

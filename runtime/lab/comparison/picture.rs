@@ -2,7 +2,7 @@
 
 use super::shown::Picture;
 use base64::{Engine as _, engine::general_purpose::STANDARD};
-use eyebox::low_level::files::{encode_jpeg8, encode_rgb8, linear_to_srgb};
+use eyebox::low_level::files::{encode_jpeg8, encode_png8, linear_to_srgb};
 use eyebox::low_level::optics::Color;
 
 const QUALITY: u8 = 78;
@@ -118,7 +118,7 @@ fn jpeg(rgb: &[u8], height: usize, width: usize, psnr: Option<f64>) -> Picture {
 
 fn png(rgb: &[u8], height: usize, width: usize) -> Picture {
     let mut bytes = Vec::new();
-    encode_rgb8(&mut bytes, height, width, rgb).expect("a vector takes everything");
+    encode_png8(&mut bytes, height, width, 3, rgb).expect("a vector takes everything");
     Picture { width, height, psnr: None, data: format!("data:image/png;base64,{}", STANDARD.encode(bytes)) }
 }
 

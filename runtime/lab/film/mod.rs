@@ -14,7 +14,7 @@ pub use path::{EyePath, Key, Moment};
 
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::evaluate::Plane;
-use eyebox::low_level::files::{FileError, FolderDraft, encode_rgb8, write_file};
+use eyebox::low_level::files::{FileError, FolderDraft, encode_png8, write_file};
 use eyebox::low_level::hologram::PhaseSource;
 use eyebox::low_level::optics::{Color, Pupil};
 use eyebox::low_level::reason;
@@ -89,7 +89,7 @@ pub fn film<E: From<FilmError>>(
             let [rows, columns] = canvas.size;
             let name = frame_name(index);
             draft
-                .write(&name, |out| encode_rgb8(out, rows, columns, &canvas.rgb))
+                .write(&name, |out| encode_png8(out, rows, columns, 3, &canvas.rgb))
                 .map_err(|e| FilmError::File(e).into())
         })?;
         if made.is_some() {

@@ -25,7 +25,7 @@ pub(super) fn smoothstep(a: f32, b: f32, x: f32) -> f32 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// A number in 0..1 for each lattice point.
+/// A number in 0..1 for each lattice point. Its constants are its own, because others would change the built-in scenes.
 pub(super) fn hash(x: i32, y: i32, seed: u32) -> f32 {
     let mut h =
         (x as u32).wrapping_mul(0x9E37_79B1) ^ (y as u32).wrapping_mul(0x85EB_CA77) ^ seed.wrapping_mul(0xC2B2_AE3D);

@@ -1,7 +1,7 @@
 //! Video frames on the disk: a folder that says its display and what its frames hold, and pictures of any origin.
 
 use crate::encode::{AsShown, Decoder, EncodeError, Encoder, Packed, VideoFrames};
-use crate::files::{FileError, Folder, FolderDraft, encode_grey8, encode_rgb8, read, read_png8, write_file};
+use crate::files::{FileError, Folder, FolderDraft, encode_png8, read, read_png8, write_file};
 use crate::hologram::{ColorHologram, Hologram, Metadata};
 use crate::optics::{Color, Display, Place};
 use eyebox_base::{Reason, reason};
@@ -110,9 +110,8 @@ impl Encoder {
         };
         draft.write(DOCUMENT, |out| Ok(serde_json::to_writer_pretty(out, &document)?))?;
         (0..frames.count()).into_par_iter().try_for_each(|i| {
-            draft.write(&VideoFrames::file_name(i), |out| match frames.channels {
-                1 => encode_grey8(out, frames.height, frames.width, frames.frame(i)),
-                _ => encode_rgb8(out, frames.height, frames.width, frames.frame(i)),
+            draft.write(&VideoFrames::file_name(i), |out| {
+                encode_png8(out, frames.height, frames.width, frames.channels, frames.frame(i))
             })
         })?;
         Ok(draft.put()?)

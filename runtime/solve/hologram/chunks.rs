@@ -20,7 +20,7 @@ const ATTEMPTS: usize = 100;
 const LONGEST_DOCUMENT: u64 = 16 << 20;
 
 /// The name of a draft that nobody else takes: who is thought dead may still be writing, and numbers of processes repeat from
-/// machine to machine.
+/// machine to machine. It comes from the system and not from a seed, so that no two programs have the same.
 pub(super) fn own_draft() -> String {
     format!(".eyebox-{:016x}.part", RandomState::new().build_hasher().finish())
 }

@@ -7,7 +7,7 @@
 
 use super::chunks::none;
 use super::{ColorHologram, Hologram, HologramError, Metadata};
-use crate::files::{FileError, FolderDraft, encode_grey8, holds_only_own, write_listed, write_npy};
+use crate::files::{FileError, FolderDraft, encode_png8, holds_only_own, write_listed, write_npy};
 use crate::optics::{Color, Display, Geometry, level_of_phase, wrap_phase};
 use eyebox_base::{Reason, reason};
 use std::f64::consts::TAU;
@@ -220,7 +220,7 @@ impl Hologram {
             let levels: Vec<u8> = self.frame(i, frame).iter().map(|&p| level_of_phase(p)).collect();
             let color = self.colors[i].color.map_or_else(|| i.to_string(), |c| c.to_string());
             let (name, mut bytes) = (format!("{color}-{frame:02}.png"), Vec::new());
-            let encoded = encode_grey8(&mut bytes, self.height, self.width, &levels);
+            let encoded = encode_png8(&mut bytes, self.height, self.width, 1, &levels);
             encoded.map(|()| (name.clone(), bytes)).map_err(|e| FileError::write(&folder.join(name), e))
         };
         let all = (0..self.colors.len()).flat_map(|i| (0..self.frames).map(move |frame| (i, frame)));

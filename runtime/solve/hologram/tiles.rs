@@ -21,6 +21,7 @@ use super::{Hologram, HologramError, Metadata, document};
 use crate::files::{Folder, Kind};
 use crate::optics::{Geometry, wrap_phase};
 use crate::plan::ModelTables;
+use eyebox_base::random::{GOLDEN, mix};
 use eyebox_base::{Reason, reason};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -84,14 +85,9 @@ pub struct Patch {
 
 /// The first phase of a pixel: uniform in [-pi, pi), a function of seed and place alone.
 pub(crate) fn first_phase(seed: u64, color: usize, frame: usize, row: usize, column: usize) -> f32 {
-    // Two rounds of a bijective mixer (Steele, Lea and Flood 2014) over what tells pixels apart.
-    let mix = |z: u64| {
-        let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    };
-    let plane = mix(seed.wrapping_add(0x9e37_79b9_7f4a_7c15) ^ ((color as u64) << 32 | frame as u64));
-    let bits = mix(plane.wrapping_add(((row as u64) << 32 | column as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)));
+    // Two rounds of a bijective mixer over what tells pixels apart.
+    let plane = mix(seed.wrapping_add(GOLDEN) ^ ((color as u64) << 32 | frame as u64));
+    let bits = mix(plane.wrapping_add(((row as u64) << 32 | column as u64).wrapping_mul(GOLDEN)));
     let turns = (bits >> 40) as f32 / (1u64 << 24) as f32 - 0.5;
     wrap_phase(turns * std::f32::consts::TAU)
 }

@@ -1,6 +1,7 @@
 //! Which pupils are drawn (OPTICS 6e): a distribution of diameters, and a sequence over (diameter, x, y, depth).
 
 use crate::optics::{EyeboxRegion, Pupil, PupilDistribution};
+use eyebox_base::random::SplitMix;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -163,26 +164,6 @@ pub fn pupils_of(distribution: &PupilDistribution, count: usize, seed: u64) -> V
     (0..count).map(|_| distribution.pupil(points.draw())).collect()
 }
 
-/// The generator of Steele, Lea and Flood (2014): small, fast, the same everywhere.
-#[derive(Debug, Clone)]
-pub struct SplitMix(pub u64);
-
-impl SplitMix {
-    /// 64 random bits.
-    #[allow(clippy::should_implement_trait)]
-    pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// Uniform in 0 .. 1, 53 bits.
-    pub fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / 9_007_199_254_740_992.0
-    }
-}
-
 /// Phases uniform in -pi .. pi, in float32; the same for the same seed.
 pub fn random_phases(count: usize, seed: u64) -> Vec<f32> {
     let mut random = SplitMix(seed ^ 0x7068_6173_6573);
@@ -213,7 +194,7 @@ fn sobol(index: u32, dimension: usize) -> u32 {
     (0..32).filter(|bit| index >> bit & 1 == 1).fold(0, |x, bit| x ^ v[bit])
 }
 
-/// Owen's nested scrambling by a hash that only lets higher bits decide (Laine and Karras 2011).
+/// Owen's nested scrambling by a hash that only lets higher bits decide (Laine and Karras 2011), which no general mixer does.
 fn owen(x: u32, seed: u32) -> u32 {
     let mut x = x.reverse_bits();
     x = x.wrapping_add(seed);

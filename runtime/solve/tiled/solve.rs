@@ -12,6 +12,7 @@ use crate::solve::{
     BrightEnd, Flow, Optimizer, PupilRange, Sampler, Settings, Update, cosine, exposure_under, release_early, strides,
     take,
 };
+use eyebox_base::random::GOLDEN;
 use std::slice;
 use std::sync::Arc;
 use std::time::Instant;
@@ -221,7 +222,7 @@ impl<'a> Region<'a> {
         let scale = self.job.model.map_or(1.0, |model| model.model().iris.scale);
         let diameter = settings.diameter.map(|d| d * scale);
         let range = PupilRange { diameter, ..settings.pupil_range(self.optics.eyebox()) };
-        let seed = settings.seed ^ (self.job.before + k as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let seed = settings.seed ^ (self.job.before + k as u64 + 1).wrapping_mul(GOLDEN);
         let mut sampler = Sampler::new(range, settings.sequence, seed);
         let (visits, steps) = (self.job.schedule.visits.len(), settings.steps.max(1));
         let (mut count, mut loss) = (0, f64::NAN);

@@ -1,10 +1,9 @@
 //! A user's calibration: tracker coordinates to metres in the pupil plane, affine, from a few fixations.
 
 use super::GazeError;
-use crate::trackers::Unit;
+use crate::trackers::{Unit, UnitText};
 use eyebox_base::error::Reason;
-use eyebox_base::files;
-use eyebox_base::files::read;
+use eyebox_base::files::{self, read};
 use eyebox_base::reason;
 use eyebox_optics::linear;
 use serde::{Deserialize, Serialize};
@@ -36,7 +35,8 @@ pub struct Pair {
 }
 
 /// A map and how well it fits.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(from = "FitText", into = "FitText")]
 pub struct Fit {
     /// Tracker coordinates to metres.
     pub map: Affine,
@@ -65,9 +65,7 @@ impl Fit {
     pub fn new(pairs: &[Pair], unit: Unit) -> Result<Self, GazeError> {
         let finite = |p: &&Pair| p.tracker.iter().chain(&p.pupil).all(|v| v.is_finite());
         let mut kept: Vec<Pair> = pairs.iter().filter(finite).copied().collect();
-        let mut left_out = pairs.len() - kept.len();
-        let most = kept.len() / 4;
-        let mut given_up = 0;
+        let least = kept.len() - kept.len() / 4;
         loop {
             // Three fixations fit any tracker exactly: nothing would show whether it follows the eye.
             let enough = Some(&kept).filter(|kept| kept.len() > 3);
@@ -75,7 +73,7 @@ impl Fit {
                 .and_then(|kept| solve(kept))
                 .ok_or_else(|| GazeError::TooFew(format!(": there are {}", kept.len())))?;
             // With four, every one agrees with a map of the other three but one's own.
-            if given_up < most && kept.len() >= 5 {
+            if kept.len() > least && kept.len() >= 5 {
                 let worst = (0..kept.len())
                     .filter_map(|i| {
                         let mut others = kept.clone();
@@ -87,7 +85,6 @@ impl Fit {
                     .max_by(|a, b| (a.1 / (a.2 + 1e-5)).total_cmp(&(b.1 / (b.2 + 1e-5))));
                 if let Some((i, ..)) = worst {
                     kept.swap_remove(i);
-                    given_up += 1;
                     continue;
                 }
             }
@@ -95,8 +92,7 @@ impl Fit {
             if residual > limit || !residual.is_finite() {
                 return Err(GazeError::Disagree { rms_mm: residual * 1e3, limit_mm: limit * 1e3 });
             }
-            left_out += given_up;
-            return Ok(Self { map, unit, residual, used: [kept.len(), left_out] });
+            return Ok(Self { map, unit, residual, used: [kept.len(), pairs.len() - kept.len()] });
         }
     }
 }
@@ -147,42 +143,30 @@ fn solve(pairs: &[Pair]) -> Option<Affine> {
     Some(Affine { x: row(0)?, y: row(1)? })
 }
 
-/// The maps of one user.
-#[derive(Debug, Clone, PartialEq, Default)]
+/// The maps of one user, as they are in a file.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Calibration {
-    /// Whose.
+    /// Whose eyes.
     pub user: String,
-    /// Name of the tracker that it was made with ([`Source::tracker`](crate::trackers::Source::tracker)), if it states one.
+    /// The tracker's name.
     pub tracker: Option<String>,
-    /// Of the left eye.
+    /// Of the left eye: below.
     pub left: Option<Fit>,
-    /// Of the right eye.
+    /// Of the right one.
     pub right: Option<Fit>,
-    /// Of readings of both.
+    /// Of both.
     pub combined: Option<Fit>,
 }
 
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct File {
-    /// Whose eyes.
-    user: String,
-    /// The tracker's name.
-    #[serde(default)]
-    tracker: Option<String>,
-    /// Of the left eye: below.
-    left: Option<FitText>,
-    /// Of the right one.
-    right: Option<FitText>,
-    /// Of both.
-    combined: Option<FitText>,
-}
+/// A map in a file, in millimetres of the pupil plane per unit of the tracker.
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct FitText {
     /// Unit of the tracker's readings.
-    unit: UnitText,
+    #[serde(with = "UnitText")]
+    unit: Unit,
     /// The pupil's x in millimetres: constant, times the reading's x, times its y.
     x_mm: [f64; 3],
     /// Its y likewise.
@@ -194,23 +178,21 @@ struct FitText {
     used: [usize; 2],
 }
 
-#[derive(Serialize, Deserialize, Clone, Copy)]
-#[serde(rename_all = "lowercase")]
-enum UnitText {
-    Mm,
-    Deg,
-    Normalized,
-    Counts,
+impl From<FitText> for Fit {
+    fn from(text: FitText) -> Self {
+        let scale = text.unit.of_stated();
+        let row = |r: [f64; 3]| [r[0] * 1e-3 / scale, r[1] * 1e-3 / scale, r[2] * 1e-3];
+        let map = Affine { x: row(text.x_mm), y: row(text.y_mm) };
+        Self { map, unit: text.unit, residual: text.residual_mm * 1e-3, used: text.used }
+    }
 }
 
-impl UnitText {
-    /// Of one such, in the runtime's unit.
-    fn scale(self) -> f64 {
-        match self {
-            Self::Mm => 1e-3,
-            Self::Deg => 1f64.to_radians(),
-            Self::Normalized | Self::Counts => 1.0,
-        }
+impl From<Fit> for FitText {
+    fn from(fit: Fit) -> Self {
+        let scale = fit.unit.of_stated();
+        let row = |r: [f64; 3]| [r[0] * 1e3 * scale, r[1] * 1e3 * scale, r[2] * 1e3];
+        let (x_mm, y_mm) = (row(fit.map.x), row(fit.map.y));
+        Self { unit: fit.unit, x_mm, y_mm, residual_mm: fit.residual * 1e3, used: fit.used }
     }
 }
 
@@ -220,9 +202,8 @@ impl Calibration {
     /// # Errors
     /// [`GazeError::File`], naming file, line and key.
     pub fn load(file: &Path) -> Result<Self, GazeError> {
-        let wrong = |reason: Reason| GazeError::File { file: file.display().to_string(), reason };
-        let text = read::text(file, read::TEXT).map_err(|e| wrong(e.to_string().into()))?;
-        Self::from_toml(&text).map_err(wrong)
+        let text = read::text(file, read::TEXT).map_err(|e| GazeError::file(file, e.to_string()))?;
+        Self::from_toml(&text).map_err(|reason| GazeError::file(file, reason))
     }
 
     /// Writes a user's file, whole or not at all.
@@ -231,8 +212,7 @@ impl Calibration {
     /// [`GazeError::File`].
     pub fn save(&self, file: &Path) -> Result<(), GazeError> {
         let text = self.to_toml();
-        files::write_file(file, |out| out.write_all(text.as_bytes()))
-            .map_err(|e| GazeError::File { file: file.display().to_string(), reason: e.to_string().into() })
+        files::write_file(file, |out| out.write_all(text.as_bytes())).map_err(|e| GazeError::file(file, e.to_string()))
     }
 
     /// Reads the text of such a file.
@@ -240,30 +220,18 @@ impl Calibration {
     /// # Errors
     /// What is wrong, with its line or key.
     pub fn from_toml(text: &str) -> Result<Self, Reason> {
-        let file: File = eyebox_base::files::read::toml(text)?;
-        let fit = |name: &str, text: Option<FitText>| -> Result<Option<Fit>, Reason> {
-            let Some(text) = text else { return Ok(None) };
-            let numbers = text.x_mm.iter().chain(&text.y_mm).chain([&text.residual_mm]);
-            if !numbers.clone().all(|v| v.is_finite()) || text.residual_mm < 0.0 {
+        let found: Self = read::toml(text)?;
+        let maps = [("left", found.left), ("right", found.right), ("combined", found.combined)];
+        for (name, fit) in maps.iter().filter_map(|(name, fit)| Some((name, fit.as_ref()?))) {
+            let mut numbers = fit.map.x.iter().chain(&fit.map.y).chain([&fit.residual]);
+            if !numbers.all(|v| v.is_finite()) || fit.residual < 0.0 {
                 return Err(reason!("not-finite", "{name}: every number must be finite, the residual not negative"));
             }
-            let scale = text.unit.scale();
-            let row = |r: [f64; 3]| [r[0] * 1e-3 / scale, r[1] * 1e-3 / scale, r[2] * 1e-3];
-            let unit = match text.unit {
-                UnitText::Mm => Unit::Metres,
-                UnitText::Deg => Unit::Radians,
-                UnitText::Normalized => Unit::Normalized,
-                UnitText::Counts => Unit::Counts,
-            };
-            let map = Affine { x: row(text.x_mm), y: row(text.y_mm) };
-            Ok(Some(Fit { map, unit, residual: text.residual_mm * 1e-3, used: text.used }))
-        };
-        let (left, right) = (fit("left", file.left)?, fit("right", file.right)?);
-        let combined = fit("combined", file.combined)?;
-        if left.is_none() && right.is_none() && combined.is_none() {
+        }
+        if maps.iter().all(|(_, fit)| fit.is_none()) {
             return Err(reason!("no-map", "no map: give [left], [right] or [combined]"));
         }
-        Ok(Self { user: file.user, tracker: file.tracker, left, right, combined })
+        Ok(found)
     }
 
     /// A note for people if it was made with another tracker than the one of this name. Two trackers of one unit place the same
@@ -277,27 +245,8 @@ impl Calibration {
         ))
     }
 
-    /// The TOML text: millimetres of the pupil plane for each unit of the tracker, and for none.
+    /// The text of such a file.
     pub fn to_toml(&self) -> String {
-        let text = |fit: &Fit| {
-            let unit = match fit.unit {
-                Unit::Metres => UnitText::Mm,
-                Unit::Radians => UnitText::Deg,
-                Unit::Normalized => UnitText::Normalized,
-                Unit::Counts => UnitText::Counts,
-            };
-            let scale = unit.scale();
-            let row = |r: [f64; 3]| [r[0] * 1e3 * scale, r[1] * 1e3 * scale, r[2] * 1e3];
-            let (x_mm, y_mm) = (row(fit.map.x), row(fit.map.y));
-            FitText { unit, x_mm, y_mm, residual_mm: fit.residual * 1e3, used: fit.used }
-        };
-        let file = File {
-            user: self.user.clone(),
-            tracker: self.tracker.clone(),
-            left: self.left.as_ref().map(text),
-            right: self.right.as_ref().map(text),
-            combined: self.combined.as_ref().map(text),
-        };
-        toml::to_string(&file).unwrap_or_default()
+        toml::to_string(self).unwrap_or_default()
     }
 }

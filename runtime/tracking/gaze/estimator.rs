@@ -120,10 +120,8 @@ impl Estimator {
         let placed = self.placer.place(sample, self.noise.sqrt());
         self.counts.count(&placed);
         if self.placer.begins_again() {
-            (self.state, self.told) = (State::Unseen, None);
-            self.recent.clear();
-            self.filters.clear();
-            self.course.clear();
+            self.state = State::Unseen;
+            self.forget();
         }
         if let (Ok(_), Some(focus)) = (&placed, sample.focus_dioptres) {
             self.focus = Some(averaged(self.focus, focus));
@@ -150,7 +148,7 @@ impl Estimator {
 
     /// A note for people if the calibration was made with another tracker than the one of this name.
     pub fn note_on(&self, tracker: &str) -> Option<String> {
-        self.placer.calibration()?.note_on(tracker)
+        self.placer.calibration.as_ref()?.note_on(tracker)
     }
 
     /// Counts the samples so far by what became of them.
@@ -192,11 +190,7 @@ impl Estimator {
             self.diameter = Some(averaged(self.diameter, d));
         }
         self.recent.push_back((time, position));
-        while self.recent.len() > REMEMBERED
-            || self.recent.front().is_some_and(|p| p.0.saturating_add(REMEMBERED_NS) < time)
-        {
-            self.recent.pop_front();
-        }
+        keep_newest(&mut self.recent, REMEMBERED, |p| p.0.saturating_add(REMEMBERED_NS) >= time);
         self.state = match std::mem::replace(&mut self.state, State::Unseen) {
             State::Unseen => State::Steady(self.one_euro(time, position, 1)),
             State::Steady(filter) => self.steady(filter, time, position),
@@ -234,17 +228,9 @@ impl Estimator {
         match &self.state {
             State::Steady(filter) => {
                 self.filters.push_back(*filter);
-                while self.filters.len() > REMEMBERED
-                    || self.filters.front().is_some_and(|f| f.time_ns().saturating_add(REMEMBERED_NS) < time)
-                {
-                    self.filters.pop_front();
-                }
+                keep_newest(&mut self.filters, REMEMBERED, |f| f.time_ns.saturating_add(REMEMBERED_NS) >= time);
                 self.course.push_back((time, position));
-                while self.course.len() > LONGEST_COURSE
-                    || self.course.front().is_some_and(|p| p.0.saturating_add(COURSE_NS) < time)
-                {
-                    self.course.pop_front();
-                }
+                keep_newest(&mut self.course, LONGEST_COURSE, |p| p.0.saturating_add(COURSE_NS) >= time);
             }
             _ => {
                 self.filters.clear();
@@ -277,17 +263,17 @@ impl Estimator {
     /// Whether the newest measurements have left the steady prediction, and fast.
     fn noticed(&mut self, time: u64) -> Option<Jump> {
         // A filter that has not seen the window's measurements.
-        let before = self.filters.iter().rev().find(|f| f.time_ns().saturating_add(WINDOW_NS) < time)?;
+        let before = self.filters.iter().rev().find(|f| f.time_ns.saturating_add(WINDOW_NS) < time)?;
         let (mut mean, mut n) = ([0.0; 2], 0.0);
         for (t, p) in
-            self.recent.iter().rev().take_while(|p| p.0.saturating_add(WINDOW_NS) >= time && p.0 > before.time_ns())
+            self.recent.iter().rev().take_while(|p| p.0.saturating_add(WINDOW_NS) >= time && p.0 > before.time_ns)
         {
             let expected = before.at(*t, self.noise);
             mean = [0, 1].map(|i| mean[i] + p[i] - expected[i]);
             n += 1.0;
         }
         let off = (mean[0] / n).hypot(mean[1] / n);
-        let ahead = (time - before.time_ns()) as f64 * 1e-9 + before.lag;
+        let ahead = (time - before.time_ns) as f64 * 1e-9 + before.lag;
         let variance = self.noise * (1.0 / n + before.gain + ahead * ahead * before.velocity_gain);
         let degree = self.settings.radius * 1f64.to_radians();
         if off <= degree.max(4.8 * variance.sqrt()) {
@@ -303,11 +289,16 @@ impl Estimator {
         }
         // Where it was before: the filter from before any of this.
         let start = time.saturating_sub(25_000_000);
-        let calm = self.filters.iter().rev().find(|f| f.time_ns() <= start).or(self.filters.front())?;
-        let from = calm.at(start.max(calm.time_ns()), self.noise);
+        let calm = self.calm(start)?;
+        let from = calm.at(start.max(calm.time_ns), self.noise);
         let mut points = self.empty_room();
         points.extend(self.recent.iter().copied().filter(|p| p.0.saturating_add(48_000_000) >= time));
         Some(Jump::new(from, time, points, self.noise, &self.settings))
+    }
+
+    /// Returns the newest filter without measurements after `time`, or the oldest.
+    fn calm(&self, time: u64) -> Option<&OneEuro> {
+        self.filters.iter().rev().find(|f| f.time_ns <= time).or(self.filters.front())
     }
 
     fn empty_room(&mut self) -> VecDeque<Point> {
@@ -344,9 +335,8 @@ impl Estimator {
             State::Steady(filter) => {
                 // What was measured while the lid came down is not believed.
                 let before = self.last_ns.saturating_sub(LID_NS);
-                let calm = self.filters.iter().rev().find(|f| f.time_ns() <= before).or(self.filters.front());
-                let calm = calm.copied().unwrap_or(filter);
-                let held = calm.at(calm.time_ns(), noise);
+                let calm = self.calm(before).copied().unwrap_or(filter);
+                let held = calm.at(calm.time_ns, noise);
                 let spread = self.steady_spread(&calm, 0.05);
                 State::Lost { held, spread, since_ns: self.last_ns }
             }
@@ -364,11 +354,16 @@ impl Estimator {
             other => other,
         };
         if matches!(self.state, State::Lost { .. }) {
-            self.filters.clear();
-            self.recent.clear();
-            self.course.clear();
-            self.told = None;
+            self.forget();
         }
+    }
+
+    /// Forgets what was measured before a loss.
+    fn forget(&mut self) {
+        self.recent.clear();
+        self.filters.clear();
+        self.course.clear();
+        self.told = None;
     }
 
     /// How fast the eye turns, as far as that can be told: while it rests or follows something. A tracker that tells is believed;
@@ -443,6 +438,13 @@ impl Estimator {
         });
         let elsewhere = elsewhere.clamp(0.0, 1.0);
         PupilDistribution { centre: centre.map(reach), spread, diameter, focus, elsewhere }
+    }
+}
+
+/// Removes the oldest values until at most `most` are left and the first of them is `kept`.
+fn keep_newest<T>(queue: &mut VecDeque<T>, most: usize, kept: impl Fn(&T) -> bool) {
+    while queue.len() > most || queue.front().is_some_and(|oldest| !kept(oldest)) {
+        queue.pop_front();
     }
 }
 

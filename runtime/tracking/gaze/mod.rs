@@ -34,6 +34,7 @@ pub use settings::{Eye, Eyepiece, Settings};
 pub use stages::{Phase, Stages};
 
 use eyebox_base::error::Reason;
+use std::path::Path;
 
 /// What can be wrong with a calibration or a setting.
 #[derive(Debug, Clone, PartialEq, thiserror::Error, serde::Serialize)]
@@ -64,4 +65,11 @@ pub enum GazeError {
     /// A setting is out of its range.
     #[error("{0}")]
     Setting(Reason),
+}
+
+impl GazeError {
+    /// `file` cannot be used.
+    fn file(file: &Path, reason: impl Into<Reason>) -> Self {
+        Self::File { file: file.display().to_string(), reason: reason.into() }
+    }
 }

@@ -19,7 +19,8 @@ pub struct OneEuro {
     pub gain: f64,
     /// Variance of `velocity` for measurements of variance 1, per square second.
     pub velocity_gain: f64,
-    time_ns: u64,
+    /// The time of the last measurement.
+    pub time_ns: u64,
     last: [f64; 2],
     /// Measurements since the start: the first ones are averaged, not filtered.
     count: u32,
@@ -53,11 +54,6 @@ impl OneEuro {
             beta,
             speed_cutoff,
         }
-    }
-
-    /// The time of the last measurement.
-    pub fn time_ns(&self) -> u64 {
-        self.time_ns
     }
 
     /// Takes a measurement, later than the last one (an earlier one is ignored).

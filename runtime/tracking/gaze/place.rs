@@ -1,6 +1,6 @@
 //! Tracker coordinates to metres in the pupil plane, and what is not believed.
 
-use super::{Calibration, Eye, Settings};
+use super::{Calibration, Eye, Fit, Settings};
 use crate::trackers::{Quantity, Reading, Sample, Unit};
 use serde::Serialize;
 
@@ -21,23 +21,30 @@ pub struct Placed {
 }
 
 /// Why a sample is not believed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Refusal {
     /// The eye was not seen.
+    #[error("the eye is not seen")]
     NotSeen,
     /// It was hardly seen.
+    #[error("the eye is hardly seen")]
     Confidence,
     /// There is no map for what was measured: it needs a calibration.
+    #[error("what is measured needs a calibration")]
     NoMap,
     /// Farther out than the eyebox.
+    #[error("outside the eyebox")]
     OutOfReach,
     /// The sample's time stands still, runs back, or lies ahead of its arrival.
+    #[error("its time is wrong, or that of a sample before")]
     Time,
     /// The eyes are too near to each other, or too far apart.
+    #[error("the distance between the eyes is impossible")]
     BetweenEyes,
     /// No eye turns so fast.
+    #[error("no eye turns so fast")]
     TooFast,
 }
 
@@ -49,20 +56,6 @@ impl Refusal {
     /// The key of its count in statistics.
     pub fn key(self) -> &'static str {
         ["not_seen", "confidence", "no_map", "out_of_reach", "time", "between_eyes", "too_fast"][self as usize]
-    }
-}
-
-impl std::fmt::Display for Refusal {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::NotSeen => "the eye is not seen",
-            Self::Confidence => "the eye is hardly seen",
-            Self::NoMap => "what is measured needs a calibration",
-            Self::OutOfReach => "outside the eyebox",
-            Self::Time => "its time is wrong, or that of a sample before",
-            Self::BetweenEyes => "the distance between the eyes is impossible",
-            Self::TooFast => "no eye turns so fast",
-        })
     }
 }
 
@@ -107,10 +100,11 @@ const SET_BACK_NS: u64 = 250_000_000;
 const UNKNOWN_OFFSET: f64 = 0.5e-3;
 
 /// Places samples; remembers how the eyes differ, and the last believed one.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Placer {
     settings: Settings,
-    calibration: Option<Calibration>,
+    /// The user's calibration, if there is one.
+    pub(super) calibration: Option<Calibration>,
     /// Right less left, and how often it was seen.
     offset: [f64; 2],
     offset_square: f64,
@@ -138,26 +132,7 @@ const UNUSUAL: f64 = 0.85;
 impl Placer {
     /// Without a calibration the rotation of the eye is all that is known.
     pub fn new(settings: Settings, calibration: Option<Calibration>) -> Self {
-        Self {
-            settings,
-            calibration,
-            offset: [0.0; 2],
-            offset_square: 0.0,
-            offset_count: 0,
-            eyes: [None; 2],
-            guessed: false,
-            begins_again: false,
-            last: None,
-            last_time_ns: None,
-            set_back: None,
-            suspect: None,
-            usual: [0.0; 3],
-        }
-    }
-
-    /// The user's calibration, if there is one.
-    pub fn calibration(&self) -> Option<&Calibration> {
-        self.calibration.as_ref()
+        Self { settings, calibration, ..Self::default() }
     }
 
     /// Where a sample says that the pupil is; `noise` is the standard deviation of its coordinates.
@@ -223,8 +198,7 @@ impl Placer {
 
     /// Both eyes, one, or what stands for both.
     fn one(&mut self, sample: &Sample) -> Result<Placed, Refusal> {
-        let left = self.map(0, &sample.left, |c| c.left.as_ref(), sample);
-        let right = self.map(1, &sample.right, |c| c.right.as_ref(), sample);
+        let (left, right) = (self.map(0, sample), self.map(1, sample));
         // Cameras may take turns: then each sample has one eye.
         for (newest, found) in self.eyes.iter_mut().zip([&left, &right]) {
             if let Ok(found) = found {
@@ -266,7 +240,7 @@ impl Placer {
             (Eye::Mean, Err(_), Ok(r)) => Ok(shifted(r, -0.5)),
             (_, Err(why_left), Err(why_right)) => {
                 // The most telling reason: something was there, but not good enough.
-                self.map(2, &sample.combined, |c| c.combined.as_ref(), sample).map_err(|why| {
+                self.map(2, sample).map_err(|why| {
                     let told = [why, why_left, why_right].into_iter().find(|w| *w != Refusal::NotSeen);
                     told.unwrap_or(Refusal::NotSeen)
                 })
@@ -274,23 +248,17 @@ impl Placer {
         }
     }
 
-    /// One reading in the pupil plane, with the standard deviation of its map.
-    fn map(
-        &self,
-        index: usize,
-        reading: &Option<Reading>,
-        fit: impl Fn(&Calibration) -> Option<&super::Fit>,
-        sample: &Sample,
-    ) -> Result<Placed, Refusal> {
+    /// One reading (left, right, combined) in the pupil plane, with the standard deviation of its map.
+    fn map(&self, index: usize, sample: &Sample) -> Result<Placed, Refusal> {
+        let reading = [&sample.left, &sample.right, &sample.combined][index];
         let Some(reading) = reading.as_ref().filter(|r| r.valid) else { return Err(Refusal::NotSeen) };
         let least = self.settings.confidence.max(UNUSUAL * self.usual[index]);
         if reading.confidence.is_nan() || reading.confidence < least {
             return Err(Refusal::Confidence);
         }
-        let fit = match &self.calibration {
-            Some(calibration) => Some(fit(calibration).filter(|f| f.unit == reading.unit).ok_or(Refusal::NoMap)?),
-            None => None,
-        };
+        let fits = self.calibration.as_ref().map(|c| [&c.left, &c.right, &c.combined]);
+        let its_unit = |fit: &&Fit| fit.unit == reading.unit;
+        let fit = fits.map(|fits| fits[index].as_ref().filter(its_unit).ok_or(Refusal::NoMap)).transpose()?;
         let at = |reading: &Reading, gaze: Option<&Reading>| match fit {
             Some(fit) => Some(fit.map.apply(reading.position)),
             None => rotation(reading, gaze, &self.settings),
@@ -338,18 +306,12 @@ impl Placer {
             let far = (placed.position[0] - a.position[0]).hypot(placed.position[1] - a.position[1]);
             far <= self.settings.fastest * self.settings.radius * seconds + 5.0 * noise + 0.25e-3
         };
-        if self.last.as_ref().is_none_or(near) {
-            self.suspect = None;
-            self.last = Some(placed);
-            return Ok(placed);
-        }
         let count = match &self.suspect {
             Some((before, count)) if near(before) => count + 1,
             _ => 1,
         };
-        if count >= AGREE {
-            self.suspect = None;
-            self.last = Some(placed);
+        if self.last.as_ref().is_none_or(near) || count >= AGREE {
+            (self.suspect, self.last) = (None, Some(placed));
             return Ok(placed);
         }
         self.suspect = Some((placed, count));

@@ -161,11 +161,8 @@ impl Jump {
                     ff += n * f * f;
                     fr = [0, 1].map(|i| fr[i] + n * f * r[i]);
                 }
-                if ff <= 0.0 {
-                    continue;
-                }
                 let along = fr[0].hypot(fr[1]);
-                if along <= 0.0 {
+                if ff <= 0.0 || along <= 0.0 {
                     continue;
                 }
                 let scatter = (SCATTER * expected).powi(2) + noise;

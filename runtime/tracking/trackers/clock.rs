@@ -72,7 +72,8 @@ pub struct ForeignClock {
     /// The newest tracker time, when it first arrived, and where it was placed.
     last: Option<(i128, [u64; 2])>,
     stands: bool,
-    sets: u64,
+    /// How often the clock was set.
+    pub sets: u64,
     events: VecDeque<ClockEvent>,
 }
 
@@ -97,11 +98,6 @@ impl ForeignClock {
         if self.unit.state(unit) {
             (self.line, self.candidate, self.last) = (None, None, None);
         }
-    }
-
-    /// Counts how often the clock was set.
-    pub fn sets(&self) -> u64 {
-        self.sets
     }
 
     /// Takes the next change out.

@@ -30,21 +30,15 @@ pub(super) const EXAMPLE: &str = r#"each sample is a line such as {"t": 12.5, "x
 /// Longest line, bytes.
 pub const LONGEST_LINE: usize = 2048;
 
+/// Unit in a line. Other files cannot state `m`.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-enum UnitText {
+enum LineUnit {
     Mm,
     M,
     Deg,
     Normalized,
     Counts,
-}
-
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum WhatText {
-    Pupil,
-    Gaze,
 }
 
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
@@ -60,8 +54,8 @@ struct ReadingText {
     vx: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     vy: Option<f64>,
-    unit: Option<UnitText>,
-    what: Option<WhatText>,
+    unit: Option<LineUnit>,
+    what: Option<Quantity>,
     #[serde(skip_serializing_if = "Option::is_none")]
     diameter: Option<f64>,
     confidence: Option<f64>,
@@ -135,21 +129,17 @@ const SMALLEST_MM: f64 = 0.1;
 
 impl ReadingText {
     fn reading(self) -> Reading {
-        let (unit, scale) = match self.unit.unwrap_or(UnitText::Mm) {
-            UnitText::Mm => (Unit::Metres, 1e-3),
-            UnitText::M => (Unit::Metres, 1.0),
-            UnitText::Deg => (Unit::Radians, 1f64.to_radians()),
-            UnitText::Normalized => (Unit::Normalized, 1.0),
-            UnitText::Counts => (Unit::Counts, 1.0),
-        };
-        let quantity = match self.what.unwrap_or(WhatText::Pupil) {
-            WhatText::Pupil => Quantity::Pupil,
-            WhatText::Gaze => Quantity::Gaze,
+        let (unit, scale) = match self.unit.unwrap_or(LineUnit::Mm) {
+            LineUnit::Mm => (Unit::Metres, 1e-3),
+            LineUnit::M => (Unit::Metres, 1.0),
+            LineUnit::Deg => (Unit::Radians, 1f64.to_radians()),
+            LineUnit::Normalized => (Unit::Normalized, 1.0),
+            LineUnit::Counts => (Unit::Counts, 1.0),
         };
         let position = [self.x, self.y].map(|v| v.flatten().map_or(f64::NAN, |v| v * scale));
-        let in_metres = |d: f64| matches!(self.unit, Some(UnitText::M)) && d < SMALLEST_MM;
+        let in_metres = |d: f64| matches!(self.unit, Some(LineUnit::M)) && d < SMALLEST_MM;
         Reading {
-            quantity,
+            quantity: self.what.unwrap_or_default(),
             unit,
             position,
             distance: self.z.map(|z| z * scale),
@@ -163,10 +153,10 @@ impl ReadingText {
 
     fn of(reading: &Reading) -> Self {
         let (unit, scale) = match reading.unit {
-            Unit::Metres => (UnitText::Mm, 1e3),
-            Unit::Radians => (UnitText::Deg, 1f64.to_degrees()),
-            Unit::Normalized => (UnitText::Normalized, 1.0),
-            Unit::Counts => (UnitText::Counts, 1.0),
+            Unit::Metres => (LineUnit::Mm, 1e3),
+            Unit::Radians => (LineUnit::Deg, 1f64.to_degrees()),
+            Unit::Normalized => (LineUnit::Normalized, 1.0),
+            Unit::Counts => (LineUnit::Counts, 1.0),
         };
         // To a billionth, so that 1.5 mm are not written as 1.5000000000000002.
         let scaled = |v: f64| (v * scale * 1e9).round() / 1e9;
@@ -179,7 +169,7 @@ impl ReadingText {
             vx: velocity.map(|v| v[0]),
             vy: velocity.map(|v| v[1]),
             unit: Some(unit),
-            what: Some(if reading.quantity == Quantity::Gaze { WhatText::Gaze } else { WhatText::Pupil }),
+            what: Some(reading.quantity),
             diameter: reading.diameter.map(|d| (d * 1e12).round() / 1e9),
             confidence: Some(reading.confidence),
             valid: Some(reading.valid),

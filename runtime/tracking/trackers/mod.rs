@@ -12,13 +12,12 @@
 //! | `FILE.jsonl` | recorded samples, one JSON object a line ([`mod@line`]) |
 //! | `pupil://HOST[:PORT]` | Pupil Core's network interface ([`pupil_labs`]) |
 //! | `udp://[HOST]:PORT` | lines of JSON in datagrams ([`udp`]) |
-//! | `mouse` | positions that a window pushes ([`mouse`]) |
+//! | `mouse` | positions that a window pushes ([`pushed`]) |
 //! | a program | samples of a tracker of its own ([`pushed`]) |
 //! | `simulated[:SEED]` | a simulated eye before a simulated tracker ([`simulated`]) |
 
 pub mod hid;
 pub mod line;
-pub mod mouse;
 #[cfg(feature = "trackers")]
 pub mod pupil_labs;
 pub mod pushed;
@@ -40,6 +39,7 @@ pub use clock::Unwrap;
 pub use error::TrackerError;
 pub use eyebox_base::steady::now_ns;
 pub use open::{Options, Spec, open};
+pub(crate) use sample::UnitText;
 pub use sample::{Quantity, Reading, Sample, Unit};
 pub use source::{About, Dropped, Event, Head, Source};
 pub use stream::{Status, Stream};

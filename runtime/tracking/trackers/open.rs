@@ -118,7 +118,7 @@ impl Default for Options {
 ///
 /// # Errors
 /// A file that cannot be used, an address that cannot be had, numbers whose unit is not known; [`TrackerError::Setting`] for the mouse, which a window
-/// has to open ([`mouse::channel`](super::mouse::channel)).
+/// has to open ([`pushed::mouse`](super::pushed::mouse)).
 pub fn open(spec: &Spec, options: &Options) -> Result<Box<dyn Source>, TrackerError> {
     let latency_ns = u64::try_from(options.latency.as_nanos()).unwrap_or(u64::MAX);
     let file = options.device_file.as_deref().map(DeviceFile::load).transpose()?;

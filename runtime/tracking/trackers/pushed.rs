@@ -1,4 +1,4 @@
-//! Samples that a program pushes: one that has a tracker of its own, or a window with a mouse ([`mouse`](super::mouse)).
+//! Samples that a program pushes: one that has a tracker of its own, or a window with a mouse.
 
 use super::clock::ForeignClock;
 use super::{About, Dropped, Event, Quantity, Reading, Sample, Source, TimeUnit, TrackerError, Unit, now_ns};
@@ -41,6 +41,22 @@ impl SampleSender {
     }
 }
 
+/// Where a window pushes the mouse's position.
+#[derive(Debug, Clone)]
+pub struct MouseHandle(SampleSender);
+
+impl MouseHandle {
+    /// The pupil is where the mouse points: metres in the pupil plane.
+    pub fn push(&self, position: [f64; 2]) {
+        self.0.pupil(position, None, Duration::ZERO);
+    }
+
+    /// The mouse has left the window: the eye is closed.
+    pub fn leave(&self) {
+        self.push([f64::NAN; 2]);
+    }
+}
+
 /// Whether a time is one of the same clock as an arrival.
 fn is_near(time_ns: u64, received_ns: u64) -> bool {
     received_ns.checked_sub(time_ns).is_some_and(|age| u128::from(age) <= OLDEST.as_nanos())
@@ -60,7 +76,13 @@ pub fn channel() -> (SampleSender, PushedSource) {
     named("the program's own tracker", "program")
 }
 
-pub(super) fn named(name: &'static str, kind: &'static str) -> (SampleSender, PushedSource) {
+/// A mouse: the window's end and the tracker's.
+pub fn mouse() -> (MouseHandle, PushedSource) {
+    let (sender, source) = named("mouse", "mouse");
+    (MouseHandle(sender), source)
+}
+
+fn named(name: &'static str, kind: &'static str) -> (SampleSender, PushedSource) {
     let samples = Mailbox::new(KEPT);
     let clock = ForeignClock::of(TimeUnit::Seconds);
     (SampleSender(samples.clone()), PushedSource { clock, samples, name, kind })
@@ -92,7 +114,7 @@ impl Source for PushedSource {
     }
 
     fn dropped(&self) -> Dropped {
-        Dropped { clock_sets: self.clock.sets(), ..Dropped::default() }
+        Dropped { clock_sets: self.clock.sets, ..Dropped::default() }
     }
 }
 
@@ -141,5 +163,24 @@ mod tests {
                 assert!(sample.time_ns.abs_diff(taken) < 1000 || (ahead != 0 && i < 6), "{ahead} s, {i}");
             }
         }
+    }
+
+    #[test]
+    fn the_newest_positions_are_kept_and_leaving_closes_the_eye() {
+        let (handle, mut source) = mouse();
+        for i in 0..1000 {
+            handle.push([f64::from(i), 0.0]);
+        }
+        handle.leave();
+        let mut samples = Vec::new();
+        while let Event::Sample(sample, _) = source.next(Duration::ZERO).unwrap() {
+            samples.push(sample.combined.unwrap());
+        }
+        assert_eq!(samples.len(), KEPT);
+        assert_eq!(samples[KEPT - 2].position[0], 999.0);
+        assert!(!samples[KEPT - 1].valid);
+        drop(handle);
+        // The source holds no sender of its own, so it ends with the window.
+        assert_eq!(source.next(Duration::ZERO).unwrap(), Event::End);
     }
 }

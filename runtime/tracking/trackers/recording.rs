@@ -10,12 +10,13 @@
 //!
 //! Replayed in real time, or as fast as it is read with the recorded times, through the decoder of live devices.
 
-use super::hid::{Decoder, Descriptor, HidError, Layout};
+use super::hid::{Decoder, HidError, Layout};
 pub use super::source::Head;
-use super::source::{About, Dropped, Event, Source};
+use super::source::{About, Dropped, Event, Source, end_of, wait_for};
 use super::time_unit::timeline;
 use super::{TrackerError, now_ns};
 use eyebox_base::error::Reason;
+use eyebox_base::files::read;
 use eyebox_base::reason;
 use std::io::{self, BufRead, Read, Write};
 use std::path::Path;
@@ -54,8 +55,7 @@ impl Recording {
     /// # Errors
     /// [`TrackerError::File`], naming file and line.
     pub fn load(file: &Path) -> Result<Self, TrackerError> {
-        let open =
-            eyebox_base::files::read::lines(file, LONGEST).map_err(|e| TrackerError::file(file, e.to_string()))?;
+        let open = read::lines(file, LONGEST).map_err(|e| TrackerError::file(file, e.to_string()))?;
         Self::read(open).map_err(|reason| TrackerError::file(file, reason))
     }
 
@@ -231,12 +231,7 @@ impl RecordingSource {
     ) -> Result<Self, HidError> {
         let mut refused = None;
         for (device, head) in recording.devices.iter().enumerate().filter(|(_, h)| !h.descriptor.is_empty()) {
-            let found = match layout {
-                Some(layout) => Ok(layout.clone()),
-                None => Descriptor::parse(&head.descriptor).and_then(|d| {
-                    Layout::find(&d).map_err(|reason| HidError::NotAnEyeTracker { name: head.name.clone(), reason })
-                }),
-            };
+            let found = layout.cloned().map_or_else(|| Layout::of(&head.descriptor, &head.name), Ok);
             let layout = match found {
                 Ok(layout) => layout,
                 Err(e) => {
@@ -274,21 +269,15 @@ impl Source for RecordingSource {
     }
 
     fn next(&mut self, timeout: Duration) -> Result<Event, TrackerError> {
-        let until = now_ns().saturating_add(u64::try_from(timeout.as_nanos()).unwrap_or(u64::MAX));
+        let until = end_of(timeout);
         loop {
-            if let Some(event) = self.decoder.clock_event() {
+            if let Some(event) = self.decoder.clock.event() {
                 return Ok(Event::Note(format!("{}: {event}", self.name)));
             }
             let Some(arrival) = self.arrivals.as_slice().first() else { return Ok(Event::End) };
             let due = self.start_ns.saturating_add(*arrival);
-            if self.real_time {
-                let now = now_ns();
-                if due > now {
-                    std::thread::sleep(Duration::from_nanos(due.min(until) - now.min(until)));
-                }
-                if due > until {
-                    return Ok(Event::Nothing);
-                }
+            if self.real_time && !wait_for(due, until) {
+                return Ok(Event::Nothing);
             }
             self.arrivals.next();
             let Some(next) = self.reports.next() else { return Ok(Event::End) };
@@ -299,7 +288,7 @@ impl Source for RecordingSource {
     }
 
     fn dropped(&self) -> Dropped {
-        Dropped { clock_sets: self.sets + self.decoder.clock_sets(), ..Dropped::default() }
+        Dropped { clock_sets: self.sets + self.decoder.clock.sets, ..Dropped::default() }
     }
 
     fn recording_head(&self) -> Option<Head> {

@@ -1,6 +1,6 @@
 //! What every source gives: samples with a steady time.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// What a position is measured in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -17,15 +17,39 @@ pub enum Unit {
     Counts,
 }
 
+impl Unit {
+    /// Returns how many of this unit make one of the unit in files ([`UnitText`]).
+    pub(crate) fn of_stated(self) -> f64 {
+        match self {
+            Self::Metres => 1e-3,
+            Self::Radians => 1f64.to_radians(),
+            Self::Normalized | Self::Counts => 1.0,
+        }
+    }
+}
+
+/// How files state a unit.
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "Unit", rename_all = "lowercase")]
+pub(crate) enum UnitText {
+    #[serde(rename = "mm")]
+    Metres,
+    #[serde(rename = "deg")]
+    Radians,
+    Normalized,
+    Counts,
+}
+
 /// What a position tells.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Quantity {
+    /// Where the eye, or its pupil, is.
+    #[default]
+    Pupil,
     /// Where the eye looks: a point on a screen, or a direction.
     Gaze,
-    /// Where the eye, or its pupil, is.
-    Pupil,
 }
 
 /// One measured position.

@@ -3,9 +3,12 @@
 //! The eye fixates, drifts and trembles, jumps by saccades whose duration follows the main sequence (Carpenter 1988:
 //! 21 ms + 2.2 ms a degree) with some scatter and a speed that peaks early, follows smoothly, blinks, and changes the
 //! size of its pupil. The tracker samples it at a rate, with noise and delay; it loses it while the lid is down, and is
-//! led astray while the lid moves. One seed, one eye.
+//! led astray while the lid moves. One seed, one eye. The numbers come from `fastrand`, because another generator would make
+//! another eye of each seed.
 
+use super::source::{end_of, wait_for};
 use super::{About, Event, Quantity, Reading, Sample, Source, TrackerError, Unit, now_ns};
+use crate::gaze::saccade::{duration, progress};
 use eyebox_base::reason;
 use fastrand::Rng;
 use std::collections::VecDeque;
@@ -186,7 +189,10 @@ impl Eye {
             Move::Follow => (u, Doing::Pursuit),
             Move::Jump { early } => {
                 let landing = self.place(segment.to, segment.end_ns);
-                (progress(u, early), Doing::Saccade { began_ns: segment.start_ns, lands_ns: segment.end_ns, landing })
+                (
+                    progress(u.powf(early)),
+                    Doing::Saccade { began_ns: segment.start_ns, lands_ns: segment.end_ns, landing },
+                )
             }
         };
         let at = |i: usize| segment.from[i] + (segment.to[i] - segment.from[i]) * share;
@@ -236,7 +242,7 @@ impl Eye {
                 let amplitude = distance(last.to, to).to_degrees();
                 let scatter = self.between([0.88, 1.12]);
                 let early = self.between([0.85, 1.0]);
-                (Move::Jump { early }, to, (21e-3 + 2.2e-3 * amplitude) * scatter)
+                (Move::Jump { early }, to, duration(amplitude) * scatter)
             }
             Move::Jump { .. } => {
                 let lasts = self.between(self.settings.fixation).max(0.05);
@@ -269,12 +275,6 @@ fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
 
 fn waves<const N: usize>(waves: &[[f64; 3]; N], t: f64) -> f64 {
     waves.iter().map(|[amplitude, hertz, phase]| amplitude * (TAU * hertz * t + phase).sin()).sum()
-}
-
-/// Share of a saccade that is done at share `u` of its time: minimum jerk (Hogan 1984), its peak shifted early.
-fn progress(u: f64, early: f64) -> f64 {
-    let u = u.clamp(0.0, 1.0).powf(early);
-    u * u * u * (10.0 + u * (6.0 * u - 15.0))
 }
 
 fn lid([close, open]: [u64; 2], time: u64) -> f64 {
@@ -368,18 +368,10 @@ impl Source for SimulatedSource {
     }
 
     fn next(&mut self, timeout: Duration) -> Result<Event, TrackerError> {
-        let sample = match self.waiting.take() {
-            Some(sample) => sample,
-            None => self.sample(),
-        };
-        if self.real_time {
-            let now = now_ns();
-            let until = now.saturating_add(u64::try_from(timeout.as_nanos()).unwrap_or(u64::MAX));
-            std::thread::sleep(Duration::from_nanos(sample.received_ns.min(until).saturating_sub(now)));
-            if sample.received_ns > until {
-                self.waiting = Some(sample);
-                return Ok(Event::Nothing);
-            }
+        let sample = self.waiting.take().unwrap_or_else(|| self.sample());
+        if self.real_time && !wait_for(sample.received_ns, end_of(timeout)) {
+            self.waiting = Some(sample);
+            return Ok(Event::Nothing);
         }
         Ok(Event::Sample(sample, None))
     }

@@ -1,6 +1,6 @@
 //! What a tracker is to the rest: a source of samples.
 
-use super::{Sample, TrackerError};
+use super::{Sample, TrackerError, now_ns};
 use serde::Serialize;
 use std::time::Duration;
 
@@ -66,6 +66,44 @@ pub enum Event {
     Note(String),
     /// The source is at its end: a recording.
     End,
+}
+
+/// Counts messages that cannot be read, and makes a note of one per second at most.
+#[derive(Debug, Default)]
+pub(super) struct Complaints {
+    pub count: u64,
+    said_ns: Option<u64>,
+}
+
+impl Complaints {
+    /// Counts a message. Returns a note about it, unless the last note is less than a second old.
+    pub(super) fn add(&mut self, now: u64, name: &str, what: impl std::fmt::Display) -> Option<Event> {
+        self.count += 1;
+        if self.said_ns.is_some_and(|at| now.saturating_sub(at) < 1_000_000_000) {
+            return None;
+        }
+        self.said_ns = Some(now);
+        Some(Event::Note(format!("{name}: {what} ({} dropped so far)", self.count)))
+    }
+}
+
+/// Makes a note of a text, unless it is the last one, `said`.
+pub(super) fn news(said: &mut String, text: String) -> Option<Event> {
+    (*said != text).then(|| {
+        said.clone_from(&text);
+        Event::Note(text)
+    })
+}
+
+/// Returns the end of `timeout` on the steady clock, nanoseconds.
+pub(super) fn end_of(timeout: Duration) -> u64 {
+    now_ns().saturating_add(u64::try_from(timeout.as_nanos()).unwrap_or(u64::MAX))
+}
+
+/// Sleeps until `due_ns`, or until `until_ns` if that is earlier. Returns whether `due_ns` has come.
+pub(super) fn wait_for(due_ns: u64, until_ns: u64) -> bool {
+    std::thread::sleep(Duration::from_nanos(due_ns.min(until_ns).saturating_sub(now_ns())));
+    due_ns <= until_ns
 }
 
 /// A tracker.

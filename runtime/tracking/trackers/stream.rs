@@ -8,8 +8,8 @@ use super::recording::Head;
 use super::{About, Dropped, Event, Sample, Source, TrackerError};
 use eyebox_base::mailbox::Mailbox;
 use eyebox_base::reason;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -34,20 +34,35 @@ pub struct Status {
     pub failure: Option<String>,
 }
 
+/// State of a source.
+#[derive(Default)]
+struct Known {
+    status: Status,
+    about: Option<About>,
+    head: Option<Head>,
+    tracker: Option<String>,
+}
+
+impl Known {
+    fn look(&mut self, source: &dyn Source) {
+        (self.about, self.head, self.tracker) = (Some(source.about()), source.recording_head(), source.tracker());
+    }
+}
+
 #[derive(Default)]
 struct Shared {
     stop: AtomicBool,
-    samples: AtomicU64,
-    dropped: AtomicU64,
-    ended: AtomicBool,
-    failure: Mutex<Option<String>>,
-    about: Mutex<(Option<About>, Option<Head>)>,
-    tracker: Mutex<Option<String>>,
-    by_source: Mutex<Dropped>,
+    known: Mutex<Known>,
+}
+
+impl Shared {
+    fn known(&self) -> MutexGuard<'_, Known> {
+        self.known.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 /// A sample with the report that it came in.
-type Arrival = (Sample, Option<Box<[u8]>>);
+pub type Arrival = (Sample, Option<Box<[u8]>>);
 
 /// A running source; dropped, it stops.
 pub struct Stream {
@@ -79,7 +94,7 @@ impl Stream {
     }
 
     /// As [`next`](Self::next), with the report that the sample came in.
-    pub fn next_with_report(&self, timeout: Duration) -> Option<(Sample, Option<Box<[u8]>>)> {
+    pub fn next_with_report(&self, timeout: Duration) -> Option<Arrival> {
         self.samples.take_within(timeout)
     }
 
@@ -96,30 +111,22 @@ impl Stream {
 
     /// What the source says of itself.
     pub fn about(&self) -> Option<About> {
-        self.shared.about.lock().unwrap_or_else(PoisonError::into_inner).0.clone()
+        self.shared.known().about.clone()
     }
 
     /// The head of a recording of the source, once it is known; `None` from sources without reports.
     pub fn recording_head(&self) -> Option<Head> {
-        self.shared.about.lock().unwrap_or_else(PoisonError::into_inner).1.clone()
+        self.shared.known().head.clone()
     }
 
     /// The name of the tracker, once it is known ([`Source::tracker`]).
     pub fn tracker(&self) -> Option<String> {
-        self.shared.tracker.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.shared.known().tracker.clone()
     }
 
-    /// How it is doing.
+    /// Returns its state. If the source has ended, an empty mailbox stays empty.
     pub fn status(&self) -> Status {
-        let s = &self.shared;
-        Status {
-            samples: s.samples.load(Ordering::Relaxed),
-            dropped: s.dropped.load(Ordering::Relaxed),
-            source: *s.by_source.lock().unwrap_or_else(PoisonError::into_inner),
-            // After this, whoever sees an empty mailbox has seen everything.
-            ended: s.ended.load(Ordering::Acquire),
-            failure: s.failure.lock().unwrap_or_else(PoisonError::into_inner).clone(),
-        }
+        self.shared.known().status.clone()
     }
 }
 
@@ -133,34 +140,29 @@ impl Drop for Stream {
 }
 
 fn run(source: Box<dyn Source>, samples: &Mailbox<Arrival>, notes: &Mailbox<String>, shared: &Shared) {
-    let tell = |source: &dyn Source| {
-        *shared.about.lock().unwrap_or_else(PoisonError::into_inner) = (Some(source.about()), source.recording_head());
-        *shared.tracker.lock().unwrap_or_else(PoisonError::into_inner) = source.tracker();
-    };
     // A program's own source may measure in another unit as well.
     let mut source = Guard::new(source);
-    tell(&source);
+    shared.known().look(&source);
     while !shared.stop.load(Ordering::Relaxed) {
         let next = source.next(POLL_INTERVAL);
-        *shared.by_source.lock().unwrap_or_else(PoisonError::into_inner) = source.dropped();
+        let mut known = shared.known();
+        known.status.source = source.dropped();
         match next {
             Ok(Event::Sample(sample, report)) => {
-                shared.samples.fetch_add(1, Ordering::Relaxed);
-                if samples.push((sample, report)).is_some() {
-                    shared.dropped.fetch_add(1, Ordering::Relaxed);
-                }
+                known.status.samples += 1;
+                known.status.dropped += u64::from(samples.push((sample, report)).is_some());
             }
             Ok(Event::Nothing) => {}
             Ok(Event::Note(text)) => {
-                tell(&source);
+                known.look(&source);
                 let _ = notes.put(text);
             }
             Ok(Event::End) => break,
             Err(e) => {
-                *shared.failure.lock().unwrap_or_else(PoisonError::into_inner) = Some(e.to_string());
+                known.status.failure = Some(e.to_string());
                 break;
             }
         }
     }
-    shared.ended.store(true, Ordering::Release);
+    shared.known().status.ended = true;
 }

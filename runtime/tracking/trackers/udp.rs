@@ -8,6 +8,7 @@ use super::clock::{ClockEvent, ForeignClock};
 use super::guard::Units;
 use super::line::{self, LONGEST_LINE, Line};
 use super::resolve::resolve;
+use super::source::Complaints;
 use super::{About, Dropped, Event, Sample, Source, TrackerError, now_ns};
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
@@ -19,7 +20,6 @@ const MOST_LINES: usize = 16;
 /// The longest that a name may take to be resolved.
 const RESOLVED: Duration = Duration::from_secs(5);
 const SILENT_NS: u64 = 2_000_000_000;
-const SAY_NS: u64 = 1_000_000_000;
 
 /// Listens for lines of JSON.
 #[derive(Debug)]
@@ -35,8 +35,7 @@ pub struct UdpSource {
     sets: u64,
     waiting: VecDeque<Sample>,
     notes: VecDeque<String>,
-    wrong: u64,
-    said_ns: Option<u64>,
+    wrong: Complaints,
     buffer: Box<[u8; LONGEST_LINE + 1]>,
 }
 
@@ -61,8 +60,7 @@ impl UdpSource {
             sets: 0,
             waiting: VecDeque::new(),
             notes: VecDeque::new(),
-            wrong: 0,
-            said_ns: None,
+            wrong: Complaints::default(),
             buffer: Box::new([0; LONGEST_LINE + 1]),
         })
     }
@@ -72,18 +70,12 @@ impl UdpSource {
     /// # Errors
     /// [`TrackerError::Network`].
     pub fn local(&self) -> Result<SocketAddr, TrackerError> {
-        let wrong =
-            |e: std::io::Error| TrackerError::Network { address: self.address.clone(), reason: e.to_string().into() };
-        self.socket.local_addr().map_err(wrong)
+        let wrong = |reason: Reason| TrackerError::Network { address: self.address.clone(), reason };
+        self.socket.local_addr().map_err(|e| wrong(e.to_string().into()))
     }
 
     fn complain(&mut self, now: u64, what: String) -> Event {
-        self.wrong += 1;
-        if self.said_ns.is_some_and(|at| now.saturating_sub(at) < SAY_NS) {
-            return Event::Nothing;
-        }
-        self.said_ns = Some(now);
-        Event::Note(format!("{}: {what} ({} dropped so far)", self.address, self.wrong))
+        self.wrong.add(now, &self.address, what).unwrap_or(Event::Nothing)
     }
 
     fn datagram(&mut self, length: usize, now: u64) -> Option<String> {
@@ -149,18 +141,13 @@ impl Source for UdpSource {
             return Ok(Event::Nothing);
         };
         let now = now_ns();
-        let fresh = match self.sender {
-            Some((sender, at)) if sender != from => {
-                if now.saturating_sub(at) < SILENT_NS {
-                    return Ok(self.complain(now, format!("a second sender, {from}, beside {sender}")));
-                }
-                true
-            }
-            Some(_) => false,
-            None => true,
-        };
+        let other = self.sender.filter(|(sender, _)| *sender != from);
+        if let Some((sender, _)) = other.filter(|(_, at)| now.saturating_sub(*at) < SILENT_NS) {
+            return Ok(self.complain(now, format!("a second sender, {from}, beside {sender}")));
+        }
+        let fresh = self.sender.is_none() || other.is_some();
         if fresh {
-            self.sets += self.clock.sets();
+            self.sets += self.clock.sets;
             (self.clock, self.units) = (ForeignClock::new(), Units::default());
         }
         let wrong = self.datagram(length, now);
@@ -177,7 +164,7 @@ impl Source for UdpSource {
     }
 
     fn dropped(&self) -> Dropped {
-        Dropped { messages: self.wrong, clock_sets: self.sets + self.clock.sets(), ..Dropped::default() }
+        Dropped { messages: self.wrong.count, clock_sets: self.sets + self.clock.sets, ..Dropped::default() }
     }
 }
 
@@ -244,7 +231,7 @@ mod tests {
                 other => panic!("{other:?}"),
             }
         }
-        assert!(source.wrong >= 9_990, "{}", source.wrong);
+        assert!(source.wrong.count >= 9_990, "{}", source.wrong.count);
         assert!(notes <= 2 + start.elapsed().as_secs(), "one line a second: {notes}");
         sender.send(b"{\"x\": 1, \"y\": 2}").unwrap();
         assert_eq!(samples(&mut source).0.len(), 1);

@@ -8,7 +8,7 @@ use eyebox::low_level::gaze::{Calibration, Estimator, Eyepiece, Settings};
 use eyebox::low_level::optics::Depth;
 use eyebox::low_level::reason;
 use eyebox::low_level::session::Tracking;
-use eyebox::low_level::trackers::mouse::MouseHandle;
+use eyebox::low_level::trackers::pushed::MouseHandle;
 use eyebox::low_level::trackers::{Options, Spec, TrackerError};
 use std::path::PathBuf;
 use std::time::Duration;

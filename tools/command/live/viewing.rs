@@ -11,7 +11,7 @@ use eyebox::low_level::preview::{
 };
 use eyebox::low_level::session::{FinishedSet, Now, SidecarOpener, SidecarWindow, UserRequest};
 use eyebox::low_level::solve::Problem;
-use eyebox::low_level::trackers::mouse::MouseHandle;
+use eyebox::low_level::trackers::pushed::MouseHandle;
 use std::sync::Arc;
 
 /// What is known before there is a window.

@@ -33,8 +33,7 @@ use crate::session::refinement::pupil_tracker::{PupilTracker, TrackerCounts};
 use crate::session::refinement::set_timing::{SetTiming, as_ns};
 use crate::session::refinement::work_time::{Cost, Times};
 use crate::solve::{PupilRange, StartTable};
-use crate::trackers::mouse::{self, MouseHandle};
-use crate::trackers::pushed::{self, SampleSender};
+use crate::trackers::pushed::{self, MouseHandle, SampleSender};
 use crate::trackers::simulated::{self, SimulatedSource};
 use crate::trackers::{self, Options, Source, Spec, Stream, now_ns};
 use crossbeam_utils::atomic::AtomicCell;
@@ -96,7 +95,7 @@ impl Tracking {
 
     /// By a mouse, whose place somebody pushes.
     pub fn mouse(estimator: Estimator) -> (MouseHandle, Self) {
-        let (handle, source) = mouse::channel();
+        let (handle, source) = pushed::mouse();
         (handle, Self::new(Box::new(source), estimator))
     }
 

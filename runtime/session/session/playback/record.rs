@@ -1,7 +1,7 @@
 //! Keeping what was shown: a picture of every video frame of every new set, and a line for every video frame. In real time
 //! it has a thread of its own: the display does not wait for the disk.
 
-use crate::files::{FileError, encode_grey8, encode_rgb8, write_file};
+use crate::files::{FileError, encode_png8, write_file};
 use crate::mailbox::Mailbox;
 use crate::session::frame_log::account::Cause;
 use crate::session::frame_log::error::SessionError;
@@ -61,10 +61,7 @@ impl Recorder {
             .map_err(|e| FileError::write(&self.folder.join("shown.csv"), e))?;
         if !picture.exists() {
             let [height, width, channels] = self.size;
-            write_file(&picture, |out| match channels {
-                1 => encode_grey8(out, height, width, frame.picture),
-                _ => encode_rgb8(out, height, width, frame.picture),
-            })?;
+            write_file(&picture, |out| encode_png8(out, height, width, channels, frame.picture))?;
         }
         Ok(())
     }

@@ -86,9 +86,7 @@ impl Description {
         let descriptor = Descriptor::parse(bytes)?;
         let layout = Layout::find(&descriptor);
         let mut notes = descriptor.notes.clone();
-        if let Ok(layout) = &layout {
-            notes.extend(layout.notes.iter().cloned());
-        }
+        notes.extend(layout.iter().flat_map(|layout| layout.notes.clone()));
         let shift = usize::from(descriptor.numbered) * 8;
         let reports = descriptor
             .reports()
@@ -157,18 +155,11 @@ impl std::fmt::Display for Description {
             if self.numbered { "start with their ID" } else { "are not numbered" }
         )?;
         for report in &self.reports {
-            let kind = match report.kind {
-                ReportKind::Input => "input",
-                ReportKind::Output => "output",
-                ReportKind::Feature => "feature",
-            };
+            let kind = format!("{:?}", report.kind).to_lowercase();
             writeln!(f, "\n{kind} report 0x{:02x}, {} bytes", report.id, report.bytes)?;
             for field in &report.fields {
-                let place = if field.bit % 8 == 0 {
-                    format!("byte {}", field.byte)
-                } else {
-                    format!("byte {} bit {}", field.byte, field.bit % 8)
-                };
+                let bit = if field.bit % 8 == 0 { String::new() } else { format!(" bit {}", field.bit % 8) };
+                let place = format!("byte {}{bit}", field.byte);
                 let count = if field.count == 1 { String::new() } else { format!("{} x ", field.count) };
                 let sign = if field.signed { "signed" } else { "unsigned" };
                 let flags = if field.constant { ", constant" } else { "" };

@@ -37,12 +37,6 @@ pub struct Usage {
     pub id: u16,
 }
 
-impl Usage {
-    fn from_u32(value: u32) -> Self {
-        Self { page: (value >> 16) as u16, id: value as u16 }
-    }
-}
-
 /// A collection of fields.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Collection {
@@ -332,9 +326,11 @@ impl Parser {
 
     /// Local usages, with the page that holds at the main item where they carry none.
     fn usages(&mut self, locals: &Locals) -> Vec<[Usage; 2]> {
-        let page = u32::from(self.globals.page) << 16;
-        let whole =
-            |(value, extended): (u32, bool)| Usage::from_u32(if extended { value } else { page | (value & 0xffff) });
+        let own = self.globals.page;
+        let whole = |(value, extended): (u32, bool)| Usage {
+            page: if extended { (value >> 16) as u16 } else { own },
+            id: value as u16,
+        };
         let mut out = Vec::with_capacity(locals.usages.len());
         for range in &locals.usages {
             let [first, last] = range.map(whole);
@@ -392,14 +388,12 @@ impl Parser {
         let value = (item.value, item.size == 4);
         let l = &mut self.locals;
         match tag {
-            0x0 => match &mut l.alternatives {
-                Some(true) => {}
-                Some(taken) => {
-                    *taken = true;
+            0x0 => {
+                let taken = l.alternatives.as_mut().is_some_and(|taken| std::mem::replace(taken, true));
+                if !taken {
                     l.usages.push([value, value]);
                 }
-                None => l.usages.push([value, value]),
-            },
+            }
             0x1 => l.low = Some(value),
             0x2 => l.high = Some(value),
             // Strings and designators do not concern us.

@@ -2,8 +2,8 @@
 
 use super::layout::{MODE_GAZE_AND_EYES, Setting};
 use super::report::Decoder;
-use super::{Descriptor, DeviceFile, HidError, Layout};
-use crate::trackers::recording::Head;
+use super::{DeviceFile, HidError, Layout};
+use crate::trackers::source::{Head, news};
 use crate::trackers::{About, Dropped, Event, Source, TrackerError, now_ns};
 use std::time::Duration;
 
@@ -104,9 +104,7 @@ impl Open {
         let (layout, start) = match file {
             Some(file) => (file.layout.clone(), file.start.clone()),
             None => {
-                let parsed = Descriptor::parse(descriptor.as_deref().map_err(Clone::clone)?)?;
-                let wrong = |reason| HidError::NotAnEyeTracker { name: info.name.clone(), reason };
-                let layout = Layout::find(&parsed).map_err(wrong)?;
+                let layout = Layout::of(descriptor.as_deref().map_err(Clone::clone)?, &info.name)?;
                 let start = layout.mode.map(|mode| mode.report(MODE_GAZE_AND_EYES));
                 (layout, start)
             }
@@ -133,7 +131,7 @@ impl Open {
 
     /// Asks for status and frequency.
     fn ask(&mut self) {
-        let layout = self.decoder.layout();
+        let layout = &self.decoder.layout;
         let (frequency, status) = (layout.frequency, layout.status);
         let places: Vec<String> =
             layout.inputs.iter().flat_map(|i| &i.places).map(|p| format!("{:?}", p.role).to_lowercase()).collect();
@@ -207,10 +205,10 @@ impl HidSource {
     }
 
     /// Looks for a device; what there is to say about it.
-    fn search(&mut self) -> Option<String> {
+    fn search(&mut self) -> Option<Event> {
         let found = match self.bus.list() {
             Ok(found) => found,
-            Err(e) => return self.say(e.to_string()),
+            Err(e) => return news(&mut self.said, e.to_string()),
         };
         let mut refused = Vec::new();
         for info in &found {
@@ -228,8 +226,7 @@ impl HidSource {
                 }
             };
             open.ask();
-            let started = open.start();
-            let text = match started {
+            let text = match open.start() {
                 Ok(()) => format!("{}: connected", open.about.name),
                 Err(e) => format!("{}: connected, but its mode cannot be set: {e}", open.about.name),
             };
@@ -237,22 +234,16 @@ impl HidSource {
             self.heard_ns = (self.clock)();
             self.silent = false;
             self.said.clear();
-            return Some(text);
+            return Some(Event::Note(text));
         }
         if let Some(reason) = refused.first() {
-            return self.say(format!("no eye tracker could be used; {reason}"));
+            return news(&mut self.said, format!("no eye tracker could be used; {reason}"));
         }
-        self.say(match &self.file {
+        let none = match &self.file {
             Some(f) => format!("{} ({:04x}:{:04x}) is not plugged in", f.name, f.id[0], f.id[1]),
             None => format!("no eye tracker among {} HID devices", found.len()),
-        })
-    }
-
-    fn say(&mut self, text: String) -> Option<String> {
-        (self.said != text).then(|| {
-            self.said.clone_from(&text);
-            text
-        })
+        };
+        news(&mut self.said, none)
     }
 
     fn lost(&mut self, reason: &HidError) -> Event {
@@ -274,15 +265,12 @@ impl Source for HidSource {
         let Some(open) = &mut self.open else {
             if self.searched_ns.is_none_or(|at| now.saturating_sub(at) >= SEARCH_NS) {
                 self.searched_ns = Some(now);
-                if let Some(text) = self.search() {
-                    return Ok(Event::Note(text));
-                }
-            } else {
-                std::thread::sleep(timeout.min(Duration::from_nanos(SEARCH_NS)));
+                return Ok(self.search().unwrap_or(Event::Nothing));
             }
+            std::thread::sleep(timeout.min(Duration::from_nanos(SEARCH_NS)));
             return Ok(Event::Nothing);
         };
-        if let Some(event) = open.decoder.clock_event() {
+        if let Some(event) = open.decoder.clock.event() {
             return Ok(Event::Note(format!("{}: {event}", open.about.name)));
         }
         let length = match open.port.read(&mut self.buffer, timeout) {
@@ -296,8 +284,7 @@ impl Source for HidSource {
             }
             // Asked again quietly; said once.
             self.heard_ns = now;
-            let asked = open.start();
-            if let Err(e) = asked {
+            if let Err(e) = open.start() {
                 return Ok(self.lost(&e));
             }
             let first = !std::mem::replace(&mut self.silent, true);
@@ -305,24 +292,17 @@ impl Source for HidSource {
             return Ok(if first { Event::Note(text) } else { Event::Nothing });
         }
         let Some(report) = self.buffer.get(..length) else { return Ok(Event::Nothing) };
-        let layout = open.decoder.layout();
-        if let Some(sent) = layout.status_sent.filter(|s| s.id != 0 && report.first() == Some(&s.id)) {
+        if let Some(sent) = open.decoder.layout.status_sent.filter(|s| s.id != 0 && report.first() == Some(&s.id)) {
             let status = sent.value(report).map_or_else(|| "out of range".into(), status_name);
             return Ok(Event::Note(format!("{}: {status}", open.about.name)));
         }
-        let sample = open.decoder.sample(report, now);
-        Ok(match sample {
-            Some(sample) => {
-                self.heard_ns = now;
-                self.silent = false;
-                Event::Sample(sample, Some(report.into()))
-            }
-            None => Event::Nothing,
-        })
+        let Some(sample) = open.decoder.sample(report, now) else { return Ok(Event::Nothing) };
+        (self.heard_ns, self.silent) = (now, false);
+        Ok(Event::Sample(sample, Some(report.into())))
     }
 
     fn dropped(&self) -> Dropped {
-        let clock_sets = self.open.as_ref().map_or(0, |open| open.decoder.clock_sets());
+        let clock_sets = self.open.as_ref().map_or(0, |open| open.decoder.clock.sets);
         Dropped { clock_sets, ..Dropped::default() }
     }
 

@@ -23,8 +23,9 @@
 //! what lies outside.
 
 use super::layout::{InputReport, Layout, Place, Role, Slot, TimeSlots};
-use crate::trackers::{Quantity, TrackerError, Unit};
+use crate::trackers::{Quantity, TrackerError, Unit, UnitText};
 use eyebox_base::error::Reason;
+use eyebox_base::files::read;
 use eyebox_base::reason;
 use serde::Deserialize;
 use std::path::Path;
@@ -72,10 +73,11 @@ struct File {
 #[serde(deny_unknown_fields)]
 struct PlaceText {
     /// Of x, y and z.
-    unit: UnitText,
+    #[serde(with = "UnitText")]
+    unit: Unit,
     /// Where the pupil is, or where the eye looks.
     #[serde(default)]
-    what: WhatText,
+    what: Quantity,
     /// To the right.
     x: SlotText,
     /// Down.
@@ -88,23 +90,6 @@ struct PlaceText {
     confidence: Option<SlotText>,
     /// Not 0: the eye was seen.
     valid: Option<SlotText>,
-}
-
-#[derive(Deserialize, Clone, Copy)]
-#[serde(rename_all = "lowercase")]
-enum UnitText {
-    Mm,
-    Deg,
-    Normalized,
-    Counts,
-}
-
-#[derive(Deserialize, Clone, Copy, Default)]
-#[serde(rename_all = "lowercase")]
-enum WhatText {
-    #[default]
-    Pupil,
-    Gaze,
 }
 
 #[derive(Deserialize, Clone)]
@@ -134,8 +119,7 @@ impl DeviceFile {
     /// # Errors
     /// [`TrackerError::File`], naming the file, the line and the key.
     pub fn load(file: &Path) -> Result<Self, TrackerError> {
-        let text = eyebox_base::files::read::text(file, eyebox_base::files::read::TEXT)
-            .map_err(|e| TrackerError::file(file, e.to_string()))?;
+        let text = read::text(file, read::TEXT).map_err(|e| TrackerError::file(file, e.to_string()))?;
         Self::from_toml(&text).map_err(|reason| TrackerError::file(file, reason))
     }
 
@@ -144,7 +128,7 @@ impl DeviceFile {
     /// # Errors
     /// What is wrong, with its line or key.
     pub fn from_toml(text: &str) -> Result<Self, Reason> {
-        let file: File = eyebox_base::files::read::toml(text)?;
+        let file: File = read::toml(text)?;
         let first = usize::from(file.report_id != 0);
         let longest = super::descriptor::LONGEST_REPORT;
         if !(first + 1..=longest).contains(&file.bytes) {
@@ -174,22 +158,14 @@ impl DeviceFile {
             Ok(Slot { bit, bits, signed: s.signed, logical: s.range, scale: s.scale * unit, zero: 0.0 })
         };
         let place = |name: &str, role: Role, p: &PlaceText| -> Result<Place, Reason> {
-            let (unit, scale) = match p.unit {
-                UnitText::Mm => (Unit::Metres, 1e-3),
-                UnitText::Deg => (Unit::Radians, 1f64.to_radians()),
-                UnitText::Normalized => (Unit::Normalized, 1.0),
-                UnitText::Counts => (Unit::Counts, 1.0),
-            };
+            let scale = p.unit.of_stated();
             let maybe = |key: &str, s: &Option<SlotText>, unit: f64| {
                 s.as_ref().map(|s| slot(&format!("{name}.{key}"), s, unit)).transpose()
             };
             Ok(Place {
                 role,
-                quantity: match p.what {
-                    WhatText::Pupil => Quantity::Pupil,
-                    WhatText::Gaze => Quantity::Gaze,
-                },
-                unit,
+                quantity: p.what,
+                unit: p.unit,
                 axes: [
                     Some(slot(&format!("{name}.x"), &p.x, scale)?),
                     Some(slot(&format!("{name}.y"), &p.y, scale)?),

@@ -4,6 +4,7 @@
 //! (HUTRR74). Devices differ in sizes, order and padding, and older ones leave usages out, so nothing is assumed of
 //! offsets, and what has no name is taken by its place, with a note.
 
+use super::HidError;
 use super::descriptor::{Descriptor, Field, ReportKind, Usage};
 use super::names::{Dimension, EYE_PAGE, dimension, usage_name};
 use crate::trackers::{Quantity, Unit};
@@ -105,8 +106,6 @@ pub struct InputReport {
 /// One number of a feature or input report.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Setting {
-    /// The kind of its report.
-    pub kind: ReportKind,
     /// ID of its report; 0 where reports are not numbered.
     pub id: u8,
     /// Bytes of its report, with the ID where numbered.
@@ -149,6 +148,15 @@ struct Group {
 }
 
 impl Layout {
+    /// Finds the fields of usage page 0x12 in the bytes of a descriptor. `name` is the device's.
+    ///
+    /// # Errors
+    /// [`HidError::Descriptor`] and [`HidError::NotAnEyeTracker`].
+    pub fn of(descriptor: &[u8], name: &str) -> Result<Self, HidError> {
+        let wrong = |reason| HidError::NotAnEyeTracker { name: name.to_owned(), reason };
+        Self::find(&Descriptor::parse(descriptor)?).map_err(wrong)
+    }
+
     /// Finds the fields of usage page 0x12.
     ///
     /// # Errors
@@ -211,13 +219,13 @@ impl Layout {
         if parts.is_empty() {
             return;
         }
-        let (scale, note) = match dimension(field.unit, field.exponent) {
-            Dimension::Time(scale) => (scale, None),
-            _ => (1e-6, Some("the timestamp has no unit of time: taken as microseconds")),
+        let scale = match dimension(field.unit, field.exponent) {
+            Dimension::Time(scale) => scale,
+            _ => {
+                note_once(&mut self.notes, "the timestamp has no unit of time: taken as microseconds");
+                1e-6
+            }
         };
-        if let Some(note) = note.filter(|n| !self.notes.iter().any(|have| have == n)) {
-            self.notes.push(note.into());
-        }
         let report = self.report(field.report_id, bytes);
         let time = report.time.get_or_insert(TimeSlots { parts: Vec::new(), scale });
         for part in parts {
@@ -239,7 +247,7 @@ impl Layout {
             };
             let scale = if usage.id == 0x300 { hertz } else { 1.0 };
             let Some(slot) = slot(field, i, scale) else { continue };
-            let setting = Setting { kind: field.kind, id: field.report_id, bytes, slot };
+            let setting = Setting { id: field.report_id, bytes, slot };
             let place = match (usage.id, field.kind) {
                 (0x300, ReportKind::Feature) => &mut self.frequency,
                 (0x301, ReportKind::Feature) => &mut self.status,

@@ -108,16 +108,8 @@ pub fn usage_name(usage: Usage) -> String {
 
 /// The kind of a collection for people.
 pub fn collection_kind(kind: u8) -> &'static str {
-    match kind {
-        0 => "physical",
-        1 => "application",
-        2 => "logical",
-        3 => "report",
-        4 => "named array",
-        5 => "usage switch",
-        6 => "usage modifier",
-        _ => "other",
-    }
+    let kinds = ["physical", "application", "logical", "report", "named array", "usage switch", "usage modifier"];
+    kinds.get(usize::from(kind)).unwrap_or(&"other")
 }
 
 /// What a unit code and its exponent make of a number.

@@ -1,7 +1,7 @@
 //! Reports to samples: bits out of bytes, nothing read beyond their end, nothing believed out of its range.
 
 use super::layout::{InputReport, Layout, Place, Role, Setting, Slot};
-use crate::trackers::clock::{ClockEvent, ForeignClock, Unwrap};
+use crate::trackers::clock::{ForeignClock, Unwrap};
 use crate::trackers::{Reading, Sample, TimeUnit};
 
 /// The `bits` (1 to 64) from `bit` on, the lowest first; `None` beyond the end.
@@ -62,9 +62,10 @@ impl Setting {
 /// Decodes the reports of one device, in their order.
 #[derive(Debug, Clone)]
 pub struct Decoder {
-    layout: Layout,
+    pub(in crate::trackers) layout: Layout,
     latency_ns: u64,
-    clock: ForeignClock,
+    /// The device's clock.
+    pub(in crate::trackers) clock: ForeignClock,
     counter: Unwrap,
 }
 
@@ -72,21 +73,6 @@ impl Decoder {
     /// A decoder; `latency_ns` lies between the eye and the arrival of its report.
     pub fn new(layout: Layout, latency_ns: u64) -> Self {
         Self { layout, latency_ns, clock: ForeignClock::of(TimeUnit::Seconds), counter: Unwrap::default() }
-    }
-
-    /// The layout.
-    pub fn layout(&self) -> &Layout {
-        &self.layout
-    }
-
-    /// A change of the device's clock that a person may want to read.
-    pub fn clock_event(&mut self) -> Option<ClockEvent> {
-        self.clock.event()
-    }
-
-    /// How often the device's clock was set.
-    pub fn clock_sets(&self) -> u64 {
-        self.clock.sets()
     }
 
     /// A sample from a report that arrived at `received_ns`; `None` where the report has no tracking data, or is too

@@ -9,14 +9,9 @@ use super::device::Bus;
 /// [`HidError::System`] where hidapi does not start, on systems other than Linux and Windows, and in a build without the
 /// feature `trackers`.
 pub fn system_bus() -> Result<Box<dyn Bus>, HidError> {
-    open()
-}
-
-#[cfg(all(any(target_os = "linux", windows), feature = "trackers"))]
-use hid::open;
-
-#[cfg(not(all(any(target_os = "linux", windows), feature = "trackers")))]
-fn open() -> Result<Box<dyn Bus>, HidError> {
+    #[cfg(all(any(target_os = "linux", windows), feature = "trackers"))]
+    return hid::open();
+    #[cfg(not(all(any(target_os = "linux", windows), feature = "trackers")))]
     Err(HidError::System(match cfg!(any(target_os = "linux", windows)) {
         true => "this program was built without the feature `trackers`: use udp:// or a recording".into(),
         false => "HID trackers are read on Linux and Windows: on this system use udp:// or pupil://".into(),

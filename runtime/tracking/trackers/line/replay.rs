@@ -2,9 +2,11 @@
 
 use super::{EXAMPLE, LONGEST_LINE, Line, parse};
 use crate::trackers::guard::Units;
+use crate::trackers::source::{end_of, wait_for};
 use crate::trackers::time_unit::{TimeUnit, timeline, unit_of_steps};
 use crate::trackers::{About, Dropped, Event, Source, TrackerError, now_ns};
 use eyebox_base::error::Reason;
+use eyebox_base::files::read;
 use eyebox_base::reason;
 use std::collections::VecDeque;
 use std::io::{BufRead, Read};
@@ -107,14 +109,14 @@ impl LineSource {
 /// The lines of a file, and notes about it.
 fn lines_of(file: &Path) -> Result<(Vec<Line>, Vec<String>), TrackerError> {
     let wrong = |reason: Reason| TrackerError::file(file, reason);
-    let mut text = eyebox_base::files::read::lines(file, eyebox_base::files::read::RESULTS)
-        .map_err(|e| wrong(e.to_string().into()))?;
+    let unreadable = |e: std::io::Error| TrackerError::file(file, e.to_string());
+    let mut text = read::lines(file, read::RESULTS).map_err(unreadable)?;
     let (mut lines, mut notes) = (Vec::new(), Vec::new());
     let mut line = Vec::new();
     for number in 1.. {
         line.clear();
         let most = LONGEST_LINE as u64 + 2;
-        if (&mut text).take(most).read_until(b'\n', &mut line).map_err(|e| wrong(e.to_string().into()))? == 0 {
+        if (&mut text).take(most).read_until(b'\n', &mut line).map_err(unreadable)? == 0 {
             break;
         }
         let (line, whole) = (line.trim_ascii(), line.ends_with(b"\n"));
@@ -143,13 +145,8 @@ impl Source for LineSource {
         let Some(timed) = self.lines.front() else { return Ok(Event::End) };
         let at = |ns: u64| self.start_ns.saturating_add(ns);
         let (time, received) = (at(timed.time_ns), at(timed.received_ns));
-        if self.real_time {
-            let now = now_ns();
-            let until = now.saturating_add(u64::try_from(timeout.as_nanos()).unwrap_or(u64::MAX));
-            std::thread::sleep(Duration::from_nanos(received.min(until).saturating_sub(now)));
-            if received > until {
-                return Ok(Event::Nothing);
-            }
+        if self.real_time && !wait_for(received, end_of(timeout)) {
+            return Ok(Event::Nothing);
         }
         let sample = timed.line.sample(time.saturating_sub(self.latency_ns), received, None);
         self.lines.pop_front();

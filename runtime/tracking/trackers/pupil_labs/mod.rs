@@ -7,6 +7,7 @@
 mod zmtp;
 
 use super::clock::{ForeignClock, Stamp};
+use super::source::{Complaints, news};
 use super::{About, Dropped, Event, Quantity, Reading, Sample, Source, TimeUnit, TrackerError, Unit, now_ns};
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
@@ -14,7 +15,7 @@ use serde::Deserialize;
 use std::collections::VecDeque;
 use std::io;
 use std::time::Duration;
-use zmtp::Socket;
+use zmtp::{Socket, invalid};
 
 const CONNECT: Duration = Duration::from_millis(500);
 const ANSWER: Duration = Duration::from_millis(200);
@@ -53,8 +54,7 @@ pub struct PupilCoreSource {
     link: Option<Link>,
     tried_ns: Option<u64>,
     said: String,
-    wrong: u64,
-    said_wrong_ns: Option<u64>,
+    wrong: Complaints,
     clock: ForeignClock,
     /// The last reading, of the eye with this number, at this tracker time: it waits for the other eye's.
     waiting: Option<(usize, i64, Sample)>,
@@ -76,8 +76,7 @@ impl PupilCoreSource {
             link: None,
             tried_ns: None,
             said: String::new(),
-            wrong: 0,
-            said_wrong_ns: None,
+            wrong: Complaints::default(),
             clock: ForeignClock::of(TimeUnit::Seconds),
             waiting: None,
             heard_ns: [None; 2],
@@ -92,11 +91,10 @@ impl PupilCoreSource {
     }
 
     fn connect(&mut self) -> io::Result<Link> {
-        let wrong = |what: &str| io::Error::new(io::ErrorKind::InvalidData, what.to_owned());
         let mut remote = Socket::connect(&self.host, self.port, "REQ", CONNECT)?;
-        let answer = remote.ask("SUB_PORT", ANSWER)?.ok_or_else(|| wrong("no answer to SUB_PORT"))?;
+        let answer = remote.ask("SUB_PORT", ANSWER)?.ok_or_else(|| invalid("no answer to SUB_PORT"))?;
         let port = std::str::from_utf8(&answer).ok().and_then(|t| t.trim().parse::<u16>().ok()).filter(|p| *p != 0);
-        let port = port.ok_or_else(|| wrong("the answer to SUB_PORT is no port"))?;
+        let port = port.ok_or_else(|| invalid("the answer to SUB_PORT is no port"))?;
         let mut data = Socket::connect(&self.host, port, "SUB", CONNECT)?;
         data.subscribe("pupil.")?;
         let mut link = Link { remote, data, asked_ns: now_ns() };
@@ -168,11 +166,7 @@ impl PupilCoreSource {
         self.link = None;
         self.waiting = None;
         let text = format!("{}: {reason}", self.name());
-        if self.said == text {
-            return Event::Nothing;
-        }
-        self.said.clone_from(&text);
-        Event::Note(text)
+        news(&mut self.said, text).unwrap_or(Event::Nothing)
     }
 }
 
@@ -184,7 +178,7 @@ impl Link {
         let seconds = answer.and_then(|a| std::str::from_utf8(&a).ok()?.trim().parse::<f64>().ok());
         let Some(seconds) = seconds.filter(|s| is_time(*s)) else {
             // A late answer would be taken for the next one's.
-            return Err(io::Error::new(io::ErrorKind::InvalidData, "no time in answer to t"));
+            return Err(invalid("no time in answer to t"));
         };
         clock.place(nanoseconds(seconds), now_ns());
         Ok(())
@@ -239,15 +233,9 @@ impl Source for PupilCoreSource {
             Ok(Some(parts)) => {
                 let received = now_ns();
                 if let Err(reason) = self.take(&parts, received) {
-                    self.wrong += 1;
-                    if self.said_wrong_ns.is_none_or(|at| received.saturating_sub(at) > 1_000_000_000) {
-                        self.said_wrong_ns = Some(received);
-                        let text = format!(
-                            "{}: a message that makes no sense: {reason} ({} dropped so far)",
-                            self.name(),
-                            self.wrong
-                        );
-                        return Ok(Event::Note(text));
+                    let what = format!("a message that makes no sense: {reason}");
+                    if let Some(note) = self.wrong.add(received, &self.name(), what) {
+                        return Ok(note);
                     }
                 }
                 Ok(self.ready.pop_front().map_or(Event::Nothing, |s| Event::Sample(s, None)))
@@ -262,7 +250,7 @@ impl Source for PupilCoreSource {
     }
 
     fn dropped(&self) -> Dropped {
-        Dropped { messages: self.wrong, clock_sets: self.clock.sets(), ..Dropped::default() }
+        Dropped { messages: self.wrong.count, clock_sets: self.clock.sets, ..Dropped::default() }
     }
 }
 

@@ -171,7 +171,7 @@ fn ten_thousand_messages_of_nonsense_are_survived() {
     let (port, handle) = peer(messages, 0);
     let mut source = PupilCoreSource::new("127.0.0.1", port, 0);
     let (samples, notes) = samples(&mut source, 1);
-    assert!(source.wrong >= 9_900, "{}", source.wrong);
+    assert!(source.wrong.count >= 9_900, "{}", source.wrong.count);
     drop(source);
     handle.join().unwrap();
     assert_eq!(samples[0].left.unwrap().position, [0.5, 0.75]);

@@ -15,6 +15,11 @@ const MORE: u8 = 1;
 const LONG: u8 = 2;
 const COMMAND: u8 = 4;
 
+/// Makes the error of a peer that breaks the protocol.
+pub fn invalid(what: impl Into<String>) -> io::Error {
+    io::Error::new(ErrorKind::InvalidData, what.into())
+}
+
 /// What arrived: the parts of a message, or a command.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Arrival {
@@ -42,11 +47,10 @@ impl Frames {
     /// # Errors
     /// `InvalidData`: reserved flags, too long, too many parts.
     pub fn next(&mut self) -> io::Result<Option<Arrival>> {
-        let wrong = |what: String| io::Error::new(ErrorKind::InvalidData, what);
         loop {
             let Some(&flags) = self.bytes.first() else { return Ok(None) };
             if flags & !(MORE | LONG | COMMAND) != 0 || (flags & COMMAND != 0 && flags & MORE != 0) {
-                return Err(wrong(format!("a frame with flags 0x{flags:02x}: not ZMTP 3.0")));
+                return Err(invalid(format!("a frame with flags 0x{flags:02x}: not ZMTP 3.0")));
             }
             let (head, length) = if flags & LONG != 0 {
                 let Some(size) = self.bytes.get(1..9).and_then(|b| <[u8; 8]>::try_from(b).ok()) else {
@@ -59,7 +63,7 @@ impl Frames {
             };
             let before: usize = self.parts.iter().map(Vec::len).sum();
             if length > LONGEST_MESSAGE - before.min(LONGEST_MESSAGE) || self.parts.len() == MOST_PARTS {
-                return Err(wrong(format!("a message of more than {LONGEST_MESSAGE} bytes or {MOST_PARTS} parts")));
+                return Err(invalid(format!("a message of more than {LONGEST_MESSAGE} bytes or {MOST_PARTS} parts")));
             }
             let Some(body) = self.bytes.get(head..head + length) else { return Ok(None) };
             let body = body.to_vec();
@@ -122,16 +126,8 @@ impl Socket {
     pub fn connect(host: &str, port: u16, socket: &str, timeout: Duration) -> io::Result<Self> {
         let until = Instant::now() + timeout;
         let mut last = io::Error::new(ErrorKind::NotFound, "no such address");
-        let mut connected = None;
-        for address in resolve(host, port, timeout)?.into_iter().take(4) {
-            match TcpStream::connect_timeout(&address, timeout) {
-                Ok(stream) => {
-                    connected = Some(stream);
-                    break;
-                }
-                Err(e) => last = e,
-            }
-        }
+        let connect = |address| TcpStream::connect_timeout(&address, timeout).map_err(|e| last = e).ok();
+        let connected = resolve(host, port, timeout)?.into_iter().take(4).find_map(connect);
         let stream = connected.ok_or(last)?;
         stream.set_nodelay(true)?;
         stream.set_write_timeout(Some(timeout))?;
@@ -140,15 +136,15 @@ impl Socket {
         let mut theirs = [0; GREETING];
         this.read_exact(&mut theirs, until)?;
         if theirs[0] != 0xff || theirs[9] & 1 == 0 || theirs[10] < 3 {
-            return Err(io::Error::new(ErrorKind::InvalidData, "the peer does not speak ZMTP 3"));
+            return Err(invalid("the peer does not speak ZMTP 3"));
         }
         if &theirs[12..17] != b"NULL\0" {
-            return Err(io::Error::new(ErrorKind::InvalidData, "the peer wants a security mechanism other than NULL"));
+            return Err(invalid("the peer wants a security mechanism other than NULL"));
         }
         this.stream.write_all(&ready(socket))?;
         match this.receive(until)? {
             Some(Arrival::Command(body)) if body.starts_with(b"\x05READY") => Ok(this),
-            Some(_) => Err(io::Error::new(ErrorKind::InvalidData, "the peer does not get ready")),
+            Some(_) => Err(invalid("the peer does not get ready")),
             None => Err(ErrorKind::TimedOut.into()),
         }
     }
@@ -206,13 +202,10 @@ impl Socket {
                         let pong = [b"\x04PONG", &context[..context.len().min(16)]].concat();
                         self.stream.write_all(&frame(&pong, COMMAND))?;
                     }
-                    // A peer that sends commands alone does not hold up the caller.
-                    if Instant::now() >= until {
-                        return Ok(None);
-                    }
                 }
                 None => return Ok(None),
             }
+            // A peer that sends commands alone does not hold up the caller.
             if Instant::now() >= until {
                 return Ok(None);
             }

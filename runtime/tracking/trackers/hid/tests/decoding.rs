@@ -143,7 +143,7 @@ fn missing_usages_are_made_up_for() {
         let sample = decoder.sample(&report(7, POSITIONS), 1).unwrap();
         assert_eq!(mm(&sample), [100.0, -50.0, -32.0, 1.0, 600.0, 31.0, -2.0, 605.0], "variant {i}");
         assert_eq!(sample.tracker_ns, Some(7000), "variant {i}");
-        assert_eq!(decoder.layout().notes.is_empty(), i == 6, "variant {i}: {:?}", decoder.layout().notes);
+        assert_eq!(decoder.layout.notes.is_empty(), i == 6, "variant {i}: {:?}", decoder.layout.notes);
     }
 }
 
