@@ -8,7 +8,6 @@ use super::error::CalibrateError;
 use super::map::CameraMap;
 use super::orders::Random;
 use super::parameters::Parameters;
-use super::picture;
 use super::slopes::shifts;
 use super::views::View;
 
@@ -61,8 +60,7 @@ fn add_views(sorted: &mut Sorted) -> Result<Vec<[f64; 2]>, CalibrateError> {
     let mut middles = Vec::new();
     for v in small.into_iter().take(PICTURES) {
         let view = &sorted.pictures.views[v];
-        let wrong = |reason| CalibrateError::Captures { file: view.file.display().to_string(), reason };
-        let picture = picture::load(&view.file, sorted.camera, view.full_scale).map_err(wrong)?;
+        let picture = view.picture(sorted.camera)?;
         let mut pieces = Vec::new();
         for (part, slm) in sorted.pictures.parts.iter().enumerate() {
             let pixels = sorted.pixels_of(&picture, part, PIXELS);

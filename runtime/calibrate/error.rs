@@ -2,11 +2,12 @@
 
 use eyebox_base::error::Reason;
 use eyebox_base::files::FileError;
-use eyebox_optics::OpticsError;
+use eyebox_optics::{Display, OpticsError};
 use eyebox_scene::SceneError;
 use eyebox_solve::engine::EngineError;
 use eyebox_solve::quality::QualityError;
 use std::io;
+use std::path::Path;
 
 /// Why a calibration ended without a model.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
@@ -89,6 +90,14 @@ pub enum CalibrateError {
 }
 
 impl CalibrateError {
+    pub(crate) fn bench(display: &Display, reason: Reason) -> Self {
+        Self::Bench { display: display.name.clone(), reason }
+    }
+
+    pub(crate) fn captures(file: &Path, reason: Reason) -> Self {
+        Self::Captures { file: file.display().to_string(), reason }
+    }
+
     /// Whether the bench or the user ended it, and not what it was given.
     pub fn is_ended(&self) -> bool {
         matches!(self, Self::Stopped | Self::Lost { .. } | Self::Refused { .. } | Self::Shows(_))

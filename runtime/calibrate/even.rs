@@ -6,7 +6,6 @@ use super::error::CalibrateError;
 use super::fit::Effort;
 use super::parameters::{Parameter, Parameters};
 use super::pattern::transposed;
-use super::picture;
 use eyebox_kernels::{Complex64, fft};
 use eyebox_optics::linear::inverse;
 use std::f64::consts::PI;
@@ -164,8 +163,7 @@ fn ratios(sorted: &Sorted, at: &Parameters, which: &[usize]) -> Result<Option<(I
     for v in which {
         let view = &pictures.views[*v];
         let Some(drive) = pictures.sets[view.set].pattern.even_drive() else { continue };
-        let wrong = |reason| CalibrateError::Captures { file: view.file.display().to_string(), reason };
-        let picture = picture::load(&view.file, sorted.camera, view.full_scale).map_err(wrong)?;
+        let picture = view.picture(sorted.camera)?;
         let at_place = |i: usize| {
             let [x, y] = [(i % columns, width, columns), (i / columns, height, rows)]
                 .map(|(i, pixels, places)| (i as f64 + 0.5) * pixels as f64 / places as f64 - 0.5);

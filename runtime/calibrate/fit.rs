@@ -214,7 +214,7 @@ impl Pictures {
             let misfit = self.misfit(which, &residuals);
             let before = self.robust(which, &residuals, misfit);
             let (normal, right) = self.normal(which, [&seen, &slopes], &residuals, misfit);
-            let (normal, right) = with_expectations(normal, right, known, &at, free);
+            let (normal, right) = with_priors(normal, right, known, &at, free);
             let tries = if fresh { TRIES } else { 2 };
             let mut step_taken = None;
             for _ in 0..tries {
@@ -230,10 +230,10 @@ impl Pictures {
                 let trial = at.stepped(free, &step);
                 let seen = self.see(&trial, effort.subpixels, which, &[]);
                 let after = self.robust(which, &self.all_residuals(which, &seen), misfit);
-                let expected = expectation(known, &trial, free) - expectation(known, &at, free);
-                if after + expected < before {
+                let prior_change = prior(known, &trial, free) - prior(known, &at, free);
+                if after + prior_change < before {
                     damping = (damping * 0.1).max(1e-12);
-                    let gained = before - after - expected;
+                    let gained = before - after - prior_change;
                     step_taken =
                         Some((trial, seen, (before - after) / before, gained / promised(&normal, &right, &step)));
                     break;
@@ -277,7 +277,7 @@ impl Pictures {
         let count: usize = residuals.iter().map(Vec::len).sum();
         let scale = (self.robust(which, &residuals, misfit) / count as f64).max(1.0);
         let (normal, _) = self.normal(which, [seen, slopes], &residuals, misfit);
-        let (normal, _) = with_expectations(normal, vec![0.0; free.len()], at, at, free);
+        let (normal, _) = with_priors(normal, vec![0.0; free.len()], at, at, free);
         Some(scaled(inverse(&normal)?, scale))
     }
 
@@ -403,11 +403,11 @@ fn scaled(mut matrix: Vec<Vec<f64>>, factor: f64) -> Vec<Vec<f64>> {
 }
 
 /// The cost of numbers that are far from where they are expected: it keeps those in place that the pictures do not show.
-fn expectation(start: &Parameters, at: &Parameters, free: &[Parameter]) -> f64 {
+fn prior(start: &Parameters, at: &Parameters, free: &[Parameter]) -> f64 {
     free.iter().map(|p| ((at.get(*p) - start.get(*p)) / p.usual()).powi(2)).sum()
 }
 
-fn with_expectations(
+fn with_priors(
     mut normal: Vec<Vec<f64>>,
     mut right: Vec<f64>,
     start: &Parameters,

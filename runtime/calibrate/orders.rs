@@ -3,7 +3,7 @@
 use super::classified::Sorted;
 use super::error::CalibrateError;
 use super::fit::{COARSE, Effort, Fit};
-use super::holdout::unseen;
+use super::holdout::holdout;
 use super::parameters::{ORDERS, Parameter, Parameters, of_order};
 use super::slopes::from_shifts;
 
@@ -115,7 +115,7 @@ pub(super) fn more(
 ) -> Result<Fit, CalibrateError> {
     let judge = |at: &Parameters| match sorted.pairs.is_empty() {
         true => sorted.mean_left(at, which),
-        false => unseen(sorted, at, effort.subpixels).left,
+        false => holdout(sorted, at, effort.subpixels).left,
     };
     let mut left = judge(&best.at);
     for order in NEXT + 1..=*ORDERS.end() {

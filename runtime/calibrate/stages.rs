@@ -37,7 +37,7 @@ const NO_BETTER: f64 = 1.05;
 /// A picture that leaves this share of its variance, and so many times what the middle one leaves, is not believed.
 const STRANGE: (f64, f64) = (0.3, 8.0);
 /// A number whose standard error is this share of how far off it is expected is not told.
-const UNTOLD: f64 = 0.3;
+const UNOBSERVABLE: f64 = 0.3;
 /// The warning of a bench whose phases are the negatives of those that it was asked to show.
 const OTHER_SIGN: &str = "the phase has the other sign: the pictures are far closer to the negatives of the phases that were asked for. \
     Have the bench show them with the sign of the display's file (a level that is twice as high delays the light twice as much), \
@@ -105,14 +105,14 @@ pub(super) fn run(
             from_small_to_large(&sorted, [&known, &even.at], &mut observe)?
         }
     };
-    let fitted = believed(&sorted, &fit, &mut warnings);
+    let fitted = inliers(&sorted, &fit, &mut warnings);
     let (fit, effort) = finest(&sorted, &fitted, &known, fit, &mut |part| {
         at_share("fitting all pictures finely", 0.7, 0.9, part);
     })?;
-    let untold = untold(&fit);
+    let unobservable = unobservable(&fit);
     let pairs = if taken.hello.iris.is_none() { fit.confused() } else { Vec::new() };
     if taken.hello.iris.is_none() {
-        warnings.push(through_one_iris(&untold, &pairs));
+        warnings.push(through_one_iris(&unobservable, &pairs));
     }
     at_share("leaving out what does not show", 0.9, 0.9, 0.0);
     let settled = terms::settle(&sorted.pictures, &fitted, [&start, &known], fit.clone(), effort)?;
@@ -121,7 +121,7 @@ pub(super) fn run(
     let fit = if own.squares < NO_BETTER * fit.squares { own } else { fit };
     at_share("looking at pictures that were not fitted", 0.95, 0.95, 0.0);
     let mut report = Report::new(&sorted, &start, &fit, &fitted, captures, warnings, effort.subpixels, drift);
-    report.untold = untold;
+    report.unobservable = unobservable;
     report.add_confused(pairs);
     if !report.calibrated && has_other_sign(&mut sorted, &start, &camera, &fitted, fit.squares)? {
         report.directions.phase = PhaseSign::Opposite;
@@ -275,10 +275,10 @@ fn fine(
 }
 
 /// What should be known of a fit through an iris that stands still.
-fn through_one_iris(untold: &[String], pairs: &[(Parameter, Parameter, f64)]) -> String {
+fn through_one_iris(unobservable: &[String], pairs: &[(Parameter, Parameter, f64)]) -> String {
     let mut said = "the iris stands still: the pictures tell of the light that it passes alone".to_string();
-    if !untold.is_empty() {
-        said += &format!(", and they say nothing of {}", untold.join(", "));
+    if !unobservable.is_empty() {
+        said += &format!(", and they say nothing of {}", unobservable.join(", "));
     }
     let waves = |p: &Parameter| matches!(p, Parameter::Wavefront(_));
     let pairs: Vec<String> = pairs
@@ -293,7 +293,7 @@ fn through_one_iris(untold: &[String], pairs: &[(Parameter, Parameter, f64)]) ->
 }
 
 /// Numbers of a fit that are hardly surer than what is expected of any display.
-fn untold(fit: &Fit) -> Vec<String> {
+fn unobservable(fit: &Fit) -> Vec<String> {
     let blurs = fit.at.model.crosstalk.is_some_and(|sides| sides.iter().all(|side| side.sigma < 10.0));
     let counts = |p: &Parameter| match p {
         // Phases of what may not be there.
@@ -301,30 +301,30 @@ fn untold(fit: &Fit) -> Vec<String> {
         Parameter::Crosstalk(_) => blurs,
         _ => true,
     };
-    let unsure = |p: &Parameter| fit.error(*p).is_some_and(|error| error > UNTOLD * p.usual());
+    let unsure = |p: &Parameter| fit.error(*p).is_some_and(|error| error > UNOBSERVABLE * p.usual());
     fit.free.iter().filter(|p| counts(p) && unsure(p)).map(|p| p.name().0).collect()
 }
 
 /// Pictures that the model predicts about as well as the others: one that was taken through another iris, or of another pattern,
 /// is not. Even drives have so little contrast that their shares do not compare.
-fn believed(sorted: &Sorted, fit: &Fit, warnings: &mut Vec<String>) -> Vec<usize> {
+fn inliers(sorted: &Sorted, fit: &Fit, warnings: &mut Vec<String>) -> Vec<usize> {
     let (pictures, which) = (&sorted.pictures, &sorted.fitted);
     let left = pictures.left(which, &pictures.see(&fit.at, ALL.subpixels, which, &[]));
     let mut shares: Vec<f64> = left.iter().map(|l| l[0]).collect();
     shares.sort_by(f64::total_cmp);
     let most = STRANGE.0.max(STRANGE.1 * shares.get(shares.len() / 2).copied().unwrap_or(0.0));
-    let mut believed = Vec::new();
+    let mut inliers = Vec::new();
     for (v, [left, squares]) in which.iter().zip(&left) {
         let view = &pictures.views[*v];
         tracing::debug!("{}: {left:.5} of its variance is left, {squares:.2} of the noise", view.file.display());
         if *left < most || sorted.even.contains(v) {
-            believed.push(*v);
+            inliers.push(*v);
         } else {
             warnings.push(strange(sorted, *v, *left));
         }
     }
     // Where most are strange none is.
-    if 2 * believed.len() < which.len() { which.clone() } else { believed }
+    if 2 * inliers.len() < which.len() { which.clone() } else { inliers }
 }
 
 /// The warning of a picture that contradicts the others.
@@ -361,10 +361,10 @@ mod tests {
         let row = |i: usize| (0..free.len()).map(|j| if i == j { error(&free[i]).powi(2) } else { 0.0 }).collect();
         let covariance = (0..free.len()).map(row).collect();
         let fit = Fit { at, free: free.clone(), squares: 1.0, covariance };
-        assert_eq!(untold(&fit), ["wavefront 12"]);
+        assert_eq!(unobservable(&fit), ["wavefront 12"]);
         let pairs =
             [(Parameter::Wavefront(3), Parameter::Wavefront(11), 0.998), (Parameter::Map(8), Parameter::Map(9), -0.96)];
-        let said = through_one_iris(&untold(&fit), &pairs);
+        let said = through_one_iris(&unobservable(&fit), &pairs);
         let numbers: Vec<_> = said.split(|c: char| !c.is_ascii_digit()).filter(|n| !n.is_empty()).collect();
         assert_eq!(numbers, ["12", "3", "11"], "{said}");
         assert!(!said.contains("camera"), "{said}");

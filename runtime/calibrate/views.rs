@@ -1,9 +1,12 @@
 //! Pictures, and what a model predicts of them.
 
+use super::captures::picture_of;
 use super::device::{Device, Set};
+use super::error::CalibrateError;
 use super::map::CameraMap;
 use super::parameters::{Parameter, Parameters};
 use super::pattern::Pattern;
+use super::picture::Picture;
 use super::seen::{Look, Prediction};
 use eyebox_kernels::Complex64;
 use eyebox_optics::{Optics, Pupil, SlmPart};
@@ -32,6 +35,16 @@ impl View {
     /// The iris as it was asked for.
     pub(super) fn pupil(&self) -> Pupil {
         self.looks[0].0.pupil
+    }
+
+    /// Its whole picture.
+    pub(super) fn picture(&self, camera: [usize; 2]) -> Result<Picture, CalibrateError> {
+        picture_of(&self.file, self.full_scale, camera)
+    }
+
+    /// Its picture's file, without its folder.
+    pub(super) fn file_name(&self) -> String {
+        self.file.file_name().unwrap_or_default().to_string_lossy().into_owned()
     }
 
     /// Its pixels (x, y), part by part.

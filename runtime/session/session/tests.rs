@@ -24,14 +24,14 @@ pub(super) fn aim(x: f64) -> PupilDistribution {
 #[test]
 fn a_jump_begins_again_and_a_drift_does_not() {
     let whole = part();
-    let steerer = |restart| {
+    let refiner = |restart| {
         let policy = Policy { restart, ..Policy::default() };
-        let mut steerer = LiveRefiner::new(vec![whole.clone(), whole.clone()], policy, cpu).unwrap();
-        assert!(!steerer.aim(aim(0.0)).unwrap(), "the first aim is no jump");
-        assert_eq!(steerer.round_while(|_, _| true).unwrap(), 2, "one step of each colour");
-        steerer
+        let mut refiner = LiveRefiner::new(vec![whole.clone(), whole.clone()], policy, cpu).unwrap();
+        assert!(!refiner.aim(aim(0.0)).unwrap(), "the first aim is no jump");
+        assert_eq!(refiner.round_while(|_, _| true).unwrap(), 2, "one step of each colour");
+        refiner
     };
-    let mut restarts = steerer(0.5);
+    let mut restarts = refiner(0.5);
     assert!(restarts.phases().unwrap().iter().all(|p| **p != whole.phases));
     assert!(!restarts.aim(aim(1.9e-3)).unwrap(), "less than half a diameter");
     assert!(!restarts.aim(aim(3.8e-3)).unwrap(), "a pursuit is no jump, however far it goes");
@@ -39,18 +39,18 @@ fn a_jump_begins_again_and_a_drift_does_not() {
     assert!(restarts.aim(aim(-1e-3)).unwrap());
     assert!(restarts.phases().unwrap().iter().all(|p| **p == whole.phases));
     assert_eq!(restarts.counts(), [1, 2]);
-    let mut never = steerer(f64::INFINITY);
+    let mut never = refiner(f64::INFINITY);
     assert!(!never.aim(aim(9e-3)).unwrap());
     assert!(never.phases().unwrap().iter().all(|p| **p != whole.phases));
 }
 
 #[test]
 fn no_step_is_begun_that_would_end_too_late() {
-    let mut steerer = LiveRefiner::new(vec![part()], Policy::default(), cpu).unwrap();
-    steerer.aim(aim(0.0)).unwrap();
-    steerer.round_while(|_, _| true).unwrap();
-    assert!(steerer.round() > Duration::ZERO);
-    assert_eq!(steerer.round_while(|_, expected| expected.is_zero()).unwrap(), 0);
+    let mut refiner = LiveRefiner::new(vec![part()], Policy::default(), cpu).unwrap();
+    refiner.aim(aim(0.0)).unwrap();
+    refiner.round_while(|_, _| true).unwrap();
+    assert!(refiner.round() > Duration::ZERO);
+    assert_eq!(refiner.round_while(|_, expected| expected.is_zero()).unwrap(), 0);
     assert!(LiveRefiner::new(Vec::new(), Policy::default(), cpu).is_err());
     let policy = Policy { restart: f64::NAN, ..Policy::default() };
     assert!(LiveRefiner::new(vec![part()], policy, cpu).is_err());

@@ -25,7 +25,7 @@ const TRACKED_VIEWS: u32 = 3;
 const USUAL_EXPOSURE: f64 = 0.35;
 const LEAST_EXPOSURE: f64 = 0.05;
 /// A frame shows a moment so near the light, nanoseconds; an application that says otherwise has a clock of its own.
-const BELIEVED_NS: u64 = 1_000_000_000;
+const PLAUSIBLE_NS: u64 = 1_000_000_000;
 /// An application is late where it gave nothing for so many times its usual interval, and for so many nanoseconds where it has
 /// none yet.
 const LATE: f64 = 1.5;
@@ -302,7 +302,7 @@ impl LiveInput {
 /// The moment that a frame shows, on the player's clock: as the application says, where that can be, else when it came.
 fn shown_at(content_time_ns: i64, due: &Due) -> i64 {
     let behind_ns = i64::try_from(due.light_monotonic_ns).unwrap_or(i64::MAX).saturating_sub(content_time_ns);
-    match behind_ns.unsigned_abs() <= BELIEVED_NS {
+    match behind_ns.unsigned_abs() <= PLAUSIBLE_NS {
         true => due.light_ns - behind_ns,
         false => due.now_ns,
     }

@@ -63,7 +63,7 @@ pub(crate) const OPEN: usize = 256;
 
 /// A live hologram that is shown, as the present thread has it: what becomes of every set.
 pub(crate) struct LiveState {
-    pub(crate) companion: Option<Box<dyn SidecarWindow>>,
+    pub(crate) sidecar_window: Option<Box<dyn SidecarWindow>>,
     /// What switches the display's sources.
     pub(crate) switch: Option<SourceSwitch>,
     pub(crate) source: LiveSource,
@@ -133,7 +133,7 @@ impl LiveState {
     }
 
     fn serve(&mut self, display: &mut OpenDisplay) -> bool {
-        let Some(companion) = &mut self.companion else { return true };
+        let Some(sidecar_window) = &mut self.sidecar_window else { return true };
         let now_ns = self.times.monotonic_ns(display.clock.now_ns());
         let seen = self.tracker.as_ref().map_or(self.whole, |tracker| tracker.expect(now_ns).pupil);
         let middle = |[low, high]: [f64; 2]| 0.5 * (low + high);
@@ -141,7 +141,7 @@ impl LiveState {
         let pupil = Pupil { x, y, diameter: middle(seen.diameter), depth: middle(seen.focus) };
         let steered = self.steered.load(Ordering::Acquire);
         let now = Now { pupil, steered, sets_per_second: self.sets_per_second };
-        match display.pump().map_err(|e| e.to_string()).and_then(|()| companion.serve(&now)) {
+        match display.pump().map_err(|e| e.to_string()).and_then(|()| sidecar_window.serve(&now)) {
             Ok(UserRequest::Nothing) => true,
             Ok(UserRequest::Close) => false,
             Ok(UserRequest::Steer(steered)) => {
@@ -151,7 +151,7 @@ impl LiveState {
             // A view is not worth the display.
             Err(error) => {
                 self.notes.send(format!("{error}; the display goes on"));
-                self.companion = None;
+                self.sidecar_window = None;
                 true
             }
         }
@@ -183,8 +183,8 @@ impl LiveState {
                 let [low, high] = self.focused.unwrap_or([z; 2]);
                 self.focused = Some([low.min(z), high.max(z)]);
             }
-            if let Some(companion) = &mut self.companion {
-                companion.shown(set);
+            if let Some(sidecar_window) = &mut self.sidecar_window {
+                sidecar_window.shown(set);
             }
         } else if let Some(showing) = &mut self.showing {
             showing.lit(None, start_ns);

@@ -244,7 +244,7 @@ pub struct Live {
     /// From a video frame's beginning to its light.
     pub display_latency: Duration,
     /// A window beside the display.
-    pub companion: Option<SidecarOpener>,
+    pub sidecar_window: Option<SidecarOpener>,
     /// What switches the display's sources, where it has any.
     pub switch: Option<SourceSwitch>,
 }
@@ -276,7 +276,7 @@ impl Live {
             policy,
             steered: true,
             display_latency,
-            companion: None,
+            sidecar_window: None,
             switch: None,
         }
     }
@@ -387,9 +387,9 @@ impl Live {
         let frame_light_after =
             Duration::from_nanos(display.rate.period_ns().unsigned_abs() / 2) + self.display_latency;
         let (packed, lighting) = (Arc::new(encoder.packed().clone()), lighting_of(encoder.lighting(rolls), &colors));
-        let with_phases = self.companion.is_some();
-        let beside = |open: SidecarOpener| open(display.desktop()?).map_err(|e| SessionError::Companion(e.into()));
-        let companion = self.companion.map(beside).transpose()?;
+        let with_phases = self.sidecar_window.is_some();
+        let beside = |open: SidecarOpener| open(display.desktop()?).map_err(|e| SessionError::SidecarWindow(e.into()));
+        let sidecar_window = self.sidecar_window.map(beside).transpose()?;
         let shared = engines.gpu()?;
         let direct = match display.presenter().takes() {
             Some((gpu, order)) if !on_host && shared.is_some_and(|shared| shared.is(gpu)) => Some(order),
@@ -399,8 +399,8 @@ impl Live {
         let mut again = begin(colors.clone(), policy, engines, field, self.start_tables);
         let idle = encoder.frames();
         let (refinement, source) = if let Some(folder) = &self.replay {
-            let (steerer, _) = again()?;
-            (Refinement::none(), Replay::start(RecordedSession::open(folder)?, colors, steerer, encoder, lighting)?)
+            let (refiner, _) = again()?;
+            (Refinement::none(), Replay::start(RecordedSession::open(folder)?, colors, refiner, encoder, lighting)?)
         } else {
             let options = RefinementOptions {
                 clock,
@@ -422,7 +422,7 @@ impl Live {
             Refinement::start(encoder, options)?
         };
         let following = LiveState {
-            companion,
+            sidecar_window,
             switch: self.switch,
             source,
             refinement,
@@ -473,11 +473,11 @@ fn begin(
     }
     let engines = Arc::new(Mutex::new(engines));
     Box::new(move || {
-        let steerer =
+        let refiner =
             LiveRefiner::new(colors.clone(), policy, || lock(&engines).open())?.with_start_tables(tables.clone());
         let gpu = lock(&engines).gpu()?;
-        let Some(field) = field.clone() else { return Ok((steerer, gpu)) };
+        let Some(field) = field.clone() else { return Ok((refiner, gpu)) };
         let more = Arc::clone(&engines);
-        Ok((steerer.in_field(&colors, field, Box::new(move || lock(&more).open())), gpu))
+        Ok((refiner.in_field(&colors, field, Box::new(move || lock(&more).open())), gpu))
     })
 }

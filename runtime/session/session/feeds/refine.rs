@@ -60,15 +60,15 @@ impl Refinement {
     /// # Errors
     /// Those of the engines and of the encoder; [`SessionError::Thread`].
     pub(crate) fn start(encoder: Encoder, mut options: RefinementOptions) -> Result<(Self, LiveSource), SessionError> {
-        let (steerer, gpu) = (options.again)()?;
-        let device = device_encoder(&steerer, gpu, &encoder)?;
+        let (refiner, gpu) = (options.again)()?;
+        let device = device_encoder(&refiner, gpu, &encoder)?;
         let (sender, mut source) = set_channel(&encoder.frames(), || {
             device.as_ref().zip(options.direct).map(|(device, order)| device.pictures(order)).transpose()
         })?;
         let shared = Arc::new(Shared::default());
         let is_real = options.clock.is_some();
         let mut refining = Refining {
-            steerer,
+            refiner,
             device,
             encoder,
             options,
@@ -145,16 +145,16 @@ impl Drop for Refinement {
 
 /// An encoder on the engines' device, if they have one: phases need not come to the host.
 fn device_encoder(
-    steerer: &LiveRefiner,
+    refiner: &LiveRefiner,
     gpu: Option<Gpu>,
     encoder: &Encoder,
 ) -> Result<Option<VulkanEncoder>, SessionError> {
-    let gpu = gpu.filter(|_| steerer.phases_on_device().is_some());
+    let gpu = gpu.filter(|_| refiner.phases_on_device().is_some());
     Ok(gpu.map(|gpu| VulkanEncoder::new(&gpu, encoder.plan())).transpose()?)
 }
 
 struct Refining {
-    steerer: LiveRefiner,
+    refiner: LiveRefiner,
     device: Option<VulkanEncoder>,
     encoder: Encoder,
     options: RefinementOptions,
@@ -210,14 +210,14 @@ impl Refining {
 
     /// Makes the engines anew, with the scene that is to be seen.
     fn open_again(&mut self) -> Result<(), SessionError> {
-        let (mut steerer, gpu) = (self.options.again)()?;
+        let (mut refiner, gpu) = (self.options.again)()?;
         match &self.scene {
-            Some(SceneFrame { piece: Some(piece), colors, .. }) => drop(steerer.move_to(*piece, colors)?),
-            Some(scene) => drop(steerer.follow(&scene.colors)?),
+            Some(SceneFrame { piece: Some(piece), colors, .. }) => drop(refiner.move_to(*piece, colors)?),
+            Some(scene) => drop(refiner.follow(&scene.colors)?),
             None => {}
         }
-        let device = device_encoder(&steerer, gpu, &self.encoder)?;
-        (self.steerer, self.device) = (steerer, device);
+        let device = device_encoder(&refiner, gpu, &self.encoder)?;
+        (self.refiner, self.device) = (refiner, device);
         self.options.journal.iter().for_each(Journal::break_off);
         self.options.moments.begun_again();
         Ok(())
@@ -320,7 +320,7 @@ impl Refining {
     }
 
     fn round_ns(&self) -> i64 {
-        self.options.cost.round_ns(self.steerer.colors(), || self.steerer.round())
+        self.options.cost.round_ns(self.refiner.colors(), || self.refiner.round())
     }
 
     /// What comes behind the steps.
@@ -385,15 +385,15 @@ impl Refining {
         };
         if !steered {
             // What is shown is the scene's own hologram: there is nothing to compare.
-            self.steerer.forget_aim();
+            self.refiner.forget_aim();
         }
         if let Some(journal) = &self.options.journal {
             journal.scene(&scene, !steered);
         }
         self.options.moments.follow(&scene.colors, scene.shows_ns.or(scene.arrived_ns).unwrap_or(light_ns));
         let followed = match scene.piece {
-            Some(piece) => self.steerer.move_to(piece, &scene.colors)?,
-            None => self.steerer.follow(&scene.colors)?,
+            Some(piece) => self.refiner.move_to(piece, &scene.colors)?,
+            None => self.refiner.follow(&scene.colors)?,
         };
         if followed.own > 0 {
             self.options.moments.begun_again();
@@ -411,7 +411,7 @@ impl Refining {
 
     /// The hologram for the whole eyebox.
     fn show_whole(&mut self, target: &Target, now_ns: i64) -> Result<(), SessionError> {
-        self.steerer.show_whole()?;
+        self.refiner.show_whole()?;
         self.options.journal.iter().for_each(|journal| journal.keep(Decision::Whole {}));
         let mut time = WorkTime::begin(self.options.cost, now_ns);
         let timestamps = Timestamps {
@@ -431,7 +431,7 @@ impl Refining {
         let (light_ns, times) = (self.light_ns(&target), Times(self.options.clock));
         let mut time = WorkTime::begin(self.options.cost, now_ns);
         let begun = Instant::now();
-        let before = self.steerer.counts();
+        let before = self.refiner.counts();
         let deadline_ns = target.hand_over_ns.saturating_sub(self.ends_ns());
         let mut steps = 0;
         self.sender.does(RepeatReason::StepTooLong);
@@ -439,15 +439,15 @@ impl Refining {
         let (expected, aimed_ns, moves) = loop {
             let at_ns = time.now_ns();
             let expected = self.options.expect(times.monotonic_ns(at_ns), times.monotonic_ns(light_ns))?;
-            if self.steerer.aim(expected.pupil)? {
+            if self.refiner.aim(expected.pupil)? {
                 self.options.moments.begun_again();
             }
             let turn = usize::try_from(target.turn).unwrap_or(0);
             let moves = Moves { motion: self.options.moments.motion(light_ns, &expected), turn };
-            self.steerer.moves(&moves.motion, self.options.moments.times(turn))?;
+            self.refiner.moves(&moves.motion, self.options.moments.times(turn))?;
             time.looked(self.shift_phases(light_ns, &expected.pupil, &moves)?);
             self.fit(&expected.pupil, &moves)?;
-            let taken = self.steerer.round_while(|steps, expected| time.steps_before(deadline_ns, steps, expected))?;
+            let taken = self.refiner.round_while(|steps, expected| time.steps_before(deadline_ns, steps, expected))?;
             steps += taken;
             self.options.journal.iter().for_each(|journal| journal.steps(&expected.pupil, &moves, taken));
             let left_ns = deadline_ns.saturating_sub(time.now_ns()).saturating_sub(self.round_ns());
@@ -464,9 +464,9 @@ impl Refining {
                 self.sender.does(RepeatReason::StepTooLong);
             }
         };
-        self.steerer.settle()?;
+        self.refiner.settle()?;
         self.options.track.span("refine", self.number, begun);
-        let after = self.steerer.counts();
+        let after = self.refiner.counts();
         self.shared.restarts.fetch_add(after[0] - before[0], Ordering::Relaxed);
         self.shared.steps.fetch_add(u64::from(steps), Ordering::Relaxed);
         if steps == 0 {

@@ -13,7 +13,7 @@ use eyebox_base::reason;
 pub(crate) struct Replay {
     kept: RecordedSession,
     colors: Vec<LiveColor>,
-    steerer: LiveRefiner,
+    refiner: LiveRefiner,
     encoder: Encoder,
     /// When the sub-frames of each colour are lit.
     lighting: Lighting,
@@ -32,13 +32,13 @@ impl Replay {
     pub(crate) fn start(
         kept: RecordedSession,
         colors: Vec<LiveColor>,
-        steerer: LiveRefiner,
+        refiner: LiveRefiner,
         encoder: Encoder,
         lighting: Lighting,
     ) -> Result<LiveSource, SessionError> {
         let (sender, mut source) = set_channel(&encoder.frames(), || Ok::<_, SessionError>(None))?;
         let (newest, content, steps) = (None, None, 0);
-        let mut replay = Self { kept, colors, steerer, encoder, lighting, sender, newest, content, steps };
+        let mut replay = Self { kept, colors, refiner, encoder, lighting, sender, newest, content, steps };
         source.made_by(Box::new(move |_| replay.light_next()));
         Ok(source)
     }
@@ -59,17 +59,17 @@ impl Replay {
             match decision {
                 Decision::Scene { number, anew, colors } => {
                     if anew {
-                        self.steerer.forget_aim();
+                        self.refiner.forget_aim();
                     }
                     let scene = self.kept.scene(number, &colors, &self.colors)?;
-                    self.steerer.follow(&scene)?;
+                    self.refiner.follow(&scene)?;
                     self.content = Some(number);
                 }
                 Decision::Steps { pupil, motion, turn, steps } => {
-                    self.steerer.aim(RecordedSession::pupil(pupil))?;
-                    self.steerer.moves(&RecordedSession::motion(motion), self.lighting.times(turn))?;
+                    self.refiner.aim(RecordedSession::pupil(pupil))?;
+                    self.refiner.moves(&RecordedSession::motion(motion), self.lighting.times(turn))?;
                     let mut left = steps;
-                    self.steerer.round_while(|_, _| {
+                    self.refiner.round_while(|_, _| {
                         let more = left > 0;
                         left = left.saturating_sub(1);
                         more
@@ -77,10 +77,10 @@ impl Replay {
                     self.steps += steps;
                 }
                 Decision::Carry { pixels, look } => {
-                    self.steerer.shift_phases(pixels.turns(), &self.lighting, look)?;
+                    self.refiner.shift_phases(pixels.turns(), &self.lighting, look)?;
                 }
-                Decision::Fit {} => drop(self.steerer.fit()?),
-                Decision::Whole {} => self.steerer.show_whole()?,
+                Decision::Fit {} => drop(self.refiner.fit()?),
+                Decision::Whole {} => self.refiner.show_whole()?,
                 Decision::Set { number } => {
                     self.newest = Some(number);
                     if number >= wanted {
@@ -95,9 +95,9 @@ impl Replay {
 
     fn hand_over(&mut self, number: u64) -> Result<(), SessionError> {
         let Some(mut buffer) = self.sender.buffer() else { return Ok(()) };
-        self.steerer.settle()?;
-        self.encoder.encode_into(&PhaseSet::trusted(&self.steerer.sent()?), &mut buffer.frames)?;
-        buffer.lit_by(self.steerer.sources());
+        self.refiner.settle()?;
+        self.encoder.encode_into(&PhaseSet::trusted(&self.refiner.sent()?), &mut buffer.frames)?;
+        buffer.lit_by(self.refiner.sources());
         self.sender.send(FinishedSet {
             number,
             buffer,

@@ -66,7 +66,8 @@ pub enum SessionError {
     },
     /// A window beside the display.
     #[error("the window beside the display: {0}")]
-    Companion(Reason),
+    #[serde(rename = "companion")]
+    SidecarWindow(Reason),
     /// A setting that cannot be.
     #[error("{0}")]
     Setting(Reason),
