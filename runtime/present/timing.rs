@@ -16,21 +16,11 @@ use std::time::{Duration, Instant};
 /// When a picture lit up, as far as it is known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum PresentTiming {
-    /// By the display's own clock: nanoseconds of the system's monotonic clock.
-    Monotonic {
-        /// The picture's number.
-        id: u64,
-        /// When.
-        time_ns: u64,
-    },
-    /// The screen took another picture at this time: the one of this number lit up.
-    At {
-        /// The picture's number.
-        id: u64,
-        /// When.
-        time: Instant,
-    },
+pub struct PresentTiming {
+    /// The picture's number.
+    pub id: u64,
+    /// When the display says that it did, or when the screen took it: nanoseconds of the system's monotonic clock.
+    pub time_ns: u64,
 }
 
 /// What took this long waited for the screen, and ended when the screen went on; what took less may be older.
@@ -138,7 +128,7 @@ impl TimingSource {
             self.method == TimingMethod::Acquire && start.elapsed() >= WAITED && self.lit.len() < self.lit.capacity();
         // Acquiring that had to wait ended when the screen went on to the picture before.
         if let Some(id) = self.newest.filter(|_| waited) {
-            self.lit.push_back(PresentTiming::At { id, time: Instant::now() });
+            self.lit.push_back(PresentTiming { id, time_ns: steady::now_ns() });
         }
     }
 
@@ -193,7 +183,7 @@ impl TimingSource {
                     // The number whose lower half this is, not after the newest.
                     let back = (newest as u32).wrapping_sub(p.present_id);
                     let id = newest.saturating_sub(u64::from(back));
-                    self.lit.push_back(PresentTiming::Monotonic { id, time_ns: p.actual_present_time });
+                    self.lit.push_back(PresentTiming { id, time_ns: p.actual_present_time });
                 }
             }
             Calls::PresentWait(wait) => {
@@ -212,7 +202,7 @@ impl TimingSource {
                     }
                     self.waiting.pop_front();
                     if patience > 0 && start.elapsed() >= WAITED {
-                        self.lit.push_back(PresentTiming::At { id, time: Instant::now() });
+                        self.lit.push_back(PresentTiming { id, time_ns: steady::now_ns() });
                     }
                     patience = 0;
                 }
@@ -230,7 +220,7 @@ impl TimingSource {
                     && let Some(id) = self.waiting.pop_front()
                     && start.elapsed() >= WAITED
                 {
-                    self.lit.push_back(PresentTiming::At { id, time: Instant::now() });
+                    self.lit.push_back(PresentTiming { id, time_ns: steady::now_ns() });
                 }
             }
         }

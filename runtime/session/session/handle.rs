@@ -9,6 +9,7 @@ use crate::session::options::{About, COMMANDS, Content, Ended, SessionEvent, Ses
 use crate::session::playback::output::Output;
 use crate::session::playback::player::Command;
 use crate::session::present_thread::PresentThread;
+use crate::session::threads::spawn;
 use crossbeam_utils::atomic::AtomicCell;
 use eyebox_base::reason;
 use std::sync::Arc;
@@ -62,26 +63,22 @@ impl Session {
         });
         let (tell, started) = sync_channel(1);
         let theirs = Arc::clone(&shared);
-        let failed = |reason: String| SessionError::Thread { what: "presents", reason };
-        let thread = std::thread::Builder::new()
-            .name("eyebox presents".into())
-            .spawn(move || {
-                let _end = theirs.notes.until_the_end();
-                match PresentThread::start(content, &output, options, theirs) {
-                    Ok(mut present) => {
-                        let _ = tell.send(Ok(present.about()));
-                        present.run()
-                    }
-                    Err(error) => {
-                        let _ = tell.send(Err(error));
-                        Ended { statistics: Statistics::default(), result: Ok(()) }
-                    }
+        let thread = spawn("presents", move || {
+            let _end = theirs.notes.until_the_end();
+            match PresentThread::start(content, &output, options, theirs) {
+                Ok(mut present) => {
+                    let _ = tell.send(Ok(present.about()));
+                    present.run()
                 }
-            })
-            .map_err(|e| failed(format!("could not be started ({e})")))?;
-        let gone = |why| {
+                Err(error) => {
+                    let _ = tell.send(Err(error));
+                    Ended { statistics: Statistics::default(), result: Ok(()) }
+                }
+            }
+        })?;
+        let gone = |reason| {
             shared.stop.store(true, Ordering::Release);
-            failed(why)
+            SessionError::Thread { what: "presents", reason }
         };
         let about = wait_for_start(&started, STARTED, asked_to_end()).map_err(gone)??;
         Ok(Self { shared, about, thread: Some(thread) })
@@ -123,12 +120,9 @@ impl Session {
     /// Stops it, if it has not ended, and says what came of it.
     pub fn stop(mut self) -> Ended {
         self.shared.stop.store(true, Ordering::Release);
+        let failed = || SessionError::Thread { what: "presents", reason: "failed, which is a fault of eyebox".into() };
         let ended = self.thread.take().and_then(|thread| thread.join().ok());
-        ended.unwrap_or_else(|| {
-            let reason = "failed, which is a fault of eyebox".into();
-            let result = Err(SessionError::Thread { what: "presents", reason });
-            Ended { statistics: Statistics::default(), result }
-        })
+        ended.unwrap_or_else(|| Ended { statistics: Statistics::default(), result: Err(failed()) })
     }
 }
 

@@ -28,6 +28,7 @@ mod options;
 mod playback;
 mod present_thread;
 mod refinement;
+mod threads;
 mod ticked;
 
 #[cfg(all(test, target_os = "linux"))]
@@ -62,10 +63,12 @@ mod thread_tests;
 mod together_tests;
 
 #[cfg(target_os = "linux")]
-pub use content::application::{LiveInput, LiveKind, darkness};
+pub use content::application::{LiveInput, darkness};
 pub use content::far_field::FarField;
 pub use content::moving::{MovingSequence, SceneLoader};
 pub use content::scenes::{Due, FrameFreshness, Newest, SceneFrame, Scenes};
+#[cfg(target_os = "linux")]
+pub use eyebox_live_input::Kind as LiveKind;
 pub use feeds::following::LiveStatus;
 pub use feeds::live::{EngineSource, Live, Tracking, whole_eyebox};
 pub use feeds::play::Play;

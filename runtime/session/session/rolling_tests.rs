@@ -100,9 +100,9 @@ fn every_video_frame_is_the_newest_sets_in_its_turn() {
             })
             .unwrap();
     }
-    let account = player.scheduler().account();
+    let account = player.scheduler.account();
     assert_eq!((account.sets, account.video_frames, account.drops()), (20_000, 20_000, 0));
-    let (news, repeats) = source.counts();
+    let (news, repeats) = (source.news, source.repeats);
     assert_eq!(news + repeats.iter().sum::<u64>() + account.idle_sets, 20_000);
 }
 

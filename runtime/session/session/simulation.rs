@@ -58,10 +58,6 @@ impl Presenter for Panel {
         "a simulated panel".into()
     }
 
-    fn rate(&self) -> Option<Rate> {
-        Some(self.rate)
-    }
-
     fn upload(&mut self, picture: &[u8]) -> Result<(), PresentError> {
         self.picture.copy_from_slice(&picture[..9]);
         Ok(())
@@ -210,7 +206,7 @@ impl Simulation {
     /// The sets that the panel showed, each with its first timing, repeats apart; fails for a torn or a mixed one, and for
     /// one out of order.
     pub fn sets(&self) -> Vec<(Option<u64>, i64)> {
-        let n = self.player.scheduler().schedule().set_frames;
+        let n = self.player.scheduler.schedule().set_frames;
         let mut sets = Vec::new();
         let mut log = self.panel.log.clone();
         // Held so that sets keep their phase.

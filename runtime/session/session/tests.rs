@@ -100,17 +100,17 @@ fn the_newest_set_wins_and_buffers_go_round() {
     }
     // Nothing new: the last one stays, and is counted.
     source.show(1000);
-    assert_eq!((source.on_screen().map(|s| s.1), source.counts()), (Some(99), (10, [1, 0, 0, 0, 0, 0])));
+    assert_eq!((source.on_screen().map(|s| s.1), (source.news, source.repeats)), (Some(99), (10, [1, 0, 0, 0, 0, 0])));
     for (i, doing) in RepeatReason::ALL.into_iter().enumerate() {
         sender.does(doing);
         source.show(1001);
-        assert_eq!((source.counts().1[i], source.repeated()), (1 + u64::from(i == 0), Some(doing)));
+        assert_eq!((source.repeats[i], source.repeated), (1 + u64::from(i == 0), Some(doing)));
     }
     // Who made it is gone: the picture stays.
     drop(sender);
     source.poll(0).unwrap();
     source.show(1002);
-    assert_eq!((source.readiness(7), source.repeated()), (Readiness::Ready, Some(RepeatReason::RefinementEnded)));
+    assert_eq!((source.readiness(7), source.repeated), (Readiness::Ready, Some(RepeatReason::RefinementEnded)));
 }
 
 /// A refinement in simulated time: it aims for the next set that it expects to reach, and takes as long as it likes.
@@ -225,7 +225,7 @@ fn in_ten_minutes_no_set_is_late_because_of_refinement() {
         let decided = clock.now_ns().min(began.unwrap_or(0) - 2_000_000);
         timing.store(timing.load().after(began.unwrap_or(0), decided));
     }
-    let account = player.scheduler().account();
+    let account = player.scheduler.account();
     assert_eq!(account.late_sets, [0; 5]);
     assert_eq!((account.drops(), account.missed_presents), (0, 0));
     assert!(account.sets.abs_diff(36_000) <= 2, "{} sets", account.sets);

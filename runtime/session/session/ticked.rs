@@ -39,11 +39,11 @@ impl TickedSession {
             )));
         }
         let ticks = Ticks::new();
-        let given = TickProducer::new(&ticks);
+        let given = TickProducer(ticks.clone());
         options.observer = Some(Box::new(move |frame| given.put(frame)));
-        let session = Session::start(content, Output::Ticked(TickedOutput::new(&ticks)), options)?;
+        let session = Session::start(content, Output::Ticked(TickedOutput(ticks.clone())), options)?;
         let period = Duration::from_nanos(session.about().display_rate.period_ns().unsigned_abs());
-        Ok(Self { last: LastTick::new(&ticks), session, ticks, period, frame: TickedFrame::default() })
+        Ok(Self { last: LastTick(ticks.clone()), session, ticks, period, frame: TickedFrame::default() })
     }
 
     /// The next video frame, which lights up at `lit_ns` of the steady clock ([`trackers::now_ns`](crate::trackers::now_ns)), or

@@ -13,11 +13,11 @@ use crate::session::feeds::journal::{Journal, JournalWriter, RecordedSession};
 use crate::session::feeds::play::encoder_of;
 use crate::session::feeds::refine::{Begin, Refinement, RefinementOptions};
 use crate::session::feeds::replay::Replay;
-use crate::session::feeds::running::{ActiveContent, ContentSetup};
 use crate::session::feeds::showing::ContentReport;
 use crate::session::feeds::sidecar::{SidecarOpener, SourceSwitch};
+use crate::session::feeds::statistics::LiveStatistics;
+use crate::session::feeds::{ActiveContent, ContentSetup};
 use crate::session::frame_log::error::SessionError;
-use crate::session::frame_log::latency::Latency;
 use crate::session::frame_log::notes::Notes;
 use crate::session::frame_log::trace::Trace;
 use crate::session::playback::output::OpenDisplay;
@@ -80,9 +80,6 @@ impl Tracking {
     }
 
     /// By a simulated eye, in real time or in a time of its own that begins at 0.
-    ///
-    /// # Errors
-    /// [`SessionError::Tracker`].
     pub(crate) fn of_eye(
         settings: simulated::Settings,
         real_time: bool,
@@ -428,13 +425,10 @@ impl Live {
             refinement,
             tracker,
             counts,
-            showing,
             keeping,
             first_is_to_come: whole_of_none.is_some(),
             track: trace.track("sets"),
-            name,
             may_be_silent,
-            policy,
             truth,
             timing,
             steered,
@@ -442,16 +436,13 @@ impl Live {
             whole,
             light_after_ns: as_ns(light_after),
             frame_light_after_ns: as_ns(frame_light_after),
-            rolls,
             packed,
             lit_of_set: (u64::MAX, 0),
-            sub_frames: [0; 2],
             sets_per_second: display.rate.hz() / set_frames as f64,
             notes: notes.clone(),
-            latency: Latency::default(),
+            statistics: LiveStatistics { tracker: name, policy, rolls, showing, ..LiveStatistics::default() },
             pupil: None,
             focus: None,
-            focused: None,
             open: VecDeque::with_capacity(OPEN),
             medians: [None; 2],
             medians_at_ns: i64::MIN,

@@ -23,6 +23,7 @@ use crate::session::playback::player::Begins;
 use crate::session::refinement::live_refiner::LiveRefiner;
 use crate::session::refinement::set_timing::{Target, as_ns};
 use crate::session::refinement::work_time::{Cost, Times, WorkTime};
+use crate::session::threads::spawn;
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -56,9 +57,6 @@ pub(crate) struct Refinement {
 impl Refinement {
     /// Starts refining. The first set, the hologram for the whole eyebox, is ready when this returns, unless the first scene has
     /// still to come.
-    ///
-    /// # Errors
-    /// Those of the engines and of the encoder; [`SessionError::Thread`].
     pub(crate) fn start(encoder: Encoder, mut options: RefinementOptions) -> Result<(Self, LiveSource), SessionError> {
         let (refiner, gpu) = (options.again)()?;
         let device = device_encoder(&refiner, gpu, &encoder)?;
@@ -96,13 +94,9 @@ impl Refinement {
         }
         let mut thread = None;
         if is_real {
-            let run = std::thread::Builder::new().name("eyebox refines".into()).spawn(move || refining.live());
-            thread = Some(run.map_err(|e| SessionError::Thread {
-                what: "refines",
-                reason: format!("could not be started ({e})"),
-            })?);
+            thread = Some(spawn("refines", move || refining.live())?);
         } else {
-            source.made_by(Box::new(move |begins| refining.make_for(begins)));
+            source.make = Some(Box::new(move |begins| refining.make_for(begins)));
         }
         Ok((Self { shared, thread }, source))
     }

@@ -2,7 +2,7 @@
 
 use crate::encode::{Encoder, Lighting, PhaseSet};
 use crate::session::content::scenes::FrameFreshness;
-use crate::session::feeds::journal::{Decision, RecordedSession};
+use crate::session::feeds::journal::{Decision, RecordedSession, motion_of, pupil_of};
 use crate::session::feeds::sets::{FinishedSet, LiveSource, SetSender, set_channel};
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::latency::Timestamps;
@@ -26,9 +26,6 @@ pub(crate) struct Replay {
 
 impl Replay {
     /// From what it began with; sets are made when they are asked for.
-    ///
-    /// # Errors
-    /// Those of the channel's buffers.
     pub(crate) fn start(
         kept: RecordedSession,
         colors: Vec<LiveColor>,
@@ -39,7 +36,7 @@ impl Replay {
         let (sender, mut source) = set_channel(&encoder.frames(), || Ok::<_, SessionError>(None))?;
         let (newest, content, steps) = (None, None, 0);
         let mut replay = Self { kept, colors, refiner, encoder, lighting, sender, newest, content, steps };
-        source.made_by(Box::new(move |_| replay.light_next()));
+        source.make = Some(Box::new(move |_| replay.light_next()));
         Ok(source)
     }
 
@@ -66,8 +63,8 @@ impl Replay {
                     self.content = Some(number);
                 }
                 Decision::Steps { pupil, motion, turn, steps } => {
-                    self.refiner.aim(RecordedSession::pupil(pupil))?;
-                    self.refiner.moves(&RecordedSession::motion(motion), self.lighting.times(turn))?;
+                    self.refiner.aim(pupil_of(pupil))?;
+                    self.refiner.moves(&motion.map(motion_of).unwrap_or_default(), self.lighting.times(turn))?;
                     let mut left = steps;
                     self.refiner.round_while(|_, _| {
                         let more = left > 0;

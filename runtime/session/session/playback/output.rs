@@ -97,14 +97,14 @@ impl Output {
                 let desktop = Desktop::open()?;
                 let monitor = desktop.choose(monitor.as_deref(), [rows, columns])?;
                 let window = desktop.fullscreen(&shared()?, &monitor, real)?;
-                let known = rate.or(window.rate());
+                let known = rate.or(window.rate);
                 (Kind::Window(Box::new(window)), known)
             }
             #[cfg(feature = "direct-display")]
             Self::Direct { display } => {
                 let display = DisplayPresenter::direct(&shared()?, display.as_deref(), [rows, columns], rate, real)?;
                 // Its own rate is the mode's, which may be 59.94 where 60 was asked for.
-                let known = display.rate().or(rate);
+                let known = display.rate.or(rate);
                 (Kind::Other(Box::new(display), None), known)
             }
             Self::Memory { simulated, sink } => {

@@ -29,16 +29,10 @@ pub(crate) struct Begins {
 /// Content that can be shown: what the present thread sees of a [`Stream`](crate::session::Stream). None of it blocks but
 /// [`settle`](Self::settle).
 pub(crate) trait SetSource: Content {
-    /// Takes in what arrived, and says which positions may still be of use.
-    ///
-    /// # Errors
-    /// What ended the threads behind it.
+    /// Takes in what arrived, and says which positions may still be of use. Fails with what ended the threads behind it.
     fn poll(&mut self, useful_from: u64) -> Result<(), SessionError>;
 
     /// Waits until it is known what comes of a position: with simulated clocks, for which it takes no time.
-    ///
-    /// # Errors
-    /// Those of [`poll`](Self::poll).
     fn settle(&mut self, position: u64, begins: Begins) -> Result<(), SessionError>;
 
     /// Puts a position that is ready on the screen.
@@ -107,13 +101,17 @@ pub struct PresentedFrame<'a> {
 /// Joins clock, scheduler and pacer.
 pub(crate) struct Player {
     clock: Rc<dyn Clock>,
-    scheduler: Scheduler,
-    pacer: Pacer,
+    /// What was shown, and why not more.
+    pub(crate) scheduler: Scheduler,
+    pub(crate) pacer: Pacer,
     idle: VideoFrames,
     id: u64,
-    timing: Timing,
-    track: Track,
-    display_time_ns: i64,
+    /// How well predictions were met.
+    pub(crate) timing: Timing,
+    /// What this thread did.
+    pub(crate) track: Track,
+    /// When the last video frame handed over is to light up.
+    pub(crate) display_time_ns: i64,
     /// Stores which version of a hologram is on the screen.
     versions: Option<VersionLog>,
 }
@@ -140,31 +138,6 @@ impl Player {
         self.versions = Some(VersionLog::new(newest, self.scheduler.schedule().set_frames));
     }
 
-    /// What was shown, and why not more.
-    pub(crate) fn scheduler(&self) -> &Scheduler {
-        &self.scheduler
-    }
-
-    /// How well predictions were met.
-    pub(crate) fn timing(&self) -> &Timing {
-        &self.timing
-    }
-
-    /// The pacer.
-    pub(crate) fn pacer(&self) -> &Pacer {
-        &self.pacer
-    }
-
-    /// What this thread did.
-    pub(crate) fn into_track(self) -> Track {
-        self.track
-    }
-
-    /// When the last video frame handed over is to light up.
-    pub(crate) fn display_time_ns(&self) -> i64 {
-        self.display_time_ns
-    }
-
     /// Does what a user asked for, from the next video frame on.
     pub(crate) fn command(&mut self, command: Command, source: &mut dyn SetSource) {
         let next_display_time_ns = self.display_time_ns + self.rate().period_ns();
@@ -185,9 +158,6 @@ impl Player {
     }
 
     /// One video frame. `observe` sees what was handed over.
-    ///
-    /// # Errors
-    /// The presenter is lost, or a thread of the source ended.
     pub(crate) fn tick(
         &mut self,
         presenter: &mut dyn Presenter,
@@ -263,10 +233,7 @@ impl Player {
     }
 
     /// Ends playing, however that came: unless it was the display that was lost, it is left on the idle picture's first
-    /// video frame, which is a defined one.
-    ///
-    /// # Errors
-    /// What ended it; else the presenter is lost.
+    /// video frame, which is a defined one. Fails with what ended it, or else with what became of the presenter.
     pub(crate) fn end<T>(
         &mut self,
         presenter: &mut dyn Presenter,
