@@ -17,7 +17,6 @@ const NANOMETRES: f64 = 2.0;
 /// Share of the time that taking pictures is.
 pub const TAKING: f64 = 0.4;
 
-/// Pictures with what is known of them.
 pub(super) struct CaptureSet {
     pub(super) hello: Hello,
     pub(super) shots: Vec<Shot>,
@@ -108,7 +107,6 @@ pub(super) fn check(
     Ok((color, *theirs))
 }
 
-/// Asks the command for all pictures.
 pub(super) fn take(
     display: &Display,
     color: Color,
@@ -164,7 +162,6 @@ fn stand(shots: &mut [Shot], iris_mm: Option<[f64; 3]>) {
     shots.iter_mut().for_each(|shot| shot.iris_mm = shot.iris_mm.or(iris_mm));
 }
 
-/// Reads the pictures of a folder.
 pub(super) fn read(
     display: &Display,
     color: Color,

@@ -17,7 +17,6 @@ const ROUNDS: [(i32, f64); 2] = [(5, 2.0), (3, 0.7)];
 const PIXELS: usize = 2000;
 /// Pictures that are searched, of the irises that are nearest to the axis.
 const PICTURES: usize = 2;
-/// Steps of Gauss and Newton.
 const STEPS: usize = 6;
 /// Pieces at least that have to be found.
 const FEWEST: usize = 6;

@@ -16,7 +16,6 @@ use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// The folder's document.
 pub(super) const DOCUMENT: &str = "captures.json";
 /// Share of saturated pixels over which a shorter exposure is asked for.
 const SATURATED: f64 = 0.01;
@@ -25,7 +24,6 @@ const SHORTER: usize = 3;
 /// Pictures of each request that are added.
 const AVERAGE: usize = 4;
 
-/// A picture with its request.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Capture {
     pub(super) request: Request,
@@ -66,7 +64,6 @@ pub(super) struct Ask<'p> {
     pub(super) focus_mm: f64,
 }
 
-/// A picture that was taken.
 #[derive(Debug, Clone)]
 pub(super) struct Shot {
     /// The pattern's file, and the picture's.
@@ -79,7 +76,6 @@ pub(super) struct Shot {
 }
 
 impl Shot {
-    /// Its picture.
     pub(super) fn picture(&self, camera: [usize; 2]) -> Result<Picture, CalibrateError> {
         picture_of(&self.file, self.full_scale, camera)
     }
@@ -162,7 +158,6 @@ impl<'a> Session<'a> {
         of_color.filter_map(|c| c.shot(&self.folder)?.ok()).collect()
     }
 
-    /// The number of the next picture.
     pub(super) fn next(&self) -> usize {
         self.taken.len()
     }
@@ -318,7 +313,6 @@ impl<'a> Session<'a> {
         Ok(write_file(&file, |out| out.write_all(text.as_bytes()))?)
     }
 
-    /// The folder of pictures that nobody keeps.
     pub(super) fn into_folder(self) -> Option<tempfile::TempDir> {
         self.temporary
     }

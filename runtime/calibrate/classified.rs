@@ -26,7 +26,6 @@ const LEAST_CONTRAST: f64 = 0.1;
 /// A camera pixel's sensitive share, where a fit begins.
 pub(super) const CAMERA_PIXEL: f64 = 0.9;
 
-/// The pictures, sorted by what they are for.
 pub(super) struct Sorted {
     pub(super) pictures: Pictures,
     /// Pictures of even drives; they are fitted, too.
@@ -116,7 +115,6 @@ impl Sorted {
         left.iter().map(|l| l[0]).sum::<f64>() / left.len().max(1) as f64
     }
 
-    /// A picture that is not fitted any more.
     pub(super) fn leave_out(&mut self, view: usize) {
         self.even.retain(|v| *v != view);
         self.fitted.retain(|v| *v != view);

@@ -30,7 +30,6 @@ const CURVATURES: std::ops::RangeInclusive<i32> = -8..=8;
 /// An even drive shows this and nothing of crosstalk.
 const EVEN: Effort = Effort { subpixels: 1, slopes: 1, rounds: 20, enough: 0.01 };
 
-/// A complex image over the SLM.
 #[derive(Clone)]
 struct Image {
     rows: usize,

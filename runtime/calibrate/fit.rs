@@ -19,14 +19,12 @@ pub(super) struct Exposure {
     pub(super) dark: f64,
 }
 
-/// What came of a fit.
 #[derive(Debug, Clone)]
 pub(super) struct Fit {
     pub(super) at: Parameters,
     pub(super) free: Vec<Parameter>,
     /// Squared residuals in units of the noise, on average.
     pub(super) squares: f64,
-    /// Covariance of the free parameters.
     pub(super) covariance: Vec<Vec<f64>>,
 }
 
@@ -65,7 +63,6 @@ impl Fit {
     }
 }
 
-/// How much work a fit is.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Effort {
     /// Sub-pixels along an axis, of what is predicted and of its slopes.
@@ -162,7 +159,6 @@ impl Pictures {
         which.iter().zip(residuals).map(of).sum()
     }
 
-    /// Residuals of several views.
     fn all_residuals(&self, which: &[usize], seen: &[Prediction]) -> Vec<Vec<f64>> {
         which.par_iter().zip(seen).map(|(v, seen)| self.residuals(*v, seen)).collect()
     }
@@ -332,7 +328,6 @@ impl Pictures {
             columns.push(vec![1.0; residuals.len()]);
             let weighted: Vec<Vec<f64>> =
                 columns.iter().map(|c| c.iter().zip(&weights).map(|(v, w)| v * w).collect()).collect();
-            let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
             let mut normal = vec![vec![0.0; n]; n];
             for i in 0..n {
                 for j in 0..=i {
@@ -376,10 +371,13 @@ fn eliminate_last_two(normal: &mut Vec<Vec<f64>>, right: &mut Vec<f64>) {
     }
 }
 
-/// Variance of numbers about their mean.
 pub(super) fn variance_of(values: &[f64]) -> f64 {
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64
+}
+
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 pub(super) fn mean_square(values: &[f64]) -> f64 {

@@ -4,7 +4,7 @@ use super::classified::Sorted;
 use super::error::CalibrateError;
 use super::fit::{COARSE, Effort, Fit};
 use super::holdout::holdout;
-use super::parameters::{ORDERS, Parameter, Parameters, of_order};
+use super::parameters::{ORDERS, Parameter, Parameters, indices_of_order, of_order};
 use super::slopes::from_shifts;
 
 /// Irises up to this share of the eyebox are small: they see a slope of the wavefront as a shift of the picture.
@@ -58,7 +58,7 @@ pub(super) fn slopes(
     let pictures = &sorted.pictures;
     let share = |at: &Parameters| sorted.mean_left(at, &random.small);
     let shifted = |at: Parameters, highest: u32| {
-        let named: Vec<u32> = terms(*ORDERS.start()..=highest).iter().filter_map(|p| p.wavefront()).collect();
+        let named: Vec<u32> = (*ORDERS.start()..=highest).flat_map(indices_of_order).collect();
         let trial = from_shifts(pictures, &at, &random.small, &named);
         let [before, after] = [share(&at), share(&trial)];
         tracing::debug!("small irises: {before:.4} is left, {after:.4} with the slopes of their shifts");

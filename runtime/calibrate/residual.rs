@@ -52,7 +52,6 @@ pub struct HoldoutPicture {
     pub difference: Vec<f32>,
 }
 
-/// A picture that contradicts the others.
 pub(super) const LEFT_OUT: &str = "left out";
 /// Tiles along the longer side of the map.
 const TILES: usize = 16;

@@ -51,7 +51,6 @@ const CROSSTALK: Spread = Spread { q: 1.2, sigma: 2.03 };
 /// And a fill of its pixels.
 const FILL: f64 = 0.9;
 
-/// Fits, and says what came of it.
 pub(super) fn run(
     display: &Display,
     color: Color,
@@ -194,18 +193,12 @@ fn finest(
     let pictures = &sorted.pictures;
     let left = judged(sorted, &fit.at, which, ALL.subpixels).left;
     tracing::debug!("all pictures: {left:.5} is left");
-    if !pictures.are_whole() {
-        if left > INSIDE {
+    let (whole, hard) = (pictures.are_whole(), Parameters { soft_edge: false, ..fit.at.clone() });
+    if left > INSIDE {
+        if !whole {
             return Ok((fit, ALL));
         }
-        let finer = pictures.fit_near(known, &fit.at, &fit.free, which, END, observe)?;
-        let now = judged(sorted, &finer.at, which, FINE).left;
-        tracing::debug!("with sub-pixels: {now:.5} is left");
-        return Ok(if now < left { (finer, END) } else { (fit, ALL) });
-    }
-    let hard = Parameters { soft_edge: false, ..fit.at.clone() };
-    // The fewer bins an iris has, the more a soft edge leaves: whether a hard one explains more is cheap to ask.
-    if left > INSIDE {
+        // The fewer bins an iris has, the more a soft edge leaves: whether a hard one explains more is cheap to ask.
         let moves = fit.free.contains(&Parameter::Iris(0));
         let rim = if moves { pictures.rim(&hard, ALL.subpixels, which).at } else { hard.clone() };
         let now = judged(sorted, &rim, which, ALL.subpixels).left;
@@ -214,9 +207,12 @@ fn finest(
             return Ok((fit, ALL));
         }
     }
-    let finer = fine(pictures, which, [known, &hard], &fit.free, observe)?;
+    let finer = match whole {
+        true => fine(pictures, which, [known, &hard], &fit.free, observe)?,
+        false => pictures.fit_near(known, &fit.at, &fit.free, which, END, observe)?,
+    };
     let now = judged(sorted, &finer.at, which, FINE).left;
-    tracing::debug!("with sub-pixels and a hard edge: {now:.5} is left");
+    tracing::debug!("with sub-pixels{}: {now:.5} is left", if whole { " and a hard edge" } else { "" });
     Ok(if now < left { (finer, END) } else { (fit, ALL) })
 }
 

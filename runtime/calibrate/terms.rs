@@ -132,7 +132,6 @@ pub(super) fn settle(
     Ok(pictures.with_omitted(fit, &omitted, which, effort))
 }
 
-/// A model with some of another's terms.
 fn with_terms_of(model: &DisplayModel, other: &DisplayModel, hidden: &[Parameter]) -> DisplayModel {
     let mut model = model.clone();
     for p in hidden {

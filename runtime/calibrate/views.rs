@@ -15,19 +15,16 @@ use std::path::PathBuf;
 
 /// A picture's pixels that are compared.
 pub(super) struct View {
-    /// Which set.
     pub(super) set: usize,
     /// By part of the SLM: the pixels that look at it, and which of its windows they look through.
     pub(super) looks: Vec<(Look, usize)>,
     /// Counts, 1 at full scale, part by part.
     pub(super) counts: Vec<f64>,
-    /// Their variance by the camera's noise.
     pub(super) variance: Vec<f64>,
     /// Variance of the light over the picture, counts: what errors of the model scale with.
     pub(super) signal: f64,
     pub(super) exposure_ms: f64,
     pub(super) full_scale: f64,
-    /// Its picture's file.
     pub(super) file: PathBuf,
 }
 
@@ -37,12 +34,10 @@ impl View {
         self.looks[0].0.pupil
     }
 
-    /// Its whole picture.
     pub(super) fn picture(&self, camera: [usize; 2]) -> Result<Picture, CalibrateError> {
         picture_of(&self.file, self.full_scale, camera)
     }
 
-    /// Its picture's file, without its folder.
     pub(super) fn file_name(&self) -> String {
         self.file.file_name().unwrap_or_default().to_string_lossy().into_owned()
     }

@@ -24,7 +24,6 @@ const WINDOW_TIMEOUT: Duration = Duration::from_secs(3);
 /// How often it is looked whether the window's monitor is still there.
 const LOOK: Duration = Duration::from_secs(1);
 
-/// What the event loop calls.
 #[derive(Default)]
 struct Handler {
     monitors: Vec<MonitorHandle>,
@@ -264,7 +263,6 @@ impl OnDesktop {
         self.check()
     }
 
-    /// The next thing that a user did.
     pub(super) fn event(&mut self) -> Option<Event> {
         let handler = &self.desktop.handler;
         if handler.events.is_empty()

@@ -9,34 +9,17 @@ use std::path::{Path, PathBuf};
 
 /// Takes every video frame.
 #[derive(Debug)]
-#[non_exhaustive]
-pub enum Sink {
+pub struct Sink {
+    file: PathBuf,
+    out: Out,
+}
+
+#[derive(Debug)]
+enum Out {
     /// One after the other, (row, column, channel), into a file or a pipe.
-    Raw {
-        /// The file.
-        file: PathBuf,
-        /// It, opened.
-        out: BufWriter<TimeoutWriter>,
-    },
-    /// The newest, in a file that others map: in `/dev/shm` that is memory. 64 bytes of header, all numbers
-    /// little-endian, and the picture:
-    ///
-    /// | byte | what |
-    /// |---|---|
-    /// | 0 | `eyebox-1` |
-    /// | 8 | u64 sequence number: odd while the picture is written, else twice the number of video frames so far |
-    /// | 16 | u32 rows, u32 columns, u32 channels, u32 zero |
-    /// | 32 | i64 desired present time, ns on the player's clock |
-    ///
-    /// A reader takes the sequence number, copies, and takes it again: where they differ or are odd, it tries again.
-    Shared {
-        /// The file.
-        file: PathBuf,
-        /// It, opened.
-        out: File,
-        /// Video frames so far.
-        count: u64,
-    },
+    Raw(BufWriter<TimeoutWriter>),
+    /// The newest, and how many there were so far.
+    Shared(File, u64),
 }
 
 const HEADER: u64 = 64;
@@ -117,11 +100,21 @@ impl Sink {
     /// # Errors
     /// [`PresentError::File`]; [`FileError::Taken`] in it for a file that is there.
     pub fn raw(file: &Path) -> Result<Self, PresentError> {
-        Ok(Self::Raw { file: file.into(), out: BufWriter::new(raw_file(file)?) })
+        Ok(Self { file: file.into(), out: Out::Raw(BufWriter::new(raw_file(file)?)) })
     }
 
-    /// For pictures of (rows, columns, channels). Not on Windows, where a file that is written and one that is mapped need
-    /// not be the same at every moment.
+    /// The newest of pictures of (rows, columns, channels), in a file that others map: in `/dev/shm` that is memory. Not on Windows,
+    /// where a file that is written and one that is mapped need not be the same at every moment. 64 bytes of header, all numbers
+    /// little-endian, and the picture:
+    ///
+    /// | byte | what |
+    /// |---|---|
+    /// | 0 | `eyebox-1` |
+    /// | 8 | u64 sequence number: odd while the picture is written, else twice the number of video frames so far |
+    /// | 16 | u32 rows, u32 columns, u32 channels, u32 zero |
+    /// | 32 | i64 desired present time, ns on the player's clock |
+    ///
+    /// A reader takes the sequence number, copies, and takes it again: where they differ or are odd, it tries again.
     ///
     /// # Errors
     /// [`PresentError::File`]; [`FileError::Taken`] in it for what is there and is not such a file.
@@ -139,9 +132,8 @@ impl Sink {
         for (place, value) in header[16..28].chunks_exact_mut(4).zip([rows, columns, channels]) {
             place.copy_from_slice(&(value as u32).to_le_bytes());
         }
-        let mut sink = Self::Shared { file: file.into(), out, count: 0 };
-        sink.at(0, &header).map_err(failed)?;
-        Ok(sink)
+        put_at(&out, 0, &header).map_err(failed)?;
+        Ok(Self { file: file.into(), out: Out::Shared(out, 0) })
     }
 
     /// One video frame.
@@ -149,21 +141,18 @@ impl Sink {
     /// # Errors
     /// [`PresentError::File`].
     pub fn put(&mut self, picture: &[u8], desired_present_time_ns: i64) -> Result<(), PresentError> {
-        self.write(picture, desired_present_time_ns).map_err(|e| FileError::write(self.file(), e).into())
-    }
-
-    fn write(&mut self, picture: &[u8], desired_present_time_ns: i64) -> io::Result<()> {
-        let number = match self {
-            Self::Raw { out, .. } => return out.write_all(picture),
-            Self::Shared { count, .. } => {
+        let written = match &mut self.out {
+            Out::Raw(out) => out.write_all(picture),
+            Out::Shared(out, count) => {
                 *count += 1;
-                2 * *count
+                let number = 2 * *count;
+                put_at(out, 8, &(number - 1).to_le_bytes())
+                    .and_then(|()| put_at(out, HEADER, picture))
+                    .and_then(|()| put_at(out, 32, &desired_present_time_ns.to_le_bytes()))
+                    .and_then(|()| put_at(out, 8, &number.to_le_bytes()))
             }
         };
-        self.at(8, &(number - 1).to_le_bytes())?;
-        self.at(HEADER, picture)?;
-        self.at(32, &desired_present_time_ns.to_le_bytes())?;
-        self.at(8, &number.to_le_bytes())
+        written.map_err(|e| FileError::write(&self.file, e).into())
     }
 
     /// What is still on its way, to the file.
@@ -171,28 +160,18 @@ impl Sink {
     /// # Errors
     /// [`PresentError::File`].
     pub fn finish(&mut self) -> Result<(), PresentError> {
-        let flushed = match self {
-            Self::Raw { out, .. } => out.flush(),
-            Self::Shared { out, .. } => out.flush(),
+        let flushed = match &mut self.out {
+            Out::Raw(out) => out.flush(),
+            Out::Shared(out, _) => out.flush(),
         };
-        flushed.map_err(|e| FileError::write(self.file(), e).into())
+        flushed.map_err(|e| FileError::write(&self.file, e).into())
     }
+}
 
-    fn at(&mut self, place: u64, bytes: &[u8]) -> io::Result<()> {
-        match self {
-            Self::Raw { .. } => Ok(()),
-            Self::Shared { out, .. } => {
-                out.seek(SeekFrom::Start(place))?;
-                out.write_all(bytes)
-            }
-        }
-    }
-
-    fn file(&self) -> &Path {
-        match self {
-            Self::Raw { file, .. } | Self::Shared { file, .. } => file,
-        }
-    }
+/// Writes into the middle of a file.
+fn put_at(mut out: &File, place: u64, bytes: &[u8]) -> io::Result<()> {
+    out.seek(SeekFrom::Start(place))?;
+    out.write_all(bytes)
 }
 
 #[cfg(test)]

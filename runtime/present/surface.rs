@@ -63,7 +63,6 @@ impl Drop for TakenDisplay {
     }
 }
 
-/// What a surface is made of.
 pub(super) enum Target {
     Window(WindowHandle),
     Direct(TakenDisplay),

@@ -31,14 +31,11 @@ const PATIENCE_NS: u64 = 25_000_000;
 /// Pictures of which it may be unknown whether they lit up.
 const MOST: usize = 16;
 
-/// By what it is known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum TimingMethod {
-    /// `VK_GOOGLE_display_timing`.
     DisplayTiming,
     /// `VK_KHR_present_id` and `VK_KHR_present_wait`.
     PresentWait,
-    /// `VK_EXT_display_control`.
     FirstPixel,
     /// The time at which acquiring an image had to wait.
     Acquire,
@@ -59,7 +56,6 @@ impl TimingMethod {
         }
     }
 
-    /// For people.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::DisplayTiming => "VK_GOOGLE_display_timing",
@@ -78,7 +74,6 @@ enum Calls {
     Acquire,
 }
 
-/// Where the times come from.
 pub(super) struct TimingSource {
     device: ash::Device,
     method: TimingMethod,
@@ -117,7 +112,6 @@ impl TimingSource {
         Self { device: device.clone(), method, calls, lit, waiting, newest: None, armed: false }
     }
 
-    /// By what it is known.
     pub(super) fn method(&self) -> TimingMethod {
         self.method
     }
@@ -132,7 +126,6 @@ impl TimingSource {
         }
     }
 
-    /// A picture was put in line.
     pub(super) fn presented(&mut self, id: u64) {
         (self.newest, self.armed) = (Some(id), true);
         if matches!(self.method, TimingMethod::PresentWait | TimingMethod::FirstPixel) {

@@ -61,7 +61,6 @@ fn broken(line: &str, room: usize) -> Vec<&str> {
     lines
 }
 
-/// Rows and columns of a block of lines.
 fn extent(lines: &[&str]) -> [usize; 2] {
     let widest = lines.iter().map(|l| l.chars().count()).max().unwrap_or(0);
     [lines.len() * PITCH[0] + 2 * MARGIN, widest * PITCH[1] + 2 * MARGIN]

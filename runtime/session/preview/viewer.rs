@@ -162,7 +162,6 @@ impl Viewer {
     }
 }
 
-/// What the thread owns.
 struct Looker {
     eye: Eye,
     scene: SceneSource,
@@ -230,7 +229,6 @@ impl Looker {
         })
     }
 
-    /// The scene's photograph in each colour.
     fn photograph(&mut self, showing: &PreviewContent, pupil: &Pupil) -> Result<Vec<Plane>, PreviewError> {
         let other = || PreviewError::Showing {
             reason: reason!("other-optics", "its colours or its optics are not the scene's"),

@@ -18,7 +18,6 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-/// The thread's own.
 pub(super) struct PresentThread {
     shared: Arc<Shared>,
     running: ActiveContent,
@@ -38,7 +37,6 @@ pub(super) struct PresentThread {
 }
 
 impl PresentThread {
-    /// Opens the display and starts the content's threads.
     pub(super) fn start(
         content: Content,
         output: &Output,
@@ -116,7 +114,6 @@ impl PresentThread {
         (self.display.clock.now_ns() - self.begun_ns) as f64 / SECOND_NS as f64
     }
 
-    /// One video frame.
     fn tick(&mut self) -> Result<Option<Ending>, SessionError> {
         if self.shared.stop.load(Ordering::Acquire) {
             return Ok(Some(Ending::Stopped));

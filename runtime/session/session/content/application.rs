@@ -15,9 +15,7 @@ use eyebox_live_input::{Content, Display as Ring, Frame, Kind, Latest, Offer, Pu
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// How many frames the ring holds.
 const SLOTS: u32 = 3;
-/// The most of layers that are taken.
 const LAYERS: u32 = 16;
 /// Views that are wanted along an axis where a tracker tells where the eye is.
 const TRACKED_VIEWS: u32 = 3;

@@ -194,7 +194,6 @@ impl Drop for FarField {
     }
 }
 
-/// The thread that reads.
 struct Reader {
     tiles: Arc<Tiles>,
     models: Arc<Models>,

@@ -194,7 +194,6 @@ impl LiveColor {
     }
 }
 
-/// The thread that reads.
 struct Reader {
     sequence: Sequence,
     load: SceneLoader,

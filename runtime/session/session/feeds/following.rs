@@ -45,7 +45,6 @@ pub struct LiveStatus {
     pub focus: Option<f64>,
 }
 
-/// A video frame that was handed over.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct HandedOver {
     /// When it begins to be lit.
@@ -62,15 +61,12 @@ pub(crate) const OPEN: usize = 256;
 /// A live hologram that is shown, as the present thread has it: what becomes of every set.
 pub(crate) struct LiveState {
     pub(crate) sidecar_window: Option<Box<dyn SidecarWindow>>,
-    /// What switches the display's sources.
     pub(crate) switch: Option<SourceSwitch>,
     pub(crate) source: LiveSource,
     pub(crate) refinement: Refinement,
     /// A tracker on its thread; none where there is none, or time is simulated.
     pub(crate) tracker: Option<Arc<PupilTracker>>,
-    /// What became of the tracker's samples.
     pub(crate) counts: Arc<AtomicCell<TrackerCounts>>,
-    /// What keeps what was decided.
     pub(crate) keeping: Option<JournalWriter>,
     /// Whether that begins with nothing: an application gives it.
     pub(crate) first_is_to_come: bool,
@@ -86,7 +82,6 @@ pub(crate) struct LiveState {
     /// From the beginning to the middle of the light of what is decided at once, and of one video frame.
     pub(crate) light_after_ns: i64,
     pub(crate) frame_light_after_ns: i64,
-    /// Which sub-frames a video frame holds.
     pub(crate) packed: Arc<Packed>,
     /// Of the set on the screen, how many video frames were lit.
     pub(crate) lit_of_set: (u64, usize),

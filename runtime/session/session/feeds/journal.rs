@@ -19,7 +19,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Decisions that wait for the disk.
 const WAITING: usize = 1 << 12;
-/// The file of decisions.
 const DECISIONS: &str = "decisions.jsonl";
 
 /// A decision. Numbers that have to be exact are the bits of float64.
@@ -43,15 +42,20 @@ pub(crate) enum Decision {
         steps: u32,
     },
     /// Phases were moved by so many pixels, or looked at whether to.
-    Carry { pixels: Shifts, look: bool },
+    Carry {
+        pixels: Shifts,
+        look: bool,
+    },
     /// It was looked what to begin another picture with.
     Fit {},
     /// It began again with the hologram for the whole eyebox.
     Whole {},
-    /// A set was handed over.
-    Set { number: u64 },
-    /// A set began to be lit.
-    Lit { number: u64 },
+    Set {
+        number: u64,
+    },
+    Lit {
+        number: u64,
+    },
 }
 
 /// By how many pixels (x, y) phases were moved.
@@ -98,7 +102,6 @@ pub(crate) struct Views {
     center: [u64; 2],
     mean: u64,
     exposure: u64,
-    /// Whether it brought phases.
     phases: bool,
 }
 
@@ -173,7 +176,6 @@ enum Entry {
     Scene { scene: SceneFrame, anew: bool },
 }
 
-/// Where decisions go.
 #[derive(Clone)]
 pub(crate) struct Journal {
     out: Mailbox<Option<Entry>>,
@@ -181,7 +183,6 @@ pub(crate) struct Journal {
     gap: Arc<AtomicBool>,
 }
 
-/// A journal that is being written.
 pub(crate) struct JournalWriter {
     gap: Arc<AtomicBool>,
     writer: EntryWriter<Entry>,
@@ -203,7 +204,6 @@ impl Journal {
         Ok(JournalWriter { gap: Arc::default(), writer })
     }
 
-    /// Something was decided.
     pub(crate) fn keep(&self, decision: Decision) {
         self.put(Entry::Decision(decision));
     }
@@ -232,7 +232,6 @@ impl Journal {
 }
 
 impl JournalWriter {
-    /// Where decisions go.
     pub(crate) fn journal(&self) -> Journal {
         Journal { out: self.writer.entries.clone(), gap: Arc::clone(&self.gap) }
     }

@@ -159,16 +159,13 @@ impl EngineSource {
     }
 }
 
-/// Whoever is followed.
 struct FollowedEye {
     watch: PupilSource,
-    /// A tracker on its thread.
     tracker: Option<Arc<PupilTracker>>,
     truth: Option<simulated::Eye>,
     name: String,
     /// Whether nothing need ever come of it: a mouse need not come over its window, nor a program push anything.
     may_be_silent: bool,
-    /// What becomes of its samples.
     counts: Arc<AtomicCell<TrackerCounts>>,
 }
 

@@ -32,7 +32,6 @@ impl ActiveContent {
     }
 }
 
-/// What content brings along.
 pub(crate) struct ContentSetup {
     pub running: ActiveContent,
     pub schedule: Schedule,

@@ -19,9 +19,7 @@ use eyebox_base::reason;
 use std::path::Path;
 use std::time::SystemTime;
 
-/// Longest sync picture, seconds.
 const LONGEST_SYNC_S: f64 = 86400.0;
-/// Most sets that are encoded ahead.
 const MOST_AHEAD: usize = 64;
 /// How far away the start of a playback may be, seconds: a year and a day.
 const FARTHEST_START_S: f64 = 366.0 * 86400.0;
@@ -154,7 +152,6 @@ impl Play {
         Ok(())
     }
 
-    /// Starts reading and encoding.
     pub(crate) fn start(self, display: &OpenDisplay, notes: Notes, trace: Trace) -> Result<ContentSetup, SessionError> {
         let speed = self.exact_speed()?;
         let Self { sequence, encoder, .. } = self;

@@ -106,7 +106,6 @@ impl Refinement {
         Self { shared: Arc::default(), thread: None }
     }
 
-    /// What became of scenes.
     pub(crate) fn taken(&self) -> SceneCounts {
         self.shared.taken.load()
     }
@@ -118,7 +117,6 @@ impl Refinement {
         [restarts, steps, moving, carried].map(|count| count.load(Ordering::Relaxed))
     }
 
-    /// Whether the thread is still there.
     #[cfg(test)]
     pub(crate) fn is_running(&self) -> bool {
         self.thread.as_ref().is_some_and(|t| !t.is_finished())
@@ -403,7 +401,6 @@ impl Refining {
         Ok(Some(true))
     }
 
-    /// The hologram for the whole eyebox.
     fn show_whole(&mut self, target: &Target, now_ns: i64) -> Result<(), SessionError> {
         self.refiner.show_whole()?;
         self.options.journal.iter().for_each(|journal| journal.keep(Decision::Whole {}));

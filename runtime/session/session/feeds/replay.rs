@@ -9,7 +9,6 @@ use crate::session::frame_log::latency::Timestamps;
 use crate::session::refinement::live_refiner::{LiveColor, LiveRefiner};
 use eyebox_base::reason;
 
-/// A session that is done again.
 pub(crate) struct Replay {
     kept: RecordedSession,
     colors: Vec<LiveColor>,

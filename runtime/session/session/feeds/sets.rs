@@ -19,7 +19,6 @@ use std::time::Instant;
 pub struct FinishedSet {
     /// Its number, from 0.
     pub number: u64,
-    /// Its video frames.
     pub(crate) buffer: SetBuffer,
     /// When what happened to it.
     pub timestamps: Timestamps,
@@ -105,7 +104,6 @@ pub(crate) struct LiveSource {
     pub(crate) repeated: Option<RepeatReason>,
     /// Sets that were new when they were decided on.
     pub(crate) news: u64,
-    /// There will be no more.
     over: Arc<AtomicBool>,
     doing: Arc<AtomicCell<RepeatReason>>,
     /// Makes the set that begins at a time, where time is simulated.
@@ -160,7 +158,6 @@ impl SetSender {
         let _ = self.free.put(buffer);
     }
 
-    /// What it does from now on.
     pub(crate) fn does(&self, doing: RepeatReason) {
         self.doing.store(doing);
     }

@@ -10,10 +10,8 @@ const NOTES: usize = 64;
 #[derive(Debug, Clone)]
 pub(crate) struct Notes(Mailbox<NoteEvent>);
 
-/// What a reader of the notes hears.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum NoteEvent {
-    /// A note.
     Note(String),
     /// That there will be no more.
     End,
@@ -34,7 +32,6 @@ impl Notes {
         self.0.take_within(patience)
     }
 
-    /// The next note, if there is one.
     #[cfg(test)]
     pub(crate) fn take(&self) -> Option<String> {
         match self.0.take()? {
@@ -54,7 +51,6 @@ impl Notes {
     }
 }
 
-/// Tells the end when it is dropped.
 pub(crate) struct EndNote(Notes);
 
 impl Drop for EndNote {

@@ -176,7 +176,6 @@ impl Track {
         self.put(Entry::Lit { thread: self.thread, at_ns: self.now_ns(), lit });
     }
 
-    /// A video frame is.
     pub(crate) fn light(&mut self, light: Light) {
         self.put(Entry::Light { thread: self.thread, at_ns: self.now_ns(), light });
     }

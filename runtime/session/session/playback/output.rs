@@ -63,7 +63,6 @@ impl SinkFile {
     }
 }
 
-/// A display that is open.
 pub(crate) struct OpenDisplay {
     kind: Kind,
     pub clock: Rc<dyn Clock>,

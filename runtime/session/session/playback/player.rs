@@ -68,10 +68,8 @@ pub enum Command {
     Speed(f64),
 }
 
-/// Whether there is more to come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Flow {
-    /// There is.
     Continue,
     /// The last set was up for its time.
     Ended,
@@ -108,7 +106,6 @@ pub(crate) struct Player {
     id: u64,
     /// How well predictions were met.
     pub(crate) timing: Timing,
-    /// What this thread did.
     pub(crate) track: Track,
     /// When the last video frame handed over is to light up.
     pub(crate) display_time_ns: i64,

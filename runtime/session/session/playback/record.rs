@@ -63,7 +63,6 @@ impl Recorder {
         Ok(())
     }
 
-    /// Brings the list to the disk.
     fn finish(mut self) -> Result<(), SessionError> {
         let file = self.folder.join("shown.csv");
         self.list.flush().and_then(|()| self.list.get_ref().sync_all()).map_err(|e| FileError::write(&file, e))?;
@@ -79,7 +78,6 @@ const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// A video frame on its way to the disk: without its picture, and that.
 type RecordedFrame = (PresentedFrame<'static>, Vec<u8>);
 
-/// A recording of what a session shows.
 pub(crate) enum Recording {
     /// Every video frame, as it is shown: with a simulated clock.
     Inline(Box<Recorder>),
@@ -117,7 +115,6 @@ impl Recording {
         Ok(Self::Behind { send, free, thread: spawn("records", run)?, left_out: 0 })
     }
 
-    /// Keeps a video frame.
     pub(crate) fn add(&mut self, frame: &PresentedFrame<'_>) -> Result<(), SessionError> {
         match self {
             Self::Inline(recorder) => recorder.add(frame)?,

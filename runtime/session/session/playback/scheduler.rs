@@ -69,7 +69,6 @@ pub struct Schedule {
 }
 
 impl Schedule {
-    /// Video frames from one decision to the next.
     pub(crate) fn decided_every(&self) -> u64 {
         if self.rolls { 1 } else { self.set_frames }
     }
@@ -121,7 +120,6 @@ pub struct Scheduler {
     pending: VecDeque<(u64, Cause)>,
     /// Video frame and predicted time of the last set's start.
     last_start: Option<(u64, i64)>,
-    /// The last video frame decided on.
     last_vblank: Option<u64>,
     first_start: Option<u64>,
     next_video_frame: u64,

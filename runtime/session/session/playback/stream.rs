@@ -255,7 +255,6 @@ fn spawn(
     threads::spawn(what, watched)
 }
 
-/// What a panic said, in one line.
 fn said(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().copied().or_else(|| panic.downcast_ref::<String>().map(String::as_str));
     text.map_or_else(|| "it does not say why".into(), |t| t.lines().collect::<Vec<_>>().join(" "))

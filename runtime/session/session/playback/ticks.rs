@@ -55,7 +55,6 @@ impl Drop for LastTick {
 pub(crate) struct TickProducer(pub Ticks);
 
 impl TickProducer {
-    /// A video frame was decided on.
     pub(crate) fn put(&self, frame: &PresentedFrame<'_>) {
         let mut picture = self.0.spare.take().unwrap_or_default();
         picture.clear();

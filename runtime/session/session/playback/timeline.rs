@@ -9,7 +9,6 @@ pub struct Speed {
 }
 
 impl Speed {
-    /// As it was made.
     pub(crate) const ONE: Self = Self { thousandths: 1000 };
 
     /// From a factor; thousandths count. None unless it is 0.001 to 1000.

@@ -12,7 +12,7 @@ use crate::optics::{Laser, PupilDistribution};
 use crate::session::frame_log::error::SessionError;
 use crate::session::refinement::field::Field;
 use crate::session::refinement::likeness;
-use crate::solve::{Motion, Problem, RefineSettings, Refiner, SharedDrives, StartTable};
+use crate::solve::{Motion, Problem, RefineSettings, Refiner, SharedDrives, StartTable, for_joint_colors};
 use crate::tiled::TileRect;
 use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
@@ -22,7 +22,6 @@ use std::time::Duration;
 
 /// No eye is known better than this, metres: its spread as a solver takes it.
 const SHARPEST: f64 = 0.1e-3;
-/// Red, green and blue.
 const MOST_COLORS: usize = 3;
 
 /// Opens an engine, as often as it is called.
@@ -112,7 +111,6 @@ impl OneColor {
 pub struct LiveRefiner {
     colors: Vec<OneColor>,
     policy: Policy,
-    /// Which colour is next.
     next: usize,
     /// Where the last steps went to.
     aimed: Option<PupilDistribution>,
@@ -154,7 +152,7 @@ impl LiveRefiner {
             )));
         }
         let lasers = Self::lasers_of(&colors)?;
-        let steering = Self::steering_of(policy.steering, lasers.is_some())?;
+        let steering = if lasers.is_some() { for_joint_colors(policy.steering)? } else { policy.steering };
         let policy = Policy { steering, ..policy };
         let drives = lasers.as_ref().map(|lasers| Self::drives_of(lasers, &colors)).unwrap_or_default();
         let one = |color: LiveColor| -> Result<OneColor, SessionError> {
@@ -333,19 +331,24 @@ impl LiveRefiner {
                 "a scene of {found} colours, where {must} are refined"
             )));
         }
+        self.check_lasers(scene)?;
+        // Colours that share their drives begin together, or not at all.
+        let none = self.shared.is_some() && scene.iter().any(|new| new.phases.is_empty());
+        for (color, new) in self.colors.iter_mut().zip(scene) {
+            let other = color.table.is_some() && likeness::differ(color.refiner.problem(), &new.problem);
+            color.refiner.follow(new.problem.clone(), new.exposure)?;
+            color.loss = None;
+            color.needs_reinit = (none || new.phases.is_empty()) && (color.needs_reinit || other);
+        }
+        if none {
+            return Ok(Followed::default());
+        }
         if self.shared.is_some() {
             return self.follow_together(scene);
         }
         let mut followed = Followed::default();
-        for (color, new) in self.colors.iter_mut().zip(scene) {
+        for (color, new) in self.colors.iter_mut().zip(scene).filter(|(_, new)| !new.phases.is_empty()) {
             let refiner = &mut color.refiner;
-            let other = color.table.is_some() && likeness::differ(refiner.problem(), &new.problem);
-            refiner.follow(new.problem.clone(), new.exposure)?;
-            color.loss = None;
-            color.needs_reinit = new.phases.is_empty() && (color.needs_reinit || other);
-            if new.phases.is_empty() {
-                continue;
-            }
             let before = match self.aimed {
                 Some(_) => Some((refiner.loss()?, refiner.phases()?)),
                 None => None,
@@ -388,7 +391,6 @@ impl LiveRefiner {
         self.restart()
     }
 
-    /// How many colours it refines.
     pub(crate) fn colors(&self) -> usize {
         self.colors.len()
     }

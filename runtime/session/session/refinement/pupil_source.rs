@@ -37,7 +37,6 @@ impl PupilSource {
         }
     }
 
-    /// Whether there is a tracker at all.
     pub(crate) fn is_tracked(&self) -> bool {
         !matches!(self, Self::Nobody(_))
     }
