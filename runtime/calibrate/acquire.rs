@@ -115,13 +115,10 @@ pub(super) fn take(
     tell: &dyn Fn(Event),
 ) -> Result<CaptureSet, CalibrateError> {
     let Bench::Command { camera: CameraCommand { command, keep, limit, iris_mm }, most, quick } = *bench else {
-        return Err(CalibrateError::Pictures(reason!("folder-takes-none", "a folder takes no pictures")));
+        return Err(reason!("folder-takes-none", "a folder takes no pictures").into());
     };
     if most < FEWEST && !quick {
-        return Err(CalibrateError::Pictures(reason!(
-            "too-few",
-            "{most} pictures are too few: a calibration takes {FEWEST} at least"
-        )));
+        return Err(reason!("too-few", "{most} pictures are too few: a calibration takes {FEWEST} at least").into());
     }
     tell(Event::At("starting the camera's command", 0.0));
     let mut say = |line: &str| tell(Event::Said(line));

@@ -81,17 +81,14 @@ pub(super) fn sort(display: &Display, color: Color, taken: &CaptureSet) -> Resul
         }
     }
     let Some((map, map_rms)) = found else {
-        return Err(CalibrateError::Pictures(reason!(
-            "no-picture-of-dots",
-            "there is no picture of the dots, which say where the camera looks"
-        )));
+        return Err(
+            reason!("no-picture-of-dots", "there is no picture of the dots, which say where the camera looks").into()
+        );
     };
     if pattern_shots.len() < 3 {
-        return Err(CalibrateError::Pictures(reason!(
-            "too-few",
-            "{} pictures of patterns are too few to fit a model to",
-            pattern_shots.len()
-        )));
+        return Err(
+            reason!("too-few", "{} pictures of patterns are too few to fit a model to", pattern_shots.len()).into()
+        );
     }
     let radius = display.source_eyebox_min() / 2.0;
     tracing::debug!("dots: {map_rms:.3} camera pixels rms, map {:.6?}", map.numbers);

@@ -89,6 +89,12 @@ pub enum CalibrateError {
     Optics(#[from] OpticsError),
 }
 
+impl From<Reason> for CalibrateError {
+    fn from(reason: Reason) -> Self {
+        Self::Pictures(reason)
+    }
+}
+
 impl CalibrateError {
     pub(crate) fn bench(display: &Display, reason: Reason) -> Self {
         Self::Bench { display: display.name.clone(), reason }

@@ -195,7 +195,7 @@ impl Pictures {
         observe: &mut dyn FnMut(f64),
     ) -> Result<Fit, CalibrateError> {
         if which.is_empty() {
-            return Err(CalibrateError::Pictures(reason!("nothing-to-fit", "there is nothing to fit")));
+            return Err(reason!("nothing-to-fit", "there is nothing to fit").into());
         }
         let count: usize = which.iter().map(|v| self.views[*v].counts.len()).sum();
         let (mut at, mut damping) = (start.clone(), 1e-3);

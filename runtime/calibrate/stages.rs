@@ -69,10 +69,11 @@ pub(super) fn run(
         warnings.push("no picture was taken twice: how large the camera's noise is was not measured".into());
     }
     if sorted.pictures.signal(&sorted.fitted) < DARK {
-        return Err(CalibrateError::Pictures(reason!(
+        return Err(reason!(
             "only-noise",
             "the pictures show nothing but the camera's noise: is the light on, and the exposure long enough?"
-        )));
+        )
+        .into());
     }
     let drift = quick.then(|| display.model.get(&color.into()).and_then(|terms| terms.unexplained).unwrap_or(0.0));
     // Bins of a piece are coarser than the iris's edge.

@@ -233,11 +233,11 @@ impl<'r, 'a> Run<'r, 'a> {
         let alike = mean(&alike.collect::<Vec<_>>());
         tracing::debug!("pictures and model: correlation {alike:.3}, {:.3e} of full scale a ms", self.gain);
         if alike.is_nan() || alike < ALIKE {
-            return Err(CalibrateError::Pictures(reason!(
+            return Err(reason!(
                 "other-pictures",
                 "the camera's pictures are not of what is shown: their correlation with what the model predicts is {alike:.2}; \
                  calibrate first, and take the dots again if the camera was moved"
-            )));
+            ).into());
         }
         Ok(())
     }
@@ -314,10 +314,7 @@ impl<'r, 'a> Run<'r, 'a> {
         self.register(&seen, &predicted, &PLACE);
         match loss.is_finite() {
             true => Ok(()),
-            false => Err(CalibrateError::Pictures(reason!(
-                "camera-step-not-finite",
-                "a camera step gave numbers that are not finite"
-            ))),
+            false => Err(reason!("camera-step-not-finite", "a camera step gave numbers that are not finite").into()),
         }
     }
 }

@@ -115,8 +115,8 @@ fn take_out(values: &mut [f64], of: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dots::ALL;
     use crate::camera_steps::sensor::Grid;
+    use crate::dots::ALL;
     use crate::map::CameraMap;
     use eyebox_kernels::modulate;
     use eyebox_solve::solve::SplitMix;

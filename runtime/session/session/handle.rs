@@ -48,10 +48,9 @@ impl Session {
         // As a display file has it; a session hears of its end at the next video frame.
         if let Some(rate) = options.display_rate.filter(|rate| !(1.0..=100_000.0).contains(&rate.hz())) {
             let hz = rate.hz();
-            return Err(SessionError::Setting(reason!(
-                "display-rate",
-                "`display_rate` {hz}: it must be 1 to 100000 video frames a second"
-            )));
+            return Err(
+                reason!("display-rate", "`display_rate` {hz}: it must be 1 to 100000 video frames a second").into()
+            );
         }
         let steered = matches!(&content, Content::Live(live) if live.steered);
         let shared = Arc::new(Shared {

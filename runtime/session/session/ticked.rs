@@ -33,10 +33,7 @@ impl TickedSession {
     /// Those of [`Session::start`]; [`SessionError::Setting`] for options with an observer, whose place the ticks take.
     pub fn start(content: impl Into<Content>, mut options: SessionOptions) -> Result<Self, SessionError> {
         if options.observer.is_some() {
-            return Err(SessionError::Setting(reason!(
-                "observer",
-                "a session that is ticked has no other observer than its caller"
-            )));
+            return Err(reason!("observer", "a session that is ticked has no other observer than its caller").into());
         }
         let ticks = Ticks::new();
         let given = TickProducer(ticks.clone());
@@ -56,10 +53,11 @@ impl TickedSession {
         let lit_ns = lit_ns.unwrap_or_else(|| now.saturating_add(self.period.as_nanos() as u64));
         if u128::from(lit_ns.abs_diff(now)) > REACH.as_nanos() {
             let off = (i128::from(lit_ns) - i128::from(now)) as f64 * 1e-9;
-            return Err(SessionError::Setting(reason!(
+            return Err(reason!(
                 "lights-up",
                 "a video frame that lights up {off:.3} s from now: it must be within a second, on the steady clock"
-            )));
+            )
+            .into());
         }
         self.ticks.asks.push(Some(lit_ns));
         let given = loop {

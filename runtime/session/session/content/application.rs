@@ -8,7 +8,7 @@ use crate::scene::{Layer, LightField, Places, ViewGrid, views_of_depths, views_o
 use crate::session::content::device_views::{ColorViews, DeviceViews};
 use crate::session::content::scenes::{Due, FrameFreshness, Newest, SceneFrame, Scenes};
 use crate::session::frame_log::error::SessionError;
-use crate::session::refinement::live_refiner::LiveColor;
+use crate::session::refinement::field::LiveColor;
 use crate::solve::{BrightEnd, Problem, random_phases};
 use eyebox_base::error::Reason;
 use eyebox_live_input::{Content, Display as Ring, Frame, Kind, Latest, Offer, Pupil as AskedPupil, Request, Wanted};

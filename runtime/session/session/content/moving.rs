@@ -8,7 +8,7 @@ use crate::scene::LightField;
 use crate::session::content::scenes::{Due, FrameFreshness, Newest, SceneFrame, Scenes};
 use crate::session::frame_log::error::SessionError;
 use crate::session::playback::timeline::{Speed, Timeline};
-use crate::session::refinement::live_refiner::LiveColor;
+use crate::session::refinement::field::LiveColor;
 use crate::session::threads::{put_unless, spawn};
 use crate::solve::Problem;
 use eyebox_base::error::Reason;

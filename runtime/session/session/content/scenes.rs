@@ -3,7 +3,7 @@
 use crate::optics::PupilDistribution;
 use crate::scene::ViewsOnDevice;
 use crate::session::frame_log::error::SessionError;
-use crate::session::refinement::live_refiner::LiveColor;
+use crate::session::refinement::field::LiveColor;
 use crate::tiled::TileRect;
 use std::sync::Arc;
 

@@ -4,6 +4,7 @@ use crate::encode::Packed;
 use crate::optics::{Pupil, PupilDistribution};
 use crate::present::SECOND_NS;
 use crate::session::feeds::journal::{Decision, JournalWriter};
+use crate::session::feeds::live::FollowedEye;
 use crate::session::feeds::refine::Refinement;
 use crate::session::feeds::sets::{FinishedSet, LiveSource};
 use crate::session::feeds::sidecar::{LitSources, Now, SidecarWindow, SourceSwitch, UserRequest};
@@ -14,10 +15,8 @@ use crate::session::frame_log::notes::Notes;
 use crate::session::frame_log::trace::{Light, Lit, Track};
 use crate::session::playback::output::OpenDisplay;
 use crate::session::playback::player::SetSource;
-use crate::session::refinement::pupil_tracker::{PupilTracker, TrackerCounts};
 use crate::session::refinement::set_timing::SetTiming;
 use crate::session::refinement::work_time::Times;
-use crate::trackers::simulated;
 use crossbeam_utils::atomic::AtomicCell;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -64,16 +63,11 @@ pub(crate) struct LiveState {
     pub(crate) switch: Option<SourceSwitch>,
     pub(crate) source: LiveSource,
     pub(crate) refinement: Refinement,
-    /// A tracker on its thread; none where there is none, or time is simulated.
-    pub(crate) tracker: Option<Arc<PupilTracker>>,
-    pub(crate) counts: Arc<AtomicCell<TrackerCounts>>,
+    pub(crate) eye: FollowedEye,
     pub(crate) keeping: Option<JournalWriter>,
     /// Whether that begins with nothing: an application gives it.
     pub(crate) first_is_to_come: bool,
     pub(crate) track: Track,
-    /// Whether nothing need ever come of the tracker.
-    pub(crate) may_be_silent: bool,
-    pub(crate) truth: Option<simulated::Eye>,
     pub(crate) timing: Arc<AtomicCell<SetTiming>>,
     pub(crate) steered: Arc<AtomicBool>,
     pub(crate) times: Times,
@@ -123,7 +117,7 @@ impl LiveState {
     fn serve(&mut self, display: &mut OpenDisplay) -> bool {
         let Some(sidecar_window) = &mut self.sidecar_window else { return true };
         let now_ns = self.times.monotonic_ns(display.clock.now_ns());
-        let seen = self.tracker.as_ref().map_or(self.whole, |tracker| tracker.expect(now_ns).pupil);
+        let seen = self.eye.tracker.as_ref().map_or(self.whole, |tracker| tracker.expect(now_ns).pupil);
         let middle = |[low, high]: [f64; 2]| 0.5 * (low + high);
         let [x, y] = seen.centre;
         let pupil = Pupil { x, y, diameter: middle(seen.diameter), depth: middle(seen.focus) };
@@ -207,13 +201,13 @@ impl LiveState {
     fn look_back(&mut self, now_ns: i64) {
         let now = self.times.monotonic_ns(now_ns);
         while let Some((light, expected)) = self.open.front().copied() {
-            let position = match &mut self.truth {
+            let position = match &mut self.eye.truth {
                 Some(eye) if light <= now => {
                     let truth = eye.at(light);
                     (truth.lid > 0.5).then_some(truth.position)
                 }
-                None if self.tracker.as_ref().is_some_and(|tracker| tracker.reaches(light)) => {
-                    self.tracker.as_ref().and_then(|tracker| tracker.measured(light))
+                None if self.eye.tracker.as_ref().is_some_and(|tracker| tracker.reaches(light)) => {
+                    self.eye.tracker.as_ref().and_then(|tracker| tracker.measured(light))
                 }
                 None if now.saturating_sub(light) > 2_000_000_000 => None,
                 _ => return,
@@ -241,8 +235,8 @@ impl LiveState {
 
     /// Why there was nothing to follow, where there was not, and should have been.
     pub(crate) fn followed(&self) -> Result<(), SessionError> {
-        let samples = self.counts.load().samples;
-        if self.tracker.is_none() || samples.placed > 0 || self.may_be_silent {
+        let samples = self.eye.counts.load().samples;
+        if self.eye.tracker.is_none() || samples.placed > 0 || self.eye.may_be_silent {
             return Ok(());
         }
         let reason = match samples.reasons().first() {
@@ -257,7 +251,7 @@ impl LiveState {
         let [restarts, steps, sets_moving, phases_moved] = self.refinement.counts();
         let mut tracks: Vec<Track> = self.refinement.stop().into_iter().collect();
         // A refinement in simulated time holds nothing of it.
-        if let Some(mut tracker) = self.tracker.and_then(Arc::into_inner) {
+        if let Some(mut tracker) = self.eye.tracker.and_then(Arc::into_inner) {
             tracks.extend(tracker.stop());
         }
         let live = LiveStatistics {
@@ -269,7 +263,7 @@ impl LiveState {
             sets_moving,
             phases_moved,
             showing: self.statistics.showing.map(|showing| showing.with(self.refinement.taken())),
-            samples: self.counts.load(),
+            samples: self.eye.counts.load(),
             ..self.statistics
         };
         (live, tracks, self.keeping.map_or(Ok(()), JournalWriter::finish))

@@ -7,7 +7,7 @@ use crate::optics::PupilDistribution;
 use crate::scene::{Pyramid, ViewGrid};
 use crate::session::content::scenes::SceneFrame;
 use crate::session::frame_log::error::SessionError;
-use crate::session::refinement::live_refiner::LiveColor;
+use crate::session::refinement::field::LiveColor;
 use crate::session::threads::{EntryWriter, Moment};
 use crate::solve::{Motion, Problem};
 use eyebox_base::reason;
@@ -240,10 +240,11 @@ impl JournalWriter {
     pub(crate) fn finish(self) -> Result<(), SessionError> {
         self.writer.finish()?;
         match self.gap.load(Ordering::Acquire) {
-            true => Err(SessionError::Setting(reason!(
+            true => Err(reason!(
                 "not-kept",
                 "the session was not kept to its end: the disk was too slow, or an engine was lost"
-            ))),
+            )
+            .into()),
             false => Ok(()),
         }
     }
@@ -302,7 +303,7 @@ impl RecordedSession {
             }
         }
         if lit.is_empty() {
-            return Err(SessionError::Setting(reason!("no-set", "{}: no set was lit in it", file.display())));
+            return Err(reason!("no-set", "{}: no set was lit in it", file.display()).into());
         }
         Ok(Self { folder: folder.to_path_buf(), decisions: decisions.into_iter(), lit: lit.into_iter() })
     }

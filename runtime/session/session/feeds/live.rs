@@ -23,10 +23,10 @@ use crate::session::frame_log::trace::Trace;
 use crate::session::playback::output::OpenDisplay;
 use crate::session::playback::scheduler::{Schedule, Start};
 use crate::session::playback::timeline::Speed;
-use crate::session::refinement::field::Field;
+use crate::session::refinement::field::{Field, LiveColor};
 use crate::session::refinement::live_refiner::look_up::{begin_with_tables, start_tables};
 use crate::session::refinement::live_refiner::together::{lighting_of, sub_frames_of};
-use crate::session::refinement::live_refiner::{EngineOpener, LiveColor, LiveRefiner, Policy};
+use crate::session::refinement::live_refiner::{EngineOpener, LiveRefiner, Policy};
 use crate::session::refinement::moments::MotionCompensation;
 use crate::session::refinement::pupil_source::{PupilSource, Samples};
 use crate::session::refinement::pupil_tracker::{PupilTracker, TrackerCounts};
@@ -68,10 +68,10 @@ impl Tracking {
     pub fn open(spec: &Spec, options: &Options, estimator: Estimator) -> Result<Self, SessionError> {
         let Spec::Simulated(seed) = *spec else {
             if !options.real_time {
-                return Err(SessionError::Setting(reason!(
+                return Err(reason!(
                     "simulated-clock",
                     "a simulated clock takes a simulated eye alone (`tracker` simulated), and {spec:?} lives in real time"
-                )));
+                ).into());
             }
             return Ok(Self::new(trackers::open(spec, options)?, estimator));
         };
@@ -159,14 +159,15 @@ impl EngineSource {
     }
 }
 
-struct FollowedEye {
-    watch: PupilSource,
-    tracker: Option<Arc<PupilTracker>>,
-    truth: Option<simulated::Eye>,
-    name: String,
+pub(crate) struct FollowedEye {
+    /// A tracker on its thread; none where there is none, or time is simulated.
+    pub tracker: Option<Arc<PupilTracker>>,
+    pub truth: Option<simulated::Eye>,
+    pub name: String,
     /// Whether nothing need ever come of it: a mouse need not come over its window, nor a program push anything.
-    may_be_silent: bool,
-    counts: Arc<AtomicCell<TrackerCounts>>,
+    pub may_be_silent: bool,
+    /// What became of its samples.
+    pub counts: Arc<AtomicCell<TrackerCounts>>,
 }
 
 impl FollowedEye {
@@ -175,11 +176,11 @@ impl FollowedEye {
         whole: PupilDistribution,
         notes: &Notes,
         trace: &Trace,
-    ) -> Result<Self, SessionError> {
+    ) -> Result<(Self, PupilSource), SessionError> {
         let Some(tracking) = tracking else {
             let name = "no eye tracker: pupils over the whole eyebox".into();
-            let (watch, counts) = (PupilSource::Nobody(whole), Arc::default());
-            return Ok(Self { watch, tracker: None, truth: None, name, may_be_silent: false, counts });
+            let eye = Self { tracker: None, truth: None, name, may_be_silent: false, counts: Arc::default() };
+            return Ok((eye, PupilSource::Nobody(whole)));
         };
         let counts = Arc::<AtomicCell<TrackerCounts>>::default();
         let kind = tracking.source.about().kind;
@@ -189,13 +190,13 @@ impl FollowedEye {
             let note = source.tracker().and_then(|name| estimator.note_on(&name));
             note.into_iter().for_each(|note| notes.send(note));
             let watch = PupilSource::Samples(Box::new(Samples::new(source, estimator, Arc::clone(&counts))));
-            return Ok(Self { watch, tracker: None, truth, name, may_be_silent, counts });
+            return Ok((Self { tracker: None, truth, name, may_be_silent, counts }, watch));
         }
         let (stream, track) = (Stream::start(source)?, trace.track("gaze"));
         let tracker = PupilTracker::start(stream, estimator, Arc::clone(&counts), notes.clone(), track)?;
         let tracker = Arc::new(tracker);
         let watch = PupilSource::Tracker(Arc::clone(&tracker));
-        Ok(Self { watch, tracker: Some(tracker), truth, name, may_be_silent, counts })
+        Ok((Self { tracker: Some(tracker), truth, name, may_be_silent, counts }, watch))
     }
 }
 
@@ -373,8 +374,8 @@ impl Live {
         };
         let set_ns = display.rate.time_of_ns(i64::try_from(set_frames).unwrap_or(i64::MAX));
         let sub_frames = sub_frames_of(&colors) as u64;
-        let FollowedEye { watch, tracker, truth, name, may_be_silent, counts } =
-            FollowedEye::start(tracking, whole, notes, &trace)?;
+        let (eye, watch) = FollowedEye::start(tracking, whole, notes, &trace)?;
+        let tracker = eye.name.clone();
         let showing = scenes.as_ref().map(|scenes| ContentReport::new(scenes.describe()));
         let timing = Arc::new(AtomicCell::new(SetTiming::new(period_ns).rolling(if rolls { set_frames } else { 1 })));
         let light_after = Duration::from_nanos(period_ns.unsigned_abs() / 2) + self.display_latency;
@@ -420,13 +421,10 @@ impl Live {
             switch: self.switch,
             source,
             refinement,
-            tracker,
-            counts,
+            eye,
             keeping,
             first_is_to_come: whole_of_none.is_some(),
             track: trace.track("sets"),
-            may_be_silent,
-            truth,
             timing,
             steered,
             times: Times(clock),
@@ -437,7 +435,7 @@ impl Live {
             lit_of_set: (u64::MAX, 0),
             sets_per_second: display.rate.hz() / set_frames as f64,
             notes: notes.clone(),
-            statistics: LiveStatistics { tracker: name, policy, rolls, showing, ..LiveStatistics::default() },
+            statistics: LiveStatistics { tracker, policy, rolls, showing, ..LiveStatistics::default() },
             pupil: None,
             focus: None,
             open: VecDeque::with_capacity(OPEN),

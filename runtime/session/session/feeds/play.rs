@@ -73,11 +73,11 @@ pub(crate) fn encoder_of(what: &str, about: &Hologram, display: &Display) -> Res
     let ([eh, ew], [h, w]) = (encoder.hologram_size(), [about.height, about.width]);
     if [eh, ew] != [h, w] {
         let name = &display.name;
-        return Err(SessionError::Setting(reason!(
+        return Err(reason!(
             "size",
             "{what}: it is {h}x{w} pixels, and the display '{name}' takes {eh}x{ew}: give `size` {h}x{w}, or the display that it \
              was made for"
-        )));
+        ).into());
     }
     Ok(encoder)
 }

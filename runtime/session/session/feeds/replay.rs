@@ -6,7 +6,8 @@ use crate::session::feeds::journal::{Decision, RecordedSession, motion_of, pupil
 use crate::session::feeds::sets::{FinishedSet, LiveSource, SetSender, set_channel};
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::latency::Timestamps;
-use crate::session::refinement::live_refiner::{LiveColor, LiveRefiner};
+use crate::session::refinement::field::LiveColor;
+use crate::session::refinement::live_refiner::LiveRefiner;
 use eyebox_base::reason;
 
 pub(crate) struct Replay {
@@ -47,10 +48,7 @@ impl Replay {
         };
         while self.newest.is_none_or(|newest| newest < wanted) {
             let Some(decision) = self.kept.decisions.next() else {
-                return Err(SessionError::Setting(reason!(
-                    "set-not-kept",
-                    "set {wanted} was lit, and it was not kept how it was made"
-                )));
+                return Err(reason!("set-not-kept", "set {wanted} was lit, and it was not kept how it was made").into());
             };
             match decision {
                 Decision::Scene { number, anew, colors } => {

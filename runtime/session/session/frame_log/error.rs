@@ -73,6 +73,12 @@ pub enum SessionError {
     Setting(Reason),
 }
 
+impl From<Reason> for SessionError {
+    fn from(reason: Reason) -> Self {
+        Self::Setting(reason)
+    }
+}
+
 impl SessionError {
     /// Whether the display was refused or lost, and nothing else is wrong.
     pub fn is_of_display(&self) -> bool {

@@ -1,16 +1,13 @@
 //! All colours of a hologram under refinement, without threads: where to aim, when to begin again, what to do next.
 
-mod color;
 pub(crate) mod look_up;
 pub(crate) mod together;
-
-pub use color::LiveColor;
 
 use crate::encode::{Lighting, LitTimes};
 use crate::engine::{Engine, EngineError, PhasesOnDevice};
 use crate::optics::{Laser, PupilDistribution};
 use crate::session::frame_log::error::SessionError;
-use crate::session::refinement::field::Field;
+use crate::session::refinement::field::{Field, LiveColor};
 use crate::session::refinement::likeness;
 use crate::solve::{Motion, Problem, RefineSettings, Refiner, SharedDrives, StartTable, for_joint_colors};
 use crate::tiled::TileRect;
@@ -135,21 +132,17 @@ impl LiveRefiner {
         mut engine: impl FnMut() -> Result<Box<dyn Engine>, EngineError>,
     ) -> Result<Self, SessionError> {
         if colors.is_empty() {
-            return Err(SessionError::Setting(reason!("no-color", "there is no colour to refine")));
+            return Err(reason!("no-color", "there is no colour to refine").into());
         }
         if colors.len() > MOST_COLORS {
             let count = colors.len();
-            return Err(SessionError::Setting(reason!(
-                "colors-count",
-                "{count} colours to refine: a display has {MOST_COLORS} at most"
-            )));
+            return Err(
+                reason!("colors-count", "{count} colours to refine: a display has {MOST_COLORS} at most").into()
+            );
         }
         if policy.restart.is_nan() || policy.restart < 0.0 {
             let wrong = policy.restart;
-            return Err(SessionError::Setting(reason!(
-                "restart",
-                "restart after {wrong} pupil diameters: it must be 0 or more"
-            )));
+            return Err(reason!("restart", "restart after {wrong} pupil diameters: it must be 0 or more").into());
         }
         let lasers = Self::lasers_of(&colors)?;
         let steering = if lasers.is_some() { for_joint_colors(policy.steering)? } else { policy.steering };
@@ -189,10 +182,7 @@ impl LiveRefiner {
         self.settle()?;
         self.phases()?;
         let Some((field, engine)) = self.field.as_mut().filter(|_| colors.len() == self.colors.len()) else {
-            return Err(SessionError::Setting(reason!(
-                "other-piece",
-                "a piece of another hologram than the one that is refined"
-            )));
+            return Err(reason!("other-piece", "a piece of another hologram than the one that is refined").into());
         };
         field.piece = piece;
         let mut followed = Followed::default();
@@ -326,10 +316,7 @@ impl LiveRefiner {
     pub fn follow(&mut self, scene: &[LiveColor]) -> Result<Followed, SessionError> {
         if scene.len() != self.colors.len() {
             let (found, must) = (scene.len(), self.colors.len());
-            return Err(SessionError::Setting(reason!(
-                "colors-of-scene",
-                "a scene of {found} colours, where {must} are refined"
-            )));
+            return Err(reason!("colors-of-scene", "a scene of {found} colours, where {must} are refined").into());
         }
         self.check_lasers(scene)?;
         // Colours that share their drives begin together, or not at all.

@@ -29,9 +29,7 @@ impl PupilSource {
             Self::Tracker(tracker) => Ok(tracker.expect(light_ns)),
             Self::Samples(samples) => {
                 samples.arrive(now_ns)?;
-                let Samples { estimator, newest, .. } = &**samples;
-                let (pupil, velocity) = (estimator.predict(light_ns), estimator.velocity());
-                Ok(PupilEstimate { pupil, velocity, sample_ns: *newest })
+                Ok(PupilEstimate::by(&samples.estimator, light_ns, samples.newest))
             }
             Self::Nobody(pupil) => Ok(PupilEstimate::of(*pupil)),
         }

@@ -32,6 +32,11 @@ impl PupilEstimate {
     pub(crate) fn of(pupil: PupilDistribution) -> Self {
         Self { pupil, velocity: EyeVelocity::default(), sample_ns: None }
     }
+
+    /// Of an eye at a time, by the samples so far; `sample_ns` are the newest one's times.
+    pub(crate) fn by(estimator: &Estimator, light_ns: u64, sample_ns: Option<[u64; 3]>) -> Self {
+        Self { pupil: estimator.predict(light_ns), velocity: estimator.velocity(), sample_ns }
+    }
 }
 
 /// The samples of a tracker so far.
@@ -136,8 +141,7 @@ impl PupilTracker {
     /// What is expected at a time to come.
     pub fn expect(&self, light_ns: u64) -> PupilEstimate {
         let state = locked(&self.state);
-        let State { estimator, newest, .. } = &*state;
-        PupilEstimate { pupil: estimator.predict(light_ns), velocity: estimator.velocity(), sample_ns: *newest }
+        PupilEstimate::by(&state.estimator, light_ns, state.newest)
     }
 
     /// Where the pupil was at a time that has passed, between the two measurements around it; none where it was not

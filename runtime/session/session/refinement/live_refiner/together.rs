@@ -51,11 +51,12 @@ impl LiveRefiner {
                 SharedDrives::check(colors.iter().map(|color| &color.problem).zip(lit()))?;
                 Ok(Some(lit().cloned().collect()))
             }
-            some => Err(SessionError::Setting(reason!(
+            some => Err(reason!(
                 "together",
                 "{some} of {} colours share their sub-frames: all colours at once, or one after the other",
                 colors.len()
-            ))),
+            )
+            .into()),
         }
     }
 
