@@ -4,7 +4,7 @@ use crate::files::asked_to_end;
 use crate::mailbox::Mailbox;
 use crate::session::feeds::statistics::Statistics;
 use crate::session::frame_log::error::SessionError;
-use crate::session::frame_log::notes::{NoteEvent, Notes};
+use crate::session::frame_log::notes::Notes;
 use crate::session::options::{About, COMMANDS, Content, Ended, SessionEvent, SessionOptions, Shared, Status};
 use crate::session::playback::output::Output;
 use crate::session::playback::player::Command;
@@ -95,10 +95,7 @@ impl Session {
 
     /// The next thing that happened, waiting so long for it.
     pub fn event(&self, within: Duration) -> Option<SessionEvent> {
-        self.shared.notes.recv_timeout(within).map(|heard| match heard {
-            NoteEvent::Note(note) => SessionEvent::Note(note),
-            NoteEvent::End => SessionEvent::Ended,
-        })
+        self.shared.notes.recv_timeout(within)
     }
 
     /// Pauses, steps, seeks or changes the speed of what is played, from the next video frame on.

@@ -4,10 +4,10 @@
 use crate::encode::{Encoder, VideoFrames};
 use crate::optics::{Color, Display};
 use crate::present::{Clock, Feedback, PresentError, Presenter, Rate, SimulatedClock};
-use crate::session::SessionError;
 use crate::session::frame_log::trace::Trace;
-use crate::session::playback::player::{Begins, Flow, Player, SetSource};
+use crate::session::playback::player::{Flow, Player, SetSource};
 use crate::session::playback::scheduler::{Content, Readiness, Schedule, Scheduler};
+use crate::session::{SessionError, Target};
 use crate::solve::SplitMix;
 use std::collections::{BTreeSet, VecDeque};
 use std::rc::Rc;
@@ -122,7 +122,7 @@ impl SetSource for Producer {
     }
 
     // Here late content is late, though the clock is simulated.
-    fn settle(&mut self, _position: u64, _begins: Begins) -> Result<(), SessionError> {
+    fn settle(&mut self, _position: u64, _target: Target) -> Result<(), SessionError> {
         Ok(())
     }
 

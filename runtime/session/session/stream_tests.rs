@@ -8,7 +8,7 @@ use crate::optics::{Color, Display, JointColor, Laser, Optics};
 use crate::present::{Clock, Offscreen, Rate, SimulatedClock};
 use crate::session::frame_log::notes::Notes;
 use crate::session::frame_log::trace::Trace;
-use crate::session::playback::player::{Begins, Command, Flow, Player, PresentedFrame, SetSource};
+use crate::session::playback::player::{Command, Flow, Player, PresentedFrame, SetSource};
 use crate::session::playback::scheduler::{Content, Readiness, Schedule, Scheduler, Start};
 use crate::session::playback::stream::{Stream, StreamOptions};
 use crate::session::*;
@@ -187,7 +187,7 @@ fn an_slm_of_two_turns_is_sent_its_drives() {
     assert!(hologram.encode(&display).unwrap().bytes() == wanted.bytes());
     let sequence = Sequence::open(&path).unwrap();
     let mut stream = Stream::start(sequence, encoder(), None, options()).unwrap();
-    stream.settle(0, Begins { display_time_ns: 0, decided_ns: 0, turn: 0 }).unwrap();
+    stream.settle(0, Target::default()).unwrap();
     stream.show(0);
     assert!(stream.on_screen().unwrap().0.bytes() == wanted.bytes());
 }
@@ -359,7 +359,7 @@ fn a_growing_sequence_is_followed_to_its_end() {
         if position >= 2 {
             fixture.writer.append(&hologram(position, &fixture.display)).unwrap();
         }
-        stream.settle(position, Begins::default()).unwrap();
+        stream.settle(position, Target::default()).unwrap();
         assert_eq!(stream.readiness(position), Readiness::Ready);
         stream.show(position);
         let (frames, index) = stream.on_screen().unwrap();
@@ -369,7 +369,7 @@ fn a_growing_sequence_is_followed_to_its_end() {
     }
     assert_eq!((seen, stream.end()), (5, None));
     fixture.writer.finish().unwrap();
-    stream.settle(5, Begins::default()).unwrap();
+    stream.settle(5, Target::default()).unwrap();
     assert_eq!(stream.end(), Some(5));
 }
 

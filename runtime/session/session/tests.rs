@@ -5,7 +5,7 @@ use crate::optics::PupilDistribution;
 use crate::present::{Clock, Offscreen, Rate, SimulatedClock};
 use crate::session::feeds::sets::{LiveSource, SetSender, set_channel};
 use crate::session::frame_log::trace::Trace;
-use crate::session::playback::player::{Begins, Player, SetSource};
+use crate::session::playback::player::{Player, SetSource};
 use crate::session::playback::scheduler::{Content, Readiness, Schedule, Scheduler, Start};
 use crate::session::stage::*;
 use crate::session::*;
@@ -159,8 +159,8 @@ impl SetSource for Follows<'_> {
         self.0.poll(useful_from)
     }
 
-    fn settle(&mut self, position: u64, begins: Begins) -> Result<(), SessionError> {
-        self.0.settle(position, begins)
+    fn settle(&mut self, position: u64, target: Target) -> Result<(), SessionError> {
+        self.0.settle(position, target)
     }
 
     fn show(&mut self, position: u64) {

@@ -19,7 +19,6 @@ use crate::session::frame_log::account::RepeatReason;
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::latency::Timestamps;
 use crate::session::frame_log::trace::Track;
-use crate::session::playback::player::Begins;
 use crate::session::refinement::live_refiner::LiveRefiner;
 use crate::session::refinement::set_timing::{Target, as_ns};
 use crate::session::refinement::work_time::{Cost, Times, WorkTime};
@@ -96,7 +95,7 @@ impl Refinement {
         if is_real {
             thread = Some(spawn("refines", move || refining.live())?);
         } else {
-            source.make = Some(Box::new(move |begins| refining.make_for(begins)));
+            source.make = Some(Box::new(move |target| refining.make_for(target)));
         }
         Ok((Self { shared, thread }, source))
     }
@@ -258,10 +257,8 @@ impl Refining {
     }
 
     /// In simulated time: makes the set that begins there, if it can be made by then.
-    fn make_for(&mut self, begins: Begins) -> Result<(), SessionError> {
+    fn make_for(&mut self, target: Target) -> Result<(), SessionError> {
         let period_ns = self.options.timing.load().period_ns;
-        let Begins { display_time_ns: start_ns, decided_ns: hand_over_ns, turn } = begins;
-        let target = Target { start_ns, hand_over_ns, turn };
         let (round_ns, ends_ns) = (self.round_ns(), self.ends_ns());
         let need_ns = round_ns.saturating_add(ends_ns);
         // It begins when the set before was decided on, or one before that where that is too short a time; or when that was done

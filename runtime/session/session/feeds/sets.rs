@@ -7,8 +7,9 @@ use crate::session::content::scenes::FrameFreshness;
 use crate::session::frame_log::account::RepeatReason;
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::latency::Timestamps;
-use crate::session::playback::player::{Begins, SetSource};
+use crate::session::playback::player::SetSource;
 use crate::session::playback::scheduler::{Content, Readiness};
+use crate::session::refinement::set_timing::Target;
 use crate::solve::{Motion, Problem};
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
@@ -111,7 +112,7 @@ pub(crate) struct LiveSource {
 }
 
 /// Makes the set that such a video frame begins with, if it can be made by then.
-pub(crate) type SetMaker = Box<dyn FnMut(Begins) -> Result<(), SessionError>>;
+pub(crate) type SetMaker = Box<dyn FnMut(Target) -> Result<(), SessionError>>;
 
 /// Both sides, with buffers like `frames`, and pictures on a device where `pictures` makes them.
 pub(crate) fn set_channel<E>(
@@ -212,9 +213,9 @@ impl SetSource for LiveSource {
         Ok(())
     }
 
-    fn settle(&mut self, _position: u64, begins: Begins) -> Result<(), SessionError> {
+    fn settle(&mut self, _position: u64, target: Target) -> Result<(), SessionError> {
         if let Some(make) = &mut self.make {
-            make(begins)?;
+            make(target)?;
         }
         self.poll(0)
     }

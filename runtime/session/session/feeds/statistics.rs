@@ -133,7 +133,7 @@ impl Statistics {
         all["content_rate_hz"] = json!(self.content_hz);
         all["video_frames_per_set"] = json!(self.set_frames);
         all["margin_ms"] = json!(self.margin_ms);
-        all["interference"] = self.interference.iter().map(Interference::to_json).collect();
+        all["interference"] = json!(self.interference);
         all
     }
 }

@@ -12,19 +12,9 @@ use crate::session::playback::pacing::Pacer;
 use crate::session::playback::report::Timing;
 use crate::session::playback::scheduler::{Content, Scheduler, Slot, What};
 use crate::session::playback::timeline::Speed;
+use crate::session::refinement::set_timing::Target;
 use std::rc::Rc;
 use std::time::Instant;
-
-/// A video frame that a set may begin with, on a simulated clock, nanoseconds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(crate) struct Begins {
-    /// When it is to light up.
-    pub display_time_ns: i64,
-    /// When it is decided what it shows: now.
-    pub decided_ns: i64,
-    /// Of sets that roll: the video frame whose turn it is.
-    pub turn: u64,
-}
 
 /// Content that can be shown: what the present thread sees of a [`Stream`](crate::session::Stream). None of it blocks but
 /// [`settle`](Self::settle).
@@ -33,7 +23,7 @@ pub(crate) trait SetSource: Content {
     fn poll(&mut self, useful_from: u64) -> Result<(), SessionError>;
 
     /// Waits until it is known what comes of a position: with simulated clocks, for which it takes no time.
-    fn settle(&mut self, position: u64, begins: Begins) -> Result<(), SessionError>;
+    fn settle(&mut self, position: u64, target: Target) -> Result<(), SessionError>;
 
     /// Puts a position that is ready on the screen.
     fn show(&mut self, position: u64);
@@ -175,8 +165,8 @@ impl Player {
         source.poll(useful)?;
         let wanted = self.scheduler.wanted(next.predicted_display_time_ns);
         if let Some(wanted) = wanted.filter(|_| self.clock.is_simulated()) {
-            let (display_time_ns, turn) = (next.predicted_display_time_ns, self.scheduler.turn());
-            source.settle(wanted, Begins { display_time_ns, decided_ns: woken_ns, turn })?;
+            let (start_ns, turn) = (next.predicted_display_time_ns, self.scheduler.turn());
+            source.settle(wanted, Target { start_ns, hand_over_ns: woken_ns, turn })?;
         }
         let Slot { what, video_frame, late } = self.scheduler.next(next.vblank, next.predicted_display_time_ns, source);
         match what {

@@ -17,8 +17,9 @@ use crate::hologram::Sequence;
 use crate::mailbox::Mailbox;
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::trace::Track;
-use crate::session::playback::player::{Begins, SetSource};
+use crate::session::playback::player::SetSource;
 use crate::session::playback::scheduler::{Content, Readiness};
+use crate::session::refinement::set_timing::Target;
 use crate::session::threads;
 use encoding::Encoding;
 use reader::Reader;
@@ -191,7 +192,7 @@ impl SetSource for Stream {
         self.failure()
     }
 
-    fn settle(&mut self, position: u64, _begins: Begins) -> Result<(), SessionError> {
+    fn settle(&mut self, position: u64, _target: Target) -> Result<(), SessionError> {
         loop {
             self.poll(position)?;
             let known = matches!(self.readiness(position), Readiness::Ready | Readiness::Damaged);

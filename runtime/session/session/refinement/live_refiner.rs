@@ -370,9 +370,6 @@ impl LiveRefiner {
     }
 
     /// Begins again, in the light that the holograms for the whole eyebox were solved for.
-    ///
-    /// # Errors
-    /// Those of the engines.
     pub(crate) fn show_whole(&mut self) -> Result<(), EngineError> {
         self.colors.iter_mut().for_each(|color| color.refiner.forget_sources());
         self.restart()
