@@ -145,8 +145,8 @@ fn from_waves(
     let mut at = start.clone();
     at.model.undiffracted = waves;
     // Three turns are three numbers, and a table far from its file explains them with other light: the light is fitted first.
-    let near = sorted.pictures.fit(&at, &free[..light], which, EVEN, &mut |_| {})?;
-    let fit = sorted.pictures.fit_near(&at, &near.at, &free, which, EVEN, &mut |_| {})?;
+    let near = sorted.pictures.fit(&at, &at, &free[..light], which, EVEN, &mut |_| {})?;
+    let fit = sorted.pictures.fit(&at, &near.at, &free, which, EVEN, &mut |_| {})?;
     let left = sorted.mean_left(&fit.at, which);
     let from = &at.model.undiffracted;
     tracing::debug!("light that is not modulated, {from:.3?}: {left:.4} of the even drives is left");

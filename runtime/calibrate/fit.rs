@@ -171,21 +171,9 @@ impl Pictures {
         which.iter().zip(self.all_residuals(which, seen)).map(of).sum()
     }
 
-    /// Fits the free parameters to these views, from where they are expected.
+    /// Fits the free parameters to these views, from `start`; `known` holds those in place that the pictures hardly tell. Slopes are kept
+    /// for as long as the steps that they give do what they promise.
     pub(super) fn fit(
-        &self,
-        start: &Parameters,
-        free: &[Parameter],
-        which: &[usize],
-        effort: Effort,
-        observe: &mut dyn FnMut(f64),
-    ) -> Result<Fit, CalibrateError> {
-        self.fit_near(start, start, free, which, effort, observe)
-    }
-
-    /// The same from elsewhere: `known` holds those in place that the pictures hardly tell. Slopes are kept for as long as the steps
-    /// that they give do what they promise.
-    pub(super) fn fit_near(
         &self,
         known: &Parameters,
         start: &Parameters,

@@ -82,7 +82,7 @@ pub(super) fn slopes(
             || matches!(p, Parameter::Level(_) | Parameter::Bend(_))
     }));
     let which: Vec<usize> = sorted.even.iter().chain(&random.small).copied().collect();
-    let mut at = pictures.fit_near(known, &best, &free, &which, COARSE, &mut |p| observe(p))?.at;
+    let mut at = pictures.fit(known, &best, &free, &which, COARSE, &mut |p| observe(p))?.at;
     tracing::debug!("small irises, fifth order: {:.4} is left", share(&at));
     // A picture in a wrong minimum pulls at the others and is excluded in the end: nothing would tell of its part of the wavefront.
     free.extend(terms(NEXT + 1..=*ORDERS.end()));
@@ -95,7 +95,7 @@ pub(super) fn slopes(
         if !better {
             break;
         }
-        let trial = pictures.fit_near(known, &trial, &free, &which, COARSE, &mut |p| observe(p))?.at;
+        let trial = pictures.fit(known, &trial, &free, &which, COARSE, &mut |p| observe(p))?.at;
         tracing::debug!("small irises, lost ones found: {:.4} is left", share(&trial));
         if share(&trial) > share(&at) {
             break;
@@ -121,7 +121,7 @@ pub(super) fn more(
     for order in NEXT + 1..=*ORDERS.end() {
         let added: Vec<Parameter> = of_order(order).collect();
         let free: Vec<Parameter> = best.free.iter().chain(&added).copied().collect();
-        let fit = sorted.pictures.fit_near(known, &best.at, &free, which, effort, &mut |_| ())?;
+        let fit = sorted.pictures.fit(known, &best.at, &free, which, effort, &mut |_| ())?;
         let now = judge(&fit.at);
         let surest = added.iter().filter_map(|p| Some(fit.at.get(*p).abs() / fit.error(*p)?)).fold(0.0, f64::max);
         tracing::debug!("order {order}: {now:.4} after {left:.4} is left, at most {surest:.1} standard errors");

@@ -84,8 +84,8 @@ pub(super) fn run(
     let mut camera: Vec<Parameter> = (0..10).map(Parameter::Map).collect();
     camera.push(Parameter::CameraPixel);
     let mut looking = |part| at_share("fitting where the camera looks", 0.0, 0.05, part);
-    let own =
-        sorted.pictures.fit(&start, &camera, &sorted.fitted, Effort { subpixels: FINE, ..PLAIN }, &mut looking)?;
+    let effort = Effort { subpixels: FINE, ..PLAIN };
+    let own = sorted.pictures.fit(&start, &start, &camera, &sorted.fitted, effort, &mut looking)?;
     let captures = taken.shots.len();
     if own.squares < AT_THE_NOISE {
         let report = Report::new(&sorted, &start, &own, &sorted.fitted, captures, warnings, FINE, drift);
@@ -142,7 +142,7 @@ fn drifted(sorted: &Sorted, start: &Parameters, observe: &mut dyn FnMut(&str, f6
     free.retain(|p| *p != K2);
     let effort = Effort { rounds: 10, ..ALL };
     let start = Parameters { soft_edge: true, ..start.clone() };
-    sorted.pictures.fit(&start, &free, &sorted.fitted, effort, &mut |part| observe("fitting what drifts", part))
+    sorted.pictures.fit(&start, &start, &free, &sorted.fitted, effort, &mut |part| observe("fitting what drifts", part))
 }
 
 /// A whole model: each step starts within the reach of the one before.
@@ -168,7 +168,7 @@ fn from_small_to_large(
     let mut free: Vec<Parameter> = all.into_iter().filter(|p| ![Parameter::Lag, K2].contains(p)).collect();
     free.extend((*ORDERS.start()..=5).flat_map(of_order));
     let single: Vec<usize> = sorted.even.iter().chain(&random.all).copied().collect();
-    let mut fit = pictures.fit_near(&known, &at, &free, &single, COARSE, &mut |part| {
+    let mut fit = pictures.fit(&known, &at, &free, &single, COARSE, &mut |part| {
         observe("fitting single patterns", 0.25 + 0.25 * part);
     })?;
     observe("adding orders of the wavefront", 0.5);
@@ -177,7 +177,7 @@ fn from_small_to_large(
     let mut free = fit.free.clone();
     free.extend(has_sets.then_some(Parameter::Lag));
     free.push(K2);
-    pictures.fit_near(&known, &fit.at, &free, &sorted.fitted, ALL, &mut |part| {
+    pictures.fit(&known, &fit.at, &free, &sorted.fitted, ALL, &mut |part| {
         observe("fitting all pictures", 0.7 + 0.3 * part);
     })
 }
@@ -210,7 +210,7 @@ fn finest(
     }
     let finer = match whole {
         true => fine(pictures, which, [known, &hard], &fit.free, observe)?,
-        false => pictures.fit_near(known, &fit.at, &fit.free, which, END, observe)?,
+        false => pictures.fit(known, &fit.at, &fit.free, which, END, observe)?,
     };
     let now = judged(sorted, &finer.at, which, FINE).left;
     tracing::debug!("with sub-pixels{}: {now:.5} is left", if whole { " and a hard edge" } else { "" });
@@ -229,7 +229,7 @@ fn has_other_sign(
         let mut other = start.clone();
         other.model.level.iter_mut().flatten().for_each(|level| *level *= times);
         other.map = aligned::map(sorted, &other)?;
-        let fit = sorted.pictures.fit(&other, camera, which, PLAIN, &mut |_| {})?;
+        let fit = sorted.pictures.fit(&other, &other, camera, which, PLAIN, &mut |_| {})?;
         if 2.0 * fit.squares < squares {
             return Ok(true);
         }
@@ -260,7 +260,7 @@ fn fine(
     let others: Vec<Parameter> = free.iter().copied().filter(|p| !matches!(p, Parameter::Iris(_))).collect();
     let rim = |at: &Parameters| pictures.rim(at, FINE, which);
     let first = if moves { rim(start).at } else { start.clone() };
-    let mut fit = |at: &Parameters, effort| pictures.fit_near(known, at, &others, which, effort, observe);
+    let mut fit = |at: &Parameters, effort| pictures.fit(known, at, &others, which, effort, observe);
     let near = fit(&first, Effort { rounds: 6, enough: 0.01, ..END })?;
     if !moves {
         return fit(&near.at, END);
