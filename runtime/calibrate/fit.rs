@@ -171,8 +171,8 @@ impl Pictures {
         which.iter().zip(self.all_residuals(which, seen)).map(of).sum()
     }
 
-    /// Fits the free parameters to these views, from `start`; `known` holds those in place that the pictures hardly tell. Slopes are kept
-    /// for as long as the steps that they give do what they promise.
+    /// Fits the free parameters to these views, from `start`. The prior `known` holds those in place that the pictures hardly tell. Slopes
+    /// are kept for as long as the steps that they give do what they promise.
     pub(super) fn fit(
         &self,
         known: &Parameters,

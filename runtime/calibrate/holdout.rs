@@ -23,8 +23,8 @@ pub(super) fn holdout(sorted: &Sorted, at: &Parameters, subpixels: usize) -> Hol
     })
 }
 
-/// What judges a model: the pictures that were taken twice, or, if none was, those that were `fitted`, with the noise of an ordinary
-/// camera.
+/// Shares that judge a model: of the pictures that were taken twice, or, if there are none, of the `fitted` ones with the noise of an
+/// ordinary camera.
 pub(super) fn judged(sorted: &Sorted, at: &Parameters, fitted: &[usize], subpixels: usize) -> Holdout {
     if !sorted.pairs.is_empty() {
         return holdout(sorted, at, subpixels);
@@ -35,7 +35,7 @@ pub(super) fn judged(sorted: &Sorted, at: &Parameters, fitted: &[usize], subpixe
     })
 }
 
-/// The shares of these views; `noise`: the variance of the camera's noise in the view at a place of `which`.
+/// The shares of these views. `noise` returns the variance of the camera's noise in the view at an index of `which`.
 fn shares(
     Sorted { pictures, .. }: &Sorted,
     at: &Parameters,

@@ -27,7 +27,7 @@ const LOOK: Duration = Duration::from_secs(1);
 #[derive(Default)]
 struct Handler {
     monitors: Vec<MonitorHandle>,
-    /// A window that is to be made, with the queue of an ordinary one's events; and what came of it.
+    /// A window that is to be made, with a queue for the events of an ordinary one. The result is in `made`.
     wanted: Option<(WindowAttributes, Option<Queue>)>,
     made: Option<Result<SystemWindow, String>>,
     events: VecDeque<Event>,
@@ -198,7 +198,7 @@ impl Desktop {
         Ok(OrdinaryWindow { window, events })
     }
 
-    /// A window, as soon as the event loop has made it; `events`: where those of an ordinary one go.
+    /// Returns a window as soon as the event loop has made it. Events of an ordinary one go into `events`.
     fn make(&mut self, attributes: WindowAttributes, events: Option<Queue>) -> Result<Arc<SystemWindow>, PresentError> {
         self.handler.wanted = Some((attributes, events));
         let since = Instant::now();

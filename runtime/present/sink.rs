@@ -18,7 +18,7 @@ pub struct Sink {
 enum Out {
     /// One after the other, (row, column, channel), into a file or a pipe.
     Raw(BufWriter<TimeoutWriter>),
-    /// The newest, and how many there were so far.
+    /// The newest, and their number.
     Shared(File, u64),
 }
 
@@ -110,7 +110,7 @@ impl Sink {
     /// | byte | what |
     /// |---|---|
     /// | 0 | `eyebox-1` |
-    /// | 8 | u64 sequence number: odd while the picture is written, else twice the number of video frames so far |
+    /// | 8 | u64 sequence number: odd while the picture is written, else twice the number of video frames until now |
     /// | 16 | u32 rows, u32 columns, u32 channels, u32 zero |
     /// | 32 | i64 desired present time, ns on the player's clock |
     ///

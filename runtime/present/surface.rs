@@ -84,7 +84,7 @@ impl Target {
     /// The instance has the extension of this kind of target, and a window's handles are valid.
     unsafe fn surface(&self, instance: &Instance) -> Result<vk::SurfaceKHR, vk::Result> {
         let (entry, raw) = (&instance.entry, &instance.raw);
-        // SAFETY: the caller says so; plane, mode and display of a direct one were chosen together.
+        // SAFETY: the caller says so. Plane, mode and display of a direct one were chosen together.
         unsafe {
             match self {
                 Self::Direct(display) => display.calls.create_display_plane_surface(&display.info, None),

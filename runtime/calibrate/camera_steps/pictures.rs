@@ -58,8 +58,8 @@ pub(super) struct CapturedLight {
 
 impl<'a> CameraBench<'a> {
     /// Starts the camera's command, sees that the bench is the display's, and looks where the camera looks, in each of these
-    /// colours, for so many `steps` of each. In a folder that a calibration kept the pictures are added to its own, and its picture of
-    /// the dots is not taken again. `shows`: what shows the patterns, where the command does not. `say` is told lines that are not for
+    /// colours. `steps` is the number of steps of each. In a folder that a calibration kept, the pictures are added to its own, and its
+    /// picture of the dots is not taken again. `shows`: what shows the patterns, where the command does not. `say` is told lines that are not for
     /// this program.
     ///
     /// # Errors

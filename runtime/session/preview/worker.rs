@@ -4,10 +4,10 @@ use super::PreviewError;
 use crate::mailbox::Mailbox;
 use std::thread::{Builder, JoinHandle};
 
-/// A thread that answers the newest question; those that were asked before it and not begun are left out. Dropped, it ends.
+/// A thread that answers the newest question and skips older ones. It ends when this is dropped.
 pub(super) struct Worker<Q, A> {
     what: &'static str,
-    /// The newest question; none ends the thread.
+    /// The newest question. `None` ends the thread.
     pub(super) asked: Mailbox<Option<Q>>,
     answers: Mailbox<A>,
     thread: Option<JoinHandle<()>>,
@@ -27,7 +27,7 @@ impl<Q: Send + 'static, A: Send + 'static> Worker<Q, A> {
         Ok(Self { what, asked, answers, thread: Some(thread) })
     }
 
-    /// The newest answer that was not taken yet; [`PreviewError::Thread`] if nothing will come any more.
+    /// Returns the newest answer that was not taken yet, or [`PreviewError::Thread`] if nothing will come any more.
     pub(super) fn newest(&self) -> Result<Option<A>, PreviewError> {
         // Looked at before: what the thread left last is not missed.
         let ended = self.thread.as_ref().is_none_or(JoinHandle::is_finished);

@@ -45,13 +45,13 @@ pub(crate) enum Moment<E> {
 #[derive(Debug)]
 pub(crate) struct EntryWriter<E> {
     what: &'static str,
-    /// Where entries go; none ends the thread.
+    /// Where entries go. `None` ends the thread.
     pub entries: Mailbox<Option<E>>,
     thread: JoinHandle<Result<(), FileError>>,
 }
 
 impl<E: Send + 'static> EntryWriter<E> {
-    /// Starts the thread that `what`; at most `waiting` entries wait for it. After a failure entries are still taken, but not written.
+    /// Starts the thread that `what`. At most `waiting` entries wait for it. After a failure it takes entries without writing them.
     pub(crate) fn start(
         what: &'static str,
         waiting: usize,
@@ -79,7 +79,7 @@ impl<E: Send + 'static> EntryWriter<E> {
     /// Writes what still waits, and the end.
     ///
     /// # Errors
-    /// [`SessionError::File`] of any time; [`SessionError::Thread`].
+    /// [`SessionError::File`], [`SessionError::Thread`].
     pub(crate) fn finish(self) -> Result<(), SessionError> {
         put_unless(&self.entries, None, TEND_INTERVAL, || self.thread.is_finished());
         Ok(join(self.what, self.thread)??)

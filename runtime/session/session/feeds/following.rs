@@ -81,7 +81,6 @@ pub(crate) struct LiveState {
     pub(crate) lit_of_set: (u64, usize),
     pub(crate) sets_per_second: f64,
     pub(crate) notes: Notes,
-    /// What is known of the session so far.
     pub(crate) statistics: LiveStatistics,
     /// Where the pupil was expected for the set on the screen.
     pub(crate) pupil: Option<[f64; 2]>,

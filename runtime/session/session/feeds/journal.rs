@@ -236,7 +236,7 @@ impl JournalWriter {
         Journal { out: self.writer.entries.clone(), gap: Arc::clone(&self.gap) }
     }
 
-    /// Brings all to the disk; [`SessionError::Setting`] where there is a gap.
+    /// Brings all to the disk. Fails with [`SessionError::Setting`] if there is a gap.
     pub(crate) fn finish(self) -> Result<(), SessionError> {
         self.writer.finish()?;
         match self.gap.load(Ordering::Acquire) {
@@ -282,7 +282,7 @@ pub(crate) struct RecordedSession {
 }
 
 impl RecordedSession {
-    /// Opens it; [`SessionError::Setting`] for a line that is none of it.
+    /// Opens it. Fails with [`SessionError::Setting`] at a line that is no decision.
     pub(crate) fn open(folder: &Path) -> Result<Self, SessionError> {
         let file = folder.join(DECISIONS);
         let text = read::text(&file, read::RESULTS).map_err(|e| FileError::read(&file, e))?;

@@ -160,7 +160,7 @@ impl EngineSource {
 }
 
 pub(crate) struct FollowedEye {
-    /// A tracker on its thread; none where there is none, or time is simulated.
+    /// A tracker on its thread. It is `None` without a tracker and in simulated time.
     pub tracker: Option<Arc<PupilTracker>>,
     pub truth: Option<simulated::Eye>,
     pub name: String,

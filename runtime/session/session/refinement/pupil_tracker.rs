@@ -33,7 +33,7 @@ impl PupilEstimate {
         Self { pupil, velocity: EyeVelocity::default(), sample_ns: None }
     }
 
-    /// Of an eye at a time, by the samples so far; `sample_ns` are the newest one's times.
+    /// Predicts an eye at a time from the estimator's samples. `sample_ns` are the newest sample's times.
     pub(crate) fn by(estimator: &Estimator, light_ns: u64, sample_ns: Option<[u64; 3]>) -> Self {
         Self { pupil: estimator.predict(light_ns), velocity: estimator.velocity(), sample_ns }
     }

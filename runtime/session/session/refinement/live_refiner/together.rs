@@ -143,7 +143,7 @@ impl LiveRefiner {
         Ok(self.colors.len() as u32)
     }
 
-    /// Refuses a scene in the light of other lasers than those of the drives that all colours share.
+    /// Refuses a scene whose lasers are not the lasers of the drives that all colours share.
     pub(super) fn check_lasers(&self, scene: &[LiveColor]) -> Result<(), SessionError> {
         let lasers = self.shared.as_ref().map_or(&[][..], SharedDrives::lasers);
         if scene.iter().zip(lasers).any(|(new, laser)| new.laser.as_ref() != Some(laser)) {
