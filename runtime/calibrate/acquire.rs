@@ -1,6 +1,6 @@
 //! From a bench to its pictures.
 
-use super::bench::{Bench, Event, FEWEST, ShowsPatterns};
+use super::bench::{Bench, CameraCommand, Event, FEWEST, ShowsPatterns};
 use super::captures::{Ask, Session, Shot, load};
 use super::error::CalibrateError;
 use super::link::Link;
@@ -12,14 +12,11 @@ use eyebox_optics::{Color, Display, TwoPi};
 use std::path::Path;
 use std::time::Duration;
 
-/// Pictures of each request that are added.
-pub(super) const AVERAGE: usize = 4;
 /// A wavelength that differs by so many nm is another.
 const NANOMETRES: f64 = 2.0;
 /// Share of the time that taking pictures is.
 pub const TAKING: f64 = 0.4;
 
-/// Pictures with what is known of them.
 pub(super) struct CaptureSet {
     pub(super) hello: Hello,
     pub(super) shots: Vec<Shot>,
@@ -55,7 +52,7 @@ pub(super) fn check(
     hello: &Hello,
     shows: bool,
 ) -> Result<(Color, f64), CalibrateError> {
-    let wrong = |reason: Reason| Err(CalibrateError::Bench { display: display.name.clone(), reason });
+    let wrong = |reason: Reason| Err(CalibrateError::bench(display, reason));
     let optics = display.optics(color)?;
     if !display.geometry.is_relay() {
         return wrong(reason!(
@@ -110,7 +107,6 @@ pub(super) fn check(
     Ok((color, *theirs))
 }
 
-/// Asks the command for all pictures.
 pub(super) fn take(
     display: &Display,
     color: Color,
@@ -118,14 +114,11 @@ pub(super) fn take(
     shows: Option<&mut dyn ShowsPatterns>,
     tell: &dyn Fn(Event),
 ) -> Result<CaptureSet, CalibrateError> {
-    let Bench::Command { command, keep, limit, most, quick, iris_mm } = *bench else {
-        return Err(CalibrateError::Pictures(reason!("folder-takes-none", "a folder takes no pictures")));
+    let Bench::Command { camera: CameraCommand { command, keep, limit, iris_mm }, most, quick } = *bench else {
+        return Err(reason!("folder-takes-none", "a folder takes no pictures").into());
     };
     if most < FEWEST && !quick {
-        return Err(CalibrateError::Pictures(reason!(
-            "too-few",
-            "{most} pictures are too few: a calibration takes {FEWEST} at least"
-        )));
+        return Err(reason!("too-few", "{most} pictures are too few: a calibration takes {FEWEST} at least").into());
     }
     tell(Event::At("starting the camera's command", 0.0));
     let mut say = |line: &str| tell(Event::Said(line));
@@ -138,35 +131,8 @@ pub(super) fn take(
         hello.slm.sub_frames = shows.sub_frames();
         session.shows = Some(shows);
     }
-    let moves = |iris| hello.iris.is_some().then_some(iris);
-    let (mut shots, mut warnings) = (Vec::new(), Vec::new());
-    let dots = pattern::dots_pattern(size, two_pi_level);
-    let first = Ask {
-        show: Some(("dots", &dots)),
-        iris_mm: moves(pattern::dots_iris(&optics)),
-        focus_mm: 0.0,
-        average: AVERAGE,
-    };
-    match session.take(&first)? {
-        Some(shot) => {
-            if shot.iris_mm.or(iris_mm).is_none() {
-                let reason = "its iris does not move, and nothing says where it stands: answer iris_mm, or give \
-                              `iris` X,Y,DIAMETER in mm";
-                return Err(CalibrateError::Bench {
-                    display: display.name.clone(),
-                    reason: Reason::new("no-iris", reason),
-                });
-            }
-            shots.push(shot);
-        }
-        None => {
-            let text = session.left_out.join("; ");
-            return Err(CalibrateError::Refused { what: "take the picture of the dots".into(), text });
-        }
-    }
-    if hello.camera.dark {
-        shots.extend(session.take(&Ask { show: None, iris_mm: None, focus_mm: 0.0, average: AVERAGE })?);
-    }
+    let mut warnings = Vec::new();
+    let mut shots = session.take_first(display, &pattern::dots_pattern(size, two_pi_level), iris_mm)?;
     let shows = pattern::plan(&hello, &optics, two_pi_level, most, quick);
     let all: usize = shows.iter().map(|s| s.irises_mm.len() * s.times).sum();
     let mut done = 0;
@@ -174,8 +140,7 @@ pub(super) fn take(
         for iris in &show.irises_mm {
             for _ in 0..show.times {
                 tell(Event::At(&format!("picture {} of {}", done + 3, all + 2), TAKING * done as f64 / all as f64));
-                let ask =
-                    Ask { show: Some((&show.name, &show.pattern)), iris_mm: *iris, focus_mm: 0.0, average: AVERAGE };
+                let ask = Ask { show: Some((&show.name, &show.pattern)), iris_mm: *iris, focus_mm: 0.0 };
                 shots.extend(session.take(&ask)?);
                 done += 1;
             }
@@ -194,7 +159,6 @@ fn stand(shots: &mut [Shot], iris_mm: Option<[f64; 3]>) {
     shots.iter_mut().for_each(|shot| shot.iris_mm = shot.iris_mm.or(iris_mm));
 }
 
-/// Reads the pictures of a folder.
 pub(super) fn read(
     display: &Display,
     color: Color,
@@ -209,7 +173,7 @@ pub(super) fn read(
         .filter(|c| c.request.color.as_ref().is_none_or(|c| *c == name))
         .filter_map(|c| c.shot(folder))
         .collect::<Result<Vec<_>, Reason>>();
-    let mut shots = shots.map_err(|reason| CalibrateError::Captures { file: folder.display().to_string(), reason })?;
+    let mut shots = shots.map_err(|reason| CalibrateError::captures(folder, reason))?;
     stand(&mut shots, iris_mm);
     let two_pi_level = two_pi_level(display, color);
     Ok(CaptureSet::of(hello, shots, two_pi_level))

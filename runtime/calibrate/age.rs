@@ -77,7 +77,6 @@ pub(super) fn today() -> String {
     day_now().to_string()
 }
 
-/// A day from year-month-day.
 fn day_of(date: &str) -> Option<Date> {
     Date::strptime("%Y-%m-%d", date).ok()
 }

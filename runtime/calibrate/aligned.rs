@@ -8,7 +8,6 @@ use super::error::CalibrateError;
 use super::map::CameraMap;
 use super::orders::Random;
 use super::parameters::Parameters;
-use super::picture;
 use super::slopes::shifts;
 use super::views::View;
 
@@ -18,7 +17,6 @@ const ROUNDS: [(i32, f64); 2] = [(5, 2.0), (3, 0.7)];
 const PIXELS: usize = 2000;
 /// Pictures that are searched, of the irises that are nearest to the axis.
 const PICTURES: usize = 2;
-/// Steps of Gauss and Newton.
 const STEPS: usize = 6;
 /// Pieces at least that have to be found.
 const FEWEST: usize = 6;
@@ -61,8 +59,7 @@ fn add_views(sorted: &mut Sorted) -> Result<Vec<[f64; 2]>, CalibrateError> {
     let mut middles = Vec::new();
     for v in small.into_iter().take(PICTURES) {
         let view = &sorted.pictures.views[v];
-        let wrong = |reason| CalibrateError::Captures { file: view.file.display().to_string(), reason };
-        let picture = picture::load(&view.file, sorted.camera, view.full_scale).map_err(wrong)?;
+        let picture = view.picture(sorted.camera)?;
         let mut pieces = Vec::new();
         for (part, slm) in sorted.pictures.parts.iter().enumerate() {
             let pixels = sorted.pixels_of(&picture, part, PIXELS);

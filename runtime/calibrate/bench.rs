@@ -7,24 +7,31 @@ use std::time::Duration;
 /// Pictures at least: dots, two of a pattern twice, and patterns to fit.
 pub const FEWEST: usize = 12;
 
+/// A camera's command.
+#[derive(Debug, Clone, Copy)]
+pub struct CameraCommand<'a> {
+    /// Its words, as a POSIX shell splits them; no shell runs it.
+    pub command: &'a str,
+    /// Where its pictures are kept; those of a calibration that was broken off are not asked for again.
+    pub keep: Option<&'a Path>,
+    /// Limit for every question, in the place of the protocol's own.
+    pub limit: Option<Duration>,
+    /// Where an iris stands that does not move: x, y, diameter, mm; where the command does not say so itself.
+    pub iris_mm: Option<[f64; 3]>,
+}
+
 /// Where pictures come from.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub enum Bench<'a> {
     /// A command that shows patterns and takes pictures.
     Command {
-        /// Its words, as a POSIX shell splits them; no shell runs it.
-        command: &'a str,
-        /// Where its pictures are kept; those of a calibration that was broken off are not asked for again.
-        keep: Option<&'a Path>,
-        /// Limit for every question, in the place of the protocol's own.
-        limit: Option<Duration>,
+        /// The command.
+        camera: CameraCommand<'a>,
         /// Pictures at most.
         most: usize,
         /// A few pictures, for what drifts.
         quick: bool,
-        /// Where an iris stands that does not move: x, y, diameter, mm; where the command does not say so itself.
-        iris_mm: Option<[f64; 3]>,
     },
     /// A folder that such a calibration kept, or one made by hand.
     Folder {

@@ -5,25 +5,25 @@ use super::bench::ShowsPatterns;
 use super::error::CalibrateError;
 use super::link::Link;
 use super::message::{Answer, Hello, Request, Show};
-use super::pattern::Pattern;
+use super::pattern::{self, Pattern};
 use super::picture::{self, Picture};
 use eyebox_base::error::Reason;
 use eyebox_base::files::{self, FileError, read, write_file};
 use eyebox_base::reason;
-use eyebox_optics::Color;
+use eyebox_optics::{Color, Display};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// The folder's document.
 pub(super) const DOCUMENT: &str = "captures.json";
 /// Share of saturated pixels over which a shorter exposure is asked for.
 const SATURATED: f64 = 0.01;
 /// A picture is asked for so often with shorter exposures.
 const SHORTER: usize = 3;
+/// Pictures of each request that are added.
+const AVERAGE: usize = 4;
 
-/// A picture with its request.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Capture {
     pub(super) request: Request,
@@ -54,18 +54,16 @@ struct Document {
     captures: Vec<Capture>,
 }
 
-/// What is asked for: a pattern, seen through an iris.
-#[derive(Debug, Clone)]
+/// What is asked for: a pattern, seen through an iris. By default darkness.
+#[derive(Debug, Clone, Default)]
 pub(super) struct Ask<'p> {
     /// Name and pattern; none for darkness.
     pub(super) show: Option<(&'p str, &'p Pattern)>,
     /// x, y, diameter, mm.
     pub(super) iris_mm: Option<[f64; 3]>,
     pub(super) focus_mm: f64,
-    pub(super) average: usize,
 }
 
-/// A picture that was taken.
 #[derive(Debug, Clone)]
 pub(super) struct Shot {
     /// The pattern's file, and the picture's.
@@ -78,11 +76,14 @@ pub(super) struct Shot {
 }
 
 impl Shot {
-    /// Its picture.
     pub(super) fn picture(&self, camera: [usize; 2]) -> Result<Picture, CalibrateError> {
-        let wrong = |reason| CalibrateError::Captures { file: self.file.display().to_string(), reason };
-        picture::load(&self.file, camera, self.full_scale).map_err(wrong)
+        picture_of(&self.file, self.full_scale, camera)
     }
+}
+
+/// The picture in a file of the camera's size (rows, columns).
+pub(super) fn picture_of(file: &Path, full_scale: f64, camera: [usize; 2]) -> Result<Picture, CalibrateError> {
+    picture::load(file, camera, full_scale).map_err(|reason| CalibrateError::captures(file, reason))
 }
 
 /// Where pictures come from, and what was taken.
@@ -110,7 +111,7 @@ pub(super) struct Session<'a> {
 pub(super) fn load(folder: &Path) -> Result<(Hello, Vec<Capture>), CalibrateError> {
     let file = folder.join(DOCUMENT);
     let text = read::text(&file, read::TABLE).map_err(|e| FileError::read(&file, e))?;
-    let wrong = |reason: Reason| CalibrateError::Captures { file: file.display().to_string(), reason };
+    let wrong = |reason: Reason| CalibrateError::captures(&file, reason);
     let read: Document = serde_json::from_str(&text).map_err(|e| wrong(e.to_string().into()))?;
     let hello = serde_json::to_value(&read.hello).map_err(|e| wrong(e.to_string().into()))?;
     Ok((Hello::read(&hello).map_err(wrong)?, read.captures))
@@ -139,7 +140,7 @@ impl<'a> Session<'a> {
             if theirs != hello {
                 let reason =
                     reason!("another-bench", "holds pictures of another bench: give another folder to keep these in");
-                return Err(CalibrateError::Captures { file: folder.join(DOCUMENT).display().to_string(), reason });
+                return Err(CalibrateError::captures(&folder.join(DOCUMENT), reason));
             }
             before = captures.into();
         }
@@ -157,7 +158,6 @@ impl<'a> Session<'a> {
         of_color.filter_map(|c| c.shot(&self.folder)?.ok()).collect()
     }
 
-    /// The number of the next picture.
     pub(super) fn next(&self) -> usize {
         self.taken.len()
     }
@@ -171,6 +171,31 @@ impl<'a> Session<'a> {
     /// Pictures answered.
     pub(super) fn count(&self) -> usize {
         self.taken.iter().filter(|c| c.answer.is_some()).count()
+    }
+
+    /// Takes the pictures that a calibration begins with: of the dots, and of darkness where the camera can. `iris_mm`: where an iris
+    /// stands that does not move.
+    pub(super) fn take_first(
+        &mut self,
+        display: &Display,
+        dots: &Pattern,
+        iris_mm: Option<[f64; 3]>,
+    ) -> Result<Vec<Shot>, CalibrateError> {
+        let optics = display.optics(self.color.0)?;
+        let place = self.hello.iris.is_some().then(|| pattern::dots_iris(&optics));
+        let Some(shot) = self.take(&Ask { show: Some(("dots", dots)), iris_mm: place, focus_mm: 0.0 })? else {
+            let text = self.left_out.join("; ");
+            return Err(CalibrateError::Refused { what: "take the picture of the dots".into(), text });
+        };
+        if shot.iris_mm.or(iris_mm).is_none() {
+            let reason = reason!(
+                "no-iris",
+                "its iris does not move, and nothing says where it stands: answer iris_mm, or give `iris` X,Y,DIAMETER in mm"
+            );
+            return Err(CalibrateError::bench(display, reason));
+        }
+        let dark = if self.hello.camera.dark { self.take(&Ask::default())? } else { None };
+        Ok([shot].into_iter().chain(dark).collect())
     }
 
     /// Takes a picture: None where the bench could not, or where as many were taken as may be.
@@ -209,7 +234,7 @@ impl<'a> Session<'a> {
             iris_mm: ask.iris_mm,
             focus_mm: self.hello.focus_mm.is_some().then_some(ask.focus_mm),
             exposure_ms: if dark { Some(exposure_ms.unwrap_or(10.0)) } else { exposure_ms },
-            average: ask.average,
+            average: AVERAGE,
             out: number,
         };
         if let Some((name, pattern)) = ask.show {
@@ -239,7 +264,7 @@ impl<'a> Session<'a> {
             shows.show(self.color.0, &pattern.drive).map_err(CalibrateError::Shows)?;
         }
         let frames = ask.show.map_or(1, |(_, pattern)| pattern.frames);
-        let seconds = request.exposure_ms.unwrap_or(1000.0) * 1e-3 * (3 * ask.average * frames) as f64;
+        let seconds = request.exposure_ms.unwrap_or(1000.0) * 1e-3 * (3 * AVERAGE * frames) as f64;
         let (folder, camera) = (self.folder.clone(), self.hello.camera.resolution);
         let absolute = |name: &str| folder.join(name).display().to_string();
         let mut asked = request.clone();
@@ -247,9 +272,8 @@ impl<'a> Session<'a> {
         if let Some(show) = &mut asked.show {
             show.file = absolute(&show.file);
         }
-        let question =
+        let mut question =
             serde_json::to_value(&asked).map_err(|e| CalibrateError::Pictures(Reason::new("not-json", e)))?;
-        let mut question = question;
         question.as_object_mut().map(|o| o.remove("id"));
         let begun = Instant::now();
         let answered = link.ask(&question, Duration::from_secs_f64(30.0 + seconds), |value| {
@@ -289,7 +313,6 @@ impl<'a> Session<'a> {
         Ok(write_file(&file, |out| out.write_all(text.as_bytes()))?)
     }
 
-    /// The folder of pictures that nobody keeps.
     pub(super) fn into_folder(self) -> Option<tempfile::TempDir> {
         self.temporary
     }
@@ -317,7 +340,7 @@ fn shot_of(folder: &Path, show: Option<&Show>, request: &Request, answer: &Answe
 /// A pattern that was shown, as the phases that were asked for.
 pub(super) fn shown(file: &Path, kind: &str, slm: [usize; 2], two_pi_level: f64) -> Result<Pattern, CalibrateError> {
     let npy = files::read_npy(file)?;
-    let wrong = |reason: Reason| CalibrateError::Captures { file: file.display().to_string(), reason };
+    let wrong = |reason: Reason| CalibrateError::captures(file, reason);
     let [frames, height, width] = npy.shape[..] else {
         return Err(wrong(reason!(
             "pattern-axes",

@@ -26,7 +26,6 @@ const LEAST_CONTRAST: f64 = 0.1;
 /// A camera pixel's sensitive share, where a fit begins.
 pub(super) const CAMERA_PIXEL: f64 = 0.9;
 
-/// The pictures, sorted by what they are for.
 pub(super) struct Sorted {
     pub(super) pictures: Pictures,
     /// Pictures of even drives; they are fitted, too.
@@ -43,11 +42,8 @@ pub(super) struct Sorted {
     bits: u32,
 }
 
-/// A shot of a pattern, by the number of its set.
-struct PatternShot<'a> {
-    shot: &'a Shot,
-    set: usize,
-}
+/// A shot of a pattern, with the number of its set.
+type PatternShot<'a> = (&'a Shot, usize);
 
 /// Sorts the pictures: dots, darkness, what was taken twice, the rest.
 pub(super) fn sort(display: &Display, color: Color, taken: &CaptureSet) -> Result<Sorted, CalibrateError> {
@@ -81,21 +77,18 @@ pub(super) fn sort(display: &Display, color: Color, taken: &CaptureSet) -> Resul
                 ))
             })?);
         } else {
-            pattern_shots.push(PatternShot { shot, set });
+            pattern_shots.push((shot, set));
         }
     }
     let Some((map, map_rms)) = found else {
-        return Err(CalibrateError::Pictures(reason!(
-            "no-picture-of-dots",
-            "there is no picture of the dots, which say where the camera looks"
-        )));
+        return Err(
+            reason!("no-picture-of-dots", "there is no picture of the dots, which say where the camera looks").into()
+        );
     };
     if pattern_shots.len() < 3 {
-        return Err(CalibrateError::Pictures(reason!(
-            "too-few",
-            "{} pictures of patterns are too few to fit a model to",
-            pattern_shots.len()
-        )));
+        return Err(
+            reason!("too-few", "{} pictures of patterns are too few to fit a model to", pattern_shots.len()).into()
+        );
     }
     let radius = display.source_eyebox_min() / 2.0;
     tracing::debug!("dots: {map_rms:.3} camera pixels rms, map {:.6?}", map.numbers);
@@ -119,7 +112,6 @@ impl Sorted {
         left.iter().map(|l| l[0]).sum::<f64>() / left.len().max(1) as f64
     }
 
-    /// A picture that is not fitted any more.
     pub(super) fn leave_out(&mut self, view: usize) {
         self.even.retain(|v| *v != view);
         self.fitted.retain(|v| *v != view);
@@ -136,32 +128,30 @@ impl Sorted {
         let at =
             Parameters { model: display.model(color), map: self.map, camera_pixel: CAMERA_PIXEL, soft_edge: false };
         let twin = |i: usize| {
-            let same = |a: &PatternShot, b: &PatternShot| {
-                a.set == b.set && a.shot.iris_mm == b.shot.iris_mm && a.shot.focus_mm == b.shot.focus_mm
-            };
-            (0..pattern_shots.len()).find(|j| *j != i && same(&pattern_shots[i], &pattern_shots[*j]))
+            let key = |(shot, set): PatternShot| (set, shot.iris_mm, shot.focus_mm);
+            (0..pattern_shots.len()).find(|j| *j != i && key(pattern_shots[i]) == key(pattern_shots[*j]))
         };
-        for (i, pattern_shot) in pattern_shots.iter().enumerate() {
+        for (i, (shot, set)) in pattern_shots.iter().copied().enumerate() {
             let twin = twin(i);
             if twin.is_some_and(|first| first < i) {
                 continue;
             }
-            let picture = pattern_shot.shot.picture(self.camera)?;
+            let picture = shot.picture(self.camera)?;
             let count = if twin.is_some() { HELD_OUT } else { FITTED };
             let mut pixels = self.pixels(&picture, count, i as u64);
-            let other = twin.map(|other| pattern_shots[other].shot.picture(self.camera)).transpose()?;
+            let other = twin.map(|other| pattern_shots[other].0.picture(self.camera)).transpose()?;
             if let Some(other) = &other {
                 pixels.retain(|p| !other.is_full(*p));
             }
-            let view = self.view(pattern_shot, &picture, &pixels, &at)?;
+            let view = self.view((shot, set), &picture, &pixels, &at)?;
             match (twin, other) {
                 (Some(other_index), Some(other)) => {
-                    let second = self.view(&pattern_shots[other_index], &other, &pixels, &at)?;
+                    let second = self.view(pattern_shots[other_index], &other, &pixels, &at)?;
                     self.pairs.push([view, second]);
                 }
                 _ => {
                     self.fitted.push(view);
-                    let pattern = &self.pictures.sets[pattern_shot.set].pattern;
+                    let pattern = &self.pictures.sets[set].pattern;
                     if pattern.frames == 1 && pattern.even_drive().is_some() {
                         self.even.push(view);
                     }
@@ -228,24 +218,24 @@ impl Sorted {
     /// Adds a picture at these pixels: its number.
     fn view(
         &mut self,
-        pattern_shot: &PatternShot,
+        (shot, set): PatternShot,
         picture: &Picture,
         pixels: &[usize],
         at: &Parameters,
     ) -> Result<usize, CalibrateError> {
-        let Some([x, y, d]) = pattern_shot.shot.iris_mm else {
+        let Some([x, y, d]) = shot.iris_mm else {
             let reason =
                 reason!("no-iris", "has no iris_mm: give `iris` X,Y,DIAMETER in mm of an iris that stands still");
-            return Err(CalibrateError::Captures { file: pattern_shot.shot.file.display().to_string(), reason });
+            return Err(CalibrateError::captures(&shot.file, reason));
         };
-        let pupil = Pupil::from_mm([x, y, d, pattern_shot.shot.focus_mm]).check()?;
+        let pupil = Pupil::from_mm([x, y, d, shot.focus_mm]).check()?;
         let place = |p: &usize| [(p % picture.width) as f64, (p / picture.width) as f64];
         let parts: Vec<_> = pixels.iter().map(|p| self.part_of(picture, *p)).collect();
         let mut looks = Vec::new();
         for (i, part) in self.pictures.parts.iter().enumerate() {
             let here = pixels.iter().zip(&parts).filter(|(_, part)| **part == Some(i)).map(|(p, _)| place(p)).collect();
             let look = Look::new((*part, &self.pictures.optics), pupil, self.radius, at, here);
-            let windows = &mut self.pictures.sets[pattern_shot.set].parts[i].windows;
+            let windows = &mut self.pictures.sets[set].parts[i].windows;
             let window = windows.iter().position(|w| *w == look.window).unwrap_or_else(|| {
                 windows.push(look.window.clone());
                 windows.len() - 1
@@ -254,21 +244,18 @@ impl Sorted {
         }
         let counts: Vec<f64> = pixels.iter().map(|p| f64::from(picture.values[*p])).collect();
         if counts.is_empty() {
-            return Err(CalibrateError::Captures {
-                file: pattern_shot.shot.file.display().to_string(),
-                reason: reason!("saturated", "has no pixel that looks at the SLM and is not saturated"),
-            });
+            let reason = reason!("saturated", "has no pixel that looks at the SLM and is not saturated");
+            return Err(CalibrateError::captures(&shot.file, reason));
         }
-        let exposure_ms = pattern_shot.shot.exposure_ms;
         self.pictures.views.push(View {
-            set: pattern_shot.set,
+            set,
             looks,
             counts,
             variance: Vec::new(),
             signal: 0.0,
-            exposure_ms,
-            full_scale: pattern_shot.shot.full_scale,
-            file: pattern_shot.shot.file.clone(),
+            exposure_ms: shot.exposure_ms,
+            full_scale: shot.full_scale,
+            file: shot.file.clone(),
         });
         Ok(self.pictures.views.len() - 1)
     }

@@ -2,7 +2,7 @@
 //! number of the model.
 
 use super::parameters::{Parameter, Parameters};
-use super::pattern::{Pattern, transposed};
+use super::pattern::{Pattern, transformed, transposed};
 use eyebox_kernels::{Complex64, fft};
 use eyebox_optics::{DisplayModel, Optics, SlmPart, frequency_bin};
 use rayon::prelude::*;
@@ -11,7 +11,6 @@ use std::f64::consts::TAU;
 /// A square of bins around an iris.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Window {
-    /// Its first row and column of bins.
     pub(super) first: [i64; 2],
     pub(super) size: usize,
 }
@@ -49,7 +48,6 @@ pub(super) struct Set {
     pub(super) windows: Vec<Window>,
 }
 
-/// The optics of a part of an SLM.
 pub(super) fn optics_of(part: &SlmPart, optics: &Optics) -> Optics {
     Optics { height: part.size[0], width: part.size[1], ..*optics }
 }
@@ -74,11 +72,8 @@ impl Device {
             vec![Complex64::default(); height * width]
         } else {
             let share = model.undiffracted_share(part);
-            let mut field: Vec<Complex64> = share.iter().zip(&amplitude).map(|(s, a)| s * a).collect();
-            fft::transform_f64(&mut field, width, fft::Direction::Forward);
-            let mut turned = transposed(&field, width);
-            fft::transform_f64(&mut turned, height, fft::Direction::Forward);
-            let mut rest = transposed(&turned, height);
+            let field = share.iter().zip(&amplitude).map(|(s, a)| s * a).collect();
+            let mut rest = transformed(field, sides, fft::Direction::Forward);
             let sinc = sides.map(|n| {
                 let k = |i: usize| frequency_bin(i as i64, n) as f64 / n as f64;
                 (0..n).map(|i| model.pixel_aperture(k(i), 1)).collect::<Vec<_>>()

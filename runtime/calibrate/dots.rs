@@ -1,5 +1,6 @@
 //! The camera's map from a picture of dots, from nothing: wherever they lie in it, however turned, mirrored or scaled.
 
+use super::fit::dot;
 use super::map::CameraMap;
 use super::pattern;
 use super::picture::Picture;
@@ -8,7 +9,6 @@ use eyebox_base::reason;
 use eyebox_optics::linear::solve;
 use std::f64::consts::PI;
 
-/// Share of the dots that must be found.
 const NEEDED: f64 = 0.7;
 /// Nearness within which a bright spot is a dot, in shares of the spacing.
 const NEAR: f64 = 0.3;
@@ -199,7 +199,6 @@ pub(super) fn nearer(mut map: CameraMap, pairs: &[([f64; 2], [f64; 2])], free: &
             miss(&moved).iter().zip(&now).map(|(m, n)| (m - n) / 1e-6).collect()
         })
         .collect();
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let normal: Vec<Vec<f64>> = slopes.iter().map(|a| slopes.iter().map(|b| dot(a, b)).collect()).collect();
     let right: Vec<f64> = slopes.iter().map(|a| -dot(a, &now)).collect();
     for (p, step) in free.iter().zip(solve(&normal, &right)?) {
@@ -210,7 +209,6 @@ pub(super) fn nearer(mut map: CameraMap, pairs: &[([f64; 2], [f64; 2])], free: &
     rms.is_finite().then_some((map, rms))
 }
 
-/// Numbers of the map that are moved.
 const AFFINE: [usize; 6] = [0, 1, 2, 3, 4, 5];
 pub(super) const ALL: [usize; 9] = [0, 1, 2, 3, 4, 5, 6, 7, 8];
 

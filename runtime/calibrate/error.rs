@@ -3,10 +3,11 @@
 use eyebox_base::error::Reason;
 use eyebox_base::files::FileError;
 use eyebox_compute::engine::EngineError;
-use eyebox_optics::OpticsError;
+use eyebox_optics::{Display, OpticsError};
 use eyebox_scene::SceneError;
 use eyebox_solve::quality::QualityError;
 use std::io;
+use std::path::Path;
 
 /// Why a calibration ended without a model.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
@@ -88,7 +89,21 @@ pub enum CalibrateError {
     Optics(#[from] OpticsError),
 }
 
+impl From<Reason> for CalibrateError {
+    fn from(reason: Reason) -> Self {
+        Self::Pictures(reason)
+    }
+}
+
 impl CalibrateError {
+    pub(crate) fn bench(display: &Display, reason: Reason) -> Self {
+        Self::Bench { display: display.name.clone(), reason }
+    }
+
+    pub(crate) fn captures(file: &Path, reason: Reason) -> Self {
+        Self::Captures { file: file.display().to_string(), reason }
+    }
+
     /// Whether the bench or the user ended it, and not what it was given.
     pub fn is_ended(&self) -> bool {
         matches!(self, Self::Stopped | Self::Lost { .. } | Self::Refused { .. } | Self::Shows(_))

@@ -6,7 +6,6 @@ use super::error::CalibrateError;
 use super::fit::Effort;
 use super::parameters::{Parameter, Parameters};
 use super::pattern::transposed;
-use super::picture;
 use eyebox_kernels::{Complex64, fft};
 use eyebox_optics::linear::inverse;
 use std::f64::consts::PI;
@@ -31,7 +30,6 @@ const CURVATURES: std::ops::RangeInclusive<i32> = -8..=8;
 /// An even drive shows this and nothing of crosstalk.
 const EVEN: Effort = Effort { subpixels: 1, slopes: 1, rounds: 20, enough: 0.01 };
 
-/// A complex image over the SLM.
 #[derive(Clone)]
 struct Image {
     rows: usize,
@@ -147,8 +145,8 @@ fn from_waves(
     let mut at = start.clone();
     at.model.undiffracted = waves;
     // Three turns are three numbers, and a table far from its file explains them with other light: the light is fitted first.
-    let near = sorted.pictures.fit(&at, &free[..light], which, EVEN, &mut |_| {})?;
-    let fit = sorted.pictures.fit_near(&at, &near.at, &free, which, EVEN, &mut |_| {})?;
+    let near = sorted.pictures.fit(&at, &at, &free[..light], which, EVEN, &mut |_| {})?;
+    let fit = sorted.pictures.fit(&at, &near.at, &free, which, EVEN, &mut |_| {})?;
     let left = sorted.mean_left(&fit.at, which);
     let from = &at.model.undiffracted;
     tracing::debug!("light that is not modulated, {from:.3?}: {left:.4} of the even drives is left");
@@ -164,8 +162,7 @@ fn ratios(sorted: &Sorted, at: &Parameters, which: &[usize]) -> Result<Option<(I
     for v in which {
         let view = &pictures.views[*v];
         let Some(drive) = pictures.sets[view.set].pattern.even_drive() else { continue };
-        let wrong = |reason| CalibrateError::Captures { file: view.file.display().to_string(), reason };
-        let picture = picture::load(&view.file, sorted.camera, view.full_scale).map_err(wrong)?;
+        let picture = view.picture(sorted.camera)?;
         let at_place = |i: usize| {
             let [x, y] = [(i % columns, width, columns), (i / columns, height, rows)]
                 .map(|(i, pixels, places)| (i as f64 + 0.5) * pixels as f64 / places as f64 - 0.5);

@@ -19,14 +19,12 @@ pub(super) struct Exposure {
     pub(super) dark: f64,
 }
 
-/// What came of a fit.
 #[derive(Debug, Clone)]
 pub(super) struct Fit {
     pub(super) at: Parameters,
     pub(super) free: Vec<Parameter>,
     /// Squared residuals in units of the noise, on average.
     pub(super) squares: f64,
-    /// Covariance of the free parameters.
     pub(super) covariance: Vec<Vec<f64>>,
 }
 
@@ -65,7 +63,6 @@ impl Fit {
     }
 }
 
-/// How much work a fit is.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Effort {
     /// Sub-pixels along an axis, of what is predicted and of its slopes.
@@ -162,7 +159,6 @@ impl Pictures {
         which.iter().zip(residuals).map(of).sum()
     }
 
-    /// Residuals of several views.
     fn all_residuals(&self, which: &[usize], seen: &[Prediction]) -> Vec<Vec<f64>> {
         which.par_iter().zip(seen).map(|(v, seen)| self.residuals(*v, seen)).collect()
     }
@@ -175,21 +171,9 @@ impl Pictures {
         which.iter().zip(self.all_residuals(which, seen)).map(of).sum()
     }
 
-    /// Fits the free parameters to these views, from where they are expected.
+    /// Fits the free parameters to these views, from `start`. The prior `known` holds those in place that the pictures hardly tell. Slopes
+    /// are kept for as long as the steps that they give do what they promise.
     pub(super) fn fit(
-        &self,
-        start: &Parameters,
-        free: &[Parameter],
-        which: &[usize],
-        effort: Effort,
-        observe: &mut dyn FnMut(f64),
-    ) -> Result<Fit, CalibrateError> {
-        self.fit_near(start, start, free, which, effort, observe)
-    }
-
-    /// The same from elsewhere: `known` holds those in place that the pictures hardly tell. Slopes are kept for as long as the steps
-    /// that they give do what they promise.
-    pub(super) fn fit_near(
         &self,
         known: &Parameters,
         start: &Parameters,
@@ -199,7 +183,7 @@ impl Pictures {
         observe: &mut dyn FnMut(f64),
     ) -> Result<Fit, CalibrateError> {
         if which.is_empty() {
-            return Err(CalibrateError::Pictures(reason!("nothing-to-fit", "there is nothing to fit")));
+            return Err(reason!("nothing-to-fit", "there is nothing to fit").into());
         }
         let count: usize = which.iter().map(|v| self.views[*v].counts.len()).sum();
         let (mut at, mut damping) = (start.clone(), 1e-3);
@@ -214,7 +198,7 @@ impl Pictures {
             let misfit = self.misfit(which, &residuals);
             let before = self.robust(which, &residuals, misfit);
             let (normal, right) = self.normal(which, [&seen, &slopes], &residuals, misfit);
-            let (normal, right) = with_expectations(normal, right, known, &at, free);
+            let (normal, right) = with_priors(normal, right, known, &at, free);
             let tries = if fresh { TRIES } else { 2 };
             let mut step_taken = None;
             for _ in 0..tries {
@@ -230,10 +214,10 @@ impl Pictures {
                 let trial = at.stepped(free, &step);
                 let seen = self.see(&trial, effort.subpixels, which, &[]);
                 let after = self.robust(which, &self.all_residuals(which, &seen), misfit);
-                let expected = expectation(known, &trial, free) - expectation(known, &at, free);
-                if after + expected < before {
+                let prior_change = prior(known, &trial, free) - prior(known, &at, free);
+                if after + prior_change < before {
                     damping = (damping * 0.1).max(1e-12);
-                    let gained = before - after - expected;
+                    let gained = before - after - prior_change;
                     step_taken =
                         Some((trial, seen, (before - after) / before, gained / promised(&normal, &right, &step)));
                     break;
@@ -277,7 +261,7 @@ impl Pictures {
         let count: usize = residuals.iter().map(Vec::len).sum();
         let scale = (self.robust(which, &residuals, misfit) / count as f64).max(1.0);
         let (normal, _) = self.normal(which, [seen, slopes], &residuals, misfit);
-        let (normal, _) = with_expectations(normal, vec![0.0; free.len()], at, at, free);
+        let (normal, _) = with_priors(normal, vec![0.0; free.len()], at, at, free);
         Some(scaled(inverse(&normal)?, scale))
     }
 
@@ -332,7 +316,6 @@ impl Pictures {
             columns.push(vec![1.0; residuals.len()]);
             let weighted: Vec<Vec<f64>> =
                 columns.iter().map(|c| c.iter().zip(&weights).map(|(v, w)| v * w).collect()).collect();
-            let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
             let mut normal = vec![vec![0.0; n]; n];
             for i in 0..n {
                 for j in 0..=i {
@@ -376,10 +359,13 @@ fn eliminate_last_two(normal: &mut Vec<Vec<f64>>, right: &mut Vec<f64>) {
     }
 }
 
-/// Variance of numbers about their mean.
 pub(super) fn variance_of(values: &[f64]) -> f64 {
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64
+}
+
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 pub(super) fn mean_square(values: &[f64]) -> f64 {
@@ -403,11 +389,11 @@ fn scaled(mut matrix: Vec<Vec<f64>>, factor: f64) -> Vec<Vec<f64>> {
 }
 
 /// The cost of numbers that are far from where they are expected: it keeps those in place that the pictures do not show.
-fn expectation(start: &Parameters, at: &Parameters, free: &[Parameter]) -> f64 {
+fn prior(start: &Parameters, at: &Parameters, free: &[Parameter]) -> f64 {
     free.iter().map(|p| ((at.get(*p) - start.get(*p)) / p.usual()).powi(2)).sum()
 }
 
-fn with_expectations(
+fn with_priors(
     mut normal: Vec<Vec<f64>>,
     mut right: Vec<f64>,
     start: &Parameters,

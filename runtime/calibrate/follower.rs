@@ -1,38 +1,22 @@
 //! A model that follows a bench while holograms are shown: the camera takes a picture of the hologram on the screen now and then, and
 //! drift is fitted to the latest pictures.
 
-use super::acquire::{AVERAGE, CaptureSet, check, two_pi_level};
-use super::bench::{Event, ShowsPatterns};
+use super::acquire::{CaptureSet, check, two_pi_level};
+use super::bench::{CameraCommand, Event, ShowsPatterns};
 use super::calibrated::Calibration;
 use super::captures::{Ask, Session, Shot};
 use super::error::CalibrateError;
 use super::link::Link;
 use super::pattern::{self, Pattern};
 use super::stages;
-use eyebox_base::error::Reason;
 use eyebox_optics::{Color, Display};
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
-use std::path::Path;
-use std::time::Duration;
 
 /// Pictures that a fit is of: the latest ones.
 const LATEST: usize = 4;
 /// The fewest that tell anything.
 const FEWEST: usize = 3;
-
-/// How a bench is followed.
-#[derive(Debug, Clone, Copy)]
-pub struct FollowOptions<'a> {
-    /// The camera's command, as of [`Bench::Command`](super::Bench::Command).
-    pub command: &'a str,
-    /// Where its pictures are kept.
-    pub keep: Option<&'a Path>,
-    /// Limit for every question, in place of the protocol's own.
-    pub limit: Option<Duration>,
-    /// Where an iris stands that does not move: x, y, diameter, mm.
-    pub iris_mm: Option<[f64; 3]>,
-}
 
 /// A picture of a hologram on the screen, and what it led to.
 #[derive(Debug)]
@@ -79,37 +63,21 @@ impl<'a> Follower<'a> {
     pub fn open(
         display: &Display,
         color: Color,
-        following: &FollowOptions<'a>,
+        camera: &CameraCommand<'a>,
         shows: &mut dyn ShowsPatterns,
         say: &'a mut dyn FnMut(&str),
     ) -> Result<Self, CalibrateError> {
-        let FollowOptions { command, keep, limit, iris_mm } = *following;
+        let CameraCommand { command, keep, limit, iris_mm } = *camera;
         let (link, hello) = Link::start(command, limit, say)?;
         let named = check(display, color, &hello, false)?;
-        let (optics, two_pi_level) = (display.optics(color)?, two_pi_level(display, color));
+        let two_pi_level = two_pi_level(display, color);
         let mut session = Session::new(link, hello, keep, named, usize::MAX)?;
         session.adds();
         // Of no size: nothing is leaked.
         session.shows = Some(Box::leak(Box::new(AlreadyShown)));
         let dots = pattern::dots_pattern([display.height, display.width], two_pi_level);
-        let place = session.hello.iris.is_some().then(|| pattern::dots_iris(&optics));
-        let ask = Ask { show: Some(("dots", &dots)), iris_mm: place, focus_mm: 0.0, average: AVERAGE };
         shows.show(color, &dots.drive).map_err(CalibrateError::Shows)?;
-        let mut first: Vec<Shot> = session.take(&ask)?.into_iter().collect();
-        if first.is_empty() {
-            let text = session.left_out.join("; ");
-            return Err(CalibrateError::Refused { what: "take the picture of the dots".into(), text });
-        }
-        if first.iter().any(|shot| shot.iris_mm.or(iris_mm).is_none()) {
-            let reason = "its iris does not move, and nothing says where it stands: answer iris_mm, or give `iris` X,Y,DIAMETER in mm";
-            return Err(CalibrateError::Bench {
-                display: display.name.clone(),
-                reason: Reason::new("no-iris", reason),
-            });
-        }
-        if session.hello.camera.dark {
-            first.extend(session.take(&Ask { show: None, iris_mm: None, focus_mm: 0.0, average: AVERAGE })?);
-        }
+        let first = session.take_first(display, &dots, iris_mm)?;
         let (display, latest) = (display.clone(), VecDeque::new());
         Ok(Self { session, display, color, iris_mm, two_pi_level, first, latest, looks: 0 })
     }
@@ -129,9 +97,8 @@ impl<'a> Follower<'a> {
         let name = format!("shown-{}", self.looks);
         let before = self.session.next();
         let iris_mm = self.session.hello.iris.is_some().then_some(iris);
-        let Some(mut shot) =
-            self.session.take(&Ask { show: Some((&name, &shown)), iris_mm, focus_mm: 0.0, average: AVERAGE })?
-        else {
+        let ask = Ask { show: Some((&name, &shown)), iris_mm, focus_mm: 0.0 };
+        let Some(mut shot) = self.session.take(&ask)? else {
             self.looks += 1;
             return Ok(Look::Taken);
         };
@@ -200,7 +167,7 @@ done"#;
         let text = "resolution = [64, 64]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
         let display = Display::from_toml(text, "test").expect("a display");
         let following =
-            FollowOptions { command: &command, keep: Some(&kept), limit: None, iris_mm: Some([0.0, 0.0, 6.0]) };
+            CameraCommand { command: &command, keep: Some(&kept), limit: None, iris_mm: Some([0.0, 0.0, 6.0]) };
         let (mut dots, mut say) = (Patterns(0), |line: &str| panic!("{line}"));
         let mut follower = Follower::open(&display, Color::Green, &following, &mut dots, &mut say).expect("it starts");
         assert_eq!(dots.0, 1, "the dots alone are shown for the camera");

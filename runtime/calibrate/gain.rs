@@ -11,7 +11,6 @@ use eyebox_solve::solve::{Flow, Levels, PupilRange, Settings};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// The scene.
 const SCENE: &str = "builtin:still-life";
 /// Steps of each of the two solves.
 const STEPS: usize = 24;

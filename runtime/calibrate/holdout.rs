@@ -3,56 +3,51 @@
 use super::classified::Sorted;
 use super::fit::{mean_square, variance_of};
 use super::parameters::Parameters;
-use super::seen::Prediction;
-use super::views::Pictures;
 
 /// Shares of the variance of pictures about their means.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Unseen {
+pub(super) struct Holdout {
     pub(super) left: f64,
     pub(super) noise: f64,
 }
 
-/// The share that a model leaves of the pictures that were taken twice.
-pub(super) fn unseen(sorted: &Sorted, at: &Parameters, subpixels: usize) -> Unseen {
-    let pictures = &sorted.pictures;
+/// The share that a model leaves of the pictures that were taken twice, which no fit uses.
+pub(super) fn holdout(sorted: &Sorted, at: &Parameters, subpixels: usize) -> Holdout {
     let which: Vec<usize> = sorted.pairs.iter().map(|pair| pair[0]).collect();
-    let seen = pictures.see(at, subpixels, &which, &[]);
-    let mut sums = [0.0; 3];
-    for (pair, seen) in sorted.pairs.iter().zip(&seen) {
-        let [first, second] = pair.map(|v| &pictures.views[v]);
-        let scale = first.exposure_ms / second.exposure_ms;
-        let dark = pictures.dark;
+    shares(sorted, at, subpixels, &which, |i| {
+        let [first, second] = sorted.pairs[i].map(|v| &sorted.pictures.views[v]);
+        let (scale, dark) = (first.exposure_ms / second.exposure_ms, sorted.pictures.dark);
         let apart = |(a, b): (&f64, &f64)| a - dark - (b - dark) * scale;
         let noise: Vec<f64> = first.counts.iter().zip(&second.counts).map(apart).collect();
-        sums[1] += mean_square(&noise) / 2.0;
-        add_left(pictures, pair[0], seen, &mut sums);
-    }
-    Unseen { left: sums[0] / sums[2], noise: sums[1] / sums[2] }
+        mean_square(&noise) / 2.0
+    })
 }
 
-/// What judges a model: the pictures that were taken twice, or those that were `fitted` if none was.
-pub(super) fn judged(sorted: &Sorted, at: &Parameters, fitted: &[usize], subpixels: usize) -> Unseen {
-    match sorted.pairs.is_empty() {
-        true => of_fitted(&sorted.pictures, at, fitted, subpixels),
-        false => unseen(sorted, at, subpixels),
+/// Shares that judge a model: of the pictures that were taken twice, or, if there are none, of the `fitted` ones with the noise of an
+/// ordinary camera.
+pub(super) fn judged(sorted: &Sorted, at: &Parameters, fitted: &[usize], subpixels: usize) -> Holdout {
+    if !sorted.pairs.is_empty() {
+        return holdout(sorted, at, subpixels);
     }
+    shares(sorted, at, subpixels, fitted, |i| {
+        let variance = &sorted.pictures.views[fitted[i]].variance;
+        variance.iter().sum::<f64>() / variance.len() as f64
+    })
 }
 
-/// The share that a fit leaves of the pictures that it was fitted to, with the noise of an ordinary camera.
-fn of_fitted(pictures: &Pictures, at: &Parameters, which: &[usize], subpixels: usize) -> Unseen {
-    let seen = pictures.see(at, subpixels, which, &[]);
+/// The shares of these views. `noise` returns the variance of the camera's noise in the view at an index of `which`.
+fn shares(
+    Sorted { pictures, .. }: &Sorted,
+    at: &Parameters,
+    subpixels: usize,
+    which: &[usize],
+    noise: impl Fn(usize) -> f64,
+) -> Holdout {
     let mut sums = [0.0; 3];
-    for (v, seen) in which.iter().zip(&seen) {
-        let variance = &pictures.views[*v].variance;
-        sums[1] += variance.iter().sum::<f64>() / variance.len() as f64;
-        add_left(pictures, *v, seen, &mut sums);
+    for (i, (v, seen)) in which.iter().zip(&pictures.see(at, subpixels, which, &[])).enumerate() {
+        sums[0] += mean_square(&pictures.residuals(*v, seen));
+        sums[1] += noise(i);
+        sums[2] += variance_of(&pictures.views[*v].counts);
     }
-    Unseen { left: sums[0] / sums[2], noise: sums[1] / sums[2] }
-}
-
-/// Adds the squares that are left of a view, and its variance.
-fn add_left(pictures: &Pictures, view: usize, seen: &Prediction, sums: &mut [f64; 3]) {
-    sums[0] += mean_square(&pictures.residuals(view, seen));
-    sums[2] += variance_of(&pictures.views[view].counts);
+    Holdout { left: sums[0] / sums[2], noise: sums[1] / sums[2] }
 }

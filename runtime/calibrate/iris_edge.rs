@@ -50,11 +50,11 @@ impl Look {
         let (bin_y, bin_x) = self.optics.bin_size();
         let margin = MARGIN * bin_y.max(bin_x);
         let wide = Pupil { diameter: iris.diameter + 2.5 * margin, ..iris };
-        let (places, undo) = self.stencils(at);
+        let points = self.points(&at.map, at.camera_pixel);
+        let (places, undo) = (self.places(&points), self.undo());
         let kernel = self.kernel(at);
         let times = |field: &&[Complex64]| field.iter().zip(&kernel).map(|(a, b)| a * b).collect::<Vec<_>>();
         let light: Vec<Vec<Complex64>> = fields.iter().map(|f| self.at(&times(f), &places, &undo)).collect();
-        let points = self.points(&at.map, at.camera_pixel);
         let share = 1.0 / (POINTS * fields.len()) as f64;
         let scale = 1.0 / (self.optics.height * self.optics.width) as f64;
         let (size, half) = (self.window.size as i64, self.window.size as i64 / 2);

@@ -52,13 +52,13 @@ mod views;
 
 pub use acquire::TAKING;
 pub use age::ModelAge;
-pub use bench::{Bench, Event, FEWEST, ShowsPatterns};
+pub use bench::{Bench, CameraCommand, Event, FEWEST, ShowsPatterns};
 pub use calibrated::Calibration;
-pub use camera_steps::{CameraBench, CameraGain, CameraSteps, CameraSubject};
+pub use camera_steps::{CameraBench, CameraGain, CameraSubject};
 pub use directions::{Directions, PhaseSign};
 pub use error::CalibrateError;
 pub use figures::{Aberration, Figures, IrisFound, Kernel, Map, Table, Wavefront, ZeroOrder};
-pub use follower::{FollowOptions, Follower, Look};
+pub use follower::{Follower, Look};
 pub use gain::Gain;
 pub use mend::Mend;
 pub use report::{Confused, Fitted, Report};

@@ -29,7 +29,6 @@ const TAIL: usize = 4;
 /// A line of its standard output; `None` where it is longer than lines may be.
 type Line = Option<String>;
 
-/// The command while it runs.
 struct Process {
     child: Child,
     input: Option<ChildStdin>,
@@ -37,7 +36,6 @@ struct Process {
     last: Arc<Mutex<VecDeque<String>>>,
 }
 
-/// Why there is no answer.
 enum Trouble {
     /// The command is lost: what it did.
     Lost(Reason),
@@ -49,7 +47,6 @@ enum Trouble {
     },
 }
 
-/// The link to a bench.
 pub(super) struct Link<'a> {
     words: Vec<String>,
     /// The user's limit for every question.
@@ -187,10 +184,7 @@ impl<'a> Link<'a> {
         let process = Process::start(&words);
         let process = process.map_err(|source| CalibrateError::Start { program: words[0].clone(), source })?;
         let mut link = Self { words, limit, process: Some(process), hello: None, deaths: 0, next: 0, say };
-        let hello = link.greeted(|link| match &link.hello {
-            Some(hello) => Hello::read(hello),
-            None => Err(reason!("no-hello", "did not answer hello")),
-        })?;
+        let hello = link.greeted()?;
         Ok((link, hello))
     }
 
@@ -223,7 +217,7 @@ impl<'a> Link<'a> {
                 }
                 Trouble::Lost(reason) => {
                     self.lost(reason)?;
-                    self.greeted(|_| Ok(()))?;
+                    self.greeted()?;
                 }
             }
         }
@@ -248,7 +242,8 @@ impl<'a> Link<'a> {
     }
 
     /// Starts it where it does not run, and says hello, which it answers as it did before.
-    fn greeted<T>(&mut self, read: impl Fn(&Self) -> Result<T, Reason>) -> Result<T, CalibrateError> {
+    fn greeted(&mut self) -> Result<Hello, CalibrateError> {
+        let refused = |text| CalibrateError::Refused { what: "say what it is".into(), text };
         loop {
             if self.process.is_none() {
                 let started = Process::start(&self.words);
@@ -258,30 +253,20 @@ impl<'a> Link<'a> {
             let reason = match self.try_ask(&json!({"do": "hello", "protocol": PROTOCOL}), HELLO) {
                 Ok(mut hello) => {
                     hello.as_object_mut().map(|o| o.remove("id"));
-                    if self.hello.as_ref().is_some_and(|before| *before != hello) {
-                        reason!("other-hello", "answers hello otherwise than before")
-                    } else {
-                        self.hello = Some(hello);
-                        match read(self) {
-                            Ok(read) => return Ok(read),
-                            Err(reason) => {
-                                let (what, text) = ("say what it is".into(), reason.to_string());
-                                return Err(CalibrateError::Refused { what, text });
-                            }
-                        }
+                    if self.hello.as_ref().is_none_or(|before| *before == hello) {
+                        let hello = self.hello.insert(hello);
+                        return Hello::read(hello).map_err(|reason| refused(reason.to_string()));
                     }
+                    reason!("other-hello", "answers hello otherwise than before")
                 }
                 Err(Trouble::Lost(reason)) => reason,
                 Err(Trouble::Stopped) => return Err(CalibrateError::Stopped),
-                Err(Trouble::Failed { text, .. }) => {
-                    return Err(CalibrateError::Refused { what: "say what it is".into(), text });
-                }
+                Err(Trouble::Failed { text, .. }) => return Err(refused(text)),
             };
             self.lost(reason)?;
         }
     }
 
-    /// One question, one answer.
     fn try_ask(&mut self, question: &Value, limit: Duration) -> Result<Value, Trouble> {
         let limit = self.limit.unwrap_or(limit);
         let id = self.next;

@@ -11,7 +11,6 @@ pub(super) const LONGEST_LINE: usize = 64 << 10;
 /// The one version of the protocol.
 pub(super) const PROTOCOL: u64 = 1;
 
-/// What the bench can do.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Hello {
     pub(super) protocol: u64,
@@ -27,7 +26,6 @@ pub(super) struct Hello {
     pub(super) camera: CameraKind,
 }
 
-/// The SLM as the bench says it is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Slm {
     /// Rows, columns.
@@ -50,7 +48,6 @@ pub(super) struct IrisRange {
     pub(super) diameter_mm: [f64; 2],
 }
 
-/// The camera.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct CameraKind {
     /// Rows, columns.
@@ -115,20 +112,15 @@ pub(super) struct Show {
     pub(super) kind: String,
 }
 
-/// One picture, asked for.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Request {
     pub(super) id: u64,
     pub(super) r#do: String,
     pub(super) show: Option<Show>,
     pub(super) color: Option<String>,
-    #[serde(default)]
     pub(super) wavelength_nm: Option<f64>,
-    #[serde(default)]
     pub(super) iris_mm: Option<[f64; 3]>,
-    #[serde(default)]
     pub(super) focus_mm: Option<f64>,
-    #[serde(default)]
     pub(super) exposure_ms: Option<f64>,
     #[serde(default = "one")]
     pub(super) average: usize,
@@ -145,7 +137,6 @@ impl Request {
     }
 }
 
-/// One picture, answered.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Answer {
     pub(super) file: String,
@@ -190,8 +181,10 @@ pub(super) enum CameraReply {
     /// Still at it: wait so many seconds longer.
     Wait(f64),
     /// It could not, and why; whether to ask again.
-    Failed { text: String, again: bool },
-    /// The answer.
+    Failed {
+        text: String,
+        again: bool,
+    },
     Answered(Value),
 }
 

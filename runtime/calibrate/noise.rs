@@ -44,7 +44,6 @@ impl Noise {
         Self { shot, read, dark, least }
     }
 
-    /// Variance of a count.
     pub(super) fn variance(&self, count: f64) -> f64 {
         (self.shot * (count - self.dark).max(0.0) + self.read).max(self.least)
     }

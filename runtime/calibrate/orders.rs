@@ -3,8 +3,8 @@
 use super::classified::Sorted;
 use super::error::CalibrateError;
 use super::fit::{COARSE, Effort, Fit};
-use super::holdout::unseen;
-use super::parameters::{ORDERS, Parameter, Parameters, of_order};
+use super::holdout::holdout;
+use super::parameters::{ORDERS, Parameter, Parameters, indices_of_order, of_order};
 use super::slopes::from_shifts;
 
 /// Irises up to this share of the eyebox are small: they see a slope of the wavefront as a shift of the picture.
@@ -58,7 +58,7 @@ pub(super) fn slopes(
     let pictures = &sorted.pictures;
     let share = |at: &Parameters| sorted.mean_left(at, &random.small);
     let shifted = |at: Parameters, highest: u32| {
-        let named: Vec<u32> = terms(*ORDERS.start()..=highest).iter().filter_map(|p| p.wavefront()).collect();
+        let named: Vec<u32> = (*ORDERS.start()..=highest).flat_map(indices_of_order).collect();
         let trial = from_shifts(pictures, &at, &random.small, &named);
         let [before, after] = [share(&at), share(&trial)];
         tracing::debug!("small irises: {before:.4} is left, {after:.4} with the slopes of their shifts");
@@ -82,7 +82,7 @@ pub(super) fn slopes(
             || matches!(p, Parameter::Level(_) | Parameter::Bend(_))
     }));
     let which: Vec<usize> = sorted.even.iter().chain(&random.small).copied().collect();
-    let mut at = pictures.fit_near(known, &best, &free, &which, COARSE, &mut |p| observe(p))?.at;
+    let mut at = pictures.fit(known, &best, &free, &which, COARSE, &mut |p| observe(p))?.at;
     tracing::debug!("small irises, fifth order: {:.4} is left", share(&at));
     // A picture in a wrong minimum pulls at the others and is excluded in the end: nothing would tell of its part of the wavefront.
     free.extend(terms(NEXT + 1..=*ORDERS.end()));
@@ -95,7 +95,7 @@ pub(super) fn slopes(
         if !better {
             break;
         }
-        let trial = pictures.fit_near(known, &trial, &free, &which, COARSE, &mut |p| observe(p))?.at;
+        let trial = pictures.fit(known, &trial, &free, &which, COARSE, &mut |p| observe(p))?.at;
         tracing::debug!("small irises, lost ones found: {:.4} is left", share(&trial));
         if share(&trial) > share(&at) {
             break;
@@ -115,13 +115,13 @@ pub(super) fn more(
 ) -> Result<Fit, CalibrateError> {
     let judge = |at: &Parameters| match sorted.pairs.is_empty() {
         true => sorted.mean_left(at, which),
-        false => unseen(sorted, at, effort.subpixels).left,
+        false => holdout(sorted, at, effort.subpixels).left,
     };
     let mut left = judge(&best.at);
     for order in NEXT + 1..=*ORDERS.end() {
         let added: Vec<Parameter> = of_order(order).collect();
         let free: Vec<Parameter> = best.free.iter().chain(&added).copied().collect();
-        let fit = sorted.pictures.fit_near(known, &best.at, &free, which, effort, &mut |_| ())?;
+        let fit = sorted.pictures.fit(known, &best.at, &free, which, effort, &mut |_| ())?;
         let now = judge(&fit.at);
         let surest = added.iter().filter_map(|p| Some(fit.at.get(*p).abs() / fit.error(*p)?)).fold(0.0, f64::max);
         tracing::debug!("order {order}: {now:.4} after {left:.4} is left, at most {surest:.1} standard errors");

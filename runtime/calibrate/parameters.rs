@@ -28,7 +28,6 @@ pub(super) enum Parameter {
 /// Orders of the wavefront that are fitted at most: 15 small irises show 30 slopes.
 pub(super) const ORDERS: std::ops::RangeInclusive<u32> = 2..=7;
 
-/// The display, and the camera's map.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Parameters {
     pub(super) model: DisplayModel,
@@ -39,9 +38,14 @@ pub(super) struct Parameters {
     pub(super) soft_edge: bool,
 }
 
+/// ANSI indices of the wavefront's polynomials of an order.
+pub(super) fn indices_of_order(n: u32) -> std::ops::RangeInclusive<u32> {
+    n * (n + 1) / 2..=n * (n + 3) / 2
+}
+
 /// The wavefront's polynomials of an order.
 pub(super) fn of_order(n: u32) -> impl Iterator<Item = Parameter> {
-    (n * (n + 1) / 2..=n * (n + 3) / 2).map(Parameter::Wavefront)
+    indices_of_order(n).map(Parameter::Wavefront)
 }
 
 impl Parameter {
@@ -74,14 +78,6 @@ impl Parameter {
     /// Whether it changes the phases before crosstalk.
     pub(super) fn is_of_drive(self) -> bool {
         matches!(self, Self::Level(_) | Self::Bend(_) | Self::Lag)
-    }
-
-    /// The ANSI index of a term of the wavefront.
-    pub(super) fn wavefront(self) -> Option<u32> {
-        match self {
-            Self::Wavefront(j) => Some(j),
-            _ => None,
-        }
     }
 
     /// The step of differences.
@@ -144,7 +140,6 @@ impl Parameter {
 }
 
 impl Parameters {
-    /// A number.
     pub(super) fn get(&self, parameter: Parameter) -> f64 {
         let model = &self.model;
         match parameter {

@@ -28,13 +28,11 @@ impl Pattern {
         Self { frames: phases.len() / (height * width), height, width, two_pi_level, drive }
     }
 
-    /// One sub-frame.
     pub(super) fn frame(&self, t: usize) -> &[f32] {
         let pixels = self.height * self.width;
         &self.drive[t * pixels..][..pixels]
     }
 
-    /// A part of it.
     pub(super) fn part(&self, part: &SlmPart) -> Self {
         let ([row, column], [rows, columns]) = (part.first, part.size);
         let line = |t: usize, y: usize| &self.frame(t)[(row + y) * self.width + column..][..columns];
@@ -55,7 +53,6 @@ impl Pattern {
         self.drive.iter().all(|w| (w - first).abs() < 1e-4).then_some(f64::from(*first))
     }
 
-    /// Its kind, in a word.
     pub(super) fn kind(&self) -> &'static str {
         match self.even_drive() {
             Some(_) => "even",
@@ -146,23 +143,29 @@ fn smooth(size @ [height, width]: [usize; 2], two_pi_level: f64, seed: u64) -> P
     let mut random = SplitMix(seed ^ 0x736d_6f6f_7468);
     let mut field: Vec<Complex64> = (0..height * width).map(|_| Complex64::new(random.unit() - 0.5, 0.0)).collect();
     let frequency = |i: usize, n: usize| eyebox_optics::frequency_bin(i as i64, n) as f64 / n as f64;
-    let both = |field: &mut Vec<Complex64>, direction| {
-        fft::transform_f64(field, width, direction);
-        let mut turned = transposed(field, width);
-        fft::transform_f64(&mut turned, height, direction);
-        *field = transposed(&turned, height);
-    };
-    both(&mut field, fft::Direction::Forward);
+    field = transformed(field, size, fft::Direction::Forward);
     for (i, v) in field.iter_mut().enumerate() {
         if frequency(i % width, width).hypot(frequency(i / width, height)) > 0.1 {
             *v = Complex64::new(0.0, 0.0);
         }
     }
-    both(&mut field, fft::Direction::Inverse);
+    field = transformed(field, size, fft::Direction::Inverse);
     let mean = field.iter().map(|v| v.re).sum::<f64>() / field.len() as f64;
     let peak = field.iter().map(|v| (v.re - mean).abs()).fold(f64::MIN_POSITIVE, f64::max);
     let phases: Vec<f64> = field.iter().map(|v| PI + 0.88 * PI * (v.re - mean) / peak).collect();
     Pattern::new(size, two_pi_level, &phases)
+}
+
+/// The transform of an image, not normalized.
+pub(super) fn transformed(
+    mut field: Vec<Complex64>,
+    [height, width]: [usize; 2],
+    direction: fft::Direction,
+) -> Vec<Complex64> {
+    fft::transform_f64(&mut field, width, direction);
+    let mut turned = transposed(&field, width);
+    fft::transform_f64(&mut turned, height, direction);
+    transposed(&turned, height)
 }
 
 /// Lines become columns.

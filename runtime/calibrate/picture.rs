@@ -8,7 +8,6 @@ use std::path::Path;
 /// Share of full scale from which a pixel may have been saturated.
 const FULL: f32 = 0.995;
 
-/// A picture.
 #[derive(Debug, Clone)]
 pub(super) struct Picture {
     pub(super) height: usize,
@@ -76,12 +75,10 @@ impl Picture {
         self.values[at] >= FULL
     }
 
-    /// Share of saturated pixels.
     pub(super) fn saturated(&self) -> f64 {
         (0..self.values.len()).filter(|at| self.is_full(*at)).count() as f64 / self.values.len().max(1) as f64
     }
 
-    /// Middle of the values.
     pub(super) fn median(&self) -> f64 {
         f64::from(self.at(self.values.len() / 2))
     }

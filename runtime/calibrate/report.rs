@@ -5,7 +5,7 @@ use super::directions::{Directions, PhaseSign};
 use super::figures::Figures;
 use super::fit::Fit;
 use super::gain::Gain;
-use super::holdout::{judged, unseen};
+use super::holdout::{holdout, judged};
 use super::parameters::{Parameter, Parameters};
 use super::residual::{PictureLeft, ResidualMap, left};
 use super::verdict::{self, Verdict};
@@ -53,7 +53,8 @@ pub struct Report {
     /// Pairs of them that the pictures cannot tell apart.
     pub confused: Vec<Confused>,
     /// Numbers that the pictures say nothing of: they stay where the display's file has them.
-    pub untold: Vec<String>,
+    #[serde(rename = "untold")]
+    pub unobservable: Vec<String>,
     /// What it is worth on a scene, where that was [measured](crate::Calibration::measure_gain).
     pub gain: Option<Gain>,
     /// Error of the camera's map by the dots, camera pixels, RMS.
@@ -112,7 +113,7 @@ impl Report {
         let unexplained = left.is_finite().then_some(left.max(0.0));
         if !few {
             let old = Parameters { model: start.model.clone(), ..fit.at.clone() };
-            before = Some(unseen(sorted, &old, subpixels).left);
+            before = Some(holdout(sorted, &old, subpixels).left);
             noise = Some(after.noise);
         }
         let verdict = Verdict::of(after, few, drift);
@@ -137,7 +138,7 @@ impl Report {
             parameters,
             figures: None,
             confused,
-            untold: Vec::new(),
+            unobservable: Vec::new(),
             gain: None,
             camera_rms_px,
             camera_map,

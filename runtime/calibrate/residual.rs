@@ -3,7 +3,6 @@
 use super::classified::Sorted;
 use super::error::CalibrateError;
 use super::fit::Fit;
-use super::picture;
 use serde::Serialize;
 
 /// What is left of a picture.
@@ -53,7 +52,6 @@ pub struct HoldoutPicture {
     pub difference: Vec<f32>,
 }
 
-/// A picture that contradicts the others.
 pub(super) const LEFT_OUT: &str = "left out";
 /// Tiles along the longer side of the map.
 const TILES: usize = 16;
@@ -88,7 +86,7 @@ pub(super) fn left(sorted: &Sorted, fit: &Fit, fitted: &[usize], subpixels: usiz
             *tile = (tile.0 + r * r / variance, tile.1 + 1);
         }
         let p = view.pupil();
-        let file = view.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let file = view.file_name();
         let iris_mm = [p.x, p.y, p.diameter].map(|v| v * 1e3);
         let kind = pictures.sets[view.set].pattern.kind();
         all.push(PictureLeft { file, kind, iris_mm, role, left, squares });
@@ -115,9 +113,7 @@ pub(super) fn shown(sorted: &Sorted, fit: &Fit, subpixels: usize) -> Result<Vec<
     let places: Vec<[f64; 2]> = (0..size[0] * size[1]).map(|i| pixel(i).map(|v| v as f64)).collect();
     let one = |pair: &[usize; 2]| {
         let view = &sorted.pictures.views[pair[0]];
-        let file = view.file.display().to_string();
-        let wrong = |reason| CalibrateError::Captures { file: file.clone(), reason };
-        let picture = picture::load(&view.file, sorted.camera, view.full_scale).map_err(wrong)?;
+        let picture = view.picture(sorted.camera)?;
         let seen = sorted.pictures.see_places(&fit.at, subpixels, pair[0], &places);
         let at_pixels = sorted.pictures.see(&fit.at, subpixels, &pair[..1], &[]);
         let exposure = sorted.pictures.exposure(pair[0], &at_pixels[0]);
@@ -132,8 +128,7 @@ pub(super) fn shown(sorted: &Sorted, fit: &Fit, subpixels: usize) -> Result<Vec<
         let picture: Vec<f32> = (0..places.len()).map(|i| picture.values[pixel(i)[1] * width + pixel(i)[0]]).collect();
         let apart = |(at, (a, b)): (&[f64; 2], (&f32, &f32))| if inside(at, 2.5) { (a - b).abs() } else { 0.0 };
         let difference = places.iter().zip(picture.iter().zip(&prediction)).map(apart).collect();
-        let file = view.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        Ok(HoldoutPicture { file, size, picture, prediction, difference })
+        Ok(HoldoutPicture { file: view.file_name(), size, picture, prediction, difference })
     };
     sorted.pairs.iter().map(one).collect()
 }

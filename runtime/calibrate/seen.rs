@@ -61,7 +61,6 @@ pub(super) struct Look {
     /// The iris as it was asked for.
     pub(super) pupil: Pupil,
     pub(super) radius: f64,
-    /// Side of the grid.
     side: usize,
     /// Camera pixels (x, y).
     pub(super) pixels: Vec<[f64; 2]>,
@@ -107,7 +106,6 @@ impl Look {
         Self { optics, part, window, pupil, radius, side, pixels }
     }
 
-    /// The same of other pixels.
     pub(super) fn of(&self, pixels: Vec<[f64; 2]>) -> Self {
         Self { pixels, ..self.clone() }
     }
@@ -198,7 +196,8 @@ impl Look {
         self.pixels.iter().flat_map(|[x, y]| around.map(|[dx, dy]| to_part(map.to_slm([x + dx, y + dy])))).collect()
     }
 
-    fn places(&self, points: &[[f64; 2]]) -> Places {
+    /// Where points lie on the grid.
+    pub(super) fn places(&self, points: &[[f64; 2]]) -> Places {
         let side = self.side as f64;
         let scale = [side / self.optics.width as f64, side / self.optics.height as f64];
         let (mut first, mut weights) = (Vec::new(), Vec::new());
@@ -219,13 +218,8 @@ impl Look {
         Places { first, weights }
     }
 
-    /// Where the pixels' points lie on the grid, and what makes up for the interpolation.
-    pub(super) fn stencils(&self, at: &Parameters) -> (Places, Vec<f64>) {
-        (self.places(&self.points(&at.map, at.camera_pixel)), self.undo())
-    }
-
     /// What makes up for the interpolation, by a bin's place in the window.
-    fn undo(&self) -> Vec<f64> {
+    pub(super) fn undo(&self) -> Vec<f64> {
         let norm = bessel(BETA).recip();
         let value = |i: usize| {
             let k = (i as f64 - (self.window.size / 2) as f64) / self.side as f64;

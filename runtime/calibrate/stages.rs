@@ -37,7 +37,7 @@ const NO_BETTER: f64 = 1.05;
 /// A picture that leaves this share of its variance, and so many times what the middle one leaves, is not believed.
 const STRANGE: (f64, f64) = (0.3, 8.0);
 /// A number whose standard error is this share of how far off it is expected is not told.
-const UNTOLD: f64 = 0.3;
+const UNOBSERVABLE: f64 = 0.3;
 /// The warning of a bench whose phases are the negatives of those that it was asked to show.
 const OTHER_SIGN: &str = "the phase has the other sign: the pictures are far closer to the negatives of the phases that were asked for. \
     Have the bench show them with the sign of the display's file (a level that is twice as high delays the light twice as much), \
@@ -51,7 +51,6 @@ const CROSSTALK: Spread = Spread { q: 1.2, sigma: 2.03 };
 /// And a fill of its pixels.
 const FILL: f64 = 0.9;
 
-/// Fits, and says what came of it.
 pub(super) fn run(
     display: &Display,
     color: Color,
@@ -70,10 +69,11 @@ pub(super) fn run(
         warnings.push("no picture was taken twice: how large the camera's noise is was not measured".into());
     }
     if sorted.pictures.signal(&sorted.fitted) < DARK {
-        return Err(CalibrateError::Pictures(reason!(
+        return Err(reason!(
             "only-noise",
             "the pictures show nothing but the camera's noise: is the light on, and the exposure long enough?"
-        )));
+        )
+        .into());
     }
     let drift = quick.then(|| display.model.get(&color.into()).and_then(|terms| terms.unexplained).unwrap_or(0.0));
     // Bins of a piece are coarser than the iris's edge.
@@ -84,8 +84,8 @@ pub(super) fn run(
     let mut camera: Vec<Parameter> = (0..10).map(Parameter::Map).collect();
     camera.push(Parameter::CameraPixel);
     let mut looking = |part| at_share("fitting where the camera looks", 0.0, 0.05, part);
-    let own =
-        sorted.pictures.fit(&start, &camera, &sorted.fitted, Effort { subpixels: FINE, ..PLAIN }, &mut looking)?;
+    let effort = Effort { subpixels: FINE, ..PLAIN };
+    let own = sorted.pictures.fit(&start, &start, &camera, &sorted.fitted, effort, &mut looking)?;
     let captures = taken.shots.len();
     if own.squares < AT_THE_NOISE {
         let report = Report::new(&sorted, &start, &own, &sorted.fitted, captures, warnings, FINE, drift);
@@ -105,14 +105,14 @@ pub(super) fn run(
             from_small_to_large(&sorted, [&known, &even.at], &mut observe)?
         }
     };
-    let fitted = believed(&sorted, &fit, &mut warnings);
+    let fitted = inliers(&sorted, &fit, &mut warnings);
     let (fit, effort) = finest(&sorted, &fitted, &known, fit, &mut |part| {
         at_share("fitting all pictures finely", 0.7, 0.9, part);
     })?;
-    let untold = untold(&fit);
+    let unobservable = unobservable(&fit);
     let pairs = if taken.hello.iris.is_none() { fit.confused() } else { Vec::new() };
     if taken.hello.iris.is_none() {
-        warnings.push(through_one_iris(&untold, &pairs));
+        warnings.push(through_one_iris(&unobservable, &pairs));
     }
     at_share("leaving out what does not show", 0.9, 0.9, 0.0);
     let settled = terms::settle(&sorted.pictures, &fitted, [&start, &known], fit.clone(), effort)?;
@@ -121,7 +121,7 @@ pub(super) fn run(
     let fit = if own.squares < NO_BETTER * fit.squares { own } else { fit };
     at_share("looking at pictures that were not fitted", 0.95, 0.95, 0.0);
     let mut report = Report::new(&sorted, &start, &fit, &fitted, captures, warnings, effort.subpixels, drift);
-    report.untold = untold;
+    report.unobservable = unobservable;
     report.add_confused(pairs);
     if !report.calibrated && has_other_sign(&mut sorted, &start, &camera, &fitted, fit.squares)? {
         report.directions.phase = PhaseSign::Opposite;
@@ -142,7 +142,7 @@ fn drifted(sorted: &Sorted, start: &Parameters, observe: &mut dyn FnMut(&str, f6
     free.retain(|p| *p != K2);
     let effort = Effort { rounds: 10, ..ALL };
     let start = Parameters { soft_edge: true, ..start.clone() };
-    sorted.pictures.fit(&start, &free, &sorted.fitted, effort, &mut |part| observe("fitting what drifts", part))
+    sorted.pictures.fit(&start, &start, &free, &sorted.fitted, effort, &mut |part| observe("fitting what drifts", part))
 }
 
 /// A whole model: each step starts within the reach of the one before.
@@ -168,7 +168,7 @@ fn from_small_to_large(
     let mut free: Vec<Parameter> = all.into_iter().filter(|p| ![Parameter::Lag, K2].contains(p)).collect();
     free.extend((*ORDERS.start()..=5).flat_map(of_order));
     let single: Vec<usize> = sorted.even.iter().chain(&random.all).copied().collect();
-    let mut fit = pictures.fit_near(&known, &at, &free, &single, COARSE, &mut |part| {
+    let mut fit = pictures.fit(&known, &at, &free, &single, COARSE, &mut |part| {
         observe("fitting single patterns", 0.25 + 0.25 * part);
     })?;
     observe("adding orders of the wavefront", 0.5);
@@ -177,7 +177,7 @@ fn from_small_to_large(
     let mut free = fit.free.clone();
     free.extend(has_sets.then_some(Parameter::Lag));
     free.push(K2);
-    pictures.fit_near(&known, &fit.at, &free, &sorted.fitted, ALL, &mut |part| {
+    pictures.fit(&known, &fit.at, &free, &sorted.fitted, ALL, &mut |part| {
         observe("fitting all pictures", 0.7 + 0.3 * part);
     })
 }
@@ -194,18 +194,12 @@ fn finest(
     let pictures = &sorted.pictures;
     let left = judged(sorted, &fit.at, which, ALL.subpixels).left;
     tracing::debug!("all pictures: {left:.5} is left");
-    if !pictures.are_whole() {
-        if left > INSIDE {
+    let (whole, hard) = (pictures.are_whole(), Parameters { soft_edge: false, ..fit.at.clone() });
+    if left > INSIDE {
+        if !whole {
             return Ok((fit, ALL));
         }
-        let finer = pictures.fit_near(known, &fit.at, &fit.free, which, END, observe)?;
-        let now = judged(sorted, &finer.at, which, FINE).left;
-        tracing::debug!("with sub-pixels: {now:.5} is left");
-        return Ok(if now < left { (finer, END) } else { (fit, ALL) });
-    }
-    let hard = Parameters { soft_edge: false, ..fit.at.clone() };
-    // The fewer bins an iris has, the more a soft edge leaves: whether a hard one explains more is cheap to ask.
-    if left > INSIDE {
+        // The fewer bins an iris has, the more a soft edge leaves: whether a hard one explains more is cheap to ask.
         let moves = fit.free.contains(&Parameter::Iris(0));
         let rim = if moves { pictures.rim(&hard, ALL.subpixels, which).at } else { hard.clone() };
         let now = judged(sorted, &rim, which, ALL.subpixels).left;
@@ -214,9 +208,12 @@ fn finest(
             return Ok((fit, ALL));
         }
     }
-    let finer = fine(pictures, which, [known, &hard], &fit.free, observe)?;
+    let finer = match whole {
+        true => fine(pictures, which, [known, &hard], &fit.free, observe)?,
+        false => pictures.fit(known, &fit.at, &fit.free, which, END, observe)?,
+    };
     let now = judged(sorted, &finer.at, which, FINE).left;
-    tracing::debug!("with sub-pixels and a hard edge: {now:.5} is left");
+    tracing::debug!("with sub-pixels{}: {now:.5} is left", if whole { " and a hard edge" } else { "" });
     Ok(if now < left { (finer, END) } else { (fit, ALL) })
 }
 
@@ -232,7 +229,7 @@ fn has_other_sign(
         let mut other = start.clone();
         other.model.level.iter_mut().flatten().for_each(|level| *level *= times);
         other.map = aligned::map(sorted, &other)?;
-        let fit = sorted.pictures.fit(&other, camera, which, PLAIN, &mut |_| {})?;
+        let fit = sorted.pictures.fit(&other, &other, camera, which, PLAIN, &mut |_| {})?;
         if 2.0 * fit.squares < squares {
             return Ok(true);
         }
@@ -263,7 +260,7 @@ fn fine(
     let others: Vec<Parameter> = free.iter().copied().filter(|p| !matches!(p, Parameter::Iris(_))).collect();
     let rim = |at: &Parameters| pictures.rim(at, FINE, which);
     let first = if moves { rim(start).at } else { start.clone() };
-    let mut fit = |at: &Parameters, effort| pictures.fit_near(known, at, &others, which, effort, observe);
+    let mut fit = |at: &Parameters, effort| pictures.fit(known, at, &others, which, effort, observe);
     let near = fit(&first, Effort { rounds: 6, enough: 0.01, ..END })?;
     if !moves {
         return fit(&near.at, END);
@@ -275,10 +272,10 @@ fn fine(
 }
 
 /// What should be known of a fit through an iris that stands still.
-fn through_one_iris(untold: &[String], pairs: &[(Parameter, Parameter, f64)]) -> String {
+fn through_one_iris(unobservable: &[String], pairs: &[(Parameter, Parameter, f64)]) -> String {
     let mut said = "the iris stands still: the pictures tell of the light that it passes alone".to_string();
-    if !untold.is_empty() {
-        said += &format!(", and they say nothing of {}", untold.join(", "));
+    if !unobservable.is_empty() {
+        said += &format!(", and they say nothing of {}", unobservable.join(", "));
     }
     let waves = |p: &Parameter| matches!(p, Parameter::Wavefront(_));
     let pairs: Vec<String> = pairs
@@ -293,7 +290,7 @@ fn through_one_iris(untold: &[String], pairs: &[(Parameter, Parameter, f64)]) ->
 }
 
 /// Numbers of a fit that are hardly surer than what is expected of any display.
-fn untold(fit: &Fit) -> Vec<String> {
+fn unobservable(fit: &Fit) -> Vec<String> {
     let blurs = fit.at.model.crosstalk.is_some_and(|sides| sides.iter().all(|side| side.sigma < 10.0));
     let counts = |p: &Parameter| match p {
         // Phases of what may not be there.
@@ -301,30 +298,30 @@ fn untold(fit: &Fit) -> Vec<String> {
         Parameter::Crosstalk(_) => blurs,
         _ => true,
     };
-    let unsure = |p: &Parameter| fit.error(*p).is_some_and(|error| error > UNTOLD * p.usual());
+    let unsure = |p: &Parameter| fit.error(*p).is_some_and(|error| error > UNOBSERVABLE * p.usual());
     fit.free.iter().filter(|p| counts(p) && unsure(p)).map(|p| p.name().0).collect()
 }
 
 /// Pictures that the model predicts about as well as the others: one that was taken through another iris, or of another pattern,
 /// is not. Even drives have so little contrast that their shares do not compare.
-fn believed(sorted: &Sorted, fit: &Fit, warnings: &mut Vec<String>) -> Vec<usize> {
+fn inliers(sorted: &Sorted, fit: &Fit, warnings: &mut Vec<String>) -> Vec<usize> {
     let (pictures, which) = (&sorted.pictures, &sorted.fitted);
     let left = pictures.left(which, &pictures.see(&fit.at, ALL.subpixels, which, &[]));
     let mut shares: Vec<f64> = left.iter().map(|l| l[0]).collect();
     shares.sort_by(f64::total_cmp);
     let most = STRANGE.0.max(STRANGE.1 * shares.get(shares.len() / 2).copied().unwrap_or(0.0));
-    let mut believed = Vec::new();
+    let mut inliers = Vec::new();
     for (v, [left, squares]) in which.iter().zip(&left) {
         let view = &pictures.views[*v];
         tracing::debug!("{}: {left:.5} of its variance is left, {squares:.2} of the noise", view.file.display());
         if *left < most || sorted.even.contains(v) {
-            believed.push(*v);
+            inliers.push(*v);
         } else {
             warnings.push(strange(sorted, *v, *left));
         }
     }
     // Where most are strange none is.
-    if 2 * believed.len() < which.len() { which.clone() } else { believed }
+    if 2 * inliers.len() < which.len() { which.clone() } else { inliers }
 }
 
 /// The warning of a picture that contradicts the others.
@@ -361,10 +358,10 @@ mod tests {
         let row = |i: usize| (0..free.len()).map(|j| if i == j { error(&free[i]).powi(2) } else { 0.0 }).collect();
         let covariance = (0..free.len()).map(row).collect();
         let fit = Fit { at, free: free.clone(), squares: 1.0, covariance };
-        assert_eq!(untold(&fit), ["wavefront 12"]);
+        assert_eq!(unobservable(&fit), ["wavefront 12"]);
         let pairs =
             [(Parameter::Wavefront(3), Parameter::Wavefront(11), 0.998), (Parameter::Map(8), Parameter::Map(9), -0.96)];
-        let said = through_one_iris(&untold(&fit), &pairs);
+        let said = through_one_iris(&unobservable(&fit), &pairs);
         let numbers: Vec<_> = said.split(|c: char| !c.is_ascii_digit()).filter(|n| !n.is_empty()).collect();
         assert_eq!(numbers, ["12", "3", "11"], "{said}");
         assert!(!said.contains("camera"), "{said}");

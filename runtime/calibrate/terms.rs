@@ -123,7 +123,7 @@ pub(super) fn settle(
         let free: Vec<Parameter> = fit.free.iter().copied().filter(shown).collect();
         let iris = [0, 1, 2].map(|i| fit.error(Parameter::Iris(i)));
         let iris = if hidden.contains(&Parameter::Iris(0)) { [None; 3] } else { iris };
-        fit = pictures.fit_near(known, &at, &free, which, effort, &mut |_| ())?;
+        fit = pictures.fit(known, &at, &free, which, effort, &mut |_| ())?;
         if let [Some(x), Some(y), Some(scale)] = iris {
             fit = fit.with_iris([x, y, scale]);
         }
@@ -132,7 +132,6 @@ pub(super) fn settle(
     Ok(pictures.with_omitted(fit, &omitted, which, effort))
 }
 
-/// A model with some of another's terms.
 fn with_terms_of(model: &DisplayModel, other: &DisplayModel, hidden: &[Parameter]) -> DisplayModel {
     let mut model = model.clone();
     for p in hidden {

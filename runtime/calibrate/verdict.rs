@@ -1,6 +1,6 @@
 //! The answer of a calibration: calibrated, calibrated although the bench has faults that the model lacks, or not calibrated.
 
-use super::holdout::Unseen;
+use super::holdout::Holdout;
 use super::residual::{LEFT_OUT, PictureLeft, ResidualMap};
 use serde::Serialize;
 
@@ -35,7 +35,7 @@ const DRIFTED: f64 = 1.5;
 impl Verdict {
     /// By the share of the pictures that is left. `few`: none was taken twice; `drift`: what the whole calibration left, if only drift was
     /// fitted.
-    pub(super) fn of(left: Unseen, few: bool, drift: Option<f64>) -> Self {
+    pub(super) fn of(left: Holdout, few: bool, drift: Option<f64>) -> Self {
         let unexplained = left.left - left.noise;
         let noise = NOISE * left.noise.max(if few { LEAST_FITTED } else { LEAST });
         let faults = drift.map_or(FAULTS, |before| (DRIFTED * before).clamp(FAULTS_QUICK, FAULTS));
@@ -51,7 +51,7 @@ impl Verdict {
 }
 
 /// The warning of an answer that is not simply yes: the size of what is left, and its place.
-pub(super) fn said(verdict: Verdict, left: Unseen, pictures: &[PictureLeft], map: &ResidualMap) -> Option<String> {
+pub(super) fn said(verdict: Verdict, left: Holdout, pictures: &[PictureLeft], map: &ResidualMap) -> Option<String> {
     let shares = format!(
         "{:.2} % of the pictures' variance is unexplained, and the camera's noise is {:.2} %",
         100.0 * (left.left - left.noise),
@@ -99,7 +99,7 @@ mod tests {
     #[test]
     fn there_are_three_answers_and_a_quick_fit_is_judged_more_strictly() {
         let of =
-            |left: f64, few: bool, quick: bool| Verdict::of(Unseen { left, noise: 1e-3 }, few, quick.then_some(0.0));
+            |left: f64, few: bool, quick: bool| Verdict::of(Holdout { left, noise: 1e-3 }, few, quick.then_some(0.0));
         assert_eq!(of(0.0029, false, false), Verdict::Calibrated);
         assert_eq!(of(0.0032, false, false), Verdict::WithFaults);
         // Pictures that were fitted are believed to a percent.
@@ -109,7 +109,7 @@ mod tests {
         assert_eq!(of(0.4, false, false), Verdict::NotCalibrated);
         assert_eq!(of(f64::NAN, false, false), Verdict::NotCalibrated);
         // Faults that the whole calibration left are still there, and no more than they.
-        let after = |left: f64, before: f64| Verdict::of(Unseen { left, noise: 1e-3 }, true, Some(before));
+        let after = |left: f64, before: f64| Verdict::of(Holdout { left, noise: 1e-3 }, true, Some(before));
         assert_eq!(after(0.12, 0.1), Verdict::WithFaults);
         assert_eq!(after(0.16, 0.1), Verdict::NotCalibrated);
         assert_eq!(after(0.25, 0.19), Verdict::NotCalibrated);
@@ -128,7 +128,7 @@ mod tests {
         let pictures =
             [picture("even", "fitted", 0.02), picture("set", "fitted", 0.1), picture("random", LEFT_OUT, 0.9)];
         let map = ResidualMap { tile_px: 10, rows: 1, columns: 2, squares: vec![Some(2.0), Some(7.0)] };
-        let left = Unseen { left: 0.06, noise: 0.001 };
+        let left = Holdout { left: 0.06, noise: 0.001 };
         assert_eq!(said(Verdict::Calibrated, left, &pictures, &map), None);
         let faults = said(Verdict::WithFaults, left, &pictures, &map).expect("a warning");
         for part in ["5.90 %", "0.10 %", "2.0 % of even", "10.0 % of set", "set.png", "x 15, y 5"] {

@@ -1,9 +1,12 @@
 //! Pictures, and what a model predicts of them.
 
+use super::captures::picture_of;
 use super::device::{Device, Set};
+use super::error::CalibrateError;
 use super::map::CameraMap;
 use super::parameters::{Parameter, Parameters};
 use super::pattern::Pattern;
+use super::picture::Picture;
 use super::seen::{Look, Prediction};
 use eyebox_kernels::Complex64;
 use eyebox_optics::{Optics, Pupil, SlmPart};
@@ -12,19 +15,16 @@ use std::path::PathBuf;
 
 /// A picture's pixels that are compared.
 pub(super) struct View {
-    /// Which set.
     pub(super) set: usize,
     /// By part of the SLM: the pixels that look at it, and which of its windows they look through.
     pub(super) looks: Vec<(Look, usize)>,
     /// Counts, 1 at full scale, part by part.
     pub(super) counts: Vec<f64>,
-    /// Their variance by the camera's noise.
     pub(super) variance: Vec<f64>,
     /// Variance of the light over the picture, counts: what errors of the model scale with.
     pub(super) signal: f64,
     pub(super) exposure_ms: f64,
     pub(super) full_scale: f64,
-    /// Its picture's file.
     pub(super) file: PathBuf,
 }
 
@@ -32,6 +32,14 @@ impl View {
     /// The iris as it was asked for.
     pub(super) fn pupil(&self) -> Pupil {
         self.looks[0].0.pupil
+    }
+
+    pub(super) fn picture(&self, camera: [usize; 2]) -> Result<Picture, CalibrateError> {
+        picture_of(&self.file, self.full_scale, camera)
+    }
+
+    pub(super) fn file_name(&self) -> String {
+        self.file.file_name().unwrap_or_default().to_string_lossy().into_owned()
     }
 
     /// Its pixels (x, y), part by part.

@@ -174,7 +174,9 @@ pub mod encode {
 
 /// A model of a real display, fitted to pictures that a camera took of it.
 pub mod calibrate {
-    pub use eyebox_calibrate::{Bench, CalibrateError, Calibration, Event, FEWEST, Report, ShowsPatterns, calibrate};
+    pub use eyebox_calibrate::{
+        Bench, CalibrateError, Calibration, CameraCommand, Event, FEWEST, Report, ShowsPatterns, calibrate,
+    };
 }
 
 /// Eye trackers: devices, recordings, the network and a simulated eye, as samples with a steady time.

@@ -13,7 +13,9 @@ pub trait Clock {
     /// Waits until the program asks for the next video frame, where it is the program that says when.
     fn wait_for_tick(&self) {}
     /// Whether it stands still unless waited for, so that others can be waited for without loss.
-    fn is_simulated(&self) -> bool;
+    fn is_simulated(&self) -> bool {
+        false
+    }
 }
 
 /// The system's steady clock.
@@ -59,10 +61,6 @@ impl Clock for RealClock {
         if left > 0 {
             std::thread::sleep(Duration::from_nanos(left as u64));
         }
-    }
-
-    fn is_simulated(&self) -> bool {
-        false
     }
 }
 

@@ -3,7 +3,6 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A connector of a graphics card.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Connector {
     /// The card, such as `/dev/dri/card0`.

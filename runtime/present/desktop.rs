@@ -4,33 +4,32 @@
 //! frame. What a compositor does to it cannot be asked everywhere: on an SLM's output run none, or let full-screen windows
 //! bypass it.
 
-use super::window::{OrdinaryWindow, Windows};
+use super::window::{OrdinaryWindow, Queue, Windows};
 use super::{Event, Interference, Monitor, PresentError, no_desktop, system};
 use eyebox_base::reason;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
-use winit::dpi::{PhysicalPosition, PhysicalSize};
+use winit::dpi::PhysicalSize;
 use winit::event::{ElementState, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, EventLoop};
 use winit::keyboard::{Key, NamedKey};
 use winit::monitor::MonitorHandle;
 use winit::platform::pump_events::{EventLoopExtPumpEvents, PumpStatus};
-use winit::window::{Fullscreen, Window as SystemWindow, WindowId};
+use winit::window::{Fullscreen, Window as SystemWindow, WindowAttributes, WindowId};
 
 /// How long a window may take to come up with its size.
 const WINDOW_TIMEOUT: Duration = Duration::from_secs(3);
 /// How often it is looked whether the window's monitor is still there.
 const LOOK: Duration = Duration::from_secs(1);
 
-/// What the event loop calls.
 #[derive(Default)]
 struct Handler {
     monitors: Vec<MonitorHandle>,
-    wanted: Option<(usize, [usize; 2])>,
-    window: Option<Arc<SystemWindow>>,
-    failure: Option<String>,
+    /// A window that is to be made, with a queue for the events of an ordinary one. The result is in `made`.
+    wanted: Option<(WindowAttributes, Option<Queue>)>,
+    made: Option<Result<SystemWindow, String>>,
     events: VecDeque<Event>,
     windows: Windows,
     /// The monitor under the window, and when it was last seen.
@@ -51,24 +50,12 @@ impl Handler {
     }
 
     fn make(&mut self, event_loop: &ActiveEventLoop) {
-        let Some((index, [height, width])) = self.wanted.take() else { return };
-        let monitor = self.monitors[index].clone();
-        let at = monitor.position();
-        let attributes = SystemWindow::default_attributes()
-            .with_title("eyebox")
-            .with_decorations(false)
-            .with_resizable(false)
-            // Without a window manager full screen is ignored, and these count.
-            .with_inner_size(PhysicalSize::new(width as u32, height as u32))
-            .with_position(PhysicalPosition::new(at.x, at.y))
-            .with_fullscreen(Some(Fullscreen::Borderless(Some(monitor))));
-        match event_loop.create_window(attributes) {
-            Ok(window) => {
-                window.set_cursor_visible(false);
-                self.window = Some(Arc::new(window));
-            }
-            Err(error) => self.failure = Some(error.to_string()),
+        let Some((attributes, events)) = self.wanted.take() else { return };
+        let made = event_loop.create_window(attributes).map_err(|e| e.to_string());
+        if let (Ok(window), Some(events)) = (&made, events) {
+            self.windows.add(window.id(), events);
         }
+        self.made = Some(made);
     }
 
     fn key(&mut self, key: &Key) {
@@ -98,7 +85,6 @@ impl ApplicationHandler for Handler {
 
     fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
         self.make(event_loop);
-        self.windows.make(event_loop);
         self.look_for_monitor(event_loop);
     }
 
@@ -163,32 +149,35 @@ impl Desktop {
 
     /// A window over all of a monitor.
     pub(super) fn cover(mut self, monitor: &Monitor) -> Result<OnDesktop, PresentError> {
-        self.handler.wanted = Some((monitor.index, monitor.size));
+        let [height, width] = monitor.size.map(|n| n as u32);
+        let over = self.handler.monitors[monitor.index].clone();
+        let attributes = SystemWindow::default_attributes()
+            .with_title("eyebox")
+            .with_decorations(false)
+            .with_resizable(false)
+            // Without a window manager full screen is ignored, and these count.
+            .with_inner_size(PhysicalSize::new(width, height))
+            .with_position(over.position())
+            .with_fullscreen(Some(Fullscreen::Borderless(Some(over))));
         let since = Instant::now();
-        let window = loop {
-            self.pump()?;
-            if let Some(failure) = self.handler.failure.take() {
-                return Err(no_desktop(reason!("window-not-opened", "a window could not be opened ({failure})")));
+        let window = self.make(attributes, None)?;
+        window.set_cursor_visible(false);
+        loop {
+            let is = window.inner_size();
+            if [is.height, is.width] == [height, width] {
+                break;
             }
-            if let Some(window) = self.handler.window.clone() {
-                let is = [window.inner_size().height as usize, window.inner_size().width as usize];
-                if is == monitor.size {
-                    break window;
-                }
-                if since.elapsed() > WINDOW_TIMEOUT {
-                    return Err(no_desktop(reason!(
-                        "window-not-opened",
-                        "the window came up with {}x{} pixels on monitor {monitor}: nothing is scaled, so they must be equal",
-                        is[0],
-                        is[1]
-                    )));
-                }
-            }
-            if self.handler.window.is_none() && since.elapsed() > WINDOW_TIMEOUT {
-                return Err(no_desktop(reason!("window-not-opened", "a window was asked for and did not come")));
+            if since.elapsed() > WINDOW_TIMEOUT {
+                return Err(no_desktop(reason!(
+                    "window-not-opened",
+                    "the window came up with {}x{} pixels on monitor {monitor}: nothing is scaled, so they must be equal",
+                    is.height,
+                    is.width
+                )));
             }
             std::thread::sleep(Duration::from_millis(5));
-        };
+            self.pump()?;
+        }
         self.handler.under = Some((monitor.clone(), Instant::now()));
         Ok(OnDesktop { desktop: self, window, observer: system::Observer::open(monitor) })
     }
@@ -202,12 +191,21 @@ impl Desktop {
     /// # Errors
     /// [`PresentError::Display`].
     pub fn window(&mut self, title: &str, size: [usize; 2]) -> Result<OrdinaryWindow, PresentError> {
-        self.handler.windows.wanted = Some((title.into(), size));
+        let [height, width] = size.map(|n| n as u32);
+        let inside = PhysicalSize::new(width, height);
+        let (attributes, events) = (SystemWindow::default_attributes().with_title(title), Queue::default());
+        let window = self.make(attributes.with_inner_size(inside), Some(Queue::clone(&events)))?;
+        Ok(OrdinaryWindow { window, events })
+    }
+
+    /// Returns a window as soon as the event loop has made it. Events of an ordinary one go into `events`.
+    fn make(&mut self, attributes: WindowAttributes, events: Option<Queue>) -> Result<Arc<SystemWindow>, PresentError> {
+        self.handler.wanted = Some((attributes, events));
         let since = Instant::now();
         loop {
             self.pump_for(Duration::from_millis(5))?;
-            match self.handler.windows.made.take() {
-                Some(Ok(window)) => return Ok(window),
+            match self.handler.made.take() {
+                Some(Ok(window)) => return Ok(Arc::new(window)),
                 Some(Err(failure)) => {
                     return Err(no_desktop(reason!("window-not-opened", "a window could not be opened ({failure})")));
                 }
@@ -265,7 +263,6 @@ impl OnDesktop {
         self.check()
     }
 
-    /// The next thing that a user did.
     pub(super) fn event(&mut self) -> Option<Event> {
         let handler = &self.desktop.handler;
         if handler.events.is_empty()

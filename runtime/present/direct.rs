@@ -67,7 +67,6 @@ impl DisplayPresenter {
     }
 }
 
-/// The displays that no desktop drives.
 struct Displays {
     found: Vec<DirectDisplay>,
     handles: Vec<Handles>,

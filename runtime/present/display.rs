@@ -12,7 +12,8 @@ pub struct DisplayPresenter {
     // Before the window that it shows in.
     swapchain: Swapchain,
     name: String,
-    rate: Option<Rate>,
+    /// Video frames a second, where it is known.
+    pub rate: Option<Rate>,
     clock: RealClock,
     window: Option<OnDesktop>,
 }
@@ -65,10 +66,6 @@ impl Presenter for DisplayPresenter {
         format!("{} by {}", self.name, self.swapchain.describe())
     }
 
-    fn rate(&self) -> Option<Rate> {
-        self.rate
-    }
-
     fn timed_by(&self) -> &'static str {
         self.swapchain.timed_by()
     }
@@ -95,12 +92,8 @@ impl Presenter for DisplayPresenter {
     }
 
     fn feedback(&mut self) -> Option<Feedback> {
-        Some(match self.swapchain.timing()? {
-            PresentTiming::Monotonic { id, time_ns } => {
-                Feedback { id, actual_display_time_ns: self.clock.at_monotonic_ns(time_ns) }
-            }
-            PresentTiming::At { id, time } => Feedback { id, actual_display_time_ns: self.clock.at_ns(time) },
-        })
+        let PresentTiming { id, time_ns } = self.swapchain.timing()?;
+        Some(Feedback { id, actual_display_time_ns: self.clock.at_monotonic_ns(time_ns) })
     }
 
     fn event(&mut self) -> Option<Event> {

@@ -4,11 +4,12 @@
 //! power saving (DPMS) blank the output while video frames are presented as before. X11 reports all three. Wayland and Windows
 //! report none of them to a program, and neither does a display without a desktop.
 
-use serde_json::{Value, json};
 use std::fmt;
 
-/// Something outside eyebox that changes or blanks what a monitor receives.
-#[derive(Debug, Clone, PartialEq, Eq)]
+/// Something outside eyebox that changes or blanks what a monitor receives. For programs it has a `kind`, and of a ramp `output` and
+/// `levels`.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Interference {
     /// The gamma ramp of the monitor's output changes gray levels.
@@ -22,17 +23,6 @@ pub enum Interference {
     ScreenSaver,
     /// Power saving has switched the monitor off.
     PowerSaving,
-}
-
-impl Interference {
-    /// Returns it for programs: `kind`, and of a ramp `output` and `levels`.
-    pub fn to_json(&self) -> Value {
-        match self {
-            Self::GammaRamp { output, levels } => json!({ "kind": "gamma_ramp", "output": output, "levels": levels }),
-            Self::ScreenSaver => json!({ "kind": "screen_saver" }),
-            Self::PowerSaving => json!({ "kind": "power_saving" }),
-        }
-    }
 }
 
 impl fmt::Display for Interference {

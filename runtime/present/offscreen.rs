@@ -43,10 +43,6 @@ impl Presenter for Offscreen {
         format!("offscreen at {} Hz, {clock} clock", self.rate)
     }
 
-    fn rate(&self) -> Option<Rate> {
-        Some(self.rate)
-    }
-
     fn upload(&mut self, picture: &[u8]) -> Result<(), PresentError> {
         if picture.len() != self.picture.len() {
             let reason = reason!(

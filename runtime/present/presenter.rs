@@ -1,6 +1,6 @@
 //! The display's side: takes video frames in order and says when they lit up.
 
-use super::{Interference, PresentError, Rate};
+use super::{Interference, PresentError};
 use eyebox_base::reason;
 use eyebox_compute::gpu::{Gpu, Pictures, PixelOrder};
 
@@ -34,9 +34,6 @@ pub enum Event {
 pub trait Presenter {
     /// For people: what it is, and how it learns when frames light up.
     fn describe(&self) -> String;
-
-    /// Video frames a second, where it knows.
-    fn rate(&self) -> Option<Rate>;
 
     /// For people and statistics: how it is known when video frames light up.
     fn timed_by(&self) -> &'static str {

@@ -9,38 +9,17 @@ use std::path::{Path, PathBuf};
 
 /// Takes every video frame.
 #[derive(Debug)]
-#[non_exhaustive]
-pub enum Sink {
+pub struct Sink {
+    file: PathBuf,
+    out: Out,
+}
+
+#[derive(Debug)]
+enum Out {
     /// One after the other, (row, column, channel), into a file or a pipe.
-    Raw {
-        /// The file.
-        file: PathBuf,
-        /// It, opened.
-        out: BufWriter<TimeoutWriter>,
-    },
-    /// The newest, in a file that others map: in `/dev/shm` that is memory. 64 bytes of header, all numbers
-    /// little-endian, and the picture:
-    ///
-    /// | byte | what |
-    /// |---|---|
-    /// | 0 | `eyebox-1` |
-    /// | 8 | u64 sequence number: odd while the picture is written, else twice the number of video frames so far |
-    /// | 16 | u32 rows, u32 columns, u32 channels, u32 zero |
-    /// | 32 | i64 desired present time, ns on the player's clock |
-    ///
-    /// A reader takes the sequence number, copies, and takes it again: where they differ or are odd, it tries again.
-    ///
-    /// Live input (tools/live-input) has a sequence of this kind too. It does not share this code, because its memory is
-    /// sealed and mapped, on Linux alone, and its slots are held by their reader. This is a named file that anybody may cut,
-    /// so it is written by calls of the system, which a cut cannot turn into a signal.
-    Shared {
-        /// The file.
-        file: PathBuf,
-        /// It, opened.
-        out: File,
-        /// Video frames so far.
-        count: u64,
-    },
+    Raw(BufWriter<TimeoutWriter>),
+    /// The newest, and their number.
+    Shared(File, u64),
 }
 
 const HEADER: u64 = 64;
@@ -104,11 +83,6 @@ fn shared_file(file: &Path, length: u64) -> Result<File, FileError> {
     }
 }
 
-fn write_at(out: &mut File, place: u64, bytes: &[u8]) -> io::Result<()> {
-    out.seek(SeekFrom::Start(place))?;
-    out.write_all(bytes)
-}
-
 impl Sink {
     /// Refuses a file that [`raw`](Self::raw) would refuse, before anything is computed for it.
     ///
@@ -124,11 +98,25 @@ impl Sink {
     /// # Errors
     /// [`PresentError::File`]; [`FileError::Taken`] in it for a file that is there.
     pub fn raw(file: &Path) -> Result<Self, PresentError> {
-        Ok(Self::Raw { file: file.into(), out: BufWriter::new(raw_file(file)?) })
+        Ok(Self { file: file.into(), out: Out::Raw(BufWriter::new(raw_file(file)?)) })
     }
 
-    /// For pictures of (rows, columns, channels). Not on Windows, where a file that is written and one that is mapped need
-    /// not be the same at every moment.
+    /// The newest of pictures of (rows, columns, channels), in a file that others map: in `/dev/shm` that is memory. Not on Windows,
+    /// where a file that is written and one that is mapped need not be the same at every moment. 64 bytes of header, all numbers
+    /// little-endian, and the picture:
+    ///
+    /// | byte | what |
+    /// |---|---|
+    /// | 0 | `eyebox-1` |
+    /// | 8 | u64 sequence number: odd while the picture is written, else twice the number of video frames that the file has held |
+    /// | 16 | u32 rows, u32 columns, u32 channels, u32 zero |
+    /// | 32 | i64 desired present time, ns on the player's clock |
+    ///
+    /// A reader takes the sequence number, copies, and takes it again: where they differ or are odd, it tries again.
+    ///
+    /// Live input (tools/live-input) has a sequence of this kind too. It does not share this code, because its memory is sealed and
+    /// mapped, on Linux alone, and its slots are held by their reader. This is a named file that anybody may cut, so it is written by
+    /// calls of the system, which a cut cannot turn into a signal.
     ///
     /// # Errors
     /// [`PresentError::File`]; [`FileError::Taken`] in it for what is there and is not such a file.
@@ -139,15 +127,18 @@ impl Sink {
             return Err(failed(io::Error::new(io::ErrorKind::Unsupported, reason)).into());
         }
         let length = HEADER + (rows * columns * channels) as u64;
-        let mut out = shared_file(file, length)?;
+        let out = shared_file(file, length)?;
         out.set_len(length).map_err(failed)?;
+        // A file that was there keeps its count, and is odd until its first picture: a reader of the old picture notices.
+        let count = number_in(&out).map_err(failed)?.div_ceil(2).min(u64::MAX >> 2);
         let mut header = [0u8; HEADER as usize];
         header[..8].copy_from_slice(MAGIC);
+        header[8..16].copy_from_slice(&(2 * count + u64::from(count > 0)).to_le_bytes());
         for (place, value) in header[16..28].chunks_exact_mut(4).zip([rows, columns, channels]) {
             place.copy_from_slice(&(value as u32).to_le_bytes());
         }
-        write_at(&mut out, 0, &header).map_err(failed)?;
-        Ok(Self::Shared { file: file.into(), out, count: 0 })
+        put_at(&out, 0, &header).map_err(failed)?;
+        Ok(Self { file: file.into(), out: Out::Shared(out, count) })
     }
 
     /// One video frame.
@@ -155,21 +146,18 @@ impl Sink {
     /// # Errors
     /// [`PresentError::File`].
     pub fn put(&mut self, picture: &[u8], desired_present_time_ns: i64) -> Result<(), PresentError> {
-        self.write(picture, desired_present_time_ns).map_err(|e| FileError::write(self.file(), e).into())
-    }
-
-    fn write(&mut self, picture: &[u8], desired_present_time_ns: i64) -> io::Result<()> {
-        match self {
-            Self::Raw { out, .. } => out.write_all(picture),
-            Self::Shared { out, count, .. } => {
+        let written = match &mut self.out {
+            Out::Raw(out) => out.write_all(picture),
+            Out::Shared(out, count) => {
                 *count += 1;
                 let number = 2 * *count;
-                write_at(out, 8, &(number - 1).to_le_bytes())?;
-                write_at(out, HEADER, picture)?;
-                write_at(out, 32, &desired_present_time_ns.to_le_bytes())?;
-                write_at(out, 8, &number.to_le_bytes())
+                put_at(out, 8, &(number - 1).to_le_bytes())
+                    .and_then(|()| put_at(out, HEADER, picture))
+                    .and_then(|()| put_at(out, 32, &desired_present_time_ns.to_le_bytes()))
+                    .and_then(|()| put_at(out, 8, &number.to_le_bytes()))
             }
-        }
+        };
+        written.map_err(|e| FileError::write(&self.file, e).into())
     }
 
     /// What is still on its way, to the file.
@@ -177,18 +165,26 @@ impl Sink {
     /// # Errors
     /// [`PresentError::File`].
     pub fn finish(&mut self) -> Result<(), PresentError> {
-        let flushed = match self {
-            Self::Raw { out, .. } => out.flush(),
-            Self::Shared { out, .. } => out.flush(),
+        let flushed = match &mut self.out {
+            Out::Raw(out) => out.flush(),
+            Out::Shared(out, _) => out.flush(),
         };
-        flushed.map_err(|e| FileError::write(self.file(), e).into())
+        flushed.map_err(|e| FileError::write(&self.file, e).into())
     }
+}
 
-    fn file(&self) -> &Path {
-        match self {
-            Self::Raw { file, .. } | Self::Shared { file, .. } => file,
-        }
-    }
+/// Writes into the middle of a file.
+/// The sequence number of a file that others map.
+fn number_in(mut file: &File) -> io::Result<u64> {
+    let mut number = [0; 8];
+    file.seek(SeekFrom::Start(8))?;
+    file.read_exact(&mut number)?;
+    Ok(u64::from_le_bytes(number))
+}
+
+fn put_at(mut out: &File, place: u64, bytes: &[u8]) -> io::Result<()> {
+    out.seek(SeekFrom::Start(place))?;
+    out.write_all(bytes)
 }
 
 #[cfg(test)]
@@ -238,6 +234,12 @@ mod tests {
         assert_eq!((&bytes[..8], &bytes[64..]), (&b"eyebox-1"[..], &b"ghijkl"[..]));
         assert_eq!((bytes[8], bytes[16], bytes[20], bytes[24]), (4, 2, 3, 1));
         assert_eq!(i64::from_le_bytes(bytes[32..40].try_into().unwrap()), -7);
+        // The next writer counts on: who copies the old picture meanwhile sees another number.
+        let mut again = Sink::shared(&shared, [3, 2, 1]).unwrap();
+        assert_eq!(std::fs::read(&shared).unwrap()[8], 5);
+        again.put(b"mnopqr", 1).unwrap();
+        again.finish().unwrap();
+        assert_eq!(std::fs::read(&shared).unwrap()[8], 6);
         #[cfg(target_os = "linux")]
         {
             let mut full = Sink::raw(Path::new("/dev/full")).unwrap();

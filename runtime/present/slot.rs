@@ -19,7 +19,6 @@ pub(super) struct Slot {
     pub(super) done: vk::Fence,
 }
 
-/// Where a picture lies on the device.
 struct OnDevice {
     block: Arc<Block>,
     offset: u64,
@@ -101,7 +100,6 @@ impl Slot {
         }
     }
 
-    /// What is to be shown.
     pub(super) fn source(&self) -> Option<Source<'_>> {
         match (&self.on_device, &self.pixels) {
             (Some(picture), _) => Some((picture.block.raw, picture.offset, picture.ready.as_ref())),

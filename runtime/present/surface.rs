@@ -54,15 +54,6 @@ pub(super) struct TakenDisplay {
     pub(super) card: Option<File>,
 }
 
-impl TakenDisplay {
-    /// # Safety
-    /// The instance lives.
-    unsafe fn surface(&self) -> Result<vk::SurfaceKHR, vk::Result> {
-        // SAFETY: the caller says so; plane, mode and display were chosen together.
-        unsafe { self.calls.create_display_plane_surface(&self.info, None) }
-    }
-}
-
 impl Drop for TakenDisplay {
     fn drop(&mut self) {
         if let Some(release) = &self.release {
@@ -72,7 +63,6 @@ impl Drop for TakenDisplay {
     }
 }
 
-/// What a surface is made of.
 pub(super) enum Target {
     Window(WindowHandle),
     Direct(TakenDisplay),
@@ -94,10 +84,10 @@ impl Target {
     /// The instance has the extension of this kind of target, and a window's handles are valid.
     unsafe fn surface(&self, instance: &Instance) -> Result<vk::SurfaceKHR, vk::Result> {
         let (entry, raw) = (&instance.entry, &instance.raw);
-        // SAFETY: the caller says so.
+        // SAFETY: the caller says so. Plane, mode and display of a direct one were chosen together.
         unsafe {
             match self {
-                Self::Direct(display) => display.surface(),
+                Self::Direct(display) => display.calls.create_display_plane_surface(&display.info, None),
                 Self::Window(WindowHandle::Xcb { connection, window }) => {
                     let info = vk::XcbSurfaceCreateInfoKHR::default().connection(connection.cast()).window(*window);
                     khr::xcb_surface::Instance::new(entry, raw).create_xcb_surface(&info, None)
@@ -212,9 +202,7 @@ impl Surface {
             Target::Direct(_) => "the display is gone: it was unplugged, or another program took it",
         }
     }
-}
 
-impl Surface {
     /// Leaves the surface to the end of the process: a swapchain on it stays.
     pub(super) fn leave(&mut self) {
         self.raw = vk::SurfaceKHR::null();

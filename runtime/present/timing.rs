@@ -16,21 +16,11 @@ use std::time::{Duration, Instant};
 /// When a picture lit up, as far as it is known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum PresentTiming {
-    /// By the display's own clock: nanoseconds of the system's monotonic clock.
-    Monotonic {
-        /// The picture's number.
-        id: u64,
-        /// When.
-        time_ns: u64,
-    },
-    /// The screen took another picture at this time: the one of this number lit up.
-    At {
-        /// The picture's number.
-        id: u64,
-        /// When.
-        time: Instant,
-    },
+pub struct PresentTiming {
+    /// The picture's number.
+    pub id: u64,
+    /// When the display says that it did, or when the screen took it: nanoseconds of the system's monotonic clock.
+    pub time_ns: u64,
 }
 
 /// What took this long waited for the screen, and ended when the screen went on; what took less may be older.
@@ -41,14 +31,11 @@ const PATIENCE_NS: u64 = 25_000_000;
 /// Pictures of which it may be unknown whether they lit up.
 const MOST: usize = 16;
 
-/// By what it is known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum TimingMethod {
-    /// `VK_GOOGLE_display_timing`.
     DisplayTiming,
     /// `VK_KHR_present_id` and `VK_KHR_present_wait`.
     PresentWait,
-    /// `VK_EXT_display_control`.
     FirstPixel,
     /// The time at which acquiring an image had to wait.
     Acquire,
@@ -69,7 +56,6 @@ impl TimingMethod {
         }
     }
 
-    /// For people.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::DisplayTiming => "VK_GOOGLE_display_timing",
@@ -88,7 +74,6 @@ enum Calls {
     Acquire,
 }
 
-/// Where the times come from.
 pub(super) struct TimingSource {
     device: ash::Device,
     method: TimingMethod,
@@ -127,7 +112,6 @@ impl TimingSource {
         Self { device: device.clone(), method, calls, lit, waiting, newest: None, armed: false }
     }
 
-    /// By what it is known.
     pub(super) fn method(&self) -> TimingMethod {
         self.method
     }
@@ -138,11 +122,10 @@ impl TimingSource {
             self.method == TimingMethod::Acquire && start.elapsed() >= WAITED && self.lit.len() < self.lit.capacity();
         // Acquiring that had to wait ended when the screen went on to the picture before.
         if let Some(id) = self.newest.filter(|_| waited) {
-            self.lit.push_back(PresentTiming::At { id, time: Instant::now() });
+            self.lit.push_back(PresentTiming { id, time_ns: steady::now_ns() });
         }
     }
 
-    /// A picture was put in line.
     pub(super) fn presented(&mut self, id: u64) {
         (self.newest, self.armed) = (Some(id), true);
         if matches!(self.method, TimingMethod::PresentWait | TimingMethod::FirstPixel) {
@@ -193,7 +176,7 @@ impl TimingSource {
                     // The number whose lower half this is, not after the newest.
                     let back = (newest as u32).wrapping_sub(p.present_id);
                     let id = newest.saturating_sub(u64::from(back));
-                    self.lit.push_back(PresentTiming::Monotonic { id, time_ns: p.actual_present_time });
+                    self.lit.push_back(PresentTiming { id, time_ns: p.actual_present_time });
                 }
             }
             Calls::PresentWait(wait) => {
@@ -212,7 +195,7 @@ impl TimingSource {
                     }
                     self.waiting.pop_front();
                     if patience > 0 && start.elapsed() >= WAITED {
-                        self.lit.push_back(PresentTiming::At { id, time: Instant::now() });
+                        self.lit.push_back(PresentTiming { id, time_ns: steady::now_ns() });
                     }
                     patience = 0;
                 }
@@ -230,7 +213,7 @@ impl TimingSource {
                     && let Some(id) = self.waiting.pop_front()
                     && start.elapsed() >= WAITED
                 {
-                    self.lit.push_back(PresentTiming::At { id, time: Instant::now() });
+                    self.lit.push_back(PresentTiming { id, time_ns: steady::now_ns() });
                 }
             }
         }

@@ -10,9 +10,7 @@ use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;
 use std::sync::Arc;
-use winit::dpi::PhysicalSize;
 use winit::event::{ElementState, MouseScrollDelta, WindowEvent as SystemEvent};
-use winit::event_loop::ActiveEventLoop;
 use winit::keyboard::{Key, NamedKey};
 use winit::window::{Window as SystemWindow, WindowId};
 
@@ -52,37 +50,25 @@ pub enum WindowEvent {
     Key(WindowKey),
 }
 
-type Queue = Rc<RefCell<VecDeque<WindowEvent>>>;
+pub(super) type Queue = Rc<RefCell<VecDeque<WindowEvent>>>;
 
 /// The event loop's side of all windows.
 #[derive(Default)]
-pub(super) struct Windows {
-    pub(super) wanted: Option<(String, [usize; 2])>,
-    pub(super) made: Option<Result<OrdinaryWindow, String>>,
-    queues: Vec<(WindowId, Queue)>,
-}
+pub(super) struct Windows(Vec<(WindowId, Queue)>);
 
 impl Windows {
-    /// Makes the one that is wanted.
-    pub(super) fn make(&mut self, event_loop: &ActiveEventLoop) {
-        let Some((title, [height, width])) = self.wanted.take() else { return };
-        let attributes = SystemWindow::default_attributes()
-            .with_title(title)
-            .with_inner_size(PhysicalSize::new(width as u32, height as u32));
-        self.made = Some(event_loop.create_window(attributes).map_err(|e| e.to_string()).map(|window| {
-            let (window, events) = (Arc::new(window), Queue::default());
-            self.queues.push((window.id(), Rc::clone(&events)));
-            OrdinaryWindow { window, events }
-        }));
+    /// Events of this window go into a queue from now on.
+    pub(super) fn add(&mut self, id: WindowId, queue: Queue) {
+        self.0.push((id, queue));
     }
 
     /// Whether the event was a window's.
     pub(super) fn take(&mut self, id: WindowId, event: &SystemEvent) -> bool {
-        let Some(at) = self.queues.iter().position(|(window, _)| *window == id) else { return false };
-        let queue = Rc::clone(&self.queues[at].1);
+        let Some(at) = self.0.iter().position(|(window, _)| *window == id) else { return false };
+        let queue = Rc::clone(&self.0[at].1);
         // The last that comes from it.
         if matches!(event, SystemEvent::Destroyed) {
-            self.queues.swap_remove(at);
+            self.0.swap_remove(at);
         }
         if let Some(event) = translated(event) {
             let mut queue = queue.borrow_mut();
@@ -129,8 +115,8 @@ fn translated(event: &SystemEvent) -> Option<WindowEvent> {
 
 /// An ordinary window. It closes when it is dropped.
 pub struct OrdinaryWindow {
-    window: Arc<SystemWindow>,
-    events: Queue,
+    pub(super) window: Arc<SystemWindow>,
+    pub(super) events: Queue,
 }
 
 impl OrdinaryWindow {

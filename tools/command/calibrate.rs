@@ -6,7 +6,7 @@ use crate::patterns::{self, PatternArgs, iris};
 use crate::progress::{self, JobBar};
 use crate::values::positive;
 use clap::Args;
-use eyebox::low_level::calibrate::{Bench, Event, FEWEST, ModelAge, Report, TAKING, Verdict, calibrate};
+use eyebox::low_level::calibrate::{Bench, CameraCommand, Event, FEWEST, ModelAge, Report, TAKING, Verdict, calibrate};
 use eyebox::low_level::engine;
 use eyebox::low_level::error::Reason;
 use eyebox::low_level::files;
@@ -98,14 +98,11 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
         eprintln!("the {color} model of {}: {age}", args.display);
     }
     let bench = match (&args.camera, &args.captures) {
-        (Some(command), _) => Bench::Command {
-            command,
-            keep: args.keep.as_deref(),
-            limit: args.camera_timeout.map(Duration::from_secs_f64),
-            most: args.captures_max,
-            quick: args.quick,
-            iris_mm: args.iris,
-        },
+        (Some(command), _) => {
+            let limit = args.camera_timeout.map(Duration::from_secs_f64);
+            let camera = CameraCommand { command, keep: args.keep.as_deref(), limit, iris_mm: args.iris };
+            Bench::Command { camera, most: args.captures_max, quick: args.quick }
+        }
         (None, Some(folder)) => Bench::Folder { folder, iris_mm: args.iris },
         (None, None) => return Err(Failure::Arguments(reason!("no-camera", "--camera or --captures is needed"))),
     };

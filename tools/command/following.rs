@@ -7,7 +7,7 @@ use crate::play::{ClockName, StreamArgs};
 use crate::values::{not_negative, positive};
 use crate::{Failure, common};
 use clap::Args;
-use eyebox::low_level::calibrate::{FollowOptions, Report};
+use eyebox::low_level::calibrate::{CameraCommand, Report};
 use eyebox::low_level::files;
 use eyebox::low_level::hologram::{NewestHologram, Sequence};
 use eyebox::low_level::optics::Display;
@@ -80,11 +80,11 @@ pub fn show(
     let newest = NewestHologram::new(solve(&display)?);
     let mut say = |line: &str| eprintln!("{line}");
     let output = live.shown.output(false, stream.sink());
-    let following =
-        FollowOptions { command: camera, keep: follow.camera_keep.as_deref(), limit: None, iris_mm: follow.iris };
+    let camera =
+        CameraCommand { command: camera, keep: follow.camera_keep.as_deref(), limit: None, iris_mm: follow.iris };
     let settle = Duration::from_secs_f64(follow.settle.min(1e6));
     let every = Duration::from_secs_f64((follow.camera_every * 60.0).min(1e9));
-    let follower = BenchFollower::open((&display, color), (&output, settle), &following, every, &mut say)?;
+    let follower = BenchFollower::open((&display, color), (&output, settle), &camera, every, &mut say)?;
     let sequence = Sequence::newest_of(Path::new(scene), &newest);
     thread::scope(|scope| {
         let shows = scope.spawn(move || play(sequence, display));

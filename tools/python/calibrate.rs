@@ -3,7 +3,7 @@
 use crate::call::{Caller, run};
 use crate::display::{Display, colors};
 use crate::failure::Failure;
-use eyebox::calibrate::{Bench, Event, FEWEST};
+use eyebox::calibrate::{Bench, CameraCommand, Event, FEWEST};
 use pyo3::prelude::*;
 use std::panic::resume_unwind;
 use std::path::PathBuf;
@@ -27,7 +27,9 @@ pub(crate) fn calibrate(
         let color = colors(display, std::slice::from_ref(&color_name))?[0];
         let keep = folder.as_deref();
         let bench = match (&command, keep) {
-            (Some(command), keep) => Bench::Command { command, keep, limit: None, most, quick, iris_mm },
+            (Some(command), keep) => {
+                Bench::Command { camera: CameraCommand { command, keep, limit: None, iris_mm }, most, quick }
+            }
             (None, Some(folder)) => Bench::Folder { folder, iris_mm },
             (None, None) => return Err(Failure::Argument("camera and captures are both None: give one".into())),
         };

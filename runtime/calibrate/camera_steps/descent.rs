@@ -1,9 +1,9 @@
 //! The steps, and what they are judged by.
 
 use super::pictures::{CameraBench, CapturedLight, OfColor};
-use super::registration::{self, Pair, registered};
+use super::registration::{PLACE, Pair, registered};
 use super::sensor::{Fine, Grid};
-use crate::{CalibrateError, Event};
+use crate::{CalibrateError, Event, dots};
 use eyebox_base::reason;
 use eyebox_compute::engine::{Buffer, Engine};
 use eyebox_compute::plan::{Comparison, Planner, PupilPass, Purpose, Viewpoint};
@@ -70,7 +70,6 @@ struct Run<'r, 'a> {
     planner: Planner,
     engine: &'r mut dyn Engine,
     held_out: Vec<Pupil>,
-    /// Photographs of the held-out pupils.
     targets: Vec<(Vec<f32>, Grid)>,
     /// What a millisecond's light is of the model's intensity.
     gain: f64,
@@ -226,7 +225,7 @@ impl<'r, 'a> Run<'r, 'a> {
             predicted.push(Fine::of_fields(&self.engine.read(Buffer::Window(0))?, gain, grid));
             self.targets.push((self.engine.read(Buffer::Target(0))?, grid));
         }
-        let models = self.register(seen, &predicted, &registration::ALL);
+        let models = self.register(seen, &predicted, &dots::ALL);
         let alike = seen.iter().zip(&models).map(|(seen, model)| {
             let pairs = model.iter().zip(&seen.light).map(|(m, l)| [f64::from(*m), f64::from(*l)]);
             correlation(pairs.filter(|[_, l]| l.is_finite()))
@@ -234,11 +233,11 @@ impl<'r, 'a> Run<'r, 'a> {
         let alike = mean(&alike.collect::<Vec<_>>());
         tracing::debug!("pictures and model: correlation {alike:.3}, {:.3e} of full scale a ms", self.gain);
         if alike.is_nan() || alike < ALIKE {
-            return Err(CalibrateError::Pictures(reason!(
+            return Err(reason!(
                 "other-pictures",
                 "the camera's pictures are not of what is shown: their correlation with what the model predicts is {alike:.2}; \
                  calibrate first, and take the dots again if the camera was moved"
-            )));
+            ).into());
         }
         Ok(())
     }
@@ -312,13 +311,10 @@ impl<'r, 'a> Run<'r, 'a> {
             Ok(image.iter().zip(rest).map(|(i, r)| (i + r).max(0.0)).collect())
         })?;
         // The picture creeps over the camera, and the laser's power drifts: the next step knows.
-        self.register(&seen, &predicted, &registration::PLACE);
+        self.register(&seen, &predicted, &PLACE);
         match loss.is_finite() {
             true => Ok(()),
-            false => Err(CalibrateError::Pictures(reason!(
-                "camera-step-not-finite",
-                "a camera step gave numbers that are not finite"
-            ))),
+            false => Err(reason!("camera-step-not-finite", "a camera step gave numbers that are not finite").into()),
         }
     }
 }
@@ -340,7 +336,6 @@ fn is_better(before: &[f64], after: &[f64]) -> bool {
     mean > SURE * (variance / n).sqrt()
 }
 
-/// Pearson's.
 fn correlation(pairs: impl Iterator<Item = [f64; 2]>) -> f64 {
     let [n, a, b, aa, bb, ab] = pairs.fold([0.0; 6], |[n, sa, sb, aa, bb, ab], [a, b]| {
         [n + 1.0, sa + a, sb + b, aa + a * a, bb + b * b, ab + a * b]

@@ -1,14 +1,13 @@
 //! The bench of a solve: where its camera looks, and pictures through pupils.
 
-use super::CameraSteps;
 use super::sensor::Sensor;
-use crate::acquire::{AVERAGE, check, two_pi_level};
+use crate::acquire::{check, two_pi_level};
 use crate::captures::{Ask, Session, Shot, shown};
 use crate::dots;
 use crate::link::Link;
 use crate::pattern::{self, Pattern};
 use crate::picture::Picture;
-use crate::{CalibrateError, ShowsPatterns};
+use crate::{CalibrateError, CameraCommand, ShowsPatterns};
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
 use eyebox_optics::{Color, Display, Pupil};
@@ -59,37 +58,40 @@ pub(super) struct CapturedLight {
 
 impl<'a> CameraBench<'a> {
     /// Starts the camera's command, sees that the bench is the display's, and looks where the camera looks, in each of these
-    /// colours. `shows`: what shows the patterns, where the command does not. `say` is told lines that are not for this program.
+    /// colours. `steps` is the number of steps of each. In a folder that a calibration kept, the pictures are added to its own, and its
+    /// picture of the dots is not taken again. `shows`: what shows the patterns, where the command does not. `say` is told lines that are not for
+    /// this program.
     ///
     /// # Errors
     /// [`CalibrateError`].
     pub fn open(
         display: &Display,
         colors: &[Color],
-        steps: &CameraSteps<'a>,
+        command: &CameraCommand<'a>,
+        steps: usize,
         shows: Option<&'a mut dyn ShowsPatterns>,
         say: &'a mut dyn FnMut(&str),
     ) -> Result<Self, CalibrateError> {
         if display.prescription.as_ref().is_some_and(|eye| !eye.is_perfect()) {
             let reason = reason!("prescription", "a camera has no eye's prescription: solve with `prescription` none");
-            return Err(CalibrateError::Bench { display: display.name.clone(), reason });
+            return Err(CalibrateError::bench(display, reason));
         }
         if colors.iter().any(|color| !display.modes(*color).is_empty()) {
             let reason = reason!("source-modes", "steps with a camera know one mode of a source: leave out [source]");
-            return Err(CalibrateError::Bench { display: display.name.clone(), reason });
+            return Err(CalibrateError::bench(display, reason));
         }
-        let (link, hello) = Link::start(steps.command, steps.limit, say)?;
+        let (link, hello) = Link::start(command.command, command.limit, say)?;
         let named = colors.iter().map(|c| check(display, *c, &hello, shows.is_none()));
         let named = named.collect::<Result<Vec<_>, CalibrateError>>()?;
         let first = named.first().copied().unwrap_or((Color::Green, 0.0));
-        let mut session = Session::new(link, hello, steps.keep, first, usize::MAX)?;
+        let mut session = Session::new(link, hello, command.keep, first, usize::MAX)?;
         session.shows = shows;
-        let mut camera = Camera { session, slm: [display.height, display.width], iris_mm: steps.iris_mm };
+        let mut camera = Camera { session, slm: [display.height, display.width], iris_mm: command.iris_mm };
         let mut of_colors = Vec::with_capacity(colors.len());
         for of_color in named {
             of_colors.push(camera.look_about(display, of_color)?);
         }
-        Ok(Self { camera, colors: of_colors, steps: steps.steps })
+        Ok(Self { camera, colors: of_colors, steps })
     }
 
     /// Says bye to the camera's command.
@@ -115,7 +117,7 @@ impl Camera<'_> {
             None => {
                 let name = format!("dots-{color}");
                 let iris_mm = self.session.hello.iris.is_some().then(|| pattern::dots_iris(&optics));
-                let ask = Ask { show: Some((&name, &pattern)), iris_mm, focus_mm: 0.0, average: AVERAGE };
+                let ask = Ask { show: Some((&name, &pattern)), iris_mm, focus_mm: 0.0 };
                 self.shot(&ask)?.ok_or_else(|| self.refused("take the picture of the dots"))?.1
             }
         };
@@ -136,8 +138,7 @@ impl Camera<'_> {
         let dark = match had.iter().rfind(|shot| shot.show.is_none()) {
             Some(shot) => Some(shot.picture(camera)?.median()),
             None if self.session.hello.camera.dark => {
-                let ask = Ask { show: None, iris_mm: None, focus_mm: 0.0, average: AVERAGE };
-                self.session.take(&ask)?.map(|shot| shot.picture(camera)).transpose()?.map(|p| p.median())
+                self.session.take(&Ask::default())?.map(|shot| shot.picture(camera)).transpose()?.map(|p| p.median())
             }
             None => None,
         };
@@ -204,17 +205,14 @@ impl Camera<'_> {
             let drive: Vec<f64> = part.iter().map(|p| f64::from(*p)).collect();
             let (name, pattern) =
                 (format!("hologram-{:03}", self.session.next()), Pattern::new(self.slm, of.two_pi_level, &drive));
-            let ask = Ask { show: Some((&name, &pattern)), iris_mm, focus_mm, average: AVERAGE };
+            let ask = Ask { show: Some((&name, &pattern)), iris_mm, focus_mm };
             let Some((shot, picture)) = self.shot(&ask)? else { return Ok(None) };
             let share = part.len() as f64 / phases.len() as f64;
             let light = of.light(&shot, &picture)?;
             let Some([x, y, d]) = shot.iris_mm.or(self.iris_mm) else {
                 let reason = "its answer has no iris_mm: of a fixed iris the camera's command has to say where it is, or \
                               `iris` X,Y,DIAMETER in mm";
-                return Err(CalibrateError::Captures {
-                    file: shot.file.display().to_string(),
-                    reason: Reason::new("no-iris", reason),
-                });
+                return Err(CalibrateError::captures(&shot.file, Reason::new("no-iris", reason)));
             };
             let pupil = Pupil::from_mm([x, y, d, shot.focus_mm]).check()?;
             let sum = seen.get_or_insert_with(|| CapturedLight { pupil, light: vec![0.0; light.len()] });
@@ -241,15 +239,13 @@ impl OfColor {
         let values: Vec<f32> = self.sensor.pixels.iter().map(of).collect();
         let mean = values.iter().map(|v| f64::from(v - dark)).sum::<f64>() / values.len().max(1) as f64;
         if mean.is_nan() || mean < BLACK {
-            return Err(CalibrateError::Captures {
-                file: shot.file.display().to_string(),
-                reason: reason!(
-                    "black",
-                    "is black: over the SLM's image it has {:.2} % of full scale after {:.3} ms; is the laser on, and the iris open?",
-                    100.0 * mean,
-                    shot.exposure_ms
-                ),
-            });
+            let reason = reason!(
+                "black",
+                "is black: over the SLM's image it has {:.2} % of full scale after {:.3} ms; is the laser on, and the iris open?",
+                100.0 * mean,
+                shot.exposure_ms
+            );
+            return Err(CalibrateError::captures(&shot.file, reason));
         }
         let rate = (1.0 / shot.exposure_ms) as f32;
         let light = |at: &usize| if picture.is_full(*at) { f32::NAN } else { (picture.values[*at] - dark) * rate };

@@ -2,11 +2,11 @@
 //! bench's picture creeps over its camera.
 
 use super::sensor::{Fine, Sensor};
+use crate::fit::dot;
 use eyebox_optics::linear::solve;
 
-/// Numbers of a [`CameraMap`](crate::map::CameraMap): where the picture lies, and all but the higher distortion.
+/// Numbers of a [`CameraMap`](crate::map::CameraMap) that say where the picture lies.
 pub(super) const PLACE: [usize; 2] = [2, 5];
-pub(super) const ALL: [usize; 9] = [0, 1, 2, 3, 4, 5, 6, 7, 8];
 /// Rounds of Gauss and Newton; a round that does not help is tried with a quarter of its step, so often.
 const ROUNDS: usize = 8;
 const TRIES: usize = 3;
@@ -100,10 +100,6 @@ impl Left {
     }
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
 fn centre(values: &mut [f64]) {
     let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
     values.iter_mut().for_each(|v| *v -= mean);
@@ -120,6 +116,7 @@ fn take_out(values: &mut [f64], of: &[f64]) -> f64 {
 mod tests {
     use super::*;
     use crate::camera_steps::sensor::Grid;
+    use crate::dots::ALL;
     use crate::map::CameraMap;
     use eyebox_kernels::modulate;
     use eyebox_solve::solve::SplitMix;

@@ -1,13 +1,17 @@
 //! An eye that keeps the spectrum: only what depends on the pupil is computed when the pupil moves.
 
 use super::picture::Detail;
-use super::{PreviewColor, PreviewContent, PreviewError, tiled};
+use super::{PreviewColor, PreviewContent, PreviewError};
 use crate::engine::{Buffer, Engine, EngineError, Purpose};
 use crate::evaluate::{self, Plane};
+use crate::hologram::PhaseSource;
 use crate::optics::{Geometry, Padding, Pupil, WindowFactor};
 use crate::plan::{Comparison, ModelTables, Moving, Planner, Viewpoint};
 use eyebox_kernels::fft::Columns;
 use std::sync::Arc;
+
+/// Pixels of the SLM across the pupil of a coarse picture of tiles.
+const TILED_ACROSS: f64 = 384.0;
 
 /// Opens one engine.
 pub type Opener = Box<dyn FnMut() -> Result<Box<dyn Engine>, EngineError> + Send>;
@@ -69,7 +73,11 @@ impl Eye {
         showing.check()?;
         let frame = frame.map(|f| f.min(showing.frames - 1));
         if let Some(tiles) = &showing.tiles {
-            return tiled::look(tiles, frame, pupil, detail, self.single()?);
+            // A coarse picture is what the middle of the pupil sees: fewer tiles, fewer details, the same parallax and light.
+            let coarse = (TILED_ACROSS * tiles.about().pitch).min(pupil.diameter / 2.0);
+            let diameter = if detail == Detail::Whole { pupil.diameter } else { coarse };
+            let source = PhaseSource::Tiled(Arc::clone(tiles));
+            return Ok(source.look(frame, &Pupil { diameter, ..*pupil }, self.single()?)?);
         }
         while self.holds.len() < showing.colors.len() {
             self.holds.push(Hold { engine: (self.open)()?, spectrum: None });

@@ -1,8 +1,6 @@
 //! Letters of 5 x 7 pixels, for the few words in a picture.
 
-/// Columns of a letter.
 pub(super) const WIDTH: usize = 5;
-/// Rows of a letter.
 pub(super) const HEIGHT: usize = 7;
 
 /// The printable ASCII characters from the space on: five columns each, the top row in the lowest bit.

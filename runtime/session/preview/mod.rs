@@ -17,13 +17,13 @@ mod picture;
 mod place;
 mod reader;
 mod showing;
-mod tiled;
 #[cfg(test)]
 mod tiled_tests;
 mod viewer;
 #[cfg(test)]
 mod viewer_tests;
 mod window;
+mod worker;
 
 pub use controls::{Action, Controls};
 pub use eye::{Eye, Opener};

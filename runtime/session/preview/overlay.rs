@@ -24,9 +24,8 @@ const MARGIN: usize = 3;
 pub fn draw_overlay(picture: &mut Picture, overlay: &Overlay) {
     let [rows, columns] = picture.size;
     let scale_of = |lines: &[&str]| {
-        let widest = lines.iter().map(|l| l.chars().count()).max().unwrap_or(0);
-        let (high, wide) = (lines.len() * PITCH[0] + 2 * MARGIN, widest * PITCH[1] + 2 * MARGIN);
-        (rows / high.max(1)).min(columns / wide.max(1)).clamp(1, 3)
+        let [high, wide] = extent(lines);
+        (rows / high).min(columns / wide).clamp(1, 3)
     };
     if let Some(map) = overlay.map {
         draw_map(picture, map);
@@ -36,15 +35,13 @@ pub fn draw_overlay(picture: &mut Picture, overlay: &Overlay) {
         // Narrow windows break it between its parts.
         let room = (columns / scale).saturating_sub(2 * MARGIN) / PITCH[1];
         let lines = broken(line, room);
-        let high = (lines.len() * PITCH[0] + 2 * MARGIN) * scale;
+        let high = extent(&lines)[0] * scale;
         block(picture, rows.saturating_sub(high), 0, &lines, scale);
     }
     if !overlay.help.is_empty() {
         let lines: Vec<&str> = overlay.help.iter().map(String::as_str).collect();
         let scale = scale_of(&lines);
-        let widest = lines.iter().map(|l| l.chars().count()).max().unwrap_or(0);
-        let high = (lines.len() * PITCH[0] + 2 * MARGIN) * scale;
-        let wide = (widest * PITCH[1] + 2 * MARGIN) * scale;
+        let [high, wide] = extent(&lines).map(|n| n * scale);
         let (top, left) = (rows.saturating_sub(high) / 2, columns.saturating_sub(wide) / 2);
         block(picture, top, left, &lines, scale);
     }
@@ -64,10 +61,14 @@ fn broken(line: &str, room: usize) -> Vec<&str> {
     lines
 }
 
+fn extent(lines: &[&str]) -> [usize; 2] {
+    let widest = lines.iter().map(|l| l.chars().count()).max().unwrap_or(0);
+    [lines.len() * PITCH[0] + 2 * MARGIN, widest * PITCH[1] + 2 * MARGIN]
+}
+
 /// Lines on a darkened ground.
 fn block(picture: &mut Picture, top: usize, left: usize, lines: &[&str], scale: usize) {
-    let widest = lines.iter().map(|l| l.chars().count()).max().unwrap_or(0);
-    let (high, wide) = (lines.len() * PITCH[0] + 2 * MARGIN, widest * PITCH[1] + 2 * MARGIN);
+    let [high, wide] = extent(lines);
     for row in top..top + high * scale {
         for column in left..left + wide * scale {
             change(picture, row, column, |v, _| v / 5);

@@ -2,6 +2,7 @@
 
 use super::eye::{Eye, Opener};
 use super::picture::{Detail, Picture, develop};
+use super::worker::Worker;
 use super::{PreviewContent, PreviewError};
 use crate::engine::{Engine, Purpose};
 use crate::evaluate::{self, Plane};
@@ -14,7 +15,6 @@ use crate::solve::Problem;
 use eyebox_base::reason;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// Which picture is wanted.
@@ -71,7 +71,6 @@ pub struct RenderedView {
 struct ViewRequest {
     showing: Option<(u64, Arc<PreviewContent>)>,
     look: Option<Look>,
-    stop: bool,
 }
 
 type Answer = Result<RenderedView, PreviewError>;
@@ -85,11 +84,9 @@ const WHOLE_SHARE: u32 = 5;
 
 /// Looks through the newest pupil at the newest hologram, on a thread of its own that owns the engines. No call waits.
 pub struct Viewer {
-    given: Mailbox<ViewRequest>,
-    answers: Mailbox<Answer>,
+    worker: Worker<ViewRequest, Answer>,
     looked: Arc<AtomicU64>,
     shown: u64,
-    thread: Option<JoinHandle<()>>,
 }
 
 impl Viewer {
@@ -100,18 +97,13 @@ impl Viewer {
     /// [`PreviewError::Thread`].
     pub fn start(open: Opener, scene: impl Into<SceneSource>) -> Result<Self, PreviewError> {
         let scene = scene.into();
-        let (given, answers) = (Mailbox::<ViewRequest>::new(1), Mailbox::new(1));
         let looked = Arc::new(AtomicU64::new(0));
-        let (take, give, count) = (given.clone(), answers.clone(), Arc::clone(&looked));
-        let run = move || {
+        let count = Arc::clone(&looked);
+        let worker = Worker::start("viewer", "looks", move |take: &Mailbox<Option<ViewRequest>>, give| {
             let mut looker =
                 Looker { eye: Eye::new(open), scene, cameras: Vec::new(), expected: None, whole_ended: None };
             let (mut showing, mut look) = (None, None);
-            loop {
-                let given = take.wait();
-                if given.stop {
-                    return;
-                }
+            while let Some(given) = take.wait() {
                 showing = given.showing.or(showing);
                 look = given.look.or(look);
                 let (Some((content, showing)), Some(look)) = (&showing, &look) else { continue };
@@ -132,23 +124,28 @@ impl Viewer {
                 }
                 publish(looker.look(*content, showing, look, Detail::Whole));
             }
-        };
-        let thread = std::thread::Builder::new().name("viewer".into()).spawn(run);
-        let thread =
-            thread.map_err(|e| PreviewError::Thread { what: "looks", reason: format!("did not start: {e}") })?;
-        Ok(Self { given, answers, looked, shown: 0, thread: Some(thread) })
+        });
+        Ok(Self { worker: worker?, looked, shown: 0 })
     }
 
     /// From now on the display shows this.
     pub fn show(&mut self, showing: Arc<PreviewContent>) {
         self.shown += 1;
         let shown = Some((self.shown, showing));
-        self.given.update(|given| ViewRequest { showing: shown, ..given.unwrap_or_default() });
+        self.ask(|given| given.showing = shown);
     }
 
     /// From now on it is looked at like this.
     pub fn look(&self, look: Look) {
-        self.given.update(|given| ViewRequest { look: Some(look), ..given.unwrap_or_default() });
+        self.ask(|given| given.look = Some(look));
+    }
+
+    fn ask(&self, change: impl FnOnce(&mut ViewRequest)) {
+        self.worker.asked.update(|given| {
+            let mut given = given.flatten().unwrap_or_default();
+            change(&mut given);
+            Some(given)
+        });
     }
 
     /// The newest picture that was not taken yet.
@@ -156,11 +153,7 @@ impl Viewer {
     /// # Errors
     /// What went wrong with it; [`PreviewError::Thread`] if nothing will come any more.
     pub fn newest(&self) -> Result<Option<RenderedView>, PreviewError> {
-        let ended = self.thread.as_ref().is_none_or(JoinHandle::is_finished);
-        match self.answers.take() {
-            None if ended => Err(PreviewError::Thread { what: "looks", reason: "ended without a word".into() }),
-            answer => answer.transpose(),
-        }
+        self.worker.newest()?.transpose()
     }
 
     /// How many pictures were made so far.
@@ -169,16 +162,6 @@ impl Viewer {
     }
 }
 
-impl Drop for Viewer {
-    fn drop(&mut self) {
-        self.given.push(ViewRequest { stop: true, ..ViewRequest::default() });
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
-    }
-}
-
-/// What the thread owns.
 struct Looker {
     eye: Eye,
     scene: SceneSource,
@@ -246,7 +229,6 @@ impl Looker {
         })
     }
 
-    /// The scene's photograph in each colour.
     fn photograph(&mut self, showing: &PreviewContent, pupil: &Pupil) -> Result<Vec<Plane>, PreviewError> {
         let other = || PreviewError::Showing {
             reason: reason!("other-optics", "its colours or its optics are not the scene's"),

@@ -4,11 +4,12 @@ use crate::files::asked_to_end;
 use crate::mailbox::Mailbox;
 use crate::session::feeds::statistics::Statistics;
 use crate::session::frame_log::error::SessionError;
-use crate::session::frame_log::notes::{NoteEvent, Notes};
+use crate::session::frame_log::notes::Notes;
 use crate::session::options::{About, COMMANDS, Content, Ended, SessionEvent, SessionOptions, Shared, Status};
 use crate::session::playback::output::Output;
 use crate::session::playback::player::Command;
 use crate::session::present_thread::PresentThread;
+use crate::session::threads::spawn;
 use crossbeam_utils::atomic::AtomicCell;
 use eyebox_base::reason;
 use std::sync::Arc;
@@ -47,10 +48,9 @@ impl Session {
         // As a display file has it; a session hears of its end at the next video frame.
         if let Some(rate) = options.display_rate.filter(|rate| !(1.0..=100_000.0).contains(&rate.hz())) {
             let hz = rate.hz();
-            return Err(SessionError::Setting(reason!(
-                "display-rate",
-                "`display_rate` {hz}: it must be 1 to 100000 video frames a second"
-            )));
+            return Err(
+                reason!("display-rate", "`display_rate` {hz}: it must be 1 to 100000 video frames a second").into()
+            );
         }
         let steered = matches!(&content, Content::Live(live) if live.steered);
         let shared = Arc::new(Shared {
@@ -62,26 +62,22 @@ impl Session {
         });
         let (tell, started) = sync_channel(1);
         let theirs = Arc::clone(&shared);
-        let failed = |reason: String| SessionError::Thread { what: "presents", reason };
-        let thread = std::thread::Builder::new()
-            .name("eyebox presents".into())
-            .spawn(move || {
-                let _end = theirs.notes.until_the_end();
-                match PresentThread::start(content, &output, options, theirs) {
-                    Ok(mut present) => {
-                        let _ = tell.send(Ok(present.about()));
-                        present.run()
-                    }
-                    Err(error) => {
-                        let _ = tell.send(Err(error));
-                        Ended { statistics: Statistics::default(), result: Ok(()) }
-                    }
+        let thread = spawn("presents", move || {
+            let _end = theirs.notes.until_the_end();
+            match PresentThread::start(content, &output, options, theirs) {
+                Ok(mut present) => {
+                    let _ = tell.send(Ok(present.about()));
+                    present.run()
                 }
-            })
-            .map_err(|e| failed(format!("could not be started ({e})")))?;
-        let gone = |why| {
+                Err(error) => {
+                    let _ = tell.send(Err(error));
+                    Ended { statistics: Statistics::default(), result: Ok(()) }
+                }
+            }
+        })?;
+        let gone = |reason| {
             shared.stop.store(true, Ordering::Release);
-            failed(why)
+            SessionError::Thread { what: "presents", reason }
         };
         let about = wait_for_start(&started, STARTED, asked_to_end()).map_err(gone)??;
         Ok(Self { shared, about, thread: Some(thread) })
@@ -99,10 +95,7 @@ impl Session {
 
     /// The next thing that happened, waiting so long for it.
     pub fn event(&self, within: Duration) -> Option<SessionEvent> {
-        self.shared.notes.recv_timeout(within).map(|heard| match heard {
-            NoteEvent::Note(note) => SessionEvent::Note(note),
-            NoteEvent::End => SessionEvent::Ended,
-        })
+        self.shared.notes.recv_timeout(within)
     }
 
     /// Pauses, steps, seeks or changes the speed of what is played, from the next video frame on.
@@ -123,12 +116,9 @@ impl Session {
     /// Stops it, if it has not ended, and says what came of it.
     pub fn stop(mut self) -> Ended {
         self.shared.stop.store(true, Ordering::Release);
+        let failed = || SessionError::Thread { what: "presents", reason: "failed, which is a fault of eyebox".into() };
         let ended = self.thread.take().and_then(|thread| thread.join().ok());
-        ended.unwrap_or_else(|| {
-            let reason = "failed, which is a fault of eyebox".into();
-            let result = Err(SessionError::Thread { what: "presents", reason });
-            Ended { statistics: Statistics::default(), result }
-        })
+        ended.unwrap_or_else(|| Ended { statistics: Statistics::default(), result: Err(failed()) })
     }
 }
 

@@ -28,15 +28,15 @@ fn another_picture_begins_with_the_phases_of_the_table() {
     };
     let refined = |tables: Vec<Option<Arc<StartTable>>>| {
         let policy = Policy { restart: f64::INFINITY, ..Policy::default() };
-        let mut steerer = LiveRefiner::new(stage.begun(), policy, cpu).unwrap().with_start_tables(tables);
-        steerer.aim(aim).unwrap();
-        steerer.follow(&[moved(&stage, 0)]).unwrap();
-        (0..8).for_each(|_| assert_eq!(steerer.round_while(|_, _| true).unwrap(), 1));
-        steerer.settle().unwrap();
-        steerer.follow(&[moved(&stage, 1)]).unwrap();
-        assert!(!steerer.needs_reinit(), "the same picture, one pixel on");
-        steerer.follow(&[moved(&stage, SIDE / 2)]).unwrap();
-        steerer
+        let mut refiner = LiveRefiner::new(stage.begun(), policy, cpu).unwrap().with_start_tables(tables);
+        refiner.aim(aim).unwrap();
+        refiner.follow(&[moved(&stage, 0)]).unwrap();
+        (0..8).for_each(|_| assert_eq!(refiner.round_while(|_, _| true).unwrap(), 1));
+        refiner.settle().unwrap();
+        refiner.follow(&[moved(&stage, 1)]).unwrap();
+        assert!(!refiner.needs_reinit(), "the same picture, one pixel on");
+        refiner.follow(&[moved(&stage, SIDE / 2)]).unwrap();
+        refiner
     };
     let mut good = refined(stage.tables());
     let before = good.phases().unwrap()[0].to_vec();
@@ -92,28 +92,28 @@ fn another_picture_begins_with_drives_of_the_table() {
     let slide = inverted(&whole);
     let refined = |tables: Vec<Option<Arc<StartTable>>>| {
         let policy = Policy { restart: f64::INFINITY, ..Policy::default() };
-        let mut steerer = LiveRefiner::new(whole.clone(), policy, cpu).unwrap().with_start_tables(tables);
-        steerer.aim(tests::aim(2e-3)).unwrap();
-        (0..6).for_each(|_| assert_eq!(steerer.round_while(|_, _| true).unwrap(), 3));
+        let mut refiner = LiveRefiner::new(whole.clone(), policy, cpu).unwrap().with_start_tables(tables);
+        refiner.aim(tests::aim(2e-3)).unwrap();
+        (0..6).for_each(|_| assert_eq!(refiner.round_while(|_, _| true).unwrap(), 3));
         let same = |color: &LiveColor| LiveColor { phases: Vec::new(), ..shifted_color(color, 1) };
-        steerer.follow(&whole.iter().map(same).collect::<Vec<_>>()).unwrap();
-        assert!(!steerer.needs_reinit(), "the same picture, one pixel on");
-        assert_eq!(steerer.follow(&slide).unwrap(), Followed::default());
-        steerer
+        refiner.follow(&whole.iter().map(same).collect::<Vec<_>>()).unwrap();
+        assert!(!refiner.needs_reinit(), "the same picture, one pixel on");
+        assert_eq!(refiner.follow(&slide).unwrap(), Followed::default());
+        refiner
     };
-    let mut steerer = refined(vec![Some(Arc::clone(&table))]);
-    let last = steerer.sent().unwrap()[0].to_vec();
-    assert!(steerer.needs_reinit());
-    assert_eq!((steerer.fit().unwrap(), steerer.needs_reinit(), steerer.fit().unwrap()), (3, false, 0));
+    let mut refiner = refined(vec![Some(Arc::clone(&table))]);
+    let last = refiner.sent().unwrap()[0].to_vec();
+    assert!(refiner.needs_reinit());
+    assert_eq!((refiner.fit().unwrap(), refiner.needs_reinit(), refiner.fit().unwrap()), (3, false, 0));
     let (problems, exposures): (Vec<&Problem>, Vec<f64>) = slide.iter().map(|c| (&c.problem, c.exposure)).unzip();
     let looked_up = table.drives(&problems, &exposures).unwrap().expect("a drive's table");
     let apart = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| 1.0 - (a - b).cos()).fold(0.0, f32::max);
-    assert!(apart(steerer.sent().unwrap()[0], &looked_up) < 1e-6 && apart(&last, &looked_up) > 0.5);
+    assert!(apart(refiner.sent().unwrap()[0], &looked_up) < 1e-6 && apart(&last, &looked_up) > 0.5);
     let random = random_phases(last.len(), 3);
     let [table_db, last_db, random_db] = [&looked_up, &last, &random].map(|drives| {
-        steerer.begin_with(std::slice::from_ref(drives)).unwrap();
-        (0..2).for_each(|_| assert_eq!(steerer.round_while(|_, _| true).unwrap(), 3));
-        steerer.estimated_db().unwrap()
+        refiner.begin_with(std::slice::from_ref(drives)).unwrap();
+        (0..2).for_each(|_| assert_eq!(refiner.round_while(|_, _| true).unwrap(), 3));
+        refiner.estimated_db().unwrap()
     });
     println!(
         "after one step {table_db:.2} dB from the table, {last_db:.2} from the last drives, {random_db:.2} from random ones"

@@ -28,6 +28,7 @@ mod options;
 mod playback;
 mod present_thread;
 mod refinement;
+mod threads;
 mod ticked;
 
 #[cfg(all(test, target_os = "linux"))]
@@ -62,10 +63,12 @@ mod thread_tests;
 mod together_tests;
 
 #[cfg(target_os = "linux")]
-pub use content::application::{LiveInput, LiveKind, darkness};
+pub use content::application::{LiveInput, darkness};
 pub use content::far_field::FarField;
 pub use content::moving::{MovingSequence, SceneLoader};
 pub use content::scenes::{Due, FrameFreshness, Newest, SceneFrame, Scenes};
+#[cfg(target_os = "linux")]
+pub use eyebox_live_input::Kind as LiveKind;
 pub use feeds::following::LiveStatus;
 pub use feeds::live::{EngineSource, Live, Tracking, whole_eyebox};
 pub use feeds::play::Play;
@@ -85,9 +88,9 @@ pub use playback::player::{Command, PresentedFrame};
 pub use playback::report::{Report, Timing};
 pub use playback::ticks::{TickedFrame, TickedOutput};
 pub use playback::timeline::Speed;
-pub use refinement::field::Field;
+pub use refinement::field::{Field, LiveColor};
 pub use refinement::live_refiner::look_up::start_tables;
-pub use refinement::live_refiner::{EngineOpener, Followed, LiveColor, LiveRefiner, PhasesOfColors, Policy};
+pub use refinement::live_refiner::{EngineOpener, Followed, LiveRefiner, PhasesOfColors, Policy};
 pub use refinement::pupil_tracker::TrackerCounts;
 pub use refinement::set_timing::{SetTiming, Target};
 pub use refinement::work_time::Cost;

@@ -126,7 +126,6 @@ pub struct Ended {
     pub result: Result<(), SessionError>,
 }
 
-/// What both sides share.
 pub(super) struct Shared {
     pub stop: AtomicBool,
     pub steered: Arc<AtomicBool>,

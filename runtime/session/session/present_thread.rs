@@ -3,8 +3,8 @@
 use crate::gpu::{Gpu, Messages};
 use crate::present::{Interference, SECOND_NS};
 use crate::session::feeds::following::HandedOver;
-use crate::session::feeds::running::{ActiveContent, ContentSetup};
 use crate::session::feeds::statistics::{Ending, Statistics};
+use crate::session::feeds::{ActiveContent, ContentSetup};
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::trace::{Trace, Written};
 use crate::session::options::{About, Content, Ended, FrameObserver, SessionOptions, Shared, Status};
@@ -18,7 +18,6 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-/// The thread's own.
 pub(super) struct PresentThread {
     shared: Arc<Shared>,
     running: ActiveContent,
@@ -38,7 +37,6 @@ pub(super) struct PresentThread {
 }
 
 impl PresentThread {
-    /// Opens the display and starts the content's threads.
     pub(super) fn start(
         content: Content,
         output: &Output,
@@ -47,23 +45,16 @@ impl PresentThread {
     ) -> Result<Self, SessionError> {
         let written = options.trace.as_deref().map(Trace::write).transpose()?;
         let trace = written.as_ref().map_or_else(Trace::none, Written::trace);
-        let frames = match &content {
-            Content::Play(play) => play.encoder.frames(),
-            Content::Live(live) => live.encoder.frames(),
+        let (frames, newest, encoder_gpu) = match &content {
+            Content::Play(play) => (play.encoder.frames(), play.sequence.newest().cloned(), play.device.clone()),
+            Content::Live(live) => (live.encoder.frames(), None, None),
         };
         let size = [frames.height, frames.width, frames.channels];
         let mut display = output.open(size, options.display_rate, options.gpu.as_ref())?;
         let notes = shared.notes.clone();
-        let newest = match &content {
-            Content::Play(play) => play.sequence.newest().cloned(),
-            Content::Live(_) => None,
-        };
-        let encoder_gpu = match &content {
-            Content::Play(play) => play.device.as_ref(),
-            Content::Live(_) => None,
-        };
         let mut messages: Vec<Messages> = options.gpu.iter().map(Gpu::messages).collect();
-        messages.extend(encoder_gpu.filter(|gpu| !options.gpu.iter().any(|other| gpu.is(other))).map(Gpu::messages));
+        let other_gpu = encoder_gpu.filter(|gpu| !options.gpu.iter().any(|other| gpu.is(other)));
+        messages.extend(other_gpu.iter().map(Gpu::messages));
         let setup = match content {
             Content::Play(play) => play.start(&display, notes, trace.clone())?,
             Content::Live(live) => {
@@ -97,7 +88,7 @@ impl PresentThread {
     }
 
     pub(super) fn about(&mut self) -> About {
-        let schedule = *self.player.scheduler().schedule();
+        let schedule = *self.player.scheduler.schedule();
         About {
             presenter: self.display.presenter().describe(),
             display_rate: schedule.display_rate,
@@ -123,7 +114,6 @@ impl PresentThread {
         (self.display.clock.now_ns() - self.begun_ns) as f64 / SECOND_NS as f64
     }
 
-    /// One video frame.
     fn tick(&mut self) -> Result<Option<Ending>, SessionError> {
         if self.shared.stop.load(Ordering::Acquire) {
             return Ok(Some(Ending::Stopped));
@@ -132,7 +122,7 @@ impl PresentThread {
             self.player.command(command, self.running.source());
         }
         let Self { player, display, running, recording, observer, .. } = self;
-        let (mut handed_over, rolls) = (None, player.scheduler().schedule().rolls);
+        let (mut handed_over, rolls) = (None, player.scheduler.schedule().rolls);
         let flow = player.tick(display.presenter(), running.source(), &mut |frame| {
             let PresentedFrame { predicted_display_time_ns: start_ns, video_frame, .. } = *frame;
             handed_over = Some(HandedOver { start_ns, video_frame, decided: rolls || video_frame == 0 });
@@ -153,8 +143,8 @@ impl PresentThread {
         }
         // An application that never comes is not waited for without end.
         let waits = matches!(&self.running, ActiveContent::Live(following) if following.first_is_to_come);
-        if waits || self.player.scheduler().account().due > 0 {
-            let (now_ns, period_ns) = (self.player.display_time_ns(), self.player.rate().period_ns());
+        if waits || self.player.scheduler.account().due > 0 {
+            let (now_ns, period_ns) = (self.player.display_time_ns, self.player.rate().period_ns());
             let passed_ns = now_ns - *self.content_since_ns.get_or_insert(now_ns) + period_ns;
             if self.most_ns.is_some_and(|most_ns| passed_ns >= most_ns) {
                 return Ok(Some(Ending::Duration));
@@ -166,8 +156,8 @@ impl PresentThread {
         }
         self.shared.status.store(Status {
             seconds: self.seconds(),
-            account: *self.player.scheduler().account(),
-            timing: *self.player.timing(),
+            account: *self.player.scheduler.account(),
+            timing: self.player.timing,
             live: match &self.running {
                 ActiveContent::Play(_) => None,
                 ActiveContent::Live(following) => Some(following.status()),
@@ -182,21 +172,21 @@ impl PresentThread {
         let mut result = self.player.end(self.display.presenter(), ended).map(drop);
         let seconds = self.seconds();
         let presenter = self.display.presenter();
-        let schedule = *self.player.scheduler().schedule();
+        let schedule = *self.player.scheduler.schedule();
         let planes = self.sub_frames * schedule.decided_every() / schedule.set_frames.max(1);
         let mut statistics = Statistics {
-            report: Report::new(self.player.scheduler(), self.player.timing(), seconds, planes),
+            report: Report::new(&self.player.scheduler, &self.player.timing, seconds, planes),
             ended_by,
             presenter: presenter.describe(),
             timed_by: presenter.timed_by(),
             display_hz: schedule.display_rate.hz(),
             content_hz: schedule.content_rate.hz(),
             set_frames: schedule.set_frames,
-            margin_ms: self.player.pacer().margin_ns() as f64 / 1e6,
+            margin_ms: self.player.pacer.margin_ns as f64 / 1e6,
             interference: self.interference,
             ..Statistics::default()
         };
-        let mut tracks = vec![self.player.into_track()];
+        let mut tracks = vec![self.player.track];
         match self.running {
             ActiveContent::Play(stream) => tracks.extend(stream.stop()),
             ActiveContent::Live(following) => {

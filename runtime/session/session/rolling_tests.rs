@@ -4,7 +4,7 @@ use crate::optics::Pupil;
 use crate::present::{Clock, Offscreen, Rate, SECOND_NS, SimulatedClock};
 use crate::session::feeds::sets::set_channel;
 use crate::session::frame_log::trace::Trace;
-use crate::session::playback::player::{Begins, Player, SetSource};
+use crate::session::playback::player::{Player, SetSource};
 use crate::session::playback::scheduler::{Schedule, Scheduler, Start};
 use crate::session::scenes_tests::seen;
 use crate::session::scripted::{Application, content_of, samples, shown};
@@ -100,9 +100,9 @@ fn every_video_frame_is_the_newest_sets_in_its_turn() {
             })
             .unwrap();
     }
-    let account = player.scheduler().account();
+    let account = player.scheduler.account();
     assert_eq!((account.sets, account.video_frames, account.drops()), (20_000, 20_000, 0));
-    let (news, repeats) = source.counts();
+    let (news, repeats) = (source.news, source.repeats);
     assert_eq!(news + repeats.iter().sum::<u64>() + account.idle_sets, 20_000);
 }
 
@@ -123,10 +123,7 @@ fn windows(stage: &Scripted, rolls: bool) -> Vec<f64> {
         let start_ns = (frame + 8) * frame_ns;
         if rolls || frame % 8 == 0 {
             source
-                .settle(
-                    0,
-                    Begins { display_time_ns: start_ns, decided_ns: start_ns - frame_ns / 8, turn: frame as u64 % 8 },
-                )
+                .settle(0, Target { start_ns, hand_over_ns: start_ns - frame_ns / 8, turn: frame as u64 % 8 })
                 .unwrap();
             source.show(0);
             if let Some(set) = source.newly_shown() {

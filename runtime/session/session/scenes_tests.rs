@@ -3,7 +3,7 @@
 
 use crate::engine::cpu::CpuEngine;
 use crate::optics::Pupil;
-use crate::session::playback::player::{Begins, SetSource};
+use crate::session::playback::player::SetSource;
 use crate::session::refinement::pupil_source::PupilSource;
 use crate::session::scripted::{Application, samples, shown};
 use crate::session::stage::*;
@@ -37,7 +37,7 @@ fn seen_of(stage: &Scripted, tracked: bool) -> Vec<(f64, u64, Pupil)> {
     for set in 1..=60i64 {
         let start_ns = set * PERIOD_NS;
         // Decided on a millisecond before.
-        source.settle(0, Begins { display_time_ns: start_ns, decided_ns: start_ns - 1_000_000, turn: 0 }).unwrap();
+        source.settle(0, Target { start_ns, hand_over_ns: start_ns - 1_000_000, turn: 0 }).unwrap();
         source.show(0);
         let Some(made) = source.newly_shown() else { continue };
         let content = made.content.expect("a scene");

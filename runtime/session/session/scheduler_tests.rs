@@ -49,7 +49,7 @@ fn due(beats: i64, display: Rate, content: Rate) -> [u64; 2] {
 }
 
 fn adds_up(simulation: &Simulation) -> Account {
-    let scheduler = simulation.player.scheduler();
+    let scheduler = &simulation.player.scheduler;
     let (account, n) = (*scheduler.account(), scheduler.schedule().set_frames);
     assert_eq!(account.due, account.shown + account.drops() + scheduler.pending() as u64, "{account:?}");
     let whole = account.sets * n + account.missed_presents + account.held_video_frames;
@@ -282,8 +282,8 @@ fn pausing_stepping_and_speed_keep_sets_whole() {
     simulation.run_until(8 * SECOND_NS);
     // Positions begin anew: the log is no longer in their order, and the account still adds up.
     assert!(last(&simulation) < 130);
-    let a = simulation.player.scheduler().account();
-    assert_eq!(a.due, a.shown + a.drops() + simulation.player.scheduler().pending() as u64);
+    let a = simulation.player.scheduler.account();
+    assert_eq!(a.due, a.shown + a.drops() + simulation.player.scheduler.pending() as u64);
 }
 
 #[test]
@@ -304,7 +304,7 @@ fn a_suspend_drops_what_was_due_and_goes_on_in_time() {
     for (set_frames, content, inside) in [(1, "60", 0), (8, "7.5", 3), (3, "20", 1), (8, "60", 5)] {
         let mut simulation = Simulation::new(schedule("60", content, set_frames), rate("60"));
         simulation.run_until(10 * SECOND_NS + rate("60").time_of_ns(inside));
-        let before = *simulation.player.scheduler().account();
+        let before = *simulation.player.scheduler.account();
         simulation.clock_to(simulation.clock.now_ns() + 7 * MINUTES + 123_456_789);
         simulation.run_until(8 * MINUTES);
         // Whole, and in order.
@@ -351,14 +351,14 @@ fn a_display_that_comes_back_with_another_phase_is_followed() {
         simulation.run_until(10 * SECOND_NS);
         simulation.panel.shift(shift_ns);
         simulation.run_until(11 * SECOND_NS);
-        let missed = simulation.player.scheduler().account().missed_presents;
+        let missed = simulation.player.scheduler.account().missed_presents;
         simulation.run_until(MINUTES);
         let account = adds_up(&simulation);
         simulation.sets();
         // Half a period off, it cannot be told from a miss.
         assert!(missed <= 4, "{shift_ns}: {missed}");
         assert_eq!(account.missed_presents, missed, "{shift_ns}");
-        let now = simulation.player.display_time_ns();
+        let now = simulation.player.display_time_ns;
         let timing = (now - simulation.panel.time_of_ns(0)).rem_euclid(rate("60").period_ns());
         assert!(
             timing < 500_000 || timing > rate("60").period_ns() - 500_000,

@@ -4,10 +4,10 @@
 use crate::encode::{Encoder, VideoFrames};
 use crate::optics::{Color, Display};
 use crate::present::{Clock, Feedback, PresentError, Presenter, Rate, SimulatedClock};
-use crate::session::SessionError;
 use crate::session::frame_log::trace::Trace;
-use crate::session::playback::player::{Begins, Flow, Player, SetSource};
+use crate::session::playback::player::{Flow, Player, SetSource};
 use crate::session::playback::scheduler::{Content, Readiness, Schedule, Scheduler};
+use crate::session::{SessionError, Target};
 use crate::solve::SplitMix;
 use std::collections::{BTreeSet, VecDeque};
 use std::rc::Rc;
@@ -56,10 +56,6 @@ impl Panel {
 impl Presenter for Panel {
     fn describe(&self) -> String {
         "a simulated panel".into()
-    }
-
-    fn rate(&self) -> Option<Rate> {
-        Some(self.rate)
     }
 
     fn upload(&mut self, picture: &[u8]) -> Result<(), PresentError> {
@@ -126,7 +122,7 @@ impl SetSource for Producer {
     }
 
     // Here late content is late, though the clock is simulated.
-    fn settle(&mut self, _position: u64, _begins: Begins) -> Result<(), SessionError> {
+    fn settle(&mut self, _position: u64, _target: Target) -> Result<(), SessionError> {
         Ok(())
     }
 
@@ -210,7 +206,7 @@ impl Simulation {
     /// The sets that the panel showed, each with its first timing, repeats apart; fails for a torn or a mixed one, and for
     /// one out of order.
     pub fn sets(&self) -> Vec<(Option<u64>, i64)> {
-        let n = self.player.scheduler().schedule().set_frames;
+        let n = self.player.scheduler.schedule().set_frames;
         let mut sets = Vec::new();
         let mut log = self.panel.log.clone();
         // Held so that sets keep their phase.

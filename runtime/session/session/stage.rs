@@ -6,7 +6,7 @@ use crate::engine::{Engine, EngineError};
 use crate::optics::{Color, Display, Laser, Padding};
 use crate::scene::{self, LightField, Pyramid, Request};
 use crate::session::content::shifted::shifted_problem;
-use crate::session::refinement::live_refiner::LiveColor;
+use crate::session::refinement::field::LiveColor;
 use crate::solve::{Flow, Problem, Settings, StartTable, random_phases, solve};
 use std::sync::Arc;
 

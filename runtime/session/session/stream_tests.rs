@@ -9,9 +9,9 @@ use crate::optics::{Color, Display, JointColor, Laser, Optics};
 use crate::present::{Clock, Offscreen, Rate, SimulatedClock};
 use crate::session::frame_log::notes::Notes;
 use crate::session::frame_log::trace::Trace;
-use crate::session::playback::player::{Begins, Command, Flow, Player, PresentedFrame, SetSource};
+use crate::session::playback::player::{Command, Flow, Player, PresentedFrame, SetSource};
 use crate::session::playback::scheduler::{Content, Readiness, Schedule, Scheduler, Start};
-use crate::session::playback::stream::{Stream, StreamEncoder, StreamOptions};
+use crate::session::playback::stream::{Stream, StreamOptions};
 use crate::session::*;
 use crate::solve::SplitMix;
 use eyebox_base::error::ErrorData;
@@ -68,7 +68,7 @@ fn options() -> StreamOptions {
 
 fn start(path: &Path, display: &Display, options: StreamOptions) -> Stream {
     let encoder = Encoder::new(display, &COLORS, 8).unwrap();
-    Stream::start(Sequence::open(path).unwrap(), StreamEncoder::Cpu(encoder), options).unwrap()
+    Stream::start(Sequence::open(path).unwrap(), encoder, None, options).unwrap()
 }
 
 fn encoded(index: u64, display: &Display) -> Vec<Vec<u8>> {
@@ -135,7 +135,7 @@ fn play_stream(
     while let Some(message) = notes.take() {
         messages.push(message);
     }
-    let account = *player.scheduler().account();
+    let account = *player.scheduler.account();
     Played { log, messages, account, flow }
 }
 
@@ -187,8 +187,8 @@ fn an_slm_of_two_turns_is_sent_its_drives() {
     let wanted = encoder().encode(&PhaseSet::trusted(&[&drives])).unwrap();
     assert!(hologram.encode(&display).unwrap().bytes() == wanted.bytes());
     let sequence = Sequence::open(&path).unwrap();
-    let mut stream = Stream::start(sequence, StreamEncoder::Cpu(encoder()), options()).unwrap();
-    stream.settle(0, Begins { display_time_ns: 0, decided_ns: 0, turn: 0 }).unwrap();
+    let mut stream = Stream::start(sequence, encoder(), None, options()).unwrap();
+    stream.settle(0, Target::default()).unwrap();
     stream.show(0);
     assert!(stream.on_screen().unwrap().0.bytes() == wanted.bytes());
 }
@@ -217,7 +217,8 @@ fn a_vulkan_device_streams_the_bytes_of_the_cpu() {
         let notes = options.notes.clone();
         let gpu = gpu();
         let heard = gpu.messages();
-        let stream = Stream::start(sequence, StreamEncoder::Vulkan(encoder, gpu), options).unwrap();
+        let device = crate::engine::vulkan::VulkanEncoder::new(&gpu, encoder.plan()).unwrap();
+        let stream = Stream::start(sequence, encoder, Some(device), options).unwrap();
         let rate = if preset == "grey8" { "2.5" } else { "7.5" };
         let played = play_stream(&fixture, (stream, notes), rate, 100_000, |_, _, _| {});
         assert_eq!((shown(&played.log), played.flow), (vec![0, 1, 2, 3, 4], Flow::Ended), "{preset}");
@@ -251,7 +252,7 @@ fn a_device_lost_while_streaming_is_followed_by_the_cpu() {
         let heard = lost.gpu().messages();
         let options = options();
         let notes = options.notes.clone();
-        let stream = Stream::with(sequence, encoder, Some(lost), options).unwrap();
+        let stream = Stream::start(sequence, encoder, Some(lost), options).unwrap();
         let played = play_stream(&fixture, (stream, notes), "20", 100_000, |_, _, _| {});
         assert_eq!((shown(&played.log), played.flow), ((0..8).collect(), Flow::Ended), "after {after}");
         assert_eq!(played.account.drops(), 0);
@@ -284,7 +285,7 @@ fn a_thread_that_fails_leaves_the_idle_picture_and_one_line() {
         });
         let sequence = Sequence::open(&fixture.path).unwrap();
         let looped = StreamOptions { looped: true, ..options() };
-        let mut stream = Stream::with(sequence, encoder, device, looped).unwrap();
+        let mut stream = Stream::start(sequence, encoder, device, looped).unwrap();
         if let Fault::Panic(thread) = fault {
             stream.pretend_panic_from(thread, 20);
         }
@@ -303,7 +304,7 @@ fn a_thread_that_fails_leaves_the_idle_picture_and_one_line() {
                 break Err::<(), _>(error);
             }
         };
-        assert!(player.scheduler().account().shown > 4, "{line}");
+        assert!(player.scheduler.account().shown > 4, "{line}");
         let error = player.end(&mut offscreen, ended).expect_err("a failure");
         assert!(!error.to_string().contains('\n'), "{error}");
         let panicked = match &error {
@@ -365,7 +366,7 @@ fn a_growing_sequence_is_followed_to_its_end() {
         if position >= 2 {
             fixture.writer.append(&hologram(position, &fixture.display)).unwrap();
         }
-        stream.settle(position, Begins::default()).unwrap();
+        stream.settle(position, Target::default()).unwrap();
         assert_eq!(stream.readiness(position), Readiness::Ready);
         stream.show(position);
         let (frames, index) = stream.on_screen().unwrap();
@@ -375,7 +376,7 @@ fn a_growing_sequence_is_followed_to_its_end() {
     }
     assert_eq!((seen, stream.end()), (5, None));
     fixture.writer.finish().unwrap();
-    stream.settle(5, Begins::default()).unwrap();
+    stream.settle(5, Target::default()).unwrap();
     assert_eq!(stream.end(), Some(5));
 }
 
@@ -384,7 +385,7 @@ fn a_hologram_of_another_shape_is_refused_at_once() {
     let fixture = fixture("planes24", 1);
     let encoder = Encoder::new(&Display { width: 20, ..fixture.display.clone() }, &COLORS, 8).unwrap();
     let sequence = Sequence::open(&fixture.path).unwrap();
-    assert!(matches!(Stream::start(sequence, StreamEncoder::Cpu(encoder), options()), Err(SessionError::Encode(_))));
+    assert!(matches!(Stream::start(sequence, encoder, None, options()), Err(SessionError::Encode(_))));
 }
 
 /// A version is on the screen once its second set is lit, until the first video frame of another one, or of the idle picture, is
@@ -399,7 +400,7 @@ fn a_version_is_on_the_screen_while_its_light_stands() {
         let set_frames = encoder.packed().video_frames;
         let options = StreamOptions { looped: true, ..options() };
         let notes = options.notes.clone();
-        let stream = Stream::start(sequence, StreamEncoder::Cpu(encoder), options).unwrap();
+        let stream = Stream::start(sequence, encoder, None, options).unwrap();
         let mut seen = Vec::new();
         let played = play_stream(&fixture, (stream, notes), "7.5", 400, |tick, player, stream| {
             match tick {

@@ -5,7 +5,7 @@ use crate::optics::PupilDistribution;
 use crate::present::{Clock, Offscreen, Rate, SimulatedClock};
 use crate::session::feeds::sets::{LiveSource, SetSender, set_channel};
 use crate::session::frame_log::trace::Trace;
-use crate::session::playback::player::{Begins, Player, SetSource};
+use crate::session::playback::player::{Player, SetSource};
 use crate::session::playback::scheduler::{Content, Readiness, Schedule, Scheduler, Start};
 use crate::session::stage::*;
 use crate::session::*;
@@ -24,14 +24,14 @@ pub(super) fn aim(x: f64) -> PupilDistribution {
 #[test]
 fn a_jump_begins_again_and_a_drift_does_not() {
     let whole = part();
-    let steerer = |restart| {
+    let refiner = |restart| {
         let policy = Policy { restart, ..Policy::default() };
-        let mut steerer = LiveRefiner::new(vec![whole.clone(), whole.clone()], policy, cpu).unwrap();
-        assert!(!steerer.aim(aim(0.0)).unwrap(), "the first aim is no jump");
-        assert_eq!(steerer.round_while(|_, _| true).unwrap(), 2, "one step of each colour");
-        steerer
+        let mut refiner = LiveRefiner::new(vec![whole.clone(), whole.clone()], policy, cpu).unwrap();
+        assert!(!refiner.aim(aim(0.0)).unwrap(), "the first aim is no jump");
+        assert_eq!(refiner.round_while(|_, _| true).unwrap(), 2, "one step of each colour");
+        refiner
     };
-    let mut restarts = steerer(0.5);
+    let mut restarts = refiner(0.5);
     assert!(restarts.phases().unwrap().iter().all(|p| **p != whole.phases));
     assert!(!restarts.aim(aim(1.9e-3)).unwrap(), "less than half a diameter");
     assert!(!restarts.aim(aim(3.8e-3)).unwrap(), "a pursuit is no jump, however far it goes");
@@ -39,18 +39,18 @@ fn a_jump_begins_again_and_a_drift_does_not() {
     assert!(restarts.aim(aim(-1e-3)).unwrap());
     assert!(restarts.phases().unwrap().iter().all(|p| **p == whole.phases));
     assert_eq!(restarts.counts(), [1, 2]);
-    let mut never = steerer(f64::INFINITY);
+    let mut never = refiner(f64::INFINITY);
     assert!(!never.aim(aim(9e-3)).unwrap());
     assert!(never.phases().unwrap().iter().all(|p| **p != whole.phases));
 }
 
 #[test]
 fn no_step_is_begun_that_would_end_too_late() {
-    let mut steerer = LiveRefiner::new(vec![part()], Policy::default(), cpu).unwrap();
-    steerer.aim(aim(0.0)).unwrap();
-    steerer.round_while(|_, _| true).unwrap();
-    assert!(steerer.round() > Duration::ZERO);
-    assert_eq!(steerer.round_while(|_, expected| expected.is_zero()).unwrap(), 0);
+    let mut refiner = LiveRefiner::new(vec![part()], Policy::default(), cpu).unwrap();
+    refiner.aim(aim(0.0)).unwrap();
+    refiner.round_while(|_, _| true).unwrap();
+    assert!(refiner.round() > Duration::ZERO);
+    assert_eq!(refiner.round_while(|_, expected| expected.is_zero()).unwrap(), 0);
     assert!(LiveRefiner::new(Vec::new(), Policy::default(), cpu).is_err());
     let policy = Policy { restart: f64::NAN, ..Policy::default() };
     assert!(LiveRefiner::new(vec![part()], policy, cpu).is_err());
@@ -100,17 +100,17 @@ fn the_newest_set_wins_and_buffers_go_round() {
     }
     // Nothing new: the last one stays, and is counted.
     source.show(1000);
-    assert_eq!((source.on_screen().map(|s| s.1), source.counts()), (Some(99), (10, [1, 0, 0, 0, 0, 0])));
+    assert_eq!((source.on_screen().map(|s| s.1), (source.news, source.repeats)), (Some(99), (10, [1, 0, 0, 0, 0, 0])));
     for (i, doing) in RepeatReason::ALL.into_iter().enumerate() {
         sender.does(doing);
         source.show(1001);
-        assert_eq!((source.counts().1[i], source.repeated()), (1 + u64::from(i == 0), Some(doing)));
+        assert_eq!((source.repeats[i], source.repeated), (1 + u64::from(i == 0), Some(doing)));
     }
     // Who made it is gone: the picture stays.
     drop(sender);
     source.poll(0).unwrap();
     source.show(1002);
-    assert_eq!((source.readiness(7), source.repeated()), (Readiness::Ready, Some(RepeatReason::RefinementEnded)));
+    assert_eq!((source.readiness(7), source.repeated), (Readiness::Ready, Some(RepeatReason::RefinementEnded)));
 }
 
 /// A refinement in simulated time: it aims for the next set that it expects to reach, and takes as long as it likes.
@@ -159,8 +159,8 @@ impl SetSource for Follows<'_> {
         self.0.poll(useful_from)
     }
 
-    fn settle(&mut self, position: u64, begins: Begins) -> Result<(), SessionError> {
-        self.0.settle(position, begins)
+    fn settle(&mut self, position: u64, target: Target) -> Result<(), SessionError> {
+        self.0.settle(position, target)
     }
 
     fn show(&mut self, position: u64) {
@@ -225,7 +225,7 @@ fn in_ten_minutes_no_set_is_late_because_of_refinement() {
         let decided = clock.now_ns().min(began.unwrap_or(0) - 2_000_000);
         timing.store(timing.load().after(began.unwrap_or(0), decided));
     }
-    let account = player.scheduler().account();
+    let account = player.scheduler.account();
     assert_eq!(account.late_sets, [0; 5]);
     assert_eq!((account.drops(), account.missed_presents), (0, 0));
     assert!(account.sets.abs_diff(36_000) <= 2, "{} sets", account.sets);

@@ -201,8 +201,8 @@ fn an_engine_that_is_lost_is_made_anew_and_then_given_up() {
     let count = Arc::clone(&opened);
     let short = move || {
         count.fetch_add(1, Ordering::Relaxed);
-        let steerer = LiveRefiner::new(vec![whole.clone()], Policy::default(), || Ok(failing(4)))?;
-        Ok((steerer, None))
+        let refiner = LiveRefiner::new(vec![whole.clone()], Policy::default(), || Ok(failing(4)))?;
+        Ok((refiner, None))
     };
     let tracker = Arc::new(follow(&Notes::default(), |_| None));
     let clock = RealClock::start();
@@ -317,8 +317,8 @@ fn refines_on_one_device(direct: Option<PixelOrder>) {
     let clock = RealClock::start();
     let timing = Arc::new(AtomicCell::new(SetTiming::new(16_666_667)));
     let again = move || {
-        let steerer = LiveRefiner::new(colors.clone(), Policy::default(), || backend.engine())?;
-        Ok((steerer, backend.gpu()?))
+        let refiner = LiveRefiner::new(colors.clone(), Policy::default(), || backend.engine())?;
+        Ok((refiner, backend.gpu()?))
     };
     let options = RefinementOptions { direct, with_phases: false, ..options(Arc::new(tracker), clock, &timing, again) };
     let (mut refinement, mut source) = Refinement::start(encoder, options).unwrap();

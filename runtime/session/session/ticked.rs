@@ -33,17 +33,14 @@ impl TickedSession {
     /// Those of [`Session::start`]; [`SessionError::Setting`] for options with an observer, whose place the ticks take.
     pub fn start(content: impl Into<Content>, mut options: SessionOptions) -> Result<Self, SessionError> {
         if options.observer.is_some() {
-            return Err(SessionError::Setting(reason!(
-                "observer",
-                "a session that is ticked has no other observer than its caller"
-            )));
+            return Err(reason!("observer", "a session that is ticked has no other observer than its caller").into());
         }
         let ticks = Ticks::new();
-        let given = TickProducer::new(&ticks);
+        let given = TickProducer(ticks.clone());
         options.observer = Some(Box::new(move |frame| given.put(frame)));
-        let session = Session::start(content, Output::Ticked(TickedOutput::new(&ticks)), options)?;
+        let session = Session::start(content, Output::Ticked(TickedOutput(ticks.clone())), options)?;
         let period = Duration::from_nanos(session.about().display_rate.period_ns().unsigned_abs());
-        Ok(Self { last: LastTick::new(&ticks), session, ticks, period, frame: TickedFrame::default() })
+        Ok(Self { last: LastTick(ticks.clone()), session, ticks, period, frame: TickedFrame::default() })
     }
 
     /// The next video frame, which lights up at `lit_ns` of the steady clock ([`trackers::now_ns`](crate::trackers::now_ns)), or
@@ -56,10 +53,11 @@ impl TickedSession {
         let lit_ns = lit_ns.unwrap_or_else(|| now.saturating_add(self.period.as_nanos() as u64));
         if u128::from(lit_ns.abs_diff(now)) > REACH.as_nanos() {
             let off = (i128::from(lit_ns) - i128::from(now)) as f64 * 1e-9;
-            return Err(SessionError::Setting(reason!(
+            return Err(reason!(
                 "lights-up",
                 "a video frame that lights up {off:.3} s from now: it must be within a second, on the steady clock"
-            )));
+            )
+            .into());
         }
         self.ticks.asks.push(Some(lit_ns));
         let given = loop {

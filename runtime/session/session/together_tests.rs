@@ -1,4 +1,4 @@
-//! Tests of a steerer of all colours at once.
+//! Tests of a refiner of all colours at once.
 
 use crate::encode::Encoder;
 use crate::optics::Color;
@@ -9,45 +9,45 @@ use crate::session::*;
 use crate::solve::random_phases;
 use eyebox_base::error::ErrorData;
 
-fn phases(steerer: &mut LiveRefiner) -> Vec<Vec<f32>> {
-    steerer.phases().unwrap().iter().map(|of_color| of_color.to_vec()).collect()
+fn phases(refiner: &mut LiveRefiner) -> Vec<Vec<f32>> {
+    refiner.phases().unwrap().iter().map(|of_color| of_color.to_vec()).collect()
 }
 
 /// A step is one of all colours, whose phases stay those of one drive; a jump begins again with that of the whole eyebox.
 #[test]
 fn colours_are_stepped_together_and_begin_again_together() {
     let whole = joint_colors(&joint_display());
-    let mut steerer = LiveRefiner::new(whole.clone(), Policy::default(), cpu).unwrap();
-    let begun = phases(&mut steerer);
+    let mut refiner = LiveRefiner::new(whole.clone(), Policy::default(), cpu).unwrap();
+    let begun = phases(&mut refiner);
     for (color, phases) in whole.iter().zip(&begun) {
         let off = color.phases.iter().zip(phases).map(|(a, b)| 1.0 - (a - b).cos()).fold(0.0, f32::max);
         assert!(off < 1e-6, "{off}");
     }
-    assert!(steerer.phases_on_device().is_none());
-    steerer.aim(aim(0.0)).unwrap();
+    assert!(refiner.phases_on_device().is_none());
+    refiner.aim(aim(0.0)).unwrap();
     let mut asked = Vec::new();
     let mut losses = Vec::new();
     for _ in 0..4 {
-        let taken = steerer.round_while(|steps, _| {
+        let taken = refiner.round_while(|steps, _| {
             asked.push(steps);
             true
         });
         assert_eq!(taken.unwrap(), 3);
-        losses.push(steerer.estimated_db().expect("steps were taken"));
+        losses.push(refiner.estimated_db().expect("steps were taken"));
     }
     assert_eq!(asked, [3; 4]);
     assert!(losses[3] > losses[0] + 0.5, "{losses:?}");
-    assert_eq!(steerer.round_while(|_, expected| expected.is_zero()).unwrap(), 0);
-    let refined = phases(&mut steerer);
-    let sent = steerer.sent().unwrap();
+    assert_eq!(refiner.round_while(|_, expected| expected.is_zero()).unwrap(), 0);
+    let refined = phases(&mut refiner);
+    let sent = refiner.sent().unwrap();
     assert!(sent.len() == 1 && sent[0] == refined[0] && refined[0] != begun[0], "red is what drives are meant at");
     for (color, phases) in whole.iter().zip(&refined) {
         assert_eq!(color.laser.as_ref().unwrap().phases(&refined[0]), *phases);
     }
-    assert!(!steerer.aim(aim(1e-3)).unwrap() && phases(&mut steerer) == refined);
-    assert!(steerer.aim(aim(-8e-3)).unwrap());
-    assert!(phases(&mut steerer) == begun);
-    assert_eq!(steerer.counts(), [1, 12]);
+    assert!(!refiner.aim(aim(1e-3)).unwrap() && phases(&mut refiner) == refined);
+    assert!(refiner.aim(aim(-8e-3)).unwrap());
+    assert!(phases(&mut refiner) == begun);
+    assert_eq!(refiner.counts(), [1, 12]);
 }
 
 /// Where every colour makes more than a turn over all drives, what is sent are the drives, and not a colour's phases.
@@ -57,14 +57,14 @@ fn an_slm_of_two_turns_receives_its_drives() {
     display.dispersion.insert(Color::Red, 2.0);
     let whole = joint_colors(&display);
     let drives = random_phases(3 * SIZE[0] * SIZE[1], 4);
-    let mut steerer = LiveRefiner::new(whole.clone(), Policy::default(), cpu).unwrap();
+    let mut refiner = LiveRefiner::new(whole.clone(), Policy::default(), cpu).unwrap();
     let apart = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| wrap_phase(a - b).abs()).fold(0.0, f32::max);
-    assert!(apart(steerer.sent().unwrap()[0], &drives) < 1e-5);
-    steerer.aim(aim(0.0)).unwrap();
-    assert_eq!(steerer.round_while(|_, _| true).unwrap(), 3);
-    let sent = steerer.sent().unwrap()[0].to_vec();
+    assert!(apart(refiner.sent().unwrap()[0], &drives) < 1e-5);
+    refiner.aim(aim(0.0)).unwrap();
+    assert_eq!(refiner.round_while(|_, _| true).unwrap(), 3);
+    let sent = refiner.sent().unwrap()[0].to_vec();
     assert!(apart(&sent, &drives) > 0.1);
-    for (color, phases) in whole.iter().zip(phases(&mut steerer)) {
+    for (color, phases) in whole.iter().zip(phases(&mut refiner)) {
         let laser = color.laser.as_ref().unwrap();
         assert!(laser.slope >= 2.0 && apart(&laser.phases(&sent), &phases) < 1e-5);
     }
@@ -76,16 +76,16 @@ fn an_slm_of_two_turns_receives_its_drives() {
 fn drives_go_with_the_content() {
     let whole = joint_colors(&joint_display());
     let lighting = Encoder::new(&joint_display(), &ALL[..1], 3).unwrap().lighting(false).shared_by(3);
-    let mut steerer = LiveRefiner::new(whole.clone(), Policy::default(), cpu).unwrap();
-    steerer.aim(aim(0.0)).unwrap();
-    (0..6).for_each(|_| assert_eq!(steerer.round_while(|_, _| true).unwrap(), 3));
-    let before = phases(&mut steerer);
+    let mut refiner = LiveRefiner::new(whole.clone(), Policy::default(), cpu).unwrap();
+    refiner.aim(aim(0.0)).unwrap();
+    (0..6).for_each(|_| assert_eq!(refiner.round_while(|_, _| true).unwrap(), 3));
+    let before = phases(&mut refiner);
     // The scene stands still: phases that move lose.
-    assert_eq!(steerer.shift_phases(&[[5, 2]], &lighting, true).unwrap(), (false, 6));
-    assert!(phases(&mut steerer) == before);
-    assert_eq!(steerer.shift_phases(&[[5, 2]], &lighting, false).unwrap(), (true, 0));
+    assert_eq!(refiner.shift_phases(&[[5, 2]], &lighting, true).unwrap(), (false, 6));
+    assert!(phases(&mut refiner) == before);
+    assert_eq!(refiner.shift_phases(&[[5, 2]], &lighting, false).unwrap(), (true, 0));
     let [height, width] = SIZE;
-    for (color, (before, after)) in before.iter().zip(phases(&mut steerer)).enumerate() {
+    for (color, (before, after)) in before.iter().zip(phases(&mut refiner)).enumerate() {
         for (at, is) in after.iter().enumerate() {
             let (frame, row, column) = (at / (height * width), at / width % height, at % width);
             let from = (row + height - 2) % height * width + (column + width - 5) % width;
@@ -95,14 +95,14 @@ fn drives_go_with_the_content() {
     // Another view of it, in the light of the same lasers: the drives stay. Other lasers are refused.
     let moved: Vec<LiveColor> =
         whole.iter().map(|color| LiveColor { phases: Vec::new(), ..shifted_color(color, 5) }).collect();
-    let kept = phases(&mut steerer);
-    assert_eq!(steerer.follow(&moved).unwrap(), Followed::default());
-    assert!(phases(&mut steerer) == kept && !steerer.needs_reinit());
+    let kept = phases(&mut refiner);
+    assert_eq!(refiner.follow(&moved).unwrap(), Followed::default());
+    assert!(phases(&mut refiner) == kept && !refiner.needs_reinit());
     let mut other = moved;
     other[1].laser.as_mut().unwrap().powers = vec![1.0; 3];
-    assert_eq!(ErrorData::of(&steerer.follow(&other).unwrap_err()).code, "setting/other-lasers");
+    assert_eq!(ErrorData::of(&refiner.follow(&other).unwrap_err()).code, "setting/other-lasers");
     // A scene's own hologram: whichever loses less.
-    let followed = steerer.follow(&whole).unwrap();
+    let followed = refiner.follow(&whole).unwrap();
     assert_eq!((followed.own + followed.kept, followed.looks), (3, 6));
 }
 

@@ -171,7 +171,7 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: ShowOptions<'_>, stag
         steered.hologram.width,
         steered.engine
     );
-    let companion = match gpu.clone().filter(|_| args.view) {
+    let sidecar_window = match gpu.clone().filter(|_| args.view) {
         Some(_) if steered.field.is_some() => {
             return Err(Failure::Arguments(reason!(
                 "view-of-tiles",
@@ -184,7 +184,7 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: ShowOptions<'_>, stag
     let Steered { hologram, colors, parts, scenes, field, encoder, engine, unfinished } = steered;
     let (display, sent) = (encoder.display().clone(), encoder.colors().to_vec());
     let mut live = session::Live::new(parts, encoder, engines.source(), tracking);
-    (live.policy, live.steered, live.companion) = (args.policy.policy(), !args.unsteered, companion);
+    (live.policy, live.steered, live.sidecar_window) = (args.policy.policy(), !args.unsteered, sidecar_window);
     live.switch = args.sources_out.as_deref().map(|file| switch(file, &colors)).transpose()?;
     live.display_latency = Duration::from_secs_f64((args.display_latency * 1e-3).min(10.0));
     (live.journal, live.replay, live.whole_sets) = (kept.journal, kept.replay, args.whole_sets);

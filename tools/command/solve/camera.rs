@@ -4,7 +4,7 @@ use crate::Failure;
 use crate::patterns;
 use crate::progress::{self, JobBar};
 use crate::request::{Report, SolveRequest};
-use eyebox::low_level::calibrate::{CalibrateError, CameraBench, CameraGain, CameraSteps, CameraSubject, Event};
+use eyebox::low_level::calibrate::{CalibrateError, CameraBench, CameraCommand, CameraGain, CameraSubject, Event};
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::hologram::TakenWithCamera;
 use eyebox::low_level::produce::SolvedHologram;
@@ -30,10 +30,10 @@ pub fn open<'a>(
     }
     progress::catch_interrupt();
     let limit = args.camera_timeout.map(Duration::from_secs_f64);
-    let steps = CameraSteps { command, steps, keep: args.camera_keep.as_deref(), limit, iris_mm: args.iris };
+    let command = CameraCommand { command, keep: args.camera_keep.as_deref(), limit, iris_mm: args.iris };
     let SolveRequest { display, colors, .. } = request;
     *output = args.patterns.open(display, colors)?;
-    Ok(Some(CameraBench::open(display, colors, &steps, patterns::shows(output), say)?))
+    Ok(Some(CameraBench::open(display, colors, &command, steps, patterns::shows(output), say)?))
 }
 
 /// Takes the camera's steps of every colour; what became better is written in the place of what was solved.

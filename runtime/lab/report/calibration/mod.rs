@@ -66,8 +66,8 @@ fn numbers(report: &Report) -> Markup {
     });
     let body = html! {
         (table("The model's numbers", &["", "Value", "Standard error", "Unit"], rows))
-        @if !report.untold.is_empty() {
-            p { "The pictures do not determine " (report.untold.join(", ")) ": they stay as the display's file has them." }
+        @if !report.unobservable.is_empty() {
+            p { "The pictures do not determine " (report.unobservable.join(", ")) ": they stay as the display's file has them." }
         }
         @if !report.confused.is_empty() {
             (table("Numbers that the pictures hardly separate", &["", "and", "Correlation"], pairs))

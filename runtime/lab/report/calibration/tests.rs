@@ -20,7 +20,7 @@ fn calibration(terms: ModelTerms, gain: Option<Gain>) -> Calibration {
         parameters: Vec::new(),
         figures: Some(figures),
         confused: Vec::new(),
-        untold: Vec::new(),
+        unobservable: Vec::new(),
         gain,
         camera_rms_px: 0.1,
         camera_map: [0.0; 10],

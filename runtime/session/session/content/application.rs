@@ -8,16 +8,14 @@ use crate::scene::{Layer, LightField, Places, ViewGrid, views_of_depths, views_o
 use crate::session::content::device_views::{ColorViews, DeviceViews};
 use crate::session::content::scenes::{Due, FrameFreshness, Newest, SceneFrame, Scenes};
 use crate::session::frame_log::error::SessionError;
-use crate::session::refinement::live_refiner::LiveColor;
+use crate::session::refinement::field::LiveColor;
 use crate::solve::{BrightEnd, Problem, random_phases};
 use eyebox_base::error::Reason;
 use eyebox_live_input::{Content, Display as Ring, Frame, Kind, Latest, Offer, Pupil as AskedPupil, Request, Wanted};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// How many frames the ring holds.
 const SLOTS: u32 = 3;
-/// The most of layers that are taken.
 const LAYERS: u32 = 16;
 /// Views that are wanted along an axis where a tracker tells where the eye is.
 const TRACKED_VIEWS: u32 = 3;
@@ -25,7 +23,7 @@ const TRACKED_VIEWS: u32 = 3;
 const USUAL_EXPOSURE: f64 = 0.35;
 const LEAST_EXPOSURE: f64 = 0.05;
 /// A frame shows a moment so near the light, nanoseconds; an application that says otherwise has a clock of its own.
-const BELIEVED_NS: u64 = 1_000_000_000;
+const PLAUSIBLE_NS: u64 = 1_000_000_000;
 /// An application is late where it gave nothing for so many times its usual interval, and for so many nanoseconds where it has
 /// none yet.
 const LATE: f64 = 1.5;
@@ -57,13 +55,7 @@ impl LiveInput {
     ///
     /// # Errors
     /// [`SessionError::LiveInput`]: another display of that name, a name that cannot be, a folder that is not safe.
-    pub fn open(
-        name: &str,
-        display: &Display,
-        colors: &[Color],
-        views: u32,
-        kind: LiveKind,
-    ) -> Result<Self, SessionError> {
+    pub fn open(name: &str, display: &Display, colors: &[Color], views: u32, kind: Kind) -> Result<Self, SessionError> {
         let (height, width) = display.picture_size();
         let offered = [Color::Red, Color::Green, Color::Blue].map(|color| colors.contains(&color));
         let eyebox_mm = [display.eyebox_min() * 1e3; 2];
@@ -88,7 +80,7 @@ impl LiveInput {
             frame: ring.frame(),
             ring,
             device: None,
-            kind: kind.into(),
+            kind,
             interval: Interval::default(),
             exposures: None,
             asked_ns: None,
@@ -121,22 +113,6 @@ impl LiveInput {
         let problem = Problem::new(field, color, &self.display, Padding::default());
         let problem = problem.map_err(|e| SessionError::Setting(Reason::of(&e)))?;
         Ok(Problem { center, ..problem })
-    }
-
-    fn field(&self, planes: Vec<Vec<Vec<f32>>>, grid: [usize; 2], pitch: f64) -> LightField {
-        let (height, width) = self.display.picture_size();
-        LightField {
-            name: format!("live:{}", self.name),
-            grid,
-            height,
-            width,
-            colors: self.colors.clone(),
-            planes,
-            view_pitch: Some(pitch),
-            disparity: None,
-            depth: None,
-            made: None,
-        }
     }
 
     /// Which views are wanted: a few close ones where a tracker tells where the pupil is, else as many as there may be over all
@@ -240,7 +216,8 @@ impl LiveInput {
                 }
             }
         };
-        let field = self.field(planes, grid.map(|n| n as usize), pitch);
+        let place = (grid.map(|n| n as usize), pitch);
+        let field = light_field(self.describe(), &self.display, &self.colors, place, planes);
         let middle = |views: &Vec<Vec<f32>>| {
             let end = BrightEnd::of(views.get(views.len() / 2).map(Vec::as_slice));
             [end.contrast.max(end.mean), end.mean]
@@ -283,8 +260,8 @@ impl LiveInput {
 
     fn next_scene(&mut self, colors: Vec<LiveColor>, shows_ns: i64, now_ns: i64) -> SceneFrame {
         self.frames += 1;
-        let (colors, arrived_ns, shows_ns) = (Arc::new(colors), Some(now_ns), Some(shows_ns));
-        SceneFrame { number: self.frames, colors, arrived_ns, shows_ns, piece: None }
+        let (arrived_ns, shows_ns) = (Some(now_ns), Some(shows_ns));
+        SceneFrame { arrived_ns, shows_ns, ..SceneFrame::new(self.frames, Arc::new(colors)) }
     }
 
     /// One exposure for each colour, by the first frame; it only ever rises, where there would not be enough light.
@@ -302,10 +279,23 @@ impl LiveInput {
 /// The moment that a frame shows, on the player's clock: as the application says, where that can be, else when it came.
 fn shown_at(content_time_ns: i64, due: &Due) -> i64 {
     let behind_ns = i64::try_from(due.light_monotonic_ns).unwrap_or(i64::MAX).saturating_sub(content_time_ns);
-    match behind_ns.unsigned_abs() <= BELIEVED_NS {
+    match behind_ns.unsigned_abs() <= PLAUSIBLE_NS {
         true => due.light_ns - behind_ns,
         false => due.now_ns,
     }
+}
+
+/// Views (color, view, pixel) of a display's size, on a grid of (rows, columns) with a pitch in metres.
+fn light_field(
+    name: String,
+    display: &Display,
+    colors: &[Color],
+    (grid, pitch): ([usize; 2], f64),
+    planes: Vec<Vec<Vec<f32>>>,
+) -> LightField {
+    let (height, width) = display.picture_size();
+    let (view_pitch, disparity, depth, made) = (Some(pitch), None, None, None);
+    LightField { name, grid, height, width, colors: colors.to_vec(), planes, view_pitch, disparity, depth, made }
 }
 
 /// What refinement begins with where the first scene has still to come: random phases of so many sub-frames, and darkness.
@@ -314,18 +304,8 @@ fn shown_at(content_time_ns: i64, due: &Due) -> i64 {
 /// [`SessionError::Setting`] for a colour that the display does not have.
 pub fn darkness(display: &Display, colors: &[Color], frames: usize, seed: u64) -> Result<Vec<LiveColor>, SessionError> {
     let (height, width) = display.picture_size();
-    let field = LightField {
-        name: String::new(),
-        grid: [1, 1],
-        height,
-        width,
-        colors: colors.to_vec(),
-        planes: vec![vec![vec![0.0; height * width]]; colors.len()],
-        view_pitch: Some(display.eyebox_min()),
-        disparity: None,
-        depth: None,
-        made: None,
-    };
+    let dark = vec![vec![vec![0.0; height * width]]; colors.len()];
+    let field = light_field(String::new(), display, colors, ([1, 1], display.eyebox_min()), dark);
     let one = |(i, color): (usize, &Color)| {
         let problem = Problem::new(&field, *color, display, Padding::default());
         let problem = problem.map_err(|e| SessionError::Setting(Reason::of(&e)))?;
@@ -334,29 +314,6 @@ pub fn darkness(display: &Display, colors: &[Color], frames: usize, seed: u64) -
         Ok(LiveColor { problem, phases, exposure: USUAL_EXPOSURE, laser: None })
     };
     colors.iter().enumerate().map(one).collect()
-}
-
-/// What an application is asked for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[non_exhaustive]
-pub enum LiveKind {
-    /// Views around the pupil.
-    #[default]
-    Views,
-    /// A picture with the depth of every pixel.
-    ColorAndDepth,
-    /// Layers with opacity.
-    Layers,
-}
-
-impl From<LiveKind> for Kind {
-    fn from(kind: LiveKind) -> Self {
-        match kind {
-            LiveKind::Views => Self::Views,
-            LiveKind::ColorAndDepth => Self::ColorAndDepth,
-            LiveKind::Layers => Self::Layers,
-        }
-    }
 }
 
 impl Scenes for LiveInput {
@@ -430,7 +387,7 @@ mod tests {
             let source = |x| SwitchedSource { eyebox_mm: Some([x, 0.0]), power, ..SwitchedSource::default() };
             display.sources.each = [-30.0, 30.0].map(source).to_vec();
             let name = format!("lit-{}-{power}", std::process::id());
-            let mut input = LiveInput::open(&name, &display, &[Color::Green], 3, LiveKind::Views).unwrap();
+            let mut input = LiveInput::open(&name, &display, &[Color::Green], 3, Kind::Views).unwrap();
             [input.exposures_of(&[[0.3, 0.1]])[0], input.exposures_of(&[[0.2, 0.6]])[0]]
         };
         for (exposure, wanted) in exposures_at(0.5).into_iter().zip([0.6, 1.2]) {
@@ -444,7 +401,7 @@ mod tests {
     fn an_application_is_told_where_the_pupil_goes() {
         let display = Display { height: 32, width: 48, ..Display::preset("small").unwrap() };
         let name = format!("told-{}", std::process::id());
-        let mut input = LiveInput::open(&name, &display, &[Color::Green], 3, LiveKind::Views).unwrap();
+        let mut input = LiveInput::open(&name, &display, &[Color::Green], 3, Kind::Views).unwrap();
         let connecting = std::thread::spawn(move || Application::connect(&name));
         let pupil = PupilDistribution {
             centre: [1e-3, -2e-3],

@@ -24,7 +24,6 @@ pub(crate) struct DeviceViews {
     has_failed: bool,
 }
 
-/// A frame's views of one colour.
 pub(crate) struct ColorViews {
     pub pyramid: Arc<Pyramid>,
     pub light: ViewsLight,

@@ -10,8 +10,8 @@ use crate::plan::ModelTables;
 use crate::present::SECOND_NS;
 use crate::session::content::scenes::{Due, FrameFreshness, Newest, SceneFrame, Scenes};
 use crate::session::frame_log::error::SessionError;
-use crate::session::refinement::field::Field;
-use crate::session::refinement::live_refiner::LiveColor;
+use crate::session::refinement::field::{Field, LiveColor};
+use crate::session::threads::spawn;
 use crate::tiled::{TileRect, TiledError};
 use eyebox_base::error::Reason;
 use std::sync::Arc;
@@ -72,32 +72,17 @@ impl FarField {
         let phases = (0..about.colors.len()).map(|color| tiles.read(color, [0, 0], size)).collect::<Result<_, _>>()?;
         let (wanted, arriving) = (Mailbox::<TileRect>::new(1), Mailbox::new(1));
         let (asks, reads) = (wanted.clone(), arriving.clone());
-        let thread = std::thread::Builder::new()
-            .name("eyebox reads tiles".into())
-            .spawn(move || {
-                // Alone, nobody waits any more.
-                while !asks.is_alone() {
-                    let Some(wanted) = asks.take_within(POLL_INTERVAL) else { continue };
-                    drop(reads.push(reader.read(wanted)));
-                }
-            })
-            .map_err(|e| SessionError::Thread { what: "reads tiles", reason: format!("could not be started ({e})") })?;
+        let thread = Some(spawn("reads tiles", move || {
+            // Alone, nobody waits any more.
+            while !asks.is_alone() {
+                let Some(wanted) = asks.take_within(POLL_INTERVAL) else { continue };
+                drop(reads.push(reader.read(wanted)));
+            }
+        })?);
         let field = Field { phases, size, piece };
         let (before, ahead, asked) = (None, None, None);
         let name = name.to_string();
-        let far = Self {
-            name,
-            tiles,
-            models,
-            piece,
-            number: 0,
-            before,
-            wanted,
-            arriving,
-            ahead,
-            asked,
-            thread: Some(thread),
-        };
+        let far = Self { name, tiles, models, piece, number: 0, before, wanted, arriving, ahead, asked, thread };
         Ok((far, colors, field))
     }
 
@@ -106,8 +91,8 @@ impl FarField {
         let before = self.before.replace((due.light_ns, due.pupil.centre));
         let Some((light_ns, from)) = before.filter(|before| before.0 < due.light_ns) else { return due.pupil };
         let seconds = (due.light_ns - light_ns) as f64 / SECOND_NS as f64;
-        let half = self.tiles.about().pitch * 0.5;
         let about = self.tiles.about();
+        let half = about.pitch * 0.5;
         let reach = [about.width, about.height].map(|n| n as f64 * half);
         let centre = [0, 1].map(|axis| {
             let velocity = (due.pupil.centre[axis] - from[axis]) / seconds;
@@ -194,17 +179,7 @@ impl Scenes for FarField {
         };
         self.number += 1;
         self.piece = extent;
-        Ok(Newest::New(SceneFrame {
-            number: self.number,
-            colors: Arc::new(colors),
-            arrived_ns: None,
-            shows_ns: None,
-            piece: Some(extent),
-        }))
-    }
-
-    fn begins_with_one(&self) -> bool {
-        true
+        Ok(Newest::New(SceneFrame { piece: Some(extent), ..SceneFrame::new(self.number, Arc::new(colors)) }))
     }
 }
 
@@ -218,7 +193,6 @@ impl Drop for FarField {
     }
 }
 
-/// The thread that reads.
 struct Reader {
     tiles: Arc<Tiles>,
     models: Arc<Models>,

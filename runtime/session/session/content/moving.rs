@@ -8,7 +8,8 @@ use crate::scene::LightField;
 use crate::session::content::scenes::{Due, FrameFreshness, Newest, SceneFrame, Scenes};
 use crate::session::frame_log::error::SessionError;
 use crate::session::playback::timeline::{Speed, Timeline};
-use crate::session::refinement::live_refiner::LiveColor;
+use crate::session::refinement::field::LiveColor;
+use crate::session::threads::{put_unless, spawn};
 use crate::solve::Problem;
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
@@ -72,21 +73,14 @@ impl MovingSequence {
             return Err(wrong(reason!("no-hologram-yet", "it has no hologram yet")));
         }
         let first = colors_of(&sequence.load(0)?, &mut load).map_err(|e| wrong(e.into()))?;
-        let (out, arriving) = {
-            let mailbox = Mailbox::new(AHEAD);
-            (mailbox.clone(), mailbox)
-        };
+        let arriving = Mailbox::new(AHEAD);
+        let out = arriving.clone();
         let shared = Arc::new(Shared::default());
         let state = Arc::clone(&shared);
         let first = Arc::new(first);
         let begun = Arc::clone(&first);
-        let thread = std::thread::Builder::new()
-            .name("eyebox reads scenes".into())
-            .spawn(move || Reader { sequence, load, count, looped, out, shared: state }.run(begun))
-            .map_err(|e| SessionError::Thread {
-                what: "reads scenes",
-                reason: format!("could not be started ({e})"),
-            })?;
+        let reader = Reader { sequence, load, count, looped, out, shared: state };
+        let thread = spawn("reads scenes", move || reader.run(begun))?;
         let (timeline, ahead, thread) = (None, None, Some(thread));
         let (first_light_ns, shown) = (0, 0);
         let all = Self { name, rate, count, looped, timeline, first_light_ns, shown, arriving, ahead, shared, thread };
@@ -149,10 +143,6 @@ impl Scenes for MovingSequence {
             (None, None) => Newest::Same,
         })
     }
-
-    fn begins_with_one(&self) -> bool {
-        true
-    }
 }
 
 impl Drop for MovingSequence {
@@ -204,7 +194,6 @@ impl LiveColor {
     }
 }
 
-/// The thread that reads.
 struct Reader {
     sequence: Sequence,
     load: SceneLoader,
@@ -237,19 +226,8 @@ impl Reader {
                     kept.insert(index, Arc::clone(colors));
                 }
             }
-            let mut item = read.map(|colors| SceneFrame {
-                number: position,
-                colors,
-                arrived_ns: None,
-                shows_ns: None,
-                piece: None,
-            });
-            while let Err(back) = self.out.put_within(item, POLL_INTERVAL) {
-                if self.shared.stop.load(Ordering::Acquire) {
-                    return;
-                }
-                item = back;
-            }
+            let item = read.map(|colors| SceneFrame::new(position, colors));
+            put_unless(&self.out, item, POLL_INTERVAL, || self.shared.stop.load(Ordering::Acquire));
         }
     }
 

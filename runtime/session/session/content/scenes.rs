@@ -3,7 +3,7 @@
 use crate::optics::PupilDistribution;
 use crate::scene::ViewsOnDevice;
 use crate::session::frame_log::error::SessionError;
-use crate::session::refinement::live_refiner::LiveColor;
+use crate::session::refinement::field::LiveColor;
 use crate::tiled::TileRect;
 use std::sync::Arc;
 
@@ -24,6 +24,11 @@ pub struct SceneFrame {
 }
 
 impl SceneFrame {
+    /// A scene that was there all along and stands still.
+    pub(crate) fn new(number: u64, colors: Arc<Vec<LiveColor>>) -> Self {
+        Self { number, colors, arrived_ns: None, shows_ns: None, piece: None }
+    }
+
     /// Whether its views were in the memory of a device that is lost.
     pub(crate) fn is_lost(&self) -> bool {
         self.colors.iter().any(|c| c.problem.pyramid.on_device().is_some_and(ViewsOnDevice::is_lost))
@@ -79,7 +84,9 @@ pub trait Scenes: Send {
     fn next(&mut self, due: &Due) -> Result<Newest, SessionError>;
 
     /// Whether it brings the first scene along; else the idle picture is shown until one comes.
-    fn begins_with_one(&self) -> bool;
+    fn begins_with_one(&self) -> bool {
+        true
+    }
 }
 
 /// How the content of a set came.

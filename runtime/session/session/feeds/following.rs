@@ -4,22 +4,19 @@ use crate::encode::Packed;
 use crate::optics::{Pupil, PupilDistribution};
 use crate::present::SECOND_NS;
 use crate::session::feeds::journal::{Decision, JournalWriter};
+use crate::session::feeds::live::FollowedEye;
 use crate::session::feeds::refine::Refinement;
 use crate::session::feeds::sets::{FinishedSet, LiveSource};
-use crate::session::feeds::showing::ContentReport;
 use crate::session::feeds::sidecar::{LitSources, Now, SidecarWindow, SourceSwitch, UserRequest};
 use crate::session::feeds::statistics::LiveStatistics;
 use crate::session::frame_log::error::SessionError;
-use crate::session::frame_log::latency::{Histogram, Latency, Stage};
+use crate::session::frame_log::latency::{Histogram, Stage};
 use crate::session::frame_log::notes::Notes;
 use crate::session::frame_log::trace::{Light, Lit, Track};
 use crate::session::playback::output::OpenDisplay;
 use crate::session::playback::player::SetSource;
-use crate::session::refinement::live_refiner::Policy;
-use crate::session::refinement::pupil_tracker::{PupilTracker, TrackerCounts};
 use crate::session::refinement::set_timing::SetTiming;
 use crate::session::refinement::work_time::Times;
-use crate::trackers::simulated;
 use crossbeam_utils::atomic::AtomicCell;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -47,7 +44,6 @@ pub struct LiveStatus {
     pub focus: Option<f64>,
 }
 
-/// A video frame that was handed over.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct HandedOver {
     /// When it begins to be lit.
@@ -63,27 +59,15 @@ pub(crate) const OPEN: usize = 256;
 
 /// A live hologram that is shown, as the present thread has it: what becomes of every set.
 pub(crate) struct LiveState {
-    pub(crate) companion: Option<Box<dyn SidecarWindow>>,
-    /// What switches the display's sources.
+    pub(crate) sidecar_window: Option<Box<dyn SidecarWindow>>,
     pub(crate) switch: Option<SourceSwitch>,
     pub(crate) source: LiveSource,
     pub(crate) refinement: Refinement,
-    /// A tracker on its thread; none where there is none, or time is simulated.
-    pub(crate) tracker: Option<Arc<PupilTracker>>,
-    /// What became of the tracker's samples.
-    pub(crate) counts: Arc<AtomicCell<TrackerCounts>>,
-    /// What there is to be seen, where that changes.
-    pub(crate) showing: Option<ContentReport>,
-    /// What keeps what was decided.
+    pub(crate) eye: FollowedEye,
     pub(crate) keeping: Option<JournalWriter>,
     /// Whether that begins with nothing: an application gives it.
     pub(crate) first_is_to_come: bool,
     pub(crate) track: Track,
-    pub(crate) name: String,
-    /// Whether nothing need ever come of the tracker.
-    pub(crate) may_be_silent: bool,
-    pub(crate) policy: Policy,
-    pub(crate) truth: Option<simulated::Eye>,
     pub(crate) timing: Arc<AtomicCell<SetTiming>>,
     pub(crate) steered: Arc<AtomicBool>,
     pub(crate) times: Times,
@@ -92,20 +76,16 @@ pub(crate) struct LiveState {
     /// From the beginning to the middle of the light of what is decided at once, and of one video frame.
     pub(crate) light_after_ns: i64,
     pub(crate) frame_light_after_ns: i64,
-    /// Whether sets roll, and which sub-frames a video frame holds.
-    pub(crate) rolls: bool,
     pub(crate) packed: Arc<Packed>,
-    /// Of the set on the screen, how many video frames were lit; sub-frames lit first, and again.
+    /// Of the set on the screen, how many video frames were lit.
     pub(crate) lit_of_set: (u64, usize),
-    pub(crate) sub_frames: [u64; 2],
     pub(crate) sets_per_second: f64,
     pub(crate) notes: Notes,
-    pub(crate) latency: Latency,
+    pub(crate) statistics: LiveStatistics,
     /// Where the pupil was expected for the set on the screen.
     pub(crate) pupil: Option<[f64; 2]>,
-    /// Depth that it was made for, and the smallest and the largest of all sets, metres.
+    /// Depth that it was made for, metres.
     pub(crate) focus: Option<f64>,
-    pub(crate) focused: Option<[f64; 2]>,
     /// Lights whose pupil is not known yet: time on the trackers' clock, where it was expected.
     pub(crate) open: VecDeque<(u64, [f64; 2])>,
     /// Medians for the status, and when they were taken.
@@ -126,22 +106,23 @@ impl LiveState {
         self.look_back(now_ns);
         if now_ns > self.medians_at_ns.saturating_add(SECOND_NS / 4) {
             let of = |histogram: &Histogram| histogram.percentile(0.5);
-            self.medians = [of(self.latency.of(Stage::SampleToLight)), of(self.latency.error_mm())];
+            let latency = &self.statistics.latency;
+            self.medians = [of(latency.of(Stage::SampleToLight)), of(latency.error_mm())];
             self.medians_at_ns = now_ns;
         }
         self.serve(display)
     }
 
     fn serve(&mut self, display: &mut OpenDisplay) -> bool {
-        let Some(companion) = &mut self.companion else { return true };
+        let Some(sidecar_window) = &mut self.sidecar_window else { return true };
         let now_ns = self.times.monotonic_ns(display.clock.now_ns());
-        let seen = self.tracker.as_ref().map_or(self.whole, |tracker| tracker.expect(now_ns).pupil);
+        let seen = self.eye.tracker.as_ref().map_or(self.whole, |tracker| tracker.expect(now_ns).pupil);
         let middle = |[low, high]: [f64; 2]| 0.5 * (low + high);
         let [x, y] = seen.centre;
         let pupil = Pupil { x, y, diameter: middle(seen.diameter), depth: middle(seen.focus) };
         let steered = self.steered.load(Ordering::Acquire);
         let now = Now { pupil, steered, sets_per_second: self.sets_per_second };
-        match display.pump().map_err(|e| e.to_string()).and_then(|()| companion.serve(&now)) {
+        match display.pump().map_err(|e| e.to_string()).and_then(|()| sidecar_window.serve(&now)) {
             Ok(UserRequest::Nothing) => true,
             Ok(UserRequest::Close) => false,
             Ok(UserRequest::Steer(steered)) => {
@@ -151,7 +132,7 @@ impl LiveState {
             // A view is not worth the display.
             Err(error) => {
                 self.notes.send(format!("{error}; the display goes on"));
-                self.companion = None;
+                self.sidecar_window = None;
                 true
             }
         }
@@ -160,7 +141,7 @@ impl LiveState {
     /// A set begins to be lit, or, where sets roll, a video frame of the newest.
     fn set_began(&mut self, HandedOver { start_ns, video_frame, .. }: HandedOver, now_ns: i64) {
         if let Some(clock) = self.times.0 {
-            let decided_ns = self.source.asked().map_or(start_ns, |at| clock.at_ns(at));
+            let decided_ns = self.source.asked.map_or(start_ns, |at| clock.at_ns(at));
             self.timing.store(self.timing.load().after(start_ns, decided_ns).at_turn(video_frame));
         }
         let light_ns = start_ns.saturating_add(self.light_after_ns);
@@ -172,21 +153,21 @@ impl LiveState {
                 // A switch is not worth the picture: it says itself what is wrong with it.
                 switch(&LitSources { set: set.number, start_ns, colors: set.sources() });
             }
-            if let Some(showing) = &mut self.showing {
+            if let Some(showing) = &mut self.statistics.showing {
                 showing.lit(Some(set), start_ns);
             }
             self.track.lit(lit_by(set, light_ns));
-            self.latency.shown(&set.timestamps, now_ns, light_ns);
+            self.statistics.latency.shown(&set.timestamps, now_ns, light_ns);
             self.pupil = set.timestamps.sample_ns.map(|_| set.pupil);
             self.focus = set.focus;
             if let Some(z) = set.focus {
-                let [low, high] = self.focused.unwrap_or([z; 2]);
-                self.focused = Some([low.min(z), high.max(z)]);
+                let [low, high] = self.statistics.focus.unwrap_or([z; 2]);
+                self.statistics.focus = Some([low.min(z), high.max(z)]);
             }
-            if let Some(companion) = &mut self.companion {
-                companion.shown(set);
+            if let Some(sidecar_window) = &mut self.sidecar_window {
+                sidecar_window.shown(set);
             }
-        } else if let Some(showing) = &mut self.showing {
+        } else if let Some(showing) = &mut self.statistics.showing {
             showing.lit(None, start_ns);
         }
         if let Some(pupil) = self.pupil {
@@ -199,14 +180,14 @@ impl LiveState {
 
     /// A video frame is lit, with what it holds.
     fn lights(&mut self, HandedOver { start_ns, video_frame, .. }: HandedOver) {
-        let Some(set) = self.source.lit() else { return };
+        let Some(set) = &self.source.on_screen else { return };
         let (number, lit) = self.lit_of_set;
         let lit = if number == set.number { lit } else { 0 };
         self.lit_of_set = (set.number, lit + 1);
         let again = lit >= self.packed.video_frames;
         let held = self.packed.slots.iter().filter(|slot| slot.video_frame as u64 == video_frame).count();
-        self.sub_frames[usize::from(again)] += held as u64;
-        let why = self.source.repeated().unwrap_or_default();
+        self.statistics.sub_frames[usize::from(again)] += held as u64;
+        let why = self.source.repeated.unwrap_or_default();
         self.track.light(Light {
             lit: lit_by(set, start_ns.saturating_add(self.frame_light_after_ns)),
             video_frame,
@@ -219,83 +200,70 @@ impl LiveState {
     fn look_back(&mut self, now_ns: i64) {
         let now = self.times.monotonic_ns(now_ns);
         while let Some((light, expected)) = self.open.front().copied() {
-            let position = match &mut self.truth {
+            let position = match &mut self.eye.truth {
                 Some(eye) if light <= now => {
                     let truth = eye.at(light);
                     (truth.lid > 0.5).then_some(truth.position)
                 }
-                None if self.tracker.as_ref().is_some_and(|tracker| tracker.reaches(light)) => {
-                    self.tracker.as_ref().and_then(|tracker| tracker.measured(light))
+                None if self.eye.tracker.as_ref().is_some_and(|tracker| tracker.reaches(light)) => {
+                    self.eye.tracker.as_ref().and_then(|tracker| tracker.measured(light))
                 }
                 None if now.saturating_sub(light) > 2_000_000_000 => None,
                 _ => return,
             };
             self.open.pop_front();
             if let Some([x, y]) = position {
-                self.latency.missed_by((x - expected[0]).hypot(y - expected[1]));
+                self.statistics.latency.missed_by((x - expected[0]).hypot(y - expected[1]));
             }
         }
     }
 
     pub(crate) fn status(&self) -> LiveStatus {
-        let ((sets_new, repeats), [restarts, steps, ..]) = (self.source.counts(), self.refinement.counts());
-        let sets_repeated = repeats.iter().sum();
-        let [sample_to_light_ms, pupil_error_mm] = self.medians;
-        let sample_age_ms = self.latency.sample_age_ms();
-        let focus = self.focus;
+        let ([restarts, steps, ..], [sample_to_light_ms, pupil_error_mm]) = (self.refinement.counts(), self.medians);
         LiveStatus {
-            sets_new,
-            sets_repeated,
+            sets_new: self.source.news,
+            sets_repeated: self.source.repeats.iter().sum(),
             steps,
             restarts,
             sample_to_light_ms,
-            sample_age_ms,
+            sample_age_ms: self.statistics.latency.sample_age_ms(),
             pupil_error_mm,
-            focus,
+            focus: self.focus,
         }
     }
 
     /// Why there was nothing to follow, where there was not, and should have been.
     pub(crate) fn followed(&self) -> Result<(), SessionError> {
-        let samples = self.counts.load().samples;
-        if self.tracker.is_none() || samples.placed > 0 || self.may_be_silent {
+        let samples = self.eye.counts.load().samples;
+        if self.eye.tracker.is_none() || samples.placed > 0 || self.eye.may_be_silent {
             return Ok(());
         }
         let reason = match samples.reasons().first() {
             None => "no sample came".to_string(),
             Some((why, _)) => format!("none of {} samples told where the pupil is ({why})", samples.samples()),
         };
-        Err(SessionError::NotFollowed { tracker: self.name.clone(), reason })
+        Err(SessionError::NotFollowed { tracker: self.statistics.tracker.clone(), reason })
     }
 
     /// Ends the threads: what came of it, and what they did.
     pub(crate) fn stop(mut self) -> (LiveStatistics, Vec<Track>, Result<(), SessionError>) {
-        let LiveStatus { sets_new, sets_repeated, steps, restarts, .. } = self.status();
-        let [.., sets_moving, phases_moved] = self.refinement.counts();
-        let (repeats, rolls, sub_frames) = (self.source.counts().1, self.rolls, self.sub_frames);
+        let [restarts, steps, sets_moving, phases_moved] = self.refinement.counts();
         let mut tracks: Vec<Track> = self.refinement.stop().into_iter().collect();
         // A refinement in simulated time holds nothing of it.
-        if let Some(mut tracker) = self.tracker.and_then(Arc::into_inner) {
+        if let Some(mut tracker) = self.eye.tracker.and_then(Arc::into_inner) {
             tracks.extend(tracker.stop());
         }
-        let showing = self.showing.map(|showing| showing.with(self.refinement.taken()));
-        let (tracker, latency, policy, focus) = (self.name, self.latency, self.policy, self.focused);
         let live = LiveStatistics {
-            tracker,
-            policy,
-            sets_new,
-            sets_repeated,
-            repeats,
-            rolls,
-            sub_frames,
+            sets_new: self.source.news,
+            sets_repeated: self.source.repeats.iter().sum(),
+            repeats: self.source.repeats,
             steps,
             restarts,
             sets_moving,
             phases_moved,
-            focus,
-            latency,
-            showing,
-            samples: self.counts.load(),
+            showing: self.statistics.showing.map(|showing| showing.with(self.refinement.taken())),
+            samples: self.eye.counts.load(),
+            ..self.statistics
         };
         (live, tracks, self.keeping.map_or(Ok(()), JournalWriter::finish))
     }

@@ -7,7 +7,8 @@ use crate::optics::PupilDistribution;
 use crate::scene::{Pyramid, ViewGrid};
 use crate::session::content::scenes::SceneFrame;
 use crate::session::frame_log::error::SessionError;
-use crate::session::refinement::live_refiner::LiveColor;
+use crate::session::refinement::field::LiveColor;
+use crate::session::threads::{EntryWriter, Moment};
 use crate::solve::{Motion, Problem};
 use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
@@ -15,13 +16,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
-use std::time::Duration;
 
 /// Decisions that wait for the disk.
 const WAITING: usize = 1 << 12;
-const POLL_INTERVAL: Duration = Duration::from_millis(200);
-/// The file of decisions.
 const DECISIONS: &str = "decisions.jsonl";
 
 /// A decision. Numbers that have to be exact are the bits of float64.
@@ -45,15 +42,20 @@ pub(crate) enum Decision {
         steps: u32,
     },
     /// Phases were moved by so many pixels, or looked at whether to.
-    Carry { pixels: Shifts, look: bool },
+    Carry {
+        pixels: Shifts,
+        look: bool,
+    },
     /// It was looked what to begin another picture with.
     Fit {},
     /// It began again with the hologram for the whole eyebox.
     Whole {},
-    /// A set was handed over.
-    Set { number: u64 },
-    /// A set began to be lit.
-    Lit { number: u64 },
+    Set {
+        number: u64,
+    },
+    Lit {
+        number: u64,
+    },
 }
 
 /// By how many pixels (x, y) phases were moved.
@@ -100,7 +102,6 @@ pub(crate) struct Views {
     center: [u64; 2],
     mean: u64,
     exposure: u64,
-    /// Whether it brought phases.
     phases: bool,
 }
 
@@ -109,7 +110,7 @@ fn bits_of(pupil: &PupilDistribution) -> [u64; 8] {
     [x, y, spread, low, high, near, far, elsewhere].map(f64::to_bits)
 }
 
-fn pupil_of(bits: [u64; 8]) -> PupilDistribution {
+pub(crate) fn pupil_of(bits: [u64; 8]) -> PupilDistribution {
     let [x, y, spread, low, high, near, far, elsewhere] = bits.map(f64::from_bits);
     PupilDistribution { centre: [x, y], spread, diameter: [low, high], focus: [near, far], elsewhere }
 }
@@ -121,7 +122,7 @@ fn bits_of_motion(motion: &Motion) -> [u64; 9] {
     [x, y, at, f64::from(u8::from(eye.is_some())), ex, ey, spread, dx, dy].map(f64::to_bits)
 }
 
-fn motion_of(bits: [u64; 9]) -> Motion {
+pub(crate) fn motion_of(bits: [u64; 9]) -> Motion {
     let [x, y, at, known, ex, ey, spread, dx, dy] = bits.map(f64::from_bits);
     let eye = (known > 0.0).then_some([ex, ey]);
     Motion { content: [x, y], at, eye, spread, drift: [dx, dy], ..Motion::default() }
@@ -173,28 +174,22 @@ fn files_of(folder: &Path, scene: u64, color: usize) -> [PathBuf; 2] {
 enum Entry {
     Decision(Decision),
     Scene { scene: SceneFrame, anew: bool },
-    End,
 }
 
-/// Where decisions go.
 #[derive(Clone)]
 pub(crate) struct Journal {
-    out: Mailbox<Entry>,
+    out: Mailbox<Option<Entry>>,
     /// There was no room for one: what follows is of no use.
     gap: Arc<AtomicBool>,
 }
 
-/// A journal that is being written.
 pub(crate) struct JournalWriter {
-    journal: Journal,
-    thread: JoinHandle<Result<(), FileError>>,
+    gap: Arc<AtomicBool>,
+    writer: EntryWriter<Entry>,
 }
 
 impl Journal {
     /// Into a new or an empty folder.
-    ///
-    /// # Errors
-    /// [`FileError::Taken`] where it holds something; those of writing; [`SessionError::Thread`].
     pub(crate) fn start(folder: &Path) -> Result<JournalWriter, SessionError> {
         fs::create_dir_all(folder).map_err(|e| FileError::write(folder, e))?;
         if fs::read_dir(folder).map_err(|e| FileError::read(folder, e))?.next().is_some() {
@@ -202,16 +197,13 @@ impl Journal {
             return Err(FileError::Taken { path: folder.display().to_string(), reason }.into());
         }
         let (file, folder) = (GrowingFile::new(&folder.join(DECISIONS))?, folder.to_path_buf());
-        let journal = Self { out: Mailbox::new(WAITING), gap: Arc::default() };
-        let from = journal.out.clone();
-        let thread = std::thread::Builder::new().name("eyebox keeps".into());
-        let thread = thread
-            .spawn(move || write(file, &folder, &from))
-            .map_err(|e| SessionError::Thread { what: "keeps", reason: format!("could not be started ({e})") })?;
-        Ok(JournalWriter { journal, thread })
+        let writer = EntryWriter::start("keeps", WAITING, file, move |out, moment| match moment {
+            Moment::Entry(entry) => write(out, &folder, entry),
+            Moment::Begin | Moment::End => Ok(()),
+        })?;
+        Ok(JournalWriter { gap: Arc::default(), writer })
     }
 
-    /// Something was decided.
     pub(crate) fn keep(&self, decision: Decision) {
         self.put(Entry::Decision(decision));
     }
@@ -233,64 +225,43 @@ impl Journal {
     }
 
     fn put(&self, entry: Entry) {
-        if !self.gap.load(Ordering::Acquire) && self.out.put(entry).is_err() {
+        if !self.gap.load(Ordering::Acquire) && self.out.put(Some(entry)).is_err() {
             self.break_off();
         }
     }
 }
 
 impl JournalWriter {
-    /// Where decisions go.
     pub(crate) fn journal(&self) -> Journal {
-        self.journal.clone()
+        Journal { out: self.writer.entries.clone(), gap: Arc::clone(&self.gap) }
     }
 
-    /// Brings all to the disk.
-    ///
-    /// # Errors
-    /// [`SessionError::File`]; [`SessionError::Setting`] where there is a gap.
+    /// Brings all to the disk. Fails with [`SessionError::Setting`] if there is a gap.
     pub(crate) fn finish(self) -> Result<(), SessionError> {
-        // Until it arrives: the thread waits for it.
-        let mut end = Entry::End;
-        while let Err(back) = self.journal.out.put_within(end, POLL_INTERVAL) {
-            if self.thread.is_finished() {
-                break;
-            }
-            end = back;
-        }
-        let failed = |_| SessionError::Thread { what: "keeps", reason: "failed, which is a fault of eyebox".into() };
-        self.thread.join().map_err(failed)??;
-        match self.journal.gap.load(Ordering::Acquire) {
-            true => Err(SessionError::Setting(reason!(
+        self.writer.finish()?;
+        match self.gap.load(Ordering::Acquire) {
+            true => Err(reason!(
                 "not-kept",
                 "the session was not kept to its end: the disk was too slow, or an engine was lost"
-            ))),
+            )
+            .into()),
             false => Ok(()),
         }
     }
 }
 
-fn write(mut out: GrowingFile, folder: &Path, from: &Mailbox<Entry>) -> Result<(), FileError> {
-    let mut written = Ok(());
-    loop {
-        let decision = match from.take_within(POLL_INTERVAL) {
-            Some(Entry::End) => break,
-            Some(Entry::Decision(decision)) => decision,
-            Some(Entry::Scene { scene, anew }) => {
-                for (i, color) in scene.colors.iter().enumerate() {
-                    written = written.and_then(|()| write_color(files_of(folder, scene.number, i), color));
-                }
-                Decision::Scene { number: scene.number, anew, colors: scene.colors.iter().map(Views::of).collect() }
+fn write(out: &mut GrowingFile, folder: &Path, entry: Entry) -> Result<(), FileError> {
+    let decision = match entry {
+        Entry::Decision(decision) => decision,
+        Entry::Scene { scene, anew } => {
+            for (i, color) in scene.colors.iter().enumerate() {
+                write_color(files_of(folder, scene.number, i), color)?;
             }
-            None => {
-                written = written.and_then(|()| out.tend());
-                continue;
-            }
-        };
-        let line = serde_json::to_string(&decision).unwrap_or_default();
-        written = written.and_then(|()| out.add(|out| writeln!(out, "{line}")));
-    }
-    written.and_then(|()| out.finish())
+            Decision::Scene { number: scene.number, anew, colors: scene.colors.iter().map(Views::of).collect() }
+        }
+    };
+    let line = serde_json::to_string(&decision).unwrap_or_default();
+    out.add(|out| writeln!(out, "{line}"))
 }
 
 /// The views as they are compared, which are whole numbers of the brightest: they become the same again.
@@ -311,10 +282,7 @@ pub(crate) struct RecordedSession {
 }
 
 impl RecordedSession {
-    /// Opens it.
-    ///
-    /// # Errors
-    /// [`SessionError::File`]; [`SessionError::Setting`] for a line that is none of it.
+    /// Opens it. Fails with [`SessionError::Setting`] at a line that is no decision.
     pub(crate) fn open(folder: &Path) -> Result<Self, SessionError> {
         let file = folder.join(DECISIONS);
         let text = read::text(&file, read::RESULTS).map_err(|e| FileError::read(&file, e))?;
@@ -335,7 +303,7 @@ impl RecordedSession {
             }
         }
         if lit.is_empty() {
-            return Err(SessionError::Setting(reason!("no-set", "{}: no set was lit in it", file.display())));
+            return Err(reason!("no-set", "{}: no set was lit in it", file.display()).into());
         }
         Ok(Self { folder: folder.to_path_buf(), decisions: decisions.into_iter(), lit: lit.into_iter() })
     }
@@ -352,15 +320,5 @@ impl RecordedSession {
             views.color(like, [&files[0], &files[1]])
         };
         views.iter().zip(like).enumerate().map(one).collect()
-    }
-
-    /// Where the eye was expected.
-    pub(crate) fn pupil(bits: [u64; 8]) -> PupilDistribution {
-        pupil_of(bits)
-    }
-
-    /// What moved.
-    pub(crate) fn motion(bits: Option<[u64; 9]>) -> Motion {
-        bits.map_or_else(Motion::default, motion_of)
     }
 }

@@ -13,20 +13,20 @@ use crate::session::feeds::journal::{Journal, JournalWriter, RecordedSession};
 use crate::session::feeds::play::encoder_of;
 use crate::session::feeds::refine::{Begin, Refinement, RefinementOptions};
 use crate::session::feeds::replay::Replay;
-use crate::session::feeds::running::{ActiveContent, ContentSetup};
 use crate::session::feeds::showing::ContentReport;
 use crate::session::feeds::sidecar::{SidecarOpener, SourceSwitch};
+use crate::session::feeds::statistics::LiveStatistics;
+use crate::session::feeds::{ActiveContent, ContentSetup};
 use crate::session::frame_log::error::SessionError;
-use crate::session::frame_log::latency::Latency;
 use crate::session::frame_log::notes::Notes;
 use crate::session::frame_log::trace::Trace;
 use crate::session::playback::output::OpenDisplay;
 use crate::session::playback::scheduler::{Schedule, Start};
 use crate::session::playback::timeline::Speed;
-use crate::session::refinement::field::Field;
+use crate::session::refinement::field::{Field, LiveColor};
 use crate::session::refinement::live_refiner::look_up::{begin_with_tables, start_tables};
 use crate::session::refinement::live_refiner::together::{lighting_of, sub_frames_of};
-use crate::session::refinement::live_refiner::{EngineOpener, LiveColor, LiveRefiner, Policy};
+use crate::session::refinement::live_refiner::{EngineOpener, LiveRefiner, Policy};
 use crate::session::refinement::moments::MotionCompensation;
 use crate::session::refinement::pupil_source::{PupilSource, Samples};
 use crate::session::refinement::pupil_tracker::{PupilTracker, TrackerCounts};
@@ -67,10 +67,10 @@ impl Tracking {
     pub fn open(spec: &Spec, options: &Options, estimator: Estimator) -> Result<Self, SessionError> {
         let Spec::Simulated(seed) = *spec else {
             if !options.real_time {
-                return Err(SessionError::Setting(reason!(
+                return Err(reason!(
                     "simulated-clock",
                     "a simulated clock takes a simulated eye alone (`tracker` simulated), and {spec:?} lives in real time"
-                )));
+                ).into());
             }
             return Ok(Self::new(trackers::open(spec, options)?, estimator));
         };
@@ -79,9 +79,6 @@ impl Tracking {
     }
 
     /// By a simulated eye, in real time or in a time of its own that begins at 0.
-    ///
-    /// # Errors
-    /// [`SessionError::Tracker`].
     pub(crate) fn of_eye(
         settings: simulated::Settings,
         real_time: bool,
@@ -161,17 +158,15 @@ impl EngineSource {
     }
 }
 
-/// Whoever is followed.
-struct FollowedEye {
-    watch: PupilSource,
-    /// A tracker on its thread.
-    tracker: Option<Arc<PupilTracker>>,
-    truth: Option<simulated::Eye>,
-    name: String,
+pub(crate) struct FollowedEye {
+    /// A tracker on its thread. It is `None` without a tracker and in simulated time.
+    pub tracker: Option<Arc<PupilTracker>>,
+    pub truth: Option<simulated::Eye>,
+    pub name: String,
     /// Whether nothing need ever come of it: a mouse need not come over its window, nor a program push anything.
-    may_be_silent: bool,
-    /// What becomes of its samples.
-    counts: Arc<AtomicCell<TrackerCounts>>,
+    pub may_be_silent: bool,
+    /// What became of its samples.
+    pub counts: Arc<AtomicCell<TrackerCounts>>,
 }
 
 impl FollowedEye {
@@ -180,11 +175,11 @@ impl FollowedEye {
         whole: PupilDistribution,
         notes: &Notes,
         trace: &Trace,
-    ) -> Result<Self, SessionError> {
+    ) -> Result<(Self, PupilSource), SessionError> {
         let Some(tracking) = tracking else {
             let name = "no eye tracker: pupils over the whole eyebox".into();
-            let (watch, counts) = (PupilSource::Nobody(whole), Arc::default());
-            return Ok(Self { watch, tracker: None, truth: None, name, may_be_silent: false, counts });
+            let eye = Self { tracker: None, truth: None, name, may_be_silent: false, counts: Arc::default() };
+            return Ok((eye, PupilSource::Nobody(whole)));
         };
         let counts = Arc::<AtomicCell<TrackerCounts>>::default();
         let kind = tracking.source.about().kind;
@@ -194,13 +189,13 @@ impl FollowedEye {
             let note = source.tracker().and_then(|name| estimator.note_on(&name));
             note.into_iter().for_each(|note| notes.send(note));
             let watch = PupilSource::Samples(Box::new(Samples::new(source, estimator, Arc::clone(&counts))));
-            return Ok(Self { watch, tracker: None, truth, name, may_be_silent, counts });
+            return Ok((Self { tracker: None, truth, name, may_be_silent, counts }, watch));
         }
         let (stream, track) = (Stream::start(source)?, trace.track("gaze"));
         let tracker = PupilTracker::start(stream, estimator, Arc::clone(&counts), notes.clone(), track)?;
         let tracker = Arc::new(tracker);
         let watch = PupilSource::Tracker(Arc::clone(&tracker));
-        Ok(Self { watch, tracker: Some(tracker), truth, name, may_be_silent, counts })
+        Ok((Self { tracker: Some(tracker), truth, name, may_be_silent, counts }, watch))
     }
 }
 
@@ -243,7 +238,7 @@ pub struct Live {
     /// From a video frame's beginning to its light.
     pub display_latency: Duration,
     /// A window beside the display.
-    pub companion: Option<SidecarOpener>,
+    pub sidecar_window: Option<SidecarOpener>,
     /// What switches the display's sources, where it has any.
     pub switch: Option<SourceSwitch>,
 }
@@ -275,7 +270,7 @@ impl Live {
             policy,
             steered: true,
             display_latency,
-            companion: None,
+            sidecar_window: None,
             switch: None,
         }
     }
@@ -378,17 +373,17 @@ impl Live {
         };
         let set_ns = display.rate.time_of_ns(i64::try_from(set_frames).unwrap_or(i64::MAX));
         let sub_frames = sub_frames_of(&colors) as u64;
-        let FollowedEye { watch, tracker, truth, name, may_be_silent, counts } =
-            FollowedEye::start(tracking, whole, notes, &trace)?;
+        let (eye, watch) = FollowedEye::start(tracking, whole, notes, &trace)?;
+        let tracker = eye.name.clone();
         let showing = scenes.as_ref().map(|scenes| ContentReport::new(scenes.describe()));
         let timing = Arc::new(AtomicCell::new(SetTiming::new(period_ns).rolling(if rolls { set_frames } else { 1 })));
         let light_after = Duration::from_nanos(period_ns.unsigned_abs() / 2) + self.display_latency;
         let frame_light_after =
             Duration::from_nanos(display.rate.period_ns().unsigned_abs() / 2) + self.display_latency;
         let (packed, lighting) = (Arc::new(encoder.packed().clone()), lighting_of(encoder.lighting(rolls), &colors));
-        let with_phases = self.companion.is_some();
-        let beside = |open: SidecarOpener| open(display.desktop()?).map_err(|e| SessionError::Companion(e.into()));
-        let companion = self.companion.map(beside).transpose()?;
+        let with_phases = self.sidecar_window.is_some();
+        let beside = |open: SidecarOpener| open(display.desktop()?).map_err(|e| SessionError::SidecarWindow(e.into()));
+        let sidecar_window = self.sidecar_window.map(beside).transpose()?;
         let shared = engines.gpu()?;
         let direct = match display.presenter().takes() {
             Some((gpu, order)) if !on_host && shared.is_some_and(|shared| shared.is(gpu)) => Some(order),
@@ -398,8 +393,8 @@ impl Live {
         let mut again = begin(colors.clone(), policy, engines, field, self.start_tables);
         let idle = encoder.frames();
         let (refinement, source) = if let Some(folder) = &self.replay {
-            let (steerer, _) = again()?;
-            (Refinement::none(), Replay::start(RecordedSession::open(folder)?, colors, steerer, encoder, lighting)?)
+            let (refiner, _) = again()?;
+            (Refinement::none(), Replay::start(RecordedSession::open(folder)?, colors, refiner, encoder, lighting)?)
         } else {
             let options = RefinementOptions {
                 clock,
@@ -421,36 +416,27 @@ impl Live {
             Refinement::start(encoder, options)?
         };
         let following = LiveState {
-            companion,
+            sidecar_window,
             switch: self.switch,
             source,
             refinement,
-            tracker,
-            counts,
-            showing,
+            eye,
             keeping,
             first_is_to_come: whole_of_none.is_some(),
             track: trace.track("sets"),
-            name,
-            may_be_silent,
-            policy,
-            truth,
             timing,
             steered,
             times: Times(clock),
             whole,
             light_after_ns: as_ns(light_after),
             frame_light_after_ns: as_ns(frame_light_after),
-            rolls,
             packed,
             lit_of_set: (u64::MAX, 0),
-            sub_frames: [0; 2],
             sets_per_second: display.rate.hz() / set_frames as f64,
             notes: notes.clone(),
-            latency: Latency::default(),
+            statistics: LiveStatistics { tracker, policy, rolls, showing, ..LiveStatistics::default() },
             pupil: None,
             focus: None,
-            focused: None,
             open: VecDeque::with_capacity(OPEN),
             medians: [None; 2],
             medians_at_ns: i64::MIN,
@@ -472,11 +458,11 @@ fn begin(
     }
     let engines = Arc::new(Mutex::new(engines));
     Box::new(move || {
-        let steerer =
+        let refiner =
             LiveRefiner::new(colors.clone(), policy, || lock(&engines).open())?.with_start_tables(tables.clone());
         let gpu = lock(&engines).gpu()?;
-        let Some(field) = field.clone() else { return Ok((steerer, gpu)) };
+        let Some(field) = field.clone() else { return Ok((refiner, gpu)) };
         let more = Arc::clone(&engines);
-        Ok((steerer.in_field(&colors, field, Box::new(move || lock(&more).open())), gpu))
+        Ok((refiner.in_field(&colors, field, Box::new(move || lock(&more).open())), gpu))
     })
 }

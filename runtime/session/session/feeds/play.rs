@@ -1,26 +1,25 @@
 //! Content from disk: a sequence, or a single hologram.
 
 use crate::encode::{Encoder, PhaseSet};
+use crate::engine::vulkan::VulkanEncoder;
 use crate::gpu::Gpu;
 use crate::hologram::{ColorHologram, Hologram, Sequence};
 use crate::optics::{Color, Display};
 use crate::present::{Rate, SECOND_NS};
-use crate::session::feeds::running::{ActiveContent, ContentSetup};
+use crate::session::feeds::{ActiveContent, ContentSetup};
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::notes::Notes;
 use crate::session::frame_log::trace::Trace;
 use crate::session::playback::marks::sync_phases;
 use crate::session::playback::output::OpenDisplay;
 use crate::session::playback::scheduler::{Schedule, Start};
-use crate::session::playback::stream::{Stream, StreamEncoder, StreamOptions};
+use crate::session::playback::stream::{Stream, StreamOptions};
 use crate::session::playback::timeline::Speed;
 use eyebox_base::reason;
 use std::path::Path;
 use std::time::SystemTime;
 
-/// Longest sync picture, seconds.
 const LONGEST_SYNC_S: f64 = 86400.0;
-/// Most sets that are encoded ahead.
 const MOST_AHEAD: usize = 64;
 /// How far away the start of a playback may be, seconds: a year and a day.
 const FARTHEST_START_S: f64 = 366.0 * 86400.0;
@@ -74,11 +73,11 @@ pub(crate) fn encoder_of(what: &str, about: &Hologram, display: &Display) -> Res
     let ([eh, ew], [h, w]) = (encoder.hologram_size(), [about.height, about.width]);
     if [eh, ew] != [h, w] {
         let name = &display.name;
-        return Err(SessionError::Setting(reason!(
+        return Err(reason!(
             "size",
             "{what}: it is {h}x{w} pixels, and the display '{name}' takes {eh}x{ew}: give `size` {h}x{w}, or the display that it \
              was made for"
-        )));
+        ).into());
     }
     Ok(encoder)
 }
@@ -124,6 +123,11 @@ impl Play {
         })
     }
 
+    fn exact_speed(&self) -> Result<Speed, SessionError> {
+        let wrong = || reason!("speed", "`speed` {}: it must be 0.001 to 1000", self.speed);
+        Speed::new(self.speed).ok_or_else(|| SessionError::Setting(wrong()))
+    }
+
     /// Refuses what cannot be, before anything is opened for it.
     pub(crate) fn check(&self) -> Result<(), SessionError> {
         let wrong = |why| Err(SessionError::Setting(why));
@@ -131,9 +135,7 @@ impl Play {
         if first >= count.max(1) && !self.follow {
             return wrong(reason!("first", "{what}: it has {count} holograms, the first is 0: `first` {first}"));
         }
-        if Speed::new(self.speed).is_none() {
-            return wrong(reason!("speed", "`speed` {}: it must be 0.001 to 1000", self.speed));
-        }
+        self.exact_speed()?;
         if !(0.0..=LONGEST_SYNC_S).contains(&self.sync_s) {
             return wrong(reason!("sync", "`sync` {}: it must be 0 to {LONGEST_SYNC_S} seconds", self.sync_s));
         }
@@ -150,8 +152,8 @@ impl Play {
         Ok(())
     }
 
-    /// Starts reading and encoding.
     pub(crate) fn start(self, display: &OpenDisplay, notes: Notes, trace: Trace) -> Result<ContentSetup, SessionError> {
+        let speed = self.exact_speed()?;
         let Self { sequence, encoder, .. } = self;
         let (shape, sent) = (sequence.shape(), sequence.about().sent_colors());
         let set_frames = encoder.packed().video_frames as u64;
@@ -165,9 +167,6 @@ impl Play {
                 Start::At { display_time_ns: display.clock.now_ns() + left_ns }
             }
         };
-        let speed = Speed::new(self.speed).ok_or_else(|| {
-            SessionError::Setting(reason!("speed", "`speed` {}: it must be 0.001 to 1000", self.speed))
-        })?;
         let schedule = Schedule {
             rolls: false,
             display_rate: display.rate,
@@ -191,11 +190,8 @@ impl Play {
             notes,
             trace,
         };
-        let encoder = match self.device {
-            None => StreamEncoder::Cpu(encoder),
-            Some(device) => StreamEncoder::Vulkan(encoder, device),
-        };
-        let stream = Stream::start(sequence, encoder, options)?;
+        let device = self.device.map(|gpu| VulkanEncoder::new(&gpu, encoder.plan())).transpose()?;
+        let stream = Stream::start(sequence, encoder, device, options)?;
         let sub_frames = (sent.len() * shape[1]) as u64;
         Ok(ContentSetup { running: ActiveContent::Play(stream), schedule, idle, sub_frames })
     }

@@ -19,10 +19,10 @@ use crate::session::frame_log::account::RepeatReason;
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::latency::Timestamps;
 use crate::session::frame_log::trace::Track;
-use crate::session::playback::player::Begins;
 use crate::session::refinement::live_refiner::LiveRefiner;
 use crate::session::refinement::set_timing::{Target, as_ns};
 use crate::session::refinement::work_time::{Cost, Times, WorkTime};
+use crate::session::threads::spawn;
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -56,19 +56,16 @@ pub(crate) struct Refinement {
 impl Refinement {
     /// Starts refining. The first set, the hologram for the whole eyebox, is ready when this returns, unless the first scene has
     /// still to come.
-    ///
-    /// # Errors
-    /// Those of the engines and of the encoder; [`SessionError::Thread`].
     pub(crate) fn start(encoder: Encoder, mut options: RefinementOptions) -> Result<(Self, LiveSource), SessionError> {
-        let (steerer, gpu) = (options.again)()?;
-        let device = device_encoder(&steerer, gpu, &encoder)?;
+        let (refiner, gpu) = (options.again)()?;
+        let device = device_encoder(&refiner, gpu, &encoder)?;
         let (sender, mut source) = set_channel(&encoder.frames(), || {
             device.as_ref().zip(options.direct).map(|(device, order)| device.pictures(order)).transpose()
         })?;
         let shared = Arc::new(Shared::default());
         let is_real = options.clock.is_some();
         let mut refining = Refining {
-            steerer,
+            refiner,
             device,
             encoder,
             options,
@@ -96,13 +93,9 @@ impl Refinement {
         }
         let mut thread = None;
         if is_real {
-            let run = std::thread::Builder::new().name("eyebox refines".into()).spawn(move || refining.live());
-            thread = Some(run.map_err(|e| SessionError::Thread {
-                what: "refines",
-                reason: format!("could not be started ({e})"),
-            })?);
+            thread = Some(spawn("refines", move || refining.live())?);
         } else {
-            source.made_by(Box::new(move |begins| refining.make_for(begins)));
+            source.make = Some(Box::new(move |target| refining.make_for(target)));
         }
         Ok((Self { shared, thread }, source))
     }
@@ -112,7 +105,6 @@ impl Refinement {
         Self { shared: Arc::default(), thread: None }
     }
 
-    /// What became of scenes.
     pub(crate) fn taken(&self) -> SceneCounts {
         self.shared.taken.load()
     }
@@ -124,7 +116,6 @@ impl Refinement {
         [restarts, steps, moving, carried].map(|count| count.load(Ordering::Relaxed))
     }
 
-    /// Whether the thread is still there.
     #[cfg(test)]
     pub(crate) fn is_running(&self) -> bool {
         self.thread.as_ref().is_some_and(|t| !t.is_finished())
@@ -145,16 +136,16 @@ impl Drop for Refinement {
 
 /// An encoder on the engines' device, if they have one: phases need not come to the host.
 fn device_encoder(
-    steerer: &LiveRefiner,
+    refiner: &LiveRefiner,
     gpu: Option<Gpu>,
     encoder: &Encoder,
 ) -> Result<Option<VulkanEncoder>, SessionError> {
-    let gpu = gpu.filter(|_| steerer.phases_on_device().is_some());
+    let gpu = gpu.filter(|_| refiner.phases_on_device().is_some());
     Ok(gpu.map(|gpu| VulkanEncoder::new(&gpu, encoder.plan())).transpose()?)
 }
 
 struct Refining {
-    steerer: LiveRefiner,
+    refiner: LiveRefiner,
     device: Option<VulkanEncoder>,
     encoder: Encoder,
     options: RefinementOptions,
@@ -210,14 +201,14 @@ impl Refining {
 
     /// Makes the engines anew, with the scene that is to be seen.
     fn open_again(&mut self) -> Result<(), SessionError> {
-        let (mut steerer, gpu) = (self.options.again)()?;
+        let (mut refiner, gpu) = (self.options.again)()?;
         match &self.scene {
-            Some(SceneFrame { piece: Some(piece), colors, .. }) => drop(steerer.move_to(*piece, colors)?),
-            Some(scene) => drop(steerer.follow(&scene.colors)?),
+            Some(SceneFrame { piece: Some(piece), colors, .. }) => drop(refiner.move_to(*piece, colors)?),
+            Some(scene) => drop(refiner.follow(&scene.colors)?),
             None => {}
         }
-        let device = device_encoder(&steerer, gpu, &self.encoder)?;
-        (self.steerer, self.device) = (steerer, device);
+        let device = device_encoder(&refiner, gpu, &self.encoder)?;
+        (self.refiner, self.device) = (refiner, device);
         self.options.journal.iter().for_each(Journal::break_off);
         self.options.moments.begun_again();
         Ok(())
@@ -266,10 +257,8 @@ impl Refining {
     }
 
     /// In simulated time: makes the set that begins there, if it can be made by then.
-    fn make_for(&mut self, begins: Begins) -> Result<(), SessionError> {
+    fn make_for(&mut self, target: Target) -> Result<(), SessionError> {
         let period_ns = self.options.timing.load().period_ns;
-        let Begins { display_time_ns: start_ns, decided_ns: hand_over_ns, turn } = begins;
-        let target = Target { start_ns, hand_over_ns, turn };
         let (round_ns, ends_ns) = (self.round_ns(), self.ends_ns());
         let need_ns = round_ns.saturating_add(ends_ns);
         // It begins when the set before was decided on, or one before that where that is too short a time; or when that was done
@@ -320,7 +309,7 @@ impl Refining {
     }
 
     fn round_ns(&self) -> i64 {
-        self.options.cost.round_ns(self.steerer.colors(), || self.steerer.round())
+        self.options.cost.round_ns(self.refiner.colors(), || self.refiner.round())
     }
 
     /// What comes behind the steps.
@@ -385,15 +374,15 @@ impl Refining {
         };
         if !steered {
             // What is shown is the scene's own hologram: there is nothing to compare.
-            self.steerer.forget_aim();
+            self.refiner.forget_aim();
         }
         if let Some(journal) = &self.options.journal {
             journal.scene(&scene, !steered);
         }
         self.options.moments.follow(&scene.colors, scene.shows_ns.or(scene.arrived_ns).unwrap_or(light_ns));
         let followed = match scene.piece {
-            Some(piece) => self.steerer.move_to(piece, &scene.colors)?,
-            None => self.steerer.follow(&scene.colors)?,
+            Some(piece) => self.refiner.move_to(piece, &scene.colors)?,
+            None => self.refiner.follow(&scene.colors)?,
         };
         if followed.own > 0 {
             self.options.moments.begun_again();
@@ -409,9 +398,8 @@ impl Refining {
         Ok(Some(true))
     }
 
-    /// The hologram for the whole eyebox.
     fn show_whole(&mut self, target: &Target, now_ns: i64) -> Result<(), SessionError> {
-        self.steerer.show_whole()?;
+        self.refiner.show_whole()?;
         self.options.journal.iter().for_each(|journal| journal.keep(Decision::Whole {}));
         let mut time = WorkTime::begin(self.options.cost, now_ns);
         let timestamps = Timestamps {
@@ -431,7 +419,7 @@ impl Refining {
         let (light_ns, times) = (self.light_ns(&target), Times(self.options.clock));
         let mut time = WorkTime::begin(self.options.cost, now_ns);
         let begun = Instant::now();
-        let before = self.steerer.counts();
+        let before = self.refiner.counts();
         let deadline_ns = target.hand_over_ns.saturating_sub(self.ends_ns());
         let mut steps = 0;
         self.sender.does(RepeatReason::StepTooLong);
@@ -439,15 +427,15 @@ impl Refining {
         let (expected, aimed_ns, moves) = loop {
             let at_ns = time.now_ns();
             let expected = self.options.expect(times.monotonic_ns(at_ns), times.monotonic_ns(light_ns))?;
-            if self.steerer.aim(expected.pupil)? {
+            if self.refiner.aim(expected.pupil)? {
                 self.options.moments.begun_again();
             }
             let turn = usize::try_from(target.turn).unwrap_or(0);
             let moves = Moves { motion: self.options.moments.motion(light_ns, &expected), turn };
-            self.steerer.moves(&moves.motion, self.options.moments.times(turn))?;
+            self.refiner.moves(&moves.motion, self.options.moments.times(turn))?;
             time.looked(self.shift_phases(light_ns, &expected.pupil, &moves)?);
             self.fit(&expected.pupil, &moves)?;
-            let taken = self.steerer.round_while(|steps, expected| time.steps_before(deadline_ns, steps, expected))?;
+            let taken = self.refiner.round_while(|steps, expected| time.steps_before(deadline_ns, steps, expected))?;
             steps += taken;
             self.options.journal.iter().for_each(|journal| journal.steps(&expected.pupil, &moves, taken));
             let left_ns = deadline_ns.saturating_sub(time.now_ns()).saturating_sub(self.round_ns());
@@ -464,9 +452,9 @@ impl Refining {
                 self.sender.does(RepeatReason::StepTooLong);
             }
         };
-        self.steerer.settle()?;
+        self.refiner.settle()?;
         self.options.track.span("refine", self.number, begun);
-        let after = self.steerer.counts();
+        let after = self.refiner.counts();
         self.shared.restarts.fetch_add(after[0] - before[0], Ordering::Relaxed);
         self.shared.steps.fetch_add(u64::from(steps), Ordering::Relaxed);
         if steps == 0 {

@@ -2,18 +2,18 @@
 
 use crate::encode::{Encoder, Lighting, PhaseSet};
 use crate::session::content::scenes::FrameFreshness;
-use crate::session::feeds::journal::{Decision, RecordedSession};
+use crate::session::feeds::journal::{Decision, RecordedSession, motion_of, pupil_of};
 use crate::session::feeds::sets::{FinishedSet, LiveSource, SetSender, set_channel};
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::latency::Timestamps;
-use crate::session::refinement::live_refiner::{LiveColor, LiveRefiner};
+use crate::session::refinement::field::LiveColor;
+use crate::session::refinement::live_refiner::LiveRefiner;
 use eyebox_base::reason;
 
-/// A session that is done again.
 pub(crate) struct Replay {
     kept: RecordedSession,
     colors: Vec<LiveColor>,
-    steerer: LiveRefiner,
+    refiner: LiveRefiner,
     encoder: Encoder,
     /// When the sub-frames of each colour are lit.
     lighting: Lighting,
@@ -26,20 +26,17 @@ pub(crate) struct Replay {
 
 impl Replay {
     /// From what it began with; sets are made when they are asked for.
-    ///
-    /// # Errors
-    /// Those of the channel's buffers.
     pub(crate) fn start(
         kept: RecordedSession,
         colors: Vec<LiveColor>,
-        steerer: LiveRefiner,
+        refiner: LiveRefiner,
         encoder: Encoder,
         lighting: Lighting,
     ) -> Result<LiveSource, SessionError> {
         let (sender, mut source) = set_channel(&encoder.frames(), || Ok::<_, SessionError>(None))?;
         let (newest, content, steps) = (None, None, 0);
-        let mut replay = Self { kept, colors, steerer, encoder, lighting, sender, newest, content, steps };
-        source.made_by(Box::new(move |_| replay.light_next()));
+        let mut replay = Self { kept, colors, refiner, encoder, lighting, sender, newest, content, steps };
+        source.make = Some(Box::new(move |_| replay.light_next()));
         Ok(source)
     }
 
@@ -51,25 +48,22 @@ impl Replay {
         };
         while self.newest.is_none_or(|newest| newest < wanted) {
             let Some(decision) = self.kept.decisions.next() else {
-                return Err(SessionError::Setting(reason!(
-                    "set-not-kept",
-                    "set {wanted} was lit, and it was not kept how it was made"
-                )));
+                return Err(reason!("set-not-kept", "set {wanted} was lit, and it was not kept how it was made").into());
             };
             match decision {
                 Decision::Scene { number, anew, colors } => {
                     if anew {
-                        self.steerer.forget_aim();
+                        self.refiner.forget_aim();
                     }
                     let scene = self.kept.scene(number, &colors, &self.colors)?;
-                    self.steerer.follow(&scene)?;
+                    self.refiner.follow(&scene)?;
                     self.content = Some(number);
                 }
                 Decision::Steps { pupil, motion, turn, steps } => {
-                    self.steerer.aim(RecordedSession::pupil(pupil))?;
-                    self.steerer.moves(&RecordedSession::motion(motion), self.lighting.times(turn))?;
+                    self.refiner.aim(pupil_of(pupil))?;
+                    self.refiner.moves(&motion.map(motion_of).unwrap_or_default(), self.lighting.times(turn))?;
                     let mut left = steps;
-                    self.steerer.round_while(|_, _| {
+                    self.refiner.round_while(|_, _| {
                         let more = left > 0;
                         left = left.saturating_sub(1);
                         more
@@ -77,10 +71,10 @@ impl Replay {
                     self.steps += steps;
                 }
                 Decision::Carry { pixels, look } => {
-                    self.steerer.shift_phases(pixels.turns(), &self.lighting, look)?;
+                    self.refiner.shift_phases(pixels.turns(), &self.lighting, look)?;
                 }
-                Decision::Fit {} => drop(self.steerer.fit()?),
-                Decision::Whole {} => self.steerer.show_whole()?,
+                Decision::Fit {} => drop(self.refiner.fit()?),
+                Decision::Whole {} => self.refiner.show_whole()?,
                 Decision::Set { number } => {
                     self.newest = Some(number);
                     if number >= wanted {
@@ -95,9 +89,9 @@ impl Replay {
 
     fn hand_over(&mut self, number: u64) -> Result<(), SessionError> {
         let Some(mut buffer) = self.sender.buffer() else { return Ok(()) };
-        self.steerer.settle()?;
-        self.encoder.encode_into(&PhaseSet::trusted(&self.steerer.sent()?), &mut buffer.frames)?;
-        buffer.lit_by(self.steerer.sources());
+        self.refiner.settle()?;
+        self.encoder.encode_into(&PhaseSet::trusted(&self.refiner.sent()?), &mut buffer.frames)?;
+        buffer.lit_by(self.refiner.sources());
         self.sender.send(FinishedSet {
             number,
             buffer,

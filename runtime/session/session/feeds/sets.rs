@@ -7,8 +7,9 @@ use crate::session::content::scenes::FrameFreshness;
 use crate::session::frame_log::account::RepeatReason;
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::latency::Timestamps;
-use crate::session::playback::player::{Begins, SetSource};
+use crate::session::playback::player::SetSource;
 use crate::session::playback::scheduler::{Content, Readiness};
+use crate::session::refinement::set_timing::Target;
 use crate::solve::{Motion, Problem};
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
@@ -19,7 +20,6 @@ use std::time::Instant;
 pub struct FinishedSet {
     /// Its number, from 0.
     pub number: u64,
-    /// Its video frames.
     pub(crate) buffer: SetBuffer,
     /// When what happened to it.
     pub timestamps: Timestamps,
@@ -96,27 +96,25 @@ pub(crate) struct LiveSource {
     newest: Mailbox<FinishedSet>,
     free: Mailbox<SetBuffer>,
     fresh: Option<FinishedSet>,
-    on_screen: Option<FinishedSet>,
+    pub(crate) on_screen: Option<FinishedSet>,
     changed: bool,
-    asked: Option<Instant>,
-    /// By their cause, in the order of [`RepeatReason::ALL`], and the last decision's.
-    repeats: [u64; 6],
-    repeated: Option<RepeatReason>,
-    news: u64,
-    /// There will be no more.
+    /// When a player last asked what there is: when it decided.
+    pub(crate) asked: Option<Instant>,
+    /// Sets that were shown again, by their cause, in the order of [`RepeatReason::ALL`], and why the last decision did, if it did.
+    pub(crate) repeats: [u64; 6],
+    pub(crate) repeated: Option<RepeatReason>,
+    /// Sets that were new when they were decided on.
+    pub(crate) news: u64,
     over: Arc<AtomicBool>,
     doing: Arc<AtomicCell<RepeatReason>>,
     /// Makes the set that begins at a time, where time is simulated.
-    make: Option<SetMaker>,
+    pub(crate) make: Option<SetMaker>,
 }
 
 /// Makes the set that such a video frame begins with, if it can be made by then.
-pub(crate) type SetMaker = Box<dyn FnMut(Begins) -> Result<(), SessionError>>;
+pub(crate) type SetMaker = Box<dyn FnMut(Target) -> Result<(), SessionError>>;
 
 /// Both sides, with buffers like `frames`, and pictures on a device where `pictures` makes them.
-///
-/// # Errors
-/// Those of `pictures`.
 pub(crate) fn set_channel<E>(
     frames: &VideoFrames,
     mut pictures: impl FnMut() -> Result<Option<Pictures>, E>,
@@ -161,7 +159,6 @@ impl SetSender {
         let _ = self.free.put(buffer);
     }
 
-    /// What it does from now on.
     pub(crate) fn does(&self, doing: RepeatReason) {
         self.doing.store(doing);
     }
@@ -184,34 +181,9 @@ impl Drop for SetSender {
 }
 
 impl LiveSource {
-    /// The set on the screen.
-    pub(crate) fn lit(&self) -> Option<&FinishedSet> {
-        self.on_screen.as_ref()
-    }
-
-    /// Why the last decision showed the same again, if it did.
-    pub(crate) fn repeated(&self) -> Option<RepeatReason> {
-        self.repeated
-    }
-
     /// The set on the screen, if it was not there when this was last asked.
     pub(crate) fn newly_shown(&mut self) -> Option<&FinishedSet> {
         std::mem::take(&mut self.changed).then_some(self.on_screen.as_ref()).flatten()
-    }
-
-    /// Sets are made when they are asked for: time is simulated.
-    pub(crate) fn made_by(&mut self, make: SetMaker) {
-        self.make = Some(make);
-    }
-
-    /// When a player last asked what there is: when it decided.
-    pub(crate) fn asked(&self) -> Option<Instant> {
-        self.asked
-    }
-
-    /// Sets that were new when they were decided on, and sets that were shown again, by cause.
-    pub(crate) fn counts(&self) -> (u64, [u64; 6]) {
-        (self.news, self.repeats)
     }
 }
 
@@ -241,9 +213,9 @@ impl SetSource for LiveSource {
         Ok(())
     }
 
-    fn settle(&mut self, _position: u64, begins: Begins) -> Result<(), SessionError> {
+    fn settle(&mut self, _position: u64, target: Target) -> Result<(), SessionError> {
         if let Some(make) = &mut self.make {
-            make(begins)?;
+            make(target)?;
         }
         self.poll(0)
     }

@@ -43,13 +43,11 @@ pub struct ContentReport {
     pub estimated: Histogram,
     /// Steps over all colours, of each new set.
     pub steps: Histogram,
-    /// The scene on the screen.
     newest: Option<u64>,
     supply: FrameFreshness,
 }
 
 impl ContentReport {
-    /// Of this content; nothing was shown yet.
     pub(crate) fn new(source: String) -> Self {
         Self {
             source,

@@ -4,10 +4,10 @@ use crate::optics::Pupil;
 use crate::present::Desktop;
 use crate::session::feeds::sets::FinishedSet;
 
-/// What a companion is told after every video frame.
+/// State that a sidecar window receives after every video frame.
 #[derive(Debug, Clone, Copy)]
 pub struct Now {
-    /// The pupil as it is believed to be.
+    /// The estimated pupil.
     pub pupil: Pupil,
     /// Whether the hologram follows it.
     pub steered: bool,

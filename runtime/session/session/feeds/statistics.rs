@@ -10,7 +10,7 @@ use crate::session::refinement::pupil_tracker::TrackerCounts;
 use serde_json::{Value, json};
 
 /// Why a session ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Ending {
     /// The content was over.
@@ -22,6 +22,7 @@ pub enum Ending {
     /// It was stopped.
     Stopped,
     /// Something failed.
+    #[default]
     Failed,
 }
 
@@ -39,7 +40,7 @@ impl Ending {
 }
 
 /// What was shown, and how late.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 #[non_exhaustive]
 pub struct Statistics {
     /// What was shown when.
@@ -68,27 +69,8 @@ pub struct Statistics {
     pub live: Option<LiveStatistics>,
 }
 
-impl Default for Statistics {
-    fn default() -> Self {
-        Self {
-            report: Report::default(),
-            ended_by: Ending::Failed,
-            presenter: String::new(),
-            timed_by: "",
-            display_hz: 0.0,
-            content_hz: 0.0,
-            set_frames: 0,
-            margin_ms: 0.0,
-            pictures_left_out: 0,
-            interference: Vec::new(),
-            validation: Vec::new(),
-            live: None,
-        }
-    }
-}
-
 /// What following the eye did.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 #[non_exhaustive]
 pub struct LiveStatistics {
     /// The tracker, for people.
@@ -151,7 +133,7 @@ impl Statistics {
         all["content_rate_hz"] = json!(self.content_hz);
         all["video_frames_per_set"] = json!(self.set_frames);
         all["margin_ms"] = json!(self.margin_ms);
-        all["interference"] = self.interference.iter().map(Interference::to_json).collect();
+        all["interference"] = json!(self.interference);
         all
     }
 }

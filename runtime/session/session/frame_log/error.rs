@@ -66,10 +66,17 @@ pub enum SessionError {
     },
     /// A window beside the display.
     #[error("the window beside the display: {0}")]
-    Companion(Reason),
+    #[serde(rename = "companion")]
+    SidecarWindow(Reason),
     /// A setting that cannot be.
     #[error("{0}")]
     Setting(Reason),
+}
+
+impl From<Reason> for SessionError {
+    fn from(reason: Reason) -> Self {
+        Self::Setting(reason)
+    }
 }
 
 impl SessionError {

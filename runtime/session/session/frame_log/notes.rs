@@ -1,6 +1,7 @@
 //! What the threads of a session have to tell a user.
 
 use crate::mailbox::Mailbox;
+use crate::session::options::SessionEvent;
 use std::time::Duration;
 
 /// Notes that wait for a reader at most; further ones are dropped.
@@ -8,16 +9,7 @@ const NOTES: usize = 64;
 
 /// Where notes go, one for all threads of a session.
 #[derive(Debug, Clone)]
-pub(crate) struct Notes(Mailbox<NoteEvent>);
-
-/// What a reader of the notes hears.
-#[derive(Debug, PartialEq, Eq)]
-pub(crate) enum NoteEvent {
-    /// A note.
-    Note(String),
-    /// That there will be no more.
-    End,
-}
+pub(crate) struct Notes(Mailbox<SessionEvent>);
 
 impl Default for Notes {
     fn default() -> Self {
@@ -27,19 +19,18 @@ impl Default for Notes {
 
 impl Notes {
     pub(crate) fn send(&self, note: impl Into<String>) {
-        let _ = self.0.put(NoteEvent::Note(note.into()));
+        let _ = self.0.put(SessionEvent::Note(note.into()));
     }
 
-    pub(crate) fn recv_timeout(&self, patience: Duration) -> Option<NoteEvent> {
+    pub(crate) fn recv_timeout(&self, patience: Duration) -> Option<SessionEvent> {
         self.0.take_within(patience)
     }
 
-    /// The next note, if there is one.
     #[cfg(test)]
     pub(crate) fn take(&self) -> Option<String> {
         match self.0.take()? {
-            NoteEvent::Note(note) => Some(note),
-            NoteEvent::End => None,
+            SessionEvent::Note(note) => Some(note),
+            SessionEvent::Ended => None,
         }
     }
 
@@ -54,12 +45,11 @@ impl Notes {
     }
 }
 
-/// Tells the end when it is dropped.
 pub(crate) struct EndNote(Notes);
 
 impl Drop for EndNote {
     fn drop(&mut self) {
-        self.0.0.push(NoteEvent::End);
+        self.0.0.push(SessionEvent::Ended);
     }
 }
 

@@ -2,20 +2,18 @@
 //! which those read without its end, too. A thread of its own writes it while it grows.
 
 use crate::encode::Packed;
-use crate::files::{FileError, GrowingFile};
+use crate::files::GrowingFile;
 use crate::mailbox::Mailbox;
 use crate::session::frame_log::error::SessionError;
+use crate::session::threads::{EntryWriter, Moment};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// Spans that wait to be written: a second of thousands.
 const WAITING: usize = 1 << 14;
-/// How often the file is tended where nothing comes.
-const POLL_INTERVAL: Duration = Duration::from_millis(200);
 
 #[derive(Debug, Clone)]
 enum Entry {
@@ -23,7 +21,6 @@ enum Entry {
     Span { thread: u64, name: &'static str, position: u64, start_ns: u64, duration_ns: u64 },
     Lit { thread: u64, at_ns: u64, lit: Lit },
     Light { thread: u64, at_ns: u64, light: Light },
-    End,
 }
 
 /// A new set of a refined hologram: times in nanoseconds on the player's clock.
@@ -60,7 +57,7 @@ pub(crate) struct Light {
 #[derive(Debug, Clone)]
 pub struct Trace {
     origin: Instant,
-    out: Option<Mailbox<Entry>>,
+    out: Option<Mailbox<Option<Entry>>>,
     tracks: Arc<AtomicU64>,
     /// Spans for which there was no room.
     lost: Arc<AtomicU64>,
@@ -70,7 +67,7 @@ pub struct Trace {
 #[derive(Debug)]
 pub struct Written {
     trace: Trace,
-    thread: JoinHandle<Result<(), FileError>>,
+    writer: EntryWriter<Entry>,
 }
 
 impl Trace {
@@ -84,14 +81,18 @@ impl Trace {
     /// # Errors
     /// [`SessionError::File`], [`SessionError::Thread`].
     pub fn write(file: &Path) -> Result<Written, SessionError> {
-        let (out, from) = (GrowingFile::new(file)?, Mailbox::new(WAITING));
-        let trace = Self { out: Some(from.clone()), ..Self::none() };
+        let trace = Self::none();
         let lost = Arc::clone(&trace.lost);
-        let thread = std::thread::Builder::new().name("eyebox traces".into());
-        let thread = thread
-            .spawn(move || write(out, &from, &lost))
-            .map_err(|e| SessionError::Thread { what: "traces", reason: format!("could not be started ({e})") })?;
-        Ok(Written { trace, thread })
+        let writer = EntryWriter::start("traces", WAITING, GrowingFile::new(file)?, move |out, moment| match moment {
+            Moment::Begin => out.add(|out| out.write_all(b"[\n")),
+            Moment::Entry(entry) => out.add(|out| writeln!(out, "{},", event(entry))),
+            Moment::End => {
+                let args = json!({ "name": "eyebox", "lost": lost.load(Ordering::Relaxed) });
+                let end = json!({ "name": "process_name", "ph": "M", "pid": 1, "args": args });
+                out.add(|out| writeln!(out, "{end}\n]"))
+            }
+        })?;
+        Ok(Written { trace: Self { out: Some(writer.entries.clone()), ..trace }, writer })
     }
 
     /// A track for a thread.
@@ -113,36 +114,8 @@ impl Written {
     /// # Errors
     /// [`SessionError::File`], of any time; what was written before is whole.
     pub fn finish(self) -> Result<(), SessionError> {
-        if let Some(out) = &self.trace.out {
-            // Until it arrives: the thread waits for it.
-            let mut end = Entry::End;
-            while let Err(back) = out.put_within(end, POLL_INTERVAL) {
-                if self.thread.is_finished() {
-                    break;
-                }
-                end = back;
-            }
-        }
-        let failed = |_| SessionError::Thread { what: "traces", reason: "failed, which is a fault of eyebox".into() };
-        Ok(self.thread.join().map_err(failed)??)
+        self.writer.finish()
     }
-}
-
-/// Writes entries until the end; where that fails, the rest is taken all the same.
-fn write(mut out: GrowingFile, from: &Mailbox<Entry>, lost: &AtomicU64) -> Result<(), FileError> {
-    let mut written = out.add(|out| out.write_all(b"[\n"));
-    loop {
-        let added = match from.take_within(POLL_INTERVAL) {
-            Some(Entry::End) => break,
-            Some(entry) => out.add(|out| writeln!(out, "{},", event(entry))),
-            None => out.tend(),
-        };
-        written = written.and(added);
-    }
-    let end = json!({
-        "name": "process_name", "ph": "M", "pid": 1, "args": { "name": "eyebox", "lost": lost.load(Ordering::Relaxed) },
-    });
-    written.and(out.add(|out| writeln!(out, "{end}\n]"))).and(out.finish())
 }
 
 fn event(entry: Entry) -> Value {
@@ -171,7 +144,6 @@ fn event(entry: Entry) -> Value {
                 "args": args,
             })
         }
-        Entry::End => Value::Null,
     }
 }
 
@@ -195,13 +167,8 @@ impl Track {
     pub fn span(&mut self, name: &'static str, position: u64, start: Instant) {
         let nanoseconds = |d: Duration| u64::try_from(d.as_nanos()).unwrap_or(u64::MAX);
         let start_ns = nanoseconds(start.saturating_duration_since(self.trace.origin));
-        self.put(Entry::Span {
-            thread: self.thread,
-            name,
-            position,
-            start_ns,
-            duration_ns: nanoseconds(start.elapsed()),
-        });
+        let duration_ns = nanoseconds(start.elapsed());
+        self.put(Entry::Span { thread: self.thread, name, position, start_ns, duration_ns });
     }
 
     /// A new set is on its way to the light.
@@ -209,7 +176,6 @@ impl Track {
         self.put(Entry::Lit { thread: self.thread, at_ns: self.now_ns(), lit });
     }
 
-    /// A video frame is.
     pub(crate) fn light(&mut self, light: Light) {
         self.put(Entry::Light { thread: self.thread, at_ns: self.now_ns(), light });
     }
@@ -220,7 +186,7 @@ impl Track {
     }
 
     fn put(&self, entry: Entry) {
-        if self.trace.out.as_ref().is_some_and(|out| out.put(entry).is_err()) {
+        if self.trace.out.as_ref().is_some_and(|out| out.put(Some(entry)).is_err()) {
             self.trace.lost.fetch_add(1, Ordering::Relaxed);
         }
     }

@@ -4,7 +4,7 @@
 //! A picture is only taken of the newest version of the hologram, once that is on the screen, and is thrown away if the screen changed
 //! during the exposure. [`NewestHologram`] has both from the present thread, so nothing here depends on how long sets are under way.
 
-use crate::calibrate::{CalibrateError, Calibration, FollowOptions, Follower, Look, Report};
+use crate::calibrate::{CalibrateError, Calibration, CameraCommand, Follower, Look, Report};
 use crate::files::asked_to_end;
 use crate::hologram::{Hologram, NewestHologram};
 use crate::optics::{Color, Display};
@@ -59,7 +59,7 @@ impl<'a> BenchFollower<'a> {
     pub fn open(
         (display, color): (&Display, Color),
         (output, settle): (&Output, Duration),
-        camera: &FollowOptions<'a>,
+        camera: &CameraCommand<'a>,
         every: Duration,
         say: &'a mut dyn FnMut(&str),
     ) -> Result<Self, SessionError> {

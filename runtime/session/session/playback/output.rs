@@ -63,7 +63,6 @@ impl SinkFile {
     }
 }
 
-/// A display that is open.
 pub(crate) struct OpenDisplay {
     kind: Kind,
     pub clock: Rc<dyn Clock>,
@@ -88,6 +87,7 @@ impl Output {
     ) -> Result<OpenDisplay, SessionError> {
         let [rows, columns, channels] = size;
         let real = RealClock::start();
+        let usual = |known: Option<Rate>| known.map_or_else(|| Rate::new(60, 1), Ok);
         let shared = || match gpu {
             Some(gpu) => Ok(gpu.clone()),
             None => Gpu::open(&GpuOptions { allow_cpu: true, present: true, ..GpuOptions::default() }),
@@ -97,14 +97,14 @@ impl Output {
                 let desktop = Desktop::open()?;
                 let monitor = desktop.choose(monitor.as_deref(), [rows, columns])?;
                 let window = desktop.fullscreen(&shared()?, &monitor, real)?;
-                let known = rate.or(window.rate());
+                let known = rate.or(window.rate);
                 (Kind::Window(Box::new(window)), known)
             }
             #[cfg(feature = "direct-display")]
             Self::Direct { display } => {
                 let display = DisplayPresenter::direct(&shared()?, display.as_deref(), [rows, columns], rate, real)?;
                 // Its own rate is the mode's, which may be 59.94 where 60 was asked for.
-                let known = display.rate().or(rate);
+                let known = display.rate.or(rate);
                 (Kind::Other(Box::new(display), None), known)
             }
             Self::Memory { simulated, sink } => {
@@ -113,19 +113,19 @@ impl Output {
                     Some(SinkFile::Shared(file)) => Some(Sink::shared(file, size)?),
                     None => None,
                 };
-                let rate = rate.map_or_else(|| Rate::new(60, 1), Ok)?;
+                let rate = usual(rate)?;
                 let clock: Rc<dyn Clock> = if *simulated { Rc::new(SimulatedClock::default()) } else { Rc::new(real) };
                 let memory = Offscreen::new(Rc::clone(&clock), rate, rows * columns * channels).with_sink(sink);
                 let (kind, real_clock) = (Kind::Other(Box::new(memory), None), (!*simulated).then_some(real));
                 return Ok(OpenDisplay { kind, clock, real_clock, rate });
             }
             Self::Ticked(ticked) => {
-                let rate = rate.map_or_else(|| Rate::new(60, 1), Ok)?;
+                let rate = usual(rate)?;
                 let (clock, presenter) = ticked.open(real, rate);
                 return Ok(OpenDisplay { kind: Kind::Other(presenter, None), clock, real_clock: Some(real), rate });
             }
         };
-        let rate = known.map_or_else(|| Rate::new(60, 1), Ok)?;
+        let rate = usual(known)?;
         Ok(OpenDisplay { kind, real_clock: Some(real), clock: Rc::new(real), rate })
     }
 }

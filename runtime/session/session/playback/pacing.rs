@@ -49,7 +49,8 @@ pub struct Pacer {
     /// Handed over and not known to be shown: their number and their video frame.
     in_flight: VecDeque<(u64, u64)>,
     compute_ns: i64,
-    margin_ns: i64,
+    /// The margin between waking and what has to be done.
+    pub(crate) margin_ns: i64,
     good: u32,
 }
 
@@ -59,11 +60,6 @@ impl Pacer {
         let margin_ns = rate.period_ns() / 8;
         let in_flight = VecDeque::with_capacity(64);
         Self { rate, anchor: None, known: false, last: None, in_flight, compute_ns: 0, margin_ns, good: 0 }
-    }
-
-    /// The margin between waking and what has to be done.
-    pub(crate) fn margin_ns(&self) -> i64 {
-        self.margin_ns
     }
 
     /// The next video frame: the one after the last, or the first that can still be reached.

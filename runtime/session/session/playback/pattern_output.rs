@@ -32,7 +32,7 @@ impl PatternOutput {
         let encoders = colors.iter().map(|color| Ok((*color, alone(display, *color)?)));
         let encoders = encoders.collect::<Result<Vec<_>, SessionError>>()?;
         let Some((_, first)) = encoders.first() else {
-            return Err(SessionError::Setting(reason!("no-color", "patterns are of one colour at least")));
+            return Err(reason!("no-color", "patterns are of one colour at least").into());
         };
         let frames = first.frames();
         let display = output.open([frames.height, frames.width, frames.channels], None, None)?;
@@ -57,7 +57,7 @@ impl PatternOutput {
             let presenter = self.display.presenter();
             while let Some(event) = presenter.event() {
                 if event == Event::Close {
-                    return Err(SessionError::Setting(reason!("window-closed", "its window was closed")));
+                    return Err(reason!("window-closed", "its window was closed").into());
                 }
             }
             while let Some(feedback) = presenter.feedback() {

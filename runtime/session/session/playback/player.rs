@@ -12,34 +12,18 @@ use crate::session::playback::pacing::Pacer;
 use crate::session::playback::report::Timing;
 use crate::session::playback::scheduler::{Content, Scheduler, Slot, What};
 use crate::session::playback::timeline::Speed;
+use crate::session::refinement::set_timing::Target;
 use std::rc::Rc;
 use std::time::Instant;
-
-/// A video frame that a set may begin with, on a simulated clock, nanoseconds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(crate) struct Begins {
-    /// When it is to light up.
-    pub display_time_ns: i64,
-    /// When it is decided what it shows: now.
-    pub decided_ns: i64,
-    /// Of sets that roll: the video frame whose turn it is.
-    pub turn: u64,
-}
 
 /// Content that can be shown: what the present thread sees of a [`Stream`](crate::session::Stream). None of it blocks but
 /// [`settle`](Self::settle).
 pub(crate) trait SetSource: Content {
-    /// Takes in what arrived, and says which positions may still be of use.
-    ///
-    /// # Errors
-    /// What ended the threads behind it.
+    /// Takes in what arrived, and says which positions may still be of use. Fails with what ended the threads behind it.
     fn poll(&mut self, useful_from: u64) -> Result<(), SessionError>;
 
     /// Waits until it is known what comes of a position: with simulated clocks, for which it takes no time.
-    ///
-    /// # Errors
-    /// Those of [`poll`](Self::poll).
-    fn settle(&mut self, position: u64, begins: Begins) -> Result<(), SessionError>;
+    fn settle(&mut self, position: u64, target: Target) -> Result<(), SessionError>;
 
     /// Puts a position that is ready on the screen.
     fn show(&mut self, position: u64);
@@ -74,10 +58,8 @@ pub enum Command {
     Speed(f64),
 }
 
-/// Whether there is more to come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Flow {
-    /// There is.
     Continue,
     /// The last set was up for its time.
     Ended,
@@ -107,13 +89,16 @@ pub struct PresentedFrame<'a> {
 /// Joins clock, scheduler and pacer.
 pub(crate) struct Player {
     clock: Rc<dyn Clock>,
-    scheduler: Scheduler,
-    pacer: Pacer,
+    /// What was shown, and why not more.
+    pub(crate) scheduler: Scheduler,
+    pub(crate) pacer: Pacer,
     idle: VideoFrames,
     id: u64,
-    timing: Timing,
-    track: Track,
-    display_time_ns: i64,
+    /// How well predictions were met.
+    pub(crate) timing: Timing,
+    pub(crate) track: Track,
+    /// When the last video frame handed over is to light up.
+    pub(crate) display_time_ns: i64,
     /// Stores which version of a hologram is on the screen.
     versions: Option<VersionLog>,
 }
@@ -140,31 +125,6 @@ impl Player {
         self.versions = Some(VersionLog::new(newest, self.scheduler.schedule().set_frames));
     }
 
-    /// What was shown, and why not more.
-    pub(crate) fn scheduler(&self) -> &Scheduler {
-        &self.scheduler
-    }
-
-    /// How well predictions were met.
-    pub(crate) fn timing(&self) -> &Timing {
-        &self.timing
-    }
-
-    /// The pacer.
-    pub(crate) fn pacer(&self) -> &Pacer {
-        &self.pacer
-    }
-
-    /// What this thread did.
-    pub(crate) fn into_track(self) -> Track {
-        self.track
-    }
-
-    /// When the last video frame handed over is to light up.
-    pub(crate) fn display_time_ns(&self) -> i64 {
-        self.display_time_ns
-    }
-
     /// Does what a user asked for, from the next video frame on.
     pub(crate) fn command(&mut self, command: Command, source: &mut dyn SetSource) {
         let next_display_time_ns = self.display_time_ns + self.rate().period_ns();
@@ -185,9 +145,6 @@ impl Player {
     }
 
     /// One video frame. `observe` sees what was handed over.
-    ///
-    /// # Errors
-    /// The presenter is lost, or a thread of the source ended.
     pub(crate) fn tick(
         &mut self,
         presenter: &mut dyn Presenter,
@@ -208,8 +165,8 @@ impl Player {
         source.poll(useful)?;
         let wanted = self.scheduler.wanted(next.predicted_display_time_ns);
         if let Some(wanted) = wanted.filter(|_| self.clock.is_simulated()) {
-            let (display_time_ns, turn) = (next.predicted_display_time_ns, self.scheduler.turn());
-            source.settle(wanted, Begins { display_time_ns, decided_ns: woken_ns, turn })?;
+            let (start_ns, turn) = (next.predicted_display_time_ns, self.scheduler.turn());
+            source.settle(wanted, Target { start_ns, hand_over_ns: woken_ns, turn })?;
         }
         let Slot { what, video_frame, late } = self.scheduler.next(next.vblank, next.predicted_display_time_ns, source);
         match what {
@@ -263,10 +220,7 @@ impl Player {
     }
 
     /// Ends playing, however that came: unless it was the display that was lost, it is left on the idle picture's first
-    /// video frame, which is a defined one.
-    ///
-    /// # Errors
-    /// What ended it; else the presenter is lost.
+    /// video frame, which is a defined one. Fails with what ended it, or else with what became of the presenter.
     pub(crate) fn end<T>(
         &mut self,
         presenter: &mut dyn Presenter,

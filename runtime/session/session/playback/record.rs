@@ -6,6 +6,7 @@ use crate::mailbox::Mailbox;
 use crate::session::frame_log::account::Cause;
 use crate::session::frame_log::error::SessionError;
 use crate::session::playback::player::PresentedFrame;
+use crate::session::threads::spawn;
 use eyebox_base::reason;
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
@@ -22,9 +23,6 @@ pub(crate) struct Recorder {
 
 impl Recorder {
     /// Makes the folder, which must be new or empty, for pictures of (rows, columns, channels).
-    ///
-    /// # Errors
-    /// [`FileError::Taken`] where it holds something; [`FileError::Write`], [`FileError::Full`].
     fn new(folder: &Path, size: [usize; 3]) -> Result<Self, FileError> {
         fs::create_dir_all(folder).map_err(|e| FileError::write(folder, e))?;
         let mut entries = fs::read_dir(folder).map_err(|e| FileError::read(folder, e))?;
@@ -47,10 +45,6 @@ impl Recorder {
         }
     }
 
-    /// Keeps one video frame.
-    ///
-    /// # Errors
-    /// [`SessionError::File`].
     fn add(&mut self, frame: &PresentedFrame<'_>) -> Result<(), SessionError> {
         let name = Self::picture_name(frame.index, frame.video_frame);
         let picture = self.folder.join(&name);
@@ -66,10 +60,6 @@ impl Recorder {
         Ok(())
     }
 
-    /// Brings the list to the disk.
-    ///
-    /// # Errors
-    /// [`SessionError::File`].
     fn finish(mut self) -> Result<(), SessionError> {
         let file = self.folder.join("shown.csv");
         self.list.flush().and_then(|()| self.list.get_ref().sync_all()).map_err(|e| FileError::write(&file, e))?;
@@ -85,7 +75,6 @@ const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// A video frame on its way to the disk: without its picture, and that.
 type RecordedFrame = (PresentedFrame<'static>, Vec<u8>);
 
-/// A recording of what a session shows.
 pub(crate) enum Recording {
     /// Every video frame, as it is shown: with a simulated clock.
     Inline(Box<Recorder>),
@@ -120,13 +109,9 @@ impl Recording {
                 }
             }
         };
-        let thread = std::thread::Builder::new().name("eyebox records".into()).spawn(run);
-        let thread = thread
-            .map_err(|e| SessionError::Thread { what: "records", reason: format!("could not be started ({e})") })?;
-        Ok(Self::Behind { send, free, thread, left_out: 0 })
+        Ok(Self::Behind { send, free, thread: spawn("records", run)?, left_out: 0 })
     }
 
-    /// Keeps a video frame.
     pub(crate) fn add(&mut self, frame: &PresentedFrame<'_>) -> Result<(), SessionError> {
         match self {
             Self::Inline(recorder) => recorder.add(frame)?,

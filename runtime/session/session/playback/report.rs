@@ -16,7 +16,6 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// One more.
     pub(crate) fn add(&mut self, outcome: Outcome, actual_display_time_ns: i64) {
         self.count += 1;
         self.first.get_or_insert((outcome.vblank, actual_display_time_ns));

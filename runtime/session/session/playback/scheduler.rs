@@ -69,7 +69,6 @@ pub struct Schedule {
 }
 
 impl Schedule {
-    /// Video frames from one decision to the next.
     pub(crate) fn decided_every(&self) -> u64 {
         if self.rolls { 1 } else { self.set_frames }
     }
@@ -121,7 +120,6 @@ pub struct Scheduler {
     pending: VecDeque<(u64, Cause)>,
     /// Video frame and predicted time of the last set's start.
     last_start: Option<(u64, i64)>,
-    /// The last video frame decided on.
     last_vblank: Option<u64>,
     first_start: Option<u64>,
     next_video_frame: u64,
@@ -280,9 +278,7 @@ impl Scheduler {
         if let Some(end) = content.end().filter(|end| due >= *end) {
             self.pass(end.saturating_sub(1), Cause::Rates);
             self.give_up();
-            self.account.sets -= 1;
-            self.account.video_frames -= 1;
-            return Slot { what: What::End, video_frame: 0, late: None };
+            return self.ended();
         }
         let late = match content.readiness(due) {
             Readiness::Ready => None,
@@ -331,11 +327,16 @@ impl Scheduler {
         self.timeline = begin.map(|begin| Timeline::new(content_rate, speed, begin));
     }
 
+    /// Nothing more: what was counted for this video frame is not shown.
+    fn ended(&mut self) -> Slot {
+        self.account.sets -= 1;
+        self.account.video_frames -= 1;
+        Slot { what: What::End, video_frame: 0, late: None }
+    }
+
     fn idle(&mut self, content: &dyn Content) -> Slot {
         if content.end() == Some(0) {
-            self.account.sets -= 1;
-            self.account.video_frames -= 1;
-            return Slot { what: What::End, video_frame: 0, late: None };
+            return self.ended();
         }
         self.idle_sets += 1;
         self.account.idle_sets += 1;

@@ -13,13 +13,14 @@ pub(crate) use shared::StreamOptions;
 
 use crate::encode::{Encoder, PhaseSet, VideoFrames};
 use crate::engine::vulkan::VulkanEncoder;
-use crate::gpu::Gpu;
 use crate::hologram::Sequence;
 use crate::mailbox::Mailbox;
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::trace::Track;
-use crate::session::playback::player::{Begins, SetSource};
+use crate::session::playback::player::SetSource;
 use crate::session::playback::scheduler::{Content, Readiness};
+use crate::session::refinement::set_timing::Target;
+use crate::session::threads;
 use encoding::Encoding;
 use reader::Reader;
 use shared::{Encoded, PHASES, POLL_INTERVAL, Shared, of_epoch, tagged};
@@ -29,14 +30,6 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
-
-/// What encodes.
-pub(crate) enum StreamEncoder {
-    /// All cores of the CPU.
-    Cpu(Encoder),
-    /// A Vulkan device; the CPU, which gives the same bytes, once that is lost.
-    Vulkan(Encoder, Gpu),
-}
 
 /// A file under way to the display.
 pub(crate) struct Stream {
@@ -50,27 +43,9 @@ pub(crate) struct Stream {
 }
 
 impl Stream {
-    /// Starts reading and encoding.
-    ///
-    /// # Errors
-    /// [`SessionError::Encode`] where the holograms do not have the encoder's shape; [`SessionError::Engine`] where the
-    /// Vulkan device cannot be had; [`SessionError::Thread`].
+    /// Starts reading and encoding: on a `device` as long as it is there, and on the CPU, which gives the same bytes. Refuses holograms
+    /// that do not have the encoder's shape.
     pub(crate) fn start(
-        sequence: Sequence,
-        encoder: StreamEncoder,
-        options: StreamOptions,
-    ) -> Result<Self, SessionError> {
-        match encoder {
-            StreamEncoder::Cpu(encoder) => Self::with(sequence, encoder, None, options),
-            StreamEncoder::Vulkan(encoder, gpu) => {
-                let device = VulkanEncoder::new(&gpu, encoder.plan())?;
-                Self::with(sequence, encoder, Some(device), options)
-            }
-        }
-    }
-
-    /// With a device that encodes as long as it is there.
-    pub(crate) fn with(
         sequence: Sequence,
         encoder: Encoder,
         device: Option<VulkanEncoder>,
@@ -217,7 +192,7 @@ impl SetSource for Stream {
         self.failure()
     }
 
-    fn settle(&mut self, position: u64, _begins: Begins) -> Result<(), SessionError> {
+    fn settle(&mut self, position: u64, _target: Target) -> Result<(), SessionError> {
         loop {
             self.poll(position)?;
             let known = matches!(self.readiness(position), Readiness::Ready | Readiness::Damaged);
@@ -278,13 +253,9 @@ fn spawn(
             None
         }
     };
-    std::thread::Builder::new()
-        .name(format!("eyebox {what}"))
-        .spawn(watched)
-        .map_err(|e| SessionError::Thread { what, reason: format!("could not be started ({e})") })
+    threads::spawn(what, watched)
 }
 
-/// What a panic said, in one line.
 fn said(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().copied().or_else(|| panic.downcast_ref::<String>().map(String::as_str));
     text.map_or_else(|| "it does not say why".into(), |t| t.lines().collect::<Vec<_>>().join(" "))

@@ -43,13 +43,7 @@ impl Ticks {
 }
 
 /// Dropped, it has the thread wait for no more ticks.
-pub(crate) struct LastTick(Ticks);
-
-impl LastTick {
-    pub(crate) fn new(ticks: &Ticks) -> Self {
-        Self(ticks.clone())
-    }
-}
+pub(crate) struct LastTick(pub Ticks);
 
 impl Drop for LastTick {
     fn drop(&mut self) {
@@ -58,14 +52,9 @@ impl Drop for LastTick {
 }
 
 /// The thread's end: when it is dropped no more will come.
-pub(crate) struct TickProducer(Ticks);
+pub(crate) struct TickProducer(pub Ticks);
 
 impl TickProducer {
-    pub(crate) fn new(ticks: &Ticks) -> Self {
-        Self(ticks.clone())
-    }
-
-    /// A video frame was decided on.
     pub(crate) fn put(&self, frame: &PresentedFrame<'_>) {
         let mut picture = self.0.spare.take().unwrap_or_default();
         picture.clear();
@@ -84,13 +73,9 @@ impl Drop for TickProducer {
 
 /// A display whose video frames a [`TickedSession`](crate::session::TickedSession) takes.
 #[derive(Debug, Clone)]
-pub struct TickedOutput(Ticks);
+pub struct TickedOutput(pub(crate) Ticks);
 
 impl TickedOutput {
-    pub(crate) fn new(ticks: &Ticks) -> Self {
-        Self(ticks.clone())
-    }
-
     /// The clock that waits for ticks, and the display.
     pub(crate) fn open(&self, real: RealClock, rate: Rate) -> (Rc<dyn Clock>, Box<dyn Presenter>) {
         let clock = Rc::new(TickedClock { real, ticks: self.0.clone(), lit_ns: Cell::new(0), over: Cell::new(false) });
@@ -124,10 +109,6 @@ impl Clock for TickedClock {
             None => self.over.set(true),
         }
     }
-
-    fn is_simulated(&self) -> bool {
-        false
-    }
 }
 
 /// Says that video frames light up when the program said.
@@ -140,10 +121,6 @@ struct TickedPresenter {
 impl Presenter for TickedPresenter {
     fn describe(&self) -> String {
         format!("a program's own display at {} Hz", self.rate)
-    }
-
-    fn rate(&self) -> Option<Rate> {
-        Some(self.rate)
     }
 
     fn timed_by(&self) -> &'static str {

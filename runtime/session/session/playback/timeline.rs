@@ -5,24 +5,20 @@ use crate::present::{Rate, SECOND_NS};
 /// How fast content runs, as a fraction of its own rate: 1/4 to 4 and the like.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Speed {
-    numerator: u32,
-    denominator: u32,
+    thousandths: u32,
 }
 
 impl Speed {
-    /// As it was made.
-    pub(crate) const ONE: Self = Self { numerator: 1, denominator: 1 };
+    pub(crate) const ONE: Self = Self { thousandths: 1000 };
 
     /// From a factor; thousandths count. None unless it is 0.001 to 1000.
     pub fn new(factor: f64) -> Option<Self> {
-        (0.001..=1000.0)
-            .contains(&factor)
-            .then(|| Self { numerator: (factor * 1000.0).round() as u32, denominator: 1000 })
+        (0.001..=1000.0).contains(&factor).then(|| Self { thousandths: (factor * 1000.0).round() as u32 })
     }
 
     /// The factor.
     pub fn factor(self) -> f64 {
-        f64::from(self.numerator) / f64::from(self.denominator)
+        f64::from(self.thousandths) / 1000.0
     }
 }
 
@@ -87,13 +83,13 @@ impl Timeline {
             return self.from;
         }
         let [numerator, _] = self.rate.fraction();
-        let a_nanosecond = i128::from(numerator) * i128::from(self.speed.numerator);
+        let a_nanosecond = i128::from(numerator) * i128::from(self.speed.thousandths);
         self.from + (i128::from(display_time_ns) - i128::from(self.anchor_time_ns)) * a_nanosecond
     }
 
     fn unit(&self) -> i128 {
         let [_, denominator] = self.rate.fraction();
-        i128::from(denominator) * i128::from(self.speed.denominator) * i128::from(SECOND_NS)
+        i128::from(denominator) * 1000 * i128::from(SECOND_NS)
     }
 }
 

@@ -1,18 +1,15 @@
 //! All colours of a hologram under refinement, without threads: where to aim, when to begin again, what to do next.
 
-mod color;
 pub(crate) mod look_up;
 pub(crate) mod together;
-
-pub use color::LiveColor;
 
 use crate::encode::{Lighting, LitTimes};
 use crate::engine::{Engine, EngineError, PhasesOnDevice};
 use crate::optics::{Laser, PupilDistribution};
 use crate::session::frame_log::error::SessionError;
-use crate::session::refinement::field::Field;
+use crate::session::refinement::field::{Field, LiveColor};
 use crate::session::refinement::likeness;
-use crate::solve::{Motion, Problem, RefineSettings, Refiner, SharedDrives, StartTable};
+use crate::solve::{Motion, Problem, RefineSettings, Refiner, SharedDrives, StartTable, for_joint_colors};
 use crate::tiled::TileRect;
 use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
@@ -22,7 +19,6 @@ use std::time::Duration;
 
 /// No eye is known better than this, metres: its spread as a solver takes it.
 const SHARPEST: f64 = 0.1e-3;
-/// Red, green and blue.
 const MOST_COLORS: usize = 3;
 
 /// Opens an engine, as often as it is called.
@@ -112,7 +108,6 @@ impl OneColor {
 pub struct LiveRefiner {
     colors: Vec<OneColor>,
     policy: Policy,
-    /// Which colour is next.
     next: usize,
     /// Where the last steps went to.
     aimed: Option<PupilDistribution>,
@@ -137,24 +132,20 @@ impl LiveRefiner {
         mut engine: impl FnMut() -> Result<Box<dyn Engine>, EngineError>,
     ) -> Result<Self, SessionError> {
         if colors.is_empty() {
-            return Err(SessionError::Setting(reason!("no-color", "there is no colour to refine")));
+            return Err(reason!("no-color", "there is no colour to refine").into());
         }
         if colors.len() > MOST_COLORS {
             let count = colors.len();
-            return Err(SessionError::Setting(reason!(
-                "colors-count",
-                "{count} colours to refine: a display has {MOST_COLORS} at most"
-            )));
+            return Err(
+                reason!("colors-count", "{count} colours to refine: a display has {MOST_COLORS} at most").into()
+            );
         }
         if policy.restart.is_nan() || policy.restart < 0.0 {
             let wrong = policy.restart;
-            return Err(SessionError::Setting(reason!(
-                "restart",
-                "restart after {wrong} pupil diameters: it must be 0 or more"
-            )));
+            return Err(reason!("restart", "restart after {wrong} pupil diameters: it must be 0 or more").into());
         }
         let lasers = Self::lasers_of(&colors)?;
-        let steering = Self::steering_of(policy.steering, lasers.is_some())?;
+        let steering = if lasers.is_some() { for_joint_colors(policy.steering)? } else { policy.steering };
         let policy = Policy { steering, ..policy };
         let drives = lasers.as_ref().map(|lasers| Self::drives_of(lasers, &colors)).unwrap_or_default();
         let one = |color: LiveColor| -> Result<OneColor, SessionError> {
@@ -191,10 +182,7 @@ impl LiveRefiner {
         self.settle()?;
         self.phases()?;
         let Some((field, engine)) = self.field.as_mut().filter(|_| colors.len() == self.colors.len()) else {
-            return Err(SessionError::Setting(reason!(
-                "other-piece",
-                "a piece of another hologram than the one that is refined"
-            )));
+            return Err(reason!("other-piece", "a piece of another hologram than the one that is refined").into());
         };
         field.piece = piece;
         let mut followed = Followed::default();
@@ -328,24 +316,26 @@ impl LiveRefiner {
     pub fn follow(&mut self, scene: &[LiveColor]) -> Result<Followed, SessionError> {
         if scene.len() != self.colors.len() {
             let (found, must) = (scene.len(), self.colors.len());
-            return Err(SessionError::Setting(reason!(
-                "colors-of-scene",
-                "a scene of {found} colours, where {must} are refined"
-            )));
+            return Err(reason!("colors-of-scene", "a scene of {found} colours, where {must} are refined").into());
+        }
+        self.check_lasers(scene)?;
+        // Colours that share their drives begin together, or not at all.
+        let none = self.shared.is_some() && scene.iter().any(|new| new.phases.is_empty());
+        for (color, new) in self.colors.iter_mut().zip(scene) {
+            let other = color.table.is_some() && likeness::differ(color.refiner.problem(), &new.problem);
+            color.refiner.follow(new.problem.clone(), new.exposure)?;
+            color.loss = None;
+            color.needs_reinit = (none || new.phases.is_empty()) && (color.needs_reinit || other);
+        }
+        if none {
+            return Ok(Followed::default());
         }
         if self.shared.is_some() {
             return self.follow_together(scene);
         }
         let mut followed = Followed::default();
-        for (color, new) in self.colors.iter_mut().zip(scene) {
+        for (color, new) in self.colors.iter_mut().zip(scene).filter(|(_, new)| !new.phases.is_empty()) {
             let refiner = &mut color.refiner;
-            let other = color.table.is_some() && likeness::differ(refiner.problem(), &new.problem);
-            refiner.follow(new.problem.clone(), new.exposure)?;
-            color.loss = None;
-            color.needs_reinit = new.phases.is_empty() && (color.needs_reinit || other);
-            if new.phases.is_empty() {
-                continue;
-            }
             let before = match self.aimed {
                 Some(_) => Some((refiner.loss()?, refiner.phases()?)),
                 None => None,
@@ -380,15 +370,11 @@ impl LiveRefiner {
     }
 
     /// Begins again, in the light that the holograms for the whole eyebox were solved for.
-    ///
-    /// # Errors
-    /// Those of the engines.
     pub(crate) fn show_whole(&mut self) -> Result<(), EngineError> {
         self.colors.iter_mut().for_each(|color| color.refiner.forget_sources());
         self.restart()
     }
 
-    /// How many colours it refines.
     pub(crate) fn colors(&self) -> usize {
         self.colors.len()
     }

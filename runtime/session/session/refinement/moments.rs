@@ -2,7 +2,7 @@
 
 use crate::encode::{Lighting, LitTimes};
 use crate::scene::displacement;
-use crate::session::refinement::live_refiner::LiveColor;
+use crate::session::refinement::field::LiveColor;
 use crate::session::refinement::pupil_tracker::PupilEstimate;
 use crate::solve::{Motion, Problem};
 

@@ -29,15 +29,12 @@ impl PupilSource {
             Self::Tracker(tracker) => Ok(tracker.expect(light_ns)),
             Self::Samples(samples) => {
                 samples.arrive(now_ns)?;
-                let Samples { estimator, newest, .. } = &**samples;
-                let (pupil, velocity) = (estimator.predict(light_ns), estimator.velocity());
-                Ok(PupilEstimate { pupil, velocity, sample_ns: *newest })
+                Ok(PupilEstimate::by(&samples.estimator, light_ns, samples.newest))
             }
             Self::Nobody(pupil) => Ok(PupilEstimate::of(*pupil)),
         }
     }
 
-    /// Whether there is a tracker at all.
     pub(crate) fn is_tracked(&self) -> bool {
         !matches!(self, Self::Nobody(_))
     }

@@ -6,6 +6,7 @@ use crate::optics::PupilDistribution;
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::notes::Notes;
 use crate::session::frame_log::trace::Track;
+use crate::session::threads::spawn;
 use crate::trackers::{Dropped, Sample, Stream, now_ns};
 use crossbeam_utils::atomic::AtomicCell;
 use serde_json::{Value, json};
@@ -30,6 +31,11 @@ impl PupilEstimate {
     /// Of an eye that nobody tracks.
     pub(crate) fn of(pupil: PupilDistribution) -> Self {
         Self { pupil, velocity: EyeVelocity::default(), sample_ns: None }
+    }
+
+    /// Predicts an eye at a time from the estimator's samples. `sample_ns` are the newest sample's times.
+    pub(crate) fn by(estimator: &Estimator, light_ns: u64, sample_ns: Option<[u64; 3]>) -> Self {
+        Self { pupil: estimator.predict(light_ns), velocity: estimator.velocity(), sample_ns }
     }
 }
 
@@ -84,9 +90,6 @@ fn locked(state: &Mutex<State>) -> MutexGuard<'_, State> {
 
 impl PupilTracker {
     /// Takes the samples of `stream` through `estimator` and counts them. `notes` receive its messages, `track` traces it.
-    ///
-    /// # Errors
-    /// [`SessionError::Thread`].
     pub(crate) fn start(
         stream: Stream,
         estimator: Estimator,
@@ -98,51 +101,47 @@ impl PupilTracker {
         let state = Arc::new(Mutex::new(State { estimator, counts, said: Default::default(), newest: None, places }));
         let stop = Arc::new(AtomicBool::new(false));
         let (theirs, stopped) = (Arc::clone(&state), Arc::clone(&stop));
-        let thread = std::thread::Builder::new()
-            .name("eyebox gaze".into())
-            .spawn(move || {
-                let (mut ended, mut count) = (false, 0);
-                let _note = notes.on_panic("following the eye has ended by a fault of its own; the picture stays");
-                while !stopped.load(Ordering::Acquire) {
-                    while let Some(note) = stream.note() {
+        let thread = spawn("follows", move || {
+            let (mut ended, mut count) = (false, 0);
+            let _note = notes.on_panic("following the eye has ended by a fault of its own; the picture stays");
+            while !stopped.load(Ordering::Acquire) {
+                while let Some(note) = stream.note() {
+                    notes.send(note);
+                }
+                // Asked before: what came before the end is still taken.
+                let status = stream.status();
+                if let Some(sample) = stream.next(POLL_INTERVAL) {
+                    if count == 0 {
+                        // A device is known once it has sent something.
+                        let note = stream.tracker().and_then(|name| locked(&theirs).estimator.note_on(&name));
+                        note.into_iter().for_each(|note| notes.send(note));
+                    }
+                    let begun = Instant::now();
+                    if let Some(note) = locked(&theirs).take(&sample, status.source) {
                         notes.send(note);
                     }
-                    // Asked before: what came before the end is still taken.
-                    let status = stream.status();
-                    if let Some(sample) = stream.next(POLL_INTERVAL) {
-                        if count == 0 {
-                            // A device is known once it has sent something.
-                            let note = stream.tracker().and_then(|name| locked(&theirs).estimator.note_on(&name));
-                            note.into_iter().for_each(|note| notes.send(note));
-                        }
-                        let begun = Instant::now();
-                        if let Some(note) = locked(&theirs).take(&sample, status.source) {
-                            notes.send(note);
-                        }
-                        track.span("filter", count, begun);
-                        count += 1;
-                        continue;
-                    }
-                    if status.ended && !ended {
-                        ended = true;
-                        let why = status.failure.unwrap_or_else(|| "it has come to its end".into());
-                        notes.send(format!("the tracker is over: {why}; the picture stays"));
-                    }
-                    if ended {
-                        std::thread::sleep(POLL_INTERVAL);
-                    }
+                    track.span("filter", count, begun);
+                    count += 1;
+                    continue;
                 }
-                track
-            })
-            .map_err(|e| SessionError::Thread { what: "follows", reason: format!("could not be started ({e})") })?;
+                if status.ended && !ended {
+                    ended = true;
+                    let why = status.failure.unwrap_or_else(|| "it has come to its end".into());
+                    notes.send(format!("the tracker is over: {why}; the picture stays"));
+                }
+                if ended {
+                    std::thread::sleep(POLL_INTERVAL);
+                }
+            }
+            track
+        })?;
         Ok(Self { state, stop, thread: Some(thread) })
     }
 
     /// What is expected at a time to come.
     pub fn expect(&self, light_ns: u64) -> PupilEstimate {
         let state = locked(&self.state);
-        let State { estimator, newest, .. } = &*state;
-        PupilEstimate { pupil: estimator.predict(light_ns), velocity: estimator.velocity(), sample_ns: *newest }
+        PupilEstimate::by(&state.estimator, light_ns, state.newest)
     }
 
     /// Where the pupil was at a time that has passed, between the two measurements around it; none where it was not

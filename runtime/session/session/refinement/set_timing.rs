@@ -21,7 +21,7 @@ pub struct SetTiming {
 }
 
 /// A set to come.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Target {
     /// When it begins to be lit.
     pub start_ns: i64,

@@ -23,7 +23,7 @@ impl Refining {
             journal.steps(pupil, moves, 0);
             journal.keep(Decision::Carry { pixels: Shifts::of(pixels), look });
         }
-        let (moved, looks) = self.steerer.shift_phases(pixels, lighting, look)?;
+        let (moved, looks) = self.refiner.shift_phases(pixels, lighting, look)?;
         moments.carried(moved);
         self.shared.carried.fetch_add(u64::from(moved), Ordering::Relaxed);
         Ok(looks)
@@ -31,7 +31,7 @@ impl Refining {
 
     /// Begins anew where the content is another picture altogether.
     pub(super) fn fit(&mut self, pupil: &PupilDistribution, moves: &Moves) -> Result<(), SessionError> {
-        if !self.steerer.needs_reinit() {
+        if !self.refiner.needs_reinit() {
             return Ok(());
         }
         let begun = Instant::now();
@@ -39,7 +39,7 @@ impl Refining {
             journal.steps(pupil, moves, 0);
             journal.keep(Decision::Fit {});
         }
-        let looked_up = self.steerer.fit()?;
+        let looked_up = self.refiner.fit()?;
         self.options.moments.begun_again();
         let mut taken = self.shared.taken.load();
         taken.looked_up_starts += u64::from(looked_up);

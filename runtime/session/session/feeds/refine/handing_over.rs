@@ -25,7 +25,7 @@ impl Refining {
     }
 
     fn encode(&mut self, buffer: &mut SetBuffer) -> Result<(), SessionError> {
-        match (&mut self.device, self.steerer.phases_on_device()) {
+        match (&mut self.device, self.refiner.phases_on_device()) {
             (Some(device), Some(phases)) => {
                 device.encode_on_device(&phases)?;
                 match &mut buffer.pictures {
@@ -33,7 +33,7 @@ impl Refining {
                     None => device.download(buffer.frames.bytes_mut())?,
                 }
             }
-            _ => self.encoder.encode_into(&PhaseSet::trusted(&self.steerer.sent()?), &mut buffer.frames)?,
+            _ => self.encoder.encode_into(&PhaseSet::trusted(&self.refiner.sent()?), &mut buffer.frames)?,
         }
         Ok(())
     }
@@ -50,7 +50,7 @@ impl Refining {
         self.sender.does(RepeatReason::EncodingTooLong);
         let Some(mut buffer) = self.sender.buffer() else { return Ok(()) };
         self.encode(&mut buffer)?;
-        buffer.lit_by(self.steerer.sources());
+        buffer.lit_by(self.refiner.sources());
         time.encoded();
         self.options.journal.iter().for_each(|journal| journal.keep(Decision::Set { number: self.number }));
         let handed_over_ns = self.options.clock.map_or_else(|| time.now_ns(), |clock| clock.now_ns());
@@ -58,7 +58,7 @@ impl Refining {
         let pupil = aim.map_or([0.0; 2], |aim| aim.centre);
         let focus = aim.map(|PupilDistribution { focus: [low, high], .. }| 0.5 * (low + high));
         let phases = match self.options.with_phases {
-            true => Some(self.steerer.phases()?.iter().map(|p| Arc::new(p.to_vec())).collect()),
+            true => Some(self.refiner.phases()?.iter().map(|p| Arc::new(p.to_vec())).collect()),
             false => None,
         };
         let scene = self.scene.as_ref();
@@ -76,10 +76,10 @@ impl Refining {
             content: scene.map(|scene| scene.number).or(self.first_of_scenes()),
             arrived_ns: scene.and_then(|scene| scene.arrived_ns),
             supply: self.supply,
-            estimated_db: self.steerer.estimated_db().filter(|_| steps > 0),
+            estimated_db: self.refiner.estimated_db().filter(|_| steps > 0),
             phases,
             scene: seen,
-            motion: if self.options.with_phases { self.steerer.motions() } else { Vec::new() },
+            motion: if self.options.with_phases { self.refiner.motions() } else { Vec::new() },
         });
         self.options.track.span("encode", self.number, begun);
         self.number += 1;

@@ -22,7 +22,6 @@ use std::time::Duration;
 /// Makes the engines with all that is on them, and says which device they share, if it is one.
 pub(crate) type Begin = Box<dyn FnMut() -> Result<(LiveRefiner, Option<Gpu>), SessionError> + Send>;
 
-/// What a refinement is started with.
 pub(crate) struct RefinementOptions {
     /// The player's clock; none where time is simulated, and work takes what it is said to take.
     pub clock: Option<RealClock>,

@@ -10,6 +10,7 @@ use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::notes::Notes;
 use crate::session::frame_log::trace::Track;
 use crate::session::playback::marks::mark_corner;
+use crate::session::threads::put_unless;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
@@ -95,13 +96,8 @@ impl Encoding {
             if useless {
                 continue;
             }
-            let mut done = Encoded { epoch, position, index, version, frames };
-            while let Err(back) = self.out.put_within(done, POLL_INTERVAL) {
-                if self.shared.stopped() {
-                    break;
-                }
-                done = back;
-            }
+            let done = Encoded { epoch, position, index, version, frames };
+            put_unless(&self.out, done, POLL_INTERVAL, || self.shared.stopped());
         }
         Ok(())
     }

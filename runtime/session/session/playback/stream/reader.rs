@@ -4,6 +4,7 @@ use super::shared::{POLL_INTERVAL, Phases, Shared, StreamOptions, of_epoch, tagg
 use crate::hologram::Sequence;
 use crate::mailbox::Mailbox;
 use crate::session::frame_log::trace::Track;
+use crate::session::threads::put_unless;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -71,13 +72,8 @@ impl Reader {
                 self.options.notes.send(format!("hologram {index} is left out: {error}"));
             }
             self.shared.read.store(tagged(epoch, position + 1), Ordering::Release);
-            let mut item = Phases { epoch, position, index, damaged, version, values };
-            while let Err(back) = self.out.put_within(item, POLL_INTERVAL) {
-                if self.shared.stopped() {
-                    break;
-                }
-                item = back;
-            }
+            let item = Phases { epoch, position, index, damaged, version, values };
+            put_unless(&self.out, item, POLL_INTERVAL, || self.shared.stopped());
             (position, index) = (position + 1, index + 1);
         }
         self.track

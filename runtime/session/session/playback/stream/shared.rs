@@ -8,7 +8,6 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-/// How a stream is made.
 #[derive(Debug, Clone)]
 pub(crate) struct StreamOptions {
     /// Sets that wait encoded, beside the one on the screen; at least 2.

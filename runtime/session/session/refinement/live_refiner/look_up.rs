@@ -47,9 +47,6 @@ fn drive_table(
 }
 
 /// Has these colors begin with the phases that their [`start_tables`] have for their scene; without a table they stay as they are.
-///
-/// # Errors
-/// Views on a device that does not answer.
 pub(in crate::session) fn begin_with_tables(
     colors: &mut [LiveColor],
     tables: &[Option<Arc<StartTable>>],

@@ -5,8 +5,7 @@ use crate::encode::Lighting;
 use crate::engine::EngineError;
 use crate::optics::{Laser, drives_of};
 use crate::session::frame_log::error::SessionError;
-use crate::session::refinement::likeness;
-use crate::solve::{Problem, RefineSettings, Refiner, SharedDrives, for_joint_colors};
+use crate::solve::{Problem, Refiner, SharedDrives};
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
 use std::time::Duration;
@@ -52,11 +51,12 @@ impl LiveRefiner {
                 SharedDrives::check(colors.iter().map(|color| &color.problem).zip(lit()))?;
                 Ok(Some(lit().cloned().collect()))
             }
-            some => Err(SessionError::Setting(reason!(
+            some => Err(reason!(
                 "together",
                 "{some} of {} colours share their sub-frames: all colours at once, or one after the other",
                 colors.len()
-            ))),
+            )
+            .into()),
         }
     }
 
@@ -64,11 +64,6 @@ impl LiveRefiner {
     pub(super) fn drives_of(lasers: &[Laser], colors: &[LiveColor]) -> Vec<f32> {
         let slopes: Vec<f64> = lasers.iter().map(|laser| laser.slope).collect();
         drives_of(&slopes, |color| &colors[color].phases)
-    }
-
-    /// A refinement of colours that share their sub-frames, or do not.
-    pub(super) fn steering_of(steering: RefineSettings, shared: bool) -> Result<RefineSettings, SessionError> {
-        Ok(if shared { for_joint_colors(steering)? } else { steering })
     }
 
     /// The phases that an SLM receives: of every colour, or the drives that all of them share.
@@ -148,23 +143,20 @@ impl LiveRefiner {
         Ok(self.colors.len() as u32)
     }
 
-    /// [`follow`](Self::follow) of colours that share their sub-frames: they go on with one drive, or begin with another together.
-    pub(super) fn follow_together(&mut self, scene: &[LiveColor]) -> Result<Followed, SessionError> {
-        let Some(shared) = &self.shared else { return Ok(Followed::default()) };
-        if scene.iter().zip(shared.lasers()).any(|(new, laser)| new.laser.as_ref() != Some(laser)) {
+    /// Refuses a scene whose lasers are not the lasers of the drives that all colours share.
+    pub(super) fn check_lasers(&self, scene: &[LiveColor]) -> Result<(), SessionError> {
+        let lasers = self.shared.as_ref().map_or(&[][..], SharedDrives::lasers);
+        if scene.iter().zip(lasers).any(|(new, laser)| new.laser.as_ref() != Some(laser)) {
             let line = "a scene in the light of other lasers: their powers stay while all colours at once are refined";
             return Err(SessionError::Setting(Reason::new("other-lasers", line)));
         }
-        let brings_phases = scene.iter().all(|color| !color.phases.is_empty());
-        for (color, new) in self.colors.iter_mut().zip(scene) {
-            let other = color.table.is_some() && likeness::differ(color.refiner.problem(), &new.problem);
-            color.refiner.follow(new.problem.clone(), new.exposure)?;
-            color.loss = None;
-            color.needs_reinit = !brings_phases && (color.needs_reinit || other);
-        }
-        if !brings_phases {
-            return Ok(Followed::default());
-        }
+        Ok(())
+    }
+
+    /// [`follow`](Self::follow) of colours that share their sub-frames, once they have their new scene: they go on with one drive, or
+    /// begin with another together.
+    pub(super) fn follow_together(&mut self, scene: &[LiveColor]) -> Result<Followed, SessionError> {
+        let Some(shared) = &self.shared else { return Ok(Followed::default()) };
         let drives = Self::drives_of(shared.lasers(), scene);
         let count = self.colors.len() as u32;
         let before = match self.aimed {
