@@ -71,6 +71,23 @@ struct Parameters {
     depth: f64,
 }
 
+impl Parameters {
+    /// The depth of one scene unit, metres.
+    fn unit(&self, name: &str, display: &Display) -> f64 {
+        match name {
+            // The plane's own depth is in millimetres: it needs a span that is not zero to be said in scene units.
+            "plane" => self.depth.abs().max(1e-6),
+            _ => self.span.unwrap_or_else(|| half_span(display)),
+        }
+    }
+}
+
+/// The farthest and the nearest depth of what is in the picture, scene units.
+fn depths(items: &[Item], canvas: Canvas) -> [f32; 2] {
+    let ends = items.iter().map(|item| item.depths(canvas.half()[1]));
+    ends.fold([f32::INFINITY, f32::NEG_INFINITY], |a, b| [a[0].min(b[0]), a[1].max(b[1])])
+}
+
 fn unknown(name: &str, reason: Reason) -> SceneError {
     let known = BUILTINS.map(|b| b.name).join(", ");
     SceneError::Builtin { name: format!("builtin:{name}"), reason, known }
@@ -146,16 +163,10 @@ pub(super) fn load(source: &str, request: &Request) -> Result<LightField, SceneE
     let (height, width) = display.picture_size();
     // What lies on one surface: four texels a pixel, of four channels at most.
     let bytes = memory::bytes_of(&[height, width, 16], 4);
-    memory::check_available(
-        || format!("the built-in scene at {height} x {width} pixels"),
-        bytes,
-        "take a smaller `size`",
-    )?;
+    let what = || format!("the built-in scene at {height} x {width} pixels");
+    memory::check_available(what, bytes, "take a smaller `size`")?;
     let canvas = Canvas { height, width };
-    let span = parameters.span.unwrap_or_else(|| half_span(display));
-    // The plane's own depth is in millimetres: it needs a span that is not zero to be said in scene units.
-    let unit = if name == "plane" { parameters.depth.abs().max(1e-6) } else { span };
-    let aspect = canvas.half();
+    let unit = parameters.unit(name, display);
     let items = items_of(name, &parameters, canvas, unit);
 
     let n = request.views;
@@ -180,14 +191,13 @@ pub(super) fn load(source: &str, request: &Request) -> Result<LightField, SceneE
     let tilt = |i: usize, camera: f64| ((i as f64 - middle + camera) * step) as f32;
     let tilts: Vec<[f32; 2]> = (0..n * n).map(|v| [tilt(v % n, camera), tilt(v / n, 0.0)]).collect();
     let planes = render::render(canvas, &items, &tilts, request.colors);
-    let ends = items.iter().map(|item| item.depths(aspect[1]));
-    let [far, near] = ends.fold([f32::INFINITY, f32::NEG_INFINITY], |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
-    let range = |per_unit: f64| Some([f64::from(far) * per_unit, f64::from(near) * per_unit]);
+    let ends = depths(&items, canvas);
+    let range = |per_unit: f64| Some(ends.map(|z| f64::from(z) * per_unit));
     Ok(LightField {
         name: format!("builtin:{source}"),
         grid: [n, n],
-        height: canvas.height,
-        width: canvas.width,
+        height,
+        width,
         colors: request.colors.to_vec(),
         planes,
         view_pitch: Some(cell),

@@ -8,6 +8,7 @@ use super::{
     shape::{Blade, Shape},
     texture::{Paint, lit},
 };
+use crate::light_field::field::by_color;
 use eyebox_optics::Color;
 use rayon::prelude::*;
 
@@ -17,14 +18,7 @@ pub(super) type Texture = Box<dyn Fn(f32, f32) -> Paint + Send + Sync>;
 /// One thing of a scene.
 pub(super) enum Item {
     /// A textured surface inside the box left, top, right, bottom (as seen from the axis).
-    Surface {
-        /// Where it is.
-        shape: Shape,
-        /// What of it exists.
-        area: [f32; 4],
-        /// How it looks.
-        texture: Texture,
-    },
+    Surface { shape: Shape, area: [f32; 4], texture: Texture },
     /// A strip of one colour.
     Blade(Blade),
 }
@@ -208,11 +202,7 @@ fn render_channels<const N: usize>(
     let tilt = tilts.iter().flatten().fold(0.0f32, |a, b| a.max(b.abs()));
     let skins = Skins::<N>::bake(canvas, items, tilt, channels);
     let views: Vec<Vec<Vec<f32>>> = tilts.par_iter().map(|&m| skins.view(canvas, items, m, channels)).collect();
-    let mut planes: Vec<Vec<Vec<f32>>> = channels.iter().map(|_| Vec::with_capacity(tilts.len())).collect();
-    for view in views {
-        planes.iter_mut().zip(view).for_each(|(plane, view)| plane.push(view));
-    }
-    planes
+    by_color(views, channels.len())
 }
 
 fn draw_surface<const N: usize>(
@@ -273,9 +263,8 @@ fn draw_blade<const N: usize>(
             let seen = &mut picture[j * canvas.width + i];
             let share = coverage * seen[N - 1];
             for (k, &channel) in channels.iter().enumerate() {
-                let color =
-                    blade.colors[0][channel] + (blade.colors[1][channel] - blade.colors[0][channel]) * row.along;
-                seen[k] += color * light * share;
+                let [root, tip] = blade.colors.map(|color| color[channel]);
+                seen[k] += (root + (tip - root) * row.along) * light * share;
             }
             seen[N - 1] -= share;
         }

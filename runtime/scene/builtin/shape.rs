@@ -12,7 +12,6 @@ pub(super) const ROUND: f32 = 2.048 / 3.0;
 pub(super) struct Hit {
     /// Where on the surface, seen from the axis: the place in its texture.
     pub x: f32,
-    /// As `x`.
     pub y: f32,
     /// Share of the pixel that the shape covers, its texture's own coverage apart.
     pub coverage: f32,
@@ -22,31 +21,13 @@ pub(super) struct Hit {
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Shape {
     /// Flat, facing the display, at one depth; its texture says where it ends.
-    Card {
-        /// Depth.
-        z: f32,
-    },
+    Card { z: f32 },
     /// A plane whose depth grows downwards: `z = at_zero + slope y`. Its texture says where it ends.
-    Slope {
-        /// Depth at y = 0.
-        at_zero: f32,
-        /// Depth per y.
-        slope: f32,
-    },
-    /// An ellipsoid.
-    Ball {
-        /// Its centre.
-        center: [f32; 3],
-        /// Its half axes in x and y; in z it is as thick as it is wide.
-        radii: [f32; 2],
-    },
-    /// A thing from the lathe, its axis upright. Its texture says where it ends above and below.
-    Turned {
-        /// Its axis: x and z.
-        axis: [f32; 2],
-        /// Radius at a height y.
-        radius: fn(f32) -> f32,
-    },
+    Slope { at_zero: f32, slope: f32 },
+    /// An ellipsoid with these half axes in x and y; in z it is as thick as it is wide.
+    Ball { center: [f32; 3], radii: [f32; 2] },
+    /// A thing from the lathe, its axis upright, at x and z; its radius follows from y. Its texture says where it ends above and below.
+    Turned { axis: [f32; 2], radius: fn(f32) -> f32 },
 }
 
 impl Shape {
@@ -147,15 +128,13 @@ pub(super) struct BladeRow {
 impl Blade {
     /// Heights between which the view tilted by `m` sees it: top, bottom.
     pub fn rows(&self, m: [f32; 2]) -> [f32; 2] {
-        let seen = |p: [f32; 3]| p[1] - p[2] * m[1];
-        let (a, b) = (seen(self.root), seen(self.tip));
+        let [a, b] = [self.root, self.tip].map(|p| p[1] - p[2] * m[1]);
         [a.min(b), a.max(b)]
     }
 
     /// The blade at height `y` of the view.
     pub fn row(&self, y: f32, m: [f32; 2]) -> Option<BladeRow> {
-        let seen = |p: [f32; 3]| p[1] - p[2] * m[1];
-        let (from, to) = (seen(self.root), seen(self.tip));
+        let [from, to] = [self.root, self.tip].map(|p| p[1] - p[2] * m[1]);
         let t = (y - from) / (to - from);
         if !(0.0..=1.0).contains(&t) {
             return None;

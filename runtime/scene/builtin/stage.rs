@@ -2,7 +2,7 @@
 //! views of all of it would be too many or too far apart.
 
 use super::render::{Canvas, Item, Skins};
-use super::{half_span, items_of, parse};
+use super::{depths, items_of, parse};
 use crate::SceneError;
 use eyebox_optics::{Color, Display};
 use rayon::prelude::*;
@@ -29,19 +29,14 @@ impl Stage {
     pub fn new(source: &str, display: &Display, color: Color, size: usize) -> Result<Self, SceneError> {
         let (name, parameters) = parse(source)?;
         let canvas = Canvas { height: size, width: size };
-        let unit = match name {
-            "plane" => parameters.depth.abs().max(1e-6),
-            _ => parameters.span.unwrap_or_else(|| half_span(display)),
-        };
+        let unit = parameters.unit(name, display);
         let items = items_of(name, &parameters, canvas, unit);
         // A metre to the side, content at one unit of depth moves by unit / f, and the picture is two units wide.
         let wide = display.picture_pixel() * display.picture_size().0 as f64;
         let tilt = 2.0 * unit / (display.focal_length * wide);
         let most = (tilt * (display.eyebox_min() / 2.0 + parameters.camera.abs())) as f32;
         let skins = Skins::bake(canvas, &items, most, &[color.channel()]);
-        let ends = items.iter().map(|item| item.depths(canvas.half()[1]));
-        let [far, near] = ends.fold([f32::INFINITY, f32::NEG_INFINITY], |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
-        let depth = [far, near].map(|z| f64::from(z) * unit);
+        let depth = depths(&items, canvas).map(|z| f64::from(z) * unit);
         Ok(Self { canvas, items, skins, channel: color.channel(), tilt, camera: parameters.camera, depth })
     }
 

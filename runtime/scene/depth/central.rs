@@ -21,18 +21,13 @@ pub fn central_depth(field: &LightField, display: &Display) -> Vec<f32> {
     let Some(views) = field.planes.get(field.planes.len() / 2) else { return Vec::new() };
     let (counts, size) = (field.grid, [field.height, field.width]);
     let at = counts.map(|n| n / 2);
+    let compared = Compared::Exactly;
     let found = if field.depth_range(display).is_some() || range == USUAL {
         let reach = reach_within(range, usize::MAX);
-        Sweep::around(counts, at, reach, size, |index| views[index].clone()).disparities(range, Compared::Exactly)
+        Sweep::around(counts, at, reach, size, |index| views[index].clone()).disparities(range, compared)
     } else {
-        view_disparities(
-            &field.view_grid(display),
-            at[0] * counts[1] + at[1],
-            size,
-            range,
-            Compared::Exactly,
-            mean_light(field),
-        )
+        let (grid, center) = (field.view_grid(display), at[0] * counts[1] + at[1]);
+        view_disparities(&grid, center, size, range, compared, mean_light(field))
     };
     found.into_iter().map(|d| (f64::from(d) * per_pixel) as f32).collect()
 }

@@ -69,19 +69,19 @@ pub(crate) fn read(path: &Path, stated: Stated) -> Result<Map, SceneError> {
 fn kind_of(path: &Path) -> Result<FileKind, SceneError> {
     let found = FileKind::of(path).map_err(|e| SceneError::unreadable(path, &e))?;
     let is_map = found.is_picture() || matches!(found, FileKind::Pfm | FileKind::Npy | FileKind::Npz);
-    if is_map { Ok(found) } else { Err(SceneError::of_file(FileError::of_kind(path, found, Wanted::DepthMap))) }
+    if is_map { Ok(found) } else { Err(FileError::of_kind(path, found, Wanted::DepthMap).into()) }
 }
 
 /// Shape and values of an array. Axes of length 1, as networks write them before or after rows and columns, are left out.
 fn array(path: &Path, stated: Stated) -> Result<(Vec<usize>, Vec<f32>), SceneError> {
-    let mut array = NpyArray::only(path, |shape| axes(shape).len() == 2).map_err(SceneError::of_file)?;
+    let mut array = NpyArray::only(path, |shape| axes(shape).len() == 2)?;
     if array.kind == "u1" {
         near::check_bytes(path, stated)?;
     }
     let shape = axes(&array.shape);
     let what = || format!("{}: a depth map of shape {shape:?}", path.display());
     memory::check_available(what, memory::bytes_of(&shape, 8), "take a smaller map")?;
-    let values = array.take(shape.iter().product()).map_err(SceneError::of_file)?;
+    let values = array.take(shape.iter().product())?;
     Ok((shape, values))
 }
 
@@ -112,17 +112,18 @@ impl Map {
             let (above, below, ty) = place(j, height, self.height);
             for &(left, right, tx) in &columns {
                 let at = |row: usize, column: usize| self.values[row * self.width + column];
-                let [a, b, c, d] = [at(above, left), at(above, right), at(below, left), at(below, right)];
-                let low = a.min(b).min(c).min(d);
-                let high = a.max(b).max(c).max(d);
-                out.push(if high - low <= apart {
-                    let top = a + (b - a) * tx;
-                    top + (c + (d - c) * tx - top) * ty
-                } else {
-                    at(if ty < 0.5 { above } else { below }, if tx < 0.5 { left } else { right })
-                });
+                let four = [at(above, left), at(above, right), at(below, left), at(below, right)];
+                let nearest = || at(if ty < 0.5 { above } else { below }, if tx < 0.5 { left } else { right });
+                out.push(between(four, tx, ty, apart).unwrap_or_else(nearest));
             }
         }
         out
     }
+}
+
+/// Between four values of one surface, above and below, left and right each; none if they differ by more than `apart`.
+pub(crate) fn between([a, b, c, d]: [f32; 4], tx: f32, ty: f32, apart: f32) -> Option<f32> {
+    let (top, bottom) = (a + (b - a) * tx, c + (d - c) * tx);
+    let span = a.max(b).max(c).max(d) - a.min(b).min(c).min(d);
+    (span <= apart).then(|| top + (bottom - top) * ty)
 }

@@ -7,7 +7,6 @@
 
 use crate::depth::flat::{OFF, OFF_RANGE, WINDOW};
 use crate::depth::subpixel::Subpixel;
-use crate::depth::survey::Trust;
 use crate::depth::sweep::{Arm, Sweep, lowest, reach_within};
 use crate::light_field::resize::Resize;
 use crate::{DepthSource, Fit, LightField, SceneError, depth::flat};
@@ -68,8 +67,8 @@ impl Found {
 pub(crate) struct Measured {
     /// From the farthest to the nearest; none where the pictures show nothing.
     pub range: Option<[f64; 2]>,
-    /// How far the range is trusted.
-    pub trust: Trust,
+    /// How far the range is trusted: it is measured, plausible or doubtful.
+    pub trust: DepthSource,
 }
 
 impl LightField {
@@ -78,11 +77,12 @@ impl LightField {
         let first = look(self, None);
         let shows_something = first.range.is_some() || !first.is_trusted();
         if shows_something && self.stands_still() {
-            return Measured { range: Some([0.0; 2]), trust: Trust::Sure };
+            return Measured { range: Some([0.0; 2]), trust: DepthSource::Measured };
         }
         if first.is_trusted() {
-            return Measured { range: first.range, trust: Trust::Sure };
+            return Measured { range: first.range, trust: DepthSource::Measured };
         }
+        let percent = |share: f64| (100.0 * share) as u8;
         // What is drawn is flat, or repeats itself: windows as a whole, then within ever fewer pixels.
         let mut within = self.height.max(self.width) as f64 / 9.0;
         let mut best = first;
@@ -90,7 +90,7 @@ impl LightField {
             let found = look(self, Some(within));
             let share = |found: &Found| found.share.filter(|_| found.range.is_some()).unwrap_or(0.0);
             if found.range.is_some() && found.is_trusted() {
-                return Measured { range: found.range, trust: Trust::Plausible(share(&found)) };
+                return Measured { range: found.range, trust: DepthSource::Plausible(percent(share(&found))) };
             }
             if share(&found) > share(&best) {
                 best = found;
@@ -99,10 +99,10 @@ impl LightField {
         }
         let sure = best.share.unwrap_or(0.0);
         let trust = match best.range {
-            Some(_) if best.explained >= PLAUSIBLE[0] && sure >= PLAUSIBLE[1] => Trust::Plausible(sure),
-            _ => Trust::Doubtful(first.share.unwrap_or(0.0)),
+            Some(_) if best.explained >= PLAUSIBLE[0] && sure >= PLAUSIBLE[1] => DepthSource::Plausible(percent(sure)),
+            _ => DepthSource::Doubtful(percent(first.share.unwrap_or(0.0))),
         };
-        Measured { range: best.range.filter(|_| !matches!(trust, Trust::Doubtful(_))).or(first.range), trust }
+        Measured { range: best.range.filter(|_| !matches!(trust, DepthSource::Doubtful(_))).or(first.range), trust }
     }
 
     /// Whether all views of the central row and column are the central one, but for rounding.
@@ -245,11 +245,7 @@ fn ends(sweep: &Sweep, range: [f64; 2], by_window: bool) -> Found {
     let mut all: Vec<f64> = all.into_iter().map(|(_, d)| d).collect();
     all.sort_by(f64::total_cmp);
     let enough = LEAST.max((ENOUGH * all.len() as f64) as usize);
-    let together = |run: &&[f64]| run[enough - 1] - run[0] <= TOGETHER;
-    // The middle one of the outermost that agree.
-    let low = all.windows(enough).find(together).map(|run| run[enough / 2]);
-    let high = all.windows(enough).rfind(together).map(|run| run[enough / 2]);
-    let Some((low, high)) = low.zip(high) else { return Found { range: None, share, ..nothing } };
+    let Some([low, high]) = flat::outermost(&all, enough, TOGETHER) else { return Found { share, ..nothing } };
     let best = |p: usize| {
         let costs = &costs[p * count..][..count];
         (0..count).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).map_or(range[0], at)

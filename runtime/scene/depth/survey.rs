@@ -1,5 +1,6 @@
 //! What a scene holds: where its light is, and how deep it reaches.
 
+use crate::depth::range::Measured;
 use crate::{LightField, SceneError};
 use eyebox_optics::{Color, Display, depths_in_words};
 use rayon::prelude::*;
@@ -40,17 +41,6 @@ pub enum DepthSource {
     Plausible(u8),
     /// Measured, and not to be trusted: only so many per cent of its detail are found again for sure in the neighbouring views.
     Doubtful(u8),
-}
-
-/// How far measured disparities are trusted.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Trust {
-    /// Detail shows them, or there is none.
-    Sure,
-    /// They explain the detail, of which this share is sure; the rest repeats itself.
-    Plausible(f64),
-    /// Too little of the detail is found again: this share.
-    Doubtful(f64),
 }
 
 impl DepthSource {
@@ -190,14 +180,8 @@ impl LightField {
             return ([a.min(b), a.max(b)], DepthSource::Stated);
         }
         let per_pixel = display.focal_length * display.picture_pixel() / self.cell(display);
-        let measured = self.measured();
-        let percent = |share: f64| (100.0 * share) as u8;
-        let source = match measured.trust {
-            Trust::Sure => DepthSource::Measured,
-            Trust::Plausible(share) => DepthSource::Plausible(percent(share)),
-            Trust::Doubtful(share) => DepthSource::Doubtful(percent(share)),
-        };
-        (measured.range.unwrap_or_default().map(|d| d * per_pixel), source)
+        let Measured { range, trust } = self.measured();
+        (range.unwrap_or_default().map(|d| d * per_pixel), trust)
     }
 }
 

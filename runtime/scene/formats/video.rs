@@ -4,6 +4,7 @@
 //! ([`Matrix::usual`]): limited range unless the file says `XCOLORRANGE=FULL`; 4:2:0, 4:2:2, 4:4:4 or gray, of 8 to 16 bits. The
 //! decoded values are sRGB.
 
+use crate::formats::still;
 use crate::formats::video_color::{Matrix, check_aspect, check_interlacing};
 use crate::light_field::light::Picture;
 use crate::light_field::near::Kind;
@@ -96,17 +97,14 @@ pub(crate) fn read(
     Ok(Picture { height, width, planes, read_as })
 }
 
-/// The luma of a frame, as values of 8 or of 16 bits, whose range is the same in every frame: rows, columns and values.
-///
-/// # Errors
-/// As [`read`].
-pub(crate) fn stored(video: &Path, frame: usize) -> Result<(usize, usize, Kind, Vec<f32>), SceneError> {
+/// The luma of a frame, as values of 8 or of 16 bits.
+pub(crate) fn stored(video: &Path, frame: usize) -> Result<still::Stored, SceneError> {
     let mut video = Video::open(video)?;
     let bytes = video.frame(frame)?;
     let [height, width] = video.size;
     let (kind, full) = if video.bits > 8 { (Kind::Words, 65535.0) } else { (Kind::Bytes, 255.0) };
     let values = (0..height * width).map(|i| (video.luma(&bytes, i).clamp(0.0, 1.0) * full).round()).collect();
-    Ok((height, width, kind, values))
+    Ok(still::Stored { height, width, kind, values, range: Some([0.0, full]) })
 }
 
 /// What a frame is decoded from: the first line of its file, and its samples.
@@ -119,11 +117,6 @@ pub(crate) fn stored_parts(video: &Path, frame: usize) -> Result<(String, Vec<u8
     let file = read::open(video).map_err(unreadable)?;
     BufReader::new(file.take(LINE)).read_line(&mut head).map_err(unreadable)?;
     Ok((head, Video::open(video)?.frame(frame)?))
-}
-
-/// The range of [`stored`] values of this kind.
-pub(crate) fn range(kind: Kind) -> [f32; 2] {
-    [0.0, if kind == Kind::Words { 65535.0 } else { 255.0 }]
 }
 
 /// A video, at the header of a frame.
@@ -165,7 +158,7 @@ impl Video {
         };
         let kind = FileKind::of(path).map_err(unreadable)?;
         if kind != FileKind::Y4m {
-            return Err(SceneError::of_file(FileError::of_kind(path, kind, Wanted::Scene)));
+            return Err(FileError::of_kind(path, kind, Wanted::Scene).into());
         }
         let head = video.line()?;
         let words = head
@@ -298,19 +291,14 @@ impl Video {
 
     /// The samples of a frame.
     fn frame(&mut self, frame: usize) -> Result<Vec<u8>, SceneError> {
-        for before in 0..frame {
-            if !self.skip()? {
+        for before in 0..=frame {
+            let is_there = if before < frame { self.skip()? } else { self.begin()? };
+            if !is_there {
                 return Err(self.corrupt(reason!(
                     "no-such-frame",
                     "it has {before} frames, and frame {frame} is asked for, from 0 on"
                 )));
             }
-        }
-        if !self.begin()? {
-            return Err(self.corrupt(reason!(
-                "no-such-frame",
-                "it has {frame} frames, and frame {frame} is asked for, from 0 on"
-            )));
         }
         let mut bytes = vec![0; self.bytes()];
         self.from.read_exact(&mut bytes).map_err(|e| self.failed(&e))?;

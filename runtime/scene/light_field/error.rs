@@ -339,8 +339,24 @@ impl SceneError {
         Self::Value { file: file.to_string(), row, column, value, must: "finite and not negative" }
     }
 
-    /// What is wrong with a file that a scene is read from.
-    pub(crate) fn of_file(error: FileError) -> Self {
+    /// A picture of another size than `other`, (rows, columns) each.
+    pub(crate) fn size(file: &Path, [height, width]: [usize; 2], other: String, size: [usize; 2]) -> Self {
+        let [other_height, other_width] = size;
+        Self::Size { file: file.display().to_string(), height, width, other, other_height, other_width }
+    }
+
+    /// What the system said of a file or folder.
+    pub(crate) fn unreadable(path: &Path, error: &io::Error) -> Self {
+        let path = path.display().to_string();
+        match error.kind() {
+            io::ErrorKind::NotFound => Self::NotFound { path, what: "file" },
+            _ => Self::Unreadable { path, reason: reason_to_read(error).into() },
+        }
+    }
+}
+
+impl From<FileError> for SceneError {
+    fn from(error: FileError) -> Self {
         match error {
             FileError::Kind(other) => Self::Kind(other),
             FileError::Content { file, reason } => Self::Corrupt { file, reason },
@@ -351,15 +367,6 @@ impl SceneError {
             | FileError::Taken { path: file, .. } => {
                 Self::Unreadable { path: file, reason: reason!("not-readable", "it cannot be read") }
             }
-        }
-    }
-
-    /// What the system said of a file or folder.
-    pub(crate) fn unreadable(path: &Path, error: &io::Error) -> Self {
-        let path = path.display().to_string();
-        match error.kind() {
-            io::ErrorKind::NotFound => Self::NotFound { path, what: "file" },
-            _ => Self::Unreadable { path, reason: reason_to_read(error).into() },
         }
     }
 }

@@ -1,7 +1,7 @@
 //! A light field: views on a grid of pupil positions.
 
 use crate::light_field::resize::{Fit, Resize};
-use crate::{MadeViews, SceneError};
+use crate::{MadeViews, SceneError, ViewGrid};
 use eyebox_optics::{Color, Display};
 use rayon::prelude::*;
 
@@ -89,15 +89,13 @@ impl LightField {
         let planes = self.planes.iter().map(|views| views.par_iter().map(|view| resize.apply(view)).collect());
         Self {
             name: self.name.clone(),
-            grid: self.grid,
             height,
             width,
             colors: self.colors.clone(),
             planes: planes.collect(),
-            view_pitch: self.view_pitch,
             disparity: self.disparity.map(|d| resize.scale_range(d)),
             depth: self.depth.map(|d| resize.scale_range(d)),
-            made: self.made,
+            ..*self
         }
     }
 
@@ -106,6 +104,31 @@ impl LightField {
     pub fn depth_range(&self, display: &Display) -> Option<[f64; 2]> {
         let per_pixel = display.focal_length * display.picture_pixel() / self.cell(display);
         self.depth.or_else(|| self.disparity.map(|d| d.map(|delta| delta * per_pixel)))
+    }
+
+    /// The same views of its pictures in another order: for each place of `grid`, row by row, the view of this one.
+    pub(crate) fn reordered(mut self, grid: [usize; 2], places: &[usize]) -> Self {
+        for views in &mut self.planes {
+            *views = places.iter().map(|&i| std::mem::take(&mut views[i])).collect();
+        }
+        Self { grid, ..self }
+    }
+
+    /// Without so many rows and columns of views on each side.
+    pub(crate) fn inner(self, outer: [usize; 2]) -> Self {
+        let [rows, columns] = self.grid;
+        let stays = |v: &usize| {
+            let at = [v / columns, v % columns];
+            (0..2).all(|i| (outer[i]..self.grid[i] - outer[i]).contains(&at[i]))
+        };
+        let places: Vec<usize> = (0..rows * columns).filter(stays).collect();
+        self.reordered([rows - 2 * outer[0], columns - 2 * outer[1]], &places)
+    }
+
+    /// The views of `grid` around its middle, over these depths (metres), in the place of its own.
+    pub(crate) fn with_made(self, grid: ViewGrid, planes: Vec<Vec<Vec<f32>>>, depth: [f64; 2]) -> Self {
+        let (places, view_pitch) = ([grid.rows, grid.columns], Some(grid.cell));
+        Self { grid: places, planes, view_pitch, disparity: None, depth: Some(depth), ..self }
     }
 
     /// Rows and columns of the scene's own views, and their distance in the pupil plane before `display`, metres.
@@ -155,4 +178,13 @@ mod tests {
         assert!((near - 2.0 * 0.4 * 8e-6 / cell).abs() < 1e-12 && (far + near / 2.0).abs() < 1e-12);
         assert_eq!(LightField { view_pitch: Some(1e-3), ..field }.cell(&display), 1e-3);
     }
+}
+
+/// (place, color) as (color, place), of the first `colors`.
+pub(crate) fn by_color(views: impl IntoIterator<Item = Vec<Vec<f32>>>, colors: usize) -> Vec<Vec<Vec<f32>>> {
+    let mut planes: Vec<Vec<Vec<f32>>> = vec![Vec::new(); colors];
+    for view in views {
+        planes.iter_mut().zip(view).for_each(|(plane, view)| plane.push(view));
+    }
+    planes
 }

@@ -67,13 +67,11 @@ impl<'a> Request<'a> {
         if !(1..=64).contains(&self.views) {
             return wrong("the number of views per axis", self.views.to_string(), "1 to 64");
         }
-        if self.view_pitch.is_some_and(|p| !(p.is_finite() && p > 0.0)) {
-            let pitch = self.view_pitch.unwrap_or_default() * 1e3;
-            return wrong("the view pitch (mm)", pitch.to_string(), "a positive, finite number");
+        if let Some(pitch) = self.view_pitch.filter(|p| !(p.is_finite() && *p > 0.0)) {
+            return wrong("the view pitch (mm)", (pitch * 1e3).to_string(), "a positive, finite number");
         }
-        if self.depth.is_some_and(|[a, b]| !(a.is_finite() && b.is_finite())) {
-            let depth = self.depth.unwrap_or_default().map(|v| v * 1e3);
-            return wrong("the depth range (mm)", format!("{depth:?}"), "two finite numbers");
+        if let Some(depth) = self.depth.filter(|[a, b]| !(a.is_finite() && b.is_finite())) {
+            return wrong("the depth range (mm)", format!("{:?}", depth.map(|v| v * 1e3)), "two finite numbers");
         }
         if !self.force {
             self.view_pitch.map_or(Ok(()), check_usual_view_pitch)?;

@@ -32,7 +32,7 @@ impl LightField {
         tally.judge(Path::new(&name), Tone::default(), FullScale::Array)?;
         let field = order.unwrap_or_default().apply(self);
         if let Some(found) = standing::refused(&field, order) {
-            return Err(found.of(&name));
+            return Err(SceneError::Cameras { scene: name, found });
         }
         let parallax = Parallax::of(&field);
         order_found::check(&name, &order_found::found(&name, parallax.as_ref(), order.is_some()), false)?;

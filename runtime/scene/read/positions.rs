@@ -111,15 +111,7 @@ pub(crate) fn resampled(
             place.display()
         );
     }
-    let field = LightField {
-        grid: [grid.rows, grid.columns],
-        planes,
-        view_pitch: Some(cell),
-        disparity: None,
-        depth: Some(depth),
-        ..field
-    };
-    Ok(Resampled { field, how, cameras })
+    Ok(Resampled { field: field.with_made(grid, planes, depth), how, cameras })
 }
 
 /// What patches show.

@@ -24,9 +24,7 @@ pub(crate) struct Settings {
     pub view_pitch: Option<f64>,
     pub disparity: Option<[f64; 2]>,
     pub depth: Option<[f64; 2]>,
-    pub transfer: Option<Transfer>,
-    /// The stored value of white.
-    pub full_scale: Option<f32>,
+    pub tone: Tone,
     /// Rows and columns of views in the middle that are kept.
     pub keep: Option<[usize; 2]>,
     /// Rows and columns of the tiles in which one row of cameras is laid out,
@@ -39,13 +37,6 @@ pub(crate) struct Settings {
     pub focus: Option<Vec<f64>>,
     /// and the diameter of the aperture.
     pub aperture: Option<f64>,
-}
-
-impl Settings {
-    /// The statements about how values become light.
-    pub fn tone(&self) -> Tone {
-        Tone { transfer: self.transfer, full_scale: self.full_scale }
-    }
 }
 
 /// `lightfield.toml`.
@@ -90,10 +81,8 @@ struct Toml {
 
 /// Reads `lightfield.toml` if there is one, else `parameters.cfg`, else nothing. `names` are the folder's files.
 pub(crate) fn read(folder: &Path, names: &[String]) -> Result<Settings, SceneError> {
-    for (name, parse) in [
-        ("lightfield.toml", from_toml as fn(&str) -> Result<Settings, Reason>),
-        ("parameters.cfg", from_cfg as fn(&str) -> Result<Settings, Reason>),
-    ] {
+    type Parse = fn(&str) -> Result<Settings, Reason>;
+    for (name, parse) in [("lightfield.toml", from_toml as Parse), ("parameters.cfg", from_cfg)] {
         if names.iter().any(|n| n == name) {
             let path = folder.join(name);
             let text = read::text(&path, read::TEXT).map_err(|e| SceneError::unreadable(&path, &e))?;
@@ -117,8 +106,9 @@ pub(crate) fn beside(file: &Path, options: &Options) -> Result<Settings, SceneEr
 
 /// Settings, where what stands behind the name of a file wins.
 fn with(options: &Options, stated: Settings) -> Settings {
-    let (grid, transfer) = (options.grid.or(stated.grid), options.transfer.or(stated.transfer));
-    Settings { grid, transfer, full_scale: options.full_scale.or(stated.full_scale), ..stated }
+    let Tone { transfer, full_scale } = options.tone;
+    let tone = Tone { transfer: transfer.or(stated.tone.transfer), full_scale: full_scale.or(stated.tone.full_scale) };
+    Settings { grid: options.grid.or(stated.grid), tone, ..stated }
 }
 
 /// The settings of a file of many views beside which nothing says how it is read.
@@ -212,12 +202,10 @@ fn cameras(read: &Toml) -> Result<Option<[usize; 2]>, Reason> {
 
 fn from_toml(text: &str) -> Result<Settings, Reason> {
     let read: Toml = eyebox_base::files::read::toml(text)?;
-    if let Some(pitch) = read.view_pitch_mm
-        && !(pitch.is_finite() && pitch > 0.0)
-    {
-        return Err(reason!("view-pitch", "view_pitch_mm is {pitch}: it must be positive"));
-    }
     if let Some(pitch) = read.view_pitch_mm {
+        if !(pitch.is_finite() && pitch > 0.0) {
+            return Err(reason!("view-pitch", "view_pitch_mm is {pitch}: it must be positive"));
+        }
         check_usual_view_pitch(pitch * 1e-3).map_err(|e| reason!("view-pitch", "view_pitch_mm: {e}"))?;
     }
     if let Some([rows, columns]) = read.grid
@@ -248,8 +236,7 @@ fn from_toml(text: &str) -> Result<Settings, Reason> {
         view_pitch: read.view_pitch_mm.map(|p| p * 1e-3),
         disparity: range("disparity", read.disparity, 1.0)?,
         depth,
-        transfer: read.transfer,
-        full_scale: read.full_scale,
+        tone: Tone { transfer: read.transfer, full_scale: read.full_scale },
         keep: read.keep,
         tiles,
         first: read.first,
@@ -305,7 +292,7 @@ mod tests {
         assert_eq!(read.view_pitch, Some(2.5e-3));
         assert_eq!((read.disparity, read.grid), (Some([-1.0, 1.5]), Some([3, 4])));
         assert_eq!(read.depth, Some([-2.0e-3, 3.0e-3]));
-        assert_eq!(read.transfer, Some(Transfer::Linear));
+        assert_eq!(read.tone.transfer, Some(Transfer::Linear));
         let error = from_toml("view_pitch_mm = 2\nviewpitch = 3\n").unwrap_err();
         assert!(error.text().contains("line 2") && error.text().contains("viewpitch"), "{error}");
         for bad in

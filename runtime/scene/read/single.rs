@@ -4,6 +4,7 @@ use crate::{
     Fit, LightField, Near, Request, SceneError, builtin,
     depth::map::{self, Map},
     formats::still,
+    light_field::field::by_color,
     light_field::near::{Meaning, Stated},
     light_field::resize::Resize,
     synthesis::reproject::{Relief, relief},
@@ -66,14 +67,8 @@ impl Reprojection {
                     orientation,
                 });
             }
-            return Err(SceneError::Size {
-                file: map_path.display().to_string(),
-                height: map.height,
-                width: map.width,
-                other: path.display().to_string(),
-                other_height: picture.height,
-                other_width: picture.width,
-            });
+            let sizes = ([map.height, map.width], [picture.height, picture.width]);
+            return Err(SceneError::size(map_path, sizes.0, path.display().to_string(), sizes.1));
         }
         if map.is_news {
             tracing::info!("{}: {}", map_path.display(), map.read_as);
@@ -174,17 +169,13 @@ pub(crate) fn load(path: &Path, request: &Request) -> Result<LightField, SceneEr
             request.colors.iter().map(|color| from.place.apply(&view[color.channel()])).collect()
         })
         .collect();
-    let mut planes: Vec<Vec<Vec<f32>>> = request.colors.iter().map(|_| Vec::with_capacity(n * n)).collect();
-    for view in views {
-        planes.iter_mut().zip(view).for_each(|(plane, view)| plane.push(view));
-    }
     let [height, width] = from.size;
     Ok(LightField {
         grid: [n, n],
         height,
         width,
         colors: request.colors.to_vec(),
-        planes,
+        planes: by_color(views, request.colors.len()),
         view_pitch: Some(from.cell),
         disparity: Some(from.ends),
         depth: Some(from.depth()),

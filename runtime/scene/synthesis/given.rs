@@ -1,5 +1,6 @@
 //! Views of what a program gives instead of views: a picture with its depths, or pictures one before the other.
 
+use crate::light_field::field::by_color;
 use crate::synthesis::reproject::relief;
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
@@ -100,7 +101,7 @@ pub fn views_of_layers(layers: &[Layer<'_>], from: &Places<'_>) -> Result<Vec<Ve
         }
         seen
     };
-    Ok(by_color(from.places.par_iter().map(view).collect(), colors))
+    Ok(by_color(from.places.par_iter().map(view).collect::<Vec<_>>(), colors))
 }
 
 /// The two samples around `at + shift` on an axis, each with its weight; none beyond the ends.
@@ -112,15 +113,6 @@ fn between(at: usize, shift: f64, length: usize) -> [(usize, f32); 2] {
         let inside = (0.0..length as f64).contains(&index);
         if inside { (index as usize, weight) } else { (0, 0.0) }
     })
-}
-
-/// [place][colour] as [colour][place], the first `colors` of them.
-fn by_color(views: Vec<Vec<Vec<f32>>>, colors: usize) -> Vec<Vec<Vec<f32>>> {
-    let mut planes: Vec<Vec<Vec<f32>>> = (0..colors).map(|_| Vec::with_capacity(views.len())).collect();
-    for view in views {
-        planes.iter_mut().zip(view).for_each(|(plane, view)| plane.push(view));
-    }
-    planes
 }
 
 #[cfg(test)]

@@ -6,8 +6,10 @@
 //! not see, the others show; of several surfaces the nearest counts that is not looked through by more of them. What none saw is continued from the farther side.
 
 use crate::depth::central::{scratch, view_disparities};
+use crate::depth::map::between;
 use crate::depth::sweep::Compared;
 use crate::synthesis::rays::{MOST_STEPS, NONE, RayDirection, Rays};
+use crate::synthesis::reproject::farther_side;
 use crate::{LightField, ViewGrid};
 use eyebox_optics::Display;
 use rayon::prelude::*;
@@ -284,30 +286,11 @@ impl Interpolator {
 
     /// What no view saw takes the light of the farther side along the way that content moves.
     fn close(&self, image: &mut [f32], depth: &[f32], [u, v]: [f32; 2]) {
-        let [height, width] = self.size;
         let length = u.hypot(v).max(1e-6);
-        let (du, dv) = (u / length, v / length);
-        let filled: Vec<(usize, f32)> = (0..image.len())
-            .into_par_iter()
-            .filter(|p| depth[*p].is_nan())
-            .map(|p| {
-                let (x, y) = ((p % width) as f32, (p / width) as f32);
-                let search = |sign: f32| {
-                    (1..width + height)
-                        .map(|k| ((x + sign * k as f32 * du).round(), (y + sign * k as f32 * dv).round()))
-                        .map_while(|(x, y)| {
-                            let inside = x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
-                            inside.then(|| y as usize * width + x as usize)
-                        })
-                        .find(|q| !depth[*q].is_nan())
-                };
-                let side = match (search(1.0), search(-1.0)) {
-                    (Some(a), Some(b)) => Some(if depth[a] <= depth[b] { a } else { b }),
-                    (a, b) => a.or(b),
-                };
-                (p, side.map_or(0.0, |q| image[q]))
-            })
-            .collect();
+        let known = |q: usize| Some(depth[q]).filter(|d| !d.is_nan());
+        let light = |p| farther_side(self.size, p, [u / length, v / length], known).map_or(0.0, |q| image[q]);
+        let empty = (0..image.len()).into_par_iter().filter(|p| depth[*p].is_nan());
+        let filled: Vec<(usize, f32)> = empty.map(|p| (p, light(p))).collect();
         filled.into_iter().for_each(|(p, light)| image[p] = light);
     }
 }
@@ -331,12 +314,7 @@ fn smooth([height, width]: [usize; 2], (x, y): (f32, f32), own: &impl Fn(usize, 
     let (i, j) = (x as usize, y as usize);
     let (fx, fy) = (x - i as f32, y - j as f32);
     let (right, below) = ((i + 1).min(width - 1), (j + 1).min(height - 1));
-    let [a, b, c, d] = [own(j, i), own(j, right), own(below, i), own(below, right)];
-    if a.max(b).max(c).max(d) - a.min(b).min(c).min(d) > TEAR {
-        return None;
-    }
-    let (top, bottom) = (a + fx * (b - a), c + fx * (d - c));
-    Some(top + fy * (bottom - top))
+    between([own(j, i), own(j, right), own(below, i), own(below, right)], fx, fy, TEAR)
 }
 
 /// Catmull-Rom, never below zero.

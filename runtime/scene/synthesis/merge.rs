@@ -1,7 +1,7 @@
 //! Fewer views where fewer do: neighbours that show the same become one, and views that no pupil reaches are left out.
 
 use crate::{LightField, ViewGrid};
-use eyebox_optics::Display;
+use eyebox_optics::{Color, Display};
 use rayon::prelude::*;
 
 impl LightField {
@@ -51,14 +51,11 @@ impl LightField {
         Self {
             name: self.name.clone(),
             grid: [rows, columns],
-            height: self.height,
-            width: self.width,
             colors: self.colors.clone(),
             planes: planes.collect(),
             view_pitch: Some(grid.cell * count as f64),
             disparity: self.disparity.map(|d| d.map(|v| v * count as f64)),
-            depth: self.depth,
-            made: self.made,
+            ..*self
         }
     }
 
@@ -74,34 +71,21 @@ impl LightField {
     }
 
     /// Without so many rows and columns of views on each side.
-    pub fn without_outer(self, display: &Display, [rows, columns]: [usize; 2]) -> Self {
-        if [rows, columns] == [0, 0] {
+    pub fn without_outer(self, display: &Display, outer: [usize; 2]) -> Self {
+        if outer == [0, 0] {
             return self;
         }
-        let (cell, [all_rows, all_columns]) = (self.cell(display), self.grid);
-        let stays = |i: usize| {
-            (rows..all_rows - rows).contains(&(i / all_columns))
-                && (columns..all_columns - columns).contains(&(i % all_columns))
-        };
-        let kept =
-            |views: Vec<Vec<f32>>| views.into_iter().enumerate().filter(|(i, _)| stays(*i)).map(|(_, v)| v).collect();
-        Self {
-            grid: [all_rows - 2 * rows, all_columns - 2 * columns],
-            planes: self.planes.into_iter().map(kept).collect(),
-            view_pitch: Some(cell),
-            ..self
-        }
+        Self { view_pitch: Some(self.cell(display)), ..self }.inner(outer)
     }
 
-    /// A copy in this colour alone.
-    pub fn only(&self, color: eyebox_optics::Color) -> Self {
-        let planes =
-            self.colors.iter().zip(&self.planes).filter(|(c, _)| **c == color).map(|(_, p)| p.clone()).collect();
-        Self { name: self.name.clone(), colors: vec![color], planes, ..*self }
+    /// A copy in this color alone.
+    pub fn only(&self, color: Color) -> Self {
+        let its = self.colors.iter().zip(&self.planes).filter(|(c, _)| **c == color);
+        Self { name: self.name.clone(), colors: vec![color], planes: its.map(|(_, p)| p.clone()).collect(), ..*self }
     }
 
     /// With these of its colours, in its order.
-    pub fn with_colors(self, colors: &[eyebox_optics::Color]) -> Self {
+    pub fn with_colors(self, colors: &[Color]) -> Self {
         let pairs = self.colors.into_iter().zip(self.planes).filter(|(color, _)| colors.contains(color));
         let (colors, planes) = pairs.unzip();
         Self { colors, planes, ..self }

@@ -308,7 +308,6 @@ impl Relief {
 
     /// Pixels that nothing reached take the farther of the two sides along the direction of the parallax.
     fn close(&self, color: &mut [[f32; C]], covered: &[f32], depth: &[f32], u: f32, v: f32) {
-        let (h, w) = (self.height as f32, self.width as f32);
         let length = (u * u + v * v).sqrt().max(1e-6);
         let (du, dv) = if u * u + v * v > 0.0 { (u / length, v / length) } else { (1.0, 0.0) };
         let known: Vec<[f32; C]> = color.iter().zip(covered).map(|(c, &a)| c.map(|k| k / a.max(1e-6))).collect();
@@ -317,25 +316,34 @@ impl Relief {
                 color[p] = known[p];
                 continue;
             }
-            let (x, y) = ((p % self.width) as f32, (p / self.width) as f32);
-            let search = |sign: f32| {
-                (1..self.width + self.height)
-                    .map(|k| sign * k as f32)
-                    .map_while(|k| {
-                        let (x, y) = ((x + k * du).round(), (y + k * dv).round());
-                        (x >= 0.0 && y >= 0.0 && x < w && y < h).then_some(y as usize * self.width + x as usize)
-                    })
-                    .find(|&q| covered[q] > 0.5)
-            };
-            let far = |q: usize| depth[q] / covered[q];
-            let side = match (search(1.0), search(-1.0)) {
-                (Some(a), Some(b)) => Some(if far(a) <= far(b) { a } else { b }),
-                (a, b) => a.or(b),
-            };
-            if let Some(q) = side {
+            let far = |q: usize| (covered[q] > 0.5).then(|| depth[q] / covered[q]);
+            if let Some(q) = farther_side([self.height, self.width], p, [du, dv], far) {
                 let rest = 1.0 - covered[p];
                 color[p].iter_mut().zip(known[q]).for_each(|(c, k)| *c += rest * k);
             }
         }
+    }
+}
+
+/// Of the nearest pixels before and behind pixel `p` along a direction (x, y) whose disparity is known, the farther one.
+pub(crate) fn farther_side(
+    [height, width]: [usize; 2],
+    p: usize,
+    [du, dv]: [f32; 2],
+    disparity: impl Fn(usize) -> Option<f32>,
+) -> Option<usize> {
+    let (x, y) = ((p % width) as f32, (p / width) as f32);
+    let search = |sign: f32| {
+        let steps = (1..width + height).map(|k| sign * k as f32);
+        let mut pixels = steps.map_while(|k| {
+            let (x, y) = ((x + k * du).round(), (y + k * dv).round());
+            let inside = x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
+            inside.then_some(y as usize * width + x as usize)
+        });
+        pixels.find_map(|q| Some((q, disparity(q)?)))
+    };
+    match (search(1.0), search(-1.0)) {
+        (Some(a), Some(b)) => Some(if a.1 <= b.1 { a.0 } else { b.0 }),
+        (a, b) => a.or(b).map(|(q, _)| q),
     }
 }
