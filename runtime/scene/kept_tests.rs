@@ -1,7 +1,7 @@
 //! Light fields in one file, as people bring them: arrays and pictures of many views, each read right or refused with a line that
 //! helps.
 
-use super::tests::coded;
+use super::coded;
 use crate::*;
 use eyebox_base::files::{linear_to_srgb, npy_header};
 use eyebox_optics::{Color, Display};

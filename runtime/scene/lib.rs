@@ -63,43 +63,19 @@
 mod builtin;
 mod depth;
 mod formats;
-#[cfg(test)]
-mod interpolate_tests;
 mod light_field;
-#[cfg(test)]
-mod map_tests;
-#[cfg(test)]
-mod near_tests;
 mod read;
 mod synthesis;
-#[cfg(test)]
-mod tone_tests;
-
-#[cfg(all(test, feature = "image-formats"))]
-mod cameras_tests;
-#[cfg(test)]
-mod drawn_tests;
-#[cfg(test)]
-mod generated_tests;
-#[cfg(all(test, feature = "image-formats"))]
-mod kept_tests;
-#[cfg(all(test, feature = "image-formats"))]
-mod orientation_tests;
-#[cfg(all(test, feature = "image-formats"))]
-mod profile_tests;
-#[cfg(test)]
-mod reading_tests;
-#[cfg(all(test, feature = "image-formats"))]
-mod sequence_tests;
 #[cfg(test)]
 mod tests;
 
 pub use builtin::{BUILTINS, Builtin, Stage};
-pub use depth::central::central_depth;
-pub use depth::central::central_view;
+pub use depth::central::{central_depth, central_view};
 pub use depth::displacement::displacement;
 pub use depth::maps::depth_maps;
 pub use depth::range::asked_or_found;
+pub use depth::survey::{Black, DARK, DepthSource, Light};
+pub use formats::tone::FullScale;
 pub use light_field::cameras::{CamerasFound, FirstTile, Tiles};
 pub use light_field::error::SceneError;
 pub use light_field::field::LightField;
@@ -111,11 +87,9 @@ pub use light_field::photograph::ViewGrid;
 pub use light_field::photographs::{MadeViews, ViewSynthesis};
 pub use light_field::pyramid::{Level, Pyramid, ViewsOnDevice};
 pub use light_field::request::Request;
-pub use light_field::resize::Fit;
-pub use light_field::resize::{Enlarged, crop_share, shrink_to_share};
+pub use light_field::resize::{Enlarged, Fit, crop_share, shrink_to_share};
 pub use read::frames::{frames, sequence};
-pub use read::identity::path_and_options;
-pub use read::identity::{digest, digest_of_picture};
+pub use read::identity::{digest, digest_of_picture, path_and_options};
 pub use read::inspect::{Exposure, Inspection, contact_sheet, inspect};
 pub use read::order_found::OrderFound;
 pub use read::single::Reprojection;
@@ -126,11 +100,6 @@ pub use synthesis::interpolate::Interpolator;
 pub use synthesis::layers::Layers;
 pub use synthesis::parallax::Parallax;
 pub use synthesis::registered::Bend;
-
-pub use formats::tone::FullScale;
-
-pub use depth::survey::DARK;
-pub use depth::survey::{Black, DepthSource, Light};
 
 use eyebox_base::files::NpyArray;
 use read::source::Source;

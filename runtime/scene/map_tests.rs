@@ -1,6 +1,6 @@
 //! Pictures with maps of every kind: each is read the right way round, or refused with the line that says what decides.
 
-use crate::tests::{GREEN, display, fails, get, picture_with_map, speckle};
+use super::{GREEN, display, fails, get, picture_with_map, speckle};
 use crate::*;
 use image::{ImageBuffer, Luma, Rgb};
 use std::{fs, path::PathBuf};

@@ -1,6 +1,6 @@
 //! Light fields as people bring them: names, orders and holes, each read right or refused with a line that helps.
 
-use super::tests::coded;
+use super::coded;
 use crate::*;
 use eyebox_base::error::Reason;
 use eyebox_base::files::write_png;

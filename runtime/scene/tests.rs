@@ -1,5 +1,30 @@
 //! What crosses the files of this room: signs, folders, pictures with maps, built-in scenes.
 
+#[path = "cameras_tests.rs"]
+mod cameras;
+#[path = "drawn_tests.rs"]
+mod drawn;
+#[path = "generated_tests.rs"]
+mod generated;
+#[path = "interpolate_tests.rs"]
+mod interpolate;
+#[path = "kept_tests.rs"]
+mod kept;
+#[path = "map_tests.rs"]
+mod map;
+#[path = "near_tests.rs"]
+mod near;
+#[path = "orientation_tests.rs"]
+mod orientation;
+#[path = "profile_tests.rs"]
+mod profile;
+#[path = "reading_tests.rs"]
+mod reading;
+#[path = "sequence_tests.rs"]
+mod sequence;
+#[path = "tone_tests.rs"]
+mod tone;
+
 use crate::*;
 use eyebox_base::error::ErrorData;
 use eyebox_optics::{Color, Display};

@@ -257,7 +257,6 @@ impl Reading {
     }
 
     /// The meaning of such values, in words.
-    #[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use it"))]
     pub fn in_words(&self, stored: Stored<'_>, says: Transfer) -> String {
         let kind = match stored {
             Stored::Bytes(_) => "8 bits",
@@ -286,7 +285,6 @@ impl Stored<'_> {
     }
 
     /// The largest value of the kind; of floats 1.
-    #[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use it"))]
     pub fn most(self) -> f32 {
         match self {
             Self::Bytes(_) => 255.0,

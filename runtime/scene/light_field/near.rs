@@ -28,7 +28,6 @@ impl Near {
 }
 
 /// The kind of numbers that the file of a map stores.
-#[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use all of it"))]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
     /// A picture of 8 bits.

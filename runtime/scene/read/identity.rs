@@ -96,7 +96,7 @@ fn digest_of_parts<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> String {
     whole.finish()
 }
 
-#[cfg(all(test, feature = "image-formats"))]
+#[cfg(test)]
 mod tests {
     use super::*;
     use eyebox_base::files::{write_npy, write_png};
