@@ -6,8 +6,8 @@ use super::joint_color::check_dispersion;
 use super::model::{self, DisplayModel, ModelSections, ModelTerms};
 use super::wavefront_map;
 use super::{
-    Geometry, Mask, Optics, OpticsError, Picture, PictureMap, Prescription, SourceSections, Sources, SourcesLit,
-    SwitchedSource, Viewing,
+    Geometry, Mask, Optics, OpticsError, Picture, Prescription, SourceSections, Sources, SourcesLit, SwitchedSource,
+    Viewing,
 };
 use eyebox_base::error::Reason;
 use eyebox_base::files::FileRecord;
@@ -52,7 +52,6 @@ pub struct Wavelength {
 /// [mask]                         # a static phase mask of finer pixels at the SLM: docs/displays.md
 /// factor = 2
 /// seed = 1
-///
 ///
 /// [[sources]]                    # switchable sources, for a larger eyebox: docs/displays.md
 /// eyebox_mm = [-22, 0]
@@ -136,7 +135,7 @@ struct File {
     dispersion: BTreeMap<Color, f64>,
     /// Which of its switchable sources are lit: `"in-turn"`, `"together"`, `"steered"`, or `{ only = { green = [1, 2] } }`
     /// [default: in-turn].
-    #[serde(default, skip_serializing_if = "is_in_turn")]
+    #[serde(default, skip_serializing_if = "super::is_default")]
     sources_lit: SourcesLit,
     /// How it takes its phases: the table below.
     #[serde(default)]
@@ -171,10 +170,6 @@ fn in_unit(metres: f64, unit: f64) -> f64 {
         .filter_map(|digits| format!("{plain:.digits$e}").parse().ok())
         .find(|v: &f64| (v * unit / metres - 1.0).abs() < 1e-15)
         .unwrap_or(plain)
-}
-
-fn is_in_turn(lit: &SourcesLit) -> bool {
-    *lit == SourcesLit::InTurn
 }
 
 fn levels_default() -> u32 {
@@ -322,11 +317,6 @@ impl Display {
         change(sections.entry(color.into()).or_default());
         sections.retain(|_, terms| *terms != ModelTerms::default());
         Self { model: sections, ..self.clone() }
-    }
-
-    /// Where the picture of one of its colours is seen; none where that is as it should be, as far as is known.
-    pub fn picture_map(&self, color: Color) -> Option<PictureMap> {
-        self.picture.map(color, self.picture_size().into())
     }
 
     /// Rows and columns of the pictures that it shows: its pixels, or a square of as many where it stands in the far field.

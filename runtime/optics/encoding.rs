@@ -7,16 +7,16 @@ use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::PathBuf};
 
 /// The `[encoding]` table of a display file; `docs/displays.md` explains every key.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Encoding {
     /// Which sub-frame goes where in the video frames.
     pub packing: Packing,
     /// Channel of packings that fill one.
-    #[serde(skip_serializing_if = "is_default")]
+    #[serde(skip_serializing_if = "super::is_default")]
     pub channel: Channel,
     /// Order in which the display shows the channels, of packings that fill all three.
-    #[serde(skip_serializing_if = "is_default")]
+    #[serde(skip_serializing_if = "super::is_default")]
     pub channel_order: ChannelOrder,
     /// The user's own packing.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -37,16 +37,16 @@ pub struct Encoding {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub cells: Vec<Vec<u8>>,
     /// Flips the video frame, after everything else.
-    #[serde(skip_serializing_if = "is_default")]
+    #[serde(skip_serializing_if = "super::is_default")]
     pub flip_video: Flip,
     /// Flips the hologram.
-    #[serde(skip_serializing_if = "is_default")]
+    #[serde(skip_serializing_if = "super::is_default")]
     pub flip: Flip,
     /// Turns it clockwise, after the flip, by a multiple of 90 degrees.
-    #[serde(skip_serializing_if = "is_default")]
+    #[serde(skip_serializing_if = "super::is_default")]
     pub rotation_deg: u16,
     /// Moves it down and to the right, after the turn; what leaves at one edge enters at the other.
-    #[serde(skip_serializing_if = "is_default")]
+    #[serde(skip_serializing_if = "super::is_default")]
     pub offset_px: [i32; 2],
     /// Phase images that are added or taken away.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -56,37 +56,12 @@ pub struct Encoding {
     pub grating: Vec<Grating>,
 }
 
-fn is_default<T: Default + PartialEq>(value: &T) -> bool {
-    *value == T::default()
-}
-
-impl Default for Encoding {
-    fn default() -> Self {
-        Self {
-            packing: Packing::Grey8,
-            channel: Channel::Grey,
-            channel_order: ChannelOrder::Rgb,
-            map: Vec::new(),
-            two_pi_level: None,
-            phases_turns: Vec::new(),
-            look_up: BTreeMap::new(),
-            codes: Vec::new(),
-            cells: Vec::new(),
-            flip_video: Flip::None,
-            flip: Flip::None,
-            rotation_deg: 0,
-            offset_px: [0, 0],
-            correction: Vec::new(),
-            grating: Vec::new(),
-        }
-    }
-}
-
 /// A packing: a map (colour, sub-frame) -> (video frame, channel, bits).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Packing {
-    /// One grey image a video frame; of each sub-frame the colours in turn.
+    /// One gray image a video frame; of each sub-frame the colors in turn.
+    #[default]
     Grey8,
     /// One sub-frame a video frame, its colours in the channels.
     Fields,
@@ -133,14 +108,7 @@ pub enum ChannelOrder {
 impl ChannelOrder {
     /// The channels' numbers, first shown first.
     pub fn channels(self) -> [u8; 3] {
-        match self {
-            Self::Rgb => [0, 1, 2],
-            Self::Rbg => [0, 2, 1],
-            Self::Grb => [1, 0, 2],
-            Self::Gbr => [1, 2, 0],
-            Self::Brg => [2, 0, 1],
-            Self::Bgr => [2, 1, 0],
-        }
+        [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]][self as usize]
     }
 }
 

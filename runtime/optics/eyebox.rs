@@ -68,7 +68,7 @@ impl Display {
     /// one](Self::source_eyebox_min) without switchable sources. Views and pupils are spread over it.
     pub fn eyebox_min(&self) -> f64 {
         let farthest = |source: &super::SwitchedSource| {
-            let [x, y] = source.angle(self.focal_length).map(|t| (self.focal_length * t).abs());
+            let [x, y] = source.eyebox(self.focal_length).map(f64::abs);
             x.max(y)
         };
         let off = self.sources.each.iter().map(farthest).fold(0.0, f64::max);
@@ -78,11 +78,8 @@ impl Display {
     /// The eyeboxes, of the side that all colours serve, of the sources that these places of its list name.
     fn eyeboxes(&self, sources: &[usize]) -> Vec<EyeboxRegion> {
         let side = self.source_eyebox_min();
-        let one = |at: &usize| {
-            let angle = self.sources.each[*at].angle(self.focal_length);
-            EyeboxRegion::square(angle.map(|t| self.focal_length * t), side)
-        };
-        sources.iter().map(one).collect()
+        let middle = |at: &usize| self.sources.each[*at].eyebox(self.focal_length);
+        sources.iter().map(|at| EyeboxRegion::square(middle(at), side)).collect()
     }
 
     /// Where pupils of a colour are served by the sources that are lit: rectangles in which the whole pupil stays, one where the
@@ -119,7 +116,7 @@ impl Display {
     pub fn check_pupil(&self, color: Color, pupil: Pupil) -> Result<Pupil, OpticsError> {
         let optics = self.optics(color)?;
         let seen_by = |at: usize| {
-            let [x, y] = self.sources.each[at].angle(self.focal_length).map(|t| self.focal_length * t);
+            let [x, y] = self.sources.each[at].eyebox(self.focal_length);
             Pupil { x: pupil.x - x, y: pupil.y - y, ..pupil }.check_usual(&optics).is_ok()
         };
         if self.sources.of(color).into_iter().any(seen_by) {

@@ -3,7 +3,7 @@
 //! Modes of a source whose image is small beside the pupil are nearly one disc: what they average is nearly one speckle. What such a
 //! pupil sees of a source follows from how far its modes are apart on average, so few modes of the same mean and spread do.
 
-use super::light::{EXACT, speckle_contrast};
+use super::light::{EXACT, place, speckle_contrast};
 use super::source::SourceMode;
 use std::sync::Arc;
 
@@ -49,11 +49,8 @@ pub fn fewer_modes(modes: &[SourceMode], reach: f64, focal_length: f64) -> Vec<F
 /// Lists of fewer modes, the longest first.
 fn candidates(modes: &[SourceMode], reach: f64, focal_length: f64) -> Vec<Vec<SourceMode>> {
     let mean_wavelength = modes.iter().map(|mode| mode.weight * mode.wavelength).sum::<f64>();
-    let place = |mode: &SourceMode| {
-        let [x, y] = mode.angle.map(|t| focal_length * t);
-        [x, y, reach * (mode.wavelength / mean_wavelength - 1.0)]
-    };
-    let places: Vec<([f64; 3], f64)> = modes.iter().map(|mode| (place(mode), mode.weight)).collect();
+    let place = |mode: &SourceMode| (place(mode, mean_wavelength, reach, focal_length), mode.weight);
+    let places: Vec<([f64; 3], f64)> = modes.iter().map(place).collect();
     let mean: [f64; 3] = std::array::from_fn(|i| places.iter().map(|(p, w)| w * p[i]).sum());
     let covariance: [[f64; 3]; 3] = std::array::from_fn(|i| {
         std::array::from_fn(|j| places.iter().map(|(p, w)| w * (p[i] - mean[i]) * (p[j] - mean[j])).sum())

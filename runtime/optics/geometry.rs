@@ -78,27 +78,21 @@ impl Optics {
         if !(1..=65536).contains(&height) || !(1..=65536).contains(&width) {
             return Err(OpticsError::Size { height, width });
         }
-        let positive = |what, value: f64, unit: f64, hint| {
-            if value.is_finite() && value > 0.0 {
-                Ok(())
-            } else {
-                Err(OpticsError::NotPositive { what, value: value * unit, hint })
-            }
-        };
-        positive("the pitch (um)", pitch, 1e6, "; SLMs have 3 to 20")?;
-        positive("the wavelength (nm)", wavelength, 1e9, "; visible light is 380 to 750")?;
-        positive("the focal length (mm)", focal_length, 1e3, "")?;
-        let range = |what, value: f64, unit: f64, [low, high]: [f64; 2]| {
-            if (low..=high).contains(&value) {
-                Ok(())
-            } else {
+        let lengths = [
+            ("the pitch (um)", pitch, 1e6, [1e-9, 1.0], "; SLMs have 3 to 20"),
+            ("the wavelength (nm)", wavelength, 1e9, [1e-9, 1.0], "; visible light is 380 to 750"),
+            ("the focal length (mm)", focal_length, 1e3, [1e-6, 1e3], ""),
+        ];
+        if let Some((what, value, unit, _, hint)) = lengths.into_iter().find(|(_, v, ..)| !(v.is_finite() && *v > 0.0))
+        {
+            return Err(OpticsError::NotPositive { what, value: value * unit, hint });
+        }
+        for (what, value, unit, [low, high], _) in lengths {
+            if !(low..=high).contains(&value) {
                 let (value, hint) = (value * unit, guess(what, value * unit));
-                Err(OpticsError::OutOfRange { what, value, low: low * unit, high: high * unit, hint })
+                return Err(OpticsError::OutOfRange { what, value, low: low * unit, high: high * unit, hint });
             }
-        };
-        range("the pitch (um)", pitch, 1e6, [1e-9, 1.0])?;
-        range("the wavelength (nm)", wavelength, 1e9, [1e-9, 1.0])?;
-        range("the focal length (mm)", focal_length, 1e3, [1e-6, 1e3])?;
+        }
         let (geometry, offset) = (Geometry::Relay, [0, 0]);
         Ok(Self { height, width, pitch, wavelength, focal_length, geometry, offset, mask_factor: 1 })
     }
@@ -240,11 +234,6 @@ impl Optics {
     /// Depth at which content moves by `disparity` pixels between views `view_pitch` metres apart (OPTICS 3).
     pub fn depth_of_disparity(&self, disparity: f64, view_pitch: f64) -> f64 {
         disparity * self.focal_length * self.image_pixel() / view_pitch
-    }
-
-    /// Disparity, in pixels between views `view_pitch` metres apart, of content at `depth`.
-    pub fn disparity_of_depth(&self, depth: f64, view_pitch: f64) -> f64 {
-        depth * view_pitch / (self.focal_length * self.image_pixel())
     }
 }
 

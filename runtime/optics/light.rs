@@ -63,13 +63,11 @@ impl Display {
         }
         let all: Vec<Color> = self.wavelengths.iter().map(|w| w.color).collect();
         self.sources.check(&all, self.focal_length)?;
-        for of in self.source.keys() {
-            let is_its = |color: Color| *of == ModelOf::All || ModelOf::from(color) == *of;
-            let colors = self.wavelengths.iter().map(|w| w.color).filter(|color| is_its(*color));
-            let colors: Vec<Color> = colors.collect();
-            let name = toml::Value::try_from(of).map_or_else(|_| String::new(), |v| v.as_str().unwrap_or("").into());
-            let wrong = |reason: Reason| reason.within(format!("[source.{name}]"));
-            if colors.is_empty() {
+        for (of, own) in &self.source {
+            let is_its = |color: &&Color| *of == ModelOf::All || ModelOf::from(**color) == *of;
+            let mut colors = all.iter().filter(is_its).peekable();
+            let wrong = |reason: Reason| reason.within(format!("[source.{}]", of.name()));
+            if colors.peek().is_none() {
                 return Err(wrong(reason!("no-such-color", "wavelengths_nm has no such colour")));
             }
             if self.geometry == Geometry::FarField {
@@ -79,9 +77,9 @@ impl Display {
                 )));
             }
             for color in colors {
-                let optics = self.optics(color).map_err(|e| e.to_string())?;
-                let terms = self.source_terms(color).unwrap_or_default();
-                self.source[of].check(&optics).and_then(|()| terms.check(&optics)).map_err(wrong)?;
+                let optics = self.optics(*color).map_err(|e| e.to_string())?;
+                let terms = self.source_terms(*color).unwrap_or_default();
+                own.check(&optics).and_then(|()| terms.check(&optics)).map_err(wrong)?;
             }
         }
         Ok(())
@@ -139,15 +137,19 @@ impl Display {
     }
 }
 
+/// Where a mode's light is, metres: (x, y) of the eyebox, and how far it is moved at the eyebox's edge, `reach` from the axis, for its
+/// wavelength is not the main one.
+pub(super) fn place(mode: &SourceMode, main: f64, reach: f64, focal_length: f64) -> [f64; 3] {
+    let [x, y] = mode.eyebox(focal_length);
+    [x, y, reach * (mode.wavelength / main - 1.0)]
+}
+
 /// Contrast (standard deviation over mean) of fully developed speckle that these modes show through a pupil: the root of
 /// `sum w_j w_k |mu_jk|^2`, `mu` what the discs of two modes have in common of a disc (Goodman 2007, chapter 4). A wavelength moves
 /// the disc by its share of the place in the eyebox, of which the edge, `reach` from the axis, is taken.
 pub(super) fn speckle_contrast(modes: &[SourceMode], diameter: f64, reach: f64, focal_length: f64) -> f64 {
     let main = modes.iter().map(|mode| mode.weight * mode.wavelength).sum::<f64>();
-    let place = |mode: &SourceMode| {
-        let [x, y] = mode.angle.map(|t| focal_length * t);
-        [x, y, reach * (mode.wavelength / main - 1.0)]
-    };
+    let place = |mode: &SourceMode| place(mode, main, reach, focal_length);
     let squares = modes.iter().flat_map(|a| modes.iter().map(move |b| (a, b))).map(|(a, b)| {
         let ([x, y, z], [u, v, w]) = (place(a), place(b));
         let apart = ((x - u).hypot(y - v).hypot(z - w) / diameter).min(1.0);

@@ -315,6 +315,13 @@ pub enum ModelOf {
     Blue,
 }
 
+impl ModelOf {
+    /// The name of its section.
+    pub(super) fn name(self) -> &'static str {
+        ["all", "red", "green", "blue"][self as usize]
+    }
+}
+
 impl From<Color> for ModelOf {
     fn from(color: Color) -> Self {
         match color {
@@ -346,9 +353,7 @@ impl ModelTerms {
             model.wavefront.clone_from(&self.wavefront);
         }
     }
-}
 
-impl ModelTerms {
     /// Leaves out the terms, by their names, that are not to be kept.
     pub fn keep(&mut self, kept: &dyn Fn(&str) -> bool) {
         fn keep<T>(kept: bool, term: &mut Option<T>) {
@@ -414,8 +419,7 @@ pub(super) fn of_color(sections: &ModelSections, color: Color) -> DisplayModel {
 /// What is wrong with the sections of a file that is of these colours, in words.
 pub(super) fn check(sections: &ModelSections, colors: &[Color]) -> Result<(), Reason> {
     for (of, terms) in sections {
-        let name = toml::Value::try_from(of).map_or_else(|_| String::new(), |v| v.as_str().unwrap_or_default().into());
-        let wrong = |reason: Reason| reason.within(format!("[model.{name}]"));
+        let wrong = |reason: Reason| reason.within(format!("[model.{}]", of.name()));
         if *of == ModelOf::All && !terms.wavefront.is_empty() {
             return Err(wrong(reason!(
                 "wavefront-of-all-colors",

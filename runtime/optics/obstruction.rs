@@ -36,12 +36,7 @@ impl Obstruction {
 
     /// Its name.
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::Lashes => "lashes",
-            Self::Floaters => "floaters",
-            Self::Opacity => "opacity",
-            Self::Scratches => "scratches",
-        }
+        ["lashes", "floaters", "opacity", "scratches"][self as usize]
     }
 
     fn marks(self) -> Vec<Mark> {

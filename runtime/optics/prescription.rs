@@ -18,25 +18,20 @@ pub struct Prescription {
     /// Sphere, dioptres; minus for the short-sighted.
     pub sphere: f64,
     /// Cylinder, dioptres.
-    #[serde(skip_serializing_if = "is_zero")]
+    #[serde(skip_serializing_if = "super::is_default")]
     pub cylinder: f64,
     /// Its axis as written on a prescription, degrees.
-    #[serde(skip_serializing_if = "is_zero")]
+    #[serde(skip_serializing_if = "super::is_default")]
     pub axis_deg: f64,
     /// Where the prescription is one for spectacles, their distance from the eye, millimetres.
-    #[serde(skip_serializing_if = "is_zero")]
+    #[serde(skip_serializing_if = "super::is_default")]
     pub vertex_mm: f64,
     /// An aberrometer's coefficients by their ANSI index, micrometres RMS (ANSI Z80.28); 3, 4 and 5 add to the prescription.
     #[serde(skip_serializing_if = "BTreeMap::is_empty", with = "super::model::indices")]
     pub zernikes_um: BTreeMap<u32, f64>,
     /// Diameter of the pupil that they were measured over, millimetres. Wider ones continue the polynomials.
-    #[serde(skip_serializing_if = "is_zero")]
+    #[serde(skip_serializing_if = "super::is_default")]
     pub measured_mm: f64,
-}
-
-#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
-fn is_zero(value: &f64) -> bool {
-    *value == 0.0
 }
 
 /// A polynomial in two variables: coefficients of x^i y^j, by i and then j.

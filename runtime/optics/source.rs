@@ -67,9 +67,14 @@ impl SourceMode {
         Self { weight: if power > 0.0 { self.weight * power } else { self.weight }, turn, ..self }
     }
 
+    /// The middle of its eyebox, (x, y), metres.
+    pub(super) fn eyebox(&self, focal_length: f64) -> [f64; 2] {
+        self.angle.map(|t| focal_length * t)
+    }
+
     /// Where, in the SLM's own light, the pupil stands that sees this mode: moved by `-f t`.
     pub fn pupil(&self, pupil: &Pupil, focal_length: f64) -> Pupil {
-        let [x, y] = self.angle.map(|t| focal_length * t);
+        let [x, y] = self.eyebox(focal_length);
         Pupil { x: pupil.x - x, y: pupil.y - y, ..*pupil }
     }
 }

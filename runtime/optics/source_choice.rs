@@ -35,10 +35,7 @@ impl SourceChoice {
             return None;
         }
         let of = sources.of(color);
-        let middle = |at: &usize| {
-            let angle = sources.each[*at].angle(display.focal_length);
-            (*at, angle.map(|t| display.focal_length * t))
-        };
+        let middle = |at: &usize| (*at, sources.each[*at].eyebox(display.focal_length));
         let pairs = of.iter().flat_map(|a| of.iter().map(move |b| [*a, *b]));
         let apart = pairs.filter(|[a, b]| !sources.may_meet(*a, *b)).collect();
         let first = sources.lit(color, display.focal_length);

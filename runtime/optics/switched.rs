@@ -25,7 +25,7 @@ pub struct SwitchedSource {
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub power: f64,
     /// How long it takes to be switched on or off, microseconds [default: 0].
-    #[serde(default, skip_serializing_if = "is_zero")]
+    #[serde(default, skip_serializing_if = "super::is_default")]
     pub switching_us: f64,
     /// Numbers of the sources, from 1, that may be lit together with it [default: all].
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -76,11 +76,6 @@ fn is_one(power: &f64) -> bool {
     *power == 1.0
 }
 
-#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
-fn is_zero(time: &f64) -> bool {
-    *time == 0.0
-}
-
 impl Default for SwitchedSource {
     fn default() -> Self {
         Self { angle_mrad: None, eyebox_mm: None, colors: Vec::new(), power: 1.0, switching_us: 0.0, with: None }
@@ -92,6 +87,11 @@ impl SwitchedSource {
     pub fn angle(&self, focal_length: f64) -> [f64; 2] {
         let image = |place: [f64; 2]| place.map(|mm| mm * 1e-3 / focal_length);
         self.angle_mrad.map(|angle| angle.map(|mrad| mrad * 1e-3)).or(self.eyebox_mm.map(image)).unwrap_or_default()
+    }
+
+    /// The middle of its eyebox, (x, y), metres.
+    pub(super) fn eyebox(&self, focal_length: f64) -> [f64; 2] {
+        self.angle(focal_length).map(|t| focal_length * t)
     }
 
     fn has(&self, color: Color) -> bool {
@@ -179,13 +179,13 @@ impl Sources {
 
     /// The power that each of them has in each sub-frame of a colour while it is on, (source, sub-frame), over that of a source of
     /// power 1 that is always lit.
-    pub fn powers(&self, color: Color, frames: usize, focal_length: f64, optics_wavelength: f64) -> Vec<Vec<f64>> {
+    pub fn powers(&self, color: Color, frames: usize, focal_length: f64) -> Vec<Vec<f64>> {
         let at_once = Self { sub_frame_us: None, ..self.clone() };
-        let modes = at_once.modes(color, focal_length, &[SourceMode::centred(optics_wavelength)]);
+        // Powers are those of any wavelength.
+        let modes = at_once.modes(color, focal_length, &[SourceMode::centred(1.0)]);
         let mut powers = vec![vec![0.0; frames]; self.each.len()];
         for mode in &modes {
-            let of = (0..frames).map(|frame| mode.weight * mode.power(frame, frames));
-            powers[mode.source] = of.collect();
+            powers[mode.source] = (0..frames).map(|frame| mode.weight * mode.power(frame, frames)).collect();
         }
         powers
     }
@@ -194,11 +194,8 @@ impl Sources {
     pub(super) fn check(&self, colors: &[Color], focal_length: f64) -> Result<(), Reason> {
         if self.each.is_empty() {
             let unlit = "sources_lit says which sources are lit, and there is none: give [[sources]]";
-            return if self.lit == SourcesLit::InTurn {
-                Ok(())
-            } else {
-                Err(Reason::new("lit-without-sources", unlit))
-            };
+            let is_stated = self.lit != SourcesLit::InTurn;
+            return if is_stated { Err(Reason::new("lit-without-sources", unlit)) } else { Ok(()) };
         }
         if self.each.len() > MOST {
             return Err(reason!("sources-count", "{} sources: at most {MOST} are taken", self.each.len()));

@@ -129,7 +129,7 @@ mod tests {
         assert!(modes.iter().zip(&shares).all(|(mode, share)| (mode.weight - share).abs() < 1e-12));
         assert!((mean_light(&modes) - shares.iter().sum::<f64>() / 3.0).abs() < 1e-12);
         // What drives the sources is told their powers, which are those before.
-        let powers = turns.sources.powers(Color::Green, 3, 0.4, 520e-9);
+        let powers = turns.sources.powers(Color::Green, 3, 0.4);
         assert!((powers[0][0] - 3.0).abs() < 1e-12);
         assert_eq!(Display::from_toml(&turns.to_toml(), "b.toml").unwrap(), turns);
         for lit in ["together", "steered"] {
