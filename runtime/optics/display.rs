@@ -18,9 +18,9 @@ use std::{collections::BTreeMap, path::Path};
 /// One laser of a display.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wavelength {
-    /// Its colour.
+    /// Its color.
     pub color: Color,
-    /// Metres.
+    /// Meters.
     pub wavelength: f64,
 }
 
@@ -32,11 +32,11 @@ pub struct Wavelength {
 /// pitch_um = 8.0
 /// focal_length_mm = 400.0
 /// wavelengths_nm = { red = 660, green = 520, blue = 440 }
-/// levels = 256                   # grey levels of the SLM
+/// levels = 256                   # gray levels of the SLM
 /// rate_hz = 60                   # video frames a second, where it is known
 /// geometry = "relay"             # or "far-field": the SLM in the pupil plane
 /// portrait = false               # true for one that is higher than wide
-/// dispersion = { green = 1.27, blue = 1.5 }   # turns of a colour's light for one of red's: docs/displays.md
+/// dispersion = { green = 1.27, blue = 1.5 }   # turns of a color's light for one of red's: docs/displays.md
 ///
 /// [encoding]                     # what the SLM receives: docs/displays.md
 /// packing = "grey8"
@@ -67,9 +67,9 @@ pub struct Display {
     pub height: usize,
     /// Columns.
     pub width: usize,
-    /// Pixel pitch, metres.
+    /// Pixel pitch, meters.
     pub pitch: f64,
-    /// Focal length of the relay, metres; in the far field, what angles and dioptres are measured with.
+    /// Focal length of the relay, meters; in the far field, what angles and diopters are measured with.
     pub focal_length: f64,
     /// Where the SLM stands.
     pub geometry: Geometry,
@@ -81,7 +81,7 @@ pub struct Display {
     pub rate_hz: Option<f64>,
     /// Whether it is meant to be higher than wide ([`check_usual`](Self::check_usual)).
     pub portrait: bool,
-    /// Turns of a colour's light where that of the longest wavelength makes one, as far as measured ([`slopes`](Self::slopes)).
+    /// Turns of a color's light where that of the longest wavelength makes one, as far as measured ([`slopes`](Self::slopes)).
     pub dispersion: BTreeMap<Color, f64>,
     /// How it takes its phases.
     pub encoding: Encoding,
@@ -111,11 +111,11 @@ struct File {
     name: Option<String>,
     /// Rows and columns of the SLM.
     resolution: [usize; 2],
-    /// Pixel pitch, micrometres.
+    /// Pixel pitch, micrometers.
     pitch_um: f64,
-    /// Focal length of the relay, millimetres; in the far field, what angles and dioptres are measured with.
+    /// Focal length of the relay, millimeters; in the far field, what angles and diopters are measured with.
     focal_length_mm: f64,
-    /// Wavelengths, nanometres: one to three of red, green, blue.
+    /// Wavelengths, nanometers: one to three of red, green, blue.
     wavelengths_nm: BTreeMap<Color, f64>,
     /// Phase levels of the SLM, 2 to 65536 [default: 256].
     #[serde(default = "levels_default")]
@@ -129,8 +129,8 @@ struct File {
     /// Whether it is meant to be higher than wide.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     portrait: bool,
-    /// Turns of a colour's light where that of the longest wavelength makes one, above 0, at most 8 [default: the longest
-    /// wavelength over the colour's].
+    /// Turns of a color's light where that of the longest wavelength makes one, above 0, at most 8 [default: the longest
+    /// wavelength over the color's].
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     dispersion: BTreeMap<Color, f64>,
     /// Which of its switchable sources are lit: `"in-turn"`, `"together"`, `"steered"`, or `{ only = { green = [1, 2] } }`
@@ -163,7 +163,7 @@ struct File {
     viewing: Viewing,
 }
 
-/// The shortest number that, in so many metres, is this length as nearly as any.
+/// The shortest number that, in so many meters, is this length as nearly as any.
 fn in_unit(metres: f64, unit: f64) -> f64 {
     let plain = metres / unit;
     (0..17)
@@ -187,7 +187,7 @@ impl Display {
         if read.wavelengths_nm.is_empty() {
             return Err(wrong(reason!(
                 "no-color",
-                "wavelengths_nm names no colour: give one to three of red, green, blue"
+                "wavelengths_nm names no color: give one to three of red, green, blue"
             )));
         }
         if !(2..=65536).contains(&read.levels) {
@@ -290,7 +290,7 @@ impl Display {
         toml::to_string(&file).expect("a display has nothing that TOML cannot say")
     }
 
-    /// The optics at one of its colours, over the SLM's own grid.
+    /// The optics at one of its colors, over the SLM's own grid.
     ///
     /// # Errors
     /// [`OpticsError::NoColor`] and those of [`Optics::new`].
@@ -304,12 +304,12 @@ impl Display {
         Ok(optics.in_geometry(self.geometry).behind_mask(self.mask_factor()))
     }
 
-    /// What it does to one of its colours.
+    /// What it does to one of its colors.
     pub fn model(&self, color: Color) -> DisplayModel {
         model::of_color(&self.model, color)
     }
 
-    /// The same display with another model of one of its colours.
+    /// The same display with another model of one of its colors.
     #[must_use]
     pub fn with_model_of(&self, color: Color, change: impl FnOnce(&mut ModelTerms)) -> Self {
         let colors: Vec<Color> = self.wavelengths.iter().map(|w| w.color).collect();
@@ -324,8 +324,8 @@ impl Display {
         self.geometry.picture_size(self.height, self.width)
     }
 
-    /// Size of a picture's pixel in the focal plane, metres: the pitch, or that of the field of view which all its
-    /// colours share, the shortest wavelength's (OPTICS 9).
+    /// Size of a picture's pixel in the focal plane, meters: the pitch, or that of the field of view which all its
+    /// colors share, the shortest wavelength's (OPTICS 9).
     pub fn picture_pixel(&self) -> f64 {
         match self.geometry {
             Geometry::Relay => self.pitch,
@@ -339,7 +339,7 @@ impl Display {
         self.viewing.pixels_per_degree.unwrap_or((self.focal_length / self.picture_pixel()).to_radians())
     }
 
-    /// Share of one colour's field of view that the picture takes along each axis: in the far field all colours show what
+    /// Share of one color's field of view that the picture takes along each axis: in the far field all colors show what
     /// the shortest wavelength can.
     pub fn picture_share(&self, wavelength: f64) -> f64 {
         match self.geometry {

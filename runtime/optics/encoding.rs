@@ -21,13 +21,13 @@ pub struct Encoding {
     /// The user's own packing.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub map: Vec<Place>,
-    /// Grey level of 2 pi; the number of levels if it is not given.
+    /// Gray level of 2 pi; the number of levels if it is not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub two_pi_level: Option<TwoPi>,
     /// Phase of every level, turns, where levels are not even.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub phases_turns: Vec<f64>,
-    /// Files with the phase of every level, per colour.
+    /// Files with the phase of every level, per color.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub look_up: BTreeMap<Color, PathBuf>,
     /// What the memory holds for each level, where that is not the level's number.
@@ -56,19 +56,19 @@ pub struct Encoding {
     pub grating: Vec<Grating>,
 }
 
-/// A packing: a map (colour, sub-frame) -> (video frame, channel, bits).
+/// A packing: a map (color, sub-frame) -> (video frame, channel, bits).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Packing {
     /// One gray image a video frame; of each sub-frame the colors in turn.
     #[default]
     Grey8,
-    /// One sub-frame a video frame, its colours in the channels.
+    /// One sub-frame a video frame, its colors in the channels.
     Fields,
-    /// Eight sub-frames of one colour a video frame, sub-frame `j` in bit `j` of one channel.
+    /// Eight sub-frames of one color a video frame, sub-frame `j` in bit `j` of one channel.
     Planes8,
     /// 24 bit-planes a video frame: plane `n` in the channel `n / 8` of the order, bit `n % 8`; the planes of the
-    /// first colour first.
+    /// first color first.
     Planes24,
     /// As [`Encoding::map`] says.
     Map,
@@ -78,7 +78,7 @@ pub enum Packing {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Channel {
-    /// The one channel of a grey frame.
+    /// The one channel of a gray frame.
     #[default]
     Grey,
     /// Of an RGB frame.
@@ -116,7 +116,7 @@ impl ChannelOrder {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Place {
-    /// Colour of the hologram.
+    /// Color of the hologram.
     pub color: Color,
     /// Its sub-frame.
     pub sub_frame: u32,
@@ -128,13 +128,13 @@ pub struct Place {
     pub bits: Vec<u8>,
 }
 
-/// Grey level of 2 pi.
+/// Gray level of 2 pi.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum TwoPi {
-    /// For all colours.
+    /// For all colors.
     One(f64),
-    /// Per colour.
+    /// Per color.
     Each(BTreeMap<Color, f64>),
 }
 
@@ -165,7 +165,7 @@ impl Flip {
     }
 }
 
-/// A phase image: an 8- or 16-bit grey PNG or BMP, or an `.npy` of radians.
+/// A phase image: an 8- or 16-bit gray PNG or BMP, or an `.npy` of radians.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Correction {
@@ -173,7 +173,7 @@ pub struct Correction {
     pub file: PathBuf,
     /// 1 adds it, -1 takes it away.
     pub sign: i8,
-    /// The colour that it is for; all without.
+    /// The color that it is for; all without.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub color: Option<Color>,
     /// Level of 2 pi of a picture [default: 256 of 8 bits, 65536 of 16].
@@ -203,7 +203,7 @@ pub struct Grating {
     pub period_px: f64,
     /// Where the phase grows: 0 is right, 90 is down.
     pub direction_deg: f64,
-    /// The colour that it is for; all without.
+    /// The color that it is for; all without.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub color: Option<Color>,
 }

@@ -130,7 +130,7 @@ pub enum OpticsError {
     /// The pupil reaches no light at all.
     #[error(
         "the pupil at ({x_mm}, {y_mm}) mm, {diameter_mm} mm wide, lies outside the {color} eyebox of {eyebox_mm:.2} mm: \
-         its centre must be within {reach_mm:.2} mm on each axis"
+         its center must be within {reach_mm:.2} mm on each axis"
     )]
     OutsideEyebox {
         x_mm: f64,
@@ -138,7 +138,7 @@ pub enum OpticsError {
         diameter_mm: f64,
         /// Side of the eyebox.
         eyebox_mm: f64,
-        /// Largest coordinate of the centre.
+        /// Largest coordinate of the center.
         reach_mm: f64,
         /// The wavelength, in words.
         color: String,
@@ -190,7 +190,7 @@ pub enum OpticsError {
         /// The widest pupil that fits.
         fits_mm: f64,
     },
-    /// A colour that the display does not have.
+    /// A color that the display does not have.
     #[error("the display '{display}' has no {color} wavelength: it has {has}")]
     NoColor { display: String, color: Color, has: String },
 }

@@ -1,4 +1,4 @@
-//! A display's light: the modes of its source, colour by colour, and how few of them do (OPTICS 12).
+//! A display's light: the modes of its source, color by color, and how few of them do (OPTICS 12).
 
 use super::quadrature::MOST;
 use super::source::{LINES, SourceMode, SourceShape, SourceTerms};
@@ -27,7 +27,7 @@ pub struct SourceSampling {
 }
 
 impl Display {
-    /// The terms of its source at a colour; none where nothing is said of it.
+    /// The terms of its source at a color; none where nothing is said of it.
     fn source_terms(&self, color: Color) -> Option<SourceTerms> {
         let (own, all) = (self.source.get(&color.into()), self.source.get(&ModelOf::All));
         match (own, all) {
@@ -36,8 +36,8 @@ impl Display {
         }
     }
 
-    /// The modes of one of its colours' light, whose weights add up to 1 for each switchable source of power 1, of sources that are
-    /// lit and of those that are not; none for a laser on the axis, or a colour that it does not have.
+    /// The modes of one of its colors' light, whose weights add up to 1 for each switchable source of power 1, of sources that are
+    /// lit and of those that are not; none for a laser on the axis, or a color that it does not have.
     pub fn modes(&self, color: Color) -> Vec<SourceMode> {
         let Ok(optics) = self.optics(color) else { return Vec::new() };
         let centred = || vec![SourceMode::centred(optics.wavelength)];
@@ -68,7 +68,7 @@ impl Display {
             let mut colors = all.iter().filter(is_its).peekable();
             let wrong = |reason: Reason| reason.within(format!("[source.{}]", of.name()));
             if colors.peek().is_none() {
-                return Err(wrong(reason!("no-such-color", "wavelengths_nm has no such colour")));
+                return Err(wrong(reason!("no-such-color", "wavelengths_nm has no such color")));
             }
             if self.geometry == Geometry::FarField {
                 return Err(wrong(reason!(
@@ -85,8 +85,8 @@ impl Display {
         Ok(())
     }
 
-    /// The fewest samples of one of its colours' source that do for pupils from this diameter on anywhere in the eyebox, and
-    /// content up to this far from the eye's focus (metres): the contrast of speckle is right to 3 %, and neighbouring points
+    /// The fewest samples of one of its colors' source that do for pupils from this diameter on anywhere in the eyebox, and
+    /// content up to this far from the eye's focus (meters): the contrast of speckle is right to 3 %, and neighboring points
     /// part no content by more than a pixel. What its file gives is taken. None where there is nothing to sample.
     pub fn source_sampling(&self, color: Color, diameter: f64, depth: f64) -> Option<SourceSampling> {
         let terms = self.source_terms(color).filter(|terms| terms.modes.is_empty())?;
@@ -125,7 +125,7 @@ impl Display {
         })
     }
 
-    /// The same display with so many samples of a colour's source.
+    /// The same display with so many samples of a color's source.
     #[must_use]
     pub fn with_source_samples(&self, color: Color, [samples, lines]: [usize; 2]) -> Self {
         let mut display = self.clone();
@@ -137,7 +137,7 @@ impl Display {
     }
 }
 
-/// Where a mode's light is, metres: (x, y) of the eyebox, and how far it is moved at the eyebox's edge, `reach` from the axis, for its
+/// Where a mode's light is, meters: (x, y) of the eyebox, and how far it is moved at the eyebox's edge, `reach` from the axis, for its
 /// wavelength is not the main one.
 pub(super) fn place(mode: &SourceMode, main: f64, reach: f64, focal_length: f64) -> [f64; 3] {
     let [x, y] = mode.eyebox(focal_length);

@@ -26,7 +26,7 @@ const MOST: usize = 4;
 /// seed = 1                    # random phases; or file = "mask.npy"
 /// band = 0.5                  # designed: its light goes evenly into this share of its own eyebox, along an axis
 /// distance_mm = 0             # from the SLM, along the light
-/// wavelength_nm = 660         # where its phases hold; other colours are turned as a path turns them
+/// wavelength_nm = 660         # where its phases hold; other colors are turned as a path turns them
 /// ```
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -41,17 +41,17 @@ pub struct Mask {
     /// at most 1 [default: random phases, which send it everywhere].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub band: Option<f64>,
-    /// A file beside the display's: radians in a `.npy`, or a grey picture (PNG, BMP) whose levels are a turn; factor times as many
+    /// A file beside the display's: radians in a `.npy`, or a gray picture (PNG, BMP) whose levels are a turn; factor times as many
     /// rows and columns as the SLM.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub file: Option<String>,
     /// Phases that were read from such a file, as holograms keep them: in 4096ths of a turn.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub phases: Option<MaskPhases>,
-    /// How far it stands behind the SLM, millimetres, 0 to 50 [default: 0].
+    /// How far it stands behind the SLM, millimeters, 0 to 50 [default: 0].
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub distance_mm: f64,
-    /// Wavelength that its phases are meant at, nanometres [default: the display's longest].
+    /// Wavelength that its phases are meant at, nanometers [default: the display's longest].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wavelength_nm: Option<f64>,
 }
@@ -192,7 +192,7 @@ impl Mask {
         self.factor == 1 && flat
     }
 
-    /// Metres from the SLM.
+    /// Meters from the SLM.
     pub fn distance(&self) -> f64 {
         self.distance_mm * 1e-3
     }
@@ -229,7 +229,7 @@ impl Display {
         Ok(display)
     }
 
-    /// Turns of this wavelength's light (metres) for one turn of the mask's phases.
+    /// Turns of this wavelength's light (meters) for one turn of the mask's phases.
     pub fn mask_slope(&self, wavelength: f64) -> f64 {
         let longest = self.wavelengths.iter().map(|w| w.wavelength).fold(0.0, f64::max);
         let meant = self.mask.as_ref().and_then(|mask| mask.wavelength_nm).map_or(longest, |nm| nm * 1e-9);

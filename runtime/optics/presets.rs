@@ -48,7 +48,7 @@ fn model(name: &str) -> Option<&'static str> {
     Some(match name {
         "paper" => "Schiffers et al. 2023: an 8-bit LCoS behind a 4f relay",
         "small" => "a small 8-bit SLM, for trying things out",
-        "grey8" => "an 8-bit LCoS, one grey image a video frame",
+        "grey8" => "an 8-bit LCoS, one gray image a video frame",
         "fields" => "an 8-bit LCoS that shows R, G and B of a video frame in turn",
         "planes8" => "a one-bit SLM, 8 bit-planes a video frame",
         "planes24" => "a one-bit SLM, 24 bit-planes a video frame",
@@ -61,7 +61,7 @@ fn model(name: &str) -> Option<&'static str> {
 /// What may be added to a display file: every line without its `#` is one.
 const MORE: &str = r#"
 # What may be added; docs/displays.md explains every key.
-#two_pi_level = { red = 256, green = 256, blue = 256 }    # grey level of 2 pi, measured
+#two_pi_level = { red = 256, green = 256, blue = 256 }    # gray level of 2 pi, measured
 #flip = "horizontal"           # vertical, both
 #rotation_deg = 180            # 90, 180, 270
 #offset_px = [0, 0]            # down, right

@@ -8,7 +8,7 @@
 //! | source | what it is |
 //! |---|---|
 //! | a folder | views in PNG, JPEG, TIFF, BMP, PPM or EXR files, named by a running number or by row and column |
-//! | an array | `.npy` or `.npz`, (rows of views, columns, rows of pixels, columns, colours) |
+//! | an array | `.npy` or `.npz`, (rows of views, columns, rows of pixels, columns, colors) |
 //! | a picture of many views | `FILE?grid=9x9`, `FILE?mosaic`, `FILE?lenslets` |
 //! | a picture, or a frame of a `.y4m` video | with a depth or disparity map ([`Request::depth_map`]): views by reprojection |
 //! | `builtin:NAME` | a scene rendered at any resolution and number of views: see [`BUILTINS`] |
@@ -25,8 +25,8 @@
 //! transpose = true          # what the names call the row is the column
 //! flip_rows = true          # the first row is the lowest
 //! flip_columns = true       # the first column is the rightmost
-//! view_pitch_mm = 2.4       # between neighbouring views, in the pupil plane
-//! disparity = [-1.8, 2.1]   # pixels between neighbouring views, positive towards the camera
+//! view_pitch_mm = 2.4       # between neighboring views, in the pupil plane
+//! disparity = [-1.8, 2.1]   # pixels between neighboring views, positive towards the camera
 //! depth_mm = [-3.0, 3.5]    # farthest, nearest
 //! transfer = "srgb"         # or "linear": how stored values become light
 //! keep = [9, 9]             # only so many rows and columns of views, in the middle
@@ -44,11 +44,11 @@
 //! **Arrays and pictures of many views** ask the same file beside them. Behind a question mark, `grid=9x9` (rows, columns), `srgb` and
 //! `linear` win; `array=NAME` is one of an `.npz`. Integers of 8 and 16 bits are decoded by the sRGB curve, floats are light of which 1
 //! is full scale. `lenslets` says that under each lens of a picture lies a pixel of each view; `mosaic` that views lie beside each other.
-//! Without `grid` it is found where neighbouring lines differ.
+//! Without `grid` it is found where neighboring lines differ.
 //!
 //! **Pictures with a map.** The smallest and the largest value of a map mean the ends of [`Request::depth`], and
 //! [`Request::near`] says which of them is near. Left out, an 8- or 16-bit picture is bright where it is near; a `.pfm`, `.npy`
-//! or EXR map holds disparities, in pixels between neighbouring views at the picture's own resolution, if its name contains
+//! or EXR map holds disparities, in pixels between neighboring views at the picture's own resolution, if its name contains
 //! `disp`, and distances, the small near, if its name says so; else it is refused.
 //!
 //! **Anywhere.** Where the views of all of an eyebox would be too many or too far apart, a scene is seen from a few places at
@@ -130,7 +130,7 @@ pub fn is_named(source: &str, known: &str) -> bool {
     source == known || names.iter().flatten().any(|name| name == known || Some(name) == last(other).as_ref())
 }
 
-/// Whether a file is an array that can be nothing but views in colour, by its five axes: no phases have so many.
+/// Whether a file is an array that can be nothing but views in color, by its five axes: no phases have so many.
 pub fn is_array_of_views(file: &Path) -> bool {
     NpyArray::open(file, None, |_| true).is_ok_and(|array| array.shape.len() == 5)
 }

@@ -464,7 +464,7 @@ fn the_near_covers_the_far_and_uncovers_background_not_itself() {
             assert!((corner[y * 80 + x] - centre[(y + 3) * 80 + x + 3]).abs() < 1e-2, "{y},{x}");
         }
     }
-    // What was uncovered is textured like the ground, not one smeared colour: left of the square in the last column.
+    // What was uncovered is textured like the ground, not one smeared color: left of the square in the last column.
     let uncovered: Vec<f32> = (22..38).map(|y| field.planes[1][5][y * 80 + 48]).collect();
     let (low, high) = uncovered.iter().fold((1.0f32, 0.0f32), |(a, b), &v| (a.min(v), b.max(v)));
     assert!(high - low > 0.1, "{uncovered:?}");

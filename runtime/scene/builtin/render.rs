@@ -19,7 +19,7 @@ pub(super) type Texture = Box<dyn Fn(f32, f32) -> Paint + Send + Sync>;
 pub(super) enum Item {
     /// A textured surface inside the box left, top, right, bottom (as seen from the axis).
     Surface { shape: Shape, area: [f32; 4], texture: Texture },
-    /// A strip of one colour.
+    /// A strip of one color.
     Blade(Blade),
 }
 
@@ -80,7 +80,7 @@ impl Canvas {
     }
 }
 
-/// A baked texture: N - 1 colours, already multiplied by the coverage that comes last.
+/// A baked texture: N - 1 colors, already multiplied by the coverage that comes last.
 struct Skin<const N: usize> {
     left: f32,
     top: f32,
@@ -176,7 +176,7 @@ impl<const N: usize> Skins<N> {
 
     /// One view: `[channel][pixel]`.
     pub fn view(&self, canvas: Canvas, items: &[Item], m: [f32; 2], channels: &[usize]) -> Vec<Vec<f32>> {
-        // Colours so far, and how much of what lies behind still comes through: from near to far, what is covered costs
+        // Colors so far, and how much of what lies behind still comes through: from near to far, what is covered costs
         // nothing.
         let clear: [f32; N] = std::array::from_fn(|k| f32::from(u8::from(k == N - 1)));
         let mut picture = vec![clear; canvas.height * canvas.width];
@@ -276,7 +276,7 @@ mod tests {
     use super::*;
     use crate::builtin::texture::rgb;
 
-    /// A white strip at z = 1 from x = -0.25 to 0.25 in front of a grey wall at z = -1, half of it bright.
+    /// A white strip at z = 1 from x = -0.25 to 0.25 in front of a gray wall at z = -1, half of it bright.
     fn strip() -> Vec<Item> {
         let wall = |x: f32, _| if x < 0.0 { rgb(0.1, 0.1, 0.1) } else { rgb(0.3, 0.3, 0.3) };
         let everywhere = [-9.0, -9.0, 9.0, 9.0];

@@ -1,6 +1,6 @@
 //! Shapes of a scene and how each is seen from a view.
 //!
-//! Scene units: x and y in half the display's shorter side from its centre (+y down), z in half the depth span (+1 is
+//! Scene units: x and y in half the display's shorter side from its center (+y down), z in half the depth span (+1 is
 //! the nearest). A view displaced from the axis sees the point (x, y, z) at `(x - z mx, y - z my)`: parallel rays,
 //! tilted by `m`. Each shape solves for the point that a ray meets first, exactly.
 
@@ -93,7 +93,7 @@ impl Shape {
     }
 }
 
-/// Coverage of a pixel whose centre is `value / slope` inside an outline; nothing when it is outside altogether.
+/// Coverage of a pixel whose center is `value / slope` inside an outline; nothing when it is outside altogether.
 fn edge(value: f32, slope: f32, pixel: f32) -> Option<f32> {
     let coverage = 0.5 + value / (slope * pixel).max(1e-12);
     (coverage > 0.0).then_some(coverage.min(1.0))
@@ -110,7 +110,7 @@ pub(super) struct Blade {
     pub bend: f32,
     /// Half its width at the root.
     pub width: f32,
-    /// Colour at the root and at the tip.
+    /// Color at the root and at the tip.
     pub colors: [[f32; 3]; 2],
 }
 
@@ -177,7 +177,7 @@ mod tests {
             assert!((sum - 1.0).abs() < 2e-3 && z > 0.4, "{sum} {z}");
             assert_eq!(hit.coverage, 1.0);
         }
-        // Its outline stands where its centre's depth puts it, half covered, and beyond there is nothing.
+        // Its outline stands where its center's depth puts it, half covered, and beyond there is nothing.
         let edge = |dx: f32| ball.meet(0.2 - 0.4 * M[0] + dx, -0.1 - 0.4 * M[1], M, 1e-2);
         assert!((edge(0.5).unwrap().coverage - 0.5).abs() < 0.05);
         assert!(edge(0.52).is_none() && edge(-0.52).is_none() && edge(0.48).unwrap().coverage == 1.0);

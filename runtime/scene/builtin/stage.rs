@@ -7,15 +7,15 @@ use crate::SceneError;
 use eyebox_optics::{Color, Display};
 use rayon::prelude::*;
 
-/// A built-in scene in one colour, at a size of its own, ready to be rendered.
+/// A built-in scene in one color, at a size of its own, ready to be rendered.
 pub struct Stage {
     canvas: Canvas,
     items: Vec<Item>,
     skins: Skins<2>,
     channel: usize,
-    /// Tilt per metre of the pupil plane.
+    /// Tilt per meter of the pupil plane.
     tilt: f64,
-    /// Where the eyebox's middle stands, metres to the right.
+    /// Where the eyebox's middle stands, meters to the right.
     camera: f64,
     depth: [f64; 2],
 }
@@ -31,7 +31,7 @@ impl Stage {
         let canvas = Canvas { height: size, width: size };
         let unit = parameters.unit(name, display);
         let items = items_of(name, &parameters, canvas, unit);
-        // A metre to the side, content at one unit of depth moves by unit / f, and the picture is two units wide.
+        // A meter to the side, content at one unit of depth moves by unit / f, and the picture is two units wide.
         let wide = display.picture_pixel() * display.picture_size().0 as f64;
         let tilt = 2.0 * unit / (display.focal_length * wide);
         let most = (tilt * (display.eyebox_min() / 2.0 + parameters.camera.abs())) as f32;
@@ -45,17 +45,17 @@ impl Stage {
         self.canvas.height
     }
 
-    /// Farthest and nearest depth, metres.
+    /// Farthest and nearest depth, meters.
     pub fn depth(&self) -> [f64; 2] {
         self.depth
     }
 
-    /// Pixels by which content at the ends of the depth span moves over so many metres of the pupil plane.
+    /// Pixels by which content at the ends of the depth span moves over so many meters of the pupil plane.
     pub fn parallax(&self, metres: f64) -> f64 {
         metres * self.tilt / f64::from(self.canvas.pixel())
     }
 
-    /// Views from these places (x, y) of the pupil plane, metres.
+    /// Views from these places (x, y) of the pupil plane, meters.
     pub fn views(&self, places: &[(f64, f64)]) -> Vec<Vec<f32>> {
         let one = |&(x, y): &(f64, f64)| {
             let tilt = [x + self.camera, y].map(|s| (s * self.tilt) as f32);

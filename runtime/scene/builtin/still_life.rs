@@ -41,7 +41,7 @@ struct Fruit {
 }
 
 impl Mood {
-    /// Light on a surface of normal `n` at picture place `(x, y)`: multiplies its colour.
+    /// Light on a surface of normal `n` at picture place `(x, y)`: multiplies its color.
     fn light(self, n: [f32; 3], x: f32, y: f32) -> f32 {
         let key = n[0] * LIGHT[0] + n[1] * LIGHT[1] + n[2] * LIGHT[2];
         // Light that bends a little around the limb, as it does in a room.
@@ -119,7 +119,7 @@ fn cloth(half: [f32; 2], mood: Mood, fruits: &[Fruit], vase_x: f32, spread: f32)
         let z = (y - BACK) * SLOPE * 1.45;
         let (u, v) = (x * 5.0 + 0.25, z * 5.0 + 0.1);
         let (a, b) = (u.rem_euclid(2.0) < 1.0, v.rem_euclid(2.0) < 1.0);
-        // Gingham: threads of two colours, woven.
+        // Gingham: threads of two colors, woven.
         let weave = 0.86 + 0.14 * ((x * 420.0 / std::f32::consts::TAU).fract() - 0.5).abs() * 2.0;
         let twill = 0.8 + 0.4 * fbm(x * 60.0, z * 60.0, 3, 17);
         let white = if mood == Mood::Studio { rgb(0.86, 0.85, 0.82) } else { rgb(0.62, 0.58, 0.5) };

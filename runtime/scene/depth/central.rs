@@ -13,7 +13,7 @@ const LARGEST: usize = 512;
 /// Steps to the farthest view that disparities of any view are sought with.
 const NEAR: usize = 3;
 
-/// Depth of each pixel of the central view, (height, width), metres: where the central row and column of views agree
+/// Depth of each pixel of the central view, (height, width), meters: where the central row and column of views agree
 /// best, in the range that the scene states or that is found (see `LightField::disparities_sought`).
 pub fn central_depth(field: &LightField, display: &Display) -> Vec<f32> {
     let range = field.disparities_sought(display);
@@ -33,7 +33,7 @@ pub fn central_depth(field: &LightField, display: &Display) -> Vec<f32> {
 }
 
 /// The central view of a pyramid, linear light, and its disparities between the ends of `range` (pixels between
-/// neighbouring views); (height, width) of the pyramid's first level.
+/// neighboring views); (height, width) of the pyramid's first level.
 pub fn central_view(pyramid: &Pyramid, grid: &ViewGrid, range: [f64; 2]) -> (Vec<f32>, Vec<f32>) {
     let level = &pyramid.levels[0];
     let pixels = level.height * level.width;
@@ -53,8 +53,8 @@ pub(crate) fn scratch([height, width]: [usize; 2], range: [f64; 2]) -> u64 {
     (8 * candidates * height.div_ceil(times) * width.div_ceil(times)) as u64
 }
 
-/// The disparities of any view of a grid, (height, width), between the ends of `range` (pixels between neighbouring views),
-/// from its nearest neighbours. Large views are looked at in fewer pixels.
+/// The disparities of any view of a grid, (height, width), between the ends of `range` (pixels between neighboring views),
+/// from its nearest neighbors. Large views are looked at in fewer pixels.
 pub(crate) fn view_disparities(
     grid: &ViewGrid,
     view: usize,
@@ -106,7 +106,7 @@ mod tests {
             let depth = central_depth(&field, &display);
             let mut off: Vec<f32> = depth.iter().map(|z| (z * 1e3 - mm as f32).abs()).collect();
             off.sort_by(f32::total_cmp);
-            // 0.16 mm are half a pixel between the centre and the outermost view.
+            // 0.16 mm are half a pixel between the center and the outermost view.
             let at = |share: f64| off[(off.len() as f64 * share) as usize];
             assert!(at(0.5) < 0.05 && at(0.9) < 0.16, "{mm} mm: {} and {} mm off", at(0.5), at(0.9));
         }

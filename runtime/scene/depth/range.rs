@@ -1,6 +1,6 @@
 //! The range of a light field's disparities, found where the scene does not state it, from coarse to fine.
 //!
-//! Small copies of the central view are compared with its nearest neighbours over every disparity up to a third of the
+//! Small copies of the central view are compared with its nearest neighbors over every disparity up to a third of the
 //! picture; larger copies, with farther views, over what was found. Only pixels count of which the pictures leave no
 //! doubt: alike in the views of both axes, like at no other disparity, and with a small standard error (`subpixel`). The range
 //! ends where enough of them agree; it is doubted where too much of the detail is not among them, for that may lie anywhere.
@@ -13,7 +13,7 @@ use crate::{DepthSource, Fit, LightField, SceneError, depth::flat};
 use eyebox_optics::Display;
 use rayon::prelude::*;
 
-/// Where disparities are sought where nothing shows any, pixels between neighbouring views.
+/// Where disparities are sought where nothing shows any, pixels between neighboring views.
 pub(crate) const USUAL: [f64; 2] = [-2.0, 2.0];
 
 /// Pixels along the longer side: coarse, and fine.
@@ -23,9 +23,9 @@ const FINE: usize = 256;
 const STEPS: usize = 3;
 /// Another disparity is as unlike as this many times its best match, and as this many pixels, at least.
 const UNLIKE: [f32; 2] = [2.0, 0.4];
-/// Windows whose slopes sum to this much may be sure (5 x 5 pixels of 8 bits that differ from their neighbours by one).
+/// Windows whose slopes sum to this much may be sure (5 x 5 pixels of 8 bits that differ from their neighbors by one).
 const SLOPE: f32 = 0.1;
-/// Standard errors of what is sure, pixels between neighbouring views, at most.
+/// Standard errors of what is sure, pixels between neighboring views, at most.
 const ERROR: f64 = 0.06;
 /// The share of the sure pixels that is no accident where they lie within as many pixels of each other, and their number.
 const ENOUGH: f64 = 0.005;
@@ -47,7 +47,7 @@ const SAME: f32 = 4e-3;
 /// What the views show.
 #[derive(Debug, Clone, Copy)]
 struct Found {
-    /// Smallest and largest disparity, pixels between neighbouring views; none where nothing is sure.
+    /// Smallest and largest disparity, pixels between neighboring views; none where nothing is sure.
     range: Option<[f64; 2]>,
     /// The same with flat surfaces, which only their edges show.
     beyond: [f64; 2],
@@ -63,7 +63,7 @@ impl Found {
     }
 }
 
-/// Disparities that were not stated, pixels between neighbouring views at this resolution.
+/// Disparities that were not stated, pixels between neighboring views at this resolution.
 pub(crate) struct Measured {
     /// From the farthest to the nearest; none where the pictures show nothing.
     pub range: Option<[f64; 2]>,
@@ -121,7 +121,7 @@ impl LightField {
         })
     }
 
-    /// Where disparities are sought, pixels between neighbouring views at this resolution: in the range that the scene
+    /// Where disparities are sought, pixels between neighboring views at this resolution: in the range that the scene
     /// states on `display`; else a little beyond what the views show.
     pub(crate) fn disparities_sought(&self, display: &Display) -> [f64; 2] {
         let per_pixel = display.focal_length * display.picture_pixel() / self.cell(display);
@@ -135,7 +135,7 @@ impl LightField {
         self.measured().range.map_or(USUAL, around)
     }
 
-    /// The depths that matter on `display`, farthest first, metres: as asked, as the scene says, or as the views show.
+    /// The depths that matter on `display`, farthest first, meters: as asked, as the scene says, or as the views show.
     ///
     /// # Errors
     /// [`SceneError::Request`] where nothing is asked or stated, and the views show too little.
@@ -144,7 +144,7 @@ impl LightField {
     }
 }
 
-/// Farthest and nearest depth, metres, before a lens of `focal_length`: as asked, or as found.
+/// Farthest and nearest depth, meters, before a lens of `focal_length`: as asked, or as found.
 ///
 /// # Errors
 /// [`SceneError::Request`] where nothing is asked, and what is found is doubtful.
@@ -160,7 +160,7 @@ pub fn asked_or_found(
     source.sure(found, focal_length)
 }
 
-/// A view's light in all colours together, in units of the brightest.
+/// A view's light in all colors together, in units of the brightest.
 pub(crate) fn mean_light(field: &LightField) -> impl Fn(usize) -> Vec<f32> {
     let brightest = field.planes.par_iter().flatten().flatten().copied().reduce(|| 0.0, f32::max);
     let unit = 1.0 / (brightest.max(f32::MIN_POSITIVE) * field.planes.len().max(1) as f32);

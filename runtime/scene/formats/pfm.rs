@@ -3,7 +3,7 @@
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
 
-/// A grey float map, rows from the top down.
+/// A gray float map, rows from the top down.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Pfm {
     pub height: usize,
@@ -32,7 +32,7 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<Pfm, Reason> {
     };
     match token("its kind")? {
         "Pf" => {}
-        "PF" => return Err(reason!("pfm-color", "a colour float map (PF): a depth map has one channel (Pf)")),
+        "PF" => return Err(reason!("pfm-color", "a color float map (PF): a depth map has one channel (Pf)")),
         other => return Err(reason!("not-pfm", "not a float map: it begins with {other:?}, not \"Pf\"")),
     }
     let mut axis = |what: &str| -> Result<usize, Reason> {

@@ -1,4 +1,4 @@
-//! Frames of YUV4MPEG2 videos (`.y4m`), of colours or of depths: `clip.y4m?frame=12` is the thirteenth, `clip.y4m` alone the first.
+//! Frames of YUV4MPEG2 videos (`.y4m`), of colors or of depths: `clip.y4m?frame=12` is the thirteenth, `clip.y4m` alone the first.
 //!
 //! Y'CbCr of the matrix that is stated (`clip.y4m?matrix=bt709`, or `XCOLORMATRIX=BT709` in the file) or that of the format
 //! ([`Matrix::usual`]): limited range unless the file says `XCOLORRANGE=FULL`; 4:2:0, 4:2:2, 4:4:4 or gray, of 8 to 16 bits. The
@@ -126,9 +126,9 @@ struct Video {
     length: u64,
     /// Rows and columns.
     size: [usize; 2],
-    /// Pixels of luma, along y and x, for one of the colour differences; none where it is grey.
+    /// Pixels of luma, along y and x, for one of the color differences; none where it is gray.
     chroma: Option<[usize; 2]>,
-    /// Whether colour differences stand where the left pixel of two does, and not between them.
+    /// Whether color differences stand where the left pixel of two does, and not between them.
     left: bool,
     bits: u32,
     full: bool,
@@ -321,7 +321,7 @@ impl Video {
         if self.full { value / most } else { (value - 16.0) / 219.0 }
     }
 
-    /// A colour difference at a pixel, -0.5 to 0.5, between the samples around it.
+    /// A color difference at a pixel, -0.5 to 0.5, between the samples around it.
     fn difference(&self, bytes: &[u8], which: usize, y: usize, x: usize) -> f32 {
         let Some(times) = self.chroma else { return 0.0 };
         let [rows, columns] = self.plane(true);

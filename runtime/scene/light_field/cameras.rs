@@ -83,7 +83,7 @@ impl fmt::Display for Tiles {
     }
 }
 
-/// Positions of cameras in the pupil plane, metres: x to the right, y downwards.
+/// Positions of cameras in the pupil plane, meters: x to the right, y downwards.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Positions {
     /// Rows and columns that are not evenly spaced: x of each column, y of each row.

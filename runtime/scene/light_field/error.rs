@@ -294,7 +294,7 @@ pub enum SceneError {
         /// Their names.
         known: String,
     },
-    /// A colour that the display does not have.
+    /// A color that the display does not have.
     #[error(transparent)]
     Optics(#[from] OpticsError),
     /// What stands behind the question mark of a source is not understood.

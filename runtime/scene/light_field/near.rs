@@ -52,7 +52,7 @@ pub(crate) enum Meaning {
 pub(crate) struct Stated {
     /// Which values are near.
     pub near: Option<Near>,
-    /// The depths of the ends, metres. The nearer first says that small values are near.
+    /// The depths of the ends, meters. The nearer first says that small values are near.
     pub depth: Option<[f64; 2]>,
 }
 

@@ -3,19 +3,19 @@
 use eyebox_kernels::photograph::Tap;
 use eyebox_optics::{Geometry, Optics, Pupil};
 
-/// Where the views stand in the pupil plane: square cells around a common centre.
+/// Where the views stand in the pupil plane: square cells around a common center.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ViewGrid {
     /// Rows of views.
     pub rows: usize,
     /// Columns of views.
     pub columns: usize,
-    /// Side of a cell (the view pitch), metres.
+    /// Side of a cell (the view pitch), meters.
     pub cell: f64,
 }
 
 impl ViewGrid {
-    /// Position (x, y) of view `index` (row-major), metres.
+    /// Position (x, y) of view `index` (row-major), meters.
     pub fn position(&self, index: usize) -> (f64, f64) {
         let (r, c) = (index / self.columns, index % self.columns);
         (
@@ -66,8 +66,8 @@ impl ViewGrid {
         self.taps_around([0.0; 2], [0.0; 2], optics, pupil, height, width).collect()
     }
 
-    /// The same, tap by tap, for views whose common centre is at `center` (x, y) of the pupil plane, and a picture that is
-    /// `displaced` (x, y): metres.
+    /// The same, tap by tap, for views whose common center is at `center` (x, y) of the pupil plane, and a picture that is
+    /// `displaced` (x, y): meters.
     pub fn taps_around(
         self,
         center: [f64; 2],

@@ -1,4 +1,4 @@
-//! Light fields in one array: `.npy` and `.npz`, (rows of views, columns of views, rows of pixels, columns of pixels, colours).
+//! Light fields in one array: `.npy` and `.npz`, (rows of views, columns of views, rows of pixels, columns of pixels, colors).
 
 use crate::formats::options::Options;
 use crate::formats::tone::{FullScale, Reading, Stored};

@@ -76,7 +76,7 @@ impl Layout {
                 return Err(reason!(
                     "array-shape",
                     "has the shape {shape:?}: views are (rows of views, columns of views, rows of pixels, columns of pixels, \
-                     colours), as (9, 9, 512, 512, 3), without the last where they are grey"
+                     colors), as (9, 9, 512, 512, 3), without the last where they are gray"
                 ));
             }
         };

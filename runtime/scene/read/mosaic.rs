@@ -164,7 +164,7 @@ fn find(
     let name = file.display().to_string();
     let lenslets = if tiling == Tiling::Lenslets { "lenslets&" } else { "" };
     match shown(plane, whole, tiling) {
-        GridEvidence::Seams(grid) => Ok((grid, "found by where neighbouring lines differ")),
+        GridEvidence::Seams(grid) => Ok((grid, "found by where neighboring lines differ")),
         GridEvidence::Repeats(grid) => Ok((grid, "found by how often it repeats")),
         GridEvidence::Parts(grid) => {
             let [rows, columns] = grid;

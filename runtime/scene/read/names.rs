@@ -25,7 +25,7 @@ pub(crate) struct Arrangement {
     pub running: bool,
     /// What is said where such a number makes no square and the pictures show no grid.
     pub doubt: String,
-    /// Distance of neighbouring rows over that of columns, where the names hold coordinates.
+    /// Distance of neighboring rows over that of columns, where the names hold coordinates.
     pub proportion: Option<f64>,
 }
 

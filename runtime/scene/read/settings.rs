@@ -11,7 +11,7 @@ use eyebox_optics::{check_usual_aperture, check_usual_depths, check_usual_view_p
 use serde::Deserialize;
 use std::path::Path;
 
-/// What is known of a folder's views; lengths in metres and in pixels at the views' own resolution.
+/// What is known of a folder's views; lengths in meters and in pixels at the views' own resolution.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Settings {
     pub grid: Option<[usize; 2]>,
@@ -55,11 +55,11 @@ struct Toml {
     flip_rows: Option<bool>,
     /// Whether the first column of views is the one farthest right.
     flip_columns: Option<bool>,
-    /// Distance of neighbouring views in the plane of the pupil, millimetres.
+    /// Distance of neighboring views in the plane of the pupil, millimeters.
     view_pitch_mm: Option<f64>,
-    /// Least and largest disparity between neighbouring views, pixels; positive is nearer.
+    /// Least and largest disparity between neighboring views, pixels; positive is nearer.
     disparity: Option<[f64; 2]>,
-    /// Least and largest depth, millimetres; positive is nearer.
+    /// Least and largest depth, millimeters; positive is nearer.
     depth_mm: Option<[f64; 2]>,
     /// How pixels stand for light: linear, or as pictures have it.
     transfer: Option<Transfer>,
@@ -71,11 +71,11 @@ struct Toml {
     tiles: Option<[usize; 2]>,
     /// The tile of the leftmost camera.
     first: Option<FirstTile>,
-    /// Positions of the cameras in the pupil plane, millimetres.
+    /// Positions of the cameras in the pupil plane, millimeters.
     positions_mm: Option<PositionsToml>,
-    /// Of a focal stack, the depth at which each picture is sharp, millimetres.
+    /// Of a focal stack, the depth at which each picture is sharp, millimeters.
     focus_mm: Option<Vec<f64>>,
-    /// Of a focal stack, the diameter of the aperture, millimetres.
+    /// Of a focal stack, the diameter of the aperture, millimeters.
     aperture_mm: Option<f64>,
 }
 

@@ -129,12 +129,12 @@ impl Reprojection {
         &self.read_as
     }
 
-    /// Pixels by which content at an end of the depths moves over so many metres of the pupil plane.
+    /// Pixels by which content at an end of the depths moves over so many meters of the pupil plane.
     pub fn parallax(&self, metres: f64) -> f64 {
         metres / self.cell * self.ends[0].abs().max(self.ends[1].abs())
     }
 
-    /// Farthest and nearest depth, metres.
+    /// Farthest and nearest depth, meters.
     pub fn depth(&self) -> [f64; 2] {
         self.ends.map(|d| d * self.per_pixel)
     }
@@ -144,7 +144,7 @@ impl Reprojection {
         self.relief.bytes()
     }
 
-    /// Views in one colour from these places (x, y) of the pupil plane, metres: (row, column) of the display's picture.
+    /// Views in one color from these places (x, y) of the pupil plane, meters: (row, column) of the display's picture.
     pub fn views(&self, color: Color, places: &[(f64, f64)]) -> Vec<Vec<f32>> {
         let one = |&(x, y): &(f64, f64)| {
             let view = self.relief.view((x / self.cell) as f32, (y / self.cell) as f32);
@@ -187,7 +187,7 @@ pub(crate) fn load(path: &Path, request: &Request) -> Result<LightField, SceneEr
 /// Most that views which nobody asked for may take, bytes.
 const MEMORY: u64 = 2 << 30;
 
-/// Views along each axis of which neighbours part by no more than a pixel over this range of depths (metres), as far as memory
+/// Views along each axis of which neighbors part by no more than a pixel over this range of depths (meters), as far as memory
 /// allows; no fewer than are asked for. Says how many.
 fn enough_views(path: &Path, request: &Request, [far, near]: [f64; 2]) -> usize {
     let display = request.display;
@@ -203,7 +203,7 @@ fn enough_views(path: &Path, request: &Request, [far, near]: [f64; 2]) -> usize 
     let fit = ((most / one) as f64).sqrt() as usize;
     let views = needed.min(fit).min(64).max(request.views);
     let why =
-        if views < needed { "as many as a share of the memory holds" } else { "neighbours part by a pixel at most" };
+        if views < needed { "as many as a share of the memory holds" } else { "neighbors part by a pixel at most" };
     tracing::info!("{}: {views} x {views} views: {why} (`views` takes another number)", path.display());
     views
 }

@@ -1,6 +1,6 @@
 //! Focal stacks: pictures through one aperture, each focused at a depth of its own.
 //!
-//! What an eye sees of them is no mean of neighbouring pictures: its pupil is another, and looks from elsewhere. Layers that explain all
+//! What an eye sees of them is no mean of neighboring pictures: its pupil is another, and looks from elsewhere. Layers that explain all
 //! pictures (OPTICS 14) show the scene from any place within the aperture, so views are made of them, as of any light field.
 
 use crate::formats::tone::{FullScale, Reading};
@@ -25,7 +25,7 @@ pub(crate) struct Found {
     stated: Settings,
     /// In the order of their numbers.
     paths: Vec<PathBuf>,
-    /// The depth at which each is focused, and the diameter of the aperture, metres.
+    /// The depth at which each is focused, and the diameter of the aperture, meters.
     focus: Vec<f64>,
     aperture: f64,
 }

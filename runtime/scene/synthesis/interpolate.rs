@@ -29,13 +29,13 @@ pub struct Interpolator {
     grid: ViewGrid,
     size: [usize; 2],
     planes: Vec<Stored>,
-    /// Smallest and largest disparity, pixels between neighbouring views.
+    /// Smallest and largest disparity, pixels between neighboring views.
     range: [f64; 2],
     /// Of the views that were needed so far: (row, column), 65535 = the range's larger end.
     disparities: Vec<OnceLock<Vec<u16>>>,
 }
 
-/// One colour of all views.
+/// One color of all views.
 struct Stored {
     /// Linear light of the value 65535.
     scale: f32,
@@ -73,7 +73,7 @@ struct Met {
 }
 
 impl Interpolator {
-    /// Of the colours of a light field before a display. Disparities are sought in the range that it states or that is found
+    /// Of the colors of a light field before a display. Disparities are sought in the range that it states or that is found
     /// (`LightField::disparities_sought`).
     pub fn new(field: LightField, display: &Display) -> Self {
         let cell = field.cell(display);
@@ -88,7 +88,7 @@ impl Interpolator {
         Self { grid, size, planes, range, disparities }
     }
 
-    /// Adds the colours of the same light field that were loaded after the others: loaded one by one, they are in memory as
+    /// Adds the colors of the same light field that were loaded after the others: loaded one by one, they are in memory as
     /// they came one at a time.
     ///
     /// # Panics
@@ -104,7 +104,7 @@ impl Interpolator {
         self.size
     }
 
-    /// Pixels by which content at an end of the depths moves over so many metres of the pupil plane.
+    /// Pixels by which content at an end of the depths moves over so many meters of the pupil plane.
     pub fn parallax(&self, metres: f64) -> f64 {
         metres / self.grid.cell * self.range[0].abs().max(self.range[1].abs())
     }
@@ -116,7 +116,7 @@ impl Interpolator {
         2 * pixels * views * (self.planes.len() as u64 + 1) + scratch(self.size, self.range)
     }
 
-    /// Views of colour `color` from these places (x, y) of the pupil plane, metres, in which the light field's own are those
+    /// Views of color `color` from these places (x, y) of the pupil plane, meters, in which the light field's own are those
     /// of its [`ViewGrid`].
     pub fn views(&self, color: usize, places: &[(f64, f64)]) -> Vec<Vec<f32>> {
         // Seeking disparities uses all cores for one view already.

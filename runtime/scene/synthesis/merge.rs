@@ -1,4 +1,4 @@
-//! Fewer views where fewer do: neighbours that show the same become one, and views that no pupil reaches are left out.
+//! Fewer views where fewer do: neighbors that show the same become one, and views that no pupil reaches are left out.
 
 use crate::{LightField, ViewGrid};
 use eyebox_optics::{Color, Display};
@@ -18,7 +18,7 @@ impl LightField {
     }
 
     /// The light field in which each block of `count` x `count` views has become one, in the middle of the block: their
-    /// mean, after content at `depth` (metres) has been laid upon itself. Exact for content at that depth seen by an eye
+    /// mean, after content at `depth` (meters) has been laid upon itself. Exact for content at that depth seen by an eye
     /// that focuses there; off it, what a view shows moves by `(z - depth) q / f` within a block (OPTICS 3).
     ///
     /// `count` must divide both sides of the grid ([`mergeable_without`](Self::mergeable_without)).
@@ -59,7 +59,7 @@ impl LightField {
         }
     }
 
-    /// Rows and columns of views, on each side, whose cells lie wholly outside the square of side `eyebox` (metres)
+    /// Rows and columns of views, on each side, whose cells lie wholly outside the square of side `eyebox` (meters)
     /// around the axis: no pupil that stays in it sees them. One view is always left.
     pub fn unseen(&self, display: &Display, eyebox: f64) -> [usize; 2] {
         let cell = self.cell(display);
@@ -84,7 +84,7 @@ impl LightField {
         Self { name: self.name.clone(), colors: vec![color], planes: its.map(|(_, p)| p.clone()).collect(), ..*self }
     }
 
-    /// With these of its colours, in its order.
+    /// With these of its colors, in its order.
     pub fn with_colors(self, colors: &[Color]) -> Self {
         let pairs = self.colors.into_iter().zip(self.planes).filter(|(color, _)| colors.contains(color));
         let (colors, planes) = pairs.unzip();
@@ -144,7 +144,7 @@ mod tests {
     /// At its own depth a plane is laid upon itself, whatever the sign; at any other it is smeared.
     #[test]
     fn a_plane_elsewhere_is_one_view_at_its_depth_alone() {
-        // A depth at which neighbouring views differ by whole pixels: nothing is interpolated.
+        // A depth at which neighboring views differ by whole pixels: nothing is interpolated.
         for disparity in [-1.0, 1.0] {
             let (_, display) = plane(0.0);
             let depth = disparity * display.focal_length * display.pitch / (display.eyebox_min() / 9.0);

@@ -112,7 +112,7 @@ impl Small {
         self.size = [rows.len(), columns.len()];
     }
 
-    /// How far views stand from the centre along both axes of the grid, at most.
+    /// How far views stand from the center along both axes of the grid, at most.
     fn steps(&self) -> usize {
         self.arms.iter().flatten().map(|(d, _)| d.unsigned_abs()).max().unwrap_or(0)
     }
@@ -170,7 +170,7 @@ fn shifted(view: &[f32], [h, w]: [usize; 2], away: f32, x: bool) -> Vec<f32> {
     out
 }
 
-/// Mean over five neighbours along an axis; the edge counts as often as it takes.
+/// Mean over five neighbors along an axis; the edge counts as often as it takes.
 fn blur(values: &[f32], h: usize, w: usize, x: bool) -> Vec<f32> {
     let mut out = vec![0.0; values.len()];
     if x {
@@ -368,7 +368,7 @@ fn significant([near, all]: [usize; 2]) -> Option<bool> {
 }
 
 impl Parallax {
-    /// Looks at the views of the central row and column: neighbours first, farther ones where too little moves, in more pixels
+    /// Looks at the views of the central row and column: neighbors first, farther ones where too little moves, in more pixels
     /// where too little still moves.
     pub(crate) fn of(field: &LightField) -> Option<Self> {
         let longest = field.height.max(field.width);
