@@ -1,9 +1,8 @@
 //! The depth of a view, measured from the light field itself: a plane sweep over the views of its row and column.
 
-use crate::depth::map::Map;
+use crate::depth::map::resized;
 use crate::depth::range::{USUAL, mean_light};
 use crate::depth::sweep::{Compared, MOST, Sweep, reach_within};
-use crate::light_field::near::Meaning;
 use crate::light_field::resize::Resize;
 use crate::{Fit, LightField, Pyramid, ViewGrid};
 use eyebox_optics::Display;
@@ -76,10 +75,8 @@ pub(crate) fn view_disparities(
     let sweep =
         Sweep::around(counts, at, reach_within(range, NEAR), [rows, columns], |view| shrink.apply(&light(view)));
     let found = sweep.disparities(range, compared);
-    let values = found.into_iter().map(|d| (f64::from(d) / scale) as f32).collect();
-    let (meaning, read_as) = (Meaning::Disparity, String::new());
-    Map { height: rows, width: columns, values, meaning, range: None, read_as, is_news: false }
-        .resize(height, width, 1.0)
+    let values: Vec<f32> = found.into_iter().map(|d| (f64::from(d) / scale) as f32).collect();
+    resized(&values, [rows, columns], [height, width], 1.0)
 }
 
 #[cfg(test)]

@@ -1,7 +1,9 @@
 //! Depth and disparity maps of a single picture.
 
+use crate::SceneError;
+use crate::formats::still::{self, Stored};
+use crate::formats::{pfm, video};
 use crate::light_field::near::{self, Kind, Meaning, Stated};
-use crate::{SceneError, formats::pfm, formats::still, formats::video};
 use eyebox_base::error::Reason;
 use eyebox_base::files::{self, FileError, FileKind, NpyArray, Wanted};
 use eyebox_base::memory;
@@ -34,27 +36,12 @@ pub(crate) fn read(path: &Path, stated: Stated) -> Result<Map, SceneError> {
         return Err(corrupt(reason!("map-folder", "a folder, not a depth map")));
     }
     let bytes = || files::read::bytes(path, files::read::PICTURE).map_err(|e| SceneError::unreadable(path, &e));
-    let mut range = None;
     // A frame of a video is named, the rest is told by its content.
     let found = if video::named(path).is_some() { FileKind::Y4m } else { kind_of(path)? };
-    let (height, width, kind, mut values) = if found == FileKind::Pfm {
-        let map = pfm::parse(&bytes()?).map_err(corrupt)?;
-        (map.height, map.width, Kind::Floats, map.values)
-    } else if matches!(found, FileKind::Npy | FileKind::Npz) {
-        let (shape, values) = array(path, stated)?;
-        let [height @ 1..=65536, width @ 1..=65536] = shape[..] else {
-            let remedy =
-                if shape.len() > 2 { "; save one of several maps, as numpy.save('map.npy', maps[0])" } else { "" };
-            return Err(corrupt(reason!(
-                "map-shape",
-                "has the shape {shape:?}: a depth map has rows and columns, 1 to 65536{remedy}"
-            )));
-        };
-        (height, width, Kind::Floats, values)
-    } else {
-        let still::Stored { height, width, kind, values, range: fixed } = still::stored(path)?;
-        range = fixed;
-        (height, width, kind, values)
+    let Stored { height, width, kind, mut values, range } = match found {
+        FileKind::Pfm => pfm::parse(&bytes()?).map_err(corrupt)?,
+        FileKind::Npy | FileKind::Npz => array(path, stated)?,
+        _ => still::stored(path)?,
     };
     let (meaning, mut read_as) = near::meaning(path, kind, &values, stated)?;
     let filled = near::fill(kind, meaning, &mut values, width).map_err(corrupt)?;
@@ -72,8 +59,8 @@ fn kind_of(path: &Path) -> Result<FileKind, SceneError> {
     if is_map { Ok(found) } else { Err(FileError::of_kind(path, found, Wanted::DepthMap).into()) }
 }
 
-/// Shape and values of an array. Axes of length 1, as networks write them before or after rows and columns, are left out.
-fn array(path: &Path, stated: Stated) -> Result<(Vec<usize>, Vec<f32>), SceneError> {
+/// Reads an array. Axes of length 1, as networks write them before or after rows and columns, are left out.
+fn array(path: &Path, stated: Stated) -> Result<Stored, SceneError> {
     let mut array = NpyArray::only(path, |shape| axes(shape).len() == 2)?;
     if array.kind == "u1" {
         near::check_bytes(path, stated)?;
@@ -82,7 +69,13 @@ fn array(path: &Path, stated: Stated) -> Result<(Vec<usize>, Vec<f32>), SceneErr
     let what = || format!("{}: a depth map of shape {shape:?}", path.display());
     memory::check_available(what, memory::bytes_of(&shape, 8), "take a smaller map")?;
     let values = array.take(shape.iter().product())?;
-    Ok((shape, values))
+    let [height @ 1..=65536, width @ 1..=65536] = shape[..] else {
+        let remedy = if shape.len() > 2 { "; save one of several maps, as numpy.save('map.npy', maps[0])" } else { "" };
+        let reason =
+            reason!("map-shape", "has the shape {shape:?}: a depth map has rows and columns, 1 to 65536{remedy}");
+        return Err(SceneError::Corrupt { file: path.display().to_string(), reason });
+    };
+    Ok(Stored { height, width, kind: Kind::Floats, values, range: None })
 }
 
 /// The axes of an array of more than two that are longer than 1.
@@ -94,31 +87,29 @@ fn axes(shape: &[usize]) -> Vec<usize> {
     axes
 }
 
-impl Map {
-    /// The map at another size. Between its values where they lie together, the nearest where they do not: a value
-    /// halfway over an edge would hang in the air. `apart` is the difference that makes an edge.
-    pub fn resize(&self, height: usize, width: usize, apart: f32) -> Vec<f32> {
-        if (height, width) == (self.height, self.width) {
-            return self.values.clone();
-        }
-        let place = |i: usize, n: usize, source: usize| {
-            let at = ((i as f64 + 0.5) * source as f64 / n as f64 - 0.5).clamp(0.0, source as f64 - 1.0);
-            let first = (at as usize).min(source.saturating_sub(2));
-            (first, (first + 1).min(source - 1), (at - first as f64) as f32)
-        };
-        let columns: Vec<_> = (0..width).map(|i| place(i, width, self.width)).collect();
-        let mut out = Vec::with_capacity(height * width);
-        for j in 0..height {
-            let (above, below, ty) = place(j, height, self.height);
-            for &(left, right, tx) in &columns {
-                let at = |row: usize, column: usize| self.values[row * self.width + column];
-                let four = [at(above, left), at(above, right), at(below, left), at(below, right)];
-                let nearest = || at(if ty < 0.5 { above } else { below }, if tx < 0.5 { left } else { right });
-                out.push(between(four, tx, ty, apart).unwrap_or_else(nearest));
-            }
-        }
-        out
+/// Values of a map of the size `own` (rows, columns) at another size. Between its values where they lie together, the nearest where they
+/// do not: a value halfway over an edge would hang in the air. `apart` is the difference that makes an edge.
+pub(crate) fn resized(values: &[f32], own: [usize; 2], [height, width]: [usize; 2], apart: f32) -> Vec<f32> {
+    if [height, width] == own {
+        return values.to_vec();
     }
+    let place = |i: usize, n: usize, source: usize| {
+        let at = ((i as f64 + 0.5) * source as f64 / n as f64 - 0.5).clamp(0.0, source as f64 - 1.0);
+        let first = (at as usize).min(source.saturating_sub(2));
+        (first, (first + 1).min(source - 1), (at - first as f64) as f32)
+    };
+    let columns: Vec<_> = (0..width).map(|i| place(i, width, own[1])).collect();
+    let mut out = Vec::with_capacity(height * width);
+    for j in 0..height {
+        let (above, below, ty) = place(j, height, own[0]);
+        for &(left, right, tx) in &columns {
+            let at = |row: usize, column: usize| values[row * own[1] + column];
+            let four = [at(above, left), at(above, right), at(below, left), at(below, right)];
+            let nearest = || at(if ty < 0.5 { above } else { below }, if tx < 0.5 { left } else { right });
+            out.push(between(four, tx, ty, apart).unwrap_or_else(nearest));
+        }
+    }
+    out
 }
 
 /// Between four values of one surface, above and below, left and right each; none if they differ by more than `apart`.

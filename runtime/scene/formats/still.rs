@@ -1,9 +1,9 @@
 //! One picture: a file of its own, or a frame of a video.
 
 use crate::formats::options::Options;
-use crate::formats::tone::{FullScale, Reading, Tone};
+use crate::formats::tone::{Reading, Tone};
 use crate::formats::video_color::Matrix;
-use crate::light_field::light::Picture;
+use crate::light_field::light::{FullScale, Picture};
 use crate::light_field::near::Kind;
 use crate::{SceneError, formats::picture, formats::video};
 use eyebox_base::files::{Wanted, picture_orientation};
@@ -49,7 +49,8 @@ pub(crate) fn stored(path: &Path) -> Result<Stored, SceneError> {
     }
 }
 
-/// Values as they are kept, row by row.
+/// Values as they are kept, rows from the top down.
+#[derive(Debug, PartialEq)]
 pub(crate) struct Stored {
     pub height: usize,
     pub width: usize,

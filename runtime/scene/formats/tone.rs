@@ -1,8 +1,7 @@
 //! The way from stored values to linear light: transfer function, full scale, and the values that are no light.
 
 use crate::SceneError;
-pub use crate::light_field::light::FullScale;
-use crate::light_field::light::{Transfer, srgb_to_linear, table};
+use crate::light_field::light::{FullScale, Transfer, srgb_to_linear, table};
 use eyebox_optics::Color;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};

@@ -48,9 +48,6 @@ pub(crate) fn frame(video: &Path, frame: usize) -> String {
 }
 
 /// How many frames a video has.
-///
-/// # Errors
-/// Those of reading; [`SceneError::Corrupt`].
 pub(crate) fn count(video: &Path) -> Result<usize, SceneError> {
     let mut video = Video::open(video)?;
     let mut count = 0;
@@ -61,17 +58,11 @@ pub(crate) fn count(video: &Path) -> Result<usize, SceneError> {
 }
 
 /// Rows and columns of a frame.
-///
-/// # Errors
-/// As [`count`].
 pub(crate) fn size(video: &Path) -> Result<[usize; 2], SceneError> {
     Ok(Video::open(video)?.size)
 }
 
 /// The planes of `colors` of a frame, linear light; `matrix` if it is stated.
-///
-/// # Errors
-/// As [`count`]; where there is no such frame.
 pub(crate) fn read(
     video: &Path,
     frame: usize,
@@ -108,9 +99,6 @@ pub(crate) fn stored(video: &Path, frame: usize) -> Result<still::Stored, SceneE
 }
 
 /// What a frame is decoded from: the first line of its file, and its samples.
-///
-/// # Errors
-/// As [`read`].
 pub(crate) fn stored_parts(video: &Path, frame: usize) -> Result<(String, Vec<u8>), SceneError> {
     let unreadable = |e: std::io::Error| SceneError::unreadable(video, &e);
     let mut head = String::new();

@@ -13,7 +13,7 @@ pub enum Fit {
 }
 
 /// A planned resize of planes of one size to another.
-pub(crate) struct Resize {
+pub struct Resize {
     scale: [f64; 2],
     rows: Axis,
     columns: Axis,
@@ -83,21 +83,6 @@ pub fn shrink_to_share(plane: &[f32], height: usize, width: usize, share: f64) -
 /// The middle `share` of one color's image at the whole image's size: the picture again.
 pub fn crop_share(plane: &[f32], height: usize, width: usize, share: f64) -> Vec<f32> {
     about_axis([height, width], 1.0 / share).apply(plane)
-}
-
-/// Planes of one size, so many times as large along each axis.
-pub struct Enlarged(Resize);
-
-impl Enlarged {
-    /// Of planes of so many rows and columns.
-    pub fn new(size: [usize; 2], times: usize) -> Self {
-        Self(Resize::new(size, size.map(|n| n * times), Fit::Stretch))
-    }
-
-    /// One of them.
-    pub fn apply(&self, plane: &[f32]) -> Vec<f32> {
-        self.0.apply(plane)
-    }
 }
 
 fn about_axis(size: [usize; 2], scale: f64) -> Resize {

@@ -1,6 +1,7 @@
 //! Light fields of a program's own: arrays, for which no file says anything.
 
-use crate::formats::tone::{FullScale, Tally, Tone};
+use crate::formats::tone::{Tally, Tone};
+use crate::light_field::light::FullScale;
 use crate::{LightField, Order, Parallax, SceneError, read::order_found, read::standing};
 use eyebox_optics::check_usual_view_pitch;
 use rayon::prelude::*;

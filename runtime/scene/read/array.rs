@@ -1,9 +1,9 @@
 //! Light fields in one array: `.npy` and `.npz`, (rows of views, columns of views, rows of pixels, columns of pixels, colors).
 
 use crate::formats::options::Options;
-use crate::formats::tone::{FullScale, Reading, Stored};
+use crate::formats::tone::{Reading, Stored};
 use crate::light_field::cameras::Positions;
-use crate::light_field::light::Transfer;
+use crate::light_field::light::{FullScale, Transfer};
 use crate::light_field::near::Kind;
 use crate::read::layout::{self, Layout};
 use crate::read::settings::{self, Settings};

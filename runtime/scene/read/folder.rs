@@ -1,7 +1,8 @@
 //! A folder of views.
 
-use crate::formats::tone::{FullScale, Reading};
+use crate::formats::tone::Reading;
 use crate::light_field::cameras::Positions;
+use crate::light_field::light::FullScale;
 use crate::light_field::shape::{is_serpentine, shape};
 use crate::read::views::{self, Frame, Read};
 use crate::{LightField, Request, SceneError, formats::picture, light_field::natural, read::names, read::settings};
@@ -19,9 +20,6 @@ const MANY_PIXELS: usize = 1 << 22;
 
 /// Loads the views in whatever order, decoding in parallel, each scaled to the display as soon as it is read: no more than a
 /// few are ever held at their own resolution.
-///
-/// # Errors
-/// Every [`SceneError`] that a file can cause; it names the file.
 pub(crate) fn read(folder: &Path, request: &Request) -> Result<Read, SceneError> {
     let Listed { found: Found { all, stated, mut views }, paths, size: own } = list(folder)?;
     let frame = Frame::new(own, paths.len(), request)?;
@@ -94,9 +92,6 @@ pub(crate) struct Found {
 }
 
 /// Finds the views by their names.
-///
-/// # Errors
-/// As [`read`].
 pub(crate) fn find(folder: &Path) -> Result<Found, SceneError> {
     let mut files = files(folder, "")?;
     let all: Vec<String> = files.iter().map(|(name, _)| name.clone()).collect();
@@ -154,9 +149,6 @@ pub(crate) struct Listed {
 }
 
 /// Finds the views without decoding any.
-///
-/// # Errors
-/// As [`read`].
 pub(crate) fn list(folder: &Path) -> Result<Listed, SceneError> {
     let found = find(folder)?;
     // Headers first: a view of another size is found before anything is decoded.

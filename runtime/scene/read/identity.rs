@@ -28,7 +28,7 @@ pub fn digest(source: &str) -> Result<Option<String>, SceneError> {
         Source::Views(ViewSource::Array(path, options) | ViewSource::Mosaic(path, _, options)) => {
             // The settings of a folder that lie beside a file may be for others of its files.
             let beside = path.with_file_name(SETTINGS[0]);
-            let stated = settings::beside(path, &options)? != settings::beside_nothing(&options);
+            let stated = settings::beside(path, &options)? != settings::with(&options, Default::default());
             [path.into()].into_iter().chain(stated.then_some(beside)).collect()
         }
     };

@@ -1,8 +1,9 @@
 //! Light fields in one picture: views beside each other, or the pixels under each lens of an array of them.
 
 use crate::formats::options::{Options, Tiling};
-use crate::formats::tone::{FullScale, Reading};
+use crate::formats::tone::Reading;
 use crate::light_field::cameras::{FirstTile, Positions, Quilt};
+use crate::light_field::light::FullScale;
 use crate::light_field::resize::Resize;
 use crate::read::mosaic_grid::{GridEvidence, shown};
 use crate::read::settings::{self, Settings};
@@ -55,9 +56,6 @@ fn tiles(stated: &Settings) -> Option<[usize; 2]> {
 }
 
 /// Rows and columns of each view.
-///
-/// # Errors
-/// Those of [`read`].
 pub(crate) fn size(file: &Path, tiling: Tiling, options: &Options) -> Result<[usize; 2], SceneError> {
     let (stated, quilt) = stated(file, options)?;
     let whole = picture::size(file, picture::MANY)?;
@@ -80,9 +78,6 @@ fn square([height, width]: [usize; 2], quilt: Option<Quilt>) -> [usize; 2] {
 }
 
 /// Reads the views of a picture, its grid stated or found.
-///
-/// # Errors
-/// Every [`SceneError`] that a file can cause; it names the file.
 pub(crate) fn read(file: &Path, tiling: Tiling, options: &Options, request: &Request) -> Result<Read, SceneError> {
     let (stated, quilt) = stated(file, options)?;
     let whole = picture::size(file, picture::MANY)?;

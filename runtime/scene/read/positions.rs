@@ -183,7 +183,7 @@ fn rates(field: &LightField, all: &[[f64; 2]]) -> Rates {
             right += usize::from(is_right);
         }
         if is_right {
-            rates.push(rate * patches.scale());
+            rates.push(rate * patches.scale);
         }
     }
     rates.sort_by(f64::total_cmp);

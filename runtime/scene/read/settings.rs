@@ -39,43 +39,26 @@ pub(crate) struct Settings {
     pub aperture: Option<f64>,
 }
 
-/// `lightfield.toml`.
+/// `lightfield.toml`: lengths in millimeters, otherwise as in [`Settings`].
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Toml {
-    /// Rows and columns of views.
     grid: Option<[usize; 2]>,
-    /// Which pictures are the views; `*` is anything; with a `/`, in the folders of the folder.
     files: Option<String>,
-    /// Whether every second row of running numbers runs backwards.
     serpentine: Option<bool>,
-    /// Whether rows and columns of views change places.
     transpose: Option<bool>,
-    /// Whether the first row of views is the lowest.
     flip_rows: Option<bool>,
-    /// Whether the first column of views is the one farthest right.
     flip_columns: Option<bool>,
-    /// Distance of neighboring views in the plane of the pupil, millimeters.
     view_pitch_mm: Option<f64>,
-    /// Least and largest disparity between neighboring views, pixels; positive is nearer.
     disparity: Option<[f64; 2]>,
-    /// Least and largest depth, millimeters; positive is nearer.
     depth_mm: Option<[f64; 2]>,
-    /// How pixels stand for light: linear, or as pictures have it.
     transfer: Option<Transfer>,
-    /// The stored value of white.
     full_scale: Option<f32>,
-    /// Rows and columns of views in the middle that are kept.
     keep: Option<[usize; 2]>,
-    /// Rows and columns of the tiles in which one row of cameras is laid out.
     tiles: Option<[usize; 2]>,
-    /// The tile of the leftmost camera.
     first: Option<FirstTile>,
-    /// Positions of the cameras in the pupil plane, millimeters.
     positions_mm: Option<PositionsToml>,
-    /// Of a focal stack, the depth at which each picture is sharp, millimeters.
     focus_mm: Option<Vec<f64>>,
-    /// Of a focal stack, the diameter of the aperture, millimeters.
     aperture_mm: Option<f64>,
 }
 
@@ -105,15 +88,10 @@ pub(crate) fn beside(file: &Path, options: &Options) -> Result<Settings, SceneEr
 }
 
 /// Settings, where what stands behind the name of a file wins.
-fn with(options: &Options, stated: Settings) -> Settings {
+pub(crate) fn with(options: &Options, stated: Settings) -> Settings {
     let Tone { transfer, full_scale } = options.tone;
     let tone = Tone { transfer: transfer.or(stated.tone.transfer), full_scale: full_scale.or(stated.tone.full_scale) };
     Settings { grid: options.grid.or(stated.grid), tone, ..stated }
-}
-
-/// The settings of a file of many views beside which nothing says how it is read.
-pub(crate) fn beside_nothing(options: &Options) -> Settings {
-    with(options, Settings::default())
 }
 
 /// Whether a file is a map of true disparities, by its name.

@@ -155,9 +155,6 @@ impl Reprojection {
 }
 
 /// Reads the picture and its map and reprojects it to `views` x `views` at the display's size.
-///
-/// # Errors
-/// As [`Reprojection::new`].
 pub(crate) fn load(path: &Path, request: &Request) -> Result<LightField, SceneError> {
     let from = Reprojection::with_reach(path, request, |views| (views - 1.0) / 2.0)?;
     let n = from.views;
@@ -211,7 +208,7 @@ fn enough_views(path: &Path, request: &Request, [far, near]: [f64; 2]) -> usize 
 /// Disparities at the picture's size on the display, and their smallest and largest.
 fn disparities(
     map: &Map,
-    [height, width]: [usize; 2],
+    size: [usize; 2],
     scale: f64,
     reach: f64,
     range: [f64; 2],
@@ -232,7 +229,7 @@ fn disparities(
     // What opens more than a pixel and a half in the outermost view is an edge, and is not smoothed over.
     let apart =
         if gain == 0.0 { f64::INFINITY } else { (1.5 / (reach.max(0.5) * gain.abs())).min(f64::from(f32::MAX)) };
-    let resized = map.resize(height, width, apart as f32);
+    let resized = map::resized(&map.values, [map.height, map.width], size, apart as f32);
     let disparity: Vec<f32> = resized.into_iter().map(|v| (first + (f64::from(v) - low) * gain) as f32).collect();
     let found = ends(&disparity).map(f64::from);
     (disparity, found)

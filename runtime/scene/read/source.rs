@@ -33,9 +33,6 @@ pub(crate) enum ViewSource<'a> {
 
 impl ViewSource<'_> {
     /// Rows and columns of a view's own pixels, from names and headers alone where these say enough.
-    ///
-    /// # Errors
-    /// Any [`SceneError`] that they can cause.
     pub fn size(&self) -> Result<[usize; 2], SceneError> {
         match self {
             Self::Folder(path) => match stack::find(path)? {
@@ -48,9 +45,6 @@ impl ViewSource<'_> {
     }
 
     /// Reads them in whatever order.
-    ///
-    /// # Errors
-    /// Any [`SceneError`]; it names the file.
     pub fn read(&self, request: &Request) -> Result<Read, SceneError> {
         match self {
             Self::Folder(path) => match stack::find(path)? {

@@ -3,7 +3,8 @@
 //! What an eye sees of them is no mean of neighboring pictures: its pupil is another, and looks from elsewhere. Layers that explain all
 //! pictures (OPTICS 14) show the scene from any place within the aperture, so views are made of them, as of any light field.
 
-use crate::formats::tone::{FullScale, Reading};
+use crate::formats::tone::Reading;
+use crate::light_field::light::FullScale;
 use crate::read::settings::{self, Settings};
 use crate::read::views::{Frame, Read};
 use crate::synthesis::layers::{Layers, Stack};
@@ -88,9 +89,6 @@ impl Found {
     }
 
     /// Reads the pictures and makes views of them.
-    ///
-    /// # Errors
-    /// Every [`SceneError`] that a file can cause; it names the file.
     pub fn read(&self, folder: &Path, request: &Request) -> Result<Read, SceneError> {
         let (own, display) = (self.size()?, request.display);
         let frame = Frame::new(own, VIEWS[1] * VIEWS[1] + self.paths.len(), request)?;

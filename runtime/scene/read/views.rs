@@ -42,9 +42,6 @@ pub(crate) struct Frame {
 
 impl Frame {
     /// Of so many pictures of these rows and columns.
-    ///
-    /// # Errors
-    /// [`SceneError::Memory`] where memory does not hold them.
     pub fn new(own: [usize; 2], count: usize, request: &Request) -> Result<Self, SceneError> {
         let (height, width) = request.display.picture_size();
         let counts = [count, request.colors.len(), height, width];
@@ -158,9 +155,6 @@ pub(crate) fn decide(name: &str, read: &Read) -> Result<(), SceneError> {
 }
 
 /// The light field; where the pictures contradict the order in which the views come, and nothing else is stated, it is refused.
-///
-/// # Errors
-/// As [`decide`].
 pub(crate) fn checked(name: &str, read: Read) -> Result<LightField, SceneError> {
     decide(name, &read)?;
     if !read.order_stated && read.field.grid != [1, 1] {

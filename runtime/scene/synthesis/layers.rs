@@ -46,7 +46,6 @@ pub struct Layers {
     products: Vec<[f64; 3]>,
     /// The brightest light.
     brightest: f64,
-    colors: usize,
 }
 
 /// A focal stack before a display.
@@ -70,9 +69,6 @@ impl Layers {
     }
 
     /// Of views at `positions` (x, y) of the pupil plane, meters, around its middle, which span `span`.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
     pub(crate) fn at_positions(
         field: &LightField,
         positions: &[[f64; 2]],
@@ -97,9 +93,6 @@ impl Layers {
     }
 
     /// Of the pictures of a focal stack, which `field` has as a row of views; over these depths, meters.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
     pub(crate) fn of_stack(
         field: &LightField,
         stack: &Stack,
@@ -149,7 +142,7 @@ impl Layers {
         let what = || format!("{} layers of {} x {} pixels", slopes.len(), padded[0], padded[1]);
         memory::check_available(what, memory::bytes_of(&counts, 8), "take a smaller `size`, or `photographs` cells")?;
         let products = vec![[0.0; 3]; views];
-        Ok(Self { size, padded, grid, slopes, planes: Vec::new(), products, brightest: 0.0, colors: 0 })
+        Ok(Self { size, padded, grid, slopes, planes: Vec::new(), products, brightest: 0.0 })
     }
 
     /// Adds the colors of the same light field that were loaded after the others.
@@ -174,7 +167,7 @@ impl Layers {
     }
 
     fn db(&self, error: f64) -> f64 {
-        decibels(error, self.size[0] * self.size[1] * self.colors.max(1), self.brightest)
+        decibels(error, self.size[0] * self.size[1] * self.planes.len().max(1), self.brightest)
     }
 
     /// One or two views that do not fit the others, and the likely cause.
@@ -268,7 +261,6 @@ impl Layers {
             self.brightest = self.brightest.max(f64::from(brightest));
             let layers = self.solve(&at, views);
             self.planes.push(layers);
-            self.colors += 1;
         }
     }
 
