@@ -209,17 +209,6 @@ pub struct Grating {
 }
 
 impl Encoding {
-    /// The encoding of a preset, if the preset has one of its own.
-    pub(super) fn preset(name: &str) -> Self {
-        let plain = Self::default();
-        match name {
-            "fields" => Self { packing: Packing::Fields, ..plain },
-            "planes8" => Self { packing: Packing::Planes8, ..plain },
-            "planes24" => Self { packing: Packing::Planes24, ..plain },
-            _ => plain,
-        }
-    }
-
     /// What no display file may say. Says what is wrong and what would be right.
     pub(super) fn check(&self, levels: u32) -> Result<(), Reason> {
         if !matches!(self.rotation_deg, 0 | 90 | 180 | 270) {

@@ -11,7 +11,7 @@ use super::{Display, Geometry};
 use eyebox_base::error::Reason;
 use eyebox_base::files::{read_grey, read_npy};
 use eyebox_base::reason;
-use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
+use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -57,7 +57,8 @@ pub struct Mask {
 }
 
 /// Phases of a mask, in 4096ths of a turn. In files two characters each, behind `ROWSxCOLUMNS:`.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
 pub struct MaskPhases {
     size: [usize; 2],
     values: Arc<[u16]>,
@@ -78,13 +79,6 @@ impl MaskPhases {
         self.size
     }
 
-    fn in_words(&self) -> String {
-        let digit = |v: u16| char::from(DIGITS[usize::from(v) % 64]);
-        let mut text = format!("{}x{}:", self.size[0], self.size[1]);
-        text.extend(self.values.iter().flat_map(|v| [digit(v / 64), digit(v % 64)]));
-        text
-    }
-
     fn read(text: &str) -> Option<Self> {
         let (size, values) = text.split_once(':')?;
         let (rows, columns) = size.split_once('x')?;
@@ -96,17 +90,21 @@ impl MaskPhases {
     }
 }
 
-impl Serialize for MaskPhases {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        to.serialize_str(&self.in_words())
+impl From<MaskPhases> for String {
+    fn from(phases: MaskPhases) -> Self {
+        let digit = |v: u16| char::from(DIGITS[usize::from(v) % 64]);
+        let mut text = format!("{}x{}:", phases.size[0], phases.size[1]);
+        text.extend(phases.values.iter().flat_map(|v| [digit(v / 64), digit(v % 64)]));
+        text
     }
 }
 
-impl<'de> Deserialize<'de> for MaskPhases {
-    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        let text = String::deserialize(from)?;
-        let wrong = "expected ROWSxCOLUMNS: and two characters for each of so many phases, as eyebox writes them";
-        Self::read(&text).ok_or_else(|| de::Error::custom(wrong))
+impl TryFrom<String> for MaskPhases {
+    type Error = &'static str;
+
+    fn try_from(text: String) -> Result<Self, Self::Error> {
+        Self::read(&text)
+            .ok_or("expected ROWSxCOLUMNS: and two characters for each of so many phases, as eyebox writes them")
     }
 }
 

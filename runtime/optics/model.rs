@@ -324,11 +324,7 @@ impl ModelOf {
 
 impl From<Color> for ModelOf {
     fn from(color: Color) -> Self {
-        match color {
-            Color::Red => Self::Red,
-            Color::Green => Self::Green,
-            Color::Blue => Self::Blue,
-        }
+        [Self::Red, Self::Green, Self::Blue][color.channel()]
     }
 }
 

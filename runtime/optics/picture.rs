@@ -133,20 +133,12 @@ impl Picture {
 
     /// Says where a color's picture was seen.
     pub fn set(&mut self, color: Color, seen: PictureWarp) {
-        *match color {
-            Color::Red => &mut self.red,
-            Color::Green => &mut self.green,
-            Color::Blue => &mut self.blue,
-        } = Some(seen);
+        *[&mut self.red, &mut self.green, &mut self.blue][color.channel()] = Some(seen);
     }
 
     /// Where a color's picture was seen; none where nobody looked.
     pub fn seen(&self, color: Color) -> Option<PictureWarp> {
-        match color {
-            Color::Red => self.red,
-            Color::Green => self.green,
-            Color::Blue => self.blue,
-        }
+        [self.red, self.green, self.blue][color.channel()]
     }
 
     /// Green's, or the first: what the others are brought to.

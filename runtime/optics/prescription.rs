@@ -90,7 +90,7 @@ impl Prescription {
 
     /// Whether it has no error at all.
     pub fn is_perfect(&self) -> bool {
-        self.power() == [[0.0; 2]; 2] && self.higher().next().is_none()
+        self.power() == [[0.0; 2]; 2] && !self.has_higher_orders()
     }
 
     /// Whether it has errors that only an eye whose place is known can be corrected for.

@@ -10,25 +10,25 @@ use std::collections::BTreeMap;
 
 /// A source that can be switched, as a file has it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct SwitchedSource {
     /// Direction of its light on the SLM, milliradians (x, y) [default: on the axis].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub angle_mrad: Option<[f64; 2]>,
     /// The same as where the middle of its eyebox lies, millimeters (x, y).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub eyebox_mm: Option<[f64; 2]>,
     /// Colors that it has [default: all].
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub colors: Vec<Color>,
     /// Its light over that of a source of power 1 [default: 1].
-    #[serde(default = "one", skip_serializing_if = "is_one")]
+    #[serde(skip_serializing_if = "is_one")]
     pub power: f64,
     /// How long it takes to be switched on or off, microseconds [default: 0].
-    #[serde(default, skip_serializing_if = "super::is_default")]
+    #[serde(skip_serializing_if = "super::is_default")]
     pub switching_us: f64,
     /// Numbers of the sources, from 1, that may be lit together with it [default: all].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub with: Option<Vec<usize>>,
 }
 
@@ -66,10 +66,6 @@ pub struct Sources {
 const MOST: usize = 64;
 /// The largest direction sine under which a source lights an SLM, along an axis: 30 degrees, milliradians.
 const STEEPEST_MRAD: f64 = 500.0;
-
-fn one() -> f64 {
-    1.0
-}
 
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
 fn is_one(power: &f64) -> bool {

@@ -87,7 +87,8 @@ impl Problem {
         } else {
             // Behind a mask the picture has the mask's pixels.
             let finer = outline.optics.mask_factor;
-            let larger = (finer > 1).then(|| Resize::new([height, width], [finer * height, finer * width], Fit::Stretch));
+            let larger =
+                (finer > 1).then(|| Resize::new([height, width], [finer * height, finer * width], Fit::Stretch));
             let (height, width) = (finer * height, finer * width);
             let (top, left) = ((grid.height - height) / 2, (grid.width - width) / 2);
             let framed = |view: &Vec<f32>| {
