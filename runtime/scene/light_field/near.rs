@@ -156,6 +156,7 @@ pub(crate) fn meaning(
     let mut words = name.split(|c: char| !c.is_alphabetic());
     let is_inverse = name.contains("inv");
     let relative = |near: Near, reason: &str| Ok((Meaning::Relative(near), reason.to_owned()));
+    let in_words = ["larger is nearer", "distances: smaller is nearer", "bright is near", "dark is near"];
     match (kind, stated.near(kind)) {
         (_, Some(Near::Small | Near::Dark)) if is_disparity => Err(SceneError::Ambiguous {
             file: file.display().to_string(),
@@ -167,7 +168,7 @@ pub(crate) fn meaning(
             debug_assert!(near.is_none_or(Near::is_larger));
             Ok((Meaning::Disparity, reason))
         }
-        (_, Some(near)) => relative(near, &format!("as stated: {}", in_words(near))),
+        (_, Some(near)) => relative(near, &format!("as stated: {}", in_words[near as usize])),
         (_, None) if is_disparity => {
             relative(Near::Large, "disparities by its name, scaled to the stated depths: larger is nearer")
         }
@@ -215,15 +216,6 @@ pub(crate) fn check_bytes(file: &Path, stated: Stated) -> Result<(), SceneError>
     }
     let reason = reason!("values", "an array of 8 bits, and nothing says whether small or large is near");
     Err(SceneError::Ambiguous { file: file.display().to_string(), reason, decides: DECIDES })
-}
-
-fn in_words(near: Near) -> &'static str {
-    match near {
-        Near::Large => "larger is nearer",
-        Near::Small => "distances: smaller is nearer",
-        Near::Bright => "bright is near",
-        Near::Dark => "dark is near",
-    }
 }
 
 /// Returns the test for values that are unknown. NaN, infinity, 1e9 or more and the largest half float always are. Of
