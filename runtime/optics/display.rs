@@ -6,8 +6,8 @@ use super::joint_color::check_dispersion;
 use super::model::{self, DisplayModel, ModelSections, ModelTerms};
 use super::wavefront_map;
 use super::{
-    Geometry, Mask, Optics, OpticsError, Picture, PictureMap, Prescription, SourceSections, Sources, SourcesLit,
-    SwitchedSource, Viewing,
+    Geometry, Mask, Optics, OpticsError, Picture, Prescription, SourceSections, Sources, SourcesLit, SwitchedSource,
+    Viewing,
 };
 use eyebox_base::error::Reason;
 use eyebox_base::files::FileRecord;
@@ -18,9 +18,9 @@ use std::{collections::BTreeMap, path::Path};
 /// One laser of a display.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wavelength {
-    /// Its colour.
+    /// Its color.
     pub color: Color,
-    /// Metres.
+    /// Meters.
     pub wavelength: f64,
 }
 
@@ -32,11 +32,11 @@ pub struct Wavelength {
 /// pitch_um = 8.0
 /// focal_length_mm = 400.0
 /// wavelengths_nm = { red = 660, green = 520, blue = 440 }
-/// levels = 256                   # grey levels of the SLM
+/// levels = 256                   # gray levels of the SLM
 /// rate_hz = 60                   # video frames a second, where it is known
 /// geometry = "relay"             # or "far-field": the SLM in the pupil plane
 /// portrait = false               # true for one that is higher than wide
-/// dispersion = { green = 1.27, blue = 1.5 }   # turns of a colour's light for one of red's: docs/displays.md
+/// dispersion = { green = 1.27, blue = 1.5 }   # turns of a color's light for one of red's: docs/displays.md
 ///
 /// [encoding]                     # what the SLM receives: docs/displays.md
 /// packing = "grey8"
@@ -53,7 +53,6 @@ pub struct Wavelength {
 /// factor = 2
 /// seed = 1
 ///
-///
 /// [[sources]]                    # switchable sources, for a larger eyebox: docs/displays.md
 /// eyebox_mm = [-22, 0]
 ///
@@ -68,9 +67,9 @@ pub struct Display {
     pub height: usize,
     /// Columns.
     pub width: usize,
-    /// Pixel pitch, metres.
+    /// Pixel pitch, meters.
     pub pitch: f64,
-    /// Focal length of the relay, metres; in the far field, what angles and dioptres are measured with.
+    /// Focal length of the relay, meters; in the far field, what angles and diopters are measured with.
     pub focal_length: f64,
     /// Where the SLM stands.
     pub geometry: Geometry,
@@ -82,7 +81,7 @@ pub struct Display {
     pub rate_hz: Option<f64>,
     /// Whether it is meant to be higher than wide ([`check_usual`](Self::check_usual)).
     pub portrait: bool,
-    /// Turns of a colour's light where that of the longest wavelength makes one, as far as measured ([`slopes`](Self::slopes)).
+    /// Turns of a color's light where that of the longest wavelength makes one, as far as measured ([`slopes`](Self::slopes)).
     pub dispersion: BTreeMap<Color, f64>,
     /// How it takes its phases.
     pub encoding: Encoding,
@@ -104,19 +103,16 @@ pub struct Display {
     pub file: Option<FileRecord>,
 }
 
+/// A display file: its keys are as in [`Display`], in the units that their names end with.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
-    /// What it is called; without, as the file is.
     #[serde(default)]
     name: Option<String>,
-    /// Rows and columns of the SLM.
     resolution: [usize; 2],
-    /// Pixel pitch, micrometres.
     pitch_um: f64,
-    /// Focal length of the relay, millimetres; in the far field, what angles and dioptres are measured with.
     focal_length_mm: f64,
-    /// Wavelengths, nanometres: one to three of red, green, blue.
+    /// Wavelengths, nanometers: one to three of red, green, blue.
     wavelengths_nm: BTreeMap<Color, f64>,
     /// Phase levels of the SLM, 2 to 65536 [default: 256].
     #[serde(default = "levels_default")]
@@ -124,57 +120,44 @@ struct File {
     /// Video frames that it takes a second, where that is known, 1 to 100000.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     rate_hz: Option<f64>,
-    /// Where the SLM stands: behind a relay, or in the plane of the pupil [default: relay].
     #[serde(default, skip_serializing_if = "Geometry::is_relay")]
     geometry: Geometry,
-    /// Whether it is meant to be higher than wide.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     portrait: bool,
-    /// Turns of a colour's light where that of the longest wavelength makes one, above 0, at most 8 [default: the longest
-    /// wavelength over the colour's].
+    /// Turns of a color's light where that of the longest wavelength makes one, above 0, at most 8 [default: the longest
+    /// wavelength over the color's].
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     dispersion: BTreeMap<Color, f64>,
     /// Which of its switchable sources are lit: `"in-turn"`, `"together"`, `"steered"`, or `{ only = { green = [1, 2] } }`
     /// [default: in-turn].
-    #[serde(default, skip_serializing_if = "is_in_turn")]
+    #[serde(default, skip_serializing_if = "super::is_default")]
     sources_lit: SourcesLit,
-    /// How it takes its phases: the table below.
     #[serde(default)]
     encoding: Encoding,
-    /// What is known of it beyond the ideal display: `[model.red]`, `[model.green]`, `[model.blue]`, `[model.all]`, below.
     #[serde(default, skip_serializing_if = "ModelSections::is_empty")]
     model: ModelSections,
-    /// Its light, where that is no laser on the axis: `[source.red]`, `[source.green]`, `[source.blue]`, `[source.all]`, below.
     #[serde(default, skip_serializing_if = "SourceSections::is_empty")]
     source: SourceSections,
-    /// The static phase mask in front of its SLM: below.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     mask: Option<Mask>,
-    /// Its switchable sources, one table each: `[[sources]]`, below.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     sources: Vec<SwitchedSource>,
     /// Where its picture is seen, as `eyebox calibrate --register` found: below.
     #[serde(default, skip_serializing_if = "Picture::is_empty")]
     picture: Picture,
-    /// The eye that looks at it; a perfect one without: below.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     prescription: Option<Prescription>,
-    /// How bright and how fine it is seen, which JOD are judged by: below.
     #[serde(default, skip_serializing_if = "Viewing::is_default")]
     viewing: Viewing,
 }
 
-/// The shortest number that, in so many metres, is this length as nearly as any.
+/// The shortest number that, in so many meters, is this length as nearly as any.
 fn in_unit(metres: f64, unit: f64) -> f64 {
     let plain = metres / unit;
     (0..17)
         .filter_map(|digits| format!("{plain:.digits$e}").parse().ok())
         .find(|v: &f64| (v * unit / metres - 1.0).abs() < 1e-15)
         .unwrap_or(plain)
-}
-
-fn is_in_turn(lit: &SourcesLit) -> bool {
-    *lit == SourcesLit::InTurn
 }
 
 fn levels_default() -> u32 {
@@ -192,7 +175,7 @@ impl Display {
         if read.wavelengths_nm.is_empty() {
             return Err(wrong(reason!(
                 "no-color",
-                "wavelengths_nm names no colour: give one to three of red, green, blue"
+                "wavelengths_nm names no color: give one to three of red, green, blue"
             )));
         }
         if !(2..=65536).contains(&read.levels) {
@@ -295,7 +278,7 @@ impl Display {
         toml::to_string(&file).expect("a display has nothing that TOML cannot say")
     }
 
-    /// The optics at one of its colours, over the SLM's own grid.
+    /// The optics at one of its colors, over the SLM's own grid.
     ///
     /// # Errors
     /// [`OpticsError::NoColor`] and those of [`Optics::new`].
@@ -309,12 +292,12 @@ impl Display {
         Ok(optics.in_geometry(self.geometry).behind_mask(self.mask_factor()))
     }
 
-    /// What it does to one of its colours.
+    /// What it does to one of its colors.
     pub fn model(&self, color: Color) -> DisplayModel {
         model::of_color(&self.model, color)
     }
 
-    /// The same display with another model of one of its colours.
+    /// The same display with another model of one of its colors.
     #[must_use]
     pub fn with_model_of(&self, color: Color, change: impl FnOnce(&mut ModelTerms)) -> Self {
         let colors: Vec<Color> = self.wavelengths.iter().map(|w| w.color).collect();
@@ -324,18 +307,13 @@ impl Display {
         Self { model: sections, ..self.clone() }
     }
 
-    /// Where the picture of one of its colours is seen; none where that is as it should be, as far as is known.
-    pub fn picture_map(&self, color: Color) -> Option<PictureMap> {
-        self.picture.map(color, self.picture_size().into())
-    }
-
     /// Rows and columns of the pictures that it shows: its pixels, or a square of as many where it stands in the far field.
     pub fn picture_size(&self) -> (usize, usize) {
         self.geometry.picture_size(self.height, self.width)
     }
 
-    /// Size of a picture's pixel in the focal plane, metres: the pitch, or that of the field of view which all its
-    /// colours share, the shortest wavelength's (OPTICS 9).
+    /// Size of a picture's pixel in the focal plane, meters: the pitch, or that of the field of view which all its
+    /// colors share, the shortest wavelength's (OPTICS 9).
     pub fn picture_pixel(&self) -> f64 {
         match self.geometry {
             Geometry::Relay => self.pitch,
@@ -349,7 +327,7 @@ impl Display {
         self.viewing.pixels_per_degree.unwrap_or((self.focal_length / self.picture_pixel()).to_radians())
     }
 
-    /// Share of one colour's field of view that the picture takes along each axis: in the far field all colours show what
+    /// Share of one color's field of view that the picture takes along each axis: in the far field all colors show what
     /// the shortest wavelength can.
     pub fn picture_share(&self, wavelength: f64) -> f64 {
         match self.geometry {

@@ -7,27 +7,27 @@ use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::PathBuf};
 
 /// The `[encoding]` table of a display file; `docs/displays.md` explains every key.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Encoding {
     /// Which sub-frame goes where in the video frames.
     pub packing: Packing,
     /// Channel of packings that fill one.
-    #[serde(skip_serializing_if = "is_default")]
+    #[serde(skip_serializing_if = "super::is_default")]
     pub channel: Channel,
     /// Order in which the display shows the channels, of packings that fill all three.
-    #[serde(skip_serializing_if = "is_default")]
+    #[serde(skip_serializing_if = "super::is_default")]
     pub channel_order: ChannelOrder,
     /// The user's own packing.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub map: Vec<Place>,
-    /// Grey level of 2 pi; the number of levels if it is not given.
+    /// Gray level of 2 pi; the number of levels if it is not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub two_pi_level: Option<TwoPi>,
     /// Phase of every level, turns, where levels are not even.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub phases_turns: Vec<f64>,
-    /// Files with the phase of every level, per colour.
+    /// Files with the phase of every level, per color.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub look_up: BTreeMap<Color, PathBuf>,
     /// What the memory holds for each level, where that is not the level's number.
@@ -37,16 +37,16 @@ pub struct Encoding {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub cells: Vec<Vec<u8>>,
     /// Flips the video frame, after everything else.
-    #[serde(skip_serializing_if = "is_default")]
+    #[serde(skip_serializing_if = "super::is_default")]
     pub flip_video: Flip,
     /// Flips the hologram.
-    #[serde(skip_serializing_if = "is_default")]
+    #[serde(skip_serializing_if = "super::is_default")]
     pub flip: Flip,
     /// Turns it clockwise, after the flip, by a multiple of 90 degrees.
-    #[serde(skip_serializing_if = "is_default")]
+    #[serde(skip_serializing_if = "super::is_default")]
     pub rotation_deg: u16,
     /// Moves it down and to the right, after the turn; what leaves at one edge enters at the other.
-    #[serde(skip_serializing_if = "is_default")]
+    #[serde(skip_serializing_if = "super::is_default")]
     pub offset_px: [i32; 2],
     /// Phase images that are added or taken away.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -56,44 +56,19 @@ pub struct Encoding {
     pub grating: Vec<Grating>,
 }
 
-fn is_default<T: Default + PartialEq>(value: &T) -> bool {
-    *value == T::default()
-}
-
-impl Default for Encoding {
-    fn default() -> Self {
-        Self {
-            packing: Packing::Grey8,
-            channel: Channel::Grey,
-            channel_order: ChannelOrder::Rgb,
-            map: Vec::new(),
-            two_pi_level: None,
-            phases_turns: Vec::new(),
-            look_up: BTreeMap::new(),
-            codes: Vec::new(),
-            cells: Vec::new(),
-            flip_video: Flip::None,
-            flip: Flip::None,
-            rotation_deg: 0,
-            offset_px: [0, 0],
-            correction: Vec::new(),
-            grating: Vec::new(),
-        }
-    }
-}
-
-/// A packing: a map (colour, sub-frame) -> (video frame, channel, bits).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+/// A packing: a map (color, sub-frame) -> (video frame, channel, bits).
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Packing {
-    /// One grey image a video frame; of each sub-frame the colours in turn.
+    /// One gray image a video frame; of each sub-frame the colors in turn.
+    #[default]
     Grey8,
-    /// One sub-frame a video frame, its colours in the channels.
+    /// One sub-frame a video frame, its colors in the channels.
     Fields,
-    /// Eight sub-frames of one colour a video frame, sub-frame `j` in bit `j` of one channel.
+    /// Eight sub-frames of one color a video frame, sub-frame `j` in bit `j` of one channel.
     Planes8,
     /// 24 bit-planes a video frame: plane `n` in the channel `n / 8` of the order, bit `n % 8`; the planes of the
-    /// first colour first.
+    /// first color first.
     Planes24,
     /// As [`Encoding::map`] says.
     Map,
@@ -103,7 +78,7 @@ pub enum Packing {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Channel {
-    /// The one channel of a grey frame.
+    /// The one channel of a gray frame.
     #[default]
     Grey,
     /// Of an RGB frame.
@@ -133,14 +108,7 @@ pub enum ChannelOrder {
 impl ChannelOrder {
     /// The channels' numbers, first shown first.
     pub fn channels(self) -> [u8; 3] {
-        match self {
-            Self::Rgb => [0, 1, 2],
-            Self::Rbg => [0, 2, 1],
-            Self::Grb => [1, 0, 2],
-            Self::Gbr => [1, 2, 0],
-            Self::Brg => [2, 0, 1],
-            Self::Bgr => [2, 1, 0],
-        }
+        [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]][self as usize]
     }
 }
 
@@ -148,7 +116,7 @@ impl ChannelOrder {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Place {
-    /// Colour of the hologram.
+    /// Color of the hologram.
     pub color: Color,
     /// Its sub-frame.
     pub sub_frame: u32,
@@ -160,13 +128,13 @@ pub struct Place {
     pub bits: Vec<u8>,
 }
 
-/// Grey level of 2 pi.
+/// Gray level of 2 pi.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum TwoPi {
-    /// For all colours.
+    /// For all colors.
     One(f64),
-    /// Per colour.
+    /// Per color.
     Each(BTreeMap<Color, f64>),
 }
 
@@ -197,7 +165,7 @@ impl Flip {
     }
 }
 
-/// A phase image: an 8- or 16-bit grey PNG or BMP, or an `.npy` of radians.
+/// A phase image: an 8- or 16-bit gray PNG or BMP, or an `.npy` of radians.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Correction {
@@ -205,7 +173,7 @@ pub struct Correction {
     pub file: PathBuf,
     /// 1 adds it, -1 takes it away.
     pub sign: i8,
-    /// The colour that it is for; all without.
+    /// The color that it is for; all without.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub color: Option<Color>,
     /// Level of 2 pi of a picture [default: 256 of 8 bits, 65536 of 16].
@@ -235,23 +203,12 @@ pub struct Grating {
     pub period_px: f64,
     /// Where the phase grows: 0 is right, 90 is down.
     pub direction_deg: f64,
-    /// The colour that it is for; all without.
+    /// The color that it is for; all without.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub color: Option<Color>,
 }
 
 impl Encoding {
-    /// The encoding of a preset, if the preset has one of its own.
-    pub(super) fn preset(name: &str) -> Self {
-        let plain = Self::default();
-        match name {
-            "fields" => Self { packing: Packing::Fields, ..plain },
-            "planes8" => Self { packing: Packing::Planes8, ..plain },
-            "planes24" => Self { packing: Packing::Planes24, ..plain },
-            _ => plain,
-        }
-    }
-
     /// What no display file may say. Says what is wrong and what would be right.
     pub(super) fn check(&self, levels: u32) -> Result<(), Reason> {
         if !matches!(self.rotation_deg, 0 | 90 | 180 | 270) {

@@ -2,7 +2,7 @@
 
 use super::{Color, Display, Geometry, OpticsError, Pupil};
 
-/// A rectangle of the pupil plane, metres.
+/// A rectangle of the pupil plane, meters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EyeboxRegion {
     /// Its middle, (x, y).
@@ -26,10 +26,10 @@ impl EyeboxRegion {
     }
 }
 
-/// Edges this near to each other are one, metres.
+/// Edges this near to each other are one, meters.
 const SAME: f64 = 1e-9;
 
-/// The rectangle around these, and the area of it that they cover, square metres.
+/// The rectangle around these, and the area of it that they cover, square meters.
 fn around(regions: &[EyeboxRegion]) -> (EyeboxRegion, f64) {
     let edges = |i: usize| {
         let ends = |r: &EyeboxRegion| [r.center[i] - r.size[i] / 2.0, r.center[i] + r.size[i] / 2.0];
@@ -55,7 +55,7 @@ fn around(regions: &[EyeboxRegion]) -> (EyeboxRegion, f64) {
 }
 
 impl Display {
-    /// Side of the eyebox that all its colours serve with one source, metres: the shortest wavelength's (OPTICS 1), or the SLM's
+    /// Side of the eyebox that all its colors serve with one source, meters: the shortest wavelength's (OPTICS 1), or the SLM's
     /// (OPTICS 9).
     pub fn source_eyebox_min(&self) -> f64 {
         match self.geometry {
@@ -64,28 +64,25 @@ impl Display {
         }
     }
 
-    /// Side of the square about the axis that holds the eyeboxes of all its sources, metres: [that of
+    /// Side of the square about the axis that holds the eyeboxes of all its sources, meters: [that of
     /// one](Self::source_eyebox_min) without switchable sources. Views and pupils are spread over it.
     pub fn eyebox_min(&self) -> f64 {
         let farthest = |source: &super::SwitchedSource| {
-            let [x, y] = source.angle(self.focal_length).map(|t| (self.focal_length * t).abs());
+            let [x, y] = source.eyebox(self.focal_length).map(f64::abs);
             x.max(y)
         };
         let off = self.sources.each.iter().map(farthest).fold(0.0, f64::max);
         2.0 * off + self.source_eyebox_min()
     }
 
-    /// The eyeboxes, of the side that all colours serve, of the sources that these places of its list name.
+    /// The eyeboxes, of the side that all colors serve, of the sources that these places of its list name.
     fn eyeboxes(&self, sources: &[usize]) -> Vec<EyeboxRegion> {
         let side = self.source_eyebox_min();
-        let one = |at: &usize| {
-            let angle = self.sources.each[*at].angle(self.focal_length);
-            EyeboxRegion::square(angle.map(|t| self.focal_length * t), side)
-        };
-        sources.iter().map(one).collect()
+        let middle = |at: &usize| self.sources.each[*at].eyebox(self.focal_length);
+        sources.iter().map(|at| EyeboxRegion::square(middle(at), side)).collect()
     }
 
-    /// Where pupils of a colour are served by the sources that are lit: rectangles in which the whole pupil stays, one where the
+    /// Where pupils of a color are served by the sources that are lit: rectangles in which the whole pupil stays, one where the
     /// eyeboxes leave no gap. None where that is the square about the axis, as without switchable sources.
     pub fn regions(&self, color: Color) -> Vec<EyeboxRegion> {
         let each = self.eyeboxes(&self.sources.lit(color, self.focal_length));
@@ -103,8 +100,8 @@ impl Display {
         }
     }
 
-    /// The rectangle around the eyeboxes of all its sources of the colour that has the smallest, and the area that they cover,
-    /// metres and square metres.
+    /// The rectangle around the eyeboxes of all its sources of the color that has the smallest, and the area that they cover,
+    /// meters and square meters.
     pub(super) fn whole_eyebox(&self) -> (EyeboxRegion, f64) {
         let shortest = self.wavelengths.iter().min_by(|a, b| a.wavelength.total_cmp(&b.wavelength));
         let each = shortest.map_or_else(Vec::new, |w| self.eyeboxes(&self.sources.of(w.color)));
@@ -112,14 +109,14 @@ impl Display {
         if each.is_empty() { (EyeboxRegion::square([0.0; 2], side), side * side) } else { around(&each) }
     }
 
-    /// [`Pupil::check_usual`] before one of its colours: the pupil's centre must lie in the eyebox of one of that colour's sources.
+    /// [`Pupil::check_usual`] before one of its colors: the pupil's center must lie in the eyebox of one of that color's sources.
     ///
     /// # Errors
     /// Those of [`Pupil::check_usual`] and [`optics`](Self::optics).
     pub fn check_pupil(&self, color: Color, pupil: Pupil) -> Result<Pupil, OpticsError> {
         let optics = self.optics(color)?;
         let seen_by = |at: usize| {
-            let [x, y] = self.sources.each[at].angle(self.focal_length).map(|t| self.focal_length * t);
+            let [x, y] = self.sources.each[at].eyebox(self.focal_length);
             Pupil { x: pupil.x - x, y: pupil.y - y, ..pupil }.check_usual(&optics).is_ok()
         };
         if self.sources.of(color).into_iter().any(seen_by) {

@@ -3,26 +3,26 @@
 //! Modes of a source whose image is small beside the pupil are nearly one disc: what they average is nearly one speckle. What such a
 //! pupil sees of a source follows from how far its modes are apart on average, so few modes of the same mean and spread do.
 
-use super::light::{EXACT, speckle_contrast};
+use super::light::{EXACT, place, speckle_contrast};
 use super::source::SourceMode;
 use std::sync::Arc;
 
 /// Fewer modes that stand for a source in what a wide pupil sees.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FewerModes {
-    /// Pupils of this diameter or wider, metres: narrower ones need more.
+    /// Pupils of this diameter or wider, meters: narrower ones need more.
     pub from: f64,
     /// The modes; their weights add up to 1.
     pub modes: Arc<[SourceMode]>,
 }
 
-/// Diameters that are tried, metres: widest, narrowest, and one over the next.
+/// Diameters that are tried, meters: widest, narrowest, and one over the next.
 const WIDEST: f64 = 0.1;
 const NARROWEST: f64 = 0.5e-3;
 const STEP: f64 = 1.05;
 
 /// Fewer and fewer modes for these, each from the diameter on from which the contrast of speckle is right to 3 %, in the order of
-/// their diameters. A wavelength counts as a place of the light at the eyebox's edge, `reach` metres from the axis.
+/// their diameters. A wavelength counts as a place of the light at the eyebox's edge, `reach` meters from the axis.
 ///
 /// Formulas of degree 3, 2 and 1 for the modes' mean and covariance (Stroud 1971): of 2 k points, of k + 1 and of one, in the k
 /// dimensions that they fill; and two points of the same mean and mean square distance.
@@ -49,11 +49,8 @@ pub fn fewer_modes(modes: &[SourceMode], reach: f64, focal_length: f64) -> Vec<F
 /// Lists of fewer modes, the longest first.
 fn candidates(modes: &[SourceMode], reach: f64, focal_length: f64) -> Vec<Vec<SourceMode>> {
     let mean_wavelength = modes.iter().map(|mode| mode.weight * mode.wavelength).sum::<f64>();
-    let place = |mode: &SourceMode| {
-        let [x, y] = mode.angle.map(|t| focal_length * t);
-        [x, y, reach * (mode.wavelength / mean_wavelength - 1.0)]
-    };
-    let places: Vec<([f64; 3], f64)> = modes.iter().map(|mode| (place(mode), mode.weight)).collect();
+    let place = |mode: &SourceMode| (place(mode, mean_wavelength, reach, focal_length), mode.weight);
+    let places: Vec<([f64; 3], f64)> = modes.iter().map(place).collect();
     let mean: [f64; 3] = std::array::from_fn(|i| places.iter().map(|(p, w)| w * p[i]).sum());
     let covariance: [[f64; 3]; 3] = std::array::from_fn(|i| {
         std::array::from_fn(|j| places.iter().map(|(p, w)| w * (p[i] - mean[i]) * (p[j] - mean[j])).sum())
@@ -133,7 +130,7 @@ mod tests {
     const F: f64 = 0.4;
     const REACH: f64 = 11e-3;
 
-    /// A grid of 3 x 3 modes, so many metres wide, and of so many lines, two nanometres apart.
+    /// A grid of 3 x 3 modes, so many meters wide, and of so many lines, two nanometers apart.
     fn grid(width: f64, lines: usize) -> Vec<SourceMode> {
         let at = |i: usize| (i as f64 - 1.0) * 0.5 * width / F;
         let mode = |i: usize, line: usize| SourceMode {

@@ -5,51 +5,51 @@ use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
 use std::{fmt, str::FromStr};
 
-/// What focusing at `depth` (metres, positive towards the eye) asks of the eye, dioptres: `D = z / f^2` (OPTICS 9). The
+/// What focusing at `depth` (meters, positive towards the eye) asks of the eye, diopters: `D = z / f^2` (OPTICS 9). The
 /// relay's last lens shows content so far inside its focus at the distance `f^2 / z` (Newton's form of the lens equation);
-/// depth 0 is at infinity, and below it no relaxed eye sees sharp. `focal_length` in metres.
+/// depth 0 is at infinity, and below it no relaxed eye sees sharp. `focal_length` in meters.
 pub fn dioptres(depth: f64, focal_length: f64) -> f64 {
     depth / (focal_length * focal_length)
 }
 
-/// The depth, metres, at which an eye that accommodates by so many dioptres sees sharp: `z = f^2 D`, the inverse of
+/// The depth, meters, at which an eye that accommodates by so many diopters sees sharp: `z = f^2 D`, the inverse of
 /// [`dioptres`].
 pub fn depth_of_dioptres(dioptres: f64, focal_length: f64) -> f64 {
     dioptres * focal_length * focal_length
 }
 
-/// A depth (metres) in both units, for people: `1.50 mm (0.009 D)`.
+/// A depth (meters) in both units, for people: `1.50 mm (0.009 D)`.
 pub fn depth_in_words(depth: f64, focal_length: f64) -> String {
     format!("{:.2} mm ({})", depth * 1e3, dioptres_in_words(depth, focal_length))
 }
 
-/// A range of depths (metres) in both units: `-3.00..3.25 mm (-0.019..0.020 D)`.
+/// A range of depths (meters) in both units: `-3.00..3.25 mm (-0.019..0.020 D)`.
 pub fn depths_in_words(depths: [f64; 2], focal_length: f64) -> String {
     let [far, near] = depths.map(|z| z * 1e3);
     let [from, to] = depths.map(|z| dioptres_in_words(z, focal_length).trim_end_matches(" D").to_owned());
     format!("{far:.2}..{near:.2} mm ({from}..{to} D)")
 }
 
-/// A depth (metres) in dioptres: `0.009 D`.
+/// A depth (meters) in diopters: `0.009 D`.
 pub fn dioptres_in_words(depth: f64, focal_length: f64) -> String {
     let value = dioptres(depth, focal_length);
     // Three digits after the point are 160 um behind a lens of 400 mm; nothing is -0.
     format!("{:.3} D", if value.abs() < 5e-4 { 0.0 } else { value })
 }
 
-/// A depth as people give it: in metres, or in dioptres, which become metres once the display's focal length is known.
-/// Text is in millimetres, or in dioptres with a `D` behind: `1.5`, `-0.5D`. JSON has a number or such a text.
+/// A depth as people give it: in meters, or in diopters, which become meters once the display's focal length is known.
+/// Text is in millimeters, or in diopters with a `D` behind: `1.5`, `-0.5D`. JSON has a number or such a text.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Written", into = "Written")]
 pub enum Depth {
-    /// Metres, positive towards the eye.
+    /// Meters, positive towards the eye.
     Metres(f64),
-    /// Dioptres, positive nearer.
+    /// Diopters, positive nearer.
     Dioptres(f64),
 }
 
 impl Depth {
-    /// In metres, before a display of this focal length (metres).
+    /// In meters, before a display of this focal length (meters).
     pub fn metres(self, focal_length: f64) -> f64 {
         match self {
             Self::Metres(metres) => metres,
@@ -58,7 +58,7 @@ impl Depth {
     }
 }
 
-/// Beyond any depth that is meant, mm or dioptres.
+/// Beyond any depth that is meant, mm or diopters.
 const FARTHEST: f64 = 1e9;
 
 impl FromStr for Depth {
@@ -75,7 +75,7 @@ impl FromStr for Depth {
             Ok(value) if value.abs() <= FARTHEST => Ok(Self::Metres(value * 1e-3)),
             _ => Err(reason!(
                 "depth",
-                "'{text}' is no depth: expected mm, such as 1.5, or dioptres, such as 0.5D, 1e9 at most"
+                "'{text}' is no depth: expected mm, such as 1.5, or diopters, such as 0.5D, 1e9 at most"
             )),
         }
     }
@@ -124,7 +124,7 @@ mod tests {
 
     #[test]
     fn a_depth_is_a_vergence() {
-        // 160 mm of depth behind a lens of 400 mm are one dioptre, nearer is more.
+        // 160 mm of depth behind a lens of 400 mm are one diopter, nearer is more.
         assert!((dioptres(0.16, 0.4) - 1.0).abs() < 1e-12 && dioptres(-0.16, 0.4) < 0.0);
         assert!((depth_of_dioptres(dioptres(3e-3, 0.4), 0.4) - 3e-3).abs() < 1e-15);
         assert_eq!(depth_in_words(1.5e-3, 0.4), "1.50 mm (0.009 D)");

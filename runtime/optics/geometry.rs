@@ -36,7 +36,7 @@ impl Geometry {
     }
 }
 
-/// A phase-only SLM and what stands in front of it, at one wavelength. All lengths in metres.
+/// A phase-only SLM and what stands in front of it, at one wavelength. All lengths in meters.
 ///
 /// A *bin* is a place of the pupil plane: a DFT bin of the relay's spectrum, a pixel of a far-field SLM. Bins are signed,
 /// and bin 0 is on the axis.
@@ -46,11 +46,11 @@ pub struct Optics {
     pub height: usize,
     /// Columns of the grid.
     pub width: usize,
-    /// Pixel pitch, metres.
+    /// Pixel pitch, meters.
     pub pitch: f64,
-    /// Wavelength, metres.
+    /// Wavelength, meters.
     pub wavelength: f64,
-    /// Focal length of the relay, metres; in the far field, what angles and dioptres are measured with (OPTICS 9).
+    /// Focal length of the relay, meters; in the far field, what angles and diopters are measured with (OPTICS 9).
     pub focal_length: f64,
     /// Where the SLM stands.
     pub geometry: Geometry,
@@ -66,8 +66,8 @@ impl Optics {
     /// Checks every number.
     ///
     /// # Errors
-    /// [`OpticsError::Size`], [`OpticsError::NotPositive`], [`OpticsError::OutOfRange`]: from a nanometre to a metre, the
-    /// focal length from a micrometre to a kilometre.
+    /// [`OpticsError::Size`], [`OpticsError::NotPositive`], [`OpticsError::OutOfRange`]: from a nanometer to a meter, the
+    /// focal length from a micrometer to a kilometer.
     pub fn new(
         height: usize,
         width: usize,
@@ -78,27 +78,21 @@ impl Optics {
         if !(1..=65536).contains(&height) || !(1..=65536).contains(&width) {
             return Err(OpticsError::Size { height, width });
         }
-        let positive = |what, value: f64, unit: f64, hint| {
-            if value.is_finite() && value > 0.0 {
-                Ok(())
-            } else {
-                Err(OpticsError::NotPositive { what, value: value * unit, hint })
-            }
-        };
-        positive("the pitch (um)", pitch, 1e6, "; SLMs have 3 to 20")?;
-        positive("the wavelength (nm)", wavelength, 1e9, "; visible light is 380 to 750")?;
-        positive("the focal length (mm)", focal_length, 1e3, "")?;
-        let range = |what, value: f64, unit: f64, [low, high]: [f64; 2]| {
-            if (low..=high).contains(&value) {
-                Ok(())
-            } else {
+        let lengths = [
+            ("the pitch (um)", pitch, 1e6, [1e-9, 1.0], "; SLMs have 3 to 20"),
+            ("the wavelength (nm)", wavelength, 1e9, [1e-9, 1.0], "; visible light is 380 to 750"),
+            ("the focal length (mm)", focal_length, 1e3, [1e-6, 1e3], ""),
+        ];
+        if let Some((what, value, unit, _, hint)) = lengths.into_iter().find(|(_, v, ..)| !(v.is_finite() && *v > 0.0))
+        {
+            return Err(OpticsError::NotPositive { what, value: value * unit, hint });
+        }
+        for (what, value, unit, [low, high], _) in lengths {
+            if !(low..=high).contains(&value) {
                 let (value, hint) = (value * unit, guess(what, value * unit));
-                Err(OpticsError::OutOfRange { what, value, low: low * unit, high: high * unit, hint })
+                return Err(OpticsError::OutOfRange { what, value, low: low * unit, high: high * unit, hint });
             }
-        };
-        range("the pitch (um)", pitch, 1e6, [1e-9, 1.0])?;
-        range("the wavelength (nm)", wavelength, 1e9, [1e-9, 1.0])?;
-        range("the focal length (mm)", focal_length, 1e3, [1e-6, 1e3])?;
+        }
         let (geometry, offset) = (Geometry::Relay, [0, 0]);
         Ok(Self { height, width, pitch, wavelength, focal_length, geometry, offset, mask_factor: 1 })
     }
@@ -120,7 +114,7 @@ impl Optics {
         Self { geometry, ..self }
     }
 
-    /// Side of the square eyebox at this wavelength, metres: `wavelength * focal_length / pitch` (OPTICS 1), of the mask's pixels
+    /// Side of the square eyebox at this wavelength, meters: `wavelength * focal_length / pitch` (OPTICS 1), of the mask's pixels
     /// where there is one, or the SLM's own shorter side (OPTICS 9).
     pub fn eyebox(&self) -> f64 {
         match self.geometry {
@@ -129,7 +123,7 @@ impl Optics {
         }
     }
 
-    /// Metres of pupil plane per bin, as (y, x).
+    /// Meters of pupil plane per bin, as (y, x).
     pub fn bin_size(&self) -> (f64, f64) {
         let to_pupil = self.wavelength * self.focal_length;
         match self.geometry {
@@ -140,7 +134,7 @@ impl Optics {
         }
     }
 
-    /// Extent of the retinal image in the focal plane, metres, as (y, x): the grid's own, or `wavelength f / pitch`.
+    /// Extent of the retinal image in the focal plane, meters, as (y, x): the grid's own, or `wavelength f / pitch`.
     pub fn field_of_view(&self) -> (f64, f64) {
         match self.geometry {
             Geometry::Relay => (self.height as f64 * self.pitch, self.width as f64 * self.pitch),
@@ -200,7 +194,7 @@ impl Optics {
         Self { height, width, offset, ..self }
     }
 
-    /// The middle of a far-field SLM's piece in the pupil plane, (x, y), metres; a relay's eyebox is around the axis.
+    /// The middle of a far-field SLM's piece in the pupil plane, (x, y), meters; a relay's eyebox is around the axis.
     pub fn center(&self) -> [f64; 2] {
         match self.geometry {
             Geometry::Relay => [0.0, 0.0],
@@ -222,7 +216,7 @@ impl Optics {
         std::f64::consts::FRAC_PI_4 * diameter.powi(2) / area
     }
 
-    /// Size of a pixel of the whole image in the focal plane, metres: the SLM's pitch, or `wavelength f / (pitch N)`.
+    /// Size of a pixel of the whole image in the focal plane, meters: the SLM's pitch, or `wavelength f / (pitch N)`.
     pub fn image_pixel(&self) -> f64 {
         match self.geometry {
             Geometry::Relay => self.pitch,
@@ -230,21 +224,16 @@ impl Optics {
         }
     }
 
-    /// The finest detail that an intensity through a pupil of this diameter (metres) can have, cycles per degree: `d /
+    /// The finest detail that an intensity through a pupil of this diameter (meters) can have, cycles per degree: `d /
     /// wavelength` a radian, or the pixels' own.
     pub fn finest_cycles_per_degree(&self, diameter: f64) -> f64 {
         let pixels = self.focal_length / (2.0 * self.image_pixel());
         (diameter.min(self.eyebox()) / self.wavelength).min(pixels).to_radians()
     }
 
-    /// Depth at which content moves by `disparity` pixels between views `view_pitch` metres apart (OPTICS 3).
+    /// Depth at which content moves by `disparity` pixels between views `view_pitch` meters apart (OPTICS 3).
     pub fn depth_of_disparity(&self, disparity: f64, view_pitch: f64) -> f64 {
         disparity * self.focal_length * self.image_pixel() / view_pitch
-    }
-
-    /// Disparity, in pixels between views `view_pitch` metres apart, of content at `depth`.
-    pub fn disparity_of_depth(&self, depth: f64, view_pitch: f64) -> f64 {
-        depth * view_pitch / (self.focal_length * self.image_pixel())
     }
 }
 

@@ -1,7 +1,7 @@
-//! Sub-frames that all colours share, each lit by every laser with a power of its own (OPTICS 13; Markley et al. 2023, Kavakli et
+//! Sub-frames that all colors share, each lit by every laser with a power of its own (OPTICS 13; Markley et al. 2023, Kavakli et
 //! al. 2023).
 
-use super::Color;
+use super::{Color, Display};
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
 use rayon::prelude::*;
@@ -9,22 +9,22 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-/// The most turns that a colour's light may make over all drives: no display spans more.
+/// The most turns that a color's light may make over all drives: no display spans more.
 const STEEPEST: f64 = 8.0;
 
-/// How one drive and several lasers show all colours at once: what a hologram keeps beside its phases.
+/// How one drive and several lasers show all colors at once: what a hologram keeps beside its phases.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointColor {
-    /// The laser of each colour.
+    /// The laser of each color.
     pub lasers: BTreeMap<Color, Laser>,
 }
 
-/// One laser of joint colours.
+/// One laser of joint colors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Laser {
-    /// Turns of its light over all drives, which are one turn here; a whole number, 1 as a rule, for the colour that they are meant at.
+    /// Turns of its light over all drives, which are one turn here; a whole number, 1 as a rule, for the color that they are meant at.
     pub slope: f64,
     /// Its power in each sub-frame, over its own mean.
     pub powers: Vec<f64>,
@@ -45,18 +45,18 @@ impl Laser {
 }
 
 impl JointColor {
-    /// The colour that drives are meant at, where it is among these.
+    /// The color that drives are meant at, where it is among these.
     pub fn reference(&self) -> Option<Color> {
         let place = reference_of(self.lasers.values().map(|laser| laser.slope));
         place.and_then(|place| self.lasers.keys().nth(place).copied())
     }
 
-    /// Times that white is brighter than of one colour after another, by lasers of the same peak power and at the same exposures.
+    /// Times that white is brighter than of one color after another, by lasers of the same peak power and at the same exposures.
     pub fn brightness(&self) -> f64 {
         self.lasers.len() as f64 * self.lasers.values().map(Laser::duty).fold(f64::INFINITY, f64::min)
     }
 
-    /// A table of the lasers' powers for whoever drives them: a line a sub-frame, a column a colour; 1 is the largest of all.
+    /// A table of the lasers' powers for whoever drives them: a line a sub-frame, a column a color; 1 is the largest of all.
     pub fn table(&self) -> String {
         let frames = self.lasers.values().next().map_or(0, |laser| laser.powers.len());
         let all = self.lasers.values().flat_map(|laser| &laser.powers);
@@ -70,14 +70,14 @@ impl JointColor {
         format!("sub_frame{names}\n{}", (0..frames).map(line).collect::<String>())
     }
 
-    /// Refuses what cannot be of a hologram of these colours and so many sub-frames.
+    /// Refuses what cannot be of a hologram of these colors and so many sub-frames.
     ///
     /// # Errors
     /// What is wrong, and what would be right.
     pub fn check(&self, colors: &[Option<Color>], frames: usize) -> Result<(), Reason> {
         let lit = |color: &Option<Color>| color.is_some_and(|color| self.lasers.contains_key(&color));
         if let Some(dark) = colors.iter().position(|color| !lit(color)) {
-            return Err(reason!("no-laser", "joint_color has no laser of its colour {dark}: it must have one of each"));
+            return Err(reason!("no-laser", "joint_color has no laser of its color {dark}: it must have one of each"));
         }
         for (color, Laser { slope, powers }) in &self.lasers {
             if !(*slope > 0.0 && *slope <= STEEPEST) {
@@ -107,27 +107,27 @@ impl JointColor {
         if self.reference().is_none() {
             return Err(reason!(
                 "no-whole-slope",
-                "joint_color has no slope of 1, 2 ..: one colour must make whole turns over all drives"
+                "joint_color has no slope of 1, 2 ..: one color must make whole turns over all drives"
             ));
         }
         Ok(())
     }
 }
 
-/// The powers of one colour after another: each of `colors` has so many times its mean power in its own sub-frames, which follow
-/// each other, and none in the others'. (colour, sub-frame).
+/// The powers of one color after another: each of `colors` has so many times its mean power in its own sub-frames, which follow
+/// each other, and none in the others'. (color, sub-frame).
 pub fn powers_in_sequence(colors: usize, frames: usize) -> Vec<Vec<f64>> {
     let power = |color: usize, frame: usize| if frame * colors / frames.max(1) == color { 1.0 } else { 0.0 };
     (0..colors).map(|c| with_mean_of_one((0..frames).map(|f| power(c, f)).collect())).collect()
 }
 
-/// The place, among colours of these slopes, of the one that drives are meant at: it makes whole turns, and the fewest.
+/// The place, among colors of these slopes, of the one that drives are meant at: it makes whole turns, and the fewest.
 pub fn reference_of(slopes: impl Iterator<Item = f64>) -> Option<usize> {
     let whole = slopes.enumerate().filter(|(_, slope)| *slope >= 1.0 && slope.fract() == 0.0);
     whole.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(place, _)| place)
 }
 
-/// The drives, as phases (radians) of one turn, of which colours of these slopes have these phases; where the colour that they are meant at makes
+/// The drives, as phases (radians) of one turn, of which colors of these slopes have these phases; where the color that they are meant at makes
 /// one turn over them, its phases are the drives.
 pub fn drives_of<'a>(slopes: &[f64], phases: impl Fn(usize) -> &'a [f32] + Sync) -> Vec<f32> {
     let Some(reference) = reference_of(slopes.iter().copied()) else { return Vec::new() };
@@ -138,7 +138,7 @@ pub fn drives_of<'a>(slopes: &[f64], phases: impl Fn(usize) -> &'a [f32] + Sync)
     drives
 }
 
-/// The same behind whichever colour they are meant at, into memory that is there: of the drives that leave that colour its phases, the one that
+/// The same behind whichever color they are meant at, into memory that is there: of the drives that leave that color its phases, the one that
 /// leaves the others theirs, too.
 pub fn drives_into<'a>(
     slopes: &[f64],
@@ -174,7 +174,7 @@ pub fn with_mean_of_one(mut powers: Vec<f64>) -> Vec<f64> {
     powers
 }
 
-/// The drive, 0 to a turn, behind the phase of the colour that it is meant at (radians, any turn).
+/// The drive, 0 to a turn, behind the phase of the color that it is meant at (radians, any turn).
 pub fn drive_of(phase: f32) -> f64 {
     let phase = f64::from(phase);
     // Within a turn of zero, as phases are, the same without a division.
@@ -187,13 +187,28 @@ pub fn drive_of(phase: f32) -> f64 {
     if drive >= TAU { 0.0 } else { drive }
 }
 
-/// The phase, -pi to pi radians, that a colour of this slope has of a drive (OPTICS 13): the drive keeps its wrap.
+/// The phase, -pi to pi radians, that a color of this slope has of a drive (OPTICS 13): the drive keeps its wrap.
 pub fn phase_of(drive: f64, slope: f64) -> f32 {
     let phase = slope * drive;
     (phase - TAU * (phase / TAU).round()) as f32
 }
 
-/// Refuses a `dispersion` that no SLM has, of a display of these wavelengths (metres). Says what is wrong.
+impl Display {
+    /// Turns of each color's light over all drives, in the order of `colors`: as the file's `dispersion` says, else in proportion to
+    /// one over the wavelength (OPTICS 13). The longest wavelength of them makes as many whole turns as the SLM reaches, one as a rule.
+    pub fn slopes(&self, colors: &[Color]) -> Vec<f64> {
+        let wavelength =
+            |color: &Color| self.wavelengths.iter().find(|w| w.color == *color).map_or(f64::NAN, |w| w.wavelength);
+        let all = self.wavelengths.iter().map(|w| w.wavelength).fold(0.0, f64::max);
+        let longest = self.wavelengths.iter().find(|w| w.wavelength == all).and_then(|w| self.dispersion.get(&w.color));
+        let of_longest = longest.copied().unwrap_or(1.0);
+        let turns = |color: &Color| self.dispersion.get(color).copied().unwrap_or(of_longest * all / wavelength(color));
+        let reference = colors.iter().max_by(|a, b| wavelength(a).total_cmp(&wavelength(b))).map_or(1.0, turns);
+        colors.iter().map(|color| turns(color) / reference * reference.floor().max(1.0)).collect()
+    }
+}
+
+/// Refuses a `dispersion` that no SLM has, of a display of these wavelengths (meters). Says what is wrong.
 pub(super) fn check_dispersion(dispersion: &BTreeMap<Color, f64>, wavelengths: &[(Color, f64)]) -> Result<(), Reason> {
     let longest = wavelengths.iter().map(|w| w.1).fold(0.0, f64::max);
     let color_of_longest = wavelengths.iter().find(|w| w.1 == longest).map(|w| w.0);
@@ -228,6 +243,7 @@ pub(super) fn check_dispersion(dispersion: &BTreeMap<Color, f64>, wavelengths: &
 #[cfg(test)]
 mod tests {
     use super::*;
+    use eyebox_base::error::ErrorData;
 
     const ALL: [Color; 3] = [Color::Red, Color::Green, Color::Blue];
 
@@ -297,8 +313,37 @@ mod tests {
         for (drive, slope, wanted) in [(1.0, 1.5, 1.5), (4.0, 1.5, 6.0 - TAU), (6.0, 1.0, 6.0 - TAU)] {
             assert!((f64::from(phase_of(drive, slope)) - wanted).abs() < 1e-6);
         }
-        // A drive beyond a turn begins anew, and its colours with it.
+        // A drive beyond a turn begins anew, and its colors with it.
         assert!((drive_of(-0.5) - (TAU - 0.5)).abs() < 1e-6 && drive_of(-1e-20) < TAU);
         assert!((f64::from(phase_of(drive_of(-0.5), 1.5)) - (1.5 * (TAU - 0.5) - TAU)).abs() < 1e-5);
+    }
+
+    #[test]
+    fn dispersion_comes_from_the_file_or_the_wavelengths() {
+        let text = "resolution = [8, 8]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { red = 660, green = 520, blue = 440 }\n";
+        let read = |more: &str| Display::from_toml(&format!("{text}{more}"), "b.toml");
+        let all = [Color::Red, Color::Green, Color::Blue];
+        let plain = read("").unwrap().slopes(&all);
+        let wanted = [1.0, 660.0 / 520.0, 1.5];
+        assert!(plain.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-12) && plain[0] == 1.0, "{plain:?}");
+        let measured = read("dispersion = { green = 1.31, blue = 1.62 }\n").unwrap();
+        assert_eq!(measured.slopes(&all), [1.0, 1.31, 1.62]);
+        assert_eq!(measured.slopes(&all[1..]), [1.0, 1.62 / 1.31]);
+        // An SLM of more than a turn: of red two, and of the rest as much more.
+        let far = read("dispersion = { red = 2 }\n").unwrap();
+        assert!(far.slopes(&all).iter().zip(wanted).all(|(a, b)| (a - 2.0 * b).abs() < 1e-12));
+        let [green, blue] = far.slopes(&all[1..])[..] else { panic!("two colors") };
+        assert!(green == 2.0 && (blue - 2.0 * 520.0 / 440.0).abs() < 1e-12);
+        assert_eq!(Display::from_toml(&measured.to_toml(), "b").unwrap().dispersion, measured.dispersion);
+        for (wrong, says) in [
+            ("dispersion = { blue = -1.5 }\n", "display-file/dispersion"),
+            ("dispersion = { blue = 80 }\n", "display-file/dispersion"),
+            ("dispersion = { red = 1.2 }\n", "display-file/dispersion-whole"),
+            ("dispersion = { red = 2, green = 1.5 }\n", "display-file/dispersion-order"),
+        ] {
+            let error = read(wrong).unwrap_err();
+            assert!(error.to_string().contains("b.toml") && !error.to_string().contains('\n'), "{error}");
+            assert_eq!(ErrorData::of(&error).code, says, "{error}");
+        }
     }
 }

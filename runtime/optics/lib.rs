@@ -5,7 +5,6 @@
 //! SLM stands in the pupil plane itself ([`Geometry::FarField`]).
 
 mod color;
-mod dispersion;
 mod display;
 mod encoding;
 mod eyebox;
@@ -18,7 +17,6 @@ mod limits;
 pub mod linear;
 mod mask;
 mod mask_design;
-mod masked;
 mod model;
 mod model_tables;
 mod obstruction;
@@ -49,45 +47,45 @@ pub use eyebox::EyeboxRegion;
 pub use fewer_modes::{FewerModes, fewer_modes};
 pub use focus::{Depth, depth_in_words, depth_of_dioptres, depths_in_words, dioptres, dioptres_in_words};
 pub use geometry::{Geometry, Optics, frequency_bin};
-pub use joint_color::drives_into;
-pub use joint_color::{JointColor, Laser, powers_in_sequence};
-pub use joint_color::{drive_of, drives_of, phase_of, reference_of, with_mean_of_one};
+pub use joint_color::{JointColor, Laser, drive_of, drives_into, drives_of, phase_of};
+pub use joint_color::{powers_in_sequence, reference_of, with_mean_of_one};
 pub use light::SourceSampling;
 pub use limits::{
     check_usual_aperture, check_usual_depth, check_usual_depths, check_usual_diameters, check_usual_view_pitch,
 };
 pub use mask::{Mask, MaskPhases};
-pub use model::WAVES;
-pub use model::{DisplayModel, Iris, Level, ModelOf, ModelSections, ModelTerms, Spread};
+pub use model::{DisplayModel, Iris, Level, ModelOf, ModelSections, ModelTerms, Spread, WAVES};
 pub use model_tables::SlmPart;
 pub use obstruction::Obstruction;
-pub use padding::Padding;
-pub use padding::{slow_sides, walk_off};
+pub use padding::{Padding, slow_sides, walk_off};
 pub use phase::{level_of_phase, phase_of_level, wrap_phase};
 pub use picture::{Picture, PictureMap, PictureWarp};
 pub use prescription::Prescription;
 pub use presets::{PRESETS, display_template, preset_about, preset_text};
-pub use propagation::aperture;
-pub use propagation::transfer;
-pub use propagation::transfer_of_bin;
+pub use propagation::{aperture, transfer, transfer_of_bin};
 pub use pupil::Pupil;
 pub use pupil_distribution::PupilDistribution;
 pub use reach::{Reach, SourcesReach, WithoutMask};
 pub use source::{GivenMode, SourceKind, SourceMode, SourceSections, SourceShape, SourceTerms};
 pub use source_choice::SourceChoice;
 pub use switched::{Sources, SourcesLit, SwitchedSource};
-pub use switching::USUAL_RATE_HZ;
-pub use switching::mean_light;
+pub use switching::{USUAL_RATE_HZ, mean_light};
 pub use viewing::Viewing;
 pub use window::{Window, WindowFactor, fast_size};
 pub use zernike::{zernike, zernike_name};
 
 use eyebox_base::error::Reason;
 
+/// For `skip_serializing_if`: files say only what is not usual.
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
 /// What can be wrong with a display, a pupil or a grid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error, serde::Serialize)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "fields that their names explain")]
 pub enum OpticsError {
     /// A number that has to be positive and finite is not.
     #[error("{what} is {value}: it must be a positive, finite number{hint}")]
@@ -106,9 +104,7 @@ pub enum OpticsError {
         what: &'static str,
         /// Its value, in that unit.
         value: f64,
-        /// The least.
         low: f64,
-        /// The most.
         high: f64,
         /// What is probably meant, or nothing.
         hint: String,
@@ -126,32 +122,23 @@ pub enum OpticsError {
     NotFinite {
         /// Which quantity, with its unit.
         what: &'static str,
-        /// Its value.
         value: f64,
     },
     /// A resolution with an axis of zero or beyond what is addressed.
     #[error("the size {height}x{width} has no pixels or too many: each axis must be 1 to 65536")]
-    Size {
-        /// Rows.
-        height: usize,
-        /// Columns.
-        width: usize,
-    },
+    Size { height: usize, width: usize },
     /// The pupil reaches no light at all.
     #[error(
         "the pupil at ({x_mm}, {y_mm}) mm, {diameter_mm} mm wide, lies outside the {color} eyebox of {eyebox_mm:.2} mm: \
-         its centre must be within {reach_mm:.2} mm on each axis"
+         its center must be within {reach_mm:.2} mm on each axis"
     )]
     OutsideEyebox {
-        /// Centre, x.
         x_mm: f64,
-        /// Centre, y.
         y_mm: f64,
-        /// Diameter.
         diameter_mm: f64,
         /// Side of the eyebox.
         eyebox_mm: f64,
-        /// Largest coordinate of the centre.
+        /// Largest coordinate of the center.
         reach_mm: f64,
         /// The wavelength, in words.
         color: String,
@@ -161,7 +148,6 @@ pub enum OpticsError {
     UnknownDisplay {
         /// What was asked for.
         name: String,
-        /// The presets.
         presets: String,
         /// Why it could not be read.
         reason: Reason,
@@ -169,7 +155,6 @@ pub enum OpticsError {
     /// A display file that does not say what it must.
     #[error("display file {file}: {reason}")]
     DisplayFile {
-        /// The file.
         file: String,
         /// What is wrong in it, where.
         reason: Reason,
@@ -182,12 +167,7 @@ pub enum OpticsError {
     },
     /// An obstruction that has no such name.
     #[error("the obstruction '{name}' is unknown: expected {known}")]
-    UnknownObstruction {
-        /// The name that was given.
-        name: String,
-        /// The names that exist.
-        known: String,
-    },
+    UnknownObstruction { name: String, known: String },
     /// A way of viewing that cannot be.
     #[error("the viewing: {reason}")]
     Viewing {
@@ -202,7 +182,6 @@ pub enum OpticsError {
     Blur {
         /// The eye, in words.
         eye: String,
-        /// Diameter of the pupil.
         diameter_mm: f64,
         /// How wide a point is.
         blur_mm: f64,
@@ -211,14 +190,7 @@ pub enum OpticsError {
         /// The widest pupil that fits.
         fits_mm: f64,
     },
-    /// A colour that the display does not have.
+    /// A color that the display does not have.
     #[error("the display '{display}' has no {color} wavelength: it has {has}")]
-    NoColor {
-        /// The display.
-        display: String,
-        /// The colour asked for.
-        color: Color,
-        /// The colours it has.
-        has: String,
-    },
+    NoColor { display: String, color: Color, has: String },
 }

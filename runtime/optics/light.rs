@@ -1,4 +1,4 @@
-//! A display's light: the modes of its source, colour by colour, and how few of them do (OPTICS 12).
+//! A display's light: the modes of its source, color by color, and how few of them do (OPTICS 12).
 
 use super::quadrature::MOST;
 use super::source::{LINES, SourceMode, SourceShape, SourceTerms};
@@ -27,7 +27,7 @@ pub struct SourceSampling {
 }
 
 impl Display {
-    /// The terms of its source at a colour; none where nothing is said of it.
+    /// The terms of its source at a color; none where nothing is said of it.
     fn source_terms(&self, color: Color) -> Option<SourceTerms> {
         let (own, all) = (self.source.get(&color.into()), self.source.get(&ModelOf::All));
         match (own, all) {
@@ -36,8 +36,8 @@ impl Display {
         }
     }
 
-    /// The modes of one of its colours' light, whose weights add up to 1 for each switchable source of power 1, of sources that are
-    /// lit and of those that are not; none for a laser on the axis, or a colour that it does not have.
+    /// The modes of one of its colors' light, whose weights add up to 1 for each switchable source of power 1, of sources that are
+    /// lit and of those that are not; none for a laser on the axis, or a color that it does not have.
     pub fn modes(&self, color: Color) -> Vec<SourceMode> {
         let Ok(optics) = self.optics(color) else { return Vec::new() };
         let centred = || vec![SourceMode::centred(optics.wavelength)];
@@ -63,14 +63,12 @@ impl Display {
         }
         let all: Vec<Color> = self.wavelengths.iter().map(|w| w.color).collect();
         self.sources.check(&all, self.focal_length)?;
-        for of in self.source.keys() {
-            let is_its = |color: Color| *of == ModelOf::All || ModelOf::from(color) == *of;
-            let colors = self.wavelengths.iter().map(|w| w.color).filter(|color| is_its(*color));
-            let colors: Vec<Color> = colors.collect();
-            let name = toml::Value::try_from(of).map_or_else(|_| String::new(), |v| v.as_str().unwrap_or("").into());
-            let wrong = |reason: Reason| reason.within(format!("[source.{name}]"));
-            if colors.is_empty() {
-                return Err(wrong(reason!("no-such-color", "wavelengths_nm has no such colour")));
+        for (of, own) in &self.source {
+            let is_its = |color: &&Color| *of == ModelOf::All || ModelOf::from(**color) == *of;
+            let mut colors = all.iter().filter(is_its).peekable();
+            let wrong = |reason: Reason| reason.within(format!("[source.{}]", of.name()));
+            if colors.peek().is_none() {
+                return Err(wrong(reason!("no-such-color", "wavelengths_nm has no such color")));
             }
             if self.geometry == Geometry::FarField {
                 return Err(wrong(reason!(
@@ -79,16 +77,16 @@ impl Display {
                 )));
             }
             for color in colors {
-                let optics = self.optics(color).map_err(|e| e.to_string())?;
-                let terms = self.source_terms(color).unwrap_or_default();
-                self.source[of].check(&optics).and_then(|()| terms.check(&optics)).map_err(wrong)?;
+                let optics = self.optics(*color).map_err(|e| e.to_string())?;
+                let terms = self.source_terms(*color).unwrap_or_default();
+                own.check(&optics).and_then(|()| terms.check(&optics)).map_err(wrong)?;
             }
         }
         Ok(())
     }
 
-    /// The fewest samples of one of its colours' source that do for pupils from this diameter on anywhere in the eyebox, and
-    /// content up to this far from the eye's focus (metres): the contrast of speckle is right to 3 %, and neighbouring points
+    /// The fewest samples of one of its colors' source that do for pupils from this diameter on anywhere in the eyebox, and
+    /// content up to this far from the eye's focus (meters): the contrast of speckle is right to 3 %, and neighboring points
     /// part no content by more than a pixel. What its file gives is taken. None where there is nothing to sample.
     pub fn source_sampling(&self, color: Color, diameter: f64, depth: f64) -> Option<SourceSampling> {
         let terms = self.source_terms(color).filter(|terms| terms.modes.is_empty())?;
@@ -127,7 +125,7 @@ impl Display {
         })
     }
 
-    /// The same display with so many samples of a colour's source.
+    /// The same display with so many samples of a color's source.
     #[must_use]
     pub fn with_source_samples(&self, color: Color, [samples, lines]: [usize; 2]) -> Self {
         let mut display = self.clone();
@@ -139,15 +137,19 @@ impl Display {
     }
 }
 
+/// Where a mode's light is, meters: (x, y) of the eyebox, and how far it is moved at the eyebox's edge, `reach` from the axis, for its
+/// wavelength is not the main one.
+pub(super) fn place(mode: &SourceMode, main: f64, reach: f64, focal_length: f64) -> [f64; 3] {
+    let [x, y] = mode.eyebox(focal_length);
+    [x, y, reach * (mode.wavelength / main - 1.0)]
+}
+
 /// Contrast (standard deviation over mean) of fully developed speckle that these modes show through a pupil: the root of
 /// `sum w_j w_k |mu_jk|^2`, `mu` what the discs of two modes have in common of a disc (Goodman 2007, chapter 4). A wavelength moves
 /// the disc by its share of the place in the eyebox, of which the edge, `reach` from the axis, is taken.
 pub(super) fn speckle_contrast(modes: &[SourceMode], diameter: f64, reach: f64, focal_length: f64) -> f64 {
     let main = modes.iter().map(|mode| mode.weight * mode.wavelength).sum::<f64>();
-    let place = |mode: &SourceMode| {
-        let [x, y] = mode.angle.map(|t| focal_length * t);
-        [x, y, reach * (mode.wavelength / main - 1.0)]
-    };
+    let place = |mode: &SourceMode| place(mode, main, reach, focal_length);
     let squares = modes.iter().flat_map(|a| modes.iter().map(move |b| (a, b))).map(|(a, b)| {
         let ([x, y, z], [u, v, w]) = (place(a), place(b));
         let apart = ((x - u).hypot(y - v).hypot(z - w) / diameter).min(1.0);

@@ -22,7 +22,7 @@ impl Optics {
 }
 
 impl Display {
-    /// Whether it is such as displays are: [`Optics::check_usual`] of every colour, colours in the order of their
+    /// Whether it is such as displays are: [`Optics::check_usual`] of every color, colors in the order of their
     /// wavelengths, and rows and columns not exchanged: clearly higher than wide only where it says that it is a portrait.
     ///
     /// # Errors
@@ -51,7 +51,7 @@ impl Display {
 }
 
 impl Pupil {
-    /// [`check`](Self::check), and whether it is such as eyes have: not given in metres, no wider than the eyebox, its centre
+    /// [`check`](Self::check), and whether it is such as eyes have: not given in meters, no wider than the eyebox, its center
     /// inside ([`check_within`](Self::check_within)), and its focus where eyes focus ([`check_usual_depth`]).
     ///
     /// # Errors
@@ -64,7 +64,7 @@ impl Pupil {
     }
 }
 
-/// Whether pupil diameters from the least to the most (metres) are such as eyes have, and fit the eyebox (metres).
+/// Whether pupil diameters from the least to the most (meters) are such as eyes have, and fit the eyebox (meters).
 ///
 /// # Errors
 /// [`OpticsError::Unusual`].
@@ -127,7 +127,7 @@ pub fn check_usual_aperture(diameter: f64) -> Result<(), OpticsError> {
 const SHALLOWEST: f64 = 0.02;
 /// Depths up to this (meters) are taken before any lens.
 const SHALLOW: f64 = 50e-3;
-/// Depths up to this (dioptres) are taken: closer than an eye reads.
+/// Depths up to this (diopters) are taken: closer than an eye reads.
 const CLOSE: f64 = 5.0;
 
 /// Refuses a depth before the display (meters, behind a lens of `focal_length`, meters) that most likely is in another unit.

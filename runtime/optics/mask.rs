@@ -7,10 +7,11 @@
 
 use super::mask_design::{PARTS, designed, random_part};
 use super::units::within;
+use super::{Display, Geometry};
 use eyebox_base::error::Reason;
 use eyebox_base::files::{read_grey, read_npy};
 use eyebox_base::reason;
-use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
+use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -25,7 +26,7 @@ const MOST: usize = 4;
 /// seed = 1                    # random phases; or file = "mask.npy"
 /// band = 0.5                  # designed: its light goes evenly into this share of its own eyebox, along an axis
 /// distance_mm = 0             # from the SLM, along the light
-/// wavelength_nm = 660         # where its phases hold; other colours are turned as a path turns them
+/// wavelength_nm = 660         # where its phases hold; other colors are turned as a path turns them
 /// ```
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -40,28 +41,24 @@ pub struct Mask {
     /// at most 1 [default: random phases, which send it everywhere].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub band: Option<f64>,
-    /// A file beside the display's: radians in a `.npy`, or a grey picture (PNG, BMP) whose levels are a turn; factor times as many
+    /// A file beside the display's: radians in a `.npy`, or a gray picture (PNG, BMP) whose levels are a turn; factor times as many
     /// rows and columns as the SLM.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub file: Option<String>,
     /// Phases that were read from such a file, as holograms keep them: in 4096ths of a turn.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub phases: Option<MaskPhases>,
-    /// How far it stands behind the SLM, millimetres, 0 to 50 [default: 0].
-    #[serde(default, skip_serializing_if = "is_zero")]
+    /// How far it stands behind the SLM, millimeters, 0 to 50 [default: 0].
+    #[serde(default, skip_serializing_if = "super::is_default")]
     pub distance_mm: f64,
-    /// Wavelength that its phases are meant at, nanometres [default: the display's longest].
+    /// Wavelength that its phases are meant at, nanometers [default: the display's longest].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wavelength_nm: Option<f64>,
 }
 
-#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
-fn is_zero(value: &f64) -> bool {
-    *value == 0.0
-}
-
 /// Phases of a mask, in 4096ths of a turn. In files two characters each, behind `ROWSxCOLUMNS:`.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
 pub struct MaskPhases {
     size: [usize; 2],
     values: Arc<[u16]>,
@@ -82,13 +79,6 @@ impl MaskPhases {
         self.size
     }
 
-    fn in_words(&self) -> String {
-        let digit = |v: u16| char::from(DIGITS[usize::from(v) % 64]);
-        let mut text = format!("{}x{}:", self.size[0], self.size[1]);
-        text.extend(self.values.iter().flat_map(|v| [digit(v / 64), digit(v % 64)]));
-        text
-    }
-
     fn read(text: &str) -> Option<Self> {
         let (size, values) = text.split_once(':')?;
         let (rows, columns) = size.split_once('x')?;
@@ -100,17 +90,21 @@ impl MaskPhases {
     }
 }
 
-impl Serialize for MaskPhases {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        to.serialize_str(&self.in_words())
+impl From<MaskPhases> for String {
+    fn from(phases: MaskPhases) -> Self {
+        let digit = |v: u16| char::from(DIGITS[usize::from(v) % 64]);
+        let mut text = format!("{}x{}:", phases.size[0], phases.size[1]);
+        text.extend(phases.values.iter().flat_map(|v| [digit(v / 64), digit(v % 64)]));
+        text
     }
 }
 
-impl<'de> Deserialize<'de> for MaskPhases {
-    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        let text = String::deserialize(from)?;
-        let wrong = "expected ROWSxCOLUMNS: and two characters for each of so many phases, as eyebox writes them";
-        Self::read(&text).ok_or_else(|| de::Error::custom(wrong))
+impl TryFrom<String> for MaskPhases {
+    type Error = &'static str;
+
+    fn try_from(text: String) -> Result<Self, Self::Error> {
+        Self::read(&text)
+            .ok_or("expected ROWSxCOLUMNS: and two characters for each of so many phases, as eyebox writes them")
     }
 }
 
@@ -196,7 +190,7 @@ impl Mask {
         self.factor == 1 && flat
     }
 
-    /// Metres from the SLM.
+    /// Meters from the SLM.
     pub fn distance(&self) -> f64 {
         self.distance_mm * 1e-3
     }
@@ -214,6 +208,59 @@ impl Mask {
             Some(band) => designed(seed, band, size).iter().map(|part| turn(u32::from(*part))).collect(),
             None => (0..size[0] * size[1]).map(|i| turn(random_part(seed, i))).collect(),
         }
+    }
+}
+
+impl Display {
+    /// Pixels of its mask along an axis of an SLM pixel; 1 without a mask.
+    pub fn mask_factor(&self) -> usize {
+        self.mask.as_ref().map_or(1, |mask| mask.factor.max(1))
+    }
+
+    /// The same display behind this mask, or behind none.
+    ///
+    /// # Errors
+    /// What of it does not go with the mask, in words.
+    pub fn with_mask(&self, mask: Option<Mask>) -> Result<Self, Reason> {
+        let display = Self { mask, ..self.clone() };
+        display.check_mask()?;
+        Ok(display)
+    }
+
+    /// Turns of this wavelength's light (meters) for one turn of the mask's phases.
+    pub fn mask_slope(&self, wavelength: f64) -> f64 {
+        let longest = self.wavelengths.iter().map(|w| w.wavelength).fold(0.0, f64::max);
+        let meant = self.mask.as_ref().and_then(|mask| mask.wavelength_nm).map_or(longest, |nm| nm * 1e-9);
+        meant / wavelength
+    }
+
+    /// What is wrong with its mask on this display, in words.
+    pub(super) fn check_mask(&self) -> Result<(), Reason> {
+        let Some(mask) = &self.mask else { return Ok(()) };
+        mask.check()?;
+        if self.geometry == Geometry::FarField {
+            return Err(reason!("mask-without-relay", "a mask is for an SLM behind a relay: leave it out"));
+        }
+        let largest = self.height.max(self.width) * mask.factor;
+        if largest > 65536 {
+            return Err(reason!("mask-pixels", "{largest} of its pixels along an axis: at most 65536 are taken"));
+        }
+        for color in self.wavelengths.iter().map(|w| w.color) {
+            if self.model(color).subpixels > 1 {
+                return Err(reason!(
+                    "mask-and-subpixels",
+                    "[model] has subpixels in {color}, which the mask's pixels stand for: leave them out"
+                ));
+            }
+            if mask.distance_mm > 0.0 && self.modes(color).iter().any(|mode| mode.angle != [0.0; 2]) {
+                let why = "a source off the axis lights a mask at a distance from elsewhere";
+                return Err(reason!(
+                    "mask-and-source",
+                    "{why}: give the mask no distance_mm, or {color} no source off the axis"
+                ));
+            }
+        }
+        Ok(())
     }
 }
 

@@ -13,7 +13,7 @@ pub(super) const PARTS: u32 = 4096;
 const TURNS: usize = 16;
 
 type Key = (u64, u64, [usize; 2]);
-/// The last one that was made: every colour, and every look at a hologram, asks for the same.
+/// The last one that was made: every color, and every look at a hologram, asks for the same.
 static LAST: Mutex<Option<(Key, Arc<[u16]>)>> = Mutex::new(None);
 
 /// A random part of a turn for pixel `i`, the same on every machine. It is number `i` of the generator of this seed.

@@ -1,4 +1,4 @@
-//! The display as it is: what a real SLM and relay do to the light, one model a colour (OPTICS 10).
+//! The display as it is: what a real SLM and relay do to the light, one model a color (OPTICS 10).
 
 use super::Color;
 use eyebox_base::error::Reason;
@@ -34,15 +34,15 @@ impl From<Spread> for [f64; 2] {
 /// The iris as it is: it stands at `scale` times the place that was asked for, plus (x, y), and is `scale` times as wide.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Iris {
-    /// Offset to the right, metres.
+    /// Offset to the right, meters.
     pub x: f64,
-    /// Offset down, metres.
+    /// Offset down, meters.
     pub y: f64,
     /// A factor; an error of the focal length acts the same.
     pub scale: f64,
 }
 
-/// What a real SLM and its relay do to the light of one colour, by the names of OPTICS 10. The default is the ideal display,
+/// What a real SLM and its relay do to the light of one color, by the names of OPTICS 10. The default is the ideal display,
 /// and every term that stands at its default costs nothing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DisplayModel {
@@ -63,7 +63,7 @@ pub struct DisplayModel {
     /// Undiffracted light, a wave for each reflection: real and imaginary part of its amplitude; its phase in radians along x, y,
     /// x^2 + y^2.
     pub undiffracted: Vec<[f64; 5]>,
-    /// Wavefront of the relay: ANSI index of a Zernike polynomial and waves of this colour, RMS, over the disc whose radius
+    /// Wavefront of the relay: ANSI index of a Zernike polynomial and waves of this color, RMS, over the disc whose radius
     /// is half the eyebox of the display's shortest wavelength.
     pub wavefront: BTreeMap<u32, f64>,
     /// Where the iris is.
@@ -180,7 +180,7 @@ impl DisplayModel {
 pub enum Level {
     /// Everywhere the same.
     Even(f64),
-    /// At the corners, the middles of the sides and the centre.
+    /// At the corners, the middles of the sides and the center.
     Nodes([[f64; 3]; 3]),
 }
 
@@ -194,7 +194,7 @@ impl Level {
     }
 }
 
-/// A section of `[model]` in a display file: the terms that are known of one colour, or of all.
+/// A section of `[model]` in a display file: the terms that are known of one color, or of all.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ModelTerms {
@@ -222,14 +222,14 @@ pub struct ModelTerms {
     /// [`DisplayModel::undiffracted`].
     #[serde(skip_serializing_if = "Option::is_none", with = "waves")]
     pub undiffracted: Option<Vec<[f64; 5]>>,
-    /// [`DisplayModel::wavefront`]; waves of the section's colour, so not of all.
+    /// [`DisplayModel::wavefront`]; waves of the section's color, so not of all.
     #[serde(skip_serializing_if = "BTreeMap::is_empty", with = "indices")]
     pub wavefront: BTreeMap<u32, f64>,
-    /// In a file in the place of `wavefront`: a `.npy` beside it, the relay's path in micrometres over the square of the eyebox of the
+    /// In a file in the place of `wavefront`: a `.npy` beside it, the relay's path in micrometers over the square of the eyebox of the
     /// shortest wavelength. Polynomials are fitted to it as the file is read.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wavefront_map: Option<String>,
-    /// [`DisplayModel::iris`]: x and y in millimetres, scale.
+    /// [`DisplayModel::iris`]: x and y in millimeters, scale.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub iris: Option<[f64; 3]>,
     /// Who says so: a data sheet, a fit of so many pictures.
@@ -305,7 +305,7 @@ pub(super) mod indices {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ModelOf {
-    /// Every colour's that has no such term of its own.
+    /// Every color's that has no such term of its own.
     All,
     /// The red one's.
     Red,
@@ -315,13 +315,16 @@ pub enum ModelOf {
     Blue,
 }
 
+impl ModelOf {
+    /// The name of its section.
+    pub(super) fn name(self) -> &'static str {
+        ["all", "red", "green", "blue"][self as usize]
+    }
+}
+
 impl From<Color> for ModelOf {
     fn from(color: Color) -> Self {
-        match color {
-            Color::Red => Self::Red,
-            Color::Green => Self::Green,
-            Color::Blue => Self::Blue,
-        }
+        [Self::Red, Self::Green, Self::Blue][color.channel()]
     }
 }
 
@@ -346,9 +349,7 @@ impl ModelTerms {
             model.wavefront.clone_from(&self.wavefront);
         }
     }
-}
 
-impl ModelTerms {
     /// Leaves out the terms, by their names, that are not to be kept.
     pub fn keep(&mut self, kept: &dyn Fn(&str) -> bool) {
         fn keep<T>(kept: bool, term: &mut Option<T>) {
@@ -392,7 +393,7 @@ impl ModelTerms {
     }
 }
 
-/// The same sections with each colour's terms in one of its own.
+/// The same sections with each color's terms in one of its own.
 pub(super) fn by_color(sections: &ModelSections, colors: &[Color]) -> ModelSections {
     let all = sections.get(&ModelOf::All).cloned().unwrap_or_default();
     let own = |color: &Color| sections.get(&ModelOf::from(*color)).cloned().unwrap_or_default().or(&all);
@@ -402,7 +403,7 @@ pub(super) fn by_color(sections: &ModelSections, colors: &[Color]) -> ModelSecti
 /// `[model]` of a display file.
 pub type ModelSections = BTreeMap<ModelOf, ModelTerms>;
 
-/// The model of a colour by the sections of a file.
+/// The model of a color by the sections of a file.
 pub(super) fn of_color(sections: &ModelSections, color: Color) -> DisplayModel {
     let mut model = DisplayModel::default();
     for terms in [ModelOf::All, color.into()].iter().filter_map(|of| sections.get(of)) {
@@ -411,19 +412,18 @@ pub(super) fn of_color(sections: &ModelSections, color: Color) -> DisplayModel {
     model
 }
 
-/// What is wrong with the sections of a file that is of these colours, in words.
+/// What is wrong with the sections of a file that is of these colors, in words.
 pub(super) fn check(sections: &ModelSections, colors: &[Color]) -> Result<(), Reason> {
     for (of, terms) in sections {
-        let name = toml::Value::try_from(of).map_or_else(|_| String::new(), |v| v.as_str().unwrap_or_default().into());
-        let wrong = |reason: Reason| reason.within(format!("[model.{name}]"));
+        let wrong = |reason: Reason| reason.within(format!("[model.{}]", of.name()));
         if *of == ModelOf::All && !terms.wavefront.is_empty() {
             return Err(wrong(reason!(
                 "wavefront-of-all-colors",
-                "wavefront is in waves of one colour: give it under that colour"
+                "wavefront is in waves of one color: give it under that color"
             )));
         }
         if *of != ModelOf::All && !colors.iter().any(|c| ModelOf::from(*c) == *of) {
-            return Err(wrong(reason!("no-such-color", "wavelengths_nm has no such colour")));
+            return Err(wrong(reason!("no-such-color", "wavelengths_nm has no such color")));
         }
         if terms.errors.as_ref().is_some_and(|errors| errors.errors.is_some()) {
             return Err(wrong(reason!("errors-of-errors", "errors have no errors of their own")));

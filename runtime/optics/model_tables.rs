@@ -217,8 +217,8 @@ impl DisplayModel {
         along(pupil.x) * along(pupil.y)
     }
 
-    /// The relay's wavefront at (x, y) metres of the pupil plane, in turns of the model's wavelength; `radius` is half the
-    /// eyebox of the display's shortest wavelength, metres.
+    /// The relay's wavefront at (x, y) meters of the pupil plane, in turns of the model's wavelength; `radius` is half the
+    /// eyebox of the display's shortest wavelength, meters.
     pub fn wavefront_turns(&self, x: f64, y: f64, radius: f64) -> f64 {
         self.wavefront.iter().map(|(&j, waves)| waves * zernike(j, x / radius, y / radius)).sum()
     }

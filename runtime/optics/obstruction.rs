@@ -17,7 +17,7 @@ pub enum Obstruction {
     Scratches,
 }
 
-/// One opaque mark. Lengths are metres from the pupil's center.
+/// One opaque mark. Lengths are meters from the pupil's center.
 enum Mark {
     /// A line without ends. It is `offset` away from the center, along its normal, which has this angle from +x, radians.
     Line { offset: f64, normal: f64, width: f64 },
@@ -36,12 +36,7 @@ impl Obstruction {
 
     /// Its name.
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::Lashes => "lashes",
-            Self::Floaters => "floaters",
-            Self::Opacity => "opacity",
-            Self::Scratches => "scratches",
-        }
+        ["lashes", "floaters", "opacity", "scratches"][self as usize]
     }
 
     fn marks(self) -> Vec<Mark> {
@@ -73,7 +68,7 @@ impl Obstruction {
         }
     }
 
-    /// The amplitude that passes at the places (x, y) of bins of a pupil plane, metres, before an eye with this pupil: from 0 to 1,
+    /// The amplitude that passes at the places (x, y) of bins of a pupil plane, meters, before an eye with this pupil: from 0 to 1,
     /// times one factor. With it the mean light of the pupil's bins is that without the obstruction, because an eye adapts to less
     /// light. It is 1 where the obstruction leaves no light at all.
     pub fn amplitude(self, grid: &Optics, pupil: &Pupil) -> impl Fn([f64; 2]) -> f64 + use<> {
@@ -113,7 +108,7 @@ impl FromStr for Obstruction {
 }
 
 impl Mark {
-    /// The share of a bin of this side (metres), at this place from the pupil's center, that it covers.
+    /// The share of a bin of this side (meters), at this place from the pupil's center, that it covers.
     fn coverage(&self, [x, y]: [f64; 2], bin: f64) -> f64 {
         // What an interval of the bin's size has in common with the mark's, across the mark.
         let common = |distance: f64, width: f64| {

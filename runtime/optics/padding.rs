@@ -11,7 +11,7 @@ pub struct Padding {
     pub columns: usize,
 }
 
-/// How far light moves sideways inside a pupil at distance `offset` from the axis, metres:
+/// How far light moves sideways inside a pupil at distance `offset` from the axis, meters:
 /// `|z| (|s| + d/2) / f` (OPTICS 2). The caller gives `reach = |s| + d/2`.
 pub fn walk_off(optics: &Optics, depth: f64, reach: f64) -> f64 {
     depth.abs() * reach.abs() / optics.focal_length
@@ -48,7 +48,7 @@ fn largest_prime(mut n: usize) -> usize {
 impl Padding {
     /// The padding that circular propagation needs so that nothing wraps into the picture, and no more than the next
     /// grid size that transforms well. None in the far field, where the field of view is what wraps, as the SLM's pixels
-    /// make it do. `depth` is the largest |z|, `reach` the largest |s| + d/2, both metres.
+    /// make it do. `depth` is the largest |z|, `reach` the largest |s| + d/2, both meters.
     pub fn required(optics: &Optics, depth: f64, reach: f64) -> Self {
         if optics.geometry == Geometry::FarField {
             return Self::default();

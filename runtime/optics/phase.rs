@@ -1,4 +1,4 @@
-//! Phases as numbers: wrapped, and as grey levels.
+//! Phases as numbers: wrapped, and as gray levels.
 
 use std::f32::consts::PI;
 
@@ -13,14 +13,14 @@ pub fn wrap_phase(phase: f32) -> f32 {
     if (-PI..PI).contains(&wrapped) { wrapped } else { -PI }
 }
 
-/// The nearest of 256 grey levels, of which 256 levels are one turn: `round(phase / 2 pi * 256) mod 256`.
+/// The nearest of 256 gray levels, of which 256 levels are one turn: `round(phase / 2 pi * 256) mod 256`.
 #[inline]
 pub fn level_of_phase(phase: f32) -> u8 {
     let level = f64::from(phase) / std::f64::consts::TAU * 256.0;
     level.round().rem_euclid(256.0) as u8
 }
 
-/// The phase of a grey level, in [-pi, pi).
+/// The phase of a gray level, in [-pi, pi).
 #[inline]
 pub fn phase_of_level(level: u8) -> f32 {
     // Levels from 128 on are the negative half turn, as in two's complement.

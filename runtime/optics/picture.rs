@@ -1,4 +1,4 @@
-//! Where the picture is seen: distortion and lateral colour of what stands between the display and the eye (OPTICS 10, Camera).
+//! Where the picture is seen: distortion and lateral color of what stands between the display and the eye (OPTICS 10, Camera).
 
 use super::Color;
 use super::linear::least_squares;
@@ -6,8 +6,8 @@ use eyebox_base::error::Reason;
 use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
 
-/// `[picture]` of a display file: where a camera saw each colour's picture. Places run from -1 to 1 across the widths of the
-/// picture and of the camera's, y in the same unit, from the centre.
+/// `[picture]` of a display file: where a camera saw each color's picture. Places run from -1 to 1 across the widths of the
+/// picture and of the camera's, y in the same unit, from the center.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[non_exhaustive]
@@ -27,7 +27,7 @@ pub struct Picture {
     pub blue: Option<PictureWarp>,
 }
 
-/// Where a camera saw one colour's picture: `g = (X, Y) (1 + k1 rho^2 + k2 rho^4)`, (X, Y) the homography of the place.
+/// Where a camera saw one color's picture: `g = (X, Y) (1 + k1 rho^2 + k2 rho^4)`, (X, Y) the homography of the place.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PictureWarp {
@@ -93,7 +93,7 @@ impl PictureWarp {
     }
 }
 
-/// Where one colour's picture is seen by a viewer, for whom the picture as a whole stands where it should.
+/// Where one color's picture is seen by a viewer, for whom the picture as a whole stands where it should.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PictureMap {
     seen: PictureWarp,
@@ -131,22 +131,14 @@ impl Picture {
         [self.red, self.green, self.blue].iter().all(Option::is_none)
     }
 
-    /// Says where a colour's picture was seen.
+    /// Says where a color's picture was seen.
     pub fn set(&mut self, color: Color, seen: PictureWarp) {
-        *match color {
-            Color::Red => &mut self.red,
-            Color::Green => &mut self.green,
-            Color::Blue => &mut self.blue,
-        } = Some(seen);
+        *[&mut self.red, &mut self.green, &mut self.blue][color.channel()] = Some(seen);
     }
 
-    /// Where a colour's picture was seen; none where nobody looked.
+    /// Where a color's picture was seen; none where nobody looked.
     pub fn seen(&self, color: Color) -> Option<PictureWarp> {
-        match color {
-            Color::Red => self.red,
-            Color::Green => self.green,
-            Color::Blue => self.blue,
-        }
+        [self.red, self.green, self.blue][color.channel()]
     }
 
     /// Green's, or the first: what the others are brought to.
@@ -154,7 +146,7 @@ impl Picture {
         self.green.or(self.red).or(self.blue)
     }
 
-    /// Where the picture of `color` is seen, on a picture of so many rows and columns; a colour that was not looked at is taken
+    /// Where the picture of `color` is seen, on a picture of so many rows and columns; a color that was not looked at is taken
     /// to be seen where the reference one is (green, else red). None where nothing is known.
     pub fn map(&self, color: Color, [rows, columns]: [usize; 2]) -> Option<PictureMap> {
         let reference = self.reference()?;

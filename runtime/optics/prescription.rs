@@ -9,34 +9,29 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// An eye's error, which rides with its pupil. Its path from the pupil's centre s is P(X - s), with
+/// An eye's error, which rides with its pupil. Its path from the pupil's center s is P(X - s), with
 /// `P(X) = (S |X|^2 + C (n . X)^2) / 2`, `n = (-sin axis, cos axis)`, and what an aberrometer found beside it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[non_exhaustive]
 pub struct Prescription {
-    /// Sphere, dioptres; minus for the short-sighted.
+    /// Sphere, diopters; minus for the short-sighted.
     pub sphere: f64,
-    /// Cylinder, dioptres.
-    #[serde(skip_serializing_if = "is_zero")]
+    /// Cylinder, diopters.
+    #[serde(skip_serializing_if = "super::is_default")]
     pub cylinder: f64,
     /// Its axis as written on a prescription, degrees.
-    #[serde(skip_serializing_if = "is_zero")]
+    #[serde(skip_serializing_if = "super::is_default")]
     pub axis_deg: f64,
-    /// Where the prescription is one for spectacles, their distance from the eye, millimetres.
-    #[serde(skip_serializing_if = "is_zero")]
+    /// Where the prescription is one for spectacles, their distance from the eye, millimeters.
+    #[serde(skip_serializing_if = "super::is_default")]
     pub vertex_mm: f64,
-    /// An aberrometer's coefficients by their ANSI index, micrometres RMS (ANSI Z80.28); 3, 4 and 5 add to the prescription.
+    /// An aberrometer's coefficients by their ANSI index, micrometers RMS (ANSI Z80.28); 3, 4 and 5 add to the prescription.
     #[serde(skip_serializing_if = "BTreeMap::is_empty", with = "super::model::indices")]
     pub zernikes_um: BTreeMap<u32, f64>,
-    /// Diameter of the pupil that they were measured over, millimetres. Wider ones continue the polynomials.
-    #[serde(skip_serializing_if = "is_zero")]
+    /// Diameter of the pupil that they were measured over, millimeters. Wider ones continue the polynomials.
+    #[serde(skip_serializing_if = "super::is_default")]
     pub measured_mm: f64,
-}
-
-#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
-fn is_zero(value: &f64) -> bool {
-    *value == 0.0
 }
 
 /// A polynomial in two variables: coefficients of x^i y^j, by i and then j.
@@ -46,7 +41,7 @@ type Polynomial = Vec<Vec<f64>>;
 const LARGEST_INDEX: u32 = 27;
 
 impl Prescription {
-    /// Of a prescription, at the eye: sphere and cylinder in dioptres, the axis in degrees.
+    /// Of a prescription, at the eye: sphere and cylinder in diopters, the axis in degrees.
     pub fn new(sphere: f64, cylinder: f64, axis_deg: f64) -> Self {
         Self { sphere, cylinder, axis_deg, ..Self::default() }
     }
@@ -68,8 +63,8 @@ impl Prescription {
     /// # Errors
     /// The reason.
     pub fn check(&self) -> Result<(), Reason> {
-        within("the sphere in dioptres", self.sphere, -40.0, 40.0)?;
-        within("the cylinder in dioptres", self.cylinder, -20.0, 20.0)?;
+        within("the sphere in diopters", self.sphere, -40.0, 40.0)?;
+        within("the cylinder in diopters", self.cylinder, -20.0, 20.0)?;
         within("the axis in degrees", self.axis_deg, 0.0, 180.0)?;
         within("vertex_mm, the distance of the spectacles,", self.vertex_mm, 0.0, 30.0)?;
         for (j, um) in &self.zernikes_um {
@@ -80,7 +75,7 @@ impl Prescription {
                      errors of sight; the sixth order is the last that is read)"
                 ));
             }
-            within("zernikes_um in micrometres", *um, -100.0, 100.0)?;
+            within("zernikes_um in micrometers", *um, -100.0, 100.0)?;
         }
         match (self.zernikes_um.is_empty(), self.measured_mm == 0.0) {
             (false, true) => Err(reason!(
@@ -95,7 +90,7 @@ impl Prescription {
 
     /// Whether it has no error at all.
     pub fn is_perfect(&self) -> bool {
-        self.power() == [[0.0; 2]; 2] && self.higher().next().is_none()
+        self.power() == [[0.0; 2]; 2] && !self.has_higher_orders()
     }
 
     /// Whether it has errors that only an eye whose place is known can be corrected for.
@@ -107,7 +102,7 @@ impl Prescription {
         self.zernikes_um.iter().filter(|(j, um)| **j > 5 && **um != 0.0).map(|(j, um)| (*j, um * 1e-6))
     }
 
-    /// Sphere and cylinder at the eye, with what coefficients 3, 4 and 5 add, as a symmetric matrix Q over (x, y), dioptres:
+    /// Sphere and cylinder at the eye, with what coefficients 3, 4 and 5 add, as a symmetric matrix Q over (x, y), diopters:
     /// `P(X) = X . Q X / 2`.
     pub fn power(&self) -> [[f64; 2]; 2] {
         // Each of the two principal powers of spectacles at the distance v is F / (1 - v F) at the eye.
@@ -133,20 +128,20 @@ impl Prescription {
         power
     }
 
-    /// The strongest of its powers at the eye, dioptres, without a sign.
+    /// The strongest of its powers at the eye, diopters, without a sign.
     pub fn strongest(&self) -> f64 {
         let [[a, b], [_, c]] = self.power();
         let (mean, spread) = (0.5 * (a + c), (0.5 * (a - c)).hypot(b));
         (mean - spread).abs().max((mean + spread).abs())
     }
 
-    /// Prentice's rule: where a pupil at `s` (x, y) sees the picture displaced to, `f Q s`, metres, (x, y). Higher orders
+    /// Prentice's rule: where a pupil at `s` (x, y) sees the picture displaced to, `f Q s`, meters, (x, y). Higher orders
     /// displace nothing.
     pub fn displacement(&self, s: [f64; 2], focal_length: f64) -> [f64; 2] {
         self.power().map(|row| focal_length * (row[0] * s[0] + row[1] * s[1]))
     }
 
-    /// Its path P in metres as a polynomial in X - s, in metres: coefficients of x^i y^j.
+    /// Its path P in meters as a polynomial in X - s, in meters: coefficients of x^i y^j.
     pub fn path(&self) -> Polynomial {
         let [[xx, xy], [_, yy]] = self.power();
         let mut path = vec![vec![0.0, 0.0, 0.5 * yy], vec![0.0, xy, 0.0], vec![0.5 * xx, 0.0, 0.0]];
@@ -167,13 +162,13 @@ impl Prescription {
     }
 
     /// The depth at which content walks off as far as light does in this eye and as the picture that it sees moves.
-    /// Metres: `reach` is the largest |s| + d/2, the widest pupil has this diameter.
+    /// Meters: `reach` is the largest |s| + d/2, the widest pupil has this diameter.
     pub fn walk_off(&self, focal_length: f64, reach: f64, diameter: f64) -> f64 {
         let moved = focal_length * focal_length * self.strongest();
         moved.max(0.5 * self.blur(focal_length, diameter) * focal_length / reach)
     }
 
-    /// How wide it blurs a point through a pupil of this diameter, metres in the focal plane: `f |S| d` for a sphere, for higher
+    /// How wide it blurs a point through a pupil of this diameter, meters in the focal plane: `f |S| d` for a sphere, for higher
     /// orders the disc whose rays are as far from its middle, RMS.
     pub fn blur(&self, focal_length: f64, diameter: f64) -> f64 {
         let path = self.path();
@@ -207,7 +202,7 @@ impl Prescription {
     }
 
     /// Refuses what blurs over more than half of a picture, whose shorter side is `side`, through a pupil of this diameter:
-    /// metres.
+    /// meters.
     ///
     /// # Errors
     /// [`OpticsError::Blur`].
@@ -235,7 +230,7 @@ impl Prescription {
         low
     }
 
-    /// E in turns of this wavelength at `(x, y)` metres of the pupil plane: the reference that the kernel is compared with.
+    /// E in turns of this wavelength at `(x, y)` meters of the pupil plane: the reference that the kernel is compared with.
     pub fn turns(&self, optics: &Optics, pupil: &Pupil, x: f64, y: f64) -> f64 {
         let (x, y) = (x - pupil.x, y - pupil.y);
         let [[xx, xy], [_, yy]] = self.power();

@@ -1,5 +1,6 @@
 //! The built-in displays by name: models, and SLMs of makers as files with their sources.
 
+use super::Packing::{self, Fields, Grey8, Planes8, Planes24};
 use super::{Color, Display, Encoding, Geometry, OpticsError, Wavelength};
 use eyebox_base::files::{FileRecord, read};
 use std::path::Path;
@@ -43,25 +44,30 @@ fn device(name: &str) -> Option<&'static str> {
     DEVICES.iter().find(|d| d.0 == name).map(|d| d.1)
 }
 
-/// What a model is, in a line.
-fn model(name: &str) -> Option<&'static str> {
-    Some(match name {
-        "paper" => "Schiffers et al. 2023: an 8-bit LCoS behind a 4f relay",
-        "small" => "a small 8-bit SLM, for trying things out",
-        "grey8" => "an 8-bit LCoS, one grey image a video frame",
-        "fields" => "an 8-bit LCoS that shows R, G and B of a video frame in turn",
-        "planes8" => "a one-bit SLM, 8 bit-planes a video frame",
-        "planes24" => "a one-bit SLM, 24 bit-planes a video frame",
-        "far-field" => "a small SLM in the pupil plane, for development",
-        "far-field-16k" => "Schiffers et al. 2023: the largest SLM in the pupil plane",
-        _ => return None,
-    })
+/// Models: name, rows and columns, pitch (meters), levels, packing, and what each is, in a line.
+type Model = (&'static str, [usize; 2], f64, u32, Packing, &'static str);
+const MODELS: [Model; 8] = [
+    // 660, 520 and 440 nm, 400 mm, as all that follow.
+    ("paper", HD, 8e-6, 256, Grey8, "Schiffers et al. 2023: an 8-bit LCoS behind a 4f relay"),
+    ("small", [256; 2], 8e-6, 256, Grey8, "a small 8-bit SLM, for trying things out"),
+    ("grey8", HD, 8e-6, 256, Grey8, "an 8-bit LCoS, one gray image a video frame"),
+    ("fields", HD, 8e-6, 256, Fields, "an 8-bit LCoS that shows R, G and B of a video frame in turn"),
+    ("planes8", HD, 8e-6, 2, Planes8, "a one-bit SLM, 8 bit-planes a video frame"),
+    ("planes24", HD, 8e-6, 2, Planes24, "a one-bit SLM, 24 bit-planes a video frame"),
+    // Its eyebox is 4 mm.
+    ("far-field", [512; 2], 8e-6, 256, Grey8, "a small SLM in the pupil plane, for development"),
+    ("far-field-16k", [16384; 2], 1e-6, 256, Grey8, "Schiffers et al. 2023: the largest SLM in the pupil plane"),
+];
+const HD: [usize; 2] = [1080, 1920];
+
+fn model(name: &str) -> Option<Model> {
+    MODELS.into_iter().find(|model| model.0 == name)
 }
 
 /// What may be added to a display file: every line without its `#` is one.
 const MORE: &str = r#"
 # What may be added; docs/displays.md explains every key.
-#two_pi_level = { red = 256, green = 256, blue = 256 }    # grey level of 2 pi, measured
+#two_pi_level = { red = 256, green = 256, blue = 256 }    # gray level of 2 pi, measured
 #flip = "horizontal"           # vertical, both
 #rotation_deg = 180            # 90, 180, 270
 #offset_px = [0, 0]            # down, right
@@ -78,12 +84,12 @@ pub fn preset_text(name: &str) -> Option<String> {
     if let Some(text) = device(name) {
         return Some(text.to_owned());
     }
-    Some(format!("# {}\n{}", model(name)?, Display::preset(name)?.to_toml()))
+    Some(format!("# {}\n{}", model(name)?.5, Display::preset(name)?.to_toml()))
 }
 
 /// What a preset is, in a line.
 pub fn preset_about(name: &str) -> Option<&'static str> {
-    model(name).or_else(|| device(name)?.lines().next()?.strip_prefix("# "))
+    model(name).map(|model| model.5).or_else(|| device(name)?.lines().next()?.strip_prefix("# "))
 }
 
 /// The beginning of a display file of one's own: a preset without its name, with what may be added as comments.
@@ -120,25 +126,14 @@ impl Display {
 
     /// A preset by name.
     pub fn preset(name: &str) -> Option<Self> {
-        let (height, width, pitch, levels) = match name {
-            // Schiffers et al. 2023: 8 um, 660/520/440 nm, 400 mm.
-            "paper" => (1080, 1920, 8e-6, 256),
-            "small" => (256, 256, 8e-6, 256),
-            // An LCoS of 8 bits, one image or three fields a video frame; a ferroelectric one of one bit.
-            "grey8" | "fields" => (1080, 1920, 8e-6, 256),
-            "planes8" | "planes24" => (1080, 1920, 8e-6, 2),
-            // The SLM in the pupil plane: one for development, whose eyebox is 4 mm, and Schiffers et al.'s largest.
-            "far-field" => (512, 512, 8e-6, 256),
-            "far-field-16k" => (16384, 16384, 1e-6, 256),
-            _ => return device(name).map(|text| Self::from_toml(text, name).expect("a test reads every preset")),
+        let Some((_, [height, width], pitch, levels, packing, _)) = model(name) else {
+            return device(name).map(|text| Self::from_toml(text, name).expect("a test reads every preset"));
         };
         let geometry = if name.starts_with("far-field") { Geometry::FarField } else { Geometry::Relay };
         let wavelengths = [(Color::Red, 660e-9), (Color::Green, 520e-9), (Color::Blue, 440e-9)];
         let wavelengths = wavelengths.map(|(color, wavelength)| Wavelength { color, wavelength }).to_vec();
-        let encoding = Encoding::preset(name);
-        let name = name.to_owned();
         Some(Self {
-            name,
+            name: name.to_owned(),
             height,
             width,
             pitch,
@@ -149,7 +144,7 @@ impl Display {
             rate_hz: None,
             portrait: false,
             dispersion: Default::default(),
-            encoding,
+            encoding: Encoding { packing, ..Encoding::default() },
             model: Default::default(),
             source: Default::default(),
             mask: None,

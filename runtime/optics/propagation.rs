@@ -48,11 +48,8 @@ pub fn propagation_turns(a: f64, depth: f64, wavelength: f64) -> f64 {
     -(depth / wavelength) * (a / (1.0 + (1.0 - a).max(0.0).sqrt()))
 }
 
-/// H(q; z) at an index (row, column) of a transform, as (re, im); 0 where nothing propagates.
-pub fn transfer_of_bin(optics: &Optics, depth: f64, [row, column]: [usize; 2]) -> (f64, f64) {
-    let (slope_y, slope_x) = optics.cosine_per_bin();
-    let cosine = |at: usize, n: usize, slope: f64| frequency_bin(at as i64, n) as f64 * slope;
-    let (cy, cx) = (cosine(row, optics.height, slope_y), cosine(column, optics.width, slope_x));
+/// H(q; z) of light with these direction cosines, as (re, im); 0 where nothing propagates.
+fn propagated(optics: &Optics, depth: f64, cy: f64, cx: f64) -> (f64, f64) {
     let a = cx * cx + cy * cy;
     if a >= 1.0 {
         return (0.0, 0.0);
@@ -62,15 +59,18 @@ pub fn transfer_of_bin(optics: &Optics, depth: f64, [row, column]: [usize; 2]) -
     (cos, sin)
 }
 
+/// H(q; z) at an index (row, column) of a transform, as (re, im); 0 where nothing propagates.
+pub fn transfer_of_bin(optics: &Optics, depth: f64, [row, column]: [usize; 2]) -> (f64, f64) {
+    let (slope_y, slope_x) = optics.cosine_per_bin();
+    let cosine = |at: usize, n: usize, slope: f64| frequency_bin(at as i64, n) as f64 * slope;
+    propagated(optics, depth, cosine(row, optics.height, slope_y), cosine(column, optics.width, slope_x))
+}
+
 /// K(q; p) as (re, im): the reference that kernels are compared with.
 pub fn transfer(optics: &Optics, pupil: &Pupil, ky: i64, kx: i64) -> (f64, f64) {
     if !aperture(optics, pupil, ky, kx) {
         return (0.0, 0.0);
     }
     let (slope_y, slope_x) = optics.cosine_per_bin();
-    let (cy, cx) = (ky as f64 * slope_y, kx as f64 * slope_x);
-    let a = cx * cx + cy * cy;
-    let turns = propagation_turns(a, pupil.depth, optics.wavelength);
-    let (sin, cos) = (TAU * (turns - turns.round())).sin_cos();
-    (cos, sin)
+    propagated(optics, pupil.depth, ky as f64 * slope_y, kx as f64 * slope_x)
 }

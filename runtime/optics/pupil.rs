@@ -3,12 +3,12 @@
 use super::{Optics, OpticsError};
 use serde::{Deserialize, Serialize};
 
-/// Where the eye's pupil is, how wide it is, and where it focuses. Metres; `diameter` is a diameter.
+/// Where the eye's pupil is, how wide it is, and where it focuses. Meters; `diameter` is a diameter.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Pupil {
-    /// Centre, along columns (+x).
+    /// Center, along columns (+x).
     pub x: f64,
-    /// Centre, along rows (+y, down).
+    /// Center, along rows (+y, down).
     pub y: f64,
     /// Diameter.
     pub diameter: f64,
@@ -17,12 +17,12 @@ pub struct Pupil {
 }
 
 impl Pupil {
-    /// From millimetres, in the order of the command line: x, y, diameter, depth.
+    /// From millimeters, in the order of the command line: x, y, diameter, depth.
     pub fn from_mm([x, y, diameter, depth]: [f64; 4]) -> Self {
         Self { x: x * 1e-3, y: y * 1e-3, diameter: diameter * 1e-3, depth: depth * 1e-3 }
     }
 
-    /// To millimetres: x, y, diameter, depth.
+    /// To millimeters: x, y, diameter, depth.
     pub fn to_mm(self) -> [f64; 4] {
         [self.x * 1e3, self.y * 1e3, self.diameter * 1e3, self.depth * 1e3]
     }
@@ -47,7 +47,7 @@ impl Pupil {
         }
     }
 
-    /// As [`check`](Self::check), and the centre lies in the eyebox.
+    /// As [`check`](Self::check), and the center lies in the eyebox.
     ///
     /// # Errors
     /// Those of `check`, and [`OpticsError::OutsideEyebox`].

@@ -6,18 +6,18 @@ use std::f64::consts::TAU;
 
 /// Where the pupil is, or will be, how wide, and what it focuses on.
 ///
-/// The centre is normal with standard deviation `spread` along x and y each: with probability 0.86 the pupil is within
+/// The center is normal with standard deviation `spread` along x and y each: with probability 0.86 the pupil is within
 /// two spreads, with 0.99 within three, but for the share `elsewhere` that it has left by a saccade nobody could
 /// foresee, or has not arrived yet.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PupilDistribution {
-    /// Centre (x, y), metres.
+    /// Center (x, y), meters.
     pub centre: [f64; 2],
-    /// Standard deviation along each axis, metres.
+    /// Standard deviation along each axis, meters.
     pub spread: f64,
-    /// Smallest and largest diameter, metres.
+    /// Smallest and largest diameter, meters.
     pub diameter: [f64; 2],
-    /// Nearest and farthest focus, metres.
+    /// Nearest and farthest focus, meters.
     pub focus: [f64; 2],
     /// Probability that none of this holds: the pupil is anywhere in the eyebox.
     pub elsewhere: f64,
@@ -27,8 +27,8 @@ pub struct PupilDistribution {
 const FARTHEST: f64 = 3.0;
 
 impl PupilDistribution {
-    /// A pupil whose centre is known to within `spread` metres (a standard deviation), and its diameter to within half a
-    /// millimetre.
+    /// A pupil whose center is known to within `spread` meters (a standard deviation), and its diameter to within half a
+    /// millimeter.
     pub fn around(pupil: &Pupil, spread: f64) -> Self {
         let Pupil { x, y, diameter, depth } = *pupil;
         let half = 0.5e-3f64.min(diameter / 2.0);
@@ -41,8 +41,8 @@ impl PupilDistribution {
         self.pupil([0.0, 0.0, 0.5, 0.5])
     }
 
-    /// The pupil at a point of the unit cube: two numbers for the centre (Box and Muller), one for the diameter, one for
-    /// the focus. No centre is drawn farther out than three spreads.
+    /// The pupil at a point of the unit cube: two numbers for the center (Box and Muller), one for the diameter, one for
+    /// the focus. No center is drawn farther out than three spreads.
     pub fn pupil(&self, [u, v, d, z]: [f64; 4]) -> Pupil {
         // u = 1 would be infinitely far.
         let radius = self.spread * (-2.0 * (1.0 - u).max(1e-9).ln()).sqrt().min(FARTHEST);
@@ -55,12 +55,12 @@ impl PupilDistribution {
         }
     }
 
-    /// How far from the centre a drawn pupil's edge may be, metres.
+    /// How far from the center a drawn pupil's edge may be, meters.
     pub fn reach(&self) -> f64 {
         FARTHEST * self.spread + self.diameter[1] / 2.0
     }
 
-    /// How far the centre is from another's, metres.
+    /// How far the center is from another's, meters.
     pub fn distance(&self, other: &Self) -> f64 {
         (self.centre[0] - other.centre[0]).hypot(self.centre[1] - other.centre[1])
     }

@@ -13,14 +13,14 @@ pub struct Reach {
     pub field_of_view_degrees: [f64; 2],
     /// Pixels a degree in the middle of the picture.
     pub pixels_per_degree: f64,
-    /// Side of the eyebox that all colours serve, mm; of one source, where there are several.
+    /// Side of the eyebox that all colors serve, mm; of one source, where there are several.
     pub eyebox_mm: f64,
-    /// Of each colour's own, mm.
+    /// Of each color's own, mm.
     pub eyebox_mm_by_color: BTreeMap<Color, f64>,
     /// The farthest and the nearest depth, mm: beyond, content moves by more than half the picture's shorter side as the
     /// pupil goes from the middle of the eyebox to its edge, and comes in again on the other side (OPTICS 2).
     pub depth_mm: [f64; 2],
-    /// The same in dioptres.
+    /// The same in diopters.
     pub depth_dioptres: [f64; 2],
     /// Area of the eyebox times the solid angle of the picture (small angles), mm2 sr.
     pub etendue_mm2_sr: f64,
@@ -38,7 +38,7 @@ pub struct Reach {
 pub struct WithoutMask {
     /// Pixels of the mask along an axis of one of the SLM's.
     pub factor: usize,
-    /// Side of the eyebox that all colours serve, mm.
+    /// Side of the eyebox that all colors serve, mm.
     pub eyebox_mm: f64,
     /// Area of the eyebox times the solid angle of the picture, mm2 sr.
     pub etendue_mm2_sr: f64,

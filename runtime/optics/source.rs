@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 pub struct SourceMode {
     /// Direction sines of its light on the SLM, (x, y).
     pub angle: [f64; 2],
-    /// Metres.
+    /// Meters.
     pub wavelength: f64,
     /// Its share of the light.
     pub weight: f64,
@@ -67,9 +67,14 @@ impl SourceMode {
         Self { weight: if power > 0.0 { self.weight * power } else { self.weight }, turn, ..self }
     }
 
+    /// The middle of its eyebox, (x, y), meters.
+    pub(super) fn eyebox(&self, focal_length: f64) -> [f64; 2] {
+        self.angle.map(|t| focal_length * t)
+    }
+
     /// Where, in the SLM's own light, the pupil stands that sees this mode: moved by `-f t`.
     pub fn pupil(&self, pupil: &Pupil, focal_length: f64) -> Pupil {
-        let [x, y] = self.angle.map(|t| focal_length * t);
+        let [x, y] = self.eyebox(focal_length);
         Pupil { x: pupil.x - x, y: pupil.y - y, ..*pupil }
     }
 }
@@ -82,7 +87,7 @@ pub enum SourceKind {
     /// A point of one wavelength.
     #[default]
     Laser,
-    /// A superluminescent diode behind a single-mode fibre: a point, 6 nm wide.
+    /// A superluminescent diode behind a single-mode fiber: a point, 6 nm wide.
     Sled,
     /// A light-emitting diode behind a band-pass filter of 10 nm, its image a disc of 1 mm in the eyebox.
     Led,
@@ -97,7 +102,7 @@ impl SourceKind {
         ["laser", "sled", "led"][self as usize]
     }
 
-    /// Millimetres of its image in the eyebox, nanometres of its line (full width at half maximum).
+    /// Millimeters of its image in the eyebox, nanometers of its line (full width at half maximum).
     fn preset(self) -> [f64; 2] {
         [[0.0, 0.0], [0.0, 6.0], [1.0, 10.0]][self as usize]
     }
@@ -124,14 +129,14 @@ pub struct GivenMode {
     /// Direction of its light on the SLM, milliradians (x, y) [default: on the axis].
     #[serde(default)]
     pub angle_mrad: [f64; 2],
-    /// Nanometres, within 2 % of the colour's [default: the colour's].
+    /// Nanometers, within 2 % of the color's [default: the color's].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wavelength_nm: Option<f64>,
     /// Its light, in whatever unit: shares of the sum are taken.
     pub weight: f64,
 }
 
-/// A section of `[source]` in a display file: the light of one colour, or of all.
+/// A section of `[source]` in a display file: the light of one color, or of all.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[non_exhaustive]
@@ -139,7 +144,7 @@ pub struct SourceTerms {
     /// Which preset the rest stands at: laser, sled or led.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kind: Option<SourceKind>,
-    /// How wide the source's image in the eyebox is, millimetres.
+    /// How wide the source's image in the eyebox is, millimeters.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub image_mm: Option<f64>,
     /// The same as the whole angle under which the SLM sees the source, milliradians.
@@ -148,7 +153,7 @@ pub struct SourceTerms {
     /// Its shape: disc, square or gaussian [default: disc].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shape: Option<SourceShape>,
-    /// How wide its line is, nanometres at half of the maximum (Gaussian).
+    /// How wide its line is, nanometers at half of the maximum (Gaussian).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub linewidth_nm: Option<f64>,
     /// Points that stand for its size, along an axis, 1 to 5 (of a disc 1, 4, 7 or 12 in all) [default: as few as a scene
@@ -166,7 +171,7 @@ pub struct SourceTerms {
 /// `[source]` of a display file.
 pub type SourceSections = BTreeMap<ModelOf, SourceTerms>;
 
-/// Wavelengths this near to their colour's are taken: over the line, the SLM's phase counts as constant (OPTICS 12).
+/// Wavelengths this near to their color's are taken: over the line, the SLM's phase counts as constant (OPTICS 12).
 const NEAR: f64 = 0.02;
 /// Wavelengths that stand for a line at most, where a file does not say.
 pub(super) const LINES: usize = 3;
@@ -204,12 +209,12 @@ impl SourceTerms {
         if self.shape == Some(SourceShape::Gaussian) { 2.0 * image / WIDTHS } else { image }
     }
 
-    /// Metres, the standard deviation of its line.
+    /// Meters, the standard deviation of its line.
     pub(super) fn line(&self) -> f64 {
         self.linewidth_nm.unwrap_or(self.kind.unwrap_or_default().preset()[1]) * 1e-9 / WIDTHS
     }
 
-    /// Its modes around a wavelength (metres), whose weights add up to 1.
+    /// Its modes around a wavelength (meters), whose weights add up to 1.
     pub(super) fn modes(&self, wavelength: f64, focal_length: f64) -> Vec<SourceMode> {
         if !self.modes.is_empty() {
             let sum: f64 = self.modes.iter().map(|mode| mode.weight).sum();
@@ -242,7 +247,7 @@ impl SourceTerms {
         places.into_iter().flat_map(each).collect()
     }
 
-    /// What is wrong with it at a colour of these optics, in words.
+    /// What is wrong with it at a color of these optics, in words.
     pub(super) fn check(&self, optics: &Optics) -> Result<(), Reason> {
         if self.image_mm.is_some() && self.angle_mrad.is_some() {
             return Err(reason!(
@@ -275,7 +280,7 @@ impl SourceTerms {
             if (mode.wavelength / optics.wavelength - 1.0).abs() > NEAR {
                 return Err(reason!(
                     "line-width",
-                    "a wavelength of {:.1} nm is more than {:.0} % from the colour's {nm:.1} nm: the SLM's phase would \
+                    "a wavelength of {:.1} nm is more than {:.0} % from the color's {nm:.1} nm: the SLM's phase would \
                      change over the line",
                     mode.wavelength * 1e9,
                     NEAR * 100.0

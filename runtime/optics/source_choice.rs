@@ -3,12 +3,12 @@
 
 use super::{Color, Display, EyeboxRegion, Pupil, PupilDistribution, SourcesLit};
 
-/// Which of a display's switchable sources are lit for one colour, as the pupil moves.
+/// Which of a display's switchable sources are lit for one color, as the pupil moves.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SourceChoice {
-    /// Sources of the colour, by their places, and the middles of their eyeboxes, metres.
+    /// Sources of the color, by their places, and the middles of their eyeboxes, meters.
     sources: Vec<(usize, [f64; 2])>,
-    /// Half the side of the eyebox of each, metres.
+    /// Half the side of the eyebox of each, meters.
     half: f64,
     /// Pairs that may not be lit together.
     apart: Vec<[usize; 2]>,
@@ -17,7 +17,7 @@ pub struct SourceChoice {
     lit: Vec<usize>,
 }
 
-/// A source takes the pupil over from others when its eyebox holds it with so much to spare, metres: at a border nothing flickers.
+/// A source takes the pupil over from others when its eyebox holds it with so much to spare, meters: at a border nothing flickers.
 const HYSTERESIS: f64 = 0.25e-3;
 /// So many standard deviations of where the pupil may be are held by a source that is lit alone.
 const SPREADS: f64 = 2.0;
@@ -27,7 +27,7 @@ const MAY_HAVE_STAYED: f64 = 0.25;
 const MOST_TOGETHER: usize = 4;
 
 impl SourceChoice {
-    /// For one of a display's colours; none where its sources are not steered.
+    /// For one of a display's colors; none where its sources are not steered.
     pub fn new(display: &Display, color: Color) -> Option<Self> {
         let sources = &display.sources;
         let is_steered = matches!(sources.lit, SourcesLit::Steered | SourcesLit::Only(_));
@@ -35,10 +35,7 @@ impl SourceChoice {
             return None;
         }
         let of = sources.of(color);
-        let middle = |at: &usize| {
-            let angle = sources.each[*at].angle(display.focal_length);
-            (*at, angle.map(|t| display.focal_length * t))
-        };
+        let middle = |at: &usize| (*at, sources.each[*at].eyebox(display.focal_length));
         let pairs = of.iter().flat_map(|a| of.iter().map(move |b| [*a, *b]));
         let apart = pairs.filter(|[a, b]| !sources.may_meet(*a, *b)).collect();
         let first = sources.lit(color, display.focal_length);
@@ -89,7 +86,7 @@ impl SourceChoice {
         changed
     }
 
-    /// How far the pupil's centre is from the middle of a source's eyebox along the farther and the nearer axis, metres.
+    /// How far the pupil's center is from the middle of a source's eyebox along the farther and the nearer axis, meters.
     fn apart_by(&self, source: usize, aim: &PupilDistribution) -> [f64; 2] {
         let middle = self.sources.iter().find(|(at, _)| *at == source).map(|(_, middle)| *middle);
         let [x, y] = middle.map_or([f64::INFINITY; 2], |[x, y]| [aim.centre[0] - x, aim.centre[1] - y].map(f64::abs));
@@ -181,7 +178,7 @@ mod tests {
         ] {
             assert_eq!(followed(&mut choice, x, y), lit, "at ({x}, {y})");
         }
-        // Nothing flickers at a border: both stay until one holds it with a quarter of a millimetre to spare.
+        // Nothing flickers at a border: both stay until one holds it with a quarter of a millimeter to spare.
         assert_eq!(followed(&mut choice, 11.0, 0.0), [4, 5]);
         assert_eq!(followed(&mut choice, 10.4, 0.0), [4, 5]);
         assert_eq!(followed(&mut choice, 10.2, 0.0), [4]);

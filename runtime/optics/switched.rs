@@ -10,25 +10,25 @@ use std::collections::BTreeMap;
 
 /// A source that can be switched, as a file has it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct SwitchedSource {
     /// Direction of its light on the SLM, milliradians (x, y) [default: on the axis].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub angle_mrad: Option<[f64; 2]>,
-    /// The same as where the middle of its eyebox lies, millimetres (x, y).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// The same as where the middle of its eyebox lies, millimeters (x, y).
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub eyebox_mm: Option<[f64; 2]>,
-    /// Colours that it has [default: all].
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    /// Colors that it has [default: all].
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub colors: Vec<Color>,
     /// Its light over that of a source of power 1 [default: 1].
-    #[serde(default = "one", skip_serializing_if = "is_one")]
+    #[serde(skip_serializing_if = "is_one")]
     pub power: f64,
     /// How long it takes to be switched on or off, microseconds [default: 0].
-    #[serde(default, skip_serializing_if = "is_zero")]
+    #[serde(skip_serializing_if = "super::is_default")]
     pub switching_us: f64,
     /// Numbers of the sources, from 1, that may be lit together with it [default: all].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub with: Option<Vec<usize>>,
 }
 
@@ -44,7 +44,7 @@ pub enum SourcesLit {
     Together,
     /// The one in the middle, until a tracker says where the pupil is; then the one whose eyebox holds it, or several near a border.
     Steered,
-    /// These, by their numbers from 1, of each colour.
+    /// These, by their numbers from 1, of each color.
     Only(BTreeMap<Color, Vec<usize>>),
 }
 
@@ -67,18 +67,9 @@ const MOST: usize = 64;
 /// The largest direction sine under which a source lights an SLM, along an axis: 30 degrees, milliradians.
 const STEEPEST_MRAD: f64 = 500.0;
 
-fn one() -> f64 {
-    1.0
-}
-
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
 fn is_one(power: &f64) -> bool {
     *power == 1.0
-}
-
-#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
-fn is_zero(time: &f64) -> bool {
-    *time == 0.0
 }
 
 impl Default for SwitchedSource {
@@ -94,6 +85,11 @@ impl SwitchedSource {
         self.angle_mrad.map(|angle| angle.map(|mrad| mrad * 1e-3)).or(self.eyebox_mm.map(image)).unwrap_or_default()
     }
 
+    /// The middle of its eyebox, (x, y), meters.
+    pub(super) fn eyebox(&self, focal_length: f64) -> [f64; 2] {
+        self.angle(focal_length).map(|t| focal_length * t)
+    }
+
     fn has(&self, color: Color) -> bool {
         self.power > 0.0 && (self.colors.is_empty() || self.colors.contains(&color))
     }
@@ -105,17 +101,17 @@ impl Sources {
         self.each.is_empty()
     }
 
-    /// How many take turns over the sub-frames in a colour; 1 where none does.
+    /// How many take turns over the sub-frames in a color; 1 where none does.
     pub fn turns(&self, color: Color) -> usize {
         if self.lit == SourcesLit::InTurn { self.of(color).len().max(1) } else { 1 }
     }
 
-    /// Those that have light of a colour, by their places.
+    /// Those that have light of a color, by their places.
     pub fn of(&self, color: Color) -> Vec<usize> {
         (0..self.each.len()).filter(|at| self.each[*at].has(color)).collect()
     }
 
-    /// Those that are lit in a colour, now or in their turn, by their places.
+    /// Those that are lit in a color, now or in their turn, by their places.
     pub fn lit(&self, color: Color, focal_length: f64) -> Vec<usize> {
         let all = self.of(color);
         match &self.lit {
@@ -131,7 +127,7 @@ impl Sources {
         }
     }
 
-    /// Lights these in a colour, by their places, and no others; where there are none of them, everything stays.
+    /// Lights these in a color, by their places, and no others; where there are none of them, everything stays.
     pub fn light_only(&mut self, color: Color, sources: &[usize]) {
         if sources.is_empty() {
             return;
@@ -150,7 +146,7 @@ impl Sources {
         a == b || (allows(a, b) && allows(b, a))
     }
 
-    /// The modes of all of them in a colour, each source of the modes `within` it (around the axis, weights that add up to 1), less
+    /// The modes of all of them in a color, each source of the modes `within` it (around the axis, weights that add up to 1), less
     /// the light of the time in which it is switched; those of a source that is not lit have no [turn](SourceMode::turn).
     pub(super) fn modes(&self, color: Color, focal_length: f64, within: &[SourceMode]) -> Vec<SourceMode> {
         let lit = self.lit(color, focal_length);
@@ -177,28 +173,25 @@ impl Sources {
         self.of(color).into_iter().flat_map(of_source).collect()
     }
 
-    /// The power that each of them has in each sub-frame of a colour while it is on, (source, sub-frame), over that of a source of
+    /// The power that each of them has in each sub-frame of a color while it is on, (source, sub-frame), over that of a source of
     /// power 1 that is always lit.
-    pub fn powers(&self, color: Color, frames: usize, focal_length: f64, optics_wavelength: f64) -> Vec<Vec<f64>> {
+    pub fn powers(&self, color: Color, frames: usize, focal_length: f64) -> Vec<Vec<f64>> {
         let at_once = Self { sub_frame_us: None, ..self.clone() };
-        let modes = at_once.modes(color, focal_length, &[SourceMode::centred(optics_wavelength)]);
+        // Powers are those of any wavelength.
+        let modes = at_once.modes(color, focal_length, &[SourceMode::centred(1.0)]);
         let mut powers = vec![vec![0.0; frames]; self.each.len()];
         for mode in &modes {
-            let of = (0..frames).map(|frame| mode.weight * mode.power(frame, frames));
-            powers[mode.source] = of.collect();
+            powers[mode.source] = (0..frames).map(|frame| mode.weight * mode.power(frame, frames)).collect();
         }
         powers
     }
 
-    /// What is wrong with them on a display of these colours, in words.
+    /// What is wrong with them on a display of these colors, in words.
     pub(super) fn check(&self, colors: &[Color], focal_length: f64) -> Result<(), Reason> {
         if self.each.is_empty() {
             let unlit = "sources_lit says which sources are lit, and there is none: give [[sources]]";
-            return if self.lit == SourcesLit::InTurn {
-                Ok(())
-            } else {
-                Err(Reason::new("lit-without-sources", unlit))
-            };
+            let is_stated = self.lit != SourcesLit::InTurn;
+            return if is_stated { Err(Reason::new("lit-without-sources", unlit)) } else { Ok(()) };
         }
         if self.each.len() > MOST {
             return Err(reason!("sources-count", "{} sources: at most {MOST} are taken", self.each.len()));
@@ -222,7 +215,7 @@ impl Sources {
         if let Some(dark) = colors.iter().find(|color| self.of(**color).is_empty()) {
             return Err(reason!(
                 "sources-without-color",
-                "[[sources]]: none has any {dark} light: one of that colour must have a power above 0"
+                "[[sources]]: none has any {dark} light: one of that color must have a power above 0"
             ));
         }
         let together = |color: &Color| {
@@ -238,7 +231,7 @@ impl Sources {
             if let Some(dark) = colors.iter().find(|color| self.lit(**color, focal_length).is_empty()) {
                 return Err(reason!(
                     "lit-color",
-                    "sources_lit lights no source of {dark}: it must name one that has that colour"
+                    "sources_lit lights no source of {dark}: it must name one that has that color"
                 ));
             }
         }

@@ -30,7 +30,7 @@ impl Display {
         1e6 / (self.rate_hz.unwrap_or(USUAL_RATE_HZ) * self.encoding.sub_frames_of_video_frame() as f64)
     }
 
-    /// Share of its light that is left of a sub-frame of the source that keeps least, in any colour.
+    /// Share of its light that is left of a sub-frame of the source that keeps least, in any color.
     pub(super) fn least_lit(&self) -> f64 {
         let of = |w: &Wavelength| self.sources.lit_shares(w.color, self.focal_length);
         self.wavelengths.iter().flat_map(of).fold(1.0, f64::min)
@@ -56,7 +56,7 @@ impl Sources {
         if lit.len() < 2 { 0.0 } else { self.each[lit[turn]].switching_us.max(self.each[before].switching_us) }
     }
 
-    /// Share of a sub-frame in which its source is lit, for each of those that [are lit](Self::lit) in a colour, in their order:
+    /// Share of a sub-frame in which its source is lit, for each of those that [are lit](Self::lit) in a color, in their order:
     /// 1 but where they take turns and take time to be switched.
     pub fn lit_shares(&self, color: Color, focal_length: f64) -> Vec<f64> {
         let lit = self.lit(color, focal_length);
@@ -129,7 +129,7 @@ mod tests {
         assert!(modes.iter().zip(&shares).all(|(mode, share)| (mode.weight - share).abs() < 1e-12));
         assert!((mean_light(&modes) - shares.iter().sum::<f64>() / 3.0).abs() < 1e-12);
         // What drives the sources is told their powers, which are those before.
-        let powers = turns.sources.powers(Color::Green, 3, 0.4, 520e-9);
+        let powers = turns.sources.powers(Color::Green, 3, 0.4);
         assert!((powers[0][0] - 3.0).abs() < 1e-12);
         assert_eq!(Display::from_toml(&turns.to_toml(), "b.toml").unwrap(), turns);
         for lit in ["together", "steered"] {

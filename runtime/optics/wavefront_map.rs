@@ -14,7 +14,7 @@ const MOST_LEFT: f64 = 0.1;
 /// Places along each axis that are enough to fit them by.
 const ENOUGH: usize = 192;
 
-/// Puts the polynomials in the place of the maps that sections name, which lie `beside` the file of the display. `nm` is a colour's
+/// Puts the polynomials in the place of the maps that sections name, which lie `beside` the file of the display. `nm` is a color's
 /// wavelength.
 pub(super) fn resolve(
     sections: &mut ModelSections,
@@ -27,10 +27,7 @@ pub(super) fn resolve(
         let wrong = |reason: Reason| Err(said(reason));
         let color = [Color::Red, Color::Green, Color::Blue].into_iter().find(|c| ModelOf::from(*c) == *of);
         let Some(nm) = color.and_then(&nm) else {
-            return wrong(reason!(
-                "map-of-all-colors",
-                "a map is of one colour: give it under a colour of the display"
-            ));
+            return wrong(reason!("map-of-all-colors", "a map is of one color: give it under a color of the display"));
         };
         if !terms.wavefront.is_empty() {
             return wrong(reason!("map-and-wavefront", "the section has a wavefront as well: leave out one of them"));
@@ -50,7 +47,7 @@ pub(super) fn resolve(
             return wrong(reason!(
                 "map-not-smooth",
                 "polynomials to the tenth order leave {left:.2} waves RMS of it, and {MOST_LEFT} at most are taken: is it in \
-                 micrometres, and without jumps?"
+                 micrometers, and without jumps?"
             ));
         }
         tracing::info!("{name}: polynomials to the tenth order leave {left:.4} waves RMS");
@@ -101,7 +98,7 @@ mod tests {
             let values: Vec<f32> = (0..n * n).map(|i| value(at(i % n), at(i / n)) as f32).collect();
             write_npy(&dir.path().join(name), &[n, n], &values).unwrap();
         };
-        // Micrometres of path; 0.1 and -0.05 of them are 0.2 and -0.1 waves. Unknown outside the disc.
+        // Micrometers of path; 0.1 and -0.05 of them are 0.2 and -0.1 waves. Unknown outside the disc.
         write("good.npy", &|x, y| {
             let known = 0.1 * super::zernike(7, x, y) - 0.05 * super::zernike(12, x, y) + 3.0;
             if x * x + y * y < 0.95 { known } else { f64::NAN }

@@ -50,14 +50,14 @@ impl Window {
             let bins = |diameter: f64| (diameter / bin - 1e-6).ceil();
             let wanted = match factor {
                 WindowFactor::Full => n,
-                // One bin more than the disc can hold on a grid that it is not centred on.
+                // One bin more than the disc can hold on a grid that it is not centered on.
                 WindowFactor::One => bins(pupil.diameter).min(n as f64) as usize + 2,
                 WindowFactor::Two => bins(2.0 * pupil.diameter).min(most) as usize + 2,
             };
             let count =
                 if relay || factor == WindowFactor::Full { fast_size(wanted).min(n) } else { fast_size(wanted) };
             let count = count.max(least);
-            // The grid's own bins when it holds all of them, else centred on the pupil.
+            // The grid's own bins when it holds all of them, else centered on the pupil.
             // Far outside, nothing passes wherever it stands: near enough for its numbers to stay small.
             let reach = 2.0 * n as f64 + own.unsigned_abs() as f64;
             let middle = (s / bin).round().clamp(-reach, reach) as i64;

@@ -14,7 +14,7 @@ struct Case {
     scene: &'static str,
     size: [usize; 2],
     views: usize,
-    /// Pixels by which what is nearest moves between neighbouring views.
+    /// Pixels by which what is nearest moves between neighboring views.
     disparity: f64,
     order: &'static str,
     naming: usize,

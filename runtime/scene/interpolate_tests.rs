@@ -68,7 +68,7 @@ fn between_the_views_it_is_what_the_scene_shows_there() {
     assert!(gained > 7.0, "{gained:.2} dB gained");
 }
 
-/// Bars that repeat within the disparities that are sought are not taken for their neighbours.
+/// Bars that repeat within the disparities that are sought are not taken for their neighbors.
 #[test]
 fn what_repeats_is_found_where_it_is() {
     let (stage, field, grid) = sparse("chart");

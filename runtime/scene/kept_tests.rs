@@ -1,7 +1,7 @@
 //! Light fields in one file, as people bring them: arrays and pictures of many views, each read right or refused with a line that
 //! helps.
 
-use super::tests::coded;
+use super::coded;
 use crate::*;
 use eyebox_base::files::{linear_to_srgb, npy_header};
 use eyebox_optics::{Color, Display};
@@ -19,7 +19,7 @@ fn render(views: usize, size: usize) -> LightField {
     load("builtin:still-life?span=1.1", &Request { views, ..Request::new(&display, &ALL) }).unwrap()
 }
 
-/// (rows of views, columns, rows of pixels, columns, colours), at most full scale.
+/// (rows of views, columns, rows of pixels, columns, colors), at most full scale.
 fn interleaved(field: &LightField) -> Vec<f32> {
     let (views, pixels) = (field.planes[0].len(), field.planes[0][0].len());
     let value = |i: usize| field.planes[i % 3][i / 3 / pixels][i / 3 % pixels].min(1.0);
@@ -55,7 +55,7 @@ fn numbers(text: &str) -> Vec<f64> {
     words.filter_map(|word| word.parse().ok()).collect()
 }
 
-/// The largest difference between two fields' views in one colour.
+/// The largest difference between two fields' views in one color.
 fn apart(a: &LightField, b: &LightField, color: [usize; 2]) -> f32 {
     assert_eq!((a.grid, a.height, a.width), (b.grid, b.height, b.width));
     let pairs = a.planes[color[0]].iter().flatten().zip(b.planes[color[1]].iter().flatten());
@@ -88,7 +88,7 @@ fn arrays_of_every_kind_are_read() {
     let start = [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes()].concat();
     fs::write(&file, [start, bytes("<f4", (0..values.len()).map(|i| values[at(i)]))].concat()).unwrap();
     assert_eq!(apart(&green(name, 32).unwrap(), &truth, [0, 1]), 0.0);
-    // Grey; and one after the other.
+    // Gray; and one after the other.
     let grey: Vec<f32> = values.chunks_exact(3).map(|pixel| pixel[1]).collect();
     write(&file, "<f4", &shape[..4], &grey);
     assert_eq!(apart(&green(name, 32).unwrap(), &truth, [0, 1]), 0.0);

@@ -8,7 +8,7 @@
 //! | source | what it is |
 //! |---|---|
 //! | a folder | views in PNG, JPEG, TIFF, BMP, PPM or EXR files, named by a running number or by row and column |
-//! | an array | `.npy` or `.npz`, (rows of views, columns, rows of pixels, columns, colours) |
+//! | an array | `.npy` or `.npz`, (rows of views, columns, rows of pixels, columns, colors) |
 //! | a picture of many views | `FILE?grid=9x9`, `FILE?mosaic`, `FILE?lenslets` |
 //! | a picture, or a frame of a `.y4m` video | with a depth or disparity map ([`Request::depth_map`]): views by reprojection |
 //! | `builtin:NAME` | a scene rendered at any resolution and number of views: see [`BUILTINS`] |
@@ -25,8 +25,8 @@
 //! transpose = true          # what the names call the row is the column
 //! flip_rows = true          # the first row is the lowest
 //! flip_columns = true       # the first column is the rightmost
-//! view_pitch_mm = 2.4       # between neighbouring views, in the pupil plane
-//! disparity = [-1.8, 2.1]   # pixels between neighbouring views, positive towards the camera
+//! view_pitch_mm = 2.4       # between neighboring views, in the pupil plane
+//! disparity = [-1.8, 2.1]   # pixels between neighboring views, positive towards the camera
 //! depth_mm = [-3.0, 3.5]    # farthest, nearest
 //! transfer = "srgb"         # or "linear": how stored values become light
 //! keep = [9, 9]             # only so many rows and columns of views, in the middle
@@ -44,11 +44,11 @@
 //! **Arrays and pictures of many views** ask the same file beside them. Behind a question mark, `grid=9x9` (rows, columns), `srgb` and
 //! `linear` win; `array=NAME` is one of an `.npz`. Integers of 8 and 16 bits are decoded by the sRGB curve, floats are light of which 1
 //! is full scale. `lenslets` says that under each lens of a picture lies a pixel of each view; `mosaic` that views lie beside each other.
-//! Without `grid` it is found where neighbouring lines differ.
+//! Without `grid` it is found where neighboring lines differ.
 //!
 //! **Pictures with a map.** The smallest and the largest value of a map mean the ends of [`Request::depth`], and
 //! [`Request::near`] says which of them is near. Left out, an 8- or 16-bit picture is bright where it is near; a `.pfm`, `.npy`
-//! or EXR map holds disparities, in pixels between neighbouring views at the picture's own resolution, if its name contains
+//! or EXR map holds disparities, in pixels between neighboring views at the picture's own resolution, if its name contains
 //! `disp`, and distances, the small near, if its name says so; else it is refused.
 //!
 //! **Anywhere.** Where the views of all of an eyebox would be too many or too far apart, a scene is seen from a few places at
@@ -63,47 +63,22 @@
 mod builtin;
 mod depth;
 mod formats;
-#[cfg(test)]
-mod interpolate_tests;
 mod light_field;
-#[cfg(test)]
-mod map_tests;
-#[cfg(test)]
-mod near_tests;
 mod read;
 mod synthesis;
-#[cfg(test)]
-mod tone_tests;
-
-#[cfg(all(test, feature = "image-formats"))]
-mod cameras_tests;
-#[cfg(test)]
-mod drawn_tests;
-#[cfg(test)]
-mod generated_tests;
-#[cfg(all(test, feature = "image-formats"))]
-mod kept_tests;
-#[cfg(all(test, feature = "image-formats"))]
-mod orientation_tests;
-#[cfg(all(test, feature = "image-formats"))]
-mod profile_tests;
-#[cfg(test)]
-mod reading_tests;
-#[cfg(all(test, feature = "image-formats"))]
-mod sequence_tests;
 #[cfg(test)]
 mod tests;
 
 pub use builtin::{BUILTINS, Builtin, Stage};
-pub use depth::central::central_depth;
-pub use depth::central::central_view;
+pub use depth::central::{central_depth, central_view};
 pub use depth::displacement::displacement;
 pub use depth::maps::depth_maps;
 pub use depth::range::asked_or_found;
+pub use depth::survey::{Black, DARK, DepthSource, Light};
 pub use light_field::cameras::{CamerasFound, FirstTile, Tiles};
 pub use light_field::error::SceneError;
 pub use light_field::field::LightField;
-pub use light_field::light::srgb_to_linear;
+pub use light_field::light::{FullScale, srgb_to_linear};
 pub use light_field::natural::natural;
 pub use light_field::near::Near;
 pub use light_field::order::Order;
@@ -111,11 +86,9 @@ pub use light_field::photograph::ViewGrid;
 pub use light_field::photographs::{MadeViews, ViewSynthesis};
 pub use light_field::pyramid::{Level, Pyramid, ViewsOnDevice};
 pub use light_field::request::Request;
-pub use light_field::resize::Fit;
-pub use light_field::resize::{Enlarged, crop_share, shrink_to_share};
+pub use light_field::resize::{Fit, Resize, crop_share, shrink_to_share};
 pub use read::frames::{frames, sequence};
-pub use read::identity::path_and_options;
-pub use read::identity::{digest, digest_of_picture};
+pub use read::identity::{digest, digest_of_picture, path_and_options};
 pub use read::inspect::{Exposure, Inspection, contact_sheet, inspect};
 pub use read::order_found::OrderFound;
 pub use read::single::Reprojection;
@@ -126,11 +99,6 @@ pub use synthesis::interpolate::Interpolator;
 pub use synthesis::layers::Layers;
 pub use synthesis::parallax::Parallax;
 pub use synthesis::registered::Bend;
-
-pub use formats::tone::FullScale;
-
-pub use depth::survey::DARK;
-pub use depth::survey::{Black, DepthSource, Light};
 
 use eyebox_base::files::NpyArray;
 use read::source::Source;
@@ -161,7 +129,7 @@ pub fn is_named(source: &str, known: &str) -> bool {
     source == known || names.iter().flatten().any(|name| name == known || Some(name) == last(other).as_ref())
 }
 
-/// Whether a file is an array that can be nothing but views in colour, by its five axes: no phases have so many.
+/// Whether a file is an array that can be nothing but views in color, by its five axes: no phases have so many.
 pub fn is_array_of_views(file: &Path) -> bool {
     NpyArray::open(file, None, |_| true).is_ok_and(|array| array.shape.len() == 5)
 }

@@ -1,6 +1,6 @@
 //! Pictures with maps of every kind: each is read the right way round, or refused with the line that says what decides.
 
-use crate::tests::{GREEN, display, fails, get, picture_with_map, speckle};
+use super::{GREEN, display, fails, get, picture_with_map, speckle};
 use crate::*;
 use image::{ImageBuffer, Luma, Rgb};
 use std::{fs, path::PathBuf};
@@ -35,7 +35,7 @@ fn write(path: &Path, values: &[f32]) {
     let n = N as u32;
     let name = path.to_str().unwrap();
     if name.contains("rgb") {
-        let grey = name.contains("grey");
+        let grey = name.contains("gray");
         let pixel = |v: u8| Rgb([v, if grey { v } else { v / 2 }, if grey { v } else { 255 - v }]);
         ImageBuffer::from_fn(n, n, |x, y| pixel(word(x, y) as u8)).save(path).unwrap();
     } else if name.contains("16") {
@@ -67,8 +67,8 @@ fn each_map_is_read_the_right_way_round_or_refused() {
         ("map.png", None, ramp(0.0, 255.0, &[]), RIGHT),
         ("map.png", Some(Large), ramp(0.0, 255.0, &[]), RIGHT),
         ("map.png", Some(Dark), ramp(0.0, 255.0, &[]), LEFT),
-        ("grey-rgb.png", None, ramp(0.0, 255.0, &[]), RIGHT),
-        ("grey-rgb.jpg", None, ramp(0.0, 255.0, &[]), RIGHT),
+        ("gray-rgb.png", None, ramp(0.0, 255.0, &[]), RIGHT),
+        ("gray-rgb.jpg", None, ramp(0.0, 255.0, &[]), RIGHT),
         ("jet-rgb.png", None, ramp(0.0, 255.0, &[]), Err("corrupt/map-colors")),
         ("depth16.png", None, ramp(0.0, 65535.0, &[]), decides),
         ("depth16.png", Some(Dark), ramp(0.0, 65535.0, &[]), LEFT),

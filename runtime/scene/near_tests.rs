@@ -25,12 +25,10 @@ fn with_hole(mut values: Vec<f32>, unknown: f32) -> Vec<f32> {
 fn write(folder: &Path, name: &str, values: &[f32]) -> PathBuf {
     let path = folder.join(name);
     match path.extension().and_then(|e| e.to_str()) {
-        #[cfg(feature = "image-formats")]
         Some("png") if name.contains("8bit") => {
             let pixel = |x: u32, y: u32| image::Luma([values[y as usize * N + x as usize] as u8]);
             image::ImageBuffer::from_fn(N as u32, N as u32, pixel).save(&path).unwrap();
         }
-        #[cfg(feature = "image-formats")]
         Some("png") => {
             let pixel = |x: u32, y: u32| image::Luma([values[y as usize * N + x as usize] as u16]);
             image::ImageBuffer::from_fn(N as u32, N as u32, pixel).save(&path).unwrap();
@@ -89,7 +87,6 @@ fn integer_maps() -> Vec<(&'static str, Vec<f32>, Near)> {
 }
 
 /// 16 bits never say which values are near. After the remedy of the refusal, depths are right and unknown pixels take part in none.
-#[cfg(feature = "image-formats")]
 #[test]
 fn sixteen_bits_are_refused_until_near_is_stated() {
     let folder = tempfile::tempdir().unwrap();
@@ -218,7 +215,6 @@ fn sparse_maps_are_refused_until_they_are_completed() {
 }
 
 /// 8 bits follow the convention of pictures: bright is near. Zeros are values, unless distances are stated.
-#[cfg(feature = "image-formats")]
 #[test]
 fn eight_bits_are_bright_where_near_and_zeros_follow_the_stated_word() {
     let folder = tempfile::tempdir().unwrap();

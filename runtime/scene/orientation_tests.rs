@@ -1,6 +1,6 @@
 //! Pictures that their metadata turn: read upright, so that a depth map of the upright picture fits.
 
-use crate::tests::{GREEN, display};
+use super::{GREEN, display};
 use crate::*;
 use image::{DynamicImage, ImageBuffer, ImageFormat, Rgb, metadata::Orientation};
 use std::fs;

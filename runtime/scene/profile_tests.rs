@@ -1,6 +1,6 @@
 //! Pictures with ICC profiles: light as the profile means it, against the color spaces' own equations in float64.
 
-use crate::tests::display;
+use super::display;
 use crate::*;
 use eyebox_optics::Color::{self, Blue, Green, Red};
 use image::codecs::{jpeg::JpegEncoder, png::PngEncoder};

@@ -1,6 +1,6 @@
 //! Light fields as people bring them: names, orders and holes, each read right or refused with a line that helps.
 
-use super::tests::coded;
+use super::coded;
 use crate::*;
 use eyebox_base::error::Reason;
 use eyebox_base::files::write_png;
@@ -396,6 +396,7 @@ fn the_page_says_what_is_read_and_what_is_refused() {
     let odd = SceneError::OddViews { scene, views, found: 20.0, others: 40.0, cause };
     let passwd = at.join("passwd");
     fs::write(&passwd, "root:x:0:0:root:/root:/bin/bash\n").unwrap();
+    let cameras = |found| SceneError::Cameras { scene: "folder".into(), found }.to_string();
     let lines = [
         said(&passwd, &request),
         said(&picture, &request),
@@ -419,12 +420,12 @@ fn the_page_says_what_is_read_and_what_is_refused() {
         SceneError::Matrix { file: "a.y4m".into() }.to_string(),
         SceneError::Turned { file: "a".into(), height: 1, width: 2, other: "b".into(), orientation: 6 }.to_string(),
         SceneError::Uneven { folder: "folder".into(), x: vec![0.0, 1.0, 5.0], y: vec![0.0] }.to_string(),
-        CamerasFound::RowInTiles(tiles).of("folder").to_string(),
-        CamerasFound::Elsewhere(10).of("folder").to_string(),
-        CamerasFound::Uneven { columns: true, positions: vec![-1.0, 0.0, 2.0] }.of("folder").to_string(),
-        CamerasFound::Misplaced(10).of("folder").to_string(),
-        CamerasFound::OnePlace.of("folder").to_string(),
-        CamerasFound::Unlike(10).of("folder").to_string(),
+        cameras(CamerasFound::RowInTiles(tiles)),
+        cameras(CamerasFound::Elsewhere(10)),
+        cameras(CamerasFound::Uneven { columns: true, positions: vec![-1.0, 0.0, 2.0] }),
+        cameras(CamerasFound::Misplaced(10)),
+        cameras(CamerasFound::OnePlace),
+        cameras(CamerasFound::Unlike(10)),
     ];
     let table = page.split_once("| the line says | what to do |").unwrap().1;
     let rows: Vec<&str> = table.lines().filter_map(|row| row.strip_prefix("| `")?.split('`').next()).collect();

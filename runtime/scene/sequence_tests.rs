@@ -1,4 +1,4 @@
-//! Videos of colours and depths, and folders of pairs: frame by frame what single pictures with maps are.
+//! Videos of colors and depths, and folders of pairs: frame by frame what single pictures with maps are.
 
 use crate::*;
 use eyebox_optics::{Color, Display};
@@ -8,7 +8,7 @@ use std::{fs, path::PathBuf};
 const SIZE: usize = 24;
 const FRAMES: usize = 3;
 
-/// A grey picture that moves, and its depths: a square before a wall.
+/// A gray picture that moves, and its depths: a square before a wall.
 fn frame(i: usize) -> [Vec<u8>; 2] {
     let inside = |p: usize| (6 + 2 * i..14 + 2 * i).contains(&(p % SIZE)) && (8..16).contains(&(p / SIZE));
     let light = |p: usize| if inside(p) { 220 } else { 40 + (p * 37 % 60) as u8 };

@@ -1,5 +1,30 @@
 //! What crosses the files of this room: signs, folders, pictures with maps, built-in scenes.
 
+#[path = "cameras_tests.rs"]
+mod cameras;
+#[path = "drawn_tests.rs"]
+mod drawn;
+#[path = "generated_tests.rs"]
+mod generated;
+#[path = "interpolate_tests.rs"]
+mod interpolate;
+#[path = "kept_tests.rs"]
+mod kept;
+#[path = "map_tests.rs"]
+mod map;
+#[path = "near_tests.rs"]
+mod near;
+#[path = "orientation_tests.rs"]
+mod orientation;
+#[path = "profile_tests.rs"]
+mod profile;
+#[path = "reading_tests.rs"]
+mod reading;
+#[path = "sequence_tests.rs"]
+mod sequence;
+#[path = "tone_tests.rs"]
+mod tone;
+
 use crate::*;
 use eyebox_base::error::ErrorData;
 use eyebox_optics::{Color, Display};
@@ -439,7 +464,7 @@ fn the_near_covers_the_far_and_uncovers_background_not_itself() {
             assert!((corner[y * 80 + x] - centre[(y + 3) * 80 + x + 3]).abs() < 1e-2, "{y},{x}");
         }
     }
-    // What was uncovered is textured like the ground, not one smeared colour: left of the square in the last column.
+    // What was uncovered is textured like the ground, not one smeared color: left of the square in the last column.
     let uncovered: Vec<f32> = (22..38).map(|y| field.planes[1][5][y * 80 + 48]).collect();
     let (low, high) = uncovered.iter().fold((1.0f32, 0.0f32), |(a, b), &v| (a.min(v), b.max(v)));
     assert!(high - low > 0.1, "{uncovered:?}");

@@ -1,7 +1,7 @@
 //! Pictures and arrays whose values have another full scale than their type. Each is read with the right light, or refused until
 //! the value of white is stated.
 
-use crate::tests::{GREEN, display};
+use super::{GREEN, display};
 use crate::*;
 use std::fs;
 use std::path::PathBuf;
@@ -124,7 +124,6 @@ fn highlights_are_white_and_rounding_errors_black() {
     }
 }
 
-#[cfg(feature = "image-formats")]
 mod pictures {
     use super::*;
     use image::{ImageBuffer, Luma, Rgb, Rgba};

@@ -420,7 +420,7 @@ fn photographs_of_any_pupil() {
         let weights: f64 = grid.coverage(&pupil).iter().map(|c| c.1).sum();
         prop_assert!((weights - 1.0).abs() < 1e-6, "weights sum to {}", weights);
         let optics = Optics::new(height, width, 8e-6, 520e-9, 0.4).expect("sound optics");
-        for tap in grid.taps(&optics, &pupil, height, width) {
+        for tap in grid.taps_around([0.0; 2], [0.0; 2], &optics, &pupil, height, width) {
             prop_assert!(
                 (tap.view as usize) < rows * columns && (tap.dy as usize) < height && (tap.dx as usize) < width,
                 "{:?}",

@@ -122,7 +122,7 @@ fn lines_are_straight_and_colours_coincide() {
                 };
                 bent = bent.max(trace(&ideal, line).2);
                 // Where the line has gone on the display: by what bends it.
-                let map = real.picture_map(*name).unwrap();
+                let map = real.picture.map(*name, real.picture_size().into()).unwrap();
                 let middle = |n: usize, at: f64| (2.0 * at + 1.0 - n as f64) / SIZE[1] as f64;
                 let place = if vertical { [middle(SIZE[1], line), 0.0] } else { [0.0, middle(SIZE[0], line)] };
                 let back = map.back(place)[axis] * SIZE[1] as f64 / 2.0;

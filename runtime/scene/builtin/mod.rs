@@ -1,4 +1,4 @@
-//! Built-in scenes: rendered at any resolution, number of views and colours from a few lines of description.
+//! Built-in scenes: rendered at any resolution, number of views and colors from a few lines of description.
 //!
 //! The description is in scene units (see `shape`): half the display's shorter side across, half the depth span deep.
 //! The span is chosen so that the whole eyebox sees the same parallax, as a share of the picture, on every display:
@@ -6,12 +6,12 @@
 //! `builtin:plane?depth=2&brightness=0.5`:
 //!
 //! - `brightness`: multiplies the light, 0.01 to 10 (1);
-//! - `span`: half the depth span in millimetres, instead of the above;
-//! - `camera`: the scene as a camera sees it that stands so many millimetres to the right, in the pupil plane: several of
+//! - `span`: half the depth span in millimeters, instead of the above;
+//! - `camera`: the scene as a camera sees it that stands so many millimeters to the right, in the pupil plane: several of
 //!   them are a moving scene (0);
 //! - `shift`: of the still lifes and `plane`: so many halves of the display's shorter side to the right from where it usually is
 //!   stands the fruit, or the plane's pattern: several of them are a scene in which something moves (0);
-//! - `depth`: of `plane` only: its depth in millimetres (0).
+//! - `depth`: of `plane` only: its depth in millimeters (0).
 
 mod grass;
 mod render;
@@ -53,7 +53,7 @@ pub const BUILTINS: [Builtin; 7] = [
 /// at 440 nm.
 const PARALLAX: f64 = 3e-3 * 440e-9 / (8e-6 * 8e-6) / 512.0;
 
-/// Half the depth span that a display shows with the usual parallax, metres: `z = parallax f p / eyebox`.
+/// Half the depth span that a display shows with the usual parallax, meters: `z = parallax f p / eyebox`.
 pub(super) fn half_span(display: &Display) -> f64 {
     let (height, width) = display.picture_size();
     let pixels = PARALLAX * height.min(width) as f64;
@@ -64,11 +64,28 @@ pub(super) fn half_span(display: &Display) -> f64 {
 struct Parameters {
     brightness: f32,
     span: Option<f64>,
-    /// Metres.
+    /// Meters.
     camera: f64,
     /// Scene units.
     shift: f32,
     depth: f64,
+}
+
+impl Parameters {
+    /// The depth of one scene unit, meters.
+    fn unit(&self, name: &str, display: &Display) -> f64 {
+        match name {
+            // The plane's own depth is in millimeters: it needs a span that is not zero to be said in scene units.
+            "plane" => self.depth.abs().max(1e-6),
+            _ => self.span.unwrap_or_else(|| half_span(display)),
+        }
+    }
+}
+
+/// The farthest and the nearest depth of what is in the picture, scene units.
+fn depths(items: &[Item], canvas: Canvas) -> [f32; 2] {
+    let ends = items.iter().map(|item| item.depths(canvas.half()[1]));
+    ends.fold([f32::INFINITY, f32::NEG_INFINITY], |a, b| [a[0].min(b[0]), a[1].max(b[1])])
 }
 
 fn unknown(name: &str, reason: Reason) -> SceneError {
@@ -146,16 +163,10 @@ pub(super) fn load(source: &str, request: &Request) -> Result<LightField, SceneE
     let (height, width) = display.picture_size();
     // What lies on one surface: four texels a pixel, of four channels at most.
     let bytes = memory::bytes_of(&[height, width, 16], 4);
-    memory::check_available(
-        || format!("the built-in scene at {height} x {width} pixels"),
-        bytes,
-        "take a smaller `size`",
-    )?;
+    let what = || format!("the built-in scene at {height} x {width} pixels");
+    memory::check_available(what, bytes, "take a smaller `size`")?;
     let canvas = Canvas { height, width };
-    let span = parameters.span.unwrap_or_else(|| half_span(display));
-    // The plane's own depth is in millimetres: it needs a span that is not zero to be said in scene units.
-    let unit = if name == "plane" { parameters.depth.abs().max(1e-6) } else { span };
-    let aspect = canvas.half();
+    let unit = parameters.unit(name, display);
     let items = items_of(name, &parameters, canvas, unit);
 
     let n = request.views;
@@ -180,14 +191,13 @@ pub(super) fn load(source: &str, request: &Request) -> Result<LightField, SceneE
     let tilt = |i: usize, camera: f64| ((i as f64 - middle + camera) * step) as f32;
     let tilts: Vec<[f32; 2]> = (0..n * n).map(|v| [tilt(v % n, camera), tilt(v / n, 0.0)]).collect();
     let planes = render::render(canvas, &items, &tilts, request.colors);
-    let ends = items.iter().map(|item| item.depths(aspect[1]));
-    let [far, near] = ends.fold([f32::INFINITY, f32::NEG_INFINITY], |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
-    let range = |per_unit: f64| Some([f64::from(far) * per_unit, f64::from(near) * per_unit]);
+    let ends = depths(&items, canvas);
+    let range = |per_unit: f64| Some(ends.map(|z| f64::from(z) * per_unit));
     Ok(LightField {
         name: format!("builtin:{source}"),
         grid: [n, n],
-        height: canvas.height,
-        width: canvas.width,
+        height,
+        width,
         colors: request.colors.to_vec(),
         planes,
         view_pitch: Some(cell),

@@ -8,6 +8,7 @@ use super::{
     shape::{Blade, Shape},
     texture::{Paint, lit},
 };
+use crate::light_field::field::by_color;
 use eyebox_optics::Color;
 use rayon::prelude::*;
 
@@ -17,15 +18,8 @@ pub(super) type Texture = Box<dyn Fn(f32, f32) -> Paint + Send + Sync>;
 /// One thing of a scene.
 pub(super) enum Item {
     /// A textured surface inside the box left, top, right, bottom (as seen from the axis).
-    Surface {
-        /// Where it is.
-        shape: Shape,
-        /// What of it exists.
-        area: [f32; 4],
-        /// How it looks.
-        texture: Texture,
-    },
-    /// A strip of one colour.
+    Surface { shape: Shape, area: [f32; 4], texture: Texture },
+    /// A strip of one color.
     Blade(Blade),
 }
 
@@ -86,7 +80,7 @@ impl Canvas {
     }
 }
 
-/// A baked texture: N - 1 colours, already multiplied by the coverage that comes last.
+/// A baked texture: N - 1 colors, already multiplied by the coverage that comes last.
 struct Skin<const N: usize> {
     left: f32,
     top: f32,
@@ -182,7 +176,7 @@ impl<const N: usize> Skins<N> {
 
     /// One view: `[channel][pixel]`.
     pub fn view(&self, canvas: Canvas, items: &[Item], m: [f32; 2], channels: &[usize]) -> Vec<Vec<f32>> {
-        // Colours so far, and how much of what lies behind still comes through: from near to far, what is covered costs
+        // Colors so far, and how much of what lies behind still comes through: from near to far, what is covered costs
         // nothing.
         let clear: [f32; N] = std::array::from_fn(|k| f32::from(u8::from(k == N - 1)));
         let mut picture = vec![clear; canvas.height * canvas.width];
@@ -208,11 +202,7 @@ fn render_channels<const N: usize>(
     let tilt = tilts.iter().flatten().fold(0.0f32, |a, b| a.max(b.abs()));
     let skins = Skins::<N>::bake(canvas, items, tilt, channels);
     let views: Vec<Vec<Vec<f32>>> = tilts.par_iter().map(|&m| skins.view(canvas, items, m, channels)).collect();
-    let mut planes: Vec<Vec<Vec<f32>>> = channels.iter().map(|_| Vec::with_capacity(tilts.len())).collect();
-    for view in views {
-        planes.iter_mut().zip(view).for_each(|(plane, view)| plane.push(view));
-    }
-    planes
+    by_color(views, channels.len())
 }
 
 fn draw_surface<const N: usize>(
@@ -273,9 +263,8 @@ fn draw_blade<const N: usize>(
             let seen = &mut picture[j * canvas.width + i];
             let share = coverage * seen[N - 1];
             for (k, &channel) in channels.iter().enumerate() {
-                let color =
-                    blade.colors[0][channel] + (blade.colors[1][channel] - blade.colors[0][channel]) * row.along;
-                seen[k] += color * light * share;
+                let [root, tip] = blade.colors.map(|color| color[channel]);
+                seen[k] += (root + (tip - root) * row.along) * light * share;
             }
             seen[N - 1] -= share;
         }
@@ -287,7 +276,7 @@ mod tests {
     use super::*;
     use crate::builtin::texture::rgb;
 
-    /// A white strip at z = 1 from x = -0.25 to 0.25 in front of a grey wall at z = -1, half of it bright.
+    /// A white strip at z = 1 from x = -0.25 to 0.25 in front of a gray wall at z = -1, half of it bright.
     fn strip() -> Vec<Item> {
         let wall = |x: f32, _| if x < 0.0 { rgb(0.1, 0.1, 0.1) } else { rgb(0.3, 0.3, 0.3) };
         let everywhere = [-9.0, -9.0, 9.0, 9.0];

@@ -1,6 +1,6 @@
 //! Shapes of a scene and how each is seen from a view.
 //!
-//! Scene units: x and y in half the display's shorter side from its centre (+y down), z in half the depth span (+1 is
+//! Scene units: x and y in half the display's shorter side from its center (+y down), z in half the depth span (+1 is
 //! the nearest). A view displaced from the axis sees the point (x, y, z) at `(x - z mx, y - z my)`: parallel rays,
 //! tilted by `m`. Each shape solves for the point that a ray meets first, exactly.
 
@@ -12,7 +12,6 @@ pub(super) const ROUND: f32 = 2.048 / 3.0;
 pub(super) struct Hit {
     /// Where on the surface, seen from the axis: the place in its texture.
     pub x: f32,
-    /// As `x`.
     pub y: f32,
     /// Share of the pixel that the shape covers, its texture's own coverage apart.
     pub coverage: f32,
@@ -22,31 +21,13 @@ pub(super) struct Hit {
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Shape {
     /// Flat, facing the display, at one depth; its texture says where it ends.
-    Card {
-        /// Depth.
-        z: f32,
-    },
+    Card { z: f32 },
     /// A plane whose depth grows downwards: `z = at_zero + slope y`. Its texture says where it ends.
-    Slope {
-        /// Depth at y = 0.
-        at_zero: f32,
-        /// Depth per y.
-        slope: f32,
-    },
-    /// An ellipsoid.
-    Ball {
-        /// Its centre.
-        center: [f32; 3],
-        /// Its half axes in x and y; in z it is as thick as it is wide.
-        radii: [f32; 2],
-    },
-    /// A thing from the lathe, its axis upright. Its texture says where it ends above and below.
-    Turned {
-        /// Its axis: x and z.
-        axis: [f32; 2],
-        /// Radius at a height y.
-        radius: fn(f32) -> f32,
-    },
+    Slope { at_zero: f32, slope: f32 },
+    /// An ellipsoid with these half axes in x and y; in z it is as thick as it is wide.
+    Ball { center: [f32; 3], radii: [f32; 2] },
+    /// A thing from the lathe, its axis upright, at x and z; its radius follows from y. Its texture says where it ends above and below.
+    Turned { axis: [f32; 2], radius: fn(f32) -> f32 },
 }
 
 impl Shape {
@@ -112,7 +93,7 @@ impl Shape {
     }
 }
 
-/// Coverage of a pixel whose centre is `value / slope` inside an outline; nothing when it is outside altogether.
+/// Coverage of a pixel whose center is `value / slope` inside an outline; nothing when it is outside altogether.
 fn edge(value: f32, slope: f32, pixel: f32) -> Option<f32> {
     let coverage = 0.5 + value / (slope * pixel).max(1e-12);
     (coverage > 0.0).then_some(coverage.min(1.0))
@@ -129,7 +110,7 @@ pub(super) struct Blade {
     pub bend: f32,
     /// Half its width at the root.
     pub width: f32,
-    /// Colour at the root and at the tip.
+    /// Color at the root and at the tip.
     pub colors: [[f32; 3]; 2],
 }
 
@@ -147,15 +128,13 @@ pub(super) struct BladeRow {
 impl Blade {
     /// Heights between which the view tilted by `m` sees it: top, bottom.
     pub fn rows(&self, m: [f32; 2]) -> [f32; 2] {
-        let seen = |p: [f32; 3]| p[1] - p[2] * m[1];
-        let (a, b) = (seen(self.root), seen(self.tip));
+        let [a, b] = [self.root, self.tip].map(|p| p[1] - p[2] * m[1]);
         [a.min(b), a.max(b)]
     }
 
     /// The blade at height `y` of the view.
     pub fn row(&self, y: f32, m: [f32; 2]) -> Option<BladeRow> {
-        let seen = |p: [f32; 3]| p[1] - p[2] * m[1];
-        let (from, to) = (seen(self.root), seen(self.tip));
+        let [from, to] = [self.root, self.tip].map(|p| p[1] - p[2] * m[1]);
         let t = (y - from) / (to - from);
         if !(0.0..=1.0).contains(&t) {
             return None;
@@ -198,7 +177,7 @@ mod tests {
             assert!((sum - 1.0).abs() < 2e-3 && z > 0.4, "{sum} {z}");
             assert_eq!(hit.coverage, 1.0);
         }
-        // Its outline stands where its centre's depth puts it, half covered, and beyond there is nothing.
+        // Its outline stands where its center's depth puts it, half covered, and beyond there is nothing.
         let edge = |dx: f32| ball.meet(0.2 - 0.4 * M[0] + dx, -0.1 - 0.4 * M[1], M, 1e-2);
         assert!((edge(0.5).unwrap().coverage - 0.5).abs() < 0.05);
         assert!(edge(0.52).is_none() && edge(-0.52).is_none() && edge(0.48).unwrap().coverage == 1.0);

@@ -2,20 +2,20 @@
 //! views of all of it would be too many or too far apart.
 
 use super::render::{Canvas, Item, Skins};
-use super::{half_span, items_of, parse};
+use super::{depths, items_of, parse};
 use crate::SceneError;
 use eyebox_optics::{Color, Display};
 use rayon::prelude::*;
 
-/// A built-in scene in one colour, at a size of its own, ready to be rendered.
+/// A built-in scene in one color, at a size of its own, ready to be rendered.
 pub struct Stage {
     canvas: Canvas,
     items: Vec<Item>,
     skins: Skins<2>,
     channel: usize,
-    /// Tilt per metre of the pupil plane.
+    /// Tilt per meter of the pupil plane.
     tilt: f64,
-    /// Where the eyebox's middle stands, metres to the right.
+    /// Where the eyebox's middle stands, meters to the right.
     camera: f64,
     depth: [f64; 2],
 }
@@ -29,19 +29,14 @@ impl Stage {
     pub fn new(source: &str, display: &Display, color: Color, size: usize) -> Result<Self, SceneError> {
         let (name, parameters) = parse(source)?;
         let canvas = Canvas { height: size, width: size };
-        let unit = match name {
-            "plane" => parameters.depth.abs().max(1e-6),
-            _ => parameters.span.unwrap_or_else(|| half_span(display)),
-        };
+        let unit = parameters.unit(name, display);
         let items = items_of(name, &parameters, canvas, unit);
-        // A metre to the side, content at one unit of depth moves by unit / f, and the picture is two units wide.
+        // A meter to the side, content at one unit of depth moves by unit / f, and the picture is two units wide.
         let wide = display.picture_pixel() * display.picture_size().0 as f64;
         let tilt = 2.0 * unit / (display.focal_length * wide);
         let most = (tilt * (display.eyebox_min() / 2.0 + parameters.camera.abs())) as f32;
         let skins = Skins::bake(canvas, &items, most, &[color.channel()]);
-        let ends = items.iter().map(|item| item.depths(canvas.half()[1]));
-        let [far, near] = ends.fold([f32::INFINITY, f32::NEG_INFINITY], |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
-        let depth = [far, near].map(|z| f64::from(z) * unit);
+        let depth = depths(&items, canvas).map(|z| f64::from(z) * unit);
         Ok(Self { canvas, items, skins, channel: color.channel(), tilt, camera: parameters.camera, depth })
     }
 
@@ -50,17 +45,17 @@ impl Stage {
         self.canvas.height
     }
 
-    /// Farthest and nearest depth, metres.
+    /// Farthest and nearest depth, meters.
     pub fn depth(&self) -> [f64; 2] {
         self.depth
     }
 
-    /// Pixels by which content at the ends of the depth span moves over so many metres of the pupil plane.
+    /// Pixels by which content at the ends of the depth span moves over so many meters of the pupil plane.
     pub fn parallax(&self, metres: f64) -> f64 {
         metres * self.tilt / f64::from(self.canvas.pixel())
     }
 
-    /// Views from these places (x, y) of the pupil plane, metres.
+    /// Views from these places (x, y) of the pupil plane, meters.
     pub fn views(&self, places: &[(f64, f64)]) -> Vec<Vec<f32>> {
         let one = |&(x, y): &(f64, f64)| {
             let tilt = [x + self.camera, y].map(|s| (s * self.tilt) as f32);

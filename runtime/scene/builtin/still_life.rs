@@ -41,7 +41,7 @@ struct Fruit {
 }
 
 impl Mood {
-    /// Light on a surface of normal `n` at picture place `(x, y)`: multiplies its colour.
+    /// Light on a surface of normal `n` at picture place `(x, y)`: multiplies its color.
     fn light(self, n: [f32; 3], x: f32, y: f32) -> f32 {
         let key = n[0] * LIGHT[0] + n[1] * LIGHT[1] + n[2] * LIGHT[2];
         // Light that bends a little around the limb, as it does in a room.
@@ -73,10 +73,7 @@ pub(super) fn items(half: [f32; 2], mood: Mood, shift: f32) -> Vec<Item> {
     for fruit in fruits {
         let stalk = (fruit.radii[0] == CHERRY).then(|| stalk(&fruit));
         items.push(ball(fruit, mood));
-        items.extend(stalk.map(|mut s| {
-            dim(&mut s, mood);
-            Item::Blade(s)
-        }));
+        items.extend(stalk.map(|stalk| dim(stalk, mood)));
     }
     foreground(half, mood, &mut items);
     items
@@ -122,7 +119,7 @@ fn cloth(half: [f32; 2], mood: Mood, fruits: &[Fruit], vase_x: f32, spread: f32)
         let z = (y - BACK) * SLOPE * 1.45;
         let (u, v) = (x * 5.0 + 0.25, z * 5.0 + 0.1);
         let (a, b) = (u.rem_euclid(2.0) < 1.0, v.rem_euclid(2.0) < 1.0);
-        // Gingham: threads of two colours, woven.
+        // Gingham: threads of two colors, woven.
         let weave = 0.86 + 0.14 * ((x * 420.0 / std::f32::consts::TAU).fract() - 0.5).abs() * 2.0;
         let twill = 0.8 + 0.4 * fbm(x * 60.0, z * 60.0, 3, 17);
         let white = if mood == Mood::Studio { rgb(0.86, 0.85, 0.82) } else { rgb(0.62, 0.58, 0.5) };
@@ -261,15 +258,9 @@ fn bouquet(x0: f32, mood: Mood, items: &mut Vec<Item>) {
         let root = [x0 + 0.04 * (r(4) - 0.5), VASE_TOP + 0.06, -0.45];
         let tip = [x0 + lean * (0.5 + height), VASE_TOP - height, z];
         let green = [0.05 + 0.06 * r(5), 0.16 + 0.12 * r(6), 0.03];
-        let mut blade = Blade {
-            root,
-            tip,
-            bend: -0.06 * lean,
-            width: 0.007 + 0.014 * r(8) * r(8),
-            colors: [green.map(|c| c * 0.5), green.map(|c| c * 1.5)],
-        };
-        dim(&mut blade, mood);
-        items.push(Item::Blade(blade));
+        let colors = [green.map(|c| c * 0.5), green.map(|c| c * 1.5)];
+        let blade = Blade { root, tip, bend: -0.06 * lean, width: 0.007 + 0.014 * r(8) * r(8), colors };
+        items.push(dim(blade, mood));
         if k % 2 == 0 {
             let size = 0.028 + 0.02 * r(9);
             let peel: Peel = match k % 6 {
@@ -356,20 +347,14 @@ fn ball(fruit: Fruit, mood: Mood) -> Item {
 fn stalk(fruit: &Fruit) -> Blade {
     let [x, y, z] = fruit.center;
     let lean = 0.5 * (hash((x * 100.0) as i32, 3, 61) - 0.3);
-    let colors = [[0.10, 0.16, 0.03], [0.16, 0.22, 0.05]];
-    Blade {
-        root: [x, y - 0.055, z + 0.01],
-        tip: [x + lean * 0.5, y - 0.36, z - 0.02],
-        bend: 0.03,
-        width: 0.008,
-        colors,
-    }
+    let (root, tip) = ([x, y - 0.055, z + 0.01], [x + lean * 0.5, y - 0.36, z - 0.02]);
+    Blade { root, tip, bend: 0.03, width: 0.008, colors: [[0.10, 0.16, 0.03], [0.16, 0.22, 0.05]] }
 }
 
-fn dim(blade: &mut Blade, mood: Mood) {
+fn dim(blade: Blade, mood: Mood) -> Item {
     let middle = [0.5 * (blade.root[0] + blade.tip[0]), 0.5 * (blade.root[1] + blade.tip[1])];
     let light = mood.light([-0.2, -0.3, 0.9], middle[0], middle[1]);
-    blade.colors = blade.colors.map(|c| c.map(|v| v * light * 1.4));
+    Item::Blade(Blade { colors: blade.colors.map(|c| c.map(|v| v * light * 1.4)), ..blade })
 }
 
 /// Long blades close to the eye, at the right edge.
@@ -379,14 +364,13 @@ fn foreground(half: [f32; 2], mood: Mood, items: &mut Vec<Item>) {
         let z = 0.86 + 0.14 * (k as f32 / 8.0);
         let x = half[0] * 0.80 + 0.24 * (r(1) - 0.4);
         let green = [0.10 + 0.10 * r(2), 0.26 + 0.16 * r(3), 0.04];
-        let mut blade = Blade {
+        let blade = Blade {
             root: [x, half[1] + 0.15, z],
             tip: [x - 0.30 * (r(4) - 0.25), half[1] - 0.75 - 0.75 * r(5), z - 0.05],
             bend: 0.08 * (r(6) - 0.3),
             width: 0.012 + 0.012 * r(7),
             colors: [green.map(|c| c * 0.45), green.map(|c| c * 1.3)],
         };
-        dim(&mut blade, mood);
-        items.push(Item::Blade(blade));
+        items.push(dim(blade, mood));
     }
 }

@@ -41,7 +41,7 @@ pub(super) fn plane(z: f32, shift: f32) -> Vec<Item> {
 }
 
 /// Bars of 2 to 32 pixels (a dark and a bright one together) both ways, and a star: on three cards, far, middle and
-/// near from left to right, in front of grey. The number beside the bars is their period.
+/// near from left to right, in front of gray. The number beside the bars is their period.
 pub(super) fn chart(half: [f32; 2], pixel: f32) -> Vec<Item> {
     let grey = |x: f32, y: f32| lit(rgb(0.18, 0.18, 0.18), 0.7 + 0.6 * fbm(x * 20.0, y * 20.0, 4, 81));
     let mut items =

@@ -1,9 +1,8 @@
 //! The depth of a view, measured from the light field itself: a plane sweep over the views of its row and column.
 
-use crate::depth::map::Map;
+use crate::depth::map::resized;
 use crate::depth::range::{USUAL, mean_light};
 use crate::depth::sweep::{Compared, MOST, Sweep, reach_within};
-use crate::light_field::near::Meaning;
 use crate::light_field::resize::Resize;
 use crate::{Fit, LightField, Pyramid, ViewGrid};
 use eyebox_optics::Display;
@@ -13,7 +12,7 @@ const LARGEST: usize = 512;
 /// Steps to the farthest view that disparities of any view are sought with.
 const NEAR: usize = 3;
 
-/// Depth of each pixel of the central view, (height, width), metres: where the central row and column of views agree
+/// Depth of each pixel of the central view, (height, width), meters: where the central row and column of views agree
 /// best, in the range that the scene states or that is found (see `LightField::disparities_sought`).
 pub fn central_depth(field: &LightField, display: &Display) -> Vec<f32> {
     let range = field.disparities_sought(display);
@@ -21,24 +20,19 @@ pub fn central_depth(field: &LightField, display: &Display) -> Vec<f32> {
     let Some(views) = field.planes.get(field.planes.len() / 2) else { return Vec::new() };
     let (counts, size) = (field.grid, [field.height, field.width]);
     let at = counts.map(|n| n / 2);
+    let compared = Compared::Exactly;
     let found = if field.depth_range(display).is_some() || range == USUAL {
         let reach = reach_within(range, usize::MAX);
-        Sweep::around(counts, at, reach, size, |index| views[index].clone()).disparities(range, Compared::Exactly)
+        Sweep::around(counts, at, reach, size, |index| views[index].clone()).disparities(range, compared)
     } else {
-        view_disparities(
-            &field.view_grid(display),
-            at[0] * counts[1] + at[1],
-            size,
-            range,
-            Compared::Exactly,
-            mean_light(field),
-        )
+        let (grid, center) = (field.view_grid(display), at[0] * counts[1] + at[1]);
+        view_disparities(&grid, center, size, range, compared, mean_light(field))
     };
     found.into_iter().map(|d| (f64::from(d) * per_pixel) as f32).collect()
 }
 
 /// The central view of a pyramid, linear light, and its disparities between the ends of `range` (pixels between
-/// neighbouring views); (height, width) of the pyramid's first level.
+/// neighboring views); (height, width) of the pyramid's first level.
 pub fn central_view(pyramid: &Pyramid, grid: &ViewGrid, range: [f64; 2]) -> (Vec<f32>, Vec<f32>) {
     let level = &pyramid.levels[0];
     let pixels = level.height * level.width;
@@ -58,8 +52,8 @@ pub(crate) fn scratch([height, width]: [usize; 2], range: [f64; 2]) -> u64 {
     (8 * candidates * height.div_ceil(times) * width.div_ceil(times)) as u64
 }
 
-/// The disparities of any view of a grid, (height, width), between the ends of `range` (pixels between neighbouring views),
-/// from its nearest neighbours. Large views are looked at in fewer pixels.
+/// The disparities of any view of a grid, (height, width), between the ends of `range` (pixels between neighboring views),
+/// from its nearest neighbors. Large views are looked at in fewer pixels.
 pub(crate) fn view_disparities(
     grid: &ViewGrid,
     view: usize,
@@ -81,10 +75,8 @@ pub(crate) fn view_disparities(
     let sweep =
         Sweep::around(counts, at, reach_within(range, NEAR), [rows, columns], |view| shrink.apply(&light(view)));
     let found = sweep.disparities(range, compared);
-    let values = found.into_iter().map(|d| (f64::from(d) / scale) as f32).collect();
-    let (meaning, read_as) = (Meaning::Disparity, String::new());
-    Map { height: rows, width: columns, values, meaning, range: None, read_as, is_news: false }
-        .resize(height, width, 1.0)
+    let values: Vec<f32> = found.into_iter().map(|d| (f64::from(d) / scale) as f32).collect();
+    resized(&values, [rows, columns], [height, width], 1.0)
 }
 
 #[cfg(test)]
@@ -111,7 +103,7 @@ mod tests {
             let depth = central_depth(&field, &display);
             let mut off: Vec<f32> = depth.iter().map(|z| (z * 1e3 - mm as f32).abs()).collect();
             off.sort_by(f32::total_cmp);
-            // 0.16 mm are half a pixel between the centre and the outermost view.
+            // 0.16 mm are half a pixel between the center and the outermost view.
             let at = |share: f64| off[(off.len() as f64 * share) as usize];
             assert!(at(0.5) < 0.05 && at(0.9) < 0.16, "{mm} mm: {} and {} mm off", at(0.5), at(0.9));
         }

@@ -84,10 +84,14 @@ pub(crate) fn extended(
     };
     let mut votes: Vec<f64> = (0..h * w).into_par_iter().filter_map(shown).collect();
     votes.sort_by(f64::total_cmp);
-    let together = |run: &&[f64]| run[LEAST - 1] - run[0] <= TOGETHER;
-    let first = votes.windows(LEAST).find(together).map(|run| run[LEAST / 2]);
-    let last = votes.windows(LEAST).rfind(together).map(|run| run[LEAST / 2]);
-    [first.map_or(low, |d| d.min(low)), last.map_or(high, |d| d.max(high))]
+    outermost(&votes, LEAST, TOGETHER).map_or([low, high], |[first, last]| [first.min(low), last.max(high)])
+}
+
+/// The middle one of the first and of the last `count` ascending values that lie `within` so much.
+pub(crate) fn outermost(sorted: &[f64], count: usize, within: f64) -> Option<[f64; 2]> {
+    let together = |run: &&[f64]| run[count - 1] - run[0] <= within;
+    let (first, last) = (sorted.windows(count).find(together)?, sorted.windows(count).rfind(together)?);
+    Some([first[count / 2], last[count / 2]])
 }
 
 /// How much a window differs at a disparity, over all views: as the costs of a sweep, of which the mean of opposite arms counts.

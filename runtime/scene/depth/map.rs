@@ -1,7 +1,9 @@
 //! Depth and disparity maps of a single picture.
 
+use crate::SceneError;
+use crate::formats::still::{self, Stored};
+use crate::formats::{pfm, video};
 use crate::light_field::near::{self, Kind, Meaning, Stated};
-use crate::{SceneError, formats::pfm, formats::still, formats::video};
 use eyebox_base::error::Reason;
 use eyebox_base::files::{self, FileError, FileKind, NpyArray, Wanted};
 use eyebox_base::memory;
@@ -34,27 +36,12 @@ pub(crate) fn read(path: &Path, stated: Stated) -> Result<Map, SceneError> {
         return Err(corrupt(reason!("map-folder", "a folder, not a depth map")));
     }
     let bytes = || files::read::bytes(path, files::read::PICTURE).map_err(|e| SceneError::unreadable(path, &e));
-    let mut range = None;
     // A frame of a video is named, the rest is told by its content.
     let found = if video::named(path).is_some() { FileKind::Y4m } else { kind_of(path)? };
-    let (height, width, kind, mut values) = if found == FileKind::Pfm {
-        let map = pfm::parse(&bytes()?).map_err(corrupt)?;
-        (map.height, map.width, Kind::Floats, map.values)
-    } else if matches!(found, FileKind::Npy | FileKind::Npz) {
-        let (shape, values) = array(path, stated)?;
-        let [height @ 1..=65536, width @ 1..=65536] = shape[..] else {
-            let remedy =
-                if shape.len() > 2 { "; save one of several maps, as numpy.save('map.npy', maps[0])" } else { "" };
-            return Err(corrupt(reason!(
-                "map-shape",
-                "has the shape {shape:?}: a depth map has rows and columns, 1 to 65536{remedy}"
-            )));
-        };
-        (height, width, Kind::Floats, values)
-    } else {
-        let still::Stored { height, width, kind, values, range: fixed } = still::stored(path)?;
-        range = fixed;
-        (height, width, kind, values)
+    let Stored { height, width, kind, mut values, range } = match found {
+        FileKind::Pfm => pfm::parse(&bytes()?).map_err(corrupt)?,
+        FileKind::Npy | FileKind::Npz => array(path, stated)?,
+        _ => still::stored(path)?,
     };
     let (meaning, mut read_as) = near::meaning(path, kind, &values, stated)?;
     let filled = near::fill(kind, meaning, &mut values, width).map_err(corrupt)?;
@@ -69,20 +56,26 @@ pub(crate) fn read(path: &Path, stated: Stated) -> Result<Map, SceneError> {
 fn kind_of(path: &Path) -> Result<FileKind, SceneError> {
     let found = FileKind::of(path).map_err(|e| SceneError::unreadable(path, &e))?;
     let is_map = found.is_picture() || matches!(found, FileKind::Pfm | FileKind::Npy | FileKind::Npz);
-    if is_map { Ok(found) } else { Err(SceneError::of_file(FileError::of_kind(path, found, Wanted::DepthMap))) }
+    if is_map { Ok(found) } else { Err(FileError::of_kind(path, found, Wanted::DepthMap).into()) }
 }
 
-/// Shape and values of an array. Axes of length 1, as networks write them before or after rows and columns, are left out.
-fn array(path: &Path, stated: Stated) -> Result<(Vec<usize>, Vec<f32>), SceneError> {
-    let mut array = NpyArray::only(path, |shape| axes(shape).len() == 2).map_err(SceneError::of_file)?;
+/// Reads an array. Axes of length 1, as networks write them before or after rows and columns, are left out.
+fn array(path: &Path, stated: Stated) -> Result<Stored, SceneError> {
+    let mut array = NpyArray::only(path, |shape| axes(shape).len() == 2)?;
     if array.kind == "u1" {
         near::check_bytes(path, stated)?;
     }
     let shape = axes(&array.shape);
     let what = || format!("{}: a depth map of shape {shape:?}", path.display());
     memory::check_available(what, memory::bytes_of(&shape, 8), "take a smaller map")?;
-    let values = array.take(shape.iter().product()).map_err(SceneError::of_file)?;
-    Ok((shape, values))
+    let values = array.take(shape.iter().product())?;
+    let [height @ 1..=65536, width @ 1..=65536] = shape[..] else {
+        let remedy = if shape.len() > 2 { "; save one of several maps, as numpy.save('map.npy', maps[0])" } else { "" };
+        let reason =
+            reason!("map-shape", "has the shape {shape:?}: a depth map has rows and columns, 1 to 65536{remedy}");
+        return Err(SceneError::Corrupt { file: path.display().to_string(), reason });
+    };
+    Ok(Stored { height, width, kind: Kind::Floats, values, range: None })
 }
 
 /// The axes of an array of more than two that are longer than 1.
@@ -94,35 +87,34 @@ fn axes(shape: &[usize]) -> Vec<usize> {
     axes
 }
 
-impl Map {
-    /// The map at another size. Between its values where they lie together, the nearest where they do not: a value
-    /// halfway over an edge would hang in the air. `apart` is the difference that makes an edge.
-    pub fn resize(&self, height: usize, width: usize, apart: f32) -> Vec<f32> {
-        if (height, width) == (self.height, self.width) {
-            return self.values.clone();
-        }
-        let place = |i: usize, n: usize, source: usize| {
-            let at = ((i as f64 + 0.5) * source as f64 / n as f64 - 0.5).clamp(0.0, source as f64 - 1.0);
-            let first = (at as usize).min(source.saturating_sub(2));
-            (first, (first + 1).min(source - 1), (at - first as f64) as f32)
-        };
-        let columns: Vec<_> = (0..width).map(|i| place(i, width, self.width)).collect();
-        let mut out = Vec::with_capacity(height * width);
-        for j in 0..height {
-            let (above, below, ty) = place(j, height, self.height);
-            for &(left, right, tx) in &columns {
-                let at = |row: usize, column: usize| self.values[row * self.width + column];
-                let [a, b, c, d] = [at(above, left), at(above, right), at(below, left), at(below, right)];
-                let low = a.min(b).min(c).min(d);
-                let high = a.max(b).max(c).max(d);
-                out.push(if high - low <= apart {
-                    let top = a + (b - a) * tx;
-                    top + (c + (d - c) * tx - top) * ty
-                } else {
-                    at(if ty < 0.5 { above } else { below }, if tx < 0.5 { left } else { right })
-                });
-            }
-        }
-        out
+/// Values of a map of the size `own` (rows, columns) at another size. Between its values where they lie together, the nearest where they
+/// do not: a value halfway over an edge would hang in the air. `apart` is the difference that makes an edge.
+pub(crate) fn resized(values: &[f32], own: [usize; 2], [height, width]: [usize; 2], apart: f32) -> Vec<f32> {
+    if [height, width] == own {
+        return values.to_vec();
     }
+    let place = |i: usize, n: usize, source: usize| {
+        let at = ((i as f64 + 0.5) * source as f64 / n as f64 - 0.5).clamp(0.0, source as f64 - 1.0);
+        let first = (at as usize).min(source.saturating_sub(2));
+        (first, (first + 1).min(source - 1), (at - first as f64) as f32)
+    };
+    let columns: Vec<_> = (0..width).map(|i| place(i, width, own[1])).collect();
+    let mut out = Vec::with_capacity(height * width);
+    for j in 0..height {
+        let (above, below, ty) = place(j, height, own[0]);
+        for &(left, right, tx) in &columns {
+            let at = |row: usize, column: usize| values[row * own[1] + column];
+            let four = [at(above, left), at(above, right), at(below, left), at(below, right)];
+            let nearest = || at(if ty < 0.5 { above } else { below }, if tx < 0.5 { left } else { right });
+            out.push(between(four, tx, ty, apart).unwrap_or_else(nearest));
+        }
+    }
+    out
+}
+
+/// Between four values of one surface, above and below, left and right each; none if they differ by more than `apart`.
+pub(crate) fn between([a, b, c, d]: [f32; 4], tx: f32, ty: f32, apart: f32) -> Option<f32> {
+    let (top, bottom) = (a + (b - a) * tx, c + (d - c) * tx);
+    let span = a.max(b).max(c).max(d) - a.min(b).min(c).min(d);
+    (span <= apart).then(|| top + (bottom - top) * ty)
 }

@@ -10,8 +10,9 @@ use std::ops::Range;
 
 /// Pixels along the longer side of the pictures that are compared.
 const LONGEST: usize = 128;
-/// Pixels from the middle of a patch to its edge.
+/// Pixels from the middle of a patch to its edge, and along its side.
 const HALF: usize = 3;
+const SIDE: usize = 2 * HALF + 1;
 /// Pixels between patches.
 const PATCH_STEP_PX: usize = 6;
 /// Most patches.
@@ -40,7 +41,7 @@ pub(crate) struct Patches {
     lit: [Range<usize>; 2],
     reach: i64,
     /// Pixels of the light field per pixel of the copies.
-    scale: f64,
+    pub scale: f64,
     center: Small,
     /// Middle (row, column) of each patch.
     at: Vec<[usize; 2]>,
@@ -112,7 +113,7 @@ impl Patches {
                     (xx, yy, xy) = (xx + dx * dx, yy + dy * dy, xy + dx * dy);
                 }
             }
-            let count = 4.0 * ((2 * HALF + 1) * (2 * HALF + 1)) as f32;
+            let count = 4.0 * (SIDE * SIDE) as f32;
             0.5 * (xx + yy - ((xx - yy).powi(2) + 4.0 * xy * xy).sqrt()) / count
         };
         // What lies near the edge leaves the picture from view to view.
@@ -139,20 +140,10 @@ impl Patches {
         kept
     }
 
-    /// Pixels of the light field per pixel of the small copies.
-    pub(crate) fn scale(&self) -> f64 {
-        self.scale
-    }
-
     /// Variance of each patch's place in another view over its own.
     pub(crate) fn contrast(&self, field: &LightField, view: usize) -> Vec<f32> {
         let other = self.small(field, view);
-        let variance = |values: &[f32], [y, x]: [usize; 2]| {
-            let rows = (y - HALF..=y + HALF).flat_map(|y| &values[y * self.size[1] + x - HALF..][..2 * HALF + 1]);
-            let count = ((2 * HALF + 1) * (2 * HALF + 1)) as f32;
-            let mean = rows.clone().sum::<f32>() / count;
-            rows.map(|v| (v - mean).powi(2)).sum::<f32>().max(f32::MIN_POSITIVE)
-        };
+        let variance = |values: &[f32], at: [usize; 2]| variance(&patch(values, self.size[1], at));
         self.at.iter().map(|at| variance(&other, *at) / variance(&self.center, *at)).collect()
     }
 
@@ -173,9 +164,8 @@ impl Patches {
         let (at, step) = if axis == 0 { (x, 1) } else { (y, width) };
         let lit = &self.lit[1 - axis];
         let middle = y * width + x;
-        let rows =
-            || (0..=2 * HALF).flat_map(|j| (0..=2 * HALF).map(move |i| middle + j * width + i - HALF * (width + 1)));
-        let count = (2 * HALF + 1).pow(2) as f32;
+        let rows = || (0..SIDE).flat_map(|j| (0..SIDE).map(move |i| middle + j * width + i - HALF * (width + 1)));
+        let count = (SIDE * SIDE) as f32;
         let mean = rows().map(|i| self.center[i]).sum::<f32>() / count;
         let variance = rows().map(|i| (self.center[i] - mean).powi(2)).sum::<f32>() / count;
         let tolerance = ONE_OF_TWO[1] * variance.sqrt();
@@ -197,15 +187,8 @@ impl Patches {
 
     fn find(&self, other: &[f32], [y, x]: [usize; 2]) -> Found {
         let width = self.size[1];
-        let window = |values: &[f32], y: usize, x: usize, out: &mut [f32; (2 * HALF + 1) * (2 * HALF + 1)]| {
-            for (row, out) in out.chunks_exact_mut(2 * HALF + 1).enumerate() {
-                out.copy_from_slice(&values[(y + row - HALF) * width + x - HALF..][..2 * HALF + 1]);
-            }
-        };
-        let mut own = [0.0; (2 * HALF + 1) * (2 * HALF + 1)];
-        window(&self.center, y, x, &mut own);
-        let mean = own.iter().sum::<f32>() / own.len() as f32;
-        let variance = own.iter().map(|v| (v - mean).powi(2)).sum::<f32>().max(f32::MIN_POSITIVE);
+        let own = patch(&self.center, width, [y, x]);
+        let variance = variance(&own);
         let range = |at: usize, lit: &Range<usize>| {
             let (first, last) = ((lit.start + HALF) as i64, (lit.end - HALF) as i64 - 1);
             (at as i64 - self.reach).max(first)..=(at as i64 + self.reach).min(last)
@@ -213,10 +196,9 @@ impl Patches {
         let (rows, columns) = (range(y, &self.lit[0]), range(x, &self.lit[1]));
         let wide = (columns.end() - columns.start() + 1) as usize;
         let mut costs = Vec::with_capacity(wide * wide);
-        let mut there = own;
         for j in rows.clone() {
             for i in columns.clone() {
-                window(other, j as usize, i as usize, &mut there);
+                let there = patch(other, width, [j as usize, i as usize]);
                 costs.push(own.iter().zip(&there).map(|(a, b)| (a - b) * (a - b)).sum::<f32>() / variance);
             }
         }
@@ -241,4 +223,19 @@ impl Patches {
             }
         }
     }
+}
+
+/// The pixels around a place.
+fn patch(values: &[f32], width: usize, [y, x]: [usize; 2]) -> [f32; SIDE * SIDE] {
+    let mut patch = [0.0; SIDE * SIDE];
+    for (row, out) in patch.chunks_exact_mut(SIDE).enumerate() {
+        out.copy_from_slice(&values[(y + row - HALF) * width + x - HALF..][..SIDE]);
+    }
+    patch
+}
+
+/// The variance of a patch, times its pixels.
+fn variance(patch: &[f32]) -> f32 {
+    let mean = patch.iter().sum::<f32>() / patch.len() as f32;
+    patch.iter().map(|v| (v - mean).powi(2)).sum::<f32>().max(f32::MIN_POSITIVE)
 }

@@ -1,20 +1,19 @@
 //! The range of a light field's disparities, found where the scene does not state it, from coarse to fine.
 //!
-//! Small copies of the central view are compared with its nearest neighbours over every disparity up to a third of the
+//! Small copies of the central view are compared with its nearest neighbors over every disparity up to a third of the
 //! picture; larger copies, with farther views, over what was found. Only pixels count of which the pictures leave no
 //! doubt: alike in the views of both axes, like at no other disparity, and with a small standard error (`subpixel`). The range
 //! ends where enough of them agree; it is doubted where too much of the detail is not among them, for that may lie anywhere.
 
 use crate::depth::flat::{OFF, OFF_RANGE, WINDOW};
 use crate::depth::subpixel::Subpixel;
-use crate::depth::survey::Trust;
 use crate::depth::sweep::{Arm, Sweep, lowest, reach_within};
 use crate::light_field::resize::Resize;
 use crate::{DepthSource, Fit, LightField, SceneError, depth::flat};
 use eyebox_optics::Display;
 use rayon::prelude::*;
 
-/// Where disparities are sought where nothing shows any, pixels between neighbouring views.
+/// Where disparities are sought where nothing shows any, pixels between neighboring views.
 pub(crate) const USUAL: [f64; 2] = [-2.0, 2.0];
 
 /// Pixels along the longer side: coarse, and fine.
@@ -24,9 +23,9 @@ const FINE: usize = 256;
 const STEPS: usize = 3;
 /// Another disparity is as unlike as this many times its best match, and as this many pixels, at least.
 const UNLIKE: [f32; 2] = [2.0, 0.4];
-/// Windows whose slopes sum to this much may be sure (5 x 5 pixels of 8 bits that differ from their neighbours by one).
+/// Windows whose slopes sum to this much may be sure (5 x 5 pixels of 8 bits that differ from their neighbors by one).
 const SLOPE: f32 = 0.1;
-/// Standard errors of what is sure, pixels between neighbouring views, at most.
+/// Standard errors of what is sure, pixels between neighboring views, at most.
 const ERROR: f64 = 0.06;
 /// The share of the sure pixels that is no accident where they lie within as many pixels of each other, and their number.
 const ENOUGH: f64 = 0.005;
@@ -48,7 +47,7 @@ const SAME: f32 = 4e-3;
 /// What the views show.
 #[derive(Debug, Clone, Copy)]
 struct Found {
-    /// Smallest and largest disparity, pixels between neighbouring views; none where nothing is sure.
+    /// Smallest and largest disparity, pixels between neighboring views; none where nothing is sure.
     range: Option<[f64; 2]>,
     /// The same with flat surfaces, which only their edges show.
     beyond: [f64; 2],
@@ -64,12 +63,12 @@ impl Found {
     }
 }
 
-/// Disparities that were not stated, pixels between neighbouring views at this resolution.
+/// Disparities that were not stated, pixels between neighboring views at this resolution.
 pub(crate) struct Measured {
     /// From the farthest to the nearest; none where the pictures show nothing.
     pub range: Option<[f64; 2]>,
-    /// How far the range is trusted.
-    pub trust: Trust,
+    /// How far the range is trusted: it is measured, plausible or doubtful.
+    pub trust: DepthSource,
 }
 
 impl LightField {
@@ -78,11 +77,12 @@ impl LightField {
         let first = look(self, None);
         let shows_something = first.range.is_some() || !first.is_trusted();
         if shows_something && self.stands_still() {
-            return Measured { range: Some([0.0; 2]), trust: Trust::Sure };
+            return Measured { range: Some([0.0; 2]), trust: DepthSource::Measured };
         }
         if first.is_trusted() {
-            return Measured { range: first.range, trust: Trust::Sure };
+            return Measured { range: first.range, trust: DepthSource::Measured };
         }
+        let percent = |share: f64| (100.0 * share) as u8;
         // What is drawn is flat, or repeats itself: windows as a whole, then within ever fewer pixels.
         let mut within = self.height.max(self.width) as f64 / 9.0;
         let mut best = first;
@@ -90,7 +90,7 @@ impl LightField {
             let found = look(self, Some(within));
             let share = |found: &Found| found.share.filter(|_| found.range.is_some()).unwrap_or(0.0);
             if found.range.is_some() && found.is_trusted() {
-                return Measured { range: found.range, trust: Trust::Plausible(share(&found)) };
+                return Measured { range: found.range, trust: DepthSource::Plausible(percent(share(&found))) };
             }
             if share(&found) > share(&best) {
                 best = found;
@@ -99,10 +99,10 @@ impl LightField {
         }
         let sure = best.share.unwrap_or(0.0);
         let trust = match best.range {
-            Some(_) if best.explained >= PLAUSIBLE[0] && sure >= PLAUSIBLE[1] => Trust::Plausible(sure),
-            _ => Trust::Doubtful(first.share.unwrap_or(0.0)),
+            Some(_) if best.explained >= PLAUSIBLE[0] && sure >= PLAUSIBLE[1] => DepthSource::Plausible(percent(sure)),
+            _ => DepthSource::Doubtful(percent(first.share.unwrap_or(0.0))),
         };
-        Measured { range: best.range.filter(|_| !matches!(trust, Trust::Doubtful(_))).or(first.range), trust }
+        Measured { range: best.range.filter(|_| !matches!(trust, DepthSource::Doubtful(_))).or(first.range), trust }
     }
 
     /// Whether all views of the central row and column are the central one, but for rounding.
@@ -121,7 +121,7 @@ impl LightField {
         })
     }
 
-    /// Where disparities are sought, pixels between neighbouring views at this resolution: in the range that the scene
+    /// Where disparities are sought, pixels between neighboring views at this resolution: in the range that the scene
     /// states on `display`; else a little beyond what the views show.
     pub(crate) fn disparities_sought(&self, display: &Display) -> [f64; 2] {
         let per_pixel = display.focal_length * display.picture_pixel() / self.cell(display);
@@ -135,7 +135,7 @@ impl LightField {
         self.measured().range.map_or(USUAL, around)
     }
 
-    /// The depths that matter on `display`, farthest first, metres: as asked, as the scene says, or as the views show.
+    /// The depths that matter on `display`, farthest first, meters: as asked, as the scene says, or as the views show.
     ///
     /// # Errors
     /// [`SceneError::Request`] where nothing is asked or stated, and the views show too little.
@@ -144,7 +144,7 @@ impl LightField {
     }
 }
 
-/// Farthest and nearest depth, metres, before a lens of `focal_length`: as asked, or as found.
+/// Farthest and nearest depth, meters, before a lens of `focal_length`: as asked, or as found.
 ///
 /// # Errors
 /// [`SceneError::Request`] where nothing is asked, and what is found is doubtful.
@@ -160,7 +160,7 @@ pub fn asked_or_found(
     source.sure(found, focal_length)
 }
 
-/// A view's light in all colours together, in units of the brightest.
+/// A view's light in all colors together, in units of the brightest.
 pub(crate) fn mean_light(field: &LightField) -> impl Fn(usize) -> Vec<f32> {
     let brightest = field.planes.par_iter().flatten().flatten().copied().reduce(|| 0.0, f32::max);
     let unit = 1.0 / (brightest.max(f32::MIN_POSITIVE) * field.planes.len().max(1) as f32);
@@ -245,11 +245,7 @@ fn ends(sweep: &Sweep, range: [f64; 2], by_window: bool) -> Found {
     let mut all: Vec<f64> = all.into_iter().map(|(_, d)| d).collect();
     all.sort_by(f64::total_cmp);
     let enough = LEAST.max((ENOUGH * all.len() as f64) as usize);
-    let together = |run: &&[f64]| run[enough - 1] - run[0] <= TOGETHER;
-    // The middle one of the outermost that agree.
-    let low = all.windows(enough).find(together).map(|run| run[enough / 2]);
-    let high = all.windows(enough).rfind(together).map(|run| run[enough / 2]);
-    let Some((low, high)) = low.zip(high) else { return Found { range: None, share, ..nothing } };
+    let Some([low, high]) = flat::outermost(&all, enough, TOGETHER) else { return Found { share, ..nothing } };
     let best = |p: usize| {
         let costs = &costs[p * count..][..count];
         (0..count).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).map_or(range[0], at)

@@ -47,7 +47,7 @@ impl Subpixel {
         Self(Sweep { height, width, center: soft(&sweep.center), arms })
     }
 
-    /// The disparity of the window of `half` pixels around row and column, pixels between neighbouring views, and its standard
+    /// The disparity of the window of `half` pixels around row and column, pixels between neighboring views, and its standard
     /// error; near the guess `d`, or none.
     pub fn refined(&self, [y, x]: [usize; 2], half: usize, d: f64) -> Option<[f64; 2]> {
         let Sweep { height, width, arms, .. } = &self.0;
@@ -85,7 +85,7 @@ impl Subpixel {
             // Content of disparity d stands displaced by -d per step (OPTICS 3).
             let away = -d * s as f32;
             let (first, part) = (away.floor() as isize, away - away.floor());
-            // Four neighbours along the axis of each pixel of the window, no farther than the edge.
+            // Four neighbors along the axis of each pixel of the window, no farther than the edge.
             let reach =
                 |i: usize, k: isize| ((at + i) as isize - half as isize + first + k).clamp(0, last as isize) as usize;
             for j in 0..=2 * half {
@@ -108,7 +108,7 @@ impl Subpixel {
     }
 }
 
-/// Means of a quarter, a half and a quarter of three neighbours, along both axes.
+/// Means of a quarter, a half and a quarter of three neighbors, along both axes.
 pub(crate) fn soften(view: &[f32], height: usize, width: usize) -> Vec<f32> {
     let blend = |a: f32, b: f32, c: f32| 0.25 * a + 0.5 * b + 0.25 * c;
     let rows = view

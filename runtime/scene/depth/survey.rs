@@ -1,13 +1,14 @@
 //! What a scene holds: where its light is, and how deep it reaches.
 
+use crate::depth::range::Measured;
 use crate::{LightField, SceneError};
 use eyebox_optics::{Color, Display, depths_in_words};
 use rayon::prelude::*;
 
-/// How much light one colour of a scene holds.
+/// How much light one color of a scene holds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Light {
-    /// Which colour.
+    /// Which color.
     pub color: Color,
     /// The brightest value of any view, linear light.
     pub brightest: f64,
@@ -15,7 +16,7 @@ pub struct Light {
     pub mean: f64,
 }
 
-/// Rows and columns of pixels, from each edge, that hold no light in any view and colour.
+/// Rows and columns of pixels, from each edge, that hold no light in any view and color.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Black {
     /// Rows from the top.
@@ -38,23 +39,12 @@ pub enum DepthSource {
     Measured,
     /// Measured, and plausible: it explains the views, though only so many per cent of their detail have a disparity that is unique.
     Plausible(u8),
-    /// Measured, and not to be trusted: only so many per cent of its detail are found again for sure in the neighbouring views.
+    /// Measured, and not to be trusted: only so many per cent of its detail are found again for sure in the neighboring views.
     Doubtful(u8),
 }
 
-/// How far measured disparities are trusted.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Trust {
-    /// Detail shows them, or there is none.
-    Sure,
-    /// They explain the detail, of which this share is sure; the rest repeats itself.
-    Plausible(f64),
-    /// Too little of the detail is found again: this share.
-    Doubtful(f64),
-}
-
 impl DepthSource {
-    /// Farthest and nearest depth, metres, that come from here, behind a lens of `focal_length`, metres.
+    /// Farthest and nearest depth, meters, that come from here, behind a lens of `focal_length`, meters.
     ///
     /// # Errors
     /// [`SceneError::Request`] where they are doubtful.
@@ -74,7 +64,7 @@ impl DepthSource {
     }
 }
 
-/// Pixels of `display` that a pupil of this diameter (metres) tells apart: those of its window of the spectrum (OPTICS 5).
+/// Pixels of `display` that a pupil of this diameter (meters) tells apart: those of its window of the spectrum (OPTICS 5).
 pub(crate) fn told_apart(display: &Display, diameter: f64) -> f64 {
     (display.eyebox_min() / diameter.max(1e-9)).max(1.0)
 }
@@ -83,7 +73,7 @@ pub(crate) fn told_apart(display: &Display, diameter: f64) -> f64 {
 pub const DARK: f64 = 0.5 / 65535.0;
 
 impl LightField {
-    /// Light per colour, in the order of `colors`.
+    /// Light per color, in the order of `colors`.
     pub fn light(&self) -> Vec<Light> {
         let one = |(color, views): (&Color, &Vec<Vec<f32>>)| {
             let sums = views.par_iter().map(|view| {
@@ -144,13 +134,13 @@ impl LightField {
         views.par_iter().map(of).sum::<f64>() / views.len().max(1) as f64
     }
 
-    /// The brightest value of any view and colour.
+    /// The brightest value of any view and color.
     pub(crate) fn brightest(&self) -> f32 {
         let views: Vec<&Vec<f32>> = self.planes.iter().flatten().collect();
         views.par_iter().map(|v| v.iter().copied().fold(0.0, f32::max)).reduce(|| 0.0, f32::max)
     }
 
-    /// Pixels of `display` by which the ends of `depth` (metres) move against each other from view to view: beyond what a pupil
+    /// Pixels of `display` by which the ends of `depth` (meters) move against each other from view to view: beyond what a pupil
     /// tells apart, it sees each edge out of focus as often as it takes in views (OPTICS 14).
     pub fn aliasing(&self, display: &Display, [far, near]: [f64; 2]) -> f64 {
         let views = self.grid[0].max(self.grid[1]);
@@ -161,7 +151,7 @@ impl LightField {
         }
     }
 
-    /// [`aliasing`](Self::aliasing) for people, what it does to pupils as wide as `widest` (metres), and whether they see it.
+    /// [`aliasing`](Self::aliasing) for people, what it does to pupils as wide as `widest` (meters), and whether they see it.
     pub fn aliasing_in_words(&self, display: &Display, depth: [f64; 2], widest: f64) -> ([String; 2], bool) {
         let pixels = self.aliasing(display, depth);
         let least = told_apart(display, widest);
@@ -176,28 +166,22 @@ impl LightField {
         ([format!("{pixels:.1} pixels from view to view"), why], seen)
     }
 
-    /// Views per axis, over the same places of the pupil plane, of which a pupil `widest` metres wide would see no
+    /// Views per axis, over the same places of the pupil plane, of which a pupil `widest` meters wide would see no
     /// [`aliasing`](Self::aliasing).
     pub fn views_without_aliasing(&self, display: &Display, depth: [f64; 2], widest: f64) -> usize {
         let views = self.grid[0].max(self.grid[1]);
         (views as f64 * (self.aliasing(display, depth) / told_apart(display, widest)).max(1.0)).min(1e6).ceil() as usize
     }
 
-    /// Farthest and nearest depth on `display`, metres: what the scene states, else what is measured in the central view;
+    /// Farthest and nearest depth on `display`, meters: what the scene states, else what is measured in the central view;
     /// 0 where nothing is seen in it.
     pub fn reach(&self, display: &Display) -> ([f64; 2], DepthSource) {
         if let Some([a, b]) = self.depth_range(display) {
             return ([a.min(b), a.max(b)], DepthSource::Stated);
         }
         let per_pixel = display.focal_length * display.picture_pixel() / self.cell(display);
-        let measured = self.measured();
-        let percent = |share: f64| (100.0 * share) as u8;
-        let source = match measured.trust {
-            Trust::Sure => DepthSource::Measured,
-            Trust::Plausible(share) => DepthSource::Plausible(percent(share)),
-            Trust::Doubtful(share) => DepthSource::Doubtful(percent(share)),
-        };
-        (measured.range.unwrap_or_default().map(|d| d * per_pixel), source)
+        let Measured { range, trust } = self.measured();
+        (range.unwrap_or_default().map(|d| d * per_pixel), trust)
     }
 }
 

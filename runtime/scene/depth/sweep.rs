@@ -6,12 +6,12 @@ use std::ops::Range;
 
 /// Disparities that are tried, at most.
 pub(crate) const MOST: usize = 96;
-/// Cost of a neighbour one step away, and of one further away, in units of the square root of light.
+/// Cost of a neighbor one step away, and of one further away, in units of the square root of light.
 const STEP: f32 = 0.02;
 const JUMP: f32 = 0.12;
 /// Differences beyond this are occlusions or highlights.
 pub(crate) const OUTLIER: f32 = 0.25;
-/// Of views that are compared as they are sampled, what the centre shows within so many pixels to each side is no difference: half a pixel,
+/// Of views that are compared as they are sampled, what the center shows within so many pixels to each side is no difference: half a pixel,
 /// and a tenth more, for the straight line between two pixels of the other view softens it.
 const SAMPLED: f32 = 0.6;
 /// Candidates to each side of the one that is chosen then, among which all that differs decides.
@@ -33,13 +33,13 @@ pub(crate) enum Compared {
     AsSampled,
 }
 
-/// A view and its neighbours in its row and column.
+/// A view and its neighbors in its row and column.
 pub(crate) struct Sweep {
     pub height: usize,
     pub width: usize,
     /// Square root of light.
     pub center: Vec<f32>,
-    /// Views left, right, above and below: steps from the centre (rows, columns), square root of light.
+    /// Views left, right, above and below: steps from the center (rows, columns), square root of light.
     pub arms: [Arm; 4],
 }
 
@@ -70,13 +70,13 @@ impl Sweep {
         Self { height, width, center: root(r * columns + c), arms }
     }
 
-    /// How far the outermost view stands from the centre, in steps.
+    /// How far the outermost view stands from the center, in steps.
     pub fn reach(&self) -> f64 {
         let all = self.arms.iter().flatten();
         all.map(|(r, c, _)| r.unsigned_abs().max(c.unsigned_abs())).max().unwrap_or(0) as f64
     }
 
-    /// Disparity of each pixel, pixels between neighbouring views, between the ends of `range`.
+    /// Disparity of each pixel, pixels between neighboring views, between the ends of `range`.
     pub fn disparities(&self, range: [f64; 2], compared: Compared) -> Vec<f32> {
         let span = range[1] - range[0];
         // The outermost view moves by half a pixel from one candidate to the next.
@@ -106,7 +106,7 @@ impl Sweep {
     }
 
     /// (height, width, candidates): mean difference, over the better of two opposite arms, for what is hidden on one
-    /// side is seen on the other. What the centre shows within `sampled` pixels to each side along an arm is no difference.
+    /// side is seen on the other. What the center shows within `sampled` pixels to each side along an arm is no difference.
     pub fn costs(&self, count: usize, sampled: f32, disparity: impl Fn(usize) -> f64 + Sync) -> Vec<f32> {
         let (h, w) = (self.height, self.width);
         let mut costs = vec![0.0f32; h * w * count];
@@ -142,7 +142,7 @@ impl Sweep {
         costs
     }
 
-    /// Least and most light of the centre's row `y` within `reach` pixels (no more than one) of each pixel, along the row or across it.
+    /// Least and most light of the center's row `y` within `reach` pixels (no more than one) of each pixel, along the row or across it.
     fn around_row(&self, y: usize, along: bool, reach: f32) -> Vec<[f32; 2]> {
         let (h, w) = (self.height, self.width);
         let ends = |x: usize| {
@@ -211,7 +211,7 @@ impl Sweep {
     }
 }
 
-/// Where between its neighbours the least of the costs, `costs[d]`, would lie on a parabola through the three: -0.5 to 0.5.
+/// Where between its neighbors the least of the costs, `costs[d]`, would lie on a parabola through the three: -0.5 to 0.5.
 pub(crate) fn lowest(costs: &[f32], d: usize) -> f64 {
     if d == 0 || d + 1 >= costs.len() {
         return 0.0;

@@ -34,9 +34,7 @@ pub(crate) struct Options {
     /// Rows and columns of views.
     pub grid: Option<[usize; 2]>,
     /// How values become light.
-    pub transfer: Option<Transfer>,
-    /// The stored value of white.
-    pub full_scale: Option<f32>,
+    pub tone: Tone,
     /// Which array of an archive.
     pub array: Option<String>,
     /// How the views lie in a picture.
@@ -52,15 +50,7 @@ fn full_scale(text: &str) -> Result<f32, Reason> {
 }
 
 impl Options {
-    /// The statements about how values become light.
-    pub fn tone(&self) -> Tone {
-        Tone { transfer: self.transfer, full_scale: self.full_scale }
-    }
-
     /// Reads them.
-    ///
-    /// # Errors
-    /// In words.
     pub fn parse(query: &str, is_array: bool) -> Result<Self, Reason> {
         let mut options = Self::default();
         for part in query.split('&').filter(|part| !part.is_empty()) {
@@ -71,9 +61,9 @@ impl Options {
                     let must = "rows and columns of views, 1 to 64 each, as in grid=9x9";
                     options.grid = Some(sides.ok_or_else(|| reason!("option-value", "'{part}': it must be {must}"))?);
                 }
-                ("srgb", "") => options.transfer = Some(Transfer::Srgb),
-                ("linear", "") => options.transfer = Some(Transfer::Linear),
-                ("full_scale", value) => options.full_scale = Some(full_scale(value)?),
+                ("srgb", "") => options.tone.transfer = Some(Transfer::Srgb),
+                ("linear", "") => options.tone.transfer = Some(Transfer::Linear),
+                ("full_scale", value) => options.tone.full_scale = Some(full_scale(value)?),
                 ("array", name) if is_array && !name.is_empty() => options.array = Some(name.into()),
                 ("mosaic", "") if !is_array => options.tiling = Some(Tiling::Views),
                 ("lenslets", "") if !is_array => options.tiling = Some(Tiling::Lenslets),

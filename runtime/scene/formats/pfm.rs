@@ -1,21 +1,15 @@
 //! Portable float maps: `Pf`, width and height, a scale whose sign tells the byte order, rows from the bottom up.
 
+use crate::formats::still::Stored;
+use crate::light_field::near::Kind;
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
-
-/// A grey float map, rows from the top down.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Pfm {
-    pub height: usize,
-    pub width: usize,
-    pub values: Vec<f32>,
-}
 
 /// Reads a PFM file from its bytes. The scale's size is ignored, as every reader does.
 ///
 /// # Errors
 /// What is wrong, in words. Nothing is allocated before the file proves to hold it.
-pub(crate) fn parse(bytes: &[u8]) -> Result<Pfm, Reason> {
+pub(crate) fn parse(bytes: &[u8]) -> Result<Stored, Reason> {
     let mut rest = bytes;
     let mut token = |what: &str| -> Result<&str, Reason> {
         let start = rest
@@ -32,7 +26,7 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<Pfm, Reason> {
     };
     match token("its kind")? {
         "Pf" => {}
-        "PF" => return Err(reason!("pfm-color", "a colour float map (PF): a depth map has one channel (Pf)")),
+        "PF" => return Err(reason!("pfm-color", "a color float map (PF): a depth map has one channel (Pf)")),
         other => return Err(reason!("not-pfm", "not a float map: it begins with {other:?}, not \"Pf\"")),
     }
     let mut axis = |what: &str| -> Result<usize, Reason> {
@@ -60,7 +54,7 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<Pfm, Reason> {
         if scale < 0.0 { f32::from_le_bytes(b) } else { f32::from_be_bytes(b) }
     };
     let values = rest.chunks_exact(width * 4).rev().flat_map(|row| row.chunks_exact(4).map(value)).collect();
-    Ok(Pfm { height, width, values })
+    Ok(Stored { height, width, kind: Kind::Floats, values, range: None })
 }
 
 #[cfg(test)]

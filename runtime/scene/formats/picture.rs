@@ -1,63 +1,40 @@
 //! Pictures from files, as planes of linear light.
 
 use crate::SceneError;
-use crate::formats::png_tone;
 use crate::formats::tone::{Reading, Stored};
+use crate::formats::{png_tone, still};
 use crate::light_field::light::{Picture, Transfer};
 use crate::light_field::near::Kind;
 use eyebox_base::error::Reason;
-use eyebox_base::files::{ColorSpace, FileError, Pixels, Samples, Wanted, color_space, holds_light};
-use eyebox_base::files::{picture_orientation, picture_size, read_pixels};
+use eyebox_base::files::{ColorSpace, FileError, Pixels, Samples, Wanted, color_space, picture_size, read_pixels};
 use eyebox_base::reason;
 use eyebox_optics::Color;
-use std::path::Path;
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
 
 /// Pixels of the largest picture that is read: 8K, and 24 megapixels of a camera. It is in memory as a whole, and as light.
-const MOST_PIXELS: u64 = 1 << 25;
+pub(crate) const ONE: u64 = 1 << 25;
 /// The same of one that holds many views.
-const MOST_OF_MANY: u64 = 1 << 27;
+pub(crate) const MANY: u64 = 1 << 27;
 
-/// Rows and columns, from the header alone.
-pub(crate) fn size(path: &Path) -> Result<[usize; 2], SceneError> {
-    size_within(path, MOST_PIXELS)
+/// Rows and columns of a picture of at most so many pixels, from the header alone.
+pub(crate) fn size(path: &Path, most: u64) -> Result<[usize; 2], SceneError> {
+    Ok(picture_size(path, Wanted::Scene, most)?)
 }
 
-/// The same of a picture that holds many views.
-pub(crate) fn size_of_many(path: &Path) -> Result<[usize; 2], SceneError> {
-    size_within(path, MOST_OF_MANY)
+/// Rows and columns of pictures that must have one size; `name` is how an error names the first.
+pub(crate) fn size_of_all(paths: &[PathBuf], name: impl Fn(&Path) -> String) -> Result<[usize; 2], SceneError> {
+    let sizes: Vec<_> = paths.par_iter().map(|path| size(path, ONE)).collect::<Result<_, _>>()?;
+    match sizes.iter().position(|size| *size != sizes[0]) {
+        None => Ok(sizes[0]),
+        Some(i) => Err(SceneError::size(&paths[i], sizes[i], name(&paths[0]), sizes[0])),
+    }
 }
 
-fn size_within(path: &Path, most: u64) -> Result<[usize; 2], SceneError> {
-    picture_size(path, Wanted::Scene, most).map_err(SceneError::of_file)
-}
-
-/// The EXIF orientation that a picture is turned by, 1 to 8; 1 is as stored.
-pub(crate) fn orientation(path: &Path) -> Result<u8, SceneError> {
-    picture_orientation(path, Wanted::Scene).map_err(SceneError::of_file)
-}
-
-/// Decodes a file and turns it as its metadata say; values are not converted yet.
-fn decode(path: &Path, wanted: Wanted, most: u64) -> Result<Pixels, SceneError> {
-    read_pixels(path, wanted, most).map_err(SceneError::of_file)
-}
-
-/// Reads the planes of `colors` from a picture. A gray picture gives the same plane for each color; transparency is laid
-/// over black. `reading` says and counts how values become light.
-pub(crate) fn read(path: &Path, colors: &[Color], reading: &Reading) -> Result<Picture, SceneError> {
-    planes(path, &decode(path, Wanted::Scene, MOST_PIXELS)?, colors, reading)
-}
-
-/// The same of a picture that holds many views.
-pub(crate) fn read_of_many(path: &Path, colors: &[Color], reading: &Reading) -> Result<Picture, SceneError> {
-    planes(path, &decode(path, Wanted::Scene, MOST_OF_MANY)?, colors, reading)
-}
-
-/// The kind of a file whose values are light where nothing else is stated; none for others.
-pub(crate) fn linear(path: &Path) -> Option<&'static str> {
-    holds_light(path)
-}
-
-fn planes(path: &Path, image: &Pixels, colors: &[Color], reading: &Reading) -> Result<Picture, SceneError> {
+/// Reads the planes of `colors` from a picture of at most so many pixels. A gray picture gives the same plane for each color;
+/// transparency is laid over black. `reading` says and counts how values become light.
+pub(crate) fn read(path: &Path, most: u64, colors: &[Color], reading: &Reading) -> Result<Picture, SceneError> {
+    let image = &read_pixels(path, Wanted::Scene, most)?;
     let &Pixels { height, width, channels, premultiplied, orientation, .. } = image;
     let (stored, says) = match &image.samples {
         Samples::U8(v) => (Stored::Bytes(v), Transfer::Srgb),
@@ -120,27 +97,27 @@ fn mixed(planes: &[Vec<f32>], shares: [f64; 3]) -> Vec<f32> {
     pixels.map(|((red, green), blue)| (r * red + g * green + b * blue).max(0.0)).collect()
 }
 
-/// Reads the stored values of a grey picture, row by row; its rows and columns. In floats, one channel in three may hold them.
-pub(crate) fn stored(path: &Path) -> Result<(usize, usize, Kind, Vec<f32>), SceneError> {
-    let image = decode(path, Wanted::DepthMap, MOST_PIXELS)?;
+/// Reads the stored values of a gray picture. In floats, one channel in three may hold them.
+pub(crate) fn stored(path: &Path) -> Result<still::Stored, SceneError> {
+    let image = read_pixels(path, Wanted::DepthMap, ONE)?;
     let (channels, has_color) = (image.channels, image.has_color());
     let (kind, values): (_, Vec<f32>) = match &image.samples {
-        Samples::U8(v) => (Kind::Bytes, grey(v, channels, has_color, |a, b| a.abs_diff(b) <= 8)),
-        Samples::U16(v) => (Kind::Words, grey(v, channels, has_color, |a, b| a.abs_diff(b) <= 8 * 257)),
-        Samples::F32(v) => (Kind::Floats, grey(v, channels, has_color, |a, b| a.to_bits() == b.to_bits() || b == 0.0)),
+        Samples::U8(v) => (Kind::Bytes, gray(v, channels, has_color, |a, b| a.abs_diff(b) <= 8)),
+        Samples::U16(v) => (Kind::Words, gray(v, channels, has_color, |a, b| a.abs_diff(b) <= 8 * 257)),
+        Samples::F32(v) => (Kind::Floats, gray(v, channels, has_color, |a, b| a.to_bits() == b.to_bits() || b == 0.0)),
     };
     if values.is_empty() {
         let reason = reason!(
             "map-colors",
             "its pixels have colors, and nothing says what depth a color means: save its values as a gray picture or as an array (.npy)"
         );
-        return Err(SceneError::of_file(FileError::content(path, reason)));
+        return Err(FileError::content(path, reason).into());
     }
-    Ok((image.height, image.width, kind, values))
+    Ok(still::Stored { height: image.height, width: image.width, kind, values, range: None })
 }
 
 /// The first channel; nothing where another one is not `alike`.
-fn grey<T: Copy + Into<f32>>(v: &[T], channels: usize, has_color: bool, alike: impl Fn(T, T) -> bool) -> Vec<f32> {
+fn gray<T: Copy + Into<f32>>(v: &[T], channels: usize, has_color: bool, alike: impl Fn(T, T) -> bool) -> Vec<f32> {
     let pixels = v.chunks_exact(channels);
     if has_color && !pixels.clone().all(|p| alike(p[0], p[1]) && alike(p[0], p[2])) {
         return Vec::new();

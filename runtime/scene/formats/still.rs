@@ -1,17 +1,18 @@
 //! One picture: a file of its own, or a frame of a video.
 
 use crate::formats::options::Options;
-use crate::formats::tone::{FullScale, Reading, Tone};
+use crate::formats::tone::{Reading, Tone};
 use crate::formats::video_color::Matrix;
-use crate::light_field::light::Picture;
+use crate::light_field::light::{FullScale, Picture};
 use crate::light_field::near::Kind;
 use crate::{SceneError, formats::picture, formats::video};
+use eyebox_base::files::{Wanted, picture_orientation};
 use eyebox_optics::Color;
 use std::path::Path;
 
 /// Rows and columns, from the header alone.
 pub(crate) fn size(path: &Path) -> Result<[usize; 2], SceneError> {
-    video::named(path).map_or_else(|| picture::size(parts(path)?.0), |(file, _)| video::size(&file))
+    video::named(path).map_or_else(|| picture::size(parts(path)?.0, picture::ONE), |(file, _)| video::size(&file))
 }
 
 /// The planes of `colors`, linear light.
@@ -21,14 +22,14 @@ pub(crate) fn read(path: &Path, colors: &[Color]) -> Result<Picture, SceneError>
     }
     let (file, tone) = parts(path)?;
     let reading = Reading::new(tone);
-    let picture = picture::read(file, colors, &reading)?;
+    let picture = picture::read(file, picture::ONE, colors, &reading)?;
     reading.judge(file, FullScale::File)?;
     Ok(picture)
 }
 
 /// The EXIF orientation that a picture is turned by, 1 to 8; 1 is as stored.
 pub(crate) fn orientation(path: &Path) -> Result<u8, SceneError> {
-    if video::named(path).is_some() { Ok(1) } else { picture::orientation(parts(path)?.0) }
+    if video::named(path).is_some() { Ok(1) } else { Ok(picture_orientation(parts(path)?.0, Wanted::Scene)?) }
 }
 
 /// The file of a picture, and the statements behind its question mark.
@@ -37,29 +38,24 @@ fn parts(path: &Path) -> Result<(&Path, Tone), SceneError> {
     let (file, query) = crate::formats::options::parts(text);
     let options = Options::parse(query, false);
     let options = options.map_err(|reason| SceneError::Options { scene: text.into(), reason })?;
-    Ok((file, options.tone()))
+    Ok((file, options.tone))
 }
 
-/// Values of a grey picture: rows, columns and values, row by row; and the range that they have by their kind, where it is not theirs to
-/// tell, for it is the same in every frame.
+/// Values of a gray picture.
 pub(crate) fn stored(path: &Path) -> Result<Stored, SceneError> {
-    let (found, range) = match video::named(path) {
-        Some((file, frame)) => {
-            let found = video::stored(&file, frame.unwrap_or(0))?;
-            let range = video::range(found.2);
-            (found, Some(range))
-        }
-        None => (picture::stored(path)?, None),
-    };
-    let (height, width, kind, values) = found;
-    Ok(Stored { height, width, kind, values, range })
+    match video::named(path) {
+        Some((file, frame)) => video::stored(&file, frame.unwrap_or(0)),
+        None => picture::stored(path),
+    }
 }
 
-/// Values as they are kept.
+/// Values as they are kept, rows from the top down.
+#[derive(Debug, PartialEq)]
 pub(crate) struct Stored {
     pub height: usize,
     pub width: usize,
     pub kind: Kind,
     pub values: Vec<f32>,
+    /// The range that values of a video have by their kind, because it is the same in every frame.
     pub range: Option<[f32; 2]>,
 }

@@ -1,8 +1,7 @@
 //! The way from stored values to linear light: transfer function, full scale, and the values that are no light.
 
 use crate::SceneError;
-pub use crate::light_field::light::FullScale;
-use crate::light_field::light::{Transfer, srgb_to_linear, table};
+use crate::light_field::light::{FullScale, Transfer, srgb_to_linear, table};
 use eyebox_optics::Color;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
@@ -257,7 +256,6 @@ impl Reading {
     }
 
     /// The meaning of such values, in words.
-    #[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use it"))]
     pub fn in_words(&self, stored: Stored<'_>, says: Transfer) -> String {
         let kind = match stored {
             Stored::Bytes(_) => "8 bits",
@@ -286,7 +284,6 @@ impl Stored<'_> {
     }
 
     /// The largest value of the kind; of floats 1.
-    #[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use it"))]
     pub fn most(self) -> f32 {
         match self {
             Self::Bytes(_) => 255.0,

@@ -1,9 +1,10 @@
-//! Frames of YUV4MPEG2 videos (`.y4m`), of colours or of depths: `clip.y4m?frame=12` is the thirteenth, `clip.y4m` alone the first.
+//! Frames of YUV4MPEG2 videos (`.y4m`), of colors or of depths: `clip.y4m?frame=12` is the thirteenth, `clip.y4m` alone the first.
 //!
 //! Y'CbCr of the matrix that is stated (`clip.y4m?matrix=bt709`, or `XCOLORMATRIX=BT709` in the file) or that of the format
 //! ([`Matrix::usual`]): limited range unless the file says `XCOLORRANGE=FULL`; 4:2:0, 4:2:2, 4:4:4 or gray, of 8 to 16 bits. The
 //! decoded values are sRGB.
 
+use crate::formats::still;
 use crate::formats::video_color::{Matrix, check_aspect, check_interlacing};
 use crate::light_field::light::Picture;
 use crate::light_field::near::Kind;
@@ -47,9 +48,6 @@ pub(crate) fn frame(video: &Path, frame: usize) -> String {
 }
 
 /// How many frames a video has.
-///
-/// # Errors
-/// Those of reading; [`SceneError::Corrupt`].
 pub(crate) fn count(video: &Path) -> Result<usize, SceneError> {
     let mut video = Video::open(video)?;
     let mut count = 0;
@@ -60,17 +58,11 @@ pub(crate) fn count(video: &Path) -> Result<usize, SceneError> {
 }
 
 /// Rows and columns of a frame.
-///
-/// # Errors
-/// As [`count`].
 pub(crate) fn size(video: &Path) -> Result<[usize; 2], SceneError> {
     Ok(Video::open(video)?.size)
 }
 
 /// The planes of `colors` of a frame, linear light; `matrix` if it is stated.
-///
-/// # Errors
-/// As [`count`]; where there is no such frame.
 pub(crate) fn read(
     video: &Path,
     frame: usize,
@@ -96,34 +88,23 @@ pub(crate) fn read(
     Ok(Picture { height, width, planes, read_as })
 }
 
-/// The luma of a frame, as values of 8 or of 16 bits, whose range is the same in every frame: rows, columns and values.
-///
-/// # Errors
-/// As [`read`].
-pub(crate) fn stored(video: &Path, frame: usize) -> Result<(usize, usize, Kind, Vec<f32>), SceneError> {
+/// The luma of a frame, as values of 8 or of 16 bits.
+pub(crate) fn stored(video: &Path, frame: usize) -> Result<still::Stored, SceneError> {
     let mut video = Video::open(video)?;
     let bytes = video.frame(frame)?;
     let [height, width] = video.size;
     let (kind, full) = if video.bits > 8 { (Kind::Words, 65535.0) } else { (Kind::Bytes, 255.0) };
     let values = (0..height * width).map(|i| (video.luma(&bytes, i).clamp(0.0, 1.0) * full).round()).collect();
-    Ok((height, width, kind, values))
+    Ok(still::Stored { height, width, kind, values, range: Some([0.0, full]) })
 }
 
 /// What a frame is decoded from: the first line of its file, and its samples.
-///
-/// # Errors
-/// As [`read`].
 pub(crate) fn stored_parts(video: &Path, frame: usize) -> Result<(String, Vec<u8>), SceneError> {
     let unreadable = |e: std::io::Error| SceneError::unreadable(video, &e);
     let mut head = String::new();
     let file = read::open(video).map_err(unreadable)?;
     BufReader::new(file.take(LINE)).read_line(&mut head).map_err(unreadable)?;
     Ok((head, Video::open(video)?.frame(frame)?))
-}
-
-/// The range of [`stored`] values of this kind.
-pub(crate) fn range(kind: Kind) -> [f32; 2] {
-    [0.0, if kind == Kind::Words { 65535.0 } else { 255.0 }]
 }
 
 /// A video, at the header of a frame.
@@ -133,9 +114,9 @@ struct Video {
     length: u64,
     /// Rows and columns.
     size: [usize; 2],
-    /// Pixels of luma, along y and x, for one of the colour differences; none where it is grey.
+    /// Pixels of luma, along y and x, for one of the color differences; none where it is gray.
     chroma: Option<[usize; 2]>,
-    /// Whether colour differences stand where the left pixel of two does, and not between them.
+    /// Whether color differences stand where the left pixel of two does, and not between them.
     left: bool,
     bits: u32,
     full: bool,
@@ -165,7 +146,7 @@ impl Video {
         };
         let kind = FileKind::of(path).map_err(unreadable)?;
         if kind != FileKind::Y4m {
-            return Err(SceneError::of_file(FileError::of_kind(path, kind, Wanted::Scene)));
+            return Err(FileError::of_kind(path, kind, Wanted::Scene).into());
         }
         let head = video.line()?;
         let words = head
@@ -298,19 +279,14 @@ impl Video {
 
     /// The samples of a frame.
     fn frame(&mut self, frame: usize) -> Result<Vec<u8>, SceneError> {
-        for before in 0..frame {
-            if !self.skip()? {
+        for before in 0..=frame {
+            let is_there = if before < frame { self.skip()? } else { self.begin()? };
+            if !is_there {
                 return Err(self.corrupt(reason!(
                     "no-such-frame",
                     "it has {before} frames, and frame {frame} is asked for, from 0 on"
                 )));
             }
-        }
-        if !self.begin()? {
-            return Err(self.corrupt(reason!(
-                "no-such-frame",
-                "it has {frame} frames, and frame {frame} is asked for, from 0 on"
-            )));
         }
         let mut bytes = vec![0; self.bytes()];
         self.from.read_exact(&mut bytes).map_err(|e| self.failed(&e))?;
@@ -333,7 +309,7 @@ impl Video {
         if self.full { value / most } else { (value - 16.0) / 219.0 }
     }
 
-    /// A colour difference at a pixel, -0.5 to 0.5, between the samples around it.
+    /// A color difference at a pixel, -0.5 to 0.5, between the samples around it.
     fn difference(&self, bytes: &[u8], which: usize, y: usize, x: usize) -> f32 {
         let Some(times) = self.chroma else { return 0.0 };
         let [rows, columns] = self.plane(true);

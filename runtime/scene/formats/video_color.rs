@@ -25,9 +25,6 @@ impl Matrix {
     }
 
     /// Reads the name of a matrix.
-    ///
-    /// # Errors
-    /// The reason in words for a name of none that is read.
     pub fn named(name: &str) -> Result<Self, Reason> {
         match name.to_ascii_lowercase().as_str() {
             "bt601" | "smpte170m" | "bt470bg" => Ok(Self::Bt601),
@@ -69,9 +66,6 @@ impl std::fmt::Display for Matrix {
 }
 
 /// Refuses fields of interlaced films.
-///
-/// # Errors
-/// The reason in words, with the remedy.
 pub(crate) fn check_interlacing(word: &str) -> Result<(), Reason> {
     match word {
         "t" | "b" | "m" => Err(reason!(
@@ -83,9 +77,6 @@ pub(crate) fn check_interlacing(word: &str) -> Result<(), Reason> {
 }
 
 /// Refuses pixels that are not square.
-///
-/// # Errors
-/// The reason in words, with the remedy.
 pub(crate) fn check_aspect(word: &str) -> Result<(), Reason> {
     let sides = word.split_once(':').and_then(|(a, b)| Some((a.parse::<u32>().ok()?, b.parse::<u32>().ok()?)));
     match sides {

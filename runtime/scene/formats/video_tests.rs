@@ -3,7 +3,7 @@
 use super::*;
 use eyebox_base::error::ErrorData;
 
-/// Four frames of one colour each: white, black, red, blue of ITU-R BT.601, after the words of each kind.
+/// Four frames of one color each: white, black, red, blue of ITU-R BT.601, after the words of each kind.
 fn video(words: &str, bits: u32, samples: [usize; 2]) -> Vec<u8> {
     let mut bytes = format!("YUV4MPEG2 W5 H3 F30:1 Ip {words}\n").into_bytes();
     let full = words.contains("FULL");
@@ -46,7 +46,7 @@ fn frames_of_every_kind_have_their_colours() {
         }
     }
     std::fs::write(&file, video("Cmono16 XCOLORRANGE=FULL", 16, [0, 0])).unwrap();
-    let (height, width, kind, values) = stored(&file, 2).unwrap();
+    let still::Stored { height, width, kind, values, .. } = stored(&file, 2).unwrap();
     assert_eq!((height, width, kind, values[0]), (3, 5, Kind::Words, 76.0 * 256.0));
 }
 

@@ -23,14 +23,13 @@ pub enum FirstTile {
     TopRight,
 }
 
+impl FirstTile {
+    pub(crate) const ALL: [Self; 4] = [Self::BottomLeft, Self::TopLeft, Self::BottomRight, Self::TopRight];
+}
+
 impl fmt::Display for FirstTile {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(match self {
-            Self::BottomLeft => "bottom-left",
-            Self::TopLeft => "top-left",
-            Self::BottomRight => "bottom-right",
-            Self::TopRight => "top-right",
-        })
+        f.write_str(["bottom-left", "top-left", "bottom-right", "top-right"][*self as usize])
     }
 }
 
@@ -64,8 +63,7 @@ impl Tiles {
     fn reversed(self) -> Self {
         let mut order = self.order();
         order.reverse();
-        let corners = [FirstTile::BottomLeft, FirstTile::TopLeft, FirstTile::BottomRight, FirstTile::TopRight];
-        let tiles = corners.map(|first| Self { first, ..self });
+        let tiles = FirstTile::ALL.map(|first| Self { first, ..self });
         tiles.into_iter().find(|tiles| tiles.order() == order).unwrap_or(self)
     }
 
@@ -85,7 +83,7 @@ impl fmt::Display for Tiles {
     }
 }
 
-/// Positions of cameras in the pupil plane, metres: x to the right, y downwards.
+/// Positions of cameras in the pupil plane, meters: x to the right, y downwards.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Positions {
     /// Rows and columns that are not evenly spaced: x of each column, y of each row.
@@ -96,22 +94,14 @@ pub(crate) enum Positions {
 
 /// `positions_mm` of `lightfield.toml`.
 #[derive(Debug, Clone, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, deny_unknown_fields)]
 pub(crate) enum PositionsToml {
     /// One row.
     Row(Vec<f64>),
     /// Each view.
     Each(Vec<[f64; 2]>),
     /// Columns and rows.
-    Lines(LinesToml),
-}
-
-/// Rows and columns of `positions_mm`.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct LinesToml {
-    x: Vec<f64>,
-    y: Vec<f64>,
+    Lines { x: Vec<f64>, y: Vec<f64> },
 }
 
 /// Cameras farther from each other than this (mm) are before no eyebox.
@@ -121,13 +111,10 @@ impl PositionsToml {
     /// # Errors
     /// In words, if a number is not finite, or two cameras stand in one place.
     pub(crate) fn metres(self) -> Result<Positions, Reason> {
-        let metres = |mm: &f64| mm * 1e-3;
         let found = match self {
-            Self::Row(x) => Positions::Each(x.iter().map(|x| [metres(x), 0.0]).collect()),
+            Self::Row(x) => Positions::Each(x.iter().map(|mm| [mm * 1e-3, 0.0]).collect()),
             Self::Each(all) => Positions::Each(all.iter().map(|at| at.map(|mm| mm * 1e-3)).collect()),
-            Self::Lines(LinesToml { x, y }) => {
-                Positions::Lines([x.iter().map(metres).collect(), y.iter().map(metres).collect()])
-            }
+            Self::Lines { x, y } => Positions::Lines([x, y].map(|line| line.iter().map(|mm| mm * 1e-3).collect())),
         };
         let all = found.all();
         if all.len() < 2 || all.iter().flatten().any(|v| v.is_nan() || v.abs() > FARTHEST_MM * 1e-3) {

@@ -13,6 +13,7 @@ use std::{io, path::Path};
 #[derive(Debug, Clone, PartialEq, thiserror::Error, serde::Serialize)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "fields that their names explain")]
 pub enum SceneError {
     /// Views that memory does not hold.
     #[error(transparent)]
@@ -20,7 +21,6 @@ pub enum SceneError {
     /// Neither a file nor a folder.
     #[error("{path}: no such {what}{}", eyebox_base::files::similar(path).map_or(String::new(), |name| format!("; there is {name}")))]
     NotFound {
-        /// The path.
         path: String,
         /// What was expected there.
         what: &'static str,
@@ -28,7 +28,6 @@ pub enum SceneError {
     /// A file or folder that cannot be read.
     #[error("{path}: {reason}")]
     Unreadable {
-        /// The path.
         path: String,
         /// What the system says.
         reason: Reason,
@@ -40,14 +39,10 @@ pub enum SceneError {
     #[error(
         "{folder}: no views here: expected numbered PNG, JPEG or EXR files such as input_Cam000.png or view_3_7.png"
     )]
-    Empty {
-        /// The folder.
-        folder: String,
-    },
+    Empty { folder: String },
     /// A folder whose views are in folders of its own.
     #[error("{folder}: no views here, but in its folders: give one of them, as {inner}")]
     Deeper {
-        /// The folder.
         folder: String,
         /// The first folder in it that has views.
         inner: String,
@@ -55,7 +50,6 @@ pub enum SceneError {
     /// Numbered pictures that do not fill a grid.
     #[error("{folder}: the views are not a grid: {reason}")]
     NotAGrid {
-        /// The folder.
         folder: String,
         /// How many there are, and what would be a grid.
         reason: Reason,
@@ -66,9 +60,7 @@ pub enum SceneError {
          field, and each named by itself ({first} ...) the frames of a sequence"
     )]
     Rows {
-        /// The folder.
         folder: String,
-        /// How many folders.
         rows: usize,
         /// Views in each.
         columns: usize,
@@ -83,9 +75,7 @@ pub enum SceneError {
     MissingView {
         /// The file that should exist.
         file: String,
-        /// Rows of the grid.
         rows: usize,
-        /// Columns of the grid.
         columns: usize,
     },
     /// Views in rows and columns that are not evenly spaced, by the numbers in their names.
@@ -95,7 +85,6 @@ pub enum SceneError {
         rows = y.len(), columns = x.len()
     )]
     Uneven {
-        /// The folder.
         folder: String,
         /// Numbers of the columns,
         x: Vec<f64>,
@@ -105,7 +94,6 @@ pub enum SceneError {
     /// Views whose cameras do not stand as the views are read.
     #[error("{scene}: {found}")]
     Cameras {
-        /// The scene.
         scene: String,
         /// What the pictures show.
         found: CamerasFound,
@@ -116,7 +104,6 @@ pub enum SceneError {
         keys.as_ref().map_or(String::new(), |keys| format!(" (or {keys} in lightfield.toml)"))
     )]
     Order {
-        /// The folder.
         folder: String,
         /// What is seen.
         reason: Reason,
@@ -131,7 +118,6 @@ pub enum SceneError {
          views as they are with `photographs` cells"
     )]
     OddViews {
-        /// The scene.
         scene: String,
         /// Which.
         views: String,
@@ -152,17 +138,12 @@ pub enum SceneError {
         }
     )]
     Size {
-        /// The file.
         file: String,
-        /// Its rows.
         height: usize,
-        /// Its columns.
         width: usize,
         /// The file that it is compared with.
         other: String,
-        /// Rows of that one.
         other_height: usize,
-        /// Columns of that one.
         other_width: usize,
     },
     /// A depth map of a picture that its metadata turn, made of the pixels as they are stored.
@@ -171,13 +152,9 @@ pub enum SceneError {
          turn the map likewise, or save the picture upright"
     )]
     Turned {
-        /// The map.
         file: String,
-        /// Its rows.
         height: usize,
-        /// Its columns.
         width: usize,
-        /// The picture.
         other: String,
         /// The EXIF orientation of the picture, 2 to 8.
         orientation: u8,
@@ -185,7 +162,6 @@ pub enum SceneError {
     /// A file that is cut short, damaged, or of another kind than its name says.
     #[error("{file}: {reason}")]
     Corrupt {
-        /// The file.
         file: String,
         /// What the decoder says.
         reason: Reason,
@@ -193,7 +169,6 @@ pub enum SceneError {
     /// A pixel that is no light: not a number, infinite or negative.
     #[error("{file}: the value at row {row}, column {column} is {value}: it must be {must}")]
     Value {
-        /// The file.
         file: String,
         /// Row of the first such pixel.
         row: usize,
@@ -206,17 +181,13 @@ pub enum SceneError {
     },
     /// A video that does not state its matrix.
     #[error("{file}: nothing says whether its matrix is BT.601 or BT.709: state it, as in {file}?matrix=bt709")]
-    Matrix {
-        /// The video.
-        file: String,
-    },
+    Matrix { file: String },
     /// A picture whose values become light in a way that is not read.
     #[error(
         "{file}: it states {found}, which is not read: convert it to sRGB, or say that it is meant as sRGB or linear light (transfer \
          in lightfield.toml, or FILE?srgb, FILE?linear)"
     )]
     Transfer {
-        /// The picture.
         file: String,
         /// The statement, in words.
         #[serde(rename = "reason")]
@@ -225,7 +196,6 @@ pub enum SceneError {
     /// Pictures whose value of white is not known.
     #[error("{file}: {found}, and nothing says which value is white: {}", how.states(file, *white))]
     FullScale {
-        /// The file or folder.
         file: String,
         /// The values, in words.
         found: String,
@@ -239,20 +209,13 @@ pub enum SceneError {
         "{file}: its pictures have different numbers of bits, so that no full scale is right for all of them: save them alike, each \
          with white as the largest value"
     )]
-    MixedScales {
-        /// The scene.
-        file: String,
-    },
+    MixedScales { file: String },
     /// Pictures that are transparent all over.
     #[error("{file}: every pixel is fully transparent, so that nothing is seen: save it without its alpha channel")]
-    Transparent {
-        /// The file or folder.
-        file: String,
-    },
+    Transparent { file: String },
     /// `lightfield.toml` or `parameters.cfg` says something that cannot be.
     #[error("{file}: {reason}")]
     Settings {
-        /// The file.
         file: String,
         /// Which key, and what it must be.
         reason: Reason,
@@ -262,14 +225,10 @@ pub enum SceneError {
         "{file}: a single picture needs a depth map: give one by `depth_map`, or a folder of views, or {file}?mosaic if the picture \
          shows views beside each other"
     )]
-    NoDepthMap {
-        /// The picture.
-        file: String,
-    },
+    NoDepthMap { file: String },
     /// A depth map that does not show which of its values are near.
     #[error("{file}: {reason}: say which values are near: {decides}")]
     Ambiguous {
-        /// The map.
         file: String,
         /// The values of the map, in words.
         reason: Reason,
@@ -294,13 +253,12 @@ pub enum SceneError {
         /// Their names.
         known: String,
     },
-    /// A colour that the display does not have.
+    /// A color that the display does not have.
     #[error(transparent)]
     Optics(#[from] OpticsError),
     /// What stands behind the question mark of a source is not understood.
     #[error("{scene}: {reason}")]
     Options {
-        /// The source.
         scene: String,
         /// Which option, and what would be right.
         reason: Reason,
@@ -339,8 +297,24 @@ impl SceneError {
         Self::Value { file: file.to_string(), row, column, value, must: "finite and not negative" }
     }
 
-    /// What is wrong with a file that a scene is read from.
-    pub(crate) fn of_file(error: FileError) -> Self {
+    /// A picture of another size than `other`, (rows, columns) each.
+    pub(crate) fn size(file: &Path, [height, width]: [usize; 2], other: String, size: [usize; 2]) -> Self {
+        let [other_height, other_width] = size;
+        Self::Size { file: file.display().to_string(), height, width, other, other_height, other_width }
+    }
+
+    /// What the system said of a file or folder.
+    pub(crate) fn unreadable(path: &Path, error: &io::Error) -> Self {
+        let path = path.display().to_string();
+        match error.kind() {
+            io::ErrorKind::NotFound => Self::NotFound { path, what: "file" },
+            _ => Self::Unreadable { path, reason: reason_to_read(error).into() },
+        }
+    }
+}
+
+impl From<FileError> for SceneError {
+    fn from(error: FileError) -> Self {
         match error {
             FileError::Kind(other) => Self::Kind(other),
             FileError::Content { file, reason } => Self::Corrupt { file, reason },
@@ -351,15 +325,6 @@ impl SceneError {
             | FileError::Taken { path: file, .. } => {
                 Self::Unreadable { path: file, reason: reason!("not-readable", "it cannot be read") }
             }
-        }
-    }
-
-    /// What the system said of a file or folder.
-    pub(crate) fn unreadable(path: &Path, error: &io::Error) -> Self {
-        let path = path.display().to_string();
-        match error.kind() {
-            io::ErrorKind::NotFound => Self::NotFound { path, what: "file" },
-            _ => Self::Unreadable { path, reason: reason_to_read(error).into() },
         }
     }
 }

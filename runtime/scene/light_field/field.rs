@@ -1,14 +1,14 @@
 //! A light field: views on a grid of pupil positions.
 
 use crate::light_field::resize::{Fit, Resize};
-use crate::{MadeViews, SceneError};
+use crate::{MadeViews, SceneError, ViewGrid};
 use eyebox_optics::{Color, Display};
 use rayon::prelude::*;
 
 /// Views of a scene from a grid of positions in the pupil plane (OPTICS 3).
 ///
 /// View (row r, column c) looks from `x = (c - (columns - 1)/2) * cell`, `y = (r - (rows - 1)/2) * cell`. Content of
-/// disparity `delta` (pixels between neighbouring views, positive towards the camera) stands in it displaced by
+/// disparity `delta` (pixels between neighboring views, positive towards the camera) stands in it displaced by
 /// `-delta * (c - (columns - 1)/2)` columns and `-delta * (r - (rows - 1)/2)` rows from where the central view has it,
 /// and lies at depth `delta * f * p / cell`.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,15 +21,15 @@ pub struct LightField {
     pub height: usize,
     /// Pixel columns of each view.
     pub width: usize,
-    /// Which colours are loaded, in the order of `planes`.
+    /// Which colors are loaded, in the order of `planes`.
     pub colors: Vec<Color>,
     /// `[color][view, row-major][pixel, row-major]`: linear light, finite, not negative, 1 = full scale.
     pub planes: Vec<Vec<Vec<f32>>>,
-    /// Metres between neighbouring views in the pupil plane, where it is stated; see [`cell`](Self::cell).
+    /// Meters between neighboring views in the pupil plane, where it is stated; see [`cell`](Self::cell).
     pub view_pitch: Option<f64>,
-    /// Smallest and largest disparity, pixels between neighbouring views at this resolution.
+    /// Smallest and largest disparity, pixels between neighboring views at this resolution.
     pub disparity: Option<[f64; 2]>,
-    /// Farthest and nearest depth, metres at this resolution, where the scene states it.
+    /// Farthest and nearest depth, meters at this resolution, where the scene states it.
     pub depth: Option<[f64; 2]>,
     /// How its views were made, where they are not the scene's own.
     pub made: Option<MadeViews>,
@@ -70,8 +70,8 @@ impl LightField {
             views.len() == rows * columns && views.iter().all(|view| view.len() == height * width)
         };
         if self.colors.is_empty() || self.planes.len() != self.colors.len() || !self.planes.iter().all(alike) {
-            let value = format!("{} planes for {} colours", self.planes.len(), self.colors.len());
-            return wrong("the light field", value, "one plane a colour, each with a view for every place of the grid");
+            let value = format!("{} planes for {} colors", self.planes.len(), self.colors.len());
+            return wrong("the light field", value, "one plane a color, each with a view for every place of the grid");
         }
         match self.view_pitch.filter(|p| !(p.is_finite() && *p > 0.0)) {
             Some(pitch) => wrong("the view pitch (mm)", (pitch * 1e3).to_string(), "a positive, finite number"),
@@ -89,32 +89,55 @@ impl LightField {
         let planes = self.planes.iter().map(|views| views.par_iter().map(|view| resize.apply(view)).collect());
         Self {
             name: self.name.clone(),
-            grid: self.grid,
             height,
             width,
             colors: self.colors.clone(),
             planes: planes.collect(),
-            view_pitch: self.view_pitch,
             disparity: self.disparity.map(|d| resize.scale_range(d)),
             depth: self.depth.map(|d| resize.scale_range(d)),
-            made: self.made,
+            ..*self
         }
     }
 
-    /// Farthest and nearest depth when shown on `display`, metres: what the scene states, or else what its
+    /// Farthest and nearest depth when shown on `display`, meters: what the scene states, or else what its
     /// disparities mean (`z = delta f p / cell`), or nothing.
     pub fn depth_range(&self, display: &Display) -> Option<[f64; 2]> {
         let per_pixel = display.focal_length * display.picture_pixel() / self.cell(display);
         self.depth.or_else(|| self.disparity.map(|d| d.map(|delta| delta * per_pixel)))
     }
 
-    /// Rows and columns of the scene's own views, and their distance in the pupil plane before `display`, metres.
+    /// The same views of its pictures in another order: for each place of `grid`, row by row, the view of this one.
+    pub(crate) fn reordered(mut self, grid: [usize; 2], places: &[usize]) -> Self {
+        for views in &mut self.planes {
+            *views = places.iter().map(|&i| std::mem::take(&mut views[i])).collect();
+        }
+        Self { grid, ..self }
+    }
+
+    /// Without so many rows and columns of views on each side.
+    pub(crate) fn inner(self, outer: [usize; 2]) -> Self {
+        let [rows, columns] = self.grid;
+        let stays = |v: &usize| {
+            let at = [v / columns, v % columns];
+            (0..2).all(|i| (outer[i]..self.grid[i] - outer[i]).contains(&at[i]))
+        };
+        let places: Vec<usize> = (0..rows * columns).filter(stays).collect();
+        self.reordered([rows - 2 * outer[0], columns - 2 * outer[1]], &places)
+    }
+
+    /// The views of `grid` around its middle, over these depths (meters), in the place of its own.
+    pub(crate) fn with_made(self, grid: ViewGrid, planes: Vec<Vec<Vec<f32>>>, depth: [f64; 2]) -> Self {
+        let (places, view_pitch) = ([grid.rows, grid.columns], Some(grid.cell));
+        Self { grid: places, planes, view_pitch, disparity: None, depth: Some(depth), ..self }
+    }
+
+    /// Rows and columns of the scene's own views, and their distance in the pupil plane before `display`, meters.
     pub fn own_views(&self, display: &Display) -> ([usize; 2], f64) {
         self.made.as_ref().map_or((self.grid, self.cell(display)), |made| (made.grid, made.cell))
     }
 
-    /// Side of a view's square cell in the pupil plane, metres: the stated view pitch, or the eyebox that all of the
-    /// display's colours serve divided by the number of views along the longer axis.
+    /// Side of a view's square cell in the pupil plane, meters: the stated view pitch, or the eyebox that all of the
+    /// display's colors serve divided by the number of views along the longer axis.
     pub fn cell(&self, display: &Display) -> f64 {
         self.view_pitch.unwrap_or_else(|| display.eyebox_min() / self.grid[0].max(self.grid[1]).max(1) as f64)
     }
@@ -155,4 +178,13 @@ mod tests {
         assert!((near - 2.0 * 0.4 * 8e-6 / cell).abs() < 1e-12 && (far + near / 2.0).abs() < 1e-12);
         assert_eq!(LightField { view_pitch: Some(1e-3), ..field }.cell(&display), 1e-3);
     }
+}
+
+/// (place, color) as (color, place), of the first `colors`.
+pub(crate) fn by_color(views: impl IntoIterator<Item = Vec<Vec<f32>>>, colors: usize) -> Vec<Vec<Vec<f32>>> {
+    let mut planes: Vec<Vec<Vec<f32>>> = vec![Vec::new(); colors];
+    for view in views {
+        planes.iter_mut().zip(view).for_each(|(plane, view)| plane.push(view));
+    }
+    planes
 }

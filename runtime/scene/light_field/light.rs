@@ -13,7 +13,7 @@ pub(crate) enum Transfer {
     Linear,
 }
 
-/// One picture: its rows, its columns, and its planes in the order of the colours asked for.
+/// One picture: its rows, its columns, and its planes in the order of the colors asked for.
 pub(crate) struct Picture {
     pub height: usize,
     pub width: usize,

@@ -28,7 +28,6 @@ impl Near {
 }
 
 /// The kind of numbers that the file of a map stores.
-#[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use all of it"))]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
     /// A picture of 8 bits.
@@ -53,7 +52,7 @@ pub(crate) enum Meaning {
 pub(crate) struct Stated {
     /// Which values are near.
     pub near: Option<Near>,
-    /// The depths of the ends, metres. The nearer first says that small values are near.
+    /// The depths of the ends, meters. The nearer first says that small values are near.
     pub depth: Option<[f64; 2]>,
 }
 
@@ -157,6 +156,7 @@ pub(crate) fn meaning(
     let mut words = name.split(|c: char| !c.is_alphabetic());
     let is_inverse = name.contains("inv");
     let relative = |near: Near, reason: &str| Ok((Meaning::Relative(near), reason.to_owned()));
+    let in_words = ["larger is nearer", "distances: smaller is nearer", "bright is near", "dark is near"];
     match (kind, stated.near(kind)) {
         (_, Some(Near::Small | Near::Dark)) if is_disparity => Err(SceneError::Ambiguous {
             file: file.display().to_string(),
@@ -168,7 +168,7 @@ pub(crate) fn meaning(
             debug_assert!(near.is_none_or(Near::is_larger));
             Ok((Meaning::Disparity, reason))
         }
-        (_, Some(near)) => relative(near, &format!("as stated: {}", in_words(near))),
+        (_, Some(near)) => relative(near, &format!("as stated: {}", in_words[near as usize])),
         (_, None) if is_disparity => {
             relative(Near::Large, "disparities by its name, scaled to the stated depths: larger is nearer")
         }
@@ -216,15 +216,6 @@ pub(crate) fn check_bytes(file: &Path, stated: Stated) -> Result<(), SceneError>
     }
     let reason = reason!("values", "an array of 8 bits, and nothing says whether small or large is near");
     Err(SceneError::Ambiguous { file: file.display().to_string(), reason, decides: DECIDES })
-}
-
-fn in_words(near: Near) -> &'static str {
-    match near {
-        Near::Large => "larger is nearer",
-        Near::Small => "distances: smaller is nearer",
-        Near::Bright => "bright is near",
-        Near::Dark => "dark is near",
-    }
 }
 
 /// Returns the test for values that are unknown. NaN, infinity, 1e9 or more and the largest half float always are. Of

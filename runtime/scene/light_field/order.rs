@@ -43,12 +43,9 @@ impl Order {
     }
 
     /// The same views in this order.
-    pub(crate) fn apply(self, mut field: LightField) -> LightField {
+    pub(crate) fn apply(self, field: LightField) -> LightField {
         let (grid, places) = self.places(field.grid);
-        for views in &mut field.planes {
-            *views = places.iter().map(|&i| std::mem::take(&mut views[i])).collect();
-        }
-        LightField { grid, ..field }
+        field.reordered(grid, &places)
     }
 }
 

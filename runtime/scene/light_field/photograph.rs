@@ -3,19 +3,19 @@
 use eyebox_kernels::photograph::Tap;
 use eyebox_optics::{Geometry, Optics, Pupil};
 
-/// Where the views stand in the pupil plane: square cells around a common centre.
+/// Where the views stand in the pupil plane: square cells around a common center.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ViewGrid {
     /// Rows of views.
     pub rows: usize,
     /// Columns of views.
     pub columns: usize,
-    /// Side of a cell (the view pitch), metres.
+    /// Side of a cell (the view pitch), meters.
     pub cell: f64,
 }
 
 impl ViewGrid {
-    /// Position (x, y) of view `index` (row-major), metres.
+    /// Position (x, y) of view `index` (row-major), meters.
     pub fn position(&self, index: usize) -> (f64, f64) {
         let (r, c) = (index / self.columns, index % self.columns);
         (
@@ -61,13 +61,7 @@ impl ViewGrid {
 
     /// The taps of the photograph through `pupil` on a level of (height, width) samples of the grid of `optics`:
     /// view v moves by `(z / f) q_v`, periodic on the grid. In the far field the axis comes first, as in the transform of
-    /// a window.
-    pub fn taps(&self, optics: &Optics, pupil: &Pupil, height: usize, width: usize) -> Vec<Tap> {
-        self.taps_around([0.0; 2], [0.0; 2], optics, pupil, height, width).collect()
-    }
-
-    /// The same, tap by tap, for views whose common centre is at `center` (x, y) of the pupil plane, and a picture that is
-    /// `displaced` (x, y): metres.
+    /// a window. The views' common center is at `center` (x, y) of the pupil plane, and the picture is `displaced` (x, y): meters.
     pub fn taps_around(
         self,
         center: [f64; 2],
@@ -186,7 +180,8 @@ mod tests {
         // (z / f) q: a view to the right, focused behind, moves right by z x / (f p) pixels.
         let optics = Optics::new(20, 30, 8e-6, 520e-9, 0.4).unwrap();
         let grid = ViewGrid { rows: 1, columns: 3, cell: 2e-3 };
-        let taps = grid.taps(&optics, &Pupil::from_mm([0.0, 0.0, 30.0, 4.0]), 20, 30);
+        let pupil = Pupil::from_mm([0.0, 0.0, 30.0, 4.0]);
+        let taps: Vec<Tap> = grid.taps_around([0.0; 2], [0.0; 2], &optics, &pupil, 20, 30).collect();
         let moves: Vec<f64> = taps.iter().map(|t| f64::from(t.dx) + f64::from(t.fx)).collect();
         assert!((moves[2] - 2.5).abs() < 1e-6 && (moves[0] - 27.5).abs() < 1e-6, "{moves:?}");
         assert!(taps.iter().all(|t| t.dy == 0 && t.fy == 0.0));

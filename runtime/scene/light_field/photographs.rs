@@ -25,12 +25,7 @@ pub enum ViewSynthesis {
 
 impl fmt::Display for ViewSynthesis {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(match self {
-            Self::Auto => "auto",
-            Self::Cells => "cells",
-            Self::Layers => "layers",
-            Self::Between => "between",
-        })
+        f.write_str(["auto", "cells", "layers", "between"][*self as usize])
     }
 }
 
@@ -41,7 +36,7 @@ pub struct MadeViews {
     pub by: ViewSynthesis,
     /// Rows and columns of the scene's own views,
     pub grid: [usize; 2],
-    /// and their distance in the pupil plane, metres.
+    /// and their distance in the pupil plane, meters.
     pub cell: f64,
     /// Pixels by which the ends of the scene's depths move against each other between its own views: the aliasing of their cells.
     pub aliasing: f64,

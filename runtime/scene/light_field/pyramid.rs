@@ -1,4 +1,4 @@
-//! The views of one colour as the photograph reads them: compact, and at several resolutions.
+//! The views of one color as the photograph reads them: compact, and at several resolutions.
 
 use eyebox_kernels::resample::{self, Table};
 use eyebox_kernels::simd;
@@ -147,7 +147,7 @@ impl Pyramid {
         Ok(Arc::new(Self { scale, count, levels, elsewhere: Elsewhere::default() }))
     }
 
-    /// From views (each height * width, linear light, finite, not negative). Quantised to 1/65535 of the brightest.
+    /// From views (each height * width, linear light, finite, not negative). Quantized to 1/65535 of the brightest.
     pub fn new(views: &[impl AsRef<[f32]> + Sync], height: usize, width: usize) -> Self {
         let brightest = views.par_iter().map(|view| brightest(view.as_ref())).reduce(|| 0.0, f32::max);
         let scale = if brightest > 0.0 { brightest } else { 1.0 };

@@ -10,20 +10,20 @@ use std::path::Path;
 pub struct Request<'a> {
     /// The display that shows it: it decides the resolution, and what a disparity means.
     pub display: &'a Display,
-    /// Which colours to load.
+    /// Which colors to load.
     pub colors: &'a [Color],
-    /// Metres between neighbouring views in the pupil plane, instead of what the scene says.
+    /// Meters between neighboring views in the pupil plane, instead of what the scene says.
     pub view_pitch: Option<f64>,
     /// Views per axis, for scenes that are rendered or reprojected.
     pub views: usize,
-    /// Of a picture with a depth map more views than that, where so many are needed for neighbouring ones to part by no more
+    /// Of a picture with a depth map more views than that, where so many are needed for neighboring ones to part by no more
     /// than a pixel.
     pub more_views: bool,
     /// The depth or disparity map of a single picture.
     pub depth_map: Option<&'a Path>,
     /// Which values of the depth map are near; none for what its file tells.
     pub near: Option<Near>,
-    /// Metres: the farthest and the nearest depth of a depth map. The nearer first says that small values are near.
+    /// Meters: the farthest and the nearest depth of a depth map. The nearer first says that small values are near.
     /// Left out: as deep as the built-in scenes.
     pub depth: Option<[f64; 2]>,
     /// How the views of a folder really stand, instead of what the folder says; none refuses those whose pictures clearly
@@ -36,7 +36,7 @@ pub struct Request<'a> {
 }
 
 impl<'a> Request<'a> {
-    /// 9 x 9 views of these colours, a folder's own views as they are, nothing else stated.
+    /// 9 x 9 views of these colors, a folder's own views as they are, nothing else stated.
     pub fn new(display: &'a Display, colors: &'a [Color]) -> Self {
         Self {
             display,
@@ -62,18 +62,16 @@ impl<'a> Request<'a> {
     pub(crate) fn check(&self) -> Result<(), SceneError> {
         let wrong = |what, value: String, must| Err(SceneError::Request { what, value, must });
         if self.colors.is_empty() || (1..self.colors.len()).any(|i| self.colors[..i].contains(&self.colors[i])) {
-            return wrong("the list of colours", format!("{:?}", self.colors), "one to three different colours");
+            return wrong("the list of colors", format!("{:?}", self.colors), "one to three different colors");
         }
         if !(1..=64).contains(&self.views) {
             return wrong("the number of views per axis", self.views.to_string(), "1 to 64");
         }
-        if self.view_pitch.is_some_and(|p| !(p.is_finite() && p > 0.0)) {
-            let pitch = self.view_pitch.unwrap_or_default() * 1e3;
-            return wrong("the view pitch (mm)", pitch.to_string(), "a positive, finite number");
+        if let Some(pitch) = self.view_pitch.filter(|p| !(p.is_finite() && *p > 0.0)) {
+            return wrong("the view pitch (mm)", (pitch * 1e3).to_string(), "a positive, finite number");
         }
-        if self.depth.is_some_and(|[a, b]| !(a.is_finite() && b.is_finite())) {
-            let depth = self.depth.unwrap_or_default().map(|v| v * 1e3);
-            return wrong("the depth range (mm)", format!("{depth:?}"), "two finite numbers");
+        if let Some(depth) = self.depth.filter(|[a, b]| !(a.is_finite() && b.is_finite())) {
+            return wrong("the depth range (mm)", format!("{:?}", depth.map(|v| v * 1e3)), "two finite numbers");
         }
         if !self.force {
             self.view_pitch.map_or(Ok(()), check_usual_view_pitch)?;
@@ -84,7 +82,7 @@ impl<'a> Request<'a> {
         if !(1..=65536).contains(&height) || !(1..=65536).contains(&width) {
             return wrong("the display's size", format!("{height}x{width}"), "1 to 65536 pixels on each axis");
         }
-        // Of one colour they are held twice more: as levels of detail, and while these are made.
+        // Of one color they are held twice more: as levels of detail, and while these are made.
         let counts = [self.views, self.views, self.colors.len() + 2, height, width];
         let what = || format!("{0} x {0} views of {height} x {width} pixels", self.views);
         Ok(memory::check_available(what, memory::bytes_of(&counts, 4), "take a smaller `size` or fewer `views`")?)

@@ -13,7 +13,7 @@ pub enum Fit {
 }
 
 /// A planned resize of planes of one size to another.
-pub(crate) struct Resize {
+pub struct Resize {
     scale: [f64; 2],
     rows: Axis,
     columns: Axis,
@@ -28,7 +28,7 @@ struct Axis {
 }
 
 impl Resize {
-    /// From `source` to `target` (rows, columns), the picture centred to a whole pixel.
+    /// From `source` to `target` (rows, columns), the picture centered to a whole pixel.
     pub fn new(source: [usize; 2], target: [usize; 2], fit: Fit) -> Self {
         let own = [0, 1].map(|k| target[k] as f64 / source[k] as f64);
         let scale = match fit {
@@ -74,30 +74,15 @@ impl Resize {
     }
 }
 
-/// The picture shrunk to `share` of its size about its axis, black around: one colour's field of view, where it is wider
+/// The picture shrunk to `share` of its size about its axis, black around: one color's field of view, where it is wider
 /// than the picture (OPTICS 9). The pixel on the axis, `n / 2` of n, stays where it is.
 pub fn shrink_to_share(plane: &[f32], height: usize, width: usize, share: f64) -> Vec<f32> {
     about_axis([height, width], share).apply(plane)
 }
 
-/// The middle `share` of one colour's image at the whole image's size: the picture again.
+/// The middle `share` of one color's image at the whole image's size: the picture again.
 pub fn crop_share(plane: &[f32], height: usize, width: usize, share: f64) -> Vec<f32> {
     about_axis([height, width], 1.0 / share).apply(plane)
-}
-
-/// Planes of one size, so many times as large along each axis.
-pub struct Enlarged(Resize);
-
-impl Enlarged {
-    /// Of planes of so many rows and columns.
-    pub fn new(size: [usize; 2], times: usize) -> Self {
-        Self(Resize::new(size, size.map(|n| n * times), Fit::Stretch))
-    }
-
-    /// One of them.
-    pub fn apply(&self, plane: &[f32]) -> Vec<f32> {
-        self.0.apply(plane)
-    }
 }
 
 fn about_axis(size: [usize; 2], scale: f64) -> Resize {

@@ -1,6 +1,7 @@
 //! Light fields of a program's own: arrays, for which no file says anything.
 
-use crate::formats::tone::{FullScale, Tally, Tone};
+use crate::formats::tone::{Tally, Tone};
+use crate::light_field::light::FullScale;
 use crate::{LightField, Order, Parallax, SceneError, read::order_found, read::standing};
 use eyebox_optics::check_usual_view_pitch;
 use rayon::prelude::*;
@@ -32,7 +33,7 @@ impl LightField {
         tally.judge(Path::new(&name), Tone::default(), FullScale::Array)?;
         let field = order.unwrap_or_default().apply(self);
         if let Some(found) = standing::refused(&field, order) {
-            return Err(found.of(&name));
+            return Err(SceneError::Cameras { scene: name, found });
         }
         let parallax = Parallax::of(&field);
         order_found::check(&name, &order_found::found(&name, parallax.as_ref(), order.is_some()), false)?;

@@ -1,9 +1,10 @@
-//! Light fields in one array: `.npy` and `.npz`, (rows of views, columns of views, rows of pixels, columns of pixels, colours).
+//! Light fields in one array: `.npy` and `.npz`, (rows of views, columns of views, rows of pixels, columns of pixels, colors).
 
 use crate::formats::options::Options;
-use crate::formats::tone::{FullScale, Reading, Stored};
+use crate::formats::tone::{Reading, Stored};
 use crate::light_field::cameras::Positions;
-use crate::light_field::light::Transfer;
+use crate::light_field::light::{FullScale, Transfer};
+use crate::light_field::near::Kind;
 use crate::read::layout::{self, Layout};
 use crate::read::settings::{self, Settings};
 use crate::read::views::{self, Frame, Read};
@@ -15,30 +16,21 @@ use eyebox_base::reason;
 use rayon::prelude::*;
 use std::path::Path;
 
-/// The kind of the elements of an array.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Elements {
-    Bytes,
-    Words,
-    Floats,
-}
-
-impl Elements {
-    fn of(kind: &str) -> Result<Self, Reason> {
-        match kind {
-            "u1" => Ok(Self::Bytes),
-            "u2" => Ok(Self::Words),
-            "f2" | "f4" | "f8" => Ok(Self::Floats),
-            _ => {
-                let remedy = match kind.chars().next() {
-                    Some('b') => "save views.astype('float32')",
-                    _ => "save views.astype('uint8') if 255 is full scale, views.astype('uint16') if 65535 is",
-                };
-                Err(reason!(
-                    "array-type",
-                    "holds '{kind}': views are of 8 or 16 bits without a sign ('u1', 'u2'), or floats of which 1 is full scale; {remedy}"
-                ))
-            }
+/// The kind of the elements of an array, by its name in NumPy.
+fn kind_of(name: &str) -> Result<Kind, Reason> {
+    match name {
+        "u1" => Ok(Kind::Bytes),
+        "u2" => Ok(Kind::Words),
+        "f2" | "f4" | "f8" => Ok(Kind::Floats),
+        _ => {
+            let remedy = match name.chars().next() {
+                Some('b') => "save views.astype('float32')",
+                _ => "save views.astype('uint8') if 255 is full scale, views.astype('uint16') if 65535 is",
+            };
+            Err(reason!(
+                "array-type",
+                "holds '{name}': views are of 8 or 16 bits without a sign ('u1', 'u2'), or floats of which 1 is full scale; {remedy}"
+            ))
         }
     }
 }
@@ -48,62 +40,50 @@ struct Opened {
     array: NpyArray,
     layout: Layout,
     stated: Settings,
-    elements: Elements,
+    kind: Kind,
 }
 
 fn open(file: &Path, options: &Options) -> Result<Opened, SceneError> {
     let stated = settings::beside(file, options)?;
-    let array = NpyArray::open(file, options.array.as_deref(), |shape| matches!(shape.len(), 4 | 5));
-    let array = array.map_err(SceneError::of_file)?;
+    let array = NpyArray::open(file, options.array.as_deref(), |shape| matches!(shape.len(), 4 | 5))?;
     let corrupt = |reason: Reason| SceneError::Corrupt { file: file.display().to_string(), reason };
     let one_by_one = array.shape.len() == 3 || (array.shape.len() == 4 && matches!(array.shape[3], 1 | 3 | 4));
     let in_a_row = stated.positions.as_ref().map(Positions::grid).filter(|_| one_by_one);
     let color = if layout::needs_contents(&array.shape) { color_axis(file, options, &array.shape)? } else { None };
     let layout = Layout::of(&array.shape, stated.grid.or(in_a_row), color, file).map_err(corrupt)?;
-    let elements = Elements::of(&array.kind).map_err(corrupt)?;
-    Ok(Opened { array, layout, stated, elements })
+    let kind = kind_of(&array.kind).map_err(corrupt)?;
+    Ok(Opened { array, layout, stated, kind })
 }
 
 /// The axis of colors that the contents of an array of this shape show.
 fn color_axis(file: &Path, options: &Options, shape: &[usize]) -> Result<Option<usize>, SceneError> {
     let what = || format!("an array of the shape {shape:?}");
     memory::check_available(what, memory::bytes_of(shape, 4), "save fewer views")?;
-    let array = NpyArray::open(file, options.array.as_deref(), |shape| matches!(shape.len(), 4 | 5));
-    let mut array = array.map_err(SceneError::of_file)?;
-    let values = array.take(shape.iter().product()).map_err(SceneError::of_file)?;
-    Ok(layout::color_axis(shape, &values))
+    let mut array = NpyArray::open(file, options.array.as_deref(), |shape| matches!(shape.len(), 4 | 5))?;
+    Ok(layout::color_axis(shape, &array.take(shape.iter().product())?))
 }
 
-/// Rows and columns of the views of an array.
-///
-/// # Errors
-/// Those of [`read`] that its header can cause.
+/// Rows and columns of the views of an array, by its header.
 pub(crate) fn size(file: &Path, options: &Options) -> Result<[usize; 2], SceneError> {
     Ok(open(file, options)?.layout.size)
 }
 
 /// Reads the views of an array, a few at a time, each scaled to the display as soon as it is read.
-///
-/// # Errors
-/// Every [`SceneError`] that a file can cause; it names the file.
 pub(crate) fn read(file: &Path, options: &Options, request: &Request) -> Result<Read, SceneError> {
-    let Opened { mut array, layout: Layout { grid, size, channels }, stated, elements } = open(file, options)?;
+    let Opened { mut array, layout: Layout { grid, size, channels }, stated, kind } = open(file, options)?;
     let count = grid[0] * grid[1];
     let frame = Frame::new(size, count, request)?;
-    let reading = Reading::new(stated.tone());
+    let reading = Reading::new(stated.tone);
     let planes = |view: usize, values: Vec<f32>| {
-        let planes = match elements {
-            Elements::Bytes => {
-                let values: Vec<u8> = values.into_iter().map(|v| v as u8).collect();
-                reading.light(Stored::Bytes(&values), channels, false, Transfer::Srgb, request.colors)
+        let light = |stored, says| reading.light(stored, channels, false, says, request.colors);
+        let planes = match kind {
+            Kind::Bytes => {
+                light(Stored::Bytes(&values.into_iter().map(|v| v as u8).collect::<Vec<_>>()), Transfer::Srgb)
             }
-            Elements::Words => {
-                let values: Vec<u16> = values.into_iter().map(|v| v as u16).collect();
-                reading.light(Stored::Words(&values), channels, false, Transfer::Srgb, request.colors)
+            Kind::Words => {
+                light(Stored::Words(&values.into_iter().map(|v| v as u16).collect::<Vec<_>>()), Transfer::Srgb)
             }
-            Elements::Floats => {
-                reading.light(Stored::Floats(&values), channels, false, Transfer::Linear, request.colors)
-            }
+            Kind::Floats => light(Stored::Floats(&values), Transfer::Linear),
         };
         let place =
             || format!("{}, the view of row {}, column {}", file.display(), view / grid[1] + 1, view % grid[1] + 1);
@@ -114,7 +94,7 @@ pub(crate) fn read(file: &Path, options: &Options, request: &Request) -> Result<
     while fitted.len() < count {
         let mut some = Vec::with_capacity(together);
         while some.len() < together.min(count - fitted.len()) {
-            let values = array.take(size[0] * size[1] * channels).map_err(SceneError::of_file)?;
+            let values = array.take(size[0] * size[1] * channels)?;
             some.push((fitted.len() + some.len(), values));
         }
         let one = |(view, values): (usize, Vec<f32>)| Ok(frame.fit(planes(view, values)?));
@@ -124,5 +104,5 @@ pub(crate) fn read(file: &Path, options: &Options, request: &Request) -> Result<
     reading.judge(file, FullScale::File)?;
     let field = frame.field(file, grid, fitted, request, &stated, stated.disparity);
     let how = format!("an array of {}", array.kind);
-    views::ordered(file, field, request, &stated, how, size, (elements == Elements::Floats).then_some("floats"))
+    views::ordered(file, field, request, &stated, how, size, (kind == Kind::Floats).then_some("floats"))
 }

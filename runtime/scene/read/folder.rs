@@ -1,11 +1,13 @@
 //! A folder of views.
 
-use crate::formats::tone::{FullScale, Reading};
+use crate::formats::tone::Reading;
 use crate::light_field::cameras::Positions;
+use crate::light_field::light::FullScale;
 use crate::light_field::shape::{is_serpentine, shape};
 use crate::read::views::{self, Frame, Read};
 use crate::{LightField, Request, SceneError, formats::picture, light_field::natural, read::names, read::settings};
 use eyebox_base::error::Reason;
+use eyebox_base::files::holds_light;
 use eyebox_base::reason;
 use rayon::prelude::*;
 use std::{
@@ -18,14 +20,11 @@ const MANY_PIXELS: usize = 1 << 22;
 
 /// Loads the views in whatever order, decoding in parallel, each scaled to the display as soon as it is read: no more than a
 /// few are ever held at their own resolution.
-///
-/// # Errors
-/// Every [`SceneError`] that a file can cause; it names the file.
 pub(crate) fn read(folder: &Path, request: &Request) -> Result<Read, SceneError> {
     let Listed { found: Found { all, stated, mut views }, paths, size: own } = list(folder)?;
     let frame = Frame::new(own, paths.len(), request)?;
-    let reading = Reading::new(stated.tone());
-    let read = |path: &PathBuf| Ok(frame.fit(picture::read(path, request.colors, &reading)?.planes));
+    let reading = Reading::new(stated.tone);
+    let read = |path: &PathBuf| Ok(frame.fit(picture::read(path, picture::ONE, request.colors, &reading)?.planes));
     // One picture per task: their order in time does not matter, the first error in order is reported.
     let one_by_one = own[0] * own[1] > MANY_PIXELS;
     let read: Vec<_> = if one_by_one { paths.iter().map(read).collect() } else { paths.par_iter().map(read).collect() };
@@ -55,7 +54,7 @@ pub(crate) fn read(folder: &Path, request: &Request) -> Result<Read, SceneError>
             folder.display()
         );
     }
-    let linear = picture::linear(&folder.join(&views.files[0]));
+    let linear = holds_light(&folder.join(&views.files[0]));
     views::ordered(folder, field, request, &stated, views.how, own, linear)
 }
 
@@ -93,9 +92,6 @@ pub(crate) struct Found {
 }
 
 /// Finds the views by their names.
-///
-/// # Errors
-/// As [`read`].
 pub(crate) fn find(folder: &Path) -> Result<Found, SceneError> {
     let mut files = files(folder, "")?;
     let all: Vec<String> = files.iter().map(|(name, _)| name.clone()).collect();
@@ -153,25 +149,11 @@ pub(crate) struct Listed {
 }
 
 /// Finds the views without decoding any.
-///
-/// # Errors
-/// As [`read`].
 pub(crate) fn list(folder: &Path) -> Result<Listed, SceneError> {
     let found = find(folder)?;
     // Headers first: a view of another size is found before anything is decoded.
     let files = &found.views.files;
     let paths: Vec<_> = files.iter().map(|name| folder.join(name)).collect();
-    let sizes: Vec<_> = paths.par_iter().map(|path| picture::size(path)).collect::<Result<_, _>>()?;
-    let [height, width] = sizes[0];
-    if let Some(i) = sizes.iter().position(|&s| s != sizes[0]) {
-        return Err(SceneError::Size {
-            file: paths[i].display().to_string(),
-            height: sizes[i][0],
-            width: sizes[i][1],
-            other: files[0].clone(),
-            other_height: height,
-            other_width: width,
-        });
-    }
-    Ok(Listed { found, paths, size: [height, width] })
+    let size = picture::size_of_all(&paths, |_| files[0].clone())?;
+    Ok(Listed { found, paths, size })
 }

@@ -78,7 +78,7 @@ fn unread(folder: &Path) -> Option<SceneError> {
         found,
         FileKind::OtherPicture(_) | FileKind::CameraRaw | FileKind::Gif | FileKind::Video(_) | FileKind::Npy
     );
-    may_be_view.then(|| SceneError::of_file(FileError::of_all(folder, &path, found)))
+    may_be_view.then(|| FileError::of_all(folder, &path, found).into())
 }
 
 /// What is wrong with a folder without views: its folders may be the rows of one light field, with as many views each, in one row by

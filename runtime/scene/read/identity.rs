@@ -28,14 +28,12 @@ pub fn digest(source: &str) -> Result<Option<String>, SceneError> {
         Source::Views(ViewSource::Array(path, options) | ViewSource::Mosaic(path, _, options)) => {
             // The settings of a folder that lie beside a file may be for others of its files.
             let beside = path.with_file_name(SETTINGS[0]);
-            let stated = settings::beside(path, &options)? != settings::beside_nothing(&options);
+            let stated = settings::beside(path, &options)? != settings::with(&options, Default::default());
             [path.into()].into_iter().chain(stated.then_some(beside)).collect()
         }
     };
     let digests = read.par_iter().map(|file| digest_of_file(file)).collect::<Result<Vec<_>, _>>()?;
-    let mut whole = Digester::default();
-    digests.iter().for_each(|digest| whole.part(digest.as_bytes()));
-    Ok(Some(whole.finish()))
+    Ok(Some(digest_of_parts(digests.iter().map(String::as_bytes))))
 }
 
 /// Returns the digest of a picture or depth map, or of one frame of a video.
@@ -48,10 +46,7 @@ pub fn digest_of_picture(path: &Path) -> Result<String, SceneError> {
         return digest_of_file(path.to_str().map_or(path, |source| parts(source).0));
     };
     let (head, samples) = video::stored_parts(&file, frame.unwrap_or(0))?;
-    let mut whole = Digester::default();
-    whole.part(head.as_bytes());
-    whole.part(&samples);
-    Ok(whole.finish())
+    Ok(digest_of_parts([head.as_bytes(), &samples]))
 }
 
 /// The path of a source that is no built-in scene, and the options behind its question mark.
@@ -86,24 +81,22 @@ impl LightField {
     /// Returns the digest of each color's views: what identifies a light field that was read from no file.
     pub fn digests(&self) -> BTreeMap<Color, String> {
         let of = |views: &Vec<Vec<f32>>| {
-            let digests: Vec<String> = views.par_iter().map(|view| of_values(view)).collect();
-            let mut whole = Digester::default();
-            whole.part(format!("{:?} {} {}", self.grid, self.height, self.width).as_bytes());
-            digests.iter().for_each(|digest| whole.part(digest.as_bytes()));
-            whole.finish()
+            let bytes = |view: &Vec<f32>| view.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
+            let digests: Vec<String> = views.par_iter().map(|view| digest_of_parts([&bytes(view)[..]])).collect();
+            let size = format!("{:?} {} {}", self.grid, self.height, self.width);
+            digest_of_parts([&size].into_iter().chain(&digests).map(String::as_bytes))
         };
         self.colors.iter().copied().zip(self.planes.iter().map(of)).collect()
     }
 }
 
-fn of_values(values: &[f32]) -> String {
-    let mut digest = Digester::default();
-    let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
-    digest.part(&bytes);
-    digest.finish()
+fn digest_of_parts<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> String {
+    let mut whole = Digester::default();
+    parts.into_iter().for_each(|part| whole.part(part));
+    whole.finish()
 }
 
-#[cfg(all(test, feature = "image-formats"))]
+#[cfg(test)]
 mod tests {
     use super::*;
     use eyebox_base::files::{write_npy, write_png};

@@ -7,7 +7,7 @@ use crate::{Order, OrderFound};
 use eyebox_optics::{Color, Display, Geometry, dioptres};
 use serde::Serialize;
 
-/// A scene, as it is read. Lengths in metres unless the name says otherwise.
+/// A scene, as it is read. Lengths in meters unless the name says otherwise.
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct Inspection {
@@ -34,30 +34,30 @@ pub struct Inspection {
     /// Smallest and largest movement from column to column, and from row to row, pixels of the display, each measured by
     /// itself; none where nothing moves, or nothing tells.
     pub parallax_px: [Option<[f64; 2]>; 2],
-    /// Smallest and largest disparity, pixels of the display between neighbouring views.
+    /// Smallest and largest disparity, pixels of the display between neighboring views.
     pub disparity_px: [f64; 2],
-    /// Farthest and nearest depth, millimetres.
+    /// Farthest and nearest depth, millimeters.
     pub depth_mm: [f64; 2],
-    /// The same in dioptres.
+    /// The same in diopters.
     pub depth_dioptres: [f64; 2],
     /// Whether the scene states its depths; else they are measured.
     pub depth_is_stated: bool,
-    /// Distance of neighbouring views in the pupil plane, millimetres.
+    /// Distance of neighboring views in the pupil plane, millimeters.
     pub view_pitch_mm: f64,
     /// Pixels by which the nearest and the farthest content move against each other from view to view: beyond one, wide pupils
     /// see ghosts.
     pub aliasing_px: f64,
     /// Views per axis that would keep it to one.
     pub views_without_aliasing: usize,
-    /// Light, per colour.
+    /// Light, per color.
     pub exposure: Vec<Exposure>,
 }
 
-/// The light of one colour, linear.
+/// The light of one color, linear.
 #[derive(Debug, Clone, Copy, Serialize)]
 #[non_exhaustive]
 pub struct Exposure {
-    /// The colour.
+    /// The color.
     pub color: Color,
     /// The brightest value; 1 is full scale.
     pub brightest: f64,
@@ -183,7 +183,7 @@ fn exposure(field: &LightField) -> Vec<Exposure> {
 }
 
 /// All views beside each other as they are read, in at most `most` pixels along each axis: rows and columns of pixels, and one
-/// plane of linear light per colour.
+/// plane of linear light per color.
 pub fn contact_sheet(field: &LightField, most: usize) -> ([usize; 2], Vec<Vec<f32>>) {
     const GAP: usize = 2;
     let [rows, columns] = field.grid;

@@ -34,9 +34,6 @@ const IN_GRAY: [([usize; 4], &str); 1] =
 impl Layout {
     /// Determines the layout of an array of this shape; `grid` is that of its views, if it is stated, `color` the axis of its colors, if
     /// its contents show that, and `file` it.
-    ///
-    /// # Errors
-    /// In words, with what would be right.
     pub fn of(shape: &[usize], grid: Option<[usize; 2]>, color: Option<usize>, file: &Path) -> Result<Self, Reason> {
         let of_colors = |n: usize| matches!(n, 1 | 3 | 4);
         let fills = |n: usize| grid.is_some_and(|[rows, columns]| rows * columns == n);
@@ -76,7 +73,7 @@ impl Layout {
                 return Err(reason!(
                     "array-shape",
                     "has the shape {shape:?}: views are (rows of views, columns of views, rows of pixels, columns of pixels, \
-                     colours), as (9, 9, 512, 512, 3), without the last where they are grey"
+                     colors), as (9, 9, 512, 512, 3), without the last where they are gray"
                 ));
             }
         };

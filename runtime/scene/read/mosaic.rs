@@ -1,13 +1,15 @@
 //! Light fields in one picture: views beside each other, or the pixels under each lens of an array of them.
 
 use crate::formats::options::{Options, Tiling};
-use crate::formats::tone::{FullScale, Reading};
+use crate::formats::tone::Reading;
 use crate::light_field::cameras::{FirstTile, Positions, Quilt};
+use crate::light_field::light::FullScale;
 use crate::light_field::resize::Resize;
 use crate::read::mosaic_grid::{GridEvidence, shown};
 use crate::read::settings::{self, Settings};
 use crate::read::views::{self, Frame, Read};
 use crate::{Fit, Request, SceneError, formats::picture};
+use eyebox_base::files::holds_light;
 use eyebox_base::memory;
 use eyebox_base::reason;
 use eyebox_optics::Color;
@@ -54,12 +56,9 @@ fn tiles(stated: &Settings) -> Option<[usize; 2]> {
 }
 
 /// Rows and columns of each view.
-///
-/// # Errors
-/// Those of [`read`].
 pub(crate) fn size(file: &Path, tiling: Tiling, options: &Options) -> Result<[usize; 2], SceneError> {
     let (stated, quilt) = stated(file, options)?;
-    let whole = picture::size_of_many(file)?;
+    let whole = picture::size(file, picture::MANY)?;
     let grid = match tiles(&stated) {
         Some(grid) => grid,
         None => find(file, &decoded(file, &[Color::Green], &stated, whole)?[0], whole, tiling)?.0,
@@ -79,12 +78,9 @@ fn square([height, width]: [usize; 2], quilt: Option<Quilt>) -> [usize; 2] {
 }
 
 /// Reads the views of a picture, its grid stated or found.
-///
-/// # Errors
-/// Every [`SceneError`] that a file can cause; it names the file.
 pub(crate) fn read(file: &Path, tiling: Tiling, options: &Options, request: &Request) -> Result<Read, SceneError> {
     let (stated, quilt) = stated(file, options)?;
-    let whole = picture::size_of_many(file)?;
+    let whole = picture::size(file, picture::MANY)?;
     let planes = decoded(file, request.colors, &stated, whole)?;
     let (grid, found) = match (tiles(&stated), quilt) {
         (Some(grid), Some(_)) => (grid, "a quilt by its name"),
@@ -111,8 +107,7 @@ pub(crate) fn read(file: &Path, tiling: Tiling, options: &Options, request: &Req
         Tiling::Views => format!("views beside each other in one picture, {found}"),
         Tiling::Lenslets => format!("pixels under each lens in one picture, {found}"),
     };
-    let linear = picture::linear(file);
-    views::ordered(file, field, request, &stated, how, own, linear)
+    views::ordered(file, field, request, &stated, how, own, holds_light(file))
 }
 
 /// Planes of linear light of the whole picture.
@@ -125,19 +120,18 @@ fn decoded(
     let what = || format!("a picture of {height} x {width} pixels");
     let bytes = memory::bytes_of(&[colors.len() + 2, height, width], 4);
     memory::check_available(what, bytes, "save its views as files of their own, or take `color`")?;
-    let reading = Reading::new(stated.tone());
-    let planes = picture::read_of_many(file, colors, &reading)?.planes;
+    let reading = Reading::new(stated.tone);
+    let planes = picture::read(file, picture::MANY, colors, &reading)?.planes;
     reading.judge(file, FullScale::File)?;
     Ok(planes)
 }
 
 /// Rows and columns of each view of a picture. A quilt may have lines left over.
 fn parts(file: &Path, whole: [usize; 2], grid: [usize; 2], is_quilt: bool) -> Result<[usize; 2], SceneError> {
-    if is_quilt && [0, 1].iter().all(|&i| whole[i] / grid[i] >= 2 && whole[i] % grid[i] <= whole[i] / grid[i] / 8) {
-        return Ok([0, 1].map(|i| whole[i] / grid[i]));
-    }
-    if [0, 1].iter().all(|&i| whole[i].is_multiple_of(grid[i])) {
-        return Ok([0, 1].map(|i| whole[i] / grid[i]));
+    let size = [0, 1].map(|i| whole[i] / grid[i]);
+    let is_whole = (0..2).all(|i| whole[i].is_multiple_of(grid[i]));
+    if is_whole || is_quilt && (0..2).all(|i| size[i] >= 2 && whole[i] % grid[i] <= size[i] / 8) {
+        return Ok(size);
     }
     let reason = reason!("mosaic-remedy", "{}, or state the grid that it has", not_whole(whole, grid));
     Err(SceneError::Corrupt { file: file.display().to_string(), reason })
@@ -163,8 +157,9 @@ fn find(
     tiling: Tiling,
 ) -> Result<([usize; 2], &'static str), SceneError> {
     let name = file.display().to_string();
+    let lenslets = if tiling == Tiling::Lenslets { "lenslets&" } else { "" };
     match shown(plane, whole, tiling) {
-        GridEvidence::Seams(grid) => Ok((grid, "found by where neighbouring lines differ")),
+        GridEvidence::Seams(grid) => Ok((grid, "found by where neighboring lines differ")),
         GridEvidence::Repeats(grid) => Ok((grid, "found by how often it repeats")),
         GridEvidence::Parts(grid) => {
             let [rows, columns] = grid;
@@ -172,9 +167,7 @@ fn find(
                 reason!("mosaic-size", "it repeats as {rows} x {columns} views do, but {}", not_whole(whole, grid));
             Err(SceneError::Corrupt { file: name, reason })
         }
-        GridEvidence::Either(one, other) => {
-            let [[a, b], [c, d]] = [one, other];
-            let lenslets = if tiling == Tiling::Lenslets { "lenslets&" } else { "" };
+        GridEvidence::Either([a, b], [c, d]) => {
             let reason = reason!(
                 "mosaic-two-grids",
                 "the picture may be {a} x {b} views or {c} x {d}: state which, as in {name}?{lenslets}grid={c}x{d}"
@@ -182,7 +175,6 @@ fn find(
             Err(SceneError::NotAGrid { folder: name, reason })
         }
         GridEvidence::Nothing => {
-            let lenslets = if tiling == Tiling::Lenslets { "lenslets&" } else { "" };
             let reason = reason!(
                 "mosaic-no-grid",
                 "nothing in the picture shows how many there are: state it, as in {name}?{lenslets}grid=9x9"

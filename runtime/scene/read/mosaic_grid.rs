@@ -1,4 +1,4 @@
-//! How many views a picture of many shows: seams between views and pixels under lenses are where neighbouring lines differ, and a
+//! How many views a picture of many shows: seams between views and pixels under lenses are where neighboring lines differ, and a
 //! picture of views repeats.
 
 use crate::formats::options::Tiling;
@@ -8,9 +8,9 @@ use rayon::prelude::*;
 /// Views along an axis, at most, and pixels of one, at least, where nothing states how many there are.
 const MOST_VIEWS: usize = 64;
 const LEAST_PIXELS: usize = 8;
-/// Where one view ends and the next begins, neighbouring lines differ by as many times what they differ by beside it.
+/// Where one view ends and the next begins, neighboring lines differ by as many times what they differ by beside it.
 const SEAM: f64 = 1.5;
-/// From lens to lens neighbouring lines differ by as many times the most that they differ by under one.
+/// From lens to lens neighboring lines differ by as many times the most that they differ by under one.
 const LENS: f64 = 1.15;
 /// Lines beside a seam that it is compared with, on each side.
 const BESIDE: usize = 4;
@@ -20,7 +20,7 @@ const ALIKE: f64 = 0.8;
 /// What a picture shows of its grid: rows and columns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum GridEvidence {
-    /// Where neighbouring lines differ.
+    /// Where neighboring lines differ.
     Seams([usize; 2]),
     /// How often it repeats, without a seam.
     Repeats([usize; 2]),
@@ -86,7 +86,7 @@ fn steps(root: &[f32], [height, width]: [usize; 2]) -> [Vec<f64>; 2] {
     [rows, columns]
 }
 
-/// Views beside each other along an axis of `n` lines, of which neighbours differ by `steps`: as many as there are seams at every end of
+/// Views beside each other along an axis of `n` lines, of which neighbors differ by `steps`: as many as there are seams at every end of
 /// one.
 fn beside(steps: &[f64], n: usize) -> Option<usize> {
     let seam = |at: usize| {
@@ -107,7 +107,7 @@ fn beside(steps: &[f64], n: usize) -> Option<usize> {
     })
 }
 
-/// Pixels under a lens along an axis: the period with which neighbouring lines differ most.
+/// Pixels under a lens along an axis: the period with which neighboring lines differ most.
 fn under(steps: &[f64], n: usize) -> Option<usize> {
     let clear = |period: usize| {
         let mut means = vec![(0.0, 0u32); period];

@@ -25,7 +25,7 @@ pub(crate) struct Arrangement {
     pub running: bool,
     /// What is said where such a number makes no square and the pictures show no grid.
     pub doubt: String,
-    /// Distance of neighbouring rows over that of columns, where the names hold coordinates.
+    /// Distance of neighboring rows over that of columns, where the names hold coordinates.
     pub proportion: Option<f64>,
 }
 
@@ -333,8 +333,8 @@ impl Family<'_> {
             }
         }
         let [few, many] = [grid[0].min(grid[1]), grid[0].max(grid[1])];
-        if stated.is_none() && few > 1 && square(many).is_some_and(|side| side > 3 && few < side) {
-            let side = square(many).unwrap_or(1);
+        let square = square(many).filter(|side| stated.is_none() && few > 1 && *side > 3 && few < *side);
+        if let Some(side) = square {
             return Err(SceneError::NotAGrid {
                 folder: folder.display().to_string(),
                 reason: reason!(
@@ -346,8 +346,6 @@ impl Family<'_> {
                 ),
             });
         }
-        let mut order: Vec<usize> = (0..self.names.len()).collect();
-        order.sort_by(|&a, &b| pair.at[a].cmp(&pair.at[b]));
         let ordinal = |k: usize| ["1st", "2nd", "3rd"].get(k).map_or(format!("{}th", k + 1), |s| (*s).to_owned());
         let what = if pair.kind == 2 { "coordinates" } else { "numbers" };
         let how = format!(
@@ -356,8 +354,14 @@ impl Family<'_> {
             ordinal(pair.fields[1])
         );
         let proportion = self.proportion(pair, changing);
-        let files = order.into_iter().map(|i| self.names[i].name.to_owned()).collect();
-        Ok(Arrangement { grid, files, how, proportion, ..Arrangement::default() })
+        Ok(Arrangement { grid, files: self.in_order(pair), how, proportion, ..Arrangement::default() })
+    }
+
+    /// The names in the order of their places.
+    fn in_order(&self, reading: &Reading) -> Vec<String> {
+        let mut order: Vec<usize> = (0..self.names.len()).collect();
+        order.sort_by_key(|&i| &reading.at[i]);
+        order.into_iter().map(|i| self.names[i].name.to_owned()).collect()
     }
 
     /// Distance of rows over that of columns by the coordinates in the names: a number that changes with the row alone, and
@@ -380,9 +384,7 @@ impl Family<'_> {
 
     /// One row of cameras by the coordinates in the names.
     fn row(&self, folder: &Path, row: &Reading, stated: Option<[usize; 2]>) -> Result<Arrangement, SceneError> {
-        let mut order: Vec<usize> = (0..self.names.len()).collect();
-        order.sort_by_key(|&i| row.at[i][0]);
-        let files: Vec<String> = order.into_iter().map(|i| self.names[i].name.to_owned()).collect();
+        let files = self.in_order(row);
         let (count, numbers) = (files.len(), &row.lines[0]);
         let grid = stated.unwrap_or([1, count]);
         let not_a_grid = |reason| Err(SceneError::NotAGrid { folder: folder.display().to_string(), reason });
@@ -408,9 +410,7 @@ impl Family<'_> {
         stated: Option<[usize; 2]>,
     ) -> Result<Arrangement, SceneError> {
         let not_a_grid = |reason| SceneError::NotAGrid { folder: folder.display().to_string(), reason };
-        let mut order: Vec<usize> = (0..self.names.len()).collect();
-        order.sort_by_key(|&i| running.at[i][0]);
-        let files: Vec<String> = order.into_iter().map(|i| self.names[i].name.to_owned()).collect();
+        let files = self.in_order(running);
         let (count, numbers) = (files.len(), &running.lines[0]);
         let [first, last] = [numbers[0], numbers[count - 1]];
         let ends = format!("{} to {}", files[0], files[count - 1]);

@@ -37,13 +37,11 @@ impl<'a> Name<'a> {
         let (stem, end) = name.rsplit_once('.')?;
         let bytes = stem.as_bytes();
         let digit = |i: usize| bytes.get(i).is_some_and(u8::is_ascii_digit);
+        let behind_digits = |i: usize| (i..).find(|i| !digit(*i)).unwrap_or(i);
         let (mut texts, mut numbers, mut start, mut i) = (Vec::new(), Vec::new(), 0, 0);
         while i < bytes.len() {
             let alone = i == 0 || !(bytes[i - 1].is_ascii_alphanumeric() || bytes[i - 1] >= 0x80);
-            let mut after = i + 1;
-            while digit(after) {
-                after += 1;
-            }
+            let after = behind_digits(i + 1);
             // Behind a letter only before a number with a point: view-3 is 3, y-4.5 is -4.5.
             let decimal = bytes.get(after) == Some(&b'.') && digit(after + 1) && i > 0 && !digit(i - 1);
             let sign = signed && matches!(bytes[i], b'-' | b'+') && digit(i + 1) && (alone || decimal);
@@ -52,17 +50,11 @@ impl<'a> Name<'a> {
                 continue;
             }
             let from = i;
-            i += usize::from(sign);
-            while digit(i) {
-                i += 1;
-            }
+            i = behind_digits(i + usize::from(sign));
             let digits = i - from - usize::from(sign);
             let point = signed && bytes.get(i) == Some(&b'.') && digit(i + 1);
             if point {
-                i += 1;
-                while digit(i) {
-                    i += 1;
-                }
+                i = behind_digits(i + 1);
             }
             // Beyond this, whole numbers of float64 are not told apart.
             if digits > 15 || numbers.len() == NUMBERS {

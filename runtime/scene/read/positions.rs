@@ -111,15 +111,7 @@ pub(crate) fn resampled(
             place.display()
         );
     }
-    let field = LightField {
-        grid: [grid.rows, grid.columns],
-        planes,
-        view_pitch: Some(cell),
-        disparity: None,
-        depth: Some(depth),
-        ..field
-    };
-    Ok(Resampled { field, how, cameras })
+    Ok(Resampled { field: field.with_made(grid, planes, depth), how, cameras })
 }
 
 /// What patches show.
@@ -191,7 +183,7 @@ fn rates(field: &LightField, all: &[[f64; 2]]) -> Rates {
             right += usize::from(is_right);
         }
         if is_right {
-            rates.push(rate * patches.scale());
+            rates.push(rate * patches.scale);
         }
     }
     rates.sort_by(f64::total_cmp);

@@ -11,7 +11,7 @@ use eyebox_optics::{check_usual_aperture, check_usual_depths, check_usual_view_p
 use serde::Deserialize;
 use std::path::Path;
 
-/// What is known of a folder's views; lengths in metres and in pixels at the views' own resolution.
+/// What is known of a folder's views; lengths in meters and in pixels at the views' own resolution.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Settings {
     pub grid: Option<[usize; 2]>,
@@ -24,9 +24,7 @@ pub(crate) struct Settings {
     pub view_pitch: Option<f64>,
     pub disparity: Option<[f64; 2]>,
     pub depth: Option<[f64; 2]>,
-    pub transfer: Option<Transfer>,
-    /// The stored value of white.
-    pub full_scale: Option<f32>,
+    pub tone: Tone,
     /// Rows and columns of views in the middle that are kept.
     pub keep: Option<[usize; 2]>,
     /// Rows and columns of the tiles in which one row of cameras is laid out,
@@ -41,59 +39,33 @@ pub(crate) struct Settings {
     pub aperture: Option<f64>,
 }
 
-impl Settings {
-    /// The statements about how values become light.
-    pub fn tone(&self) -> Tone {
-        Tone { transfer: self.transfer, full_scale: self.full_scale }
-    }
-}
-
-/// `lightfield.toml`.
+/// `lightfield.toml`: lengths in millimeters, otherwise as in [`Settings`].
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Toml {
-    /// Rows and columns of views.
     grid: Option<[usize; 2]>,
-    /// Which pictures are the views; `*` is anything; with a `/`, in the folders of the folder.
     files: Option<String>,
-    /// Whether every second row of running numbers runs backwards.
     serpentine: Option<bool>,
-    /// Whether rows and columns of views change places.
     transpose: Option<bool>,
-    /// Whether the first row of views is the lowest.
     flip_rows: Option<bool>,
-    /// Whether the first column of views is the one farthest right.
     flip_columns: Option<bool>,
-    /// Distance of neighbouring views in the plane of the pupil, millimetres.
     view_pitch_mm: Option<f64>,
-    /// Least and largest disparity between neighbouring views, pixels; positive is nearer.
     disparity: Option<[f64; 2]>,
-    /// Least and largest depth, millimetres; positive is nearer.
     depth_mm: Option<[f64; 2]>,
-    /// How pixels stand for light: linear, or as pictures have it.
     transfer: Option<Transfer>,
-    /// The stored value of white.
     full_scale: Option<f32>,
-    /// Rows and columns of views in the middle that are kept.
     keep: Option<[usize; 2]>,
-    /// Rows and columns of the tiles in which one row of cameras is laid out.
     tiles: Option<[usize; 2]>,
-    /// The tile of the leftmost camera.
     first: Option<FirstTile>,
-    /// Positions of the cameras in the pupil plane, millimetres.
     positions_mm: Option<PositionsToml>,
-    /// Of a focal stack, the depth at which each picture is sharp, millimetres.
     focus_mm: Option<Vec<f64>>,
-    /// Of a focal stack, the diameter of the aperture, millimetres.
     aperture_mm: Option<f64>,
 }
 
 /// Reads `lightfield.toml` if there is one, else `parameters.cfg`, else nothing. `names` are the folder's files.
 pub(crate) fn read(folder: &Path, names: &[String]) -> Result<Settings, SceneError> {
-    for (name, parse) in [
-        ("lightfield.toml", from_toml as fn(&str) -> Result<Settings, Reason>),
-        ("parameters.cfg", from_cfg as fn(&str) -> Result<Settings, Reason>),
-    ] {
+    type Parse = fn(&str) -> Result<Settings, Reason>;
+    for (name, parse) in [("lightfield.toml", from_toml as Parse), ("parameters.cfg", from_cfg)] {
         if names.iter().any(|n| n == name) {
             let path = folder.join(name);
             let text = read::text(&path, read::TEXT).map_err(|e| SceneError::unreadable(&path, &e))?;
@@ -116,14 +88,10 @@ pub(crate) fn beside(file: &Path, options: &Options) -> Result<Settings, SceneEr
 }
 
 /// Settings, where what stands behind the name of a file wins.
-fn with(options: &Options, stated: Settings) -> Settings {
-    let (grid, transfer) = (options.grid.or(stated.grid), options.transfer.or(stated.transfer));
-    Settings { grid, transfer, full_scale: options.full_scale.or(stated.full_scale), ..stated }
-}
-
-/// The settings of a file of many views beside which nothing says how it is read.
-pub(crate) fn beside_nothing(options: &Options) -> Settings {
-    with(options, Settings::default())
+pub(crate) fn with(options: &Options, stated: Settings) -> Settings {
+    let Tone { transfer, full_scale } = options.tone;
+    let tone = Tone { transfer: transfer.or(stated.tone.transfer), full_scale: full_scale.or(stated.tone.full_scale) };
+    Settings { grid: options.grid.or(stated.grid), tone, ..stated }
 }
 
 /// Whether a file is a map of true disparities, by its name.
@@ -212,12 +180,10 @@ fn cameras(read: &Toml) -> Result<Option<[usize; 2]>, Reason> {
 
 fn from_toml(text: &str) -> Result<Settings, Reason> {
     let read: Toml = eyebox_base::files::read::toml(text)?;
-    if let Some(pitch) = read.view_pitch_mm
-        && !(pitch.is_finite() && pitch > 0.0)
-    {
-        return Err(reason!("view-pitch", "view_pitch_mm is {pitch}: it must be positive"));
-    }
     if let Some(pitch) = read.view_pitch_mm {
+        if !(pitch.is_finite() && pitch > 0.0) {
+            return Err(reason!("view-pitch", "view_pitch_mm is {pitch}: it must be positive"));
+        }
         check_usual_view_pitch(pitch * 1e-3).map_err(|e| reason!("view-pitch", "view_pitch_mm: {e}"))?;
     }
     if let Some([rows, columns]) = read.grid
@@ -248,8 +214,7 @@ fn from_toml(text: &str) -> Result<Settings, Reason> {
         view_pitch: read.view_pitch_mm.map(|p| p * 1e-3),
         disparity: range("disparity", read.disparity, 1.0)?,
         depth,
-        transfer: read.transfer,
-        full_scale: read.full_scale,
+        tone: Tone { transfer: read.transfer, full_scale: read.full_scale },
         keep: read.keep,
         tiles,
         first: read.first,
@@ -305,7 +270,7 @@ mod tests {
         assert_eq!(read.view_pitch, Some(2.5e-3));
         assert_eq!((read.disparity, read.grid), (Some([-1.0, 1.5]), Some([3, 4])));
         assert_eq!(read.depth, Some([-2.0e-3, 3.0e-3]));
-        assert_eq!(read.transfer, Some(Transfer::Linear));
+        assert_eq!(read.tone.transfer, Some(Transfer::Linear));
         let error = from_toml("view_pitch_mm = 2\nviewpitch = 3\n").unwrap_err();
         assert!(error.text().contains("line 2") && error.text().contains("viewpitch"), "{error}");
         for bad in

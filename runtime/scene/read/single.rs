@@ -4,6 +4,7 @@ use crate::{
     Fit, LightField, Near, Request, SceneError, builtin,
     depth::map::{self, Map},
     formats::still,
+    light_field::field::by_color,
     light_field::near::{Meaning, Stated},
     light_field::resize::Resize,
     synthesis::reproject::{Relief, relief},
@@ -66,14 +67,8 @@ impl Reprojection {
                     orientation,
                 });
             }
-            return Err(SceneError::Size {
-                file: map_path.display().to_string(),
-                height: map.height,
-                width: map.width,
-                other: path.display().to_string(),
-                other_height: picture.height,
-                other_width: picture.width,
-            });
+            let sizes = ([map.height, map.width], [picture.height, picture.width]);
+            return Err(SceneError::size(map_path, sizes.0, path.display().to_string(), sizes.1));
         }
         if map.is_news {
             tracing::info!("{}: {}", map_path.display(), map.read_as);
@@ -134,12 +129,12 @@ impl Reprojection {
         &self.read_as
     }
 
-    /// Pixels by which content at an end of the depths moves over so many metres of the pupil plane.
+    /// Pixels by which content at an end of the depths moves over so many meters of the pupil plane.
     pub fn parallax(&self, metres: f64) -> f64 {
         metres / self.cell * self.ends[0].abs().max(self.ends[1].abs())
     }
 
-    /// Farthest and nearest depth, metres.
+    /// Farthest and nearest depth, meters.
     pub fn depth(&self) -> [f64; 2] {
         self.ends.map(|d| d * self.per_pixel)
     }
@@ -149,7 +144,7 @@ impl Reprojection {
         self.relief.bytes()
     }
 
-    /// Views in one colour from these places (x, y) of the pupil plane, metres: (row, column) of the display's picture.
+    /// Views in one color from these places (x, y) of the pupil plane, meters: (row, column) of the display's picture.
     pub fn views(&self, color: Color, places: &[(f64, f64)]) -> Vec<Vec<f32>> {
         let one = |&(x, y): &(f64, f64)| {
             let view = self.relief.view((x / self.cell) as f32, (y / self.cell) as f32);
@@ -160,9 +155,6 @@ impl Reprojection {
 }
 
 /// Reads the picture and its map and reprojects it to `views` x `views` at the display's size.
-///
-/// # Errors
-/// As [`Reprojection::new`].
 pub(crate) fn load(path: &Path, request: &Request) -> Result<LightField, SceneError> {
     let from = Reprojection::with_reach(path, request, |views| (views - 1.0) / 2.0)?;
     let n = from.views;
@@ -174,17 +166,13 @@ pub(crate) fn load(path: &Path, request: &Request) -> Result<LightField, SceneEr
             request.colors.iter().map(|color| from.place.apply(&view[color.channel()])).collect()
         })
         .collect();
-    let mut planes: Vec<Vec<Vec<f32>>> = request.colors.iter().map(|_| Vec::with_capacity(n * n)).collect();
-    for view in views {
-        planes.iter_mut().zip(view).for_each(|(plane, view)| plane.push(view));
-    }
     let [height, width] = from.size;
     Ok(LightField {
         grid: [n, n],
         height,
         width,
         colors: request.colors.to_vec(),
-        planes,
+        planes: by_color(views, request.colors.len()),
         view_pitch: Some(from.cell),
         disparity: Some(from.ends),
         depth: Some(from.depth()),
@@ -196,7 +184,7 @@ pub(crate) fn load(path: &Path, request: &Request) -> Result<LightField, SceneEr
 /// Most that views which nobody asked for may take, bytes.
 const MEMORY: u64 = 2 << 30;
 
-/// Views along each axis of which neighbours part by no more than a pixel over this range of depths (metres), as far as memory
+/// Views along each axis of which neighbors part by no more than a pixel over this range of depths (meters), as far as memory
 /// allows; no fewer than are asked for. Says how many.
 fn enough_views(path: &Path, request: &Request, [far, near]: [f64; 2]) -> usize {
     let display = request.display;
@@ -212,7 +200,7 @@ fn enough_views(path: &Path, request: &Request, [far, near]: [f64; 2]) -> usize 
     let fit = ((most / one) as f64).sqrt() as usize;
     let views = needed.min(fit).min(64).max(request.views);
     let why =
-        if views < needed { "as many as a share of the memory holds" } else { "neighbours part by a pixel at most" };
+        if views < needed { "as many as a share of the memory holds" } else { "neighbors part by a pixel at most" };
     tracing::info!("{}: {views} x {views} views: {why} (`views` takes another number)", path.display());
     views
 }
@@ -220,7 +208,7 @@ fn enough_views(path: &Path, request: &Request, [far, near]: [f64; 2]) -> usize 
 /// Disparities at the picture's size on the display, and their smallest and largest.
 fn disparities(
     map: &Map,
-    [height, width]: [usize; 2],
+    size: [usize; 2],
     scale: f64,
     reach: f64,
     range: [f64; 2],
@@ -241,7 +229,7 @@ fn disparities(
     // What opens more than a pixel and a half in the outermost view is an edge, and is not smoothed over.
     let apart =
         if gain == 0.0 { f64::INFINITY } else { (1.5 / (reach.max(0.5) * gain.abs())).min(f64::from(f32::MAX)) };
-    let resized = map.resize(height, width, apart as f32);
+    let resized = map::resized(&map.values, [map.height, map.width], size, apart as f32);
     let disparity: Vec<f32> = resized.into_iter().map(|v| (first + (f64::from(v) - low) * gain) as f32).collect();
     let found = ends(&disparity).map(f64::from);
     (disparity, found)

@@ -1,12 +1,11 @@
 //! What a source is, by its text: a built-in scene, a folder, or a file, with options behind a question mark.
 
 use crate::formats::options::{Options, Tiling, parts};
+use crate::formats::{picture, video};
 use crate::light_field::cameras::Quilt;
 use crate::read::views::Read;
-use crate::{
-    Request, SceneError, formats::picture, formats::video, read::array, read::folder, read::frames, read::mosaic,
-    read::stack,
-};
+use crate::read::{array, folder, frames, mosaic, stack};
+use crate::{Request, SceneError};
 use eyebox_base::error::Reason;
 use eyebox_base::files::{FileError, FileKind, Wanted};
 use eyebox_base::reason;
@@ -34,9 +33,6 @@ pub(crate) enum ViewSource<'a> {
 
 impl ViewSource<'_> {
     /// Rows and columns of a view's own pixels, from names and headers alone where these say enough.
-    ///
-    /// # Errors
-    /// Any [`SceneError`] that they can cause.
     pub fn size(&self) -> Result<[usize; 2], SceneError> {
         match self {
             Self::Folder(path) => match stack::find(path)? {
@@ -49,9 +45,6 @@ impl ViewSource<'_> {
     }
 
     /// Reads them in whatever order.
-    ///
-    /// # Errors
-    /// Any [`SceneError`]; it names the file.
     pub fn read(&self, request: &Request) -> Result<Read, SceneError> {
         match self {
             Self::Folder(path) => match stack::find(path)? {
@@ -102,11 +95,11 @@ impl<'a> Source<'a> {
         let is_npz = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npz"));
         let is_array = matches!(kind, FileKind::Npy | FileKind::Npz) || (kind == FileKind::Zip && is_npz);
         if !is_array && !kind.is_picture() {
-            return Err(SceneError::of_file(FileError::of_kind(path, kind, Wanted::Scene)));
+            return Err(FileError::of_kind(path, kind, Wanted::Scene).into());
         }
         if kind == FileKind::Gif {
             // A still one has a size, an animation is refused.
-            picture::size(path)?;
+            picture::size(path, picture::ONE)?;
         }
         let options = Options::parse(query, is_array).map_err(wrong)?;
         Ok(match options.tiling {

@@ -1,17 +1,17 @@
 //! Focal stacks: pictures through one aperture, each focused at a depth of its own.
 //!
-//! What an eye sees of them is no mean of neighbouring pictures: its pupil is another, and looks from elsewhere. Layers that explain all
+//! What an eye sees of them is no mean of neighboring pictures: its pupil is another, and looks from elsewhere. Layers that explain all
 //! pictures (OPTICS 14) show the scene from any place within the aperture, so views are made of them, as of any light field.
 
-use crate::formats::tone::{FullScale, Reading};
+use crate::formats::tone::Reading;
+use crate::light_field::light::FullScale;
 use crate::read::settings::{self, Settings};
 use crate::read::views::{Frame, Read};
 use crate::synthesis::layers::{Layers, Stack};
-use crate::{
-    LightField, Order, OrderFound, Parallax, Request, SceneError, ViewGrid, formats::picture, light_field::natural,
-    read::names,
-};
+use crate::{Order, OrderFound, Parallax, Request, SceneError, ViewGrid};
+use crate::{formats::picture, light_field::natural, read::names};
 use eyebox_base::error::Reason;
+use eyebox_base::files::holds_light;
 use eyebox_base::reason;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -26,7 +26,7 @@ pub(crate) struct Found {
     stated: Settings,
     /// In the order of their numbers.
     paths: Vec<PathBuf>,
-    /// The depth at which each is focused, and the diameter of the aperture, metres.
+    /// The depth at which each is focused, and the diameter of the aperture, meters.
     focus: Vec<f64>,
     aperture: f64,
 }
@@ -84,33 +84,16 @@ impl Found {
     }
 
     /// Rows and columns of the pictures, which have one size.
-    ///
-    /// # Errors
-    /// Those of reading their headers; [`SceneError::Size`].
     pub fn size(&self) -> Result<[usize; 2], SceneError> {
-        let sizes: Vec<[usize; 2]> = self.paths.iter().map(|path| picture::size(path)).collect::<Result<_, _>>()?;
-        match sizes.iter().position(|size| *size != sizes[0]) {
-            None => Ok(sizes[0]),
-            Some(i) => Err(SceneError::Size {
-                file: self.paths[i].display().to_string(),
-                height: sizes[i][0],
-                width: sizes[i][1],
-                other: self.paths[0].display().to_string(),
-                other_height: sizes[0][0],
-                other_width: sizes[0][1],
-            }),
-        }
+        picture::size_of_all(&self.paths, |first| first.display().to_string())
     }
 
     /// Reads the pictures and makes views of them.
-    ///
-    /// # Errors
-    /// Every [`SceneError`] that a file can cause; it names the file.
     pub fn read(&self, folder: &Path, request: &Request) -> Result<Read, SceneError> {
         let (own, display) = (self.size()?, request.display);
         let frame = Frame::new(own, VIEWS[1] * VIEWS[1] + self.paths.len(), request)?;
-        let reading = Reading::new(self.stated.tone());
-        let read = |path: &PathBuf| Ok(frame.fit(picture::read(path, request.colors, &reading)?.planes));
+        let reading = Reading::new(self.stated.tone);
+        let read = |path: &PathBuf| Ok(frame.fit(picture::read(path, picture::ONE, request.colors, &reading)?.planes));
         let pictures = self.paths.par_iter().map(read).collect::<Result<Vec<_>, SceneError>>()?;
         reading.judge(folder, FullScale::Folder)?;
         let count = pictures.len();
@@ -141,17 +124,10 @@ impl Found {
             self.aperture * 1e3,
             layers.count()
         );
-        let field = LightField {
-            grid: [n, n],
-            planes,
-            view_pitch: Some(grid.cell),
-            disparity: None,
-            depth: Some(depth),
-            ..field
-        };
+        let field = field.with_made(grid, planes, depth);
         let parallax = Parallax::of(&field);
-        let transfer = picture::linear(&self.paths[0]).map_or("sRGB".into(), |kind| format!("linear ({kind})"));
-        let transfer = self.stated.transfer.map_or(transfer, |_| "as stated".into());
+        let transfer = holds_light(&self.paths[0]).map_or("sRGB".into(), |kind| format!("linear ({kind})"));
+        let transfer = self.stated.tone.transfer.map_or(transfer, |_| "as stated".into());
         let (order, order_found) = (Order::default(), OrderFound::AsNamed);
         Ok(Read { field, how, order, order_stated: true, order_found, parallax, cameras: None, size: own, transfer })
     }

@@ -6,7 +6,7 @@
 
 use crate::depth::neighbors::{Found, Patches, Small};
 use crate::light_field::cameras::{CamerasFound, FirstTile, Tiles};
-use crate::{LightField, Order, SceneError};
+use crate::{LightField, Order};
 use rayon::prelude::*;
 
 /// Patches that decide, at least.
@@ -36,13 +36,6 @@ const MOST: f64 = 0.7;
 /// Whether a movement is along x (0) or y (1).
 fn along(axis: usize, by: &[f64; 2]) -> bool {
     by[1 - axis].abs() <= ACROSS[0] + ACROSS[1] * by[axis].abs()
-}
-
-impl CamerasFound {
-    /// The refusal of a scene.
-    pub(crate) fn of(self, scene: &str) -> SceneError {
-        SceneError::Cameras { scene: scene.into(), found: self }
-    }
 }
 
 /// A view, and its patches of the central one.
@@ -252,7 +245,6 @@ fn line(field: &LightField, patches: &Patches, n: usize, middle: usize, at: impl
 
 /// One row of cameras in tiles, if content moves along x from column to column and from row to row, as far as it does there.
 fn row_in_tiles(field: &LightField, patches: &Patches, lines: &[Line; 2]) -> Option<Tiles> {
-    use FirstTile::{BottomLeft, BottomRight, TopLeft, TopRight};
     let [rows, columns] = field.grid;
     if rows < 2 || columns < 2 {
         return None;
@@ -292,8 +284,8 @@ fn row_in_tiles(field: &LightField, patches: &Patches, lines: &[Line; 2]) -> Opt
         right as f64 / count.max(1) as f64
     };
     // The row from right to left is the same row, near and far exchanged: what covers what tells, once it is read.
-    let plain = [BottomLeft, TopLeft].map(|first| (first, false));
-    let serpentine = [BottomLeft, TopLeft, BottomRight, TopRight].map(|first| (first, true));
+    let plain = [FirstTile::BottomLeft, FirstTile::TopLeft].map(|first| (first, false));
+    let serpentine = FirstTile::ALL.map(|first| (first, true));
     let mut best: Option<(f64, Tiles)> = None;
     for (first, serpentine) in plain.into_iter().chain(serpentine) {
         let tiles = Tiles { grid: field.grid, first, serpentine };

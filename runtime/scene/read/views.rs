@@ -1,15 +1,13 @@
 //! What is common to all ways in which views are kept: they are fitted to the display, and their order is asked of them.
 
 use crate::depth::range::Measured;
-use crate::depth::survey::Trust;
 use crate::light_field::cameras::Tiles;
+use crate::light_field::field::by_color;
 use crate::light_field::light::Transfer;
 use crate::light_field::resize::{Fit, Resize};
 use crate::read::settings::Settings;
-use crate::{
-    CamerasFound, LightField, Order, OrderFound, Parallax, Request, SceneError, read::order_found, read::positions,
-    read::standing,
-};
+use crate::read::{order_found, positions, standing};
+use crate::{CamerasFound, DepthSource, LightField, Order, OrderFound, Parallax, Request, SceneError};
 use eyebox_base::error::Reason;
 use eyebox_base::memory;
 use eyebox_base::reason;
@@ -44,9 +42,6 @@ pub(crate) struct Frame {
 
 impl Frame {
     /// Of so many pictures of these rows and columns.
-    ///
-    /// # Errors
-    /// [`SceneError::Memory`] where memory does not hold them.
     pub fn new(own: [usize; 2], count: usize, request: &Request) -> Result<Self, SceneError> {
         let (height, width) = request.display.picture_size();
         let counts = [count, request.colors.len(), height, width];
@@ -80,10 +75,6 @@ impl Frame {
         stated: &Settings,
         disparity: Option<[f64; 2]>,
     ) -> LightField {
-        let mut planes: Vec<Vec<Vec<f32>>> = request.colors.iter().map(|_| Vec::new()).collect();
-        for view in views {
-            planes.iter_mut().zip(view).for_each(|(planes, plane)| planes.push(plane));
-        }
         let scale = |range: Option<[f64; 2]>| range.map(|range| self.scale(range));
         let name = place.canonicalize().unwrap_or(place.into());
         LightField {
@@ -92,7 +83,7 @@ impl Frame {
             height: self.size[0],
             width: self.size[1],
             colors: request.colors.to_vec(),
-            planes,
+            planes: by_color(views, request.colors.len()),
             view_pitch: stated.view_pitch,
             disparity: scale(disparity),
             depth: scale(stated.depth),
@@ -133,17 +124,18 @@ pub(crate) fn ordered(
     let mut order_found = order_found::found(&place.display().to_string(), parallax.as_ref(), asked.is_some());
     if let (OrderFound::AsNamedOrReversed, None) = (&order_found, asked)
         && let Some(stated) = stated_disparity(&field, request)
-        && let Measured { range: Some(measured), trust: Trust::Sure | Trust::Plausible(_) } = field.measured()
+        && let Measured { range: Some(measured), trust: DepthSource::Measured | DepthSource::Plausible(_) } =
+            field.measured()
     {
         order_found = order_found::by_depths(stated, measured);
     }
-    let transfer = match (stated.transfer, linear) {
+    let transfer = match (stated.tone.transfer, linear) {
         (Some(Transfer::Linear), _) => "linear, as stated".to_owned(),
         (Some(Transfer::Srgb), _) => "sRGB, as stated".into(),
         (None, Some(kind)) => format!("linear ({kind})"),
         (None, None) => "sRGB".into(),
     };
-    let transfer = match stated.full_scale {
+    let transfer = match stated.tone.full_scale {
         Some(white) => format!("{transfer}, white is {white}, as stated"),
         None => transfer,
     };
@@ -157,15 +149,12 @@ pub(crate) fn ordered(
 /// [`SceneError::Cameras`], [`SceneError::Order`].
 pub(crate) fn decide(name: &str, read: &Read) -> Result<(), SceneError> {
     match &read.cameras {
-        Some(found) => Err(found.clone().of(name)),
+        Some(found) => Err(SceneError::Cameras { scene: name.into(), found: found.clone() }),
         None => order_found::check(name, &read.order_found, true),
     }
 }
 
 /// The light field; where the pictures contradict the order in which the views come, and nothing else is stated, it is refused.
-///
-/// # Errors
-/// As [`decide`].
 pub(crate) fn checked(name: &str, read: Read) -> Result<LightField, SceneError> {
     decide(name, &read)?;
     if !read.order_stated && read.field.grid != [1, 1] {
@@ -175,12 +164,7 @@ pub(crate) fn checked(name: &str, read: Read) -> Result<LightField, SceneError> 
 }
 
 /// Views in the tiles that are stated, as the one row of cameras that they are.
-fn in_one_row(
-    place: &Path,
-    mut field: LightField,
-    stated: &Settings,
-    how: &mut String,
-) -> Result<LightField, SceneError> {
+fn in_one_row(place: &Path, field: LightField, stated: &Settings, how: &mut String) -> Result<LightField, SceneError> {
     let wrong = |reason: Reason| Err(SceneError::Settings { file: place.display().to_string(), reason });
     let (grid, first) = match (stated.tiles, stated.first) {
         (None, None) => return Ok(field),
@@ -203,16 +187,12 @@ fn in_one_row(
         return wrong(reason!("tiles-count", "tiles is [{}, {}], but there are {count} views", grid[0], grid[1]));
     }
     let tiles = Tiles { grid, first, serpentine: stated.serpentine == Some(true) };
-    let order = tiles.order();
-    for views in &mut field.planes {
-        *views = order.iter().map(|&tile| std::mem::take(&mut views[tile])).collect();
-    }
     *how += &format!("; {tiles}");
-    Ok(LightField { grid: [1, count], ..field })
+    Ok(field.reordered([1, count], &tiles.order()))
 }
 
 /// The rows and columns of views in the middle.
-fn kept(place: &Path, mut field: LightField, keep: [usize; 2]) -> Result<LightField, SceneError> {
+fn kept(place: &Path, field: LightField, keep: [usize; 2]) -> Result<LightField, SceneError> {
     let [rows, columns] = field.grid;
     let fits = |i: usize| (1..=field.grid[i]).contains(&keep[i]) && (field.grid[i] - keep[i]).is_multiple_of(2);
     if !(fits(0) && fits(1)) {
@@ -224,16 +204,7 @@ fn kept(place: &Path, mut field: LightField, keep: [usize; 2]) -> Result<LightFi
         );
         return Err(SceneError::Settings { file: place.display().to_string(), reason });
     }
-    let first = [0, 1].map(|i| (field.grid[i] - keep[i]) / 2);
-    let stays = |v: &usize| {
-        let at = [v / columns, v % columns];
-        [0, 1].iter().all(|&i| (first[i]..first[i] + keep[i]).contains(&at[i]))
-    };
-    for views in &mut field.planes {
-        let all = std::mem::take(views);
-        *views = all.into_iter().enumerate().filter(|(v, _)| stays(v)).map(|(_, view)| view).collect();
-    }
-    Ok(LightField { grid: keep, ..field })
+    Ok(field.inner([(rows - keep[0]) / 2, (columns - keep[1]) / 2]))
 }
 
 /// The range of disparities that is stated, as such or as depths, pixels of the light field.

@@ -79,8 +79,7 @@ impl LightField {
                 colors.map(|color| between.views(color, &places)).collect()
             }
         };
-        let (grid, view_pitch) = ([grid.rows, grid.columns], Some(closer));
-        Ok(Self { grid, planes, view_pitch, disparity: None, depth: Some(depth), made: Some(made), ..self })
+        Ok(Self { made: Some(made), ..self.with_made(grid, planes, depth) })
     }
 
     /// How well layers of every second view show those in between, and how well these are interpolated, dB of the brightest light;

@@ -1,5 +1,6 @@
 //! Views of what a program gives instead of views: a picture with its depths, or pictures one before the other.
 
+use crate::light_field::field::by_color;
 use crate::synthesis::reproject::relief;
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
@@ -10,21 +11,21 @@ const MOST: f64 = 0.25;
 
 /// Where views of given pictures are seen from.
 pub struct Places<'a> {
-    /// (x, y) beside the place that the pictures were made from, metres of the pupil plane.
+    /// (x, y) beside the place that the pictures were made from, meters of the pupil plane.
     pub places: &'a [[f64; 2]],
-    /// Pixels by which content moves for a metre of depth and a metre of the pupil plane: 1 / (f p).
+    /// Pixels by which content moves for a meter of depth and a meter of the pupil plane: 1 / (f p).
     pub per_metre: f64,
     /// Rows and columns of every picture.
     pub size: [usize; 2],
 }
 
 impl Places<'_> {
-    /// How far away the farthest is along an axis, metres.
+    /// How far away the farthest is along an axis, meters.
     fn reach(&self) -> f64 {
         self.places.iter().flatten().fold(0.0, |far, v| v.abs().max(far))
     }
 
-    /// Refuses depths (metres) that displace content by more than a part of the picture, in words.
+    /// Refuses depths (meters) that displace content by more than a part of the picture, in words.
     fn check(&self, depths: impl Iterator<Item = f64>) -> Result<(), Reason> {
         let deepest = depths.fold(0.0, |far: f64, z| z.abs().max(far));
         let moved = deepest * self.per_metre * self.reach();
@@ -39,15 +40,15 @@ impl Places<'_> {
     }
 }
 
-/// Views of a picture (a plane for each colour, one to three) whose pixels lie at these depths, metres: (color, place).
+/// Views of a picture (a plane for each color, one to three) whose pixels lie at these depths, meters: (color, place).
 ///
 /// # Errors
 /// In words, for depths that displace content too far.
 pub fn views_of_depths(planes: &[&[f32]], depths: &[f32], from: &Places<'_>) -> Result<Vec<Vec<Vec<f32>>>, Reason> {
     from.check(depths.iter().map(|z| f64::from(*z)))?;
-    // Three colours tell together what is mixed of what.
+    // Three colors tell together what is mixed of what.
     let three: Vec<Vec<f32>> = (0..3).map(|i| planes[i.min(planes.len() - 1)].to_vec()).collect();
-    // Disparities are for a millimetre of the pupil plane.
+    // Disparities are for a millimeter of the pupil plane.
     let disparity: Vec<f32> = depths.iter().map(|z| (f64::from(*z) * from.per_metre * 1e-3) as f32).collect();
     let relief = relief(&three, &disparity, from.size, (from.reach() * 1e3) as f32);
     let views: Vec<Vec<Vec<f32>>> =
@@ -57,9 +58,9 @@ pub fn views_of_depths(planes: &[&[f32]], depths: &[f32], from: &Places<'_>) -> 
 
 /// A picture with opacity.
 pub struct Layer<'a> {
-    /// How deep it lies, metres.
+    /// How deep it lies, meters.
     pub depth: f64,
-    /// A plane for each colour, not multiplied by the opacity.
+    /// A plane for each color, not multiplied by the opacity.
     pub planes: Vec<&'a [f32]>,
     /// How much of what lies behind it covers.
     pub opacity: &'a [f32],
@@ -100,7 +101,7 @@ pub fn views_of_layers(layers: &[Layer<'_>], from: &Places<'_>) -> Result<Vec<Ve
         }
         seen
     };
-    Ok(by_color(from.places.par_iter().map(view).collect(), colors))
+    Ok(by_color(from.places.par_iter().map(view).collect::<Vec<_>>(), colors))
 }
 
 /// The two samples around `at + shift` on an axis, each with its weight; none beyond the ends.
@@ -114,22 +115,13 @@ fn between(at: usize, shift: f64, length: usize) -> [(usize, f32); 2] {
     })
 }
 
-/// [place][colour] as [colour][place], the first `colors` of them.
-fn by_color(views: Vec<Vec<Vec<f32>>>, colors: usize) -> Vec<Vec<Vec<f32>>> {
-    let mut planes: Vec<Vec<Vec<f32>>> = (0..colors).map(|_| Vec::with_capacity(views.len())).collect();
-    for view in views {
-        planes.iter_mut().zip(view).for_each(|(plane, view)| plane.push(view));
-    }
-    planes
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     const SIZE: [usize; 2] = [24, 32];
 
-    /// A square around (row 12, column 16) on a grey ground.
+    /// A square around (row 12, column 16) on a gray ground.
     fn square() -> Vec<f32> {
         let inside = |i: usize| (i / 32).abs_diff(12) <= 3 && (i % 32).abs_diff(16) <= 3;
         (0..24 * 32).map(|i| if inside(i) { 1.0 } else { 0.25 }).collect()
@@ -152,7 +144,7 @@ mod tests {
         let picture = square();
         let near: Vec<f32> = picture.iter().map(|v| if *v > 0.6 { 2e-3 } else { 0.0 }).collect();
         let places = [[0.0, 0.0], [1e-3, 0.0], [0.0, 2e-3]];
-        // Two millimetres of depth and one of the pupil plane: 2 pixels.
+        // Two millimeters of depth and one of the pupil plane: 2 pixels.
         let from = Places { places: &places, per_metre: 1e6, size: SIZE };
         let depths = views_of_depths(&[&picture], &near, &from).unwrap();
         let (ground, full) = (vec![0.25f32; 24 * 32], vec![1.0f32; 24 * 32]);

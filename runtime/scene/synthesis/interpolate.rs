@@ -6,8 +6,10 @@
 //! not see, the others show; of several surfaces the nearest counts that is not looked through by more of them. What none saw is continued from the farther side.
 
 use crate::depth::central::{scratch, view_disparities};
+use crate::depth::map::between;
 use crate::depth::sweep::Compared;
 use crate::synthesis::rays::{MOST_STEPS, NONE, RayDirection, Rays};
+use crate::synthesis::reproject::farther_side;
 use crate::{LightField, ViewGrid};
 use eyebox_optics::Display;
 use rayon::prelude::*;
@@ -27,13 +29,13 @@ pub struct Interpolator {
     grid: ViewGrid,
     size: [usize; 2],
     planes: Vec<Stored>,
-    /// Smallest and largest disparity, pixels between neighbouring views.
+    /// Smallest and largest disparity, pixels between neighboring views.
     range: [f64; 2],
     /// Of the views that were needed so far: (row, column), 65535 = the range's larger end.
     disparities: Vec<OnceLock<Vec<u16>>>,
 }
 
-/// One colour of all views.
+/// One color of all views.
 struct Stored {
     /// Linear light of the value 65535.
     scale: f32,
@@ -71,7 +73,7 @@ struct Met {
 }
 
 impl Interpolator {
-    /// Of the colours of a light field before a display. Disparities are sought in the range that it states or that is found
+    /// Of the colors of a light field before a display. Disparities are sought in the range that it states or that is found
     /// (`LightField::disparities_sought`).
     pub fn new(field: LightField, display: &Display) -> Self {
         let cell = field.cell(display);
@@ -86,7 +88,7 @@ impl Interpolator {
         Self { grid, size, planes, range, disparities }
     }
 
-    /// Adds the colours of the same light field that were loaded after the others: loaded one by one, they are in memory as
+    /// Adds the colors of the same light field that were loaded after the others: loaded one by one, they are in memory as
     /// they came one at a time.
     ///
     /// # Panics
@@ -102,7 +104,7 @@ impl Interpolator {
         self.size
     }
 
-    /// Pixels by which content at an end of the depths moves over so many metres of the pupil plane.
+    /// Pixels by which content at an end of the depths moves over so many meters of the pupil plane.
     pub fn parallax(&self, metres: f64) -> f64 {
         metres / self.grid.cell * self.range[0].abs().max(self.range[1].abs())
     }
@@ -114,7 +116,7 @@ impl Interpolator {
         2 * pixels * views * (self.planes.len() as u64 + 1) + scratch(self.size, self.range)
     }
 
-    /// Views of colour `color` from these places (x, y) of the pupil plane, metres, in which the light field's own are those
+    /// Views of color `color` from these places (x, y) of the pupil plane, meters, in which the light field's own are those
     /// of its [`ViewGrid`].
     pub fn views(&self, color: usize, places: &[(f64, f64)]) -> Vec<Vec<f32>> {
         // Seeking disparities uses all cores for one view already.
@@ -284,30 +286,11 @@ impl Interpolator {
 
     /// What no view saw takes the light of the farther side along the way that content moves.
     fn close(&self, image: &mut [f32], depth: &[f32], [u, v]: [f32; 2]) {
-        let [height, width] = self.size;
         let length = u.hypot(v).max(1e-6);
-        let (du, dv) = (u / length, v / length);
-        let filled: Vec<(usize, f32)> = (0..image.len())
-            .into_par_iter()
-            .filter(|p| depth[*p].is_nan())
-            .map(|p| {
-                let (x, y) = ((p % width) as f32, (p / width) as f32);
-                let search = |sign: f32| {
-                    (1..width + height)
-                        .map(|k| ((x + sign * k as f32 * du).round(), (y + sign * k as f32 * dv).round()))
-                        .map_while(|(x, y)| {
-                            let inside = x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
-                            inside.then(|| y as usize * width + x as usize)
-                        })
-                        .find(|q| !depth[*q].is_nan())
-                };
-                let side = match (search(1.0), search(-1.0)) {
-                    (Some(a), Some(b)) => Some(if depth[a] <= depth[b] { a } else { b }),
-                    (a, b) => a.or(b),
-                };
-                (p, side.map_or(0.0, |q| image[q]))
-            })
-            .collect();
+        let known = |q: usize| Some(depth[q]).filter(|d| !d.is_nan());
+        let light = |p| farther_side(self.size, p, [u / length, v / length], known).map_or(0.0, |q| image[q]);
+        let empty = (0..image.len()).into_par_iter().filter(|p| depth[*p].is_nan());
+        let filled: Vec<(usize, f32)> = empty.map(|p| (p, light(p))).collect();
         filled.into_iter().for_each(|(p, light)| image[p] = light);
     }
 }
@@ -331,12 +314,7 @@ fn smooth([height, width]: [usize; 2], (x, y): (f32, f32), own: &impl Fn(usize, 
     let (i, j) = (x as usize, y as usize);
     let (fx, fy) = (x - i as f32, y - j as f32);
     let (right, below) = ((i + 1).min(width - 1), (j + 1).min(height - 1));
-    let [a, b, c, d] = [own(j, i), own(j, right), own(below, i), own(below, right)];
-    if a.max(b).max(c).max(d) - a.min(b).min(c).min(d) > TEAR {
-        return None;
-    }
-    let (top, bottom) = (a + fx * (b - a), c + fx * (d - c));
-    Some(top + fy * (bottom - top))
+    between([own(j, i), own(j, right), own(below, i), own(below, right)], fx, fy, TEAR)
 }
 
 /// Catmull-Rom, never below zero.

@@ -12,7 +12,7 @@ use eyebox_kernels::{Complex32, Complex64, ZERO};
 use eyebox_optics::{Display, fast_size};
 use rayon::prelude::*;
 
-/// Pixels that content of neighbouring layers parts by across the eyebox; up to twice as many where that saves layers.
+/// Pixels that content of neighboring layers parts by across the eyebox; up to twice as many where that saves layers.
 const MAX_LAYER_STEP_PX: f64 = 0.7;
 /// Layers that are usual, at least and at most, and that are ever made.
 const USUAL: [f64; 2] = [4.0, 24.0];
@@ -38,27 +38,26 @@ pub struct Layers {
     /// Rows and columns of the grid that pictures are mirrored into.
     padded: [usize; 2],
     grid: ViewGrid,
-    /// Pixels by which each layer's content moves over a metre of the pupil plane.
+    /// Pixels by which each layer's content moves over a meter of the pupil plane.
     slopes: Vec<f64>,
-    /// Of each colour: (layer, row, column), of the columns of frequencies from 0 up.
+    /// Of each color: (layer, row, column), of the columns of frequencies from 0 up.
     planes: Vec<Vec<Complex32>>,
-    /// Of each view, over all colours: its products with itself, with what the others predict, and of that with itself.
+    /// Of each view, over all colors: its products with itself, with what the others predict, and of that with itself.
     products: Vec<[f64; 3]>,
     /// The brightest light.
     brightest: f64,
-    colors: usize,
 }
 
 /// A focal stack before a display.
 pub(crate) struct Stack {
-    /// The depth at which each picture is sharp, metres.
+    /// The depth at which each picture is sharp, meters.
     pub focus: Vec<f64>,
-    /// The diameter of the aperture that saw them, metres.
+    /// The diameter of the aperture that saw them, meters.
     pub aperture: f64,
 }
 
 impl Layers {
-    /// Of the colours of a light field before a display, over these depths (farthest, nearest), metres.
+    /// Of the colors of a light field before a display, over these depths (farthest, nearest), meters.
     ///
     /// # Errors
     /// [`SceneError`] where they do not fit the memory.
@@ -69,10 +68,7 @@ impl Layers {
         Ok(layers)
     }
 
-    /// Of views at `positions` (x, y) of the pupil plane, metres, around its middle, which span `span`.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
+    /// Of views at `positions` (x, y) of the pupil plane, meters, around its middle, which span `span`.
     pub(crate) fn at_positions(
         field: &LightField,
         positions: &[[f64; 2]],
@@ -96,10 +92,7 @@ impl Layers {
         Ok(layers)
     }
 
-    /// Of the pictures of a focal stack, which `field` has as a row of views; over these depths, metres.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
+    /// Of the pictures of a focal stack, which `field` has as a row of views; over these depths, meters.
     pub(crate) fn of_stack(
         field: &LightField,
         stack: &Stack,
@@ -149,10 +142,10 @@ impl Layers {
         let what = || format!("{} layers of {} x {} pixels", slopes.len(), padded[0], padded[1]);
         memory::check_available(what, memory::bytes_of(&counts, 8), "take a smaller `size`, or `photographs` cells")?;
         let products = vec![[0.0; 3]; views];
-        Ok(Self { size, padded, grid, slopes, planes: Vec::new(), products, brightest: 0.0, colors: 0 })
+        Ok(Self { size, padded, grid, slopes, planes: Vec::new(), products, brightest: 0.0 })
     }
 
-    /// Adds the colours of the same light field that were loaded after the others.
+    /// Adds the colors of the same light field that were loaded after the others.
     pub fn with(mut self, field: &LightField, display: &Display) -> Self {
         self.add(field, display.eyebox_min());
         self
@@ -174,13 +167,13 @@ impl Layers {
     }
 
     fn db(&self, error: f64) -> f64 {
-        decibels(error, self.size[0] * self.size[1] * self.colors.max(1), self.brightest)
+        decibels(error, self.size[0] * self.size[1] * self.planes.len().max(1), self.brightest)
     }
 
     /// One or two views that do not fit the others, and the likely cause.
     pub(crate) fn odd_views(&self, scene: &str) -> Option<SceneError> {
         let all = self.residual();
-        // Those at the border, and at a corner, have fewer neighbours.
+        // Those at the border, and at a corner, have fewer neighbors.
         let sides = |v: usize| {
             let outer = |i: usize, n: usize| usize::from(i == 0 || i + 1 == n);
             outer(v / self.grid.columns, self.grid.rows) + outer(v % self.grid.columns, self.grid.columns)
@@ -213,7 +206,7 @@ impl Layers {
         Some(SceneError::OddViews { scene: scene.into(), views, found: all[odd[0]], others, cause })
     }
 
-    /// The mean over the views that have neighbours on all sides, which is the error of views in between; over all views
+    /// The mean over the views that have neighbors on all sides, which is the error of views in between; over all views
     /// where there is none.
     pub fn residual_between(&self) -> f64 {
         let inner = |i: usize, n: usize| n < 3 || (i > 0 && i + 1 < n);
@@ -225,12 +218,12 @@ impl Layers {
         -10.0 * (sum / f64::max(count, 1.0)).log10()
     }
 
-    /// Pixels by which content at an end of the depths moves over so many metres of the pupil plane.
+    /// Pixels by which content at an end of the depths moves over so many meters of the pupil plane.
     pub fn parallax(&self, metres: f64) -> f64 {
         metres * self.slopes.iter().fold(0.0, |most: f64, s| most.max(s.abs()))
     }
 
-    /// Views of colour `color` from these places (x, y) of the pupil plane, metres.
+    /// Views of color `color` from these places (x, y) of the pupil plane, meters.
     pub fn views(&self, color: usize, places: &[(f64, f64)]) -> Vec<Vec<f32>> {
         let plans = Plans::default();
         let [height, width] = self.padded;
@@ -261,18 +254,17 @@ impl Layers {
         self.add_colors(field, |omega, views, found| regression.solve(omega, views, found));
     }
 
-    /// Adds a field's colours, of which `at` finds the layers at a frequency.
+    /// Adds a field's colors, of which `at` finds the layers at a frequency.
     fn add_colors(&mut self, field: &LightField, at: impl Fn([f64; 2], &[Complex64], &mut Found) + Sync) {
         for views in &field.planes {
             let brightest = views.par_iter().flatten().copied().reduce(|| 0.0, f32::max);
             self.brightest = self.brightest.max(f64::from(brightest));
             let layers = self.solve(&at, views);
             self.planes.push(layers);
-            self.colors += 1;
         }
     }
 
-    /// The layers of one colour; adds to the views' products.
+    /// The layers of one color; adds to the views' products.
     fn solve(
         &mut self,
         at: &(impl Fn([f64; 2], &[Complex64], &mut Found) + Sync),

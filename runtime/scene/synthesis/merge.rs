@@ -1,7 +1,7 @@
-//! Fewer views where fewer do: neighbours that show the same become one, and views that no pupil reaches are left out.
+//! Fewer views where fewer do: neighbors that show the same become one, and views that no pupil reaches are left out.
 
 use crate::{LightField, ViewGrid};
-use eyebox_optics::Display;
+use eyebox_optics::{Color, Display};
 use rayon::prelude::*;
 
 impl LightField {
@@ -18,7 +18,7 @@ impl LightField {
     }
 
     /// The light field in which each block of `count` x `count` views has become one, in the middle of the block: their
-    /// mean, after content at `depth` (metres) has been laid upon itself. Exact for content at that depth seen by an eye
+    /// mean, after content at `depth` (meters) has been laid upon itself. Exact for content at that depth seen by an eye
     /// that focuses there; off it, what a view shows moves by `(z - depth) q / f` within a block (OPTICS 3).
     ///
     /// `count` must divide both sides of the grid ([`mergeable_without`](Self::mergeable_without)).
@@ -51,18 +51,15 @@ impl LightField {
         Self {
             name: self.name.clone(),
             grid: [rows, columns],
-            height: self.height,
-            width: self.width,
             colors: self.colors.clone(),
             planes: planes.collect(),
             view_pitch: Some(grid.cell * count as f64),
             disparity: self.disparity.map(|d| d.map(|v| v * count as f64)),
-            depth: self.depth,
-            made: self.made,
+            ..*self
         }
     }
 
-    /// Rows and columns of views, on each side, whose cells lie wholly outside the square of side `eyebox` (metres)
+    /// Rows and columns of views, on each side, whose cells lie wholly outside the square of side `eyebox` (meters)
     /// around the axis: no pupil that stays in it sees them. One view is always left.
     pub fn unseen(&self, display: &Display, eyebox: f64) -> [usize; 2] {
         let cell = self.cell(display);
@@ -74,34 +71,21 @@ impl LightField {
     }
 
     /// Without so many rows and columns of views on each side.
-    pub fn without_outer(self, display: &Display, [rows, columns]: [usize; 2]) -> Self {
-        if [rows, columns] == [0, 0] {
+    pub fn without_outer(self, display: &Display, outer: [usize; 2]) -> Self {
+        if outer == [0, 0] {
             return self;
         }
-        let (cell, [all_rows, all_columns]) = (self.cell(display), self.grid);
-        let stays = |i: usize| {
-            (rows..all_rows - rows).contains(&(i / all_columns))
-                && (columns..all_columns - columns).contains(&(i % all_columns))
-        };
-        let kept =
-            |views: Vec<Vec<f32>>| views.into_iter().enumerate().filter(|(i, _)| stays(*i)).map(|(_, v)| v).collect();
-        Self {
-            grid: [all_rows - 2 * rows, all_columns - 2 * columns],
-            planes: self.planes.into_iter().map(kept).collect(),
-            view_pitch: Some(cell),
-            ..self
-        }
+        Self { view_pitch: Some(self.cell(display)), ..self }.inner(outer)
     }
 
-    /// A copy in this colour alone.
-    pub fn only(&self, color: eyebox_optics::Color) -> Self {
-        let planes =
-            self.colors.iter().zip(&self.planes).filter(|(c, _)| **c == color).map(|(_, p)| p.clone()).collect();
-        Self { name: self.name.clone(), colors: vec![color], planes, ..*self }
+    /// A copy in this color alone.
+    pub fn only(&self, color: Color) -> Self {
+        let its = self.colors.iter().zip(&self.planes).filter(|(c, _)| **c == color);
+        Self { name: self.name.clone(), colors: vec![color], planes: its.map(|(_, p)| p.clone()).collect(), ..*self }
     }
 
-    /// With these of its colours, in its order.
-    pub fn with_colors(self, colors: &[eyebox_optics::Color]) -> Self {
+    /// With these of its colors, in its order.
+    pub fn with_colors(self, colors: &[Color]) -> Self {
         let pairs = self.colors.into_iter().zip(self.planes).filter(|(color, _)| colors.contains(color));
         let (colors, planes) = pairs.unzip();
         Self { colors, planes, ..self }
@@ -160,7 +144,7 @@ mod tests {
     /// At its own depth a plane is laid upon itself, whatever the sign; at any other it is smeared.
     #[test]
     fn a_plane_elsewhere_is_one_view_at_its_depth_alone() {
-        // A depth at which neighbouring views differ by whole pixels: nothing is interpolated.
+        // A depth at which neighboring views differ by whole pixels: nothing is interpolated.
         for disparity in [-1.0, 1.0] {
             let (_, display) = plane(0.0);
             let depth = disparity * display.focal_length * display.pitch / (display.eyebox_min() / 9.0);

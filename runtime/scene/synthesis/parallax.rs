@@ -5,8 +5,10 @@
 //! other axis; one reversed axis makes rows and columns contradict each other; two reversed axes exchange near and far,
 //! which only what is covered tells.
 
-use crate::LightField;
+use crate::depth::central::view_disparities;
+use crate::depth::sweep::Compared;
 use crate::light_field::resize::{Fit, Resize};
+use crate::{LightField, ViewGrid};
 use rayon::prelude::*;
 
 /// Pixels along the longer side of what is first looked at, and at most.
@@ -56,9 +58,7 @@ pub struct Parallax {
 }
 
 /// Costs of movements: (candidate, pixel), mean over a small window.
-struct Volume {
-    costs: Vec<Vec<f32>>,
-}
+type Volume = Vec<Vec<f32>>;
 
 impl Small {
     fn new(field: &LightField, longest: usize) -> Self {
@@ -112,7 +112,7 @@ impl Small {
         self.size = [rows.len(), columns.len()];
     }
 
-    /// How far views stand from the centre along both axes of the grid, at most.
+    /// How far views stand from the center along both axes of the grid, at most.
     fn steps(&self) -> usize {
         self.arms.iter().flatten().map(|(d, _)| d.unsigned_abs()).max().unwrap_or(0)
     }
@@ -137,7 +137,7 @@ impl Small {
             }
             blur(&blur(&least, h, w, true), h, w, false)
         };
-        Some(Volume { costs: (0..=2 * most * FINE).into_par_iter().map(one).collect() })
+        Some((0..=2 * most * FINE).into_par_iter().map(one).collect())
     }
 
     /// How much the picture changes around each pixel: what tells movements apart.
@@ -170,7 +170,7 @@ fn shifted(view: &[f32], [h, w]: [usize; 2], away: f32, x: bool) -> Vec<f32> {
     out
 }
 
-/// Mean over five neighbours along an axis; the edge counts as often as it takes.
+/// Mean over five neighbors along an axis; the edge counts as often as it takes.
 fn blur(values: &[f32], h: usize, w: usize, x: bool) -> Vec<f32> {
     let mut out = vec![0.0; values.len()];
     if x {
@@ -196,11 +196,11 @@ fn blur(values: &[f32], h: usize, w: usize, x: bool) -> Vec<f32> {
 /// The best movement of each pixel where both axes of the grid count, and its cost; `turned` takes that of the second with the
 /// other sign.
 fn best(first: Option<&Volume>, second: Option<&Volume>, turned: bool, pixels: usize) -> (Vec<usize>, Vec<f32>) {
-    let count = first.or(second).map_or(0, |v| v.costs.len());
+    let count = first.or(second).map_or(0, Vec::len);
     let one = |p: usize| {
         let cost = |k: usize| {
             let other = if turned { count - 1 - k } else { k };
-            first.map_or(0.0, |v| v.costs[k][p]) + second.map_or(0.0, |v| v.costs[other][p])
+            first.map_or(0.0, |v| v[k][p]) + second.map_or(0.0, |v| v[other][p])
         };
         let mut best = (0, f32::INFINITY);
         for k in 0..count {
@@ -237,7 +237,7 @@ impl Look {
         let sum = |costs: &mut dyn Iterator<Item = f32>| costs.zip(detail).map(|(c, d)| f64::from(c * d)).sum::<f64>();
         let middle = most * FINE;
         let found = ways.map(|(a, b, turned)| (both || !turned).then(|| best(a.as_ref(), b.as_ref(), turned, h * w)));
-        let still = sum(&mut (0..h * w).map(|p| [&cx, &ry].into_iter().flatten().map(|v| v.costs[middle][p]).sum()));
+        let still = sum(&mut (0..h * w).map(|p| [&cx, &ry].into_iter().flatten().map(|v| v[middle][p]).sum()));
         let rounded = f64::from(ROUNDED) * detail.iter().map(|d| f64::from(*d)).sum::<f64>() + 1e-9;
         let apart = std::array::from_fn(|i| match &found[i] {
             Some((_, costs)) => (sum(&mut costs.iter().copied()) + rounded) / (still + rounded),
@@ -321,9 +321,7 @@ impl Small {
         let clear = places.iter().filter(|[votes, count]| votes.abs() > CLEAR * count);
         clear.fold([0, 0], |[near, all], [votes, _]| [near + usize::from(*votes > 0.0), all + 1])
     }
-}
 
-impl Small {
     /// Movement of each pixel, sharp at edges, in the order that was found.
     fn sharp(&self, step: usize, most: f64, transposed: bool, turned: bool) -> Vec<f32> {
         let there =
@@ -344,16 +342,8 @@ impl Small {
             };
             view.unwrap_or(&self.center).iter().map(|v| v * v).collect()
         };
-        let grid = crate::ViewGrid { rows, columns, cell: 1.0 };
-        let center = row * columns + column;
-        crate::depth::central::view_disparities(
-            &grid,
-            center,
-            self.size,
-            [-most, most],
-            crate::depth::sweep::Compared::Exactly,
-            light,
-        )
+        let (grid, center) = (ViewGrid { rows, columns, cell: 1.0 }, row * columns + column);
+        view_disparities(&grid, center, self.size, [-most, most], Compared::Exactly, light)
     }
 }
 
@@ -378,7 +368,7 @@ fn significant([near, all]: [usize; 2]) -> Option<bool> {
 }
 
 impl Parallax {
-    /// Looks at the views of the central row and column: neighbours first, farther ones where too little moves, in more pixels
+    /// Looks at the views of the central row and column: neighbors first, farther ones where too little moves, in more pixels
     /// where too little still moves.
     pub(crate) fn of(field: &LightField) -> Option<Self> {
         let longest = field.height.max(field.width);
@@ -459,7 +449,7 @@ impl Look {
         let Some(transposed) = transposed else { return found };
         let pixels = small.size[0] * small.size[1];
         let per_view = small.scale / step as f64;
-        let middle = |volume: &Volume| (volume.costs.len() / 2) as f32;
+        let middle = |volume: &Volume| (volume.len() / 2) as f32;
         for (axis, volume) in [(0, usize::from(transposed)), (1, 3 - usize::from(transposed))] {
             let Some(volume) = &volumes[volume] else { continue };
             let (at, _) = best(Some(volume), None, false, pixels);
@@ -475,9 +465,8 @@ impl Look {
             let cost = |p: usize, m: f32| {
                 let one = |volume: Option<&Volume>, turned: bool| {
                     let Some(volume) = volume else { return 0.0 };
-                    let last = volume.costs.len() - 1;
                     let k = (m * FINE as f32).round() * if turned { -1.0 } else { 1.0 } + middle(volume);
-                    volume.costs[(k.max(0.0) as usize).min(last)][p]
+                    volume[(k.max(0.0) as usize).min(volume.len() - 1)][p]
                 };
                 one(of_columns, false) + one(of_rows, turned)
             };

@@ -1,6 +1,6 @@
 //! Rays of a row of pixels, followed together through a view from near to far until each meets what the view saw.
 //!
-//! At one disparity all pixels of a row look at neighbouring pixels of the view: what is compared is a run of its disparities with two
+//! At one disparity all pixels of a row look at neighboring pixels of the view: what is compared is a run of its disparities with two
 //! bounds, many pixels at once.
 
 use eyebox_kernels::simd;

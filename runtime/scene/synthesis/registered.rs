@@ -4,7 +4,7 @@ use crate::light_field::resize::catmull_rom;
 use eyebox_optics::PictureMap;
 use rayon::prelude::*;
 
-/// Where each pixel of a picture of this size comes from in another of the same size, and how far apart neighbours' places are:
+/// Where each pixel of a picture of this size comes from in another of the same size, and how far apart neighbors' places are:
 /// (x, y) each, in pixels.
 pub struct Bend {
     size: [usize; 2],

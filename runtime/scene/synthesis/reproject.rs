@@ -1,6 +1,6 @@
 //! Views from one picture and its disparities.
 //!
-//! Each pixel is a small piece of surface. It is joined to those neighbours that are about as deep, and torn from the
+//! Each pixel is a small piece of surface. It is joined to those neighbors that are about as deep, and torn from the
 //! others. A view displaces its corners, so joined pieces stretch without cracks, and pieces are laid down from near
 //! to far, each taking what is still uncovered of the pixels it falls on: nearer covers farther, and outlines keep
 //! their partial coverage. Behind every tear the far surface is continued once, for all views alike (what comes out
@@ -11,10 +11,10 @@ use rayon::prelude::*;
 /// A difference of disparity that opens more than this many pixels in the outermost view is a tear.
 const TEAR: f32 = 1.5;
 
-/// Colours of a picture: all three, for they tell together what is mixed of what.
+/// Colors of a picture: all three, for they tell together what is mixed of what.
 const C: usize = 3;
 
-/// A pixel's neighbours, the closest first.
+/// A pixel's neighbors, the closest first.
 const AROUND: [(i64, i64); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
 
 /// A picture with disparities, ready to be seen from any view.
@@ -46,8 +46,8 @@ struct Padded {
     color: Vec<[f32; C]>,
 }
 
-/// `disparity` is in pixels between neighbouring views (positive towards the camera); the outermost view is `reach`
-/// views from the centre. Each plane is `height * width`.
+/// `disparity` is in pixels between neighboring views (positive towards the camera); the outermost view is `reach`
+/// views from the center. Each plane is `height * width`.
 pub(crate) fn relief(planes: &[Vec<f32>], disparity: &[f32], [height, width]: [usize; 2], reach: f32) -> Relief {
     let tear = TEAR / reach.max(0.5);
     let mut sharp = disparity.to_vec();
@@ -118,9 +118,9 @@ impl Padded {
         padded
     }
 
-    /// A pixel on the far rim of a tear often holds some of the near side's colour, for pictures are smooth and maps
+    /// A pixel on the far rim of a tear often holds some of the near side's color, for pictures are smooth and maps
     /// are not. Takes it out, and returns it as pieces of the near surface that cover as much of the pixel as they
-    /// did: the picture from the centre stays what it was.
+    /// did: the picture from the center stays what it was.
     fn unmix(&mut self, tear: f32) -> Vec<Piece> {
         let (h, w) = (self.height as i64, self.width as i64);
         let at = |x: i64, y: i64| ((0..w).contains(&x) && (0..h).contains(&y)).then(|| (y * w + x) as usize);
@@ -133,11 +133,11 @@ impl Padded {
                 let (&(dx, dy), near) = AROUND.iter().find_map(|d| Some((d, rises(d)?)))?;
                 let level = self.disparity[near];
                 let alike = |q: &usize, depth: f32| (self.disparity[*q] - depth).abs() <= tear;
-                // Pure colours: one pixel further in, two further out.
+                // Pure colors: one pixel further in, two further out.
                 let front = self.color[at(x + 2 * dx, y + 2 * dy).filter(|q| alike(q, level)).unwrap_or(near)];
                 let clean = |k: i64| at(x - k * dx, y - k * dy).filter(|q| alike(q, here));
                 let back = self.color[clean(2).or_else(|| clean(1))?];
-                // This colour = back + share (front - back), as nearly as it can be.
+                // This color = back + share (front - back), as nearly as it can be.
                 let (mut dot, mut norm) = (0.0, 0.0);
                 for k in 0..C {
                     dot += (self.color[p][k] - back[k]) * (front[k] - back[k]);
@@ -162,7 +162,7 @@ impl Padded {
         pieces
     }
 
-    /// For pixels within `reach` of a tear on its near side: disparity and colour of the far surface behind them.
+    /// For pixels within `reach` of a tear on its near side: disparity and color of the far surface behind them.
     fn behind(&self, reach: usize, tear: f32) -> Vec<Option<(f32, [f32; C])>> {
         let (h, w) = (self.height as i64, self.width as i64);
         let at = |x: i64, y: i64| ((0..w).contains(&x) && (0..h).contains(&y)).then(|| (y * w + x) as usize);
@@ -175,7 +175,7 @@ impl Padded {
                 AROUND.iter().any(|&(dx, dy)| at(x + dx, y + dy).is_some_and(nearer))
             })
             .collect();
-        // For each pixel the nearest rim that is farther than itself, carried from neighbour to neighbour.
+        // For each pixel the nearest rim that is farther than itself, carried from neighbor to neighbor.
         let mut nearest: Vec<Option<u32>> = vec![None; rim.len()];
         let distance = |p: usize, rim: u32| {
             let (dx, dy) = (p as i64 % w - i64::from(rim) % w, p as i64 / w - i64::from(rim) / w);
@@ -204,7 +204,7 @@ impl Padded {
             let (rx, ry) = (rim as i64 % w, rim as i64 / w);
             let depth = self.disparity[rim];
             let same = |q: &usize| (self.disparity[*q] - depth).abs() <= tear;
-            // Its mirror image behind the rim, a little further out: colours right at an outline are mixed.
+            // Its mirror image behind the rim, a little further out: colors right at an outline are mixed.
             let length = (((rx - px).pow(2) + (ry - py).pow(2)) as f64).sqrt();
             let out = |steps: f64| {
                 let along = |from: i64, to: i64| from + ((to - from) as f64 / length * steps).round() as i64;
@@ -215,7 +215,7 @@ impl Padded {
             Some((depth, self.color[from]))
         };
         let filled: Vec<Option<(f32, [f32; C])>> = nearest.par_iter().enumerate().map(fill).collect();
-        // Neighbours mirrored at different rims can be strangers: averaged over 3 x 3, they make no lines.
+        // Neighbors mirrored at different rims can be strangers: averaged over 3 x 3, they make no lines.
         let soften = |p: usize| {
             let (depth, color) = filled[p]?;
             let (x, y) = (p as i64 % w, p as i64 / w);
@@ -232,7 +232,7 @@ impl Padded {
         (0..filled.len()).into_par_iter().map(soften).collect()
     }
 
-    /// Cuts a layer into pieces: pixels for which `wanted` says so, joined to their neighbours in the layer.
+    /// Cuts a layer into pieces: pixels for which `wanted` says so, joined to their neighbors in the layer.
     fn cut(
         &self,
         disparity: &[f32],
@@ -271,7 +271,7 @@ impl Relief {
         (self.pieces.capacity() * size_of::<Piece>()) as u64
     }
 
-    /// The picture as seen `u` columns and `v` rows of views from the centre: one plane per colour.
+    /// The picture as seen `u` columns and `v` rows of views from the center: one plane per color.
     pub fn view(&self, u: f32, v: f32) -> Vec<Vec<f32>> {
         let (h, w) = (self.height, self.width);
         let mut color = vec![[0.0f32; C]; h * w];
@@ -308,7 +308,6 @@ impl Relief {
 
     /// Pixels that nothing reached take the farther of the two sides along the direction of the parallax.
     fn close(&self, color: &mut [[f32; C]], covered: &[f32], depth: &[f32], u: f32, v: f32) {
-        let (h, w) = (self.height as f32, self.width as f32);
         let length = (u * u + v * v).sqrt().max(1e-6);
         let (du, dv) = if u * u + v * v > 0.0 { (u / length, v / length) } else { (1.0, 0.0) };
         let known: Vec<[f32; C]> = color.iter().zip(covered).map(|(c, &a)| c.map(|k| k / a.max(1e-6))).collect();
@@ -317,25 +316,34 @@ impl Relief {
                 color[p] = known[p];
                 continue;
             }
-            let (x, y) = ((p % self.width) as f32, (p / self.width) as f32);
-            let search = |sign: f32| {
-                (1..self.width + self.height)
-                    .map(|k| sign * k as f32)
-                    .map_while(|k| {
-                        let (x, y) = ((x + k * du).round(), (y + k * dv).round());
-                        (x >= 0.0 && y >= 0.0 && x < w && y < h).then_some(y as usize * self.width + x as usize)
-                    })
-                    .find(|&q| covered[q] > 0.5)
-            };
-            let far = |q: usize| depth[q] / covered[q];
-            let side = match (search(1.0), search(-1.0)) {
-                (Some(a), Some(b)) => Some(if far(a) <= far(b) { a } else { b }),
-                (a, b) => a.or(b),
-            };
-            if let Some(q) = side {
+            let far = |q: usize| (covered[q] > 0.5).then(|| depth[q] / covered[q]);
+            if let Some(q) = farther_side([self.height, self.width], p, [du, dv], far) {
                 let rest = 1.0 - covered[p];
                 color[p].iter_mut().zip(known[q]).for_each(|(c, k)| *c += rest * k);
             }
         }
+    }
+}
+
+/// Of the nearest pixels before and behind pixel `p` along a direction (x, y) whose disparity is known, the farther one.
+pub(crate) fn farther_side(
+    [height, width]: [usize; 2],
+    p: usize,
+    [du, dv]: [f32; 2],
+    disparity: impl Fn(usize) -> Option<f32>,
+) -> Option<usize> {
+    let (x, y) = ((p % width) as f32, (p / width) as f32);
+    let search = |sign: f32| {
+        let steps = (1..width + height).map(|k| sign * k as f32);
+        let mut pixels = steps.map_while(|k| {
+            let (x, y) = ((x + k * du).round(), (y + k * dv).round());
+            let inside = x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
+            inside.then_some(y as usize * width + x as usize)
+        });
+        pixels.find_map(|q| Some((q, disparity(q)?)))
+    };
+    match (search(1.0), search(-1.0)) {
+        (Some(a), Some(b)) => Some(if a.1 <= b.1 { a.0 } else { b.0 }),
+        (a, b) => a.or(b).map(|(q, _)| q),
     }
 }

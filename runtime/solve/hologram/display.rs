@@ -25,7 +25,7 @@ impl Hologram {
         table.push('\n');
         for color in &self.colors {
             let name = color.color?;
-            let powers = sources.powers(name, self.frames, self.focal_length, color.wavelength);
+            let powers = sources.powers(name, self.frames, self.focal_length);
             for frame in 0..self.frames {
                 let each: String = powers.iter().map(|of_source| format!(",{:.6}", of_source[frame])).collect();
                 table += &format!("{name},{frame}{each}\n");

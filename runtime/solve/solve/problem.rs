@@ -5,7 +5,7 @@ use crate::optics::{
     Color, Display, EyeboxRegion, Optics, OpticsError, Padding, SourceChoice, SourceMode, WindowFactor,
 };
 use crate::plan::{EyeTables, ModelTables, Planner, Storage, ViewLayout};
-use crate::scene::{Bend, Enlarged, LightField, Pyramid, ViewGrid, shrink_to_share};
+use crate::scene::{Bend, Fit, LightField, Pyramid, Resize, ViewGrid, shrink_to_share};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -87,7 +87,8 @@ impl Problem {
         } else {
             // Behind a mask the picture has the mask's pixels.
             let finer = outline.optics.mask_factor;
-            let larger = (finer > 1).then(|| Enlarged::new([height, width], finer));
+            let larger =
+                (finer > 1).then(|| Resize::new([height, width], [finer * height, finer * width], Fit::Stretch));
             let (height, width) = (finer * height, finer * width);
             let (top, left) = ((grid.height - height) / 2, (grid.width - width) / 2);
             let framed = |view: &Vec<f32>| {

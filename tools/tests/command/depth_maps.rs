@@ -96,8 +96,8 @@ fn a_deep_map_gets_as_many_views_as_it_needs() {
     };
     // 22 mm of eyebox: a millimetre of depth is 6.9 pixels.
     let deep = solve(&["--depth=-1..1"]);
-    assert!(deep.contains("14 x 14 views: neighbours part by a pixel at most") && !deep.contains("ghosts"), "{deep}");
-    assert!(!solve(&["--depth=-0.5..0.5"]).contains("neighbours part by"));
+    assert!(deep.contains("14 x 14 views: neighbors part by a pixel at most") && !deep.contains("ghosts"), "{deep}");
+    assert!(!solve(&["--depth=-0.5..0.5"]).contains("neighbors part by"));
     let few = solve(&["--depth=-1..1", "--views", "5"]);
     assert!(few.contains("see ghosts out of focus; 13 x 13 views would not"), "{few}");
     // A narrow pupil takes in few views, and tells little apart.
