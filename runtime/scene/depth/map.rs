@@ -116,5 +116,5 @@ pub(crate) fn resized(values: &[f32], own: [usize; 2], [height, width]: [usize; 
 pub(crate) fn between([a, b, c, d]: [f32; 4], tx: f32, ty: f32, apart: f32) -> Option<f32> {
     let (top, bottom) = (a + (b - a) * tx, c + (d - c) * tx);
     let span = a.max(b).max(c).max(d) - a.min(b).min(c).min(d);
-    (span <= apart).then(|| top + (bottom - top) * ty)
+    (span <= apart).then_some(top + (bottom - top) * ty)
 }

@@ -143,6 +143,15 @@ impl LightField {
     }
 }
 
+/// (place, color) as (color, place), of the first `colors`.
+pub(crate) fn by_color(views: impl IntoIterator<Item = Vec<Vec<f32>>>, colors: usize) -> Vec<Vec<Vec<f32>>> {
+    let mut planes: Vec<Vec<Vec<f32>>> = vec![Vec::new(); colors];
+    for view in views {
+        planes.iter_mut().zip(view).for_each(|(plane, view)| plane.push(view));
+    }
+    planes
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -178,13 +187,4 @@ mod tests {
         assert!((near - 2.0 * 0.4 * 8e-6 / cell).abs() < 1e-12 && (far + near / 2.0).abs() < 1e-12);
         assert_eq!(LightField { view_pitch: Some(1e-3), ..field }.cell(&display), 1e-3);
     }
-}
-
-/// (place, color) as (color, place), of the first `colors`.
-pub(crate) fn by_color(views: impl IntoIterator<Item = Vec<Vec<f32>>>, colors: usize) -> Vec<Vec<Vec<f32>>> {
-    let mut planes: Vec<Vec<Vec<f32>>> = vec![Vec::new(); colors];
-    for view in views {
-        planes.iter_mut().zip(view).for_each(|(plane, view)| plane.push(view));
-    }
-    planes
 }
