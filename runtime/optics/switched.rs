@@ -177,7 +177,7 @@ impl Sources {
     /// power 1 that is always lit.
     pub fn powers(&self, color: Color, frames: usize, focal_length: f64) -> Vec<Vec<f64>> {
         let at_once = Self { sub_frame_us: None, ..self.clone() };
-        // Powers are those of any wavelength.
+        // Powers do not depend on the wavelength.
         let modes = at_once.modes(color, focal_length, &[SourceMode::centred(1.0)]);
         let mut powers = vec![vec![0.0; frames]; self.each.len()];
         for mode in &modes {

@@ -1,4 +1,4 @@
-//! Faults and limits of devices under the solver and the encoder: each is an error, or gives the same bytes.
+//! Faults and limits of devices under the solver and the encoder. Each gives an error or the same bytes.
 
 use eyebox::low_level::encode::{Encoder, PhaseSet};
 use eyebox::low_level::engine::vulkan::{LesserDevice, VulkanEncoder, VulkanEngine};
@@ -64,8 +64,7 @@ impl Engine for Losing {
     }
 }
 
-/// The driver loses the device in the middle of a solve: an error that names what ran, from every way in, and the
-/// engine can be closed.
+/// The driver loses the device during a solve. Every later call gives an error with the names of its kernels, and the engine closes.
 #[test]
 fn a_lost_device_is_an_error_everywhere() {
     let display = Display { height: 24, width: 30, ..Display::load("paper").unwrap() };
@@ -99,7 +98,7 @@ fn a_lost_device_is_an_error_everywhere() {
     assert_eq!(*messages.lock().unwrap(), Vec::<String>::new());
 }
 
-/// A device whose kernels see only a few sub-frames at once, and that has the old barriers only, encodes the same bytes.
+/// A device with a small storage range and without synchronization2 encodes the same bytes.
 #[test]
 fn a_smaller_device_encodes_the_same() {
     let display = Display { height: 9, width: 30, ..Display::preset("planes24").unwrap() };
@@ -113,7 +112,7 @@ fn a_smaller_device_encodes_the_same() {
         device.encode(&[&phases], got.bytes_mut()).unwrap();
         assert!(got == want);
     }
-    // What does not fit is refused, and nothing is written.
+    // Wrong sizes are refused, and nothing is written.
     assert!(device.encode(&[&phases[1..]], want.bytes_mut()).is_err() && got == want);
     assert!(device.encode(&[&phases, &phases], want.bytes_mut()).is_err());
     assert!(device.download(&mut want.bytes_mut()[1..]).is_err());
@@ -125,7 +124,7 @@ fn a_smaller_device_encodes_the_same() {
     assert!(matches!(&error, EngineError::Unsuitable { reason, .. } if reason.contains("1080")), "{error}");
 }
 
-/// Nothing is allocated for a set, whether its transfers are staged or in place.
+/// The encoder allocates nothing for a set, staged or in place.
 #[test]
 fn encoding_on_a_device_allocates_nothing() {
     for (preset, in_place) in [("planes24", true), ("planes24", false), ("grey8", true), ("grey8", false)] {
@@ -145,8 +144,7 @@ fn encoding_on_a_device_allocates_nothing() {
     }
 }
 
-/// An engine and an encoder share a device: phases become video frames, and pixels, with nothing read back, and the bytes
-/// are those of the CPU.
+/// An engine and an encoder on one device make the same video frames and pixels as the CPU and read nothing back.
 #[test]
 fn phases_become_pixels_on_the_device() {
     for (preset, order, angles) in [
@@ -199,7 +197,7 @@ fn phases_become_pixels_on_the_device() {
                 assert!(pictures.pixels(&gpu, i).unwrap() == want_pixels, "{preset}, frame {i}");
             }
         }
-        // What is still read is not filled, and what is on another device is not taken.
+        // The encoder refuses pictures that are still read and phases on another device.
         let held = Arc::clone(&pictures.block);
         assert!(device.draw(&mut pictures).is_err());
         drop(held);

@@ -110,7 +110,7 @@ pub struct Solve {
     /// Quality
     #[command(flatten)]
     pub quality: QualityArgs,
-    /// Settings
+    /// Settings of the solve
     #[command(flatten)]
     pub settings: SettingsArgs,
     /// Memory that the solve of a far-field hologram keeps to: it is solved region by region, into its file, and the same
@@ -123,7 +123,7 @@ pub struct Solve {
     /// With --memory: pixels along each axis of the scene's views [default: 1024, or the display's]
     #[arg(help_heading = "Steps", long, value_name = "N", value_parser = clap::value_parser!(u16).range(16..=16384).map(usize::from))]
     pub picture: Option<usize>,
-    /// Camera
+    /// Camera for the last steps
     #[command(flatten)]
     pub camera: CameraArgs,
     /// Engine
@@ -137,7 +137,7 @@ pub struct Solve {
     pub timings: bool,
 }
 
-/// What decides a solve beside its scene, its display and the quality that is asked for.
+/// Settings of a solve.
 #[derive(Args)]
 pub struct SettingsArgs {
     /// Sub-frames, optimised jointly on their mean intensity [default: 8]
@@ -226,7 +226,7 @@ pub struct SettingsArgs {
     pub seed: u64,
 }
 
-/// A camera that takes part in the last steps.
+/// The camera for the last steps.
 #[derive(Args)]
 pub struct CameraArgs {
     /// The command of a camera behind the display: after the solve it takes part in --camera-steps (docs/calibrate.md)

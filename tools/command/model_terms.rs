@@ -12,7 +12,7 @@ use std::time::Duration;
 const LIMIT: Duration = Duration::from_secs(12);
 
 impl SolveRequest<'_> {
-    /// What the display's terms are worth on the scene, color by color; nothing of an ideal display.
+    /// Measures the worth of each term of the display's model on the scene, color by color. An ideal display has none.
     pub fn worth(&self, engine: &mut dyn Engine) -> Result<Vec<ModelWorth>, Failure> {
         if self.colors.iter().all(|color| self.display.model(*color).is_ideal()) {
             return Ok(Vec::new());
@@ -34,7 +34,7 @@ impl SolveRequest<'_> {
         Ok(all)
     }
 
-    /// Keeps the terms that are asked for; what is found worth its time is said.
+    /// Keeps the requested terms and prints the measured ones.
     pub fn choose_terms(&mut self, engine: &mut dyn Engine) -> Result<(), Failure> {
         let auto = *self.terms() == TermsOfModel::Auto;
         let worth = if auto { self.worth(engine)? } else { Vec::new() };
@@ -45,7 +45,7 @@ impl SolveRequest<'_> {
         Ok(())
     }
 
-    /// The same by what is known of their worth.
+    /// Keeps the requested terms, given their measured worth.
     pub fn keep_terms(&mut self, worth: &[ModelWorth]) {
         let display = self.display.clone();
         self.display = match self.terms() {

@@ -1,4 +1,4 @@
-//! A solve as its arguments mean it. Arguments end here: what follows takes the request.
+//! The request for a solve that its arguments make. `solve`, `plan` and `bench` pass it on, and not the arguments.
 
 use crate::args::{CameraArgs, EngineArgs, SceneArgs, SettingsArgs, Solve};
 use crate::common;
@@ -15,21 +15,21 @@ use eyebox::low_level::tiled::MemoryLimit;
 use eyebox::low_level::{memory, reason};
 use std::path::Path;
 
-/// What is to be solved, by which engine, and where the result goes.
+/// A request for a solve: scenes, display, settings, engine and output.
 pub struct SolveRequest<'a> {
-    /// The display, with the eye that looks.
+    /// The display, with the prescription of the eye.
     pub display: Display,
-    /// Its colors that are asked for.
+    /// The requested colors of the display.
     pub colors: Vec<Color>,
-    /// The scenes: those that are named, or the frames of a folder.
+    /// The named scenes, or the frames of a folder.
     pub scenes: Vec<String>,
-    /// How a far field is solved region by region; none for all at once.
+    /// Memory, passes and views of a solve region by region. None solves the whole hologram at once.
     pub tiles: Option<TilesRequest>,
-    /// A camera that takes part in the last steps.
+    /// The camera for the last steps.
     pub camera: &'a CameraArgs,
-    /// What computes.
+    /// The engine and its device.
     pub engine: &'a EngineArgs,
-    /// What is reported, and where the hologram goes.
+    /// The output file and the form of the report.
     pub report: Report<'a>,
     scene: &'a SceneArgs,
     sequence: SequenceRequest,
@@ -39,19 +39,19 @@ pub struct SolveRequest<'a> {
     force: bool,
 }
 
-/// What is reported, and where the hologram goes.
+/// The output file and the form of the report.
 #[derive(Clone, Copy)]
 pub struct Report<'a> {
-    /// The hologram or sequence.
+    /// The file of the hologram or sequence.
     pub out: &'a Path,
-    /// One JSON object instead of text.
+    /// Print one JSON object instead of text.
     pub json: bool,
-    /// The time of each kernel.
+    /// Print the time of each kernel.
     pub timings: bool,
 }
 
 impl<'a> SolveRequest<'a> {
-    /// Finds the display, its colors and the scenes.
+    /// Loads the display and finds its colors and the scenes.
     pub fn of(args: &'a Solve) -> Result<Self, Failure> {
         let first = &args.scene.scene;
         let frames = if args.more.is_empty() { scene::sequence(first, &args.scene.options.depth_map)? } else { None };
@@ -76,22 +76,22 @@ impl<'a> SolveRequest<'a> {
         })
     }
 
-    /// Whether it is one hologram that is solved all at once.
+    /// Returns whether the result is one hologram, solved at once.
     pub fn is_single(&self) -> bool {
         self.scenes.len() == 1 && self.tiles.is_none()
     }
 
-    /// Which terms of the display's model are solved for.
+    /// Returns the terms of the display's model that the solve uses.
     pub fn terms(&self) -> &TermsOfModel {
         &self.given.model_terms
     }
 
-    /// The settings, and what there is to say of them: the defaults, or what quality and deadline ask for; what is given itself
-    /// wins. Depths are the scene's, which is not loaded yet.
+    /// Returns the settings and a note about them. Quality and deadline replace the defaults, and given settings replace both. The
+    /// depth range is zero, because the scene is not loaded yet.
     pub fn settings(&self, engine: &dyn Engine) -> Result<(Settings, Option<String>), Failure> {
         let (base, given) = (self.base(&self.display)?, self.given);
         if self.tiles.is_some() {
-            // No quality decides the settings of a solve in regions.
+            // Quality does not apply to a solve in regions.
             let (steps, window) = (given.steps.unwrap_or(TilesRequest::STEPS), given.window.unwrap_or(base.window));
             let diameters = given.diameters.unwrap_or(base.diameters);
             return Ok((Settings { steps, window, diameters, ..base }, None));
@@ -112,7 +112,7 @@ impl<'a> SolveRequest<'a> {
         settings.pupils = given.pupils.unwrap_or(settings.pupils);
         settings.window = given.window.unwrap_or(settings.window);
         settings.diameters = given.diameters.unwrap_or(settings.diameters);
-        // What was tuned was tuned as it is stored.
+        // Tuned settings keep the storage that they were tuned with.
         let preferred = engine.preferred_storage().for_levels(self.display.levels as usize);
         let stored = if about.is_some() { settings.storage } else { preferred };
         settings.storage = given.storage.unwrap_or(stored);
@@ -129,7 +129,7 @@ impl<'a> SolveRequest<'a> {
         Ok((settings, about))
     }
 
-    /// The job with these settings.
+    /// Returns the library's job with these settings.
     pub fn job(&self, settings: Settings) -> SceneJob<'_> {
         SceneJob {
             scenes: self.scenes.clone(),
@@ -146,14 +146,14 @@ impl<'a> SolveRequest<'a> {
         }
     }
 
-    /// The scene as this display shows it, and the depths that matter, metres.
+    /// Loads the scene for a display and returns it with its depth range in meters.
     pub fn load(&self, display: &Display) -> Result<(LightField, [f64; 2]), Failure> {
         let field = common::scene(self.scene, display, &self.colors)?;
         let depth = common::depths(self.scene, &field, display)?;
         Ok((field, depth))
     }
 
-    /// What is no matter of quality and time, for this display.
+    /// Returns the settings for a display that quality and deadline do not change.
     pub fn base(&self, display: &Display) -> Result<Settings, Failure> {
         let given = self.given;
         Ok(Settings {
@@ -176,7 +176,7 @@ impl<'a> SolveRequest<'a> {
     }
 }
 
-/// Whether the hologram of a scene is solved region by region: asked for, or larger than memory. Sequences never are.
+/// Returns the request for a solve region by region if memory is limited or too small for the hologram. Sequences have none.
 fn tiles(args: &Solve, scenes: &[String], display: &Display) -> Result<Option<TilesRequest>, Failure> {
     if scenes.len() > 1 {
         return Ok(None);
@@ -184,7 +184,7 @@ fn tiles(args: &Solve, scenes: &[String], display: &Display) -> Result<Option<Ti
     let given = &args.settings;
     let frames = given.frames.unwrap_or(Settings::default().frames);
     let relay = display.geometry == Geometry::Relay;
-    // In a relay every pupil sees all of the SLM: it fits, or is refused.
+    // In a relay every pupil sees the whole SLM, so regions do not help.
     args.memory.filter(|_| relay).into_iter().for_each(memory::limit);
     if relay || args.memory.is_none() && !is_larger_than_memory(display, frames) {
         if args.passes.is_some() || args.picture.is_some() {
@@ -195,7 +195,7 @@ fn tiles(args: &Solve, scenes: &[String], display: &Display) -> Result<Option<Ti
         }
         return Ok(None);
     }
-    // What a solve in regions does not have.
+    // Settings that a solve in regions does not support.
     let other = [
         (given.method != Method::Slfh, "--method"),
         (given.levels.is_some(), "--levels"),

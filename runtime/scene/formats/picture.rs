@@ -17,7 +17,7 @@ pub(crate) const ONE: u64 = 1 << 25;
 /// The same of one that holds many views.
 pub(crate) const MANY: u64 = 1 << 27;
 
-/// Rows and columns of a picture of at most so many pixels, from the header alone.
+/// Rows and columns of a picture with at most `most` pixels, from the header alone.
 pub(crate) fn size(path: &Path, most: u64) -> Result<[usize; 2], SceneError> {
     Ok(picture_size(path, Wanted::Scene, most)?)
 }

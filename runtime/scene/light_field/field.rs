@@ -114,7 +114,7 @@ impl LightField {
         Self { grid, ..self }
     }
 
-    /// Without so many rows and columns of views on each side.
+    /// Removes the `outer` rows and columns of views on each side.
     pub(crate) fn inner(self, outer: [usize; 2]) -> Self {
         let [rows, columns] = self.grid;
         let stays = |v: &usize| {
@@ -125,7 +125,7 @@ impl LightField {
         self.reordered([rows - 2 * outer[0], columns - 2 * outer[1]], &places)
     }
 
-    /// The views of `grid` around its middle, over these depths (meters), in the place of its own.
+    /// Replaces the views and depths (meters) by those of `grid`.
     pub(crate) fn with_made(self, grid: ViewGrid, planes: Vec<Vec<Vec<f32>>>, depth: [f64; 2]) -> Self {
         let (places, view_pitch) = ([grid.rows, grid.columns], Some(grid.cell));
         Self { grid: places, planes, view_pitch, disparity: None, depth: Some(depth), ..self }

@@ -70,7 +70,7 @@ impl LightField {
         })
     }
 
-    /// Without so many rows and columns of views on each side.
+    /// Removes the `outer` rows and columns of views on each side.
     pub fn without_outer(self, display: &Display, outer: [usize; 2]) -> Self {
         if outer == [0, 0] {
             return self;

@@ -325,7 +325,7 @@ impl Relief {
     }
 }
 
-/// Of the nearest pixels before and behind pixel `p` along a direction (x, y) whose disparity is known, the farther one.
+/// The farther one of the nearest pixels with a disparity before and behind pixel `p` along a direction (x, y).
 pub(crate) fn farther_side(
     [height, width]: [usize; 2],
     p: usize,

@@ -31,7 +31,7 @@ impl fmt::Display for Answer {
 /// What no run may say.
 const NEVER: [&str; 4] = ["panicked at", "has overflowed its stack", "internal error", "unreachable code"];
 
-/// Whether a line of standard error is an error, in the form that was asked for.
+/// Returns whether a line of standard error is an error in the requested form.
 fn is_error(line: &str, json: bool) -> bool {
     if !json {
         return line.starts_with("eyebox: ");
@@ -42,8 +42,7 @@ fn is_error(line: &str, json: bool) -> bool {
     })
 }
 
-/// What is wrong with an end, or how it was. `said`: standard error, where it could be kept. `json`: whether errors were asked
-/// for as JSON.
+/// Returns how a run ended, or the fault of its end. `said` is standard error if it was kept. With `json`, errors must be JSON.
 pub fn judge(
     status: ExitStatus,
     interrupted: bool,
