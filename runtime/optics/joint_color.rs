@@ -1,7 +1,7 @@
 //! Sub-frames that all colors share, each lit by every laser with a power of its own (OPTICS 13; Markley et al. 2023, Kavakli et
 //! al. 2023).
 
-use super::{Color, Display};
+use super::Color;
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
 use rayon::prelude::*;
@@ -193,21 +193,6 @@ pub fn phase_of(drive: f64, slope: f64) -> f32 {
     (phase - TAU * (phase / TAU).round()) as f32
 }
 
-impl Display {
-    /// Turns of each color's light over all drives, in the order of `colors`: as the file's `dispersion` says, else in proportion to
-    /// one over the wavelength (OPTICS 13). The longest wavelength of them makes as many whole turns as the SLM reaches, one as a rule.
-    pub fn slopes(&self, colors: &[Color]) -> Vec<f64> {
-        let wavelength =
-            |color: &Color| self.wavelengths.iter().find(|w| w.color == *color).map_or(f64::NAN, |w| w.wavelength);
-        let all = self.wavelengths.iter().map(|w| w.wavelength).fold(0.0, f64::max);
-        let longest = self.wavelengths.iter().find(|w| w.wavelength == all).and_then(|w| self.dispersion.get(&w.color));
-        let of_longest = longest.copied().unwrap_or(1.0);
-        let turns = |color: &Color| self.dispersion.get(color).copied().unwrap_or(of_longest * all / wavelength(color));
-        let reference = colors.iter().max_by(|a, b| wavelength(a).total_cmp(&wavelength(b))).map_or(1.0, turns);
-        colors.iter().map(|color| turns(color) / reference * reference.floor().max(1.0)).collect()
-    }
-}
-
 /// Refuses a `dispersion` that no SLM has, of a display of these wavelengths (meters). Says what is wrong.
 pub(super) fn check_dispersion(dispersion: &BTreeMap<Color, f64>, wavelengths: &[(Color, f64)]) -> Result<(), Reason> {
     let longest = wavelengths.iter().map(|w| w.1).fold(0.0, f64::max);
@@ -243,6 +228,7 @@ pub(super) fn check_dispersion(dispersion: &BTreeMap<Color, f64>, wavelengths: &
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Display;
     use eyebox_base::error::ErrorData;
 
     const ALL: [Color; 3] = [Color::Red, Color::Green, Color::Blue];

@@ -5,6 +5,7 @@
 //! SLM stands in the pupil plane itself ([`Geometry::FarField`]).
 
 mod color;
+mod dispersion;
 mod display;
 mod encoding;
 mod eyebox;
@@ -17,6 +18,7 @@ mod limits;
 pub mod linear;
 mod mask;
 mod mask_design;
+mod masked;
 mod model;
 mod model_tables;
 mod obstruction;

@@ -1,8 +1,9 @@
 //! Depth and disparity maps of a single picture.
 
 use crate::SceneError;
-use crate::formats::still::{self, Stored};
+use crate::formats::still;
 use crate::formats::{pfm, video};
+use crate::light_field::near::GrayValues;
 use crate::light_field::near::{self, Kind, Meaning, Stated};
 use eyebox_base::error::Reason;
 use eyebox_base::files::{self, FileError, FileKind, NpyArray, Wanted};
@@ -38,7 +39,7 @@ pub(crate) fn read(path: &Path, stated: Stated) -> Result<Map, SceneError> {
     let bytes = || files::read::bytes(path, files::read::PICTURE).map_err(|e| SceneError::unreadable(path, &e));
     // A frame of a video is named, the rest is told by its content.
     let found = if video::named(path).is_some() { FileKind::Y4m } else { kind_of(path)? };
-    let Stored { height, width, kind, mut values, range } = match found {
+    let GrayValues { height, width, kind, mut values, range } = match found {
         FileKind::Pfm => pfm::parse(&bytes()?).map_err(corrupt)?,
         FileKind::Npy | FileKind::Npz => array(path, stated)?,
         _ => still::stored(path)?,
@@ -60,7 +61,7 @@ fn kind_of(path: &Path) -> Result<FileKind, SceneError> {
 }
 
 /// Reads an array. Axes of length 1, as networks write them before or after rows and columns, are left out.
-fn array(path: &Path, stated: Stated) -> Result<Stored, SceneError> {
+fn array(path: &Path, stated: Stated) -> Result<GrayValues, SceneError> {
     let mut array = NpyArray::only(path, |shape| axes(shape).len() == 2)?;
     if array.kind == "u1" {
         near::check_bytes(path, stated)?;
@@ -75,7 +76,7 @@ fn array(path: &Path, stated: Stated) -> Result<Stored, SceneError> {
             reason!("map-shape", "has the shape {shape:?}: a depth map has rows and columns, 1 to 65536{remedy}");
         return Err(SceneError::Corrupt { file: path.display().to_string(), reason });
     };
-    Ok(Stored { height, width, kind: Kind::Floats, values, range: None })
+    Ok(GrayValues { height, width, kind: Kind::Floats, values, range: None })
 }
 
 /// The axes of an array of more than two that are longer than 1.

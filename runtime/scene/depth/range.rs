@@ -9,8 +9,8 @@ use crate::depth::flat::{OFF, OFF_RANGE, WINDOW};
 use crate::depth::subpixel::Subpixel;
 use crate::depth::sweep::{Arm, Sweep, lowest, reach_within};
 use crate::light_field::resize::Resize;
-use crate::{DepthSource, Fit, LightField, SceneError, depth::flat};
-use eyebox_optics::Display;
+use crate::{Fit, LightField, SceneError, depth::flat};
+use eyebox_optics::{Display, depths_in_words};
 use rayon::prelude::*;
 
 /// Where disparities are sought where nothing shows any, pixels between neighboring views.
@@ -60,6 +60,41 @@ struct Found {
 impl Found {
     fn is_trusted(&self) -> bool {
         self.share.is_none_or(|share| share >= TRUSTED)
+    }
+}
+
+/// Where a range of depths comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum DepthSource {
+    /// The scene, or the file beside it, states it.
+    Stated,
+    /// Measured in the central view.
+    Measured,
+    /// Measured, and plausible: it explains the views, though only so many per cent of their detail have a disparity that is unique.
+    Plausible(u8),
+    /// Measured, and not to be trusted: only so many per cent of its detail are found again for sure in the neighboring views.
+    Doubtful(u8),
+}
+
+impl DepthSource {
+    /// Farthest and nearest depth, meters, that come from here, behind a lens of `focal_length`, meters.
+    ///
+    /// # Errors
+    /// [`SceneError::Request`] where they are doubtful.
+    pub fn sure(self, depth: [f64; 2], focal_length: f64) -> Result<[f64; 2], SceneError> {
+        match self {
+            Self::Doubtful(percent) => Err(SceneError::doubtful_depth(depth, percent, focal_length)),
+            Self::Plausible(percent) => {
+                let words = depths_in_words(depth, focal_length);
+                tracing::warn!(
+                    "the depth of the scene is measured as {words}, of {percent} % of its detail; the rest is flat or repeats \
+                     itself: state the depths if they are others"
+                );
+                Ok(depth)
+            }
+            Self::Stated | Self::Measured => Ok(depth),
+        }
     }
 }
 

@@ -1,8 +1,8 @@
 //! What a scene holds: where its light is, and how deep it reaches.
 
-use crate::depth::range::Measured;
-use crate::{LightField, SceneError};
-use eyebox_optics::{Color, Display, depths_in_words};
+use crate::LightField;
+use crate::depth::range::{DepthSource, Measured};
+use eyebox_optics::{Color, Display};
 use rayon::prelude::*;
 
 /// How much light one color of a scene holds.
@@ -27,41 +27,6 @@ pub struct Black {
     pub left: usize,
     /// Columns from the right.
     pub right: usize,
-}
-
-/// Where a range of depths comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum DepthSource {
-    /// The scene, or the file beside it, states it.
-    Stated,
-    /// Measured in the central view.
-    Measured,
-    /// Measured, and plausible: it explains the views, though only so many per cent of their detail have a disparity that is unique.
-    Plausible(u8),
-    /// Measured, and not to be trusted: only so many per cent of its detail are found again for sure in the neighboring views.
-    Doubtful(u8),
-}
-
-impl DepthSource {
-    /// Farthest and nearest depth, meters, that come from here, behind a lens of `focal_length`, meters.
-    ///
-    /// # Errors
-    /// [`SceneError::Request`] where they are doubtful.
-    pub fn sure(self, depth: [f64; 2], focal_length: f64) -> Result<[f64; 2], SceneError> {
-        match self {
-            Self::Doubtful(percent) => Err(SceneError::doubtful_depth(depth, percent, focal_length)),
-            Self::Plausible(percent) => {
-                let words = depths_in_words(depth, focal_length);
-                tracing::warn!(
-                    "the depth of the scene is measured as {words}, of {percent} % of its detail; the rest is flat or repeats \
-                     itself: state the depths if they are others"
-                );
-                Ok(depth)
-            }
-            Self::Stated | Self::Measured => Ok(depth),
-        }
-    }
 }
 
 /// Pixels of `display` that a pupil of this diameter (meters) tells apart: those of its window of the spectrum (OPTICS 5).

@@ -1,6 +1,6 @@
 //! Portable float maps: `Pf`, width and height, a scale whose sign tells the byte order, rows from the bottom up.
 
-use crate::formats::still::Stored;
+use crate::light_field::near::GrayValues;
 use crate::light_field::near::Kind;
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
@@ -9,7 +9,7 @@ use eyebox_base::reason;
 ///
 /// # Errors
 /// What is wrong, in words. Nothing is allocated before the file proves to hold it.
-pub(crate) fn parse(bytes: &[u8]) -> Result<Stored, Reason> {
+pub(crate) fn parse(bytes: &[u8]) -> Result<GrayValues, Reason> {
     let mut rest = bytes;
     let mut token = |what: &str| -> Result<&str, Reason> {
         let start = rest
@@ -54,7 +54,7 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<Stored, Reason> {
         if scale < 0.0 { f32::from_le_bytes(b) } else { f32::from_be_bytes(b) }
     };
     let values = rest.chunks_exact(width * 4).rev().flat_map(|row| row.chunks_exact(4).map(value)).collect();
-    Ok(Stored { height, width, kind: Kind::Floats, values, range: None })
+    Ok(GrayValues { height, width, kind: Kind::Floats, values, range: None })
 }
 
 #[cfg(test)]

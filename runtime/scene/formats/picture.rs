@@ -1,10 +1,10 @@
 //! Pictures from files, as planes of linear light.
 
 use crate::SceneError;
+use crate::formats::png_tone;
 use crate::formats::tone::{Reading, Stored};
-use crate::formats::{png_tone, still};
 use crate::light_field::light::{Picture, Transfer};
-use crate::light_field::near::Kind;
+use crate::light_field::near::{GrayValues, Kind};
 use eyebox_base::error::Reason;
 use eyebox_base::files::{ColorSpace, FileError, Pixels, Samples, Wanted, color_space, picture_size, read_pixels};
 use eyebox_base::reason;
@@ -98,7 +98,7 @@ fn mixed(planes: &[Vec<f32>], shares: [f64; 3]) -> Vec<f32> {
 }
 
 /// Reads the stored values of a gray picture. In floats, one channel in three may hold them.
-pub(crate) fn stored(path: &Path) -> Result<still::Stored, SceneError> {
+pub(crate) fn stored(path: &Path) -> Result<GrayValues, SceneError> {
     let image = read_pixels(path, Wanted::DepthMap, ONE)?;
     let (channels, has_color) = (image.channels, image.has_color());
     let (kind, values): (_, Vec<f32>) = match &image.samples {
@@ -113,7 +113,7 @@ pub(crate) fn stored(path: &Path) -> Result<still::Stored, SceneError> {
         );
         return Err(FileError::content(path, reason).into());
     }
-    Ok(still::Stored { height: image.height, width: image.width, kind, values, range: None })
+    Ok(GrayValues { height: image.height, width: image.width, kind, values, range: None })
 }
 
 /// The first channel; nothing where another one is not `alike`.

@@ -4,7 +4,7 @@ use crate::formats::options::Options;
 use crate::formats::tone::{Reading, Tone};
 use crate::formats::video_color::Matrix;
 use crate::light_field::light::{FullScale, Picture};
-use crate::light_field::near::Kind;
+use crate::light_field::near::GrayValues;
 use crate::{SceneError, formats::picture, formats::video};
 use eyebox_base::files::{Wanted, picture_orientation};
 use eyebox_optics::Color;
@@ -42,20 +42,9 @@ fn parts(path: &Path) -> Result<(&Path, Tone), SceneError> {
 }
 
 /// Values of a gray picture.
-pub(crate) fn stored(path: &Path) -> Result<Stored, SceneError> {
+pub(crate) fn stored(path: &Path) -> Result<GrayValues, SceneError> {
     match video::named(path) {
         Some((file, frame)) => video::stored(&file, frame.unwrap_or(0)),
         None => picture::stored(path),
     }
-}
-
-/// Values as they are kept, rows from the top down.
-#[derive(Debug, PartialEq)]
-pub(crate) struct Stored {
-    pub height: usize,
-    pub width: usize,
-    pub kind: Kind,
-    pub values: Vec<f32>,
-    /// The range that values of a video have by their kind, because it is the same in every frame.
-    pub range: Option<[f32; 2]>,
 }

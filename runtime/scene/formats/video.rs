@@ -4,10 +4,9 @@
 //! ([`Matrix::usual`]): limited range unless the file says `XCOLORRANGE=FULL`; 4:2:0, 4:2:2, 4:4:4 or gray, of 8 to 16 bits. The
 //! decoded values are sRGB.
 
-use crate::formats::still;
 use crate::formats::video_color::{Matrix, check_aspect, check_interlacing};
 use crate::light_field::light::Picture;
-use crate::light_field::near::Kind;
+use crate::light_field::near::{GrayValues, Kind};
 use crate::{SceneError, srgb_to_linear};
 use eyebox_base::error::Reason;
 use eyebox_base::files::{FileError, FileKind, Wanted, read};
@@ -89,13 +88,13 @@ pub(crate) fn read(
 }
 
 /// The luma of a frame, as values of 8 or of 16 bits.
-pub(crate) fn stored(video: &Path, frame: usize) -> Result<still::Stored, SceneError> {
+pub(crate) fn stored(video: &Path, frame: usize) -> Result<GrayValues, SceneError> {
     let mut video = Video::open(video)?;
     let bytes = video.frame(frame)?;
     let [height, width] = video.size;
     let (kind, full) = if video.bits > 8 { (Kind::Words, 65535.0) } else { (Kind::Bytes, 255.0) };
     let values = (0..height * width).map(|i| (video.luma(&bytes, i).clamp(0.0, 1.0) * full).round()).collect();
-    Ok(still::Stored { height, width, kind, values, range: Some([0.0, full]) })
+    Ok(GrayValues { height, width, kind, values, range: Some([0.0, full]) })
 }
 
 /// What a frame is decoded from: the first line of its file, and its samples.

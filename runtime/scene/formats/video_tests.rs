@@ -46,7 +46,7 @@ fn frames_of_every_kind_have_their_colours() {
         }
     }
     std::fs::write(&file, video("Cmono16 XCOLORRANGE=FULL", 16, [0, 0])).unwrap();
-    let still::Stored { height, width, kind, values, .. } = stored(&file, 2).unwrap();
+    let GrayValues { height, width, kind, values, .. } = stored(&file, 2).unwrap();
     assert_eq!((height, width, kind, values[0]), (3, 5, Kind::Words, 76.0 * 256.0));
 }
 

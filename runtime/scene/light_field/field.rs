@@ -125,7 +125,7 @@ impl LightField {
         self.reordered([rows - 2 * outer[0], columns - 2 * outer[1]], &places)
     }
 
-    /// Replaces the views and depths (meters) by those of `grid`.
+    /// Replaces the views and depths (meters) with new ones on `grid`.
     pub(crate) fn with_made(self, grid: ViewGrid, planes: Vec<Vec<Vec<f32>>>, depth: [f64; 2]) -> Self {
         let (places, view_pitch) = ([grid.rows, grid.columns], Some(grid.cell));
         Self { grid: places, planes, view_pitch, disparity: None, depth: Some(depth), ..self }

@@ -281,3 +281,14 @@ pub(crate) fn fill(kind: Kind, meaning: Meaning, values: &mut [f32], width: usiz
     }
     Ok(count)
 }
+
+/// Values of a gray picture as its file stores them, rows from top to bottom.
+#[derive(Debug, PartialEq)]
+pub(crate) struct GrayValues {
+    pub height: usize,
+    pub width: usize,
+    pub kind: Kind,
+    pub values: Vec<f32>,
+    /// The range that values of a video have by their kind, because it is the same in every frame.
+    pub range: Option<[f32; 2]>,
+}

@@ -28,7 +28,6 @@ mod options;
 mod playback;
 mod present_thread;
 mod refinement;
-mod threads;
 mod ticked;
 
 #[cfg(all(test, target_os = "linux"))]
@@ -79,11 +78,13 @@ pub use feeds::statistics::{Ending, LiveStatistics, Statistics};
 pub use frame_log::account::{Account, Cause, RepeatReason};
 pub use frame_log::error::SessionError;
 pub use frame_log::latency::{Histogram, Latency, Stage, Timestamps};
+pub use frame_log::notes::SessionEvent;
 pub use handle::Session;
-pub use options::{About, Content, Ended, FrameObserver, SessionEvent, SessionOptions, Status};
+pub use options::{About, Content, Ended, FrameObserver, SessionOptions, Status};
 pub use playback::bench_follower::{BenchFollower, FollowEvent};
 pub use playback::output::{Output, SinkFile};
 pub use playback::pattern_output::PatternOutput;
+pub use playback::player::Target;
 pub use playback::player::{Command, PresentedFrame};
 pub use playback::report::{Report, Timing};
 pub use playback::ticks::{TickedFrame, TickedOutput};
@@ -92,7 +93,7 @@ pub use refinement::field::{Field, LiveColor};
 pub use refinement::live_refiner::look_up::start_tables;
 pub use refinement::live_refiner::{EngineOpener, Followed, LiveRefiner, PhasesOfColors, Policy};
 pub use refinement::pupil_tracker::TrackerCounts;
-pub use refinement::set_timing::{SetTiming, Target};
+pub use refinement::set_timing::SetTiming;
 pub use refinement::work_time::Cost;
 pub use ticked::TickedSession;
 // What a study of simulated eyes has in common with a session.

@@ -107,16 +107,6 @@ impl Status {
     }
 }
 
-/// Something that happened.
-#[derive(Debug, Clone, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum SessionEvent {
-    /// A line that a user wants to read: a hologram left out, a device lost, a tracker gone.
-    Note(String),
-    /// It has ended; [`Session::stop`](crate::session::Session::stop) says how.
-    Ended,
-}
-
 /// What came of a session.
 #[derive(Debug)]
 pub struct Ended {

@@ -4,7 +4,6 @@ use crate::encode::Packed;
 use crate::optics::{Pupil, PupilDistribution};
 use crate::present::SECOND_NS;
 use crate::session::feeds::journal::{Decision, JournalWriter};
-use crate::session::feeds::live::FollowedEye;
 use crate::session::feeds::refine::Refinement;
 use crate::session::feeds::sets::{FinishedSet, LiveSource};
 use crate::session::feeds::sidecar::{LitSources, Now, SidecarWindow, SourceSwitch, UserRequest};
@@ -15,12 +14,26 @@ use crate::session::frame_log::notes::Notes;
 use crate::session::frame_log::trace::{Light, Lit, Track};
 use crate::session::playback::output::OpenDisplay;
 use crate::session::playback::player::SetSource;
+use crate::session::refinement::pupil_tracker::{PupilTracker, TrackerCounts};
 use crate::session::refinement::set_timing::SetTiming;
 use crate::session::refinement::work_time::Times;
+use crate::trackers::simulated;
 use crossbeam_utils::atomic::AtomicCell;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+
+/// The eye that a session follows, and its tracker.
+pub(crate) struct FollowedEye {
+    /// A tracker on its thread. It is `None` without a tracker and in simulated time.
+    pub tracker: Option<Arc<PupilTracker>>,
+    pub truth: Option<simulated::Eye>,
+    pub name: String,
+    /// Whether nothing need ever come of it: a mouse need not come over its window, nor a program push anything.
+    pub may_be_silent: bool,
+    /// What became of its samples.
+    pub counts: Arc<AtomicCell<TrackerCounts>>,
+}
 
 /// How a live hologram is doing.
 #[derive(Debug, Clone, Copy, Default)]

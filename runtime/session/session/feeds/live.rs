@@ -8,7 +8,7 @@ use crate::hologram::Hologram;
 use crate::optics::{Display, PupilDistribution};
 use crate::scene::LightField;
 use crate::session::content::scenes::Scenes;
-use crate::session::feeds::following::{LiveState, OPEN};
+use crate::session::feeds::following::{FollowedEye, LiveState, OPEN};
 use crate::session::feeds::journal::{Journal, JournalWriter, RecordedSession};
 use crate::session::feeds::play::encoder_of;
 use crate::session::feeds::refine::{Begin, Refinement, RefinementOptions};
@@ -156,17 +156,6 @@ impl EngineSource {
             Self::Opener(_) => Ok(None),
         }
     }
-}
-
-pub(crate) struct FollowedEye {
-    /// A tracker on its thread. It is `None` without a tracker and in simulated time.
-    pub tracker: Option<Arc<PupilTracker>>,
-    pub truth: Option<simulated::Eye>,
-    pub name: String,
-    /// Whether nothing need ever come of it: a mouse need not come over its window, nor a program push anything.
-    pub may_be_silent: bool,
-    /// What became of its samples.
-    pub counts: Arc<AtomicCell<TrackerCounts>>,
 }
 
 impl FollowedEye {

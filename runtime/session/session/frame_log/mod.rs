@@ -4,4 +4,5 @@ pub(crate) mod account;
 pub(crate) mod error;
 pub(crate) mod latency;
 pub(crate) mod notes;
+pub(crate) mod threads;
 pub(crate) mod trace;

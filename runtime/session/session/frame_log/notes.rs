@@ -1,8 +1,17 @@
 //! What the threads of a session have to tell a user.
 
 use crate::mailbox::Mailbox;
-use crate::session::options::SessionEvent;
 use std::time::Duration;
+
+/// Something that happened.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum SessionEvent {
+    /// A line that a user wants to read: a hologram left out, a device lost, a tracker gone.
+    Note(String),
+    /// It has ended; [`Session::stop`](crate::session::Session::stop) says how.
+    Ended,
+}
 
 /// Notes that wait for a reader at most; further ones are dropped.
 const NOTES: usize = 64;

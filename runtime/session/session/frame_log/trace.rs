@@ -5,7 +5,7 @@ use crate::encode::Packed;
 use crate::files::GrowingFile;
 use crate::mailbox::Mailbox;
 use crate::session::frame_log::error::SessionError;
-use crate::session::threads::{EntryWriter, Moment};
+use crate::session::frame_log::threads::{EntryWriter, Moment};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::Arc;

@@ -1,5 +1,6 @@
 //! When sets begin, and which one can still be reached. Pure; it passes between threads in an `AtomicCell`.
 
+use crate::session::playback::player::Target;
 use std::time::Duration;
 
 /// Nanoseconds, as many as there are.
@@ -18,17 +19,6 @@ pub struct SetTiming {
     pub lead_ns: i64,
     /// Of sets that roll: the video frame of a set whose turn it was then, and how many there are; else 0 of 1.
     pub turn: [u64; 2],
-}
-
-/// A set to come.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Target {
-    /// When it begins to be lit.
-    pub start_ns: i64,
-    /// When it has to be handed over.
-    pub hand_over_ns: i64,
-    /// Of sets that roll: the video frame whose turn it is then.
-    pub turn: u64,
 }
 
 impl SetTiming {

@@ -3,8 +3,8 @@
 use super::shared::{POLL_INTERVAL, Phases, Shared, StreamOptions, of_epoch, tagged};
 use crate::hologram::Sequence;
 use crate::mailbox::Mailbox;
+use crate::session::frame_log::threads::put_unless;
 use crate::session::frame_log::trace::Track;
-use crate::session::threads::put_unless;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
