@@ -12,7 +12,7 @@ use super::layout::{Arenas, Layout, Slot, Value, pupil_pass_buffer, slots};
 use super::look_up::{Tables, look_up};
 use super::record::{Hazards, Stack, Stacks, Work};
 use super::views::Views;
-use crate::gpu::{Block, Commands, DeviceKind, Gpu, IN_FLIGHT, PhasesOnDevice, add};
+use crate::gpu::{Block, Commands, DeviceKind, Gpu, IN_FLIGHT, PhasesOnDevice};
 use crate::plan::BufferSize;
 use crate::plan::fusion::Fusion;
 use crate::scene::Pyramid;
@@ -85,13 +85,11 @@ impl VulkanEngine {
         if layout.values == 0 || layout.frames == 0 {
             return Ok(None);
         }
-        let limit = self.gpu.limits().storage_range;
+        let limit = self.gpu.limits.storage_range;
         if layout.at_once(limit) == 0 {
             let bytes = layout.frame_bytes();
-            return Err(EngineError::Unsuitable {
-                device: self.gpu.report().name.clone(),
-                reason: format!("one frame of the {what} takes {bytes} bytes, a kernel may see {limit}"),
-            });
+            let reason = format!("one frame of the {what} takes {bytes} bytes, a kernel may see {limit}");
+            return Err(self.gpu.unsuitable(reason));
         }
         Ok(Some(Stack { layout, block: self.gpu.block(layout.bytes(), what)? }))
     }
@@ -247,7 +245,7 @@ impl VulkanEngine {
         }
         flight.submission = Some(self.gpu.recorder.send(&flight.during)?);
         self.gpu.recorder.is_cut = false;
-        self.gpu.device.save_pipelines();
+        self.gpu.device.pipelines().save();
         if let Some(verdict) = self.verdict.as_mut().filter(|_| flight.is_judged) {
             verdict.is_bad = false;
         }
@@ -305,7 +303,7 @@ impl Drop for VulkanEngine {
 
 impl Engine for VulkanEngine {
     fn describe(&self) -> String {
-        let r = self.gpu.report();
+        let r = &self.gpu.device.report;
         format!("Vulkan {}, {} ({}), {}", r.api, r.name, r.kind, r.driver)
     }
 
@@ -317,7 +315,7 @@ impl Engine for VulkanEngine {
     }
 
     fn memory(&self) -> Memory {
-        Memory::of(self.gpu.report().kind)
+        Memory::of(self.gpu.device.report.kind)
     }
 
     fn preferred_storage(&self) -> Storage {
@@ -382,7 +380,7 @@ impl Engine for VulkanEngine {
         let Some((resource, at, index)) = pupil_pass_buffer(buffer) else {
             let Stack { layout, block } = self.stacks.get(buffer)?;
             if buffer == Buffer::Phases {
-                add(&self.gpu.device.counters.phases_read_back, layout.bytes());
+                self.gpu.device.count(|counts| counts.phases_read_back += layout.bytes());
             }
             return layout.read(&mut self.gpu, block);
         };
@@ -413,7 +411,7 @@ impl Engine for VulkanEngine {
 
     fn kept(&mut self) -> Result<Vec<f32>, EngineError> {
         let Stack { layout, block } = self.kept.as_ref().ok_or_else(nothing_kept)?;
-        add(&self.gpu.device.counters.phases_read_back, layout.bytes());
+        self.gpu.device.count(|counts| counts.phases_read_back += layout.bytes());
         layout.read(&mut self.gpu, block)
     }
 

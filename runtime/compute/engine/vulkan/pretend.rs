@@ -63,7 +63,7 @@ impl VulkanEngine {
 
     /// From now on dispatches run between guard bands.
     pub(super) fn guard(&mut self) {
-        self.gpu.device.guard();
+        self.gpu.device.pipelines().maker.is_guarded = true;
         self.gpu.recorder.guards = Some(Guards::default());
     }
 

@@ -119,7 +119,7 @@ impl Transform for Fft {
         let [Some(rows), Some(down)] = axes else {
             return Err(EngineError::Mismatch { reason: format!("no transform of {height} x {width} was prepared") });
         };
-        let limits = *gpu.limits();
+        let limits = gpu.limits;
         let size = frames.storage.bytes() as u64;
         let one = u64::from(height) * u64::from(width);
         // A frame that starts at an odd value cannot be read in pairs, but each is aligned by itself.
@@ -225,7 +225,7 @@ impl Fft {
         let (n, rows) = (planned.plan.n, work.count * work.frames);
         let (all, groups) = if work.axis == Axis::Rows {
             let groups = rows.div_ceil(shared.lines);
-            let wide = groups.min(gpu.limits().groups[0]);
+            let wide = groups.min(gpu.limits.groups[0]);
             (rows, [wide, groups.div_ceil(wide), 1])
         } else {
             (work.wrap, [(work.count / 2).div_ceil(shared.lines), work.frames, 1])
@@ -383,7 +383,7 @@ pub(in super::super) fn shared_constants(shared: &Shared, axis: Axis) -> [u32; 2
 
 /// What plans must fit on this device.
 pub(in super::super) fn plan_limits(gpu: &Commands) -> PlanLimits {
-    let limits = gpu.limits();
+    let limits = gpu.limits;
     PlanLimits { shared_bytes: limits.shared_memory, invocations: limits.invocations }
 }
 

@@ -88,7 +88,7 @@ impl Transforms {
     /// Values from one frame to the next: an even number, for pairs.
     fn stride(&self, one: usize) -> u64 {
         let value = self.storage.bytes() as u64;
-        (value * one as u64).next_multiple_of(self.gpu.limits().offset_alignment.max(2 * value)) / value
+        (value * one as u64).next_multiple_of(self.gpu.limits.offset_alignment.max(2 * value)) / value
     }
 
     /// Transforms frames (count, height, width) as [`kernels::fft`](eyebox_kernels::fft) does, `before` bytes into a
@@ -109,7 +109,7 @@ impl Transforms {
         if count == 0 {
             return Ok(Timed { whole: 0.0, passes: Vec::new() });
         }
-        let alignment = self.gpu.limits().offset_alignment;
+        let alignment = self.gpu.limits.offset_alignment;
         let offset = before.next_multiple_of(alignment);
         let value = self.storage.bytes() as u64;
         let stride = self.stride(one);

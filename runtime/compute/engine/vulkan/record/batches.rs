@@ -22,7 +22,7 @@ impl<'a> Call<'_, 'a> {
     ) -> Result<Vec<Members>, EngineError> {
         let gpu = &*self.work.gpu;
         let most = if gpu.device.planned_as == DeviceKind::Cpu { 1 } else { BATCH };
-        let limit = gpu.limits().storage_range;
+        let limit = gpu.limits.storage_range;
         let (mut batches, mut last, mut sum): (Vec<Members>, Option<K>, u64) = (Vec::new(), None, 0);
         for at in self.order()? {
             let Some(key) = key(at) else { continue };

@@ -14,6 +14,7 @@ use bytemuck::Pod;
 use eyebox_kernels::WIDTH;
 use eyebox_kernels::fft::{Columns, Direction};
 use eyebox_spirv::Module;
+use std::fmt::Display;
 
 /// Workgroups that fill any device a few times over.
 const ENOUGH: u32 = 4096;
@@ -86,7 +87,7 @@ impl<'a> Call<'_, 'a> {
 
     /// By parts.
     pub(super) fn parts(&mut self, parts: usize, args: &impl Pod) -> Result<(), EngineError> {
-        if parts > self.work.gpu.limits().groups[0] as usize {
+        if parts > self.work.gpu.limits.groups[0] as usize {
             return Err(self.work.too_large("an image", parts));
         }
         self.over(Grid::Parts(parts), |_, _| *args, &[])
@@ -240,7 +241,7 @@ impl<'a> Call<'_, 'a> {
         push[..args.len()].copy_from_slice(args);
         push[args.len()..length].copy_from_slice(more);
         let gpu = &mut *self.work.gpu;
-        let limit = gpu.limits().storage_range;
+        let limit = gpu.limits.storage_range;
         if let Some(large) = buffers.iter().find(|b| b.size > limit) {
             return Err(self.work.too_large(format!("a buffer of `{}`", module.name), large.size as usize));
         }
@@ -309,16 +310,13 @@ impl<'a> Call<'_, 'a> {
 }
 
 impl<'a> Work<'a> {
-    pub(super) fn too_large(&self, what: impl Into<String>, size: usize) -> EngineError {
-        EngineError::Unsuitable {
-            device: self.gpu.report().name.clone(),
-            reason: format!("{} is too large for it ({size}); use a smaller size", what.into()),
-        }
+    pub(super) fn too_large(&self, what: impl Display, size: usize) -> EngineError {
+        self.gpu.unsuitable(format!("{what} is too large for it ({size}); use a smaller size"))
     }
 
     /// Frames of a buffer that a kernel may see at once.
     pub(super) fn at_once(&self, layout: &Layout) -> usize {
-        layout.at_once(self.gpu.limits().storage_range)
+        layout.at_once(self.gpu.limits.storage_range)
     }
 
     /// Frames, or rows, of which each moves so many bytes, that are one dispatch's.
@@ -329,20 +327,20 @@ impl<'a> Work<'a> {
     /// Frames (first, count) of which a kernel may see `most` at once.
     pub(super) fn chunks(&self, frames: usize, most: usize) -> impl Iterator<Item = (usize, usize)> + use<> {
         // A single frame that is too large is found, and named, when it is dispatched.
-        let most = most.clamp(1, self.gpu.limits().groups[2] as usize);
+        let most = most.clamp(1, self.gpu.limits.groups[2] as usize);
         (0..frames).step_by(most).map(move |first| (first, most.min(frames - first)))
     }
 
     /// Workgroups of a kernel over rows and columns.
     pub(super) fn rows(&self, rows: u32, columns: u32, frames: usize) -> [u32; 3] {
         let across = columns.div_ceil(WIDTH);
-        [across, self.shared_out(rows, across * frames as u32, self.gpu.limits().groups[1]), frames as u32]
+        [across, self.shared_out(rows, across * frames as u32, self.gpu.limits.groups[1]), frames as u32]
     }
 
     /// Workgroups of a kernel over values.
     pub(super) fn along(&self, count: usize, frames: usize) -> [u32; 3] {
         let pieces = count.div_ceil(WIDTH as usize).min(u32::MAX as usize) as u32;
-        [self.shared_out(pieces, frames as u32, self.gpu.limits().groups[0]), 1, frames as u32]
+        [self.shared_out(pieces, frames as u32, self.gpu.limits.groups[0]), 1, frames as u32]
     }
 
     /// How many workgroups share `pieces` of work, of which there are `times` beside each other: enough to fill the

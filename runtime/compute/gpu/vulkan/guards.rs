@@ -6,7 +6,7 @@
 use super::block::{Block, Range};
 use super::modules::instructions;
 use super::recorder::{Groups, Recorder};
-use super::{EngineError, Pipeline};
+use super::{Pipeline, error::EngineError};
 use gpu_allocator::MemoryLocation;
 use std::collections::BTreeSet;
 

@@ -4,7 +4,6 @@
 //! Everything in here is used again: command buffers, descriptor pools that are reset, query pools that grow.
 
 use super::block::{Block, Range};
-use super::counters::add;
 use super::device::Device;
 use super::error::EngineError;
 use super::pipelines::{PUSH_BYTES, Pipeline};
@@ -426,7 +425,7 @@ impl Recorder {
                 submitted.result().map_err(error("vkQueueSubmit"))?;
             }
         }
-        add(&device.counters.submissions, 1);
+        device.count(|counts| counts.submissions += 1);
         self.submitted = next;
         #[cfg(any(test, feature = "test-hooks"))]
         if let Some((_, fault)) = self.fails_from.filter(|(from, _)| next > *from) {
@@ -441,7 +440,7 @@ impl Recorder {
         let device = &self.device;
         if submission > self.over {
             if submission == self.submitted {
-                add(&device.counters.stalls, 1);
+                device.count(|counts| counts.stalls += 1);
                 device.record(|r| r.push(Entry::Stall));
             }
             let (semaphores, values) = ([self.done.raw], [submission]);
