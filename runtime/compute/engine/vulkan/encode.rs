@@ -157,18 +157,13 @@ impl VulkanEncoder {
     /// The driver says that the device was lost from its so many-th submission from now on.
     #[cfg(any(test, feature = "test-hooks"))]
     pub fn pretend_lost_after(&mut self, submissions: u64) {
-        self.pretend(submissions, ash::vk::Result::ERROR_DEVICE_LOST);
+        self.gpu.recorder.fail_after(submissions, ash::vk::Result::ERROR_DEVICE_LOST);
     }
 
     /// The same, of the device's memory, which nothing is done about.
     #[cfg(any(test, feature = "test-hooks"))]
     pub fn pretend_full_after(&mut self, submissions: u64) {
-        self.pretend(submissions, ash::vk::Result::ERROR_OUT_OF_DEVICE_MEMORY);
-    }
-
-    #[cfg(any(test, feature = "test-hooks"))]
-    fn pretend(&mut self, submissions: u64, fault: ash::vk::Result) {
-        self.gpu.recorder.fails_from = Some((self.gpu.recorder.submitted + submissions, fault));
+        self.gpu.recorder.fail_after(submissions, ash::vk::Result::ERROR_OUT_OF_DEVICE_MEMORY);
     }
 
     /// The device.

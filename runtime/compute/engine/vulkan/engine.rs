@@ -6,7 +6,7 @@ use super::super::{
     StepResult, Storage, Timing, check_shape, misfit, not_kept, not_under_way, nothing_kept,
 };
 use super::check::check;
-use super::fft::Transform;
+use super::fft::Fft;
 use super::flight::{Flight, Guarded, Verdict};
 use super::layout::{Arenas, Layout, Slot, Value, pupil_pass_buffer, slots};
 use super::look_up::{Tables, look_up};
@@ -40,7 +40,7 @@ pub struct VulkanEngine {
     /// Sums of the loss on the device.
     pub(super) losses: Option<Block>,
     pub(super) verdict: Option<Verdict>,
-    transforms: Box<dyn Transform + Send>,
+    transforms: Fft,
     pub(super) shape: Shape,
     /// Where the pupil pass buffers of the last step lie.
     slots: Vec<Slot>,
@@ -66,7 +66,7 @@ impl VulkanEngine {
             views: None,
             losses: None,
             verdict: None,
-            transforms: super::fft::transforms(),
+            transforms: Fft::default(),
             shape: Shape::empty(),
             slots: Vec::new(),
             written: HashMap::new(),
@@ -180,7 +180,7 @@ impl VulkanEngine {
         });
         let mut work = Work {
             gpu,
-            transforms: &mut **transforms,
+            transforms,
             shape,
             step,
             stacks,

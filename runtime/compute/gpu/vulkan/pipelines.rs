@@ -106,8 +106,7 @@ impl Pipelines {
         modes: FloatModes,
         record_only: bool,
     ) -> Result<Self, EngineError> {
-        let folder = folder.map(Path::to_owned).or_else(crate::files::cache_folder);
-        let file = folder.map(|f| f.join(cache::name(properties)));
+        let file = cache::file(folder, properties, "pipelines", "bin");
         let data = file.as_deref().and_then(|f| cache::read(f, properties)).unwrap_or_default();
         let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
         // SAFETY: the data is either empty or what this driver wrote (header and checksum agree).

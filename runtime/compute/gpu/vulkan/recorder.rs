@@ -71,7 +71,7 @@ pub(crate) struct Recorder {
     at: usize,
     /// Rises with every submission that is over.
     done: Arc<Timeline>,
-    pub(crate) submitted: u64,
+    submitted: u64,
     /// The last submission that is known to be over.
     over: u64,
     /// Whether kernels see half of what they are bound to, in tests of what finds that.
@@ -82,7 +82,7 @@ pub(crate) struct Recorder {
     pub(crate) guards: Option<super::guards::Guards>,
     /// What a test's driver says from a number of submissions on.
     #[cfg(any(test, feature = "test-hooks"))]
-    pub(crate) fails_from: Option<(u64, vk::Result)>,
+    fails_from: Option<(u64, vk::Result)>,
     /// How long a submission may take, nanoseconds.
     pub(crate) patience_ns: u64,
     /// Times of submissions that are over, for whoever takes them: in the steady state nothing is allocated.
@@ -143,6 +143,12 @@ impl Recorder {
     #[cfg(test)]
     pub(crate) fn pools(&self) -> usize {
         self.slots.iter().map(Slot::pools).sum()
+    }
+
+    /// The driver answers with this fault from its so many-th submission from now on.
+    #[cfg(any(test, feature = "test-hooks"))]
+    pub(crate) fn fail_after(&mut self, submissions: u64, fault: vk::Result) {
+        self.fails_from = Some((self.submitted + submissions, fault));
     }
 
     /// Starts a recording with room for `marks` timestamps, behind all that is in flight. A recording that was not submitted

@@ -1,8 +1,7 @@
 //! Records the passes of planned transforms.
 
 use super::convolution::{Chunks, chirp_pipeline};
-use super::frames::{Along, Frames, Transform};
-use super::state::{Fft, Planned, Work, columns_axis};
+use super::state::{Along, Fft, Frames, Planned, Work, columns_axis};
 use crate::engine::{EngineError, Storage};
 use crate::gpu::{Block, Commands, Pipeline};
 use bytemuck::{Pod, Zeroable};
@@ -83,10 +82,10 @@ impl Fft {
             }
         }
     }
-}
 
-impl Transform for Fft {
-    fn prepare(
+    /// Makes what [`record`](Self::record) needs for frames of this (height, width), if it is not there yet (this may upload, so
+    /// nothing is being recorded).
+    pub(in super::super) fn prepare(
         &mut self,
         gpu: &mut Commands,
         [height, width]: [usize; 2],
@@ -101,11 +100,14 @@ impl Transform for Fft {
         self.axis(gpu, height, columns_axis(gpu, width), width.is_multiple_of(2), storage)
     }
 
-    fn planned(&self, n: usize, axis: Axis) -> Option<Arc<Planned>> {
+    /// The plan of a length that was prepared, with its tables.
+    pub(in super::super) fn planned(&self, n: usize, axis: Axis) -> Option<Arc<Planned>> {
         self.axes.get(&(u32::try_from(n).ok()?, axis)).cloned()
     }
 
-    fn record(
+    /// Records the pruned transform of `kernels::fft`, in place. No barrier is needed before or after: the engine sets
+    /// them; those between passes are set here.
+    pub(in super::super) fn record(
         &mut self,
         gpu: &mut Commands,
         frames: Frames<'_>,
@@ -202,9 +204,7 @@ impl Transform for Fft {
         self.scratch = scratch.or(self.scratch.take());
         done
     }
-}
 
-impl Fft {
     pub(super) fn lines(&mut self, gpu: &mut Commands, planned: &Planned, work: &Work<'_>) -> Result<(), EngineError> {
         match &planned.plan.method {
             Method::Nothing => Ok(()),

@@ -1,7 +1,6 @@
 //! Transforms of the host's frames, by themselves: for comparison with float64 and for measurement.
 
-use super::frames::{Along, Frames, Transform};
-use super::state::Fft;
+use super::state::{Along, Fft, Frames};
 use crate::engine::{EngineError, Storage};
 use crate::gpu::{Block, Commands, Gpu};
 use eyebox_kernels::fft::{Columns, Direction};
@@ -32,7 +31,7 @@ impl Transforms {
     /// # Errors
     /// The device's.
     pub fn new(gpu: &Gpu) -> Result<Self, EngineError> {
-        Ok(Self { block: None, fft: Fft::new(), storage: Storage::F32, gpu: Commands::new(gpu)? })
+        Ok(Self { block: None, fft: Fft::default(), storage: Storage::F32, gpu: Commands::new(gpu)? })
     }
 
     /// How frames are stored on the device from now on.

@@ -1,6 +1,6 @@
 //! One kernel over what the device may see at once: bindings in the order of the table, arguments as push constants.
 
-use super::super::fft::{Along, Frames, Transform};
+use super::super::fft::{Along, Fft, Frames};
 use super::super::flight::Guarded;
 use super::super::layout::{Arenas, Layout, Slot, Value, slot_layout};
 use super::super::tables::Tables;
@@ -22,7 +22,7 @@ const ENOUGH: u32 = 4096;
 /// Everything that a recording looks at.
 pub(in super::super) struct Work<'a> {
     pub(in super::super) gpu: &'a mut Commands,
-    pub(in super::super) transforms: &'a mut dyn Transform,
+    pub(in super::super) transforms: &'a mut Fft,
     pub(in super::super) shape: &'a Shape,
     pub(in super::super) step: &'a Step,
     pub(in super::super) stacks: &'a Stacks,
