@@ -223,6 +223,11 @@ impl Resource {
         })
     }
 
+    /// Whether a value is two numbers.
+    pub(crate) fn is_complex(self) -> bool {
+        matches!(self, Self::Field | Self::Change | Self::Subpixels | Self::Transfer | Self::Window)
+    }
+
     /// How its complex values are stored: what is read beside a window as float32 always.
     pub(crate) fn stored(self, storage: Storage) -> Storage {
         if self == Self::Transfer { Storage::F32 } else { storage }
@@ -434,8 +439,8 @@ impl Shape {
             Resource::MaskTransfer => (1, 2 * self.points()),
             _ => (self.frames, self.pixels()),
         };
-        let complex = matches!(resource, Resource::Field | Resource::Change | Resource::Subpixels);
-        BufferSize { frames: if self.has(resource) { frames } else { 0 }, values, complex }
+        let frames = if self.has(resource) { frames } else { 0 };
+        BufferSize { frames, values, complex: resource.is_complex() }
     }
 
     /// Whether it is a buffer that this shape has.

@@ -1,6 +1,5 @@
 //! The engine: buffers, one recording per part of a list, losses and times back.
 
-use super::super::taking::State;
 use super::super::{
     Buffer, Dispatch, Engine, EngineError, Kernel, LookUp, Memory, PendingStep, Purpose, Resource, Shape, Step,
     StepResult, Storage, Timing, check_shape, misfit, not_kept, not_under_way, nothing_kept,
@@ -457,13 +456,13 @@ impl Engine for VulkanEngine {
         let flight = &mut self.flights[self.at];
         self.begun += 1;
         (flight.number, flight.pupil_passes) = (self.begun, step.pupil_passes.len());
-        Ok(PendingStep(State::UnderWay(self.begun)))
+        Ok(PendingStep(Err(self.begun)))
     }
 
     fn end_step(&mut self, begun: PendingStep) -> Result<StepResult, EngineError> {
         let number = match begun.0 {
-            State::Over(taken) => return Ok(taken),
-            State::UnderWay(number) => number,
+            Ok(taken) => return Ok(taken),
+            Err(number) => number,
         };
         let at = self.flights.iter().position(|f| f.number == number).ok_or_else(not_under_way)?;
         self.flights[at].number = 0;
