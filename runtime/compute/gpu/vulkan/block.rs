@@ -38,6 +38,11 @@ impl Range<'_> {
     pub(crate) fn writes(&self, bytes: u64) -> Move {
         Move { write: true, ..self.reads(bytes) }
     }
+
+    /// Bytes that are read of it, and written, if there are any.
+    pub(crate) fn moves(&self, read: u64, written: u64) -> impl Iterator<Item = Move> {
+        [self.reads(read), self.writes(written)].into_iter().filter(|m| m.bytes > 0)
+    }
 }
 
 /// Blocks from this size on have memory of their own.

@@ -203,8 +203,7 @@ impl<'a> Call<'_, 'a> {
                 let Ok((range, _)) = self.spread(bound.1, &[at]) else { continue };
                 let pass = Some(self.pass(at));
                 let [read, written] = moved(self.kernel, *bound, self.step, self.shape, pass, 1).unwrap_or_default();
-                moves.extend((read > 0).then(|| range.reads(read)));
-                moves.extend((written > 0).then(|| range.writes(written)));
+                moves.extend(range.moves(read, written));
             }
             moves
         });

@@ -157,7 +157,7 @@ impl<'a> Call<'_, 'a> {
     pub(super) fn layout(&self, resource: Resource) -> Result<Layout, EngineError> {
         match resource.is_shared() {
             false => self.layout_of(resource, self.at).map(|layout| self.of_mode(resource, layout)),
-            true => Ok(self.work.stacks.find(self.alias(resource)).ok_or_else(|| self.missing(resource))?.layout),
+            true => Ok(self.work.stacks.find(self.shape.alias(resource)).ok_or_else(|| self.missing(resource))?.layout),
         }
     }
 
@@ -180,10 +180,6 @@ impl<'a> Call<'_, 'a> {
     /// One of the dispatch's pupil passes.
     pub(super) fn pass(&self, at: usize) -> &'a PupilPass {
         &self.step.pupil_passes[self.dispatch.pupil_passes.start + at]
-    }
-
-    fn alias(&self, resource: Resource) -> Resource {
-        if resource == Resource::Shown && !self.shape.quantised { Resource::Phases } else { resource }
     }
 
     /// What is bound; none where the step has nothing of it, so that the kernel has nothing to do.
@@ -215,7 +211,7 @@ impl<'a> Call<'_, 'a> {
                 // Each mode of the source meets the relay with a table of its own.
                 let own = || self.step.pupil_passes[index].mode(self.mode).source_mode;
                 let first = if resource == Resource::Relay { own() } else { first };
-                let stack = stacks.find(self.alias(resource)).ok_or_else(|| self.missing(resource))?;
+                let stack = stacks.find(self.shape.alias(resource)).ok_or_else(|| self.missing(resource))?;
                 Ok(Some(stack.layout.range(&stack.block, first, count)))
             }
         }
@@ -266,8 +262,7 @@ impl<'a> Call<'_, 'a> {
                 let frames = self.layout(bound.1).map_or(1, |layout| layout.frames_in(range.size));
                 let whole = [range.size, 0];
                 let [read, written] = moved(self.kernel, *bound, self.step, self.shape, pass, frames).unwrap_or(whole);
-                moves.extend((read > 0).then(|| range.reads(read)));
-                moves.extend((written > 0).then(|| range.writes(written)));
+                moves.extend(range.moves(read, written));
             }
             moves
         });
