@@ -431,14 +431,7 @@ impl Planner {
                 accumulate: 0,
             },
             taps,
-            resample: resample::Args {
-                in_height: height as u32,
-                in_width: width as u32,
-                height: window.rows as u32,
-                width: window.columns as u32,
-                row_taps: rows.taps as u32,
-                column_taps: columns.taps as u32,
-            },
+            resample: resample::Args::between((height, width), (window.rows, window.columns), &rows, &columns),
             rows,
             columns,
         })

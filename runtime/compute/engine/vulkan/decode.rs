@@ -325,7 +325,7 @@ impl ViewDecoder {
             }
             let range = |level: &Level, piece| level.range(&room.blocks, piece, &both);
             let buffers = [range(finer, from), self.tables.all(), range(level, to)];
-            let groups = [(args.height * args.width).div_ceil(2 * WIDTH).min(65_535), both.len() as u32, 1];
+            let groups = [(args.sizes.height * args.sizes.width).div_ceil(2 * WIDTH).min(65_535), both.len() as u32, 1];
             self.gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&args), groups)?;
         }
         Ok(())
