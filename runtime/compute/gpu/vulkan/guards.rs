@@ -135,7 +135,7 @@ pub(crate) struct Flags {
 
 /// Those of all buffers of a module.
 pub(crate) fn flags(module: &str) -> Vec<Flags> {
-    let module = eyebox_spirv::ALL.iter().find(|m| m.name == module).expect("a module");
+    let module = eyebox_spirv::module(module).expect("a module");
     let words = module.words();
     let (variable, pointer, decorate, member_decorate) = (59, 32, 71, 72);
     let (aliased, non_writable, binding) = (20, 24, 33);
