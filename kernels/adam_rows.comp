@@ -1,15 +1,12 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_control_flow_attributes : require
 
 // The rows of the change's inverse transform and `adam`.
 
 #define COLUMNS 0u
 #include "alias.glsl"
-#include "constants.glsl"
 #include "half.glsl"
 #include "trig.glsl"
-#include "fft_lines.glsl"
 #define MORE float rate, beta1, beta2, correct1, correct2, epsilon;
 #include "change_rows.glsl"
 

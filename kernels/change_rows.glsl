@@ -1,6 +1,8 @@
 // The rows of the change's inverse transform: columns in use in. What comes of a pixel of the SLM goes to `move`; the change of the
 // field is stored nowhere. A shader's arguments have MORE of its own.
 
+#include "fft_lines.glsl"
+
 layout(std430, binding = 0) readonly buffer Change2 { COMPLEX change2[]; };
 layout(std430, binding = 0) readonly buffer Change4 { COMPLEX2 change4[]; };
 layout(push_constant) uniform Args {

@@ -1,6 +1,5 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_control_flow_attributes : require
 
 // One row of a pupil's image, x, in all sub-frames: the rows of the window's inverse transform, and what stands between
 // them and those of the forward transform: `intensity`, `compare` and `apply_factor`. Columns in use in; no retinal field is
@@ -24,7 +23,6 @@ const uint DOWN = 0, UP = 1;
 #define FROM_SHARED(way) (way == UP)
 #define TO_SHARED(way) (way == DOWN)
 #include "alias.glsl"
-#include "constants.glsl"
 #include "half.glsl"
 #include "fft_lines.glsl"
 

@@ -6,7 +6,7 @@
 //!
 //! The shader takes one colour of one video frame at a time, and ORs it into the frame.
 
-use crate::simd;
+use crate::{simd, trig::ROUND};
 use bytemuck::{Pod, Zeroable};
 
 /// Phases must be smaller than this many radians, either sign; beyond, float32 tells no phases apart.
@@ -30,8 +30,6 @@ pub const ENTRIES: usize = 24;
 /// Cells that a pixel may have.
 const MOST_CELLS: usize = 4;
 
-// Adding and taking away 1.5 * 2^23 rounds to an integer, whose lowest bits stand in the mantissa.
-const ROUND: f32 = 12_582_912.0;
 /// Units of 2^-32 turns in a radian: 683565275 + 148 / 256.
 pub(crate) const RADIAN: [i32; 2] = [683_565_275, 148];
 /// Parts of a radian that what is left of a phase is rounded to.

@@ -1,6 +1,5 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-#include "constants.glsl"
 #include "trig.glsl"
 #include "pair.glsl"
 

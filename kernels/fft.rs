@@ -151,13 +151,7 @@ impl Plans {
         }
         let down = self.get(height, direction);
         SCRATCH.with_borrow_mut(|(block, scratch)| {
-            let need = down.get_inplace_scratch_len();
-            if scratch.len() < need {
-                scratch.resize(need, ZERO);
-            }
-            if block.len() < BLOCK * height {
-                block.resize(BLOCK * height, ZERO);
-            }
+            let (block, scratch) = (room(block, BLOCK * height), room(scratch, down.get_inplace_scratch_len()));
             for (first, count) in columns.pieces(width) {
                 for x in (first..first + count).step_by(BLOCK) {
                     let n = BLOCK.min(first + count - x);
@@ -195,10 +189,7 @@ impl Plans {
             along(frame);
         }
         if height > 1 && columns.count > 0 {
-            if turned.len() < columns.count * height {
-                turned.resize(columns.count * height, ZERO);
-            }
-            let turned = &mut turned[..columns.count * height];
+            let turned = room(turned, columns.count * height);
             let from = &*frame;
             turned.par_chunks_mut(BLOCK * height).enumerate().for_each(|(b, block)| {
                 for (i, line) in block.chunks_exact_mut(height).enumerate() {
@@ -223,13 +214,17 @@ impl Plans {
     }
 }
 
+/// The first values of a list that grows to have so many.
+fn room(values: &mut Vec<Complex32>, count: usize) -> &mut [Complex32] {
+    if values.len() < count {
+        values.resize(count, ZERO);
+    }
+    &mut values[..count]
+}
+
 fn in_place(plan: &Plan, data: &mut [Complex32]) {
     SCRATCH.with_borrow_mut(|(_, scratch)| {
-        let need = plan.get_inplace_scratch_len();
-        if scratch.len() < need {
-            scratch.resize(need, ZERO);
-        }
-        plan.process_with_scratch(data, scratch);
+        plan.process_with_scratch(data, room(scratch, plan.get_inplace_scratch_len()));
     });
 }
 

@@ -5,6 +5,9 @@
 // All sizes come from specialisation constants, so that all loops unroll and all indices of v are known when the
 // pipeline is made.
 
+#extension GL_EXT_control_flow_attributes : require
+#include "constants.glsl"
+
 vec4 v[2 * FFT_LARGEST_RADIX];
 
 // Times -i.

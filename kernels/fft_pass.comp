@@ -1,6 +1,5 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_control_flow_attributes : require
 
 // One pass of a Stockham transform through global memory: each invocation transforms A B values that stand n / (A B)
 // apart, of two neighbouring columns (or, in rows, of two neighbouring butterflies) where PAIR is 1.
@@ -16,7 +15,6 @@ layout(constant_id = 6) const uint FIRST = 0;
 const uint R = A * B;
 
 #include "alias.glsl"
-#include "constants.glsl"
 #include "half.glsl"
 #include "fft_butterfly.glsl"
 

@@ -1,12 +1,10 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_control_flow_attributes : require
 
 // Transforms whole rows or whole columns, in place. Of rows, columns that are not in use are neither written on the way
 // forward nor read on the way back, where they are zero.
 
 #include "alias.glsl"
-#include "constants.glsl"
 #include "half.glsl"
 #include "fft_lines.glsl"
 

@@ -1,6 +1,8 @@
 // What lights the SLM, by `value_at`, and the rows of the field's transform: of the rows' spectra the columns in use out. Bound to a
 // shader's arguments.
 
+#include "fft_lines.glsl"
+
 MAY_ALIAS layout(std430, binding = 2) writeonly buffer Field2 { COMPLEX field2[]; };
 MAY_ALIAS layout(std430, binding = 2) writeonly buffer Field4 { COMPLEX2 field4[]; };
 layout(push_constant) uniform Args {

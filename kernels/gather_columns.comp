@@ -1,6 +1,5 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_control_flow_attributes : require
 
 // What all pupils ask of a column of the spectrum, and its inverse transform: `overlap`, `pupil_adjoint` pupil by pupil,
 // `divide_by_overlap` and the columns of the change's transform. x: pairs of columns, y: frame.
@@ -12,7 +11,6 @@ layout(constant_id = 21) const uint LAST = 1;
 // Gathered first: a loop inside of the stages would keep their registers from being registers.
 #define FROM_SHARED(way) true
 #define TO_SHARED(way) false
-#include "constants.glsl"
 #include "half.glsl"
 #include "fft_lines.glsl"
 

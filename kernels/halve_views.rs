@@ -7,18 +7,8 @@ use bytemuck::{Pod, Zeroable};
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct Args {
-    /// Rows of the finer level.
-    pub in_height: u32,
-    /// Columns of the finer level.
-    pub in_width: u32,
-    /// Rows of this one.
-    pub height: u32,
-    /// Columns of this one.
-    pub width: u32,
-    /// Weights per row.
-    pub row_taps: u32,
-    /// Weights per column.
-    pub column_taps: u32,
+    /// The finer level's and this one's.
+    pub sizes: resample::Args,
     /// Values from one view to the next in the finer level, an even number.
     pub in_stride: u32,
     /// Values from one view to the next in this one, an even number.
@@ -33,20 +23,10 @@ impl Args {
     /// From a level of one size (rows, columns) to the next, with its tables of rows and columns, which begin at the word `tables_at`.
     /// Of one view: strides are 0.
     pub fn between(finer: (usize, usize), coarser: (usize, usize), tables_at: u32) -> (Self, [Table; 2]) {
-        let ((in_height, in_width), (height, width)) = (finer, coarser);
-        let (rows, columns) = (Table::area(in_height, height), Table::area(in_width, width));
-        let args = Self {
-            in_height: in_height as u32,
-            in_width: in_width as u32,
-            height: height as u32,
-            width: width as u32,
-            row_taps: rows.taps as u32,
-            column_taps: columns.taps as u32,
-            in_stride: 0,
-            stride: 0,
-            rows_at: tables_at,
-            columns_at: tables_at + (height * (1 + rows.taps)) as u32,
-        };
+        let (rows, columns) = (Table::area(finer.0, coarser.0), Table::area(finer.1, coarser.1));
+        let sizes = resample::Args::between(finer, coarser, &rows, &columns);
+        let columns_at = tables_at + (coarser.0 * (1 + rows.taps)) as u32;
+        let args = Self { sizes, in_stride: 0, stride: 0, rows_at: tables_at, columns_at };
         (args, [rows, columns])
     }
 }
@@ -62,12 +42,10 @@ pub fn packed(rows: &Table, columns: &Table) -> Vec<u32> {
 
 /// `finer` (in_height, in_width) to `values` (height, width): of one view.
 pub fn halve_views(args: &Args, finer: &[u16], rows: &Table, columns: &Table, values: &mut [u16]) {
-    let Args { in_height, in_width, height, width, row_taps, column_taps, .. } = *args;
-    let pixels = (height * width) as usize;
+    let resample::Args { in_height, in_width, height, width, .. } = args.sizes;
     let from: Vec<f32> = finer.iter().take((in_height * in_width) as usize).map(|v| f32::from(*v)).collect();
-    let mut image = vec![0.0; pixels];
-    let plain = resample::Args { in_height, in_width, height, width, row_taps, column_taps };
-    resample::resample(&plain, &from, rows, columns, &mut image, &mut Vec::new());
+    let mut image = vec![0.0; (height * width) as usize];
+    resample::resample(&args.sizes, &from, rows, columns, &mut image, &mut Vec::new());
     values.iter_mut().zip(&image).for_each(|(to, v)| *to = (v + 0.5) as u16);
 }
 

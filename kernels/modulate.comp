@@ -1,6 +1,5 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-#include "constants.glsl"
 #include "half.glsl"
 #include "trig.glsl"
 #define ANGLES_ID 0

@@ -1,16 +1,13 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_control_flow_attributes : require
 
 // `modulate_wave`, of one sub-pixel, and the rows of the field's transform.
 
 #define COLUMNS 0u
 #include "alias.glsl"
-#include "constants.glsl"
 #include "half.glsl"
 #include "trig.glsl"
 #include "drives.glsl"
-#include "fft_lines.glsl"
 #include "field_rows.glsl"
 
 layout(std430, binding = 0) readonly buffer Wave { DRIVES wave[]; };

@@ -34,9 +34,6 @@ pub struct Shift {
     pub weight: f64,
 }
 
-/// One sub-frame: its shift, and per row of the window the columns that pass.
-pub type SubFrame = (Shift, Vec<[u32; 2]>);
-
 /// The shifts of all sub-frames, and per sub-frame and row the columns that its own pupil passes: as the shader takes them.
 /// By default of no sub-frame.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -48,13 +45,6 @@ pub struct Table {
 }
 
 impl Table {
-    /// Of these sub-frames, each with the spans of all rows of the window.
-    pub fn new(sub_frames: &[SubFrame]) -> Self {
-        let mut table = Self::default();
-        table.refill(sub_frames.iter().map(|(s, _)| *s), sub_frames.iter().flat_map(|(_, spans)| spans).copied());
-        table
-    }
-
     /// Becomes the table of these sub-frames, in the memory that it has; `spans` are those of all rows of the first sub-frame,
     /// then of the second, and so on.
     pub fn refill(&mut self, shifts: impl Iterator<Item = Shift>, spans: impl Iterator<Item = [u32; 2]>) {
@@ -146,7 +136,7 @@ mod tests {
     use crate::Complex64;
     use proptest::prelude::*;
 
-    fn table(rows: usize, columns: usize, frames: usize, seed: u64) -> (Table, Vec<SubFrame>) {
+    fn table(rows: usize, columns: usize, frames: usize, seed: u64) -> (Table, Vec<(Shift, Vec<[u32; 2]>)>) {
         let number = |i: u64| {
             let x = seed.wrapping_add(i.wrapping_mul(0x9e37_79b9_7f4a_7c15)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
             (x >> 40) as f64 / (1u64 << 24) as f64
@@ -160,7 +150,9 @@ mod tests {
             (Shift { turns, weight: if f == 2 { 0.0 } else { 0.5 + f as f64 } }, (0..rows as u64).map(span).collect())
         };
         let all: Vec<_> = (0..frames as u64).map(one).collect();
-        (Table::new(&all), all)
+        let mut table = Table::default();
+        table.refill(all.iter().map(|(s, _)| *s), all.iter().flat_map(|(_, spans)| spans).copied());
+        (table, all)
     }
 
     proptest! {

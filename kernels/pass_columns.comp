@@ -1,12 +1,10 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_control_flow_attributes : require
 
 // `pass_pupil` and the columns of the window's inverse transform, of pupils whose windows have equally many rows: of the
 // spectrum the bins that pass in, the window's columns in use out. x: pairs of columns, y: frame, z: pupil.
 
 #define COLUMNS 1u
-#include "constants.glsl"
 #include "half.glsl"
 #include "fft_lines.glsl"
 

@@ -39,6 +39,15 @@ impl Args {
             }
         }
     }
+
+    /// The same compiled for the processor's widest SIMD.
+    #[inline(always)]
+    pub(crate) fn simd_pieces(&self, spans: &[[u32; 2]], visit: impl FnMut(usize, usize, usize)) {
+        simd(
+            #[inline(always)]
+            || self.pieces(spans, visit),
+        );
+    }
 }
 
 /// `spectrum` (grid_height, grid_width), `transfer` and `window` (rows, columns); outside the spans `window` is zero.
@@ -54,21 +63,16 @@ pub fn pass_pupil(
         row[..first as usize].fill(ZERO);
         row[end as usize..].fill(ZERO);
     }
-    simd(
+    args.simd_pieces(
+        spans,
         #[inline(always)]
-        || {
-            args.pieces(
-                spans,
-                #[inline(always)]
-                |grid, at, length| {
-                    let from = &spectrum[grid..grid + length];
-                    let kernel = &transfer[at..at + length];
-                    for ((out, u), k) in window[at..at + length].iter_mut().zip(from).zip(kernel) {
-                        let (re, im) = (u.re * args.scale, u.im * args.scale);
-                        *out = Complex32::new(re * k.re - im * k.im, re * k.im + im * k.re);
-                    }
-                },
-            );
+        |grid, at, length| {
+            let from = &spectrum[grid..grid + length];
+            let kernel = &transfer[at..at + length];
+            for ((out, u), k) in window[at..at + length].iter_mut().zip(from).zip(kernel) {
+                let (re, im) = (u.re * args.scale, u.im * args.scale);
+                *out = Complex32::new(re * k.re - im * k.im, re * k.im + im * k.re);
+            }
         },
     );
 }

@@ -1,16 +1,13 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_control_flow_attributes : require
 
 // The rows of the change's inverse transform and `phase_gradient`, of one sub-pixel.
 
 #define COLUMNS 0u
 #include "alias.glsl"
-#include "constants.glsl"
 #include "half.glsl"
 #include "trig.glsl"
 #include "drives.glsl"
-#include "fft_lines.glsl"
 #define MORE
 #include "change_rows.glsl"
 

@@ -1,7 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "alias.glsl"
-#include "constants.glsl"
 #include "half.glsl"
 #include "trig.glsl"
 #define ANGLES_ID 0

@@ -1,17 +1,14 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_control_flow_attributes : require
 
 // The rows of the change's inverse transform and `project`.
 
 #define COLUMNS 0u
 #include "alias.glsl"
-#include "constants.glsl"
 #include "half.glsl"
 #include "trig.glsl"
 #define ANGLES_ID 20
 #include "binary_angle.glsl"
-#include "fft_lines.glsl"
 #define MORE float gain, momentum, bound; uint step_count;
 #include "change_rows.glsl"
 

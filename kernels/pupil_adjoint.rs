@@ -1,7 +1,7 @@
 //! The adjoint way back: `change += scale * window * conj(transfer)`, inside the spans. One frame, one pupil.
 
+use crate::Complex32;
 pub use crate::pass_pupil::Args;
-use crate::{Complex32, simd};
 
 /// `window` and `transfer` (rows, columns); `change` (grid_height, grid_width), in the order of the DFT.
 pub fn pupil_adjoint(
@@ -11,22 +11,17 @@ pub fn pupil_adjoint(
     spans: &[[u32; 2]],
     change: &mut [Complex32],
 ) {
-    simd(
+    args.simd_pieces(
+        spans,
         #[inline(always)]
-        || {
-            args.pieces(
-                spans,
-                #[inline(always)]
-                |grid, at, length| {
-                    let from = &window[at..at + length];
-                    let kernel = &transfer[at..at + length];
-                    for ((out, v), k) in change[grid..grid + length].iter_mut().zip(from).zip(kernel) {
-                        let (re, im) = (v.re * args.scale, v.im * args.scale);
-                        out.re += re * k.re + im * k.im;
-                        out.im += im * k.re - re * k.im;
-                    }
-                },
-            );
+        |grid, at, length| {
+            let from = &window[at..at + length];
+            let kernel = &transfer[at..at + length];
+            for ((out, v), k) in change[grid..grid + length].iter_mut().zip(from).zip(kernel) {
+                let (re, im) = (v.re * args.scale, v.im * args.scale);
+                out.re += re * k.re + im * k.im;
+                out.im += im * k.re - re * k.im;
+            }
         },
     );
 }

@@ -1,6 +1,5 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-#include "constants.glsl"
 #include "trig.glsl"
 
 // shown = the level nearest to the phase, round the circle, or a share of the way to it. x: pixel (strided), z: frame.

@@ -133,7 +133,7 @@ impl Defocus {
     pub fn solve(&self, omega: [f64; 2], pictures: &[Complex64], found: &mut Found) {
         let k = self.movement.len();
         let frequency = omega[0].hypot(omega[1]);
-        let Found { matrix, seen, .. } = found;
+        let Found { layers, left_out, matrix, seen, solved, .. } = found;
         seen.clear();
         seen.extend(self.blur.iter().map(|blur| Complex64::new(disc(PI * frequency * blur), 0.0)));
         matrix.resize(k * k, 0.0);
@@ -145,24 +145,16 @@ impl Defocus {
             matrix[i * k + i] += pictures.len() as f64 * (self.ridge + self.smooth * moved);
         }
         cholesky(matrix, k);
-        found.finish(k, pictures);
-    }
-}
-
-impl Found {
-    /// From the factor of the normal equations and the rows of `A`: the layers, and what each picture is beyond the others' word.
-    fn finish(&mut self, k: usize, views: &[Complex64]) {
-        let Self { layers, left_out, matrix, seen, solved, .. } = self;
         layers.resize(k, Complex64::ZERO);
-        layers_of(matrix, seen, views, layers);
+        layers_of(matrix, seen, pictures, layers);
         left_out.clear();
-        for (row, view) in seen.chunks_exact(k).zip(views) {
+        for (row, picture) in seen.chunks_exact(k).zip(pictures) {
             let shown: Complex64 = row.iter().zip(layers.iter()).map(|(a, l)| a * l).sum();
             solved.clear();
             solved.extend_from_slice(row);
             forward(matrix, solved);
             let own = 1.0 - solved.iter().map(Complex64::norm_sqr).sum::<f64>();
-            left_out.push((view - shown) / own);
+            left_out.push((picture - shown) / own);
         }
     }
 }

@@ -21,6 +21,14 @@ pub struct Args {
     pub column_taps: u32,
 }
 
+impl Args {
+    /// From one size (rows, columns) to another, by these weights along rows and columns.
+    pub fn between(from: (usize, usize), to: (usize, usize), rows: &Table, columns: &Table) -> Self {
+        let [in_height, in_width, height, width] = [from.0, from.1, to.0, to.1].map(|n| n as u32);
+        Self { in_height, in_width, height, width, row_taps: rows.taps as u32, column_taps: columns.taps as u32 }
+    }
+}
+
 /// Weights of one axis: output sample `j` is the sum over `t` of `weights[j * taps + t] * input[(first[j] + t) mod n]`.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Table {

@@ -187,12 +187,10 @@ macro_rules! kernels {
                 over: PupilPasses, group: Window,
                 binds: [Read TaperWeights, Update Transfer],
                 work: |u| 4.0 * u.passing(),
-                twin: |c| c.pass.taper.iter().for_each(|weights| {
-                    $crate::taper::taper(&(&c.pass.transfer).into(), weights, &mut c.slot.transfer);
+                twin: |c| c.each_mode(|_, p, transfer| if let Some(weights) = &p.taper {
+                    $crate::taper::taper(weights, p.window.columns, transfer);
                 }),
-                shader: Each |c, p| {
-                    c.rows(p.transfer.rows, p.transfer.columns, &$crate::taper::Args::from(&p.transfer))
-                },
+                shader: Each |c, p| c.rows(p.transfer.rows, p.transfer.columns, &[p.transfer.rows, p.transfer.columns]),
             }
             /// The light field's photograph, on a level of its pyramid.
             Photograph = "photograph" {

@@ -1,5 +1,7 @@
 // Sine, cosine and wrapping of phases: the arithmetic of trig.rs. Vulkan's own sine is good to 2^-11 only.
 
+#include "constants.glsl"
+
 // Cosine and sine of x radians, |x| < 10^4.
 vec2 cos_sin(float x) {
     precise float n = roundEven(x * TWO_OVER_PI);

@@ -12,7 +12,7 @@ pub(crate) const COS: [f32; 3] = [4.166_664_6e-2, -1.388_731_6e-3, 2.443_315_7e-
 pub(crate) const TURN: [f32; 2] = [6.281_25, 1.935_307_2e-3];
 pub(crate) const PER_TURN: f32 = 0.5 * std::f32::consts::FRAC_1_PI;
 // Adding and taking away 1.5 * 2^23 rounds to an integer, whose lowest bits stand in the mantissa.
-const ROUND: f32 = 12_582_912.0;
+pub(crate) const ROUND: f32 = 12_582_912.0;
 
 /// Cosine and sine of `x` radians, |x| < 10^4: within 1e-7, absolute.
 #[inline(always)]

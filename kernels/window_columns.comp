@@ -1,12 +1,10 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_control_flow_attributes : require
 
 // The columns of the window's forward transform, those in use, in place, of pupils whose windows have equally many rows.
 // x: pairs of columns, y: frame, z: pupil.
 
 #define COLUMNS 1u
-#include "constants.glsl"
 #include "half.glsl"
 #include "fft_lines.glsl"
 

@@ -60,24 +60,8 @@ include!("modules.rs");
 
 /// The module of this name, if there is one; for fields in float32 where there are two.
 #[cfg(feature = "modules")]
-pub const fn module(name: &str) -> Option<&'static Module> {
-    let mut at = 0;
-    while at < ALL.len() {
-        if is_same(ALL[at].name.as_bytes(), name.as_bytes()) {
-            return Some(ALL[at]);
-        }
-        at += 1;
-    }
-    None
-}
-
-#[cfg(feature = "modules")]
-const fn is_same(a: &[u8], b: &[u8]) -> bool {
-    let mut at = 0;
-    while at < a.len() && at < b.len() && a[at] == b[at] {
-        at += 1;
-    }
-    at == a.len() && at == b.len()
+pub fn module(name: &str) -> Option<&'static Module> {
+    ALL.iter().copied().find(|module| module.name == name)
 }
 
 #[cfg(all(test, feature = "modules"))]

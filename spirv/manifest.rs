@@ -33,29 +33,9 @@ pub struct Entry {
     pub module_sha256: String,
 }
 
-/// A file that cannot be read, or a manifest that cannot be understood.
-#[derive(Debug, thiserror::Error)]
-pub enum ManifestError {
-    /// A file or a folder.
-    #[error("{}: {source}", path.display())]
-    File {
-        /// Which.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// The manifest's text.
-    #[error("{}: {reason}", path.display())]
-    Text {
-        /// Which.
-        path: PathBuf,
-        /// What is wrong.
-        reason: String,
-    },
-}
-
-fn at(path: &Path) -> impl FnOnce(std::io::Error) -> ManifestError + '_ {
-    |source| ManifestError::File { path: path.to_owned(), source }
+/// What a file or a folder cannot be read for, in words.
+fn at(path: &Path) -> impl FnOnce(std::io::Error) -> String + '_ {
+    move |error| format!("{}: {error}", path.display())
 }
 
 impl Manifest {
@@ -68,10 +48,10 @@ impl Manifest {
     ///
     /// # Errors
     /// A file that is missing or not a manifest.
-    pub fn read(root: &Path) -> Result<Self, ManifestError> {
+    pub fn read(root: &Path) -> Result<Self, String> {
         let path = Self::path(root);
         let text = std::fs::read_to_string(&path).map_err(at(&path))?;
-        toml::from_str(&text).map_err(|e| ManifestError::Text { path, reason: e.to_string() })
+        toml::from_str(&text).map_err(|e| format!("{}: {e}", path.display()))
     }
 }
 
@@ -84,7 +64,7 @@ const HALF: &str = "_half";
 ///
 /// # Errors
 /// A folder or a file that cannot be read.
-pub fn modules(root: &Path) -> Result<BTreeSet<String>, ManifestError> {
+pub fn modules(root: &Path) -> Result<BTreeSet<String>, String> {
     let mut names = BTreeSet::new();
     for name in stems(&root.join("kernels"), "comp")? {
         let path = root.join("kernels").join(format!("{name}.comp"));
@@ -118,7 +98,11 @@ pub fn source_of(module: &str) -> (&str, Option<&'static str>) {
     }
 }
 
-fn stems(folder: &Path, extension: &str) -> Result<BTreeSet<String>, ManifestError> {
+/// Names of the files in a folder that end so, without the ending.
+///
+/// # Errors
+/// A folder that cannot be read.
+pub fn stems(folder: &Path, extension: &str) -> Result<BTreeSet<String>, String> {
     let mut names = BTreeSet::new();
     for entry in std::fs::read_dir(folder).map_err(at(folder))? {
         let path = entry.map_err(at(folder))?.path();
@@ -133,7 +117,7 @@ fn stems(folder: &Path, extension: &str) -> Result<BTreeSet<String>, ManifestErr
 ///
 /// # Errors
 /// A file that cannot be read.
-pub fn source_hash(root: &Path, name: &str) -> Result<String, ManifestError> {
+pub fn source_hash(root: &Path, name: &str) -> Result<String, String> {
     let folder = root.join("kernels");
     let (mut hash, mut seen) = (Sha256::new(), BTreeSet::new());
     let mut open = vec![format!("{}.comp", source_of(name).0)];
@@ -163,7 +147,7 @@ fn hex(bytes: &[u8]) -> String {
 ///
 /// # Errors
 /// Files that cannot be read.
-pub fn faults(root: &Path) -> Result<Vec<String>, ManifestError> {
+pub fn faults(root: &Path) -> Result<Vec<String>, String> {
     let manifest = Manifest::read(root)?;
     let (sources, built) = (modules(root)?, stems(&root.join("spirv"), "spv")?);
     let known: BTreeSet<String> = manifest.module.iter().map(|m| m.name.clone()).collect();

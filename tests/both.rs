@@ -8,7 +8,7 @@ use eyebox::low_level::plan::{Comparison, Moving, Planner, ViewLayout, Viewpoint
 use eyebox::low_level::scene::{Pyramid, ViewGrid};
 use std::sync::{Arc, PoisonError};
 
-#[path = "../runtime/compute/gpu/test_options.rs"]
+#[path = "../runtime/compute/gpu/vulkan/test_options.rs"]
 mod test_options;
 pub use test_options::watched;
 

@@ -198,7 +198,7 @@ fn what_a_model_adds_to_a_step_is_small() {
             let comparison = Comparison { batch: 16, ..Comparison::default() };
             let passes =
                 (0..16).map(|i| planner.pupil_pass(&Pupil::from_mm([0.0, 0.0, diameter(i), 0.0]), &comparison));
-            let step = planner.project_step(passes.collect(), usize::MAX, 1.0, 1.0, 0.0);
+            let step = planner.project_step(passes.collect::<Vec<_>>(), usize::MAX, 1.0, 1.0, 0.0);
             let shape = planner.shape(Purpose::Project);
             step.list.iter().map(|d| d.work(&step, &shape)).sum::<f64>()
         };

@@ -347,8 +347,11 @@ fn the_same_seed_gives_the_same_bits_on_any_number_of_threads() {
 #[test]
 fn lists_are_in_the_order_of_light() {
     let planner = Planner::new(optics(32, 32), 2, WindowFactor::One);
-    let pupil_passes =
-        |n| (0..n).map(|_| planner.pupil_pass(&Pupil::from_mm([0.0, 0.0, 5.0, 0.0]), &Comparison::default())).collect();
+    let pupil_passes = |n| {
+        (0..n)
+            .map(|_| planner.pupil_pass(&Pupil::from_mm([0.0, 0.0, 5.0, 0.0]), &Comparison::default()))
+            .collect::<Vec<_>>()
+    };
     let step = planner.project_step(pupil_passes(3), usize::MAX, 1.0, 1.0, 0.0);
     let names: Vec<_> = step.list.iter().map(|d: &Dispatch| d.kernel.name()).collect();
     let want = "modulate field_forward clear overlap transfer photograph resample pass_pupil window_inverse intensity compare apply_factor window_forward pupil_adjoint divide_by_overlap change_inverse project";

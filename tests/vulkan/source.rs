@@ -142,8 +142,8 @@ fn pupils_of_different_modes_share_a_step() {
         assert!(counts.contains(&5) && counts.contains(&2), "{counts:?}");
         for in_flight in [usize::MAX, 3000] {
             let step = match purpose {
-                Purpose::Adam => case.planner.adam_step(passes().collect(), in_flight, 1, 0.1),
-                _ => case.planner.project_step(passes().collect(), in_flight, 0.5, 2.0, 0.5),
+                Purpose::Adam => case.planner.adam_step(passes().collect::<Vec<_>>(), in_flight, 1, 0.1),
+                _ => case.planner.project_step(passes().collect::<Vec<_>>(), in_flight, 0.5, 2.0, 0.5),
             };
             let got = solve(&mut engine, &case, purpose, std::slice::from_ref(&step));
             let want = solve(&mut CpuEngine::new(), &case, purpose, std::slice::from_ref(&step));

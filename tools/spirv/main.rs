@@ -1,7 +1,9 @@
 //! Builds the SPIR-V modules, and checks that they are what the sources give.
 
 use clap::{Parser, Subcommand};
-use eyebox_spirv::manifest::{Entry, FLAGS, Manifest, faults, list, module_hash, modules, source_hash, source_of};
+use eyebox_spirv::manifest::{
+    Entry, FLAGS, Manifest, faults, list, module_hash, modules, source_hash, source_of, stems,
+};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
@@ -47,14 +49,10 @@ fn run(root: &Path, what: What) -> Result<String, String> {
     let folder = tempfile::tempdir().map_err(|e| format!("no temporary folder: {e}"))?;
     let compiler = version()?;
     let mut built = Vec::new();
-    for name in modules(root).map_err(|e| e.to_string())? {
+    for name in modules(root)? {
         let module = compile(root, folder.path(), &name)?;
         let bytes = std::fs::read(&module).map_err(|e| format!("{}: {e}", module.display()))?;
-        let entry = Entry {
-            source_sha256: source_hash(root, &name).map_err(|e| e.to_string())?,
-            module_sha256: module_hash(&bytes),
-            name,
-        };
+        let entry = Entry { source_sha256: source_hash(root, &name)?, module_sha256: module_hash(&bytes), name };
         built.push((entry, bytes));
     }
     match what {
@@ -65,12 +63,10 @@ fn run(root: &Path, what: What) -> Result<String, String> {
 
 fn build(root: &Path, compiler: String, built: Vec<(Entry, Vec<u8>)>) -> Result<String, String> {
     let spirv = root.join("spirv");
-    let entries: Vec<_> = std::fs::read_dir(&spirv).map_err(|e| format!("{}: {e}", spirv.display()))?.collect();
-    for path in entries.into_iter().flatten().map(|e| e.path()).filter(|p| p.extension().is_some_and(|e| e == "spv")) {
-        if !built.iter().any(|(b, _)| path.file_stem().is_some_and(|s| *s == *b.name)) {
-            println!("removing {}", path.display());
-            std::fs::remove_file(&path).map_err(|e| format!("{}: {e}", path.display()))?;
-        }
+    for orphan in stems(&spirv, "spv")?.into_iter().filter(|stem| !built.iter().any(|(b, _)| b.name == *stem)) {
+        let path = spirv.join(format!("{orphan}.spv"));
+        println!("removing {}", path.display());
+        std::fs::remove_file(&path).map_err(|e| format!("{}: {e}", path.display()))?;
     }
     for (entry, bytes) in &built {
         place(&spirv.join(format!("{}.spv", entry.name)), bytes)?;
@@ -87,11 +83,11 @@ fn build(root: &Path, compiler: String, built: Vec<(Entry, Vec<u8>)>) -> Result<
 
 fn check(root: &Path, compiler: &str, built: &[(Entry, Vec<u8>)]) -> Result<String, String> {
     let constants = std::fs::read_to_string(root.join(CONSTANTS)).map_err(|e| format!("{CONSTANTS}: {e}"))?;
-    let mut wrong = faults(root).map_err(|e| e.to_string())?;
+    let mut wrong = faults(root)?;
     if constants != eyebox_kernels::shared::glsl() {
         wrong.push(format!("{CONSTANTS} is not what kernels/shared.rs gives"));
     }
-    let manifest = Manifest::read(root).map_err(|e| e.to_string())?;
+    let manifest = Manifest::read(root)?;
     if manifest.compiler != compiler {
         // Another compiler may well give other bytes: the hashes have been checked, the bytes cannot be.
         wrong.push(format!("the modules were built by {:?}, this is {compiler:?}", manifest.compiler));

@@ -18,7 +18,7 @@ use super::{
     Buffer, Dispatch, Engine, EngineError, Kernel, LookUp, ModelTables, Resource, Scope, Shape, Step, Timing, misfit,
 };
 use crate::scene::Pyramid;
-use buffers::{Buffers, ModelView, SPLIT, Slot, storing, storing_drives};
+use buffers::{Buffers, ModelView, SPLIT, Slot, complex, complex_mut, storing, storing_drives};
 use eyebox_kernels::{Complex32, fft::Plans};
 use frames::{Frame, FrameFft, Whole};
 use pupil_pass::{Pass, WindowFrame};
@@ -61,6 +61,9 @@ pub struct CpuEngine {
     wide: Vec<Complex32>,
     spare: Vec<Vec<f64>>,
     clock: Clock,
+    /// What is done before each part of a list: it may wait, count or fail.
+    #[cfg(any(test, feature = "test-hooks"))]
+    before_part: Option<Box<dyn FnMut() -> Result<(), EngineError> + Send>>,
 }
 
 /// Sub-frames that are under way at once.
@@ -78,7 +81,15 @@ impl CpuEngine {
             wide: Vec::new(),
             spare: Vec::new(),
             clock: Clock::new(),
+            #[cfg(any(test, feature = "test-hooks"))]
+            before_part: None,
         }
+    }
+
+    /// The same, which does something before each part of a list: it may wait, count or fail.
+    #[cfg(any(test, feature = "test-hooks"))]
+    pub fn watched(before_part: impl FnMut() -> Result<(), EngineError> + Send + 'static) -> Self {
+        Self { before_part: Some(Box::new(before_part)), ..Self::new() }
     }
 
     /// Frame by frame through all of `group`.
@@ -94,10 +105,10 @@ impl CpuEngine {
         let p = shape.subpixels();
         let [mut wave, mut blurred] =
             [(wave, p * p), (blurred, p)].map(|(buffer, planes)| buffer.chunks_exact_mut(planes * pixels));
-        let mut subpixels = subpixels.chunks_exact_mut(p * p * points);
+        let mut subpixels = complex_mut(subpixels).chunks_exact_mut(p * p * points);
         let [mut phases, mut shown, mut momentum, mut second] =
             [phases, shown, momentum, second].map(|buffer| buffer.chunks_exact_mut(pixels));
-        let [mut field, mut change] = [field, change].map(|buffer| buffer.chunks_exact_mut(points));
+        let [mut field, mut change] = [field, change].map(|buffer| complex_mut(buffer).chunks_exact_mut(points));
         let frame = |index| Frame {
             index,
             step,
@@ -157,12 +168,12 @@ impl CpuEngine {
         if slots.len() < pupil_passes.len() {
             slots.resize_with(pupil_passes.len(), Slot::default);
         }
-        let (views, relay) = (views.as_deref(), bytemuck::cast_slice(relay));
+        let (views, relay) = (views.as_deref(), complex(relay));
         let looks = |d: &Dispatch| d.kernel.binds().iter().any(|(_, resource)| *resource == Resource::Views);
         if views.is_none() && group.iter().any(looks) {
             return Err(EngineError::Mismatch { reason: "a photograph is asked for and no views were loaded".into() });
         }
-        let (frames, points, field) = (shape.frames, shape.points(), &*field);
+        let (frames, points, field) = (shape.frames, shape.points(), complex(field));
         let store = storing(shape.storage);
         let relays = |d: &Dispatch| d.kernel == Kernel::Relay;
         let odd = pupil_passes.iter().find(|pass| pass.last_source_mode() >= shape.model.relay);
@@ -183,6 +194,7 @@ impl CpuEngine {
                 }
                 let count = pass.count();
                 let Slot { transfer, window, image, .. } = &mut *slot;
+                let (transfer, window) = (complex(transfer), complex_mut(window));
                 // Sub-frame by sub-frame of each mode of the source.
                 let work = |i: usize, window: &mut [Complex32]| {
                     let (mode, index) = (i / frames, i % frames);
@@ -241,7 +253,7 @@ impl CpuEngine {
     fn run_whole(&mut self, step: &Step, dispatch: &Dispatch) -> bool {
         let Buffers { field, change, hits, energy, wave, .. } = &mut self.buffers;
         let passes = &step.pupil_passes[dispatch.pupil_passes.clone()];
-        let shape = &self.shape;
+        let ([field, change], shape) = ([field, change].map(|buffer| complex_mut(buffer)), &self.shape);
         let mut whole = Whole { step, shape, passes, field, change, wave, hits, energy, finite: true };
         if let Twin::Whole(twin) = twin(dispatch.kernel) {
             self.clock.time(dispatch.kernel, || twin(&mut whole));
@@ -318,6 +330,8 @@ impl Engine for CpuEngine {
     }
 
     fn run_part(&mut self, step: &Step, part: Range<usize>) -> Result<Vec<f64>, EngineError> {
+        #[cfg(any(test, feature = "test-hooks"))]
+        self.before_part.as_mut().map_or(Ok(()), |before| before())?;
         if let Some(model) = step.model.as_ref().filter(|m| self.model.as_ref().is_none_or(|had| !Arc::ptr_eq(had, m)))
         {
             model.buffers().try_for_each(|(buffer, table)| self.write(buffer, table))?;

@@ -8,12 +8,9 @@ mod choose;
 pub mod cpu;
 mod handover;
 mod look_up;
-mod taking;
 mod threads;
 #[cfg(feature = "vulkan")]
 pub mod vulkan;
-#[cfg(any(test, feature = "test-hooks"))]
-pub mod watched;
 
 pub use crate::gpu::{EngineError, PhasesOnDevice};
 pub use crate::plan::{
@@ -23,9 +20,7 @@ pub use crate::plan::{
 pub use choose::{Backend, Choice, open, reason};
 pub use handover::{At, Handover};
 pub use look_up::LookUp;
-pub use taking::{PendingStep, StepResult};
-pub use threads::pool;
-pub use threads::prepare_threads;
+pub use threads::{pool, prepare_threads};
 
 use crate::scene::Pyramid;
 use std::ops::Range;
@@ -49,6 +44,26 @@ impl Memory {
     pub fn of(kind: crate::gpu::DeviceKind) -> Self {
         use crate::gpu::DeviceKind::{Cpu, Integrated};
         if matches!(kind, Cpu | Integrated) { Self::Shared } else { Self::Device }
+    }
+}
+
+/// What came of a step.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StepResult {
+    /// The loss (a sum over pixels) of each pupil pass. Where one is no finite number the phases stayed as they were.
+    pub losses: Vec<f64>,
+    /// Seconds that it took: by the device's clock, where it has one.
+    pub seconds: f64,
+}
+
+/// A step that was begun, which [`Engine::end_step`] takes: over, or under way by the number that its engine gave it.
+#[derive(Debug)]
+pub struct PendingStep(Result<StepResult, u64>);
+
+impl PendingStep {
+    /// Whether its losses are known already.
+    pub fn is_over(&self) -> bool {
+        self.0.is_ok()
     }
 }
 
@@ -223,7 +238,7 @@ pub trait Engine: Send {
             }
         }
         let losses = losses.unwrap_or_else(|| vec![0.0; step.pupil_passes.len()]);
-        Ok(PendingStep(taking::State::Over(StepResult { losses, seconds: start.elapsed().as_secs_f64() })))
+        Ok(PendingStep(Ok(StepResult { losses, seconds: start.elapsed().as_secs_f64() })))
     }
 
     /// What came of a step, when it is over.
@@ -231,10 +246,7 @@ pub trait Engine: Send {
     /// # Errors
     /// A step of another engine, or of long ago; a lost device.
     fn end_step(&mut self, begun: PendingStep) -> Result<StepResult, EngineError> {
-        match begun.0 {
-            taking::State::Over(taken) => Ok(taken),
-            taking::State::UnderWay(_) => Err(not_under_way()),
-        }
+        begun.0.map_err(|_| not_under_way())
     }
 
     /// A list of losses that it gave is done with: it may be filled again.

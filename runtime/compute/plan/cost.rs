@@ -1,6 +1,6 @@
 //! What a step costs, in units that can be counted before anything runs: work per group of kernels, and bytes.
 
-use super::{Group, PupilPass, Purpose, Resource, Shape, Step};
+use super::{BufferSize, Group, PupilPass, Resource, Shape, Step};
 use std::ops::Range;
 
 /// Units of work of each group in a step; about a nanosecond of one core each.
@@ -14,23 +14,13 @@ pub fn work(step: &Step, shape: &Shape) -> [f64; Group::ALL.len()] {
 
 /// Bytes of the buffers that are not a pupil pass's, where a complex value takes `complex` of them.
 pub fn shared_bytes(shape: &Shape, complex: u64) -> u64 {
-    let (pixels, points, frames) = (shape.pixels() as u64, shape.points() as u64, shape.frames as u64);
-    let mut bytes = 4 * frames * pixels + complex * frames * points;
-    if shape.purpose != Purpose::View {
-        bytes += 4 * frames * pixels + complex * frames * points + 4 * points;
-    }
-    if shape.purpose == Purpose::Adam {
-        bytes += 4 * frames * pixels;
-    }
-    if shape.quantised {
-        bytes += 4 * frames * pixels;
-    }
-    use Resource::{Blurred, Crosstalk, Offsets, Pixels, Relay, Subpixels, Wave};
-    let modelled = [Wave, Blurred, Pixels, Crosstalk, Offsets, Relay];
-    let fields = shape.extent(Subpixels);
-    bytes
-        + complex * (fields.frames * fields.values) as u64
-        + modelled.map(|resource| 4 * shape.extent(resource).floats() as u64).iter().sum::<u64>()
+    use Resource::{Energy, Levels, Mask, MaskTransfer};
+    let counts = |resource: &Resource| !matches!(resource, Levels | Energy | Mask | MaskTransfer);
+    let bytes = |resource| {
+        let BufferSize { frames, values, complex: is_complex } = shape.extent(resource);
+        (frames * values) as u64 * if is_complex { complex } else { 4 }
+    };
+    Resource::OF_SHAPE.into_iter().filter(counts).map(bytes).sum()
 }
 
 /// Bytes of one pupil pass's buffers, where a complex value of its window takes `complex` of them.

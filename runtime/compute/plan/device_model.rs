@@ -98,22 +98,14 @@ impl DeviceModel {
     /// all but the first, which finds it empty.
     pub fn estimate(&self, recordings: &[&Recording], value_bytes: usize) -> Estimate {
         let mut cache = Cache { room: self.cache, ..Cache::default() };
-        let mut sum = Estimate::default();
-        for (i, recording) in recordings.iter().enumerate() {
-            let one = self.one(recording, value_bytes, &mut cache);
-            if i > 0 || recordings.len() == 1 {
-                sum.memory += one.memory;
-                sum.arithmetic += one.arithmetic;
-                sum.stages += one.stages;
-                sum.submissions += one.submissions;
-            }
-        }
-        let count = recordings.len().saturating_sub(1).max(1) as u32;
+        let all: Vec<_> = recordings.iter().map(|recording| self.one(recording, value_bytes, &mut cache)).collect();
+        let later = &all[usize::from(all.len() > 1)..];
+        let mean = |of: fn(&Estimate) -> Duration| later.iter().map(of).sum::<Duration>() / later.len().max(1) as u32;
         Estimate {
-            memory: sum.memory / count,
-            arithmetic: sum.arithmetic / count,
-            stages: sum.stages / count,
-            submissions: sum.submissions / count,
+            memory: mean(|e| e.memory),
+            arithmetic: mean(|e| e.arithmetic),
+            stages: mean(|e| e.stages),
+            submissions: mean(|e| e.submissions),
         }
     }
 

@@ -63,34 +63,43 @@ pub enum Buffer {
 impl Buffer {
     /// What it is as a resource, and its slot where it is a pupil pass's.
     pub fn resource(self) -> (Resource, Option<usize>) {
-        match self {
-            Self::Phases => (Resource::Phases, None),
-            Self::Shown => (Resource::Shown, None),
-            Self::Levels => (Resource::Levels, None),
-            Self::Momentum => (Resource::Momentum, None),
-            Self::Second => (Resource::Second, None),
-            Self::Field => (Resource::Field, None),
-            Self::Change => (Resource::Change, None),
-            Self::Hits => (Resource::Hits, None),
-            Self::Energy => (Resource::Energy, None),
-            Self::Wave => (Resource::Wave, None),
-            Self::Blurred => (Resource::Blurred, None),
-            Self::Subpixels => (Resource::Subpixels, None),
-            Self::Pixels => (Resource::Pixels, None),
-            Self::Crosstalk => (Resource::Crosstalk, None),
-            Self::Offsets => (Resource::Offsets, None),
-            Self::Relay => (Resource::Relay, None),
-            Self::Mask => (Resource::Mask, None),
-            Self::MaskTransfer => (Resource::MaskTransfer, None),
-            Self::Transfer(slot) => (Resource::Transfer, Some(slot)),
-            Self::Window(slot) => (Resource::Window, Some(slot)),
-            Self::Image(slot) => (Resource::Image, Some(slot)),
-            Self::Target(slot) => (Resource::Target, Some(slot)),
-            Self::Accumulator(slot) => (Resource::Accumulator, Some(slot)),
-            Self::Sums(slot) => (Resource::Sums, Some(slot)),
-        }
+        let slot = match self {
+            Self::Transfer(slot) | Self::Window(slot) | Self::Image(slot) => Some(slot),
+            Self::Target(slot) | Self::Accumulator(slot) | Self::Sums(slot) => Some(slot),
+            _ => None,
+        };
+        let is_this = |(_, buffer): &&(Resource, fn(usize) -> Self)| buffer(slot.unwrap_or(0)) == self;
+        (BUFFERS.iter().find(is_this).expect("every buffer is in the table").0, slot)
     }
 }
+
+/// The resources that are buffers, and which they are, of a slot: those of the shape, then those of a slot.
+const BUFFERS: [(Resource, fn(usize) -> Buffer); 24] = [
+    (Resource::Phases, |_| Buffer::Phases),
+    (Resource::Shown, |_| Buffer::Shown),
+    (Resource::Levels, |_| Buffer::Levels),
+    (Resource::Momentum, |_| Buffer::Momentum),
+    (Resource::Second, |_| Buffer::Second),
+    (Resource::Field, |_| Buffer::Field),
+    (Resource::Change, |_| Buffer::Change),
+    (Resource::Hits, |_| Buffer::Hits),
+    (Resource::Energy, |_| Buffer::Energy),
+    (Resource::Wave, |_| Buffer::Wave),
+    (Resource::Blurred, |_| Buffer::Blurred),
+    (Resource::Subpixels, |_| Buffer::Subpixels),
+    (Resource::Pixels, |_| Buffer::Pixels),
+    (Resource::Crosstalk, |_| Buffer::Crosstalk),
+    (Resource::Offsets, |_| Buffer::Offsets),
+    (Resource::Relay, |_| Buffer::Relay),
+    (Resource::Mask, |_| Buffer::Mask),
+    (Resource::MaskTransfer, |_| Buffer::MaskTransfer),
+    (Resource::Transfer, Buffer::Transfer),
+    (Resource::Window, Buffer::Window),
+    (Resource::Image, Buffer::Image),
+    (Resource::Target, Buffer::Target),
+    (Resource::Accumulator, Buffer::Accumulator),
+    (Resource::Sums, Buffer::Sums),
+];
 
 /// What kernels are bound to: buffers, of whatever slot, and what comes with a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -167,60 +176,29 @@ pub enum Resource {
 
 impl Resource {
     /// Those that are buffers of the shape.
-    pub const OF_SHAPE: [Self; 18] = [
-        Self::Phases,
-        Self::Shown,
-        Self::Levels,
-        Self::Momentum,
-        Self::Second,
-        Self::Field,
-        Self::Change,
-        Self::Hits,
-        Self::Energy,
-        Self::Wave,
-        Self::Blurred,
-        Self::Subpixels,
-        Self::Pixels,
-        Self::Crosstalk,
-        Self::Offsets,
-        Self::Relay,
-        Self::Mask,
-        Self::MaskTransfer,
-    ];
+    pub const OF_SHAPE: [Self; 18] = Self::of_table(0);
 
     /// Those that are buffers of a slot.
-    pub const OF_SLOT: [Self; 6] =
-        [Self::Transfer, Self::Window, Self::Image, Self::Target, Self::Accumulator, Self::Sums];
+    pub const OF_SLOT: [Self; 6] = Self::of_table(18);
+
+    const fn of_table<const N: usize>(first: usize) -> [Self; N] {
+        let mut all = [Self::Phases; N];
+        let mut i = 0;
+        while i < N {
+            all[i] = BUFFERS[first + i].0;
+            i += 1;
+        }
+        all
+    }
 
     /// The buffer, of this slot where it is a pupil pass's; none for what comes with a step or is its answer.
     pub fn buffer(self, slot: usize) -> Option<Buffer> {
-        Some(match self {
-            Self::Phases => Buffer::Phases,
-            Self::Shown => Buffer::Shown,
-            Self::Levels => Buffer::Levels,
-            Self::Momentum => Buffer::Momentum,
-            Self::Second => Buffer::Second,
-            Self::Field => Buffer::Field,
-            Self::Change => Buffer::Change,
-            Self::Hits => Buffer::Hits,
-            Self::Energy => Buffer::Energy,
-            Self::Wave => Buffer::Wave,
-            Self::Blurred => Buffer::Blurred,
-            Self::Subpixels => Buffer::Subpixels,
-            Self::Pixels => Buffer::Pixels,
-            Self::Crosstalk => Buffer::Crosstalk,
-            Self::Offsets => Buffer::Offsets,
-            Self::Relay => Buffer::Relay,
-            Self::Mask => Buffer::Mask,
-            Self::MaskTransfer => Buffer::MaskTransfer,
-            Self::Transfer => Buffer::Transfer(slot),
-            Self::Window => Buffer::Window(slot),
-            Self::Image => Buffer::Image(slot),
-            Self::Target => Buffer::Target(slot),
-            Self::Accumulator => Buffer::Accumulator(slot),
-            Self::Sums => Buffer::Sums(slot),
-            _ => return None,
-        })
+        BUFFERS.iter().find(|(resource, _)| *resource == self).map(|(_, buffer)| buffer(slot))
+    }
+
+    /// Whether a value is two numbers.
+    pub(crate) fn is_complex(self) -> bool {
+        matches!(self, Self::Field | Self::Change | Self::Subpixels | Self::Transfer | Self::Window)
     }
 
     /// How its complex values are stored: what is read beside a window as float32 always.
@@ -434,8 +412,8 @@ impl Shape {
             Resource::MaskTransfer => (1, 2 * self.points()),
             _ => (self.frames, self.pixels()),
         };
-        let complex = matches!(resource, Resource::Field | Resource::Change | Resource::Subpixels);
-        BufferSize { frames: if self.has(resource) { frames } else { 0 }, values, complex }
+        let frames = if self.has(resource) { frames } else { 0 };
+        BufferSize { frames, values, complex: resource.is_complex() }
     }
 
     /// Whether it is a buffer that this shape has.
@@ -458,6 +436,11 @@ impl Shape {
     /// The buffers that this shape has.
     pub fn buffers(&self) -> impl Iterator<Item = Buffer> {
         Resource::OF_SHAPE.into_iter().filter(|r| self.has(*r)).filter_map(|resource| resource.buffer(0))
+    }
+
+    /// What a kernel that is bound to this is really bound to: where the SLM has no levels, the phases are what is shown.
+    pub(crate) fn alias(&self, resource: Resource) -> Resource {
+        if resource == Resource::Shown && !self.quantised { Resource::Phases } else { resource }
     }
 
     /// Whether a kernel can be bound to this: `Shown` always, for it is `Phases` where the SLM has no levels.

@@ -44,22 +44,17 @@ impl From<Step> for StepLists {
 }
 
 impl Planner {
-    /// One step of the projection (OPTICS 6b), `in_flight` values of window at a time.
+    /// One step of the projection (OPTICS 6b), `in_flight` values of window at a time; `lists` may be those of a step that is over.
     pub fn project_step(
         &self,
-        pupil_passes: Vec<PupilPass>,
+        lists: impl Into<StepLists>,
         in_flight: usize,
         power: f64,
         gain: f64,
         momentum: f64,
     ) -> Step {
-        self.project_step_in(pupil_passes.into(), in_flight, power, gain, momentum)
-    }
-
-    /// The same in the lists of a step that is over.
-    pub fn project_step_in(&self, lists: StepLists, in_flight: usize, power: f64, gain: f64, momentum: f64) -> Step {
         let mut step = self.descend(lists, in_flight, true);
-        step.list.push(Dispatch { kernel: Kernel::Project, pupil_passes: 0..0 });
+        step.list.push(Dispatch::whole(Kernel::Project));
         step.divide_by_overlap.power = power as f32;
         // Of all its mask pixels a pixel follows the mean.
         let parts = self.slm.mask_factor.pow(2) as f64;
@@ -68,15 +63,10 @@ impl Planner {
         step
     }
 
-    /// One step of Adam, the `t`-th, counted from 1 (OPTICS 4).
-    pub fn adam_step(&self, pupil_passes: Vec<PupilPass>, in_flight: usize, t: usize, rate: f64) -> Step {
-        self.adam_step_in(pupil_passes.into(), in_flight, t, rate)
-    }
-
-    /// The same in the lists of a step that is over.
-    pub fn adam_step_in(&self, lists: StepLists, in_flight: usize, t: usize, rate: f64) -> Step {
+    /// One step of Adam, the `t`-th, counted from 1 (OPTICS 4); `lists` may be those of a step that is over.
+    pub fn adam_step(&self, lists: impl Into<StepLists>, in_flight: usize, t: usize, rate: f64) -> Step {
         let mut step = self.descend(lists, in_flight, false);
-        step.list.push(Dispatch { kernel: Kernel::Adam, pupil_passes: 0..0 });
+        step.list.push(Dispatch::whole(Kernel::Adam));
         // As float32 has them, so that the corrections are those of the moments that the kernel keeps: 1 - 0.999 is off by
         // a part in 80,000, and without it every step would be (docs/precision.md).
         let (beta1, beta2) = (f64::from(0.9f32), f64::from(0.999f32));
@@ -127,9 +117,7 @@ impl Planner {
     pub fn photograph_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
         let all = 0..pupil_passes.len();
         let mut step = self.empty(pupil_passes);
-        step.list.extend(
-            [Kernel::Photograph, Kernel::Resample].map(|kernel| Dispatch { kernel, pupil_passes: all.clone() }),
-        );
+        step.over_pupil_passes(all, &[Kernel::Photograph, Kernel::Resample]);
         step
     }
 
@@ -142,17 +130,16 @@ impl Planner {
             (self.change_scale_of(&step.pupil_passes, projects), f64::from(self.shape(Purpose::View).field_scale()));
         let weight = weight * change * if projects { 1.0 / field } else { field };
         step.equalise_eyebox = self.equalise_eyebox(eyebox, patches, projects, weight);
-        let whole = |kernel| Dispatch { kernel, pupil_passes: 0..0 };
         let after = |step: &Step, kernel| step.list.iter().position(|d| d.kernel == kernel).map_or(0, |i| i + 1);
         use Kernel::{FieldForward, Modulate, ModulateWave, SubpixelsForward};
         let lit = [FieldForward, SubpixelsForward, Modulate, ModulateWave].map(|kernel| after(&step, kernel));
         let lit = lit.into_iter().max().unwrap_or(0);
-        step.list.insert(lit, whole(Kernel::Energy));
+        step.list.insert(lit, Dispatch::whole(Kernel::Energy));
         // Before the spectrum's change becomes the field's; in the far field they are one.
         use Kernel::{Adam, ChangeInverse, CheckFinite, PhaseGradient, Project, SubpixelsInverse};
         let ends = [ChangeInverse, SubpixelsInverse, CheckFinite, PhaseGradient, Project, Adam];
         let end = step.list.iter().position(|d| ends.contains(&d.kernel)).unwrap_or(step.list.len());
-        step.list.insert(end, whole(Kernel::EqualiseEyebox));
+        step.list.insert(end, Dispatch::whole(Kernel::EqualiseEyebox));
         step.columns = Columns { first: 0, count: self.grid.width };
         step
     }
@@ -205,19 +192,19 @@ impl Planner {
         };
         let away = parts.mask_away.then_some(Kernel::ToMask);
         let last = (self.grid.geometry == Geometry::Relay).then_some(spectrum);
-        let lag = self.model.as_ref().is_some_and(|model| model.model().lag > 0.0).then_some(Kernel::Lag);
+        let lag = self.lags().then_some(Kernel::Lag);
         let crosstalk = parts.crosstalk.map(|_| [Kernel::CrosstalkRows, Kernel::CrosstalkColumns]);
         let driven =
             [Kernel::Drive].into_iter().chain(lag).chain(crosstalk.into_iter().flatten()).chain([lit]).chain(away);
         let plain = (!parts.drives).then_some(Kernel::Modulate);
         let all = first.into_iter().chain(plain).chain(driven.filter(move |_| parts.drives)).chain(last);
-        all.map(|kernel| Dispatch { kernel, pupil_passes: 0..0 })
+        all.map(Dispatch::whole)
     }
 
     /// From the change of the field to that of the phases, where more than phases makes the field.
     fn to_phases(&self) -> impl Iterator<Item = Dispatch> + use<> {
         let parts = self.parts();
-        let lag = self.model.as_ref().is_some_and(|model| model.model().lag > 0.0).then_some(Kernel::LagAdjoint);
+        let lag = self.lags().then_some(Kernel::LagAdjoint);
         let gradient = match (parts.mask, parts.more_subpixels) {
             (1.., _) => Kernel::PhaseGradientMask,
             (_, 0) => Kernel::PhaseGradient,
@@ -231,7 +218,11 @@ impl Planner {
             .chain(crosstalk.into_iter().flatten())
             .chain(lag)
             .chain([Kernel::DriveAdjoint]);
-        all.filter(move |_| parts.drives).map(|kernel| Dispatch { kernel, pupil_passes: 0..0 })
+        all.filter(move |_| parts.drives).map(Dispatch::whole)
+    }
+
+    fn lags(&self) -> bool {
+        self.model.as_ref().is_some_and(|model| model.model().lag > 0.0)
     }
 
     fn parts(&self) -> ModelParts {
@@ -248,8 +239,8 @@ impl Planner {
     /// What each viewpoint shows, what it should show, and the sums of both, left in `Sums` of slots 0, 1, ...
     pub fn exposure_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
         let all = 0..pupil_passes.len();
-        let mut step = self.view_step(pupil_passes);
-        step.over_pupil_passes(all, &[Kernel::Photograph, Kernel::Resample, Kernel::Exposure]);
+        let mut step = self.fields_step(pupil_passes);
+        step.over_pupil_passes(all, &[Kernel::Exposure]);
         step
     }
 
@@ -324,13 +315,12 @@ impl Planner {
     }
 
     /// Down to the window, compare, and up again; pupil passes come in groups whose windows fit `in_flight` values.
-    fn descend(&self, lists: StepLists, in_flight: usize, balanced: bool) -> Step {
+    fn descend(&self, lists: impl Into<StepLists>, in_flight: usize, balanced: bool) -> Step {
         let mut step = self.empty(lists);
         // Tapered pupil passes have no edge at which pupils overlap: the caller's gain says how often they do.
         let balanced = balanced && !step.is_tapered();
-        let whole = |kernel| Dispatch { kernel, pupil_passes: 0..0 };
         step.list.extend(self.to_spectrum());
-        step.list.push(whole(Kernel::Clear));
+        step.list.push(Dispatch::whole(Kernel::Clear));
         let mut end = 0;
         while end < step.pupil_passes.len() {
             let pupil_passes = group(&step.pupil_passes, end, in_flight / self.frames.max(1));
@@ -345,12 +335,12 @@ impl Planner {
             step.over_pupil_passes(pupil_passes, &[Kernel::PupilAdjoint]);
         }
         if balanced {
-            step.list.push(whole(Kernel::DivideByOverlap));
+            step.list.push(Dispatch::whole(Kernel::DivideByOverlap));
         }
         step.list.extend(self.to_field());
         // Sub-pixels' fields are seen in what they leave.
         let checked_last = self.parts().more_subpixels > 0;
-        let check = (self.storage == Storage::F16).then_some(whole(Kernel::CheckFinite));
+        let check = (self.storage == Storage::F16).then_some(Dispatch::whole(Kernel::CheckFinite));
         step.list.extend(check.clone().filter(|_| !checked_last));
         step.list.extend(self.to_phases());
         step.list.extend(check.filter(|_| checked_last));

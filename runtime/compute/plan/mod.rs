@@ -15,7 +15,6 @@ mod lists;
 mod mask;
 mod model;
 mod moments;
-mod obstructed;
 mod pass;
 mod pupil_pass;
 mod resample_tables;

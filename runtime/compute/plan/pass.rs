@@ -168,7 +168,7 @@ impl PupilPass {
             Resource::Sums => (1, exposure::PART * self.exposure(&shape.on_grid()).parts()),
             _ => (0, 0),
         };
-        BufferSize { frames, values, complex: matches!(resource, Resource::Transfer | Resource::Window) }
+        BufferSize { frames, values, complex: resource.is_complex() }
     }
 
     /// Arguments of `exposure`: the part of its image that is the SLM's, `place` being where that lies in the grid ([`Shape::on_grid`]).

@@ -2,7 +2,9 @@
 
 use super::resample_tables::ResampleTables;
 use super::{EyeTables, ModelTables, PupilPass, Purpose, Shape, Shot, Storage};
-use crate::optics::{FewerModes, Geometry, Optics, Padding, Pupil, SourceMode, Window, WindowFactor, fewer_modes};
+use crate::optics::{
+    FewerModes, Geometry, Obstruction, Optics, Padding, Pupil, SourceMode, Window, WindowFactor, fewer_modes,
+};
 use crate::scene::{Pyramid, ViewGrid};
 use eyebox_kernels::{compare, fft::Columns, intensity, modulate, pass_pupil, photograph, resample, transfer};
 use std::sync::Arc;
@@ -242,6 +244,16 @@ impl Planner {
         pass.shot = self.shot_over(look, pass.window, pass.shot.take());
     }
 
+    /// The same for an eye with this pupil, in which there is an obstruction (OPTICS 11). It is for that pupil alone, and for looking
+    /// and scoring: the relay's table has it, which engines multiply each bin by already.
+    #[must_use]
+    pub fn obstructed(&self, obstruction: Obstruction, pupil: &Pupil) -> Self {
+        let ideal = || ModelTables::ideal(&self.modes, self.slm, self.grid);
+        let model = self.model.clone().unwrap_or_else(ideal);
+        let iris = model.model().true_pupil(pupil);
+        Self { model: Some(model.obstructed(obstruction, &iris)), ..self.clone() }
+    }
+
     /// How far behind the SLM light leaves its mask, metres.
     fn mask_distance(&self) -> f64 {
         self.model.as_ref().map_or(0.0, |model| model.mask_distance())
@@ -419,14 +431,7 @@ impl Planner {
                 accumulate: 0,
             },
             taps,
-            resample: resample::Args {
-                in_height: height as u32,
-                in_width: width as u32,
-                height: window.rows as u32,
-                width: window.columns as u32,
-                row_taps: rows.taps as u32,
-                column_taps: columns.taps as u32,
-            },
+            resample: resample::Args::between((height, width), (window.rows, window.columns), &rows, &columns),
             rows,
             columns,
         })

@@ -157,9 +157,7 @@ pub(crate) fn moved(
     let passing = || pass.map_or(0, PupilPass::passing_itself);
     let by_bin = matches!(kernel, Kernel::PassPupil | Kernel::PupilAdjoint | Kernel::Overlap | Kernel::Relay);
     let extent = match (resource.is_shared(), pass) {
-        (true, _) => {
-            shape.extent(if resource == Resource::Shown && !shape.quantised { Resource::Phases } else { resource })
-        }
+        (true, _) => shape.extent(shape.alias(resource)),
         (false, Some(pass)) => pass.extent(resource, shape),
         (false, None) => return None,
     };

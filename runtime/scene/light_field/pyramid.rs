@@ -158,14 +158,7 @@ impl Pyramid {
         for pair in Self::sizes(height, width).windows(2) {
             let ((finer_h, finer_w), (h, w)) = (pair[0], pair[1]);
             let (rows, columns) = (Table::area(finer_h, h), Table::area(finer_w, w));
-            let args = resample::Args {
-                in_height: finer_h as u32,
-                in_width: finer_w as u32,
-                height: h as u32,
-                width: w as u32,
-                row_taps: rows.taps as u32,
-                column_taps: columns.taps as u32,
-            };
+            let args = resample::Args::between(pair[0], pair[1], &rows, &columns);
             let finer = &levels.last().expect("the grid's own level").views;
             let mut smaller = vec![0; views.len() * h * w];
             smaller.par_chunks_mut(h * w).zip(finer.par_chunks(finer_h * finer_w)).for_each(|(out, view)| {

@@ -2,7 +2,6 @@
 
 use super::*;
 use crate::engine::cpu::CpuEngine;
-use crate::engine::watched::Watched;
 use crate::engine::{Buffer, Engine, Purpose};
 use crate::evaluate::{self, Plane};
 use crate::hologram::{ColorHologram, Hologram, PhaseSource};
@@ -297,7 +296,7 @@ fn what_never_rests_is_compared_now_and_then() {
         std::thread::sleep(Duration::from_millis(45));
         Ok(())
     };
-    let engine = move || Ok(Box::new(Watched(CpuEngine::new(), slow)) as _);
+    let engine = move || Ok(Box::new(CpuEngine::watched(slow)) as _);
     let mut viewer = Viewer::start(Box::new(engine), vec![problem]).unwrap();
     let showing = |salt| {
         let mut one = hologram(salt);

@@ -2,7 +2,6 @@
 
 use crate::encode::Encoder;
 use crate::engine::cpu::CpuEngine;
-use crate::engine::watched::Watched;
 use crate::engine::{Backend, Choice, Engine, EngineError};
 use crate::gaze::{Estimator, Settings as GazeSettings};
 use crate::gpu::test_options::watched;
@@ -192,7 +191,7 @@ fn failing(calls: usize) -> Box<dyn Engine> {
         left = left.checked_sub(1).ok_or_else(lost)?;
         Ok(())
     };
-    Box::new(Watched(CpuEngine::new(), lost))
+    Box::new(CpuEngine::watched(lost))
 }
 
 #[test]
@@ -258,7 +257,7 @@ fn an_engine_that_has_worked_is_made_anew_any_number_of_times() {
             true => Err(EngineError::DeviceLost { device: "a test".into(), during: "compare".into() }),
             false => Ok(()),
         };
-        let engine = move || Ok(Box::new(Watched(CpuEngine::new(), fails.clone())) as Box<dyn Engine>);
+        let engine = move || Ok(Box::new(CpuEngine::watched(fails.clone())) as Box<dyn Engine>);
         Ok((LiveRefiner::new(vec![whole.clone()], Policy::default(), engine)?, None))
     };
     let (mut losses, mut since) = (0, 0);

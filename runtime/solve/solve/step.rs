@@ -78,9 +78,9 @@ impl Update {
     pub fn step(self, planner: &Planner, lists: impl Into<StepLists>, in_flight: usize) -> Step {
         match self {
             Self::Projection { gain, momentum, overlap_power } => {
-                planner.project_step_in(lists.into(), in_flight, overlap_power, gain, momentum)
+                planner.project_step(lists, in_flight, overlap_power, gain, momentum)
             }
-            Self::Adam { rate, step, .. } => planner.adam_step_in(lists.into(), in_flight, step, rate),
+            Self::Adam { rate, step, .. } => planner.adam_step(lists, in_flight, step, rate),
         }
     }
 }

@@ -8,11 +8,11 @@ use eyebox_kernels::{Complex32, binary_angle, fft::Store, half};
 /// Windows with fewer values in all than this are not worth splitting over threads.
 pub(super) const SPLIT: usize = 1 << 15;
 
-/// Buffers of one pupil, grown to the largest that it has held.
+/// Buffers of one pupil, grown to the largest that it has held. Complex values are pairs of numbers.
 #[derive(Default)]
 pub(super) struct Slot {
-    pub(super) transfer: Vec<Complex32>,
-    pub(super) window: Vec<Complex32>,
+    pub(super) transfer: Vec<f32>,
+    pub(super) window: Vec<f32>,
     pub(super) image: Vec<f32>,
     pub(super) target: Vec<f32>,
     pub(super) accumulator: Vec<f32>,
@@ -21,7 +21,7 @@ pub(super) struct Slot {
     pub(super) loss: f64,
 }
 
-/// All buffers.
+/// All buffers; complex values are pairs of numbers.
 #[derive(Default)]
 pub(super) struct Buffers {
     pub(super) phases: Vec<f32>,
@@ -29,13 +29,13 @@ pub(super) struct Buffers {
     pub(super) levels: Vec<f32>,
     pub(super) momentum: Vec<f32>,
     pub(super) second: Vec<f32>,
-    pub(super) field: Vec<Complex32>,
-    pub(super) change: Vec<Complex32>,
+    pub(super) field: Vec<f32>,
+    pub(super) change: Vec<f32>,
     pub(super) hits: Vec<f32>,
     pub(super) energy: Vec<f32>,
     pub(super) wave: Vec<f32>,
     pub(super) blurred: Vec<f32>,
-    pub(super) subpixels: Vec<Complex32>,
+    pub(super) subpixels: Vec<f32>,
     pub(super) pixels: Vec<f32>,
     pub(super) crosstalk: Vec<f32>,
     pub(super) offsets: Vec<f32>,
@@ -70,24 +70,9 @@ impl<'a> ModelView<'a> {
         mask: [&'a [f32]; 2],
     ) -> Self {
         let weights = if weights.is_empty() { [weights; 2] } else { shape.crosstalk().weights(weights) };
-        let offsets: &[Complex32] = bytemuck::cast_slice(offsets);
+        let offsets = complex(offsets);
         let along_y = if offsets.is_empty() { 0 } else { shape.subpixels() * shape.place.grid_height as usize };
-        Self { pixels, weights, offsets: offsets.split_at(along_y).into(), mask: mask.map(bytemuck::cast_slice) }
-    }
-}
-
-/// Contents of a buffer.
-enum Values<'a> {
-    Real(&'a mut Vec<f32>),
-    Complex(&'a mut Vec<Complex32>),
-}
-
-impl Values<'_> {
-    fn floats(&self) -> &[f32] {
-        match self {
-            Self::Real(values) => values,
-            Self::Complex(values) => bytemuck::cast_slice(values),
-        }
+        Self { pixels, weights, offsets: offsets.split_at(along_y).into(), mask: mask.map(complex) }
     }
 }
 
@@ -95,11 +80,8 @@ impl Slot {
     /// Makes room for what a kernel reads and writes here.
     pub(super) fn fit(&mut self, kernel: Kernel, pass: &PupilPass, shape: &Shape) {
         for (_, resource) in kernel.binds().iter().filter(|(_, resource)| Resource::OF_SLOT.contains(resource)) {
-            let extent = pass.extent(*resource, shape);
-            match self.values(*resource) {
-                Some(Values::Real(values)) => grow(values, extent.frames * extent.values),
-                Some(Values::Complex(values)) => grow(values, extent.frames * extent.values),
-                None => {}
+            if let Some(values) = self.values(*resource) {
+                grow(values, pass.extent(*resource, shape).floats());
             }
         }
     }
@@ -107,24 +89,20 @@ impl Slot {
     /// Makes room for all that a pupil pass has here, and keeps what is there.
     pub(super) fn reserve(&mut self, pass: &PupilPass, shape: &Shape) {
         for resource in Resource::OF_SLOT.into_iter().filter(|resource| *resource != Resource::Sums) {
-            let extent = pass.extent(resource, shape);
-            let length = extent.frames * extent.values;
-            match self.values(resource) {
-                Some(Values::Real(values)) => values.reserve_exact(length.saturating_sub(values.len())),
-                Some(Values::Complex(values)) => values.reserve_exact(length.saturating_sub(values.len())),
-                None => {}
+            if let Some(values) = self.values(resource) {
+                values.reserve_exact(pass.extent(resource, shape).floats().saturating_sub(values.len()));
             }
         }
     }
 
-    fn values(&mut self, resource: Resource) -> Option<Values<'_>> {
+    fn values(&mut self, resource: Resource) -> Option<&mut Vec<f32>> {
         Some(match resource {
-            Resource::Transfer => Values::Complex(&mut self.transfer),
-            Resource::Window => Values::Complex(&mut self.window),
-            Resource::Image => Values::Real(&mut self.image),
-            Resource::Target => Values::Real(&mut self.target),
-            Resource::Accumulator => Values::Real(&mut self.accumulator),
-            Resource::Sums => Values::Real(&mut self.sums),
+            Resource::Transfer => &mut self.transfer,
+            Resource::Window => &mut self.window,
+            Resource::Image => &mut self.image,
+            Resource::Target => &mut self.target,
+            Resource::Accumulator => &mut self.accumulator,
+            Resource::Sums => &mut self.sums,
             _ => return None,
         })
     }
@@ -136,12 +114,8 @@ impl Buffers {
         self.slots.clear();
         self.kept = Vec::new();
         for resource in Resource::OF_SHAPE {
-            let extent = shape.extent(resource);
-            let count = extent.frames * extent.values;
-            match self.values(resource, None) {
-                Some(Values::Real(values)) => renew(values, count, resource)?,
-                Some(Values::Complex(values)) => renew(values, count, resource)?,
-                None => {}
+            if let Some(values) = self.values(resource, None) {
+                renew(values, shape.extent(resource).floats(), resource)?;
             }
         }
         Ok(())
@@ -153,28 +127,18 @@ impl Buffers {
         if let Some(slot) = slot.filter(|slot| *slot >= self.slots.len()) {
             self.slots.resize_with(slot + 1, Slot::default);
         }
-        let Some(values) = self.values(resource, slot) else { return Err(never_written(buffer)) };
-        let has = values.floats().len();
-        if slot.is_none() && has != data.len() {
-            return Err(misfit(buffer, has, data.len()));
+        let to = self.values(resource, slot).ok_or_else(|| never_written(buffer))?;
+        if (slot.is_none() && to.len() != data.len()) || (resource.is_complex() && !data.len().is_multiple_of(2)) {
+            return Err(misfit(buffer, to.len(), data.len()));
         }
         // In place: writing a large buffer again and again touches no new memory.
-        match values {
-            Values::Real(to) => {
-                to.clear();
-                to.extend_from_slice(data);
-                match resource {
-                    Resource::Phases if shape.binary_angles => binary_angle::round(to),
-                    _ if shape.stores_half(resource) => half::round_drives(to),
-                    _ => {}
-                }
-            }
-            Values::Complex(to) => {
-                let Ok(data) = bytemuck::try_cast_slice(data) else { return Err(misfit(buffer, has, data.len())) };
-                to.clear();
-                to.extend_from_slice(data);
-                storing(resource.stored(shape.storage))(to);
-            }
+        to.clear();
+        to.extend_from_slice(data);
+        match resource {
+            _ if resource.is_complex() => storing(resource.stored(shape.storage))(complex_mut(to)),
+            Resource::Phases if shape.binary_angles => binary_angle::round(to),
+            _ if shape.stores_half(resource) => half::round_drives(to),
+            _ => {}
         }
         Ok(())
     }
@@ -212,33 +176,29 @@ impl Buffers {
     /// What a buffer holds.
     pub(super) fn read(&mut self, buffer: Buffer) -> Result<&[f32], EngineError> {
         let (resource, slot) = buffer.resource();
-        match self.values(resource, slot) {
-            Some(Values::Real(values)) => Ok(values),
-            Some(Values::Complex(values)) => Ok(bytemuck::cast_slice(values)),
-            None => Err(never_written(buffer)),
-        }
+        self.values(resource, slot).map(|values| &values[..]).ok_or_else(|| never_written(buffer))
     }
 
-    fn values(&mut self, resource: Resource, slot: Option<usize>) -> Option<Values<'_>> {
+    fn values(&mut self, resource: Resource, slot: Option<usize>) -> Option<&mut Vec<f32>> {
         Some(match resource {
-            Resource::Phases => Values::Real(&mut self.phases),
-            Resource::Shown => Values::Real(&mut self.shown),
-            Resource::Levels => Values::Real(&mut self.levels),
-            Resource::Momentum => Values::Real(&mut self.momentum),
-            Resource::Second => Values::Real(&mut self.second),
-            Resource::Field => Values::Complex(&mut self.field),
-            Resource::Change => Values::Complex(&mut self.change),
-            Resource::Hits => Values::Real(&mut self.hits),
-            Resource::Energy => Values::Real(&mut self.energy),
-            Resource::Wave => Values::Real(&mut self.wave),
-            Resource::Blurred => Values::Real(&mut self.blurred),
-            Resource::Subpixels => Values::Complex(&mut self.subpixels),
-            Resource::Pixels => Values::Real(&mut self.pixels),
-            Resource::Crosstalk => Values::Real(&mut self.crosstalk),
-            Resource::Offsets => Values::Real(&mut self.offsets),
-            Resource::Relay => Values::Real(&mut self.relay),
-            Resource::Mask => Values::Real(&mut self.mask),
-            Resource::MaskTransfer => Values::Real(&mut self.mask_transfer),
+            Resource::Phases => &mut self.phases,
+            Resource::Shown => &mut self.shown,
+            Resource::Levels => &mut self.levels,
+            Resource::Momentum => &mut self.momentum,
+            Resource::Second => &mut self.second,
+            Resource::Field => &mut self.field,
+            Resource::Change => &mut self.change,
+            Resource::Hits => &mut self.hits,
+            Resource::Energy => &mut self.energy,
+            Resource::Wave => &mut self.wave,
+            Resource::Blurred => &mut self.blurred,
+            Resource::Subpixels => &mut self.subpixels,
+            Resource::Pixels => &mut self.pixels,
+            Resource::Crosstalk => &mut self.crosstalk,
+            Resource::Offsets => &mut self.offsets,
+            Resource::Relay => &mut self.relay,
+            Resource::Mask => &mut self.mask,
+            Resource::MaskTransfer => &mut self.mask_transfer,
             _ => return self.slots.get_mut(slot?)?.values(resource),
         })
     }
@@ -246,6 +206,16 @@ impl Buffers {
 
 fn never_written(buffer: Buffer) -> EngineError {
     EngineError::Mismatch { reason: format!("{buffer:?} was never written") }
+}
+
+/// Numbers as complex values.
+pub(super) fn complex(numbers: &[f32]) -> &[Complex32] {
+    bytemuck::cast_slice(numbers)
+}
+
+/// The same, to be changed.
+pub(super) fn complex_mut(numbers: &mut [f32]) -> &mut [Complex32] {
+    bytemuck::cast_slice_mut(numbers)
 }
 
 /// What happens to complex values when they are stored.
@@ -266,22 +236,22 @@ pub(super) fn storing_drives(storage: Storage) -> fn(&mut [f32]) {
 
 /// Makes room for `length` values. What was there is gone where it has to grow: the old room is given back first, so that
 /// pupils of growing size leave no trail of blocks behind.
-fn grow<T: Clone + bytemuck::Zeroable>(buffer: &mut Vec<T>, length: usize) {
+fn grow(buffer: &mut Vec<f32>, length: usize) {
     if length > buffer.capacity() {
         *buffer = Vec::new();
         buffer.reserve_exact(length);
     }
-    buffer.resize(length, T::zeroed());
+    buffer.resize(length, 0.0);
 }
 
-fn renew<T: Clone + bytemuck::Zeroable>(buffer: &mut Vec<T>, length: usize, what: Resource) -> Result<(), EngineError> {
+fn renew(buffer: &mut Vec<f32>, length: usize, what: Resource) -> Result<(), EngineError> {
     buffer.clear();
     buffer.shrink_to(length);
     buffer.try_reserve_exact(length).map_err(|_| EngineError::OutOfMemory {
         device: "host".into(),
         what: what.name(),
-        wanted: Some((length as u64).saturating_mul(size_of::<T>() as u64)),
+        wanted: Some((length as u64).saturating_mul(4)),
     })?;
-    buffer.resize(length, T::zeroed());
+    buffer.resize(length, 0.0);
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! What kernels over sub-frames see, and those that run once for all of them.
 
-use super::buffers::{ModelView, Slot};
+use super::buffers::{ModelView, Slot, complex};
 use crate::engine::{PupilPass, Shape, Step};
 use eyebox_kernels::{
     Complex32, ZERO,
@@ -48,8 +48,9 @@ impl Frame<'_> {
         for (pass, slot) in self.passes.iter().zip(self.slots) {
             let (count, frames) = (pass.count(), self.shape.frames);
             for (i, mode) in pass.each_mode().enumerate() {
-                let window = &slot.window[(i * frames + self.index) * count..][..count];
-                let transfer = &slot.transfer[i * count..][..count];
+                let [window, transfer] = [&slot.window, &slot.transfer].map(|values| complex(values));
+                let window = &window[(i * frames + self.index) * count..][..count];
+                let transfer = &transfer[i * count..][..count];
                 pupil_adjoint(&mode.back, window, transfer, &mode.spans, self.change);
                 mode.back.pieces(&mode.spans, |at, _, length| (self.store)(&mut self.change[at..at + length]));
             }

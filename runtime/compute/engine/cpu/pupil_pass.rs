@@ -1,6 +1,6 @@
 //! What kernels over pupil passes see: a pupil with all its sub-frames, or with one of them.
 
-use super::buffers::{SPLIT, Slot};
+use super::buffers::{SPLIT, Slot, complex, complex_mut};
 use crate::engine::{PupilPass, Shape};
 use crate::scene::Pyramid;
 use eyebox_kernels::{
@@ -26,7 +26,7 @@ pub(super) struct Pass<'a> {
 impl Pass<'_> {
     /// Mode by mode of the source: which, its pass, and its K.
     pub(super) fn each_mode(&mut self, mut work: impl FnMut(usize, &PupilPass, &mut [Complex32])) {
-        let transfers = self.slot.transfer.chunks_exact_mut(self.pass.count().max(1));
+        let transfers = complex_mut(&mut self.slot.transfer).chunks_exact_mut(self.pass.count().max(1));
         self.pass.each_mode().zip(transfers).enumerate().for_each(|(i, (pass, transfer))| work(i, pass, transfer));
     }
 
@@ -50,6 +50,7 @@ impl Pass<'_> {
         let (count, modes) = (self.pass.count(), self.pass.mode_count());
         let frames = modes * self.shape.frames;
         let Slot { window, image, .. } = &mut *self.slot;
+        let window = complex(window);
         if frames * count < SPLIT {
             let mut args = self.pass.intensity;
             args.frames *= modes as u32;
@@ -57,7 +58,6 @@ impl Pass<'_> {
         }
         // Bands of pixels, each over all sub-frames: the sum's order does not depend on the threads.
         let band = count.div_ceil(16);
-        let window = &*window;
         image.par_chunks_mut(band).enumerate().for_each(|(i, image)| {
             let mut args = self.pass.intensity;
             args.count = image.len() as u32;

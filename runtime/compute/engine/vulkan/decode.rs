@@ -99,13 +99,10 @@ impl ViewDecoder {
         bytes: u64,
     ) -> Result<Self, EngineError> {
         let mut gpu = Commands::new(gpu)?;
-        let limit = gpu.limits().storage_range.min(gpu.limits().allocation);
+        let limit = gpu.limits.storage_range.min(gpu.limits.allocation);
         // Samples are counted by 32 bits.
         if bytes > limit || bytes > u64::from(u32::MAX) {
-            return Err(EngineError::Unsuitable {
-                device: gpu.report().name.clone(),
-                reason: format!("all views of a frame take {bytes} bytes, a kernel may see {limit}"),
-            });
+            return Err(gpu.unsuitable(format!("all views of a frame take {bytes} bytes, a kernel may see {limit}")));
         }
         let sizes = Pyramid::sizes(size[0], size[1]);
         let (mut halvings, mut words) = (Vec::new(), Vec::new());
@@ -328,7 +325,7 @@ impl ViewDecoder {
             }
             let range = |level: &Level, piece| level.range(&room.blocks, piece, &both);
             let buffers = [range(finer, from), self.tables.all(), range(level, to)];
-            let groups = [(args.height * args.width).div_ceil(2 * WIDTH).min(65_535), both.len() as u32, 1];
+            let groups = [(args.sizes.height * args.sizes.width).div_ceil(2 * WIDTH).min(65_535), both.len() as u32, 1];
             self.gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&args), groups)?;
         }
         Ok(())

@@ -103,14 +103,11 @@ impl VulkanEncoder {
         let input = Layout { offset: 0, frames: plan.sub_frames, values: pixels, value: Value::Real };
         let values = row_words * args.video_height();
         let output = Layout { offset: 0, frames: plan.video_frames.len(), values, value: Value::Real };
-        let limit = gpu.limits().storage_range;
+        let limit = gpu.limits.storage_range;
         for (layout, what) in [(&input, "sub-frame"), (&output, "video frame")] {
             if layout.at_once(limit) == 0 {
                 let bytes = 4 * layout.values;
-                return Err(EngineError::Unsuitable {
-                    device: gpu.report().name.clone(),
-                    reason: format!("one {what} takes {bytes} bytes, a kernel may see {limit}"),
-                });
+                return Err(gpu.unsuitable(format!("one {what} takes {bytes} bytes, a kernel may see {limit}")));
             }
         }
         let mut inks = Vec::with_capacity(plan.colors.len());
@@ -138,25 +135,14 @@ impl VulkanEncoder {
         let mut before = None;
         let aligned = u32::from(are_aligned(&args, input.stride()));
         for run in &mut runs {
-            let Ink { constants: [a, b, c, d, e, f], highest, .. } = inks[run.color];
+            let Ink { constants, highest, .. } = inks[run.color];
             let follows = before.replace(run.video_frame) == Some(run.video_frame);
             let entire = u32::from(run.entries.iter().all(|entry| takes_all(*entry, highest)));
             run.flat = flat(&args, aligned == 1, run.entries.len() == 1 && !follows);
             let (count, stride) = (run.entries.len() as u32, input.stride() as u32);
-            run.constants[..12].copy_from_slice(&[
-                a,
-                b,
-                c,
-                d,
-                e,
-                f,
-                count,
-                u32::from(follows),
-                aligned,
-                entire,
-                stride,
-                run.flat as u32,
-            ]);
+            run.constants[..6].copy_from_slice(&constants);
+            let own = [count, u32::from(follows), aligned, entire, stride, run.flat as u32];
+            run.constants[6..12].copy_from_slice(&own);
             run.constants[12..][..run.entries.len()].copy_from_slice(&run.entries);
             run.pipelines[0] = Some(gpu.pipeline(&spirv::ENCODE, 4, &run.constants)?);
         }
@@ -171,18 +157,13 @@ impl VulkanEncoder {
     /// The driver says that the device was lost from its so many-th submission from now on.
     #[cfg(any(test, feature = "test-hooks"))]
     pub fn pretend_lost_after(&mut self, submissions: u64) {
-        self.pretend(submissions, ash::vk::Result::ERROR_DEVICE_LOST);
+        self.gpu.recorder.fail_after(submissions, ash::vk::Result::ERROR_DEVICE_LOST);
     }
 
     /// The same, of the device's memory, which nothing is done about.
     #[cfg(any(test, feature = "test-hooks"))]
     pub fn pretend_full_after(&mut self, submissions: u64) {
-        self.pretend(submissions, ash::vk::Result::ERROR_OUT_OF_DEVICE_MEMORY);
-    }
-
-    #[cfg(any(test, feature = "test-hooks"))]
-    fn pretend(&mut self, submissions: u64, fault: ash::vk::Result) {
-        self.gpu.recorder.fails_from = Some((self.gpu.recorder.submitted + submissions, fault));
+        self.gpu.recorder.fail_after(submissions, ash::vk::Result::ERROR_OUT_OF_DEVICE_MEMORY);
     }
 
     /// The device.
@@ -308,7 +289,7 @@ impl VulkanEncoder {
     pub fn draw(&mut self, pictures: &mut Pictures) -> Result<(), EngineError> {
         let Self { frames, output, args, gpu, .. } = self;
         let [height, width] = [args.video_height(), args.video_width()];
-        let fits = (pictures.count(), pictures.size()) == (output.frames, [height, width]);
+        let fits = (pictures.count, pictures.size) == (output.frames, [height, width]);
         if !fits || pictures.in_use() || !pictures.block.is_on(&gpu.device) {
             return Err(EngineError::Mismatch {
                 reason: "these pictures are another encoder's, or still shown".into(),
@@ -320,7 +301,7 @@ impl VulkanEncoder {
             width: width as u32,
             row: (4 * output.values / height.max(1)) as u32,
             channels: args.channels,
-            blue_first: u32::from(pictures.order() == PixelOrder::Bgra),
+            blue_first: u32::from(pictures.order == PixelOrder::Bgra),
         };
         gpu.recorder.begin(0)?;
         gpu.recorder.barrier();

@@ -1,18 +1,17 @@
 //! The engine: buffers, one recording per part of a list, losses and times back.
 
-use super::super::taking::State;
 use super::super::{
     Buffer, Dispatch, Engine, EngineError, Kernel, LookUp, Memory, PendingStep, Purpose, Resource, Shape, Step,
     StepResult, Storage, Timing, check_shape, misfit, not_kept, not_under_way, nothing_kept,
 };
 use super::check::check;
-use super::fft::Transform;
+use super::fft::Fft;
 use super::flight::{Flight, Guarded, Verdict};
 use super::layout::{Arenas, Layout, Slot, Value, pupil_pass_buffer, slots};
 use super::look_up::{Tables, look_up};
 use super::record::{Hazards, Stack, Stacks, Work};
 use super::views::Views;
-use crate::gpu::{Block, Commands, DeviceKind, Gpu, IN_FLIGHT, PhasesOnDevice, add};
+use crate::gpu::{Block, Commands, DeviceKind, Gpu, IN_FLIGHT, PhasesOnDevice};
 use crate::plan::BufferSize;
 use crate::plan::fusion::Fusion;
 use crate::scene::Pyramid;
@@ -40,7 +39,7 @@ pub struct VulkanEngine {
     /// Sums of the loss on the device.
     pub(super) losses: Option<Block>,
     pub(super) verdict: Option<Verdict>,
-    transforms: Box<dyn Transform + Send>,
+    transforms: Fft,
     pub(super) shape: Shape,
     /// Where the pupil pass buffers of the last step lie.
     slots: Vec<Slot>,
@@ -66,7 +65,7 @@ impl VulkanEngine {
             views: None,
             losses: None,
             verdict: None,
-            transforms: super::fft::transforms(),
+            transforms: Fft::default(),
             shape: Shape::empty(),
             slots: Vec::new(),
             written: HashMap::new(),
@@ -85,13 +84,11 @@ impl VulkanEngine {
         if layout.values == 0 || layout.frames == 0 {
             return Ok(None);
         }
-        let limit = self.gpu.limits().storage_range;
+        let limit = self.gpu.limits.storage_range;
         if layout.at_once(limit) == 0 {
             let bytes = layout.frame_bytes();
-            return Err(EngineError::Unsuitable {
-                device: self.gpu.report().name.clone(),
-                reason: format!("one frame of the {what} takes {bytes} bytes, a kernel may see {limit}"),
-            });
+            let reason = format!("one frame of the {what} takes {bytes} bytes, a kernel may see {limit}");
+            return Err(self.gpu.unsuitable(reason));
         }
         Ok(Some(Stack { layout, block: self.gpu.block(layout.bytes(), what)? }))
     }
@@ -182,7 +179,7 @@ impl VulkanEngine {
         });
         let mut work = Work {
             gpu,
-            transforms: &mut **transforms,
+            transforms,
             shape,
             step,
             stacks,
@@ -247,7 +244,7 @@ impl VulkanEngine {
         }
         flight.submission = Some(self.gpu.recorder.send(&flight.during)?);
         self.gpu.recorder.is_cut = false;
-        self.gpu.device.save_pipelines();
+        self.gpu.device.pipelines().save();
         if let Some(verdict) = self.verdict.as_mut().filter(|_| flight.is_judged) {
             verdict.is_bad = false;
         }
@@ -305,7 +302,7 @@ impl Drop for VulkanEngine {
 
 impl Engine for VulkanEngine {
     fn describe(&self) -> String {
-        let r = self.gpu.report();
+        let r = &self.gpu.device.report;
         format!("Vulkan {}, {} ({}), {}", r.api, r.name, r.kind, r.driver)
     }
 
@@ -317,7 +314,7 @@ impl Engine for VulkanEngine {
     }
 
     fn memory(&self) -> Memory {
-        Memory::of(self.gpu.report().kind)
+        Memory::of(self.gpu.device.report.kind)
     }
 
     fn preferred_storage(&self) -> Storage {
@@ -382,7 +379,7 @@ impl Engine for VulkanEngine {
         let Some((resource, at, index)) = pupil_pass_buffer(buffer) else {
             let Stack { layout, block } = self.stacks.get(buffer)?;
             if buffer == Buffer::Phases {
-                add(&self.gpu.device.counters.phases_read_back, layout.bytes());
+                self.gpu.device.count(|counts| counts.phases_read_back += layout.bytes());
             }
             return layout.read(&mut self.gpu, block);
         };
@@ -413,7 +410,7 @@ impl Engine for VulkanEngine {
 
     fn kept(&mut self) -> Result<Vec<f32>, EngineError> {
         let Stack { layout, block } = self.kept.as_ref().ok_or_else(nothing_kept)?;
-        add(&self.gpu.device.counters.phases_read_back, layout.bytes());
+        self.gpu.device.count(|counts| counts.phases_read_back += layout.bytes());
         layout.read(&mut self.gpu, block)
     }
 
@@ -459,13 +456,13 @@ impl Engine for VulkanEngine {
         let flight = &mut self.flights[self.at];
         self.begun += 1;
         (flight.number, flight.pupil_passes) = (self.begun, step.pupil_passes.len());
-        Ok(PendingStep(State::UnderWay(self.begun)))
+        Ok(PendingStep(Err(self.begun)))
     }
 
     fn end_step(&mut self, begun: PendingStep) -> Result<StepResult, EngineError> {
         let number = match begun.0 {
-            State::Over(taken) => return Ok(taken),
-            State::UnderWay(number) => number,
+            Ok(taken) => return Ok(taken),
+            Err(number) => number,
         };
         let at = self.flights.iter().position(|f| f.number == number).ok_or_else(not_under_way)?;
         self.flights[at].number = 0;

@@ -4,7 +4,7 @@ use super::super::{EngineError, PupilPass, Shape, Step};
 use super::layout::all_slots;
 use super::tables::Tables;
 use super::views::Views;
-use crate::gpu::{Block, Commands, Groups, Piece, Range, add};
+use crate::gpu::{Block, Commands, Groups, Piece, Range};
 use gpu_allocator::MemoryLocation;
 use std::time::Instant;
 
@@ -146,10 +146,10 @@ impl Flight {
         let checked: Option<Piece> = self.is_checked.then_some((0, 0, 4));
         let sums = self.answers.iter().map(|(_, at, parts)| (*at, *at, 4 * *parts as u64));
         let pieces: Vec<Piece> = checked.into_iter().chain(sums).collect();
-        add(&gpu.device.counters.losses_read_back, pieces.iter().map(|piece| piece.2).sum());
+        gpu.device.count(|counts| counts.losses_read_back += pieces.iter().map(|piece| piece.2).sum::<u64>());
         gpu.recorder.copy(losses, host, pieces);
         if let Some(verdict) = verdict.filter(|_| self.is_judged) {
-            add(&gpu.device.counters.losses_read_back, VERDICT);
+            gpu.device.count(|counts| counts.losses_read_back += VERDICT);
             gpu.recorder.copy(&verdict.block, host, [(0, host.size - PLACE, VERDICT)]);
         }
     }

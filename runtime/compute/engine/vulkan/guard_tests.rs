@@ -167,7 +167,7 @@ fn bindings_with_two_names_are_known_to_be_one() {
 #[test]
 fn what_leaves_its_range_is_found() {
     let mut gpu = Commands::new(&open(DeviceKind::Cpu)).unwrap();
-    gpu.device.guard();
+    gpu.device.pipelines().maker.is_guarded = true;
     gpu.recorder.guards = Some(Guards::default());
     let phases = gpu.filled(bytemuck::cast_slice(&[0.5f32; 64]), "phases").unwrap();
     let field = gpu.block(8 * 64, "field").unwrap();

@@ -71,9 +71,14 @@ impl Layout {
         (self.values * self.value.size()).next_multiple_of(4)
     }
 
+    /// Whether a frame of 16-bit numbers is copied with one more.
+    fn is_padded(&self) -> bool {
+        self.values * self.value.size() != self.frame_bytes()
+    }
+
     /// Frames of 16-bit values as they are copied.
     fn padded(&self, values: Vec<u16>) -> Vec<u16> {
-        if self.values.is_multiple_of(2) {
+        if !self.is_padded() {
             return values;
         }
         values.chunks(self.values).flat_map(|frame| frame.iter().copied().chain([0])).collect()
@@ -81,7 +86,7 @@ impl Layout {
 
     /// The same without what was added to them.
     fn unpadded(&self, values: Vec<u16>) -> Vec<u16> {
-        if self.values.is_multiple_of(2) {
+        if !self.is_padded() {
             return values;
         }
         values.chunks(self.values + 1).flat_map(|frame| &frame[..self.values]).copied().collect()
@@ -115,36 +120,27 @@ impl Layout {
 
     /// Fills the frames with packed data.
     pub(super) fn write(&self, gpu: &mut Commands, block: &Block, data: &[f32]) -> Result<(), EngineError> {
-        match self.value {
-            Value::Complex(Storage::F16) => gpu.upload(block, bytemuck::cast_slice(&half::pack(data)), self.pieces()),
-            Value::Angle => {
-                let angles = self.padded(binary_angle::pack(data));
-                gpu.upload(block, bytemuck::cast_slice(&angles), self.pieces())
+        let bits = match self.value {
+            Value::Angle => binary_angle::pack(data),
+            Value::Half | Value::Complex(Storage::F16) => half::pack(data),
+            Value::Real | Value::Complex(Storage::F32) => {
+                return gpu.upload(block, bytemuck::cast_slice(data), self.pieces());
             }
-            Value::Half => {
-                let halves = self.padded(half::pack(data));
-                gpu.upload(block, bytemuck::cast_slice(&halves), self.pieces())
-            }
-            _ => gpu.upload(block, bytemuck::cast_slice(data), self.pieces()),
-        }
+        };
+        gpu.upload(block, bytemuck::cast_slice(&self.padded(bits)), self.pieces())
     }
 
     /// The frames, packed.
     pub(super) fn read(&self, gpu: &mut Commands, block: &Block) -> Result<Vec<f32>, EngineError> {
-        if self.value == Value::Complex(Storage::F16) {
-            let mut bits = vec![0u16; self.floats()];
-            gpu.download(block, bytemuck::cast_slice_mut(&mut bits), self.pieces_back())?;
-            return Ok(half::unpack(&bits));
+        if matches!(self.value, Value::Real | Value::Complex(Storage::F32)) {
+            let mut data = vec![0.0f32; self.floats()];
+            gpu.download(block, bytemuck::cast_slice_mut(&mut data), self.pieces_back())?;
+            return Ok(data);
         }
-        if matches!(self.value, Value::Angle | Value::Half) {
-            let mut bits = vec![0u16; self.frames * self.values.next_multiple_of(2)];
-            gpu.download(block, bytemuck::cast_slice_mut(&mut bits), self.pieces_back())?;
-            let bits = self.unpadded(bits);
-            return Ok(if self.value == Value::Half { half::unpack(&bits) } else { binary_angle::unpack(&bits) });
-        }
-        let mut data = vec![0.0f32; self.floats()];
-        gpu.download(block, bytemuck::cast_slice_mut(&mut data), self.pieces_back())?;
-        Ok(data)
+        let mut bits = vec![0u16; self.frames * self.frame_bytes() / 2];
+        gpu.download(block, bytemuck::cast_slice_mut(&mut bits), self.pieces_back())?;
+        let bits = self.unpadded(bits);
+        Ok(if self.value == Value::Angle { binary_angle::unpack(&bits) } else { half::unpack(&bits) })
     }
 }
 

@@ -95,7 +95,7 @@ pub(super) fn look_up(
     let needs = tables.needs.as_ref().map_or(tables.light.all(), |(_, needs)| needs.all());
     let pipeline = gpu.pipeline(&spirv::TABLE_START, 4, &[])?;
     gpu.recorder.barrier();
-    let at_once = phases.layout.at_once(gpu.limits().storage_range).max(1);
+    let at_once = phases.layout.at_once(gpu.limits.storage_range).max(1);
     for first in (0..wanted.0).step_by(at_once) {
         let frames = at_once.min(wanted.0 - first);
         let to = phases.layout.range(&phases.block, first, frames);

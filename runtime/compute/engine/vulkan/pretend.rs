@@ -31,8 +31,7 @@ impl LesserDevice {
 impl VulkanEngine {
     /// The driver reports from its so many-th submission on that the device was lost.
     pub fn pretend_lost_after(&mut self, submissions: u64) {
-        let from = self.gpu.recorder.submitted + submissions;
-        self.gpu.recorder.fails_from = Some((from, ash::vk::Result::ERROR_DEVICE_LOST));
+        self.gpu.recorder.fail_after(submissions, ash::vk::Result::ERROR_DEVICE_LOST);
     }
 }
 
@@ -63,7 +62,7 @@ impl VulkanEngine {
 
     /// From now on dispatches run between guard bands.
     pub(super) fn guard(&mut self) {
-        self.gpu.device.guard();
+        self.gpu.device.pipelines().maker.is_guarded = true;
         self.gpu.recorder.guards = Some(Guards::default());
     }
 

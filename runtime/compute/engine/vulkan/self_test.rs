@@ -40,14 +40,14 @@ pub(crate) fn check(gpu: &Gpu) -> Result<(), EngineError> {
     }
     if let Some(tested) = device.record.as_ref().and_then(|record| record.read()) {
         if !tested.halves {
-            device.make_halves();
+            device.pipelines().make_halves();
         }
         *is_tested = true;
         return Ok(());
     }
     let halves = packs_halves(&mut Commands::new(gpu)?)?;
     if !halves {
-        device.make_halves();
+        device.pipelines().make_halves();
     }
     let [transfer, transform] = errors(VulkanEngine::untested(gpu)?)?;
     judge(&device.report, "the propagation kernel", transfer)?;
@@ -190,7 +190,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let gpu = open(folder.path());
         assert!(packs_halves(&mut Commands::new(&gpu).unwrap()).unwrap());
-        gpu.device.make_halves();
+        gpu.device.pipelines().make_halves();
         assert!(packs_halves(&mut Commands::new(&gpu).unwrap()).unwrap());
         // Of a record that says so no device is asked again.
         let record = gpu.device.record.as_ref().unwrap();

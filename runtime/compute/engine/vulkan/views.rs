@@ -65,7 +65,7 @@ impl Views {
 
     /// Room for so many views with levels of these sizes.
     pub(super) fn laid_out(gpu: &Commands, count: usize, sizes: &[(usize, usize)]) -> Result<Self, EngineError> {
-        let largest = gpu.limits().storage_range.min(gpu.limits().allocation).min(LARGEST);
+        let largest = gpu.limits.storage_range.min(gpu.limits.allocation).min(LARGEST);
         let mut levels = Vec::with_capacity(sizes.len());
         // Values in each block.
         let mut blocks = vec![0];
@@ -73,10 +73,7 @@ impl Views {
             let stride = (height * width).next_multiple_of(128);
             let most = (largest / (2 * stride as u64)) as usize;
             if most == 0 {
-                return Err(EngineError::Unsuitable {
-                    device: gpu.report().name.clone(),
-                    reason: format!("a view takes {} bytes, a kernel may see {largest}", 2 * stride),
-                });
+                return Err(gpu.unsuitable(format!("a view takes {} bytes, a kernel may see {largest}", 2 * stride)));
             }
             let (mut pieces, mut begin) = (Vec::new(), 0);
             while begin < count {

@@ -9,22 +9,14 @@
 //! between passes too; registers and shared memory hold float32, and so does the scratch of a convolution, whose values
 //! reach further than a half's.
 //!
-//! `frames` is the seam; `record` plans and records, with `convolution` for large primes, from what `state` keeps; `transforms` runs transforms by themselves, to
-//! compare and to measure them.
+//! `record` plans and records, with `convolution` for large primes, from what `state` keeps; `transforms` runs transforms by
+//! themselves, to compare and to measure them.
 
 mod convolution;
-mod frames;
 mod record;
 mod state;
 mod transforms;
 
-pub(super) use frames::{Along, Frames, Transform};
 pub(super) use record::{in_use, plan_limits, shared_constants};
-use state::Fft;
-pub(super) use state::Planned;
+pub(super) use state::{Along, Fft, Frames, Planned};
 pub use transforms::{Timed, Transforms};
-
-/// The transforms of this engine.
-pub(super) fn transforms() -> Box<dyn Transform + Send> {
-    Box::new(Fft::new())
-}

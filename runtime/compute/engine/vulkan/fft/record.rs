@@ -1,8 +1,7 @@
 //! Records the passes of planned transforms.
 
 use super::convolution::{Chunks, chirp_pipeline};
-use super::frames::{Along, Frames, Transform};
-use super::state::{Fft, Planned, Work, columns_axis};
+use super::state::{Along, Fft, Frames, Planned, Work, columns_axis};
 use crate::engine::{EngineError, Storage};
 use crate::gpu::{Block, Commands, Pipeline};
 use bytemuck::{Pod, Zeroable};
@@ -83,10 +82,10 @@ impl Fft {
             }
         }
     }
-}
 
-impl Transform for Fft {
-    fn prepare(
+    /// Makes what [`record`](Self::record) needs for frames of this (height, width), if it is not there yet (this may upload, so
+    /// nothing is being recorded).
+    pub(in super::super) fn prepare(
         &mut self,
         gpu: &mut Commands,
         [height, width]: [usize; 2],
@@ -101,11 +100,14 @@ impl Transform for Fft {
         self.axis(gpu, height, columns_axis(gpu, width), width.is_multiple_of(2), storage)
     }
 
-    fn planned(&self, n: usize, axis: Axis) -> Option<Arc<Planned>> {
+    /// The plan of a length that was prepared, with its tables.
+    pub(in super::super) fn planned(&self, n: usize, axis: Axis) -> Option<Arc<Planned>> {
         self.axes.get(&(u32::try_from(n).ok()?, axis)).cloned()
     }
 
-    fn record(
+    /// Records the pruned transform of `kernels::fft`, in place. No barrier is needed before or after: the engine sets
+    /// them; those between passes are set here.
+    pub(in super::super) fn record(
         &mut self,
         gpu: &mut Commands,
         frames: Frames<'_>,
@@ -119,7 +121,7 @@ impl Transform for Fft {
         let [Some(rows), Some(down)] = axes else {
             return Err(EngineError::Mismatch { reason: format!("no transform of {height} x {width} was prepared") });
         };
-        let limits = *gpu.limits();
+        let limits = gpu.limits;
         let size = frames.storage.bytes() as u64;
         let one = u64::from(height) * u64::from(width);
         // A frame that starts at an odd value cannot be read in pairs, but each is aligned by itself.
@@ -202,9 +204,7 @@ impl Transform for Fft {
         self.scratch = scratch.or(self.scratch.take());
         done
     }
-}
 
-impl Fft {
     pub(super) fn lines(&mut self, gpu: &mut Commands, planned: &Planned, work: &Work<'_>) -> Result<(), EngineError> {
         match &planned.plan.method {
             Method::Nothing => Ok(()),
@@ -225,7 +225,7 @@ impl Fft {
         let (n, rows) = (planned.plan.n, work.count * work.frames);
         let (all, groups) = if work.axis == Axis::Rows {
             let groups = rows.div_ceil(shared.lines);
-            let wide = groups.min(gpu.limits().groups[0]);
+            let wide = groups.min(gpu.limits.groups[0]);
             (rows, [wide, groups.div_ceil(wide), 1])
         } else {
             (work.wrap, [(work.count / 2).div_ceil(shared.lines), work.frames, 1])
@@ -383,7 +383,7 @@ pub(in super::super) fn shared_constants(shared: &Shared, axis: Axis) -> [u32; 2
 
 /// What plans must fit on this device.
 pub(in super::super) fn plan_limits(gpu: &Commands) -> PlanLimits {
-    let limits = gpu.limits();
+    let limits = gpu.limits;
     PlanLimits { shared_bytes: limits.shared_memory, invocations: limits.invocations }
 }
 

@@ -1,10 +1,37 @@
-//! What transforms keep: plans with their tables, and scratch.
+//! What transforms take, and what they keep: plans with their tables, and scratch.
 
 use crate::engine::Storage;
 use crate::gpu::{Block, Commands, DeviceKind, Range};
 use eyebox_kernels::fft_plan::{Axis, Method, Plan, Shared};
 use std::collections::HashMap;
 use std::sync::Arc;
+
+/// Complex frames (count, height, width) in a block: frame `i` starts at byte `offset + size * stride * i`, where `size`
+/// is that of a stored value.
+///
+/// `offset` and `size * stride` are multiples of the device's alignment; all frames together may exceed the largest range
+/// that a kernel may see, one frame never does.
+#[derive(Clone, Copy)]
+pub(in super::super) struct Frames<'a> {
+    pub(in super::super) block: &'a Block,
+    /// Bytes.
+    pub(in super::super) offset: u64,
+    pub(in super::super) count: usize,
+    pub(in super::super) height: usize,
+    pub(in super::super) width: usize,
+    /// Complex values from one frame to the next, at least `height * width`.
+    pub(in super::super) stride: usize,
+    /// How the values are stored; what passes leave to each other is stored in the same way.
+    pub(in super::super) storage: Storage,
+}
+
+/// Which lines are transformed.
+#[derive(Clone, Copy, PartialEq)]
+pub(in super::super) enum Along {
+    Both,
+    Rows,
+    Columns,
+}
 
 /// A plan with its tables on the device.
 pub(in super::super) struct Planned {
@@ -22,7 +49,8 @@ impl Planned {
     }
 }
 
-/// Plans, tables and scratch of all sizes seen.
+/// Plans, tables and scratch of all sizes seen: made when a size is first seen, and kept.
+#[derive(Default)]
 pub(in super::super) struct Fft {
     pub(super) axes: HashMap<(u32, Axis), Arc<Planned>>,
     pub(super) scratch: Option<Block>,
@@ -55,10 +83,6 @@ pub(super) struct Work<'a> {
 }
 
 impl Fft {
-    pub(in super::super) fn new() -> Self {
-        Self { axes: HashMap::new(), scratch: None, outgrown: Vec::new(), marks: None }
-    }
-
     /// The plans of rows and columns in words, once they are prepared.
     pub(in super::super) fn plans(&self, gpu: &Commands, height: usize, width: usize) -> [String; 2] {
         [(width, Axis::Rows), (height, columns_axis(gpu, width))].map(|(n, axis)| {

@@ -1,7 +1,6 @@
 //! Transforms of the host's frames, by themselves: for comparison with float64 and for measurement.
 
-use super::frames::{Along, Frames, Transform};
-use super::state::Fft;
+use super::state::{Along, Fft, Frames};
 use crate::engine::{EngineError, Storage};
 use crate::gpu::{Block, Commands, Gpu};
 use eyebox_kernels::fft::{Columns, Direction};
@@ -32,7 +31,7 @@ impl Transforms {
     /// # Errors
     /// The device's.
     pub fn new(gpu: &Gpu) -> Result<Self, EngineError> {
-        Ok(Self { block: None, fft: Fft::new(), storage: Storage::F32, gpu: Commands::new(gpu)? })
+        Ok(Self { block: None, fft: Fft::default(), storage: Storage::F32, gpu: Commands::new(gpu)? })
     }
 
     /// How frames are stored on the device from now on.
@@ -88,7 +87,7 @@ impl Transforms {
     /// Values from one frame to the next: an even number, for pairs.
     fn stride(&self, one: usize) -> u64 {
         let value = self.storage.bytes() as u64;
-        (value * one as u64).next_multiple_of(self.gpu.limits().offset_alignment.max(2 * value)) / value
+        (value * one as u64).next_multiple_of(self.gpu.limits.offset_alignment.max(2 * value)) / value
     }
 
     /// Transforms frames (count, height, width) as [`kernels::fft`](eyebox_kernels::fft) does, `before` bytes into a
@@ -109,7 +108,7 @@ impl Transforms {
         if count == 0 {
             return Ok(Timed { whole: 0.0, passes: Vec::new() });
         }
-        let alignment = self.gpu.limits().offset_alignment;
+        let alignment = self.gpu.limits.offset_alignment;
         let offset = before.next_multiple_of(alignment);
         let value = self.storage.bytes() as u64;
         let stride = self.stride(one);

@@ -22,7 +22,7 @@ impl<'a> Call<'_, 'a> {
     ) -> Result<Vec<Members>, EngineError> {
         let gpu = &*self.work.gpu;
         let most = if gpu.device.planned_as == DeviceKind::Cpu { 1 } else { BATCH };
-        let limit = gpu.limits().storage_range;
+        let limit = gpu.limits.storage_range;
         let (mut batches, mut last, mut sum): (Vec<Members>, Option<K>, u64) = (Vec::new(), None, 0);
         for at in self.order()? {
             let Some(key) = key(at) else { continue };
@@ -203,8 +203,7 @@ impl<'a> Call<'_, 'a> {
                 let Ok((range, _)) = self.spread(bound.1, &[at]) else { continue };
                 let pass = Some(self.pass(at));
                 let [read, written] = moved(self.kernel, *bound, self.step, self.shape, pass, 1).unwrap_or_default();
-                moves.extend((read > 0).then(|| range.reads(read)));
-                moves.extend((written > 0).then(|| range.writes(written)));
+                moves.extend(range.moves(read, written));
             }
             moves
         });

@@ -1,6 +1,6 @@
 //! One kernel over what the device may see at once: bindings in the order of the table, arguments as push constants.
 
-use super::super::fft::{Along, Frames, Transform};
+use super::super::fft::{Along, Fft, Frames};
 use super::super::flight::Guarded;
 use super::super::layout::{Arenas, Layout, Slot, Value, slot_layout};
 use super::super::tables::Tables;
@@ -14,6 +14,7 @@ use bytemuck::Pod;
 use eyebox_kernels::WIDTH;
 use eyebox_kernels::fft::{Columns, Direction};
 use eyebox_spirv::Module;
+use std::fmt::Display;
 
 /// Workgroups that fill any device a few times over.
 const ENOUGH: u32 = 4096;
@@ -21,7 +22,7 @@ const ENOUGH: u32 = 4096;
 /// Everything that a recording looks at.
 pub(in super::super) struct Work<'a> {
     pub(in super::super) gpu: &'a mut Commands,
-    pub(in super::super) transforms: &'a mut dyn Transform,
+    pub(in super::super) transforms: &'a mut Fft,
     pub(in super::super) shape: &'a Shape,
     pub(in super::super) step: &'a Step,
     pub(in super::super) stacks: &'a Stacks,
@@ -86,7 +87,7 @@ impl<'a> Call<'_, 'a> {
 
     /// By parts.
     pub(super) fn parts(&mut self, parts: usize, args: &impl Pod) -> Result<(), EngineError> {
-        if parts > self.work.gpu.limits().groups[0] as usize {
+        if parts > self.work.gpu.limits.groups[0] as usize {
             return Err(self.work.too_large("an image", parts));
         }
         self.over(Grid::Parts(parts), |_, _| *args, &[])
@@ -156,7 +157,7 @@ impl<'a> Call<'_, 'a> {
     pub(super) fn layout(&self, resource: Resource) -> Result<Layout, EngineError> {
         match resource.is_shared() {
             false => self.layout_of(resource, self.at).map(|layout| self.of_mode(resource, layout)),
-            true => Ok(self.work.stacks.find(self.alias(resource)).ok_or_else(|| self.missing(resource))?.layout),
+            true => Ok(self.work.stacks.find(self.shape.alias(resource)).ok_or_else(|| self.missing(resource))?.layout),
         }
     }
 
@@ -179,10 +180,6 @@ impl<'a> Call<'_, 'a> {
     /// One of the dispatch's pupil passes.
     pub(super) fn pass(&self, at: usize) -> &'a PupilPass {
         &self.step.pupil_passes[self.dispatch.pupil_passes.start + at]
-    }
-
-    fn alias(&self, resource: Resource) -> Resource {
-        if resource == Resource::Shown && !self.shape.quantised { Resource::Phases } else { resource }
     }
 
     /// What is bound; none where the step has nothing of it, so that the kernel has nothing to do.
@@ -214,7 +211,7 @@ impl<'a> Call<'_, 'a> {
                 // Each mode of the source meets the relay with a table of its own.
                 let own = || self.step.pupil_passes[index].mode(self.mode).source_mode;
                 let first = if resource == Resource::Relay { own() } else { first };
-                let stack = stacks.find(self.alias(resource)).ok_or_else(|| self.missing(resource))?;
+                let stack = stacks.find(self.shape.alias(resource)).ok_or_else(|| self.missing(resource))?;
                 Ok(Some(stack.layout.range(&stack.block, first, count)))
             }
         }
@@ -240,7 +237,7 @@ impl<'a> Call<'_, 'a> {
         push[..args.len()].copy_from_slice(args);
         push[args.len()..length].copy_from_slice(more);
         let gpu = &mut *self.work.gpu;
-        let limit = gpu.limits().storage_range;
+        let limit = gpu.limits.storage_range;
         if let Some(large) = buffers.iter().find(|b| b.size > limit) {
             return Err(self.work.too_large(format!("a buffer of `{}`", module.name), large.size as usize));
         }
@@ -265,8 +262,7 @@ impl<'a> Call<'_, 'a> {
                 let frames = self.layout(bound.1).map_or(1, |layout| layout.frames_in(range.size));
                 let whole = [range.size, 0];
                 let [read, written] = moved(self.kernel, *bound, self.step, self.shape, pass, frames).unwrap_or(whole);
-                moves.extend((read > 0).then(|| range.reads(read)));
-                moves.extend((written > 0).then(|| range.writes(written)));
+                moves.extend(range.moves(read, written));
             }
             moves
         });
@@ -309,16 +305,13 @@ impl<'a> Call<'_, 'a> {
 }
 
 impl<'a> Work<'a> {
-    pub(super) fn too_large(&self, what: impl Into<String>, size: usize) -> EngineError {
-        EngineError::Unsuitable {
-            device: self.gpu.report().name.clone(),
-            reason: format!("{} is too large for it ({size}); use a smaller size", what.into()),
-        }
+    pub(super) fn too_large(&self, what: impl Display, size: usize) -> EngineError {
+        self.gpu.unsuitable(format!("{what} is too large for it ({size}); use a smaller size"))
     }
 
     /// Frames of a buffer that a kernel may see at once.
     pub(super) fn at_once(&self, layout: &Layout) -> usize {
-        layout.at_once(self.gpu.limits().storage_range)
+        layout.at_once(self.gpu.limits.storage_range)
     }
 
     /// Frames, or rows, of which each moves so many bytes, that are one dispatch's.
@@ -329,20 +322,20 @@ impl<'a> Work<'a> {
     /// Frames (first, count) of which a kernel may see `most` at once.
     pub(super) fn chunks(&self, frames: usize, most: usize) -> impl Iterator<Item = (usize, usize)> + use<> {
         // A single frame that is too large is found, and named, when it is dispatched.
-        let most = most.clamp(1, self.gpu.limits().groups[2] as usize);
+        let most = most.clamp(1, self.gpu.limits.groups[2] as usize);
         (0..frames).step_by(most).map(move |first| (first, most.min(frames - first)))
     }
 
     /// Workgroups of a kernel over rows and columns.
     pub(super) fn rows(&self, rows: u32, columns: u32, frames: usize) -> [u32; 3] {
         let across = columns.div_ceil(WIDTH);
-        [across, self.shared_out(rows, across * frames as u32, self.gpu.limits().groups[1]), frames as u32]
+        [across, self.shared_out(rows, across * frames as u32, self.gpu.limits.groups[1]), frames as u32]
     }
 
     /// Workgroups of a kernel over values.
     pub(super) fn along(&self, count: usize, frames: usize) -> [u32; 3] {
         let pieces = count.div_ceil(WIDTH as usize).min(u32::MAX as usize) as u32;
-        [self.shared_out(pieces, frames as u32, self.gpu.limits().groups[0]), 1, frames as u32]
+        [self.shared_out(pieces, frames as u32, self.gpu.limits.groups[0]), 1, frames as u32]
     }
 
     /// How many workgroups share `pieces` of work, of which there are `times` beside each other: enough to fill the

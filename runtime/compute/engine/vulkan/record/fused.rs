@@ -27,7 +27,7 @@ impl Work<'_> {
 
     fn fusable(&self, list: &[&Dispatch]) -> Fusable {
         let place = &self.shape.place;
-        let limit = self.gpu.limits().storage_range;
+        let limit = self.gpu.limits.storage_range;
         let shared = |[rows, columns]: [usize; 2]| {
             // Of an odd width no columns go in pairs, though those of another window as high may.
             if !columns.is_multiple_of(2) {
@@ -46,7 +46,7 @@ impl Work<'_> {
             let size = self.shape.storage.bytes() as u64 * frames * (pass.count() as u64 + 64);
             size <= limit
                 && pass.intensity.accumulate == 0
-                && pass.window.rows <= self.gpu.limits().groups[0] as usize
+                && pass.window.rows <= self.gpu.limits.groups[0] as usize
                 && shared([pass.window.rows, pass.window.columns])
                     .is_some_and(|(_, along)| self.together(&along, pass.window.columns).is_some())
         };
@@ -72,7 +72,7 @@ impl Work<'_> {
     /// Workgroups for so many rows.
     pub(super) fn row_groups(&self, shared: &Shared, rows: u32) -> [u32; 3] {
         let groups = rows.div_ceil(shared.lines);
-        let wide = groups.min(self.gpu.limits().groups[0]);
+        let wide = groups.min(self.gpu.limits.groups[0]);
         [wide, groups.div_ceil(wide.max(1)), 1]
     }
 }

@@ -22,8 +22,7 @@ impl Default for Hazards {
 impl Hazards {
     /// Adds what is to run; whether it has to wait for what runs.
     pub(super) fn meets(&mut self, binds: &[(Access, Resource)], shape: &Shape) -> bool {
-        let alias = |r: Resource| if r == Resource::Shown && !shape.quantised { Resource::Phases } else { r };
-        let binds = binds.iter().map(|(access, resource)| (*access != Access::Read, alias(*resource)));
+        let binds = binds.iter().map(|(access, resource)| (*access != Access::Read, shape.alias(*resource)));
         let meets = binds.clone().any(|(writes, r)| self.written.contains(&r) || (writes && self.read.contains(&r)));
         if meets {
             self.read.clear();

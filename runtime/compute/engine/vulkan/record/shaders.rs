@@ -3,6 +3,7 @@
 use super::call::Call;
 use crate::engine::{EngineError, Kernel, PupilPass};
 use eyebox_spirv::{Module, module};
+use std::sync::LazyLock;
 
 /// How a shader is run.
 #[derive(Clone, Copy)]
@@ -29,8 +30,8 @@ macro_rules! shaders {
         }
     )*) => {
         /// With their modules; there is none for what the transfer queue does, and for transforms, which have several.
-        static SHADERS: [(Shader, Option<&'static Module>); Kernel::ALL.len()] =
-            [$((Shader::$how($shader), module($name))),*];
+        static SHADERS: LazyLock<[(Shader, Option<&'static Module>); Kernel::ALL.len()]> =
+            LazyLock::new(|| [$((Shader::$how($shader), module($name))),*]);
     };
 }
 eyebox_kernels::kernels!(shaders);

@@ -23,7 +23,7 @@ impl Work<'_> {
         let [tall, wide] = reach(self.shape).map(|pixels| u64::from(TILE) + 2 * u64::from(pixels));
         let states = if self.step.drive.lag > 0.0 { tall * wide } else { 1 };
         let floats = tall * wide + states + tall * u64::from(TILE);
-        let limits = self.gpu.limits();
+        let limits = self.gpu.limits;
         4 * floats <= u64::from(limits.shared_memory) && TILE_THREADS <= limits.invocations
     }
 }
@@ -142,7 +142,7 @@ impl Call<'_, '_> {
         let constants = [u32::from(shape.binary_angles), reach_y, reach_x, u32::from(blurs), lags];
         let [rows, columns] = [shape.place.height, shape.place.width].map(|side| side.div_ceil(TILE));
         let bytes = moves.iter().map(|m| m.bytes).sum::<u64>().div_ceil(u64::from(rows));
-        let most = u32::try_from(self.work.in_time(bytes)).unwrap_or(u32::MAX).min(self.work.gpu.limits().groups[1]);
+        let most = u32::try_from(self.work.in_time(bytes)).unwrap_or(u32::MAX).min(self.work.gpu.limits.groups[1]);
         for first in (0..rows).step_by(most as usize) {
             let count = most.min(rows - first);
             let bends = [drive.bend_sin, drive.bend_cos, drive.lag, drive.settled(frames)].map(f32::to_bits);
@@ -209,7 +209,7 @@ impl Call<'_, '_> {
         let (p, binds) = (self.shape.subpixels(), self.kernel.binds());
         let each = |resource: Resource| p.pow(resource.axes_of_subpixels());
         let is_framed = |resource: Resource| resource.axes_of_subpixels() > 0 || resource.per_frame().is_some();
-        let mut most = self.work.gpu.limits().groups[2] as usize / planes;
+        let mut most = self.work.gpu.limits.groups[2] as usize / planes;
         let mut more = more.to_vec();
         for (_, resource) in binds.iter().filter(|(_, resource)| is_framed(*resource)) {
             let layout = self.layout(*resource)?;

@@ -42,49 +42,25 @@ impl Instance {
     /// Loads Vulkan; with `validation`, core and synchronisation validation as well, and with `present` whatever there is
     /// of `SURFACES`.
     pub fn open(validation: bool, present: bool) -> Result<Self, EngineError> {
-        let entry = load()?;
-        let there = extension_names(&entry, None);
-        let shows = present && has(&there, khr::surface::NAME);
-        // Asked for without a compositor, layers go looking for one and complain on standard error that there is none.
-        let composited = ["WAYLAND_DISPLAY", "WAYLAND_SOCKET"].iter().any(|name| std::env::var_os(name).is_some());
-        let useful = |name: &CStr| composited || name != khr::wayland_surface::NAME;
-        let wanted: Vec<_> = SURFACES.into_iter().filter(|name| shows && useful(name) && has(&there, name)).collect();
-        Self::on(entry, validation, &wanted)
-    }
-
-    /// One that a program made, and keeps.
-    ///
-    /// # Safety
-    /// It was made from this entry, has these extensions, and outlives what is made here.
-    pub(crate) unsafe fn from_raw(entry: ash::Entry, raw: vk::Instance, extensions: Vec<CString>) -> Self {
-        // SAFETY: the caller says so.
-        let raw = unsafe { ash::Instance::load(entry.static_fn(), raw) };
-        Self { raw, messenger: None, messages: Messages::default(), extensions, owned: false, entry }
-    }
-
-    /// Whether an extension is on.
-    pub fn has(&self, extension: &CStr) -> bool {
-        self.extensions.iter().any(|e| e.as_c_str() == extension)
-    }
-
-    fn on(entry: ash::Entry, validation: bool, needed: &[&'static CStr]) -> Result<Self, EngineError> {
         let none = |reason: String| EngineError::NoDevice { reason };
+        // SAFETY: the loader is trusted to be a Vulkan loader; it stays loaded as long as the entry lives.
+        let entry =
+            unsafe { ash::Entry::load() }.map_err(|e| none(format!("the Vulkan loader could not be loaded ({e})")))?;
         // SAFETY: the entry is valid; no arguments.
         let version = unsafe { entry.try_enumerate_instance_version() }.ok().flatten().unwrap_or(vk::API_VERSION_1_0);
         if version < BASELINE {
             return Err(none(format!("the Vulkan loader speaks {}, 1.2 is needed", version_text(version))));
         }
-        let extensions = extension_names(&entry, None);
+        let there = extension_names(&entry, None);
+        let shows = present && has(&there, khr::surface::NAME);
+        // Asked for without a compositor, layers go looking for one and complain on standard error that there is none.
+        let composited = ["WAYLAND_DISPLAY", "WAYLAND_SOCKET"].iter().any(|name| std::env::var_os(name).is_some());
+        let useful = |name: &CStr| composited || name != khr::wayland_surface::NAME;
+        let needed: Vec<_> = SURFACES.into_iter().filter(|name| shows && useful(name) && has(&there, name)).collect();
+        let mut wanted: Vec<_> = needed.iter().map(|name| name.as_ptr()).collect();
         let mut layers = Vec::new();
-        let mut wanted = Vec::new();
-        for name in needed {
-            if !has(&extensions, name) {
-                return Err(none(format!("no driver has {}", name.to_string_lossy())));
-            }
-            wanted.push(name.as_ptr());
-        }
         let mut flags = vk::InstanceCreateFlags::empty();
-        if has(&extensions, khr::portability_enumeration::NAME) {
+        if has(&there, khr::portability_enumeration::NAME) {
             wanted.push(khr::portability_enumeration::NAME.as_ptr());
             flags |= vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR;
         }
@@ -100,7 +76,7 @@ impl Instance {
                 return Err(missing("the layer VK_LAYER_KHRONOS_validation"));
             }
             if !has(&layer_extensions, ext::validation_features::NAME)
-                || !(has(&extensions, ext::debug_utils::NAME) || has(&layer_extensions, ext::debug_utils::NAME))
+                || !(has(&there, ext::debug_utils::NAME) || has(&layer_extensions, ext::debug_utils::NAME))
             {
                 return Err(missing("a validation layer with VK_EXT_validation_features and VK_EXT_debug_utils"));
             }
@@ -140,6 +116,21 @@ impl Instance {
         }
         Ok(instance)
     }
+
+    /// One that a program made, and keeps.
+    ///
+    /// # Safety
+    /// It was made from this entry, has these extensions, and outlives what is made here.
+    pub(crate) unsafe fn from_raw(entry: ash::Entry, raw: vk::Instance, extensions: Vec<CString>) -> Self {
+        // SAFETY: the caller says so.
+        let raw = unsafe { ash::Instance::load(entry.static_fn(), raw) };
+        Self { raw, messenger: None, messages: Messages::default(), extensions, owned: false, entry }
+    }
+
+    /// Whether an extension is on.
+    pub fn has(&self, extension: &CStr) -> bool {
+        self.extensions.iter().any(|e| e.as_c_str() == extension)
+    }
 }
 
 impl Drop for Instance {
@@ -168,12 +159,6 @@ fn keep_drivers(entry: &ash::Entry) {
     if let Ok(_kept) = unsafe { entry.create_instance(&vk::InstanceCreateInfo::default(), None) } {
         std::mem::forget(entry.clone());
     }
-}
-
-fn load() -> Result<ash::Entry, EngineError> {
-    // SAFETY: the loader is trusted to be a Vulkan loader; it stays loaded as long as the entry lives.
-    unsafe { ash::Entry::load() }
-        .map_err(|e| EngineError::NoDevice { reason: format!("the Vulkan loader could not be loaded ({e})") })
 }
 
 /// `1.3.230`.

@@ -5,16 +5,28 @@
 //! length and a checksum stand before its data.
 
 use ash::vk;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8; 8] = b"eyebox\x01\0";
 /// Larger files are not ours.
 const LARGEST: u64 = 256 << 20;
 
-/// Name of this device's file in that folder.
-pub(crate) fn name(properties: &vk::PhysicalDeviceProperties) -> String {
+/// This device's file of a kind, in `folder` or where the user keeps such things.
+pub(crate) fn file(
+    folder: Option<&Path>,
+    properties: &vk::PhysicalDeviceProperties,
+    kind: &str,
+    ending: &str,
+) -> Option<PathBuf> {
+    let folder = folder.map(Path::to_owned).or_else(crate::files::cache_folder)?;
     let id: String = properties.pipeline_cache_uuid.iter().map(|b| format!("{b:02x}")).collect();
-    format!("pipelines-{:x}-{id}.bin", properties.driver_version)
+    Some(folder.join(format!("{kind}-{:x}-{id}.{ending}", properties.driver_version)))
+}
+
+/// Writes a file whole, and its folder; says whether it did.
+pub(crate) fn put(path: &Path, bytes: &[u8]) -> bool {
+    let made = path.parent().is_some_and(|folder| std::fs::create_dir_all(folder).is_ok());
+    made && crate::files::write_file(path, |out| out.write_all(bytes)).is_ok()
 }
 
 /// The driver's data, if the file is whole and was written for this device.
@@ -30,11 +42,7 @@ pub(crate) fn read(path: &Path, properties: &vk::PhysicalDeviceProperties) -> Op
 /// Writes the data beside the file and puts it in its place; says whether it did. What could not be read back (Mesa 26's
 /// software device gives 20 bytes, which name no device) is not written.
 pub(crate) fn write(path: &Path, data: &[u8], properties: &vk::PhysicalDeviceProperties) -> bool {
-    if !is_for(data, properties) {
-        return false;
-    }
-    let Some(folder) = path.parent() else { return false };
-    std::fs::create_dir_all(folder).is_ok() && crate::files::write_file(path, |out| out.write_all(&pack(data))).is_ok()
+    is_for(data, properties) && put(path, &pack(data))
 }
 
 fn pack(data: &[u8]) -> Vec<u8> {

@@ -1,6 +1,5 @@
 //! Memory of a device, as buffers that are given back when they are dropped.
 
-use super::counters::add;
 use super::device::Device;
 use super::error::EngineError;
 use crate::plan::Move;
@@ -39,6 +38,11 @@ impl Range<'_> {
     pub(crate) fn writes(&self, bytes: u64) -> Move {
         Move { write: true, ..self.reads(bytes) }
     }
+
+    /// Bytes that are read of it, and written, if there are any.
+    pub(crate) fn moves(&self, read: u64, written: u64) -> impl Iterator<Item = Move> {
+        [self.reads(read), self.writes(written)].into_iter().filter(|m| m.bytes > 0)
+    }
 }
 
 /// Blocks from this size on have memory of their own.
@@ -71,7 +75,7 @@ impl Block {
             }
         };
         let raw = raw.map_err(refused("vkCreateBuffer"))?;
-        add(&device.counters.blocks, 1);
+        device.count(|counts| counts.blocks += 1);
         let mut block = Self { raw, size, allocation: None, shared: None, device: Arc::clone(device) };
         // SAFETY: the buffer was made just now.
         let requirements = unsafe { device.raw.get_buffer_memory_requirements(raw) };
@@ -82,9 +86,7 @@ impl Block {
         };
         let wanted =
             AllocationCreateDesc { name: what, requirements, location, linear: true, allocation_scheme: scheme };
-        let mut allocator = device.allocator();
-        let Some(allocator) = allocator.as_mut() else { return Err(out()) };
-        let allocation = allocator.allocate(&wanted).map_err(|e| match e {
+        let allocation = device.allocator().allocate(&wanted).map_err(|e| match e {
             AllocationError::OutOfMemory => out(),
             e => EngineError::Vulkan { device: device.report.name.clone(), call: "allocate", result: e.to_string() },
         })?;
@@ -150,11 +152,8 @@ impl Drop for Block {
             unsafe { self.device.raw.free_memory(memory, None) };
         }
         if let Some(allocation) = self.allocation.take() {
-            let mut allocator = self.device.allocator();
-            if let Some(allocator) = allocator.as_mut() {
-                // An allocation of this allocator can always be given back.
-                let _ = allocator.free(allocation);
-            }
+            // An allocation of this allocator can always be given back.
+            let _ = self.device.allocator().free(allocation);
         }
     }
 }

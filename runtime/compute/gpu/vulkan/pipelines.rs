@@ -1,7 +1,6 @@
 //! Compute pipelines by module and specialisation constants, made when first asked for and kept.
 
 use super::cache;
-use super::counters::add;
 use super::error::EngineError;
 use super::modules::{FloatModes, NOTHING};
 use ash::vk;
@@ -9,13 +8,12 @@ use eyebox_spirv::Module;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicU64;
 
 /// Bytes of push constants that every device has; all layouts take them whole.
 pub(crate) const PUSH_BYTES: u32 = 128;
 
-/// A pipeline and what its dispatches need.
-#[derive(Clone, Copy)]
+/// A pipeline and what its dispatches need; by default none yet, whose dispatches are left out.
+#[derive(Clone, Copy, Default)]
 pub(crate) struct Pipeline {
     pub(crate) raw: vk::Pipeline,
     pub(crate) layout: vk::PipelineLayout,
@@ -24,21 +22,6 @@ pub(crate) struct Pipeline {
     pub(crate) bindings: u32,
     #[cfg(test)]
     pub(crate) module: &'static str,
-}
-
-impl Pipeline {
-    /// None yet: a dispatch of it is left out.
-    pub(crate) fn none(bindings: u32) -> Self {
-        let (raw, layout) = (vk::Pipeline::null(), vk::PipelineLayout::null());
-        Self {
-            raw,
-            layout,
-            set_layout: vk::DescriptorSetLayout::null(),
-            bindings,
-            #[cfg(test)]
-            module: "",
-        }
-    }
 }
 
 /// Layouts by number of bindings.
@@ -50,17 +33,9 @@ pub(crate) struct Pipelines {
     /// No longer handed out.
     outdated: Vec<vk::Pipeline>,
     layouts: Layouts,
-    cache: vk::PipelineCache,
     file: Option<PathBuf>,
-    modes: FloatModes,
-    /// Whether nothing runs: modules that do nothing stand for all others, which take a driver some 0.1 s each.
-    record_only: bool,
-    /// Whether modules are made for dispatches between guard bands.
-    #[cfg(test)]
-    pub(super) is_guarded: bool,
-    device: ash::Device,
-    /// The device's, for errors.
-    name: String,
+    /// What makes them, on any thread.
+    pub(crate) maker: Maker,
     properties: vk::PhysicalDeviceProperties,
     /// Whether all that was made is in the file.
     is_saved: bool,
@@ -74,14 +49,18 @@ pub(crate) struct Wanted {
 }
 
 /// Makes pipelines: several threads may at once, for drivers guard their caches.
+#[derive(Clone)]
 pub(crate) struct Maker {
     device: ash::Device,
     cache: vk::PipelineCache,
+    /// The device's, for errors.
     name: String,
     modes: FloatModes,
+    /// Whether nothing runs: modules that do nothing stand for all others, which take a driver some 0.1 s each.
     record_only: bool,
+    /// Whether modules are made for dispatches between guard bands.
     #[cfg(test)]
-    is_guarded: bool,
+    pub(crate) is_guarded: bool,
 }
 
 impl Maker {
@@ -127,55 +106,40 @@ impl Pipelines {
         modes: FloatModes,
         record_only: bool,
     ) -> Result<Self, EngineError> {
-        let folder = folder.map(Path::to_owned).or_else(crate::files::cache_folder);
-        let file = folder.map(|f| f.join(cache::name(properties)));
+        let file = cache::file(folder, properties, "pipelines", "bin");
         let data = file.as_deref().and_then(|f| cache::read(f, properties)).unwrap_or_default();
         let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
         // SAFETY: the data is either empty or what this driver wrote (header and checksum agree).
         let cache = unsafe { device.create_pipeline_cache(&info, None) }
             .map_err(|e| EngineError::vulkan(name, "vkCreatePipelineCache", "pipeline cache", e))?;
-        let (made, layouts) = (HashMap::new(), HashMap::new());
-        let (device, name, properties) = (device.clone(), name.into(), *properties);
-        Ok(Self {
-            made,
-            outdated: Vec::new(),
-            layouts,
+        let maker = Maker {
+            device: device.clone(),
             cache,
-            file,
+            name: name.into(),
             modes,
             record_only,
             #[cfg(test)]
             is_guarded: false,
-            device,
-            name,
-            properties,
-            is_saved: true,
-        })
+        };
+        let (made, layouts, outdated) = Default::default();
+        Ok(Self { made, outdated, layouts, file, maker, properties: *properties, is_saved: true })
     }
 
     /// The pipeline of `module` with storage buffers at bindings `0 .. bindings` and the 32-bit specialisation
-    /// constants 0, 1, ...; integers and floats go by their bits.
+    /// constants 0, 1, ...; integers and floats go by their bits. `makes` is called before one is made.
     pub(crate) fn get(
         &mut self,
         module: &'static Module,
         bindings: u32,
         constants: &[u32],
-        made: &AtomicU64,
+        makes: impl FnOnce(),
     ) -> Result<Pipeline, EngineError> {
-        if let Some(pipeline) = self.made.get(&(module.name, constants.to_vec())) {
-            return Ok(*pipeline);
+        if let Some(pipeline) = self.known(module, constants) {
+            return Ok(pipeline);
         }
-        add(made, 1);
-        let (set_layout, layout) = self.layout(bindings)?;
-        let raw = self.maker().make(module, layout, constants)?;
-        let pipeline = Pipeline {
-            raw,
-            layout,
-            set_layout,
-            bindings,
-            #[cfg(test)]
-            module: module.name,
-        };
+        makes();
+        let planned = self.laid_out(module, bindings)?;
+        let pipeline = Pipeline { raw: self.maker.make(module, planned.layout, constants)?, ..planned };
         self.made.insert((module.name, constants.to_vec()), pipeline);
         self.is_saved = false;
         Ok(pipeline)
@@ -186,17 +150,18 @@ impl Pipelines {
         self.made.get(&(module.name, constants.to_vec())).copied()
     }
 
-    /// What makes pipelines, on any thread.
-    pub(crate) fn maker(&self) -> Maker {
-        Maker {
-            device: self.device.clone(),
-            cache: self.cache,
-            name: self.name.clone(),
-            modes: self.modes.clone(),
-            record_only: self.record_only,
+    /// What a pipeline of `module` has before it is made.
+    #[cfg_attr(not(test), allow(unused_variables, reason = "tests name modules"))]
+    fn laid_out(&mut self, module: &'static Module, bindings: u32) -> Result<Pipeline, EngineError> {
+        let (set_layout, layout) = self.layout(bindings)?;
+        Ok(Pipeline {
+            raw: vk::Pipeline::null(),
+            layout,
+            set_layout,
+            bindings,
             #[cfg(test)]
-            is_guarded: self.is_guarded,
-        }
+            module: module.name,
+        })
     }
 
     /// Those of the wanted that are not there yet, each once, without the pipeline.
@@ -206,14 +171,7 @@ impl Pipelines {
             let same =
                 |other: &Wanted| (other.module.name, &other.constants) == (wanted.module.name, &wanted.constants);
             if self.known(wanted.module, &wanted.constants).is_none() && !missing.iter().any(|(other, _)| same(other)) {
-                let (set_layout, layout) = self.layout(wanted.bindings)?;
-                let pipeline = Pipeline {
-                    layout,
-                    set_layout,
-                    #[cfg(test)]
-                    module: wanted.module.name,
-                    ..Pipeline::none(wanted.bindings)
-                };
+                let pipeline = self.laid_out(wanted.module, wanted.bindings)?;
                 missing.push((wanted, pipeline));
             }
         }
@@ -222,7 +180,7 @@ impl Pipelines {
 
     /// From now on kernels make the bits of halves, whatever the device promises.
     pub(crate) fn make_halves(&mut self) {
-        self.modes.rounds_halves = false;
+        self.maker.modes.rounds_halves = false;
         // Somebody may still use them.
         let halves = self.made.extract_if(|(module, _), _| module.ends_with("_half"));
         self.outdated.extend(halves.map(|(_, pipeline)| pipeline.raw));
@@ -234,7 +192,7 @@ impl Pipelines {
         match self.made.entry((wanted.module.name, wanted.constants)) {
             // Somebody made it meanwhile, and may use it: that one stays.
             // SAFETY: nobody has seen this one.
-            Entry::Occupied(_) => unsafe { self.device.destroy_pipeline(pipeline.raw, None) },
+            Entry::Occupied(_) => unsafe { self.maker.device.destroy_pipeline(pipeline.raw, None) },
             Entry::Vacant(place) => {
                 place.insert(pipeline);
             }
@@ -247,7 +205,7 @@ impl Pipelines {
             return;
         }
         // SAFETY: the cache is valid.
-        let data = unsafe { self.device.get_pipeline_cache_data(self.cache) };
+        let data = unsafe { self.maker.device.get_pipeline_cache_data(self.maker.cache) };
         // What was read already need not be written.
         if let (Some(file), Ok(data)) = (&self.file, data)
             && cache::read(file, &self.properties).as_ref() != Some(&data)
@@ -258,7 +216,7 @@ impl Pipelines {
 
     #[cfg(any(test, feature = "test-hooks"))]
     pub(crate) fn packs_halves(&self) -> bool {
-        self.modes.rounds_halves
+        self.maker.modes.rounds_halves
     }
 
     #[cfg(any(test, feature = "test-hooks"))]
@@ -270,7 +228,7 @@ impl Pipelines {
         if let Some(layout) = self.layouts.get(&bindings) {
             return Ok(*layout);
         }
-        let device = &self.device;
+        let device = &self.maker.device;
         let slots: Vec<_> = (0..bindings)
             .map(|i| {
                 vk::DescriptorSetLayoutBinding::default()
@@ -282,8 +240,9 @@ impl Pipelines {
             .collect();
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&slots);
         // SAFETY: `info` is valid for the call.
-        let set = unsafe { device.create_descriptor_set_layout(&info, None) }
-            .map_err(|e| EngineError::vulkan(&self.name, "vkCreateDescriptorSetLayout", "a kernel's layout", e))?;
+        let set = unsafe { device.create_descriptor_set_layout(&info, None) }.map_err(|e| {
+            EngineError::vulkan(&self.maker.name, "vkCreateDescriptorSetLayout", "a kernel's layout", e)
+        })?;
         let sets = [set];
         let push = [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(PUSH_BYTES)];
         let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(&push);
@@ -292,7 +251,7 @@ impl Pipelines {
         let layout = made.map_err(|e| {
             // SAFETY: nothing uses it.
             unsafe { device.destroy_descriptor_set_layout(set, None) };
-            EngineError::vulkan(&self.name, "vkCreatePipelineLayout", "a kernel's layout", e)
+            EngineError::vulkan(&self.maker.name, "vkCreatePipelineLayout", "a kernel's layout", e)
         })?;
         self.layouts.insert(bindings, (set, layout));
         Ok((set, layout))
@@ -302,7 +261,7 @@ impl Pipelines {
 impl Drop for Pipelines {
     fn drop(&mut self) {
         self.save();
-        let raw = &self.device;
+        let raw = &self.maker.device;
         // SAFETY: recordings are waited for before the pipelines are dropped; each is destroyed once.
         unsafe {
             for pipeline in self.made.values().map(|made| made.raw).chain(self.outdated.drain(..)) {
@@ -312,7 +271,7 @@ impl Drop for Pipelines {
                 raw.destroy_pipeline_layout(*layout, None);
                 raw.destroy_descriptor_set_layout(*set, None);
             }
-            raw.destroy_pipeline_cache(self.cache, None);
+            raw.destroy_pipeline_cache(self.maker.cache, None);
         }
     }
 }

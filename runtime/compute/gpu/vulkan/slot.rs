@@ -1,6 +1,5 @@
 //! What one submission is recorded into, used again when it is over: a command buffer, descriptor pools, timestamps.
 
-use super::counters::add;
 use super::device::Device;
 use super::error::EngineError;
 use ash::vk;
@@ -91,6 +90,11 @@ impl Slot {
     pub(super) fn go_on(&mut self, submission: u64) -> Result<(), EngineError> {
         self.submission = submission;
         self.take_part(self.part + 1)?;
+        self.begin_part()
+    }
+
+    /// Starts recording into the command buffer in use.
+    fn begin_part(&self) -> Result<(), EngineError> {
         let once = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: it is not in use since its pool was reset.
         let begun = unsafe { self.device.raw.begin_command_buffer(self.command, &once) };
@@ -129,8 +133,7 @@ impl Slot {
                 self.queries = raw.create_query_pool(&info, None).map_err(error("vkCreateQueryPool"))?;
                 self.capacity = count;
             }
-            let once = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-            raw.begin_command_buffer(self.command, &once).map_err(error("vkBeginCommandBuffer"))?;
+            self.begin_part()?;
             if self.timed {
                 raw.cmd_reset_query_pool(self.command, self.queries, 0, wanted);
                 raw.cmd_write_timestamp(self.command, vk::PipelineStageFlags::BOTTOM_OF_PIPE, self.queries, 0);
@@ -189,7 +192,7 @@ impl Slot {
         // SAFETY: `info` is valid for the call.
         let pool = unsafe { device.raw.create_descriptor_pool(&info, None) };
         self.pools.push(pool.map_err(|e| device.error("vkCreateDescriptorPool", "descriptor sets", e))?);
-        add(&device.counters.pools, 1);
+        device.count(|counts| counts.pools += 1);
         Ok(())
     }
 

@@ -1,7 +1,7 @@
 //! Opens a device, or takes one that a program brings.
 
 use super::counters::Counts;
-use super::device::{Device, Made, Queue};
+use super::device::{Device, Handle, Queue};
 use super::devices::{Candidate, candidates, choose, inspect};
 use super::error::EngineError;
 use super::instance::{Instance, Messages};
@@ -55,12 +55,8 @@ impl Gpu {
 
     pub(super) fn on(instance: &Arc<Instance>, chosen: Candidate, options: &Options) -> Result<Self, EngineError> {
         let device = Device::new(instance, chosen, options)?;
-        tracing::debug!(
-            "{}: opened, driver {}, Vulkan {}",
-            device.report.name,
-            device.report.driver,
-            device.report.api
-        );
+        let DeviceReport { name, driver, api, .. } = &device.report;
+        tracing::debug!("{name}: opened, driver {driver}, Vulkan {api}");
         Ok(Self { device, options: options.clone() })
     }
 
@@ -91,13 +87,10 @@ impl Gpu {
         }
         // SAFETY: as above.
         let raw = unsafe { ash::Device::load(instance.raw.fp_v1_0(), device) };
-        let compute = Queue::new(family, queue);
-        let extensions = device_extensions;
-        let made =
-            Made { raw, physical, compute, other: None, extensions, owned: false, record_only: false, plan_as: None };
-        let device = Device::of(&Arc::new(instance), made, report, cache)?;
         let options =
             Options { cache: cache.map(Path::to_owned), present: true, allow_cpu: true, ..Options::default() };
+        let (raw, queues) = (Handle::new(raw, false), (Queue::new(family, queue), None));
+        let device = Device::of(&Arc::new(instance), raw, physical, queues, device_extensions, report, &options)?;
         Ok(Self { device, options })
     }
 
@@ -139,7 +132,7 @@ impl Gpu {
 
     /// What was done on the device so far.
     pub fn counts(&self) -> Counts {
-        self.device.counters.now()
+        self.device.counts()
     }
 
     /// Calls `with` and gives what it recorded, on a device that only records ([`Options::record_only`]); on others,

@@ -1,13 +1,12 @@
 //! What a user of a device does with it: make a block, fill it, run recorded kernels, read it.
 
 use super::block::Block;
-use super::counters::add;
 use super::device::Device;
 use super::error::EngineError;
 use super::open::Gpu;
 use super::pipelines::{Pipeline, Wanted};
 use super::recorder::{Piece, Recorder};
-use super::report::{DeviceKind, DeviceReport, Limits};
+use super::report::{DeviceKind, Limits};
 use crate::plan::DISPATCH_BYTES;
 use eyebox_spirv::Module;
 use gpu_allocator::MemoryLocation;
@@ -58,12 +57,9 @@ impl Commands {
         })
     }
 
-    pub(crate) fn limits(&self) -> &Limits {
-        &self.limits
-    }
-
-    pub(crate) fn report(&self) -> &DeviceReport {
-        &self.device.report
+    /// The error of a device that cannot run something.
+    pub(crate) fn unsuitable(&self, reason: String) -> EngineError {
+        EngineError::Unsuitable { device: self.device.report.name.clone(), reason }
     }
 
     /// Bytes that a dispatch moves at most, so that none takes long; any number in software, which nobody resets.
@@ -91,9 +87,9 @@ impl Commands {
         constants: &[u32],
     ) -> Result<Pipeline, EngineError> {
         if let Some(wanted) = &mut self.wanted {
-            return Ok(self.device.known_pipeline(module, constants).unwrap_or_else(|| {
+            return Ok(self.device.pipelines().known(module, constants).unwrap_or_else(|| {
                 wanted.push(Wanted { module, bindings, constants: constants.to_vec() });
-                Pipeline::none(bindings)
+                Pipeline { bindings, ..Pipeline::default() }
             }));
         }
         self.device.pipeline(module, bindings, constants)
@@ -133,7 +129,7 @@ impl Commands {
         }
         let bytes = to.bytes_mut();
         for (from, to, size) in pieces {
-            add(&self.device.counters.uploaded, size);
+            self.device.count(|counts| counts.uploaded += size);
             copy(&mut bytes[to as usize..][..size as usize], &data[from as usize..][..size as usize]);
         }
         Ok(())
@@ -151,7 +147,7 @@ impl Commands {
         }
         let bytes = from.bytes();
         for (from, to, size) in pieces {
-            add(&self.device.counters.read_back, size);
+            self.device.count(|counts| counts.read_back += size);
             copy(&mut data[to as usize..][..size as usize], &bytes[from as usize..][..size as usize]);
         }
         Ok(())
@@ -183,7 +179,7 @@ impl Commands {
                 self.gathered += size;
             }
             for ((from, _, size), at) in staged(batch) {
-                add(&self.device.counters.uploaded, size);
+                self.device.count(|counts| counts.uploaded += size);
                 stage.bytes_mut()[(begin + at) as usize..][..size as usize]
                     .copy_from_slice(&data[from as usize..][..size as usize]);
             }
@@ -216,7 +212,7 @@ impl Commands {
             self.recorder.copy(from, &stage, staged(batch).map(|((from, _, size), at)| (from, at, size)));
             self.recorder.submit("a download")?;
             for ((_, to, size), at) in staged(batch) {
-                add(&self.device.counters.read_back, size);
+                self.device.count(|counts| counts.read_back += size);
                 data[to as usize..][..size as usize].copy_from_slice(&stage.bytes()[at as usize..][..size as usize]);
             }
             Ok(())

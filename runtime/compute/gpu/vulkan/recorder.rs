@@ -4,7 +4,6 @@
 //! Everything in here is used again: command buffers, descriptor pools that are reset, query pools that grow.
 
 use super::block::{Block, Range};
-use super::counters::add;
 use super::device::Device;
 use super::error::EngineError;
 use super::pipelines::{PUSH_BYTES, Pipeline};
@@ -72,7 +71,7 @@ pub(crate) struct Recorder {
     at: usize,
     /// Rises with every submission that is over.
     done: Arc<Timeline>,
-    pub(crate) submitted: u64,
+    submitted: u64,
     /// The last submission that is known to be over.
     over: u64,
     /// Whether kernels see half of what they are bound to, in tests of what finds that.
@@ -83,7 +82,7 @@ pub(crate) struct Recorder {
     pub(crate) guards: Option<super::guards::Guards>,
     /// What a test's driver says from a number of submissions on.
     #[cfg(any(test, feature = "test-hooks"))]
-    pub(crate) fails_from: Option<(u64, vk::Result)>,
+    fails_from: Option<(u64, vk::Result)>,
     /// How long a submission may take, nanoseconds.
     pub(crate) patience_ns: u64,
     /// Times of submissions that are over, for whoever takes them: in the steady state nothing is allocated.
@@ -144,6 +143,12 @@ impl Recorder {
     #[cfg(test)]
     pub(crate) fn pools(&self) -> usize {
         self.slots.iter().map(Slot::pools).sum()
+    }
+
+    /// The driver answers with this fault from its so many-th submission from now on.
+    #[cfg(any(test, feature = "test-hooks"))]
+    pub(crate) fn fail_after(&mut self, submissions: u64, fault: vk::Result) {
+        self.fails_from = Some((self.submitted + submissions, fault));
     }
 
     /// Starts a recording with room for `marks` timestamps, behind all that is in flight. A recording that was not submitted
@@ -426,7 +431,7 @@ impl Recorder {
                 submitted.result().map_err(error("vkQueueSubmit"))?;
             }
         }
-        add(&device.counters.submissions, 1);
+        device.count(|counts| counts.submissions += 1);
         self.submitted = next;
         #[cfg(any(test, feature = "test-hooks"))]
         if let Some((_, fault)) = self.fails_from.filter(|(from, _)| next > *from) {
@@ -441,7 +446,7 @@ impl Recorder {
         let device = &self.device;
         if submission > self.over {
             if submission == self.submitted {
-                add(&device.counters.stalls, 1);
+                device.count(|counts| counts.stalls += 1);
                 device.record(|r| r.push(Entry::Stall));
             }
             let (semaphores, values) = ([self.done.raw], [submission]);

@@ -6,7 +6,7 @@
 use super::block::{Block, Range};
 use super::modules::instructions;
 use super::recorder::{Groups, Recorder};
-use super::{EngineError, Pipeline};
+use super::{Pipeline, error::EngineError};
 use gpu_allocator::MemoryLocation;
 use std::collections::BTreeSet;
 
@@ -135,7 +135,7 @@ pub(crate) struct Flags {
 
 /// Those of all buffers of a module.
 pub(crate) fn flags(module: &str) -> Vec<Flags> {
-    let module = eyebox_spirv::ALL.iter().find(|m| m.name == module).expect("a module");
+    let module = eyebox_spirv::module(module).expect("a module");
     let words = module.words();
     let (variable, pointer, decorate, member_decorate) = (59, 32, 71, 72);
     let (aliased, non_writable, binding) = (20, 24, 33);

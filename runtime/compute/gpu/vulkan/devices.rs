@@ -38,29 +38,36 @@ pub(crate) fn candidates(instance: &Instance, present: bool) -> Result<Vec<Candi
 /// `family`: the only one that there is, if the device is open already.
 pub(crate) fn inspect(instance: &Instance, index: usize, raw: vk::PhysicalDevice, only: Option<u32>) -> Candidate {
     let vulkan = &instance.raw;
-    let (mut driver, mut subgroup, mut maintenance) = Default::default();
-    // SAFETY: `raw` is a device of this instance.
-    let basic = unsafe { vulkan.get_physical_device_properties(raw) };
-    let modern = basic.api_version >= BASELINE;
-    read_properties(vulkan, raw, modern, &mut driver, &mut subgroup, &mut maintenance);
+    let mut driver = vk::PhysicalDeviceDriverProperties::default();
+    let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
+    let mut maintenance = vk::PhysicalDeviceMaintenance3Properties::default();
     let mut features12 = vk::PhysicalDeviceVulkan12Features::default();
     let mut features2 = vk::PhysicalDeviceSynchronization2Features::default();
-    // SAFETY: as above.
-    let (queues, memory, extensions) = unsafe {
+    // SAFETY: `raw` is a device of this instance.
+    let (basic, queues, memory, extensions) = unsafe {
         (
+            vulkan.get_physical_device_properties(raw),
             vulkan.get_physical_device_queue_family_properties(raw),
             vulkan.get_physical_device_memory_properties(raw),
             vulkan.enumerate_device_extension_properties(raw).unwrap_or_default(),
         )
     };
+    let modern = basic.api_version >= BASELINE;
     let synchronization2 = modern && has(&extensions, khr::synchronization2::NAME);
     if modern {
         let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut features12);
         if synchronization2 {
             features = features.push_next(&mut features2);
         }
-        // SAFETY: the chain holds structures that a 1.2 device (with that extension) knows.
-        unsafe { vulkan.get_physical_device_features2(raw, &mut features) };
+        let mut properties = vk::PhysicalDeviceProperties2::default()
+            .push_next(&mut driver)
+            .push_next(&mut subgroup)
+            .push_next(&mut maintenance);
+        // SAFETY: the chains hold structures that a 1.2 device (with that extension) knows.
+        unsafe {
+            vulkan.get_physical_device_features2(raw, &mut features);
+            vulkan.get_physical_device_properties2(raw, &mut properties);
+        }
     }
     // A queue that only computes does not compete with a desktop's drawing.
     let computes = |q: &vk::QueueFamilyProperties| q.queue_flags.contains(vk::QueueFlags::COMPUTE) && q.queue_count > 0;
@@ -133,26 +140,6 @@ pub(crate) fn inspect(instance: &Instance, index: usize, raw: vk::PhysicalDevice
         synchronization2: features2.synchronization2 == vk::TRUE,
         portability_subset: has(&extensions, khr::portability_subset::NAME),
     }
-}
-
-fn read_properties(
-    vulkan: &ash::Instance,
-    raw: vk::PhysicalDevice,
-    modern: bool,
-    driver: &mut vk::PhysicalDeviceDriverProperties<'static>,
-    subgroup: &mut vk::PhysicalDeviceSubgroupProperties<'static>,
-    maintenance: &mut vk::PhysicalDeviceMaintenance3Properties<'static>,
-) {
-    if !modern {
-        return;
-    }
-    let mut properties =
-        vk::PhysicalDeviceProperties2::default().push_next(driver).push_next(subgroup).push_next(maintenance);
-    // SAFETY: the chain holds structures that a 1.2 device knows.
-    unsafe { vulkan.get_physical_device_properties2(raw, &mut properties) };
-    // The chain pointed into each other's borrows, which end here.
-    (driver.p_next, subgroup.p_next, maintenance.p_next) =
-        (std::ptr::null_mut(), std::ptr::null_mut(), std::ptr::null_mut());
 }
 
 /// Storage buffers that a kernel is bound to at most.

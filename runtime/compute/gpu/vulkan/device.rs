@@ -1,6 +1,6 @@
 //! The logical device and what its users share: queues, an allocator, pipelines, counters.
 
-use super::counters::{Counters, add};
+use super::counters::Counts;
 use super::devices::Candidate;
 use super::error::EngineError;
 use super::instance::{Instance, has};
@@ -15,7 +15,7 @@ use gpu_allocator::AllocationSizes;
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use rayon::prelude::*;
 use std::ffi::{CStr, CString};
-use std::path::Path;
+use std::ops::Deref;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -36,27 +36,46 @@ impl Queue {
     }
 }
 
-/// A logical device and its queues.
-pub(crate) struct Made {
-    pub(crate) raw: ash::Device,
-    pub(crate) physical: vk::PhysicalDevice,
-    pub(crate) compute: Queue,
-    /// Where pictures are presented, if that is another one.
-    pub(crate) other: Option<Queue>,
-    /// What is on.
-    pub(crate) extensions: Vec<CString>,
-    /// Whether it is destroyed at the end.
-    pub(crate) owned: bool,
-    /// Whether all is recorded and nothing is run.
-    pub(crate) record_only: bool,
-    /// The kind of device that lists are recorded for, if not its own.
-    pub(crate) plan_as: Option<DeviceKind>,
+/// Vulkan's device, destroyed with this unless a program keeps it.
+pub struct Handle {
+    raw: ash::Device,
+    owned: bool,
+}
+
+impl Handle {
+    pub(crate) fn new(raw: ash::Device, owned: bool) -> Self {
+        Self { raw, owned }
+    }
+}
+
+impl Deref for Handle {
+    type Target = ash::Device;
+
+    fn deref(&self) -> &ash::Device {
+        &self.raw
+    }
+}
+
+impl Drop for Handle {
+    fn drop(&mut self) {
+        if self.owned {
+            // SAFETY: whatever lives on the device holds it, so all of that is gone, and what it submitted is over; it was
+            // made here, and is destroyed once.
+            unsafe {
+                let _ = self.raw.device_wait_idle();
+                self.raw.destroy_device(None);
+            }
+        }
+    }
 }
 
 /// Shared by everything that lives on the device, so that it goes last.
 pub struct Device {
+    // Dropped in this order: what lives on the device, the device, its instance.
+    pipelines: Mutex<Pipelines>,
+    allocator: Mutex<Allocator>,
     /// Vulkan's.
-    pub raw: ash::Device,
+    pub raw: Handle,
     /// What it was made of.
     pub physical: vk::PhysicalDevice,
     /// Where kernels run.
@@ -68,7 +87,7 @@ pub struct Device {
     pub(crate) synchronization2: Option<khr::synchronization2::Device>,
     /// What it can do.
     pub report: DeviceReport,
-    pub(crate) counters: Counters,
+    counts: Mutex<Counts>,
     /// The kind of device that lists are recorded for.
     pub planned_as: DeviceKind,
     /// The largest range that the driver takes: where nothing is run, lists are recorded as if there were larger ones.
@@ -84,10 +103,6 @@ pub struct Device {
     /// It does not answer, and may still be at what it was given.
     stuck: AtomicBool,
     extensions: Vec<CString>,
-    pipelines: Mutex<Option<Pipelines>>,
-    allocator: Mutex<Option<Allocator>>,
-    /// Whether it is destroyed with this.
-    owned: bool,
     /// The instance that it is of.
     pub instance: Arc<Instance>,
 }
@@ -97,7 +112,7 @@ impl Device {
     pub(crate) fn new(
         instance: &Arc<Instance>,
         chosen: Candidate,
-        Options { cache, record_only, plan_as, .. }: &Options,
+        options: &Options,
     ) -> Result<Arc<Self>, EngineError> {
         let (name, physical) = (chosen.report.name.clone(), chosen.raw);
         let mut extensions: Vec<&CStr> = Vec::new();
@@ -142,25 +157,28 @@ impl Device {
         // SAFETY: the device is of this instance, and has the queue families, extensions and features asked for.
         let raw = unsafe { instance.raw.create_device(physical, &info, None) }
             .map_err(|e| EngineError::vulkan(&name, "vkCreateDevice", "setting up", e))?;
+        let raw = Handle::new(raw, true);
         // SAFETY: the queues were asked for.
         let [compute, other] = unsafe {
             [(family, 0), present].map(|(family, index)| Queue::new(family, raw.get_device_queue(family, index)))
         };
         let other = Some(other).filter(|_| present != (family, 0));
         let extensions = extensions.into_iter().map(CStr::to_owned).collect();
-        let (record_only, plan_as) = (*record_only, *plan_as);
-        let made = Made { raw, physical, compute, other, extensions, owned: true, record_only, plan_as };
-        Self::of(instance, made, chosen.report, cache.as_deref())
+        Self::of(instance, raw, physical, (compute, other), extensions, chosen.report, options)
     }
 
-    /// What is shared, around a device that was made here or elsewhere.
+    /// What is shared, around a device that was made here or elsewhere, with its queues: for kernels, and for pictures if that is
+    /// another one.
     pub(crate) fn of(
         instance: &Arc<Instance>,
-        made: Made,
+        raw: Handle,
+        physical: vk::PhysicalDevice,
+        (compute, other): (Queue, Option<Queue>),
+        extensions: Vec<CString>,
         mut report: DeviceReport,
-        cache: Option<&Path>,
+        Options { cache, record_only, plan_as, .. }: &Options,
     ) -> Result<Arc<Self>, EngineError> {
-        let Made { raw, physical, compute, other, extensions, owned, record_only, plan_as } = made;
+        let (cache, record_only) = (cache.as_deref(), *record_only);
         let mut families = vec![compute.family];
         families.extend(other.as_ref().map(|q| q.family).filter(|f| *f != compute.family));
         // SAFETY: the device is of this instance.
@@ -180,7 +198,24 @@ impl Device {
             report.limits.storage_range = storage_range.max(u64::from(u32::MAX));
             report.limits.shared_memory = report.limits.shared_memory.max(48 << 10);
         }
-        let mut device = Self {
+        let allocator = Allocator::new(&AllocatorCreateDesc {
+            instance: instance.raw.clone(),
+            device: raw.clone(),
+            physical_device: physical,
+            debug_settings: Default::default(),
+            buffer_device_address: false,
+            // Large buffers have memory of their own; these blocks hold the small ones.
+            allocation_sizes: AllocationSizes::new(16 << 20, 8 << 20),
+        });
+        let allocator = allocator.map_err(|e| EngineError::Vulkan {
+            device: report.name.clone(),
+            call: "allocator",
+            result: e.to_string(),
+        })?;
+        let pipelines = Pipelines::new(&raw, &report.name, &properties, cache, FloatModes::of(&floats), record_only)?;
+        Ok(Arc::new(Self {
+            pipelines: Mutex::new(pipelines),
+            allocator: Mutex::new(allocator),
             raw,
             physical,
             compute,
@@ -188,7 +223,7 @@ impl Device {
             families,
             synchronization2,
             report,
-            counters: Counters::default(),
+            counts: Mutex::default(),
             planned_as,
             storage_range,
             record_only,
@@ -198,30 +233,8 @@ impl Device {
             lost: AtomicBool::new(false),
             stuck: AtomicBool::new(false),
             extensions,
-            pipelines: Mutex::new(None),
-            allocator: Mutex::new(None),
-            owned,
             instance: Arc::clone(instance),
-        };
-        let allocator = Allocator::new(&AllocatorCreateDesc {
-            instance: device.instance.raw.clone(),
-            device: device.raw.clone(),
-            physical_device: physical,
-            debug_settings: Default::default(),
-            buffer_device_address: false,
-            // Large buffers have memory of their own; these blocks hold the small ones.
-            allocation_sizes: AllocationSizes::new(16 << 20, 8 << 20),
-        });
-        let allocator = allocator.map_err(|e| EngineError::Vulkan {
-            device: device.report.name.clone(),
-            call: "allocator",
-            result: e.to_string(),
-        })?;
-        device.allocator = Mutex::new(Some(allocator));
-        let pipelines =
-            Pipelines::new(&device.raw, &device.report.name, &properties, cache, FloatModes::of(&floats), record_only)?;
-        device.pipelines = Mutex::new(Some(pipelines));
-        Ok(Arc::new(device))
+        }))
     }
 
     /// Where pictures are presented: kernels run there as well where there is no other queue.
@@ -239,9 +252,14 @@ impl Device {
         self.extensions.iter().any(|e| e.as_c_str() == extension)
     }
 
-    /// Memory; there is some until the device is dropped.
-    pub(crate) fn allocator(&self) -> MutexGuard<'_, Option<Allocator>> {
+    /// What memory comes from.
+    pub(crate) fn allocator(&self) -> MutexGuard<'_, Allocator> {
         self.allocator.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The pipelines that were made.
+    pub(crate) fn pipelines(&self) -> MutexGuard<'_, Pipelines> {
+        self.pipelines.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The pipeline of a module: see [`Pipelines::get`].
@@ -251,25 +269,14 @@ impl Device {
         bindings: u32,
         constants: &[u32],
     ) -> Result<Pipeline, EngineError> {
-        let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        let gone = || EngineError::Mismatch { reason: "the device is being closed".into() };
-        pipelines.as_mut().ok_or_else(gone)?.get(module, bindings, constants, &self.counters.pipelines)
-    }
-
-    /// That pipeline, if it was made.
-    pub(crate) fn known_pipeline(&self, module: &'static Module, constants: &[u32]) -> Option<Pipeline> {
-        let pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        pipelines.as_ref().and_then(|p| p.known(module, constants))
+        self.pipelines().get(module, bindings, constants, || self.count(|counts| counts.pipelines += 1))
     }
 
     /// Makes pipelines on all cores, and writes the cache to disk.
     pub(crate) fn compile(&self, wanted: Vec<Wanted>) -> Result<(), EngineError> {
-        let gone = || EngineError::Mismatch { reason: "the device is being closed".into() };
-        let lock = || self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         let (missing, maker) = {
-            let mut pipelines = lock();
-            let pipelines = pipelines.as_mut().ok_or_else(gone)?;
-            (pipelines.missing(wanted)?, pipelines.maker())
+            let mut pipelines = self.pipelines();
+            (pipelines.missing(wanted)?, pipelines.maker.clone())
         };
         // Not under the lock: a thread that waits for others takes up other work, which may need it.
         let make = |(wanted, pipeline): (Wanted, Pipeline)| {
@@ -277,13 +284,12 @@ impl Device {
             Ok((wanted, Pipeline { raw, ..pipeline }))
         };
         let made: Vec<Result<(Wanted, Pipeline), EngineError>> = missing.into_par_iter().map(make).collect();
-        let mut pipelines = lock();
-        let pipelines = pipelines.as_mut().ok_or_else(gone)?;
+        let mut pipelines = self.pipelines();
         let mut all = Ok(());
         for one in made {
             match one {
                 Ok((wanted, pipeline)) => {
-                    add(&self.counters.pipelines, 1);
+                    self.count(|counts| counts.pipelines += 1);
                     pipelines.insert(wanted, pipeline);
                 }
                 Err(e) => all = Err(e),
@@ -293,44 +299,32 @@ impl Device {
         all
     }
 
-    /// Writes the cache of pipelines to disk, if it has grown.
-    pub(crate) fn save_pipelines(&self) {
-        if let Some(pipelines) = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
-            pipelines.save();
-        }
-    }
-
-    /// From now on kernels make the bits of halves, whatever the device promises.
-    pub(crate) fn make_halves(&self) {
-        if let Some(pipelines) = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
-            pipelines.make_halves();
-        }
-    }
-
     /// Whether it packs halves, as far as is known.
     #[cfg(any(test, feature = "test-hooks"))]
     pub fn packs_halves(&self) -> bool {
-        self.pipelines.lock().unwrap_or_else(PoisonError::into_inner).as_ref().is_some_and(Pipelines::packs_halves)
+        self.pipelines().packs_halves()
     }
 
     /// The pipelines that were made.
     #[cfg(any(test, feature = "test-hooks"))]
     pub fn pipelines_made(&self) -> Vec<super::statistics::Key> {
-        self.pipelines.lock().unwrap_or_else(PoisonError::into_inner).iter().flat_map(Pipelines::keys).collect()
-    }
-
-    /// From now on pipelines are made for dispatches between guard bands.
-    #[cfg(test)]
-    pub(crate) fn guard(&self) {
-        if let Some(pipelines) = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
-            pipelines.is_guarded = true;
-        }
+        self.pipelines().keys()
     }
 
     /// Number of allocations alive.
     #[cfg(test)]
     pub(crate) fn allocations(&self) -> usize {
-        self.allocator().as_ref().map_or(0, |a| a.generate_report().allocations.len())
+        self.allocator().generate_report().allocations.len()
+    }
+
+    /// Counts what was done.
+    pub(crate) fn count(&self, more: impl FnOnce(&mut Counts)) {
+        more(&mut self.counts.lock().unwrap_or_else(PoisonError::into_inner));
+    }
+
+    /// What was done so far.
+    pub(crate) fn counts(&self) -> Counts {
+        *self.counts.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Says what was recorded, where nothing is run and somebody wants to know.
@@ -372,21 +366,6 @@ impl Device {
             self.lost.store(true, Ordering::Relaxed);
         }
         EngineError::vulkan(&self.report.name, call, during, result)
-    }
-}
-
-impl Drop for Device {
-    fn drop(&mut self) {
-        // Whatever lives on the device holds it, so all of that is gone, and what it submitted is over.
-        drop(self.pipelines.get_mut().unwrap_or_else(PoisonError::into_inner).take());
-        drop(self.allocator.get_mut().unwrap_or_else(PoisonError::into_inner).take());
-        if self.owned {
-            // SAFETY: as above; it was made here, and is destroyed once.
-            unsafe {
-                let _ = self.raw.device_wait_idle();
-                self.raw.destroy_device(None);
-            }
-        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! What is remembered of a device that was tried: beside its pipelines, for this driver and these kernels.
 
-use super::report::Tested;
+use super::{cache, report::Tested};
 use ash::vk;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -26,9 +26,7 @@ impl Record {
     pub(crate) fn new(folder: Option<&Path>, properties: &vk::PhysicalDeviceProperties) -> Option<Self> {
         let device: String =
             properties.device_name_as_c_str().map_or_else(|_| String::new(), |n| n.to_string_lossy().into_owned());
-        let folder = folder.map(Path::to_owned).or_else(crate::files::cache_folder)?;
-        let id: String = properties.pipeline_cache_uuid.iter().map(|b| format!("{b:02x}")).collect();
-        let file = folder.join(format!("tested-{:x}-{id}.json", properties.driver_version));
+        let file = cache::file(folder, properties, "tested", "json")?;
         Some(Self { file, device, driver: properties.driver_version })
     }
 
@@ -43,10 +41,7 @@ impl Record {
     /// Keeps it; a folder that cannot be written to is no harm: the device is tried again.
     pub(crate) fn write(&self, tested: Tested) {
         let kept = TestRecord { device: self.device.clone(), driver: self.driver, kernels: kernels(), tested };
-        if let (Some(folder), Ok(text)) = (self.file.parent(), serde_json::to_vec(&kept)) {
-            let made = std::fs::create_dir_all(folder).is_ok();
-            let _ = made && crate::files::write_file(&self.file, |out| out.write_all(&text)).is_ok();
-        }
+        let _ = serde_json::to_vec(&kept).is_ok_and(|text| cache::put(&self.file, &text));
     }
 }
 

@@ -36,9 +36,12 @@ pub struct Pictures {
     pub block: Arc<Block>,
     /// Bytes from one to the next.
     pub step: u64,
-    count: usize,
-    size: [usize; 2],
-    order: PixelOrder,
+    /// How many.
+    pub count: usize,
+    /// Rows, columns.
+    pub size: [usize; 2],
+    /// The order of their colours.
+    pub order: PixelOrder,
     /// What has to be waited for before they are read on another queue.
     pub ready: Option<Ready>,
 }
@@ -52,29 +55,14 @@ impl Pictures {
         order: PixelOrder,
     ) -> Result<Self, EngineError> {
         let bytes = 4 * (size[0] * size[1]) as u64;
-        let limit = commands.limits().storage_range;
+        let limit = commands.limits.storage_range;
         let step = bytes.next_multiple_of(256);
         if step > limit {
             let reason = format!("one video frame takes {bytes} bytes as pixels, a kernel may see {limit}");
-            return Err(EngineError::Unsuitable { device: commands.report().name.clone(), reason });
+            return Err(commands.unsuitable(reason));
         }
         let block = Arc::new(commands.block(step * count as u64, "video frames as pixels")?);
         Ok(Self { block, step, count, size, order, ready: None })
-    }
-
-    /// How many.
-    pub fn count(&self) -> usize {
-        self.count
-    }
-
-    /// Rows, columns.
-    pub fn size(&self) -> [usize; 2] {
-        self.size
-    }
-
-    /// The order of their colours.
-    pub fn order(&self) -> PixelOrder {
-        self.order
     }
 
     /// Returns the bytes of picture `index`.
