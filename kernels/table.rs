@@ -100,7 +100,7 @@ macro_rules! kernels {
                 over: Frames, group: Field,
                 binds: [Update Field, Read Mask, Read MaskTransfer],
                 work: |u| 2.0 * (u.full_transform() + u.points()),
-                twin: |c| c.through_mask(),
+                twin: |c| c.through_mask(false),
                 shader: Once |c| c.through_mask(false),
             }
             /// The same of each sub-pixel, where a pixel has several.
@@ -359,7 +359,7 @@ macro_rules! kernels {
                 over: Frames, group: Update,
                 binds: [Update Change, Read Mask, Read MaskTransfer],
                 work: |u| 2.0 * (u.full_transform() + u.points()),
-                twin: |c| c.through_mask_back(),
+                twin: |c| c.through_mask(true),
                 shader: Once |c| c.through_mask(true),
             }
             /// What the change on the pixels of a mask asks of the phases of the field.

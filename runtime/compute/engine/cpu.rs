@@ -16,6 +16,7 @@ mod waves;
 
 use super::{
     Buffer, Dispatch, Engine, EngineError, Kernel, LookUp, ModelTables, Resource, Scope, Shape, Step, Timing, misfit,
+    not_kept, nothing_kept,
 };
 use crate::scene::Pyramid;
 use buffers::{Buffers, ModelView, SPLIT, Slot, complex, complex_mut, storing, storing_drives};
@@ -171,7 +172,7 @@ impl CpuEngine {
         let (views, relay) = (views.as_deref(), complex(relay));
         let looks = |d: &Dispatch| d.kernel.binds().iter().any(|(_, resource)| *resource == Resource::Views);
         if views.is_none() && group.iter().any(looks) {
-            return Err(EngineError::Mismatch { reason: "a photograph is asked for and no views were loaded".into() });
+            return Err(EngineError::mismatch("a photograph is asked for and no views were loaded"));
         }
         let (frames, points, field) = (shape.frames, shape.points(), complex(field));
         let store = storing(shape.storage);
@@ -307,20 +308,35 @@ impl Engine for CpuEngine {
     }
 
     fn keep(&mut self, buffer: Buffer) -> Result<(), EngineError> {
-        self.buffers.keep(buffer)
+        let from = match buffer {
+            Buffer::Phases => &self.buffers.phases,
+            Buffer::Shown => &self.buffers.shown,
+            _ => return Err(not_kept(buffer)),
+        };
+        self.buffers.kept.clone_from(from);
+        Ok(())
     }
 
     fn kept(&mut self) -> Result<Vec<f32>, EngineError> {
-        self.buffers.kept().map(<[f32]>::to_vec)
+        if self.buffers.kept.is_empty() { Err(nothing_kept()) } else { Ok(self.buffers.kept.clone()) }
     }
 
     fn restore(&mut self) -> Result<(), EngineError> {
-        self.buffers.restore()?;
+        let Buffers { phases, kept, .. } = &mut self.buffers;
+        if kept.is_empty() {
+            return Err(nothing_kept());
+        }
+        phases.copy_from_slice(kept);
         self.clear_moments()
     }
 
     fn look_up(&mut self, of: &LookUp) -> Result<(), EngineError> {
-        self.buffers.look_up(of)
+        // They are whole binary angles, which every shape stores as they are.
+        let phases = &mut self.buffers.phases;
+        if phases.len() != of.count() {
+            return Err(misfit(Buffer::Phases, phases.len(), of.count()));
+        }
+        of.phases_into(phases)
     }
 
     fn clear_moments(&mut self) -> Result<(), EngineError> {

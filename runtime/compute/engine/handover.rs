@@ -134,10 +134,10 @@ impl Engine for Handover {
 
     fn run_part(&mut self, step: &Step, part: Range<usize>) -> Result<Vec<f64>, EngineError> {
         let Some(shape) = self.shape else {
-            return Err(EngineError::Mismatch { reason: "nothing was loaded".into() });
+            return Err(EngineError::mismatch("nothing was loaded"));
         };
         if part.start > part.end || part.end > step.list.len() {
-            return Err(EngineError::Mismatch { reason: format!("dispatches {part:?} of {}", step.list.len()) });
+            return Err(EngineError::mismatch(format!("dispatches {part:?} of {}", step.list.len())));
         }
         let at = self.place(step).clamp(part.start, part.end);
         let mut losses = vec![0.0; step.pupil_passes.len()];

@@ -57,7 +57,7 @@ impl LookUp {
     /// No color; views on a device that does not answer.
     pub fn drives(colors: &[Self]) -> Result<Vec<f32>, EngineError> {
         let Some(first) = colors.first() else {
-            return Err(EngineError::Mismatch { reason: "no color has a drive".into() });
+            return Err(EngineError::mismatch("no color has a drive"));
         };
         let views = colors.iter().map(|color| super::on_host(&color.views)).collect::<Result<Vec<_>, _>>()?;
         let of_gray = Self { args: first.args.as_it_is(), needs: None, ..first.clone() };

@@ -68,34 +68,33 @@ impl PendingStep {
 }
 
 fn misfit(buffer: Buffer, has: usize, given: usize) -> EngineError {
-    EngineError::Mismatch { reason: format!("{buffer:?} holds {has} values, {given} were given") }
+    EngineError::mismatch(format!("{buffer:?} holds {has} values, {given} were given"))
 }
 
 /// Views for an engine that has none of a device's memory.
 pub fn on_host(views: &Arc<Pyramid>) -> Result<Arc<Pyramid>, EngineError> {
-    views.on_host().map_err(|reason| EngineError::Mismatch { reason: format!("the views are on a device: {reason}") })
+    views.on_host().map_err(|reason| EngineError::mismatch(format!("the views are on a device: {reason}")))
 }
 
 /// What [`Engine::keep`] does not keep.
 fn not_kept(buffer: Buffer) -> EngineError {
-    EngineError::Mismatch { reason: format!("{buffer:?} is not kept, phases and what is shown are") }
+    EngineError::mismatch(format!("{buffer:?} is not kept, phases and what is shown are"))
 }
 
 /// Pupil passes of more modes than the display's model has tables for.
 fn other_source(modes: usize, tables: usize) -> EngineError {
-    let reason = format!(
+    EngineError::mismatch(format!(
         "a pupil pass has {modes} modes of a source, the display's model tables for {tables}: `Planner::with_source` \
          makes both"
-    );
-    EngineError::Mismatch { reason }
+    ))
 }
 
 fn not_under_way() -> EngineError {
-    EngineError::Mismatch { reason: "the step that is to be ended is not under way".into() }
+    EngineError::mismatch("the step that is to be ended is not under way")
 }
 
 fn nothing_kept() -> EngineError {
-    EngineError::Mismatch { reason: "nothing was kept".into() }
+    EngineError::mismatch("nothing was kept")
 }
 
 /// Runs steps. Times are kept per kernel.

@@ -89,9 +89,14 @@ pub enum EngineError {
     },
 }
 
-#[cfg(feature = "vulkan")]
 impl EngineError {
+    /// A step that does not fit, for this reason.
+    pub(crate) fn mismatch(reason: impl Into<String>) -> Self {
+        Self::Mismatch { reason: reason.into() }
+    }
+
     /// An answer of Vulkan's: `call` names the call, `during` the kernel, the transfer or the buffer.
+    #[cfg(feature = "vulkan")]
     pub fn vulkan(device: &str, call: &'static str, during: &str, result: vk::Result) -> Self {
         let device = device.to_owned();
         match result {

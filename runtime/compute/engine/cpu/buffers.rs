@@ -1,8 +1,6 @@
 //! The CPU engine's buffers.
 
-use crate::engine::{
-    Buffer, EngineError, Kernel, LookUp, PupilPass, Resource, Shape, Storage, misfit, not_kept, nothing_kept,
-};
+use crate::engine::{Buffer, EngineError, Kernel, PupilPass, Resource, Shape, Storage, misfit};
 use eyebox_kernels::{Complex32, binary_angle, fft::Store, half};
 
 /// Windows with fewer values in all than this are not worth splitting over threads.
@@ -44,7 +42,7 @@ pub(super) struct Buffers {
     pub(super) mask_transfer: Vec<f32>,
     pub(super) slots: Vec<Slot>,
     /// Phases that are kept; none if it is empty.
-    kept: Vec<f32>,
+    pub(super) kept: Vec<f32>,
 }
 
 /// A display's model, as the tables that these kernels read.
@@ -143,36 +141,6 @@ impl Buffers {
         Ok(())
     }
 
-    /// Fills the phases by a table. They are whole binary angles, which every shape stores as they are.
-    pub(super) fn look_up(&mut self, of: &LookUp) -> Result<(), EngineError> {
-        if self.phases.len() != of.count() {
-            return Err(misfit(Buffer::Phases, self.phases.len(), of.count()));
-        }
-        of.phases_into(&mut self.phases)
-    }
-
-    pub(super) fn keep(&mut self, buffer: Buffer) -> Result<(), EngineError> {
-        let from = match buffer {
-            Buffer::Phases => &self.phases,
-            Buffer::Shown => &self.shown,
-            _ => return Err(not_kept(buffer)),
-        };
-        self.kept.clone_from(from);
-        Ok(())
-    }
-
-    pub(super) fn kept(&self) -> Result<&[f32], EngineError> {
-        if self.kept.is_empty() { Err(nothing_kept()) } else { Ok(&self.kept) }
-    }
-
-    pub(super) fn restore(&mut self) -> Result<(), EngineError> {
-        if self.kept.is_empty() {
-            return Err(nothing_kept());
-        }
-        self.phases.copy_from_slice(&self.kept);
-        Ok(())
-    }
-
     /// What a buffer holds.
     pub(super) fn read(&mut self, buffer: Buffer) -> Result<&[f32], EngineError> {
         let (resource, slot) = buffer.resource();
@@ -205,7 +173,7 @@ impl Buffers {
 }
 
 fn never_written(buffer: Buffer) -> EngineError {
-    EngineError::Mismatch { reason: format!("{buffer:?} was never written") }
+    EngineError::mismatch(format!("{buffer:?} was never written"))
 }
 
 /// Numbers as complex values.

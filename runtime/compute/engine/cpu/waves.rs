@@ -3,14 +3,14 @@
 use super::buffers::storing_drives;
 use super::frames::{Frame, Whole};
 use eyebox_kernels::{
-    crosstalk,
+    Complex32, crosstalk,
     drive::drive,
     drive_adjoint::drive_adjoint,
     fft::Direction,
     lag::lag,
     modulate_mask::modulate_mask,
     modulate_wave::modulate_wave,
-    multiply::multiply,
+    multiply::{self, multiply},
     phase_gradient::phase_gradient,
     phase_gradient_mask::phase_gradient_mask,
     subpixels::{add_columns, add_rows, spread_columns, spread_rows},
@@ -58,28 +58,24 @@ impl Frame<'_> {
         (self.store_drives)(self.wave);
     }
 
-    /// To a mask at a distance and through it.
-    pub(super) fn through_mask(&mut self) {
-        let [mask, transfer] = self.tables.mask;
-        let [through, reach] = self.shape.mask_factors(false);
-        self.fft.whole(self.field, Direction::Forward);
-        multiply(&reach, transfer, self.field);
-        (self.store)(self.field);
-        self.fft.whole(self.field, Direction::Inverse);
-        multiply(&through, mask, self.field);
-        (self.store)(self.field);
-    }
-
-    /// The same transposed.
-    pub(super) fn through_mask_back(&mut self) {
-        let [mask, transfer] = self.tables.mask;
-        let [through, reach] = self.shape.mask_factors(true);
-        multiply(&through, mask, self.change);
-        (self.store)(self.change);
-        self.fft.whole(self.change, Direction::Forward);
-        multiply(&reach, transfer, self.change);
-        (self.store)(self.change);
-        self.fft.whole(self.change, Direction::Inverse);
+    /// From the SLM to a mask at a distance and through it, or back.
+    pub(super) fn through_mask(&mut self, back: bool) {
+        let ([mask, transfer], store) = (self.tables.mask, self.store);
+        let [through, reach] = self.shape.mask_factors(back);
+        let frame = if back { &mut *self.change } else { &mut *self.field };
+        let times = |args: &multiply::Args, factors: &[Complex32], frame: &mut [Complex32]| {
+            multiply(args, factors, frame);
+            store(frame);
+        };
+        if back {
+            times(&through, mask, frame);
+        }
+        self.fft.whole(frame, Direction::Forward);
+        times(&reach, transfer, frame);
+        self.fft.whole(frame, Direction::Inverse);
+        if !back {
+            times(&through, mask, frame);
+        }
     }
 
     pub(super) fn phase_gradient(&mut self) {

@@ -139,8 +139,10 @@ impl ViewDecoder {
     pub fn upload(&mut self, samples: &[u8]) -> Result<(), EngineError> {
         let bytes = samples.len() as u64;
         if bytes > self.samples.size || !bytes.is_multiple_of(4) {
-            let reason = format!("{bytes} bytes of views, where {} in words of 4 fit", self.samples.size);
-            return Err(EngineError::Mismatch { reason });
+            return Err(EngineError::mismatch(format!(
+                "{bytes} bytes of views, where {} in words of 4 fit",
+                self.samples.size
+            )));
         }
         self.gpu.put(&mut self.samples, samples, [(0, 0, bytes)])
     }
@@ -154,8 +156,10 @@ impl ViewDecoder {
         let ends = at.checked_add(bytes).is_some_and(|end| end <= from.block.size);
         if !ends || bytes > self.samples.size || !(at | bytes).is_multiple_of(4) || !from.block.is_on(&self.gpu.device)
         {
-            let reason = format!("{bytes} bytes of views at {at}, where {} are shared", from.block.size);
-            return Err(EngineError::Mismatch { reason });
+            return Err(EngineError::mismatch(format!(
+                "{bytes} bytes of views at {at}, where {} are shared",
+                from.block.size
+            )));
         }
         self.gpu.recorder.begin(0)?;
         self.gpu.recorder.take_over(&from.block);
@@ -193,8 +197,10 @@ impl ViewDecoder {
         let (count, pixels, parts) = (views.count(), self.pixels(), self.parts());
         let bytes = views.sample_bytes() * (count * pixels * self.stored) as u64;
         if count == 0 || bytes > self.samples.size {
-            let reason = format!("{count} views take {bytes} bytes, where {} fit", self.samples.size);
-            return Err(EngineError::Mismatch { reason });
+            return Err(EngineError::mismatch(format!(
+                "{count} views take {bytes} bytes, where {} fit",
+                self.samples.size
+            )));
         }
         let step = (4 * SUMS as u64 * u64::from(parts) * count as u64).next_multiple_of(256);
         let size = step * self.channels.len() as u64;

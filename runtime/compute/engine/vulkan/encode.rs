@@ -183,8 +183,10 @@ impl VulkanEncoder {
     pub fn upload(&mut self, phases: &[&[f32]]) -> Result<(), EngineError> {
         let wanted = self.input.floats();
         if phases.len() != self.inks.len() || phases.iter().any(|p| p.len() != wanted) {
-            let reason = format!("a set has {} colours of {wanted} phases each", self.inks.len());
-            return Err(EngineError::Mismatch { reason });
+            return Err(EngineError::mismatch(format!(
+                "a set has {} colours of {wanted} phases each",
+                self.inks.len()
+            )));
         }
         for (ink, phases) in self.inks.iter_mut().zip(phases) {
             if ink.phases.is_none() {
@@ -212,8 +214,10 @@ impl VulkanEncoder {
         let Layout { frames, values, .. } = self.input;
         let fits = |p: &PhasesOnDevice<'_>| (p.frames, p.values) == (frames, values) && p.block.is_on(&self.gpu.device);
         if phases.len() != self.inks.len() || !phases.iter().all(fits) {
-            let reason = format!("a set has {} colours of {frames} x {values} phases on one device", self.inks.len());
-            return Err(EngineError::Mismatch { reason });
+            return Err(EngineError::mismatch(format!(
+                "a set has {} colours of {frames} x {values} phases on one device",
+                self.inks.len()
+            )));
         }
         self.run(Some(phases))
     }
@@ -256,8 +260,7 @@ impl VulkanEncoder {
                     Some(given) => Some(given[run.color].block),
                     None => ink.phases.as_ref(),
                 };
-                let phases =
-                    phases.ok_or_else(|| EngineError::Mismatch { reason: "no phases were uploaded".into() })?;
+                let phases = phases.ok_or_else(|| EngineError::mismatch("no phases were uploaded"))?;
                 let buffers = [
                     layout(angles).range(phases, run.first, run.count),
                     ink.offsets.all(),
@@ -291,9 +294,7 @@ impl VulkanEncoder {
         let [height, width] = [args.video_height(), args.video_width()];
         let fits = (pictures.count, pictures.size) == (output.frames, [height, width]);
         if !fits || pictures.in_use() || !pictures.block.is_on(&gpu.device) {
-            return Err(EngineError::Mismatch {
-                reason: "these pictures are another encoder's, or still shown".into(),
-            });
+            return Err(EngineError::mismatch("these pictures are another encoder's, or still shown"));
         }
         let pipeline = gpu.pipeline(&spirv::PIXELS, 2, &[])?;
         let push = pixels::Args {
@@ -328,8 +329,11 @@ impl VulkanEncoder {
         let row = self.args.video_width() * self.args.channels as usize;
         let rows = self.args.video_height() * self.output.frames;
         if bytes.len() != row * rows {
-            let reason = format!("the video frames have {} bytes, {} were given", row * rows, bytes.len());
-            return Err(EngineError::Mismatch { reason });
+            return Err(EngineError::mismatch(format!(
+                "the video frames have {} bytes, {} were given",
+                row * rows,
+                bytes.len()
+            )));
         }
         let pieces = self.output.pieces_back();
         if self.padded.is_empty() {

@@ -106,9 +106,7 @@ impl VulkanEngine {
         for (buffer, data) in std::mem::take(&mut self.written) {
             let Some((resource, at, index)) = pupil_pass_buffer(buffer) else { continue };
             let Some(layout) = group.get(index).map(|slot| slot[at]) else {
-                return Err(EngineError::Mismatch {
-                    reason: format!("{buffer:?} was written, and no pupil_pass uses it"),
-                });
+                return Err(EngineError::mismatch(format!("{buffer:?} was written, and no pupil_pass uses it")));
             };
             if layout.floats() != data.len() {
                 return Err(misfit(buffer, layout.floats(), data.len()));
@@ -386,7 +384,7 @@ impl Engine for VulkanEngine {
         if let Some(data) = self.written.get(&buffer) {
             return Ok(data.clone());
         }
-        let never = || EngineError::Mismatch { reason: format!("{buffer:?} was never written") };
+        let never = || EngineError::mismatch(format!("{buffer:?} was never written"));
         let layout = self.slots.get(index).ok_or_else(never)?[at];
         if layout.floats() == 0 {
             return Ok(Vec::new());
@@ -424,7 +422,7 @@ impl Engine for VulkanEngine {
     }
 
     fn look_up(&mut self, of: &LookUp) -> Result<(), EngineError> {
-        let nothing = || EngineError::Mismatch { reason: "no views were loaded".into() };
+        let nothing = || EngineError::mismatch("no views were loaded");
         let views = self.views.clone().ok_or_else(nothing)?;
         let phases = self.stacks.get(Buffer::Phases)?;
         look_up(&mut self.gpu, &mut self.tables, &views, phases, of)

@@ -72,8 +72,7 @@ pub(super) fn look_up(
 ) -> Result<(), EngineError> {
     let wanted = (of.args.frames as usize, (of.args.height * of.args.width) as usize);
     if (phases.layout.frames, phases.layout.values) != wanted {
-        let reason = format!("{} sub-frames of {} phases are looked up", wanted.0, wanted.1);
-        return Err(EngineError::Mismatch { reason });
+        return Err(EngineError::mismatch(format!("{} sub-frames of {} phases are looked up", wanted.0, wanted.1)));
     }
     let tables = match kept.take() {
         Some(tables) if tables.fits(of) => kept.insert(tables),

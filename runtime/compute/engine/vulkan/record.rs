@@ -142,7 +142,7 @@ impl<'a> Work<'a> {
             self.gpu.recorder.barrier();
             self.gpu.recorder.is_held = true;
         }
-        let full = || EngineError::Mismatch { reason: "phases change before losses are judged, or too often".into() };
+        let full = || EngineError::mismatch("phases change before losses are judged, or too often");
         self.guarded.as_mut().and_then(|guarded| guarded.groups(groups)).ok_or_else(full)
     }
 }

@@ -98,7 +98,7 @@ fn judge(report: &DeviceReport, what: &'static str, error: f64) -> Result<(), En
 fn errors(mut engine: VulkanEngine) -> Result<[f64; 2], EngineError> {
     const SIZE: [usize; 2] = [60, 120];
     let [height, width] = SIZE;
-    let invalid = |e: crate::optics::OpticsError| EngineError::Mismatch { reason: e.to_string() };
+    let invalid = |e: crate::optics::OpticsError| EngineError::mismatch(e.to_string());
     let optics = Optics::new(height, width, 8e-6, 520e-9, 0.4).map_err(invalid)?;
     let planner = Planner::new(optics, 1, WindowFactor::Two);
     let pupil = Pupil { x: 1e-3, y: -1e-3, diameter: 0.8 * optics.eyebox(), depth: 0.3 };

@@ -296,10 +296,7 @@ impl Tables {
     }
 
     fn range(&self, place: Place) -> Result<Range<'_>, EngineError> {
-        let block = self
-            .block
-            .as_ref()
-            .ok_or_else(|| EngineError::Mismatch { reason: "the step has no pupil_passes".into() })?;
+        let block = self.block.as_ref().ok_or_else(|| EngineError::mismatch("the step has no pupil_passes"))?;
         Ok(block.range(place.offset, place.size))
     }
 }

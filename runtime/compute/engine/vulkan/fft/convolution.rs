@@ -3,29 +3,10 @@
 use super::state::{Fft, Planned, Work};
 use crate::engine::{EngineError, Storage};
 use crate::gpu::{Block, Commands, Pipeline, Range};
-use bytemuck::{Pod, Zeroable};
 use eyebox_kernels::fft_plan::{Axis, CHIRP_BEGIN, CHIRP_END, CHIRP_FILTER, CHIRP_WORKGROUP};
 
 /// Scratch that is spent on a convolution's lines at once, in bytes, once to read and once to write.
 const WORK: u64 = 16 << 20;
-
-/// Push constants of `fft_chirp`.
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct ChirpArguments {
-    mode: u32,
-    n: u32,
-    m: u32,
-    inverse: u32,
-    rows: u32,
-    first: u32,
-    count: u32,
-    wrap: u32,
-    data_row: u32,
-    data_frame: u32,
-    work_row: u32,
-    work_frame: u32,
-}
 
 impl Fft {
     /// Lines go to the scratch as many at once as fit, each longer than before, and come back.
@@ -44,26 +25,17 @@ impl Fft {
         let rows = work.axis == Axis::Rows;
         let mut begun = false;
         for line in (0..work.count).step_by(chunks.lines as usize) {
-            for frame in (0..work.frames).step_by(chunks.frames as usize) {
+            for first_frame in (0..work.frames).step_by(chunks.frames as usize) {
                 let count = chunks.lines.min(work.count - line);
-                let frames = chunks.frames.min(work.frames - frame);
+                let frames = chunks.frames.min(work.frames - first_frame);
                 let first = (work.first + line) % work.wrap;
-                let offset = work.storage.bytes() as u64 * u64::from(work.frame) * u64::from(frame);
+                let offset = work.storage.bytes() as u64 * u64::from(work.frame) * u64::from(first_frame);
                 let data = Range { offset: work.data.offset + offset, size: work.data.size - offset, ..work.data };
-                let arguments = |mode| ChirpArguments {
-                    mode,
-                    n,
-                    m,
-                    inverse: u32::from(work.inverse),
-                    rows: u32::from(rows),
-                    first,
-                    count,
-                    wrap: work.wrap,
-                    data_row: work.row,
-                    data_frame: work.frame,
-                    work_row: chunks.row,
-                    work_frame: chunks.frame,
-                };
+                let inverse = u32::from(work.inverse);
+                let (row, frame) = (chunks.row, chunks.frame);
+                // As `fft_chirp` has them, but for its mode, which comes first.
+                let arguments =
+                    [n, m, inverse, u32::from(rows), first, count, work.wrap, work.row, work.frame, row, frame];
                 let step = |fft: &mut Self, gpu: &mut Commands, mode: u32, table: &Block| {
                     let length = if mode == CHIRP_END { n } else { m };
                     let (along, across) = if rows { (length, count) } else { (count, length) };
@@ -72,7 +44,8 @@ impl Fft {
                         if mode == CHIRP_FILTER { (long, Storage::F32) } else { (data, work.storage) };
                     let pipeline = chirp_pipeline(gpu, storage)?;
                     let buffers = [data, long, table.all()];
-                    gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments(mode)), groups)?;
+                    let push = [&[mode], &arguments[..]].concat();
+                    gpu.recorder.dispatch(pipeline, &buffers, bytemuck::cast_slice(&push), groups)?;
                     let values = u64::from(length) * u64::from(count) * u64::from(frames);
                     let of = |storage: Storage, n: u64| storage.bytes() as u64 * n;
                     gpu.recorder.moved(|| match mode {
@@ -96,11 +69,11 @@ impl Fft {
                     first: 0,
                     // A column beside the last one may be transformed with it: nobody reads it.
                     count: if rows { count } else { count.next_multiple_of(2) },
-                    wrap: if rows { u32::MAX } else { chunks.row },
+                    wrap: if rows { u32::MAX } else { row },
                     columns: if rows { [0, m] } else { [0, count.next_multiple_of(2)] },
-                    row: chunks.row,
-                    frame: chunks.frame,
-                    spare_frame: chunks.frame,
+                    row,
+                    frame,
+                    spare_frame: frame,
                     inverse,
                     storage: Storage::F32,
                 };

@@ -17,6 +17,6 @@ mod record;
 mod state;
 mod transforms;
 
-pub(super) use record::{in_use, plan_limits, shared_constants};
+pub(super) use record::{in_use, plan_limits, row_groups, shared_constants};
 pub(super) use state::{Along, Fft, Frames, Planned};
 pub use transforms::{Timed, Transforms};

@@ -33,20 +33,6 @@ struct PassArguments {
     to_frame: u32,
 }
 
-/// Push constants of `fft_shared`.
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct SharedArguments {
-    n: u32,
-    count: u32,
-    all: u32,
-    inverse: u32,
-    row: u32,
-    frame: u32,
-    first: u32,
-    used: u32,
-}
-
 impl Fft {
     /// Plan, tables and pipelines of a length.
     fn axis(
@@ -61,8 +47,8 @@ impl Fft {
         let planned = match self.axes.get(&(short, axis)) {
             Some(planned) => Arc::clone(planned),
             None => {
-                let plan = Plan::new(short, axis, &plan_limits(gpu)).ok_or_else(|| EngineError::Mismatch {
-                    reason: format!("{n} points cannot be transformed, 1 to {LONGEST} can"),
+                let plan = Plan::new(short, axis, &plan_limits(gpu)).ok_or_else(|| {
+                    EngineError::mismatch(format!("{n} points cannot be transformed, 1 to {LONGEST} can"))
                 })?;
                 let planned = Arc::new(planned(gpu, plan)?);
                 self.axes.insert((short, axis), Arc::clone(&planned));
@@ -119,7 +105,7 @@ impl Fft {
         let axes = [(width, Axis::Rows), (height, columns_axis(gpu, frames.width))]
             .map(|key| self.axes.get(&key).cloned().map(|planned| (key.1, planned)));
         let [Some(rows), Some(down)] = axes else {
-            return Err(EngineError::Mismatch { reason: format!("no transform of {height} x {width} was prepared") });
+            return Err(EngineError::mismatch(format!("no transform of {height} x {width} was prepared")));
         };
         let limits = gpu.limits;
         let size = frames.storage.bytes() as u64;
@@ -147,7 +133,7 @@ impl Fft {
             (Along::Both, Direction::Inverse) => vec![down, rows],
         };
         // What is transformed of the columns, for the scratch as for the work.
-        let (first_column, used) = outward(columns.first as u32 % width, columns.count as u32, width);
+        let [first_column, used] = in_use(columns, frames.width);
         let need = axes.iter().filter(leaves).map(|(axis, planned)| match &planned.plan.method {
             Method::Bluestein { inner } => {
                 let lines = if *axis == Axis::Rows { height } else { used };
@@ -224,18 +210,16 @@ impl Fft {
     ) -> Result<(), EngineError> {
         let (n, rows) = (planned.plan.n, work.count * work.frames);
         let (all, groups) = if work.axis == Axis::Rows {
-            let groups = rows.div_ceil(shared.lines);
-            let wide = groups.min(gpu.limits.groups[0]);
-            (rows, [wide, groups.div_ceil(wide), 1])
+            (rows, row_groups(gpu, shared, rows))
         } else {
             (work.wrap, [(work.count / 2).div_ceil(shared.lines), work.frames, 1])
         };
         let inverse = u32::from(work.inverse);
         let Work { count, row, frame, columns: [first, used], .. } = *work;
-        let arguments = SharedArguments { n, count, all, inverse, row, frame, first, used };
+        let arguments = [n, count, all, inverse, row, frame, first, used];
         let pipeline = shared_pipeline(gpu, shared, work.axis, work.storage)?;
         let buffers = [work.data, planned.twiddles.all()];
-        gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments), groups)?;
+        gpu.recorder.dispatch(pipeline, &buffers, bytemuck::cast_slice(&arguments), groups)?;
         let value = work.storage.bytes() as u64 * u64::from(rows);
         let of_row = |skips: bool| value * u64::from(if work.axis == Axis::Rows && skips { used } else { n });
         gpu.recorder.moved(|| vec![work.data.reads(of_row(work.inverse)), work.data.writes(of_row(!work.inverse))]);
@@ -299,18 +283,13 @@ impl Fft {
 /// Columns that wrap, from an even one on and as many as go in pairs: one more may be transformed on either side. Nobody
 /// reads what becomes of it on the way forward, and it is zero on the way back. Of an odd width, whose rows are not
 /// aligned, none go in pairs.
-fn outward(first: u32, count: u32, width: u32) -> (u32, u32) {
-    if count == 0 || !width.is_multiple_of(2) {
-        return (first, count);
-    }
-    let even = first & !1;
-    (even, (first - even + count).next_multiple_of(2).min(width))
-}
-
-/// The same of frames so wide: the first, and how many.
 pub(in super::super) fn in_use(columns: Columns, width: usize) -> [u32; 2] {
-    let (first, used) = outward((columns.first % width.max(1)) as u32, columns.count as u32, width as u32);
-    [first, used]
+    let (first, count) = (columns.first % width.max(1), columns.count);
+    let (first, count) = match count > 0 && width.is_multiple_of(2) {
+        true => (first & !1, (first % 2 + count).next_multiple_of(2).min(width)),
+        false => (first, count),
+    };
+    [first as u32, count as u32]
 }
 
 /// A plan with its tables.
@@ -381,6 +360,13 @@ pub(in super::super) fn shared_constants(shared: &Shared, axis: Axis) -> [u32; 2
     constants
 }
 
+/// Workgroups for so many rows.
+pub(in super::super) fn row_groups(gpu: &Commands, shared: &Shared, rows: u32) -> [u32; 3] {
+    let groups = rows.div_ceil(shared.lines);
+    let wide = groups.min(gpu.limits.groups[0]);
+    [wide, groups.div_ceil(wide.max(1)), 1]
+}
+
 /// What plans must fit on this device.
 pub(in super::super) fn plan_limits(gpu: &Commands) -> PlanLimits {
     let limits = gpu.limits;
@@ -395,7 +381,8 @@ mod tests {
     fn columns_grow_by_one_on_either_side_at_most_and_go_in_pairs() {
         for width in 1..12 {
             for (first, count) in (0..width).flat_map(|first| (1..=width).map(move |count| (first, count))) {
-                let (from, many) = outward(first, count, width);
+                let columns = Columns { first: first as usize, count: count as usize };
+                let [from, many] = in_use(columns, width as usize);
                 let all = |first: u32, count: u32| (0..count).map(move |i| (first + i) % width);
                 assert!(all(first, count).all(|c| all(from, many).any(|d| c == d)), "{first} {count} {width}");
                 assert!(width % 2 == 1 || (from % 2, many % 2) == (0, 0), "{first} {count} {width}");

@@ -57,11 +57,11 @@ impl<'a> Call<'_, 'a> {
     fn order(&self) -> Result<impl Iterator<Item = usize> + use<>, EngineError> {
         let pupils = self.dispatch.pupil_passes.clone();
         let order = self.work.tables.order(&pupils, self.slots);
-        let odd = || EngineError::Mismatch {
-            reason: format!(
+        let odd = || {
+            EngineError::mismatch(format!(
                 "{} runs over pupil_passes {pupils:?}, and another kernel over some of them",
                 self.kernel.name()
-            ),
+            ))
         };
         let order = order.ok_or_else(odd)?.iter().map(|i| i - pupils.start).collect::<Vec<_>>();
         Ok(order.into_iter())

@@ -218,7 +218,7 @@ impl<'a> Call<'_, 'a> {
     }
 
     pub(super) fn missing(&self, resource: Resource) -> EngineError {
-        EngineError::Mismatch { reason: format!("{} has no {resource:?}", self.kernel.name()) }
+        EngineError::mismatch(format!("{} has no {resource:?}", self.kernel.name()))
     }
 
     /// One dispatch.
@@ -229,7 +229,7 @@ impl<'a> Call<'_, 'a> {
         more: &[u32],
         groups: [u32; 3],
     ) -> Result<(), EngineError> {
-        let missing = || EngineError::Mismatch { reason: format!("{} has no shader", self.kernel.name()) };
+        let missing = || EngineError::mismatch(format!("{} has no shader", self.kernel.name()));
         let module = self.module.ok_or_else(missing)?.stored(self.shape.halves());
         let (args, more) = (bytemuck::bytes_of(args), bytemuck::cast_slice::<_, u8>(more));
         let mut push = [0u8; PUSH_BYTES as usize];

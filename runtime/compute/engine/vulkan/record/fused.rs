@@ -7,7 +7,7 @@ use crate::gpu::Range;
 use crate::plan::fusion::{Epilogue, Fusable, Fusion, ways};
 use crate::plan::{Access, Move};
 use eyebox_kernels::fft::Direction;
-use eyebox_kernels::fft_plan::{Axis, Shared, Together};
+use eyebox_kernels::fft_plan::{Axis, Together};
 use eyebox_spirv::Module;
 use std::sync::Arc;
 
@@ -67,13 +67,6 @@ impl Work<'_> {
 
     pub(super) fn together(&self, along: &Planned, n: usize) -> Option<Together> {
         along.shared()?.together(n as u32, self.shape.frames as u32, &plan_limits(self.gpu))
-    }
-
-    /// Workgroups for so many rows.
-    pub(super) fn row_groups(&self, shared: &Shared, rows: u32) -> [u32; 3] {
-        let groups = rows.div_ceil(shared.lines);
-        let wide = groups.min(self.gpu.limits.groups[0]);
-        [wide, groups.div_ceil(wide.max(1)), 1]
     }
 }
 
@@ -141,7 +134,7 @@ impl<'a> Call<'_, 'a> {
     }
 
     pub(super) fn planned(&self, n: usize, axis: Axis) -> Result<Arc<Planned>, EngineError> {
-        let missing = || EngineError::Mismatch { reason: format!("no transform of {n} was prepared") };
+        let missing = || EngineError::mismatch(format!("no transform of {n} was prepared"));
         self.work.lines_of(n, axis).ok_or_else(missing)
     }
 

@@ -1,6 +1,6 @@
 //! The whole frame, fused: from phases to the spectrum, and from what pupils return to phases.
 
-use super::super::fft::{in_use, shared_constants};
+use super::super::fft::{in_use, row_groups, shared_constants};
 use super::call::Call;
 use super::fused::Lines;
 use crate::engine::{EngineError, Kernel, Resource};
@@ -22,16 +22,6 @@ struct FieldArguments {
     scale: f32,
     lit_stride: u32,
     field_stride: u32,
-}
-
-/// Those of what is behind the rows of the change, after its own.
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct BehindArguments {
-    columns: [u32; 2],
-    all: u32,
-    change_stride: u32,
-    moved_stride: u32,
 }
 
 /// Those of `gather_columns`.
@@ -83,7 +73,7 @@ impl<'a> Call<'_, 'a> {
                 module,
                 constants: &self.constants(shared),
                 changes_phases: false,
-                groups: self.work.row_groups(shared, all),
+                groups: row_groups(self.work.gpu, shared, all),
             };
             let mut buffers = vec![self.plane(lit[0].1, first, count)?, planned.twiddles.all(), field];
             for (_, resource) in &lit[1..] {
@@ -114,14 +104,14 @@ impl<'a> Call<'_, 'a> {
                 module,
                 constants: &self.constants(shared),
                 changes_phases: moved.contains(&Resource::Phases),
-                groups: self.work.row_groups(shared, all),
+                groups: row_groups(self.work.gpu, shared, all),
             };
             let mut buffers = vec![change, planned.twiddles.all()];
             for (_, resource) in &others {
                 buffers.push(self.plane(*resource, first, count)?);
             }
-            let mut args = bytes_of(own).to_vec();
-            args.extend(bytes_of(&BehindArguments { columns, all, change_stride, moved_stride }));
+            let behind = [columns[0], columns[1], all, change_stride, moved_stride];
+            let args = [bytes_of(own), bytes_of(&behind)].concat();
             let mut moves = self.moves_of_pixels(&others, first, count)?;
             moves.push(change.reads(size * u64::from(columns[1]) * u64::from(all)));
             self.dispatch(&lines, &buffers, &args, || moves)?;

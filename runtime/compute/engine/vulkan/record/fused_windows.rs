@@ -9,8 +9,7 @@ use crate::engine::{EngineError, PupilPass, Resource};
 use crate::gpu::Range;
 use crate::plan::Access::{Read, Update, Write};
 use crate::plan::Move;
-use bytemuck::{Pod, Zeroable, bytes_of};
-use eyebox_kernels::BATCH;
+use bytemuck::cast_slice;
 use eyebox_kernels::fft_plan::{Axis, Shared};
 
 /// Modes of `compare_rows`.
@@ -21,39 +20,6 @@ const WHOLE: u32 = 3;
 
 /// A batch, and the frames of it (first, count) that a kernel sees at once.
 type BatchFrames = (Members, usize, usize);
-
-/// Push constants of `pass_columns`.
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct PassArguments {
-    grid: [u32; 2],
-    rows: u32,
-    spectrum_stride: u32,
-    transfer_base: u32,
-    window_base: u32,
-    members: [u32; BATCH],
-}
-
-/// Those of `window_columns`.
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct ColumnsArguments {
-    rows: u32,
-    window_base: u32,
-    members: [u32; BATCH],
-}
-
-/// Those of `compare_rows`.
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct CompareArguments {
-    width: u32,
-    frames: u32,
-    window_base: u32,
-    pixels_base: u32,
-    losses_base: u32,
-    members: [u32; BATCH],
-}
 
 impl<'a> Call<'_, 'a> {
     /// The pupils of the dispatch side by side, stage by stage: to what they see, or on to the spectra of what they lack.
@@ -131,6 +97,11 @@ impl<'a> Call<'_, 'a> {
         Ok((self.layout_of(Resource::Window, *at)?.range(range.block, first, count), base))
     }
 
+    /// Push constants of these kernels: numbers in the order of their shader, and the places of a batch.
+    fn push(&self, numbers: &[u32], batch: &[usize]) -> Vec<u8> {
+        cast_slice(&[numbers, &self.members(batch)].concat()).to_vec()
+    }
+
     fn pass_columns(&mut self) -> Result<(), EngineError> {
         for (batch, first, count) in
             self.frames_of_batches(&[Resource::Field], &[Resource::Window, Resource::Transfer])?
@@ -144,14 +115,8 @@ impl<'a> Call<'_, 'a> {
             let size = self.shape.storage.bytes() as u64;
             let field = self.bound(Resource::Field, first, count)?;
             let (window, window_base) = self.spread_frames(&batch, first, count)?;
-            let args = PassArguments {
-                grid: self.grid_size().map(|n| n as u32),
-                rows: rows as u32,
-                spectrum_stride,
-                transfer_base,
-                window_base,
-                members: self.members(&batch),
-            };
+            let [height, width] = self.grid_size().map(|n| n as u32);
+            let args = [height, width, rows as u32, spectrum_stride, transfer_base, window_base];
             let lines = Lines {
                 module: &eyebox_spirv::PASS_COLUMNS,
                 constants: &shared_constants(shared, Axis::ColumnPairs)[..20],
@@ -159,7 +124,7 @@ impl<'a> Call<'_, 'a> {
                 groups: [self.column_pairs(&batch).div_ceil(shared.lines), count as u32, batch.len() as u32],
             };
             let buffers = [field, planned.twiddles.all(), transfer, tables, window, pupils];
-            self.dispatch(&lines, &buffers, bytes_of(&args), Vec::new)?;
+            self.dispatch(&lines, &buffers, &self.push(&args, &batch), Vec::new)?;
             self.say_lines_moved(&batch, |pass, used| {
                 let (passing, frames) = (pass.passing(), count as u64);
                 vec![
@@ -178,7 +143,7 @@ impl<'a> Call<'_, 'a> {
             let planned = self.planned(rows, Axis::ColumnPairs)?;
             let Some(shared) = planned.shared() else { continue };
             let (window, window_base) = self.spread_frames(&batch, first, count)?;
-            let args = ColumnsArguments { rows: rows as u32, window_base, members: self.members(&batch) };
+            let args = [rows as u32, window_base];
             let frames = count as u32;
             let lines = Lines {
                 module: &eyebox_spirv::WINDOW_COLUMNS,
@@ -187,7 +152,7 @@ impl<'a> Call<'_, 'a> {
                 groups: [self.column_pairs(&batch).div_ceil(shared.lines), frames, batch.len() as u32],
             };
             let buffers = [window, planned.twiddles.all(), self.work.tables.pupils()?];
-            self.dispatch(&lines, &buffers, bytes_of(&args), Vec::new)?;
+            self.dispatch(&lines, &buffers, &self.push(&args, &batch), Vec::new)?;
             let value = self.shape.storage.bytes() as u64 * u64::from(frames);
             self.say_lines_moved(&batch, |_, used| vec![window.reads(value * used), window.writes(value * used)]);
         }
@@ -218,14 +183,7 @@ impl<'a> Call<'_, 'a> {
         let compares = mode == SEE || mode == WHOLE;
         let target = if compares { self.spread(Resource::Target, batch)?.0 } else { image };
         let (losses, losses_base) = if compares { self.spread_losses(batch) } else { None }.unwrap_or((image, 0));
-        let args = CompareArguments {
-            width: width as u32,
-            frames,
-            window_base,
-            pixels_base,
-            losses_base,
-            members: self.members(batch),
-        };
+        let args = self.push(&[width as u32, frames, window_base, pixels_base, losses_base], batch);
         let pupils = self.work.tables.pupils()?;
         let mut constants = shared_constants(&together.shared, Axis::Rows).to_vec();
         let kept = if mode == WHOLE { together.kept } else { lines };
@@ -254,7 +212,7 @@ impl<'a> Call<'_, 'a> {
                 groups: [count as u32, rounds, batch.len() as u32],
             };
             let buffers = [window, planned.twiddles.all(), image, target, losses, pupils];
-            self.dispatch(&dispatch, &buffers, bytes_of(&args), Vec::new)?;
+            self.dispatch(&dispatch, &buffers, &args, Vec::new)?;
             self.say_lines_moved(batch, |pass, used| {
                 let part =
                     |bytes: u64| if batch.len() == 1 { bytes * count as u64 / rows.max(1) as u64 } else { bytes };

@@ -41,7 +41,7 @@ impl Stacks {
     }
 
     pub(in super::super) fn get(&self, buffer: Buffer) -> Result<&Stack, EngineError> {
-        let missing = || EngineError::Mismatch { reason: format!("{buffer:?} is not made for this purpose") };
+        let missing = || EngineError::mismatch(format!("{buffer:?} is not made for this purpose"));
         self.find(buffer.resource().0).ok_or_else(missing)
     }
 
