@@ -136,7 +136,10 @@ mod tests {
     use crate::Complex64;
     use proptest::prelude::*;
 
-    fn table(rows: usize, columns: usize, frames: usize, seed: u64) -> (Table, Vec<(Shift, Vec<[u32; 2]>)>) {
+    /// Shifts of sub-frames, each with the spans of its rows.
+    type Shifts = Vec<(Shift, Vec<[u32; 2]>)>;
+
+    fn table(rows: usize, columns: usize, frames: usize, seed: u64) -> (Table, Shifts) {
         let number = |i: u64| {
             let x = seed.wrapping_add(i.wrapping_mul(0x9e37_79b9_7f4a_7c15)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
             (x >> 40) as f64 / (1u64 << 24) as f64

@@ -73,8 +73,11 @@ impl Buffer {
     }
 }
 
+/// Makes the buffer of a slot.
+type BufferOf = fn(usize) -> Buffer;
+
 /// The resources that are buffers, and which they are, of a slot: those of the shape, then those of a slot.
-const BUFFERS: [(Resource, fn(usize) -> Buffer); 24] = [
+const BUFFERS: [(Resource, BufferOf); 24] = [
     (Resource::Phases, |_| Buffer::Phases),
     (Resource::Shown, |_| Buffer::Shown),
     (Resource::Levels, |_| Buffer::Levels),
@@ -438,6 +441,7 @@ impl Shape {
         Resource::OF_SHAPE.into_iter().filter(|r| self.has(*r)).filter_map(|resource| resource.buffer(0))
     }
 
+    #[cfg(feature = "vulkan")]
     /// What a kernel that is bound to this is really bound to: where the SLM has no levels, the phases are what is shown.
     pub(crate) fn alias(&self, resource: Resource) -> Resource {
         if resource == Resource::Shown && !self.quantised { Resource::Phases } else { resource }

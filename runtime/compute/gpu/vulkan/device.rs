@@ -123,7 +123,7 @@ impl Device {
             extensions.push(khr::portability_subset::NAME);
         }
         #[cfg(target_os = "linux")]
-        if super::external::shares(instance, physical) {
+        if super::sharing::shares(instance, physical) {
             extensions.push(khr::external_memory_fd::NAME);
         }
         let mut timeline = vk::PhysicalDeviceTimelineSemaphoreFeatures::default().timeline_semaphore(true);

@@ -29,6 +29,8 @@ mod open;
 mod pictures;
 mod pipelines;
 mod recorder;
+#[cfg(target_os = "linux")]
+mod sharing;
 mod slot;
 #[cfg(any(test, feature = "test-hooks"))]
 pub mod statistics;
@@ -46,10 +48,12 @@ pub use counters::Counts;
 pub use device::Device;
 pub use devices::devices;
 #[cfg(target_os = "linux")]
-pub use external::{DeviceIds, SharedLayout, SharedMemory, SlotWriter};
+pub use external::{SharedLayout, SharedMemory, SlotWriter};
 pub use instance::{Instance, Messages, has};
 pub use open::{Gpu, RawDevice};
 pub use pictures::{PhasesOnDevice, Pictures, PixelOrder, Ready};
 pub(crate) use pipelines::{PUSH_BYTES, Pipeline};
 pub(crate) use recorder::{Groups, Piece};
+#[cfg(target_os = "linux")]
+pub use sharing::DeviceIds;
 pub(crate) use slot::IN_FLIGHT;
