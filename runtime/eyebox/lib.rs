@@ -72,7 +72,7 @@
 //! | [`optics`] | Display, pupil, propagation and window as pure functions in float64, without buffers or threads |
 //! | [`scene`] | Light fields: reading, built-in scenes, depth and disparity, target images |
 //! | [`engine`] | Runs lists of kernels over buffers: on the `cpu`, on `vulkan`, or on both in turn (`Handover`) |
-//! | [`gpu`] | One Vulkan device, opened once and shared: queues, memory, pipelines and their cache, validation messages |
+//! | [`gpu`] | One Vulkan device, opened once and shared |
 //! | [`present`] | Brings video frames to light in a window, on a direct display or in memory, and reports when each one lit up |
 //! | [`encode`] | Converts phases to the bytes that the SLM receives: calibration, levels, packing |
 //! | [`hologram`] | The hologram file: phase frames with their metadata, whole, in sequences and in tiles |
