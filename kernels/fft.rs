@@ -214,7 +214,7 @@ impl Plans {
     }
 }
 
-/// The first values of a list that grows to have so many.
+/// Returns the first `count` values of a list, which grows if it is shorter.
 fn room(values: &mut Vec<Complex32>, count: usize) -> &mut [Complex32] {
     if values.len() < count {
         values.resize(count, ZERO);

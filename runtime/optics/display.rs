@@ -107,10 +107,14 @@ pub struct Display {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
+    /// What it is called; without, as the file is.
     #[serde(default)]
     name: Option<String>,
+    /// Rows and columns of the SLM.
     resolution: [usize; 2],
+    /// Pixel pitch, micrometers.
     pitch_um: f64,
+    /// Focal length of the relay, millimeters; in the far field, what angles and diopters are measured with.
     focal_length_mm: f64,
     /// Wavelengths, nanometers: one to three of red, green, blue.
     wavelengths_nm: BTreeMap<Color, f64>,
@@ -120,8 +124,10 @@ struct File {
     /// Video frames that it takes a second, where that is known, 1 to 100000.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     rate_hz: Option<f64>,
+    /// Where the SLM stands: behind a relay, or in the plane of the pupil [default: relay].
     #[serde(default, skip_serializing_if = "Geometry::is_relay")]
     geometry: Geometry,
+    /// Whether it is meant to be higher than wide.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     portrait: bool,
     /// Turns of a color's light where that of the longest wavelength makes one, above 0, at most 8 [default: the longest
@@ -132,21 +138,28 @@ struct File {
     /// [default: in-turn].
     #[serde(default, skip_serializing_if = "super::is_default")]
     sources_lit: SourcesLit,
+    /// How it takes its phases: the table below.
     #[serde(default)]
     encoding: Encoding,
+    /// What is known of it beyond the ideal display: `[model.red]`, `[model.green]`, `[model.blue]`, `[model.all]`, below.
     #[serde(default, skip_serializing_if = "ModelSections::is_empty")]
     model: ModelSections,
+    /// Its light, where that is no laser on the axis: `[source.red]`, `[source.green]`, `[source.blue]`, `[source.all]`, below.
     #[serde(default, skip_serializing_if = "SourceSections::is_empty")]
     source: SourceSections,
+    /// The static phase mask in front of its SLM: below.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     mask: Option<Mask>,
+    /// Its switchable sources, one table each: `[[sources]]`, below.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     sources: Vec<SwitchedSource>,
     /// Where its picture is seen, as `eyebox calibrate --register` found: below.
     #[serde(default, skip_serializing_if = "Picture::is_empty")]
     picture: Picture,
+    /// The eye that looks at it; a perfect one without: below.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     prescription: Option<Prescription>,
+    /// How bright and how fine it is seen, which JOD are judged by: below.
     #[serde(default, skip_serializing_if = "Viewing::is_default")]
     viewing: Viewing,
 }

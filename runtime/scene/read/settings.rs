@@ -43,22 +43,39 @@ pub(crate) struct Settings {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Toml {
+    /// Rows and columns of views.
     grid: Option<[usize; 2]>,
+    /// Which pictures are the views; `*` is anything; with a `/`, in the folders of the folder.
     files: Option<String>,
+    /// Whether every second row of running numbers runs backwards.
     serpentine: Option<bool>,
+    /// Whether rows and columns of views change places.
     transpose: Option<bool>,
+    /// Whether the first row of views is the lowest.
     flip_rows: Option<bool>,
+    /// Whether the first column of views is the one farthest right.
     flip_columns: Option<bool>,
+    /// Distance of neighbouring views in the plane of the pupil, millimeters.
     view_pitch_mm: Option<f64>,
+    /// Least and largest disparity between neighbouring views, pixels; positive is nearer.
     disparity: Option<[f64; 2]>,
+    /// Least and largest depth, millimeters; positive is nearer.
     depth_mm: Option<[f64; 2]>,
+    /// How pixels stand for light: linear, or as pictures have it.
     transfer: Option<Transfer>,
+    /// The stored value of white.
     full_scale: Option<f32>,
+    /// Rows and columns of views in the middle that are kept.
     keep: Option<[usize; 2]>,
+    /// Rows and columns of the tiles in which one row of cameras is laid out.
     tiles: Option<[usize; 2]>,
+    /// The tile of the leftmost camera.
     first: Option<FirstTile>,
+    /// Positions of the cameras in the pupil plane, millimeters.
     positions_mm: Option<PositionsToml>,
+    /// Of a focal stack, the depth at which each picture is sharp, millimeters.
     focus_mm: Option<Vec<f64>>,
+    /// Of a focal stack, the diameter of the aperture, millimeters.
     aperture_mm: Option<f64>,
 }
 
