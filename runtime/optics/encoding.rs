@@ -108,7 +108,14 @@ pub enum ChannelOrder {
 impl ChannelOrder {
     /// The channels' numbers, first shown first.
     pub fn channels(self) -> [u8; 3] {
-        [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]][self as usize]
+        match self {
+            Self::Rgb => [0, 1, 2],
+            Self::Rbg => [0, 2, 1],
+            Self::Grb => [1, 0, 2],
+            Self::Gbr => [1, 2, 0],
+            Self::Brg => [2, 0, 1],
+            Self::Bgr => [2, 1, 0],
+        }
     }
 }
 

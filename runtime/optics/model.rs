@@ -318,13 +318,22 @@ pub enum ModelOf {
 impl ModelOf {
     /// The name of its section.
     pub(super) fn name(self) -> &'static str {
-        ["all", "red", "green", "blue"][self as usize]
+        match self {
+            Self::All => "all",
+            Self::Red => "red",
+            Self::Green => "green",
+            Self::Blue => "blue",
+        }
     }
 }
 
 impl From<Color> for ModelOf {
     fn from(color: Color) -> Self {
-        [Self::Red, Self::Green, Self::Blue][color.channel()]
+        match color {
+            Color::Red => Self::Red,
+            Color::Green => Self::Green,
+            Color::Blue => Self::Blue,
+        }
     }
 }
 

@@ -36,7 +36,12 @@ impl Obstruction {
 
     /// Its name.
     pub const fn name(self) -> &'static str {
-        ["lashes", "floaters", "opacity", "scratches"][self as usize]
+        match self {
+            Self::Lashes => "lashes",
+            Self::Floaters => "floaters",
+            Self::Opacity => "opacity",
+            Self::Scratches => "scratches",
+        }
     }
 
     fn marks(self) -> Vec<Mark> {

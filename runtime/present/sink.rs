@@ -114,13 +114,11 @@ impl Sink {
     ///
     /// A reader takes the sequence number, copies, and takes it again: where they differ or are odd, it tries again.
     ///
-    /// Live input (tools/live-input) has a sequence of this kind too. It does not share this code, because its memory is sealed and
-    /// mapped, on Linux alone, and its slots are held by their reader. This is a named file that anybody may cut, so it is written by
-    /// calls of the system, which a cut cannot turn into a signal.
-    ///
     /// # Errors
     /// [`PresentError::File`]; [`FileError::Taken`] in it for what is there and is not such a file.
     pub fn shared(file: &Path, [rows, columns, channels]: [usize; 3]) -> Result<Self, PresentError> {
+        // Live input (tools/live-input) has a sequence number of this kind too. It does not share this code: its memory is sealed and
+        // mapped, and its slots are held by their reader. Anybody may cut this file, so system calls write it and no map does.
         let failed = |e| FileError::write(file, e);
         if cfg!(windows) {
             let reason = "Windows does not share memory through files: take `raw` into a file or a pipe";
@@ -129,13 +127,17 @@ impl Sink {
         let length = HEADER + (rows * columns * channels) as u64;
         let out = shared_file(file, length)?;
         out.set_len(length).map_err(failed)?;
-        // A file that was there keeps its count, and is odd until its first picture: a reader of the old picture notices.
-        let count = number_in(&out).map_err(failed)?.div_ceil(2).min(u64::MAX >> 2);
-        let mut header = [0u8; HEADER as usize];
+        let mut header = header_of(&out).map_err(failed)?;
+        let before = header;
         header[..8].copy_from_slice(MAGIC);
-        header[8..16].copy_from_slice(&(2 * count + u64::from(count > 0)).to_le_bytes());
         for (place, value) in header[16..28].chunks_exact_mut(4).zip([rows, columns, channels]) {
             place.copy_from_slice(&(value as u32).to_le_bytes());
+        }
+        // A file that was there keeps its count. If its picture is of another shape or torn, the number is odd until the first picture.
+        let number = u64::from_le_bytes(header[8..16].try_into().expect("eight bytes")).min(u64::MAX >> 1);
+        let count = number.div_ceil(2);
+        if number > 0 && (number % 2 == 1 || header[16..28] != before[16..28]) {
+            header[8..16].copy_from_slice(&(2 * count + 1).to_le_bytes());
         }
         put_at(&out, 0, &header).map_err(failed)?;
         Ok(Self { file: file.into(), out: Out::Shared(out, count) })
@@ -173,15 +175,15 @@ impl Sink {
     }
 }
 
-/// Writes into the middle of a file.
-/// The sequence number of a file that others map.
-fn number_in(mut file: &File) -> io::Result<u64> {
-    let mut number = [0; 8];
-    file.seek(SeekFrom::Start(8))?;
-    file.read_exact(&mut number)?;
-    Ok(u64::from_le_bytes(number))
+/// The header of a file that others map.
+fn header_of(mut file: &File) -> io::Result<[u8; HEADER as usize]> {
+    let mut header = [0; HEADER as usize];
+    file.seek(SeekFrom::Start(0))?;
+    file.read_exact(&mut header)?;
+    Ok(header)
 }
 
+/// Writes into the middle of a file.
 fn put_at(mut out: &File, place: u64, bytes: &[u8]) -> io::Result<()> {
     out.seek(SeekFrom::Start(place))?;
     out.write_all(bytes)
@@ -234,7 +236,9 @@ mod tests {
         assert_eq!((&bytes[..8], &bytes[64..]), (&b"eyebox-1"[..], &b"ghijkl"[..]));
         assert_eq!((bytes[8], bytes[16], bytes[20], bytes[24]), (4, 2, 3, 1));
         assert_eq!(i64::from_le_bytes(bytes[32..40].try_into().unwrap()), -7);
-        // The next writer counts on: who copies the old picture meanwhile sees another number.
+        // The next writer counts on. The old picture stays readable unless it has another shape.
+        drop(Sink::shared(&shared, [2, 3, 1]).unwrap());
+        assert_eq!(std::fs::read(&shared).unwrap(), bytes);
         let mut again = Sink::shared(&shared, [3, 2, 1]).unwrap();
         assert_eq!(std::fs::read(&shared).unwrap()[8], 5);
         again.put(b"mnopqr", 1).unwrap();

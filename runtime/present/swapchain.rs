@@ -191,11 +191,11 @@ impl Swapchain {
     /// [`EngineError::Mismatch`] for pictures of another size, order or device; a lost device.
     pub fn take(&mut self, pictures: &Pictures, index: usize) -> Result<(), EngineError> {
         let wanted = ([self.extent.height as usize, self.extent.width as usize], self.pixel_order());
-        let is = (pictures.size, pictures.order);
-        if is != wanted || index >= pictures.count || !pictures.block.is_on(&self.gpu.device) {
+        let is = (pictures.size(), pictures.order());
+        if is != wanted || index >= pictures.count() || !pictures.block.is_on(&self.gpu.device) {
             let reason = format!(
                 "picture {index} of {} of {is:?} on a device, where the swapchain's own device shows {wanted:?}",
-                pictures.count
+                pictures.count()
             );
             return Err(EngineError::Mismatch { reason });
         }

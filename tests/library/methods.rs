@@ -292,4 +292,14 @@ fn the_lists_of_methods() {
     assert_eq!(names.join(" "), want);
     assert_eq!(Kernel::by_name("equalise_eyebox"), Some(Kernel::EqualiseEyebox));
     assert_eq!(Kernel::by_name("even"), Some(Kernel::EqualiseEyebox), "its name before");
+    for (before, kernel) in [
+        ("drive_back", Kernel::DriveAdjoint),
+        ("lag_back", Kernel::LagAdjoint),
+        ("return_pupil", Kernel::PupilAdjoint),
+        ("turn", Kernel::PhaseGradient),
+        ("turn_mask", Kernel::PhaseGradientMask),
+        ("turn_subpixels", Kernel::PhaseGradientSubpixels),
+    ] {
+        assert_eq!(Kernel::by_name(before), Some(kernel));
+    }
 }

@@ -51,7 +51,7 @@ impl Engine for Losing {
         if part.start == 0 && step.list.iter().any(|d| d.kernel == Kernel::Project) {
             match self.steps_left.checked_sub(1) {
                 Some(left) => self.steps_left = left,
-                None => self.engine.pretend_lost_after(0),
+                None => self.engine.pretend_lost(),
             }
         }
         self.engine.run_part(step, part)

@@ -4,8 +4,9 @@ use eyebox::low_level::engine::cpu::CpuEngine;
 use eyebox::low_level::engine::vulkan::VulkanEngine;
 use eyebox::low_level::optics::{Color, Display, Laser, Padding, Pupil, PupilDistribution};
 use eyebox::low_level::scene::{self, Request};
-use eyebox::low_level::solve::random_phases;
-use eyebox::low_level::solve::{JointPart, JointRefiner, Motion, Problem, Refinable, RefineSettings, Strategy};
+use eyebox::low_level::solve::{
+    JointPart, JointRefiner, Motion, Problem, Refinable, RefineSettings, Strategy, random_phases,
+};
 use eyebox_tests::both::gpu;
 use std::sync::PoisonError;
 

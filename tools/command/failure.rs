@@ -1,5 +1,6 @@
 //! What can go wrong in a command: one line each.
 
+use crate::talk;
 use eyebox::low_level::calibrate::CalibrateError;
 use eyebox::low_level::encode::EncodeError;
 use eyebox::low_level::engine::EngineError;
@@ -22,7 +23,6 @@ use eyebox::low_level::trackers::TrackerError;
 use eyebox_lab::film::FilmError;
 use eyebox_live_input::LiveError;
 use serde::Serialize;
-use serde_json::json;
 use std::process::ExitCode;
 
 /// Why a command failed.
@@ -111,24 +111,9 @@ impl Failure {
 
 /// Prints a failure as one line on standard error and returns its exit code.
 pub fn print(failure: &Failure) -> ExitCode {
-    print_error(&in_options(&failure.to_string()), &ErrorData::of(failure));
+    talk::print_error(&in_options(&failure.to_string()), &ErrorData::of(failure));
     ExitCode::from(failure.exit_code())
 }
-
-/// Prints an error as one line on standard error. It is JSON with `--json` or if [`AS_JSON`] is 1.
-pub fn print_error(message: &str, data: &ErrorData) {
-    let asked =
-        std::env::args_os().any(|word| word == "--json") || std::env::var_os(AS_JSON).is_some_and(|set| set == "1");
-    if asked {
-        let error = json!({ "code": data.code, "message": message, "fields": data.fields });
-        eprintln!("{}", json!({ "error": error }));
-    } else {
-        eprintln!("eyebox: {message}");
-    }
-}
-
-/// Environment variable that asks for errors as JSON.
-const AS_JSON: &str = "EYEBOX_JSON_ERRORS";
 
 /// Fields and arguments of the library that a sentence may name and the command's options say: all but a few have the same name.
 const FIELDS: [&str; 35] = [

@@ -36,7 +36,7 @@ impl SolveRequest<'_> {
 
     /// Keeps the requested terms and prints the measured ones.
     pub fn choose_terms(&mut self, engine: &mut dyn Engine) -> Result<(), Failure> {
-        let auto = *self.terms() == TermsOfModel::Auto;
+        let auto = self.given.model_terms == TermsOfModel::Auto;
         let worth = if auto { self.worth(engine)? } else { Vec::new() };
         if !self.report.json {
             worth.iter().for_each(|worth| eprintln!("display model, {}", in_words(worth)));
@@ -47,16 +47,20 @@ impl SolveRequest<'_> {
 
     /// Keeps the requested terms, given their measured worth.
     pub fn keep_terms(&mut self, worth: &[ModelWorth]) {
-        let display = self.display.clone();
-        self.display = match self.terms() {
-            TermsOfModel::All => display,
-            TermsOfModel::Auto => worth
-                .iter()
-                .fold(display, |display, worth| display.with_model_of(worth.color, |model| worth.apply(model))),
-            TermsOfModel::These(names) => self.colors.iter().fold(display, |display, color| {
-                display.with_model_of(*color, |model| model.keep(&|name| names.iter().any(|n| n == name)))
-            }),
-        };
+        match &self.given.model_terms {
+            TermsOfModel::All => {}
+            TermsOfModel::Auto => {
+                for worth in worth {
+                    self.display = self.display.with_model_of(worth.color, |model| worth.apply(model));
+                }
+            }
+            TermsOfModel::These(names) => {
+                let is_kept = |name: &str| names.iter().any(|n| n == name);
+                for color in &self.colors {
+                    self.display = self.display.with_model_of(*color, |model| model.keep(&is_kept));
+                }
+            }
+        }
     }
 }
 

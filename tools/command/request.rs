@@ -4,7 +4,6 @@ use crate::args::{CameraArgs, EngineArgs, SceneArgs, SettingsArgs, Solve};
 use crate::common;
 use crate::failure::Failure;
 use crate::quality::{Chosen, QualityArgs};
-use crate::values::TermsOfModel;
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::optics::{Color, Display, Geometry};
 use eyebox::low_level::plan::Storage;
@@ -34,7 +33,8 @@ pub struct SolveRequest<'a> {
     scene: &'a SceneArgs,
     sequence: SequenceRequest,
     quality: QualityArgs,
-    given: &'a SettingsArgs,
+    /// The settings as they were given.
+    pub given: &'a SettingsArgs,
     levels: Option<Vec<f64>>,
     force: bool,
 }
@@ -53,6 +53,13 @@ pub struct Report<'a> {
 impl<'a> SolveRequest<'a> {
     /// Loads the display and finds its colors and the scenes.
     pub fn of(args: &'a Solve) -> Result<Self, Failure> {
+        let mut request = Self::at_once(args)?;
+        request.tiles = tiles(args, &request.scenes, &request.display)?;
+        Ok(request)
+    }
+
+    /// Returns the request without regions, whatever the memory.
+    pub fn at_once(args: &'a Solve) -> Result<Self, Failure> {
         let first = &args.scene.scene;
         let frames = if args.more.is_empty() { scene::sequence(first, &args.scene.options.depth_map)? } else { None };
         let scenes = frames.unwrap_or_else(|| [std::slice::from_ref(first), &args.more].concat());
@@ -60,7 +67,7 @@ impl<'a> SolveRequest<'a> {
         args.eye.replace(&mut display.prescription)?;
         display.viewing = args.settings.viewing.over(display.viewing)?;
         Ok(Self {
-            tiles: tiles(args, &scenes, &display)?,
+            tiles: None,
             colors: common::colors(&args.display, &display)?,
             display,
             scenes,
@@ -79,11 +86,6 @@ impl<'a> SolveRequest<'a> {
     /// Returns whether the result is one hologram, solved at once.
     pub fn is_single(&self) -> bool {
         self.scenes.len() == 1 && self.tiles.is_none()
-    }
-
-    /// Returns the terms of the display's model that the solve uses.
-    pub fn terms(&self) -> &TermsOfModel {
-        &self.given.model_terms
     }
 
     /// Returns the settings and a note about them. Quality and deadline replace the defaults, and given settings replace both. The

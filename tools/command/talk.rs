@@ -3,8 +3,8 @@
 //!
 //! The macros take the places of the standard ones, which panic where nobody reads.
 
-use crate::failure::print_error;
 use eyebox::low_level::error::ErrorData;
+use serde_json::json;
 use std::fmt::Arguments;
 use std::io::{self, Write};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -19,6 +19,9 @@ macro_rules! eprintln {
 macro_rules! eprint {
     ($($text:tt)*) => { $crate::talk::write_note(format_args!($($text)*)) };
 }
+
+/// Environment variable that asks for errors as JSON.
+const AS_JSON: &str = "EYEBOX_JSON_ERRORS";
 
 /// Whether nobody reads standard output any more.
 static CLOSED: AtomicBool = AtomicBool::new(false);
@@ -45,6 +48,18 @@ pub fn note(text: Arguments<'_>) {
 /// Part of a line on standard error.
 pub fn write_note(text: Arguments<'_>) {
     let _ = io::stderr().write_fmt(text);
+}
+
+/// Prints an error as one line on standard error. It is JSON with `--json` or if [`AS_JSON`] is 1.
+pub fn print_error(message: &str, data: &ErrorData) {
+    let asked =
+        std::env::args_os().any(|word| word == "--json") || std::env::var_os(AS_JSON).is_some_and(|set| set == "1");
+    if asked {
+        let error = json!({ "code": data.code, "message": message, "fields": data.fields });
+        eprintln!("{}", json!({ "error": error }));
+    } else {
+        eprintln!("eyebox: {message}");
+    }
 }
 
 /// Standard output takes no more. That a reader ended is what the user wanted; anything else is a loss, and is said.

@@ -1,6 +1,6 @@
 //! Mistakes on the command line: one line each, with a remedy that works.
 
-use crate::failure::print_error;
+use crate::talk::print_error;
 use clap::Error;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use eyebox::low_level::error::ErrorData;

@@ -25,7 +25,14 @@ pub enum Wanted {
 impl Wanted {
     /// It, as a noun.
     pub fn describe(self) -> &'static str {
-        ["a scene", "a depth map", "phases", "a picture of levels", "a hologram", "a table"][self as usize]
+        match self {
+            Self::Scene => "a scene",
+            Self::DepthMap => "a depth map",
+            Self::Phases => "phases",
+            Self::Levels => "a picture of levels",
+            Self::Hologram => "a hologram",
+            Self::Table => "a table",
+        }
     }
 
     /// Files that are read as it.

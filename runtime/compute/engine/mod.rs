@@ -56,14 +56,22 @@ pub struct StepResult {
     pub seconds: f64,
 }
 
-/// A step that was begun, which [`Engine::end_step`] takes: over, or under way by the number that its engine gave it.
+/// A step that was begun, which [`Engine::end_step`] takes.
 #[derive(Debug)]
-pub struct PendingStep(Result<StepResult, u64>);
+pub struct PendingStep(State);
+
+#[derive(Debug)]
+enum State {
+    Over(StepResult),
+    /// It has the number that its engine gave it.
+    #[cfg(feature = "vulkan")]
+    UnderWay(u64),
+}
 
 impl PendingStep {
     /// Whether its losses are known already.
     pub fn is_over(&self) -> bool {
-        self.0.is_ok()
+        matches!(self.0, State::Over(_))
     }
 }
 
@@ -89,6 +97,7 @@ fn other_source(modes: usize, tables: usize) -> EngineError {
     ))
 }
 
+#[cfg(feature = "vulkan")]
 fn not_under_way() -> EngineError {
     EngineError::mismatch("the step that is to be ended is not under way")
 }
@@ -237,7 +246,7 @@ pub trait Engine: Send {
             }
         }
         let losses = losses.unwrap_or_else(|| vec![0.0; step.pupil_passes.len()]);
-        Ok(PendingStep(Ok(StepResult { losses, seconds: start.elapsed().as_secs_f64() })))
+        Ok(PendingStep(State::Over(StepResult { losses, seconds: start.elapsed().as_secs_f64() })))
     }
 
     /// What came of a step, when it is over.
@@ -245,7 +254,11 @@ pub trait Engine: Send {
     /// # Errors
     /// A step of another engine, or of long ago; a lost device.
     fn end_step(&mut self, begun: PendingStep) -> Result<StepResult, EngineError> {
-        begun.0.map_err(|_| not_under_way())
+        match begun.0 {
+            State::Over(taken) => Ok(taken),
+            #[cfg(feature = "vulkan")]
+            State::UnderWay(_) => Err(not_under_way()),
+        }
     }
 
     /// A list of losses that it gave is done with: it may be filled again.

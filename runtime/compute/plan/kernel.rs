@@ -163,6 +163,12 @@ impl Kernel {
             ("guard", "check_finite"),
             ("balance", "divide_by_overlap"),
             ("even", "equalise_eyebox"),
+            ("drive_back", "drive_adjoint"),
+            ("lag_back", "lag_adjoint"),
+            ("return_pupil", "pupil_adjoint"),
+            ("turn", "phase_gradient"),
+            ("turn_mask", "phase_gradient_mask"),
+            ("turn_subpixels", "phase_gradient_subpixels"),
         ];
         let name = before.iter().find(|(old, _)| *old == name).map_or(name, |(_, new)| new);
         Self::ALL.into_iter().find(|k| k.name() == name)

@@ -60,49 +60,42 @@ pub enum Buffer {
     Sums(usize),
 }
 
-impl Buffer {
-    /// What it is as a resource, and its slot where it is a pupil pass's.
-    pub fn resource(self) -> (Resource, Option<usize>) {
-        let slot = match self {
-            Self::Transfer(slot) | Self::Window(slot) | Self::Image(slot) => Some(slot),
-            Self::Target(slot) | Self::Accumulator(slot) | Self::Sums(slot) => Some(slot),
-            _ => None,
-        };
-        let is_this = |(_, buffer): &&(Resource, fn(usize) -> Self)| buffer(slot.unwrap_or(0)) == self;
-        (BUFFERS.iter().find(is_this).expect("every buffer is in the table").0, slot)
-    }
+/// Pairs buffers with the resources of the same name: those of the shape, and those of a slot.
+macro_rules! buffers {
+    (shape: $($shared:ident)*; slot: $($own:ident)*) => {
+        impl Buffer {
+            /// Returns it as a resource, with its slot if it belongs to a pupil pass.
+            pub fn resource(self) -> (Resource, Option<usize>) {
+                match self {
+                    $(Self::$shared => (Resource::$shared, None),)*
+                    $(Self::$own(slot) => (Resource::$own, Some(slot)),)*
+                }
+            }
+        }
+
+        impl Resource {
+            /// The buffers of the shape.
+            pub const OF_SHAPE: [Self; 18] = [$(Self::$shared),*];
+
+            /// The buffers of a slot.
+            pub const OF_SLOT: [Self; 6] = [$(Self::$own),*];
+
+            /// Returns the buffer, of this slot if it belongs to a pupil pass. What comes with a step or is its answer has none.
+            pub fn buffer(self, slot: usize) -> Option<Buffer> {
+                match self {
+                    $(Self::$shared => Some(Buffer::$shared),)*
+                    $(Self::$own => Some(Buffer::$own(slot)),)*
+                    _ => None,
+                }
+            }
+        }
+    };
 }
 
-/// Makes the buffer of a slot.
-type BufferOf = fn(usize) -> Buffer;
-
-/// The resources that are buffers, and which they are, of a slot: those of the shape, then those of a slot.
-const BUFFERS: [(Resource, BufferOf); 24] = [
-    (Resource::Phases, |_| Buffer::Phases),
-    (Resource::Shown, |_| Buffer::Shown),
-    (Resource::Levels, |_| Buffer::Levels),
-    (Resource::Momentum, |_| Buffer::Momentum),
-    (Resource::Second, |_| Buffer::Second),
-    (Resource::Field, |_| Buffer::Field),
-    (Resource::Change, |_| Buffer::Change),
-    (Resource::Hits, |_| Buffer::Hits),
-    (Resource::Energy, |_| Buffer::Energy),
-    (Resource::Wave, |_| Buffer::Wave),
-    (Resource::Blurred, |_| Buffer::Blurred),
-    (Resource::Subpixels, |_| Buffer::Subpixels),
-    (Resource::Pixels, |_| Buffer::Pixels),
-    (Resource::Crosstalk, |_| Buffer::Crosstalk),
-    (Resource::Offsets, |_| Buffer::Offsets),
-    (Resource::Relay, |_| Buffer::Relay),
-    (Resource::Mask, |_| Buffer::Mask),
-    (Resource::MaskTransfer, |_| Buffer::MaskTransfer),
-    (Resource::Transfer, Buffer::Transfer),
-    (Resource::Window, Buffer::Window),
-    (Resource::Image, Buffer::Image),
-    (Resource::Target, Buffer::Target),
-    (Resource::Accumulator, Buffer::Accumulator),
-    (Resource::Sums, Buffer::Sums),
-];
+buffers! {
+    shape: Phases Shown Levels Momentum Second Field Change Hits Energy Wave Blurred Subpixels Pixels Crosstalk Offsets Relay Mask MaskTransfer;
+    slot: Transfer Window Image Target Accumulator Sums
+}
 
 /// What kernels are bound to: buffers, of whatever slot, and what comes with a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -178,27 +171,6 @@ pub enum Resource {
 }
 
 impl Resource {
-    /// Those that are buffers of the shape.
-    pub const OF_SHAPE: [Self; 18] = Self::of_table(0);
-
-    /// Those that are buffers of a slot.
-    pub const OF_SLOT: [Self; 6] = Self::of_table(18);
-
-    const fn of_table<const N: usize>(first: usize) -> [Self; N] {
-        let mut all = [Self::Phases; N];
-        let mut i = 0;
-        while i < N {
-            all[i] = BUFFERS[first + i].0;
-            i += 1;
-        }
-        all
-    }
-
-    /// The buffer, of this slot where it is a pupil pass's; none for what comes with a step or is its answer.
-    pub fn buffer(self, slot: usize) -> Option<Buffer> {
-        BUFFERS.iter().find(|(resource, _)| *resource == self).map(|(_, buffer)| buffer(slot))
-    }
-
     /// Whether a value is two numbers.
     pub(crate) fn is_complex(self) -> bool {
         matches!(self, Self::Field | Self::Change | Self::Subpixels | Self::Transfer | Self::Window)
@@ -441,8 +413,8 @@ impl Shape {
         Resource::OF_SHAPE.into_iter().filter(|r| self.has(*r)).filter_map(|resource| resource.buffer(0))
     }
 
-    #[cfg(feature = "vulkan")]
     /// What a kernel that is bound to this is really bound to: where the SLM has no levels, the phases are what is shown.
+    #[cfg(feature = "vulkan")]
     pub(crate) fn alias(&self, resource: Resource) -> Resource {
         if resource == Resource::Shown && !self.quantised { Resource::Phases } else { resource }
     }

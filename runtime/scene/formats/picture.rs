@@ -24,7 +24,9 @@ pub(crate) fn size(path: &Path, most: u64) -> Result<[usize; 2], SceneError> {
 
 /// Rows and columns of pictures that must have one size; `name` is how an error names the first.
 pub(crate) fn size_of_all(paths: &[PathBuf], name: impl Fn(&Path) -> String) -> Result<[usize; 2], SceneError> {
-    let sizes: Vec<_> = paths.par_iter().map(|path| size(path, ONE)).collect::<Result<_, _>>()?;
+    // In order, so that the same file is named every time.
+    let sizes: Vec<_> = paths.par_iter().map(|path| size(path, ONE)).collect();
+    let sizes = sizes.into_iter().collect::<Result<Vec<_>, _>>()?;
     match sizes.iter().position(|size| *size != sizes[0]) {
         None => Ok(sizes[0]),
         Some(i) => Err(SceneError::size(&paths[i], sizes[i], name(&paths[0]), sizes[0])),

@@ -29,7 +29,12 @@ impl FirstTile {
 
 impl fmt::Display for FirstTile {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(["bottom-left", "top-left", "bottom-right", "top-right"][*self as usize])
+        f.write_str(match self {
+            Self::BottomLeft => "bottom-left",
+            Self::TopLeft => "top-left",
+            Self::BottomRight => "bottom-right",
+            Self::TopRight => "top-right",
+        })
     }
 }
 
@@ -94,14 +99,22 @@ pub(crate) enum Positions {
 
 /// `positions_mm` of `lightfield.toml`.
 #[derive(Debug, Clone, Deserialize)]
-#[serde(untagged, deny_unknown_fields)]
+#[serde(untagged)]
 pub(crate) enum PositionsToml {
     /// One row.
     Row(Vec<f64>),
     /// Each view.
     Each(Vec<[f64; 2]>),
     /// Columns and rows.
-    Lines { x: Vec<f64>, y: Vec<f64> },
+    Lines(LinesToml),
+}
+
+/// Rows and columns of `positions_mm`.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct LinesToml {
+    x: Vec<f64>,
+    y: Vec<f64>,
 }
 
 /// Cameras farther from each other than this (mm) are before no eyebox.
@@ -114,7 +127,9 @@ impl PositionsToml {
         let found = match self {
             Self::Row(x) => Positions::Each(x.iter().map(|mm| [mm * 1e-3, 0.0]).collect()),
             Self::Each(all) => Positions::Each(all.iter().map(|at| at.map(|mm| mm * 1e-3)).collect()),
-            Self::Lines { x, y } => Positions::Lines([x, y].map(|line| line.iter().map(|mm| mm * 1e-3).collect())),
+            Self::Lines(LinesToml { x, y }) => {
+                Positions::Lines([x, y].map(|line| line.iter().map(|mm| mm * 1e-3).collect()))
+            }
         };
         let all = found.all();
         if all.len() < 2 || all.iter().flatten().any(|v| v.is_nan() || v.abs() > FARTHEST_MM * 1e-3) {

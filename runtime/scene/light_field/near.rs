@@ -25,6 +25,15 @@ impl Near {
     pub(crate) fn is_larger(self) -> bool {
         matches!(self, Self::Large | Self::Bright)
     }
+
+    fn in_words(self) -> &'static str {
+        match self {
+            Self::Large => "larger is nearer",
+            Self::Small => "distances: smaller is nearer",
+            Self::Bright => "bright is near",
+            Self::Dark => "dark is near",
+        }
+    }
 }
 
 /// The kind of numbers that the file of a map stores.
@@ -156,7 +165,6 @@ pub(crate) fn meaning(
     let mut words = name.split(|c: char| !c.is_alphabetic());
     let is_inverse = name.contains("inv");
     let relative = |near: Near, reason: &str| Ok((Meaning::Relative(near), reason.to_owned()));
-    let in_words = ["larger is nearer", "distances: smaller is nearer", "bright is near", "dark is near"];
     match (kind, stated.near(kind)) {
         (_, Some(Near::Small | Near::Dark)) if is_disparity => Err(SceneError::Ambiguous {
             file: file.display().to_string(),
@@ -168,7 +176,7 @@ pub(crate) fn meaning(
             debug_assert!(near.is_none_or(Near::is_larger));
             Ok((Meaning::Disparity, reason))
         }
-        (_, Some(near)) => relative(near, &format!("as stated: {}", in_words[near as usize])),
+        (_, Some(near)) => relative(near, &format!("as stated: {}", near.in_words())),
         (_, None) if is_disparity => {
             relative(Near::Large, "disparities by its name, scaled to the stated depths: larger is nearer")
         }

@@ -25,7 +25,12 @@ pub enum ViewSynthesis {
 
 impl fmt::Display for ViewSynthesis {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(["auto", "cells", "layers", "between"][*self as usize])
+        f.write_str(match self {
+            Self::Auto => "auto",
+            Self::Cells => "cells",
+            Self::Layers => "layers",
+            Self::Between => "between",
+        })
     }
 }
 

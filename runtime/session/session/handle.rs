@@ -4,9 +4,8 @@ use crate::files::asked_to_end;
 use crate::mailbox::Mailbox;
 use crate::session::feeds::statistics::Statistics;
 use crate::session::frame_log::error::SessionError;
-use crate::session::frame_log::notes::Notes;
-use crate::session::frame_log::notes::SessionEvent;
-use crate::session::frame_log::threads::spawn;
+use crate::session::frame_log::notes::{Notes, SessionEvent};
+use crate::session::frame_log::threads::{join, spawn};
 use crate::session::options::{About, COMMANDS, Content, Ended, SessionOptions, Shared, Status};
 use crate::session::playback::output::Output;
 use crate::session::playback::player::Command;
@@ -117,9 +116,8 @@ impl Session {
     /// Stops it, if it has not ended, and says what came of it.
     pub fn stop(mut self) -> Ended {
         self.shared.stop.store(true, Ordering::Release);
-        let failed = || SessionError::Thread { what: "presents", reason: "failed, which is a fault of eyebox".into() };
-        let ended = self.thread.take().and_then(|thread| thread.join().ok());
-        ended.unwrap_or_else(|| Ended { statistics: Statistics::default(), result: Err(failed()) })
+        let thread = self.thread.take().expect("a session has its thread until it is stopped");
+        join("presents", thread).unwrap_or_else(|e| Ended { statistics: Statistics::default(), result: Err(e) })
     }
 }
 

@@ -22,29 +22,35 @@ enum Unit {
     Degrees,
 }
 
-/// One of each unit in turns, what it is called, and the words of a column's name that mean it.
-const UNITS: [(f64, &str, &[&str]); 4] = [
-    (0.5 / std::f64::consts::PI, "radians", &["rad", "rads", "radian", "radians"]),
-    (0.5, "units of pi", &["pi", "\u{3c0}"]),
-    (1.0, "turns", &["turn", "turns", "wave", "waves", "cycle", "cycles", "2pi", "2\u{3c0}", "\u{3bb}", "lambda"]),
-    (1.0 / 360.0, "degrees", &["deg", "degs", "degree", "degrees", "\u{b0}"]),
-];
-
 impl Unit {
     const ALL: [Self; 4] = [Self::Radians, Self::Pi, Self::Turns, Self::Degrees];
 
+    /// The size of the unit in turns, its name, and the words of a column's name that mean it.
+    fn row(self) -> (f64, &'static str, &'static [&'static str]) {
+        match self {
+            Self::Radians => (0.5 / std::f64::consts::PI, "radians", &["rad", "rads", "radian", "radians"]),
+            Self::Pi => (0.5, "units of pi", &["pi", "\u{3c0}"]),
+            Self::Turns => {
+                let words =
+                    &["turn", "turns", "wave", "waves", "cycle", "cycles", "2pi", "2\u{3c0}", "\u{3bb}", "lambda"];
+                (1.0, "turns", words)
+            }
+            Self::Degrees => (1.0 / 360.0, "degrees", &["deg", "degs", "degree", "degrees", "\u{b0}"]),
+        }
+    }
+
     /// One of it.
     fn turns(self) -> f64 {
-        UNITS[self as usize].0
+        self.row().0
     }
 
     fn name(self) -> &'static str {
-        UNITS[self as usize].1
+        self.row().1
     }
 
     /// From a word of a column's name.
     fn of(word: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|unit| UNITS[*unit as usize].2.contains(&word))
+        Self::ALL.into_iter().find(|unit| unit.row().2.contains(&word))
     }
 }
 

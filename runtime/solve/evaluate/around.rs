@@ -53,8 +53,8 @@ enum Kind {
 }
 
 impl Views {
-    /// `source` as [`scene::load`] takes it, in each colour of `request`, in pictures of at most `size` x `size` pixels: the field of
-    /// view of the display's shortest wavelength. What the colours have in common they share.
+    /// `source` as [`scene::load`] takes it, in each colour of `request`, in pictures of at most `size` x `size` pixels. Pictures
+    /// have no more pixels than the display's, and show the field of view of its shortest wavelength. What the colours have in common they share.
     ///
     /// # Errors
     /// Those of loading the scene.

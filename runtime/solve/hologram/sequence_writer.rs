@@ -80,7 +80,7 @@ impl SequenceParts {
     /// Writes a hologram at its place: it is on the disk when this returns. Whoever writes the same one at the same time writes the same.
     ///
     /// # Errors
-    /// Those of [`SequenceWriter::append`](SequenceWriter::append); [`HologramError::Inconsistent`] for a place that it has not.
+    /// Those of [`SequenceWriter::append`]; [`HologramError::Inconsistent`] for a place that it has not.
     pub fn write(&self, index: u64, hologram: &Hologram) -> Result<(), HologramError> {
         if index >= self.planned() {
             let reason = reason!("no-such-place", "it has {} holograms, and no place {index}", self.planned());

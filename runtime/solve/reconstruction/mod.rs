@@ -24,7 +24,6 @@ use crate::hologram::HologramError;
 use crate::optics::OpticsError;
 
 /// Why a hologram could not be looked at or scored.
-// Exhaustive, so that every crate maps each variant to one of its own errors.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 pub enum ReconstructionError {

@@ -115,6 +115,11 @@ impl BestKeeper {
         self.best.as_ref()
     }
 
+    /// Takes out the best state. `None` before the first judgment.
+    pub fn into_best(self) -> Option<BestState> {
+        self.best
+    }
+
     /// PSNR at the pupil of each color as it is now, dB; `None` for a black target.
     pub fn psnr_of_colors(&self) -> &[Option<f64>] {
         &self.last
@@ -231,7 +236,7 @@ mod tests {
                 let (_, taken) = refine(&mut [(&mut refined, &mut keeper)], part, &mut |_| Flow::Continue).unwrap();
                 assert_eq!(taken, part);
             }
-            let best = keeper.best().unwrap().clone();
+            let best = keeper.into_best().unwrap();
             let psnr = best.psnr.unwrap();
             let wanted = decibels[..=steps].iter().copied().fold(f64::NEG_INFINITY, f64::max);
             assert!((psnr - wanted).abs() < 1e-9 && psnr >= before, "{steps}: {psnr}");

@@ -34,7 +34,7 @@ pub struct Pair {
     pub pupil: [f64; 2],
 }
 
-/// A map and how well it fits.
+/// A map and how well it fits. [`Calibration::load`] checks the numbers of a file, and deserialization alone does not.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(from = "FitText", into = "FitText")]
 pub struct Fit {
@@ -149,9 +149,9 @@ fn solve(pairs: &[Pair]) -> Option<Affine> {
 pub struct Calibration {
     /// Whose eyes.
     pub user: String,
-    /// The tracker's name.
+    /// Name of the tracker that it was made with ([`Source::tracker`](crate::trackers::Source::tracker)), if it states one.
     pub tracker: Option<String>,
-    /// Of the left eye: below.
+    /// Of the left eye.
     pub left: Option<Fit>,
     /// Of the right one.
     pub right: Option<Fit>,
@@ -160,7 +160,6 @@ pub struct Calibration {
 }
 
 /// A map in a file, in millimetres of the pupil plane per unit of the tracker.
-
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct FitText {

@@ -44,9 +44,16 @@ struct Known {
 }
 
 impl Known {
-    fn look(&mut self, source: &dyn Source) {
-        (self.about, self.head, self.tracker) = (Some(source.about()), source.recording_head(), source.tracker());
+    fn take(&mut self, (about, head, tracker): Look) {
+        (self.about, self.head, self.tracker) = (Some(about), head, tracker);
     }
+}
+
+/// A source's description, head of a recording and name.
+type Look = (About, Option<Head>, Option<String>);
+
+fn look(source: &dyn Source) -> Look {
+    (source.about(), source.recording_head(), source.tracker())
 }
 
 #[derive(Default)]
@@ -142,21 +149,25 @@ impl Drop for Stream {
 fn run(source: Box<dyn Source>, samples: &Mailbox<Arrival>, notes: &Mailbox<String>, shared: &Shared) {
     // A program's own source may measure in another unit as well.
     let mut source = Guard::new(source);
-    shared.known().look(&source);
+    // A source may wait, and may ask for its own state: it is never called under the lock.
+    let seen = look(&source);
+    shared.known().take(seen);
     while !shared.stop.load(Ordering::Relaxed) {
         let next = source.next(POLL_INTERVAL);
+        let dropped = source.dropped();
+        let seen = matches!(next, Ok(Event::Note(_))).then(|| look(&source));
         let mut known = shared.known();
-        known.status.source = source.dropped();
+        known.status.source = dropped;
+        if let Some(seen) = seen {
+            known.take(seen);
+        }
         match next {
             Ok(Event::Sample(sample, report)) => {
                 known.status.samples += 1;
                 known.status.dropped += u64::from(samples.push((sample, report)).is_some());
             }
             Ok(Event::Nothing) => {}
-            Ok(Event::Note(text)) => {
-                known.look(&source);
-                let _ = notes.put(text);
-            }
+            Ok(Event::Note(text)) => drop(notes.put(text)),
             Ok(Event::End) => break,
             Err(e) => {
                 known.status.failure = Some(e.to_string());

@@ -326,7 +326,7 @@ fn follow(
         taken += count;
     }
     bar.finish();
-    let best = keeper.best().expect("judged before the first step").clone();
+    let best = keeper.into_best().expect("judged before the first step");
     Ok((rows, best))
 }
 

@@ -292,7 +292,7 @@ impl VulkanEncoder {
     pub fn draw(&mut self, pictures: &mut Pictures) -> Result<(), EngineError> {
         let Self { frames, output, args, gpu, .. } = self;
         let [height, width] = [args.video_height(), args.video_width()];
-        let fits = (pictures.count, pictures.size) == (output.frames, [height, width]);
+        let fits = (pictures.count(), pictures.size()) == (output.frames, [height, width]);
         if !fits || pictures.in_use() || !pictures.block.is_on(&gpu.device) {
             return Err(EngineError::mismatch("these pictures are another encoder's, or still shown"));
         }
@@ -302,7 +302,7 @@ impl VulkanEncoder {
             width: width as u32,
             row: (4 * output.values / height.max(1)) as u32,
             channels: args.channels,
-            blue_first: u32::from(pictures.order == PixelOrder::Bgra),
+            blue_first: u32::from(pictures.order() == PixelOrder::Bgra),
         };
         gpu.recorder.begin(0)?;
         gpu.recorder.barrier();

@@ -1,7 +1,7 @@
 //! The engine: buffers, one recording per part of a list, losses and times back.
 
 use super::super::{
-    Buffer, Dispatch, Engine, EngineError, Kernel, LookUp, Memory, PendingStep, Purpose, Resource, Shape, Step,
+    Buffer, Dispatch, Engine, EngineError, Kernel, LookUp, Memory, PendingStep, Purpose, Resource, Shape, State, Step,
     StepResult, Storage, Timing, check_shape, misfit, not_kept, not_under_way, nothing_kept,
 };
 use super::check::check;
@@ -454,13 +454,13 @@ impl Engine for VulkanEngine {
         let flight = &mut self.flights[self.at];
         self.begun += 1;
         (flight.number, flight.pupil_passes) = (self.begun, step.pupil_passes.len());
-        Ok(PendingStep(Err(self.begun)))
+        Ok(PendingStep(State::UnderWay(self.begun)))
     }
 
     fn end_step(&mut self, begun: PendingStep) -> Result<StepResult, EngineError> {
         let number = match begun.0 {
-            Ok(taken) => return Ok(taken),
-            Err(number) => number,
+            State::Over(taken) => return Ok(taken),
+            State::UnderWay(number) => number,
         };
         let at = self.flights.iter().position(|f| f.number == number).ok_or_else(not_under_way)?;
         self.flights[at].number = 0;

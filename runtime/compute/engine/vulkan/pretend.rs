@@ -29,10 +29,32 @@ impl LesserDevice {
 }
 
 impl VulkanEngine {
-    /// The driver reports from its so many-th submission on that the device was lost.
-    pub fn pretend_lost_after(&mut self, submissions: u64) {
-        self.gpu.recorder.fail_after(submissions, ash::vk::Result::ERROR_DEVICE_LOST);
+    /// From now on the driver refuses every submission because the device was lost.
+    pub fn pretend_lost(&mut self) {
+        unsafe extern "system" fn lost(
+            _: ash::vk::Queue,
+            _: u32,
+            _: *const ash::vk::SubmitInfo<'_>,
+            _: ash::vk::Fence,
+        ) -> ash::vk::Result {
+            ash::vk::Result::ERROR_DEVICE_LOST
+        }
+        self.gpu.recorder.queue_submit = lost;
     }
+}
+
+/// From now on the driver takes every submission and does nothing with it, and patience is short.
+#[cfg(test)]
+pub(super) fn pretend_stuck(commands: &mut Commands) {
+    unsafe extern "system" fn nothing(
+        _: ash::vk::Queue,
+        _: u32,
+        _: *const ash::vk::SubmitInfo<'_>,
+        _: ash::vk::Fence,
+    ) -> ash::vk::Result {
+        ash::vk::Result::SUCCESS
+    }
+    (commands.recorder.queue_submit, commands.recorder.patience_ns) = (nothing, 1_000_000);
 }
 
 #[cfg(test)]
@@ -45,19 +67,6 @@ impl VulkanEngine {
     /// Number of allocations alive, and of descriptor pools.
     pub(super) fn held(&self) -> (usize, usize) {
         (self.gpu.device.allocations(), self.gpu.recorder.pools())
-    }
-
-    /// From now on the driver takes every submission and does nothing with it, and patience is short.
-    pub(super) fn pretend_stuck(&mut self) {
-        unsafe extern "system" fn nothing(
-            _: ash::vk::Queue,
-            _: u32,
-            _: *const ash::vk::SubmitInfo<'_>,
-            _: ash::vk::Fence,
-        ) -> ash::vk::Result {
-            ash::vk::Result::SUCCESS
-        }
-        (self.gpu.recorder.queue_submit, self.gpu.recorder.patience_ns) = (nothing, 1_000_000);
     }
 
     /// From now on dispatches run between guard bands.

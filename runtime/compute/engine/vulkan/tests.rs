@@ -160,7 +160,7 @@ fn a_device_that_does_not_answer_is_lost() {
     let planner = Planner::new(display.optics(Color::Green).unwrap(), 1, WindowFactor::Full);
     let mut engine = VulkanEngine::new(&gpu()).unwrap();
     engine.load(&planner.shape(Purpose::View), None).unwrap();
-    engine.pretend_stuck();
+    super::pretend::pretend_stuck(&mut engine.gpu);
     for _ in 0..2 {
         let error = engine.write(Buffer::Phases, &[0.0; 64]).and_then(|()| engine.read(Buffer::Phases)).unwrap_err();
         assert!(matches!(error, EngineError::DeviceLost { .. }), "{error}");
@@ -171,16 +171,8 @@ fn a_device_that_does_not_answer_is_lost() {
 /// Closing waits for what was submitted, but not for ever: a device that does not answer is left as it is.
 #[test]
 fn closing_does_not_wait_for_ever_for_a_device_that_does_not_answer() {
-    unsafe extern "system" fn nothing(
-        _: ash::vk::Queue,
-        _: u32,
-        _: *const ash::vk::SubmitInfo<'_>,
-        _: ash::vk::Fence,
-    ) -> ash::vk::Result {
-        ash::vk::Result::SUCCESS
-    }
     let mut commands = open();
-    (commands.recorder.queue_submit, commands.recorder.patience_ns) = (nothing, 1_000_000);
+    super::pretend::pretend_stuck(&mut commands);
     let shared = commands.shared.clone();
     commands.recorder.begin(0).unwrap();
     commands.recorder.send("a test").unwrap();

@@ -1,10 +1,7 @@
 //! What a device was asked to do, counted.
 
-use bytemuck::{Pod, Zeroable};
-
 /// What was done on a device since it was opened, by everyone who shares it.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Pod, Zeroable)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counts {
     /// Recordings that were submitted.
     pub submissions: u64,
@@ -29,7 +26,16 @@ pub struct Counts {
 impl Counts {
     /// What was done after `before`.
     pub fn since(self, before: Self) -> Self {
-        let [now, before] = [self, before].map(bytemuck::cast::<_, [u64; 9]>);
-        bytemuck::cast(std::array::from_fn::<u64, 9, _>(|i| now[i] - before[i]))
+        Self {
+            submissions: self.submissions - before.submissions,
+            stalls: self.stalls - before.stalls,
+            uploaded: self.uploaded - before.uploaded,
+            read_back: self.read_back - before.read_back,
+            phases_read_back: self.phases_read_back - before.phases_read_back,
+            losses_read_back: self.losses_read_back - before.losses_read_back,
+            blocks: self.blocks - before.blocks,
+            pipelines: self.pipelines - before.pipelines,
+            pools: self.pools - before.pools,
+        }
     }
 }

@@ -36,12 +36,9 @@ pub struct Pictures {
     pub block: Arc<Block>,
     /// Bytes from one to the next.
     pub step: u64,
-    /// How many.
-    pub count: usize,
-    /// Rows, columns.
-    pub size: [usize; 2],
-    /// The order of their colours.
-    pub order: PixelOrder,
+    count: usize,
+    size: [usize; 2],
+    order: PixelOrder,
     /// What has to be waited for before they are read on another queue.
     pub ready: Option<Ready>,
 }
@@ -63,6 +60,21 @@ impl Pictures {
         }
         let block = Arc::new(commands.block(step * count as u64, "video frames as pixels")?);
         Ok(Self { block, step, count, size, order, ready: None })
+    }
+
+    /// How many.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Rows, columns.
+    pub fn size(&self) -> [usize; 2] {
+        self.size
+    }
+
+    /// The order of their colours.
+    pub fn order(&self) -> PixelOrder {
+        self.order
     }
 
     /// Returns the bytes of picture `index`.

@@ -255,7 +255,7 @@ impl LiveState {
             None => "no sample came".to_string(),
             Some((why, _)) => format!("none of {} samples told where the pupil is ({why})", samples.samples()),
         };
-        Err(SessionError::NotFollowed { tracker: self.statistics.tracker.clone(), reason })
+        Err(SessionError::NotFollowed { tracker: self.eye.name.clone(), reason })
     }
 
     /// Ends the threads: what came of it, and what they did.
@@ -276,6 +276,7 @@ impl LiveState {
             phases_moved,
             showing: self.statistics.showing.map(|showing| showing.with(self.refinement.taken())),
             samples: self.eye.counts.load(),
+            tracker: self.eye.name,
             ..self.statistics
         };
         (live, tracks, self.keeping.map_or(Ok(()), JournalWriter::finish))

@@ -363,7 +363,6 @@ impl Live {
         let set_ns = display.rate.time_of_ns(i64::try_from(set_frames).unwrap_or(i64::MAX));
         let sub_frames = sub_frames_of(&colors) as u64;
         let (eye, watch) = FollowedEye::start(tracking, whole, notes, &trace)?;
-        let tracker = eye.name.clone();
         let showing = scenes.as_ref().map(|scenes| ContentReport::new(scenes.describe()));
         let timing = Arc::new(AtomicCell::new(SetTiming::new(period_ns).rolling(if rolls { set_frames } else { 1 })));
         let light_after = Duration::from_nanos(period_ns.unsigned_abs() / 2) + self.display_latency;
@@ -423,7 +422,7 @@ impl Live {
             lit_of_set: (u64::MAX, 0),
             sets_per_second: display.rate.hz() / set_frames as f64,
             notes: notes.clone(),
-            statistics: LiveStatistics { tracker, policy, rolls, showing, ..LiveStatistics::default() },
+            statistics: LiveStatistics { policy, rolls, showing, ..LiveStatistics::default() },
             pupil: None,
             focus: None,
             open: VecDeque::with_capacity(OPEN),

@@ -20,7 +20,7 @@ use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::latency::Timestamps;
 use crate::session::frame_log::threads::spawn;
 use crate::session::frame_log::trace::Track;
-use crate::session::playback::player::Target;
+use crate::session::playback::scheduler::Target;
 use crate::session::refinement::live_refiner::LiveRefiner;
 use crate::session::refinement::set_timing::as_ns;
 use crate::session::refinement::work_time::{Cost, Times, WorkTime};

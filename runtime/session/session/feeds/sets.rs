@@ -8,7 +8,7 @@ use crate::session::frame_log::account::RepeatReason;
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::latency::Timestamps;
 use crate::session::playback::player::SetSource;
-use crate::session::playback::player::Target;
+use crate::session::playback::scheduler::Target;
 use crate::session::playback::scheduler::{Content, Readiness};
 use crate::solve::{Motion, Problem};
 use crossbeam_utils::atomic::AtomicCell;

@@ -10,21 +10,10 @@ use crate::session::frame_log::trace::Track;
 use crate::session::playback::on_screen::VersionLog;
 use crate::session::playback::pacing::Pacer;
 use crate::session::playback::report::Timing;
-use crate::session::playback::scheduler::{Content, Scheduler, Slot, What};
+use crate::session::playback::scheduler::{Content, Scheduler, Slot, Target, What};
 use crate::session::playback::timeline::Speed;
 use std::rc::Rc;
 use std::time::Instant;
-
-/// A set to come.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Target {
-    /// When it begins to be lit.
-    pub start_ns: i64,
-    /// When it has to be handed over.
-    pub hand_over_ns: i64,
-    /// Of sets that roll: the video frame whose turn it is then.
-    pub turn: u64,
-}
 
 /// Content that can be shown: what the present thread sees of a [`Stream`](crate::session::Stream). None of it blocks but
 /// [`settle`](Self::settle).

@@ -11,6 +11,17 @@ use crate::session::frame_log::account::{Account, Cause};
 use crate::session::playback::timeline::{Speed, Timeline};
 use std::collections::VecDeque;
 
+/// A set to come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Target {
+    /// When it begins to be lit.
+    pub start_ns: i64,
+    /// When it has to be handed over.
+    pub hand_over_ns: i64,
+    /// Of sets that roll: the video frame whose turn it is then.
+    pub turn: u64,
+}
+
 /// How far a content frame has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Readiness {

@@ -60,10 +60,7 @@ impl Timeline {
     /// Another speed from a display time on.
     pub fn set_speed(&mut self, speed: Speed, display_time_ns: i64) {
         self.anchor(display_time_ns);
-        let before = self.unit();
         self.speed = speed;
-        // Nearest part of 1e12 and more: less than a nanosecond.
-        self.from = self.from * self.unit() / before;
     }
 
     /// Some content frames on, to the start of one. Content stands still from then on.

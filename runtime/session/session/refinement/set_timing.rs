@@ -1,6 +1,6 @@
 //! When sets begin, and which one can still be reached. Pure; it passes between threads in an `AtomicCell`.
 
-use crate::session::playback::player::Target;
+use crate::session::playback::scheduler::Target;
 use std::time::Duration;
 
 /// Nanoseconds, as many as there are.

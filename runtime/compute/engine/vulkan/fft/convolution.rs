@@ -33,9 +33,9 @@ impl Fft {
                 let data = Range { offset: work.data.offset + offset, size: work.data.size - offset, ..work.data };
                 let inverse = u32::from(work.inverse);
                 let (row, frame) = (chunks.row, chunks.frame);
-                // As `fft_chirp` has them, but for its mode, which comes first.
+                // As `fft_chirp` has them. Its mode comes first.
                 let arguments =
-                    [n, m, inverse, u32::from(rows), first, count, work.wrap, work.row, work.frame, row, frame];
+                    [0, n, m, inverse, u32::from(rows), first, count, work.wrap, work.row, work.frame, row, frame];
                 let step = |fft: &mut Self, gpu: &mut Commands, mode: u32, table: &Block| {
                     let length = if mode == CHIRP_END { n } else { m };
                     let (along, across) = if rows { (length, count) } else { (count, length) };
@@ -44,7 +44,8 @@ impl Fft {
                         if mode == CHIRP_FILTER { (long, Storage::F32) } else { (data, work.storage) };
                     let pipeline = chirp_pipeline(gpu, storage)?;
                     let buffers = [data, long, table.all()];
-                    let push = [&[mode], &arguments[..]].concat();
+                    let mut push = arguments;
+                    push[0] = mode;
                     gpu.recorder.dispatch(pipeline, &buffers, bytemuck::cast_slice(&push), groups)?;
                     let values = u64::from(length) * u64::from(count) * u64::from(frames);
                     let of = |storage: Storage, n: u64| storage.bytes() as u64 * n;

@@ -98,8 +98,8 @@ impl<'a> Call<'_, 'a> {
     }
 
     /// Push constants of these kernels: numbers in the order of their shader, and the places of a batch.
-    fn push(&self, numbers: &[u32], batch: &[usize]) -> Vec<u8> {
-        cast_slice(&[numbers, &self.members(batch)].concat()).to_vec()
+    fn push(&self, numbers: &[u32], batch: &[usize]) -> Vec<u32> {
+        [numbers, &self.members(batch)].concat()
     }
 
     fn pass_columns(&mut self) -> Result<(), EngineError> {
@@ -124,7 +124,7 @@ impl<'a> Call<'_, 'a> {
                 groups: [self.column_pairs(&batch).div_ceil(shared.lines), count as u32, batch.len() as u32],
             };
             let buffers = [field, planned.twiddles.all(), transfer, tables, window, pupils];
-            self.dispatch(&lines, &buffers, &self.push(&args, &batch), Vec::new)?;
+            self.dispatch(&lines, &buffers, cast_slice(&self.push(&args, &batch)), Vec::new)?;
             self.say_lines_moved(&batch, |pass, used| {
                 let (passing, frames) = (pass.passing(), count as u64);
                 vec![
@@ -152,7 +152,7 @@ impl<'a> Call<'_, 'a> {
                 groups: [self.column_pairs(&batch).div_ceil(shared.lines), frames, batch.len() as u32],
             };
             let buffers = [window, planned.twiddles.all(), self.work.tables.pupils()?];
-            self.dispatch(&lines, &buffers, &self.push(&args, &batch), Vec::new)?;
+            self.dispatch(&lines, &buffers, cast_slice(&self.push(&args, &batch)), Vec::new)?;
             let value = self.shape.storage.bytes() as u64 * u64::from(frames);
             self.say_lines_moved(&batch, |_, used| vec![window.reads(value * used), window.writes(value * used)]);
         }
@@ -212,7 +212,7 @@ impl<'a> Call<'_, 'a> {
                 groups: [count as u32, rounds, batch.len() as u32],
             };
             let buffers = [window, planned.twiddles.all(), image, target, losses, pupils];
-            self.dispatch(&dispatch, &buffers, &args, Vec::new)?;
+            self.dispatch(&dispatch, &buffers, cast_slice(&args), Vec::new)?;
             self.say_lines_moved(batch, |pass, used| {
                 let part =
                     |bytes: u64| if batch.len() == 1 { bytes * count as u64 / rows.max(1) as u64 } else { bytes };
