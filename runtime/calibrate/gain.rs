@@ -6,7 +6,7 @@ use super::mend::{self, Mend};
 use eyebox_compute::engine::Engine;
 use eyebox_optics::{Color, Display, Picture};
 use eyebox_scene::{LightField, Request};
-use eyebox_solve::quality::{ModelWorth, Reference, Subject};
+use eyebox_solve::quality::{ColorJob, ModelWorth, Reference};
 use eyebox_solve::solve::{Flow, Levels, PupilRange, Settings};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -48,15 +48,15 @@ pub(super) fn measure(
     let diameter = PupilRange::usual_diameter(after.eyebox_min());
     let base = Settings { depth, diameter, ..Settings::default() };
     let quality = Settings { steps: STEPS, ..Settings::default() };
-    fn of<'a>(field: &'a LightField, color: Color, display: &'a Display, base: &Settings) -> Subject<'a> {
-        Subject { field, color, display, base: base.clone(), levels: Levels::of(display) }
+    fn of<'a>(field: &'a LightField, color: Color, display: &'a Display, base: &Settings) -> ColorJob<'a> {
+        ColorJob { field, color, display, base: base.clone(), levels: Levels::of(display) }
     }
     let truth = |display: &Display, engine: &mut dyn Engine| {
         Reference::new(&of(&field, color, display, &base), !base.seed, engine).map_err(CalibrateError::from)
     };
     let reached = |display: &Display, truth: &Reference, engine: &mut dyn Engine| -> Result<_, CalibrateError> {
-        let subject = of(&field, color, display, &base);
-        let solved = subject.solve(&quality, engine, &mut |_| Flow::Continue)?;
+        let job = of(&field, color, display, &base);
+        let solved = job.solve(&quality, engine, &mut |_| Flow::Continue)?;
         let score = truth.score(&solved.solution.phases, engine).map_err(CalibrateError::Gain)?;
         Ok([score.mean(), score.worst()])
     };

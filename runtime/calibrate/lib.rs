@@ -54,7 +54,7 @@ pub use acquire::TAKING;
 pub use age::ModelAge;
 pub use bench::{Bench, CameraCommand, Event, FEWEST, ShowsPatterns};
 pub use calibrated::Calibration;
-pub use camera_steps::{CameraBench, CameraGain, CameraSubject};
+pub use camera_steps::{CameraBench, CameraGain, CameraJob};
 pub use directions::{Directions, PhaseSign};
 pub use error::CalibrateError;
 pub use figures::{Aberration, Figures, IrisFound, Kernel, Map, Table, Wavefront, ZeroOrder};

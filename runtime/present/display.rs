@@ -37,6 +37,7 @@ impl Desktop {
 }
 
 impl DisplayPresenter {
+    #[cfg(feature = "direct-display")]
     pub(super) fn on_display(swapchain: Swapchain, name: String, rate: Option<Rate>, clock: RealClock) -> Self {
         Self { swapchain, name, rate, clock, window: None }
     }

@@ -65,6 +65,7 @@ impl Drop for TakenDisplay {
 
 pub(super) enum Target {
     Window(WindowHandle),
+    #[cfg_attr(not(feature = "direct-display"), expect(dead_code, reason = "only direct.rs makes it"))]
     Direct(TakenDisplay),
 }
 

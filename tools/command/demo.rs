@@ -12,7 +12,7 @@ use eyebox::low_level::files::{self, FileError, ManagedDir};
 use eyebox::low_level::hologram::Hologram;
 use eyebox::low_level::optics::{Color, Display, Pupil, dioptres_in_words};
 use eyebox::low_level::produce::solve_colors;
-use eyebox::low_level::quality::Subject;
+use eyebox::low_level::quality::ColorJob;
 use eyebox::low_level::reason;
 use eyebox::low_level::reconstruction::SceneSource;
 use eyebox::low_level::scene;
@@ -53,13 +53,13 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
         None => Settings { steps: 120, ..Settings::default() },
     };
     let levels = Levels::of(&display);
-    let subject = Subject { field: &field, color: colors[0], display: &display, base, levels };
-    let padding = subject.padding(&settings)?;
+    let color_job = ColorJob { field: &field, color: colors[0], display: &display, base, levels };
+    let padding = color_job.padding(&settings)?;
     let _made = files::CreatedDirGuard::new(&args.out)?;
     progress::catch_interrupt();
     let mut watch = SolveProgress::new(false);
-    let solved = solve_colors(&subject, &colors, &settings, engine.as_mut(), &mut |event| watch.see(event))?;
-    let hologram = Hologram::from_solutions(&field, &display, &subject.settings(&settings), padding, &solved)?;
+    let solved = solve_colors(&color_job, &colors, &settings, engine.as_mut(), &mut |event| watch.see(event))?;
+    let hologram = Hologram::from_solutions(&field, &display, &color_job.settings(&settings), padding, &solved)?;
     let saved = args.out.join(HOLOGRAM);
     own.claim(HOLOGRAM)?;
     hologram.save(&saved)?;

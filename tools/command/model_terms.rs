@@ -4,7 +4,7 @@ use crate::Failure;
 use crate::request::SolveRequest;
 use crate::values::TermsOfModel;
 use eyebox::low_level::engine::Engine;
-use eyebox::low_level::quality::{ModelWorth, Subject};
+use eyebox::low_level::quality::{ColorJob, ModelWorth};
 use eyebox::low_level::solve::{Levels, Settings};
 use std::time::Duration;
 
@@ -22,14 +22,14 @@ impl SolveRequest<'_> {
         let base = Settings { depth, ..self.base(&small)? };
         let mut all = Vec::new();
         for color in self.colors.iter().filter(|color| field.colors.contains(color)) {
-            let subject = Subject {
+            let job = ColorJob {
                 field: &field,
                 color: *color,
                 display: &small,
                 base: base.clone(),
                 levels: Levels::of(&small),
             };
-            all.extend(ModelWorth::measure(&subject, LIMIT, engine)?);
+            all.extend(ModelWorth::measure(&job, LIMIT, engine)?);
         }
         Ok(all)
     }

@@ -30,7 +30,7 @@ const ALIKE: f64 = 0.2;
 
 /// What is to be improved: a colour of a hologram.
 #[derive(Clone, Copy)]
-pub struct CameraSubject<'a> {
+pub struct CameraJob<'a> {
     /// The scene on the display with its model.
     pub problem: &'a Problem,
     /// Which colour.
@@ -66,7 +66,7 @@ pub struct CameraGain {
 struct Run<'r, 'a> {
     bench: &'r mut CameraBench<'a>,
     of: usize,
-    subject: CameraSubject<'r>,
+    job: CameraJob<'r>,
     planner: Planner,
     engine: &'r mut dyn Engine,
     held_out: Vec<Pupil>,
@@ -80,16 +80,15 @@ impl CameraBench<'_> {
     /// as they are where the held-out pictures do not show that others are better.
     pub fn improve(
         &mut self,
-        subject: CameraSubject,
+        job: CameraJob,
         phases: &mut Vec<f32>,
         engine: &mut dyn Engine,
         observe: &mut dyn FnMut(Event),
     ) -> CameraGain {
-        let (color, begun) = (subject.color, self.camera.session.count());
+        let (color, begun) = (job.color, self.camera.session.count());
         let (before, after) = (Vec::new(), Vec::new());
         let mut gain = CameraGain { color, taken: 0, kept: 0, pictures: 0, before, after, trouble: None };
-        let outcome =
-            Run::new(self, subject, phases, engine).and_then(|mut run| run.descend(phases, &mut gain, observe));
+        let outcome = Run::new(self, job, phases, engine).and_then(|mut run| run.descend(phases, &mut gain, observe));
         gain.trouble = outcome.err();
         gain.pictures = self.camera.session.count() - begun;
         gain
@@ -99,11 +98,11 @@ impl CameraBench<'_> {
 impl<'r, 'a> Run<'r, 'a> {
     fn new(
         bench: &'r mut CameraBench<'a>,
-        subject: CameraSubject<'r>,
+        job: CameraJob<'r>,
         phases: &[f32],
         engine: &'r mut dyn Engine,
     ) -> Result<Self, CalibrateError> {
-        let CameraSubject { problem, settings, color, .. } = subject;
+        let CameraJob { problem, settings, color, .. } = job;
         let of = bench.colors.iter().position(|of| of.color == color);
         let of = of.ok_or_else(|| {
             CalibrateError::Pictures(reason!("camera-color", "the camera was not opened for {color}"))
@@ -121,7 +120,7 @@ impl<'r, 'a> Run<'r, 'a> {
         engine.write(Buffer::Phases, phases)?;
         let mut held_out = sampler(problem, &settings, Diameters::Uniform, !settings.seed ^ 0x6865_6c64);
         let held_out = (0..HELD_OUT).map(|_| held_out.draw()).collect();
-        Ok(Self { bench, of, subject, planner, engine, held_out, targets: Vec::new(), gain: 1.0 })
+        Ok(Self { bench, of, job, planner, engine, held_out, targets: Vec::new(), gain: 1.0 })
     }
 
     fn descend(
@@ -130,7 +129,7 @@ impl<'r, 'a> Run<'r, 'a> {
         gain: &mut CameraGain,
         observe: &mut dyn FnMut(Event),
     ) -> Result<(), CalibrateError> {
-        let (steps, color) = (self.bench.steps, self.subject.color);
+        let (steps, color) = (self.bench.steps, self.job.color);
         let every = steps.div_ceil(VERDICTS).max(1);
         // Pictures, of all that are to be taken.
         let all = (steps * PUPILS + HELD_OUT * (1 + steps.div_ceil(every))) as f64;
@@ -147,8 +146,8 @@ impl<'r, 'a> Run<'r, 'a> {
         gain.before = self.scores(&seen)?;
         gain.after.clone_from(&gain.before);
         self.engine.keep(Buffer::Phases)?;
-        let settings = self.subject.settings;
-        let mut pupils = sampler(self.subject.problem, settings, settings.diameters, settings.seed ^ 0x6361_6d65_7261);
+        let settings = self.job.settings;
+        let mut pupils = sampler(self.job.problem, settings, settings.diameters, settings.seed ^ 0x6361_6d65_7261);
         let mut damping = 1.0;
         for step in 1..=steps {
             tell(step, PUPILS, &gain.after);
@@ -179,7 +178,7 @@ impl<'r, 'a> Run<'r, 'a> {
     /// The phases as the SLM is to show them.
     fn shown(&mut self) -> Result<Vec<f32>, CalibrateError> {
         let phases = self.engine.read(Buffer::Phases)?;
-        let Some(levels) = self.subject.settings.levels.table() else { return Ok(phases) };
+        let Some(levels) = self.job.settings.levels.table() else { return Ok(phases) };
         let levels = &levels[..self.planner.levels];
         let far = |a: f32, b: f32| eyebox_kernels::trig::wrap(a - b).abs();
         let nearest = |p: f32| levels.iter().copied().min_by(|a, b| far(*a, p).total_cmp(&far(*b, p))).unwrap_or(p);
@@ -284,7 +283,7 @@ impl<'r, 'a> Run<'r, 'a> {
         if seen.is_empty() {
             return Err(camera.refused("take any picture of a step"));
         }
-        let exposure = self.subject.exposure / self.subject.problem.unit();
+        let exposure = self.job.exposure / self.job.problem.unit();
         // What ten pupils ask for is the unit, as in a solve.
         let share = (seen.len() as f64 / 10.0).powf(1.0 - OVERLAP_POWER);
         let update = Update::Projection { gain: gain / share, momentum: 0.0, overlap_power: OVERLAP_POWER };

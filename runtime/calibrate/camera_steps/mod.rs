@@ -10,5 +10,5 @@ mod pictures;
 mod registration;
 mod sensor;
 
-pub use descent::{CameraGain, CameraSubject};
+pub use descent::{CameraGain, CameraJob};
 pub use pictures::CameraBench;

@@ -14,8 +14,8 @@ pub fn work(step: &Step, shape: &Shape) -> [f64; Group::ALL.len()] {
 
 /// Bytes of the buffers that are not a pupil pass's, where a complex value takes `complex` of them.
 pub fn shared_bytes(shape: &Shape, complex: u64) -> u64 {
-    use Resource::{Energy, Levels, Mask, MaskTransfer};
-    let counts = |resource: &Resource| !matches!(resource, Levels | Energy | Mask | MaskTransfer);
+    // Levels and energy have the same few bytes for every display.
+    let counts = |resource: &Resource| !matches!(resource, Resource::Levels | Resource::Energy);
     let bytes = |resource| {
         let BufferSize { frames, values, complex: is_complex } = shape.extent(resource);
         (frames * values) as u64 * if is_complex { complex } else { 4 }

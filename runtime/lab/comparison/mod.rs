@@ -466,6 +466,7 @@ impl<'a> OfScene<'a> {
         }
         let (job, label) = (self.job, self.label());
         let settings = Settings { method, frames: task.frames, depth: self.depth, ..job.settings.clone() };
+        // `produce::solve_colors` finishes every color after a stop. A comparison drops the hologram instead.
         let mut solved: Vec<(Color, Solution)> = Vec::new();
         for (i, &color) in job.colors.iter().enumerate() {
             let what = format!("{label}: solving {}, {color}", task.candidate.name);

@@ -178,10 +178,10 @@ pub fn study_content(
     let frames = Frames { colors, settings };
     let mut all: Vec<ContentRun> = Vec::with_capacity(runs.len());
     for (i, (content, eye, (steered, moments))) in runs.iter().copied().enumerate() {
-        let steerer = LiveRefiner::new(colors.to_vec(), policy, &mut *engine)?;
-        let steerer = steerer.with_start_tables(settings.start_tables.clone());
+        let refiner = LiveRefiner::new(colors.to_vec(), policy, &mut *engine)?;
+        let refiner = refiner.with_start_tables(settings.start_tables.clone());
         let mut run = ContentRun { content, eye, steered, moments, samples: Vec::new() };
-        let mut showing = ContentDisplay::new(&frames, &run, steerer, study, depth)?;
+        let mut showing = ContentDisplay::new(&frames, &run, refiner, study, depth)?;
         let decisions = u64::from(sets) * settings.lighting.turns() as u64;
         for decision in 0..decisions {
             run.samples.extend(showing.decide(decision, &mut seen)?);
@@ -252,7 +252,7 @@ impl Frames<'_> {
 struct ContentDisplay<'a> {
     frames: &'a Frames<'a>,
     run: (StudiedContent, StudiedEye),
-    steerer: LiveRefiner,
+    refiner: LiveRefiner,
     study: &'a StudySettings,
     depth: f64,
     eye: Eye,
@@ -276,7 +276,7 @@ impl<'a> ContentDisplay<'a> {
     fn new(
         frames: &'a Frames<'a>,
         run: &ContentRun,
-        steerer: LiveRefiner,
+        refiner: LiveRefiner,
         study: &'a StudySettings,
         depth: f64,
     ) -> Result<Self, SessionError> {
@@ -303,7 +303,7 @@ impl<'a> ContentDisplay<'a> {
         Ok(Self {
             frames,
             run: (run.content, run.eye),
-            steerer,
+            refiner,
             study,
             depth,
             eye: Eye::new(study.eye.clone(), 0),
@@ -341,20 +341,20 @@ impl<'a> ContentDisplay<'a> {
         let rounds = share(decision + 1) - share(decision);
         if rounds > 0 {
             let expected: PupilEstimate = self.watch.expect(at(now_ns), at(light_ns))?;
-            self.steerer.aim(expected.pupil)?;
-            self.steerer.moves(&self.moments.motion(light_ns, &expected), self.moments.times(turn))?;
+            self.refiner.aim(expected.pupil)?;
+            self.refiner.moves(&self.moments.motion(light_ns, &expected), self.moments.times(turn))?;
             if let Some(look) = self.moments.find_shifts(light_ns, turn)
                 && let Some((pixels, lighting)) = self.moments.shifts()
             {
-                let (moved, _) = self.steerer.shift_phases(pixels, lighting, look)?;
+                let (moved, _) = self.refiner.shift_phases(pixels, lighting, look)?;
                 self.moments.carried(moved);
             }
             self.begin()?;
             for _ in 0..rounds {
-                self.steerer.round_while(|_, _| true)?;
+                self.refiner.round_while(|_, _| true)?;
             }
-            self.steerer.settle()?;
-            for (newest, phases) in self.newest.iter_mut().zip(self.steerer.phases()?.iter()) {
+            self.refiner.settle()?;
+            for (newest, phases) in self.newest.iter_mut().zip(self.refiner.phases()?.iter()) {
                 newest.copy_from_slice(phases);
             }
         }
@@ -388,7 +388,7 @@ impl<'a> ContentDisplay<'a> {
         self.begins = jumps;
         (self.scene, self.shown, self.shows_ns) = (self.frames.scene(wanted), wanted, shows_ns);
         self.moments.follow(&self.scene, shows_ns);
-        self.steerer.follow(&self.scene)?;
+        self.refiner.follow(&self.scene)?;
         Ok(())
     }
 

@@ -57,7 +57,7 @@ struct Studying<'a> {
     settings: &'a StudySettings,
     encoder: &'a Encoder,
     frames: VideoFrames,
-    steerer: LiveRefiner,
+    refiner: LiveRefiner,
     stage: Stage,
     depth: f64,
     /// What the eye sees of the set on the display, and of the hologram for the whole eyebox.
@@ -93,7 +93,7 @@ pub fn study(
         )));
     }
     let depth = 0.5 * (settings.gaze.focus[0] + settings.gaze.focus[1]);
-    let mut steerer = LiveRefiner::new(colors.to_vec(), *policy, &mut *engine)?;
+    let mut refiner = LiveRefiner::new(colors.to_vec(), *policy, &mut *engine)?;
     let mut seen = || -> Result<Vec<SeenColor>, SessionError> {
         colors.iter().map(|color| SeenColor::new(color, policy, depth, engine()?)).collect()
     };
@@ -101,16 +101,16 @@ pub fn study(
     let judge = settings.judging.as_ref().map(Judge::new).transpose()?;
     // Before time begins: no first step is like the others.
     for _ in 0..4 {
-        steerer.round_while(|_, _| true)?;
+        refiner.round_while(|_, _| true)?;
     }
-    steerer.restart()?;
+    refiner.restart()?;
     let phases = colors.iter().map(|c| c.phases.clone()).collect();
-    let sources = steerer.sources().map(<[usize]>::to_vec).collect();
+    let sources = refiner.sources().map(<[usize]>::to_vec).collect();
     let mut studying = Studying {
         settings,
         encoder,
         frames: encoder.frames(),
-        steerer,
+        refiner,
         stage: Stage::new(settings)?,
         depth,
         lit,
@@ -143,7 +143,7 @@ impl Studying<'_> {
 
     /// What a step of every colour is expected to cost.
     fn round_ns(&self) -> i64 {
-        self.settings.cost.round_ns(self.lit.len(), || self.steerer.round())
+        self.settings.cost.round_ns(self.lit.len(), || self.refiner.round())
     }
 
     /// Steps for the next set that can be reached, and encodes it: time passes. None where there was no time for a step.
@@ -158,8 +158,8 @@ impl Studying<'_> {
         let mut steps = 0;
         let pupil = loop {
             let pupil = self.stage.predict(light);
-            self.steerer.aim(pupil)?;
-            let taken = self.steerer.round_while(|steps, expected| time.steps_before(deadline_ns, steps, expected))?;
+            self.refiner.aim(pupil)?;
+            let taken = self.refiner.round_while(|steps, expected| time.steps_before(deadline_ns, steps, expected))?;
             steps += taken;
             if taken == 0 || time.now_ns().saturating_add(self.round_ns()) > deadline_ns {
                 break pupil;
@@ -171,10 +171,10 @@ impl Studying<'_> {
             self.stage.now_ns = time.now_ns() + SLACK_NS;
             return Ok(None);
         }
-        self.steerer.settle()?;
+        self.refiner.settle()?;
         let refined_ns = time.now_ns();
-        self.encoder.encode_into(&PhaseSet::trusted(&self.steerer.sent()?), &mut self.frames)?;
-        let phases = self.steerer.phases()?;
+        self.encoder.encode_into(&PhaseSet::trusted(&self.refiner.sent()?), &mut self.frames)?;
+        let phases = self.refiner.phases()?;
         let phases = phases.iter().map(|of_color| of_color.to_vec()).collect();
         time.encoded();
         self.stage.now_ns = time.now_ns();
@@ -183,7 +183,7 @@ impl Studying<'_> {
         self.encoded_ns += took_ns;
         self.handed_over += 1;
         self.encoding_ns = took_ns.max(self.encoding_ns - self.encoding_ns / 10);
-        let sources = self.steerer.sources().map(<[usize]>::to_vec).collect();
+        let sources = self.refiner.sources().map(<[usize]>::to_vec).collect();
         Ok(Some(MadeSet { phases, pupil: Some(pupil.centre), sources, steps, new: true }))
     }
 
@@ -252,7 +252,7 @@ impl Studying<'_> {
     }
 
     fn finish(self) -> Study {
-        let [restarts, steps] = self.steerer.counts();
+        let [restarts, steps] = self.refiner.counts();
         let per = |ns: i64, count: u64| ns as f64 * 1e-6 / count.max(1) as f64;
         let (step_ms, encode_ms) = (per(self.refined_ns, steps), per(self.encoded_ns, self.handed_over));
         Study { moments: self.samples, restarts, steps, step_ms, encode_ms }

@@ -18,7 +18,7 @@ pub struct Trial {
     pub worst: f64,
     /// Each of them.
     pub psnr: Vec<f64>,
-    /// Expected bytes at the peak ([`Subject::cost`](super::Subject::cost)).
+    /// Expected bytes at the peak ([`ColorJob::cost`](super::ColorJob::cost)).
     pub bytes: u64,
     /// Mean and worst JOD over those of the reference's pupils that were judged; none where none was.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -1,7 +1,7 @@
 //! Tries settings on this machine and recommends three of them.
 //!
 //! [`Settings`](eyebox::low_level::solve::Settings) hold every setting that trades quality for time. A [`Tuning`] tries a grid of them on a
-//! [`Subject`], [`front`](fn@front) says which trials none beats, [`recommend`] which three of them are `fast`, `balanced` and
+//! [`ColorJob`], [`front`](fn@front) says which trials none beats, [`recommend`] which three of them are `fast`, `balanced` and
 //! `accurate`; [`Measured`] keeps them for this device in the user's cache.
 
 mod choice;
@@ -18,4 +18,4 @@ pub use measured::{Measured, MeasuredError};
 pub use tune::Tuning;
 pub use tuned::{Checked, LevelRow, NEAR_DB, Tuned};
 
-use eyebox::low_level::quality::{Quality, QualityError, Reference, Solved, Subject};
+use eyebox::low_level::quality::{ColorJob, Quality, QualityError, Reference, Solved};

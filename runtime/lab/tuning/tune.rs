@@ -2,7 +2,7 @@
 
 use super::grid::{Space, grid};
 use super::tuned::{Checked, LevelRow, Tuned};
-use super::{Quality, QualityError, Recommended, Reference, Solved, Subject, Trial, recommend};
+use super::{ColorJob, Quality, QualityError, Recommended, Reference, Solved, Trial, recommend};
 use crate::kept::{ResultCache, checksum, identity};
 use crate::stoppable::Stoppable;
 use crate::watch::{JobObserver, Observe, unless_stopped};
@@ -29,14 +29,14 @@ const COMPARED: [usize; 4] = [2, 4, 8, 16];
 /// What is tuned, and how long it may take.
 pub struct Tuning<'a> {
     /// What recipes are tried on.
-    pub subject: Subject<'a>,
+    pub job: ColorJob<'a>,
     /// Seconds for all of it, over all runs into one folder.
     pub budget: f64,
     /// Decides the pupils that judge.
     pub seed: u64,
     /// Settings of another run, which are measured too.
     pub check: Vec<Recommended>,
-    /// Through how many pupils a trial is judged in JOD, beside its PSNR, as the subject's display is seen (its
+    /// Through how many pupils a trial is judged in JOD, beside its PSNR, as the job's display is seen (its
     /// [`Viewing`](eyebox::low_level::optics::Viewing)); 0 for none.
     pub judged: usize,
     /// When this run began.
@@ -75,7 +75,7 @@ impl<'a> Tuning<'a> {
     /// # Errors
     /// [`QualityError`].
     pub fn run(self, folder: &Path, engine: &mut dyn Engine, observe: &mut Observe) -> Result<Tuned, QualityError> {
-        let Subject { field, color, display, ref base, ref levels } = self.subject;
+        let ColorJob { field, color, display, ref base, ref levels } = self.job;
         let device = engine.describe();
         let made_by = json!({
             "version": env!("CARGO_PKG_VERSION"), "format": 1, "device": device, "base": base, "levels": levels,
@@ -141,7 +141,7 @@ impl Work<'_, '_, '_> {
     fn all(&mut self) -> Result<(), QualityError> {
         self.what = "photographs".into();
         self.goes_on();
-        let reference = Reference::new(&self.tuning.subject, self.tuning.seed, self.engine)?;
+        let reference = Reference::new(&self.tuning.job, self.tuning.seed, self.engine)?;
         self.ceiling = reference.ceiling(self.engine)?;
         let warm = self.warm_up()?;
         let checked: Vec<Settings> = self.tuning.check.iter().map(|c| c.trial.recipe.clone()).collect();
@@ -197,19 +197,19 @@ impl Work<'_, '_, '_> {
     }
 
     fn cost(&self, recipe: &Settings) -> Result<Cost, QualityError> {
-        self.tuning.subject.cost(recipe, self.engine.memory())
+        self.tuning.job.cost(recipe, self.engine.memory())
     }
 
     fn space(&self) -> Result<Space, QualityError> {
-        let subject = &self.tuning.subject;
+        let job = &self.tuning.job;
         let coarse = Settings { pixel: 2, ..Settings::default() };
         Ok(Space {
-            frames: subject.base.frames,
-            views: subject.field.grid,
+            frames: job.base.frames,
+            views: job.field.grid,
             halves: self.engine.memory() != Memory::Host,
-            levels: subject.levels != Levels::Any,
-            padding: subject.required_padding()? != Padding::default(),
-            pixel: coarse.fits(subject.display) && subject.display.height.min(subject.display.width) >= 4,
+            levels: job.levels != Levels::Any,
+            padding: job.required_padding()? != Padding::default(),
+            pixel: coarse.fits(job.display) && job.display.height.min(job.display.width) >= 4,
         })
     }
 
@@ -217,7 +217,7 @@ impl Work<'_, '_, '_> {
     /// compiles its kernels.
     fn warm_up(&mut self) -> Result<f64, QualityError> {
         let recipe = Settings { steps: 3, window: WindowFactor::Two, ..Settings::default() };
-        let mut go = || self.tuning.subject.solve(&recipe, self.engine, &mut |_| Flow::Continue);
+        let mut go = || self.tuning.job.solve(&recipe, self.engine, &mut |_| Flow::Continue);
         go()?;
         let solved = go()?;
         Ok(solved.milliseconds / self.cost(&recipe)?.work())
@@ -227,7 +227,7 @@ impl Work<'_, '_, '_> {
     fn solve(&mut self, recipe: &Settings, longest: f64) -> Result<Option<Solved>, QualityError> {
         let (start, mut late) = (Instant::now(), false);
         let Self { tuning, engine, watch, before, what, .. } = self;
-        let solved = tuning.subject.solve(recipe, *engine, &mut |_| {
+        let solved = tuning.job.solve(recipe, *engine, &mut |_| {
             let spent = *before + tuning.begun.elapsed().as_secs_f64();
             late |= start.elapsed().as_secs_f64() * 1e3 > TUNE_PATIENCE * longest;
             let goes_on = watch.say(what, (spent / (ALL * tuning.budget)).min(1.0));
@@ -243,7 +243,7 @@ impl Work<'_, '_, '_> {
         let Some(solved) = self.solve(recipe, longest)? else { return Ok(None) };
         let score = self.score(&solved, reference)?;
         if score.quality().is_none() {
-            let what = self.tuning.subject.field.name.clone();
+            let what = self.tuning.job.field.name.clone();
             let reason = "it is black through all pupils that judge, so no setting is better than another: give a scene with light";
             return Err(QualityError::Input { what, reason: Reason::new("black", reason) });
         }
@@ -270,7 +270,7 @@ impl Work<'_, '_, '_> {
 
     /// Only the sub-frames that differ: the others repeat them.
     fn score(&mut self, solved: &Solved, reference: &Reference) -> Result<ValidationScore, QualityError> {
-        let pixels = self.tuning.subject.display.height * self.tuning.subject.display.width;
+        let pixels = self.tuning.job.display.height * self.tuning.job.display.width;
         reference.score(&solved.solution.phases[..solved.frames * pixels], self.engine)
     }
 
@@ -281,7 +281,7 @@ impl Work<'_, '_, '_> {
         exposure: f64,
         reference: &Reference,
     ) -> Result<Option<[f64; 2]>, QualityError> {
-        let (display, judged) = (self.tuning.subject.display, self.tuning.judged);
+        let (display, judged) = (self.tuning.job.display, self.tuning.judged);
         if judged == 0 {
             return Ok(None);
         }
@@ -293,7 +293,7 @@ impl Work<'_, '_, '_> {
     /// Levels after the fact, and optimised for.
     fn levels(&mut self, mut reference: Reference) -> Result<(), QualityError> {
         let mut wanted: Vec<Vec<f64>> = COMPARED.map(even_levels).to_vec();
-        if let Some(own) = self.tuning.subject.levels.given().filter(|l| l.len() < 256) {
+        if let Some(own) = self.tuning.job.levels.given().filter(|l| l.len() < 256) {
             wanted.retain(|l| l.len() != own.len());
             wanted.push(own.to_vec());
         }
@@ -318,9 +318,9 @@ impl Work<'_, '_, '_> {
         for levels in wanted {
             reference = reference.with_levels(Levels::Given(levels.clone()));
             let after = two(self.score(&free, &reference)?);
-            let before = std::mem::replace(&mut self.tuning.subject.levels, Levels::Given(levels.clone()));
+            let before = std::mem::replace(&mut self.tuning.job.levels, Levels::Given(levels.clone()));
             let solved = self.solve(&Settings { levels: Levels::Display, ..recipe.clone() }, f64::INFINITY);
-            self.tuning.subject.levels = before;
+            self.tuning.job.levels = before;
             let Some(solved) = solved? else { break };
             let optimised = two(self.score(&solved, &reference)?);
             let milliseconds = [free.milliseconds, solved.milliseconds];

@@ -1,7 +1,9 @@
 //! Every packing undone by a decoder that shares nothing with the encoder: it knows presets by their description, and
 //! levels by float64.
 
+#[cfg(feature = "image-formats")]
 mod calibrated;
+#[cfg(feature = "image-formats")]
 mod decoded;
 mod turned;
 

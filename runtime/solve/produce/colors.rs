@@ -5,14 +5,14 @@ use crate::engine::{Engine, Memory};
 use crate::hologram::{ColorHologram, Hologram, Metadata};
 use crate::memory;
 use crate::optics::{Color, Display, JointColor, Laser, OpticsError, Padding, reference_of};
-use crate::quality::{Reference, Subject};
+use crate::quality::{ColorJob, Reference};
 use crate::scene::{LightField, SceneError};
 use crate::solve::{Flow, JointProblem, JointSolution, Progress, Settings, Solution, solve_joint};
 
 /// Refuses a colour that takes more than there is, by the count of a plan.
-fn check_memory(subject: &Subject, settings: &Settings, memory: Memory) -> Result<(), ProduceError> {
-    let bytes = subject.cost(settings, memory)?.bytes();
-    let what = || format!("{} sub-frames of {} x {}", settings.frames, subject.display.height, subject.display.width);
+fn check_memory(job: &ColorJob, settings: &Settings, memory: Memory) -> Result<(), ProduceError> {
+    let bytes = job.cost(settings, memory)?.bytes();
+    let what = || format!("{} sub-frames of {} x {}", settings.frames, job.display.height, job.display.width);
     let remedy = "take fewer `frames`, `views` or `pupils`, or a smaller `size`";
     Ok(memory::check_available(what, bytes, remedy).map_err(SceneError::from)?)
 }
@@ -25,7 +25,7 @@ fn check_memory(subject: &Subject, settings: &Settings, memory: Memory) -> Resul
 /// # Errors
 /// [`ProduceError`].
 pub fn solve_colors(
-    subject: &Subject,
+    job: &ColorJob,
     colors: &[Color],
     settings: &Settings,
     engine: &mut dyn Engine,
@@ -33,13 +33,13 @@ pub fn solve_colors(
 ) -> Result<Vec<(Color, Solution)>, ProduceError> {
     let mut solved = Vec::with_capacity(colors.len());
     for &color in colors {
-        let subject = Subject { color, ..subject.clone() };
-        check_memory(&subject, settings, engine.memory())?;
+        let job = ColorJob { color, ..job.clone() };
+        check_memory(&job, settings, engine.memory())?;
         let mut stepped = |progress: &Progress| observe(&SceneEvent::Step { hologram: 0, color, progress });
-        let mut solution = subject.solve(settings, engine, &mut stepped)?.solution;
+        let mut solution = job.solve(settings, engine, &mut stepped)?.solution;
         if settings.reduces() {
             // Its own validation is about less than the problem.
-            let reference = Reference::new(&subject, subject.base.seed, engine)?;
+            let reference = Reference::new(&job, job.base.seed, engine)?;
             solution.validation = reference.score(&solution.phases, engine)?;
             if settings.pixel > 1 {
                 solution.exposure = solution.validation.exposure;
@@ -51,14 +51,14 @@ pub fn solve_colors(
     Ok(solved)
 }
 
-/// Solves all colours at once (OPTICS 13), as `settings.joint` says, with every pixel, view and sub-frame of the subject, with
+/// Solves all colours at once (OPTICS 13), as `settings.joint` says, with every pixel, view and sub-frame of the job, with
 /// the exposures that each colour's scene asks for. Returns the colours, each with the phases that it has of the shared drives,
 /// and how they are shown.
 ///
 /// # Errors
 /// [`ProduceError`].
 pub fn solve_joint_colors(
-    subject: &Subject,
+    job: &ColorJob,
     colors: &[Color],
     settings: &Settings,
     engine: &mut dyn Engine,
@@ -67,11 +67,11 @@ pub fn solve_joint_colors(
     let settings = &settings.for_joint_colors();
     let mut problems = Vec::with_capacity(colors.len());
     for &color in colors {
-        let subject = Subject { color, ..subject.clone() };
-        check_memory(&subject, settings, engine.memory())?;
-        problems.push(subject.prepare(settings)?.problem);
+        let job = ColorJob { color, ..job.clone() };
+        check_memory(&job, settings, engine.memory())?;
+        problems.push(job.prepare(settings)?.problem);
     }
-    let slopes = subject.display.slopes(colors);
+    let slopes = job.display.slopes(colors);
     let problem = JointProblem { colors: &problems, slopes: &slopes, exposures: None, powers: None };
     let reference = reference_of(slopes.iter().copied()).unwrap_or(0);
     let mut stepped =

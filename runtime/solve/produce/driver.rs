@@ -9,7 +9,7 @@ use crate::engine::{Engine, Memory};
 use crate::hologram::{Hologram, SceneRecord};
 use crate::memory;
 use crate::optics::Color;
-use crate::quality::Subject;
+use crate::quality::ColorJob;
 use crate::scene::{LightField, SceneError};
 use crate::solve::{Flow, Levels, ScenePlan, Settings, Solution, Stop};
 use eyebox_base::reason;
@@ -168,15 +168,15 @@ fn solve_field(
     let (views, cell) = field.own_views(display);
     let field = plan.reduce(field, display);
     let (base, levels) = (plan.settings.clone(), Levels::of(display));
-    let subject = Subject { field: &field, color: plan.colors[0], display, base, levels };
-    let settings = subject.settings(&plan.settings);
+    let color_job = ColorJob { field: &field, color: plan.colors[0], display, base, levels };
+    let settings = color_job.settings(&plan.settings);
     settings.check()?;
     observe(&SceneEvent::Planned { field: &field, views, plan: &plan, settings: &settings });
     let (solutions, joint_color) = if settings.joint.is_some() {
-        let (solutions, joint) = solve_joint_colors(&subject, &plan.colors, &settings, engine, observe)?;
+        let (solutions, joint) = solve_joint_colors(&color_job, &plan.colors, &settings, engine, observe)?;
         (solutions, Some(joint))
     } else {
-        (solve_colors(&subject, &plan.colors, &settings, engine, observe)?, None)
+        (solve_colors(&color_job, &plan.colors, &settings, engine, observe)?, None)
     };
     let mut hologram = Hologram::from_solutions(&field, display, &settings, plan.padding, &solutions)?;
     hologram.metadata.joint_color = joint_color;

@@ -1,17 +1,17 @@
 //! Measures the cost and the quality of settings on one color of a scene.
 //!
-//! [`Settings`](crate::solve::Settings) hold every setting that trades quality for time. A [`Subject`] is one color of a
+//! [`Settings`](crate::solve::Settings) hold every setting that trades quality for time. A [`ColorJob`] is one color of a
 //! scene that they are tried on; a [`Reference`] scores what came of it, the same truth for all. A [`ModelWorth`] says what each
 //! term of a display's model is worth.
 
+mod color_job;
 mod model_worth;
 mod recipe;
 mod reference;
-mod subject;
 
+pub use color_job::{ColorJob, Prepared, Solved};
 pub use model_worth::ModelWorth;
 pub use reference::{PUPILS as REFERENCE_PUPILS, Reference};
-pub use subject::{Prepared, Solved, Subject};
 
 use crate::engine::EngineError;
 use crate::evaluate::EvaluateError;

@@ -1,7 +1,7 @@
 //! What each term of a display's model is worth on a scene: solved with all of them, and with all but one, and looked at through
 //! the whole model.
 
-use super::{QualityError, Reference, Subject};
+use super::{ColorJob, QualityError, Reference};
 use crate::engine::Engine;
 use crate::files::asked_to_end;
 use crate::optics::{Color, Display, ModelTerms};
@@ -47,18 +47,18 @@ impl ModelWorth {
         Display { height: side(display.height), width: side(display.width), ..display.clone() }
     }
 
-    /// Measures it: `subject` is of [this](Self::display) display. Numbers that are not measured within `limit`, or of a black
+    /// Measures it: `job` is of [this](Self::display) display. Numbers that are not measured within `limit`, or of a black
     /// scene, are NaN. Returns `None` if the display is ideal in this color.
     ///
     /// # Errors
     /// Those of a solve.
-    pub fn measure(subject: &Subject, limit: Duration, engine: &mut dyn Engine) -> Result<Option<Self>, QualityError> {
-        let (color, display) = (subject.color, subject.display);
+    pub fn measure(job: &ColorJob, limit: Duration, engine: &mut dyn Engine) -> Result<Option<Self>, QualityError> {
+        let (color, display) = (job.color, job.display);
         let terms = display.model(color).terms();
         if terms.is_empty() {
             return Ok(None);
         }
-        let trials = Trials { subject, end: Instant::now() + limit };
+        let trials = Trials { job, end: Instant::now() + limit };
         let truth = trials.truth(display, engine)?;
         let db = trials.decibels(display, &truth, engine)?;
         let mut lost_db = Vec::with_capacity(terms.len());
@@ -97,19 +97,19 @@ impl ModelWorth {
 
 /// Short solves for displays of different models, and what came of them.
 struct Trials<'a> {
-    subject: &'a Subject<'a>,
+    job: &'a ColorJob<'a>,
     end: Instant,
 }
 
 impl Trials<'_> {
-    fn subject<'b>(&'b self, display: &'b Display) -> Subject<'b> {
-        let base = Settings { psnr: None, seconds: None, ..self.subject.base.clone() };
-        Subject { display, base, ..self.subject.clone() }
+    fn job<'b>(&'b self, display: &'b Display) -> ColorJob<'b> {
+        let base = Settings { psnr: None, seconds: None, ..self.job.base.clone() };
+        ColorJob { display, base, ..self.job.clone() }
     }
 
     /// What is really seen, if the display is this one.
     fn truth(&self, display: &Display, engine: &mut dyn Engine) -> Result<Reference, QualityError> {
-        Reference::new(&self.subject(display), !self.subject.base.seed, engine)
+        Reference::new(&self.job(display), !self.job.base.seed, engine)
     }
 
     /// Mean PSNR of what is solved for a display and seen on another; NaN if no time is left or if the scene is black.
@@ -118,7 +118,7 @@ impl Trials<'_> {
             return Ok(f64::NAN);
         }
         let quality = Settings { steps: STEPS, ..Settings::default() };
-        let solved = self.subject(display).solve(&quality, engine, &mut |_| Flow::Continue)?;
+        let solved = self.job(display).solve(&quality, engine, &mut |_| Flow::Continue)?;
         Ok(truth.score(&solved.solution.phases, engine)?.quality().map_or(f64::NAN, |[mean, _]| mean))
     }
 }

@@ -1,7 +1,7 @@
 //! The truth that all settings are scored by: the same pupils for all, the full window, every view, the padding that the
 //! scene requires, the SLM's levels, and one exposure.
 
-use super::{QualityError, Subject};
+use super::{ColorJob, QualityError};
 use crate::engine::{Buffer, Engine};
 use crate::evaluate::{self, Ceiling, JodMetric, Plane, Summary};
 use crate::optics::{Pupil, WindowFactor};
@@ -25,18 +25,18 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// For this subject; the seed decides the pupils, and is to be another than that of the solves.
+    /// For this job; the seed decides the pupils, and is to be another than that of the solves.
     ///
     /// # Errors
     /// [`QualityError`].
-    pub fn new(subject: &Subject, seed: u64, engine: &mut dyn Engine) -> Result<Self, QualityError> {
-        let problem = Problem::new(subject.field, subject.color, subject.display, subject.required_padding()?)?;
+    pub fn new(job: &ColorJob, seed: u64, engine: &mut dyn Engine) -> Result<Self, QualityError> {
+        let problem = Problem::new(job.field, job.color, job.display, job.required_padding()?)?;
         let mut planner = problem.planner(1, WindowFactor::Full);
         let unit = problem.unit();
         if let Some(views) = &mut planner.views {
             views.unit /= unit;
         }
-        let range = PupilRange { diameters: Diameters::Uniform, ..subject.base.pupil_range(problem.eyebox) };
+        let range = PupilRange { diameters: Diameters::Uniform, ..job.base.pupil_range(problem.eyebox) };
         // Apart from the pupils that solves draw and validate by, which are of their own seed and its complement.
         let mut sampler = Sampler::new(range, Sequence::Random, seed ^ 0x7265_6665_7265_6e63);
         let pupils: Vec<Pupil> = (0..PUPILS).map(|_| sampler.draw()).collect();
@@ -44,7 +44,7 @@ impl Reference {
         engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&problem.pyramid)))?;
         let validator = Validator::new(engine, &planner, viewpoints)?;
         let pixels = problem.optics.height * problem.optics.width;
-        Ok(Self { problem, planner, validator, unit, levels: subject.levels.clone(), pixels, pupils })
+        Ok(Self { problem, planner, validator, unit, levels: job.levels.clone(), pixels, pupils })
     }
 
     /// The same, for an SLM of other levels.

@@ -11,7 +11,7 @@ pub enum Levels {
     /// Any.
     #[default]
     Any,
-    /// Those of the display, whatever it is; [`quality::Subject`](crate::quality::Subject) puts them in.
+    /// Those of the display, whatever it is; [`quality::ColorJob`](crate::quality::ColorJob) puts them in.
     Display,
     /// These, radians, 1 to 256 of them: what is optimised for, straight-through.
     Given(Vec<f64>),

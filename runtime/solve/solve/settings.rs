@@ -112,14 +112,14 @@ pub struct Settings {
     /// Phases that the SLM can show.
     pub levels: Levels,
     /// When the SLM is padded with zeros. What a [`Problem`](super::Problem) is made with: [`ScenePlan`](super::ScenePlan)
-    /// and [`quality::Subject`](crate::quality::Subject) follow it.
+    /// and [`quality::ColorJob`](crate::quality::ColorJob) follow it.
     #[serde(deserialize_with = "padding", skip_serializing_if = "is_default")]
     pub padding: PaddingRule,
-    /// Every how many-th view of the light field is used, along both axes; a [`quality::Subject`](crate::quality::Subject)
+    /// Every how many-th view of the light field is used, along both axes; a [`quality::ColorJob`](crate::quality::ColorJob)
     /// thins them.
     #[serde(skip_serializing_if = "is_one")]
     pub views: usize,
-    /// Side of a solved pixel in pixels of the SLM, 1 or 2: at 2 a [`quality::Subject`](crate::quality::Subject) solves a
+    /// Side of a solved pixel in pixels of the SLM, 1 or 2: at 2 a [`quality::ColorJob`](crate::quality::ColorJob) solves a
     /// display of half the resolution and twice the pitch, and each of its pixels is shown on 2 x 2.
     #[serde(skip_serializing_if = "is_one")]
     pub pixel: usize,

@@ -12,7 +12,7 @@ use eyebox::low_level::engine::Engine;
 use eyebox::low_level::hologram::{Hologram, Opening, Phases, Sequence, Tiles, Unfinished};
 use eyebox::low_level::optics::{Color, Display, PupilDistribution};
 use eyebox::low_level::produce::solve_colors;
-use eyebox::low_level::quality::Subject;
+use eyebox::low_level::quality::ColorJob;
 use eyebox::low_level::reason;
 use eyebox::low_level::scene::{self, LightField};
 use eyebox::low_level::session::{FarField, Field, LiveColor, MovingSequence, Scenes, whole_eyebox};
@@ -156,13 +156,13 @@ pub fn solved_on(
     let mut settings = chosen.map_or_else(Settings::default, |c| c.settings);
     settings.frames = base.frames;
     let levels = Levels::of(display);
-    let subject = Subject { field: &field, color: colors[0], display, base, levels };
+    let color_job = ColorJob { field: &field, color: colors[0], display, base, levels };
     eprintln!("solving {what} for the whole eyebox: {settings}");
     progress::catch_interrupt();
     let mut watch = SolveProgress::new(false);
-    let solved = solve_colors(&subject, &colors, &settings, engine, &mut |event| watch.see(event))?;
-    let padding = subject.padding(&settings)?;
-    let hologram = Hologram::from_solutions(&field, display, &subject.settings(&settings), padding, &solved)?;
+    let solved = solve_colors(&color_job, &colors, &settings, engine, &mut |event| watch.see(event))?;
+    let padding = color_job.padding(&settings)?;
+    let hologram = Hologram::from_solutions(&field, display, &color_job.settings(&settings), padding, &solved)?;
     Ok((hologram, field))
 }
 

@@ -4,7 +4,7 @@ use crate::Failure;
 use crate::patterns;
 use crate::progress::{self, JobBar};
 use crate::request::{Report, SolveRequest};
-use eyebox::low_level::calibrate::{CalibrateError, CameraBench, CameraCommand, CameraGain, CameraSubject, Event};
+use eyebox::low_level::calibrate::{CalibrateError, CameraBench, CameraCommand, CameraGain, CameraJob, Event};
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::hologram::TakenWithCamera;
 use eyebox::low_level::produce::SolvedHologram;
@@ -52,13 +52,13 @@ pub fn run(
             break;
         }
         let of = &mut solved.hologram.colors[i];
-        let subject = CameraSubject { problem, color: *color, settings: &solved.settings, exposure: of.exposure };
+        let job = CameraJob { problem, color: *color, settings: &solved.settings, exposure: of.exposure };
         let mut observe = |event: Event| {
             if let Event::At(what, share) = event {
                 bar.show(what, (i as f64 + share) / count);
             }
         };
-        gains.push(bench.improve(subject, &mut of.phases, engine, &mut observe));
+        gains.push(bench.improve(job, &mut of.phases, engine, &mut observe));
     }
     bar.finish();
     if gains.iter().all(|g| g.trouble.is_none()) {

@@ -11,7 +11,7 @@ use crate::progress::{self, JobBar};
 use crate::request::levels_of;
 use eyebox::low_level::files::{ManagedDir, cache_folder};
 use eyebox::low_level::optics::Color;
-use eyebox::low_level::quality::Subject;
+use eyebox::low_level::quality::ColorJob;
 use eyebox::low_level::reason;
 use eyebox::low_level::solve::Settings;
 use eyebox_lab::report;
@@ -47,10 +47,10 @@ pub fn run(args: &Tradeoff) -> Result<(), Failure> {
         );
     }
     progress::catch_interrupt();
-    let subject = Subject { field: &field, color, display: &display, base, levels };
+    let job = ColorJob { field: &field, color, display: &display, base, levels };
     let bar = JobBar::new(args.json);
     let judged = args.seen.pupils(JUDGED);
-    let tuning = Tuning { subject, budget: args.budget, seed: args.seed, check, judged, begun };
+    let tuning = Tuning { job, budget: args.budget, seed: args.seed, check, judged, begun };
     let tuned = tuning.run(&args.out, engine.as_mut(), &mut |what, share| bar.show(what, share))?;
     bar.finish();
     if tuned.trials.is_empty() {

@@ -20,14 +20,14 @@ impl ContentDisplay<'_> {
     pub(super) fn begin(&mut self) -> Result<(), SessionError> {
         let jumped = std::mem::take(&mut self.begins);
         match self.frames.settings.start {
-            JumpStart::Table if self.steerer.needs_reinit() => {
-                self.steerer.fit()?;
+            JumpStart::Table if self.refiner.needs_reinit() => {
+                self.refiner.fit()?;
                 self.moments.begun_again();
             }
             JumpStart::Random if jumped => {
                 let one = |(i, color): (usize, &LiveColor)| random_phases(color.phases.len(), i as u64);
                 let random: Vec<_> = self.frames.colors.iter().enumerate().map(one).collect();
-                self.steerer.begin_with(&random)?;
+                self.refiner.begin_with(&random)?;
             }
             _ => {}
         }

@@ -10,7 +10,7 @@ use std::time::Instant;
 
 /// One colour of a scene on a display, and everything about its solve that is not a matter of quality and time.
 #[derive(Debug, Clone)]
-pub struct Subject<'a> {
+pub struct ColorJob<'a> {
     /// The scene, which has the display's size.
     pub field: &'a LightField,
     /// Which of its colours.
@@ -46,7 +46,7 @@ pub struct Prepared {
     pub pixel: usize,
 }
 
-impl Subject<'_> {
+impl ColorJob<'_> {
     /// Zeros around the SLM that depth and eyebox require (OPTICS 2).
     ///
     /// # Errors
@@ -76,7 +76,7 @@ impl Subject<'_> {
         let display = quality.coarser(self.display);
         let (every, [[_, rows], [_, columns]]) = quality.thinned(self.field.grid);
         let views = ViewGrid { rows, columns, cell: every as f64 * self.field.cell(self.display) };
-        let padding = Subject { display: &display, ..self.clone() }.padding(&settings)?;
+        let padding = ColorJob { display: &display, ..self.clone() }.padding(&settings)?;
         let mut problem = Problem::outline(&display, self.color, padding, views)?;
         problem.eyebox = problem.eyebox.min(self.display.eyebox_min());
         Ok(Cost::new(&problem, &settings, memory, 64))
@@ -109,7 +109,7 @@ impl Subject<'_> {
             None => (Cow::Borrowed(self.field), Cow::Borrowed(self.display)),
         };
         let pixel = self.display.width / display.width.max(1);
-        let padding = Subject { field: &field, display: &display, ..self.clone() }.padding(&settings)?;
+        let padding = ColorJob { field: &field, display: &display, ..self.clone() }.padding(&settings)?;
         let mut problem = Problem::new(&field, self.color, &display, padding)?;
         // Coarser pixels have a smaller eyebox: pupils outside of it are not worth a draw.
         problem.eyebox = problem.eyebox.min(self.display.eyebox_min());
@@ -156,7 +156,7 @@ mod tests {
     use super::*;
     use crate::engine::{Buffer, cpu::CpuEngine};
     use crate::evaluate;
-    use crate::optics::WindowFactor;
+    use crate::optics::{Mask, WindowFactor};
     use crate::plan::{Planner, Purpose};
     use crate::scene;
     use std::sync::Arc;
@@ -173,25 +173,25 @@ mod tests {
             Self { display, field }
         }
 
-        fn subject(&self) -> Subject<'_> {
+        fn job(&self) -> ColorJob<'_> {
             let [a, b] = self.field.depth_range(&self.display).unwrap();
             let base =
                 Settings { depth: [a.min(b), a.max(b)], diameter: [3e-3, 18e-3], frames: 4, ..Settings::default() };
-            Subject { field: &self.field, color: Color::Green, display: &self.display, base, levels: Levels::Any }
+            ColorJob { field: &self.field, color: Color::Green, display: &self.display, base, levels: Levels::Any }
         }
     }
 
-    fn go(subject: &Subject, quality: &Settings) -> Solved {
-        subject.solve(quality, &mut CpuEngine::new(), &mut |_| Flow::Continue).unwrap()
+    fn go(job: &ColorJob, quality: &Settings) -> Solved {
+        job.solve(quality, &mut CpuEngine::new(), &mut |_| Flow::Continue).unwrap()
     }
 
     #[test]
     fn the_default_recipe_is_a_plain_solve() {
         let scene = Scene::new(32, 48);
-        let (subject, recipe) = (scene.subject(), Settings { steps: 4, ..Settings::default() });
-        let solved = go(&subject, &recipe);
+        let (job, recipe) = (scene.job(), Settings { steps: 4, ..Settings::default() });
+        let solved = go(&job, &recipe);
         let problem = Problem::new(&scene.field, Color::Green, &scene.display, Padding::default()).unwrap();
-        let settings = Settings { steps: 4, ..subject.base.clone() };
+        let settings = Settings { steps: 4, ..job.base.clone() };
         let plain = solve::solve(&problem, &settings, &mut CpuEngine::new(), &mut |_| Flow::Continue).unwrap();
         assert_eq!(solved.solution.phases, plain.phases);
         assert_eq!((solved.solution.exposure, solved.frames), (plain.exposure, 4));
@@ -201,19 +201,18 @@ mod tests {
     #[test]
     fn sub_frames_repeat_and_pixels_are_enlarged() {
         let scene = Scene::new(32, 48);
-        let subject = scene.subject();
-        let solved = go(&subject, &Settings { steps: 2, repeats: 2, ..Settings::default() });
+        let job = scene.job();
+        let solved = go(&job, &Settings { steps: 2, repeats: 2, ..Settings::default() });
         let (phases, half) = (&solved.solution.phases, 2 * 32 * 48);
         assert_eq!((phases.len(), solved.frames), (2 * half, 2));
         assert_eq!(phases[..half], phases[half..]);
         let mut engine = CpuEngine::new();
-        let reference = Reference::new(&subject, 0, &mut engine).unwrap();
+        let reference = Reference::new(&job, 0, &mut engine).unwrap();
         let once = reference.score(&phases[..half], &mut engine).unwrap();
         let twice = reference.score(phases, &mut engine).unwrap();
         assert!(once.psnr.iter().zip(&twice.psnr).all(|(a, b)| (a - b).abs() < 1e-3), "{once:?} {twice:?}");
 
-        let solved =
-            go(&subject, &Settings { steps: 30, pixel: 2, padding: PaddingRule::Always, ..Settings::default() });
+        let solved = go(&job, &Settings { steps: 30, pixel: 2, padding: PaddingRule::Always, ..Settings::default() });
         let phases = &solved.solution.phases;
         assert_eq!(phases.len(), 4 * 32 * 48);
         for (i, p) in phases.iter().enumerate() {
@@ -230,15 +229,15 @@ mod tests {
     #[test]
     fn the_reference_scores_the_images() {
         let scene = Scene::new(40, 32);
-        let subject = scene.subject();
-        let solved = go(&subject, &Settings { steps: 6, views: 2, ..Settings::default() });
+        let job = scene.job();
+        let solved = go(&job, &Settings { steps: 6, views: 2, ..Settings::default() });
         let mut engine = CpuEngine::new();
-        let reference = Reference::new(&subject, 7, &mut engine).unwrap();
+        let reference = Reference::new(&job, 7, &mut engine).unwrap();
         let validation = reference.score(&solved.solution.phases, &mut engine).unwrap();
         assert_eq!(validation.psnr.len(), super::super::REFERENCE_PUPILS);
 
         let pupils = reference.pupils.clone();
-        let padding = subject.required_padding().unwrap();
+        let padding = job.required_padding().unwrap();
         assert!(padding != Padding::default(), "a scene with depth needs some");
         let problem = Problem::new(&scene.field, Color::Green, &scene.display, padding).unwrap();
         let planner: Planner = problem.planner(4, WindowFactor::Full);
@@ -255,12 +254,12 @@ mod tests {
             let psnr = evaluate::psnr(&exposed, wanted).unwrap();
             assert!((psnr - scored).abs() < 0.01, "{psnr} {scored}");
         }
-        let other = Reference::new(&subject, 8, &mut engine).unwrap();
+        let other = Reference::new(&job, 8, &mut engine).unwrap();
         assert_ne!(other.pupils, pupils, "another seed, other pupils");
         // Through wide pupils diffraction takes nothing; through narrow ones no trial has more than it leaves.
         assert_eq!(reference.ceiling(&mut engine).unwrap(), None);
-        let base = Settings { diameter: [2e-3, 4e-3], ..subject.base.clone() };
-        let narrow = Reference::new(&Subject { base, ..scene.subject() }, 7, &mut engine).unwrap();
+        let base = Settings { diameter: [2e-3, 4e-3], ..job.base.clone() };
+        let narrow = Reference::new(&ColorJob { base, ..scene.job() }, 7, &mut engine).unwrap();
         let [mean, worst] = narrow.ceiling(&mut engine).unwrap().expect("a ceiling");
         let scored = narrow.score(&solved.solution.phases, &mut engine).unwrap();
         assert!(worst < mean && scored.mean() < mean && scored.worst() < worst, "{mean} {worst} {scored:?}");
@@ -270,12 +269,12 @@ mod tests {
     fn few_levels_are_better_optimised_for() {
         let scene = Scene::new(48, 48);
         let levels = Levels::Given(solve::even_levels(3));
-        let subject = Subject { levels: levels.clone(), ..scene.subject() };
+        let job = ColorJob { levels: levels.clone(), ..scene.job() };
         let recipe = Settings { steps: 40, ..Settings::default() };
         let mut engine = CpuEngine::new();
         let mut scored = |quality: &Settings| {
-            let solved = go(&subject, quality);
-            let reference = Reference::new(&subject, 0, &mut engine).unwrap();
+            let solved = go(&job, quality);
+            let reference = Reference::new(&job, 0, &mut engine).unwrap();
             let as_shown = reference.score(&solved.solution.phases, &mut engine).unwrap().mean();
             let free = reference.with_levels(Levels::Any).score(&solved.solution.phases, &mut engine).unwrap().mean();
             (as_shown, free)
@@ -290,8 +289,8 @@ mod tests {
     #[test]
     fn what_costs_more_is_expected_to() {
         let scene = Scene::new(96, 64);
-        let subject = scene.subject();
-        let of = |settings: Settings| subject.cost(&settings, Memory::Host).unwrap();
+        let job = scene.job();
+        let of = |settings: Settings| job.cost(&settings, Memory::Host).unwrap();
         let start = of(Settings::default());
         let more = [
             Settings { steps: 120, ..Settings::default() },
@@ -312,9 +311,21 @@ mod tests {
             assert!(found.work() < start.work() && found.bytes() < start.bytes(), "{recipe}");
         }
         // The views' pyramid is counted as it is: of 81 views every eighth leaves 4.
-        let problem = subject.prepare(&Settings::default()).unwrap().problem;
+        let problem = job.prepare(&Settings::default()).unwrap().problem;
         let four = of(Settings { views: 8, ..Settings::default() });
         assert_eq!((start.bytes() - four.bytes()) * 81 / 77, problem.pyramid.bytes() as u64);
+    }
+
+    #[test]
+    fn memory_of_a_mask_is_counted() {
+        let scene = Scene::new(32, 32);
+        let masked = scene.display.with_mask(Some(Mask::of_seed(4, 1, None))).unwrap();
+        let bytes = |display| {
+            let job = ColorJob { display, ..scene.job() };
+            job.cost(&Settings::default(), Memory::Host).unwrap().bytes()
+        };
+        // Complex float32 for each of the mask's 4 x 4 pixels per SLM pixel.
+        assert!(bytes(&masked) >= bytes(&scene.display) + 8 * 16 * 32 * 32);
     }
 
     /// What a plan says that a slow side is padded by is what is solved with.
@@ -323,16 +334,16 @@ mod tests {
         let display = Display { height: 12, width: 262, ..Display::preset("small").unwrap() };
         let field = scene::load("builtin:plane", &scene::Request::new(&display, &[Color::Green])).unwrap();
         let (base, levels) = (Settings { depth: [0.0; 2], ..Settings::default() }, Levels::Any);
-        let subject = Subject { field: &field, color: Color::Green, display: &display, base: base.clone(), levels };
+        let job = ColorJob { field: &field, color: Color::Green, display: &display, base: base.clone(), levels };
         for padding in [PaddingRule::Never, PaddingRule::Need, PaddingRule::Always] {
             let settings = Settings { padding, ..base.clone() };
-            let padding = subject.prepare(&settings).unwrap().problem.padding;
+            let padding = job.prepare(&settings).unwrap().problem.padding;
             assert_eq!(padding, Padding { rows: 0, columns: 26 });
-            assert_eq!(subject.padding(&settings).unwrap(), padding);
+            assert_eq!(job.padding(&settings).unwrap(), padding);
         }
         let exact = Settings { padding: PaddingRule::Exact, ..base.clone() };
         let kept = exact.with_quality_of(&Settings::default());
         assert_eq!(kept.padding, PaddingRule::Exact);
-        assert_eq!(subject.prepare(&kept).unwrap().problem.padding, Padding::default());
+        assert_eq!(job.prepare(&kept).unwrap().problem.padding, Padding::default());
     }
 }
