@@ -51,7 +51,7 @@ def compare(program, about, scene, how):
     """One row: both beginnings, by number of steps."""
     row = {**about}
     for begin in ["random", "table"]:
-        row[begin] = {str(n): measure(program, scene, [*how, "--steps", n, "--first-phases", begin]) for n in STEPS}
+        row[begin] = {str(n): measure(program, scene, [*how, "--steps", n, "--set", f"first_phases={begin}"]) for n in STEPS}
         print(*about.values(), begin, row[begin], flush=True)
     return row
 

@@ -15,7 +15,7 @@ for scene in builtin:plane "builtin:still-life?span=0.1" builtin:still-life; do
     planned=
     for kept in none colors views padding window all; do
         full=()
-        [[ $kept == none ]] || full=("--full=$kept")
+        [[ $kept == none ]] || full=(--set "full=$kept")
         rm -rf "$work/hologram.zarr"
         said=$("$eyebox" solve "$scene" --size 256x256 --color green --json -o "$work/hologram.zarr" "${full[@]}")
         decibels=$("$eyebox" score "$work/hologram.zarr" "$scene" | sed -n 's/^PSNR .*: mean \([-0-9.]*\),.*/\1/p')

@@ -106,7 +106,7 @@ def even_picture(program, folder):
     scene, out = f"{folder}/even.npy", f"{folder}/even.zarr"
     np.save(scene, np.full((VIEWS, VIEWS, SIDE, SIDE, 1), EVEN, np.float32))
     for start, steps in EVEN_STEPS:
-        run(program, "solve", scene, *HOW, "--steps", steps, "--first-phases", start, "-o", out)
+        run(program, "solve", scene, *HOW, "--steps", steps, "--set", f"first_phases={start}", "-o", out)
         found = json.loads(run(program, "score", out, "--pupils", "random:8", "--engine", "cpu", "--json"))
         row = {"begun_with": start, "steps": steps, "psnr_db": round(found["psnr_db"]["mean"], 1), "jod": round(found["jod"]["mean"], 2)}
         print(row, flush=True)

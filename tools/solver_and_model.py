@@ -61,7 +61,7 @@ def score(folder, truth, known, steps, optimizer):
     for name, terms in (("truth", truth), ("known", known)):
         (work / f"{name}.toml").write_text(display(terms))
     run("solve", SCENE, "--display", work / "known.toml", "--color", "green", "--frames", 8, "--engine", "cpu", "--steps", steps,
-        "--optimizer", optimizer, "-o", work / "solved.zarr", "--json")
+        "--set", f"optimizer={optimizer}", "-o", work / "solved.zarr", "--json")
     scored = work / "solved.zarr"
     if known != truth:
         run("export", scored, "-o", work / "phases.npy")

@@ -1,5 +1,6 @@
 //! The arguments of commands: millimetres, micrometres and nanometres in, metres out.
 
+use crate::experiment::ExperimentArgs;
 pub use crate::groups::{
     Colors, DeviceArgs, DisplayArgs, EngineArgs, EngineName, EyeArgs, ObstructedArgs, OtherSceneArgs, OverwriteArgs,
     OwnSceneArgs, SceneArgs, SceneOptions,
@@ -9,16 +10,14 @@ use crate::patterns::{PatternArgs, iris};
 use crate::phases::{AtArgs, EncodedArgs, PhaseArgs, PhaseUnitArgs, UnfinishedArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
-    GivenPupil, Names, TermsOfModel, contrast, decibels, diameters, full, gaze, memory, method, model_terms, one_of,
-    positive, pupil, rate, share, storage, window,
+    GivenPupil, TermsOfModel, decibels, diameters, gaze, memory, method, model_terms, positive, pupil, rate, share,
 };
 use clap::Args;
 use clap::builder::TypedValueParser;
 use eyebox::low_level::hologram::Start;
-use eyebox::low_level::optics::{Color, WindowFactor};
-use eyebox::low_level::plan::Storage;
+use eyebox::low_level::optics::Color;
 use eyebox::low_level::present::Rate;
-use eyebox::low_level::solve::{Diameters, FirstPhases, Full, Method, Optimizer, PaddingRule, Sequence};
+use eyebox::low_level::solve::Method;
 use std::path::PathBuf;
 
 /// `eyebox demo`
@@ -40,43 +39,6 @@ pub struct Demo {
     #[command(flatten)]
     pub engine: EngineArgs,
 }
-
-/// What a solve begins with.
-const FIRST_PHASES: Names<FirstPhases, 2> = [
-    (
-        "table",
-        "Of a table, in the far field of the picture's transform, on an SLM of 256 x 256 pixels or more",
-        FirstPhases::Table,
-    ),
-    ("random", "The paper's", FirstPhases::Random),
-];
-
-/// How phases are moved.
-const OPTIMIZERS: Names<Optimizer, 2> = [
-    ("projection", "Pupil-wise projection: a tenth of the steps", Optimizer::projection()),
-    ("adam", "The paper's", Optimizer::adam()),
-];
-
-/// When the SLM is padded.
-const PADDINGS: Names<PaddingRule, 4> = [
-    ("never", "Only a side that would transform slowly", PaddingRule::Never),
-    ("need", "Where what comes in again on the other side would cost more than 0.05 dB", PaddingRule::Need),
-    ("always", "Always", PaddingRule::Always),
-    ("exact", "Not at all, and a side that transforms slowly stays as it is", PaddingRule::Exact),
-];
-
-/// Distribution of pupil diameters.
-const DIAMETERS: Names<Diameters, 3> = [
-    (Diameters::Uniform.name(), "Uniform in d (the paper's)", Diameters::Uniform),
-    (Diameters::LogUniform.name(), "Uniform in log d", Diameters::LogUniform),
-    (Diameters::Reciprocal.name(), "Uniform in 1/d", Diameters::Reciprocal),
-];
-
-/// Sequence of pupils.
-const SEQUENCES: Names<Sequence, 2> = [
-    ("random", "Independent random pupils (the paper's)", Sequence::Random),
-    ("sobol", "A low-discrepancy sequence", Sequence::Sobol),
-];
 
 fn warm(text: &str) -> Result<Start, String> {
     if text == "cold" { Ok(Start::Cold) } else { share(text).map(Start::Warm).map_err(|e| format!("{e}, or cold")) }
@@ -148,37 +110,12 @@ pub struct SettingsArgs {
     /// of colours [alone: 1]
     #[arg(help_heading = "Quality", long, value_name = "TIMES", num_args = 0..=1, require_equals = true, default_missing_value = "1", value_parser = positive, conflicts_with = "camera")]
     pub joint_color: Option<f64>,
-    /// What is supervised: slfh, lf2fs, stft, stft-unfiltered, stft-exact, smooth, dpac, pupil-aware
-    #[arg(help_heading = "Quality", long, value_parser = method, default_value = "slfh", value_name = "NAME")]
-    pub method: Method,
-    /// Diameter of the STFT's circular Fourier filter, times the eyebox
-    #[arg(help_heading = "Quality", long, value_parser = positive, default_value_t = 0.95, value_name = "SHARE")]
-    pub stft_filter: f64,
-    /// Pixels of the STFT's window along each axis [default: the number of views]
-    #[arg(help_heading = "Quality", long, value_name = "N")]
-    pub stft_samples: Option<usize>,
-    /// Phase levels of the SLM to optimise for: how many, evenly spaced, or a file with one phase (rad) a line
-    /// [default: any phase]
-    #[arg(help_heading = "Quality", long, value_name = "N|FILE")]
-    pub levels: Option<String>,
-    /// Weight of the light's evenness over the eyebox, for pupil-aware
-    #[arg(help_heading = "Quality", long, default_value_t = 0.5, value_name = "W")]
-    pub evenness: f64,
-    /// Patches along the eyebox whose light pupil-aware evens out, 1 to 16
-    #[arg(help_heading = "Quality", long, default_value_t = 9, value_name = "N")]
-    pub patches: usize,
+    /// What is supervised: slfh, lf2fs, stft, stft-unfiltered, stft-exact, smooth, dpac, pupil-aware [default: slfh]
+    #[arg(help_heading = "Quality", long, value_parser = method, value_name = "NAME")]
+    pub method: Option<Method>,
     /// How people see the display, for scores in JOD
     #[command(flatten)]
     pub viewing: ViewingArgs,
-    /// What it begins with: phases that a table has for the picture, which is fitted once for a display and kept, or random ones
-    #[arg(help_heading = "Steps", long, value_parser = one_of(&FIRST_PHASES), value_name = "table|random", default_value = "table")]
-    pub first_phases: FirstPhases,
-    /// How phases are moved [default: projection]
-    #[arg(help_heading = "Steps", long, value_parser = one_of(&OPTIMIZERS))]
-    pub optimizer: Option<Optimizer>,
-    /// Share of the light that pupils are to see: less is dimmer and better, to a point [default: chosen for the scene]
-    #[arg(help_heading = "Quality", long, value_name = "0..1")]
-    pub efficiency: Option<f64>,
     /// Which terms of the display's model are solved for: all, auto (those that are worth more than 0.05 dB on this scene, and
     /// as many sub-pixels as are worth 0.2 dB, measured in some seconds), none, or their names with commas between
     #[arg(help_heading = "Display", long, value_name = "all|auto|none|LIST", value_parser = model_terms, default_value = "all")]
@@ -195,35 +132,15 @@ pub struct SettingsArgs {
     /// Stop at this mean PSNR over validation pupils, dB
     #[arg(help_heading = "Steps", long, value_name = "DB", value_parser = decibels, allow_hyphen_values = true)]
     pub psnr: Option<f64>,
-    /// Spectrum per pupil: 1 or 2 times the pupil, or all of it [default: 1]
-    #[arg(help_heading = "Quality", long, value_parser = window, value_name = "1|2|full")]
-    pub window: Option<WindowFactor>,
-    /// How complex fields are stored: fp16 takes half the memory on Vulkan; for comparison only on the CPU [default: fp16 on a
-    /// GPU for an SLM of up to 573 levels, else fp32]
-    #[arg(help_heading = "Quality", long, value_parser = storage, value_name = "fp32|fp16")]
-    pub storage: Option<Storage>,
     /// Pupil diameters drawn, mm [default: 2..20, or what fits the eyebox]
     #[arg(help_heading = "Pupils", long, value_name = "MIN..MAX", value_parser = diameters)]
     pub pupil_diameter: Option<[f64; 2]>,
-    /// Distribution of diameters [default: log; adam uniform]
-    #[arg(help_heading = "Pupils", long, value_parser = one_of(&DIAMETERS))]
-    pub diameters: Option<Diameters>,
-    /// Sequence of pupils
-    #[arg(help_heading = "Pupils", long, value_parser = one_of(&SEQUENCES), default_value = "sobol")]
-    pub sequence: Sequence,
-    /// Zeros around the SLM, as wide as light walks off, against circular propagation: never, always, or where the
-    /// scene needs it; or exactly the SLM's size [default: never; alone: always]
-    #[arg(help_heading = "Quality", long, value_parser = one_of(&PADDINGS), value_name = "RULE", num_args = 0..=1, require_equals = true, default_missing_value = "always")]
-    pub padding: Option<PaddingRule>,
-    /// Model these parts in full whatever the scene requires: colors, views, padding, window, modes, or all
-    #[arg(help_heading = "Quality", long, value_name = "PARTS", num_args = 0..=1, require_equals = true, default_missing_value = "all", value_parser = full)]
-    pub full: Option<Full>,
-    /// As many sub-frames as this speckle contrast needs, 0 to 1, instead of --frames
-    #[arg(help_heading = "Quality", long, value_name = "CONTRAST", value_parser = contrast, conflicts_with = "frames")]
-    pub speckle: Option<f64>,
-    /// Seed of the first phases and of the pupils
-    #[arg(help_heading = "Steps", long, default_value_t = 0, value_name = "S")]
-    pub seed: u64,
+    /// Seed of the first phases and of the pupils [default: 0]
+    #[arg(help_heading = "Steps", long, value_name = "S")]
+    pub seed: Option<u64>,
+    /// The rest of them
+    #[command(flatten)]
+    pub experiment: ExperimentArgs,
 }
 
 /// The camera for the last steps.

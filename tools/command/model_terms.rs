@@ -36,7 +36,7 @@ impl SolveRequest<'_> {
 
     /// Keeps the requested terms and prints the measured ones.
     pub fn choose_terms(&mut self, engine: &mut dyn Engine) -> Result<(), Failure> {
-        let auto = self.given.model_terms == TermsOfModel::Auto;
+        let auto = self.options.model_terms == TermsOfModel::Auto;
         let worth = if auto { self.worth(engine)? } else { Vec::new() };
         if !self.report.json {
             worth.iter().for_each(|worth| eprintln!("display model, {}", in_words(worth)));
@@ -47,7 +47,7 @@ impl SolveRequest<'_> {
 
     /// Keeps the requested terms, given their measured worth.
     pub fn keep_terms(&mut self, worth: &[ModelWorth]) {
-        match &self.given.model_terms {
+        match &self.options.model_terms {
             TermsOfModel::All => {}
             TermsOfModel::Auto => {
                 for worth in worth {

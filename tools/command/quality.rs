@@ -5,6 +5,7 @@ use crate::values::{Names, one_of};
 use clap::Args;
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::files::cache_folder;
+use eyebox::low_level::produce::GivenSettings;
 use eyebox::low_level::quality::Quality;
 use eyebox::low_level::reason;
 use eyebox::low_level::solve::Settings;
@@ -39,6 +40,12 @@ pub struct Chosen {
 }
 
 impl QualityArgs {
+    /// Returns these, or the quality of the settings if neither option is given.
+    pub fn with(self, given: &GivenSettings) -> Result<Self, Failure> {
+        let quality = if self.deadline.is_some() { None } else { given.get("quality")? };
+        Ok(Self { quality: self.quality.or(quality), ..self })
+    }
+
     /// What was asked for; nothing where nothing was. `size` and `frames` are those of the solve, `colors` how many share
     /// the deadline.
     pub fn choose(

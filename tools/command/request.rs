@@ -7,9 +7,9 @@ use crate::quality::{Chosen, QualityArgs};
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::optics::{Color, Display, Geometry};
 use eyebox::low_level::plan::Storage;
-use eyebox::low_level::produce::{SceneJob, SequenceRequest, TilesRequest, is_larger_than_memory};
+use eyebox::low_level::produce::{GivenSettings, SceneJob, SequenceRequest, TilesRequest, is_larger_than_memory};
 use eyebox::low_level::scene::{self, LightField};
-use eyebox::low_level::solve::{Joint, Levels, Method, Optimizer, Settings, even_levels};
+use eyebox::low_level::solve::{Joint, Levels, Method, Optimizer, Settings};
 use eyebox::low_level::tiled::MemoryLimit;
 use eyebox::low_level::{memory, reason};
 use std::path::Path;
@@ -33,9 +33,10 @@ pub struct SolveRequest<'a> {
     scene: &'a SceneArgs,
     sequence: SequenceRequest,
     quality: QualityArgs,
-    /// The settings as they were given.
-    pub given: &'a SettingsArgs,
-    levels: Option<Vec<f64>>,
+    /// The settings of the file and of the options.
+    pub given: GivenSettings,
+    /// The options of settings.
+    pub options: &'a SettingsArgs,
     force: bool,
 }
 
@@ -54,7 +55,7 @@ impl<'a> SolveRequest<'a> {
     /// Loads the display and finds its colors and the scenes.
     pub fn of(args: &'a Solve) -> Result<Self, Failure> {
         let mut request = Self::at_once(args)?;
-        request.tiles = tiles(args, &request.scenes, &request.display)?;
+        request.tiles = request.tiles(args)?;
         Ok(request)
     }
 
@@ -77,8 +78,8 @@ impl<'a> SolveRequest<'a> {
             scene: &args.scene,
             sequence: SequenceRequest { rate: args.rate.fraction(), start: args.warm_start },
             quality: args.quality,
-            given: &args.settings,
-            levels: args.settings.levels.as_deref().map(levels).transpose()?,
+            given: given(&args.settings)?,
+            options: &args.settings,
             force: args.display.force,
         })
     }
@@ -89,159 +90,125 @@ impl<'a> SolveRequest<'a> {
     }
 
     /// Returns the settings and a note about them. Quality and deadline replace the defaults, and given settings replace both. The
-    /// depth range is zero, because the scene is not loaded yet.
+    /// depth range is zero unless it is given, because the scene is not loaded yet.
     pub fn settings(&self, engine: &dyn Engine) -> Result<(Settings, Option<String>), Failure> {
-        let (base, given) = (self.base(&self.display)?, self.given);
+        let (base, given) = (self.base(&self.display)?, &self.given);
         if self.tiles.is_some() {
             // Quality does not apply to a solve in regions.
-            let (steps, window) = (given.steps.unwrap_or(TilesRequest::STEPS), given.window.unwrap_or(base.window));
-            let diameters = given.diameters.unwrap_or(base.diameters);
-            return Ok((Settings { steps, window, diameters, ..base }, None));
+            return Ok((given.over(&Settings { steps: TilesRequest::STEPS, ..base })?, None));
         }
         let size = [self.display.height, self.display.width];
-        let chosen = self.quality.choose(engine, size, base.frames, self.colors.len())?;
-        let adam = |optimizer: &Optimizer| matches!(optimizer, Optimizer::Adam { .. });
-        let asked = given.optimizer.map(|o| if adam(&o) { Settings::adam(200, 8) } else { Settings::default() });
-        let (quality, about) = match chosen {
-            Some(Chosen { settings, about }) => (settings, Some(about)),
-            None => (asked.clone().unwrap_or_default(), None),
-        };
-        let mut settings = base.with_quality_of(&quality);
-        if let Some(asked) = asked.filter(|asked| adam(&asked.optimizer) != adam(&settings.optimizer)) {
-            (settings.optimizer, settings.diameters) = (asked.optimizer, asked.diameters);
+        let chosen = self.quality.with(given)?.choose(engine, size, base.frames, self.colors.len())?;
+        let (chosen, about) = chosen.map(|Chosen { settings, about }| (settings, about)).unzip();
+        let mut settings = given.with_quality(&base, chosen.as_ref());
+        if chosen.is_none() {
+            // Tuned settings keep the storage that they were tuned with.
+            settings.storage = engine.preferred_storage().for_levels(self.display.levels as usize);
         }
-        settings.steps = given.steps.unwrap_or(settings.steps);
-        settings.pupils = given.pupils.unwrap_or(settings.pupils);
-        settings.window = given.window.unwrap_or(settings.window);
-        settings.diameters = given.diameters.unwrap_or(settings.diameters);
-        // Tuned settings keep the storage that they were tuned with.
-        let preferred = engine.preferred_storage().for_levels(self.display.levels as usize);
-        let stored = if about.is_some() { settings.storage } else { preferred };
-        settings.storage = given.storage.unwrap_or(stored);
-        settings.padding = given.padding.unwrap_or(settings.padding);
-        if given.frames.is_some() || given.speckle.is_some() {
+        if given.has("frames") || given.has("contrast") {
             settings.repeats = 1;
         }
         if self.scene.options.views.is_some() {
             settings.views = 1;
         }
-        if let Some(levels) = &self.levels {
-            settings.levels = Levels::Given(levels.clone());
-        }
-        Ok((settings, about))
+        Ok((given.over(&settings)?, about))
     }
 
     /// Returns the library's job with these settings.
-    pub fn job(&self, settings: Settings) -> SceneJob<'_> {
-        SceneJob {
+    pub fn job(&self, settings: Settings) -> Result<SceneJob<'_>, Failure> {
+        let mut job = SceneJob {
             scenes: self.scenes.clone(),
             colors: self.colors.clone(),
             reading: self.scene.options.reading(self.display.focal_length),
-            diameter: self.given.pupil_diameter,
             force: self.force,
-            settings: Settings { seconds: self.given.seconds, ..settings },
-            full: self.given.full.unwrap_or_default(),
-            contrast: self.given.speckle,
+            settings,
             sequence: self.sequence,
             tiles: self.tiles,
             ..SceneJob::new(&self.scene.scene, &self.display)
-        }
+        };
+        job.take_own(&self.given)?;
+        Ok(job)
     }
 
     /// Loads the scene for a display and returns it with its depth range in meters.
     pub fn load(&self, display: &Display) -> Result<(LightField, [f64; 2]), Failure> {
         let field = common::scene(self.scene, display, &self.colors)?;
-        let depth = common::depths(self.scene, &field, display)?;
+        let depth = match self.given.get("depth")? {
+            Some(depth) if self.scene.options.depth.is_none() => depth,
+            _ => common::depths(self.scene, &field, display)?,
+        };
         Ok((field, depth))
     }
 
     /// Returns the settings for a display that quality and deadline do not change.
     pub fn base(&self, display: &Display) -> Result<Settings, Failure> {
-        let given = self.given;
-        Ok(Settings {
-            frames: given.frames.unwrap_or(Settings::default().frames),
-            joint: given.joint_color.map(|brightness| Joint { brightness }),
-            method: given.method,
-            first_phases: given.first_phases,
-            stft_filter: given.stft_filter,
-            stft_samples: given.stft_samples,
-            evenness: given.evenness,
-            patches: given.patches,
-            psnr: given.psnr,
-            efficiency: given.efficiency,
-            diameter: common::diameters(given.pupil_diameter, display, self.force)?,
-            depth: [0.0, 0.0],
-            sequence: given.sequence,
-            seed: given.seed,
-            ..Settings::default()
-        })
+        let (asked, force) = (self.given.get("diameter")?, self.force || self.given.get("force")?.unwrap_or(false));
+        let diameter = common::diameters(asked, display, force)?;
+        Ok(self.given.over(&Settings { diameter, depth: [0.0, 0.0], ..Settings::default() })?)
     }
 }
 
-/// Returns the request for a solve region by region if memory is limited or too small for the hologram. Sequences have none.
-fn tiles(args: &Solve, scenes: &[String], display: &Display) -> Result<Option<TilesRequest>, Failure> {
-    if scenes.len() > 1 {
-        return Ok(None);
-    }
-    let given = &args.settings;
-    let frames = given.frames.unwrap_or(Settings::default().frames);
-    let relay = display.geometry == Geometry::Relay;
-    // In a relay every pupil sees the whole SLM, so regions do not help.
-    args.memory.filter(|_| relay).into_iter().for_each(memory::limit);
-    if relay || args.memory.is_none() && !is_larger_than_memory(display, frames) {
-        if args.passes.is_some() || args.picture.is_some() {
+impl SolveRequest<'_> {
+    /// Returns the request for a solve region by region if memory is limited or too small for the hologram. Sequences have none.
+    fn tiles(&self, args: &Solve) -> Result<Option<TilesRequest>, Failure> {
+        if self.scenes.len() > 1 {
+            return Ok(None);
+        }
+        let (given, display) = (&self.given, &self.display);
+        let settings = self.base(display)?;
+        let frames = settings.frames;
+        let relay = display.geometry == Geometry::Relay;
+        // In a relay every pupil sees the whole SLM, so regions do not help.
+        args.memory.filter(|_| relay).into_iter().for_each(memory::limit);
+        if relay || args.memory.is_none() && !is_larger_than_memory(display, frames) {
+            if args.passes.is_some() || args.picture.is_some() {
+                return Err(Failure::Arguments(reason!(
+                    "not-in-tiles",
+                    "--passes and --picture are for far fields with --memory: this is solved all at once"
+                )));
+            }
+            return Ok(None);
+        }
+        // Settings that a solve in regions does not support.
+        let other = [
+            (settings.method != Method::Slfh, "method"),
+            (settings.levels != Levels::Any, "levels"),
+            (matches!(settings.optimizer, Optimizer::Adam { .. }), "optimizer"),
+            (settings.storage != Storage::F32, "storage"),
+            (settings.seconds.is_some(), "seconds"),
+            (settings.psnr.is_some(), "psnr"),
+            (given.has("pupils"), "pupils"),
+        ];
+        if let Some((_, name)) = other.iter().find(|other| other.0) {
             return Err(Failure::Arguments(reason!(
-                "not-in-tiles",
-                "--passes and --picture are for far fields with --memory: this is solved all at once"
+                "in-tiles",
+                "{name} is not for a hologram that is solved region by region: leave it out, or take a smaller display"
             )));
         }
-        return Ok(None);
+        let default = TilesRequest::default();
+        Ok(Some(TilesRequest {
+            memory: args.memory.map_or(default.memory, MemoryLimit),
+            passes: args.passes.unwrap_or(default.passes),
+            picture: args.picture.unwrap_or(default.picture),
+        }))
     }
-    // Settings that a solve in regions does not support.
-    let other = [
-        (given.method != Method::Slfh, "--method"),
-        (given.levels.is_some(), "--levels"),
-        (matches!(given.optimizer, Some(Optimizer::Adam { .. })), "--optimizer adam"),
-        (given.storage.is_some_and(|s| s != Storage::F32), "--storage fp16"),
-        (given.seconds.is_some(), "--seconds"),
-        (given.psnr.is_some(), "--psnr"),
-        (given.pupils.is_some(), "--pupils"),
-    ];
-    if let Some((_, name)) = other.iter().find(|other| other.0) {
-        return Err(Failure::Arguments(reason!(
-            "in-tiles",
-            "{name} is not for a hologram that is solved region by region: leave it out, or take a smaller display"
-        )));
-    }
-    let default = TilesRequest::default();
-    Ok(Some(TilesRequest {
-        memory: args.memory.map_or(default.memory, MemoryLimit),
-        passes: args.passes.unwrap_or(default.passes),
-        picture: args.picture.unwrap_or(default.picture),
-    }))
 }
 
-/// Levels by their number, or from a file.
-fn levels(text: &str) -> Result<Vec<f64>, Failure> {
-    if let Ok(n) = text.parse::<usize>() {
-        return Ok(even_levels(n.min(1 << 16)));
+/// Puts the options over the settings of the file.
+fn given(options: &SettingsArgs) -> Result<GivenSettings, Failure> {
+    let mut given = options.experiment.given()?;
+    if given.has("contrast") && options.frames.is_some() {
+        let text = "contrast and --frames both decide the number of sub-frames: leave out one of them";
+        return Err(Failure::Arguments(reason!("frames-and-contrast", "{text}")));
     }
-    let wrong = |what: String| Failure::Arguments(reason!("levels", "{text}: {what}"));
-    let size =
-        std::fs::metadata(text).map_err(|e| wrong(format!("neither a number of levels nor a file ({e})")))?.len();
-    if size > 1 << 20 {
-        return Err(wrong("a file of levels has one phase a line, 256 at most".into()));
-    }
-    let file = eyebox::low_level::files::read::text(text.as_ref(), eyebox::low_level::files::read::TEXT)
-        .map_err(|e| wrong(e.to_string()))?;
-    let lines = file.lines().map(|l| l.split('#').next().unwrap_or("").trim()).enumerate();
-    let phase = |(i, line): (usize, &str)| {
-        line.parse::<f64>().map_err(|_| wrong(format!("line {}: '{line}' is not a phase in radians", i + 1)))
-    };
-    lines.filter(|(_, line)| !line.is_empty()).map(phase).collect()
-}
-
-/// The levels that are asked for, or else those of the display.
-pub fn levels_of(asked: Option<&str>, display: &Display) -> Result<Levels, Failure> {
-    asked.map_or(Ok(Levels::of(display)), |text| levels(text).map(Levels::Given))
+    given.insert("frames", options.frames);
+    given.insert("joint", options.joint_color.map(|brightness| Joint { brightness }));
+    given.insert("method", options.method);
+    given.insert("pupils", options.pupils);
+    given.insert("steps", options.steps);
+    given.insert("seconds", options.seconds);
+    given.insert("psnr", options.psnr);
+    given.insert("diameter", options.pupil_diameter);
+    given.insert("seed", options.seed);
+    Ok(given)
 }

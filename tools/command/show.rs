@@ -2,6 +2,7 @@
 
 use crate::Failure;
 use crate::common;
+use crate::experiment;
 use crate::following::{self, FollowArgs};
 use crate::live::{self, LiveOptions, Stage, Steered, SubjectOptions};
 use crate::phases::UnfinishedArgs;
@@ -15,6 +16,7 @@ use eyebox::low_level::produce::{SceneJob, SceneSolution, solve_scene};
 use eyebox::low_level::reason;
 use eyebox::low_level::scene;
 use eyebox::low_level::session::Cost;
+use eyebox::low_level::solve::Settings;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -84,6 +86,9 @@ enum What {
 
 /// Shows it, and says what was shown.
 pub fn run(args: &Show) -> Result<(), Failure> {
+    if args.subject.experiment.is_printed() {
+        return experiment::print(None, &args.subject.experiment.given()?);
+    }
     let tracked = args.live.tracker.tracker.is_some();
     if let Some(sink) = args.stream.sink() {
         sink.check()?;
@@ -180,9 +185,11 @@ fn solve(args: &Show, scenes: Vec<String>, file: &Path) -> Result<Display, Failu
     let colors = common::colors(&args.subject.display, &display)?;
     let mut engine = common::engine(&args.subject.engine)?;
     let size = [display.height, display.width];
-    let chosen = args.subject.quality.choose(engine.as_ref(), size, args.frames, colors.len())?;
-    let mut settings = chosen.map(|chosen| chosen.settings).unwrap_or_default();
-    settings.frames = args.frames;
+    let mut given = args.subject.experiment.given()?;
+    given.insert("frames", Some(args.frames));
+    let quality = args.subject.quality.with(&given)?;
+    let chosen = quality.choose(engine.as_ref(), size, args.frames, colors.len())?.map(|chosen| chosen.settings);
+    let settings = given.over(&given.with_quality(&Settings::default(), chosen.as_ref()))?;
     let rate = args.stream.rate.map_or([30, 1], eyebox::low_level::present::Rate::fraction);
     let mut job = SceneJob::new(&scenes[0], &display);
     job.scenes = scenes;
@@ -190,6 +197,7 @@ fn solve(args: &Show, scenes: Vec<String>, file: &Path) -> Result<Display, Failu
     job.reading = args.subject.options.reading(display.focal_length);
     job.force = args.subject.display.force;
     job.settings = settings;
+    job.take_own(&given)?;
     job.sequence.rate = rate;
     let mut watch = SolveProgress::of_job(&job, engine.describe(), None, false);
     let solved = solve_scene(&job, Some(file), engine.as_mut(), &mut |event| watch.see(event))?;
@@ -255,7 +263,8 @@ fn show(args: &Show, steered: Steered, cost: Option<Cost>, stage: Stage) -> Resu
     let tracker = args.live.tracker.tracker.as_deref();
     let kept = live::KeptSession { journal: args.journal.clone(), replay: args.replay.clone() };
     let (sink, depths) = (args.stream.sink(), args.subject.options.depth_before(steered.encoder.display()));
-    live::show(steered, &args.live, live::ShowOptions { tracker, simulated: cost, sink, depths, kept }, stage)
+    let policy = args.subject.experiment.policy()?;
+    live::show(steered, &args.live, live::ShowOptions { policy, tracker, simulated: cost, sink, depths, kept }, stage)
 }
 
 /// What is refined while it is shown: what work takes on a simulated clock, and a line for what it does not take.
@@ -342,7 +351,7 @@ fn application(args: &Show, name: &str) -> Result<(), Failure> {
         Ask::Layers => LiveKind::Layers,
     };
     let encoder = Encoder::new(&display, &colors, args.frames)?;
-    let parts = darkness(&display, &colors, args.frames, args.live.policy.steering.seed)?;
+    let parts = darkness(&display, &colors, args.frames, args.subject.experiment.refinement()?.seed)?;
     let of = |(color, part): (&Color, &LiveColor)| ColorHologram {
         color: Some(*color),
         wavelength: part.problem.optics.wavelength,

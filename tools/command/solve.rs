@@ -6,6 +6,7 @@ mod progress;
 use crate::Failure;
 use crate::args::Solve;
 use crate::common::{self, Form};
+use crate::experiment;
 use crate::request::{Report, SolveRequest};
 use crate::score::decibels;
 use eyebox::low_level::calibrate::CameraGain;
@@ -24,6 +25,10 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     let start = Instant::now();
     let mut request = SolveRequest::of(args)?;
     let report = request.report;
+    if args.settings.experiment.is_printed() {
+        let (settings, _) = request.settings(common::engine(request.engine)?.as_ref())?;
+        return experiment::print(Some(&settings), &request.given);
+    }
     common::form(report.out, if request.is_single() { &[Form::Zarr, Form::Npy] } else { &[Form::Zarr] })?;
     // The camera before all that takes long.
     let mut say = |line: &str| eprintln!("{line}");
@@ -34,7 +39,7 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     request.choose_terms(engine.as_mut())?;
     engine.time_kernels(report.timings || report.json);
     let (settings, chosen) = request.settings(engine.as_ref())?;
-    let job = request.job(settings);
+    let job = request.job(settings)?;
     let mut watch = SolveProgress::of_job(&job, engine.describe(), chosen, report.json);
     let mut solved = solve_scene(&job, Some(report.out), engine.as_mut(), &mut |event| watch.see(event))?;
     if let (SceneSolution::Hologram(solved), Some(camera)) = (&mut solved, camera) {

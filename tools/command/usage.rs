@@ -1,5 +1,6 @@
 //! Mistakes on the command line: one line each, with a remedy that works.
 
+use crate::renamed;
 use crate::talk::print_error;
 use clap::Error;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
@@ -91,6 +92,12 @@ fn advice(error: &Error) -> String {
         Some(ContextValue::String(text)) => text.as_str(),
         _ => "",
     };
+    if error.kind() == ErrorKind::UnknownArgument
+        && let Some(command) = std::env::args().nth(1)
+        && let Some(now) = renamed::option(&command, context(ContextKind::InvalidArg).trim_start_matches('-'))
+    {
+        return format!("; {now}");
+    }
     let is_output = context(ContextKind::InvalidArg).starts_with("--output");
     let is_file = [".zarr", ".npy", ".png", "/"].iter().any(|end| context(ContextKind::InvalidValue).ends_with(end));
     if is_output && is_file { "; the file to write is given by --out".into() } else { String::new() }

@@ -4,10 +4,9 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use eyebox::low_level::encode::AsShown;
 use eyebox::low_level::error::Reason;
 use eyebox::low_level::hologram::PhaseUnit;
-use eyebox::low_level::optics::{Depth, DisplayModel, Prescription, Pupil, WindowFactor};
-use eyebox::low_level::plan::Storage;
+use eyebox::low_level::optics::{Depth, DisplayModel, Prescription, Pupil};
 use eyebox::low_level::present::Rate;
-use eyebox::low_level::solve::{Full, Method};
+use eyebox::low_level::solve::Method;
 
 fn numbers<const N: usize>(parts: Vec<&str>, form: &str) -> Result<[f64; N], String> {
     let count = parts.len();
@@ -148,18 +147,6 @@ pub fn decibels(text: &str) -> Result<f64, String> {
     }
 }
 
-/// An exponent.
-pub fn power(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(v) if (0.0..=16.0).contains(&v) => Ok(v),
-        _ => Err("expected a power, 0 to 16".into()),
-    }
-}
-
-pub fn storage(text: &str) -> Result<Storage, String> {
-    Storage::by_name(text).ok_or_else(|| "expected fp32 or fp16".into())
-}
-
 /// Directions, degrees to the right and down.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Targets(pub Vec<[f64; 2]>);
@@ -212,38 +199,12 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
     }
 }
 
-pub fn window(text: &str) -> Result<WindowFactor, String> {
-    match text {
-        "1" => Ok(WindowFactor::One),
-        "2" => Ok(WindowFactor::Two),
-        "full" => Ok(WindowFactor::Full),
-        _ => Err("expected 1, 2 or full".into()),
-    }
-}
-
-/// Parts of the model, separated by commas.
-pub fn full(text: &str) -> Result<Full, String> {
-    let mut full = Full::default();
-    match text.split(',').find(|name| !full.keep(name.trim())) {
-        None => Ok(full),
-        Some(wrong) => Err(format!("'{wrong}' is no part of the model: there are {} and all", Full::PARTS.join(", "))),
-    }
-}
-
 /// Parts of what an SLM shows, separated by commas.
 pub fn as_shown(text: &str) -> Result<AsShown, String> {
     let mut left = AsShown::default();
     match text.split(',').find(|part| !left.leave(part.trim())) {
         None => Ok(left),
         Some(wrong) => Err(format!("'{wrong}' is nothing to leave: there are {} and all", AsShown::PARTS.join(", "))),
-    }
-}
-
-/// A speckle contrast.
-pub fn contrast(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(v) if (1.0 / 64.0..=1.0).contains(&v) => Ok(v),
-        _ => Err("expected a contrast of 0.016 (4096 sub-frames) to 1 (one)".into()),
     }
 }
 
@@ -300,6 +261,6 @@ mod tests {
         for bad in ["nan", "inf", "1e308", "1e-320", "-1", "0", ""] {
             assert!(positive(bad).is_err(), "{bad}");
         }
-        assert!(not_negative("1e308").is_err() && decibels("nan").is_err() && power("-1").is_err());
+        assert!(not_negative("1e308").is_err() && decibels("nan").is_err());
     }
 }

@@ -34,12 +34,12 @@ FILES = [
     ),
     (
         "Settings of a solve",
-        "What `eyebox_solve` of the C interface takes as TOML, and what holograms and results keep as JSON. Lengths are metres.",
+        "TOML, `--settings FILE.toml`, the text that `eyebox_solve` of the C interface takes, and what holograms and results keep as JSON. Lengths are meters. More: [settings](../settings.md).",
         [("", "solve/solve/settings.rs", "Settings")],
     ),
     (
         "Settings of a refinement",
-        "The same for steering.",
+        "The table `refine` of `--settings FILE.toml`, and the text that refiners of the C interface take.",
         [("", "solve/solve/refine_settings.rs", "RefineSettings")],
     ),
     (

@@ -23,7 +23,7 @@ mod managed_dir;
 mod npy;
 mod npy_header;
 mod os;
-mod overlay;
+pub mod overlay;
 mod picture;
 #[cfg_attr(not(feature = "image-formats"), path = "no_pixels.rs")]
 mod pixels;
@@ -54,7 +54,6 @@ pub use kind::FileKind;
 pub use managed_dir::{ManagedDir, holds_only_own, write_listed};
 pub use npy::{Npy, npy_header, read_npy, read_npy_with_gaps, write_npy};
 pub use os::cache_folder;
-pub use overlay::overlay;
 pub use picture::{encode_png, linear_to_srgb, write_png};
 #[cfg(not(feature = "image-formats"))]
 pub use pixels::color_space;

@@ -1,4 +1,4 @@
-//! Settings as text: what is said there lies over what is by default.
+//! Settings as a TOML text over their defaults.
 
 use crate::error::Reason;
 use crate::reason;
@@ -6,39 +6,70 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
-/// `default` with what the TOML `text` says, and the `beside` keys that are not its own but may stand there too, with their
-/// values.
+/// Reads a TOML text as keys with values.
 ///
 /// # Errors
-/// What is wrong, with its key: one that is not known, a value of another kind, a number that is not finite.
-pub fn overlay<T: Serialize + DeserializeOwned>(
-    default: &T,
-    beside: &[&str],
-    text: &str,
-) -> Result<(T, Map<String, Value>), Reason> {
+/// The line that is not TOML, or the key of a number that is not finite.
+pub fn keys(text: &str) -> Result<Map<String, Value>, Reason> {
     let given: toml::Table = super::read::toml(text)?;
-    let Ok(Value::Object(mut whole)) = serde_json::to_value(default) else {
-        return Err(reason!("not-keys", "settings are keys with values"));
-    };
-    let mut all = Map::new();
-    for (key, value) in given {
+    let value = |(key, value): (String, toml::Value)| {
         let value = serde_json::to_value(value).map_err(|e| reason!("value", "{key}: {e}"))?;
-        // TOML has no null: it is what becomes of a number that is not finite.
+        // TOML has no null. A number that is not finite becomes one.
         if has_null(&value) {
             return Err(reason!("not-finite", "{key}: every number must be finite"));
         }
-        if !beside.contains(&&key[..]) {
-            if !whole.contains_key(&key) {
-                let known: Vec<&str> = whole.keys().map(String::as_str).chain(beside.iter().copied()).collect();
-                return Err(reason!("no-such-setting", "{key}: no such setting: there are {}", known.join(", ")));
-            }
-            whole.insert(key.clone(), value.clone());
-            T::deserialize(Value::Object(whole.clone())).map_err(|e| reason!("value", "{key}: {e}"))?;
-        }
-        all.insert(key, value);
+        Ok((key, value))
+    };
+    given.into_iter().map(value).collect()
+}
+
+/// Returns the keys of `whole` with the given ones over them. A table replaces only the keys that it has. Keys of `beside` are
+/// ignored.
+///
+/// # Errors
+/// A key that is unknown, or whose value has another type.
+pub fn overlay<T: DeserializeOwned>(
+    mut whole: Map<String, Value>,
+    beside: &[&str],
+    given: &Map<String, Value>,
+) -> Result<T, Reason> {
+    for (key, value) in given.iter().filter(|(key, _)| !beside.contains(&&key[..])) {
+        let Some(old) = whole.get_mut(key) else {
+            let known: Vec<&str> = whole.keys().map(String::as_str).chain(beside.iter().copied()).collect();
+            return Err(reason!("no-such-setting", "{key}: no such setting: there are {}", known.join(", ")));
+        };
+        merge(old, value);
+        T::deserialize(Value::Object(whole.clone())).map_err(|e| reason!("value", "{key}: {e}"))?;
     }
-    let read = T::deserialize(Value::Object(whole)).map_err(|e| e.to_string())?;
-    Ok((read, all))
+    T::deserialize(Value::Object(whole)).map_err(|e| e.to_string().into())
+}
+
+/// Returns a value as its keys. A value that has none is empty.
+pub fn keys_of(value: &impl Serialize) -> Map<String, Value> {
+    match serde_json::to_value(value) {
+        Ok(Value::Object(keys)) => keys,
+        _ => Map::new(),
+    }
+}
+
+/// Writes keys as a TOML text.
+///
+/// # Errors
+/// A value that TOML does not have.
+pub fn toml(keys: &Map<String, Value>) -> Result<String, Reason> {
+    toml::to_string(keys).map_err(|e| e.to_string().into())
+}
+
+/// Puts `new` over `old`. Tables are merged key by key.
+pub fn merge(old: &mut Value, new: &Value) {
+    match (old, new) {
+        (Value::Object(old), Value::Object(new)) => {
+            for (key, value) in new {
+                merge(old.entry(key.clone()).or_insert(Value::Null), value);
+            }
+        }
+        (old, new) => old.clone_from(new),
+    }
 }
 
 fn has_null(value: &Value) -> bool {

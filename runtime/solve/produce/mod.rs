@@ -7,15 +7,16 @@
 
 mod colors;
 mod driver;
+mod given_settings;
 mod job;
 mod refinement;
 mod sequence;
-mod settings_text;
 mod tile_pieces;
 mod tiles;
 
 pub use colors::{solve_colors, solve_joint_colors};
 pub use driver::{SceneSolution, SolvedHologram, solve_light_field, solve_scene};
+pub use given_settings::GivenSettings;
 pub use job::{SceneEvent, SceneJob, SequenceRequest, TilesPlan, TilesRequest};
 pub use refinement::Refinement;
 pub use sequence::{SequencePieces, SolvedSequence};

@@ -17,11 +17,12 @@ pub enum Levels {
     Given(Vec<f64>),
 }
 
-/// As files have it: nothing, `true`, or the phases. `false` is what earlier versions wrote for nothing.
+/// As files have it: nothing, `true`, how many evenly spaced ones, or the phases. `false` is what earlier versions wrote for nothing.
 #[derive(Serialize, Deserialize)]
 #[serde(untagged)]
 enum Stored {
     Display(bool),
+    Even(u16),
     Given(Vec<f64>),
 }
 
@@ -30,6 +31,7 @@ impl From<Option<Stored>> for Levels {
         match stored {
             None | Some(Stored::Display(false)) => Self::Any,
             Some(Stored::Display(true)) => Self::Display,
+            Some(Stored::Even(count)) => Self::Given(even_levels(count.into())),
             Some(Stored::Given(levels)) => Self::Given(levels),
         }
     }

@@ -2,10 +2,12 @@
 
 use super::error::{SolveError, require};
 use super::step::Update;
-use crate::files::overlay;
+use crate::files::overlay::{keys, keys_of, overlay};
 use crate::optics::WindowFactor;
 use crate::plan::{Purpose, Storage};
-use serde::{Deserialize, Serialize};
+use eyebox_base::error::Reason;
+use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::{Map, Value};
 
 /// How the phases follow.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -33,6 +35,16 @@ pub enum Strategy {
 }
 
 impl Strategy {
+    /// The projection as tuned on several scenes.
+    pub const fn projection() -> Self {
+        Self::Projection { gain: 3.0, settled: 1.0, settling: 8.0, momentum: 0.5, overlap_power: 1.0 }
+    }
+
+    /// Adam at the rate that suits most scenes.
+    pub const fn adam() -> Self {
+        Self::Adam { rate: 0.05 }
+    }
+
     /// Refuses what only makes phases that are no numbers.
     fn check(self) -> Result<(), SolveError> {
         let gains = 0.0..=1e6;
@@ -69,13 +81,15 @@ impl Strategy {
 /// Everything that decides a refinement, besides the scene and the aim.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RefineSettings {
-    /// How the phases follow.
+    /// How the phases follow. A file may name it alone.
+    #[serde(deserialize_with = "strategy")]
     pub strategy: Strategy,
     /// Pupils around the eye a step.
     pub pupils: usize,
     /// Pupils over the whole eyebox a step, on average.
     pub elsewhere: f64,
     /// Window per pupil.
+    #[serde(deserialize_with = "super::settings::window")]
     pub window: WindowFactor,
     /// Steps over the same pupils before others are drawn: their photographs are made once. At least 1.
     pub repeats: usize,
@@ -99,13 +113,7 @@ impl RefineSettings {
 impl Default for RefineSettings {
     fn default() -> Self {
         Self {
-            strategy: Strategy::Projection {
-                gain: 3.0,
-                settled: 1.0,
-                settling: 8.0,
-                momentum: 0.5,
-                overlap_power: 1.0,
-            },
+            strategy: Strategy::projection(),
             pupils: 2,
             elsewhere: 0.5,
             window: WindowFactor::Two,
@@ -122,13 +130,43 @@ impl RefineSettings {
     /// # Errors
     /// [`SolveError::Text`] with the key that is not known or has no such value; [`SolveError::Setting`].
     pub fn from_toml(text: &str) -> Result<Self, SolveError> {
-        // What may be missing is there, so that the keys are.
-        let shown = Self { storage: Some(Storage::F32), ..Self::default() };
-        let (mut read, given) = overlay(&shown, &[], text).map_err(SolveError::Text)?;
-        read.storage = read.storage.filter(|_| given.contains_key("storage"));
-        read.check()?;
-        Ok(read)
+        let settings = keys(text).and_then(|given| Self::over(&[], &given)).map_err(SolveError::Text)?;
+        settings.check()?;
+        Ok(settings)
     }
+
+    /// Returns the defaults with the given keys over them, but for those of `beside`.
+    ///
+    /// # Errors
+    /// The key that is unknown or has no such value.
+    pub(crate) fn over(beside: &[&str], given: &Map<String, Value>) -> Result<Self, Reason> {
+        let mut whole = keys_of(&Self::default());
+        if given.contains_key("storage") {
+            whole.insert("storage".into(), Value::Null);
+        }
+        overlay(whole, beside, given)
+    }
+}
+
+/// A strategy, or its name alone.
+fn strategy<'de, D: Deserializer<'de>>(from: D) -> Result<Strategy, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    enum Name {
+        Projection,
+        Adam,
+    }
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Stored {
+        Name(Name),
+        Whole(Strategy),
+    }
+    Ok(match Stored::deserialize(from)? {
+        Stored::Name(Name::Projection) => Strategy::projection(),
+        Stored::Name(Name::Adam) => Strategy::adam(),
+        Stored::Whole(strategy) => strategy,
+    })
 }
 
 #[cfg(test)]

@@ -13,6 +13,7 @@ pub enum Diameters {
     /// Uniform in d: the paper's.
     Uniform,
     /// Uniform in log d: small pupils are the hardest to serve and the cheapest to compute.
+    #[serde(alias = "log")]
     LogUniform,
     /// Uniform in 1/d.
     Reciprocal,

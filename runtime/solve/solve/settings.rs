@@ -10,6 +10,7 @@ use crate::engine::Memory;
 use crate::optics::WindowFactor;
 use crate::plan::Storage;
 use eyebox_kernels::Complex32;
+use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 
 /// Whether the SLM is padded where the scene requires it.
@@ -76,7 +77,8 @@ pub struct Settings {
     /// What it begins with, if no phases are given: a table's phases where the display has one.
     #[serde(skip_serializing_if = "is_default")]
     pub first_phases: FirstPhases,
-    /// How phases are moved.
+    /// How phases are moved. A file may name it alone.
+    #[serde(deserialize_with = "optimizer")]
     pub optimizer: Optimizer,
     /// Steps, at most.
     pub steps: usize,
@@ -88,7 +90,8 @@ pub struct Settings {
     pub psnr: Option<f64>,
     /// Part of the light that the pupils are to see: mean of the target over the exposure. None: chosen from the scene.
     pub efficiency: Option<f64>,
-    /// Window per pupil.
+    /// Window per pupil; in files also 1 or 2.
+    #[serde(deserialize_with = "window")]
     pub window: WindowFactor,
     /// Diameters drawn, metres.
     pub diameter: [f64; 2],
@@ -326,4 +329,41 @@ fn padding<'de, D: Deserializer<'de>>(from: D) -> Result<PaddingRule, D::Error> 
         Stored::Switch(true) => PaddingRule::Always,
         Stored::Rule(rule) => rule,
     })
+}
+
+/// An optimizer, or its name alone.
+fn optimizer<'de, D: Deserializer<'de>>(from: D) -> Result<Optimizer, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    enum Name {
+        Projection,
+        Adam,
+    }
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Stored {
+        Name(Name),
+        Whole(Optimizer),
+    }
+    Ok(match Stored::deserialize(from)? {
+        Stored::Name(Name::Projection) => Optimizer::projection(),
+        Stored::Name(Name::Adam) => Optimizer::adam(),
+        Stored::Whole(optimizer) => optimizer,
+    })
+}
+
+/// A window by its name, or as times the pupil.
+pub(super) fn window<'de, D: Deserializer<'de>>(from: D) -> Result<WindowFactor, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Stored {
+        Times(u8),
+        Name(WindowFactor),
+    }
+    match Stored::deserialize(from)? {
+        Stored::Times(1) => Ok(WindowFactor::One),
+        Stored::Times(2) => Ok(WindowFactor::Two),
+        Stored::Times(n) => Err(Error::custom(format!("{n} times the pupil: expected 1, 2 or full"))),
+        Stored::Name(name) => Ok(name),
+    }
 }

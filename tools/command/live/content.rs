@@ -1,6 +1,5 @@
 //! `eyebox study --content`: what moments and steering gain for content that stands still, moves or jumps.
 
-use super::args::PolicyArgs;
 use super::subject::Steered;
 use crate::Failure;
 use crate::args::{SceneArgs, SceneOptions};
@@ -8,7 +7,7 @@ use crate::common::{self, Engines};
 use crate::progress::{self, JobBar};
 use clap::{Args, ValueEnum};
 use eyebox::low_level::files::ManagedDir;
-use eyebox::low_level::session::{LiveColor, start_tables};
+use eyebox::low_level::session::{LiveColor, Policy, start_tables};
 use eyebox_lab::report;
 use eyebox_lab::study::{
     ContentRun, ContentSettings, JumpStart, StudiedContent, StudiedEye, StudySettings, study_content,
@@ -125,7 +124,7 @@ impl ContentArgs {
 /// Studies content, and shows what came of it; `about` is what the page and the numbers say of it.
 pub fn run(
     args: &ContentArgs,
-    policy: &PolicyArgs,
+    policy: &Policy,
     (subject, options): (&Steered, &SceneOptions),
     engines: &Engines,
     (study, quiet): (&StudySettings, bool),
@@ -136,7 +135,7 @@ pub fn run(
     let bar = JobBar::new(quiet);
     let mut open = || engines.open();
     let mut observe = |share| bar.show("content", share);
-    let runs = study_content(&subject.parts, &policy.policy(), &settings, study, &mut open, &mut observe)?;
+    let runs = study_content(&subject.parts, policy, &settings, study, &mut open, &mut observe)?;
     bar.finish();
     let row = |run: &ContentRun| {
         let [mean, worst, best] = run.summary(SETTLES).map_or([None; 3], |all| all.map(Some));

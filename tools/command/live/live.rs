@@ -1,10 +1,10 @@
 //! `eyebox live`: a hologram on a display, refined for where the eye is while it is shown.
 
-use super::args::PolicyArgs;
 use super::subject::{self, Steered, SubjectArgs, SubjectOptions};
 use super::tracking::{TrackerArgs, tracking};
 use super::viewing::Viewing;
 use crate::common::{self, Engines};
+use crate::experiment;
 use crate::play::{OutputArgs, OutputName};
 use crate::progress::JobBar;
 use crate::session::{attend, conclude, ended_by, keep_powers};
@@ -17,8 +17,8 @@ use eyebox::low_level::gpu::{Gpu, Options as VulkanOptions};
 use eyebox::low_level::optics::{Color, depth_in_words, depths_in_words, dioptres};
 use eyebox::low_level::reason;
 use eyebox::low_level::session::{
-    self, Cost, FrameFreshness, Histogram, LitSources, LiveStatistics, RepeatReason, Session, SinkFile, SourceSwitch,
-    Stage as Part, Statistics, Status, Tracking,
+    self, Cost, FrameFreshness, Histogram, LitSources, LiveStatistics, Policy, RepeatReason, Session, SinkFile,
+    SourceSwitch, Stage as Part, Statistics, Status, Tracking,
 };
 use eyebox::low_level::solve::Flow;
 use serde_json::{Map, Value, json};
@@ -75,9 +75,6 @@ pub struct LiveOptions {
     /// Show in a window what the tracked eye sees; there the key s switches steering off and on
     #[arg(help_heading = "Window", long)]
     pub view: bool,
-    /// How it follows
-    #[command(flatten)]
-    pub policy: PolicyArgs,
     /// Which of the display's switchable sources light each set, a line of JSON as the set is handed to the display: a file, or a
     /// pipe to what drives them
     #[arg(help_heading = "Display", long, value_name = "OUT")]
@@ -106,6 +103,8 @@ pub struct KeptSession {
 /// How what is refined is shown, beside the options that all have.
 #[derive(Default)]
 pub struct ShowOptions<'a> {
+    /// How it is refined, and when it begins again.
+    pub policy: Policy,
     /// Whose eye is followed, if anybody's is.
     pub tracker: Option<&'a str>,
     /// What work takes on a simulated clock; none on the system's.
@@ -120,10 +119,14 @@ pub struct ShowOptions<'a> {
 
 /// Shows, follows, and says how it went.
 pub fn run(args: &Live) -> Result<(), Failure> {
+    if args.subject.how.experiment.is_printed() {
+        return experiment::print(None, &args.subject.how.experiment.given()?);
+    }
     let stage = Stage::open(&args.subject.how, &args.how)?;
     let steered = subject::load(&args.subject.what, &args.subject.how, (None, true), &stage.engines)?;
     let tracker = args.how.tracker.tracker.as_deref().unwrap_or("simulated");
-    show(steered, &args.how, ShowOptions { tracker: Some(tracker), ..ShowOptions::default() }, stage)
+    let policy = args.subject.how.experiment.policy()?;
+    show(steered, &args.how, ShowOptions { policy, tracker: Some(tracker), ..ShowOptions::default() }, stage)
 }
 
 /// The devices that a show takes.
@@ -150,7 +153,7 @@ impl Stage {
 /// Shows what is refined, and says how it went.
 pub fn show(steered: Steered, args: &LiveOptions, showing: ShowOptions<'_>, stage: Stage) -> Result<(), Failure> {
     let Stage { engines, gpu } = stage;
-    let ShowOptions { tracker, simulated, sink, depths, kept } = showing;
+    let ShowOptions { policy, tracker, simulated, sink, depths, kept } = showing;
     let eyepiece = eyepiece(&steered);
     let (mouse, tracking) = match tracker {
         None => (None, None),
@@ -184,7 +187,7 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: ShowOptions<'_>, stag
     let Steered { hologram, colors, parts, scenes, field, encoder, engine, unfinished } = steered;
     let (display, sent) = (encoder.display().clone(), encoder.colors().to_vec());
     let mut live = session::Live::new(parts, encoder, engines.source(), tracking);
-    (live.policy, live.steered, live.sidecar_window) = (args.policy.policy(), !args.unsteered, sidecar_window);
+    (live.policy, live.steered, live.sidecar_window) = (policy, !args.unsteered, sidecar_window);
     live.switch = args.sources_out.as_deref().map(|file| switch(file, &colors)).transpose()?;
     live.display_latency = Duration::from_secs_f64((args.display_latency * 1e-3).min(10.0));
     (live.journal, live.replay, live.whole_sets) = (kept.journal, kept.replay, args.whole_sets);

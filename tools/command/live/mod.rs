@@ -1,6 +1,5 @@
 //! The commands that steer: `eyebox refine` at one place, `eyebox study` for a simulated eye, `eyebox live`.
 
-mod args;
 mod content;
 #[allow(clippy::module_inception)]
 mod live;

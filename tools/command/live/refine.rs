@@ -1,9 +1,9 @@
 //! `eyebox refine`: a hologram refined for where the eye is, and what each step gains.
 
-use super::args::SteeringArgs;
 use crate::Failure;
 use crate::args::{EngineArgs, EyeArgs, OtherSceneArgs, OwnSceneArgs};
 use crate::common::{self, Engines, Form};
+use crate::experiment::{self, ExperimentArgs};
 use crate::phases::{AtArgs, PhaseArgs, tell_unfinished};
 use crate::progress::{self, JobBar};
 use crate::score;
@@ -16,7 +16,8 @@ use eyebox::low_level::optics::{Display, Pupil, PupilDistribution, depth_in_word
 use eyebox::low_level::reason;
 use eyebox::low_level::scene::LightField;
 use eyebox::low_level::solve::{
-    BestKeeper, BestState, Diameters, Flow, JointRefiner, Problem, PupilRange, Refinable, Refiner, Sampler, Sequence,
+    BestKeeper, BestState, Diameters, Flow, JointRefiner, Problem, PupilRange, Refinable, RefineSettings, Refiner,
+    Sampler, Sequence,
 };
 use eyebox::low_level::tiled::{TileRect, problem_around};
 use serde_json::{Value, json};
@@ -51,7 +52,7 @@ pub struct Refine {
     pub eye: EyeArgs,
     /// How the phases follow
     #[command(flatten)]
-    pub steering: SteeringArgs,
+    pub experiment: ExperimentArgs,
     /// A scene that the hologram was not made of
     #[command(flatten)]
     pub other: OtherSceneArgs,
@@ -96,13 +97,17 @@ const PIECE: [&str; 2] = ["piece_db", "over the piece dB"];
 
 /// Refines, and says what came of it.
 pub fn run(args: &Refine) -> Result<(), Failure> {
+    let steering = args.experiment.refinement()?;
+    if args.experiment.is_printed() {
+        return experiment::print(None, &args.experiment.given()?);
+    }
     if let Some(out) = &args.out {
         common::form(out, &[Form::Zarr])?;
     }
     if Tiles::is_tiled(&args.hologram) {
         // It holds its own optics.
         args.phases.opening(&args.hologram, args.which.at)?;
-        return tiled(args);
+        return tiled((args, steering));
     }
     let mut hologram = args.phases.opening(&args.hologram, args.which.at)?.hologram(&args.hologram)?;
     args.eye.replace(&mut hologram.metadata.prescription)?;
@@ -114,20 +119,20 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
     let aim = args.aim(display.focal_length);
     progress::catch_interrupt();
     let (all, described, best) = match hologram.metadata.joint_color {
-        Some(_) => together(args, &mut hologram, &field, &aim)?,
-        None => apart(args, &mut hologram, &field, &display, &aim)?,
+        Some(_) => together((args, steering), &mut hologram, &field, &aim)?,
+        None => apart((args, steering), &mut hologram, &field, &display, &aim)?,
     };
     if let Some(out) = &args.out {
-        hologram.metadata.refined = Some(args.refined(aim, &best));
+        hologram.metadata.refined = Some(refined(aim, steering, &best));
         hologram.save(out)?;
     }
-    report(args, (&all, &best), &hologram, &described, EYEBOX, &Value::Null);
+    report((args, steering), (&all, &best), &hologram, &described, EYEBOX, &Value::Null);
     Ok(())
 }
 
 /// Refines each colour's own phases: what each step gained, colour by colour, and the engine's name.
 fn apart(
-    args: &Refine,
+    (args, steering): (&Refine, RefineSettings),
     hologram: &mut Hologram,
     field: &LightField,
     display: &Display,
@@ -141,7 +146,7 @@ fn apart(
         problem.check_blur(aim.diameter[1])?;
         let anywhere = PupilRange::over(problem.eyebox, aim.focus);
         let RefinedColor { rows, best, engine, sources } =
-            steps(args, problem, &solved.phases, solved.exposure, anywhere)?;
+            steps((args, steering), problem, &solved.phases, solved.exposure, anywhere)?;
         bests.push((best.step, best.psnr));
         solved.phases = best.phases.into_iter().flatten().collect();
         hologram.metadata.sources.light_only(color, &sources);
@@ -153,12 +158,12 @@ fn apart(
 
 /// Refines the drives that all colours share, in the light of their lasers as it is: the same.
 fn together(
-    args: &Refine,
+    (args, steering): (&Refine, RefineSettings),
     hologram: &mut Hologram,
     field: &LightField,
     aim: &PupilDistribution,
 ) -> Result<Refinement, Failure> {
-    let (engines, steering) = (Engines::new(&args.engine, &Options::default())?, args.steering.steering());
+    let engines = Engines::new(&args.engine, &Options::default())?;
     let problems = hologram.problems(field)?;
     problems.iter().try_for_each(|problem| problem.check_blur(aim.diameter[1]))?;
     let (Some(first), Some(parts)) = (problems.first(), hologram.joint_parts(problems.clone())) else {
@@ -187,7 +192,7 @@ fn together(
 
 /// The same for a hologram in tiles: those around the eye are read, refined as a far field of their own, and put into a
 /// copy.
-fn tiled(args: &Refine) -> Result<(), Failure> {
+fn tiled((args, steering): (&Refine, RefineSettings)) -> Result<(), Failure> {
     let tiles = Tiles::open(&args.hologram)?;
     if args.eye.given()?.is_some_and(|eye| !eye.is_perfect()) {
         let file = args.hologram.display();
@@ -224,7 +229,7 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
         };
         let phases = tiles.read(color, at, size)?;
         let exposure = about.colors[color].exposure;
-        let RefinedColor { rows, best, engine, .. } = steps(args, problem, &phases, exposure, anywhere)?;
+        let RefinedColor { rows, best, engine, .. } = steps((args, steering), problem, &phases, exposure, anywhere)?;
         bests.push((best.step, best.psnr));
         if args.out.is_some() {
             patches.push(Patch { color, at, size, phases: best.phases.into_iter().flatten().collect() });
@@ -233,10 +238,10 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
         all.push(rows);
     }
     if let Some(out) = &args.out {
-        let metadata = Metadata { refined: Some(args.refined(aim, &bests)), ..about.metadata.clone() };
+        let metadata = Metadata { refined: Some(refined(aim, steering, &bests)), ..about.metadata.clone() };
         tiles.copy(out, &metadata, &patches)?;
     }
-    report(args, (&all, &bests), about, &described, PIECE, &place);
+    report((args, steering), (&all, &bests), about, &described, PIECE, &place);
     Ok(())
 }
 
@@ -248,12 +253,11 @@ impl Refine {
         let diameter = self.diameter.unwrap_or([diameter - half, diameter + half]);
         PupilDistribution { centre: [x, y], spread: self.spread * 1e-3, diameter, focus: [depth; 2], elsewhere: 0.0 }
     }
+}
 
-    /// The entry of the file about it.
-    fn refined(&self, aim: PupilDistribution, best: &[Best]) -> Refined {
-        let steps = best.iter().map(|(step, _)| *step).max().unwrap_or(0);
-        Refined { aim, steering: self.steering.steering(), steps }
-    }
+/// Returns the entry of the file about the refinement.
+fn refined(aim: PupilDistribution, steering: RefineSettings, best: &[Best]) -> Refined {
+    Refined { aim, steering, steps: best.iter().map(|(step, _)| *step).max().unwrap_or(0) }
 }
 
 /// One colour, refined.
@@ -268,13 +272,13 @@ struct RefinedColor {
 
 /// Refines one colour. `anywhere` is around the middle of what is refined.
 fn steps(
-    args: &Refine,
+    (args, steering): (&Refine, RefineSettings),
     problem: Problem,
     phases: &[f32],
     exposure: f64,
     anywhere: PupilRange,
 ) -> Result<RefinedColor, Failure> {
-    let (engine, steering) = (common::engine(&args.engine)?, args.steering.steering());
+    let engine = common::engine(&args.engine)?;
     let aim = args.aim(problem.optics.focal_length);
     let described = engine.describe();
     let everywhere = wide_pupils(anywhere, &problem, steering.seed);
@@ -338,7 +342,7 @@ fn mean(each: impl Iterator<Item = Option<f64>>) -> Option<f64> {
 
 /// Says what each step gained, over all colours; `place`: the piece that was refined, and of what.
 fn report(
-    args: &Refine,
+    (args, steering): (&Refine, RefineSettings),
     (all, best): (&[Vec<Row>], &[Best]),
     about: &Hologram,
     engine: &str,
@@ -361,7 +365,7 @@ fn report(
         let row = |r: &Row| json!({ "steps": r.steps, "ms": r.ms, "eye_db": r.eye, key: r.wide });
         let mut said = json!({
             "engine": engine, "aim": args.aim(f), "focus_mm": focus * 1e3, "focus_dioptres": dioptres(focus, f),
-            "steering": args.steering.steering(), "rows": rows.iter().map(row).collect::<Vec<_>>(),
+            "steering": steering, "rows": rows.iter().map(row).collect::<Vec<_>>(),
             "best_steps": best.iter().map(|(step, _)| step).collect::<Vec<_>>(),
             "best_db": best.iter().map(|(_, psnr)| psnr).collect::<Vec<_>>(),
             "out": args.out.as_ref().map(|out| out.display().to_string()),

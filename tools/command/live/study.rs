@@ -1,6 +1,5 @@
 //! `eyebox study`: what steering gains for a simulated eye.
 
-use super::args::PolicyArgs;
 use super::content::{self, ContentArgs};
 use super::subject::{self, Steered, SubjectArgs};
 use crate::Failure;
@@ -16,7 +15,7 @@ use eyebox::low_level::gpu::Options as VulkanOptions;
 use eyebox::low_level::hologram::Sequence;
 use eyebox::low_level::optics::{Depth, Display, depth_in_words, dioptres};
 use eyebox::low_level::reason;
-use eyebox::low_level::session::{Cost, SetTiming};
+use eyebox::low_level::session::{Cost, Policy, SetTiming};
 use eyebox::low_level::solve::Flow;
 use eyebox::low_level::trackers::simulated;
 use eyebox_lab::report;
@@ -85,9 +84,6 @@ pub struct Study {
     /// How bright the display is seen
     #[command(flatten)]
     pub viewing: ViewingArgs,
-    /// How it follows
-    #[command(flatten)]
-    pub policy: PolicyArgs,
     /// One JSON object on standard output
     #[arg(help_heading = "Output", long)]
     pub json: bool,
@@ -120,6 +116,7 @@ impl Study {
 
 /// Studies, and shows what came of it.
 pub fn run(args: &Study) -> Result<(), Failure> {
+    let policy = args.subject.how.experiment.policy()?;
     let mut own = ManagedDir::open(&args.out, &report::STUDY, args.overwrite.overwrite)?;
     let engines = Engines::new(&args.subject.how.engine, &VulkanOptions::default())?;
     let subject = subject::load(&args.subject.what, &args.subject.how, (args.which.at, true), &engines)?;
@@ -158,7 +155,7 @@ pub fn run(args: &Study) -> Result<(), Failure> {
     let mut all = json!({
         "what": args.subject.what, "scene": subject.hologram.scene, "engine": subject.engine,
         "colors": subject.colors, "size": [subject.hologram.height, subject.hologram.width],
-        "frames": subject.hologram.frames, "policy": args.policy.policy(), "unfinished": subject.unfinished, "out": args.out.display().to_string(),
+        "frames": subject.hologram.frames, "policy": policy, "unfinished": subject.unfinished, "out": args.out.display().to_string(),
         "eye": { "seed": args.eye_seed, "rate_hz": args.tracker_rate, "delay_ms": args.tracker_delay,
                  "noise_mm": args.tracker_noise, "fixation_ms": args.fixation, "sets_per_second": args.rate,
                  "focus_mm": focus * 1e3, "focus_dioptres": dioptres(focus, focal_length) },
@@ -173,13 +170,13 @@ pub fn run(args: &Study) -> Result<(), Failure> {
         let _made = files::CreatedDirGuard::new(&args.out)?;
         let how = (&settings, args.json);
         let shown = (&subject, &args.subject.how.options);
-        content::run(&args.content, &args.policy, shown, &engines, how, about)?;
+        content::run(&args.content, &policy, shown, &engines, how, about)?;
         if !args.json {
             println!("{wrote}");
         }
         return Ok(());
     }
-    let study = study(args, &subject, &engines, &settings, args.json)?;
+    let study = study((&subject, &policy), &engines, &settings, args.json)?;
     let summary = summary(&study);
     let _made = files::CreatedDirGuard::new(&args.out)?;
     (all["summary"], all["study"]) = (summary.clone(), json!(study));
@@ -195,8 +192,7 @@ pub fn run(args: &Study) -> Result<(), Failure> {
 }
 
 fn study(
-    args: &Study,
-    subject: &Steered,
+    (subject, policy): (&Steered, &Policy),
     engines: &Engines,
     settings: &StudySettings,
     quiet: bool,
@@ -204,17 +200,11 @@ fn study(
     progress::catch_interrupt();
     let bar = JobBar::new(quiet);
     let mut open = || engines.open();
-    let result = study::study(
-        &subject.parts,
-        &args.policy.policy(),
-        &subject.encoder,
-        settings,
-        &mut open,
-        &mut |moment, _, share| {
+    let result =
+        study::study(&subject.parts, policy, &subject.encoder, settings, &mut open, &mut |moment, _, share| {
             let what = format!("steering gains {:+.1} dB", moment.gain_db());
             matches!(bar.show(&what, share), Flow::Continue)
-        },
-    );
+        });
     bar.finish();
     Ok(result?)
 }

@@ -2,6 +2,7 @@
 
 use crate::args::{DisplayArgs, EngineArgs, EyeArgs, OtherSceneArgs, SceneArgs, SceneOptions};
 use crate::common::{self, Engines};
+use crate::experiment::ExperimentArgs;
 use crate::phases::{PhaseUnitArgs, tell_unfinished};
 use crate::quality::QualityArgs;
 use crate::solve::SolveProgress;
@@ -54,6 +55,9 @@ pub struct SubjectOptions {
     /// With a scene: quality of the hologram for the whole eyebox
     #[command(flatten)]
     pub quality: QualityArgs,
+    /// How it is solved and refined
+    #[command(flatten)]
+    pub experiment: ExperimentArgs,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
@@ -150,11 +154,14 @@ pub fn solved_on(
     let colors = common::colors(&args.display, display)?;
     let field = common::scene(&scene, display, &colors)?;
     let depth = common::depths(&scene, &field, display)?;
-    let mut base = Settings { depth, diameter: common::diameters(None, display, false)?, ..Settings::default() };
-    base.frames = frames.unwrap_or(base.frames);
-    let chosen = args.quality.choose(engine, [display.height, display.width], base.frames, colors.len())?;
-    let mut settings = chosen.map_or_else(Settings::default, |c| c.settings);
-    settings.frames = base.frames;
+    let mut given = args.experiment.given()?;
+    given.insert("frames", frames);
+    let diameter = common::diameters(given.get("diameter")?, display, false)?;
+    let base = given.over(&Settings { depth, diameter, ..Settings::default() })?;
+    let quality = args.quality.with(&given)?;
+    let chosen = quality.choose(engine, [display.height, display.width], base.frames, colors.len())?;
+    let settings = given.with_quality(&Settings::default(), chosen.map(|chosen| chosen.settings).as_ref());
+    let settings = given.over(&Settings { frames: base.frames, ..settings })?;
     let levels = Levels::of(display);
     let color_job = ColorJob { field: &field, color: colors[0], display, base, levels };
     eprintln!("solving {what} for the whole eyebox: {settings}");

@@ -34,7 +34,7 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
     let (field, _) = request.load(&request.display)?;
     let loading = common::memory_kib("VmHWM").map_or(0, |kib| kib << 10);
     let (settings, chosen) = request.settings(engine.as_ref())?;
-    let plan = request.job(settings).plan(&field)?;
+    let plan = request.job(settings)?.plan(&field)?;
     let display = plan.lit(&request.display);
     let slow = encode::flicker(&display, &plan.colors, plan.settings.frames, display.rate_hz.unwrap_or(USUAL_RATE_HZ));
     let timing = |name: &str| {

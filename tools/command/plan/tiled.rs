@@ -9,7 +9,7 @@ use serde_json::json;
 
 pub fn run(request: &SolveRequest, tiles: &TilesRequest, engine: &dyn Engine) -> Result<(), Failure> {
     let (settings, _) = request.settings(engine)?;
-    let (job, display) = (request.job(settings), &request.display);
+    let (job, display) = (request.job(settings)?, &request.display);
     let plan = plan_tiles(&job, tiles)?;
     let (settings, [limit, held]) = (&plan.settings, plan.memory);
     let (height, width, frames) = (display.height, display.width, settings.frames);

@@ -1,6 +1,7 @@
 //! The arguments of `eyebox tradeoff`.
 
 use crate::args::{DisplayArgs, EngineArgs, OverwriteArgs, SceneArgs};
+use crate::experiment::ExperimentArgs;
 use crate::jod::JodArgs;
 use crate::values::{diameters, positive};
 use clap::Args;
@@ -24,18 +25,18 @@ pub struct Tradeoff {
     /// Display; of all its colours, green is tried, or the middle one
     #[command(flatten)]
     pub display: DisplayArgs,
-    /// Sub-frames shown
-    #[arg(help_heading = "Quality", long, default_value_t = 8, value_name = "F")]
-    pub frames: usize,
-    /// Phase levels of the SLM: how many, evenly spaced, or a file with one phase (rad) a line [default: the display's]
-    #[arg(help_heading = "Quality", long, value_name = "N|FILE")]
-    pub levels: Option<String>,
+    /// Sub-frames shown [default: 8]
+    #[arg(help_heading = "Quality", long, value_name = "F")]
+    pub frames: Option<usize>,
     /// Pupil diameters, mm [default: 2..20, or what fits the eyebox]
     #[arg(help_heading = "Pupils", long, value_name = "MIN..MAX", value_parser = diameters)]
     pub pupil_diameter: Option<[f64; 2]>,
-    /// Seed of first phases, of the pupils drawn, and of the pupils that judge
-    #[arg(help_heading = "Steps", long, default_value_t = 0, value_name = "S")]
-    pub seed: u64,
+    /// Seed of first phases, of the pupils drawn, and of the pupils that judge [default: 0]
+    #[arg(help_heading = "Steps", long, value_name = "S")]
+    pub seed: Option<u64>,
+    /// What else belongs to the experiment
+    #[command(flatten)]
+    pub experiment: ExperimentArgs,
     /// Measure the three settings of another run (its tradeoff.json) here too, and say how far from this front they are
     #[arg(help_heading = "Quality", long, value_name = "FILE")]
     pub check: Option<PathBuf>,

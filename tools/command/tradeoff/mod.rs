@@ -8,12 +8,11 @@ pub use args::Tradeoff;
 use crate::Failure;
 use crate::common;
 use crate::progress::{self, JobBar};
-use crate::request::levels_of;
 use eyebox::low_level::files::{ManagedDir, cache_folder};
 use eyebox::low_level::optics::Color;
 use eyebox::low_level::quality::ColorJob;
 use eyebox::low_level::reason;
-use eyebox::low_level::solve::Settings;
+use eyebox::low_level::solve::{Levels, Settings};
 use eyebox_lab::report;
 use eyebox_lab::tuning::{NEAR_DB, Recommended, Tuned, Tuning};
 use eyebox_lab::writable;
@@ -31,10 +30,17 @@ pub fn run(args: &Tradeoff) -> Result<(), Failure> {
     let mut display = common::display(&args.display)?;
     display.viewing = args.seen.viewing.over(display.viewing)?;
     let color = leading(&common::colors(&args.display, &display)?);
-    let mut base = Settings { frames: args.frames, seed: args.seed, ..Settings::default() };
-    base.diameter = common::diameters(args.pupil_diameter, &display, args.display.force)?;
-    let levels = levels_of(args.levels.as_deref(), &display)?;
-    Settings { levels: levels.clone(), ..base.clone() }.check()?;
+    let mut given = args.experiment.given()?;
+    given.insert("frames", args.frames);
+    given.insert("seed", args.seed);
+    given.insert("diameter", args.pupil_diameter);
+    let diameter = common::diameters(given.get("diameter")?, &display, args.display.force)?;
+    let mut base = given.over(&Settings { diameter, ..Settings::default() })?;
+    base.check()?;
+    let levels = match base.levels {
+        Levels::Any => Levels::of(&display),
+        ref given => given.clone(),
+    };
     let mut engine = common::engine(&args.engine)?;
     let field = common::scene(&args.scene, &display, &[color])?;
     base.depth = common::depths(&args.scene, &field, &display)?;
@@ -47,10 +53,11 @@ pub fn run(args: &Tradeoff) -> Result<(), Failure> {
         );
     }
     progress::catch_interrupt();
+    let seed = base.seed;
     let job = ColorJob { field: &field, color, display: &display, base, levels };
     let bar = JobBar::new(args.json);
     let judged = args.seen.pupils(JUDGED);
-    let tuning = Tuning { job, budget: args.budget, seed: args.seed, check, judged, begun };
+    let tuning = Tuning { job, budget: args.budget, seed, check, judged, begun };
     let tuned = tuning.run(&args.out, engine.as_mut(), &mut |what, share| bar.show(what, share))?;
     bar.finish();
     if tuned.trials.is_empty() {

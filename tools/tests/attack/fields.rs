@@ -72,10 +72,10 @@ const SUBJECTS: [Subject; 21] = [
         runs: &["score base/h.zarr builtin:plane --pupils {} --engine cpu --json"],
     },
     Subject {
-        whole: "levels.txt",
+        whole: "slm.toml",
         inside: "",
         runs: &[
-            "solve builtin:plane --levels {} --size 16x16 --steps 1 --frames 1 --color green --engine cpu -o out/x.zarr",
+            "solve builtin:plane --settings {} --size 16x16 --steps 1 --frames 1 --color green --engine cpu -o out/x.zarr",
         ],
     },
     Subject {

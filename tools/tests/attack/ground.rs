@@ -243,7 +243,7 @@ fn texts(base: &Path) {
              E: 0.010000 9 01 81 84 1e 00 00 00 00 00\n"
         ),
     );
-    write("levels.txt", "0.0\n1.5\n3.0\n4.5\n");
+    write("slm.toml", "levels = [0.0, 1.5, 3.0, 4.5]\noptimizer.momentum = 0.25\nrefine.strategy = 'adam'\n");
     write("pupils.json", "[[0, 0, 4, 0], [1, -1, 2, \"0.01D\"]]");
     write("numbers.csv", "method,group,psnr_db\nslfh,random,30.0\n");
 }

@@ -28,7 +28,7 @@ pub const SOUND: [&str; 38] = [
     "solve base/photo.exr --depth-map base/depth.pfm --near large --views 2 --size 16x16 --steps 1 --frames 1 --engine cpu -o out/x.zarr",
     "solve builtin:plane --display base/far.toml --frames 1 --memory 600MiB --pupil-diameter 0.2..0.4 --picture 32 --passes 1 --steps 1 --engine cpu -o out/far.zarr",
     "solve builtin:plane builtin:points --size 16x16 --steps 1 --frames 1 --color green --engine cpu -o out/x.zarr",
-    "solve builtin:plane --size 16x16 --steps 2 --frames 2 --optimizer adam --levels base/levels.txt --color green --engine cpu -o out/x.zarr",
+    "solve builtin:plane --size 16x16 --steps 2 --frames 2 --set optimizer=adam --settings base/slm.toml --color green --engine cpu -o out/x.zarr",
     "plan builtin:plane --size 16x16 --color green --engine cpu",
     "inspect base/views --size 16x16 -o out/views.png",
     "view base/h.zarr --pupil=0,0,1,0 --engine cpu -o out/seen.png",

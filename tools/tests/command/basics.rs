@@ -30,8 +30,8 @@ fn mistakes_in_arguments_are_one_line() {
     refused(at, &solve("builtin:none", "x.zarr", &[]), "x.zarr", "scene/builtin/no-such-scene still-life");
     refused(at, &solve("builtin:plane", "x.tiff", &[]), "x.tiff", "arguments/ending");
     refused(at, &solve("builtin:plane", "none/x.zarr", &[]), "none", "arguments/no-such-folder");
-    refused(at, &solve("builtin:plane", "x.zarr", &["--efficiency", "0"]), "x.zarr", "solve/setting efficiency");
-    refused(at, &solve("builtin:plane", "x.zarr", &["--efficiency", "2"]), "x.zarr", "solve/setting efficiency");
+    refused(at, &solve("builtin:plane", "x.zarr", &["--set", "efficiency=0"]), "x.zarr", "solve/setting efficiency");
+    refused(at, &solve("builtin:plane", "x.zarr", &["--set", "efficiency=2"]), "x.zarr", "solve/setting efficiency");
     refused(at, &solve("builtin:plane", "x.zarr", &["--frames", "0"]), "x.zarr", "solve/setting sub-frames");
     refused(at, &solve("builtin:plane", "x.zarr", &["--pupils", "0"]), "x.zarr", "solve/setting pupils");
     refused(at, &solve("builtin:plane", "x.zarr", &["--pupil-diameter", "0..2"]), "x.zarr", "usage/value-validation");
@@ -245,8 +245,8 @@ fn from_a_scene_to_a_score_in_three_colours() {
             "3",
             "--frames",
             "2",
-            "--efficiency",
-            "0.5",
+            "--set",
+            "efficiency=0.5",
             "--engine",
             "cpu",
             "--json",
@@ -360,7 +360,7 @@ fn the_smallest_displays_work() {
 #[test]
 fn padding_is_said() {
     let temp = folder();
-    let answer = eyebox(temp.path(), &solve("builtin:plane", "p.zarr", &["--padding", "--depth=-9..9"]));
+    let answer = eyebox(temp.path(), &solve("builtin:plane", "p.zarr", &["--set", "padding=always", "--depth=-9..9"]));
     assert!(answer.status.success() && text(&answer.stderr).contains("padding: "), "{}", text(&answer.stderr));
     done(temp.path(), &["view", "p.zarr", "--pupil=0,0,5,0", "-o", "v.png"]);
 }
@@ -405,7 +405,7 @@ fn storage_is_chosen_kept_and_refused() {
     let at = temp.path();
     let run = |storage: &str| {
         let out = format!("{storage}.zarr");
-        let report = done(at, &solve("builtin:still-life", &out, &["--storage", storage, "--json"]));
+        let report = done(at, &solve("builtin:still-life", &out, &["--set", &format!("storage={storage}"), "--json"]));
         let report: serde_json::Value = serde_json::from_str(&report).unwrap();
         assert_eq!(report["settings"]["storage"], storage);
         // The hologram says how it was made.
@@ -420,12 +420,7 @@ fn storage_is_chosen_kept_and_refused() {
     };
     let (full, half) = (run("fp32"), run("fp16"));
     assert!((full - half).abs() < 0.05 && full != half, "{full} and {half} dB");
-    refused(
-        at,
-        &solve("builtin:still-life", "x.zarr", &["--storage", "fp8"]),
-        "x.zarr",
-        "usage/value-validation fp32 fp16",
-    );
+    refused(at, &solve("builtin:still-life", "x.zarr", &["--set", "storage=fp8"]), "x.zarr", "job/value storage");
 }
 
 #[test]
@@ -440,17 +435,18 @@ fn every_method_solves_from_the_command_line() {
     }
     let refused = |more: &[&str], what: &str| refused(at, &solve("builtin:still-life", "n.npy", more), "n.npy", what);
     refused(&["--method", "hogel"], "usage/value-validation stft-exact");
-    refused(&["--method", "stft", "--stft-filter", "0"], "usage/value-validation stft-filter");
-    refused(&["--method", "stft", "--stft-samples", "0"], "solve/setting");
-    refused(&["--method", "pupil-aware", "--evenness=-1"], "solve/setting evenness");
-    refused(&["--method", "pupil-aware", "--patches", "17"], "solve/setting patches");
-    refused(&["--levels", "0"], "solve/setting");
-    refused(&["--levels", "levels.txt"], "arguments/levels levels.txt");
-    std::fs::write(at.join("levels.txt"), "# measured\n0\n1.5\n3.2\nfour\n").unwrap();
-    refused(&["--levels", "levels.txt"], "arguments/levels");
-    std::fs::write(at.join("levels.txt"), "# measured\n0\n1.5 # second\n\n3.2\n4.7\n").unwrap();
-    for levels in ["levels.txt", "16"] {
-        done(at, &solve("builtin:still-life", "l.npy", &["--levels", levels]));
+    refused(&["--method", "stft", "--set", "stft_filter=0"], "solve/setting filter");
+    refused(&["--method", "stft", "--set", "stft_samples=0"], "solve/setting");
+    refused(&["--method", "pupil-aware", "--set", "evenness=-1"], "solve/setting evenness");
+    refused(&["--method", "pupil-aware", "--set", "patches=17"], "solve/setting patches");
+    refused(&["--set", "levels=0"], "solve/setting");
+    refused(&["--set", "levels=measured"], "job/value levels");
+    refused(&["--settings", "none.toml"], "job/unreadable none.toml");
+    std::fs::write(at.join("slm.toml"), "levels = [0, 1.5, 3.2, 'four']\n").unwrap();
+    refused(&["--settings", "slm.toml"], "job/value levels");
+    std::fs::write(at.join("slm.toml"), "levels = [0, 1.5, 3.2, 4.7] # measured\nrefine.pupils = 3\n").unwrap();
+    for given in [["--settings", "slm.toml"], ["--set", "levels=16"]] {
+        done(at, &solve("builtin:still-life", "l.npy", &given));
     }
 }
 

@@ -93,10 +93,10 @@ fn it_is_refined_for_where_the_eye_is() {
     }
     let powers = |name: &str| std::fs::read_to_string(at.join(name).join("powers.csv")).unwrap();
     assert_eq!(powers("joint"), powers("there"));
-    let adam = refine("joint.zarr", &["--steps", "4", "--strategy", "adam"]);
+    let adam = refine("joint.zarr", &["--steps", "4", "--set", "refine.strategy=adam"]);
     assert_eq!(adam["steering"]["strategy"]["kind"], "adam");
     let eye = &["refine", "joint.zarr", SCENE, "--views", "3", "--pupil=3,-2,4,0", "--engine", "cpu", "-o", "x.zarr"];
-    refused(at, &[&eye[..], &["--storage", "fp16"]].concat(), "x.zarr", "solve/setting fp32");
+    refused(at, &[&eye[..], &["--set", "storage=fp16"]].concat(), "x.zarr", "solve/setting fp32");
 }
 
 /// It is shown as it was solved, and refined for a simulated eye, whole or as it rolls: the drives' video frames, with the powers of the
@@ -187,7 +187,7 @@ fn what_cannot_be_is_refused_in_a_line() {
         (&["--joint-color=4"][..], "produce/job/brightness"),
         (&["--joint-color=0.5"], "solve/setting 0.5"),
         (&["--joint-color", "--method", "dpac"], "solve/setting"),
-        (&["--joint-color", "--levels", "2"], "solve/setting"),
+        (&["--joint-color", "--set", "levels=2"], "solve/setting"),
     ] {
         refused(at, &[&solve[..], &small, more].concat(), "out.zarr", says);
     }

@@ -195,7 +195,7 @@ fn mistakes_are_one_line() {
     refused(at, &live(&["--tracker", "mouse"]), "x", "tracker/setting/mouse-without-view --view");
     refused(at, &live(&["--tracker", "nonsense"]), "x", "tracker/spec");
     refused(at, &live(&["--tracker", "missing.hid"]), "x", "tracker/file missing.hid");
-    refused(at, &live(&["--restart=-1"]), "x", "usage/value-validation --restart");
+    refused(at, &live(&["--set", "refine.restart=-1"]), "x", "arguments/restart");
     refused(at, &live(&["--size", "80x80"]), "x", "arguments/size 64x72");
     refused(at, &["live", "missing.zarr"], "x", "file/read missing.zarr");
     refused(at, &["study", "h.zarr", "--scene", "builtin:nothing", "-o", "x"], "x", "arguments/other-scene");

@@ -30,7 +30,7 @@ fn a_plan_says_what_why_and_how_much() {
     assert_eq!((&deep["views_merged"], choice(&deep, "views")["saves"].as_bool()), (&Value::from(1), Some(false)));
     let flat = json(at, "plan", "builtin:plane", &[]);
     assert_eq!((&flat["views_merged"], choice(&flat, "views")["saves"].as_bool()), (&Value::from(9), Some(true)));
-    let full = json(at, "plan", "builtin:plane", &["--full"]);
+    let full = json(at, "plan", "builtin:plane", &["--set", "full=all"]);
     assert_eq!((&full["views_merged"], &full["settings"]["window"]), (&Value::from(1), &Value::from("full")));
     let forecast = |plan: &Value, i: usize| plan["forecast"][i].clone();
     let (saved, whole) = (forecast(&flat, 0), forecast(&full, 0));
@@ -59,7 +59,7 @@ fn a_flat_scene_solved_from_one_view_is_the_same() {
         )
     };
     let (saved, one) = solve("one.zarr", &[]);
-    let (whole, all) = solve("all.zarr", &["--full=views"]);
+    let (whole, all) = solve("all.zarr", &["--set", "full=views"]);
     assert!((one - all).abs() < 0.01, "{one} dB from one view, {all} dB from all");
     let count = |said: &Value| said["plan"].as_array().unwrap().iter().filter(|c| c["saves"] == true).count();
     assert_eq!((count(&saved), count(&whole)), (1, 0));
@@ -70,12 +70,12 @@ fn a_flat_scene_solved_from_one_view_is_the_same() {
 fn sub_frames_follow_the_speckle_asked_for() {
     let temp = folder();
     let at = temp.path();
-    assert_eq!(json(at, "plan", "builtin:plane", &["--speckle", "0.5"])["settings"]["frames"], 4);
+    assert_eq!(json(at, "plan", "builtin:plane", &["--set", "contrast=0.5"])["settings"]["frames"], 4);
     let plan = |more: &[&'static str]| [&["plan", "builtin:plane"][..], more].concat();
-    refused(at, &plan(&["--speckle", "2"]), "x", "usage/value-validation 0.016 4096");
-    refused(at, &plan(&["--speckle", "0.5", "--frames", "8"]), "x", "usage/argument-conflict --frames");
-    refused(at, &plan(&["--full=colors,nonsense"]), "x", "usage/value-validation");
-    refused(at, &plan(&["--padding=sometimes"]), "x", "usage/invalid-value sometimes");
+    refused(at, &plan(&["--set", "contrast=2"]), "x", "job/value 0.016 4096");
+    refused(at, &plan(&["--set", "contrast=0.5", "--frames", "8"]), "x", "arguments/frames-and-contrast --frames");
+    refused(at, &plan(&["--set", "full=colors,nonsense"]), "x", "job/value nonsense");
+    refused(at, &plan(&["--set", "padding=sometimes"]), "x", "job/value padding");
     refused(at, &["plan", "builtin:none"], "x", "scene/builtin/no-such-scene still-life");
 }
 
@@ -120,7 +120,7 @@ fn a_side_that_would_transform_slowly_is_padded() {
     done(at, &["view", "p.zarr", "--pupil=0,0,5,0", "-o", "v.png"]);
     assert_eq!(solved("n.zarr", &["--size", "12x264"])["padding"], serde_json::json!([0, 0]));
     // Unless exactly the SLM's size is asked for.
-    let exact = solved("e.zarr", &["--size", "12x262", "--padding=exact"]);
+    let exact = solved("e.zarr", &["--size", "12x262", "--set", "padding=exact"]);
     assert_eq!(
         (&exact["padding"], &exact["settings"]["padding"]),
         (&serde_json::json!([0, 0]), &serde_json::json!("exact"))
@@ -152,7 +152,7 @@ fn a_bench_records_steps_and_runs_none() {
             "{dry}"
         );
     }
-    let said = run("--storage fp16");
+    let said = run("--set storage=fp16");
     for what in ["4 steps recorded, none run", "dispatches", "bytes up", "waits before recording", "Radeon 780M"] {
         assert!(said.contains(what), "no {what}: {said}");
     }

@@ -42,7 +42,7 @@ fn the_eye_sees_better_and_the_file_says_how() {
     // The same seed, the same steps.
     let phases = |name: &str| std::fs::read_dir(at.join(name)).unwrap().count();
     assert_eq!(phases("there.zarr"), phases("h.zarr"));
-    let adam = refine(&["--steps", "4", "--strategy", "adam"]);
+    let adam = refine(&["--steps", "4", "--set", "refine.strategy=adam"]);
     assert_eq!(adam["steering"]["strategy"]["kind"], "adam");
 }
 
@@ -109,9 +109,9 @@ fn mistakes_are_one_line() {
     let eye = "--pupil=0,0,4,0";
     refused(at, &refine(&[]), "x.zarr", "usage/missing-required-argument --pupil");
     refused(at, &refine(&["--pupil=0,0,0,0"]), "x.zarr", "usage/value-validation diameter");
-    refused(at, &refine(&[eye, "--pupils", "0"]), "x.zarr", "solve/setting");
-    refused(at, &refine(&[eye, "--elsewhere", "1000"]), "x.zarr", "solve/setting 64");
-    refused(at, &refine(&[eye, "--strategy", "none"]), "x.zarr", "usage/invalid-value");
+    refused(at, &refine(&[eye, "--set", "refine.pupils=0"]), "x.zarr", "solve/setting");
+    refused(at, &refine(&[eye, "--set", "refine.elsewhere=1000"]), "x.zarr", "solve/setting 64");
+    refused(at, &refine(&[eye, "--set", "refine.strategy=none"]), "x.zarr", "job/value strategy");
     refused(at, &["refine", "none.zarr", "builtin:plane", eye, "-o", "x.zarr"], "x.zarr", "file/read none.zarr");
     refused(at, &["refine", "h.zarr", "builtin:plane", eye, "-o", "x.png"], "x.png", "arguments/ending");
 }

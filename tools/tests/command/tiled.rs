@@ -291,7 +291,7 @@ fn mistakes_are_one_line() {
     std::fs::write(at.join("far.toml"), DISPLAY).unwrap();
     let with = |more: &[&'static str]| [&solve("x.zarr", "1")[..], more].concat();
     refused(at, &with(&["--method", "lf2fs"]), "x.zarr", "arguments/in-tiles --method");
-    refused(at, &with(&["--optimizer", "adam"]), "x.zarr", "arguments/in-tiles");
+    refused(at, &with(&["--set", "optimizer=adam"]), "x.zarr", "arguments/in-tiles");
     let little = ["solve", "builtin:still-life", "--display", "far-field-16k", "--memory", "300MiB", "-o", "x.zarr"];
     refused(at, &little, "x.zarr", "tiled/memory");
     // In a relay it is a limit alone.

@@ -157,8 +157,8 @@ fn mistakes_are_one_line_and_leave_nothing() {
     refused(at, &tradeoff(&["--check", "other.json"]), "arguments/tradeoff-file");
     std::fs::write(at.join("other.json"), "[").unwrap();
     refused(at, &tradeoff(&["--check", "other.json"]), "arguments/tradeoff-file tradeoff.json");
-    refused(at, &tradeoff(&["--levels", "none.txt"]), "arguments/levels none.txt");
-    refused(at, &tradeoff(&["--levels", "300"]), "solve/setting levels");
+    refused(at, &tradeoff(&["--set", "levels=none.txt"]), "job/value levels");
+    refused(at, &tradeoff(&["--set", "levels=300"]), "solve/setting levels");
     refused(at, &["tradeoff", "none", "-o", "out"], "scene/not-found");
     refused(
         at,
@@ -218,8 +218,8 @@ fn built_in_qualities_hold_until_they_are_measured_and_what_is_given_wins() {
     let fast = settings(at, &["--quality", "fast"]);
     assert_eq!(fast["steps"].as_u64(), Some(built_in.steps as u64));
     assert_eq!(fast["optimizer"], serde_json::to_value(built_in.optimizer).unwrap());
-    let given = ["--quality", "accurate", "--steps", "4", "--pupils", "3", "--window", "1", "--frames", "2"];
-    let own = settings(at, &[&given[..], &["--diameters", "reciprocal", "--optimizer", "adam"]].concat());
+    let given = ["--quality", "accurate", "--steps", "4", "--pupils", "3", "--set", "window=1", "--frames", "2"];
+    let own = settings(at, &[&given[..], &["--set", "diameters=reciprocal", "--set", "optimizer=adam"]].concat());
     assert_eq!((own["steps"].as_u64(), own["pupils"].as_u64(), own["frames"].as_u64()), (Some(4), Some(3), Some(2)));
     assert_eq!((&own["window"], &own["diameters"]), (&"one".into(), &"reciprocal".into()));
     assert_eq!(own["optimizer"]["kind"], "adam");

@@ -101,7 +101,7 @@ fn numbers() -> Vec<Situation> {
             Remedy::By("smallest first", "8..2", "2..8"),
             SOLVED,
         ),
-        solve("The efficiency is in percent.", "--efficiency 40").refused(
+        solve("The efficiency is in percent.", "--set efficiency=40").refused(
             "solve/setting 40",
             Remedy::By("at most 1", "40", "0.4"),
             SOLVED,

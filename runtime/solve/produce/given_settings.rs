@@ -1,0 +1,347 @@
+//! Settings as a file, a call or an option gives them, over those of a quality or the defaults.
+
+use super::{ProduceError, SceneJob};
+use crate::engine::Engine;
+use crate::files::overlay::{keys, keys_of, merge, overlay, toml};
+use crate::files::read;
+use crate::quality::Quality;
+use crate::solve::{FirstPhases, Full, Joint, Optimizer, PaddingRule, RefineSettings, Settings};
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Map, Value};
+use std::path::Path;
+
+/// Keys of a job and of a refinement, beside the fields of [`Settings`].
+const BESIDE: [&str; 5] = ["quality", "contrast", "force", "full", "refine"];
+/// Keys of the table `refine` that belong to a live session, beside the fields of [`RefineSettings`].
+const OF_SESSIONS: [&str; 1] = ["restart"];
+
+/// Settings by their names: the fields of [`Settings`] (lengths in meters), `quality` (a [`Quality`]), `contrast` (of the
+/// speckle), `force`, `full` (parts of the model, or `"all"`), and a table `refine` with the fields of [`RefineSettings`].
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct GivenSettings(Map<String, Value>);
+
+impl GivenSettings {
+    /// Reads a TOML text.
+    ///
+    /// # Errors
+    /// [`ProduceError::Job`] with the key that is unknown or has no such value.
+    pub fn from_toml(text: &str) -> Result<Self, ProduceError> {
+        let given = Self(keys(text).map_err(refused)?);
+        given.check().map_err(refused)?;
+        Ok(given)
+    }
+
+    /// Reads a TOML file.
+    ///
+    /// # Errors
+    /// [`ProduceError::Job`] with the file and what is wrong with it.
+    pub fn load(file: &Path) -> Result<Self, ProduceError> {
+        let within = |reason: Reason| ProduceError::Job(reason.within(file.display()));
+        let text = read::text(file, read::TEXT).map_err(|e| within(reason!("unreadable", "{e}")))?;
+        let given = Self(keys(&text).map_err(within)?);
+        given.check().map_err(within)?;
+        Ok(given)
+    }
+
+    /// Takes one setting as `KEY=VALUE`, such as `optimizer=adam` or `refine.strategy.momentum=0.7`. It replaces what was given
+    /// before. The value is TOML, or a word.
+    ///
+    /// # Errors
+    /// [`ProduceError::Job`] with the key that is unknown or has no such value.
+    pub fn set(&mut self, assignment: &str) -> Result<(), ProduceError> {
+        let read = || {
+            let (key, value) = assignment
+                .split_once('=')
+                .ok_or_else(|| reason!("assignment", "'{assignment}' has no value: write it as in optimizer=adam"))?;
+            keys(&format!("{key} = {value}")).or_else(|wrong| match value.trim() {
+                word if word.starts_with(char::is_alphabetic) => keys(&format!("{key} = '{word}'")),
+                _ => Err(wrong),
+            })
+        };
+        let new = read().map_err(refused)?;
+        Self(new.clone()).check().map_err(refused)?;
+        let mut all = Value::Object(std::mem::take(&mut self.0));
+        merge(&mut all, &Value::Object(new));
+        if let Value::Object(all) = all {
+            self.0 = all;
+        }
+        Ok(())
+    }
+
+    /// Puts a value in the place of what was given for `key` before, if there is one.
+    pub fn insert<T: Serialize>(&mut self, key: &str, value: Option<T>) {
+        if let Some(value) = value.and_then(|value| serde_json::to_value(value).ok()) {
+            self.0.insert(key.to_owned(), value);
+        }
+    }
+
+    /// Returns whether `key` is given.
+    pub fn has(&self, key: &str) -> bool {
+        self.0.contains_key(key)
+    }
+
+    /// Returns the value of a key, if it is given.
+    ///
+    /// # Errors
+    /// [`ProduceError::Job`] if the value has another type.
+    pub fn get<T: DeserializeOwned>(&self, key: &str) -> Result<Option<T>, ProduceError> {
+        value(&self.0, key).map_err(refused)
+    }
+
+    /// Returns the parts of the model that are kept whatever the scene requires.
+    ///
+    /// # Errors
+    /// [`ProduceError::Job`] with the part that does not exist.
+    pub fn full(&self) -> Result<Full, ProduceError> {
+        full(&self.0).map_err(refused)
+    }
+
+    /// Returns `base` with the quality of `chosen`, or else of an optimizer that is given by its name, or else of the defaults.
+    pub fn with_quality(&self, base: &Settings, chosen: Option<&Settings>) -> Settings {
+        let is_adam = |settings: &Settings| matches!(settings.optimizer, Optimizer::Adam { .. });
+        let named = self.named_optimizer().map(|name| match name {
+            "adam" => Settings::adam(200, 8),
+            _ => Settings::default(),
+        });
+        let quality = chosen.cloned().or_else(|| named.clone()).unwrap_or_default();
+        let mut settings = base.with_quality_of(&quality);
+        if let Some(named) = named.filter(|named| is_adam(named) != is_adam(&settings)) {
+            (settings.optimizer, settings.diameters) = (named.optimizer, named.diameters);
+        }
+        settings
+    }
+
+    /// Returns `base` with everything that is given over it.
+    ///
+    /// # Errors
+    /// [`ProduceError::Job`] with the key that has no such value.
+    pub fn over(&self, base: &Settings) -> Result<Settings, ProduceError> {
+        let mut given = self.0.clone();
+        if self.named_optimizer().is_some() {
+            // [`with_quality`](Self::with_quality) has chosen it with its rates.
+            given.remove("optimizer");
+        }
+        solve_settings(base, &given).map_err(refused)
+    }
+
+    /// Returns the settings of refinements.
+    ///
+    /// # Errors
+    /// [`ProduceError::Solve`] if they contradict themselves, [`ProduceError::Job`] with the key that has no such value.
+    pub fn refinement(&self) -> Result<RefineSettings, ProduceError> {
+        let settings = refine_settings(&self.0).map_err(refused)?;
+        settings.check()?;
+        Ok(settings)
+    }
+
+    /// Returns a key of the table `refine` that belongs to live sessions: `restart`, the jump in pupil diameters after which a
+    /// refinement begins again.
+    ///
+    /// # Errors
+    /// [`ProduceError::Job`] if the value has another type.
+    pub fn of_sessions<T: DeserializeOwned>(&self, key: &str) -> Result<Option<T>, ProduceError> {
+        let table = self.0.get("refine").and_then(Value::as_object);
+        table.map_or(Ok(None), |table| value(table, key)).map_err(refused)
+    }
+
+    /// Returns all settings of a call as a TOML text that [`from_toml`](Self::from_toml) reads: those of a solve, if there is
+    /// one, and those of refinements. The depths are left out unless they are given, because the scene decides them.
+    ///
+    /// # Errors
+    /// [`ProduceError::Job`] if a value cannot be written.
+    pub fn effective(&self, solve: Option<&Settings>) -> Result<String, ProduceError> {
+        let mut all = solve.map(keys_of).unwrap_or_default();
+        if !self.has("depth") {
+            all.remove("depth");
+        }
+        for key in ["contrast", "force", "full"] {
+            all.extend(self.0.get(key).map(|value| (key.to_owned(), value.clone())));
+        }
+        let mut refine = keys_of(&self.refinement()?);
+        refine.extend(self.of_sessions::<Value>("restart")?.map(|value| ("restart".to_owned(), value)));
+        all.insert("refine".into(), Value::Object(refine));
+        without_null(&mut all);
+        toml(&all).map_err(refused)
+    }
+
+    fn named_optimizer(&self) -> Option<&str> {
+        self.0.get("optimizer").and_then(Value::as_str)
+    }
+
+    /// Refuses unknown keys and values of another type.
+    fn check(&self) -> Result<(), Reason> {
+        solve_settings(&Settings::default(), &self.0)?;
+        refine_settings(&self.0)?;
+        value::<Quality>(&self.0, "quality")?;
+        if value::<f64>(&self.0, "contrast")?.is_some_and(|contrast| !(1.0 / 64.0..=1.0).contains(&contrast)) {
+            return Err(reason!("value", "contrast: expected 0.016 (4096 sub-frames) to 1 (one)"));
+        }
+        value::<bool>(&self.0, "force")?;
+        full(&self.0).map(drop)
+    }
+}
+
+/// Drops what is not set: TOML has no null.
+fn without_null(keys: &mut Map<String, Value>) {
+    keys.retain(|_, value| !value.is_null());
+    keys.values_mut().filter_map(Value::as_object_mut).for_each(without_null);
+}
+
+fn refused(reason: Reason) -> ProduceError {
+    ProduceError::Job(reason.within("the settings"))
+}
+
+fn value<T: DeserializeOwned>(given: &Map<String, Value>, key: &str) -> Result<Option<T>, Reason> {
+    given.get(key).map(|v| T::deserialize(v).map_err(|e| reason!("value", "{key}: {e}"))).transpose()
+}
+
+fn full(given: &Map<String, Value>) -> Result<Full, Reason> {
+    let names = match given.get("full") {
+        Some(Value::String(names)) => names.split(',').map(|name| name.trim().to_owned()).collect(),
+        _ => value::<Vec<String>>(given, "full")?.unwrap_or_default(),
+    };
+    let mut full = Full::default();
+    match names.iter().find(|name| !full.keep(name)) {
+        Some(wrong) => Err(reason!("value", "full: there is no part {wrong}, but all, {}", Full::PARTS.join(", "))),
+        None => Ok(full),
+    }
+}
+
+/// Puts the keys of a solve over its settings.
+fn solve_settings(base: &Settings, given: &Map<String, Value>) -> Result<Settings, Reason> {
+    let mut whole = keys_of(base);
+    // Files leave out these at their defaults.
+    let left_out = Settings {
+        repeats: 2,
+        views: 2,
+        pixel: 2,
+        padding: PaddingRule::Need,
+        first_phases: FirstPhases::Random,
+        joint: Some(Joint::default()),
+        all_modes: true,
+        ..Settings::default()
+    };
+    for (key, value) in keys_of(&left_out) {
+        if given.contains_key(&key) {
+            whole.entry(key).or_insert(value);
+        }
+    }
+    overlay(whole, &BESIDE, given)
+}
+
+fn refine_settings(given: &Map<String, Value>) -> Result<RefineSettings, Reason> {
+    match given.get("refine") {
+        None => Ok(RefineSettings::default()),
+        Some(Value::Object(table)) => {
+            RefineSettings::over(&OF_SESSIONS, table).map_err(|reason| reason.within("refine"))
+        }
+        Some(_) => Err(reason!("value", "refine: it is a table, as in refine.pupils = 4")),
+    }
+}
+
+impl SceneJob<'_> {
+    /// Takes over what a TOML text says ([`GivenSettings`]). The built-in settings of its `quality`, or else the defaults, lie under
+    /// what is given itself; complex fields are stored as `engine` prefers.
+    ///
+    /// # Errors
+    /// [`ProduceError::Job`] with the key that is unknown or has no such value.
+    pub fn take_settings(&mut self, text: &str, engine: &dyn Engine) -> Result<(), ProduceError> {
+        let given = GivenSettings::from_toml(text)?;
+        let chosen = given.get::<Quality>("quality")?.map(Settings::of);
+        let mut base = given.with_quality(&Settings::default(), chosen.as_ref());
+        if chosen.is_none() {
+            base.storage = engine.preferred_storage().for_levels(self.display.levels as usize);
+        }
+        self.settings = given.over(&base)?;
+        self.settings.check()?;
+        (self.reading.depth, self.diameter, self.force) = (None, None, false);
+        self.take_own(&given)
+    }
+
+    /// Takes over what of the settings is the job's own, and comes before that of its [`settings`](Self::settings).
+    ///
+    /// # Errors
+    /// [`ProduceError::Job`] with the key that has no such value.
+    pub fn take_own(&mut self, given: &GivenSettings) -> Result<(), ProduceError> {
+        self.reading.depth = self.reading.depth.or(given.get("depth")?);
+        self.diameter = self.diameter.or(given.get("diameter")?);
+        self.contrast = given.get("contrast")?;
+        self.force |= given.get("force")?.unwrap_or(false);
+        self.full = given.full()?;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::cpu::CpuEngine;
+    use crate::optics::{Display, WindowFactor};
+    use crate::solve::{Diameters, Sequence, Strategy};
+    use eyebox_base::error::ErrorData;
+
+    #[test]
+    fn what_is_said_lies_over_what_is_by_default() {
+        let display = Display::preset("small").unwrap();
+        let mut job = SceneJob::new("builtin:plane", &display);
+        let mut take = |text: &str| job.take_settings(text, &CpuEngine::new()).map(|()| job.clone());
+        assert_eq!(take("").unwrap().settings, Settings::default());
+        let said = take("steps = 7\nseconds = 2\nviews = 2\ndepth = [-1e-3, 2e-3]\nforce = true").unwrap();
+        let Settings { steps, seconds, views, pupils, .. } = said.settings;
+        assert_eq!((steps, seconds, views, pupils), (7, Some(2.0), 2, 16));
+        assert_eq!((said.reading.depth, said.diameter, said.force), (Some([-1e-3, 2e-3]), None, true));
+        let fast = take("quality = \"fast\"\npupils = 3").unwrap();
+        assert_eq!((fast.settings.steps, fast.settings.pupils, fast.reading.depth), (40, 3, None));
+        assert_eq!(fast.settings.optimizer, Optimizer::momentum());
+        let adam = take("optimizer = \"adam\"").unwrap().settings;
+        assert_eq!((adam.optimizer, adam.steps, adam.pupils), (Optimizer::adam(), 200, 8));
+        let part = take("optimizer.momentum = 0.25\nwindow = 2\nlevels = 2\nfull = [\"views\"]").unwrap();
+        let Settings { optimizer, window, levels, .. } = &part.settings;
+        assert!(matches!(optimizer, Optimizer::Projection { momentum: 0.25, gain: [2.5, 0.3], .. }), "{optimizer:?}");
+        assert_eq!((*window, levels.count(), part.full.views), (WindowFactor::Two, 2, true));
+        assert_eq!(take("first_phases = \"random\"").unwrap().settings.first_phases, FirstPhases::Random);
+        for (text, code, names) in [
+            ("stpes = 3", "job/no-such-setting", "stpes"),
+            ("steps = \"many\"", "job/value", "steps"),
+            ("depth = [1, 2, 3]", "job/value", "depth"),
+            ("psnr = nan", "job/not-finite", "psnr"),
+            ("quality = \"good\"", "job/value", "quality"),
+            ("frames = 0", "solve/setting", "0"),
+            ("steps = ", "job/toml", "1"),
+            ("full = \"most\"", "job/value", "most"),
+            ("refine.gain = 3", "job/no-such-setting", "gain"),
+        ] {
+            let error = take(text).unwrap_err();
+            assert_eq!(ErrorData::of(&error).code, code, "{text}: {error}");
+            assert!(error.to_string().contains(names), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn one_setting_replaces_what_was_given_before() {
+        let mut given = GivenSettings::from_toml("steps = 4\nrefine.pupils = 3").unwrap();
+        for one in [
+            "steps=9",
+            "sequence = random",
+            "refine.strategy=adam",
+            "refine.restart=2",
+            "diameters=log",
+            "efficiency=0.5",
+        ] {
+            given.set(one).unwrap();
+        }
+        let settings = given.over(&Settings::default()).unwrap();
+        assert_eq!((settings.steps, settings.sequence, settings.efficiency), (9, Sequence::Random, Some(0.5)));
+        assert_eq!(settings.diameters, Diameters::LogUniform);
+        let refinement = given.refinement().unwrap();
+        assert_eq!((refinement.pupils, refinement.strategy), (3, Strategy::Adam { rate: 0.05 }));
+        assert_eq!(given.of_sessions::<f64>("restart").unwrap(), Some(2.0));
+        for wrong in ["steps", "steps=", "=3", "stpes=3", "steps=few", "refine=3", "refine.gian=1", "psnr=nan"] {
+            assert!(matches!(given.set(wrong), Err(ProduceError::Job(_))), "{wrong}");
+        }
+        assert_eq!(given.over(&Settings::default()).unwrap(), settings);
+    }
+}

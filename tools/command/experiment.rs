@@ -1,0 +1,72 @@
+//! `--settings` and `--set`: what belongs to an experiment, and not to one call.
+
+use crate::Failure;
+use clap::Args;
+use eyebox::low_level::error::Reason;
+use eyebox::low_level::produce::GivenSettings;
+use eyebox::low_level::reason;
+use eyebox::low_level::session::Policy;
+use eyebox::low_level::solve::{RefineSettings, Settings};
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// Settings of an experiment, in every command that solves or refines.
+#[derive(Args, Clone, Default)]
+pub struct ExperimentArgs {
+    /// Settings of the solve and of refinements (TOML, docs/settings.md); - prints those of this call
+    #[arg(help_heading = "Settings", long, value_name = "FILE")]
+    pub settings: Option<PathBuf>,
+    /// One of these settings, such as optimizer=adam or refine.pupils=4
+    #[arg(help_heading = "Settings", long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+}
+
+/// The jump after which a refinement begins again.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Restart {
+    Diameters(f64),
+    Word(String),
+}
+
+impl ExperimentArgs {
+    /// Reads the file, and puts the single settings over it.
+    pub fn given(&self) -> Result<GivenSettings, Failure> {
+        let file = self.settings.as_deref().filter(|file| *file != Path::new("-"));
+        let mut given = file.map_or_else(|| Ok(GivenSettings::default()), GivenSettings::load)?;
+        self.set.iter().try_for_each(|one| given.set(one))?;
+        Ok(given)
+    }
+
+    /// Returns whether the settings are printed and nothing is computed.
+    pub fn is_printed(&self) -> bool {
+        self.settings.as_deref() == Some(Path::new("-"))
+    }
+
+    /// Returns the settings of refinements.
+    pub fn refinement(&self) -> Result<RefineSettings, Failure> {
+        Ok(self.given()?.refinement()?)
+    }
+
+    /// Returns how a live session refines and begins again.
+    pub fn policy(&self) -> Result<Policy, Failure> {
+        let given = self.given()?;
+        let restart = match given.of_sessions("restart")? {
+            None => Policy::default().restart,
+            Some(Restart::Diameters(diameters)) if diameters >= 0.0 => diameters,
+            Some(Restart::Word(word)) if word == "never" => f64::INFINITY,
+            Some(_) => return Err(Failure::Arguments(no_restart())),
+        };
+        Ok(Policy { restart, steering: given.refinement()? })
+    }
+}
+
+fn no_restart() -> Reason {
+    reason!("restart", "refine.restart: expected a number of pupil diameters, 0 or more, or \"never\"")
+}
+
+/// Prints settings as a file that `--settings` reads.
+pub fn print(solve: Option<&Settings>, given: &GivenSettings) -> Result<(), Failure> {
+    println!("{}", given.effective(solve)?.trim_end());
+    Ok(())
+}
