@@ -11,6 +11,7 @@ use std::path::Path;
 
 /// Why a calibration ended without a model.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
+#[error(transparent)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum CalibrateError {
@@ -72,20 +73,15 @@ pub enum CalibrateError {
     #[serde(serialize_with = "eyebox_base::error::as_text")]
     Shows(Box<dyn std::error::Error + Send + Sync>),
     /// What the fit is worth could not be measured.
-    #[error(transparent)]
     #[serde(rename = "quality")]
     Gain(#[from] QualityError),
     /// The scene by which that is measured.
-    #[error(transparent)]
     Scene(#[from] SceneError),
     /// A file.
-    #[error(transparent)]
     File(#[from] FileError),
     /// The engine that computes beside the camera.
-    #[error(transparent)]
     Engine(#[from] EngineError),
     /// The display.
-    #[error(transparent)]
     Optics(#[from] OpticsError),
 }
 

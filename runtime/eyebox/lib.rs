@@ -86,9 +86,12 @@
 //! | [`session`] | Plays content on a display on time, refines it for the tracked pupil, and records what was shown |
 //!
 //! Comments that say "OPTICS n" mean section n of `docs/optics.md`. Lengths are metres, angles radians, images linear light, axis
-//! order (row = y, column = x), +y down. Errors are typed, one enum a module; no input panics.
+//! order (row = y, column = x), +y down. Errors are typed, one enum a module, and [`Error`] wraps each; no input panics.
 
+mod library_error;
 pub mod low_level;
+
+pub use library_error::{Error, ErrorKind};
 
 /// Errors as data, with a stable code and fields.
 pub mod error {

@@ -71,9 +71,12 @@ pub(crate) fn unless_stopped<T>(result: Result<T, QualityError>) -> Result<Optio
 }
 
 fn is_stop(error: &QualityError) -> bool {
+    use eyebox::low_level::reconstruction::ReconstructionError;
     use eyebox::low_level::solve::SolveError;
     let engine = match error {
-        QualityError::Engine(engine) | QualityError::Solve(SolveError::Engine(engine)) => engine,
+        QualityError::Engine(engine)
+        | QualityError::Reconstruction(ReconstructionError::Engine(engine))
+        | QualityError::Solve(SolveError::Engine(engine)) => engine,
         _ => return false,
     };
     matches!(engine, EngineError::Stopped)

@@ -1,16 +1,10 @@
 //! What can go wrong, as codes and sentences.
 
-use eyebox::encode::EncodeError;
-use eyebox::engine::EngineError;
 use eyebox::error::ErrorData;
 use eyebox::hologram::HologramError;
-use eyebox::optics::OpticsError;
-use eyebox::produce::ProduceError;
-use eyebox::reconstruction::EvaluateError;
 use eyebox::reconstruction::ReconstructionError;
-use eyebox::scene::SceneError;
 use eyebox::session::SessionError;
-use eyebox::solve::SolveError;
+use eyebox::{Error, ErrorKind};
 use serde::Serialize;
 use std::any::Any;
 use std::cell::RefCell;
@@ -58,23 +52,7 @@ pub(crate) enum Failure {
     #[error("{what} is {value}: it must be {right}")]
     Argument { what: &'static str, value: String, right: String },
     #[error(transparent)]
-    Optics(#[from] OpticsError),
-    #[error(transparent)]
-    Scene(#[from] SceneError),
-    #[error(transparent)]
-    Produce(#[from] ProduceError),
-    #[error(transparent)]
-    Solve(#[from] SolveError),
-    #[error(transparent)]
-    Hologram(#[from] HologramError),
-    #[error(transparent)]
-    Evaluate(#[from] EvaluateError),
-    #[error(transparent)]
-    Encode(#[from] EncodeError),
-    #[error(transparent)]
-    Engine(#[from] EngineError),
-    #[error(transparent)]
-    Session(#[from] SessionError),
+    Library(Error),
     #[error("{color}: a loss was no finite number at step {step}: take smaller gains or rates, or storage = \"fp32\"")]
     NotFinite { color: String, step: usize },
     #[error("a fault of eyebox itself: {0}")]
@@ -87,9 +65,9 @@ pub(crate) enum Failure {
     Broken,
 }
 
-impl From<ReconstructionError> for Failure {
-    fn from(error: ReconstructionError) -> Self {
-        error.unwrapped()
+impl<E: Into<Error>> From<E> for Failure {
+    fn from(error: E) -> Self {
+        Self::Library(error.into())
     }
 }
 
@@ -102,23 +80,34 @@ impl Failure {
         match self {
             Self::Null(_) | Self::Misaligned(_) => EyeboxStatus::Pointer,
             Self::Argument { .. } => EyeboxStatus::Argument,
-            Self::Session(SessionError::Hologram(_)) => EyeboxStatus::Hologram,
-            Self::Session(SessionError::Encode(_)) => EyeboxStatus::Encode,
-            Self::Session(SessionError::Engine(_)) => EyeboxStatus::Engine,
-            Self::Session(SessionError::Solve(_)) => EyeboxStatus::Solve,
-            Self::Session(_) => EyeboxStatus::Session,
-            Self::Optics(_) | Self::Produce(ProduceError::Optics(_)) | Self::Hologram(HologramError::Optics(_)) => {
-                EyeboxStatus::Display
-            }
-            Self::Scene(_) | Self::Produce(ProduceError::Scene(_)) | Self::Hologram(HologramError::Scene(_)) => {
-                EyeboxStatus::Scene
-            }
-            Self::Engine(_) | Self::Forked | Self::Produce(ProduceError::Engine(_)) => EyeboxStatus::Engine,
-            Self::Produce(_) | Self::Solve(_) | Self::NotFinite { .. } => EyeboxStatus::Solve,
-            Self::Hologram(_) | Self::Evaluate(_) => EyeboxStatus::Hologram,
-            Self::Encode(_) => EyeboxStatus::Encode,
+            Self::Library(error) => status_of(error),
+            Self::Forked => EyeboxStatus::Engine,
+            Self::NotFinite { .. } => EyeboxStatus::Solve,
             Self::Panic(_) | Self::Broken => EyeboxStatus::Internal,
         }
+    }
+}
+
+/// Returns the status of an error of the library.
+fn status_of(error: &Error) -> EyeboxStatus {
+    match error {
+        // A hologram that lacks its scene or its display had this status before `ErrorKind` existed. Statuses stay.
+        Error::Session(SessionError::Hologram(_)) => return EyeboxStatus::Hologram,
+        Error::Hologram(of) | Error::Reconstruction(ReconstructionError::Hologram(of))
+            if !matches!(of, HologramError::Optics(_) | HologramError::Scene(_)) =>
+        {
+            return EyeboxStatus::Hologram;
+        }
+        _ => {}
+    }
+    match error.kind() {
+        ErrorKind::Display => EyeboxStatus::Display,
+        ErrorKind::Scene => EyeboxStatus::Scene,
+        ErrorKind::Solve => EyeboxStatus::Solve,
+        ErrorKind::Hologram | ErrorKind::File => EyeboxStatus::Hologram,
+        ErrorKind::Encode => EyeboxStatus::Encode,
+        ErrorKind::Engine => EyeboxStatus::Engine,
+        ErrorKind::Calibrate | ErrorKind::Session => EyeboxStatus::Session,
     }
 }
 
@@ -212,7 +201,56 @@ pub(crate) fn lock<T: ?Sized>(shared: &Mutex<T>) -> Result<MutexGuard<'_, T>, Fa
 #[cfg(test)]
 mod tests {
     use super::*;
+    use eyebox::encode::EncodeError;
+    use eyebox::engine::EngineError;
+    use eyebox::optics::OpticsError;
+    use eyebox::produce::ProduceError;
+    use eyebox::reconstruction::EvaluateError;
+    use eyebox::scene::SceneError;
+    use eyebox::solve::SolveError;
     use std::ffi::CStr;
+
+    /// Programs compare statuses and log codes, so both stay.
+    #[test]
+    fn errors_of_the_library_have_a_status_and_a_code() {
+        let optics = || OpticsError::Size { height: 0, width: 0 };
+        let scene = || SceneError::Matrix { file: "a.y4m".into() };
+        let engine = || EngineError::Stopped;
+        let reason = |code: &'static str| eyebox::error::Reason::new(code, "a sentence");
+        let mismatch = || EncodeError::Mismatch { display: "a".into(), reason: reason("frames") };
+        let cases: [(Failure, EyeboxStatus, &str); 27] = [
+            (optics().into(), EyeboxStatus::Display, "optics/size"),
+            (scene().into(), EyeboxStatus::Scene, "scene/matrix"),
+            (engine().into(), EyeboxStatus::Engine, "engine/stopped"),
+            (mismatch().into(), EyeboxStatus::Encode, "encode/mismatch/frames"),
+            (EvaluateError::Dark.into(), EyeboxStatus::Hologram, "evaluate/dark"),
+            (SolveError::from(scene()).into(), EyeboxStatus::Solve, "scene/matrix"),
+            (SolveError::from(engine()).into(), EyeboxStatus::Solve, "engine/stopped"),
+            (SolveError::Text(reason("toml")).into(), EyeboxStatus::Solve, "solve/text/toml"),
+            (ProduceError::from(optics()).into(), EyeboxStatus::Display, "optics/size"),
+            (ProduceError::from(scene()).into(), EyeboxStatus::Scene, "scene/matrix"),
+            (ProduceError::from(engine()).into(), EyeboxStatus::Engine, "engine/stopped"),
+            (ProduceError::from(HologramError::NoDisplay).into(), EyeboxStatus::Solve, "hologram/no-display"),
+            (ProduceError::from(ReconstructionError::from(engine())).into(), EyeboxStatus::Engine, "engine/stopped"),
+            (ProduceError::from(ReconstructionError::from(optics())).into(), EyeboxStatus::Solve, "optics/size"),
+            (ProduceError::Job(reason("no-scene")).into(), EyeboxStatus::Solve, "produce/job/no-scene"),
+            (HologramError::from(optics()).into(), EyeboxStatus::Display, "optics/size"),
+            (HologramError::from(scene()).into(), EyeboxStatus::Scene, "scene/matrix"),
+            (HologramError::NoDisplay.into(), EyeboxStatus::Hologram, "hologram/no-display"),
+            (HologramError::NoScene { of_array: true }.into(), EyeboxStatus::Hologram, "hologram/no-scene"),
+            (ReconstructionError::from(optics()).into(), EyeboxStatus::Display, "optics/size"),
+            (ReconstructionError::from(engine()).into(), EyeboxStatus::Engine, "engine/stopped"),
+            (ReconstructionError::from(EvaluateError::Dark).into(), EyeboxStatus::Hologram, "evaluate/dark"),
+            (SessionError::from(HologramError::from(optics())).into(), EyeboxStatus::Hologram, "optics/size"),
+            (SessionError::from(mismatch()).into(), EyeboxStatus::Encode, "encode/mismatch/frames"),
+            (SessionError::from(engine()).into(), EyeboxStatus::Engine, "engine/stopped"),
+            (SessionError::from(SolveError::from(scene())).into(), EyeboxStatus::Solve, "scene/matrix"),
+            (SessionError::from(reason("no-color")).into(), EyeboxStatus::Session, "session/setting/no-color"),
+        ];
+        for (failure, status, code) in cases {
+            assert_eq!((failure.status(), &*ErrorData::of(&failure).code), (status, code), "{failure:?}");
+        }
+    }
 
     #[test]
     fn a_panic_is_a_code_and_what_it_was_in_is_no_more_used() {

@@ -42,7 +42,7 @@ pub unsafe extern "C" fn eyebox_refiner_new(
             let field = scene_of(scene, &hologram.hologram)?;
             let whole = hologram.hologram.clone();
             let refinement = whole.refine(&field, steering, || backend.engine()).map_err(|error| match error {
-                ProduceError::Hologram(error) => Failure::Hologram(error),
+                ProduceError::Hologram(error) => Failure::from(error),
                 error => error.into(),
             })?;
             let refinement = Mutex::new(refinement);

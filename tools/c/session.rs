@@ -9,7 +9,7 @@ use eyebox::encode::Encoder;
 use eyebox::gaze::{Estimator, Eyepiece, Settings};
 use eyebox::hologram::Sequence;
 use eyebox::present::Rate;
-use eyebox::session::{Live, Play, SessionError, SessionOptions, TickedSession, Tracking};
+use eyebox::session::{Live, Play, SessionOptions, TickedSession, Tracking};
 use eyebox::solve::RefineSettings;
 use eyebox::trackers::{SampleSender, now_ns};
 use std::ffi::{c_char, c_void};
@@ -94,7 +94,7 @@ fn video(encoder: &Encoder) -> EyeboxVideo {
 
 fn options(rate_hz: f64) -> Result<SessionOptions, Failure> {
     let mut options = SessionOptions::default();
-    options.display_rate = Some(Rate::from_hz(rate_hz).map_err(SessionError::from)?);
+    options.display_rate = Some(Rate::from_hz(rate_hz)?);
     Ok(options)
 }
 
@@ -144,7 +144,7 @@ pub unsafe extern "C" fn eyebox_session_follow(
             let depths = hologram.metadata.solve.as_ref().map_or([f64::NEG_INFINITY, f64::INFINITY], |s| s.depth);
             let eyepiece = Some(Eyepiece { focal_length: hologram.focal_length, depths });
             let estimator = Estimator::new(Settings { eyepiece, ..Settings::default() }, None);
-            let (eye, tracking) = Tracking::pushed(estimator.map_err(SessionError::from)?);
+            let (eye, tracking) = Tracking::pushed(estimator?);
             let backend = engine.backend.clone();
             let mut live = Live::of_hologram(hologram, &field, display, backend, Some(tracking))?;
             live.policy.steering = steering;

@@ -1,25 +1,9 @@
 //! What can go wrong in a command: one line each.
 
 use crate::talk;
-use eyebox::low_level::calibrate::CalibrateError;
-use eyebox::low_level::encode::EncodeError;
-use eyebox::low_level::engine::EngineError;
+use eyebox::Error;
 use eyebox::low_level::error::{ErrorData, Reason};
-use eyebox::low_level::evaluate::EvaluateError;
-use eyebox::low_level::files::FileError;
-use eyebox::low_level::gaze::GazeError;
-use eyebox::low_level::hologram::HologramError;
-use eyebox::low_level::optics::OpticsError;
-use eyebox::low_level::present::PresentError;
-use eyebox::low_level::preview::PreviewError;
-use eyebox::low_level::produce::ProduceError;
-use eyebox::low_level::quality::QualityError;
-use eyebox::low_level::reconstruction::ReconstructionError;
-use eyebox::low_level::scene::SceneError;
 use eyebox::low_level::session::SessionError;
-use eyebox::low_level::solve::SolveError;
-use eyebox::low_level::tiled::TiledError;
-use eyebox::low_level::trackers::TrackerError;
 use eyebox_lab::film::FilmError;
 use eyebox_live_input::LiveError;
 use serde::Serialize;
@@ -29,64 +13,16 @@ use std::process::ExitCode;
 #[derive(Debug, thiserror::Error, Serialize)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 pub enum Failure {
-    /// The display, the pupil or the grid.
+    /// An error of the library.
     #[error(transparent)]
-    Optics(#[from] OpticsError),
-    /// The scene.
-    #[error(transparent)]
-    Scene(#[from] SceneError),
-    /// The engine.
-    #[error(transparent)]
-    Engine(#[from] EngineError),
-    /// The solve.
-    #[error(transparent)]
-    Solve(#[from] SolveError),
-    /// The hologram.
-    #[error(transparent)]
-    Hologram(#[from] HologramError),
-    /// The encoding.
-    #[error(transparent)]
-    Encode(#[from] EncodeError),
-    /// The comparison.
-    #[error(transparent)]
-    Evaluate(#[from] EvaluateError),
-    /// A trial of settings.
-    #[error(transparent)]
-    Quality(#[from] QualityError),
-    /// What a job was to make.
-    #[error(transparent)]
-    Produce(#[from] ProduceError),
-    /// A file.
-    #[error(transparent)]
-    File(#[from] FileError),
+    Library(Error),
     /// A film.
     #[error(transparent)]
-    Film(#[from] FilmError),
-    /// A hologram larger than memory.
-    #[error(transparent)]
-    Tiled(#[from] TiledError),
-    /// An eye tracker.
-    #[error(transparent)]
-    Tracker(#[from] TrackerError),
-    /// A calibration, or a setting of the way from sample to pupil.
-    #[error(transparent)]
-    Gaze(#[from] GazeError),
-    /// The calibration of a display.
-    #[error(transparent)]
-    Calibrate(#[from] CalibrateError),
-    /// A session.
-    #[error(transparent)]
-    Session(#[from] SessionError),
-    /// The display, or a window.
-    #[error(transparent)]
-    Present(#[from] PresentError),
-    /// The preview.
-    #[error(transparent)]
-    Preview(#[from] PreviewError),
+    Film(FilmError),
     /// A display that takes frames.
     #[error(transparent)]
     #[serde(serialize_with = "eyebox::low_level::error::as_text")]
-    Live(#[from] LiveError),
+    Live(LiveError),
     /// The display was lost while it was played to.
     #[error("{0}")]
     Lost(Reason),
@@ -95,17 +31,20 @@ pub enum Failure {
     Arguments(Reason),
 }
 
-impl From<ReconstructionError> for Failure {
-    fn from(error: ReconstructionError) -> Self {
-        error.unwrapped()
+impl<E: Into<Error>> From<E> for Failure {
+    fn from(error: E) -> Self {
+        Self::Library(error.into())
     }
 }
 
 impl Failure {
     /// The exit code.
     pub fn exit_code(&self) -> u8 {
-        let ended = matches!(self, Self::Calibrate(e) | Self::Session(SessionError::Calibrate(e)) if e.is_ended());
-        if ended || matches!(self, Self::Lost(_)) { 3 } else { 2 }
+        match self {
+            Self::Lost(_) => 3,
+            Self::Library(Error::Calibrate(e) | Error::Session(SessionError::Calibrate(e))) if e.is_ended() => 3,
+            _ => 2,
+        }
     }
 }
 
@@ -173,6 +112,30 @@ mod tests {
     use super::*;
     use crate::commands::Cli;
     use clap::CommandFactory;
+    use eyebox::low_level::calibrate::CalibrateError;
+    use eyebox::low_level::files::FileError;
+    use eyebox::low_level::produce::ProduceError;
+
+    /// Scripts rely on both.
+    #[test]
+    fn errors_have_a_code_and_an_exit_code() {
+        let why = || Reason::new("why", "a sentence");
+        let file = || FileError::Content { file: "a".into(), reason: why() };
+        let cases: [(Failure, &str, u8); 9] = [
+            (file().into(), "file/content/why", 2),
+            (ProduceError::Job(why()).into(), "produce/job/why", 2),
+            (CalibrateError::from(file()).into(), "file/content/why", 2),
+            (CalibrateError::Stopped.into(), "calibrate/stopped", 3),
+            (SessionError::from(CalibrateError::Stopped).into(), "calibrate/stopped", 3),
+            (Failure::Film(FilmError::Setting(why())), "film/setting/why", 2),
+            (Failure::Live(LiveError::Gone), "live", 2),
+            (Failure::Lost(why()), "lost/why", 3),
+            (Failure::Arguments(why()), "arguments/why", 2),
+        ];
+        for (failure, code, exit) in cases {
+            assert_eq!((&*ErrorData::of(&failure).code, failure.exit_code()), (code, exit), "{failure:?}");
+        }
+    }
 
     /// An option that no command has would be a remedy that does not work.
     #[test]

@@ -98,7 +98,7 @@ struct Account {
 pub fn run(args: &Feed) -> Result<(), Failure> {
     signals::catch_interrupt();
     let sources = sources(args)?;
-    let mut application = Application::connect(&args.name)?;
+    let mut application = Application::connect(&args.name).map_err(Failure::Live)?;
     let frames = load(args, &sources, application.offer())?;
     let writer = if args.on_device { device_of(&mut application)? } else { None };
     let account = give(args, &mut application, &frames, writer)?;
@@ -130,7 +130,7 @@ fn device_of(application: &mut Application) -> Result<Option<Writer>, Failure> {
         Ok(gpu) => gpu,
         Err(error) => return host(&error.to_string()),
     };
-    let Some((memory, fd)) = application.share(ANSWER)? else {
+    let Some((memory, fd)) = application.share(ANSWER).map_err(Failure::Live)? else {
         return host("the display's device has no memory left to share");
     };
     let layout = SharedLayout {
@@ -264,7 +264,7 @@ fn give_there(
     };
     *place = Some(number);
     info.on_device = true;
-    let slot = application.begin(info)?;
+    let slot = application.begin(info).map_err(Failure::Live)?;
     writer.write(slot.index(), number)?;
     slot.publish();
     Ok(())
@@ -304,7 +304,7 @@ fn give(
                 account.ended = "the display is gone";
                 break;
             }
-            Err(error) => return Err(error.into()),
+            Err(error) => return Err(Failure::Live(error)),
         }
         if start.elapsed() < due {
             continue;
@@ -338,7 +338,7 @@ fn give(
                 give_there(application, writer, (&mut info, samples), place, changes)?;
                 account.on_device += 1;
             }
-            None => drop(application.send(&info, samples, &[])?),
+            None => drop(application.send(&info, samples, &[]).map_err(Failure::Live)?),
         }
         account.given += 1;
         account.seconds = start.elapsed().as_secs_f64();

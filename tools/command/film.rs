@@ -10,7 +10,7 @@ use eyebox::low_level::gpu::Options as VulkanOptions;
 use eyebox::low_level::hologram::{Hologram, Opening, Sequence};
 use eyebox::low_level::reason;
 use eyebox::low_level::reconstruction::SceneSource;
-use eyebox_lab::film::{self, Content, EyePath, FilmSettings};
+use eyebox_lab::film::{self, Content, EyePath, FilmError, FilmSettings};
 use std::path::{Path, PathBuf};
 
 /// `eyebox film`
@@ -40,7 +40,7 @@ pub struct Film {
 
 /// Films it.
 pub fn run(args: &Film) -> Result<(), Failure> {
-    let path = EyePath::read(&args.path)?;
+    let path = EyePath::read(&args.path).map_err(Failure::Film)?;
     if args.out.extension().is_some() && !args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("y4m")) {
         let reason = "a film is NAME.y4m, or a folder of PNGs, whose name has no ending";
         return Err(Failure::Arguments(reason!("film", "{}: {reason}", args.out.display())));
@@ -53,7 +53,9 @@ pub fn run(args: &Film) -> Result<(), Failure> {
     let bar = JobBar::new(args.json);
     let mut observe =
         |frame: usize, frames: usize| bar.show(&format!("frame {frame} of {frames}"), frame as f64 / frames as f64);
-    let made = film::film(&path, &settings, &mut |t| reel.at(t), &args.out, engine.as_mut(), &mut observe)?;
+    let mut load = |time| reel.at(time).map_err(Ended);
+    let made = film::film(&path, &settings, &mut load, &args.out, engine.as_mut(), &mut observe);
+    let made = made.map_err(|Ended(failure)| failure)?;
     bar.finish();
     let made = made
         .ok_or_else(|| Failure::Arguments(reason!("stopped", "{}: stopped: nothing is written", args.out.display())))?;
@@ -74,6 +76,15 @@ pub fn run(args: &Film) -> Result<(), Failure> {
         if args.alone { "what the eye sees" } else { "left what the eye sees, right what it should" }
     );
     Ok(())
+}
+
+/// Why a film ended. [`Failure`] itself converts from errors of the library alone.
+struct Ended(Failure);
+
+impl From<FilmError> for Ended {
+    fn from(error: FilmError) -> Self {
+        Self(Failure::Film(error))
+    }
 }
 
 /// What is filmed, by time.

@@ -350,7 +350,7 @@ fn watch(args: &Trackers, source: &str) -> Result<(), Failure> {
 fn lost(recorded: Result<(), FileError>) {
     if let Err(error) = recorded {
         let message = format!("{error}; what was recorded until then is kept");
-        talk::lose(&message, &ErrorData::of(&Failure::File(error)));
+        talk::lose(&message, &ErrorData::of(&Failure::from(error)));
     }
 }
 

@@ -1,9 +1,7 @@
 //! The library's errors as Python's exceptions: its sentences, by the room that said them.
 
+use eyebox::ErrorKind;
 use eyebox::error::ErrorData;
-use eyebox::optics::OpticsError;
-use eyebox::produce::ProduceError;
-use eyebox::reconstruction::ReconstructionError;
 use pyo3::exceptions::PyValueError;
 use pyo3::types::PyAnyMethods;
 use pyo3::{PyErr, Python, create_exception};
@@ -36,25 +34,7 @@ pub(crate) enum Failure {
     #[error("{0}")]
     Argument(String),
     #[error(transparent)]
-    Optics(#[from] OpticsError),
-    #[error(transparent)]
-    Scene(#[from] eyebox::scene::SceneError),
-    #[error(transparent)]
-    Produce(#[from] ProduceError),
-    #[error(transparent)]
-    Solve(#[from] eyebox::solve::SolveError),
-    #[error(transparent)]
-    Hologram(#[from] eyebox::hologram::HologramError),
-    #[error(transparent)]
-    Evaluate(#[from] eyebox::reconstruction::EvaluateError),
-    #[error(transparent)]
-    Calibrate(#[from] eyebox::calibrate::CalibrateError),
-    #[error(transparent)]
-    Encode(#[from] eyebox::encode::EncodeError),
-    #[error(transparent)]
-    Engine(#[from] eyebox::engine::EngineError),
-    #[error(transparent)]
-    Session(eyebox::session::SessionError),
+    Library(eyebox::Error),
     #[error(
         "at step {0} the loss is no finite number, and the step was not taken: take smaller gains or rates, or storage = \"fp32\""
     )]
@@ -66,55 +46,32 @@ pub(crate) enum Failure {
     Forked { what: &'static str, remedy: &'static str },
 }
 
-impl From<ReconstructionError> for Failure {
-    fn from(error: ReconstructionError) -> Self {
-        error.unwrapped()
-    }
-}
-
-impl From<eyebox::session::SessionError> for Failure {
-    fn from(error: eyebox::session::SessionError) -> Self {
-        use eyebox::session::SessionError as OfSession;
-        match error {
-            OfSession::Hologram(error) => Self::Hologram(error),
-            OfSession::Encode(error) => Self::Encode(error),
-            OfSession::Engine(error) => Self::Engine(error),
-            OfSession::Solve(error) => Self::Solve(error),
-            error => Self::Session(error),
-        }
+impl<E: Into<eyebox::Error>> From<E> for Failure {
+    fn from(error: E) -> Self {
+        Self::Library(error.into())
     }
 }
 
 impl From<Failure> for PyErr {
     fn from(failure: Failure) -> Self {
-        use eyebox::hologram::HologramError as OfHologram;
         let said = failure.to_string();
         let data = ErrorData::of(&failure);
-        let error = match failure {
-            Failure::Argument(_) => PyValueError::new_err(said),
-            Failure::Optics(_)
-            | Failure::Produce(ProduceError::Optics(_))
-            | Failure::Hologram(OfHologram::Optics(_) | OfHologram::NoDisplay | OfHologram::DisplayNotFound { .. }) => {
-                DisplayError::new_err(said)
-            }
-            Failure::Scene(_)
-            | Failure::Produce(ProduceError::Scene(_))
-            | Failure::Hologram(
-                OfHologram::Scene(_)
-                | OfHologram::OtherScene { .. }
-                | OfHologram::ChangedScene { .. }
-                | OfHologram::SceneNotFound { .. }
-                | OfHologram::NoScene { .. }
-                | OfHologram::OtherSize { .. },
-            ) => SceneError::new_err(said),
-            Failure::Engine(_) | Failure::Forked { .. } | Failure::Produce(ProduceError::Engine(_)) => {
-                EngineError::new_err(said)
-            }
-            Failure::Produce(_) | Failure::Solve(_) | Failure::NotFinite(_) => SolveError::new_err(said),
-            Failure::Hologram(_) | Failure::Evaluate(_) => HologramError::new_err(said),
-            Failure::Calibrate(_) => CalibrateError::new_err(said),
-            Failure::Session(_) => SessionError::new_err(said),
-            Failure::Encode(_) => EncodeError::new_err(said),
+        let kind = match failure {
+            Failure::Argument(_) => None,
+            Failure::Library(error) => Some(error.kind()),
+            Failure::NotFinite(_) => Some(ErrorKind::Solve),
+            Failure::Forked { .. } => Some(ErrorKind::Engine),
+        };
+        let error = match kind {
+            None => PyValueError::new_err(said),
+            Some(ErrorKind::Display) => DisplayError::new_err(said),
+            Some(ErrorKind::Scene) => SceneError::new_err(said),
+            Some(ErrorKind::Solve) => SolveError::new_err(said),
+            Some(ErrorKind::Hologram | ErrorKind::File) => HologramError::new_err(said),
+            Some(ErrorKind::Encode) => EncodeError::new_err(said),
+            Some(ErrorKind::Calibrate) => CalibrateError::new_err(said),
+            Some(ErrorKind::Session) => SessionError::new_err(said),
+            Some(ErrorKind::Engine) => EngineError::new_err(said),
         };
         // An exception without these attributes still has its sentence.
         Python::attach(|py| {

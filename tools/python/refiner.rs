@@ -51,7 +51,7 @@ impl Refiner {
             let backend = engine.get().backend()?;
             let refined = hologram.clone().refine(&scene.field, steering, || backend.engine());
             let refinement = refined.map_err(|error| match error {
-                ProduceError::Hologram(error) => Failure::Hologram(error),
+                ProduceError::Hologram(error) => Failure::from(error),
                 error => error.into(),
             })?;
             let bare = |c: &ColorHologram| ColorHologram { phases: Vec::new(), ..c.clone() };

@@ -98,7 +98,7 @@ impl Where {
     fn start(self, content: Content, eye: Option<SampleSender>, shape: [usize; 3], endless: bool) -> Answer<Session> {
         refuse_after_computing("a session", "Show it in the parent")?;
         let mut options = SessionOptions::default();
-        options.display_rate = self.rate.map(Rate::from_hz).transpose().map_err(eyebox::session::SessionError::from)?;
+        options.display_rate = self.rate.map(Rate::from_hz).transpose()?;
         options.duration = self.seconds.map(|seconds| time(seconds, "seconds")).transpose()?;
         if self.simulated && self.queue == 0 && endless && options.duration.is_none() {
             let right = "give seconds, or take its video frames (queue)";
@@ -126,15 +126,14 @@ impl EyeOptions {
     /// Whose eye is followed, and where the program's samples go.
     fn tracking(&self, simulated: bool, eyepiece: Eyepiece) -> Answer<(Option<SampleSender>, Option<Tracking>)> {
         let Some(name) = &self.eye else { return Ok((None, None)) };
-        let failed = |error: eyebox::gaze::GazeError| Failure::from(eyebox::session::SessionError::from(error));
         let focus = [self.focus; 2];
         let settings = gaze::Settings { focus, eyepiece: Some(eyepiece), ..gaze::Settings::default() };
-        let estimator = Estimator::new(settings, None).map_err(failed)?;
+        let estimator = Estimator::new(settings, None)?;
         if name == "own" {
             let (eye, tracking) = Tracking::pushed(estimator);
             return Ok((Some(eye), Some(tracking)));
         }
-        let spec: trackers::Spec = name.parse().map_err(eyebox::session::SessionError::from)?;
+        let spec: trackers::Spec = name.parse()?;
         let options = trackers::Options { real_time: !simulated, ..trackers::Options::default() };
         Ok((None, Some(Tracking::open(&spec, &options, estimator)?)))
     }

@@ -2,7 +2,6 @@
 
 use eyebox::low_level::error::Reason;
 use eyebox::low_level::files::FileError;
-use eyebox::low_level::hologram::HologramError;
 use eyebox::low_level::reconstruction::ReconstructionError;
 
 /// What a path looks like, in one line.
@@ -10,11 +9,11 @@ pub(super) const EXAMPLE: &str = r#"{"rate_hz": 30, "keys": [{"t_s": 0, "x_mm": 
 
 /// What can be wrong with a film.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
+#[error(transparent)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum FilmError {
     /// The file could not be written.
-    #[error(transparent)]
     File(#[from] FileError),
     /// The path of the eye.
     #[error("{file}: {reason}; such as {}", EXAMPLE)]
@@ -24,11 +23,7 @@ pub enum FilmError {
         /// What is wrong, and where.
         reason: Reason,
     },
-    /// What is looked at.
-    #[error(transparent)]
-    Hologram(#[from] HologramError),
     /// The hologram could not be looked at or scored.
-    #[error(transparent)]
     Reconstruction(#[from] ReconstructionError),
     /// Something that does not fit together.
     #[error("{0}")]

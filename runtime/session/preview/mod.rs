@@ -44,23 +44,19 @@ use eyebox_base::error::Reason;
 
 /// Why there is nothing to see.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
+#[error(transparent)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum PreviewError {
     /// The desktop.
-    #[error(transparent)]
     Desktop(#[from] PresentError),
     /// The engine, or the window's device.
-    #[error(transparent)]
     Engine(#[from] EngineError),
     /// The optics of what is shown.
-    #[error(transparent)]
     Optics(#[from] OpticsError),
     /// A hologram that could not be read.
-    #[error(transparent)]
     Hologram(#[from] HologramError),
     /// The hologram could not be looked at.
-    #[error(transparent)]
     Reconstruction(#[from] ReconstructionError),
     /// What is shown contradicts itself, or the scene.
     #[error("this cannot be looked at: {reason}")]

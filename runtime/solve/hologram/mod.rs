@@ -74,11 +74,11 @@ use std::borrow::Cow;
 
 /// What can be wrong with a hologram or its file.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
+#[error(transparent)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum HologramError {
     /// Reading or writing failed.
-    #[error(transparent)]
     File(#[from] FileError),
     /// A file of the hologram is missing, cut short or changed.
     #[error("{file}: the hologram is damaged: {reason}; copy it again, or solve it again")]
@@ -126,7 +126,6 @@ pub enum HologramError {
         path: String,
     },
     /// Phases that memory does not hold.
-    #[error(transparent)]
     Memory(#[from] TooLarge),
     /// An ending that names no format.
     #[error(
@@ -168,10 +167,8 @@ pub enum HologramError {
         reason: Reason,
     },
     /// Its optics cannot be, or have no such colour or pupil.
-    #[error(transparent)]
     Optics(#[from] OpticsError),
     /// The scene that it is compared with.
-    #[error(transparent)]
     Scene(#[from] SceneError),
     /// Its colours are not named, or are not those of its display.
     #[error("its colours are not named, or not those of its display: what it was made for is not known")]

@@ -24,7 +24,6 @@ pub use tile_pieces::TilePieces;
 pub use tiles::{SolvedTiles, is_larger_than_memory, plan_tiles};
 
 use crate::engine::EngineError;
-use crate::evaluate::EvaluateError;
 use crate::hologram::HologramError;
 use crate::optics::{Color, OpticsError};
 use crate::quality::QualityError;
@@ -36,32 +35,25 @@ use eyebox_base::error::Reason;
 
 /// Why a job failed.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
+#[error(transparent)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum ProduceError {
     /// The display, a colour that it does not have, or a pupil outside of its eyebox.
-    #[error(transparent)]
     Optics(#[from] OpticsError),
     /// The scene.
-    #[error(transparent)]
     Scene(#[from] SceneError),
     /// The engine.
-    #[error(transparent)]
     Engine(#[from] EngineError),
     /// The solve.
-    #[error(transparent)]
     Solve(#[from] SolveError),
     /// The solve with reduced settings, or its score.
-    #[error(transparent)]
     Quality(#[from] QualityError),
     /// The hologram's file.
-    #[error(transparent)]
     Hologram(#[from] HologramError),
-    /// The comparison.
-    #[error(transparent)]
-    Evaluate(#[from] EvaluateError),
+    /// The score of the hologram.
+    Reconstruction(#[from] ReconstructionError),
     /// The solve in tiles.
-    #[error(transparent)]
     Tiled(#[from] TiledError),
     /// The solve ended where its numbers did.
     #[error("{color}: a loss was no finite number at step {step}: take smaller gains or rates, or storage = \"fp32\"")]
@@ -74,10 +66,4 @@ pub enum ProduceError {
     /// A job that contradicts itself.
     #[error("{0}")]
     Job(Reason),
-}
-
-impl From<ReconstructionError> for ProduceError {
-    fn from(error: ReconstructionError) -> Self {
-        error.unwrapped()
-    }
 }

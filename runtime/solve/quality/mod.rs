@@ -48,26 +48,23 @@ impl Quality {
 
 /// Why settings could not be tried, or methods not compared.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
+#[error(transparent)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum QualityError {
     /// The display, or a colour that it does not have.
-    #[error(transparent)]
     Optics(#[from] OpticsError),
     /// The solve.
-    #[error(transparent)]
     Solve(#[from] SolveError),
     /// The engine.
-    #[error(transparent)]
     Engine(#[from] EngineError),
     /// A measure of what was seen.
-    #[error(transparent)]
     Evaluate(#[from] EvaluateError),
     /// A hologram.
-    #[error(transparent)]
     Hologram(#[from] HologramError),
+    /// The reconstruction of a hologram.
+    Reconstruction(#[from] ReconstructionError),
     /// A file of results.
-    #[error(transparent)]
     File(#[from] FileError),
     /// A view that is no picture.
     #[error("a view has pixels that are NaN: there is nothing to compare")]
@@ -80,10 +77,4 @@ pub enum QualityError {
         /// What is wrong with it, and what would be right.
         reason: Reason,
     },
-}
-
-impl From<ReconstructionError> for QualityError {
-    fn from(error: ReconstructionError) -> Self {
-        error.unwrapped()
-    }
 }

@@ -7,6 +7,7 @@ use eyebox_base::error::Reason;
 
 /// Why a solve failed.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
+#[error(transparent)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum SolveError {
@@ -24,13 +25,10 @@ pub enum SolveError {
     #[error("the settings: {0}")]
     Text(Reason),
     /// A scene that does not tell what is needed of it.
-    #[error(transparent)]
     Scene(#[from] SceneError),
     /// A colour or a size that the display does not have.
-    #[error(transparent)]
     Optics(#[from] OpticsError),
     /// From the engine.
-    #[error(transparent)]
     Engine(#[from] EngineError),
 }
 

@@ -27,23 +27,19 @@ use crate::solve::SolveError;
 
 /// Why a large hologram could not be solved or looked at.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
+#[error(transparent)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum TiledError {
     /// The optics.
-    #[error(transparent)]
     Optics(#[from] OpticsError),
     /// The scene.
-    #[error(transparent)]
     Scene(#[from] SceneError),
     /// The settings.
-    #[error(transparent)]
     Solve(#[from] SolveError),
     /// The engine.
-    #[error(transparent)]
     Engine(#[from] EngineError),
     /// The hologram's file.
-    #[error(transparent)]
     Hologram(#[from] HologramError),
     /// Too little memory for the largest pupil.
     #[error(

@@ -197,7 +197,7 @@ impl PreviewedContent {
             Ok(None) => return Ok(()),
             Ok(Some(next)) => next,
             // One that is damaged is said and left out: the one before stays.
-            Err(Failure::Hologram(error)) => {
+            Err(Failure::Library(eyebox::Error::Hologram(error))) => {
                 eprintln!("note: {error}");
                 return Ok(());
             }

@@ -13,39 +13,30 @@ use eyebox_base::error::Reason;
 
 /// What can go wrong in a session.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
+#[error(transparent)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum SessionError {
     /// The display: refused, or lost.
-    #[error(transparent)]
     Present(#[from] PresentError),
     /// The holograms.
-    #[error(transparent)]
     Hologram(#[from] HologramError),
     /// The encoding.
-    #[error(transparent)]
     Encode(#[from] EncodeError),
     /// An engine, or the encoder's device.
-    #[error(transparent)]
     Engine(#[from] EngineError),
     /// A file.
-    #[error(transparent)]
     File(#[from] FileError),
     /// The solver refused.
-    #[error(transparent)]
     Solve(#[from] SolveError),
     /// A tracker.
-    #[error(transparent)]
     Tracker(#[from] TrackerError),
     /// A calibration, or a setting of the way from sample to pupil.
-    #[error(transparent)]
     Gaze(#[from] GazeError),
     /// The camera of a bench, or the fit to its pictures.
-    #[error(transparent)]
     Calibrate(#[from] CalibrateError),
     /// What takes an application's frames.
     #[cfg(target_os = "linux")]
-    #[error(transparent)]
     #[serde(serialize_with = "eyebox_base::error::as_text")]
     LiveInput(#[from] eyebox_live_input::LiveError),
     /// A thread that could not be started, or failed.
