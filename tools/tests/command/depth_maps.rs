@@ -1,6 +1,6 @@
 //! Pictures with depth maps: which end is near, and which map belongs to which picture of a sequence.
 
-use crate::common::{done, eyebox, folder, refused, text};
+use crate::common::{Printed, attributes, done, eyebox, folder, json, refused, text};
 use std::path::Path;
 
 const SMALL: [&str; 12] =
@@ -24,7 +24,7 @@ fn what_is_near_is_said_and_remembered() {
     let solve = |out, more: &[&'static str]| [&["solve", "a.png", "-o", out][..], &SMALL, more].concat();
     let answer = eyebox(at, &solve("bright.zarr", &["--depth-map", "maps/a.png"]));
     let said = text(&answer.stderr);
-    assert!(answer.status.success() && said.contains("bright is near"), "{said}");
+    assert!(answer.status.success() && said.lines_with("maps/a.png bright") == 1, "{said}");
     done(at, &solve("dark.zarr", &["--depth-map", "maps/a.png", "--near", "dark"]));
     let score = |hologram, more: &[&'static str]| {
         let words = ["score", hologram, "a.png", "--depth-map", "maps/a.png", "--pupils", "random:4", "--json"];
@@ -92,14 +92,27 @@ fn a_deep_map_gets_as_many_views_as_it_needs() {
         let short = ["--steps", "1", "--frames", "1", "--color", "green", "--engine", "cpu"];
         let answer = eyebox(at, &[&words[..], &short, more].concat());
         assert!(answer.status.success(), "{}", text(&answer.stderr));
-        text(&answer.stderr)
+        let views = attributes(&at.join("x.zarr"))["settings"]["views"].clone();
+        (views, text(&answer.stderr))
+    };
+    let plan = |more: &[&'static str]| {
+        let words = ["plan", "a.png", "--depth-map", "maps/a.png", "--near", "bright", "--size", "40x48", "--json"];
+        json(at, &[&words[..], &["--color", "green", "--engine", "cpu"], more].concat())["choices"].clone()
     };
     // 22 mm of eyebox: a millimetre of depth is 6.9 pixels.
-    let deep = solve(&["--depth=-1..1"]);
-    assert!(deep.contains("14 x 14 views: neighbors part by a pixel at most") && !deep.contains("ghosts"), "{deep}");
-    assert!(!solve(&["--depth=-0.5..0.5"]).contains("neighbors part by"));
-    let few = solve(&["--depth=-1..1", "--views", "5"]);
-    assert!(few.contains("see ghosts out of focus; 13 x 13 views would not"), "{few}");
+    let (views, said) = solve(&["--depth=-1..1"]);
+    assert!(views == serde_json::json!([14, 14]) && said.has_sequence(&[14.0, 14.0]), "{views}: {said}");
+    let (views, said) = solve(&["--depth=-0.5..0.5"]);
+    assert!(views == serde_json::json!([9, 9]) && !said.has_sequence(&[14.0, 14.0]), "{views}: {said}");
+    // How many views would do is said of those that are too few.
+    let remedy = |choices: &serde_json::Value| {
+        let of = choices.as_array().expect("a list").iter().find(|c| c["what"] == "aliasing");
+        of.is_some_and(|c| c["why"].as_str().expect("a text").has_sequence(&[13.0, 13.0]))
+    };
+    let few = ["--depth=-1..1", "--views", "5"];
+    assert!(solve(&few).1.has_sequence(&[13.0, 13.0]) && remedy(&plan(&few)), "{}", plan(&few));
+    assert!(!remedy(&plan(&["--depth=-1..1"])));
     // A narrow pupil takes in few views, and tells little apart.
-    assert!(!solve(&["--depth=-1..1", "--views", "5", "--pupil-diameter", "2..4"]).contains("ghosts"));
+    let narrow = [&few[..], &["--pupil-diameter", "2..4"]].concat();
+    assert!(!solve(&narrow).1.has_sequence(&[13.0, 13.0]) && !remedy(&plan(&narrow)), "{}", plan(&narrow));
 }

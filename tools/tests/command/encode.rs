@@ -1,6 +1,6 @@
 //! `eyebox encode` as a user runs it.
 
-use crate::common::{self, done, eyebox, folder, refusal, text};
+use crate::common::{self, Printed, done, eyebox, folder, json, notes, refusal, text};
 use std::path::Path;
 
 #[track_caller]
@@ -98,8 +98,13 @@ fn a_hologram_is_encoded_on_both_engines_for_a_display_of_ones_own() {
     std::fs::write(at.join("bench.toml"), display).unwrap();
     for (engine, out) in [("cpu", "a"), ("vulkan", "b")] {
         let args = ["encode", "h.zarr", "--display", "bench.toml", "--engine", engine, "-o", out];
-        let said = text(&eyebox(at, &args).stderr);
-        assert!(said.contains("8 video frames of 20x26, 8-bit RGB") && said.contains("532.0 nm"), "{said}");
+        let report = json(at, &[&args[..], &["--json"]].concat());
+        assert_eq!(report["frames"].as_array().map(Vec::len), Some(8), "{report}");
+        let shape = ["height", "width", "channels"].map(|side| report[side].as_u64());
+        assert_eq!(shape, [20, 26, 3].map(Some), "{report}");
+        // It was made for another wavelength than the display has: a note to read, and in the report.
+        assert!(notes(&report["notes"], "520 532"), "{report}");
+        assert_eq!(text(&eyebox(at, &args).stderr).lines_with("520 532"), 1);
     }
     done(at, &["encode", "h.npy", "--display", "bench.toml", "-o", "c"]);
     for f in 0..8 {

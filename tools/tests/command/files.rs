@@ -246,14 +246,14 @@ fn what_is_no_scene_is_called_what_it_is_with_the_line_that_converts_it() {
     refused(at, &["inspect", "webp"], "x", "scene/kind");
 }
 
-/// Runs the command that a refusal gives behind `by: `; false where this machine lacks what it calls.
+/// Runs the command that a refusal ends with; false where this machine lacks what it calls.
 fn follow(at: &Path, said: &str, needs: &str) -> bool {
     let has = Command::new("python").args(["-c", &format!("import {needs}")]).output();
     if !has.is_ok_and(|answer| answer.status.success()) {
         eprintln!("left out: python has no {needs}");
         return false;
     }
-    let line = said.split_once("by: ").expect("a remedy").1.trim();
+    let line = &said[said.find("python").expect("a remedy")..].trim();
     let answer = Command::new("sh").args(["-c", line]).current_dir(at).output().unwrap();
     assert!(answer.status.success(), "{line}: {}", text(&answer.stderr));
     true

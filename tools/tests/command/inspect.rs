@@ -1,6 +1,6 @@
 //! `eyebox inspect`, and the order of views, as a user meets them.
 
-use crate::common::{done, folder, refused};
+use crate::common::{Printed, done, folder, refused};
 use serde_json::Value;
 
 const SIZE: [&str; 4] = ["--size", "64x64", "--color", "green"];
@@ -31,8 +31,14 @@ fn a_scene_is_inspected_and_a_reversed_axis_is_refused_until_it_is_stated() {
     refused(at, &solve, "x.zarr", "scene/order/moves-otherwise lightfield.toml");
 
     let text = inspect(&["--order", "flip-rows", "-o", "sheet.png"]);
-    for what in ["grid", "pixels", "order", "parallax", "disparity", "depth", "aliasing", "green"] {
-        assert!(text.lines().any(|l| l.trim_start().starts_with(what)), "{what}: {text}");
+    let found = read(&inspect(&["--order", "flip-rows", "--json"]));
+    assert!(text.has("views 3 64 flip-rows green"), "{text}");
+    for of in [&found["disparity_px"], &found["depth_mm"], &found["parallax_px"][0], &found["parallax_px"][1]] {
+        let ends = [0, 1].map(|i| (of[i].as_f64().unwrap() * 100.0).round() / 100.0);
+        assert!(text.has_sequence(&ends), "{ends:?}: {text}");
+    }
+    for number in [&found["aliasing_px"], &found["view_pitch_mm"]] {
+        assert!(text.has(&format!("{:.2}", number.as_f64().unwrap())), "{number}: {text}");
     }
     let sheet = image::image_dimensions(at.join("sheet.png")).unwrap();
     assert_eq!(sheet, (3 * 66 - 2, 3 * 66 - 2));
@@ -43,10 +49,13 @@ fn a_scene_is_inspected_and_a_reversed_axis_is_refused_until_it_is_stated() {
     std::fs::write(at.join("views/lightfield.toml"), "flip_rows = true\n").unwrap();
     assert_eq!(read(&inspect(&["--json"]))["order"], "flip-rows");
     // Of which views photographs are made is planned, solved, remembered, and asked the same when it is scored.
-    let plan = |how: &str| done(at, &[&["plan", "views", "--photographs", how, "--engine", "cpu"][..], &SIZE].concat());
+    let plan = |how: &str| {
+        let plan = ["plan", "views", "--photographs", how, "--engine", "cpu", "--json"];
+        let choices = read(&done(at, &[&plan[..], &SIZE].concat()))["choices"].clone();
+        choices.as_array().unwrap().iter().find(|choice| choice["what"] == "photographs").cloned()
+    };
     let [layers, cells] = ["layers", "cells"].map(plan);
-    assert!(layers.contains("Fourier disparity layers") && layers.contains("between the scene's 3 x 3"), "{layers}");
-    assert!(!cells.contains("Fourier disparity layers"), "{cells}");
+    assert!(layers.is_some_and(|choice| choice["why"].as_str().unwrap().has_sequence(&[3.0, 3.0])) && cells.is_none());
     done(at, &[&solve[..], &["--photographs", "layers"]].concat());
     let settings = std::fs::read_to_string(at.join("x.zarr/zarr.json")).unwrap();
     let settings = &read(&settings)["attributes"]["eyebox"]["settings"];
@@ -70,8 +79,10 @@ fn depths_that_the_views_do_not_show_are_asked_for() {
         done(at, &[&scene[..], &SIZE].concat());
     }
     let asks = "scene/depth --depth depth_mm lightfield.toml";
-    let inspect = done(at, &[&["inspect", "views"][..], &SIZE].concat());
-    assert!(inspect.lines().any(|l| l.trim_start().starts_with("refused") && l.contains("--depth")), "{inspect}");
+    let inspect = |more: &[&str]| done(at, &[&["inspect", "views"][..], &SIZE, more].concat());
+    let found: Value = serde_json::from_str(&inspect(&["--json"])).unwrap();
+    assert!(found["doubt"].as_str().is_some_and(|doubt| doubt.contains("--depth")), "{found}");
+    assert!(inspect(&[]).contains(found["doubt"].as_str().unwrap()), "{}", inspect(&[]));
     let steps = ["--steps", "1", "--frames", "1", "--engine", "cpu"];
     refused(
         at,

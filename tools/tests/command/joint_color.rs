@@ -1,6 +1,6 @@
 //! All colours at once, from the command line to the picture, the video frames and the report.
 
-use crate::common::{done, figures_of, folder, refused};
+use crate::common::{Printed, document, done, figures_of, folder, refused};
 use eyebox::low_level::files::read_npy;
 use std::path::Path;
 
@@ -238,12 +238,22 @@ fn the_report_compares_it_with_one_colour_after_another() {
         "report",
     ];
     let said = done(at, &line);
-    assert!(said.contains("6 sub-frames, all at once, 3 times as bright"), "{said}");
+    // One colour after another, and all at once one time and three times as bright, of three sub-frames and of six.
+    let rows = document(&at.join("report/report.json"))["joint"].clone();
+    let rows: Vec<[f64; 2]> =
+        rows.as_array().unwrap().iter().map(|r| [&r["frames"], &r["brightness"]].map(|v| v.as_f64().unwrap())).collect();
+    assert_eq!(rows.len(), 8, "{rows:?}");
+    for [frames, brightness] in [[3.0, 1.0], [3.0, 3.0], [6.0, 1.0], [6.0, 3.0]] {
+        let of = |row: &&[f64; 2]| row[0] == frames && (row[1] - brightness).abs() < 1e-3;
+        assert!(rows.iter().any(|row| of(&row)), "{frames} {brightness}: {rows:?}");
+        assert!(said.lines_with(&format!("{frames} {brightness}")) > 0, "{frames} {brightness}: {said}");
+    }
     let page = std::fs::read_to_string(at.join("report/report.html")).unwrap();
-    assert!(page.contains("All colours at once") && page.contains("data:image/jpeg"), "{page}");
+    assert!(page.contains("id=\"joint\"") && page.contains("data:image/jpeg"), "{page}");
     figures_of(&at.join("report"), "report.html");
     let table = std::fs::read_to_string(at.join("report/joint-color.csv")).unwrap();
-    assert!(table.lines().count() == 9 && table.contains("one colour after another,1.0000"), "{table}");
+    let brightness = table.lines().skip(1).map(|line| line.split(',').nth(3).unwrap().parse::<f64>().unwrap());
+    assert!(table.lines().count() == 9 && brightness.into_iter().any(|b| b == 1.0), "{table}");
     // Nothing is solved again.
     assert_eq!(done(at, &line), said);
     refused(

@@ -1,6 +1,6 @@
 //! A static mask of finer pixels in front of the SLM, from the display file to the picture.
 
-use crate::common::{done, eyebox, folder, refused, text};
+use crate::common::{Printed, attributes, command, document, done, folder, json, refused, text, with_json_errors};
 use eyebox::low_level::files::{read_npy, write_npy};
 
 const BENCH: &str =
@@ -26,7 +26,8 @@ fn a_hologram_keeps_its_mask() {
     };
     let view = |hologram: &str, out: &str, more: &[&str]| {
         let pupil = ["--pupil", "18,-1,4,0", "--engine", "cpu", "-o", out];
-        let answer = eyebox(at, &[&["view", hologram][..], &pupil, more].concat());
+        let mut command = command(at, &[&["view", hologram][..], &pupil, more].concat());
+        let answer = with_json_errors(&mut command).output().expect("it starts");
         (answer.status.success(), text(&answer.stderr))
     };
     solve("plain.toml", "plain.zarr");
@@ -37,9 +38,9 @@ fn a_hologram_keeps_its_mask() {
     std::fs::remove_file(at.join("mask.npy")).unwrap();
     // 18 mm from the axis is beyond the SLM's own eyebox of 26 mm, and inside of 52.
     let (seen, said) = view("plain.zarr", "plain.npy", &[]);
-    assert!(!seen && said.contains("outside the"), "{said}");
+    assert!(!seen && said.contains("\"arguments/outside-eyebox\""), "{said}");
     let (seen, said) = view("mask.zarr", "masked.npy", &[]);
-    assert!(seen && said.contains("behind a mask of 2 x 2 pixels") && said.contains("--ideal"), "{said}");
+    assert!(seen && said.has("--ideal") && said.has_sequence(&[2.0, 2.0]), "{said}");
     assert_eq!(read_npy(&at.join("masked.npy")).unwrap().shape, [48, 48]);
     assert!(!view("mask.zarr", "past.npy", &["--ideal"]).0);
     let score = |hologram: &str| {
@@ -52,13 +53,22 @@ fn a_hologram_keeps_its_mask() {
     let refine = ["refine", "mask.zarr", "builtin:still-life", "--pupil=18,-1,4,0", "--steps", "6", "--engine", "cpu"];
     done(at, &[&refine[..], &["-o", "refined.zarr"]].concat());
     let (seen, said) = view("refined.zarr", "refined.npy", &[]);
-    assert!(seen && said.contains("2 x 2 pixels"), "{said}");
+    assert!(seen && said.has("--ideal") && said.has_sequence(&[2.0, 2.0]), "{said}");
+    let factor = |hologram: &str| attributes(&at.join(hologram))["settings"]["mask"]["factor"].clone();
+    assert_eq!(["plain.zarr", "mask.zarr", "refined.zarr"].map(factor), [serde_json::Value::Null, 2.into(), 2.into()]);
     // The plan says what it costs, and a display what it makes of the eyebox.
     display("mask.toml", "[mask]\nfactor = 2\nseed = 3\nband = 0.5\ndistance_mm = 1\n");
-    let said = done(at, &[&["plan", "builtin:still-life", "--display", "mask.toml"][..], &settings].concat());
-    assert!(said.contains("2 x 2 pixels on each of the SLM's") && said.contains("52.0 mm instead of 26.0"), "{said}");
-    let said = done(at, &["devices", "--display", "mask.toml"]);
-    assert!(said.contains("eyebox 52.0 mm") && said.contains("without it an eyebox of 26.0 mm"), "{said}");
+    let plan = [&["plan", "builtin:still-life", "--display", "mask.toml"][..], &settings].concat();
+    let planned = json(at, &[&plan[..], &["--json"]].concat());
+    let choice = planned["choices"].as_array().unwrap().iter().find(|c| c["what"] == "mask").expect("a mask");
+    let [value, why] = ["value", "why"].map(|key| choice[key].as_str().unwrap());
+    assert!(value.has_sequence(&[2.0, 2.0]) && why.has("52 26 mm"), "{choice}");
+    assert!(done(at, &plan).lines_with("52 26 mm") > 0);
+    let devices = ["devices", "--display", "mask.toml"];
+    let reach = &json(at, &[&devices[..], &["--json"]].concat())["display"]["reach"];
+    let [own, plain] = [&reach["eyebox_mm"], &reach["without_mask"]["eyebox_mm"]].map(|mm| mm.as_f64().unwrap());
+    assert!((own - 52.0).abs() < 1e-6 && (plain - 26.0).abs() < 1e-6, "{reach}");
+    assert_eq!(done(at, &devices).lines_with("52 26 mm"), 1);
     solve("mask.toml", "away.zarr");
     assert!(view("away.zarr", "away.npy", &[]).0);
 }
@@ -90,11 +100,20 @@ fn the_report_compares_masks() {
     let rest = ["--frames", "1", "--pupil-diameter", "3.5..4.5", "--no-speckle", "--no-jod", "--engine", "cpu"];
     let line = [&["evaluate", "builtin:still-life", "--etendue=3,1,2d", "-o", "report"][..], &small, &rest].concat();
     let said = done(at, &line);
-    assert!(said.contains("a random mask of 3 x 3, an eyebox of 66.0 mm") && said.contains("no mask"), "{said}");
+    // The factors of the masks, and their eyeboxes in mm.
+    let rows = document(&at.join("report/report.json"))["etendue"].clone();
+    let rows = rows.as_array().unwrap().iter().map(|r| [&r["factor"], &r["eyebox_mm"]].map(|v| v.as_f64().unwrap()));
+    let rows: Vec<[f64; 2]> = rows.map(|row| row.map(f64::round)).collect();
+    assert_eq!(rows, [[1.0, 22.0], [2.0, 44.0], [3.0, 66.0]]);
+    assert!(rows.iter().all(|[_, mm]| said.lines_with(&format!("{mm} mm")) == 1), "{said}");
     let page = std::fs::read_to_string(at.join("report/report.html")).unwrap();
-    assert!(page.contains("Masks against eyebox") && page.matches("data:image/jpeg").count() == 3, "{page}");
+    assert!(page.contains("id=\"etendue\"") && page.matches("data:image/jpeg").count() == 3, "{page}");
     let table = std::fs::read_to_string(at.join("report/etendue.csv")).unwrap();
-    assert!(table.lines().count() == 4 && table.contains("a designed mask of 2 x 2,2,44.0"), "{table}");
+    let kept = table.lines().skip(1).map(|line| {
+        let cells: Vec<&str> = line.split(',').skip(3).take(2).collect();
+        [0, 1].map(|i| cells[i].parse::<f64>().unwrap().round())
+    });
+    assert_eq!(kept.collect::<Vec<_>>(), rows, "{table}");
     // Nothing is solved again.
     assert_eq!(done(at, &line), said);
     let json = done(at, &[&line[..], &["--json"]].concat());

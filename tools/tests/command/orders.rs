@@ -2,7 +2,7 @@
 
 #[cfg(target_os = "linux")]
 use crate::common::{command, desk::Desk};
-use crate::common::{done, folder, made, refused};
+use crate::common::{Printed, done, folder, made, refused};
 use serde_json::Value;
 use std::path::Path;
 #[cfg(target_os = "linux")]
@@ -145,22 +145,21 @@ fn a_preview_compares_with_views_in_the_order_that_is_stated() {
             .env_remove("WAYLAND_DISPLAY")
             .spawn()
             .expect("it starts");
-        let window = desk.window("pupil");
+        let window = desk.window("h.zarr");
         // The mouse moves the pupil: down, where the order of the rows shows.
         desk.point(window, [520, 320]);
         let since = Instant::now();
-        let words = loop {
+        let decibels = loop {
             let title = desk.title(window);
-            let words: Vec<String> = title.split_whitespace().map(str::to_owned).collect();
-            if title.contains("pupil +0.50, +7.") && title.contains(" dB") {
-                break words;
+            let is_there = title.numbers().windows(2).any(|place| place[0] == 0.5 && (7.0..8.0).contains(&place[1]));
+            if is_there && title.has("dB") {
+                break title.number("dB");
             }
             assert!(since.elapsed() < Duration::from_secs(60), "{title}");
             std::thread::sleep(Duration::from_millis(20));
         };
         child.kill().and_then(|()| child.wait()).expect("its end");
-        let unit = words.iter().position(|word| word.starts_with("dB")).expect("its unit");
-        words[unit - 1].to_owned()
+        decibels
     };
     let right = decibels(&["right"]);
     assert_eq!(decibels(&["upwards", "--order", "flip-rows"]), right);

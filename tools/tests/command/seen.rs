@@ -1,6 +1,6 @@
 //! What people see: `score` in just-objectionable differences and `film`, as a user runs them.
 
-use crate::common::{done, folder, refused};
+use crate::common::{Printed, done, folder, refused};
 use serde_json::Value;
 
 fn scored(at: &std::path::Path, more: &[&str]) -> Value {
@@ -51,7 +51,7 @@ fn the_part_that_the_eye_looks_at_has_a_score() {
     let past = [&score[..], &["--pupils", "random:1", "--gaze", "30,0"]].concat();
     refused(at, &past, "x", "evaluate/jod/gaze-at-the-edge 12.0");
     let said = done(at, &[&score[..], &["--pupils", "random:1", "--gaze", "2,-1.5"]].concat());
-    assert!(said.contains("2.0,-1.5"), "{said}");
+    assert!(said.has_sequence(&[2.0, -1.5]), "{said}");
 }
 
 /// The number behind a word of a Y4M's first line.

@@ -1,6 +1,6 @@
 //! Light with a source, from the display file to the picture.
 
-use crate::common::{done, eyebox, figures_of, folder, refused, text};
+use crate::common::{Printed, attributes, document, done, eyebox, figures_of, folder, json, refused, text};
 use eyebox::low_level::files::read_npy;
 
 const BENCH: &str =
@@ -47,17 +47,24 @@ fn a_hologram_keeps_its_light() {
     // A laser is no source: the same bytes.
     assert!(view("laser.zarr", "laser.npy", &[]).0 == view("plain.zarr", "plain.npy", &[]).0);
     let (lit, said) = view("wide.zarr", "wide.npy", &[]);
-    assert!(said.contains("source of 9 modes") && said.contains("--ideal"), "{said}");
+    assert!(said.has("9 --ideal"), "{said}");
     let (point, said) = view("wide.zarr", "point.npy", &["--ideal"]);
-    assert!(lit != point && !said.contains("modes"), "{said}");
+    assert!(lit != point && !said.has("9") && !said.has("--ideal"), "{said}");
     assert!(score("wide.zarr") > score("plain.zarr") + 0.5);
     let refine = ["refine", "wide.zarr", "builtin:still-life", "--pupil=1,-1,4,0", "--steps", "2", "--engine", "cpu"];
     done(at, &[&refine[..], &["-o", "refined.zarr"]].concat());
-    assert!(view("refined.zarr", "refined.npy", &[]).1.contains("source of 9 modes"));
+    assert!(view("refined.zarr", "refined.npy", &[]).1.has("9 --ideal"));
+    let source = |hologram: &str| attributes(&at.join(hologram))["settings"]["source"].clone();
+    assert!(source("wide.zarr").is_object() && source("refined.zarr") == source("wide.zarr"), "{}", source("wide.zarr"));
     // The plan says how many modes, and what one more would change.
-    let plan = ["plan", "builtin:still-life", "--display", "wide.toml"];
-    let said = done(at, &[&plan[..], &settings].concat());
-    assert!(said.contains("green: 9 modes") && said.contains("one more of each makes it"), "{said}");
+    let plan = [&["plan", "builtin:still-life", "--display", "wide.toml"][..], &settings].concat();
+    let planned = json(at, &[&plan[..], &["--json"]].concat());
+    let choice = planned["choices"].as_array().unwrap().iter().find(|choice| choice["what"] == "source").unwrap();
+    assert!(choice["value"].as_str().unwrap().has("green 9"), "{choice}");
+    // Samples of its size and of its line, the contrast through the narrowest pupil of 3.5 mm and of the source itself, and with one more.
+    let why = choice["why"].as_str().unwrap();
+    assert!(why.number("mm") == 3.5 && why.numbers().len() >= 6, "{choice}");
+    assert_eq!(done(at, &plan).lines_with("green 9 3.5 mm"), 1);
 }
 
 #[test]
@@ -87,9 +94,13 @@ fn the_report_compares_sources() {
     let rest = ["--frames", "1,2", "--pupil-diameter", "3.5..4.5", "--no-speckle", "--no-jod", "--engine", "cpu"];
     let line = [&["evaluate", "builtin:still-life", "--coherence=0,2", "-o", "report"][..], &small, &rest].concat();
     let said = done(at, &line);
-    assert!(said.contains("1 sub-frames, a source of 2 mm (9 modes)") && said.contains("pupils need "), "{said}");
+    let rows = document(&at.join("report/report.json"))["coherence"].clone();
+    let wide = |row: &&serde_json::Value| row["frames"] == 1 && row["image_mm"] == 2.0;
+    let wide = rows.as_array().unwrap().iter().find(wide).unwrap_or_else(|| panic!("{rows}"));
+    assert!(wide["modes"] == 9 && wide["pupil_modes"].as_array().map(Vec::len) == Some(2), "{wide}");
+    assert!(said.lines().any(|line| line.has_sequence(&[1.0, 2.0, 9.0])), "{said}");
     let page = std::fs::read_to_string(at.join("report/report.html")).unwrap();
-    assert!(page.contains("Coherence against quality") && page.contains("data:image/jpeg"), "{page}");
+    assert!(page.contains("id=\"coherence\"") && page.contains("data:image/jpeg"), "{page}");
     figures_of(&at.join("report"), "report.html");
     let table = std::fs::read_to_string(at.join("report/coherence.csv")).unwrap();
     assert!(table.lines().count() == 5 && table.contains("still-life,2,0,1,1,1,1,"), "{table}");

@@ -1,6 +1,6 @@
 //! Switchable sources, from the display file to the picture.
 
-use crate::common::{done, eyebox, folder, refused, text};
+use crate::common::{Printed, done, eyebox, folder, json, refused, text};
 use eyebox::low_level::files::read_npy;
 use serde_json::Value;
 use std::fmt::Write;
@@ -32,6 +32,21 @@ fn view(at: &Path, hologram: &str, pupil: &str) -> Vec<f32> {
     read_npy(&at.join("seen.npy")).unwrap().values
 }
 
+/// What a display's sources make of its eyebox, and the words of `eyebox devices`.
+fn reach(at: &Path, display: &str) -> (Value, String) {
+    let devices = ["devices", "--display", display];
+    let all = json(at, &[&devices[..], &["--json"]].concat())["display"]["reach"]["sources"].clone();
+    (all, done(at, &devices))
+}
+
+/// What a plan says of a display's sources, and its words.
+fn planned(at: &Path, display: &str) -> (Value, String) {
+    let plan = ["plan", "builtin:still-life", "--display", display, "--frames", "9", "--engine", "cpu"];
+    let choices = json(at, &[&plan[..], &["--json"]].concat())["choices"].clone();
+    let choice = choices.as_array().unwrap().iter().find(|choice| choice["what"] == "sources");
+    (choice.unwrap_or_else(|| panic!("{choices}")).clone(), done(at, &plan))
+}
+
 /// Nine sources in turn: nine times the eyebox, each sub-frame with its own source, which `encode` writes.
 #[test]
 fn sources_take_turns_and_are_kept() {
@@ -40,10 +55,14 @@ fn sources_take_turns_and_are_kept() {
     std::fs::write(at.join("nine.toml"), nine("in-turn")).unwrap();
     std::fs::write(at.join("one.toml"), format!("{BENCH}{GREEN}[[sources]]\n")).unwrap();
     std::fs::write(at.join("plain.toml"), format!("{BENCH}{GREEN}")).unwrap();
-    let said = done(at, &["devices", "--display", "nine.toml"]);
-    assert!(said.contains("with its 9 sources: eyebox 78.0 x 78.0 mm, 9.0 times the area"), "{said}");
-    let said = done(at, &["plan", "builtin:still-life", "--display", "nine.toml", "--frames", "9", "--engine", "cpu"]);
-    assert!(said.contains("green: 9 of 9 lit") && said.contains("in turn: 1.0 of 9 sub-frames each"), "{said}");
+    let (all, said) = reach(at, "nine.toml");
+    let size = [0, 1].map(|i| all["eyebox_mm"][i].as_f64().unwrap());
+    assert!(all["sources"] == 9 && size.iter().all(|mm| (mm - 78.0).abs() < 1e-6), "{all}");
+    assert!(said.has_sequence(&[9.0, 78.0, 78.0, 9.0]), "{said}");
+    let (choice, said) = planned(at, "nine.toml");
+    // All nine, each in one of nine sub-frames.
+    assert!(choice["value"].as_str().unwrap().has("green 9") && choice["why"].as_str().unwrap().has("1 9"), "{choice}");
+    assert!(said.lines_with("green 9 1") > 0, "{said}");
     solve(at, "plain.toml", "plain.zarr");
     solve(at, "one.toml", "one.zarr");
     solve(at, "nine.toml", "nine.zarr");
@@ -73,10 +92,12 @@ fn switching_takes_its_light() {
     let slow = |us: u32| nine("in-turn").replace("[[sources]]", &format!("[[sources]]\nswitching_us = {us}"));
     std::fs::write(at.join("nine.toml"), nine("in-turn")).unwrap();
     std::fs::write(at.join("slow.toml"), slow(5000)).unwrap();
-    let said = done(at, &["devices", "--display", "slow.toml"]);
-    assert!(said.contains("takes up to 5000 of the 16667 us of a sub-frame: 70 % of the light is left"), "{said}");
-    let said = done(at, &["plan", "builtin:still-life", "--display", "slow.toml", "--frames", "9", "--engine", "cpu"]);
-    assert!(said.contains("70 % of their light: switching takes 5000 of 16667 us"), "{said}");
+    let (all, said) = reach(at, "slow.toml");
+    let is = |key: &str, number: f64| (all[key].as_f64().unwrap() / number - 1.0).abs() < 1e-3;
+    assert!(is("switching_us", 5000.0) && is("sub_frame_us", 16667.0) && is("lit_share", 0.7), "{all}");
+    assert!(said.has("5000 16667 us 70 %"), "{said}");
+    let (choice, said) = planned(at, "slow.toml");
+    assert!(choice["why"].as_str().unwrap().has("70 % 5000 16667 us") && said.has("70 % 5000 16667 us"), "{choice}");
     let figures = |display: &str| {
         solve(at, display, "h.zarr");
         let said = done(at, &["score", "h.zarr", "builtin:still-life", "--engine", "cpu", "--no-jod", "--json"]);
@@ -147,7 +168,7 @@ fn sources_are_compared_across_the_eyebox() {
     let steered: Vec<&Value> = places.iter().filter(|place| place["way"] == "steered").collect();
     assert!(steered.iter().all(|place| (1..=4).contains(&place["lit"].as_u64().unwrap())), "{steered:?}");
     let page = std::fs::read_to_string(at.join("report/report.html")).unwrap();
-    assert!(page.contains("Sources against eyebox") && page.contains("steered at 0 mm"));
+    assert!(page.contains("id=\"sources\"") && page.matches("data:image/").count() >= 3);
     let line = ["evaluate", "builtin:still-life", "--sources", "--display", "plain.toml", "-o", "other"];
     refused(at, &line, "other/report.html", "arguments/no-sources");
 }

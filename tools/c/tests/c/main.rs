@@ -7,6 +7,9 @@ mod errors;
 mod fuzzed;
 mod own_scene;
 #[cfg(target_os = "linux")]
+#[path = "../../../tests/command/common/printed.rs"]
+mod printed;
+#[cfg(target_os = "linux")]
 mod programs;
 mod same;
 mod sessions;

@@ -7,10 +7,13 @@ pub mod desk;
 pub mod made;
 #[cfg(target_os = "linux")]
 pub mod power;
+mod printed;
 #[cfg(target_os = "linux")]
 pub mod screen;
 #[cfg(target_os = "linux")]
 pub mod xvfb;
+
+pub use printed::Printed;
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -37,6 +40,34 @@ pub fn done(folder: &Path, args: &[&str]) -> String {
     let answer = eyebox(folder, args);
     assert!(answer.status.success(), "{args:?}: {}", text(&answer.stderr));
     text(&answer.stdout)
+}
+
+/// Success; the JSON object on standard output.
+pub fn json(folder: &Path, args: &[&str]) -> serde_json::Value {
+    let said = done(folder, args);
+    serde_json::from_str(&said).unwrap_or_else(|_| panic!("{args:?}: no JSON object: {said}"))
+}
+
+/// JSON document in a file.
+pub fn document(file: &Path) -> serde_json::Value {
+    let text = std::fs::read(file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
+    serde_json::from_slice(&text).unwrap_or_else(|e| panic!("{}: {e}", file.display()))
+}
+
+/// What a hologram's file holds beside its phases.
+pub fn attributes(hologram: &Path) -> serde_json::Value {
+    document(&hologram.join("zarr.json"))["attributes"]["eyebox"].take()
+}
+
+/// When a file was written.
+pub fn written(file: &Path) -> std::time::SystemTime {
+    std::fs::metadata(file).and_then(|m| m.modified()).unwrap_or_else(|e| panic!("{}: {e}", file.display()))
+}
+
+/// Whether some warning of a report, which are for people, names these words.
+pub fn notes(of: &serde_json::Value, words: &str) -> bool {
+    let notes = of.as_array().into_iter().flatten().filter_map(serde_json::Value::as_str);
+    notes.into_iter().any(|note| note.has(words))
 }
 
 /// Error of a command that failed.
@@ -83,10 +114,15 @@ pub fn refusal_of(command: &mut Command) -> Refusal {
     Refusal::of(&failed(command))
 }
 
+/// Lets a command print its error as JSON.
+pub fn with_json_errors(command: &mut Command) -> &mut Command {
+    command.env("EYEBOX_JSON_ERRORS", "1")
+}
+
 /// Runs a command that must fail with exit code 2 and prints its error as JSON.
 #[track_caller]
 pub fn failed(command: &mut Command) -> Output {
-    let answer = command.env("EYEBOX_JSON_ERRORS", "1").output().expect("the command starts");
+    let answer = with_json_errors(command).output().expect("the command starts");
     assert_eq!(answer.status.code(), Some(2), "{command:?}: {}", text(&answer.stderr));
     answer
 }

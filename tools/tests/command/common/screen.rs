@@ -43,6 +43,7 @@ pub fn play(folder: &Path, screen: &Screen, preset: &str, more: &[&str]) -> Comm
         .args(["play", "x.zarr", "--display", preset, "--size", "36x64", "--output", "window"])
         .args(more)
         .current_dir(folder)
+        .env("EYEBOX_JSON_ERRORS", "1")
         .env("DISPLAY", screen.name())
         .env_remove("WAYLAND_DISPLAY")
         .env("XDG_CACHE_HOME", folder.join("cache"))
