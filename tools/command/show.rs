@@ -7,7 +7,7 @@ use crate::live::{self, LiveOptions, Stage, Steered, SubjectOptions};
 use crate::phases::UnfinishedArgs;
 use crate::play::{self, ClockName, OutputName, Playing, StreamArgs};
 use crate::solve::SolveProgress;
-use crate::values::positive;
+use crate::values::{MS, positive_in};
 use clap::Args;
 use eyebox::low_level::hologram::{Opening, Phases, Sequence};
 use eyebox::low_level::optics::Display;
@@ -38,10 +38,10 @@ pub struct Show {
     #[command(flatten)]
     pub unfinished: UnfinishedArgs,
     /// On a simulated clock, of what is refined: what a step of one colour takes, ms
-    #[arg(help_heading = "Eye", long, value_name = "MS", value_parser = positive)]
+    #[arg(help_heading = "Eye", long, value_name = "MS", value_parser = positive_in(MS))]
     pub step_time: Option<f64>,
     /// With --step-time: what encoding a set takes, ms
-    #[arg(help_heading = "Eye", long, default_value_t = 1.0, value_name = "MS", value_parser = positive, requires = "step_time")]
+    #[arg(help_heading = "Eye", long, default_value_t = 1.0, value_name = "MS", value_parser = positive_in(MS), requires = "step_time")]
     pub encode_time: f64,
     /// A camera that is followed
     #[command(flatten)]

@@ -1,10 +1,11 @@
 //! The library's errors as Python's exceptions: its sentences, by the room that said them.
 
 use eyebox::error::ErrorData;
+use eyebox::low_level::quantity::QuantityError;
 use eyebox::optics::OpticsError;
 use eyebox::produce::ProduceError;
 use eyebox::reconstruction::ReconstructionError;
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::types::PyAnyMethods;
 use pyo3::{PyErr, Python, create_exception};
 use serde::Serialize;
@@ -35,6 +36,8 @@ create_exception!(eyebox, EngineError, EyeboxError, "The engine or its device.")
 pub(crate) enum Failure {
     #[error("{0}")]
     Argument(String),
+    #[error(transparent)]
+    Quantity(#[from] QuantityError),
     #[error(transparent)]
     Optics(#[from] OpticsError),
     #[error(transparent)]
@@ -91,7 +94,11 @@ impl From<Failure> for PyErr {
         let said = failure.to_string();
         let data = ErrorData::of(&failure);
         let error = match failure {
-            Failure::Argument(_) => PyValueError::new_err(said),
+            // As of any other text in the place of a number.
+            Failure::Quantity(QuantityError::NotANumber { .. } | QuantityError::NoUnit { .. }) => {
+                PyTypeError::new_err(said)
+            }
+            Failure::Argument(_) | Failure::Quantity(_) => PyValueError::new_err(said),
             Failure::Optics(_)
             | Failure::Produce(ProduceError::Optics(_))
             | Failure::Hologram(OfHologram::Optics(_) | OfHologram::NoDisplay | OfHologram::DisplayNotFound { .. }) => {

@@ -7,13 +7,14 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
 /// `default` with what the TOML `text` says, and the `beside` keys that are not its own but may stand there too, with their
-/// values.
+/// values. `plain` makes numbers of texts with units, by the key.
 ///
 /// # Errors
 /// What is wrong, with its key: one that is not known, a value of another kind, a number that is not finite.
 pub fn overlay<T: Serialize + DeserializeOwned>(
     default: &T,
     beside: &[&str],
+    plain: &dyn Fn(&str, Value) -> Result<Value, Reason>,
     text: &str,
 ) -> Result<(T, Map<String, Value>), Reason> {
     let given: toml::Table = super::read::toml(text)?;
@@ -27,6 +28,7 @@ pub fn overlay<T: Serialize + DeserializeOwned>(
         if has_null(&value) {
             return Err(reason!("not-finite", "{key}: every number must be finite"));
         }
+        let value = plain(&key, value).map_err(|reason| reason.within(&key))?;
         if !beside.contains(&&key[..]) {
             if !whole.contains_key(&key) {
                 let known: Vec<&str> = whole.keys().map(String::as_str).chain(beside.iter().copied()).collect();

@@ -5,7 +5,9 @@ use crate::engine::Engine;
 use crate::files::overlay;
 use crate::quality::Quality;
 use crate::solve::{FirstPhases, PaddingRule, Settings};
+use eyebox_base::quantity::{M, Quantity, S};
 use eyebox_base::{Reason, reason};
+use eyebox_optics::Depth;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
@@ -14,7 +16,7 @@ use serde_json::{Map, Value};
 const BESIDE: [&str; 3] = ["quality", "contrast", "force"];
 
 impl SceneJob<'_> {
-    /// Takes over what a TOML text says: the fields of [`Settings`] by their names, lengths in metres, and `quality` (one of
+    /// Takes over what a TOML text says: the fields of [`Settings`] by their names, lengths in metres or with a unit, and `quality` (one of
     /// [`Quality`], the built-in settings of which lie under what is said itself), `contrast` and `force`. What is left out is
     /// as the command has it; complex fields are stored as `engine` prefers.
     ///
@@ -22,6 +24,7 @@ impl SceneJob<'_> {
     /// [`ProduceError::Job`] with the key that is not known or has no such value.
     pub fn take_settings(&mut self, text: &str, engine: &dyn Engine) -> Result<(), ProduceError> {
         let wrong = |reason: Reason| ProduceError::Job(reason.within("the settings"));
+        let focal_length = self.display.focal_length;
         // All keys are there: those that files leave out where they are as by default, too.
         let shown = Settings {
             repeats: 2,
@@ -31,7 +34,8 @@ impl SceneJob<'_> {
             first_phases: FirstPhases::Random,
             ..Settings::default()
         };
-        let (_, given) = overlay(&shown, &BESIDE, text).map_err(wrong)?;
+        let (_, given) =
+            overlay(&shown, &BESIDE, &|key, value| plain(key, value, focal_length), text).map_err(wrong)?;
         let mut base = Settings::default();
         match value::<Quality>(&given, "quality").map_err(wrong)? {
             Some(quality) => base = base.with_quality_of(&Settings::of(quality)),
@@ -49,6 +53,24 @@ impl SceneJob<'_> {
         self.contrast = value(&given, "contrast").map_err(wrong)?;
         self.force = value(&given, "force").map_err(wrong)?.unwrap_or(false);
         Ok(())
+    }
+}
+
+/// Makes numbers of texts with units, where a setting has a unit.
+fn plain(key: &str, value: Value, focal_length: f64) -> Result<Value, Reason> {
+    let number = |text: &str| match key {
+        "seconds" => Quantity::read_with_unit(text, S, &[]).map(|time| time.value_in(S)),
+        "diameter" => Quantity::read_with_unit(text, M, &[]).map(|length| length.value_in(M)),
+        _ => Depth::read_with_unit(text).map(|depth| depth.metres(focal_length)),
+    };
+    match value {
+        Value::String(text) if ["seconds", "diameter", "depth"].contains(&key) => {
+            number(&text).map(Value::from).map_err(|error| Reason::of(&error))
+        }
+        Value::Array(each) => {
+            each.into_iter().map(|one| plain(key, one, focal_length)).collect::<Result<_, _>>().map(Value::Array)
+        }
+        value => Ok(value),
     }
 }
 
@@ -70,6 +92,13 @@ mod tests {
         let mut job = SceneJob::new("builtin:plane", &display);
         let mut take = |text: &str| job.take_settings(text, &CpuEngine::new()).map(|()| job.clone());
         assert_eq!(take("").unwrap().settings, Settings::default());
+        let units = "seconds = '2s'\ndiameter = ['2mm', 4e-3]\ndepth = ['-1mm', '0.5D']";
+        let same =
+            format!("seconds = 2\ndiameter = [2e-3, 4e-3]\ndepth = [-1e-3, {}]", 0.5 * display.focal_length.powi(2));
+        assert_eq!(take(units).unwrap().settings, take(&same).unwrap().settings);
+        for (text, code) in [("seconds = '2mm'", "other-dimension"), ("diameter = ['2', 3]", "no-unit")] {
+            assert_eq!(ErrorData::of(&take(text).unwrap_err()).code, format!("job/{code}"));
+        }
         let said = take("steps = 7\nseconds = 2\nviews = 2\ndepth = [-1e-3, 2e-3]\nforce = true").unwrap();
         let Settings { steps, seconds, views, pupils, .. } = said.settings;
         assert_eq!((steps, seconds, views, pupils), (7, Some(2.0), 2, 16));

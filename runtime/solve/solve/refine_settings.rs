@@ -124,7 +124,7 @@ impl RefineSettings {
     pub fn from_toml(text: &str) -> Result<Self, SolveError> {
         // What may be missing is there, so that the keys are.
         let shown = Self { storage: Some(Storage::F32), ..Self::default() };
-        let (mut read, given) = overlay(&shown, &[], text).map_err(SolveError::Text)?;
+        let (mut read, given) = overlay(&shown, &[], &|_, value| Ok(value), text).map_err(SolveError::Text)?;
         read.storage = read.storage.filter(|_| given.contains_key("storage"));
         read.check()?;
         Ok(read)

@@ -1,6 +1,6 @@
 //! Arguments that the commands which steer share.
 
-use crate::values::{not_negative, positive, power, share, storage, window};
+use crate::values::{RAD, not_negative, positive, positive_in, power, share, storage, window};
 use clap::{Args, ValueEnum};
 use eyebox::low_level::optics::WindowFactor;
 use eyebox::low_level::plan::Storage;
@@ -50,7 +50,7 @@ pub struct SteeringArgs {
     #[arg(help_heading = "Steps", long, default_value_t = 1.0, value_name = "P", value_parser = power)]
     pub overlap_power: f64,
     /// Adam's rate, radians
-    #[arg(help_heading = "Steps", long, default_value_t = 0.05, value_name = "R", value_parser = positive)]
+    #[arg(help_heading = "Steps", long, default_value_t = 0.05, value_name = "R", value_parser = positive_in(RAD))]
     pub adam_rate: f64,
     /// How complex fields are stored; fp16 is for comparison only on the CPU [default: fp16 on a GPU, else fp32]
     #[arg(help_heading = "Quality", long, value_parser = storage, value_name = "fp32|fp16")]
