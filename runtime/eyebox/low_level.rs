@@ -2,7 +2,7 @@
 //! device with its handles (`ash`), stages of sessions, fits of calibrations. The command, the laboratory and the tests use it.
 
 #[doc(inline)]
-pub use eyebox_base::{error, files, memory, reason};
+pub use eyebox_base::{error, files, memory, quantity, reason};
 #[doc(inline)]
 pub use eyebox_calibrate as calibrate;
 #[doc(inline)]

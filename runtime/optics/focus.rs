@@ -1,7 +1,6 @@
 //! Depths in people's units: what a depth asks of the eye, and depths as they are written.
 
-use eyebox_base::error::Reason;
-use eyebox_base::reason;
+use eyebox_base::quantity::{CM, D, Dimension, M, MM, Quantity, QuantityError};
 use serde::{Deserialize, Serialize};
 use std::{fmt, str::FromStr};
 
@@ -38,7 +37,8 @@ pub fn dioptres_in_words(depth: f64, focal_length: f64) -> String {
 }
 
 /// A depth as people give it: in meters, or in diopters, which become meters once the display's focal length is known.
-/// Text is in millimeters, or in diopters with a `D` behind: `1.5`, `-0.5D`. JSON has a number or such a text.
+/// Text is in millimeters, or has a unit: `1.5`, `-0.5D`. In meters and centimeters it is a distance from the eye: `2m` is `0.5D`.
+/// JSON has a number or such a text.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Written", into = "Written")]
 pub enum Depth {
@@ -58,26 +58,34 @@ impl Depth {
     }
 }
 
-/// Beyond any depth that is meant, mm or diopters.
+/// Depths beyond this are refused [mm or diopters].
 const FARTHEST: f64 = 1e9;
 
 impl FromStr for Depth {
-    type Err = Reason;
+    type Err = QuantityError;
 
-    fn from_str(text: &str) -> Result<Self, Reason> {
-        let text = text.trim();
-        let (number, in_dioptres) = match text.strip_suffix(['D', 'd']) {
-            Some(number) => (number.trim_end(), true),
-            None => (text.strip_suffix("mm").unwrap_or(text).trim_end(), false),
+    fn from_str(text: &str) -> Result<Self, QuantityError> {
+        Self::of(Quantity::read(text, MM, &[Dimension::Vergence])?)
+    }
+}
+
+impl Depth {
+    /// Reads a depth that must have a unit.
+    ///
+    /// # Errors
+    /// [`QuantityError`] if the text is something else.
+    pub fn read_with_unit(text: &str) -> Result<Self, QuantityError> {
+        Self::of(Quantity::read_with_unit(text, MM, &[Dimension::Vergence])?)
+    }
+
+    fn of(quantity: Quantity<'_>) -> Result<Self, QuantityError> {
+        // Depths are millimeters of the image behind the relay; nobody measures those in meters.
+        let (depth, value) = match quantity.unit() {
+            D => (Self::Dioptres(quantity.value_in(D)), quantity.value_in(D)),
+            M | CM => (Self::Dioptres(1.0 / quantity.value_in(M)), 1.0 / quantity.value_in(M)),
+            _ => (Self::Metres(quantity.value_in(MM) * 1e-3), quantity.value_in(MM)),
         };
-        match number.parse::<f64>() {
-            Ok(value) if value.abs() <= FARTHEST && in_dioptres => Ok(Self::Dioptres(value)),
-            Ok(value) if value.abs() <= FARTHEST => Ok(Self::Metres(value * 1e-3)),
-            _ => Err(reason!(
-                "depth",
-                "'{text}' is no depth: expected mm, such as 1.5, or diopters, such as 0.5D, 1e9 at most"
-            )),
-        }
+        if value.abs() <= FARTHEST { Ok(depth) } else { Err(quantity.out_of_range("1e9 mm or 1e9 D at most")) }
     }
 }
 
@@ -85,7 +93,7 @@ impl fmt::Display for Depth {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         match self {
             Self::Metres(metres) => write!(f, "{}", metres * 1e3),
-            Self::Dioptres(value) => write!(f, "{value}D"),
+            Self::Dioptres(value) => f.write_str(&D.text(*value)),
         }
     }
 }
@@ -99,9 +107,9 @@ enum Written {
 }
 
 impl TryFrom<Written> for Depth {
-    type Error = Reason;
+    type Error = QuantityError;
 
-    fn try_from(written: Written) -> Result<Self, Reason> {
+    fn try_from(written: Written) -> Result<Self, QuantityError> {
         match written {
             Written::Millimetres(value) => Ok(Self::Metres(value * 1e-3)),
             Written::Text(text) => text.parse(),
@@ -135,11 +143,14 @@ mod tests {
     #[test]
     fn depths_are_read_in_both_units() {
         let read = |text: &str| text.parse::<Depth>().map(|d| (d.metres(0.4) * 1e6).round());
+        assert_eq!(read("1500um"), Ok(1500.0));
+        assert_eq!("2m".parse(), Ok(Depth::Dioptres(0.5)));
+        assert_eq!("-25 cm".parse(), Ok(Depth::Dioptres(-4.0)));
         assert_eq!(read("1.5"), Ok(1500.0));
         assert_eq!(read("-1.5 mm"), Ok(-1500.0));
         assert_eq!(read("0.5D"), Ok(80_000.0));
         assert_eq!(read(" -0.01 d"), Ok(-1600.0));
-        for bad in ["", "D", "x", "nan", "infD", "1.5 m", "2 D D"] {
+        for bad in ["", "D", "x", "nan", "infD", "0m", "2 D D", "1s", "1e99"] {
             assert!(read(bad).is_err(), "{bad}");
         }
         let both: Vec<Depth> = serde_json::from_str(r#"[1.5, "0.5D"]"#).unwrap();

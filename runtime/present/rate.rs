@@ -1,6 +1,7 @@
 //! How often something happens, exactly: 59.94 Hz is 60000 / 1001, and ten minutes of it do not drift.
 
 use super::PresentError;
+use eyebox_base::quantity::HZ;
 use std::fmt;
 
 /// Nanoseconds of a second.
@@ -28,7 +29,7 @@ impl Rate {
         Ok(Self { numerator: numerator / common, denominator: denominator / common })
     }
 
-    /// From text: `60`, `23.976`, `60000/1001`. The rates of television (23.976, 29.97, 59.94, 119.88) are taken for
+    /// From text: `60`, `60Hz`, `23.976`, `60000/1001`. The rates of television (23.976, 29.97, 59.94, 119.88) are taken for
     /// what they stand for, 24000 / 1001 and so on.
     ///
     /// # Errors
@@ -38,7 +39,7 @@ impl Rate {
         if let Some((n, d)) = text.split_once('/') {
             return Self::new(n.trim().parse().map_err(|_| wrong())?, d.trim().parse().map_err(|_| wrong())?);
         }
-        let hz: f64 = text.trim().parse().map_err(|_| wrong())?;
+        let hz = HZ.read(text).map_err(|_| wrong())?;
         Self::from_hz(hz).map_err(|_| wrong())
     }
 

@@ -6,11 +6,12 @@ pub use crate::groups::{
     OwnSceneArgs, SceneArgs, SceneOptions,
 };
 use crate::jod::{JodArgs, ViewingArgs};
-use crate::patterns::{PatternArgs, iris};
+use crate::patterns::PatternArgs;
 use crate::phases::{AtArgs, EncodedArgs, PhaseArgs, PhaseUnitArgs, UnfinishedArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
-    GivenPupil, TermsOfModel, decibels, diameters, gaze, memory, method, model_terms, positive, pupil, rate, share,
+    GivenPupil, HZ, S, TermsOfModel, decibels, diameters, gaze, iris, memory, method, model_terms, positive,
+    positive_in, pupil, rate, share, square,
 };
 use clap::Args;
 use clap::builder::TypedValueParser;
@@ -30,7 +31,7 @@ pub struct Demo {
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
     /// Rows and columns of the hologram
-    #[arg(help_heading = "Display", long, default_value_t = 512, value_name = "N")]
+    #[arg(help_heading = "Display", long, default_value = "512", value_name = "N", value_parser = square)]
     pub size: usize,
     /// Quality
     #[command(flatten)]
@@ -127,10 +128,10 @@ pub struct SettingsArgs {
     #[arg(help_heading = "Steps", long, value_name = "N")]
     pub steps: Option<usize>,
     /// Seconds at most, shared by the colours
-    #[arg(help_heading = "Steps", long, value_name = "S", value_parser = positive)]
+    #[arg(help_heading = "Steps", long, value_name = "S", value_parser = positive_in(S))]
     pub seconds: Option<f64>,
     /// Stop at this mean PSNR over validation pupils, dB
-    #[arg(help_heading = "Steps", long, value_name = "DB", value_parser = decibels, allow_hyphen_values = true)]
+    #[arg(help_heading = "Steps", long, value_name = "DB", value_parser = decibels)]
     pub psnr: Option<f64>,
     /// Pupil diameters drawn, mm [default: 2..20, or what fits the eyebox]
     #[arg(help_heading = "Pupils", long, value_name = "MIN..MAX", value_parser = diameters)]
@@ -153,7 +154,7 @@ pub struct CameraArgs {
     #[arg(help_heading = "Camera", long, value_name = "N", requires = "camera", value_parser = clap::value_parser!(u16).range(1..).map(usize::from))]
     pub camera_steps: Option<usize>,
     /// Where an iris stands that does not move, mm, where the command does not say so
-    #[arg(help_heading = "Camera", long, value_name = "X,Y,DIAMETER", value_parser = iris, allow_hyphen_values = true, requires = "camera")]
+    #[arg(help_heading = "Camera", long, value_name = "X,Y,DIAMETER", value_parser = iris, requires = "camera")]
     pub iris: Option<[f64; 3]>,
     /// What shows the patterns
     #[command(flatten)]
@@ -163,7 +164,7 @@ pub struct CameraArgs {
     #[arg(help_heading = "Camera", long, value_name = "OUT_DIR", requires = "camera")]
     pub camera_keep: Option<PathBuf>,
     /// Seconds that the command may take for an answer [default: 60, and by exposure]
-    #[arg(help_heading = "Camera", long, value_name = "SECONDS", value_parser = positive, requires = "camera")]
+    #[arg(help_heading = "Camera", long, value_name = "SECONDS", value_parser = positive_in(S), requires = "camera")]
     pub camera_timeout: Option<f64>,
 }
 
@@ -233,7 +234,7 @@ pub struct Bench {
     #[arg(help_heading = "Engine", long, conflicts_with = "beside")]
     pub dry: bool,
     /// With --dry: the steps of a refinement for this pupil: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
-    #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true, requires = "dry")]
+    #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil, requires = "dry")]
     pub pupil: Option<GivenPupil>,
 }
 
@@ -246,7 +247,7 @@ pub struct View {
     #[command(flatten)]
     pub which: AtArgs,
     /// Pupil: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
-    #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true)]
+    #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil)]
     pub pupil: GivenPupil,
     /// The picture (PNG), or the intensity (.npy, float32, no exposure)
     #[arg(help_heading = "Output", short, long, value_name = "OUT")]
@@ -278,7 +279,7 @@ pub struct Photograph {
     #[command(flatten)]
     pub scene: SceneArgs,
     /// Pupil: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
-    #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true)]
+    #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil)]
     pub pupil: GivenPupil,
     /// The picture (PNG), or linear light (.npy, float32)
     #[arg(help_heading = "Output", short, long, value_name = "OUT")]
@@ -328,10 +329,10 @@ pub struct Score {
     pub seen: JodArgs,
     /// Judge the sub-frames as the video that they are, so many a second [default: their mean, as of an eye that is too slow for
     /// all flicker]
-    #[arg(help_heading = "Quality", long, value_name = "HZ", value_parser = positive, conflicts_with = "no_jod")]
+    #[arg(help_heading = "Quality", long, value_name = "HZ", value_parser = positive_in(HZ), conflicts_with = "no_jod")]
     pub sub_frame_rate: Option<f64>,
     /// Where the eye looks, degrees right of and below the picture's middle: the 5 by 5 degrees around there are judged alone, too
-    #[arg(help_heading = "Quality", long, value_parser = gaze, value_name = "X,Y", allow_hyphen_values = true, conflicts_with = "no_jod")]
+    #[arg(help_heading = "Quality", long, value_parser = gaze, value_name = "X,Y", conflicts_with = "no_jod")]
     pub gaze: Option<[f64; 2]>,
     /// Where JOD are lost: a picture for each pupil that is judged, in this folder
     #[arg(help_heading = "Output", long, value_name = "OUT_DIR", conflicts_with = "no_jod")]

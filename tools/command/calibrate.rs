@@ -2,9 +2,9 @@
 
 use crate::Failure;
 use crate::common;
-use crate::patterns::{self, PatternArgs, iris};
+use crate::patterns::{self, PatternArgs};
 use crate::progress::{self, JobBar};
-use crate::values::positive;
+use crate::values::{S, celsius, iris, positive_in};
 use clap::Args;
 use eyebox::low_level::calibrate::{Bench, CameraCommand, Event, FEWEST, ModelAge, Report, TAKING, Verdict, calibrate};
 use eyebox::low_level::engine;
@@ -40,7 +40,7 @@ pub struct Calibrate {
     #[arg(help_heading = "Camera", long, default_value_t = 40, value_name = "N", conflicts_with = "captures")]
     pub captures_max: usize,
     /// Where an iris stands that does not move, mm, where the command does not say so
-    #[arg(help_heading = "Camera", long, value_name = "X,Y,DIAMETER", value_parser = iris, allow_hyphen_values = true)]
+    #[arg(help_heading = "Camera", long, value_name = "X,Y,DIAMETER", value_parser = iris)]
     pub iris: Option<[f64; 3]>,
     /// What shows the patterns
     #[command(flatten)]
@@ -49,7 +49,7 @@ pub struct Calibrate {
     #[arg(help_heading = "Camera", long, value_name = "OUT_DIR", conflicts_with = "captures")]
     pub keep: Option<PathBuf>,
     /// Seconds that the command may take for an answer [default: 60, and by exposure]
-    #[arg(help_heading = "Camera", long, value_name = "SECONDS", value_parser = positive, conflicts_with = "captures")]
+    #[arg(help_heading = "Camera", long, value_name = "SECONDS", value_parser = positive_in(S), conflicts_with = "captures")]
     pub camera_timeout: Option<f64>,
     /// Four pictures, for what drifts: the display's file has the rest
     #[arg(help_heading = "Camera", long, conflicts_with = "captures")]
@@ -65,7 +65,7 @@ pub struct Calibrate {
     #[arg(help_heading = "Output", long, value_name = "OUT.html")]
     pub report: Option<PathBuf>,
     /// Temperature of the bench in degrees Celsius, kept with the model
-    #[arg(help_heading = "Camera", long, value_name = "CELSIUS", allow_hyphen_values = true, value_parser = celsius)]
+    #[arg(help_heading = "Camera", long, value_name = "CELSIUS", value_parser = celsius)]
     pub temperature: Option<f64>,
     /// One JSON object on standard output
     #[arg(help_heading = "Output", long)]
@@ -76,12 +76,6 @@ pub struct Calibrate {
 fn color(name: &str) -> Result<Color, String> {
     let found = [Color::Red, Color::Green, Color::Blue].into_iter().find(|c| c.to_string() == name);
     found.ok_or_else(|| "red, green or blue".into())
-}
-
-/// A temperature of a laboratory, or of a cold chamber.
-fn celsius(text: &str) -> Result<f64, String> {
-    let value = text.parse::<f64>().ok().filter(|v| (-100.0..=200.0).contains(v));
-    value.ok_or_else(|| "degrees Celsius, -100 to 200".into())
 }
 
 /// Calibrates, writes the display's file, says how sure it is.

@@ -4,9 +4,13 @@ use crate::args::{Bench, Demo, Devices, Encode, Export, Photograph, Score, Solve
 use crate::trackers::Trackers;
 use clap::{Parser, Subcommand};
 
+/// How numbers are written.
+const UNITS: &str =
+    "Numbers are in the unit that the help of an option states, or have one: 4mm, 0.5D, 520nm, 30Hz, 10s, 4GiB.";
+
 /// Phase holograms that look right from anywhere in the eyebox.
 #[derive(Parser)]
-#[command(name = "eyebox", version, max_term_width = 100)]
+#[command(name = "eyebox", version, max_term_width = 100, after_help = UNITS)]
 pub struct Cli {
     /// Say how it is done, on standard error; twice for all of it. RUST_LOG=eyebox=debug and the like decide alone
     #[arg(short, long, action = clap::ArgAction::Count, global = true)]

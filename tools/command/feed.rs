@@ -4,7 +4,7 @@ use crate::Failure;
 use crate::common;
 use crate::groups::DisplayArgs;
 use crate::signals;
-use crate::values::positive;
+use crate::values::{HZ, MM, positive_in};
 use clap::Args;
 #[cfg(target_os = "linux")]
 use eyebox::low_level::gpu::SlotWriter as Writer;
@@ -24,11 +24,11 @@ pub struct Feed {
     #[arg(help_heading = "Display", long)]
     pub name: String,
     /// Frames a second
-    #[arg(help_heading = "Time", long, value_name = "HZ", value_parser = positive, default_value = "30")]
+    #[arg(help_heading = "Time", long, value_name = "HZ", value_parser = positive_in(HZ), default_value = "30")]
     pub rate: f64,
     /// A parameter of the one built-in scene that goes from one value to the other and back: camera=-2..2 moves the camera,
     /// shift=-0.3..0.3 the fruit of the still lifes or the pattern of builtin:plane sideways, depth=-1..1 builtin:plane in depth
-    #[arg(help_heading = "Scene", long, value_name = "KEY=A..B", value_parser = path, allow_hyphen_values = true)]
+    #[arg(help_heading = "Scene", long, value_name = "KEY=A..B", value_parser = path)]
     pub path: Option<ParameterPath>,
     /// Frames from one end of the path to the other
     #[arg(help_heading = "Steps", long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(2..=1000))]
@@ -71,7 +71,10 @@ fn path(text: &str) -> Result<ParameterPath, String> {
     let read = || {
         let (key, ends) = text.split_once('=')?;
         let (a, b) = ends.split_once("..")?;
-        let ends = [a.parse().ok()?, b.parse().ok()?];
+        // The others are shares of the picture.
+        let is_length = ["camera", "depth"].contains(&key);
+        let number = |text: &str| if is_length { MM.read(text).ok() } else { text.parse().ok() };
+        let ends = [number(a)?, number(b)?];
         (!key.is_empty() && ends.iter().all(|v: &f64| v.is_finite())).then(|| ParameterPath { key: key.into(), ends })
     };
     read().ok_or_else(|| "a path is KEY=A..B, such as camera=-2..2".into())

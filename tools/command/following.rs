@@ -2,9 +2,8 @@
 //! and the scene is solved again for it.
 
 use crate::live::{self, LiveOptions, SubjectOptions};
-use crate::patterns::iris;
 use crate::play::{ClockName, StreamArgs};
-use crate::values::{not_negative, positive};
+use crate::values::{MIN, S, iris, not_negative_in, positive_in};
 use crate::{Failure, common};
 use clap::Args;
 use eyebox::low_level::calibrate::{CameraCommand, Report};
@@ -24,7 +23,7 @@ pub struct FollowArgs {
     #[arg(help_heading = "Camera", long, value_name = "COMMAND")]
     pub camera: Option<String>,
     /// Minutes from one picture to the next
-    #[arg(help_heading = "Camera", long, default_value_t = 30.0, value_name = "MINUTES", value_parser = positive, requires = "camera")]
+    #[arg(help_heading = "Camera", long, default_value_t = 30.0, value_name = "MINUTES", value_parser = positive_in(MIN), requires = "camera")]
     pub camera_every: f64,
     /// Write the display file with the newest model
     #[arg(help_heading = "Camera", long, value_name = "OUT.toml", requires = "camera")]
@@ -33,10 +32,10 @@ pub struct FollowArgs {
     #[arg(help_heading = "Camera", long, value_name = "OUT_DIR", requires = "camera")]
     pub camera_keep: Option<PathBuf>,
     /// Place and diameter of an iris that does not move, mm
-    #[arg(help_heading = "Camera", long, value_name = "X,Y,DIAMETER", value_parser = iris, allow_hyphen_values = true, requires = "camera")]
+    #[arg(help_heading = "Camera", long, value_name = "X,Y,DIAMETER", value_parser = iris, requires = "camera")]
     pub iris: Option<[f64; 3]>,
     /// Seconds from when the dots lit up until they stand
-    #[arg(help_heading = "Camera", long, default_value_t = 0.2, value_name = "SECONDS", value_parser = not_negative, requires = "camera")]
+    #[arg(help_heading = "Camera", long, default_value_t = 0.2, value_name = "SECONDS", value_parser = not_negative_in(S), requires = "camera")]
     pub settle: f64,
 }
 

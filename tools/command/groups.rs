@@ -1,7 +1,7 @@
 //! Groups of arguments that commands share: the engine, the display, the scene. Millimetres in, metres out.
 
 use crate::Failure;
-use crate::values::{Names, depths, one_of, positive, prescription, size};
+use crate::values::{MM, Names, depths, one_of, positive_in, prescription, size};
 use clap::{Args, ValueEnum};
 use eyebox::low_level::error::Reason;
 use eyebox::low_level::hologram::{Hologram, HologramError};
@@ -78,7 +78,7 @@ pub struct DisplayArgs {
     /// paper]
     #[arg(help_heading = "Display", long, value_name = "PRESET|FILE")]
     pub display: Option<String>,
-    /// Resolution instead of the display's own, rows x columns
+    /// Resolution instead of the display's own: rows x columns, N for a square, or a name such as 1080p
     #[arg(help_heading = "Display", long, value_name = "HxW", value_parser = size)]
     pub size: Option<[usize; 2]>,
     /// Colours
@@ -94,10 +94,10 @@ pub struct DisplayArgs {
 pub struct EyeArgs {
     /// Prescription of the eye that looks, in dioptres and degrees, such as "-2 -0.5 30"; or none for a perfect eye [default:
     /// what the hologram was solved for, or the display file says]
-    #[arg(help_heading = "Eye", long, value_name = "S C AXIS|none", value_parser = prescription, allow_hyphen_values = true)]
+    #[arg(help_heading = "Eye", long, value_name = "S C AXIS|none", value_parser = prescription)]
     pub prescription: Option<Prescription>,
     /// Where the prescription is one for spectacles, their distance from the eye, mm [default: it is meant at the eye]
-    #[arg(help_heading = "Eye", long, value_name = "MM", value_parser = positive, requires = "prescription")]
+    #[arg(help_heading = "Eye", long, value_name = "MM", value_parser = positive_in(MM), requires = "prescription")]
     pub vertex_distance: Option<f64>,
     /// The eye that looks as a TOML file: sphere, cylinder, axis_deg, vertex_mm, zernikes_um, measured_mm
     #[arg(help_heading = "Eye", long, value_name = "FILE", conflicts_with = "prescription")]
@@ -183,7 +183,7 @@ pub struct SceneOptions {
     #[arg(help_heading = "Scene", long, value_parser = one_of(&NEAR), value_name = "WHICH")]
     pub near: Option<Near>,
     /// Distance of neighbouring views in the pupil plane, mm [default: what the scene says, else eyebox / views]
-    #[arg(help_heading = "Scene", long, value_name = "MM", value_parser = positive)]
+    #[arg(help_heading = "Scene", long, value_name = "MM", value_parser = positive_in(MM))]
     pub view_pitch: Option<f64>,
     /// Views per axis of scenes that are rendered or reprojected [default: 9, of a depth map as many as its depths need; in
     /// score, what the hologram was solved for]
@@ -191,7 +191,7 @@ pub struct SceneOptions {
     pub views: Option<usize>,
     /// Depths that matter, mm, or dioptres as in -0.02D..0.02D [default: what the scene says]; of a depth map, the depths
     /// that its values reach
-    #[arg(help_heading = "Scene", long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
+    #[arg(help_heading = "Scene", long, value_name = "MIN..MAX", value_parser = depths)]
     pub depth: Option<[Depth; 2]>,
     /// How the views of a folder really stand: as-named, or transpose, flip-rows, flip-columns with commas between [default:
     /// what its lightfield.toml says; else as named, refused where the pictures clearly show another]

@@ -9,9 +9,7 @@ const MIN_OPTIONS_WITH_HEADINGS: usize = 10;
 pub fn command<C: CommandFactory>() -> Command {
     C::command().mut_subcommands(|sub| {
         // A negative number is the value of its option, which refuses it: no unknown option.
-        let takes_none = |option: &clap::Arg| {
-            option.is_positional() || option.is_allow_hyphen_values_set() || !option.get_action().takes_values()
-        };
+        let takes_none = |option: &clap::Arg| option.is_positional() || !option.get_action().takes_values();
         let sub = sub.mut_args(|option| if takes_none(&option) { option } else { option.allow_negative_numbers(true) });
         if sub.get_opts().count() < MIN_OPTIONS_WITH_HEADINGS {
             return sub.mut_args(|option| option.help_heading(None::<&'static str>));

@@ -1,7 +1,7 @@
 //! What every command that judges in JOD asks.
 
 use crate::Failure;
-use crate::values::{not_negative, positive};
+use crate::values::{CD_M2, not_negative_in, positive, positive_in};
 use clap::Args;
 use eyebox::low_level::optics::Viewing;
 
@@ -23,10 +23,10 @@ pub struct JodArgs {
 #[derive(Args, Clone, Copy, Default, PartialEq)]
 pub struct ViewingArgs {
     /// Luminance of white, cd/m2, as JOD and contrast are seen [default: the display file's, else 200]
-    #[arg(help_heading = "Quality", long, value_name = "CD/M2", value_parser = positive)]
+    #[arg(help_heading = "Quality", long, value_name = "CD/M2", value_parser = positive_in(CD_M2))]
     pub luminance: Option<f64>,
     /// Luminance of black, cd/m2 [default: the display file's, else 0.2]
-    #[arg(help_heading = "Quality", long, value_name = "CD/M2", value_parser = not_negative)]
+    #[arg(help_heading = "Quality", long, value_name = "CD/M2", value_parser = not_negative_in(CD_M2))]
     pub black: Option<f64>,
     /// Pixels a degree, as if the picture were seen that large [default: the display file's, else its optics']
     #[arg(help_heading = "Quality", long, value_name = "N", value_parser = positive)]

@@ -54,6 +54,8 @@ mod solve;
 mod tracker_calibration;
 mod trackers;
 mod tradeoff;
+#[cfg(test)]
+mod units_tests;
 mod usage;
 mod values;
 mod view;
@@ -64,8 +66,9 @@ use failure::Failure;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let arguments = usage::arguments(std::env::args_os().collect());
-    let parsed = headings::command::<Cli>().try_get_matches_from(arguments);
+    let command = headings::command::<Cli>();
+    let arguments = usage::arguments(std::env::args_os().collect(), &command);
+    let parsed = command.try_get_matches_from(arguments);
     let cli = match parsed.and_then(|m| Cli::from_arg_matches(&m)) {
         Ok(cli) => cli,
         Err(error) => return usage::print(&error),

@@ -2,7 +2,7 @@
 
 use crate::Failure;
 use crate::play::OutputName;
-use crate::values::not_negative;
+use crate::values::{S, not_negative_in};
 use clap::Args;
 use eyebox::low_level::calibrate::ShowsPatterns;
 use eyebox::low_level::optics::{Color, Display};
@@ -24,7 +24,7 @@ pub struct PatternArgs {
     #[arg(help_heading = "Output", long, value_name = "OUT", requires = "output")]
     pub shared: Option<PathBuf>,
     /// Seconds from when a pattern lit up until it stands [default: 0.2]
-    #[arg(help_heading = "Camera", long, value_name = "SECONDS", value_parser = not_negative, requires = "output")]
+    #[arg(help_heading = "Camera", long, value_name = "SECONDS", value_parser = not_negative_in(S), requires = "output")]
     pub settle: Option<f64>,
 }
 
@@ -47,14 +47,4 @@ impl PatternArgs {
 /// As the library takes it.
 pub fn shows(output: &mut Option<PatternOutput>) -> Option<&mut dyn ShowsPatterns> {
     output.as_mut().map(|output| output as &mut dyn ShowsPatterns)
-}
-
-/// Where an iris stands: three numbers, the last one positive.
-pub fn iris(text: &str) -> Result<[f64; 3], String> {
-    let numbers: Vec<f64> =
-        text.split(',').filter_map(|v| v.trim().parse().ok()).filter(|v: &f64| v.is_finite()).collect();
-    match numbers[..] {
-        [x, y, diameter] if diameter > 0.0 && text.matches(',').count() == 2 => Ok([x, y, diameter]),
-        _ => Err("x, y and a positive diameter in mm, such as 0,0,6".into()),
-    }
 }

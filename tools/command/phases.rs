@@ -3,7 +3,7 @@
 use crate::Failure;
 use crate::common;
 use crate::groups::{Colors, DisplayArgs};
-use crate::values::{as_shown, phase_unit, size};
+use crate::values::{MM, NM, UM, as_shown, number_in, phase_unit, size};
 use clap::{Args, ValueEnum};
 use eyebox::low_level::encode::AsShown;
 use eyebox::low_level::encoded::{Encoded, is_encoded};
@@ -47,13 +47,13 @@ pub struct PhaseArgs {
     #[command(flatten)]
     pub unit: PhaseUnitArgs,
     /// Without --display: pixel pitch, um
-    #[arg(help_heading = "Bare phases", long, value_name = "UM", conflicts_with = "display")]
+    #[arg(help_heading = "Bare phases", long, value_name = "UM", value_parser = number_in(UM), conflicts_with = "display")]
     pub pitch: Option<f64>,
     /// Without --display: wavelength, nm; one per colour
-    #[arg(help_heading = "Bare phases", long, value_name = "NM", value_delimiter = ',', conflicts_with = "display")]
+    #[arg(help_heading = "Bare phases", long, value_name = "NM", value_parser = number_in(NM), value_delimiter = ',', conflicts_with = "display")]
     pub wavelength: Vec<f64>,
     /// Without --display: focal length, mm
-    #[arg(help_heading = "Bare phases", long, value_name = "MM", conflicts_with = "display")]
+    #[arg(help_heading = "Bare phases", long, value_name = "MM", value_parser = number_in(MM), conflicts_with = "display")]
     pub focal_length: Option<f64>,
     /// Without --display: where the SLM stands
     #[arg(help_heading = "Bare phases", long, value_enum, default_value_t = GeometryName::Relay, conflicts_with = "display")]

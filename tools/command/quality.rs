@@ -1,7 +1,7 @@
 //! `--quality` and `--deadline`: from what a user asks to settings, by what was measured on this device or as built in.
 
 use crate::Failure;
-use crate::values::{Names, one_of};
+use crate::values::{MS, Names, one_of, positive_in};
 use clap::Args;
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::files::cache_folder;
@@ -20,7 +20,7 @@ pub struct QualityArgs {
     pub quality: Option<Quality>,
     /// The best settings that `eyebox tradeoff` measured on this device whose solve takes at most so many ms, shared by the
     /// colours; time is taken to follow pixels x log2(pixels) and sub-frames
-    #[arg(help_heading = "Quality", long, value_name = "MS", value_parser = crate::values::positive, conflicts_with = "quality")]
+    #[arg(help_heading = "Quality", long, value_name = "MS", value_parser = positive_in(MS), conflicts_with = "quality")]
     pub deadline: Option<f64>,
 }
 

@@ -78,7 +78,7 @@ impl<'a> SolveRequest<'a> {
             scene: &args.scene,
             sequence: SequenceRequest { rate: args.rate.fraction(), start: args.warm_start },
             quality: args.quality,
-            given: given(&args.settings)?,
+            given: given(&args.settings)?.before(display.focal_length)?,
             options: &args.settings,
             force: args.display.force,
         })

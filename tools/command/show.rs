@@ -8,7 +8,7 @@ use crate::live::{self, LiveOptions, Stage, Steered, SubjectOptions};
 use crate::phases::UnfinishedArgs;
 use crate::play::{self, ClockName, OutputName, Playing, StreamArgs};
 use crate::solve::SolveProgress;
-use crate::values::positive;
+use crate::values::{MS, positive_in};
 use clap::Args;
 use eyebox::low_level::hologram::{Opening, Phases, Sequence};
 use eyebox::low_level::optics::Display;
@@ -40,10 +40,10 @@ pub struct Show {
     #[command(flatten)]
     pub unfinished: UnfinishedArgs,
     /// On a simulated clock, of what is refined: what a step of one colour takes, ms
-    #[arg(help_heading = "Eye", long, value_name = "MS", value_parser = positive)]
+    #[arg(help_heading = "Eye", long, value_name = "MS", value_parser = positive_in(MS))]
     pub step_time: Option<f64>,
     /// With --step-time: what encoding a set takes, ms
-    #[arg(help_heading = "Eye", long, default_value_t = 1.0, value_name = "MS", value_parser = positive, requires = "step_time")]
+    #[arg(help_heading = "Eye", long, default_value_t = 1.0, value_name = "MS", value_parser = positive_in(MS), requires = "step_time")]
     pub encode_time: f64,
     /// A camera that is followed
     #[command(flatten)]
@@ -185,7 +185,7 @@ fn solve(args: &Show, scenes: Vec<String>, file: &Path) -> Result<Display, Failu
     let colors = common::colors(&args.subject.display, &display)?;
     let mut engine = common::engine(&args.subject.engine)?;
     let size = [display.height, display.width];
-    let mut given = args.subject.experiment.given()?;
+    let mut given = args.subject.experiment.given()?.before(display.focal_length)?;
     given.insert("frames", Some(args.frames));
     let quality = args.subject.quality.with(&given)?;
     let chosen = quality.choose(engine.as_ref(), size, args.frames, colors.len())?.map(|chosen| chosen.settings);

@@ -3,7 +3,7 @@
 use crate::Failure;
 use crate::progress;
 use crate::talk;
-use crate::values::{Targets, not_negative, positive, targets};
+use crate::values::{HZ, MM, MS, S, Targets, not_negative_in, positive_in, targets};
 use clap::{Args, ValueEnum};
 use eyebox::low_level::error::{ErrorData, Reason};
 use eyebox::low_level::files::{FileError, GrowingFile};
@@ -53,32 +53,32 @@ pub struct Trackers {
     #[arg(help_heading = "Output", long, value_name = "OUT")]
     pub record: Option<PathBuf>,
     /// Seconds to watch [default: until the recording ends, or Ctrl-C]
-    #[arg(help_heading = "Samples", long, value_name = "S", value_parser = positive)]
+    #[arg(help_heading = "Samples", long, value_name = "S", value_parser = positive_in(S))]
     pub duration: Option<f64>,
     /// A HID device with a layout of its own, described in a TOML file
     #[arg(help_heading = "Eye", long, value_name = "FILE.toml")]
     pub device_file: Option<PathBuf>,
     /// Time between the eye and the arrival of its sample, ms
-    #[arg(help_heading = "Samples", long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative)]
+    #[arg(help_heading = "Samples", long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative_in(MS))]
     pub latency: f64,
     /// Samples a second of the simulated tracker
-    #[arg(help_heading = "Samples", long, value_name = "HZ", default_value_t = 120.0, value_parser = positive)]
+    #[arg(help_heading = "Samples", long, value_name = "HZ", default_value_t = 120.0, value_parser = positive_in(HZ))]
     pub rate: f64,
     /// Replay recordings in real time, not as fast as they are read
     #[arg(help_heading = "Samples", long)]
     pub real_time: bool,
     /// Show, for each sample, what becomes of it: its place in the pupil plane, the filter, and the pupil expected after
     /// so many ms
-    #[arg(help_heading = "Samples", long, value_name = "MS", num_args = 0..=1, default_missing_value = "20", value_parser = not_negative)]
+    #[arg(help_heading = "Samples", long, value_name = "MS", num_args = 0..=1, default_missing_value = "20", value_parser = not_negative_in(MS))]
     pub pupil: Option<f64>,
     /// With --pupil: focal length of the display's eyepiece, mm, which makes depths of a focus in dioptres
-    #[arg(help_heading = "Samples", long, value_name = "MM", value_parser = positive, requires = "pupil")]
+    #[arg(help_heading = "Samples", long, value_name = "MM", value_parser = positive_in(MM), requires = "pupil")]
     pub focal_length: Option<f64>,
     /// Calibrate the source that is watched for a user: asks to look at each target, and writes the user's file
     #[arg(help_heading = "Calibration", long, value_name = "OUT.toml", conflicts_with_all = ["pupil", "record", "duration", "describe"])]
     pub calibrate: Option<PathBuf>,
     /// With --calibrate: directions of the targets, degrees to the right and down
-    #[arg(help_heading = "Calibration", long, value_name = "X,Y;X,Y;...", default_value = "0,0;-8,0;8,0;0,-6;0,6", value_parser = targets, allow_hyphen_values = true)]
+    #[arg(help_heading = "Calibration", long, value_name = "X,Y;X,Y;...", default_value = "0,0;-8,0;8,0;0,-6;0,6", value_parser = targets)]
     pub targets: Targets,
     /// With --pupil: a user's calibration
     #[arg(help_heading = "Calibration", long, value_name = "FILE.toml", requires = "pupil")]

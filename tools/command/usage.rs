@@ -2,16 +2,19 @@
 
 use crate::renamed;
 use crate::talk::print_error;
-use clap::Error;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{Command, Error};
 use eyebox::low_level::error::ErrorData;
+use eyebox::low_level::quantity::QuantityError;
 use serde_json::Value;
+use std::error::Error as _;
 use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
 
-/// Returns the arguments as clap takes them: `help --help` is `help help`, and `help solve --help` is `help solve`.
-pub fn arguments(mut given: Vec<OsString>) -> Vec<OsString> {
+/// Returns the arguments as clap takes them: `help --help` is `help help`, `help solve --help` is `help solve`, and `--depth -3..3`
+/// is `--depth=-3..3`.
+pub fn arguments(mut given: Vec<OsString>, command: &Command) -> Vec<OsString> {
     let count = given.len();
     if given.get(1).is_some_and(|a| a == "help") {
         given.retain(|a| a != "--help" && a != "-h");
@@ -19,7 +22,41 @@ pub fn arguments(mut given: Vec<OsString>) -> Vec<OsString> {
             given.push("help".into());
         }
     }
-    given
+    join_negative_values(given, command)
+}
+
+/// Joins an option with a value that begins with a minus and a digit. clap would take the option that follows an option, too, if it
+/// were to take `-3..3` or `-1,0,4,1.5`.
+fn join_negative_values(given: Vec<OsString>, command: &Command) -> Vec<OsString> {
+    let Some(sub) = given.iter().skip(1).find_map(|word| command.find_subcommand(word)) else { return given };
+    let takes_value = |name: &str| {
+        let option = sub.get_opts().find(|option| option.get_long() == Some(name));
+        option.is_some_and(|option| option.get_action().takes_values() && !option.is_require_equals_set())
+    };
+    let is_option = |word: &OsString| word.to_str().and_then(|w| w.strip_prefix("--")).is_some_and(takes_value);
+    let mut joined: Vec<OsString> = Vec::with_capacity(given.len());
+    let mut words = given.into_iter().peekable();
+    while let Some(mut word) = words.next() {
+        if word == "--" {
+            joined.push(word);
+            break;
+        }
+        if is_option(&word)
+            && let Some(value) = words.next_if(|next| is_negative(next))
+        {
+            word.push("=");
+            word.push(value);
+        }
+        joined.push(word);
+    }
+    joined.extend(words);
+    joined
+}
+
+/// Returns whether a word begins like a negative number. No option does.
+fn is_negative(word: &OsString) -> bool {
+    let rest = word.to_str().and_then(|word| word.strip_prefix('-'));
+    rest.is_some_and(|rest| rest.trim_start_matches('.').starts_with(|c: char| c.is_ascii_digit()))
 }
 
 /// Prints help and version as they are, and a mistake as one line.
@@ -36,7 +73,7 @@ pub fn print(error: &Error) -> ExitCode {
     }
 }
 
-/// Returns a mistake as data, with its kind in clap's name, the argument and the value.
+/// Returns a mistake as data, with its kind in clap's name, the argument and the value. A quantity adds its unit and those that fit.
 fn data(error: &Error) -> ErrorData {
     let kind = format!("{:?}", error.kind());
     let kind = kind.char_indices().fold(String::new(), |kind, (at, c)| match c {
@@ -54,8 +91,25 @@ fn data(error: &Error) -> ErrorData {
         ("command", ContextKind::InvalidSubcommand),
         ("with", ContextKind::PriorArg),
     ];
-    let fields = named.into_iter().filter_map(|(name, kind)| Some((name.to_owned(), value(kind)?))).collect();
-    ErrorData { code: format!("usage/{kind}"), fields }
+    let named = named.into_iter().filter_map(|(name, kind)| Some((name.to_owned(), value(kind)?)));
+    let mut code = format!("usage/{kind}");
+    let mut fields = serde_json::Map::new();
+    if let Some(quantity) = quantity(error) {
+        let quantity = ErrorData::of(quantity);
+        // A number without a unit is refused as before there were any.
+        if quantity.fields.contains_key("unit") {
+            code = format!("{code}/{}", quantity.code);
+        }
+        fields = quantity.fields;
+    }
+    fields.extend(named);
+    ErrorData { code, fields }
+}
+
+/// Returns the error of the quantity that a value is refused for.
+fn quantity(error: &Error) -> Option<&QuantityError> {
+    let first = error.source()?;
+    first.downcast_ref().or_else(|| first.source()?.downcast_ref())
 }
 
 /// What is wrong, and what would be right.
@@ -101,4 +155,45 @@ fn advice(error: &Error) -> String {
     let is_output = context(ContextKind::InvalidArg).starts_with("--output");
     let is_file = [".zarr", ".npy", ".png", "/"].iter().any(|end| context(ContextKind::InvalidValue).ends_with(end));
     if is_output && is_file { "; the file to write is given by --out".into() } else { String::new() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::commands::Cli;
+    use crate::headings;
+
+    fn joined(words: &str) -> String {
+        let given = words.split(' ').map(OsString::from).collect();
+        let words = arguments(given, &headings::command::<Cli>());
+        words.iter().filter_map(|word| word.to_str()).collect::<Vec<_>>().join(" ")
+    }
+
+    #[test]
+    fn negative_values_belong_to_the_option_before_them() {
+        for (given, taken) in [
+            ("eyebox view h.zarr --pupil -1,0,4,1.5 -o x.png", "eyebox view h.zarr --pupil=-1,0,4,1.5 -o x.png"),
+            ("eyebox solve a.png --depth -.5D..3 --json", "eyebox solve a.png --depth=-.5D..3 --json"),
+            ("eyebox -v solve a --psnr -5dB", "eyebox -v solve a --psnr=-5dB"),
+            // The value of no option, of a switch, and what follows an option without its value.
+            ("eyebox solve a -1 --json -3 -o -2", "eyebox solve a -1 --json -3 -o -2"),
+            ("eyebox view h --pupil -o x.png", "eyebox view h --pupil -o x.png"),
+            ("eyebox view --pupil --json", "eyebox view --pupil --json"),
+            ("eyebox solve -- --depth -3..3", "eyebox solve -- --depth -3..3"),
+            ("eyebox solve a --joint-color -3", "eyebox solve a --joint-color -3"),
+        ] {
+            assert_eq!(joined(given), taken);
+        }
+    }
+
+    #[test]
+    fn a_following_option_is_not_a_value() {
+        for words in ["view h.zarr --pupil -o x.png", "solve a --depth --json", "live a --focus --unsteered"] {
+            let given = std::iter::once("eyebox").chain(words.split(' ')).map(OsString::from).collect();
+            let command = headings::command::<Cli>();
+            let error = command.clone().try_get_matches_from(arguments(given, &command)).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::InvalidValue, "{words}: {error}");
+            assert!(error.to_string().contains("required"), "{error}");
+        }
+    }
 }

@@ -2,17 +2,66 @@
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use eyebox::low_level::encode::AsShown;
-use eyebox::low_level::error::Reason;
 use eyebox::low_level::hologram::PhaseUnit;
 use eyebox::low_level::optics::{Depth, DisplayModel, Prescription, Pupil};
 use eyebox::low_level::present::Rate;
+pub use eyebox::low_level::quantity::{B, CD_M2, CELSIUS, D, DB, DEG, HZ, MIN, MM, MS, NM, PX, RAD, S, UM};
+use eyebox::low_level::quantity::{QuantityError, Unit, read_size};
 use eyebox::low_level::solve::Method;
+use std::error::Error;
+use std::fmt;
 
-fn numbers<const N: usize>(parts: Vec<&str>, form: &str) -> Result<[f64; N], String> {
+/// A refused value. Its source is a [`QuantityError`] if a number or its unit is wrong.
+pub type Wrong = Box<dyn Error + Send + Sync>;
+
+/// A refused number of a list, with the form of the whole list.
+#[derive(Debug)]
+struct WrongNumber {
+    wrong: QuantityError,
+    form: &'static str,
+}
+
+impl fmt::Display for WrongNumber {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}; {}", self.wrong, self.form)
+    }
+}
+
+impl Error for WrongNumber {
+    fn source(&self) -> Option<&(dyn Error + 'static)> {
+        Some(&self.wrong)
+    }
+}
+
+/// Reads numbers, each in its unit. `form` says what the list is.
+pub fn numbers<const N: usize>(parts: Vec<&str>, units: [Unit; N], form: &'static str) -> Result<[f64; N], Wrong> {
     let count = parts.len();
-    let values: Result<Vec<f64>, _> = parts.iter().map(|p| p.trim().parse::<f64>()).collect();
-    let values = values.map_err(|_| format!("not numbers: expected {form}"))?;
-    values.try_into().map_err(|_| format!("{count} numbers: expected {form}"))
+    let parts: [&str; N] = parts.try_into().map_err(|_| format!("{count} values: {form}"))?;
+    let mut values = [0.0; N];
+    for ((value, part), unit) in values.iter_mut().zip(parts).zip(units) {
+        *value = unit.read(part).map_err(|wrong| WrongNumber { wrong, form })?;
+    }
+    Ok(values)
+}
+
+/// Returns a parser of finite numbers in this unit.
+pub fn number_in(unit: Unit) -> impl Fn(&str) -> Result<f64, QuantityError> + Clone + Send + Sync + 'static {
+    move |text| unit.read(text)
+}
+
+/// Returns a parser of positive numbers in this unit.
+pub fn positive_in(unit: Unit) -> impl Fn(&str) -> Result<f64, Wrong> + Clone + Send + Sync + 'static {
+    move |text| in_range(unit.read(text)?, 1.0 / MOST, MOST, POSITIVE)
+}
+
+/// Returns a parser of numbers from 0 in this unit.
+pub fn not_negative_in(unit: Unit) -> impl Fn(&str) -> Result<f64, Wrong> + Clone + Send + Sync + 'static {
+    move |text| in_range(unit.read(text)?, 0.0, MOST, NOT_NEGATIVE)
+}
+
+/// Refuses a number out of its range, which `range` states.
+fn in_range(value: f64, least: f64, most: f64, range: &str) -> Result<f64, Wrong> {
+    if (least..=most).contains(&value) { Ok(value) } else { Err(range.into()) }
 }
 
 /// A pupil as it is given: its focus, in mm or dioptres, is a depth only before a display.
@@ -30,30 +79,30 @@ impl GivenPupil {
     }
 }
 
-pub fn pupil(text: &str) -> Result<GivenPupil, String> {
-    let form = "x,y,diameter,focus in mm, such as 2,-1,4,1.5, or with the focus in dioptres, 2,-1,4,0.5D";
+pub fn pupil(text: &str) -> Result<GivenPupil, Wrong> {
+    let form = "expected x,y,diameter,focus in mm, such as 2,-1,4,1.5, or with units, such as 2mm,-1mm,4mm,0.5D";
     let parts: Vec<&str> = text.split(',').collect();
     let count = parts.len();
     let [x, y, diameter, focus] = <[&str; 4]>::try_from(parts).map_err(|_| match count {
-        1 => format!("one value: expected four, {form}"),
-        _ => format!("{count} values: expected four, {form}"),
+        1 => format!("one value: {form}"),
+        _ => format!("{count} values: {form}"),
     })?;
-    let [x, y, diameter] = numbers::<3>(vec![x, y, diameter], form)?;
+    let [x, y, diameter] = numbers(vec![x, y, diameter], [MM; 3], form)?;
     let place = Pupil::from_mm([x, y, diameter, 0.0]).check().map_err(|e| e.to_string())?;
-    Ok(GivenPupil { place, focus: depth(focus)? })
+    Ok(GivenPupil { place, focus: focus.parse().map_err(|wrong| WrongNumber { wrong, form })? })
 }
 
 /// Sphere, cylinder and axis as opticians write them.
-pub fn prescription(text: &str) -> Result<Prescription, String> {
-    let form = "S, or S C AXIS, in dioptres and degrees, such as \"-2\" or \"-2 -0.5 30\", or none";
+pub fn prescription(text: &str) -> Result<Prescription, Wrong> {
+    let form = "expected S, or S C AXIS, in dioptres and degrees, such as \"-2\" or \"-2 -0.5 30\", or none";
     if text == "none" {
         return Ok(Prescription::default());
     }
     let parts: Vec<&str> = text.split([' ', ',', '/', 'x', '\u{d7}']).filter(|part| !part.is_empty()).collect();
     let [sphere, cylinder, axis] = match parts.len() {
-        1 => [numbers::<1>(parts, form)?[0], 0.0, 0.0],
-        2 => return Err(format!("a cylinder needs its axis: expected {form}")),
-        _ => numbers::<3>(parts, form)?,
+        1 => [numbers(parts, [D], form)?[0], 0.0, 0.0],
+        2 => return Err(format!("a cylinder needs its axis: {form}").into()),
+        _ => numbers(parts, [D, D, DEG], form)?,
     };
     let eye = Prescription::new(sphere, cylinder, axis);
     eye.check().map_err(|wrong| wrong.to_string())?;
@@ -84,82 +133,94 @@ pub fn model_terms(text: &str) -> Result<TermsOfModel, String> {
 }
 
 /// A depth: mm, or dioptres with a D behind.
-pub fn depth(text: &str) -> Result<Depth, String> {
-    text.parse().map_err(|wrong: Reason| wrong.to_string())
+pub fn depth(text: &str) -> Result<Depth, QuantityError> {
+    text.parse()
 }
 
-pub fn size(text: &str) -> Result<[usize; 2], String> {
-    let form = "expected rows x columns, such as 1080x1920";
-    let (h, w) = text.split_once(['x', 'X']).ok_or(form)?;
-    let [h, w] = [h, w].map(|n| n.trim().parse::<usize>());
-    let (h, w) = (h.map_err(|_| form)?, w.map_err(|_| form)?);
-    if (1..=65536).contains(&h) && (1..=65536).contains(&w) {
-        Ok([h, w])
-    } else {
-        Err("each axis must be 1 to 65536 pixels".into())
+/// Rows and columns.
+pub fn size(text: &str) -> Result<[usize; 2], QuantityError> {
+    read_size(text)
+}
+
+/// Rows of a square picture.
+pub fn square(text: &str) -> Result<usize, Wrong> {
+    match read_size(text)? {
+        [rows, columns] if rows == columns => Ok(rows),
+        _ => Err("expected as many rows as columns, such as 256".into()),
     }
 }
 
-/// Bytes: a number with KiB, MiB, GiB, or a plain one.
-pub fn memory(text: &str) -> Result<u64, String> {
+/// Bytes.
+pub fn memory(text: &str) -> Result<u64, Wrong> {
     let form = "expected an amount of memory, such as 4GiB or 512MiB";
-    let units = [("KiB", 10), ("MiB", 20), ("GiB", 30), ("TiB", 40)];
-    let (number, shift) =
-        units.iter().find_map(|(unit, shift)| Some((text.strip_suffix(unit)?, *shift))).unwrap_or((text, 0));
-    let bytes = number.trim().parse::<f64>().map_err(|_| form)? * f64::from(shift).exp2();
-    if (1.0..1e18).contains(&bytes) { Ok(bytes as u64) } else { Err(form.into()) }
+    let bytes = B.read(text).map_err(|wrong| WrongNumber { wrong, form })?;
+    in_range(bytes, 1.0, 1e18, form).map(|bytes| bytes as u64)
 }
 
 /// Diameters of pupils, metres, given in millimetres.
-pub fn diameters(text: &str) -> Result<[f64; 2], String> {
-    let form = "MIN..MAX in mm, such as 2..6.5";
-    let [low, high] = numbers::<2>(text.split("..").collect(), form)?;
+pub fn diameters(text: &str) -> Result<[f64; 2], Wrong> {
+    let form = "expected MIN..MAX in mm, such as 2..6.5";
+    let [low, high] = numbers(text.split("..").collect(), [MM; 2], form)?;
     if low > 0.0 && low <= high && high <= 1e6 {
         Ok([low * 1e-3, high * 1e-3])
     } else {
-        Err(format!("expected {form}, positive, smallest first"))
+        Err(format!("{form}, positive, smallest first").into())
     }
 }
 
 /// Two depths in either order, each in mm or dioptres.
-pub fn depths(text: &str) -> Result<[Depth; 2], String> {
+pub fn depths(text: &str) -> Result<[Depth; 2], Wrong> {
     let form = "expected MIN..MAX in mm, such as -3..3.5, or in dioptres, such as -0.02D..0.02D";
     let (first, last) = text.split_once("..").ok_or(form)?;
-    let read = |text: &str| text.parse::<Depth>().map_err(|_| form.to_owned());
+    let read = |text: &str| text.parse::<Depth>().map_err(|wrong| WrongNumber { wrong, form });
     Ok([read(first)?, read(last)?])
 }
 
 /// Most that a number can mean here, in whatever unit; its inverse is the least. Nothing computed of such is beyond floats.
 const MOST: f64 = 1e12;
+const POSITIVE: &str = "expected a positive number, 1e12 at most";
+const NOT_NEGATIVE: &str = "expected a number, 0 to 1e12";
 
-pub fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(v) if (1.0 / MOST..=MOST).contains(&v) => Ok(v),
-        _ => Err("expected a positive number, 1e12 at most".into()),
-    }
+/// A positive number without a unit.
+pub fn positive(text: &str) -> Result<f64, Wrong> {
+    in_range(text.parse().unwrap_or(f64::NAN), 1.0 / MOST, MOST, POSITIVE)
 }
 
 /// A power ratio.
-pub fn decibels(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(v) if (-100.0..=1000.0).contains(&v) => Ok(v),
-        _ => Err("expected decibels, -100 to 1000, such as 30".into()),
-    }
+pub fn decibels(text: &str) -> Result<f64, Wrong> {
+    let form = "expected decibels, -100 to 1000, such as 30";
+    in_range(DB.read(text).map_err(|wrong| WrongNumber { wrong, form })?, -100.0, 1000.0, form)
+}
+
+/// A temperature of a bench.
+pub fn celsius(text: &str) -> Result<f64, Wrong> {
+    in_range(CELSIUS.read(text)?, -100.0, 200.0, "expected degrees Celsius, -100 to 200")
+}
+
+/// Where an iris stands: three numbers, the last one positive.
+pub fn iris(text: &str) -> Result<[f64; 3], Wrong> {
+    let form = "expected x, y and a positive diameter in mm, such as 0,0,6";
+    let iris @ [.., diameter] = numbers(text.split(',').collect(), [MM; 3], form)?;
+    if diameter > 0.0 { Ok(iris) } else { Err(form.into()) }
 }
 
 /// Directions, degrees to the right and down.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Targets(pub Vec<[f64; 2]>);
 
-pub fn targets(text: &str) -> Result<Targets, String> {
-    let form = "x,y;x,y;... in degrees, such as 0,0;-8,0;8,0;0,6";
-    let all: Result<Vec<[f64; 2]>, String> =
-        text.split(';').map(|t| numbers::<2>(t.split(',').collect(), form)).collect();
+pub fn targets(text: &str) -> Result<Targets, Wrong> {
+    let form = "expected x,y;x,y;... in degrees, such as 0,0;-8,0;8,0;0,6";
+    let all: Result<Vec<[f64; 2]>, Wrong> =
+        text.split(';').map(|t| numbers(t.split(',').collect(), [DEG; 2], form)).collect();
     let all = all?;
     if all.iter().flatten().any(|v| !(-60.0..=60.0).contains(v)) {
         return Err("an eye turns 60 degrees at most".into());
     }
-    if (4..=64).contains(&all.len()) { Ok(Targets(all)) } else { Err(format!("expected 4 to 64 targets: {form}")) }
+    if (4..=64).contains(&all.len()) {
+        Ok(Targets(all))
+    } else {
+        Err(format!("{} targets, but 4 to 64 are needed: {form}", all.len()).into())
+    }
 }
 
 /// What numbers of bare phases are.
@@ -175,13 +236,30 @@ pub fn phase_unit(text: &str) -> Result<PhaseUnit, String> {
 }
 
 /// Hertz, or a fraction.
-pub fn rate(text: &str) -> Result<Rate, String> {
-    Rate::parse(text).map_err(|e| e.to_string())
+pub fn rate(text: &str) -> Result<Rate, Wrong> {
+    if !text.contains('/') {
+        HZ.read(text)?;
+    }
+    Ok(Rate::parse(text)?)
 }
 
 /// The side of a mark.
-pub fn mark(text: &str) -> Result<usize, String> {
-    text.parse().ok().filter(|n| *n <= 65536).ok_or_else(|| "expected pixels, 0 to 65536".into())
+pub fn mark(text: &str) -> Result<usize, Wrong> {
+    pixels(text, 0, 65536).map(|pixels| pixels as usize)
+}
+
+/// A distance on the SLM in whole pixels, one at least.
+pub fn whole_pixels(text: &str) -> Result<u32, Wrong> {
+    pixels(text, 1, 1000)
+}
+
+fn pixels(text: &str, least: u32, most: u32) -> Result<u32, Wrong> {
+    let pixels = PX.read(text)?;
+    let form = format!("expected whole pixels, {least} to {most}");
+    if pixels.fract() != 0.0 {
+        return Err(form.into());
+    }
+    in_range(pixels, f64::from(least), f64::from(most), &form).map(|pixels| pixels as u32)
 }
 
 /// A share, both ends included.
@@ -192,11 +270,9 @@ pub fn share(text: &str) -> Result<f64, String> {
     }
 }
 
-pub fn not_negative(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(v) if (0.0..=MOST).contains(&v) => Ok(v),
-        _ => Err("expected a number, 0 to 1e12".into()),
-    }
+/// A number from 0 without a unit.
+pub fn not_negative(text: &str) -> Result<f64, Wrong> {
+    in_range(text.parse().unwrap_or(f64::NAN), 0.0, MOST, NOT_NEGATIVE)
 }
 
 /// Parts of what an SLM shows, separated by commas.
@@ -218,8 +294,8 @@ pub fn one_of<T: Copy + Send + Sync, const N: usize>(names: &'static Names<T, N>
 }
 
 /// Where an eye looks, radians, given in degrees.
-pub fn gaze(text: &str) -> Result<[f64; 2], String> {
-    let degrees = numbers::<2>(text.split(',').collect(), "X,Y in degrees, such as 3,-1.5")?;
+pub fn gaze(text: &str) -> Result<[f64; 2], Wrong> {
+    let degrees = numbers(text.split(',').collect(), [DEG; 2], "expected X,Y in degrees, such as 3,-1.5")?;
     Ok(degrees.map(f64::to_radians))
 }
 
@@ -235,24 +311,26 @@ mod tests {
 
     #[test]
     fn values_are_read_in_human_units() {
-        assert_eq!(diameters("3..3.5"), Ok([3e-3, 3.5e-3]));
-        assert_eq!(depths("3..-3"), Ok([Depth::Metres(3e-3), Depth::Metres(-3e-3)]));
-        assert_eq!(depths("-0.5D..2D"), Ok([Depth::Dioptres(-0.5), Depth::Dioptres(2.0)]));
+        assert_eq!(diameters("3..3.5").unwrap(), [3e-3, 3.5e-3]);
+        assert_eq!(diameters("3mm..0.35cm").unwrap(), [3e-3, 3.5e-3]);
+        assert_eq!(depths("3..-3mm").unwrap(), [Depth::Metres(3e-3), Depth::Metres(-3e-3)]);
+        assert_eq!(depths("-0.5D..2D").unwrap(), [Depth::Dioptres(-0.5), Depth::Dioptres(2.0)]);
+        assert_eq!(depths("2m..50cm").unwrap(), [Depth::Dioptres(0.5), Depth::Dioptres(2.0)]);
         assert!(depths("3..x").is_err() && depths("3").is_err());
         assert_eq!(size("45x64"), Ok([45, 64]));
         let read = |text| pupil(text).unwrap().before(0.4).to_mm().map(|v| v.round());
         assert_eq!(read("2,-1,6,3"), [2.0, -1.0, 6.0, 3.0]);
         assert_eq!(read("2,-1,6,0.5D"), [2.0, -1.0, 6.0, 80.0]);
+        assert_eq!(read("0.2cm,-1,6000um,2m"), [2.0, -1.0, 6.0, 80.0]);
         for bad in ["", "1,2,3", "1,2,3,4,5", "a,b,c,d", "0,0,0,0", "0,0,-1,0", "nan,0,1,0", "0,0,inf,0"] {
             assert!(pupil(bad).is_err(), "{bad}");
         }
-        for bad in ["0x8", "8", "x", "8x", "-1x4", "99999999x4"] {
-            assert!(size(bad).is_err(), "{bad}");
-        }
-        assert_eq!(prescription("-2.00 -0.50 x 30"), Ok(Prescription::new(-2.0, -0.5, 30.0)));
-        assert_eq!(prescription("+1.25"), Ok(Prescription::new(1.25, 0.0, 0.0)));
+        assert!(pupil("0,0,4D,0").is_err() && pupil("0,0,4,1s").is_err());
+        assert_eq!(prescription("-2.00 -0.50 x 30").unwrap(), Prescription::new(-2.0, -0.5, 30.0));
+        assert_eq!(prescription("-2.00D -0.50D 30deg").unwrap(), Prescription::new(-2.0, -0.5, 30.0));
+        assert_eq!(prescription("+1.25").unwrap(), Prescription::new(1.25, 0.0, 0.0));
         assert!(prescription("none").unwrap().is_perfect());
-        for bad in ["", "-2 -0.5", "-2 -0.5 30 12", "-2D", "nan", "-2 -0.5 200", "90"] {
+        for bad in ["", "-2 -0.5", "-2 -0.5 30 12", "-2mm", "nan", "-2 -0.5 200", "90"] {
             assert!(prescription(bad).is_err(), "{bad}");
         }
         for bad in ["3..1", "1", "nan..1", "-5..5", "0..1", "1..inf"] {

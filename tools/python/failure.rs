@@ -2,7 +2,8 @@
 
 use eyebox::ErrorKind;
 use eyebox::error::ErrorData;
-use pyo3::exceptions::PyValueError;
+use eyebox::low_level::quantity::QuantityError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::types::PyAnyMethods;
 use pyo3::{PyErr, Python, create_exception};
 use serde::Serialize;
@@ -34,6 +35,8 @@ pub(crate) enum Failure {
     #[error("{0}")]
     Argument(String),
     #[error(transparent)]
+    Quantity(QuantityError),
+    #[error(transparent)]
     Library(eyebox::Error),
     #[error(
         "at step {0} the loss is no finite number, and the step was not taken: take smaller gains or rates, or storage = \"fp32\""
@@ -56,13 +59,17 @@ impl From<Failure> for PyErr {
     fn from(failure: Failure) -> Self {
         let said = failure.to_string();
         let data = ErrorData::of(&failure);
+        // As of any other text instead of a number.
+        let no_unit =
+            matches!(failure, Failure::Quantity(QuantityError::NotANumber { .. } | QuantityError::NoUnit { .. }));
         let kind = match failure {
-            Failure::Argument(_) => None,
+            Failure::Argument(_) | Failure::Quantity(_) => None,
             Failure::Library(error) => Some(error.kind()),
             Failure::NotFinite(_) => Some(ErrorKind::Solve),
             Failure::Forked { .. } => Some(ErrorKind::Engine),
         };
         let error = match kind {
+            None if no_unit => PyTypeError::new_err(said),
             None => PyValueError::new_err(said),
             Some(ErrorKind::Display) => DisplayError::new_err(said),
             Some(ErrorKind::Scene) => SceneError::new_err(said),

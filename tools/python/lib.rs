@@ -19,6 +19,7 @@ mod forked;
 mod frames;
 mod hologram;
 mod pupil;
+mod quantity;
 mod refiner;
 mod scene;
 mod sequence;
@@ -51,6 +52,8 @@ mod _eyebox {
     use crate::far_field::FarField;
     #[pymodule_export]
     use crate::hologram::Hologram;
+    #[pymodule_export]
+    use crate::quantity::{depth, quantity, size};
     #[pymodule_export]
     use crate::refiner::Refiner;
     #[pymodule_export]

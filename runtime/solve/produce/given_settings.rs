@@ -7,18 +7,22 @@ use crate::files::read;
 use crate::quality::Quality;
 use crate::solve::{FirstPhases, Full, Joint, Optimizer, PaddingRule, RefineSettings, Settings};
 use eyebox_base::error::Reason;
+use eyebox_base::quantity::{M, Quantity, S};
 use eyebox_base::reason;
+use eyebox_optics::Depth;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 use std::path::Path;
 
+/// Keys that may have a unit.
+const QUANTITIES: [&str; 3] = ["seconds", "diameter", "depth"];
 /// Keys of a job and of a refinement, beside the fields of [`Settings`].
 const BESIDE: [&str; 5] = ["quality", "contrast", "force", "full", "refine"];
 /// Keys of the table `refine` that belong to a live session, beside the fields of [`RefineSettings`].
 const OF_SESSIONS: [&str; 1] = ["restart"];
 
-/// Settings by their names: the fields of [`Settings`] (lengths in meters), `quality` (a [`Quality`]), `contrast` (of the
+/// Settings by their names: the fields of [`Settings`] (lengths in meters, or with a unit as in `"2mm"`), `quality` (a [`Quality`]), `contrast` (of the
 /// speckle), `force`, `full` (parts of the model, or `"all"`), and a table `refine` with the fields of [`RefineSettings`].
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct GivenSettings(Map<String, Value>);
@@ -76,6 +80,23 @@ impl GivenSettings {
         if let Some(value) = value.and_then(|value| serde_json::to_value(value).ok()) {
             self.0.insert(key.to_owned(), value);
         }
+    }
+
+    /// Returns the same settings for a display of this focal length (meters), with numbers in the place of texts with units.
+    ///
+    /// # Errors
+    /// [`ProduceError::Job`] with the key of a text that is no quantity of its dimension.
+    pub fn before(&self, focal_length: f64) -> Result<Self, ProduceError> {
+        self.in_numbers(focal_length).map_err(refused)
+    }
+
+    fn in_numbers(&self, focal_length: f64) -> Result<Self, Reason> {
+        let number = |(key, value): (&String, &Value)| {
+            let value =
+                if QUANTITIES.contains(&&key[..]) { in_number(key, value, focal_length) } else { Ok(value.clone()) };
+            value.map(|value| (key.clone(), value)).map_err(|reason| reason.within(key))
+        };
+        self.0.iter().map(number).collect::<Result<_, _>>().map(Self)
     }
 
     /// Returns whether `key` is given.
@@ -173,7 +194,8 @@ impl GivenSettings {
 
     /// Refuses unknown keys and values of another type.
     fn check(&self) -> Result<(), Reason> {
-        solve_settings(&Settings::default(), &self.0)?;
+        // The focal length does not matter for what is right.
+        solve_settings(&Settings::default(), &self.in_numbers(0.1)?.0)?;
         refine_settings(&self.0)?;
         value::<Quality>(&self.0, "quality")?;
         if value::<f64>(&self.0, "contrast")?.is_some_and(|contrast| !(1.0 / 64.0..=1.0).contains(&contrast)) {
@@ -188,6 +210,23 @@ impl GivenSettings {
 fn without_null(keys: &mut Map<String, Value>) {
     keys.retain(|_, value| !value.is_null());
     keys.values_mut().filter_map(Value::as_object_mut).for_each(without_null);
+}
+
+/// Makes a number of a text with a unit, also in a list.
+fn in_number(key: &str, value: &Value, focal_length: f64) -> Result<Value, Reason> {
+    let number = |text: &str| match key {
+        "seconds" => Quantity::read_with_unit(text, S, &[]).map(|time| time.value_in(S)),
+        "diameter" => Quantity::read_with_unit(text, M, &[]).map(|length| length.value_in(M)),
+        _ => Depth::read_with_unit(text).map(|depth| depth.metres(focal_length)),
+    };
+    match value {
+        Value::String(text) => number(text).map(Value::from).map_err(|error| Reason::of(&error)),
+        Value::Array(each) => {
+            let each = each.iter().map(|one| in_number(key, one, focal_length));
+            each.collect::<Result<_, _>>().map(Value::Array)
+        }
+        value => Ok(value.clone()),
+    }
 }
 
 fn refused(reason: Reason) -> ProduceError {
@@ -249,7 +288,7 @@ impl SceneJob<'_> {
     /// # Errors
     /// [`ProduceError::Job`] with the key that is unknown or has no such value.
     pub fn take_settings(&mut self, text: &str, engine: &dyn Engine) -> Result<(), ProduceError> {
-        let given = GivenSettings::from_toml(text)?;
+        let given = GivenSettings::from_toml(text)?.before(self.display.focal_length)?;
         let chosen = given.get::<Quality>("quality")?.map(Settings::of);
         let mut base = given.with_quality(&Settings::default(), chosen.as_ref());
         if chosen.is_none() {
@@ -296,6 +335,13 @@ mod tests {
         let fast = take("quality = \"fast\"\npupils = 3").unwrap();
         assert_eq!((fast.settings.steps, fast.settings.pupils, fast.reading.depth), (40, 3, None));
         assert_eq!(fast.settings.optimizer, Optimizer::momentum());
+        let units = "seconds = '2s'\ndiameter = ['2mm', 4e-3]\ndepth = ['-1mm', '0.5D']";
+        let same =
+            format!("seconds = 2\ndiameter = [2e-3, 4e-3]\ndepth = [-1e-3, {}]", 0.5 * display.focal_length.powi(2));
+        assert_eq!(take(units).unwrap().settings, take(&same).unwrap().settings);
+        for (text, code) in [("seconds = '2mm'", "other-dimension"), ("diameter = ['2', 3]", "no-unit")] {
+            assert_eq!(ErrorData::of(&take(text).unwrap_err()).code, format!("job/{code}"));
+        }
         let adam = take("optimizer = \"adam\"").unwrap().settings;
         assert_eq!((adam.optimizer, adam.steps, adam.pupils), (Optimizer::adam(), 200, 8));
         let part = take("optimizer.momentum = 0.25\nwindow = 2\nlevels = 2\nfull = [\"views\"]").unwrap();

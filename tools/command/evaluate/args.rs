@@ -4,7 +4,7 @@ use crate::args::{DisplayArgs, EngineArgs, EyeArgs, OtherSceneArgs, OverwriteArg
 use crate::jod::JodArgs;
 use crate::phases::PhaseUnitArgs;
 use crate::quality::QualityArgs;
-use crate::values::{diameters, positive};
+use crate::values::{MM, diameters, number_in, positive};
 use clap::Args;
 use eyebox_lab::comparison::MaskKind;
 use std::path::PathBuf;
@@ -39,7 +39,7 @@ pub struct Evaluate {
     pub joint_color: Option<Vec<f64>>,
     /// Compare sources of these sizes, too, each solved for and seen in its own light: mm of a square source's image in the eyebox,
     /// 0 for a point, several numbers with commas between [alone: 0,0.5,1,2,3; methods are then none by default]
-    #[arg(help_heading = "Quality", long, value_name = "MM", value_delimiter = ',', num_args = 0..=1, require_equals = true, default_missing_value = "0,0.5,1,2,3")]
+    #[arg(help_heading = "Quality", long, value_name = "MM", value_parser = number_in(MM), value_delimiter = ',', num_args = 0..=1, require_equals = true, default_missing_value = "0,0.5,1,2,3")]
     pub coherence: Option<Vec<f64>>,
     /// Compare masks of finer pixels in front of the SLM, too, each solved for and looked through over its whole eyebox: their
     /// factors, 1 for none, 2 to 4, with a d behind it for a designed one, with commas between [alone: 1,2,3,4; methods are then none by default]

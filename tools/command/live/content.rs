@@ -5,6 +5,7 @@ use crate::Failure;
 use crate::args::{SceneArgs, SceneOptions};
 use crate::common::{self, Engines};
 use crate::progress::{self, JobBar};
+use crate::values::whole_pixels;
 use clap::{Args, ValueEnum};
 use eyebox::low_level::files::ManagedDir;
 use eyebox::low_level::session::{LiveColor, Policy, start_tables};
@@ -27,7 +28,7 @@ pub struct ContentArgs {
     #[arg(help_heading = "Eye", long, default_value_t = 3, value_name = "N", requires = "content", value_parser = clap::value_parser!(u32).range(1..=1000))]
     steps_per_set: u32,
     /// With --content: pixels that content moves by in a set
-    #[arg(help_heading = "Eye", long, default_value_t = 10, value_name = "PX", requires = "content", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(help_heading = "Eye", long, default_value_t = 10, value_name = "PX", requires = "content", value_parser = whole_pixels)]
     moves: u32,
     /// With --content: sets between jumps
     #[arg(help_heading = "Eye", long, default_value_t = 15, value_name = "N", requires = "content", value_parser = clap::value_parser!(u32).range(1..=100_000))]

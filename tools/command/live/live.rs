@@ -8,7 +8,7 @@ use crate::experiment;
 use crate::play::{OutputArgs, OutputName};
 use crate::progress::JobBar;
 use crate::session::{attend, conclude, ended_by, keep_powers};
-use crate::values::{not_negative, positive};
+use crate::values::{MS, S, not_negative_in, positive_in};
 use crate::{Failure, progress};
 use clap::{Args, ValueEnum};
 use eyebox::low_level::encode;
@@ -57,10 +57,10 @@ pub struct LiveOptions {
     #[command(flatten)]
     pub shown: OutputArgs,
     /// From a video frame's beginning to its light, ms
-    #[arg(help_heading = "Display", long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative)]
+    #[arg(help_heading = "Display", long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative_in(MS))]
     pub display_latency: f64,
     /// Seconds to go on for [default: until ctrl-C; in show, until the end of what ends]
-    #[arg(help_heading = "Time", long, value_name = "S", value_parser = positive)]
+    #[arg(help_heading = "Time", long, value_name = "S", value_parser = positive_in(S))]
     pub duration: Option<f64>,
     /// Show the hologram for the whole eyebox: what there is without steering
     #[arg(help_heading = "Steps", long)]

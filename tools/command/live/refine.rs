@@ -7,7 +7,7 @@ use crate::experiment::{self, ExperimentArgs};
 use crate::phases::{AtArgs, PhaseArgs, tell_unfinished};
 use crate::progress::{self, JobBar};
 use crate::score;
-use crate::values::{GivenPupil, diameters, not_negative, pupil};
+use crate::values::{GivenPupil, MM, diameters, not_negative_in, pupil};
 use clap::Args;
 use eyebox::low_level::evaluate::Sums;
 use eyebox::low_level::gpu::Options;
@@ -36,10 +36,10 @@ pub struct Refine {
     #[command(flatten)]
     pub scene: OwnSceneArgs,
     /// Where the eye is: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
-    #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true)]
+    #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil)]
     pub pupil: GivenPupil,
     /// Standard deviation of where it is, mm
-    #[arg(help_heading = "Pupils", long, value_name = "MM", default_value_t = 0.25, value_parser = not_negative)]
+    #[arg(help_heading = "Pupils", long, value_name = "MM", default_value_t = 0.25, value_parser = not_negative_in(MM))]
     pub spread: f64,
     /// Its diameter, mm [default: half a millimetre about the pupil's]
     #[arg(help_heading = "Pupils", long, value_name = "MIN..MAX", value_parser = diameters)]

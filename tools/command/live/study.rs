@@ -8,7 +8,7 @@ use crate::common::{self, Engines};
 use crate::jod::ViewingArgs;
 use crate::phases::AtArgs;
 use crate::progress::{self, JobBar};
-use crate::values::{depth, not_negative, positive, share};
+use crate::values::{HZ, MM, MS, S, depth, not_negative, not_negative_in, positive_in, share};
 use clap::Args;
 use eyebox::low_level::files::{self, ManagedDir};
 use eyebox::low_level::gpu::Options as VulkanOptions;
@@ -40,13 +40,13 @@ pub struct Study {
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
     /// Seconds of the eye's life
-    #[arg(help_heading = "Time", long, default_value_t = 6.0, value_name = "S", value_parser = positive)]
+    #[arg(help_heading = "Time", long, default_value_t = 6.0, value_name = "S", value_parser = positive_in(S))]
     pub duration: f64,
     /// Sets a second
-    #[arg(help_heading = "Eye", long, default_value_t = 60.0, value_name = "HZ", value_parser = positive)]
+    #[arg(help_heading = "Eye", long, default_value_t = 60.0, value_name = "HZ", value_parser = positive_in(HZ))]
     pub rate: f64,
     /// How long the eye fixates, ms
-    #[arg(help_heading = "Eye", long, default_value_t = 300.0, value_name = "MS", value_parser = positive)]
+    #[arg(help_heading = "Eye", long, default_value_t = 300.0, value_name = "MS", value_parser = positive_in(MS))]
     pub fixation: f64,
     /// Share of fixations that become a pursuit
     #[arg(help_heading = "Eye", long, default_value_t = 0.0, value_name = "SHARE", value_parser = share)]
@@ -55,28 +55,28 @@ pub struct Study {
     #[arg(help_heading = "Eye", long, default_value_t = 0.0, value_name = "N", value_parser = not_negative)]
     pub blinks: f64,
     /// Samples a second of the tracker
-    #[arg(help_heading = "Eye", long, default_value_t = 120.0, value_name = "HZ", value_parser = positive)]
+    #[arg(help_heading = "Eye", long, default_value_t = 120.0, value_name = "HZ", value_parser = positive_in(HZ))]
     pub tracker_rate: f64,
     /// The tracker's delay, ms
-    #[arg(help_heading = "Eye", long, default_value_t = 8.0, value_name = "MS", value_parser = not_negative)]
+    #[arg(help_heading = "Eye", long, default_value_t = 8.0, value_name = "MS", value_parser = not_negative_in(MS))]
     pub tracker_delay: f64,
     /// The tracker's noise, mm
-    #[arg(help_heading = "Eye", long, default_value_t = 0.1, value_name = "MM", value_parser = not_negative)]
+    #[arg(help_heading = "Eye", long, default_value_t = 0.1, value_name = "MM", value_parser = not_negative_in(MM))]
     pub tracker_noise: f64,
     /// One seed, one eye
     #[arg(help_heading = "Eye", long, default_value_t = 0, value_name = "S")]
     pub eye_seed: u64,
     /// Where the eye focuses, mm, or dioptres as in 0.5D
-    #[arg(help_heading = "Eye", long, default_value = "0", value_name = "MM|D", value_parser = depth, allow_hyphen_values = true)]
+    #[arg(help_heading = "Eye", long, default_value = "0", value_name = "MM|D", value_parser = depth)]
     pub focus: Depth,
     /// Content that changes
     #[command(flatten)]
     pub content: ContentArgs,
     /// What a step of one colour takes, ms, for one result on every machine [default: what it takes on this one]
-    #[arg(help_heading = "Eye", long, value_name = "MS", value_parser = positive)]
+    #[arg(help_heading = "Eye", long, value_name = "MS", value_parser = positive_in(MS))]
     pub step_time: Option<f64>,
     /// With --step-time: what encoding a set takes, ms
-    #[arg(help_heading = "Eye", long, default_value_t = 1.0, value_name = "MS", value_parser = positive, requires = "step_time")]
+    #[arg(help_heading = "Eye", long, default_value_t = 1.0, value_name = "MS", value_parser = positive_in(MS), requires = "step_time")]
     pub encode_time: f64,
     /// Do not judge the ends of fixations in just-objectionable differences (ColorVideoVDP): PSNR alone, which is faster
     #[arg(help_heading = "Quality", long)]

@@ -154,7 +154,7 @@ pub fn solved_on(
     let colors = common::colors(&args.display, display)?;
     let field = common::scene(&scene, display, &colors)?;
     let depth = common::depths(&scene, &field, display)?;
-    let mut given = args.experiment.given()?;
+    let mut given = args.experiment.given()?.before(display.focal_length)?;
     given.insert("frames", frames);
     let diameter = common::diameters(given.get("diameter")?, display, false)?;
     let base = given.over(&Settings { depth, diameter, ..Settings::default() })?;

@@ -2,7 +2,7 @@
 
 use crate::Failure;
 use crate::trackers::EyeName;
-use crate::values::{depth, not_negative, positive};
+use crate::values::{HZ, MS, depth, not_negative_in, positive_in};
 use clap::Args;
 use eyebox::low_level::gaze::{Calibration, Estimator, Eyepiece, Settings};
 use eyebox::low_level::optics::Depth;
@@ -24,10 +24,10 @@ pub struct TrackerArgs {
     #[arg(help_heading = "Eye", long, value_name = "FILE.toml")]
     pub device_file: Option<PathBuf>,
     /// Time between the eye and the arrival of its sample, ms
-    #[arg(help_heading = "Eye", long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative)]
+    #[arg(help_heading = "Eye", long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative_in(MS))]
     pub tracker_latency: f64,
     /// Samples a second of the simulated tracker
-    #[arg(help_heading = "Eye", long, value_name = "HZ", default_value_t = 120.0, value_parser = positive)]
+    #[arg(help_heading = "Eye", long, value_name = "HZ", default_value_t = 120.0, value_parser = positive_in(HZ))]
     pub tracker_rate: f64,
     /// A user's calibration
     #[arg(help_heading = "Eye", long, value_name = "FILE.toml")]
@@ -36,7 +36,7 @@ pub struct TrackerArgs {
     #[arg(help_heading = "Eye", long, value_enum, default_value = "mean")]
     pub eye: EyeName,
     /// Where the eye focuses, where the tracker does not measure it, mm, or dioptres as in 0.5D
-    #[arg(help_heading = "Eye", long, value_name = "MM|D", default_value = "0", value_parser = depth, allow_hyphen_values = true)]
+    #[arg(help_heading = "Eye", long, value_name = "MM|D", default_value = "0", value_parser = depth)]
     pub focus: Depth,
 }
 

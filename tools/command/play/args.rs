@@ -2,7 +2,7 @@
 
 use crate::args::{Colors, DeviceArgs, EngineName};
 use crate::phases::{PhaseUnitArgs, UnfinishedArgs};
-use crate::values::{mark, not_negative, positive, rate, size};
+use crate::values::{S, mark, not_negative_in, positive, positive_in, rate, size};
 use clap::{Args, ValueEnum};
 use eyebox::low_level::present::Rate;
 use eyebox::low_level::session::{Output, SessionOptions, SinkFile};
@@ -80,7 +80,7 @@ pub struct Play {
     /// phases paper]
     #[arg(help_heading = "Display", long, value_name = "PRESET|FILE")]
     pub display: Option<String>,
-    /// Resolution instead of the display's own, rows x columns
+    /// Resolution instead of the display's own: rows x columns, N for a square, or a name such as 1080p
     #[arg(help_heading = "Display", long, value_name = "HxW", value_parser = size)]
     pub size: Option<[usize; 2]>,
     /// Take sizes and wavelengths that look like a mistake as they are
@@ -102,7 +102,7 @@ pub struct Play {
     #[command(flatten)]
     pub unfinished: UnfinishedArgs,
     /// Seconds of content to play
-    #[arg(help_heading = "Time", long, value_name = "S", value_parser = positive)]
+    #[arg(help_heading = "Time", long, value_name = "S", value_parser = positive_in(S))]
     pub duration: Option<f64>,
     /// Which engine encodes
     #[arg(help_heading = "Engine", long, value_enum, default_value = "auto")]
@@ -140,10 +140,10 @@ pub struct StreamArgs {
     #[arg(help_heading = "Time", long, value_name = "N", default_value_t = 0)]
     pub first: u64,
     /// Begin at this time, ready or not: seconds since 1970, for displays that begin together
-    #[arg(help_heading = "Time", long, value_name = "UNIX", value_parser = positive)]
+    #[arg(help_heading = "Time", long, value_name = "UNIX", value_parser = positive_in(S))]
     pub start_at: Option<f64>,
     /// Seconds of the sync picture before content: its first sub-frame's light goes aside along x, the others' along y
-    #[arg(help_heading = "Time", long, value_name = "S", value_parser = not_negative, default_value_t = 0.0)]
+    #[arg(help_heading = "Time", long, value_name = "S", value_parser = not_negative_in(S), default_value_t = 0.0)]
     pub sync: f64,
     /// Side of such a mark in the upper left corner of every hologram, pixels
     #[arg(help_heading = "Time", long, value_name = "PX", value_parser = mark, default_value = "0")]

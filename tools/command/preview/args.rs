@@ -16,7 +16,7 @@ pub struct Preview {
     #[command(flatten)]
     pub which: AtArgs,
     /// Pupil to begin with: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
-    #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true, default_value = "0,0,4,0")]
+    #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil, default_value = "0,0,4,0")]
     pub pupil: GivenPupil,
     /// The scene of the hologram, for its photograph and the PSNR: a folder of views, a picture, or builtin:NAME
     #[arg(help_heading = "Scene", long, value_name = "SCENE")]

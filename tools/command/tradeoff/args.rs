@@ -3,7 +3,7 @@
 use crate::args::{DisplayArgs, EngineArgs, OverwriteArgs, SceneArgs};
 use crate::experiment::ExperimentArgs;
 use crate::jod::JodArgs;
-use crate::values::{diameters, positive};
+use crate::values::{S, diameters, positive_in};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -20,7 +20,7 @@ pub struct Tradeoff {
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
     /// Seconds for all of it
-    #[arg(help_heading = "Quality", long, value_name = "SECONDS", value_parser = positive, default_value_t = 250.0)]
+    #[arg(help_heading = "Quality", long, value_name = "SECONDS", value_parser = positive_in(S), default_value_t = 250.0)]
     pub budget: f64,
     /// Display; of all its colours, green is tried, or the middle one
     #[command(flatten)]

@@ -30,7 +30,7 @@ pub fn run(args: &Tradeoff) -> Result<(), Failure> {
     let mut display = common::display(&args.display)?;
     display.viewing = args.seen.viewing.over(display.viewing)?;
     let color = leading(&common::colors(&args.display, &display)?);
-    let mut given = args.experiment.given()?;
+    let mut given = args.experiment.given()?.before(display.focal_length)?;
     given.insert("frames", args.frames);
     given.insert("seed", args.seed);
     given.insert("diameter", args.pupil_diameter);

@@ -7,7 +7,7 @@ import math
 import operator
 import os
 import warnings
-from typing import Any, NamedTuple
+from typing import Any, Callable, NamedTuple
 
 import numpy as np
 
@@ -57,6 +57,50 @@ def finite(value: Any, what: str) -> float:
     return finite
 
 
+def _of_text(read: Callable[..., Any], text: str, against: Any, what: str) -> float:
+    """A text with a unit as a number. An error names the argument."""
+    try:
+        return read(text, against)
+    except (TypeError, ValueError) as error:
+        error.args = (f"{what}: {error}",)
+        raise
+
+
+def quantity(value: Any, unit: str, what: str) -> float:
+    """A real number in ``unit``, or a text with any unit of its dimension, such as "4mm"."""
+    return _of_text(_eyebox.quantity, value, unit, what) if isinstance(value, str) else number(value, what)
+
+
+def finite_quantity(value: Any, unit: str, what: str) -> float:
+    """A quantity that is neither infinite nor NaN."""
+    return finite(quantity(value, unit, what), what)
+
+
+def quantities(value: Any, unit: str, what: str, right: str) -> list[float]:
+    """As many quantities as ``right`` names, separated by commas."""
+    return [quantity(one, unit, what) for one in _each(value, what, right)]
+
+
+def depth(value: Any, focal_length: Callable[[], float] | None, what: str = "depth") -> Any:
+    """Metres, or a text in millimetres, dioptres ("0.5D") or metres from the eye ("2m"). Without a focal length the text stays."""
+    if not isinstance(value, str):
+        return number(value, what)
+    metres = _of_text(_eyebox.depth, value, 1.0 if focal_length is None else focal_length(), what)
+    return value if focal_length is None else metres
+
+
+def size(value: Any) -> list[int]:
+    """Rows and columns, or a text such as "1080p"."""
+    if isinstance(value, str):
+        return _eyebox.size(value)
+    try:
+        rows, columns = value
+    except (TypeError, ValueError):
+        raise TypeError(f"size is {value!r}: it must be (rows, columns)") from None
+    most = 65536
+    return [count(rows, "size[0]", most), count(columns, "size[1]", most)]
+
+
 def whole(value: Any, what: str) -> int:
     """A whole number, of any type that Python indexes with."""
     try:
@@ -73,23 +117,33 @@ def count(value: Any, what: str, most: int = 1_000_000, *, least: int = 1) -> in
     return number
 
 
-def numbers(value: Any, what: str, right: str) -> list[float]:
-    """As many numbers as ``right`` names, separated by commas."""
+def _each(value: Any, what: str, right: str) -> list[Any]:
     try:
         each = list(value)
     except TypeError:
         raise TypeError(f"{what} is {_short(value)}: it must be ({right})") from None
     if len(each) != len(right.split(",")) or isinstance(value, (str, bytes)):
         raise ValueError(f"{what} is {_short(value)}: it must be ({right})")
-    return [number(one, what) for one in each]
+    return each
 
 
-def pupil(x: Any, y: Any, diameter: Any, depth: Any) -> tuple[float, float, float, float]:
+def ends(value: Any, what: str) -> list[Any]:
+    """Both ends of a range, as they are."""
+    return _each(value, what, "one end, the other")
+
+
+def numbers(value: Any, what: str, right: str) -> list[float]:
+    """As many numbers as ``right`` names, separated by commas."""
+    return [number(one, what) for one in _each(value, what, right)]
+
+
+def pupil(x: Any, y: Any, diameter: Any, focus: Any, focal_length: Callable[[], float] | None) -> tuple[float, float, float, float]:
     """A pupil's four numbers."""
-    return number(x, "x"), number(y, "y"), number(diameter, "diameter"), number(depth, "depth")
+    place = quantity(x, "m", "x"), quantity(y, "m", "y"), quantity(diameter, "m", "diameter")
+    return *place, depth(focus, focal_length)
 
 
-def pupils(value: Any) -> list[tuple[float, float, float, float]]:
+def pupils(value: Any, focal_length: Callable[[], float] | None) -> list[tuple[float, float, float, float]]:
     """Several pupils, each four numbers: x, y, diameter, depth."""
     try:
         each = [tuple(one) for one in value]
@@ -97,7 +151,7 @@ def pupils(value: Any) -> list[tuple[float, float, float, float]]:
         raise TypeError(f"pupils is {_short(value)}: it must be a sequence of (x, y, diameter, depth)") from None
     if not each or any(len(one) != 4 for one in each):
         raise ValueError(f"pupils is {_short(value)}: it must be one or more of (x, y, diameter, depth)")
-    return [pupil(*one) for one in each]
+    return [pupil(*one, focal_length) for one in each]
 
 
 def path(value: Any, what: str) -> str:

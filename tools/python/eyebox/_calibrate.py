@@ -116,7 +116,7 @@ def calibrate(
     if color is None:
         color = "green" if "green" in display.wavelengths else next(iter(display.wavelengths))
     folder = None if captures is None else _arguments.path(captures, "captures")
-    still = None if iris is None else [1e3 * one for one in _arguments.numbers(iris, "iris", "x, y, diameter")]
+    still = None if iris is None else [1e3 * one for one in _arguments.quantities(iris, "m", "iris", "x, y, diameter")]
     if callback is not None and not callable(callback):
         raise TypeError(f"callback is {callback!r}: it must be callable with a text and a share or None")
     how = (_arguments.count(most, "most", 1000), bool(quick), still)

@@ -22,8 +22,8 @@ class Display:
     ----------
     name : str or path, optional
         A preset (:func:`presets`) or a display file (TOML, docs/displays.md). Without one, the fields say all.
-    size : (int, int), optional
-        Rows and columns of the SLM.
+    size : (int, int) or str, optional
+        Rows and columns of the SLM, or a text such as "1080p".
     **fields
         Keys of a display file, over those of ``name``: ``pitch_um``, ``focal_length_mm``, ``wavelengths_nm`` (a dict of
         colours), ``levels``, ``rate_hz``, ``geometry`` ("relay" or "far-field"), ``portrait``, and ``encoding``,
@@ -48,17 +48,12 @@ class Display:
 
     __slots__ = ("_native",)
 
-    def __init__(self, name: Any = None, *, size: tuple[int, int] | None = None, **fields: Any) -> None:
+    def __init__(self, name: Any = None, *, size: tuple[int, int] | str | None = None, **fields: Any) -> None:
         if name is None and size is None and not fields:
             raise TypeError("Display() needs a name, or the fields of a display file")
         name = None if name is None else _arguments.path(name, "name")
         if size is not None:
-            try:
-                rows, columns = size
-            except (TypeError, ValueError):
-                raise TypeError(f"size is {size!r}: it must be (rows, columns)") from None
-            most = 65536
-            fields["resolution"] = [_arguments.count(rows, "size[0]", most), _arguments.count(columns, "size[1]", most)]
+            fields["resolution"] = _arguments.size(size)
         self._native = _eyebox.Display(name, _arguments.toml(fields))
 
     @classmethod

@@ -224,7 +224,7 @@ class Hologram:
         numpy.ndarray
             (row, column, colour), float32, linear light with 1 as the scene's full scale.
         """
-        at, marks = _arguments.pupil(x, y, diameter, depth), _arguments.name(obstructed, "obstructed")
+        at, marks = _arguments.pupil(x, y, diameter, depth, self._focal_length), _arguments.name(obstructed, "obstructed")
         return self._native.view(at, marks, engine_of(engine))
 
     def score(
@@ -264,7 +264,7 @@ class Hologram:
         if pupils is None:
             side, wide = self.display.eyebox / 4, self._usual()
             pupils = [(x * side, y * side, wide, 0.0) for x, y in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))]
-        at = _arguments.pupils(pupils)
+        at = _arguments.pupils(pupils, self._focal_length)
         scores = self._native.score(scene._native, at, marks, engine_of(engine), bool(other_scene))
         return [Score(*score) for score in scores]
 
@@ -294,7 +294,7 @@ class Hologram:
         from ._refiner import Refiner
 
         refiner = Refiner(self, scene, engine=engine, other_scene=other_scene, **steering)
-        [where] = _arguments.pupils([pupil])
+        [where] = _arguments.pupils([pupil], self._focal_length)
         refiner.aim(*where, spread=spread)
         best = lambda: Hologram._of(refiner._native.best(), refiner._kept_scene, None)  # noqa: E731
         try:
@@ -317,6 +317,9 @@ class Hologram:
             (frame, row, column, channel), uint8, in the order in which they are shown; 1 channel (grey) or 3.
         """
         return self._native.encode(self._shown_on(display)._native)
+
+    def _focal_length(self) -> float:
+        return self.metadata["focal_length_mm"] * 1e-3
 
     def _usual(self) -> float:
         return min(4e-3, self.display.eyebox)

@@ -74,7 +74,8 @@ class Refiner:
         spread : float
             To within what its centre is known: a standard deviation along each axis, metres.
         """
-        self._native.aim(_arguments.pupil(x, y, diameter, depth), _arguments.number(spread, "spread"))
+        pupil = _arguments.pupil(x, y, diameter, depth, lambda: self._scene.display.focal_length)
+        self._native.aim(pupil, _arguments.quantity(spread, "m", "spread"))
 
     def step(self, steps: int = 1, callback: Callable[[int, float], Any] | None = None) -> float:
         """Takes steps of every colour. A callback (steps taken, loss) ends it early by an answer that is false; None does not. Ctrl-C

@@ -73,7 +73,7 @@ class Scene:
         self._display = display_of(display)
         native = self._display._native
         names = _arguments.colors(color, list(self._display.wavelengths))
-        pitch = None if view_pitch is None else _arguments.number(view_pitch, "view_pitch")
+        pitch = None if view_pitch is None else _arguments.quantity(view_pitch, "m", "view_pitch")
         if variable is not None and not _files.is_arrays(source):
             raise TypeError(f"variable names an array in a file of arrays: scene is {source!r}")
         # NumPy's files are the library's, too, which finds the views in them by itself.
@@ -86,7 +86,8 @@ class Scene:
             views = None if views is None else _arguments.count(views, "views", 64)
             depth_map = None if depth_map is None else _arguments.path(depth_map, "depth_map")
             if depth is not None:
-                depth = tuple(_arguments.numbers(depth, "depth", "one end, the other"))
+                ends = _arguments.ends(depth, "depth")
+                depth = tuple(_arguments.depth(end, lambda: self._display.focal_length) for end in ends)
             source = _arguments.path(source, "scene")
             near = None if near is None else str(near)
             self._native = _eyebox.Scene.load(source, native, names, (views, pitch, depth_map, depth, near, order))
@@ -164,7 +165,7 @@ class Scene:
         engine : Engine or str
             Where it is computed.
         """
-        pupil = _arguments.pupil(x, y, diameter, depth)
+        pupil = _arguments.pupil(x, y, diameter, depth, lambda: self._display.focal_length)
         return self._native.photograph(self._display._native, pupil, engine_of(engine))
 
     def __repr__(self) -> str:

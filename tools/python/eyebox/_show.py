@@ -107,7 +107,7 @@ class Session:
         Frame or None
             None where none came in time, or none will come any more.
         """
-        seconds = None if timeout is None else _arguments.number(timeout, "timeout")
+        seconds = None if timeout is None else _arguments.quantity(timeout, "s", "timeout")
         given = self._native.frame(seconds)
         return None if given is None else Frame(*given)
 
@@ -133,10 +133,10 @@ class Session:
         age : float
             Seconds since it was there.
         """
-        wide = None if diameter is None else _arguments.number(diameter, "diameter")
+        wide = None if diameter is None else _arguments.quantity(diameter, "m", "diameter")
         moves = None if velocity is None else tuple(_arguments.numbers(velocity, "velocity", "x, y"))
-        at = (_arguments.number(x, "x"), _arguments.number(y, "y"))
-        self._native.look(*at, wide, moves, _arguments.number(age, "age"))
+        at = (_arguments.quantity(x, "m", "x"), _arguments.quantity(y, "m", "y"))
+        self._native.look(*at, wide, moves, _arguments.quantity(age, "s", "age"))
 
     def steer(self, steered: bool = True) -> None:
         """Whether it follows the eye; if not, the hologram for the whole eyebox is shown."""
@@ -328,8 +328,8 @@ def show(
         raise TypeError(f"eye is {eye!r}: it must be own, simulated or another tracker's name")
     eye = None if eye is None else _arguments.path(eye, "eye")
     where = {
-        "rate": None if rate is None else _arguments.finite(rate, "rate"),
-        "seconds": None if seconds is None else _arguments.finite(seconds, "seconds"),
+        "rate": None if rate is None else _arguments.finite_quantity(rate, "Hz", "rate"),
+        "seconds": None if seconds is None else _arguments.finite_quantity(seconds, "s", "seconds"),
         "window": output == "window",
         "monitor": None if monitor is None else str(monitor),
         "simulated": clock == "simulated",
@@ -337,10 +337,10 @@ def show(
     }
     following = {
         "eye": eye,
-        "focus": _arguments.finite(focus, "focus"),
-        "step_time": None if step_time is None else _arguments.finite(step_time, "step_time"),
-        "encode_time": _arguments.finite(encode_time, "encode_time"),
-        "display_latency": _arguments.finite(latency, "latency"),
+        "focus": _arguments.finite(_arguments.depth(focus, lambda: display.focal_length, "focus"), "focus"),
+        "step_time": None if step_time is None else _arguments.finite_quantity(step_time, "s", "step_time"),
+        "encode_time": _arguments.finite_quantity(encode_time, "s", "encode_time"),
+        "display_latency": _arguments.finite_quantity(latency, "s", "latency"),
         "whole_sets": bool(whole_sets),
         "moments": bool(moments),
         "restart": _arguments.number(restart, "restart"),

@@ -79,6 +79,7 @@ def solve_sequence(
     display = display_of(display)
     names = _paths(scenes, "scenes")
     out = _store(out)
+    rate = _arguments.quantity(rate, "Hz", "rate") if isinstance(rate, str) else rate
     try:
         shown = fractions.Fraction(rate if isinstance(rate, numbers.Rational) else _arguments.number(rate, "rate"))
     except (TypeError, ValueError, OverflowError, ZeroDivisionError):
@@ -105,7 +106,7 @@ def solve_far_field(
     *,
     steps: int = 8,
     passes: int = 3,
-    memory: int = 4 << 30,
+    memory: int | str = 4 << 30,
     picture: int = 1024,
     client: Any = None,
     workers: int = 2,
@@ -129,8 +130,8 @@ def solve_far_field(
         Steps of one visit to a region.
     passes : int
         Passes over the SLM.
-    memory : int
-        Bytes that each worker keeps to. It decides the size of the regions, so it is part of the settings.
+    memory : int or str
+        Bytes that each worker keeps to, or a text such as "4GiB". It decides the size of the regions, so it is part of the settings.
     picture : int
         Pixels along each axis of the scene's views.
     client, workers, engine
@@ -152,6 +153,7 @@ def solve_far_field(
             raise ValueError(f"{setting} is not for a far field that is solved region by region: leave it out")
     text = _arguments.toml({"steps": _arguments.count(steps, "steps", 1024), **settings})
     most = 1 << 50
+    memory = int(_arguments.quantity(memory, "B", "memory")) if isinstance(memory, str) else memory
     request = (_arguments.count(passes, "passes"), _arguments.count(memory, "memory", most), _arguments.count(picture, "picture"))
     job = (name, _text(display), tuple(colors), text, request, out, engine)
     with _cluster(client, workers) as there:
@@ -201,7 +203,8 @@ def evaluate(
     """
     files = _paths(holograms, "holograms")
     scene = None if scene is None else _arguments.path(scene, "scene")
-    at = None if pupils is None else _arguments.pupils(pupils)
+    # Each hologram makes depths of texts by its own focal length.
+    at = None if pupils is None else _arguments.pupils(pupils, None)
     jobs = [(file, index, _when(file), scene, at, engine) for file in files for index in _indices(file)]
     return _pieces(_scored, jobs, out, client, workers, keep_pieces)
 
@@ -250,7 +253,7 @@ def tradeoff(
         raise TypeError(f"grid is {grid!r}: it must be a sequence of dicts of settings") from None
     for one in settings:
         _arguments.toml(one)
-    at = None if pupils is None else _arguments.pupils(pupils)
+    at = None if pupils is None else _arguments.pupils(pupils, lambda: display.focal_length)
     given = (name, _text(display), colors)
     return _pieces(_traded, [(*given, one, at, engine) for one in settings], out, client, workers, keep_pieces)
 

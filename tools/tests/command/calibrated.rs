@@ -274,7 +274,10 @@ fn a_picture_is_registered_colour_by_colour() {
         let args = ["--display", &from, "--color", color, "--register", "--captures-max", "20", "-o", &out];
         let lens = lens.map(|v| v.to_string()).join(",");
         let (_, said) = report(&mut calibrate(at, &args, &[("BENCH_IDEAL", "1"), ("BENCH_LENS", &lens)]));
-        assert!(said.lines().any(|line| line.has(color) && line.has("pixels") && line.number("pixels") > 0.1), "{said}");
+        assert!(
+            said.lines().any(|line| line.has(color) && line.has("pixels") && line.number("pixels") > 0.1),
+            "{said}"
+        );
         from = out;
     }
     let display = Display::load(&at.join(from).display().to_string()).expect("a display");

@@ -73,7 +73,14 @@ fn dioptres_are_taken_where_millimetres_are() {
     let refined = json(at, &judged);
     assert!((refined["focus_mm"].as_f64().unwrap() - 1.6).abs() < 1e-9);
     assert!((refined["focus_dioptres"].as_f64().unwrap() - 0.01).abs() < 1e-9);
-    refused(at, &["view", "d.zarr", "--pupil=1,2,4,1.6 m", "-o", "x.png"], "x.png", "usage/value-validation 0.5D");
+    refused(
+        at,
+        &["view", "d.zarr", "--pupil=1,2,4,1.6 s", "-o", "x.png"],
+        "x.png",
+        "usage/value-validation/other-dimension 0.5D",
+    );
+    let in_meters = picture(&["view", "d.zarr"], "--pupil=1mm,0.2cm,4,100m", "m.npy");
+    assert_eq!(in_meters, picture(&["view", "d.zarr"], "--pupil=1,2,4,0.01D", "d.npy"));
 }
 
 #[test]

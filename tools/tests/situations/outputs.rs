@@ -111,9 +111,9 @@ fn numbers() -> Vec<Situation> {
             Remedy::By("probably 2 mm is meant", "0.002", "2"),
             SOLVED,
         ),
-        solve("A time has a unit.", "--seconds 60s").refused(
-            "usage/value-validation '60s'",
-            Remedy::By("a positive number", "60s", "60"),
+        solve("A time is in millimeters.", "--seconds 60mm").refused(
+            "usage/value-validation/other-dimension '60mm'",
+            Remedy::By("ms, s, min", "60mm", "60s"),
             SOLVED,
         ),
         solve("The name of a display is misspelled.", "--display papr").refused(
