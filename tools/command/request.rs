@@ -67,6 +67,7 @@ impl<'a> SolveRequest<'a> {
         let mut display = common::display(&args.display)?;
         args.eye.replace(&mut display.prescription)?;
         display.viewing = args.settings.viewing.over(display.viewing)?;
+        let given = given(&args.settings)?.before(display.focal_length)?;
         Ok(Self {
             tiles: None,
             colors: common::colors(&args.display, &display)?,
@@ -78,7 +79,7 @@ impl<'a> SolveRequest<'a> {
             scene: &args.scene,
             sequence: SequenceRequest { rate: args.rate.fraction(), start: args.warm_start },
             quality: args.quality,
-            given: given(&args.settings)?.before(display.focal_length)?,
+            given,
             options: &args.settings,
             force: args.display.force,
         })

@@ -5,7 +5,7 @@ use eyebox::low_level::encode::AsShown;
 use eyebox::low_level::hologram::PhaseUnit;
 use eyebox::low_level::optics::{Depth, DisplayModel, Prescription, Pupil};
 use eyebox::low_level::present::Rate;
-pub use eyebox::low_level::quantity::{B, CD_M2, CELSIUS, D, DB, DEG, HZ, MIN, MM, MS, NM, PX, RAD, S, UM};
+pub use eyebox::low_level::quantity::{B, CD_M2, CELSIUS, D, DB, DEG, HZ, MIN, MM, MS, NM, PX, S, UM};
 use eyebox::low_level::quantity::{QuantityError, Unit, read_size};
 use eyebox::low_level::solve::Method;
 use std::error::Error;
