@@ -93,7 +93,10 @@ fn a_machine_without_vulkan_is_said_in_one_line() {
             serde_json::from_slice(&answer.stdout).expect("JSON")
         };
         let devices = report(&["devices", "--json"]);
-        assert_eq!((&devices["no_vulkan"], &devices["vulkan"]), (&refusal.message.clone().into(), &serde_json::json!([])));
+        assert_eq!(
+            (&devices["no_vulkan"], &devices["vulkan"]),
+            (&refusal.message.clone().into(), &serde_json::json!([]))
+        );
         let said = text(&run(&["devices"]).stdout);
         assert!(said.lines().any(|l| l.starts_with("vulkan") && l.contains(&refusal.message)), "{said}");
         let auto = ["solve", "builtin:plane", "-o", "a.npy", "--size", "40x48", "--steps", "1", "--color", "green"];

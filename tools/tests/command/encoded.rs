@@ -94,5 +94,7 @@ fn frames_that_do_not_fit_are_one_line() {
     refused(at, &view(&["frames"]), "x.png", "file/content/damaged frames.json");
     // What is damaged is replaced.
     done(at, &["encode", "p.npy", "--display", "bench.toml", "--color", "green", "-o", "frames"]);
-    assert!(at.join("frames/frame-00000.png").exists() && document(&at.join("frames/frames.json"))["frames"].is_array());
+    assert!(
+        at.join("frames/frame-00000.png").exists() && document(&at.join("frames/frames.json"))["frames"].is_array()
+    );
 }

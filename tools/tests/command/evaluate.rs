@@ -78,7 +78,11 @@ fn a_report_is_one_page_and_the_same_numbers_as_csv_and_json() {
     let images = page.matches("<img").count();
     assert!(images > 60 && page.matches("alt=\"").count() == images, "every picture has a text");
     assert_eq!(page.matches("<svg").count(), page.matches("role=\"img\"").count());
-    assert!((&report["published"][0]["mean"], page.contains("28.6")) == (&28.6.into(), true), "{}", report["published"]);
+    assert!(
+        (&report["published"][0]["mean"], page.contains("28.6")) == (&28.6.into(), true),
+        "{}",
+        report["published"]
+    );
     // Base64 may hold any word by chance.
     let words: String = page.split("base64,").map(|p| p.split_once('"').map_or(p, |(_, rest)| rest)).collect();
     for word in ["NaN", "inf", "∞"] {

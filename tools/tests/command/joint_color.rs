@@ -240,8 +240,12 @@ fn the_report_compares_it_with_one_colour_after_another() {
     let said = done(at, &line);
     // One colour after another, and all at once one time and three times as bright, of three sub-frames and of six.
     let rows = document(&at.join("report/report.json"))["joint"].clone();
-    let rows: Vec<[f64; 2]> =
-        rows.as_array().unwrap().iter().map(|r| [&r["frames"], &r["brightness"]].map(|v| v.as_f64().unwrap())).collect();
+    let rows: Vec<[f64; 2]> = rows
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|r| [&r["frames"], &r["brightness"]].map(|v| v.as_f64().unwrap()))
+        .collect();
     assert_eq!(rows.len(), 8, "{rows:?}");
     for [frames, brightness] in [[3.0, 1.0], [3.0, 3.0], [6.0, 1.0], [6.0, 3.0]] {
         let of = |row: &&[f64; 2]| row[0] == frames && (row[1] - brightness).abs() < 1e-3;

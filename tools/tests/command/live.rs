@@ -1,8 +1,8 @@
 //! `eyebox study` and `eyebox live` as a user runs them.
 
-use crate::common::{self, Printed};
 use crate::common::desk::Desk;
 use crate::common::screen::Screen;
+use crate::common::{self, Printed};
 use crate::common::{done, folder, refused, text};
 use serde_json::Value;
 use std::path::Path;

@@ -89,7 +89,10 @@ fn terms_are_chosen() {
     assert!(auto.contains(&"crosstalk".into()) && !auto.contains(&"lag".into()), "{worth}");
     let words = done(at, &[&["plan"], &scene[..]].concat());
     // The term that is left out is named in the line that has the decibels, and the size that they were measured at.
-    assert!(words.lines().any(|line| line.has("--model-terms lag crosstalk dB") && line.has_sequence(&[48.0, 48.0])), "{words}");
+    assert!(
+        words.lines().any(|line| line.has("--model-terms lag crosstalk dB") && line.has_sequence(&[48.0, 48.0])),
+        "{words}"
+    );
     // What a hologram was solved for is what it is looked at through.
     let solved_for = |terms: &str| {
         let out = format!("{}.zarr", terms.replace(',', "-"));

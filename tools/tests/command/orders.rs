@@ -1,8 +1,8 @@
 //! Views in another order than their names say, and their depths, in the commands that steer and show.
 
+use crate::common::{Printed, done, folder, made, refused};
 #[cfg(target_os = "linux")]
 use crate::common::{command, desk::Desk};
-use crate::common::{Printed, done, folder, made, refused};
 use serde_json::Value;
 use std::path::Path;
 #[cfg(target_os = "linux")]

@@ -70,7 +70,11 @@ fn an_interrupted_sequence_is_gone_on_with_and_comes_out_the_same() {
     assert!(answer.status.success(), "{}", text(&answer.stderr));
     // The first one stays.
     let report: Value = serde_json::from_slice(&answer.stdout).unwrap();
-    assert_eq!((report["frames"].as_array().map(Vec::len), written(&chunks("cut.zarr")[0])), (Some(2), first), "{report}");
+    assert_eq!(
+        (report["frames"].as_array().map(Vec::len), written(&chunks("cut.zarr")[0])),
+        (Some(2), first),
+        "{report}"
+    );
     for i in 0..3 {
         let chunk = |name: &str| std::fs::read(at.join(name).join(format!("phases/c/{i}/0/0/0/0"))).unwrap();
         assert!(chunk("s.zarr") == chunk("cut.zarr"), "hologram {i} is another one");

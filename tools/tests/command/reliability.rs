@@ -279,7 +279,8 @@ fn devices_show_when_they_were_tried() {
     let all = all();
     let tested = all.as_array().unwrap().iter().find(|d| !d["tested"].is_null()).unwrap();
     // How long ago, and how far off.
-    let worst = ["transfer", "transform"].map(|of| tested["tested"][of].as_f64().unwrap()).into_iter().fold(0.0, f64::max);
+    let worst =
+        ["transfer", "transform"].map(|of| tested["tested"][of].as_f64().unwrap()).into_iter().fold(0.0, f64::max);
     let after = run(&["devices"]);
     assert!(after != before && after.lines_with(&format!("0 {worst:.0e}")) == 1, "{after}");
     for of in ["transfer", "transform"] {

@@ -55,7 +55,11 @@ fn a_hologram_keeps_its_light() {
     done(at, &[&refine[..], &["-o", "refined.zarr"]].concat());
     assert!(view("refined.zarr", "refined.npy", &[]).1.has("9 --ideal"));
     let source = |hologram: &str| attributes(&at.join(hologram))["settings"]["source"].clone();
-    assert!(source("wide.zarr").is_object() && source("refined.zarr") == source("wide.zarr"), "{}", source("wide.zarr"));
+    assert!(
+        source("wide.zarr").is_object() && source("refined.zarr") == source("wide.zarr"),
+        "{}",
+        source("wide.zarr")
+    );
     // The plan says how many modes, and what one more would change.
     let plan = [&["plan", "builtin:still-life", "--display", "wide.toml"][..], &settings].concat();
     let planned = json(at, &[&plan[..], &["--json"]].concat());

@@ -119,7 +119,10 @@ fn what_is_solved_region_by_region_is_planned_so() {
     // The region, the diameters of pupils, the steps, the memory of 600 MiB at most, the space on disk.
     let region = [0, 1].map(|i| planned["region"][i].as_f64().unwrap());
     let diameters = [0, 1].map(|i| planned["settings"]["diameter"][i].as_f64().unwrap() * 1e3);
-    assert!(words.has_sequence(&region) && words.has_sequence(&diameters.map(|mm| (mm * 100.0).round() / 100.0)), "{words}");
+    assert!(
+        words.has_sequence(&region) && words.has_sequence(&diameters.map(|mm| (mm * 100.0).round() / 100.0)),
+        "{words}"
+    );
     let disk = planned["disk_bytes"].as_u64().unwrap().div_ceil(1 << 20);
     let [steps, visits] = [&planned["settings"]["steps"], &planned["visits"]].map(|n| n.as_u64().unwrap());
     assert!(words.has(&format!("green {visits} {steps} 600 {disk} MiB")), "{words}");

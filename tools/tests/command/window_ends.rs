@@ -1,8 +1,8 @@
 //! How `eyebox play --output window` ends, or goes on: the window closed, destroyed, resized, the server ended, the process
 //! stopped for a while.
 
-use crate::common::{self, Refusal};
 use crate::common::screen::{Screen, hologram, play};
+use crate::common::{self, Refusal};
 use eyebox::low_level::optics::Display;
 use std::path::Path;
 use std::process::{Child, Command, Output};

@@ -48,7 +48,10 @@ fn run(compiler: &str, example: &str, standard: &str, library: &[&str]) -> Strin
 
 /// The size of a video frame, and ten sets that were refined.
 fn is_refined(out: &str) {
-    assert!(out.has_sequence(&[32.0, 32.0, 1.0]) && out.numbers()[3..] >= [10.0][..] && out.lines().count() == 1, "{out}");
+    assert!(
+        out.has_sequence(&[32.0, 32.0, 1.0]) && out.numbers()[3..] >= [10.0][..] && out.lines().count() == 1,
+        "{out}"
+    );
 }
 
 #[test]
