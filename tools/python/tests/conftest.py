@@ -1,6 +1,7 @@
 """What the tests share."""
 
 import os
+import re
 
 import eyebox
 import numpy as np
@@ -15,6 +16,17 @@ def coded(kind, *codes):
 
     def check(error):
         assert error.code in codes, error
+        return True
+
+    return pytest.raises(kind, check=check)
+
+
+def named(kind, *words):
+    """Expects an exception that names these arguments, values, files and numbers. How it puts them is free."""
+
+    def check(error):
+        missing = [word for word in words if not re.search(rf"(?<!\w){re.escape(word)}(?!\w)", str(error))]
+        assert not missing, f"{missing} in {error!r}"
         return True
 
     return pytest.raises(kind, check=check)

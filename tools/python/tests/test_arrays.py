@@ -3,7 +3,7 @@
 import eyebox
 import numpy as np
 import pytest
-from conftest import coded, light_field
+from conftest import coded, light_field, named
 
 VIEWS = light_field(2, 3, 3)
 
@@ -79,7 +79,7 @@ def test_pytorch(display):
     tensor = torch.from_numpy(VIEWS.copy())
     np.testing.assert_array_equal(scene(tensor, display).views[..., 0], VIEWS)
     phases = torch.zeros(1, 40, 48, requires_grad=True)
-    with pytest.raises(TypeError, match="phases is .*grad"):
+    with named(TypeError, "phases", "grad"):
         eyebox.Hologram.from_phases(phases, display, "green")
     assert eyebox.Hologram.from_phases(phases.detach(), display, "green").frames == 1
 
@@ -100,86 +100,86 @@ def place(value):
 @pytest.mark.parametrize(
     ("wrong", "says"),
     [
-        (place(np.nan), "NaN in green, view 5, row 5, column 7.*finite and not negative"),
-        (place(-0.5), "-0.5 in green, view 5, row 5, column 7"),
-        (np.full((40, 48), 1e300), "inf in green"),
-        (np.zeros((2, 3, 4, 5, 6)), r"scene has the shape \(2, 3, 4, 5, 6\): it must be \(view row"),
-        (np.zeros((2, 0, 4, 5)), r"scene has the shape \(2, 0, 4, 5\)"),
-        (np.zeros(7), r"scene has the shape \(7,\)"),
-        (np.float32(3), "scene has the shape|scene is"),
-        (np.zeros((65, 1, 2, 2)), "65 x 1.*1 to 64"),
-        (np.zeros((4, 4), complex), "scene has the dtype complex128"),
-        (np.zeros((4, 4), int), "scene has the dtype int64"),
-        (np.array([["a"]]), "scene has the dtype <U1"),
-        (np.array([[object()]]), "scene has the dtype object"),
-        ([[1.0], [1.0, 2.0]], "scene is .*NumPy makes no array"),
-        (Exported(VIEWS, BufferError("it is on a GPU")), "scene is .*it is on a GPU"),
-        (None, "scene is None"),
-        (7, "scene is 7"),
+        (place(np.nan), "NaN green 5 7"),
+        (place(-0.5), "-0.5 green 5 7"),
+        (np.full((40, 48), 1e300), "inf green"),
+        (np.zeros((2, 3, 4, 5, 6)), "scene (2, 3, 4, 5, 6)"),
+        (np.zeros((2, 0, 4, 5)), "scene (2, 0, 4, 5)"),
+        (np.zeros(7), "scene (7,)"),
+        (np.float32(3), "scene"),
+        (np.zeros((65, 1, 2, 2)), "65 1 64"),
+        (np.zeros((4, 4), complex), "scene complex128"),
+        (np.zeros((4, 4), int), "scene int64"),
+        (np.array([["a"]]), "scene <U1"),
+        (np.array([[object()]]), "scene object"),
+        ([[1.0], [1.0, 2.0]], "scene"),
+        (Exported(VIEWS, BufferError("it is on a GPU")), "scene it is on a GPU"),
+        (None, "scene None"),
+        (7, "scene 7"),
         ("builtin:nothing", "nothing"),
         ("/dev/null", "/dev/null"),
     ],
 )
 def test_what_makes_no_sense_is_named(display, wrong, says):
-    with pytest.raises((ValueError, TypeError), match=says):
+    with named((ValueError, TypeError), *says.split(" ")):
         scene(wrong, display)
 
 
 @pytest.mark.parametrize(
     ("wrong", "says"),
     [
-        (np.zeros((1, 40, 47)), r"phases of green has the shape \(1, 40, 47\): it must be \(sub-frame, 40, 48\)"),
-        (np.zeros((40, 48), int), "phases has the dtype int64: .*radians"),
-        (np.full((40, 48), np.inf), "phases of green is inf at sub-frame 0, row 0, column 0: it must be finite"),
+        (np.zeros((1, 40, 47)), "phases green (1, 40, 47) 48"),
+        (np.zeros((40, 48), int), "phases int64"),
+        (np.full((40, 48), np.inf), "phases green inf 0"),
         ({"green": np.zeros((40, 48)), "infrared": np.zeros((40, 48))}, "infrared"),
-        ({}, "dict of phases"),
+        ({}, "phases"),
     ],
 )
 def test_phases_that_make_no_sense(display, wrong, says):
-    with pytest.raises((ValueError, TypeError), match=says):
+    with named((ValueError, TypeError), *says.split(" ")):
         eyebox.Hologram.from_phases(wrong, display, None if isinstance(wrong, dict) else "green")
 
 
 @pytest.mark.parametrize(
     ("call", "says"),
     [
-        (lambda d: eyebox.solve("builtin:plane", d, stpes=3), "stpes: no such setting: there are frames"),
-        (lambda d: eyebox.solve("builtin:plane", d, steps="many"), "steps: invalid type"),
-        (lambda d: eyebox.solve("builtin:plane", d, psnr=float("nan")), "psnr: every number must be finite"),
-        (lambda d: eyebox.solve("builtin:plane", d, frames=0), "number of sub-frames is 0"),
-        (lambda d: eyebox.solve("builtin:plane", d, levels=object()), "levels is <object"),
-        (lambda d: eyebox.solve("builtin:plane", d, color="pink"), "color is \"pink\": it must be red, green or blue"),
-        (lambda d: eyebox.solve("builtin:plane", d, callback=3), "callback is 3"),
-        (lambda d: eyebox.solve("builtin:plane", d, progress=3), "progress is 3"),
-        (lambda d: eyebox.solve("builtin:plane", d, engine="gpu"), "engine is \"gpu\": it must be auto, cpu or vulkan"),
-        (lambda d: eyebox.solve("builtin:plane", 3), "display is 3"),
+        (lambda d: eyebox.solve("builtin:plane", d, stpes=3), "stpes frames steps"),
+        (lambda d: eyebox.solve("builtin:plane", d, steps="many"), "steps"),
+        (lambda d: eyebox.solve("builtin:plane", d, psnr=float("nan")), "psnr"),
+        (lambda d: eyebox.solve("builtin:plane", d, frames=0), "0"),
+        (lambda d: eyebox.solve("builtin:plane", d, levels=object()), "levels <object"),
+        (lambda d: eyebox.solve("builtin:plane", d, color="pink"), "color pink red green blue"),
+        (lambda d: eyebox.solve("builtin:plane", d, callback=3), "callback 3"),
+        (lambda d: eyebox.solve("builtin:plane", d, progress=3), "progress 3"),
+        (lambda d: eyebox.solve("builtin:plane", d, engine="gpu"), "engine gpu auto cpu vulkan"),
+        (lambda d: eyebox.solve("builtin:plane", 3), "display 3"),
         (lambda d: eyebox.Display("nowhere.toml"), "nowhere.toml"),
         (lambda d: eyebox.Display("small", pitch=8), "pitch"),
-        (lambda d: eyebox.Display("small", size=(0, 8)), r"size\[0\] is 0"),
-        (lambda d: eyebox.Display("small", size=8), "size is 8"),
-        (lambda d: eyebox.Display(), "Display\\(\\) needs"),
+        (lambda d: eyebox.Display("small", size=(0, 8)), "size[0] 0"),
+        (lambda d: eyebox.Display("small", size=8), "size 8"),
+        (lambda d: eyebox.Display(), "Display"),
         (lambda d: eyebox.Hologram.load("nowhere.zarr"), "nowhere.zarr"),
-        (lambda d: eyebox.Hologram.load(3), "path is 3"),
-        (lambda d: eyebox.Hologram(), "made by eyebox.solve"),
+        (lambda d: eyebox.Hologram.load(3), "path 3"),
+        (lambda d: eyebox.Hologram(), "eyebox.solve"),
     ],
 )
 def test_arguments_that_make_no_sense(display, call, says):
-    with pytest.raises((ValueError, TypeError), match=says):
+    with named((ValueError, TypeError), *says.split(" ")):
         call(display)
 
 
 @pytest.mark.parametrize(
     ("pupil", "says"),
     [
-        ({"x": "left"}, "x is 'left'"),
-        ({"x": float("nan")}, "NaN|finite"),
-        ({"x": 1.0}, "eyebox|pupil"),
-        ({"diameter": 4}, "probably"),
+        ({"x": "left"}, "x 'left'"),
+        ({"x": float("nan")}, "x nan"),
+        ({"x": 1.0}, "mm"),
+        ({"diameter": 4}, "4 mm"),
         ({"depth": 1e9}, "depth"),
     ],
 )
 def test_pupils_that_make_no_sense(hologram, pupil, says):
-    with pytest.raises((ValueError, TypeError), match=says):
+    with named((ValueError, TypeError), *says.split(" ")):
         hologram.view(**pupil)
 
 
@@ -191,5 +191,5 @@ def test_views_that_are_no_neighbors_are_refused_unless_a_grid_is_stated(display
     with coded(eyebox.SceneError, "scene/order/moves-otherwise"):
         scene(VIEWS[::-1], display)
     assert (scene(VIEWS[::-1], display, order="flip-rows").views == scene(VIEWS, display).views).all()
-    with pytest.raises(ValueError, match="as-named"):
+    with named(ValueError, "as-named"):
         scene(VIEWS, display, order="backwards")

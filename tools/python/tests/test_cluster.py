@@ -14,7 +14,7 @@ import pytest
 
 distributed = pytest.importorskip("distributed")
 import eyebox.cluster  # noqa: E402
-from conftest import coded, LONG  # noqa: E402
+from conftest import coded, LONG, named  # noqa: E402
 
 COUNT = 64 if LONG else 8
 
@@ -98,20 +98,20 @@ def test_scores_and_trade_offs_are_those_of_one_process(tmp_path, hologram, disp
     assert [one["scores"] for one in found] == own and [one["hologram"] for one in found] == [str(file) for file in files]
     assert solved[0]["scores"] == own[1] and solved[1]["settings"] == grid[1] and solved[1]["seconds"] > 0
     assert json.loads((tmp_path / "grid.json").read_text()) == solved and not (tmp_path / "grid.json.pieces").exists()
-    with pytest.raises(ValueError, match="must end in .json"):
+    with named(ValueError, ".json", "scores.zarr"):
         eyebox.cluster.evaluate(files, tmp_path / "scores.zarr")
-    with pytest.raises(TypeError, match="sequence of dicts"):
+    with named(TypeError, "grid"):
         eyebox.cluster.tradeoff("builtin:plane", tmp_path / "x.json", [3], display)
 
 
 def test_what_makes_no_sense(tmp_path):
-    with pytest.raises(TypeError, match="scenes is 'builtin:plane'"):
+    with named(TypeError, "scenes", "'builtin:plane'"):
         eyebox.cluster.solve_sequence("builtin:plane", tmp_path / "x.zarr")
-    with pytest.raises(ValueError, match="scenes is empty"):
+    with named(ValueError, "scenes"):
         eyebox.cluster.solve_sequence([], tmp_path / "x.zarr")
-    with pytest.raises(ValueError, match="must end in .zarr"):
+    with named(ValueError, ".zarr"):
         eyebox.cluster.solve_sequence(["builtin:plane"], tmp_path / "x")
-    with pytest.raises(TypeError, match="rate is 'fast'"):
+    with named(TypeError, "rate", "'fast'"):
         eyebox.cluster.solve_sequence(["builtin:plane"], tmp_path / "x.zarr", rate="fast")
     assert not list(tmp_path.iterdir())
 
@@ -144,9 +144,9 @@ def test_a_far_fields_regions_are_solved_side_by_side(tmp_path):
     assert files(out) == files(tmp_path / "one.zarr")
     with coded(eyebox.EyeboxError, "produce/job/tiles-in-a-relay"):
         eyebox.cluster.solve_far_field("builtin:plane", tmp_path / "x.zarr", "small", workers=1, engine="cpu")
-    with pytest.raises(ValueError, match="passes is 0"):
+    with named(ValueError, "passes", "0"):
         eyebox.cluster.solve_far_field("builtin:plane", tmp_path / "x.zarr", display, passes=0)
-    with pytest.raises(ValueError, match="psnr is not for"):
+    with named(ValueError, "psnr"):
         eyebox.cluster.solve_far_field("builtin:plane", tmp_path / "x.zarr", display, psnr=30)
 
 

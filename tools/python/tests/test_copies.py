@@ -148,8 +148,9 @@ def test_phases_are_copies_and_views_are_read_only(hologram):
     assert own.dtype == view.dtype == np.float32 and own.flags.c_contiguous and view.flags.c_contiguous
     own[0, 0, 0] = 3
     assert hologram.phases["green"][0, 0, 0] != 3
-    with pytest.raises(ValueError, match="read-only"):
+    with pytest.raises(ValueError):
         view[0, 0, 0] = 3
+    assert view[0, 0, 0] != 3
     # A view holds no memory of its own until somebody writes, and outlives its hologram.
     base = view
     while isinstance(base, np.ndarray):

@@ -3,7 +3,7 @@
 import eyebox
 import numpy as np
 import pytest
-from conftest import light_field
+from conftest import light_field, named
 
 RNG = np.random.default_rng(5)
 #: (sub-frame, row, column), and in MATLAB's order.
@@ -115,18 +115,18 @@ def text(path, **_):
 
 
 REFUSED = {
-    "several": ("x.npz", npz, dict(a=PHASES, b=PHASES), {}, ValueError, "variable"),
-    "none": ("x.npz", npz, dict(a=np.arange(3)), {}, ValueError, "a \\(3,\\)"),
-    "another name": ("x.npz", npz, dict(a=PHASES), dict(variable="b"), ValueError, "named 'b'"),
-    "objects": ("x.npz", npz, dict(a=np.array([[object()]])), {}, ValueError, "objects"),
-    "another size": ("x.npz", npz, dict(a=PHASES[:, 1:]), {}, ValueError, "39, 48"),
-    "sub-frames last": ("x.npz", npz, dict(a=LAST), {}, ValueError, "40, 48, 4"),
-    "integers": ("x.npz", npz, dict(a=np.ones((4, 40, 48), int)), {}, TypeError, "radians"),
-    "text": ("x.npz", text, {}, {}, ValueError, "first bytes"),
-    "text as mat": ("x.mat", text, {}, {}, ValueError, "first bytes"),
-    "text as h5": ("x.h5", text, {}, {}, ValueError, "first bytes"),
-    "cut off": ("x.h5", lambda path, **_: path.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(40)), {}, {}, ValueError, "damaged"),
-    "cut off as npz": ("x.npz", lambda path, **_: path.write_bytes(b"PK\3\4" + bytes(40)), {}, {}, ValueError, "damaged"),
+    "several": ("x.npz", npz, dict(a=PHASES, b=PHASES), {}, ValueError, "variable", "a", "b"),
+    "none": ("x.npz", npz, dict(a=np.arange(3)), {}, ValueError, "a", "(3,)"),
+    "another name": ("x.npz", npz, dict(a=PHASES), dict(variable="b"), ValueError, "'b'", "a"),
+    "objects": ("x.npz", npz, dict(a=np.array([[object()]])), {}, ValueError, "x.npz"),
+    "another size": ("x.npz", npz, dict(a=PHASES[:, 1:]), {}, ValueError, "39", "40", "48"),
+    "sub-frames last": ("x.npz", npz, dict(a=LAST), {}, ValueError, "(40, 48, 4)"),
+    "integers": ("x.npz", npz, dict(a=np.ones((4, 40, 48), int)), {}, TypeError, "int64"),
+    "text": ("x.npz", text, {}, {}, ValueError, "x.npz"),
+    "text as mat": ("x.mat", text, {}, {}, ValueError, "x.mat"),
+    "text as h5": ("x.h5", text, {}, {}, ValueError, "x.h5"),
+    "cut off": ("x.h5", lambda path, **_: path.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(40)), {}, {}, ValueError, "x.h5"),
+    "cut off as npz": ("x.npz", lambda path, **_: path.write_bytes(b"PK\3\4" + bytes(40)), {}, {}, ValueError, "x.npz"),
     "not there": ("y.mat", lambda path, **_: None, {}, {}, FileNotFoundError, "y.mat"),
     "variable of an array": (None, None, {}, dict(variable="a"), TypeError, "variable"),
 }
@@ -134,12 +134,12 @@ REFUSED = {
 
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_holds_no_phases_is_refused(tmp_path, display, case):
-    name, write, arrays, options, kind, says = REFUSED[case]
+    name, write, arrays, options, kind, *words = REFUSED[case]
     path = PHASES
     if name:
         path = tmp_path / name
         write(path, **arrays)
-    with pytest.raises(kind, match=says):
+    with named(kind, *words):
         eyebox.Hologram.from_phases(path, display, "green", exposure=1.0, **options)
 
 
@@ -148,7 +148,7 @@ def test_a_cube_in_matlab_is_asked_for(tmp_path):
     small = eyebox.Display("small", size=(32, 32))
     cube = RNG.uniform(-3, 3, (32, 32, 32))
     mat(tmp_path / "x.mat", phases=cube)
-    with pytest.raises(ValueError, match="first axis or the last"):
+    with named(ValueError, "x.mat", "(32, 32, 32)"):
         eyebox.Hologram.from_phases(tmp_path / "x.mat", small, "green", exposure=1.0)
     # The remedy works.
     array = pytest.importorskip("scipy.io").loadmat(tmp_path / "x.mat")["phases"]
@@ -159,5 +159,5 @@ def test_a_cube_in_matlab_is_asked_for(tmp_path):
 def test_a_library_that_is_missing_is_named(tmp_path, display, monkeypatch, name, missing, says):
     (mat if name == "x.mat" else h5)(tmp_path / name, phases=PHASES)
     monkeypatch.setitem(__import__("sys").modules, missing, None)
-    with pytest.raises(ImportError, match=says):
+    with named(ImportError, says):
         eyebox.Hologram.from_phases(tmp_path / name, display, "green", exposure=1.0)

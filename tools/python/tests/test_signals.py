@@ -189,7 +189,7 @@ def test_an_answer_is_true_or_false_by_pythons_rules(display, answer, ends):
 
 
 def test_an_answer_without_truth_is_an_error(display):
-    with pytest.raises(ValueError, match="ambiguous"):
+    with pytest.raises(ValueError, check=lambda error: not isinstance(error, eyebox.EyeboxError)):
         eyebox.solve("builtin:plane", display, color="green", frames=1, steps=3, callback=lambda _: np.ones(2))
 
 

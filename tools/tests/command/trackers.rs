@@ -371,7 +371,7 @@ fn mistakes_are_one_line() {
     refused(at, &["--watch", "a.hid", "--device-file", "bad.toml"], "tracker/file/toml bad.toml");
     refused(at, &["--watch", "a.hid", "--pupil", "--calibration", "bad.toml"], "gaze/file/toml bad.toml");
     refused(at, &["--watch", "simulated", "--rate", "1e9", "--duration", "1"], "tracker/setting/simulated 20000");
-    refused(at, &["--watch", "a.hid", "--duration=-1"], "usage/value-validation positive");
+    refused(at, &["--watch", "a.hid", "--duration=-1"], "usage/value-validation --duration");
     refused(
         at,
         &["--watch", "simulated", "--calibrate", "x.toml", "--targets", "0,0;1,1"],

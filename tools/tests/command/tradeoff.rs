@@ -153,7 +153,7 @@ fn an_interrupted_sweep_is_a_valid_report() {
 fn mistakes_are_one_line_and_leave_nothing() {
     let temp = folder();
     let at = temp.path();
-    refused(at, &tradeoff(&["--budget", "0"]), "usage/value-validation positive");
+    refused(at, &tradeoff(&["--budget", "0"]), "usage/value-validation --budget");
     refused(at, &tradeoff(&["--check", "none.json"]), "arguments/tradeoff-file none.json");
     std::fs::write(at.join("other.json"), "{\"recommended\": []}").unwrap();
     refused(at, &tradeoff(&["--check", "other.json"]), "arguments/tradeoff-file");
@@ -170,7 +170,7 @@ fn mistakes_are_one_line_and_leave_nothing() {
     refused(at, &["tradeoff", "builtin:plane", "--size", "32x32"], "usage/missing-required-argument --out");
     refused(at, &solve(&["--quality", "best"]), "usage/invalid-value");
     refused(at, &solve(&["--quality", "fast", "--deadline", "9"]), "usage/argument-conflict");
-    refused(at, &solve(&["--deadline", "0"]), "usage/value-validation positive");
+    refused(at, &solve(&["--deadline", "0"]), "usage/value-validation --deadline");
     // Nothing was measured: a built-in setting knows nothing of this machine's milliseconds.
     refused(at, &solve(&["--deadline", "1000000"]), "arguments/nothing-measured");
 }
