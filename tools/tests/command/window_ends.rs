@@ -87,7 +87,7 @@ impl Playing {
     }
 
     /// It ends because the display is lost, with this error.
-    fn is_lost(self, what: &str) -> String {
+    fn loses_its_display(self, what: &str) -> String {
         let (_, answer) = self.ends(3);
         let refusal = Refusal::of(&answer);
         refusal.is(what);
@@ -139,7 +139,7 @@ fn another_program_destroys_the_window() {
     let playing = Playing::new(&[]);
     playing.connection.destroy_window(playing.window).expect("sent");
     playing.sync();
-    playing.is_lost("lost/display");
+    playing.loses_its_display("lost/display");
 }
 
 #[test]
@@ -148,18 +148,18 @@ fn another_program_resizes_the_window() {
     let less = ConfigureWindowAux::new().width(60);
     playing.connection.configure_window(playing.window, &less).expect("sent");
     playing.sync();
-    playing.is_lost("lost/display 36x64 36x60");
+    playing.loses_its_display("lost/display 36x64 36x60");
 }
 
 #[test]
 fn the_server_ends_or_cuts_the_connection() {
     let mut playing = Playing::new(&[]);
     playing.screen.server.process.kill().expect("killed");
-    let ended = playing.is_lost("lost/display");
+    let ended = playing.loses_its_display("lost/display");
     let playing = Playing::new(&[]);
     playing.connection.kill_client(playing.window).expect("sent");
     playing.sync();
-    assert_eq!(playing.is_lost("lost/display"), ended, "either way the server is gone");
+    assert_eq!(playing.loses_its_display("lost/display"), ended, "either way the server is gone");
 }
 
 /// As in a suspend: nothing runs for some seconds, and then it goes on in time.
