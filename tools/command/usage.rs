@@ -41,7 +41,7 @@ fn join_negative_values(given: Vec<OsString>, command: &Command) -> Vec<OsString
             break;
         }
         if is_option(&word)
-            && let Some(value) = words.next_if(|next| is_negative(next))
+            && let Some(value) = words.next_if(is_negative)
         {
             word.push("=");
             word.push(value);
