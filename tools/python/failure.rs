@@ -94,7 +94,7 @@ impl From<Failure> for PyErr {
         let said = failure.to_string();
         let data = ErrorData::of(&failure);
         let error = match failure {
-            // As of any other text in the place of a number.
+            // A text without a unit is no number to Python.
             Failure::Quantity(QuantityError::NotANumber { .. } | QuantityError::NoUnit { .. }) => {
                 PyTypeError::new_err(said)
             }

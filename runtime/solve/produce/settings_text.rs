@@ -56,7 +56,7 @@ impl SceneJob<'_> {
     }
 }
 
-/// Makes numbers of texts with units, where a setting has a unit.
+/// Makes numbers of texts with units if a setting has a unit.
 fn plain(key: &str, value: Value, focal_length: f64) -> Result<Value, Reason> {
     let number = |text: &str| match key {
         "seconds" => Quantity::read_with_unit(text, S, &[]).map(|time| time.value_in(S)),
