@@ -1,4 +1,4 @@
-//! Reads quantities as people write them: `4mm`, `0.5D`, `520nm`, `30Hz`, `10s`, `4GiB`, and sizes such as `1080p`.
+//! Reads quantities as people write them, such as `4mm`, `0.5D`, `520nm`, `30Hz`, `10s`, `4GiB`, and sizes like `1080p`.
 //!
 //! A number without a unit is in the unit that its reader names. The case of a unit does not matter.
 
@@ -15,19 +15,19 @@ pub enum Dimension {
     Length,
     /// Inverse of a distance from the eye.
     Vergence,
-    /// Events per second.
+    /// Number of events per second.
     Frequency,
-    /// Duration.
+    /// Duration of an event.
     Time,
-    /// Amount of memory.
+    /// Amount of memory in bytes.
     Memory,
-    /// Plane angle.
+    /// Angle in a plane.
     Angle,
     /// Brightness of a surface.
     Luminance,
     /// Ratio of powers on a logarithmic scale.
     Level,
-    /// Temperature.
+    /// Temperature of a bench.
     Temperature,
     /// Number of pixels along an axis.
     Pixels,
@@ -50,7 +50,7 @@ impl fmt::Display for Dimension {
     }
 }
 
-/// A unit: `factor` times 10 to the power `exponent` of the first unit of its dimension.
+/// A unit, which is `factor` times 10 to the power `exponent` of the first unit of its dimension.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Unit {
     name: &'static str,
@@ -63,47 +63,47 @@ const fn unit(name: &'static str, dimension: Dimension, factor: f64, exponent: i
     Unit { name, dimension, factor, exponent }
 }
 
-/// Nanometers.
+/// The unit of nanometers.
 pub const NM: Unit = unit("nm", Dimension::Length, 1.0, -9);
-/// Micrometers.
+/// The unit of micrometers.
 pub const UM: Unit = unit("um", Dimension::Length, 1.0, -6);
-/// Millimeters.
+/// The unit of millimeters.
 pub const MM: Unit = unit("mm", Dimension::Length, 1.0, -3);
-/// Centimeters.
+/// The unit of centimeters.
 pub const CM: Unit = unit("cm", Dimension::Length, 1.0, -2);
-/// Meters.
+/// The unit of meters.
 pub const M: Unit = unit("m", Dimension::Length, 1.0, 0);
-/// Diopters.
+/// The unit of diopters.
 pub const D: Unit = unit("D", Dimension::Vergence, 1.0, 0);
-/// Hertz.
+/// The unit of hertz.
 pub const HZ: Unit = unit("Hz", Dimension::Frequency, 1.0, 0);
-/// Kilohertz.
+/// The unit of kilohertz.
 pub const KHZ: Unit = unit("kHz", Dimension::Frequency, 1.0, 3);
-/// Microseconds.
+/// The unit of microseconds.
 pub const US: Unit = unit("us", Dimension::Time, 1.0, -6);
-/// Milliseconds.
+/// The unit of milliseconds.
 pub const MS: Unit = unit("ms", Dimension::Time, 1.0, -3);
-/// Seconds.
+/// The unit of seconds.
 pub const S: Unit = unit("s", Dimension::Time, 1.0, 0);
-/// Minutes.
+/// The unit of minutes.
 pub const MIN: Unit = unit("min", Dimension::Time, 60.0, 0);
-/// Hours.
+/// The unit of hours.
 pub const H: Unit = unit("h", Dimension::Time, 3600.0, 0);
-/// Bytes.
+/// The unit of bytes.
 pub const B: Unit = unit("B", Dimension::Memory, 1.0, 0);
-/// Degrees.
+/// The unit of degrees.
 pub const DEG: Unit = unit("deg", Dimension::Angle, PI / 180.0, 0);
-/// Minutes of arc.
+/// The unit of minutes of arc.
 pub const ARCMIN: Unit = unit("arcmin", Dimension::Angle, PI / 10800.0, 0);
-/// Radians.
+/// The unit of radians.
 pub const RAD: Unit = unit("rad", Dimension::Angle, 1.0, 0);
-/// Candelas per square meter.
+/// The unit of candelas per square meter.
 pub const CD_M2: Unit = unit("cd/m2", Dimension::Luminance, 1.0, 0);
-/// Decibels.
+/// The unit of decibels.
 pub const DB: Unit = unit("dB", Dimension::Level, 1.0, 0);
-/// Degrees Celsius.
+/// The unit of degrees Celsius.
 pub const CELSIUS: Unit = unit("C", Dimension::Temperature, 1.0, 0);
-/// Pixels.
+/// The unit of pixels.
 pub const PX: Unit = unit("px", Dimension::Pixels, 1.0, 0);
 
 /// All units, from the smallest of a dimension to the largest.
@@ -162,25 +162,25 @@ pub enum QuantityError {
     #[error("'{value}' is not a number, alone or with a unit ({})", list(fits))]
     NotANumber { value: String, fits: Vec<&'static str> },
     /// The text has no unit, but its reader requires one.
-    #[error("'{value}' has no unit: add one of {}", list(fits))]
+    #[error("'{value}' has no unit, add one of {}", list(fits))]
     NoUnit { value: String, fits: Vec<&'static str> },
     /// No unit has this name.
-    #[error("'{value}': {unit} is not a unit: use {}", list(fits))]
+    #[error("'{value}' has the unknown unit {unit}, use {}", list(fits))]
     UnknownUnit { value: String, unit: String, fits: Vec<&'static str> },
     /// The unit belongs to another dimension.
-    #[error("'{value}': {unit} is a unit of {given}, not of {expected}: use {}", list(fits))]
+    #[error("{unit} of '{value}' is a unit of {given}, not of {expected}, use {}", list(fits))]
     OtherDimension { value: String, unit: &'static str, given: Dimension, expected: Dimension, fits: Vec<&'static str> },
     /// The number is out of its range.
-    #[error("'{value}' is out of range: expected {range}")]
+    #[error("'{value}' is out of range, expected {range}")]
     OutOfRange { value: String, range: &'static str },
     /// The text is no size.
     #[error(
-        "'{value}' is no size: expected rows x columns, such as 1080x1920, one number for a square, or {}",
+        "'{value}' is no size, expected rows x columns, such as 1080x1920, one number for a square, or {}",
         list(fits)
     )]
     NotASize { value: String, fits: Vec<&'static str> },
     /// An axis has no pixels or too many.
-    #[error("'{value}': each axis must be 1 to {MOST_PIXELS} pixels")]
+    #[error("each axis of '{value}' must be 1 to {MOST_PIXELS} pixels")]
     SizeOutOfRange { value: String },
 }
 
@@ -253,7 +253,7 @@ impl<'a> Quantity<'a> {
         self.unit
     }
 
-    /// Returns the number in another unit of the same dimension. Powers of ten are exact: they move the decimal point of the text.
+    /// Returns the number in another unit of the same dimension. Powers of ten are exact because they move the decimal point of the text.
     pub fn value_in(self, unit: Unit) -> f64 {
         let shift = self.unit.exponent - unit.exponent;
         let (mantissa, exponent) = self.number.split_once(['e', 'E']).unwrap_or((self.number, "0"));
@@ -270,12 +270,12 @@ impl Unit {
         self.name
     }
 
-    /// Returns the dimension.
+    /// Returns the dimension of the unit.
     pub fn dimension(self) -> Dimension {
         self.dimension
     }
 
-    /// Returns the unit of a name in either case. The micro sign and the degree sign are known.
+    /// Returns the unit of a name in either case. The micro sign and the degree sign have their meaning.
     pub fn named(name: &str) -> Option<Self> {
         let name = name.replace(['\u{b5}', '\u{3bc}'], "u").replace('\u{b0}', "deg");
         let name = if name.eq_ignore_ascii_case("degC") { "C" } else { &name };
@@ -319,10 +319,10 @@ fn length_of_number(text: &str) -> usize {
     end
 }
 
-/// Reads rows and columns: `1080x1920`, `256` for a square, `1080p`, `4k`.
+/// Reads rows and columns, such as `1080x1920`, `256` for a square, `1080p`, `4k`.
 ///
 /// # Errors
-/// [`QuantityError::NotASize`] or [`QuantityError::SizeOutOfRange`].
+/// Returns [`QuantityError::NotASize`] or [`QuantityError::SizeOutOfRange`].
 pub fn read_size(text: &str) -> Result<[usize; 2], QuantityError> {
     let text = text.trim();
     if let Some((_, size)) = SIZES.iter().find(|(name, _)| name.eq_ignore_ascii_case(text)) {

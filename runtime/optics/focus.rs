@@ -37,7 +37,7 @@ pub fn dioptres_in_words(depth: f64, focal_length: f64) -> String {
 }
 
 /// A depth as people give it: in meters, or in diopters, which become meters once the display's focal length is known.
-/// Text is in millimeters, or has a unit: `1.5`, `-0.5D`. In meters and centimeters it is a distance from the eye: `2m` is `0.5D`.
+/// Text is in millimeters, or has a unit, such as `-0.5D`. In meters and centimeters it is a distance from the eye: `2m` is `0.5D`.
 /// JSON has a number or such a text.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Written", into = "Written")]
@@ -79,7 +79,7 @@ impl Depth {
     }
 
     fn of(quantity: Quantity<'_>) -> Result<Self, QuantityError> {
-        // Depths are millimeters of the image behind the relay; nobody measures those in meters.
+        // Depths are millimeters of the image behind the relay. Nobody measures those in meters.
         let (depth, value) = match quantity.unit() {
             D => (Self::Dioptres(quantity.value_in(D)), quantity.value_in(D)),
             M | CM => (Self::Dioptres(1.0 / quantity.value_in(M)), 1.0 / quantity.value_in(M)),

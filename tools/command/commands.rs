@@ -5,8 +5,7 @@ use crate::trackers::Trackers;
 use clap::{Parser, Subcommand};
 
 /// How numbers are written.
-const UNITS: &str =
-    "Numbers are in the unit that the help of an option states, or have one: 4mm, 0.5D, 520nm, 30Hz, 10s, 4GiB.";
+const UNITS: &str = "Numbers are in the unit that the help of an option states, or have one, such as 4mm, 0.5D, 520nm, 30Hz, 10s, 4GiB.";
 
 /// Phase holograms that look right from anywhere in the eyebox.
 #[derive(Parser)]

@@ -12,7 +12,7 @@ use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
 
-/// Returns the arguments as clap takes them: `help --help` is `help help`, `help solve --help` is `help solve`, and `--depth -3..3`
+/// Returns the arguments as clap takes them. `help --help` is `help help`, `help solve --help` is `help solve`, and `--depth -3..3`
 /// is `--depth=-3..3`.
 pub fn arguments(mut given: Vec<OsString>, command: &Command) -> Vec<OsString> {
     let count = given.len();
@@ -42,7 +42,7 @@ fn join_negative_values(given: Vec<OsString>, command: &Command) -> Vec<OsString
             break;
         }
         if is_option(&word)
-            && let Some(value) = words.next_if(|next| is_negative(next))
+            && let Some(value) = words.next_if(is_negative)
         {
             word.push("=");
             word.push(value);
@@ -73,7 +73,7 @@ pub fn print(error: &Error) -> ExitCode {
     }
 }
 
-/// Returns a mistake as data, with its kind in clap's name, the argument and the value. A quantity adds its unit and those that fit.
+/// Returns a mistake as data, with its kind in clap's name, the argument and the value. A quantity adds its unit and the units that fit.
 fn data(error: &Error) -> ErrorData {
     let kind = format!("{:?}", error.kind());
     let kind = kind.char_indices().fold(String::new(), |kind, (at, c)| match c {

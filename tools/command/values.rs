@@ -137,7 +137,7 @@ pub fn depth(text: &str) -> Result<Depth, QuantityError> {
     text.parse()
 }
 
-/// Rows and columns.
+/// Rows and columns of a picture.
 pub fn size(text: &str) -> Result<[usize; 2], QuantityError> {
     read_size(text)
 }
@@ -150,7 +150,7 @@ pub fn square(text: &str) -> Result<usize, Wrong> {
     }
 }
 
-/// Bytes.
+/// An amount of memory, in bytes.
 pub fn memory(text: &str) -> Result<u64, Wrong> {
     let form = "expected an amount of memory, such as 4GiB or 512MiB";
     let bytes = B.read(text).map_err(|wrong| WrongNumber { wrong, form })?;

@@ -59,7 +59,7 @@ impl From<Failure> for PyErr {
     fn from(failure: Failure) -> Self {
         let said = failure.to_string();
         let data = ErrorData::of(&failure);
-        // As of any other text instead of a number.
+        // A text without a unit is no number to Python.
         let no_unit =
             matches!(failure, Failure::Quantity(QuantityError::NotANumber { .. } | QuantityError::NoUnit { .. }));
         let kind = match failure {

@@ -80,7 +80,7 @@ pub struct Play {
     /// phases paper]
     #[arg(help_heading = "Display", long, value_name = "PRESET|FILE")]
     pub display: Option<String>,
-    /// Resolution instead of the display's own: rows x columns, N for a square, or a name such as 1080p
+    /// Resolution instead of the display's own, rows x columns, N for a square, or a name such as 1080p
     #[arg(help_heading = "Display", long, value_name = "HxW", value_parser = size)]
     pub size: Option<[usize; 2]>,
     /// Take sizes and wavelengths that look like a mistake as they are

@@ -82,7 +82,7 @@ def quantities(value: Any, unit: str, what: str, right: str) -> list[float]:
 
 
 def depth(value: Any, focal_length: Callable[[], float] | None, what: str = "depth") -> Any:
-    """Metres, or a text in millimetres, dioptres ("0.5D") or metres from the eye ("2m"). Without a focal length the text stays."""
+    """Meters, or a text in millimeters, diopters ("0.5D") or meters from the eye ("2m"). Without a focal length the text stays."""
     if not isinstance(value, str):
         return number(value, what)
     metres = _of_text(_eyebox.depth, value, 1.0 if focal_length is None else focal_length(), what)

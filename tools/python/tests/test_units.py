@@ -1,4 +1,4 @@
-"""Texts with units in the place of numbers."""
+"""Texts with units instead of numbers."""
 
 import eyebox
 import numpy as np

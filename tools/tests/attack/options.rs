@@ -62,7 +62,7 @@ pub const SOUND: [&str; 38] = [
 ];
 
 /// Numbers, words and sizes as nobody writes them.
-const ODD: [&str; 44] = [
+const ODD: [&str; 51] = [
     "nan",
     "inf",
     "-inf",
@@ -107,6 +107,13 @@ const ODD: [&str; 44] = [
     "1e308D",
     "nanGiB",
     "1e17",
+    "0m",
+    "-1mm",
+    "1e308GiB",
+    "1e400Hz",
+    "-3..3mm",
+    "-1mm,0,4mm,2m",
+    "4k",
 ];
 
 /// The options of every command that take a value, by its help.
