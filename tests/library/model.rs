@@ -6,7 +6,7 @@ use eyebox::low_level::optics::{
     Color, Display, DisplayModel, Geometry, Level, ModelOf, ModelTerms, Optics, Padding, Pupil, WindowFactor,
 };
 use eyebox::low_level::plan::{Comparison, ModelTables, Planner, Purpose};
-use eyebox::low_level::quality::{ModelWorth, Subject};
+use eyebox::low_level::quality::{ColorJob, ModelWorth};
 use eyebox::low_level::scene::{self, LightField};
 use eyebox::low_level::solve::{self, Flow, Problem, Settings};
 use eyebox_kernels::compare;
@@ -342,7 +342,7 @@ fn terms_that_show_nothing_are_found() {
     let field = scene::load("builtin:still-life", &scene::Request::new(&display, &[Color::Green])).unwrap();
     let base = Settings { diameter: [6e-3, 16e-3], depth: [0.0, 2e-3], frames: 4, ..Settings::default() };
     let (color, levels) = (Color::Green, solve::Levels::Any);
-    let subject = Subject { field: &field, color, display: &display, base, levels };
+    let subject = ColorJob { field: &field, color, display: &display, base, levels };
     let mut engine = CpuEngine::new();
     let mut measure =
         |seconds| ModelWorth::measure(&subject, Duration::from_secs(seconds), &mut engine).unwrap().unwrap();
