@@ -1,4 +1,4 @@
-//! Options of before, and what stands for each now.
+//! Options that are settings now.
 
 /// Options that became settings of a solve.
 const OF_SOLVES: [(&str, &str); 15] = [
@@ -37,7 +37,7 @@ const OF_REFINEMENTS: [(&str, &str); 14] = [
     ("window", "window"),
 ];
 
-/// Returns what stands for an option that a command had before, in words.
+/// Returns the setting that replaces a former option of a command, as a sentence.
 pub fn option(command: &str, option: &str) -> Option<String> {
     let find = |all: &[(&str, &str)]| all.iter().find(|(old, _)| *old == option).map(|(_, new)| (*new).to_owned());
     let refines = ["refine", "live", "show", "study"].contains(&command);

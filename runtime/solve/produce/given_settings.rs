@@ -1,4 +1,4 @@
-//! Settings as a file, a call or an option gives them, over those of a quality or the defaults.
+//! Settings from a file, a call or options, over a quality or the defaults.
 
 use super::{ProduceError, SceneJob};
 use crate::engine::Engine;
@@ -17,9 +17,9 @@ use std::path::Path;
 
 /// Keys that may have a unit.
 const QUANTITIES: [&str; 3] = ["seconds", "diameter", "depth"];
-/// Keys of a job and of a refinement, beside the fields of [`Settings`].
+/// Keys of a job and of a refinement that are not fields of [`Settings`].
 const BESIDE: [&str; 5] = ["quality", "contrast", "force", "full", "refine"];
-/// Keys of the table `refine` that belong to a live session, beside the fields of [`RefineSettings`].
+/// Keys of the table `refine` that belong to a live session and are not fields of [`RefineSettings`].
 const OF_SESSIONS: [&str; 1] = ["restart"];
 
 /// Settings by their names: the fields of [`Settings`] (lengths in meters, or with a unit as in `"2mm"`), `quality` (a [`Quality`]), `contrast` (of the
@@ -50,8 +50,8 @@ impl GivenSettings {
         Ok(given)
     }
 
-    /// Takes one setting as `KEY=VALUE`, such as `optimizer=adam` or `refine.strategy.momentum=0.7`. It replaces what was given
-    /// before. The value is TOML, or a word.
+    /// Takes one setting as `KEY=VALUE`, such as `optimizer=adam` or `refine.strategy.momentum=0.7`. It replaces the earlier value.
+    /// The value is TOML, or a word.
     ///
     /// # Errors
     /// [`ProduceError::Job`] with the key that is unknown or has no such value.
@@ -75,14 +75,14 @@ impl GivenSettings {
         Ok(())
     }
 
-    /// Puts a value in the place of what was given for `key` before, if there is one.
+    /// Replaces the value of `key` if there is a new one.
     pub fn insert<T: Serialize>(&mut self, key: &str, value: Option<T>) {
         if let Some(value) = value.and_then(|value| serde_json::to_value(value).ok()) {
             self.0.insert(key.to_owned(), value);
         }
     }
 
-    /// Returns the same settings for a display of this focal length (meters), with numbers in the place of texts with units.
+    /// Returns the same settings for a display of this focal length (meters), with numbers instead of texts with units.
     ///
     /// # Errors
     /// [`ProduceError::Job`] with the key of a text that is no quantity of its dimension.
@@ -168,8 +168,8 @@ impl GivenSettings {
         table.map_or(Ok(None), |table| value(table, key)).map_err(refused)
     }
 
-    /// Returns all settings of a call as a TOML text that [`from_toml`](Self::from_toml) reads: those of a solve, if there is
-    /// one, and those of refinements. The depths are left out unless they are given, because the scene decides them.
+    /// Returns all settings of a call as a TOML text that [`from_toml`](Self::from_toml) reads. The solve's settings are left out if
+    /// there is none. The depths are left out unless they are given, because the scene decides them.
     ///
     /// # Errors
     /// [`ProduceError::Job`] if a value cannot be written.
@@ -283,7 +283,7 @@ fn refine_settings(given: &Map<String, Value>) -> Result<RefineSettings, Reason>
 
 impl SceneJob<'_> {
     /// Takes over what a TOML text says ([`GivenSettings`]). The built-in settings of its `quality`, or else the defaults, lie under
-    /// what is given itself; complex fields are stored as `engine` prefers.
+    /// the given keys. Complex fields are stored as `engine` prefers.
     ///
     /// # Errors
     /// [`ProduceError::Job`] with the key that is unknown or has no such value.
@@ -300,7 +300,7 @@ impl SceneJob<'_> {
         self.take_own(&given)
     }
 
-    /// Takes over what of the settings is the job's own, and comes before that of its [`settings`](Self::settings).
+    /// Takes over the keys that are fields of the job itself, such as depths and diameters.
     ///
     /// # Errors
     /// [`ProduceError::Job`] with the key that has no such value.

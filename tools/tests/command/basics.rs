@@ -86,7 +86,7 @@ fn a_machine_without_vulkan_is_said_in_one_line() {
         let refusal = Refusal::of(&answer);
         refusal.is("engine/no-device tools/setup.sh");
         assert!(!at.join("x.zarr").exists());
-        // The list gives the same reason, and a line of its text has it.
+        // The printed list has the same reason.
         let report = |args: &[&str]| -> serde_json::Value {
             let answer = run(args);
             assert_eq!(answer.status.code(), Some(0), "{}", text(&answer.stderr));
@@ -480,7 +480,7 @@ fn what_the_library_says_is_shown_when_asked_for() {
         command.env_remove("RUST_LOG").envs(log.map(|l| ("RUST_LOG", l)));
         text(&command.output().expect("the command starts").stderr)
     };
-    // The library names the scene that it loads; the command does not.
+    // The library logs the scene that it loads.
     let loads = |said: &str| said.has("builtin:plane");
     assert!(!loads(&said(&photograph, None)));
     assert!(loads(&said(&[&["-v"], &photograph[..]].concat(), None)));

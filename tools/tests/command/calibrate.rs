@@ -74,7 +74,7 @@ fn a_picture_of_another_size_is_refused_and_errors_are_asked_again() {
     refusal.is("calibrate/lost/picture-size 2x3 80x80");
     let here = bench(HELLO, "echo \"{\\\"id\\\": $id, \\\"error\\\": \\\"busy\\\", \\\"again\\\": true}\"");
     let (code, _, said) = failed(here.path(), &[]);
-    // Twice it is asked again; the third answer is the error.
+    // The command requests it twice more. The third answer is the error.
     assert!(
         code == Some(3) && said.lines().filter(|l| !l.starts_with('{')).filter(|l| l.has("busy")).count() == 2,
         "{said}"

@@ -79,7 +79,7 @@ fn a_bench_is_calibrated_over_an_interruption_and_again_from_its_pictures() {
     assert!(number("before") > 0.3, "{}", number("before"));
     assert!(number("unexplained") < 0.6 * number("noise"), "{} of {}", number("unexplained"), number("noise"));
     assert_eq!(report_["calibrated"], true);
-    // The picture that was taken through another pupil is left out, and named.
+    // The picture through another pupil is excluded and named.
     assert!(notes(&report_["warnings"], "009.npy") && said.has("009.npy"), "{said}");
     // Every number within five of its standard errors, or of what the small pictures' own errors are.
     let truth = simulated::Bench::faulty();
@@ -179,7 +179,7 @@ fn a_perfect_bench_stays_as_it_is() {
         report.as_object_mut().expect("an object").remove("seconds");
     }
     assert_eq!(first, second);
-    // Which way round the bench is, also in words.
+    // The text has the orientation of the bench as well.
     let directions = &first["directions"];
     assert!(directions["phase"] == "as-requested" && directions["mirrored"] == true, "{directions}");
     let args = ["calibrate", "--display", "bench.toml", "--captures", "kept", "-o", "words.toml"];
@@ -252,7 +252,7 @@ fn a_bench_whose_iris_stands_still_is_calibrated_as_far_as_it_tells() {
     let number = |key: &str| report[key].as_f64().expect("a number");
     assert!(number("before") > 0.1, "{}", number("before"));
     assert!(number("unexplained") < 2.0 * number("noise"), "{} of {}", number("unexplained"), number("noise"));
-    // What it cannot tell is listed, and a warning says so.
+    // Unobservable terms are listed, with a warning.
     let warnings = report["warnings"].as_array().expect("a list");
     let are_said = warnings.iter().all(|warning| said.contains(warning.as_str().expect("a text")));
     assert!(report["untold"].is_array() && !warnings.is_empty() && are_said, "{report}");

@@ -104,7 +104,7 @@ fn a_deep_map_gets_as_many_views_as_it_needs() {
     assert!(views == serde_json::json!([14, 14]) && said.has_sequence(&[14.0, 14.0]), "{views}: {said}");
     let (views, said) = solve(&["--depth=-0.5..0.5"]);
     assert!(views == serde_json::json!([9, 9]) && !said.has_sequence(&[14.0, 14.0]), "{views}: {said}");
-    // How many views would do is said of those that are too few.
+    // The text has the number of views that would be enough.
     let remedy = |choices: &serde_json::Value| {
         let of = choices.as_array().expect("a list").iter().find(|c| c["what"] == "aliasing");
         of.is_some_and(|c| c["why"].as_str().expect("a text").has_sequence(&[13.0, 13.0]))

@@ -114,7 +114,7 @@ fn a_set_that_flickers_is_said() {
         assert_eq!(all["frames"].as_array().map(Vec::is_empty), Some(false), "{all}");
         all["notes"].clone()
     };
-    // Sets a second, as the report has it and as people read it.
+    // Sets per second in the report and in the text.
     assert!(notes(&notes_of("grey8"), "7.5 50 24"), "{}", notes_of("grey8"));
     assert!(text(&eyebox(at, &encode("grey8")).stderr).has("7.5"));
     assert!(!notes(&notes_of("planes8"), "50"), "{}", notes_of("planes8"));

@@ -102,7 +102,7 @@ fn a_hologram_is_encoded_on_both_engines_for_a_display_of_ones_own() {
         assert_eq!(report["frames"].as_array().map(Vec::len), Some(8), "{report}");
         let shape = ["height", "width", "channels"].map(|side| report[side].as_u64());
         assert_eq!(shape, [20, 26, 3].map(Some), "{report}");
-        // It was made for another wavelength than the display has: a note to read, and in the report.
+        // The hologram has another wavelength than the display. The text and the report have a note.
         assert!(notes(&report["notes"], "520 532"), "{report}");
         assert_eq!(text(&eyebox(at, &args).stderr).lines_with("520 532"), 1);
     }

@@ -92,7 +92,7 @@ fn frames_that_do_not_fit_are_one_line() {
     refused(at, &view(&["frames"]), "x.png", "file/read frame-00000.png");
     std::fs::write(at.join("frames/frames.json"), "{\"format\": 1}").unwrap();
     refused(at, &view(&["frames"]), "x.png", "file/content/damaged frames.json");
-    // What is damaged is replaced.
+    // Damaged files are replaced.
     done(at, &["encode", "p.npy", "--display", "bench.toml", "--color", "green", "-o", "frames"]);
     assert!(
         at.join("frames/frame-00000.png").exists() && document(&at.join("frames/frames.json"))["frames"].is_array()

@@ -246,7 +246,7 @@ fn what_is_no_scene_is_called_what_it_is_with_the_line_that_converts_it() {
     refused(at, &["inspect", "webp"], "x", "scene/kind");
 }
 
-/// Runs the command that a refusal ends with; false where this machine lacks what it calls.
+/// Runs the command that a refusal ends with. Returns false if this machine lacks a program that it calls.
 fn follow(at: &Path, said: &str, needs: &str) -> bool {
     let has = Command::new("python").args(["-c", &format!("import {needs}")]).output();
     if !has.is_ok_and(|answer| answer.status.success()) {

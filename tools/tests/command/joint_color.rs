@@ -238,7 +238,7 @@ fn the_report_compares_it_with_one_colour_after_another() {
         "report",
     ];
     let said = done(at, &line);
-    // One colour after another, and all at once one time and three times as bright, of three sub-frames and of six.
+    // One color after another, and simultaneous color at one and three times the brightness, with three and six sub-frames.
     let rows = document(&at.join("report/report.json"))["joint"].clone();
     let rows: Vec<[f64; 2]> = rows
         .as_array()

@@ -380,7 +380,7 @@ fn without_a_home_the_machine_is_not_timed_again() {
     let mut homeless = command(at, &plan);
     homeless.env_remove("HOME").env_remove("XDG_CACHE_HOME").env("XDG_RUNTIME_DIR", at.join("run"));
     let answer = homeless.output().unwrap();
-    // What was measured is printed, and kept in a file.
+    // The measurement is printed and stored in a file.
     assert!(answer.status.success() && answer.stderr.is_empty(), "{}", text(&answer.stderr));
     assert!(!before.is_empty() && rates() == before);
 }

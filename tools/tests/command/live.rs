@@ -287,9 +287,9 @@ fn the_view_follows_the_mouse_and_a_key_stops_steering() {
     solved(at);
     let desk = Desk::new(at, [720, 900]);
     let child = start(at, &desk, &["--tracker", "mouse", "--stats", "s.json"]);
-    // From its first picture on its title has lengths.
+    // Its title has lengths from the first picture on.
     let window = desk.window(" mm");
-    // Without decibels, which are there once a picture is compared: how it is shown, in words, and the pupil's place.
+    // The title has decibels after the first comparison. Before, it has the mode and the place of the pupil.
     let plain = || {
         let title = desk.title(window);
         title.split([',', ';']).filter(|part| !part.has("dB")).collect::<Vec<_>>().join(" ")

@@ -53,7 +53,7 @@ fn a_depth_camera_s_map_is_refused_until_near_is_stated() {
     assert!(same < 0.1 * inside_out, "{same} from the same depths in 8 bits, {inside_out} from those inside out");
     let found =
         json(at, &["inspect", "photo.png", "--size", "40x48", "--depth-map", "tum.png", "--near", "small", "--json"]);
-    // What its values mean depends on what is stated, and is said.
+    // The text states the meaning of its values.
     let other =
         json(at, &["inspect", "photo.png", "--size", "40x48", "--depth-map", "tum.png", "--near", "large", "--json"]);
     assert!(found["depth_map"].is_string() && found["depth_map"] != other["depth_map"], "{found}");

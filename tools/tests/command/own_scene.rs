@@ -196,7 +196,7 @@ fn a_sequence_knows_the_scene_of_each_hologram() {
     };
     let answer = show(&away, "../at/s.zarr");
     assert!(answer.status.success(), "{}", text(&answer.stderr));
-    // What is complete is not solved again.
+    // Complete holograms are not solved again.
     let solved = || [0, 1].map(|i| written(&at.join(format!("s.zarr/phases/c/{i}/0/0/0/0"))));
     let before = solved();
     assert!(done(&at, &solve).has("s.zarr 2") && solved() == before);

@@ -316,7 +316,7 @@ fn the_documents_python_writes_a_hologram() {
         assert!(ran.status.success(), "{}", text(&ran.stderr));
     };
     run(program);
-    // That it has no checksum is said to those who ask.
+    // The log states that it has no checksum.
     let said = |words: &[&str]| {
         let answer = eyebox(at, &[words, &["export", "grating.zarr", "-o", "p.npy"]].concat());
         assert!(answer.status.success(), "{}", text(&answer.stderr));

@@ -29,7 +29,7 @@ fn a_plan_says_what_why_and_how_much() {
         let is_said = |line: &str| line.trim_start().starts_with(what) && line.contains(value);
         assert!(text.lines().any(is_said), "{choice}: {text}");
     }
-    // What a step takes in each color, all of them, the memory, and how the engine runs its lists.
+    // The text has the time of a step per color, the total, the memory and how the engine runs its lists.
     assert!(text.has("red green blue ms s MiB") && text.contains(deep["lists"].as_str().unwrap()), "{text}");
     assert!(text.number("MiB") > 1.0 && text.number("ms") > 0.0, "{text}");
     assert_eq!((&deep["views_merged"], choice(&deep, "views")["saves"].as_bool()), (&Value::from(1), Some(false)));
@@ -94,7 +94,7 @@ fn rates_are_a_convenience() {
     let run = || {
         let answer = command(&at, &arguments).env("XDG_CACHE_HOME", &cache).output().unwrap();
         assert!(answer.status.success(), "{}", common::text(&answer.stderr));
-        // Whoever waits for a measurement is told so.
+        // A measurement is announced, because it takes time.
         !answer.stderr.is_empty()
     };
     std::fs::write(&cache, "no folder").unwrap();
@@ -173,6 +173,6 @@ fn a_bench_records_steps_and_runs_none() {
     for (kernel, of) in kernels {
         assert_eq!(said.lines_with(&format!("{kernel} {}", of["dispatches"])), 1, "{kernel}: {said}");
     }
-    // As many steps as were asked for.
+    // It has the given number of steps.
     assert!(said.has("4") && kernels.len() > 4, "{said}");
 }

@@ -34,7 +34,7 @@ fn json(file: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(file).expect("a file")).expect("JSON")
 }
 
-/// Holograms that were not shown, for whatever cause.
+/// Holograms that were not shown.
 fn dropped(stats: &Value) -> u64 {
     stats["content_dropped"].as_object().expect("causes").values().filter_map(Value::as_u64).sum()
 }

@@ -211,7 +211,7 @@ fn where_the_system_gives_fewer_threads_fewer_compute() {
         "--engine",
         "cpu",
     ];
-    // With enough of it, as many lines are printed as there are without a word about threads.
+    // With enough memory, no line mentions threads.
     let many = eyebox(at, &args);
     assert!(many.status.success(), "{}", text(&many.stderr));
     let usual = text(&many.stderr).lines().count();
@@ -278,7 +278,7 @@ fn devices_show_when_they_were_tried() {
     run(&[&solve[..], &["--frames", "1", "--color", "green"]].concat());
     let all = all();
     let tested = all.as_array().unwrap().iter().find(|d| !d["tested"].is_null()).unwrap();
-    // How long ago, and how far off.
+    // The text has the age and the deviation.
     let worst =
         ["transfer", "transform"].map(|of| tested["tested"][of].as_f64().unwrap()).into_iter().fold(0.0, f64::max);
     let after = run(&["devices"]);

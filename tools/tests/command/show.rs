@@ -50,13 +50,13 @@ fn holograms_sequences_and_scenes_are_shown() {
     assert!(recorded(&at.join("played")) == recorded(&at.join("shown")));
     let brief = ["--clock", "simulated", "--duration", "0.2", "--quality", "fast", "--views", "3"];
     let said = run(at, &[&["show", "builtin:plane", "--record", "one"], &brief, &display, &SIZE]);
-    // How many holograms, and their size.
+    // The text has the number of holograms and their size.
     assert!(said.lines().any(|line| line.has_sequence(&[1.0, 32.0, 32.0])), "{said}");
     assert!(recorded(&at.join("one")).iter().any(|f| f.0.starts_with("set-000000")));
     let two = ["show", "builtin:plane", "builtin:plane?shift=0.1", "--rate", "10", "--stats", "s.json"];
     let said = run(at, &[&two, &brief, &display, &SIZE]);
     assert!(said.lines().any(|line| line.has_sequence(&[2.0, 32.0, 32.0]) && line.has("10")), "{said}");
-    // Ten a second for a fifth of one.
+    // Ten per second for 0.2 s.
     assert_eq!(json(&at.join("s.json"))["content_shown"], 2);
 }
 

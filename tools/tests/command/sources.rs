@@ -32,14 +32,14 @@ fn view(at: &Path, hologram: &str, pupil: &str) -> Vec<f32> {
     read_npy(&at.join("seen.npy")).unwrap().values
 }
 
-/// What a display's sources make of its eyebox, and the words of `eyebox devices`.
+/// Eyebox of a display with its sources, and the text of `eyebox devices`.
 fn reach(at: &Path, display: &str) -> (Value, String) {
     let devices = ["devices", "--display", display];
     let all = json(at, &[&devices[..], &["--json"]].concat())["display"]["reach"]["sources"].clone();
     (all, done(at, &devices))
 }
 
-/// What a plan says of a display's sources, and its words.
+/// Plan of a display's sources, as data and as text.
 fn planned(at: &Path, display: &str) -> (Value, String) {
     let plan = ["plan", "builtin:still-life", "--display", display, "--frames", "9", "--engine", "cpu"];
     let choices = json(at, &[&plan[..], &["--json"]].concat())["choices"].clone();

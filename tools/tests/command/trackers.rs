@@ -72,7 +72,7 @@ fn a_descriptor_is_explained_in_all_its_forms() {
     );
     assert_eq!(field["usages"][1], "Position Y");
     assert_eq!(field["path"][2], "Gaze Point");
-    // In words the same: usages by name, units, bytes.
+    // The text has the same usages, units and bytes.
     let said = done(at, &["--describe", "a.bin"]);
     assert!(said.contains("Position Y") && said.contains("Gaze Point") && said.has("um 32 9"), "{said}");
 
@@ -206,7 +206,7 @@ fn a_simulated_eye_is_watched_and_its_pupil_found() {
     let stages = done(at, &[&args[..], &["--pupil", "20", "--json"]].concat());
     let last: serde_json::Value = serde_json::from_str(stages.lines().last().unwrap()).unwrap();
     assert!(last["pupil"]["spread"].as_f64().unwrap() < 5e-3 && last["stages"]["phase"].is_string(), "{last}");
-    // In words: its place, how sure that is, its diameter, and a share of pupils that are anywhere.
+    // The text has its place with the spread, its diameter, and the share of pupils anywhere.
     let said = done(at, &[&args[..], &["--pupil"]].concat());
     let last = said.lines().last().unwrap();
     assert!(last.has("mm %") && last.numbers().len() >= 8, "{last}");

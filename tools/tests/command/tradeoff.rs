@@ -233,7 +233,7 @@ fn built_in_qualities_hold_until_they_are_measured_and_what_is_given_wins() {
         assert_eq!((found["steps"].as_u64(), found["pupils"].as_u64()), (Some(steps), Some(5)), "{name}");
     }
     let (_, said) = done(at, &solve(&["--quality", "balanced"]));
-    // The steps, the pupils and the scene that it was measured with.
+    // It has the steps, the pupils and the scene of the measurement.
     assert!(said.lines().any(|line| line.has("balanced still-life") && line.has_sequence(&[5.0, 5.0])), "{said}");
     // Without being asked for, nothing changes.
     assert_eq!(settings(at, &["--steps", "3"]), plain);

@@ -2,7 +2,7 @@
 
 use crate::common::{Printed, Refusal, done, eyebox, folder, refusal, text};
 
-/// What is typed, the code of the error, and the options, values and numbers that the line must have.
+/// Arguments, the code of the error, and the options, values and numbers that the line must have.
 const MISTAKES: [(&[&str], &str, &str); 13] = [
     (
         &["view", "h.zarr", "--pupil", "1,2,3", "-o", "a.png"],

@@ -79,7 +79,7 @@ impl Playing {
         (self.process.wait_with_output().expect("its output"), self.folder)
     }
 
-    /// It ends well, for this cause.
+    /// It ends normally for this cause.
     fn ends_by(self, cause: &str) -> serde_json::Value {
         let (stats, _) = self.ends(0);
         assert_eq!(stats["ended_by"], cause);
@@ -184,7 +184,7 @@ fn a_second_interruption_ends_it_at_once() {
     let (answer, folder) = playing.answer();
     let text = String::from_utf8_lossy(&answer.stderr).into_owned();
     assert_eq!(answer.status.code(), Some(130), "{text}");
-    // What is played, where, and that it flickers: no statistics but those of a session under way.
+    // It has the content, the output and the flicker. It has no statistics except those of the running session.
     assert!(text.lines().count() <= 3, "{text}");
     let stats = std::fs::read_to_string(folder.path().join("stats.json")).unwrap_or("{}".into());
     assert!(

@@ -36,7 +36,7 @@ pub fn refused<T>(answer: Result<T, Refusal>, what: &str) {
     answer.err().expect("a failure").is(what);
 }
 
-/// What a function puts into its place, or its failure.
+/// Result of a function, or its failure.
 pub fn made<T>(call: impl FnOnce(&mut MaybeUninit<T>) -> EyeboxStatus) -> Result<T, Refusal> {
     let mut place = MaybeUninit::zeroed();
     match call(&mut place) {

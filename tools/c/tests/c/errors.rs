@@ -37,7 +37,7 @@ fn a_text_stays_until_its_thread_asks_for_the_next() {
         });
         let theirs = theirs.join().unwrap();
         assert!(theirs[0].is_empty() && theirs[1].contains(next), "a thread has texts of its own: {theirs:?}");
-        // The value is named in it, by itself.
+        // The sentence has the value.
         let words: Vec<String> =
             read(text).split(|c: char| !c.is_alphanumeric() && c != ' ').map(str::to_owned).collect();
         assert!(words.iter().any(|word| word.trim() == first || word.ends_with(&format!(" {first}"))), "{words:?}");

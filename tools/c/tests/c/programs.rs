@@ -90,7 +90,7 @@ fn a_device_of_the_programs_own_with_the_static_library() {
     let archive = libraries().join("libeyebox_c.a");
     let library: Vec<&str> = [archive.to_str().unwrap(), "-lvulkan"].into_iter().chain(SYSTEM).collect();
     let out = run("c++", "examples/vulkan_device.cpp", "-std=c++17", &library);
-    // What computes, and the score.
+    // The engine and the score.
     assert!(out.lines().count() == 2 && out.number("dB") > 5.0, "{out}");
 }
 

@@ -54,17 +54,17 @@ pub fn document(file: &Path) -> serde_json::Value {
     serde_json::from_slice(&text).unwrap_or_else(|e| panic!("{}: {e}", file.display()))
 }
 
-/// What a hologram's file holds beside its phases.
+/// Metadata of a hologram's file.
 pub fn attributes(hologram: &Path) -> serde_json::Value {
     document(&hologram.join("zarr.json"))["attributes"]["eyebox"].take()
 }
 
-/// When a file was written.
+/// Modification time of a file.
 pub fn written(file: &Path) -> std::time::SystemTime {
     std::fs::metadata(file).and_then(|m| m.modified()).unwrap_or_else(|e| panic!("{}: {e}", file.display()))
 }
 
-/// Whether some warning of a report, which are for people, names these words.
+/// Returns whether a warning of a report has these words.
 pub fn notes(of: &serde_json::Value, words: &str) -> bool {
     let notes = of.as_array().into_iter().flatten().filter_map(serde_json::Value::as_str);
     notes.into_iter().any(|note| note.has(words))

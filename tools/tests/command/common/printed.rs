@@ -8,14 +8,13 @@ pub trait Printed {
     /// The number in front of a unit, such as `dB` or `%`. Panics if there is none.
     fn number(&self, unit: &str) -> f64;
 
-    /// Whether the text names all of these words, which spaces separate: numbers by their value, and options, files, commands, fields and
-    /// values letter by letter.
+    /// Returns whether the text has all of these words, which spaces separate. Numbers compare by value, other words letter by letter.
     fn has(&self, words: &str) -> bool;
 
     /// How many lines [have](Self::has) these words.
     fn lines_with(&self, words: &str) -> usize;
 
-    /// Whether these numbers follow one another.
+    /// Returns whether these numbers follow one another.
     fn has_sequence(&self, sequence: &[f64]) -> bool {
         self.numbers().windows(sequence.len()).any(|numbers| numbers.iter().zip(sequence).all(|(a, b)| equal(*a, *b)))
     }
