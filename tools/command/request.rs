@@ -172,13 +172,13 @@ impl SolveRequest<'_> {
         }
         // Settings that a solve in regions does not support.
         let other = [
-            (settings.method != Method::Slfh, "method"),
-            (settings.levels != Levels::Any, "levels"),
-            (matches!(settings.optimizer, Optimizer::Adam { .. }), "optimizer"),
-            (settings.storage != Storage::F32, "storage"),
-            (settings.seconds.is_some(), "seconds"),
-            (settings.psnr.is_some(), "psnr"),
-            (given.has("pupils"), "pupils"),
+            (settings.method != Method::Slfh, "--method"),
+            (settings.levels != Levels::Any, "the setting levels"),
+            (matches!(settings.optimizer, Optimizer::Adam { .. }), "the setting optimizer"),
+            (settings.storage != Storage::F32, "the setting storage"),
+            (settings.seconds.is_some(), "--seconds"),
+            (settings.psnr.is_some(), "--psnr"),
+            (given.has("pupils"), "--pupils"),
         ];
         if let Some((_, name)) = other.iter().find(|other| other.0) {
             return Err(Failure::Arguments(reason!(

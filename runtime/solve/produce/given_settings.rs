@@ -61,7 +61,9 @@ impl GivenSettings {
                 .split_once('=')
                 .ok_or_else(|| reason!("assignment", "'{assignment}' has no value: write it as in optimizer=adam"))?;
             keys(&format!("{key} = {value}")).or_else(|wrong| match value.trim() {
-                word if word.starts_with(char::is_alphabetic) => keys(&format!("{key} = '{word}'")),
+                word if wrong.code() == "toml" && word.starts_with(char::is_alphabetic) => {
+                    keys(&format!("{key} = '{word}'"))
+                }
                 _ => Err(wrong),
             })
         };
@@ -263,7 +265,13 @@ fn solve_settings(base: &Settings, given: &Map<String, Value>) -> Result<Setting
         all_modes: true,
         ..Settings::default()
     };
-    for (key, value) in keys_of(&left_out) {
+    let left_out = keys_of(&left_out);
+    let known = || left_out.keys().map(String::as_str).chain(BESIDE);
+    if let Some(key) = given.keys().find(|key| known().all(|known| known != &key[..])) {
+        let known: Vec<&str> = known().collect();
+        return Err(reason!("no-such-setting", "{key}: no such setting: there are {}", known.join(", ")));
+    }
+    for (key, value) in left_out {
         if given.contains_key(&key) {
             whole.entry(key).or_insert(value);
         }

@@ -19,7 +19,10 @@ pub enum Levels {
 
 /// As files have it: nothing, `true`, how many evenly spaced ones, or the phases. `false` is what earlier versions wrote for nothing.
 #[derive(Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(
+    untagged,
+    expecting = "expected a number of levels, a list of phases in radians, or true for those of the display"
+)]
 enum Stored {
     Display(bool),
     Even(u16),

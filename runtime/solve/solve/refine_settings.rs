@@ -157,7 +157,7 @@ fn strategy<'de, D: Deserializer<'de>>(from: D) -> Result<Strategy, D::Error> {
         Adam,
     }
     #[derive(Deserialize)]
-    #[serde(untagged)]
+    #[serde(untagged, expecting = "expected projection, adam, or a table with kind and its numbers")]
     enum Stored {
         Name(Name),
         Whole(Strategy),

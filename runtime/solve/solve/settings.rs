@@ -340,7 +340,7 @@ fn optimizer<'de, D: Deserializer<'de>>(from: D) -> Result<Optimizer, D::Error> 
         Adam,
     }
     #[derive(Deserialize)]
-    #[serde(untagged)]
+    #[serde(untagged, expecting = "expected projection, adam, or a table with kind and its numbers")]
     enum Stored {
         Name(Name),
         Whole(Optimizer),
@@ -355,7 +355,7 @@ fn optimizer<'de, D: Deserializer<'de>>(from: D) -> Result<Optimizer, D::Error> 
 /// A window by its name, or as times the pupil.
 pub(super) fn window<'de, D: Deserializer<'de>>(from: D) -> Result<WindowFactor, D::Error> {
     #[derive(Deserialize)]
-    #[serde(untagged)]
+    #[serde(untagged, expecting = "expected 1, 2 or full")]
     enum Stored {
         Times(u8),
         Name(WindowFactor),

@@ -440,7 +440,12 @@ fn storage_is_chosen_kept_and_refused() {
     };
     let (full, half) = (run("fp32"), run("fp16"));
     assert!((full - half).abs() < 0.05 && full != half, "{full} and {half} dB");
-    refused(at, &solve("builtin:still-life", "x.zarr", &["--set", "storage=fp8"]), "x.zarr", "job/value storage");
+    refused(
+        at,
+        &solve("builtin:still-life", "x.zarr", &["--set", "storage=fp8"]),
+        "x.zarr",
+        "produce/job/value storage",
+    );
 }
 
 #[test]
@@ -460,10 +465,10 @@ fn every_method_solves_from_the_command_line() {
     refused(&["--method", "pupil-aware", "--set", "evenness=-1"], "solve/setting evenness");
     refused(&["--method", "pupil-aware", "--set", "patches=17"], "solve/setting patches");
     refused(&["--set", "levels=0"], "solve/setting");
-    refused(&["--set", "levels=measured"], "job/value levels");
-    refused(&["--settings", "none.toml"], "job/unreadable none.toml");
+    refused(&["--set", "levels=measured"], "produce/job/value levels");
+    refused(&["--settings", "none.toml"], "produce/job/unreadable none.toml");
     std::fs::write(at.join("slm.toml"), "levels = [0, 1.5, 3.2, 'four']\n").unwrap();
-    refused(&["--settings", "slm.toml"], "job/value levels");
+    refused(&["--settings", "slm.toml"], "produce/job/value levels");
     std::fs::write(at.join("slm.toml"), "levels = [0, 1.5, 3.2, 4.7] # measured\nrefine.pupils = 3\n").unwrap();
     for given in [["--settings", "slm.toml"], ["--set", "levels=16"]] {
         done(at, &solve("builtin:still-life", "l.npy", &given));

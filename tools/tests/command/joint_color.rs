@@ -96,7 +96,7 @@ fn it_is_refined_for_where_the_eye_is() {
     let adam = refine("joint.zarr", &["--steps", "4", "--set", "refine.strategy=adam"]);
     assert_eq!(adam["steering"]["strategy"]["kind"], "adam");
     let eye = &["refine", "joint.zarr", SCENE, "--views", "3", "--pupil=3,-2,4,0", "--engine", "cpu", "-o", "x.zarr"];
-    refused(at, &[&eye[..], &["--set", "storage=fp16"]].concat(), "x.zarr", "solve/setting fp32");
+    refused(at, &[&eye[..], &["--set", "refine.storage=fp16"]].concat(), "x.zarr", "solve/setting fp32");
 }
 
 /// It is shown as it was solved, and refined for a simulated eye, whole or as it rolls: the drives' video frames, with the powers of the

@@ -21,7 +21,7 @@ fn options_of_impossible_values_are_refused_with_what_is_possible() {
         (&solve, "--depth=-3e99..3", "usage/value-validation"),
         (&refine, "--diameter=-5..5", "usage/value-validation"),
         (&refine, "--set=refine.strategy.momentum=1e308", "solve/setting"),
-        (&refine, "--set=refine.strategy.momentum=nan", "job/not-finite"),
+        (&refine, "--set=refine.strategy.momentum=nan", "produce/job/not-finite"),
         (&refine, "--set=refine.strategy.gain=1e308", "solve/setting 1e6"),
         (&refine, "--set=refine.strategy.gain=1e10", "solve/setting 1e6"),
         (&refine, "--set=refine.strategy.overlap_power=100", "solve/setting 16"),

@@ -77,10 +77,10 @@ fn sub_frames_follow_the_speckle_asked_for() {
     let at = temp.path();
     assert_eq!(json(at, "plan", "builtin:plane", &["--set", "contrast=0.5"])["settings"]["frames"], 4);
     let plan = |more: &[&'static str]| [&["plan", "builtin:plane"][..], more].concat();
-    refused(at, &plan(&["--set", "contrast=2"]), "x", "job/value 0.016 4096");
+    refused(at, &plan(&["--set", "contrast=2"]), "x", "produce/job/value 0.016 4096");
     refused(at, &plan(&["--set", "contrast=0.5", "--frames", "8"]), "x", "arguments/frames-and-contrast --frames");
-    refused(at, &plan(&["--set", "full=colors,nonsense"]), "x", "job/value nonsense");
-    refused(at, &plan(&["--set", "padding=sometimes"]), "x", "job/value padding");
+    refused(at, &plan(&["--set", "full=colors,nonsense"]), "x", "produce/job/value nonsense");
+    refused(at, &plan(&["--set", "padding=sometimes"]), "x", "produce/job/value padding");
     refused(at, &["plan", "builtin:none"], "x", "scene/builtin/no-such-scene still-life");
 }
 

@@ -111,7 +111,7 @@ fn mistakes_are_one_line() {
     refused(at, &refine(&["--pupil=0,0,0,0"]), "x.zarr", "usage/value-validation diameter");
     refused(at, &refine(&[eye, "--set", "refine.pupils=0"]), "x.zarr", "solve/setting");
     refused(at, &refine(&[eye, "--set", "refine.elsewhere=1000"]), "x.zarr", "solve/setting 64");
-    refused(at, &refine(&[eye, "--set", "refine.strategy=none"]), "x.zarr", "job/value strategy");
+    refused(at, &refine(&[eye, "--set", "refine.strategy=none"]), "x.zarr", "produce/job/value strategy");
     refused(at, &["refine", "none.zarr", "builtin:plane", eye, "-o", "x.zarr"], "x.zarr", "file/read none.zarr");
     refused(at, &["refine", "h.zarr", "builtin:plane", eye, "-o", "x.png"], "x.png", "arguments/ending");
 }

@@ -47,7 +47,7 @@ fn files_that_are_no_files_are_refused_at_once() {
     for file in ["pipe", "/dev/zero"] {
         refused(at, &["solve", "builtin:plane", "--display", file, "-o", "x"], "x", "optics/unknown-display");
         refused(at, &["score", "h.zarr", "builtin:plane", "--pupils", file], "x", "arguments/pupils");
-        refused(at, &solve(&["builtin:plane"], "x.zarr", &["--settings", file]), "x.zarr", "job/unreadable");
+        refused(at, &solve(&["builtin:plane"], "x.zarr", &["--settings", file]), "x.zarr", "produce/job/unreadable");
     }
     #[cfg(target_os = "linux")]
     {

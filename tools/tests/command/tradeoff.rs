@@ -159,7 +159,7 @@ fn mistakes_are_one_line_and_leave_nothing() {
     refused(at, &tradeoff(&["--check", "other.json"]), "arguments/tradeoff-file");
     std::fs::write(at.join("other.json"), "[").unwrap();
     refused(at, &tradeoff(&["--check", "other.json"]), "arguments/tradeoff-file tradeoff.json");
-    refused(at, &tradeoff(&["--set", "levels=none.txt"]), "job/value levels");
+    refused(at, &tradeoff(&["--set", "levels=none.txt"]), "produce/job/value levels");
     refused(at, &tradeoff(&["--set", "levels=300"]), "solve/setting levels");
     refused(at, &["tradeoff", "none", "-o", "out"], "scene/not-found");
     refused(
