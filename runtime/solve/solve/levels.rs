@@ -21,7 +21,7 @@ pub enum Levels {
 #[derive(Serialize, Deserialize)]
 #[serde(
     untagged,
-    expecting = "expected a number of levels, a list of phases in radians, or true for those of the display"
+    expecting = "expected a number of levels, a list of phases in radians, or true for the levels of the display"
 )]
 enum Stored {
     Display(bool),
