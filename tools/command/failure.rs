@@ -55,7 +55,7 @@ pub fn print(failure: &Failure) -> ExitCode {
 }
 
 /// Fields and arguments of the library that a sentence may name and the command's options say: all but a few have the same name.
-const FIELDS: [&str; 35] = [
+const FIELDS: [&str; 34] = [
     "ahead",
     "at",
     "clock",
@@ -73,7 +73,6 @@ const FIELDS: [&str; 35] = [
     "order",
     "output",
     "overwrite",
-    "padding",
     "passes",
     "phase_unit",
     "photographs",
@@ -98,6 +97,8 @@ pub fn in_options(sentence: &str) -> String {
     let others = [
         ("`depth`=", "--depth="),
         ("`depth`", "--depth MIN..MAX"),
+        ("`padding` exact", "--set padding=exact"),
+        ("`padding`", "--set padding=need"),
         ("`depth_map`", "--depth-map FILE"),
         ("`fit_exposure`", "`eyebox import --scene`"),
     ];

@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 use std::error::Error as _;
 
 /// Names of values, a value with other units than the plain one, the same with plain numbers, and one of another dimension.
-const WITH_UNITS: [(&str, &str, &str, &str); 22] = [
+const WITH_UNITS: [(&str, &str, &str, &str); 21] = [
     ("UM", "0.008mm", "8", "8D"),
     ("NM", "0.52um", "520", "520s"),
     ("MM", "1.5cm", "15", "2D"),
@@ -27,7 +27,6 @@ const WITH_UNITS: [(&str, &str, &str, &str); 22] = [
     ("DB", "30dB", "30", "30mm"),
     ("CD/M2", "200cd/m2", "200", "200mm"),
     ("CELSIUS", "-5C", "-5", "5D"),
-    ("R", "1.5deg", "0.02617993877991494", "5mm"),
     ("PX", "64px", "64", "64mm"),
     ("AMOUNT", "4GiB", "4294967296", "4mm"),
     ("S C AXIS|none", "-2D -0.5D 30deg", "-2 -0.5 30", "-2mm"),
@@ -36,22 +35,7 @@ const WITH_UNITS: [(&str, &str, &str, &str); 22] = [
 ];
 
 /// Names of values that are numbers without a unit.
-const WITHOUT: [&str; 14] = [
-    "TIMES",
-    "SHARE",
-    "0..1",
-    "W",
-    "FACTOR",
-    "G",
-    "N",
-    "P",
-    "DIAMETERS",
-    "CONTRAST",
-    "EXPOSURE",
-    "UNIT",
-    "SHARE|cold",
-    "KEY=A..B",
-];
+const WITHOUT: [&str; 8] = ["TIMES", "SHARE", "FACTOR", "N", "EXPOSURE", "UNIT", "SHARE|cold", "KEY=A..B"];
 
 fn options(command: &Command) -> impl Iterator<Item = (&Command, &Arg, String)> {
     let of = |sub: &Command| sub.get_opts().filter(|o| o.get_long().is_some()).map(|o| o.get_id().clone()).collect();
