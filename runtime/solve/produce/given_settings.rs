@@ -143,8 +143,9 @@ impl GivenSettings {
     /// [`ProduceError::Job`] with the key that has no such value.
     pub fn over(&self, base: &Settings) -> Result<Settings, ProduceError> {
         let mut given = self.0.clone();
-        if self.named_optimizer().is_some() {
-            // [`with_quality`](Self::with_quality) has chosen it with its rates.
+        let is_adam = matches!(base.optimizer, Optimizer::Adam { .. });
+        if self.named_optimizer().is_some_and(|name| (name == "adam") == is_adam) {
+            // The base has it, with rates of its own.
             given.remove("optimizer");
         }
         solve_settings(base, &given).map_err(refused)
