@@ -164,7 +164,7 @@ def help_of(program):
     """The help of each command, by its name; the command's own under ''."""
     if not program:
         return {}
-    ask = lambda *words: subprocess.run([program, *words, "--help"], capture_output=True, text=True, check=True).stdout
+    ask = lambda *words: subprocess.run([program, "help", *words], capture_output=True, text=True, check=True).stdout
     top = ask()
     names = re.findall(r"^  ([a-z]+)(?:\s|$)", top, re.M)
     return {"": top} | {name: ask(name) for name in names if name != "help"}

@@ -48,6 +48,7 @@ mod renamed;
 mod request;
 mod score;
 mod session;
+mod short_help;
 mod show;
 mod signals;
 mod solve;
@@ -66,8 +67,9 @@ use failure::Failure;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let command = headings::command::<Cli>();
-    let arguments = usage::arguments(std::env::args_os().collect(), &command);
+    let (given, command): (Vec<_>, _) = (std::env::args_os().collect(), headings::command::<Cli>());
+    let command = if short_help::is_asked(&given) { short_help::command(command) } else { command };
+    let arguments = usage::arguments(given, &command);
     let parsed = command.try_get_matches_from(arguments);
     let cli = match parsed.and_then(|m| Cli::from_arg_matches(&m)) {
         Ok(cli) => cli,

@@ -22,6 +22,15 @@ pub fn arguments(mut given: Vec<OsString>, command: &Command) -> Vec<OsString> {
             given.push("help".into());
         }
     }
+    for word in &mut given {
+        // clap has a short and a long help. The long one is `--help=all`, or `eyebox help COMMAND`.
+        match word.to_str() {
+            Some("--help") => *word = "-h".into(),
+            Some("--help=all") => *word = "--help".into(),
+            Some("--") => break,
+            _ => {}
+        }
+    }
     join_negative_values(given, command)
 }
 

@@ -54,12 +54,12 @@ def commands(eyebox):
     """The help of every command, as the terminal has it."""
 
     def ask(*arguments):
-        result = subprocess.run([eyebox, *arguments, "--help"], capture_output=True, text=True, check=True, env={"COLUMNS": "110"})
+        result = subprocess.run([eyebox, "help", *arguments], capture_output=True, text=True, check=True, env={"COLUMNS": "110"})
         return result.stdout.rstrip()
 
     front = ask()
     names = re.findall(r"^  ([a-z]+) ", front.split("Commands:")[1].split("Options:")[0], re.M)
-    out = ["# Commands\n", "What `eyebox COMMAND --help` says. `eyebox man` makes manual pages of the same, `eyebox completions` what shells read.\n"]
+    out = ["# Commands\n", "What `eyebox help COMMAND` prints. `eyebox man` makes manual pages of the same, `eyebox completions` what shells read.\n"]
     out.append(f"```text\n{front}\n```\n")
     for name in names:
         if name != "help":

@@ -123,7 +123,7 @@ pub fn all() -> BTreeMap<String, Vec<Opt>> {
 }
 
 fn of(command: &str) -> Vec<Opt> {
-    let answer = Command::new(crate::case::program()).args([command, "--help"]).output().expect("the command starts");
+    let answer = Command::new(crate::case::program()).args(["help", command]).output().expect("the command starts");
     let text = String::from_utf8(answer.stdout).expect("text");
     let found = text.lines().filter_map(|line| {
         let line = line.trim_start();

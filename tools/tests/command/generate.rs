@@ -19,7 +19,7 @@ fn there_is_a_page_of_the_manual_for_every_command() {
     done(folder.path(), &["man", "-o", "man1"]);
     let pages = folder.path().join("man1");
     let first = std::fs::read_to_string(pages.join("eyebox.1")).unwrap();
-    let help = done(folder.path(), &["--help"]);
+    let help = done(folder.path(), &["help"]);
     let listed = help.lines().skip_while(|l| *l != "Commands:").skip(1).take_while(|l| !l.is_empty());
     // A line that begins farther in goes on with what a command is for.
     let names = listed.filter_map(|l| l.strip_prefix("  ")?.split(' ').next().filter(|n| !["", "help"].contains(n)));
@@ -35,13 +35,17 @@ fn there_is_a_page_of_the_manual_for_every_command() {
 #[test]
 fn forty_options_stand_under_headings() {
     let folder = folder();
-    let help = done(folder.path(), &["solve", "-h"]);
+    let help = done(folder.path(), &["help", "solve"]);
     let options = ["--depth-map", "--size", "--seconds", "--json"];
-    let section = |option: &&str| {
-        let found = help.split("\n\n").find(|s| s.lines().any(|line| line.trim_start().starts_with(option)));
-        found.unwrap_or_else(|| panic!("{option}: {help}"))
+    let heading_of = |option: &&str| {
+        let lines: Vec<&str> = help.lines().collect();
+        let at = lines.iter().position(|line| line.trim_start().starts_with(option)).expect("the option");
+        lines[..at].iter().rev().find(|line| line.ends_with(':') && !line.starts_with(' ')).copied().expect("a heading")
     };
-    let headings = options.iter().map(|option| section(option).lines().next().expect("a line"));
-    let headings: std::collections::BTreeSet<&str> = headings.filter(|heading| heading.ends_with(':')).collect();
+    let headings: std::collections::BTreeSet<&str> = options.iter().map(heading_of).collect();
     assert_eq!(headings.len(), options.len(), "{headings:?}");
+    // The short help has the usual options in one list.
+    let short = done(folder.path(), &["solve", "--help"]);
+    assert!(short.contains("--steps") && !short.contains("--near"), "{short}");
+    assert_eq!(done(folder.path(), &["solve", "--help=all"]), help);
 }
