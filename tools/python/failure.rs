@@ -1,8 +1,8 @@
 //! The library's errors as Python's exceptions: its sentences, by the room that said them.
 
+use crate::quantity::QuantityError;
 use eyebox::ErrorKind;
 use eyebox::error::ErrorData;
-use eyebox::low_level::quantity::QuantityError;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::types::PyAnyMethods;
 use pyo3::{PyErr, Python, create_exception};

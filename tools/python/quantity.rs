@@ -1,6 +1,7 @@
 //! Texts with units as numbers.
 
 use crate::failure::Failure;
+pub(crate) use eyebox::low_level::quantity::QuantityError;
 use eyebox::low_level::quantity::{Quantity, Unit, read_size};
 use eyebox::optics::Depth;
 use pyo3::exceptions::PyValueError;
