@@ -135,8 +135,9 @@ fn of_command(command: Command) -> Command {
             Some(help) => arg.help(StyledStr::from(clause(&help))),
             None => arg,
         };
-        let is_hidden = !arg.is_positional() && !is_usual(&arg);
-        arg.help_heading(None::<&'static str>).hide(is_hidden).hide_possible_values(true)
+        let (is_hidden, takes) = (!arg.is_positional() && !is_usual(&arg), arg.get_action().takes_values());
+        let arg = arg.help_heading(None::<&'static str>).hide(is_hidden);
+        if takes { arg.hide_possible_values(true) } else { arg }
     });
     let more = format!("`eyebox help {name}` shows all options.");
     command.after_help(if example.is_empty() { more } else { format!("Examples:\n{}\n\n{more}", example.join("\n")) })
