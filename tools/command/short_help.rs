@@ -1,4 +1,4 @@
-//! `--help` on one screen: the commands in groups, and the usual options of a command. `eyebox help` shows everything.
+//! `--help` on one screen, with the commands in groups and the usual options of a command. `eyebox help` shows everything.
 
 use clap::builder::StyledStr;
 use clap::{Arg, Command};
@@ -36,7 +36,7 @@ const USUAL: [&str; 17] = [
     "views",
 ];
 
-/// The usual options of one command, beside those of all.
+/// The usual options of single commands.
 const OF_COMMANDS: [(&str, &[&str]); 14] = [
     ("bench", &["beside", "dry", "frames", "rounds", "steps"]),
     ("evaluate", &["frames", "hologram", "jod", "methods", "pupils", "steps"]),
@@ -84,7 +84,7 @@ const OF_COMMANDS: [(&str, &[&str]); 14] = [
     ("view", &["at", "encoded", "exposure"]),
 ];
 
-/// A command with at most so many options shows all of them.
+/// Number of options up to which a command shows all of them.
 const MOST: usize = 18;
 /// Width of a line of help that is not cut, columns.
 const LINE: usize = 64;
