@@ -11,7 +11,7 @@ const UNITS: &str = "Numbers are in the unit that the help of an option states, 
 #[derive(Parser)]
 #[command(name = "eyebox", version, max_term_width = 100, after_help = UNITS)]
 pub struct Cli {
-    /// Say how it is done, on standard error; twice for all of it. RUST_LOG=eyebox=debug and the like decide alone
+    /// Increase log detail on stderr (-v, -vv). RUST_LOG overrides
     #[arg(short, long, action = clap::ArgAction::Count, global = true)]
     pub verbose: u8,
     /// What to do.

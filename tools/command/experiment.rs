@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 /// Settings of an experiment, in every command that solves or refines.
 #[derive(Args, Clone, Default)]
 pub struct ExperimentArgs {
-    /// Settings file (TOML, docs/settings.md). - prints the settings of this call and computes nothing
+    /// Settings file in TOML (docs/settings.md); - prints the settings of this call and computes nothing
     #[arg(help_heading = "Settings", long, value_name = "FILE")]
     pub settings: Option<PathBuf>,
     /// One of these settings, such as optimizer=adam or refine.pupils=4

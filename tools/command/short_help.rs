@@ -132,7 +132,8 @@ fn of_command(command: Command) -> Command {
     let example: Vec<&str> = example.lines().skip(1).take_while(|line| line.starts_with("  ")).take(2).collect();
     let command = command.mut_args(|arg| {
         let arg = match arg.get_help().map(ToString::to_string) {
-            Some(help) => arg.help(StyledStr::from(clause(&help))),
+            Some(help) if !arg.is_positional() => arg.help(StyledStr::from(clause(&help))),
+            Some(help) => arg.help(StyledStr::from(help)),
             None => arg,
         };
         let (is_hidden, takes) = (!arg.is_positional() && !is_usual(&arg), arg.get_action().takes_values());

@@ -19,7 +19,7 @@ use serde_json::{Value, json};
 #[derive(Args)]
 pub struct ContentArgs {
     /// Study content that does this, one scene after the other, set by set: with and without steering, with moments on and off
-    #[arg(help_heading = "Eye", long, value_enum, value_delimiter = ',', value_name = "still|moving|jumping,...")]
+    #[arg(help_heading = "Eye", long, value_enum, value_delimiter = ',', value_name = "KIND,...")]
     content: Vec<ContentName>,
     /// With --content: sets
     #[arg(help_heading = "Eye", long, default_value_t = 60, value_name = "N", requires = "content", value_parser = clap::value_parser!(u32).range(1..=100_000))]
