@@ -127,7 +127,7 @@ pub struct StreamArgs {
     /// Holograms a second [default: what the sequence says]
     #[arg(help_heading = "Time", long, value_name = "HZ", value_parser = rate)]
     pub rate: Option<Rate>,
-    /// So many times as fast
+    /// Speed as a factor
     #[arg(help_heading = "Time", long, value_name = "FACTOR", value_parser = positive, default_value_t = 1.0)]
     pub speed: f64,
     /// Begin again at the end
