@@ -319,7 +319,7 @@ class Hologram:
         return self._native.encode(self._shown_on(display)._native)
 
     def _focal_length(self) -> float:
-        return self.metadata["focal_length_mm"] * 1e-3
+        return self.display.focal_length
 
     def _usual(self) -> float:
         return min(4e-3, self.display.eyebox)
