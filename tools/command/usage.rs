@@ -156,8 +156,9 @@ fn advice(error: &Error) -> String {
         _ => "",
     };
     if error.kind() == ErrorKind::UnknownArgument
-        && let Some(command) = std::env::args().nth(1)
-        && let Some(now) = renamed::option(&command, context(ContextKind::InvalidArg).trim_start_matches('-'))
+        && let Some(command) = std::env::args_os().skip(1).find(|word| !word.to_string_lossy().starts_with('-'))
+        && let Some(now) =
+            renamed::option(&command.to_string_lossy(), context(ContextKind::InvalidArg).trim_start_matches('-'))
     {
         return format!("; {now}");
     }
