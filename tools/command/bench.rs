@@ -37,6 +37,9 @@ fn look_up_ms(problem: &Problem, settings: &Settings, engine: &mut dyn Engine) -
 /// Times steps; three rounds, in turn with the other program.
 pub fn run(args: &Bench) -> Result<(), Failure> {
     let mut request = SolveRequest::at_once(&args.solve)?;
+    if request.printed()? {
+        return Ok(());
+    }
     request.colors.truncate(1);
     let color = request.colors[0];
     let mut engine = common::engine(request.engine)?;

@@ -43,6 +43,14 @@ impl ExperimentArgs {
         self.settings.as_deref() == Some(Path::new("-"))
     }
 
+    /// Prints the settings of refinements if the settings are asked for. Returns whether it did.
+    pub fn printed(&self) -> Result<bool, Failure> {
+        if self.is_printed() {
+            print(None, &self.given()?)?;
+        }
+        Ok(self.is_printed())
+    }
+
     /// Returns the settings of refinements.
     pub fn refinement(&self) -> Result<RefineSettings, Failure> {
         Ok(self.given()?.refinement()?)

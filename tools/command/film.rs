@@ -40,6 +40,9 @@ pub struct Film {
 
 /// Films it.
 pub fn run(args: &Film) -> Result<(), Failure> {
+    if args.how.experiment.printed()? {
+        return Ok(());
+    }
     let path = EyePath::read(&args.path).map_err(Failure::Film)?;
     if args.out.extension().is_some() && !args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("y4m")) {
         let reason = "a film is NAME.y4m, or a folder of PNGs, whose name has no ending";

@@ -2,6 +2,7 @@
 
 use crate::args::{CameraArgs, EngineArgs, SceneArgs, SettingsArgs, Solve};
 use crate::common;
+use crate::experiment;
 use crate::failure::Failure;
 use crate::quality::{Chosen, QualityArgs};
 use eyebox::low_level::engine::Engine;
@@ -83,6 +84,16 @@ impl<'a> SolveRequest<'a> {
             options: &args.settings,
             force: args.display.force,
         })
+    }
+
+    /// Prints the settings if they are asked for. Returns whether it did.
+    pub fn printed(&self) -> Result<bool, Failure> {
+        let is_printed = self.options.experiment.is_printed();
+        if is_printed {
+            let (settings, _) = self.settings(common::engine(self.engine)?.as_ref())?;
+            experiment::print(Some(&settings), &self.given)?;
+        }
+        Ok(is_printed)
     }
 
     /// Returns whether the result is one hologram, solved at once.

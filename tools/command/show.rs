@@ -2,7 +2,6 @@
 
 use crate::Failure;
 use crate::common;
-use crate::experiment;
 use crate::following::{self, FollowArgs};
 use crate::live::{self, LiveOptions, Stage, Steered, SubjectOptions};
 use crate::phases::UnfinishedArgs;
@@ -86,8 +85,8 @@ enum What {
 
 /// Shows it, and says what was shown.
 pub fn run(args: &Show) -> Result<(), Failure> {
-    if args.subject.experiment.is_printed() {
-        return experiment::print(None, &args.subject.experiment.given()?);
+    if args.subject.experiment.printed()? {
+        return Ok(());
     }
     let tracked = args.live.tracker.tracker.is_some();
     if let Some(sink) = args.stream.sink() {

@@ -6,7 +6,6 @@ mod progress;
 use crate::Failure;
 use crate::args::Solve;
 use crate::common::{self, Form};
-use crate::experiment;
 use crate::request::{Report, SolveRequest};
 use crate::score::decibels;
 use eyebox::low_level::calibrate::CameraGain;
@@ -25,9 +24,8 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     let start = Instant::now();
     let mut request = SolveRequest::of(args)?;
     let report = request.report;
-    if args.settings.experiment.is_printed() {
-        let (settings, _) = request.settings(common::engine(request.engine)?.as_ref())?;
-        return experiment::print(Some(&settings), &request.given);
+    if request.printed()? {
+        return Ok(());
     }
     common::form(report.out, if request.is_single() { &[Form::Zarr, Form::Npy] } else { &[Form::Zarr] })?;
     // The camera before all that takes long.

@@ -4,7 +4,6 @@ use super::subject::{self, Steered, SubjectArgs, SubjectOptions};
 use super::tracking::{TrackerArgs, tracking};
 use super::viewing::Viewing;
 use crate::common::{self, Engines};
-use crate::experiment;
 use crate::play::{OutputArgs, OutputName};
 use crate::progress::JobBar;
 use crate::session::{attend, conclude, ended_by, keep_powers};
@@ -119,8 +118,8 @@ pub struct ShowOptions<'a> {
 
 /// Shows, follows, and says how it went.
 pub fn run(args: &Live) -> Result<(), Failure> {
-    if args.subject.how.experiment.is_printed() {
-        return experiment::print(None, &args.subject.how.experiment.given()?);
+    if args.subject.how.experiment.printed()? {
+        return Ok(());
     }
     let stage = Stage::open(&args.subject.how, &args.how)?;
     let steered = subject::load(&args.subject.what, &args.subject.how, (None, true), &stage.engines)?;

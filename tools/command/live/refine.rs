@@ -3,7 +3,7 @@
 use crate::Failure;
 use crate::args::{EngineArgs, EyeArgs, OtherSceneArgs, OwnSceneArgs};
 use crate::common::{self, Engines, Form};
-use crate::experiment::{self, ExperimentArgs};
+use crate::experiment::ExperimentArgs;
 use crate::phases::{AtArgs, PhaseArgs, tell_unfinished};
 use crate::progress::{self, JobBar};
 use crate::score;
@@ -98,8 +98,8 @@ const PIECE: [&str; 2] = ["piece_db", "over the piece dB"];
 /// Refines, and says what came of it.
 pub fn run(args: &Refine) -> Result<(), Failure> {
     let steering = args.experiment.refinement()?;
-    if args.experiment.is_printed() {
-        return experiment::print(None, &args.experiment.given()?);
+    if args.experiment.printed()? {
+        return Ok(());
     }
     if let Some(out) = &args.out {
         common::form(out, &[Form::Zarr])?;

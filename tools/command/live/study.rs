@@ -116,6 +116,9 @@ impl Study {
 
 /// Studies, and shows what came of it.
 pub fn run(args: &Study) -> Result<(), Failure> {
+    if args.subject.how.experiment.printed()? {
+        return Ok(());
+    }
     let policy = args.subject.how.experiment.policy()?;
     let mut own = ManagedDir::open(&args.out, &report::STUDY, args.overwrite.overwrite)?;
     let engines = Engines::new(&args.subject.how.engine, &VulkanOptions::default())?;

@@ -22,6 +22,9 @@ const PROGRAM: u64 = 10 << 20;
 /// Plans a solve and prints the plan.
 pub fn run(args: &Plan) -> Result<(), Failure> {
     let mut request = SolveRequest::of(&args.solve)?;
+    if request.printed()? {
+        return Ok(());
+    }
     let json = request.report.json;
     let mut engine = common::engine(request.engine)?;
     if let Some(tiles) = request.tiles {

@@ -24,6 +24,9 @@ const JUDGED: usize = 2;
 
 /// Measures, reports, and keeps what is recommended.
 pub fn run(args: &Tradeoff) -> Result<(), Failure> {
+    if args.experiment.printed()? {
+        return Ok(());
+    }
     let begun = Instant::now();
     let mut own = ManagedDir::open(&args.out, &report::TUNED, args.overwrite.overwrite)?;
     let check = args.check.as_deref().map(read_check).transpose()?.unwrap_or_default();
