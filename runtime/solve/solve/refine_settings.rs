@@ -150,23 +150,7 @@ impl RefineSettings {
 
 /// A strategy, or its name alone.
 fn strategy<'de, D: Deserializer<'de>>(from: D) -> Result<Strategy, D::Error> {
-    #[derive(Deserialize)]
-    #[serde(rename_all = "lowercase")]
-    enum Name {
-        Projection,
-        Adam,
-    }
-    #[derive(Deserialize)]
-    #[serde(untagged, expecting = "expected projection, adam, or a table with kind and its numbers")]
-    enum Stored {
-        Name(Name),
-        Whole(Strategy),
-    }
-    Ok(match Stored::deserialize(from)? {
-        Stored::Name(Name::Projection) => Strategy::projection(),
-        Stored::Name(Name::Adam) => Strategy::adam(),
-        Stored::Whole(strategy) => strategy,
-    })
+    super::settings::whole_or_name(from, Strategy::projection(), Strategy::adam())
 }
 
 #[cfg(test)]

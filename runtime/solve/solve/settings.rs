@@ -333,6 +333,15 @@ fn padding<'de, D: Deserializer<'de>>(from: D) -> Result<PaddingRule, D::Error> 
 
 /// An optimizer, or its name alone.
 fn optimizer<'de, D: Deserializer<'de>>(from: D) -> Result<Optimizer, D::Error> {
+    whole_or_name(from, Optimizer::projection(), Optimizer::adam())
+}
+
+/// A value as a whole, or one of two by its name alone.
+pub(super) fn whole_or_name<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
+    from: D,
+    projection: T,
+    adam: T,
+) -> Result<T, D::Error> {
     #[derive(Deserialize)]
     #[serde(rename_all = "lowercase")]
     enum Name {
@@ -341,14 +350,14 @@ fn optimizer<'de, D: Deserializer<'de>>(from: D) -> Result<Optimizer, D::Error> 
     }
     #[derive(Deserialize)]
     #[serde(untagged, expecting = "expected projection, adam, or a table with kind and its numbers")]
-    enum Stored {
+    enum Stored<T> {
         Name(Name),
-        Whole(Optimizer),
+        Whole(T),
     }
     Ok(match Stored::deserialize(from)? {
-        Stored::Name(Name::Projection) => Optimizer::projection(),
-        Stored::Name(Name::Adam) => Optimizer::adam(),
-        Stored::Whole(optimizer) => optimizer,
+        Stored::Name(Name::Projection) => projection,
+        Stored::Name(Name::Adam) => adam,
+        Stored::Whole(whole) => whole,
     })
 }
 
