@@ -47,9 +47,9 @@ pub struct Show {
     /// A camera that is followed
     #[command(flatten)]
     pub follow: FollowArgs,
-    /// Sub-frames of what an application shows, of scenes that follow each other, or of a scene with --camera
-    #[arg(help_heading = "Quality", long, default_value_t = 8, value_name = "N", value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=64))]
-    pub frames: usize,
+    /// Sub-frames of what an application shows, of scenes that follow each other, or of a scene with --camera [default: 8]
+    #[arg(help_heading = "Quality", long, value_name = "N", value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=64))]
+    pub frames: Option<usize>,
     /// What an application is asked for
     #[arg(help_heading = "Display", long, value_enum, default_value = "views")]
     pub ask: Ask,
@@ -59,6 +59,14 @@ pub struct Show {
     /// Of live:NAME, with the other options as they were: show again what was kept, byte for byte, on a simulated clock
     #[arg(help_heading = "Output", long, value_name = "DIR")]
     pub replay: Option<PathBuf>,
+}
+
+impl Show {
+    /// Returns the sub-frames of what is shown, if nothing was solved before.
+    fn frames(&self) -> Result<usize, Failure> {
+        let of_settings = self.subject.experiment.given()?.get("frames")?;
+        Ok(self.frames.or(of_settings).unwrap_or(Settings::default().frames))
+    }
 }
 
 /// What an application is asked for.
@@ -96,8 +104,8 @@ pub fn run(args: &Show) -> Result<(), Failure> {
     if let Some(camera) = &args.follow.camera {
         return match what {
             What::Scene(scene) if !tracked => {
-                let Show { subject, live, stream, follow, frames, .. } = args;
-                let shown = following::SceneToShow { scene: &scene, subject, live, stream, follow, frames: *frames };
+                let (Show { subject, live, stream, follow, .. }, frames) = (args, args.frames()?);
+                let shown = following::SceneToShow { scene: &scene, subject, live, stream, follow, frames };
                 following::show(shown, camera, |sequence, display| play(args, sequence, display))
             }
             _ => Err(Failure::Arguments(reason!(
@@ -185,9 +193,10 @@ fn solve(args: &Show, scenes: Vec<String>, file: &Path) -> Result<Display, Failu
     let mut engine = common::engine(&args.subject.engine)?;
     let size = [display.height, display.width];
     let mut given = args.subject.experiment.given()?.before(display.focal_length)?;
-    given.insert("frames", Some(args.frames));
+    let frames = args.frames()?;
+    given.insert("frames", Some(frames));
     let quality = args.subject.quality.with(&given)?;
-    let chosen = quality.choose(engine.as_ref(), size, args.frames, colors.len())?.map(|chosen| chosen.settings);
+    let chosen = quality.choose(engine.as_ref(), size, frames, colors.len())?.map(|chosen| chosen.settings);
     let settings = given.over(&given.with_quality(&Settings::default(), chosen.as_ref()))?;
     let rate = args.stream.rate.map_or([30, 1], eyebox::low_level::present::Rate::fraction);
     let mut job = SceneJob::new(&scenes[0], &display);
@@ -349,8 +358,9 @@ fn application(args: &Show, name: &str) -> Result<(), Failure> {
         Ask::Depth => LiveKind::ColorAndDepth,
         Ask::Layers => LiveKind::Layers,
     };
-    let encoder = Encoder::new(&display, &colors, args.frames)?;
-    let parts = darkness(&display, &colors, args.frames, args.subject.experiment.refinement()?.seed)?;
+    let frames = args.frames()?;
+    let encoder = Encoder::new(&display, &colors, frames)?;
+    let parts = darkness(&display, &colors, frames, args.subject.experiment.refinement()?.seed)?;
     let of = |(color, part): (&Color, &LiveColor)| ColorHologram {
         color: Some(*color),
         wavelength: part.problem.optics.wavelength,
@@ -358,7 +368,7 @@ fn application(args: &Show, name: &str) -> Result<(), Failure> {
         efficiency: part.exposure,
         phases: part.phases.clone(),
     };
-    let mut hologram = Hologram::on(&display, args.frames, colors.iter().zip(&parts).map(of).collect());
+    let mut hologram = Hologram::on(&display, frames, colors.iter().zip(&parts).map(of).collect());
     hologram.scene = format!("live:{name}");
     let engine = stage.engines.open()?.describe();
     let mut steered = Steered { hologram, colors, parts, scenes: None, field: None, encoder, engine, unfinished: None };

@@ -26,13 +26,20 @@ const SILENCE: std::time::Duration = std::time::Duration::from_millis(300);
 pub fn catch_interrupt() {
     static ONCE: OnceLock<()> = OnceLock::new();
     ONCE.get_or_init(|| {
-        let caught = |signal| {
-            // Handlers run in this order: the second signal finds the flag set by the first.
-            flag::register_conditional_shutdown(signal, INTERRUPTED, Arc::clone(asked_to_end()))?;
+        let signals = signals();
+        let arrived: Vec<(i32, Arc<AtomicBool>)> = signals.into_iter().map(|signal| (signal, Arc::default())).collect();
+        let caught = |signal, own: &Arc<AtomicBool>| {
+            // Handlers run in this order. Two threads may run those of two signals at the same time: each is set before
+            // the others are read, so that one of the two finds the other.
+            flag::register_conditional_shutdown(signal, INTERRUPTED, Arc::clone(own))?;
+            flag::register(signal, Arc::clone(own))?;
+            for (_, other) in arrived.iter().filter(|(other, _)| *other != signal) {
+                flag::register_conditional_shutdown(signal, INTERRUPTED, Arc::clone(other))?;
+            }
             flag::register(signal, Arc::clone(asked_to_end()))
         };
-        for signal in signals() {
-            if let Err(error) = caught(signal) {
+        for (signal, own) in &arrived {
+            if let Err(error) = caught(*signal, own) {
                 eprintln!("eyebox: signal {signal} will not be caught: {error}");
             }
         }

@@ -33,9 +33,7 @@ impl GivenSettings {
     /// # Errors
     /// [`ProduceError::Job`] with the key that is unknown or has no such value.
     pub fn from_toml(text: &str) -> Result<Self, ProduceError> {
-        let given = Self(keys(text).map_err(refused)?);
-        given.check().map_err(refused)?;
-        Ok(given)
+        keys(text).and_then(Self::checked).map_err(refused)
     }
 
     /// Reads a TOML file.
@@ -45,8 +43,21 @@ impl GivenSettings {
     pub fn load(file: &Path) -> Result<Self, ProduceError> {
         let within = |reason: Reason| ProduceError::Job(reason.within(file.display()));
         let text = read::text(file, read::TEXT).map_err(|e| within(reason!("unreadable", "{e}")))?;
-        let given = Self(keys(&text).map_err(within)?);
-        given.check().map_err(within)?;
+        keys(&text).and_then(Self::checked).map_err(within)
+    }
+
+    /// Refuses unknown keys and values of another type.
+    fn checked(given: Map<String, Value>) -> Result<Self, Reason> {
+        let given = Self(given);
+        // The focal length does not matter for what is right.
+        solve_settings(&Settings::default(), &given.in_numbers(0.1)?.0)?;
+        refine_settings(&given.0)?;
+        value::<Quality>(&given.0, "quality")?;
+        if value::<f64>(&given.0, "contrast")?.is_some_and(|contrast| !(1.0 / 64.0..=1.0).contains(&contrast)) {
+            return Err(reason!("value", "contrast: expected 0.016 (4096 sub-frames) to 1 (one)"));
+        }
+        value::<bool>(&given.0, "force")?;
+        full(&given.0)?;
         Ok(given)
     }
 
@@ -67,12 +78,9 @@ impl GivenSettings {
                 _ => Err(wrong),
             })
         };
-        let new = read().map_err(refused)?;
-        Self(new.clone()).check().map_err(refused)?;
-        let mut all = Value::Object(std::mem::take(&mut self.0));
-        merge(&mut all, &Value::Object(new));
-        if let Value::Object(all) = all {
-            self.0 = all;
+        let Self(new) = read().and_then(Self::checked).map_err(refused)?;
+        for (key, value) in new {
+            merge(self.0.entry(key).or_insert(Value::Null), &value);
         }
         Ok(())
     }
@@ -193,19 +201,6 @@ impl GivenSettings {
 
     fn named_optimizer(&self) -> Option<&str> {
         self.0.get("optimizer").and_then(Value::as_str)
-    }
-
-    /// Refuses unknown keys and values of another type.
-    fn check(&self) -> Result<(), Reason> {
-        // The focal length does not matter for what is right.
-        solve_settings(&Settings::default(), &self.in_numbers(0.1)?.0)?;
-        refine_settings(&self.0)?;
-        value::<Quality>(&self.0, "quality")?;
-        if value::<f64>(&self.0, "contrast")?.is_some_and(|contrast| !(1.0 / 64.0..=1.0).contains(&contrast)) {
-            return Err(reason!("value", "contrast: expected 0.016 (4096 sub-frames) to 1 (one)"));
-        }
-        value::<bool>(&self.0, "force")?;
-        full(&self.0).map(drop)
     }
 }
 

@@ -43,6 +43,7 @@ mod preview;
 mod refine;
 mod reliability;
 mod seen;
+mod settings;
 mod show;
 #[cfg(target_os = "linux")]
 mod simulated;

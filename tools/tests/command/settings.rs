@@ -1,0 +1,78 @@
+//! `--settings` and `--set`, in every command that takes them.
+
+use crate::common::{done, folder, json, refused, text};
+
+const SMALL: [&str; 8] = ["--size", "16x16", "--color", "green", "--steps", "2", "--frames", "2"];
+
+/// The printed settings are a file that gives the same again, and nothing is computed.
+#[test]
+fn a_call_prints_its_settings_as_a_file() {
+    let temp = folder();
+    let at = temp.path();
+    let set = ["--set", "optimizer=adam", "--set", "sequence=random", "--set", "refine.strategy.momentum=0.25"];
+    let solve = [&["solve", "builtin:plane", "--engine", "cpu"], &SMALL[..]].concat();
+    let printed = done(at, &[&solve[..], &set, &["--settings", "-"]].concat());
+    std::fs::write(at.join("all.toml"), &printed).unwrap();
+    assert!(!at.join("hologram.zarr").exists());
+    let of = |more: &[&str]| json(at, &[&solve[..], more, &["--json", "-o", "h.zarr"]].concat())["settings"].clone();
+    let (given, read) = (of(&set), of(&["--settings", "all.toml"]));
+    assert_eq!(given["optimizer"]["kind"], "adam");
+    assert_eq!(given, read);
+    let table: toml::Table = printed.parse().unwrap();
+    assert_eq!(table["refine"]["strategy"]["momentum"].as_float(), Some(0.25));
+    let fast = done(at, &["solve", "builtin:plane", "--quality", "fast", "--settings", "-", "--engine", "cpu"]);
+    assert_eq!(fast.parse::<toml::Table>().unwrap()["steps"].as_integer(), Some(40));
+}
+
+#[test]
+fn every_command_with_settings_prints_them_and_writes_nothing() {
+    let temp = folder();
+    let at = temp.path();
+    for command in [
+        "plan builtin:plane --engine cpu",
+        "bench builtin:plane --engine cpu",
+        "tradeoff builtin:plane -o out",
+        "refine h.zarr --pupil 0,0,4,0 -o out",
+        "live h.zarr",
+        "show h.zarr",
+        "study h.zarr -o out",
+        "film h.zarr --path path.json -o out",
+    ] {
+        let words: Vec<&str> = command.split(' ').collect();
+        let printed = done(at, &[&words[..], &["--set", "refine.pupils=5", "--settings", "-"]].concat());
+        let table: toml::Table = printed.parse().unwrap_or_else(|e| panic!("{command}: {e}"));
+        assert_eq!(table["refine"]["pupils"].as_integer(), Some(5), "{command}");
+    }
+    assert!(std::fs::read_dir(at).unwrap().next().is_none());
+}
+
+#[test]
+fn options_come_before_single_settings_and_those_before_the_file() {
+    let temp = folder();
+    let at = temp.path();
+    std::fs::write(at.join("s.toml"), "steps = 5\nframes = 3\npupils = 7\ndiameter = ['2mm', '3mm']\n").unwrap();
+    let solve = ["solve", "builtin:plane", "--size", "16", "--settings", "s.toml", "--set", "frames=4", "--steps", "6"];
+    let settings = &json(at, &[&solve[..], &["--engine", "cpu", "--json", "-o", "h.zarr"]].concat())["settings"];
+    assert_eq!([&settings["steps"], &settings["frames"], &settings["pupils"]], [6, 4, 7]);
+    assert_eq!(settings["diameter"], serde_json::json!([2e-3, 3e-3]));
+    refused(at, &[&solve[..], &["--set", "stpes=3"]].concat(), "x", "produce/job/no-such-setting stpes steps padding");
+    refused(at, &[&solve[..], &["--set", "diameter=[2, '3s']"]].concat(), "x", "produce/job/other-dimension diameter");
+}
+
+/// A script of before learns the new name.
+#[test]
+fn former_options_name_their_setting() {
+    let temp = folder();
+    let at = temp.path();
+    for (words, setting) in [
+        ("solve builtin:plane --optimizer adam", "optimizer"),
+        ("-v solve builtin:plane --speckle=0.5", "contrast"),
+        ("refine h.zarr --pupil 0,0,4,0 --settled-gain 2", "refine.strategy.settled"),
+        ("live h.zarr --window 1", "refine.window"),
+    ] {
+        let words: Vec<&str> = words.split(' ').collect();
+        refused(at, &words, "x", &format!("usage/unknown-argument --set {setting}=VALUE"));
+    }
+    let unknown = crate::common::eyebox(at, &["solve", "builtin:plane", "--nonsense"]);
+    assert!(!text(&unknown.stderr).contains("--set"));
+}
